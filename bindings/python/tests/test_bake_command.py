@@ -287,8 +287,9 @@ def test_two_bakes_into_one_folder(scene: Path, tmp_path: Path) -> None:
 
 def test_messages(scene: Path, tmp_path: Path) -> None:
     lines = run(*sheet_arguments(scene, tmp_path / "a")).stdout.splitlines()
-    # A line per frame, one more for each tile that is met first, and the last one.
-    assert len(lines) == 8 and lines[6].startswith("[5/5] sheet, frame ")
+    # The device, the rest, a line per frame, one more for each tile that is met first, and the last one.
+    assert len(lines) == 10 and lines[8].startswith("[5/5] sheet, frame ")
+    assert lines[0].startswith("device: cpu, ") and lines[1] == "rest: Pref: /model/sheet"
     assert len([line for line in lines if "of the rigid texels are frozen" in line]) == 2
     assert len(run(*sheet_arguments(scene, tmp_path / "b", "--no-progress")).stdout.splitlines()) == 1
     assert run(*sheet_arguments(scene, tmp_path / "c", "--quiet")).stdout == ""

@@ -95,7 +95,7 @@ def test_strain_is_that_of_all_rigid_edges(scene: Path, tmp_path: Path) -> None:
     assert 0.1 < stacked["before"]["rms"] < free["before"]["rms"] * 1.5
 
 
-def test_a_pose_in_other_units_is_told_by_each_worker(tmp_path: Path) -> None:
+def test_a_pose_in_another_unit_ends_the_bake(tmp_path: Path) -> None:
     scene = sheet(tmp_path, frames=4, cells=4)
     stage = Usd.Stage.Open(str(scene))
     points = stage.GetPrimAtPath("/model/sheet").GetAttribute("points")
@@ -103,7 +103,12 @@ def test_a_pose_in_other_units_is_told_by_each_worker(tmp_path: Path) -> None:
         points.Set([p * 100 for p in points.Get(frame)], frame)
     stage.Save()
     for jobs in (1, 2):
-        ended = run(*sheet_arguments(scene, tmp_path / f"{jobs}", "--jobs", jobs))
+        arguments = sheet_arguments(scene, tmp_path / f"{jobs}", "--jobs", jobs)
+        last = run(*arguments, expect=2).stderr.splitlines()[-1]
+        assert "/model/sheet, frame " in last and "times as long as at rest (median; the rest is from Pref)" in last
+        assert "--allow-units" in last and not (tmp_path / f"{jobs}" / "redirect.0002.1001.exr").exists()
+        # Else each worker tells.
+        ended = run(*arguments, "--allow-units")
         told = sorted(line for line in ended.stderr.splitlines() if "other units" in line)
         assert [line[: len("vrtm: warning: /model/sheet, frame 2: ")] for line in told] == [
             f"vrtm: warning: /model/sheet, frame {frame}: " for frame in (2, 4)
@@ -150,21 +155,21 @@ def test_missing_rigidity_is_told_and_may_be_an_error(tmp_path: Path) -> None:
     scene = sheet(tmp_path / "maps", frames=1, cells=4)
     (scene.parent / "rigid.1002.png").unlink()
     arguments = sheet_arguments(scene, tmp_path / "out", "--jobs", 1)
-    assert "--rigidity: no map for /model/sheet 1002" in run(*arguments).stderr
+    assert "warning: /model/sheet: no map of --rigidity for tile 1002: nothing keeps" in run(*arguments).stderr
     shutil.rmtree(tmp_path / "out")
     ended = run(*arguments, "--strict", expect=2)
-    assert ended.stderr.splitlines()[-1].startswith("vrtm: --rigidity: no map for /model/sheet 1002")
+    assert ended.stderr.splitlines()[-1].startswith("vrtm: /model/sheet: no map of --rigidity for tile 1002")
     assert not (tmp_path / "out").exists()
     # A tile that is not asked for is nobody's matter.
-    assert "no map for" not in run(*arguments, "--strict", "--tiles", 1001).stderr
+    assert "no map of" not in run(*arguments, "--strict", "--tiles", 1001).stderr
     # By the name of the mesh; one map is black.
     (scene.parent / "rigid.1001.png").rename(scene.parent / "sheet.1001.png")
     image(scene.parent / "sheet.1002.png", np.zeros((8, 8, 1), np.uint8))
     named = [scene.parent / "<mesh>.<UDIM>.png" if str(a).endswith("rigid.<UDIM>.png") else a for a in arguments]
     told = run(*named, "--strict").stderr
-    assert "sheet.1002.png is black all over" in told and "no map for" not in told
+    assert "sheet.1002.png is black all over" in told and "no map of" not in told
     named = [scene.parent / "none.<mesh>.<UDIM>.png" if str(a).endswith("<mesh>.<UDIM>.png") else a for a in named]
-    assert "no map for /model/sheet 1001, 1002" in run(*named).stderr
+    assert "/model/sheet: no map of --rigidity for tiles 1001-1002" in run(*named).stderr
     # By values per vertex, which one of two meshes lacks.
     stage = Usd.Stage.Open(str(scene))
     other = Sdf.Layer.FindOrOpen(str(scene))
@@ -186,7 +191,7 @@ def test_missing_rigidity_is_told_and_may_be_an_error(tmp_path: Path) -> None:
         "--out",
         tmp_path / "new",
     ]
-    assert "--rigidity-primvar: no values for /model/sheet 1001, 1002" in run(*by_vertex).stderr
+    assert "/model/sheet: no values of --rigidity-primvar for tiles 1001-1002" in run(*by_vertex).stderr
     assert "/model/sheet" in run(*by_vertex, "--strict", expect=2).stderr
 
 

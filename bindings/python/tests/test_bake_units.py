@@ -32,6 +32,9 @@ from vrtm.bake.scene import SceneError
         ("-3--1", (-3, -2, -1)),
         ("-1-1", (-1, 0, 1)),
         ("2,2,1-3", (1, 2, 3)),
+        ("1.5", (1.5,)),
+        ("1-2x0.25", (1, 1.25, 1.5, 1.75, 2)),
+        ("0-1:0.1,3.0", (0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1, 3)),
     ],
 )
 def test_lists_of_frames(text: str, numbers: tuple[int, ...]) -> None:
@@ -39,7 +42,7 @@ def test_lists_of_frames(text: str, numbers: tuple[int, ...]) -> None:
     assert frames.parse(frames.text(numbers)) == numbers
 
 
-@pytest.mark.parametrize("text", ["", "a", "1-", "3-1", "1-5x0", "1,,2", "1.5", "1-2-3", "1-99999999999"])
+@pytest.mark.parametrize("text", ["", "a", "1-", "3-1", "1-5x0", "1,,2", "1.", ".5", "1-2-3", "1-99999999999"])
 def test_wrong_lists_of_frames(text: str) -> None:
     with pytest.raises(ValueError):
         frames.parse(text)
@@ -49,6 +52,17 @@ def test_frames_are_clamped_to_the_scene() -> None:
     assert frames.clamp(None, (1, 2, 3)) == ((1, 2, 3), ())
     assert frames.clamp((0, 2, 3, 9), (1, 2, 3)) == ((2, 3), (0, 9))
     assert frames.text((1, 2, 3, 7, 9, 10)) == "1-3,7,9-10"
+    # What lies between two frames, where the scene has that.
+    wanted = (0.5, 1, 1.5, 3, 3.5)
+    assert frames.clamp(wanted, (1, 2, 3)) == ((1, 3), (0.5, 1.5, 3.5))
+    assert frames.clamp(wanted, (1, 2, 3), between=True) == ((1, 1.5, 3), (0.5, 3.5))
+    assert frames.text((1, 1.5, 2, 3)) == "1,1.5,2-3"
+
+
+def test_tiles_are_whole_numbers() -> None:
+    assert frames.parse_whole("1001-1003x2") == (1001, 1003)
+    with pytest.raises(ValueError, match=r"1001\.5 is not a whole number"):
+        frames.parse_whole("1001.5")
 
 
 def test_names() -> None:
@@ -56,6 +70,13 @@ def test_names() -> None:
     assert Pattern(SEVERAL, counts).name("head", "redirect", 7, 1001) == "head.redirect.0007.1001.exr"
     assert Pattern(ONE_MESH, {}).name("head", "warp", 12345, 1011) == "warp.12345.1011.exr"
     assert Pattern(ONE_MESH, {}).name("head", "albedo", 1, "<UDIM>", ".png") == "albedo.0001.<UDIM>.png"
+    found = [Pattern(ONE_MESH, {}).name("head", "warp", frame, 1001) for frame in (1003.5, 2.25, -1, 0)]
+    assert [name.removeprefix("warp.").removesuffix(".1001.exr") for name in found] == [
+        "1003.5",
+        "0002.25",
+        "-001",
+        "0000",
+    ]
     # What stands for a placeholder is not looked through again.
     assert Pattern("<mesh>/<kind>.exr", {}).name("<kind>", "k", 1, 1001) == "<kind>/k.exr"
 

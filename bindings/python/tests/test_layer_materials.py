@@ -50,10 +50,43 @@ def test_what_cannot_be_redirected_is_said_and_left(tmp_path: Path) -> None:
     assert not final.GetPrimAtPath("/world/looks/skin_one_redirected")
     _, warnings = bake(tmp_path, scene, ("two", "three"))
     assert (
-        "/world/two: the texture /world/looks/other_two_redirected/colour is not looked up by the UVs 'st'"
+        "/world/two: the texture /world/looks/other_two_redirected/colour is looked up by 'second', not by the UVs 'st'"
         in warnings[0]
     )
     assert warnings[-1] == "/world/three: no material is bound to it"
+
+
+def test_a_warped_copy_is_not_wired_in_where_another_uv_set_is_looked_up(tmp_path: Path) -> None:
+    stage = shot(tmp_path)
+    scenes.bind(stage.GetPrimAtPath("/world/two"), scenes.preview_material(stage, "/world/looks/other", uv="second"))
+    stage.Save()
+    _, warnings = bake(
+        tmp_path, Scene(tmp_path / "shot.usda"), ("two",), corners=False, warped_path=lambda *_: "./warped.png"
+    )
+    assert [warning for warning in warnings if "is looked up by 'second', not by the UVs 'st'" in warning] == warnings[
+        :1
+    ]
+    assert "neither a warped copy" not in "".join(warnings)
+    assert texture(bound(composed(tmp_path), "/world/two")).GetInput("file").Get(2).path == "colour.<UDIM>.png"
+
+
+def test_a_normal_map_that_stays_is_not_said_to_be_redirected(tmp_path: Path) -> None:
+    stage = shot(tmp_path)
+    for uv in ("st", "second"):
+        material = scenes.preview_material(stage, f"/world/looks/{uv}", uv=uv)
+        surface = UsdShade.Shader(stage.GetPrimAtPath(f"/world/looks/{uv}/surface"))
+        normal = surface.CreateInput("normal", scenes.TYPES.Normal3f)
+        normal.ConnectToSource(UsdShade.Shader(stage.GetPrimAtPath(f"/world/looks/{uv}/colour")).GetOutput("rgb"))
+        scenes.bind(stage.GetPrimAtPath("/world/one" if uv == "st" else "/world/two"), material)
+    stage.Save()
+    _, warnings = bake(tmp_path, Scene(tmp_path / "shot.usda"), ("one", "two"), mode="primvar")
+    told = [warning for warning in warnings if "redirected, but does not turn" in warning]
+    assert len(told) == 1 and told[0].startswith("/world/one: ")
+    # A warped copy is turned by who warps it.
+    _, warnings = bake(
+        tmp_path, Scene(tmp_path / "shot.usda"), ("one",), corners=False, warped_path=lambda *_: "./warped.png"
+    )
+    assert not warnings
 
 
 @pytest.mark.parametrize("graph", [True, False])

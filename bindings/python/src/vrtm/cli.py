@@ -40,7 +40,7 @@ def _ensure_utf8() -> None:
 def _run(given: list[str]) -> int:
     from vrtm.bake import arguments
 
-    parser = argparse.ArgumentParser(prog="vrtm", description=(vrtm.__doc__ or "").splitlines()[0])
+    parser = arguments.Parser(prog="vrtm", description=(vrtm.__doc__ or "").splitlines()[0])
     parser.add_argument("--version", action="version", version=f"vrtm {vrtm.version()}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     bake = arguments.add_to(commands)
@@ -71,12 +71,13 @@ def _run(given: list[str]) -> int:
 
 def _bake(settings, parsed: argparse.Namespace) -> int:
     from vrtm.bake.console import Console
-    from vrtm.bake.failure import describe
+    from vrtm.bake.failure import Failure, describe
 
     console = Console(parsed.quiet, not parsed.no_progress, parsed.openjd)
     try:
+        console = Console(parsed.quiet, not parsed.no_progress, parsed.openjd, parsed.verbose, parsed.log)
         from vrtm.bake.run import bake
-    except ModuleNotFoundError as error:
+    except (ModuleNotFoundError, Failure) as error:
         failure = describe(error)
         console.error(failure.message)
         return failure.code

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NoReturn
 
 from vrtm.bake import frames
+from vrtm.bake.near import near
 from vrtm.bake.scene import SceneOptions
-from vrtm.bake.settings import Settings
+from vrtm.bake.settings import AUTO, Settings
 
 DESCRIPTION = """\
 Bakes redirection maps: where to sample the texture, per frame and tile, so that painted features keep their shape
@@ -29,6 +31,18 @@ LARGEST = 65536
 WELDS = ("index", "position", "off")
 
 
+class Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong."""
+
+    def error(self, message: str) -> NoReturn:
+        unknown, found = re.match(r"unrecognized arguments: (--[^\s=]+)", message), ""
+        if unknown:
+            commands = (a for a in self._actions if isinstance(a, argparse._SubParsersAction))
+            parsers = [self, *(parser for action in commands for parser in action.choices.values())]
+            found = near(unknown[1], {name for parser in parsers for name in parser._option_string_actions})
+        self.exit(2, f"{self.prog}: {message}{found} (see {self.prog} --help)\n")
+
+
 def add_to(commands: Any) -> argparse.ArgumentParser:
     """Adds the subcommand `bake`."""
     parser = commands.add_parser("bake", help="bake redirection maps", description=DESCRIPTION, epilog=EPILOG)
@@ -36,6 +50,8 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     _maps(parser.add_argument_group("what is rigid"))
     _files(parser.add_argument_group("files"))
     _content(parser.add_argument_group("content"))
+    _borders(parser.add_argument_group("borders"))
+    _material(parser.add_argument_group("material"))
     _layer(parser.add_argument_group("USD layer"))
     _work(parser.add_argument_group("work"))
     _messages(parser.add_argument_group("messages"))
@@ -103,6 +119,15 @@ def _scene(group: argparse._ArgumentGroup) -> None:
         help="USD: select a variant; may be given several times",
     )
     group.add_argument("--fps", type=_positive, default=24.0, metavar="X", help="Alembic: frames per second (24)")
+    group.add_argument(
+        "--world",
+        action="store_true",
+        help="with the transforms above a mesh: what an animated scale stretches is stretched (the rest has those of "
+        "its frame, or of the first)",
+    )
+    group.add_argument(
+        "--allow-units", action="store_true", help="take poses whose edges are 10 times as long as at rest, or a tenth"
+    )
 
 
 def _maps(group: argparse._ArgumentGroup) -> None:
@@ -124,8 +149,13 @@ def _files(group: argparse._ArgumentGroup) -> None:
         help="names below --out, with <mesh>, <kind>, <frame> and <UDIM> (default: <kind>.<frame>.<UDIM>.exr, and "
         "<mesh>. before it if there are several)",
     )
-    group.add_argument("--frames", type=_numbers, metavar="LIST", help="such as 1-10x2,15 (default: all)")
-    group.add_argument("--tiles", type=_numbers, metavar="LIST", help="such as 1001,1011-1013 (default: all)")
+    group.add_argument(
+        "--frames",
+        type=_numbers,
+        metavar="LIST",
+        help="such as 1-10x2,15, or with parts of frames 1-3x0.5 (default: all whole ones)",
+    )
+    group.add_argument("--tiles", type=_whole_numbers, metavar="LIST", help="such as 1001,1011-1013 (default: all)")
     group.add_argument("--force", action="store_true", help="also write files that are up to date")
     group.add_argument(
         "--overwrite",
@@ -141,14 +171,24 @@ def _content(group: argparse._ArgumentGroup) -> None:
         metavar="N",
         help="cells of the grid per side (default: the rigidity map's; 1024 with a primvar)",
     )
-    group.add_argument("--map-size", type=_whole(1, LARGEST), metavar="N", help="texels per side (the grid's)")
+    group.add_argument(
+        "--map-size",
+        type=_size,
+        metavar="N",
+        help="texels per side (the grid's); auto: per tile and frame the least that keeps --max-error (1 if that is "
+        "not given), or what comes closest to it",
+    )
     group.add_argument(
         "--form",
         choices=("tile", "udim", "delta"),
         help="the UVs in the map: within the tile, among all UDIM tiles, or what to add to the mesh's own "
         "(tile; with --layer, udim)",
     )
-    group.add_argument("--half", action="store_true", help="numbers of 16 bits; best with --form delta")
+    group.add_argument(
+        "--half",
+        action="store_true",
+        help="numbers of 16 bits, for --form delta: the smallest maps, at a third of the bytes of f32",
+    )
     group.add_argument("--alpha", action="store_true", help="RGBA, with 1 in A where a chart covers the texel")
     group.add_argument("--exact", action="store_true", help="do not move values next to folds")
     group.add_argument("--warp", action="store_true", help="also write the warp, the redirection's inverse")
@@ -164,6 +204,48 @@ def _content(group: argparse._ArgumentGroup) -> None:
         help="also write warped copies of these textures, for renderers without dependent lookups",
     )
     _normal_maps(group)
+
+
+def _borders(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--seams",
+        choices=("shut", "keep", "continue"),
+        default="shut",
+        help="at seams nothing moves (shut); or features that touch one stay as they are, whole (keep); or they keep "
+        "their shape across it: textures that renderers look up by the maps then have to be dilated (vrtm dilate)",
+    )
+    group.add_argument(
+        "--seam-reach",
+        type=_positive,
+        default=0.0,
+        metavar="UV",
+        help="how far charts go on beyond their seams: the radius of the largest feature on one, at most 0.5 (0.03125)",
+    )
+    group.add_argument(
+        "--open-borders",
+        choices=("fixed", "slide"),
+        default="fixed",
+        help="at borders beyond which the surface ends nothing moves (fixed), or textures slide along them, so that "
+        "features there keep their shape",
+    )
+    group.add_argument(
+        "--overlap",
+        choices=("fixed", "first_face"),
+        default="fixed",
+        help="where UVs overlap nothing moves (fixed), or what the first face there says (first_face)",
+    )
+
+
+def _material(group: argparse._ArgumentGroup) -> None:
+    for name, text in (
+        ("smoothness", "how stiff elastic material is, against 1 for rigid material (0.02)"),
+        ("smoothness-floor", "how stiff all material is in addition (0.0005)"),
+        ("orientation", "how strongly rigid features are kept from turning (0)"),
+        ("orientation-density", "an addition to that where they are dense (0)"),
+        ("room", "how strongly cells are kept from losing their area (0.3)"),
+        ("room-threshold", "the fraction of a cell's area under which that starts (0.4)"),
+    ):
+        group.add_argument(f"--{name}", type=_not_negative, metavar="X", help=text)
 
 
 def _normal_maps(to: argparse._ActionsContainer) -> None:
@@ -193,30 +275,30 @@ def _layer(group: argparse._ArgumentGroup) -> None:
         help="redirect the materials' texture lookups (default), author a primvar st_redirected, or both",
     )
     group.add_argument("--only-layer", action="store_true", help="write nothing but the layer")
+    group.add_argument(
+        "--root",
+        metavar="FILE",
+        help="with --layer: also write a layer to open by itself: the layer over the shot, with the shot's time codes, "
+        "axis and units",
+    )
+    group.add_argument(
+        "--freeze",
+        type=_number,
+        metavar="FRAME",
+        help="with --layer: name the files of this frame at all times, for programs that ignore names over time, such "
+        "as Blender",
+    )
 
 
 def _work(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--quality", choices=("draft", "normal", "high"), default="normal")
+    group.add_argument("--warm", action="store_true", help="start each frame from the one before it in --frames")
     group.add_argument(
-        "--seams",
-        choices=("shut", "keep", "continue"),
-        default="shut",
-        help="at seams nothing moves (shut); or features that touch one stay as they are, whole (keep); or they keep "
-        "their shape across it: textures that renderers look up by the maps then have to be dilated (vrtm dilate)",
-    )
-    group.add_argument(
-        "--seam-reach",
+        "--temporal-weight",
         type=_positive,
         default=0.0,
-        metavar="UV",
-        help="how far charts go on beyond their seams: the radius of the largest feature on one, at most 0.5 (0.03125)",
-    )
-    group.add_argument(
-        "--open-borders",
-        choices=("fixed", "slide"),
-        default="fixed",
-        help="at borders beyond which the surface ends nothing moves (fixed), or textures slide along them, so that "
-        "features there keep their shape",
+        metavar="X",
+        help="with --warm: how strongly each frame is held to the one before it; 0.03 to 0.3 is useful",
     )
     group.add_argument("--weld", choices=WELDS, default="index", help="by what faces hang together (index)")
     group.add_argument("--device", choices=("auto", "cpu", "gpu"), default="auto", help="where to compute (auto)")
@@ -245,7 +327,14 @@ def _work(group: argparse._ArgumentGroup) -> None:
 
 
 def _messages(group: argparse._ArgumentGroup) -> None:
+    group.add_argument(
+        "--dry-run",
+        action="store_true",
+        help="say what would be baked: meshes, tiles, maps, files, memory; write nothing",
+    )
     group.add_argument("--report", metavar="FILE.json", help="write all figures")
+    group.add_argument("--log", metavar="FILE", help="also write all messages to a file, each with its time")
+    group.add_argument("--verbose", action="store_true", help="also say what the library says")
     group.add_argument("--no-progress", action="store_true", help="neither a progress bar nor lines")
     group.add_argument("--quiet", action="store_true", help="nothing but warnings and errors")
     group.add_argument("--openjd", action="store_true", help="progress and status lines of OpenJobDescription")
@@ -268,6 +357,15 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
             parser.error(f"--{pattern} and --{primvar.replace('_', '-')} exclude each other")
     if a.only_layer and a.layer is None:
         parser.error("--only-layer needs --layer")
+    for option in ("root", "freeze"):
+        if given[option] is not None and not a.layer:
+            parser.error(f"--{option} needs --layer")
+    if a.freeze is not None and a.frames is not None and a.freeze not in a.frames:
+        parser.error(f"--freeze {a.freeze}: it is none of --frames {frames.text(a.frames)}")
+    if a.temporal_weight and not a.warm:
+        parser.error("--temporal-weight needs --warm: there is nothing else to hold a frame to")
+    if a.quiet and a.verbose:
+        parser.error("--quiet and --verbose exclude each other")
     if a.layer and a.layer_mode != "texture" and a.tiles:
         parser.error(f"--layer-mode {a.layer_mode} takes all tiles of a mesh, so that --tiles cannot go with it")
     options = SceneOptions(
@@ -281,6 +379,7 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
         variants=tuple(tuple(v) for v in a.variant),
         poses=tuple(a.poses),
         fps=a.fps,
+        world=a.world,
     )
     measure = a.measure or a.max_strain is not None or a.max_error is not None
     own = Settings.__dataclass_fields__
@@ -289,11 +388,39 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
     return Settings(**same | {"options": options, "measure": measure, "form": form})
 
 
-def _numbers(text: str) -> tuple[int, ...]:
+def _numbers(text: str) -> tuple[frames.Frame, ...]:
     try:
         return frames.parse(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _whole_numbers(text: str) -> tuple[int, ...]:
+    try:
+        return frames.parse_whole(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _number(text: str) -> frames.Frame:
+    found = _numbers(text)
+    if len(found) != 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is not one frame")
+    return found[0]
+
+
+def _size(text: str) -> int | str:
+    return AUTO if text == AUTO else _whole(1, LARGEST)(text)
+
+
+def _not_negative(text: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not 0 <= number < math.inf:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number from 0 on")
+    return number
 
 
 def _whole(first: int, last: int) -> Callable[[str], int]:

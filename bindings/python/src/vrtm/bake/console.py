@@ -6,7 +6,13 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+import time
 from typing import TextIO
+
+from vrtm.bake.failure import INPUT, Failure, one_line
+
+LOG = "# vrtm bake log"
+"""The first line of a log, by which a later bake knows that it may go on in it."""
 
 
 def keep_streams_open() -> None:
@@ -45,12 +51,37 @@ def _drop(stream: TextIO) -> None:
         stream.flush()
 
 
+def _open_log(path: str) -> TextIO:
+    try:
+        file = open(path, "a+", encoding="utf-8", errors="backslashreplace")
+        file.seek(0)
+        # Not all of what may be a large file of another kind.
+        first = file.read(len(LOG) + 1) if os.path.isfile(path) else ""
+        if first and not first.startswith(LOG):
+            file.close()
+            raise Failure(INPUT, f"--log {path}: it is there, and is no log of vrtm")
+        if not first:
+            file.write(LOG + "\n")
+        file.write(f"\n{time.strftime('%Y-%m-%d %H:%M:%S')} vrtm {' '.join(sys.argv[1:])}\n")
+        file.flush()
+        return file
+    except UnicodeError:
+        raise Failure(INPUT, f"--log {path}: it is there, and is no log of vrtm") from None
+    except OSError as error:
+        raise Failure(INPUT, f"--log {path}: {one_line(error.strerror or error)}") from error
+
+
 class Console:
     """Progress and messages."""
 
-    def __init__(self, quiet: bool, progress: bool, openjd: bool) -> None:
+    def __init__(
+        self, quiet: bool, progress: bool, openjd: bool, verbose: bool = False, log: str | None = None
+    ) -> None:
+        """`log`: a file that all messages are added to. Raises Failure if that is none that vrtm has begun."""
         self.quiet = quiet
         self.openjd = openjd
+        self._verbose = verbose
+        self._log: TextIO | None = None if log is None else _open_log(log)
         self._progress = progress and not quiet
         self._bar = None
         self._total = self._done = 0
@@ -74,6 +105,7 @@ class Console:
                 self._bar.update()
         elif self._progress:
             self._put(sys.stdout, f"[{self._done}/{self._total}] {message}")
+        self._note("info", f"[{self._done}/{self._total}] {message}")
         self._say_progress()
 
     def status(self, message: str) -> None:
@@ -83,20 +115,30 @@ class Console:
 
     def info(self, message: str) -> None:
         """A line of text on stdout."""
+        self._note("info", message)
         if not self.quiet:
             self._put(sys.stdout, message)
 
     def detail(self, message: str) -> None:
         """A line of text that belongs to the progress."""
+        self._note("info", message)
         if self._progress:
+            self._put(sys.stdout, message)
+
+    def verbose(self, message: str) -> None:
+        """A line of text for who wants to know all."""
+        self._note("detail", message)
+        if self._verbose:
             self._put(sys.stdout, message)
 
     def warning(self, message: str) -> None:
         """A line of text on stderr."""
+        self._note("warning", message)
         self._put(sys.stderr, f"vrtm: warning: {message}")
 
     def error(self, message: str) -> None:
         """Why the program fails."""
+        self._note("error", message)
         self._put(sys.stderr, f"vrtm: {message}")
         if self.openjd:
             self._put(sys.stdout, f"openjd_fail: {message.splitlines()[-1]}")
@@ -107,6 +149,19 @@ class Console:
             with contextlib.suppress(OSError, ValueError):
                 self._bar.close()
             self._bar = None
+
+    def _note(self, level: str, message: str) -> None:
+        """Adds to the log, line by line, so that a bake that is killed leaves what it said."""
+        if self._log is None:
+            return
+        try:
+            for line in message.splitlines() or [""]:
+                self._log.write(f"{time.strftime('%Y-%m-%d %H:%M:%S')} {level}: {line}\n")
+            self._log.flush()
+        except (OSError, ValueError):
+            log, self._log = self._log, None
+            self._put(sys.stderr, f"vrtm: warning: --log {log.name}: it cannot be written any more")
+            _drop(log)
 
     def _say_progress(self) -> None:
         if self.openjd:

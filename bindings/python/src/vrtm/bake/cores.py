@@ -7,8 +7,8 @@ import os
 from vrtm.bake.settings import Settings
 from vrtm.bake.work import Work
 
-_BYTES_PER_NODE = 300
-"""Of a grid: what the library says it needs, with the images that are fetched."""
+_BYTES_PER_TEXEL = 100
+"""Of the images of a tile, while one is made."""
 _BYTES_PER_JOB = 300 << 20
 """Python and its modules, and the scene."""
 
@@ -21,7 +21,8 @@ def available() -> int:
 def split(settings: Settings, work: Work, tasks: int) -> tuple[int, int]:
     """(jobs, threads per job) for so many tasks. A GPU gets one job: frames would wait for one another there."""
     cores = available()
-    jobs = settings.jobs
+    # Frames that start from one another are baked one after the other.
+    jobs = 1 if settings.warm else settings.jobs
     if jobs == 0:
         jobs = 1 if work.device.info.backend == "gpu" else min(cores, _fitting(work))
     jobs = max(1, min(jobs, tasks))
@@ -31,9 +32,9 @@ def split(settings: Settings, work: Work, tasks: int) -> tuple[int, int]:
 
 def _fitting(work: Work) -> int:
     """As many as find room in the memory that is free."""
-    nodes = max(sum(t.cells[0] * t.cells[1] for t in mesh.tiles) for mesh in work.meshes.values())
+    images = max(tile.cells[0] * tile.cells[1] for mesh in work.meshes.values() for tile in mesh.tiles)
     free = _free()
-    return max(1, free // (nodes * _BYTES_PER_NODE + _BYTES_PER_JOB)) if free else 1 << 16
+    return max(1, free // (work.bytes + images * _BYTES_PER_TEXEL + _BYTES_PER_JOB)) if free else 1 << 16
 
 
 def _free() -> int:

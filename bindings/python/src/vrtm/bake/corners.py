@@ -10,6 +10,7 @@ import numpy as np
 
 from vrtm.bake import overwrite
 from vrtm.bake.failure import INPUT, Failure, one_line
+from vrtm.bake.frames import Frame
 from vrtm.bake.names import Pattern
 from vrtm.bake.scene import Shape
 
@@ -18,7 +19,7 @@ _INPUTS = "vrtm_inputs"
 _VALUES = "vrtm_values"
 
 
-def corner_name(pattern: Pattern, mesh: str, frame: int) -> str:
+def corner_name(pattern: Pattern, mesh: str, frame: Frame) -> str:
     """The name below the output folder: that of the maps, of the kind `corners`, without a tile's number."""
     folder, name = os.path.split(pattern.text)
     parts = [part for part in name[: -len(".exr")].split(".") if part != "<UDIM>"]
@@ -34,7 +35,7 @@ class CornerFile:
     inputs: str
     """A hash of all that it depends on."""
 
-    def write(self, shape: Shape, frame: int, uvs: np.ndarray) -> None:
+    def write(self, shape: Shape, frame: Frame, uvs: np.ndarray) -> None:
         """Writes (corners, 2) UVs. Raises Failure."""
         from vrtm.bake.layer import corner_uv_layer, export, values_hash
 

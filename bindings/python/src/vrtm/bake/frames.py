@@ -1,48 +1,80 @@
-"""Lists of frames and tiles as text: `1-10x2,15`."""
+"""Lists of frames and tiles as text: `1-10x2,15`. A frame is an int, or a float where it is none: one between two."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
+from fractions import Fraction
 
-_RANGE = re.compile(r"(-?\d+)(?:-(-?\d+))?(?:[x:](\d+))?")
+Frame = int | float
+
+_NUMBER = r"-?\d+(?:\.\d+)?"
+_RANGE = re.compile(rf"({_NUMBER})(?:-({_NUMBER}))?(?:[x:](\d+(?:\.\d+)?))?")
 _LONGEST = 10_000_000
 
 
-def parse(text: str) -> tuple[int, ...]:
+def parse(text: str) -> tuple[Frame, ...]:
     """The numbers of a list: commas between numbers and ranges, `first-last`, with a step as `first-last x step` (also
     written with a colon). Sorted, each once. Raises ValueError, naming the part that is wrong."""
-    numbers: set[int] = set()
+    numbers: set[Fraction] = set()
     for part in text.split(","):
         match = _RANGE.fullmatch("".join(part.split()))
         if match is None:
             raise ValueError(f"'{part.strip()}' is neither a number nor a range such as 1-10 or 1-10x2")
-        first, last = int(match[1]), int(match[2] or match[1])
-        step = int(match[3] or 1)
+        # Exact, so that a step of 0.1 meets the whole numbers.
+        first, last = Fraction(match[1]), Fraction(match[2] or match[1])
+        step = Fraction(match[3] or 1)
         if last < first:
             raise ValueError(f"'{part.strip()}' runs backwards")
         if step == 0:
             raise ValueError(f"'{part.strip()}' has a step of 0")
-        if last - first >= _LONGEST:
+        count = (last - first) // step + 1
+        if count > _LONGEST:
             raise ValueError(f"'{part.strip()}' is longer than {_LONGEST} numbers")
-        numbers.update(range(first, last + 1, step))
-    return tuple(sorted(numbers))
+        numbers.update(first + step * index for index in range(count))
+    return tuple(map(_frame, sorted(numbers)))
 
 
-def text(numbers: Iterable[int]) -> str:
-    """A list as text again, with ranges where numbers follow one another."""
-    parts: list[list[int]] = []
+def parse_whole(text: str) -> tuple[int, ...]:
+    """The same for what has whole numbers alone, as tiles."""
+    found = parse(text)
+    for number in found:
+        if not isinstance(number, int):
+            raise ValueError(f"{number} is not a whole number")
+    return tuple(int(number) for number in found)
+
+
+def _frame(number: Fraction) -> Frame:
+    return int(number) if number.denominator == 1 else float(number)
+
+
+def text(numbers: Iterable[Frame]) -> str:
+    """A list as text again, with ranges where whole numbers follow one another."""
+    parts: list[list[Frame]] = []
     for number in sorted(set(numbers)):
-        if parts and number == parts[-1][1] + 1:
+        if parts and isinstance(number, int) and number == parts[-1][1] + 1:
             parts[-1][1] = number
         else:
             parts.append([number, number])
     return ",".join(str(first) if first == last else f"{first}-{last}" for first, last in parts)
 
 
-def clamp(wanted: Sequence[int] | None, present: Sequence[int]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    """The frames of a list that the scene has, and those that it lacks. None: all frames of the scene."""
+def padded(frame: Frame) -> str:
+    """A frame in a file's name: at least four digits before the point."""
+    whole, point, rest = str(frame).partition(".")
+    return whole.zfill(4) + point + rest
+
+
+def clamp(
+    wanted: Sequence[Frame] | None, present: Sequence[int], between: bool = False
+) -> tuple[tuple[Frame, ...], tuple[Frame, ...]]:
+    """The frames of a list that the scene has, and those that it lacks. None: all frames of the scene. `between`:
+    whether it has what lies between two of its frames."""
     if wanted is None:
         return tuple(present), ()
     there = set(present)
-    return tuple(f for f in wanted if f in there), tuple(f for f in wanted if f not in there)
+
+    def has(frame: Frame) -> bool:
+        return frame in there or (between and not isinstance(frame, int) and present[0] <= frame <= present[-1])
+
+    return tuple(filter(has, wanted)), tuple(frame for frame in wanted if not has(frame))

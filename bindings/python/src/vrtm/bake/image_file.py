@@ -29,6 +29,7 @@ class Target:
 
     path: str
     width: int
+    """0, and so the height, while that is not known: a file of any size is up to date then."""
     height: int
     channels: tuple[str, ...]
     dtype: str
@@ -95,8 +96,9 @@ def up_to_date(target: Target, replace: bool = False) -> dict | None:
     # One without is another program's, or of another of vrtm's programs.
     if _PIXELS not in facts:
         return None
-    shape = (spec.width, spec.height, spec.nchannels, str(spec.format))
-    if shape != (target.width, target.height, len(target.channels), _type(target.dtype)):
+    if target.width and (spec.width, spec.height) != (target.width, target.height):
+        return None
+    if (spec.nchannels, str(spec.format)) != (len(target.channels), _type(target.dtype)):
         return None
     if target.format == "openexr" and tuple(spec.channelnames) != target.channels:
         return None

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from vrtm.bake import warped
 from vrtm.bake.corners import corner_name
 from vrtm.bake.failure import INPUT, TOLERANCE, Failure, one_line
+from vrtm.bake.frames import Frame
 from vrtm.bake.settings import Settings
 
 if TYPE_CHECKING:
@@ -22,24 +23,30 @@ def names(settings: Settings) -> list[str]:
     from vrtm.bake.layer import manifest_path
 
     assert settings.layer is not None
-    return [settings.layer, *([manifest_path(settings.layer)] if settings.corner_uvs else [])]
+    manifest = [manifest_path(settings.layer)] if settings.corner_uvs else []
+    return [settings.layer, *manifest]
 
 
 def write(work: Work) -> tuple[list[str], Failure | None]:
     """Writes the layer of all frames and meshes that the settings name; returns warnings, and a failure if the layer
     changes nothing. Raises Failure."""
-    from vrtm.bake.layer import LayerError, write_layer
+    from vrtm.bake.layer import LayerError, write_layer, write_root
 
-    assert work.settings.layer is not None
+    settings = work.settings
+    assert settings.layer is not None
     try:
         # What is in its place was looked at before anything was baked.
-        written = write_layer(work.settings.layer, work.scene, planned(work), overwrite=True)
+        named: dict[str, list[str]] = {}
+        written = write_layer(settings.layer, work.scene, planned(work, named), overwrite=True)
+        if settings.root is not None:
+            write_root(settings.root, settings.layer, settings.scene)
     except LayerError as error:
         raise _failure(work, error) from error
     except OSError as error:
         raise _failure(work, error.strerror or error) from error
     if written.changes:
-        return written.warnings, None
+        lacking = [path for name in sorted(written.files) for path in named.get(name, ()) if not os.path.isfile(path)]
+        return written.warnings, _lacking(settings, lacking) if lacking else None
     message = (
         f"--layer {work.settings.layer}: it redirects nothing: give --texture for materials of UsdPreviewSurface, "
         "whose textures are then replaced by warped copies, or --layer-mode primvar; the meshes must have materials "
@@ -48,16 +55,25 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
     return written.warnings, Failure(TOLERANCE, message)
 
 
+def _lacking(settings: Settings, files: list[str]) -> Failure:
+    message = (
+        f"--layer {settings.layer}: {len(files)} of the files that it names do not exist, such as {files[0]}: bake all "
+        "tiles of its meshes, and all of its frames, into the same folder"
+    )
+    return Failure(TOLERANCE, message)
+
+
 def check(work: Work) -> None:
     """Raises Failure for a layer that cannot be, before anything is baked for it."""
     from vrtm.bake.layer import LayerError
 
     if os.path.splitext(work.settings.scene)[1].lower() not in _SCENES:
         raise _failure(work, f"{work.settings.scene} is no USD file, which a layer could lie over")
-    if os.path.splitext(work.settings.layer or "")[1].lower() not in _SCENES[:3]:
-        raise _failure(work, f"its name must end in one of {', '.join(_SCENES[:3])}")
+    for path in filter(None, (work.settings.layer, work.settings.root)):
+        if os.path.splitext(path)[1].lower() not in _SCENES[:3]:
+            raise _failure(work, f"{path}: its name must end in one of {', '.join(_SCENES[:3])}")
     try:
-        planned(work).check()
+        planned(work, {}).check()
     except LayerError as error:
         raise _failure(work, error) from error
 
@@ -66,37 +82,35 @@ def _failure(work: Work, reason: object) -> Failure:
     return Failure(INPUT, f"--layer {work.settings.layer}: {one_line(reason)}")
 
 
-def planned(work: Work) -> LayerPlan:
-    """What the layer is to say."""
-    from vrtm.bake.layer import LayerPlan
+def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
+    """What the layer is to say. `files` receives the files that each of the names stands for that are asked for."""
+    from vrtm.bake.layer import LayerPlan, relative
 
     settings = work.settings
     assert settings.layer is not None
     beside = os.path.dirname(os.path.abspath(settings.layer))
 
-    def relative(name: str) -> str:
-        path = os.path.join(os.path.abspath(settings.out), name)
-        try:
-            found = os.path.relpath(path, beside).replace(os.sep, "/")
-        except ValueError:
-            # On another drive.
-            return path.replace(os.sep, "/")
-        return found if found.startswith("..") else f"./{found}"
+    def named(name: str, *fillings: str) -> str:
+        path = os.path.join(settings.out, name)
+        found = relative(path, beside)
+        files[found] = [path.replace("<UDIM>", filling) for filling in fillings or ("",)]
+        return found
 
-    def map_path(mesh: str, frame: int, udim: int | str) -> str:
-        return relative(work.pattern.name(mesh, "redirect", frame, udim))
+    def map_path(mesh: str, frame: Frame, udim: int | str) -> str:
+        udims = map(str, work.meshes[mesh].all_udims)
+        return named(work.pattern.name(mesh, "redirect", frame, udim), *udims)
 
-    def warped_path(mesh: str, frame: int, texture: str) -> str | None:
+    def warped_path(mesh: str, frame: Frame, texture: str) -> str | None:
         for copy, paths in work.meshes[mesh].textures:
             own = os.path.basename(copy.pattern.replace("<mesh>", mesh))
             if own == os.path.basename(texture) or os.path.basename(texture) in map(os.path.basename, paths.values()):
                 udim, extension = next((u, warped.extension(path)) for u, path in paths.items())
                 tile = "<UDIM>" if "<UDIM>" in texture else udim
-                return relative(work.pattern.name(mesh, copy.kind, frame, tile, extension))
+                return named(work.pattern.name(mesh, copy.kind, frame, tile, extension), *map(str, paths))
         return None
 
-    def corner_path(mesh: str, frame: int) -> str:
-        return relative(corner_name(work.pattern, mesh, frame))
+    def corner_path(mesh: str, frame: Frame) -> str:
+        return named(corner_name(work.pattern, mesh, frame))
 
     return LayerPlan(
         frames=work.frames,
@@ -107,4 +121,5 @@ def planned(work: Work) -> LayerPlan:
         form=settings.form,
         warped_path=warped_path if any(mesh.textures for mesh in work.meshes.values()) else None,
         corner_path=corner_path if settings.corner_uvs else None,
+        freeze=settings.freeze,
     )

@@ -16,11 +16,12 @@ from vrtm.bake import dilate, image_file, outputs, warped
 from vrtm.bake.corners import CornerFile, corner_name
 from vrtm.bake.failure import INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
+from vrtm.bake.frames import Frame
 from vrtm.bake.image_file import Target
 from vrtm.bake.names import Pattern
 from vrtm.bake.scene import Shape
 from vrtm.bake.scene.images import find_maps, read_map
-from vrtm.bake.settings import Settings
+from vrtm.bake.settings import AUTO, Settings
 
 LARGEST_GRID = 16384
 SIZE_WITHOUT_MAP = 512
@@ -35,7 +36,7 @@ class TileWork:
     udim: int
     cells: tuple[int, int]
     size: tuple[int, int]
-    """Of the redirection, in texels."""
+    """Of the redirection, in texels; (0, 0) if it follows from what the map holds."""
     inputs: Fingerprint
     """Of all that the tile's files depend on, poses excepted."""
 
@@ -62,13 +63,15 @@ class FrameResult:
     """What became of a mesh in one frame, for the report."""
 
     mesh: str
-    frame: int
+    frame: Frame
     milliseconds: float = 0.0
     tiles: list[dict] = field(default_factory=list)
     files: list[dict] = field(default_factory=list)
     """Those of no single tile."""
     warnings: list[str] = field(default_factory=list)
-    """What the library said of the mesh and its pose."""
+    """What the library warned of."""
+    told: list[str] = field(default_factory=list)
+    """What else it said."""
 
     def count(self, state: str) -> int:
         """Files that were `written`, or `skipped` since they were up to date."""
@@ -83,10 +86,15 @@ class MeshWork:
     def __init__(self, settings: Settings, shape: Shape, device: vrtm.Device, copies: Sequence[warped.Copy]) -> None:
         self.settings = settings
         self.shape = shape
+        self.threads = device.info.threads
+        self.releases = False
+        """Whether the memory of a tile's solver is given back once the tile is solved."""
         self.copies = tuple(copies)
         self.listed = outputs.listed(settings)
         self.asset = shape.asset(device, settings.weld)
         common = Fingerprint().text(vrtm.version(), device.info.backend, settings.quality, settings.weld)
+        if settings.warm:
+            common.text("warm", settings.temporal_weight)
         self.dilated: dict[str, warped.Texture] = {}
         """Textures with what lies beyond seams, by their files."""
         if device.info.backend == "gpu":
@@ -135,9 +143,10 @@ class MeshWork:
             own = other if rigidity is None else (rigidity.shape[1], rigidity.shape[0])
             cells = own if settings.size is None else (settings.size, settings.size)
             grid = (min(cells[0], LARGEST_GRID), min(cells[1], LARGEST_GRID))
-            borders = {name: getattr(settings, name) for name in ("seams", "seam_reach", "open_borders")}
-            tile.set_settings(tile.settings, grid_width=grid[0], grid_height=grid[1], **borders)
-            size = cells if settings.map_size is None else (settings.map_size, settings.map_size)
+            tile.set_settings(tile.settings, grid_width=grid[0], grid_height=grid[1], **settings.tile_settings)
+            size = cells
+            if settings.map_size is not None:
+                size = (0, 0) if settings.map_size == AUTO else (int(settings.map_size),) * 2
             inputs = common.copy().text(tile.udim, dataclasses.astuple(tile.settings)).array(rigidity).array(mask)
             if settings.tiles is None or tile.udim in settings.tiles:
                 tiles.append(TileWork(tile, tile.udim, grid, size, inputs))
@@ -155,7 +164,7 @@ class MeshWork:
         wanted = getattr(self.settings.options, f"{option}_primvar") is not None
         return [t.udim for t in self.tiles] if wanted and getattr(self.shape, f"vertex_{option}") is None else []
 
-    def names(self, frame: int, pattern: Pattern) -> list[str]:
+    def names(self, frame: Frame, pattern: Pattern) -> list[str]:
         """The paths of all files of a frame."""
         names = []
         for tile in self.tiles:
@@ -168,9 +177,8 @@ class MeshWork:
             names.append(corner_name(pattern, self.shape.name, frame))
         return [os.path.join(self.settings.out, name) for name in names]
 
-    def pieces(self, frame: int, positions: np.ndarray, pattern: Pattern) -> list[Piece]:
-        """The images of a frame."""
-        pose = Fingerprint().array(positions).hex()
+    def pieces(self, frame: Frame, pose: str, pattern: Pattern) -> list[Piece]:
+        """The images of a frame. `pose`: a hash of the positions, and of what was before them where that counts."""
         pieces = []
         for tile in self.tiles:
             pieces += [self._map(frame, tile, output, pose, pattern) for output in self.listed]
@@ -179,9 +187,11 @@ class MeshWork:
                     pieces.append(self._copy(frame, tile, copy, paths[tile.udim], pose, pattern))
         return pieces
 
-    def _map(self, frame: int, tile: TileWork, output: outputs.Output, pose: str, pattern: Pattern) -> Piece:
+    def _map(self, frame: Frame, tile: TileWork, output: outputs.Output, pose: str, pattern: Pattern) -> Piece:
         size = (tile.cells[0] + 1, tile.cells[1] + 1) if output.kind == "warp" else tile.size
         inputs = tile.inputs.copy().text(pose, dataclasses.astuple(output), size)
+        if not size[0]:
+            inputs.text(AUTO, self._most_error())
         facts = self._facts(output.kind, frame, tile, inputs)
         if output.form is not None:
             facts["vrtm:form"] = output.form
@@ -196,7 +206,7 @@ class MeshWork:
         target = Target(path, *size, output.channels, output.dtype, facts, attributes, alpha=alpha)
         return Piece(tile, target, output=output)
 
-    def _copy(self, frame: int, tile: TileWork, copy: warped.Copy, path: str, pose: str, pattern: Pattern) -> Piece:
+    def _copy(self, frame: Frame, tile: TileWork, copy: warped.Copy, path: str, pose: str, pattern: Pattern) -> Piece:
         texture = warped.read(path)
         height, width, _ = texture.pixels.shape
         inputs = tile.inputs.copy().text(pose, texture.inputs, copy.is_normal, copy.down)
@@ -214,19 +224,23 @@ class MeshWork:
         )
         return Piece(tile, target, copy=copy, texture=path)
 
-    def _facts(self, kind: str, frame: int, tile: TileWork, inputs: Fingerprint) -> dict[str, str | int]:
+    def _most_error(self) -> float:
+        """What a map of its own size may be off by, in UV."""
+        settings = self.settings
+        return (1.0 if settings.max_error is None else settings.max_error) / settings.texture_size
+
+    def _facts(self, kind: str, frame: Frame, tile: TileWork, inputs: Fingerprint) -> dict[str, str | int]:
         return {
             "vrtm:kind": kind,
             "vrtm:mesh": self.shape.name,
             "vrtm:udim": tile.udim,
-            "vrtm:frame": frame,
+            "vrtm:frame": frame if isinstance(frame, int) else str(frame),
             "vrtm:version": vrtm.version(),
             "vrtm:inputs": inputs.hex(),
         }
 
-    def corners(self, frame: int, positions: np.ndarray, pattern: Pattern) -> CornerFile:
+    def corners(self, frame: Frame, pose: str, pattern: Pattern) -> CornerFile:
         """The file of a frame's corner UVs."""
-        pose = Fingerprint().array(positions).hex()
         path = os.path.join(self.settings.out, corner_name(pattern, self.shape.name, frame))
         return CornerFile(path, self.common.copy().text(pose).hex())
 
@@ -242,35 +256,33 @@ class MeshWork:
         ]
 
     def bake(
-        self, frame: int, positions: np.ndarray, pattern: Pattern, stop: Callable[[], None], write: bool = True
+        self,
+        frame: Frame,
+        positions: np.ndarray,
+        pose: str,
+        pattern: Pattern,
+        stop: Callable[[], None],
+        write: bool = True,
     ) -> FrameResult | None:
-        """Writes what is not up to date of a frame; None if there is something, and it is not to be written. `stop` is
-        called often, and raises to cancel."""
+        """Writes what is not up to date of a frame; None if there is something, and it is not to be written. `pose` is
+        as for `pieces`. `stop` is called often, and raises to cancel."""
         start = time.perf_counter()
         result = FrameResult(self.shape.name, frame)
-        pieces = self.pieces(frame, positions, pattern)
+        pieces = self.pieces(frame, pose, pattern)
         records = self.check(pieces)
         stale = [piece for piece, figures in zip(pieces, records) if figures is None]
         figures: dict[int, dict] = {}
-        corners = self.corners(frame, positions, pattern) if self.settings.corner_uvs else None
+        corners = self.corners(frame, pose, pattern) if self.settings.corner_uvs else None
         whole = corners is not None and (self.settings.force or not corners.up_to_date())
         if (stale or whole) and not write:
             return None
-        if stale or whole:
-            # Corner UVs are those of all tiles together.
-            tiles = [tile for tile in self.tiles if whole or any(piece.tile is tile for piece in stale)]
+        if write and (stale or whole or self.settings.warm):
+            # Corner UVs are those of all tiles together, and a later frame may start from any of them.
+            every = whole or self.settings.warm
+            tiles = [tile for tile in self.tiles if every or any(piece.tile is tile for piece in stale)]
             self._solve(frame, positions, tiles, stop)
-            figures = {tile.udim: self._figures(tile) for tile in tiles}
-            for piece in stale:
-                stop()
-                pixels = self._pixels(piece, stop)
-                stop()
-                if piece.is_redirection:
-                    # Of the image just fetched.
-                    report = piece.tile.tile.report()
-                    limits = {"texels_limited": report.texels_limited, "max_limit": report.max_limit}
-                    figures[piece.tile.udim] |= limits
-                image_file.write(piece.target, pixels, figures[piece.tile.udim] if piece.is_redirection else None)
+            for tile in tiles:
+                figures |= self._write(tile, [piece for piece in stale if piece.tile is tile], stop)
         if corners is not None:
             if whole:
                 stop()
@@ -283,7 +295,49 @@ class MeshWork:
         result.milliseconds = 1e3 * (time.perf_counter() - start)
         return result
 
-    def _solve(self, frame: int, positions: np.ndarray, tiles: list[TileWork], stop: Callable[[], None]) -> None:
+    def _write(self, tile: TileWork, pieces: list[Piece], stop: Callable[[], None]) -> dict[int, dict]:
+        """Writes files of a tile that is solved, and returns its figures by its number."""
+        if not pieces:
+            return {}
+        size, found = self._size(tile, stop)
+        figures = self._figures(tile, size, found)
+        for piece in pieces:
+            stop()
+            target = piece.target
+            if not target.width:
+                target = dataclasses.replace(target, width=size[0], height=size[1])
+            pixels = self._pixels(piece, (target.width, target.height), stop)
+            stop()
+            if piece.is_redirection:
+                # Of the image just fetched.
+                report = tile.tile.report()
+                figures |= {"texels_limited": report.texels_limited, "max_limit": report.max_limit}
+            image_file.write(target, pixels, figures if piece.is_redirection else None)
+        return {tile.udim: figures}
+
+    def _size(self, tile: TileWork, stop: Callable[[], None]) -> tuple[tuple[int, int], vrtm.MapInfo | None]:
+        """The size of a tile's maps, and what was found about it. If the map is to choose: the smallest of a quarter of
+        the grid, half of it and so on to twice the grid that is near enough, or the one that is nearest."""
+        if tile.size[0]:
+            return tile.size, None
+        sizes = [tuple(max(16, int(n * scale)) for n in tile.cells) for scale in (1 / 8, 1 / 4, 1 / 2, 1, 2)]
+        tried = []
+        for size in sizes:
+            stop()
+            found = self._inspected(tile, size)
+            if found.error_p99 <= self._most_error() and found.folds == 0:
+                return size, found
+            tried.append((found.folds > 0, found.error_p99, size, found))
+        best = min(tried, key=lambda entry: entry[:3])
+        return best[2], best[3]
+
+    def _inspected(self, tile: TileWork, size: tuple[int, int]) -> vrtm.MapInfo:
+        output = self.listed[0]
+        return tile.tile.inspect_map(
+            output.fetch, size, dtype=np.dtype(output.dtype).type, one_to_one=output.one_to_one
+        )
+
+    def _solve(self, frame: Frame, positions: np.ndarray, tiles: list[TileWork], stop: Callable[[], None]) -> None:
         def progress(_fraction: float) -> None:
             stop()
 
@@ -291,6 +345,9 @@ class MeshWork:
             self.asset.solve(
                 positions,
                 quality=self.settings.quality,
+                warm=self.settings.warm,
+                temporal_weight=self.settings.temporal_weight,
+                release_solvers=self.releases,
                 measure=self.settings.measure,
                 # At seams, tiles are brought together with those that are solved with them.
                 tiles=None if self.settings.seams == "continue" else [tile.tile for tile in tiles],
@@ -299,8 +356,9 @@ class MeshWork:
         except vrtm.Error as error:
             raise describe(error, f"{self.shape.path}, frame {frame}") from error
 
-    def _figures(self, tile: TileWork) -> dict:
-        """What a file keeps of its solve: nothing that changes from run to run, such as times."""
+    def _figures(self, tile: TileWork, size: tuple[int, int], found: vrtm.MapInfo | None) -> dict:
+        """What a file keeps of its solve: nothing that changes from run to run, such as times. `found`: what is known
+        about maps of the size."""
         report = tile.tile.report()
         names = ("energy_before", "energy", "min_jacobian", "folds", "max_displacement")
         counts = ("charts", "charts_fallback", "charts_apart")
@@ -309,24 +367,21 @@ class MeshWork:
         nodes = (facts.grid_width + 1) * (facts.grid_height + 1)
         figures |= {"overlap": facts.overlap, "frozen": facts.frozen, "movable": facts.movable_nodes / nodes}
         if self.settings.measure:
-            output = self.listed[0]
-            info = tile.tile.inspect_map(
-                output.fetch, tile.size, dtype=np.dtype(output.dtype).type, one_to_one=output.one_to_one
-            )
             figures["strain"] = _strain(report)
-            figures["map"] = dataclasses.asdict(info)
+        if self.settings.measure or found is not None:
+            figures["map"] = dataclasses.asdict(found or self._inspected(tile, size)) | {"size": list(size)}
         return figures
 
-    def _pixels(self, piece: Piece, stop: Callable[[], None]) -> np.ndarray:
+    def _pixels(self, piece: Piece, size: tuple[int, int], stop: Callable[[], None]) -> np.ndarray:
         tile = piece.tile.tile
         if piece.output is not None:
-            return piece.output.image(tile, (piece.target.width, piece.target.height))
+            return piece.output.image(tile, size)
         assert piece.copy is not None
 
         def fetch(kind: str, width: int, height: int, first: int, rows: int) -> np.ndarray:
             return tile.fetch_part(kind, (width, height), (0, first, width, rows))
 
-        return warped.warp(self._texture(piece.texture, piece.copy), piece.copy, fetch, stop)
+        return warped.warp(self._texture(piece.texture, piece.copy), piece.copy, fetch, stop, self.threads)
 
     def _texture(self, path: str, copy: warped.Copy) -> warped.Texture:
         """A texture as it is looked up: if features go on over seams, with what lies beyond them."""
@@ -374,7 +429,7 @@ def row(tile: TileWork, own: list[tuple[Piece, dict | None]], figures: dict, set
         found = figures["map"]
         texels = {part: found[f"error_{part}"] * settings.texture_size for part in ("rms", "p99", "max")}
         line["map"] = {
-            "size": list(tile.size),
+            "size": found.get("size", list(tile.size)),
             "folds": found["folds"],
             "min_jacobian": found["min_jacobian"],
             "error_texels": {"texture_size": settings.texture_size} | texels,

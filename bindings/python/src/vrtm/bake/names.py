@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 
 from vrtm.bake.failure import INPUT, Failure
+from vrtm.bake.frames import Frame, padded
 
 ONE_MESH = "<kind>.<frame>.<UDIM>.exr"
 """The pattern of a single mesh: renderers and painting programs want the tile's number last."""
@@ -39,9 +40,9 @@ class Pattern:
             if count > 1 and placeholder not in text:
                 raise bad(f"{count} values of {placeholder} are written, and it must keep them apart")
 
-    def name(self, mesh: str, kind: str, frame: int | str, udim: int | str, extension: str = ".exr") -> str:
+    def name(self, mesh: str, kind: str, frame: Frame | str, udim: int | str, extension: str = ".exr") -> str:
         """The path of a file below the output folder. Frames get at least four digits."""
-        number = f"{frame:04d}" if isinstance(frame, int) else frame
+        number = frame if isinstance(frame, str) else padded(frame)
         values = {"<mesh>": mesh, "<kind>": kind, "<frame>": number, "<UDIM>": str(udim)}
         filled = re.sub("|".join(_PLACEHOLDERS), lambda match: values[match[0]], self.text)
         return filled[: -len(".exr")] + extension

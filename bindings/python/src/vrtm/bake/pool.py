@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 
 from vrtm.bake.failure import Failure, describe
+from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import FrameResult
 from vrtm.bake.settings import Settings
 from vrtm.bake.stopping import ENDING, Stop
@@ -48,7 +49,7 @@ class Jobs:
             receiver, self._sender = context.Pipe(duplex=False)
             self._executor = ProcessPoolExecutor(jobs, context, _begin, (settings, threads, receiver))
 
-    def submit(self, tasks: list[tuple[str, int]]) -> dict[Future, tuple[str, int]]:
+    def submit(self, tasks: list[tuple[str, Frame]]) -> dict[Future, tuple[str, Frame]]:
         """Begins all tasks, each a mesh and a frame; a future each, whose result is an Outcome."""
         if self._sender is None:
             return {self._executor.submit(_outcome, self._work, *task, self.stop): task for task in tasks}
@@ -84,7 +85,7 @@ def _blocked() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _outcome(work: Work, mesh: str, frame: int, stop: Stop) -> Outcome:
+def _outcome(work: Work, mesh: str, frame: Frame, stop: Stop) -> Outcome:
     try:
         stop.check()
         return Outcome(result=work.bake(mesh, frame, stop.check))
@@ -134,7 +135,7 @@ def _begin(settings: Settings, threads: int, receiver: Connection) -> None:
     _worker = _Worker(settings, threads, receiver)
 
 
-def _in_process(mesh: str, frame: int) -> Outcome:
+def _in_process(mesh: str, frame: Frame) -> Outcome:
     worker = _worker
     assert worker is not None
     with worker.busy:
@@ -142,7 +143,7 @@ def _in_process(mesh: str, frame: int) -> Outcome:
             try:
                 worker.work = Work(worker.settings, worker.threads)
                 # The main process has said the same.
-                worker.work.heard()
+                worker.work.heard(), worker.work.told()
             except Exception as error:
                 return Outcome(failure=describe(error))
         return _outcome(worker.work, mesh, frame, worker.stop)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import os
 import re
 import time
-from concurrent.futures import FIRST_COMPLETED, wait
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 
-from vrtm.bake import cores, layer_file, report, staging
+from vrtm.bake import cores, dry_run, layer_file, report, staging
 from vrtm.bake.console import Console
 from vrtm.bake.failure import DEVICE, DONE, SIGNAL, Failure, describe
+from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import FrameResult
 from vrtm.bake.pool import Jobs, Outcome
 from vrtm.bake.settings import Settings
@@ -21,6 +23,12 @@ from vrtm.bake.work import Work
 _NUMBER = re.compile(r"(?<!tile )\b\d[\d.]*")
 _LOOK = 0.1
 """Seconds between looks at whether a signal came."""
+_STARTS = 2.5
+"""Further processes are started for work that would take so many times as long as opening the scene: each opens it
+anew, after Python's own start, and what they save is a part of the work."""
+
+Task = tuple[str, Frame]
+"""A mesh's name and a frame."""
 
 
 def bake(settings: Settings, console: Console) -> int:
@@ -49,20 +57,33 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
             console.warning(message)
 
     with Work(settings, settings.threads) as work:
+        opening = time.perf_counter() - start
         stop.check()
         if settings.layer:
             layer_file.check(work)
         work.check_files()
         for note in work.notes():
             warn(note)
+        for line in (*work.facts(), *work.hints()):
+            console.detail(line)
+        for line in work.told():
+            console.verbose(line)
+        if not settings.only_layer:
+            work.check_units()
+        if settings.dry_run:
+            for line in dry_run.lines(work):
+                console.info(line)
+            return None
+        work.try_folders()
         results: list[FrameResult] = []
         failure: Failure | None = None
         try:
-            beside = [os.path.dirname(settings.layer) or "."] if settings.layer else []
+            places = filter(None, (settings.layer, settings.root))
+            beside = [os.path.dirname(path) or "." for path in places]
             for folder in beside + ([] if settings.only_layer else work.folders()):
                 staging.sweep(folder)
             if not settings.only_layer:
-                _frames(settings, work, console, stop, results, warn)
+                _frames(settings, work, console, stop, results, warn, opening)
             failure = report.tolerance(settings, results)
             if settings.layer:
                 console.status(f"writing {settings.layer}")
@@ -88,50 +109,102 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
     return failure
 
 
-def _frames(settings: Settings, work: Work, console: Console, stop: Stop, results: list[FrameResult], warn) -> None:
-    """Bakes all frames. `results` grows as they are done. Raises Failure."""
-    tasks = [(mesh, frame) for frame in work.frames for mesh in work.meshes]
-    console.start(len(tasks), f"baking {len(tasks)} frames")
+class _Told:
+    """What is said of frames as they are done."""
 
-    seen: set[tuple[str, int]] = set()
-    kinds: set[str] = set()
+    def __init__(self, work: Work, console: Console, results: list[FrameResult], warn: Callable[[str], None]) -> None:
+        self.work, self.console, self.results, self.warn = work, console, results, warn
+        self.tiles: set[tuple[str, int]] = set()
+        self.kinds: set[str] = set()
 
-    def done(result: FrameResult) -> None:
-        results.append(result)
+    def done(self, result: FrameResult) -> None:
+        """A frame more is done."""
+        self.results.append(result)
         for note in result.warnings:
             # Tears and folds differ from frame to frame in their numbers alone: the first of them are told. A warning
             # of a pose names its frame, and is told for each.
             kind = note if ", frame " in note else _NUMBER.sub("#", note)
-            if kind not in kinds:
-                kinds.add(kind)
-                warn(note)
+            if kind not in self.kinds:
+                self.kinds.add(kind)
+                self.warn(note)
+        for line in result.told:
+            self.console.verbose(line)
         for tile in result.tiles:
-            if (result.mesh, tile["udim"]) not in seen:
-                seen.add((result.mesh, tile["udim"]))
-                path = work.meshes[result.mesh].shape.path
-                console.detail(f"{path} tile {tile['udim']}: {report.shares(tile)}")
-                if tile["frozen"] > report.MOSTLY:
-                    warn(
-                        f"{path} tile {tile['udim']}: {tile['frozen']:.0%} of its rigid texels are frozen, by chart "
-                        "borders, UVs that overlap, or the mask: they stay as they are"
-                    )
+            self._tile(result, tile)
         written, skipped = result.count("written"), result.count("skipped")
         what = f"{written} files in {result.milliseconds:.0f} ms" if written else f"{skipped} files up to date"
-        console.done(f"{result.mesh}, frame {result.frame}: {what}")
+        self.console.done(f"{result.mesh}, frame {result.frame}: {what}")
+        for file in (file for part in (result.files, *(tile["files"] for tile in result.tiles)) for file in part):
+            self.console.verbose(f"{file['state']}: {os.path.join(self.work.settings.out, file['path'])}")
 
-    left = []
+    def _tile(self, result: FrameResult, tile: dict) -> None:
+        if (result.mesh, tile["udim"]) in self.tiles:
+            return
+        self.tiles.add((result.mesh, tile["udim"]))
+        path = self.work.meshes[result.mesh].shape.path
+        self.console.detail(f"{path} tile {tile['udim']}: {report.shares(tile)}")
+        if tile["frozen"] > report.MOSTLY:
+            self.warn(
+                f"{path} tile {tile['udim']}: {tile['frozen']:.0%} of its rigid texels are frozen, by chart borders, "
+                "UVs that overlap, or the mask: they stay as they are"
+            )
+
+
+def _frames(
+    settings: Settings,
+    work: Work,
+    console: Console,
+    stop: Stop,
+    results: list[FrameResult],
+    warn: Callable[[str], None],
+    opening: float,
+) -> None:
+    """Bakes all frames. `results` grows as they are done. `opening`: seconds that a scene takes to open. Raises
+    Failure."""
+    if settings.warm:
+        tasks = [(mesh, frame) for mesh in work.meshes for frame in work.frames]
+    else:
+        tasks = [(mesh, frame) for frame in work.frames for mesh in work.meshes]
+    console.start(len(tasks), f"baking {len(tasks)} frames")
+    told = _Told(work, console, results, warn)
+    current = {}
     for task in tasks:
         stop.check()
-        current = work.is_current(*task)
-        if current is None:
-            left.append(task)
-        else:
-            done(current)
-    if not left:
-        return
-    jobs, threads = cores.split(settings, work, len(left))
+        current[task] = work.is_current(*task)
+    left = _left(settings, tasks, current)
+    for task in tasks:
+        result = current[task]
+        if task not in left and result is not None:
+            told.done(result)
+    if left and settings.jobs == 0 and not settings.warm:
+        # What one frame costs tells whether further processes are worth their start.
+        task = next(iter(left))
+        seconds = time.perf_counter()
+        _bake(settings, work, [task], (1, settings.threads), stop, told)
+        del left[task]
+        if (time.perf_counter() - seconds) * len(left) < _STARTS * opening:
+            _bake(settings, work, list(left), (1, settings.threads), stop, told)
+            return
+    if left:
+        _bake(settings, work, list(left), cores.split(settings, work, len(left)), stop, told)
+
+
+def _left(settings: Settings, tasks: list[Task], current: dict[Task, FrameResult | None]) -> dict[Task, None]:
+    """The tasks that are to be done, in their order."""
+    stale = [task for task in tasks if current[task] is None]
+    if settings.warm:
+        # Each frame of a mesh starts from the one before it.
+        last = {mesh: frame for mesh, frame in stale}
+        stale = [(mesh, frame) for mesh, frame in tasks if mesh in last and frame <= last[mesh]]
+    return dict.fromkeys(stale)
+
+
+def _bake(settings: Settings, work: Work, tasks: list[Task], split: tuple[int, int], stop: Stop, told: _Told) -> None:
+    """Does tasks with so many jobs and threads. Raises Failure."""
+    jobs, threads = split
+    told.console.verbose(f"{len(tasks)} frames, {jobs} at a time, on {threads or 'all'} threads each")
     with Jobs(settings, work, jobs, threads, stop) as running:
-        waiting = running.submit(left)
+        waiting = running.submit(tasks)
         failure: Failure | None = None
         pending = set(waiting)
         while pending:
@@ -139,7 +212,7 @@ def _frames(settings: Settings, work: Work, console: Console, stop: Stop, result
             for future in ready:
                 outcome = _result(future, waiting[future], stop)
                 if outcome.result is not None:
-                    done(outcome.result)
+                    told.done(outcome.result)
                 elif outcome.failure is not None:
                     failure = failure or outcome.failure
             if stop.event.is_set() or failure is not None:
@@ -149,7 +222,7 @@ def _frames(settings: Settings, work: Work, console: Console, stop: Stop, result
                 raise stop.failure() if asked else failure or stop.failure()
 
 
-def _result(future, task: tuple[str, int], stop: Stop) -> Outcome:
+def _result(future: Future, task: Task, stop: Stop) -> Outcome:
     mesh, frame = task
     message = f"{mesh}, frame {frame}: a worker process was ended from outside; memory may be short: try fewer --jobs"
     ended = Outcome(failure=Failure(DEVICE, message))

@@ -4,7 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from vrtm.bake.frames import Frame
 from vrtm.bake.scene import SceneOptions
+
+AUTO = "auto"
+"""A size of maps that follows from what they hold."""
+TILE_SETTINGS = (
+    "seams",
+    "seam_reach",
+    "open_borders",
+    "overlap",
+    "smoothness",
+    "smoothness_floor",
+    "orientation",
+    "orientation_density",
+    "room",
+    "room_threshold",
+)
+"""Settings that are the library's settings of a tile, by its names."""
 
 
 @dataclass(frozen=True)
@@ -18,10 +35,11 @@ class Settings:
     mask: str | None = None
     out: str = "out"
     name: str | None = None
-    frames: tuple[int, ...] | None = None
+    frames: tuple[Frame, ...] | None = None
     tiles: tuple[int, ...] | None = None
     size: int | None = None
-    map_size: int | None = None
+    map_size: int | str | None = None
+    """`auto`: see `AUTO`."""
     form: str = "tile"
     half: bool = False
     alpha: bool = False
@@ -35,10 +53,21 @@ class Settings:
     layer: str | None = None
     layer_mode: str = "texture"
     only_layer: bool = False
+    root: str | None = None
+    freeze: Frame | None = None
     quality: str = "normal"
+    warm: bool = False
+    temporal_weight: float = 0.0
     seams: str = "shut"
     seam_reach: float = 0.0
     open_borders: str = "fixed"
+    overlap: str = "fixed"
+    smoothness: float | None = None
+    smoothness_floor: float | None = None
+    orientation: float | None = None
+    orientation_density: float | None = None
+    room: float | None = None
+    room_threshold: float | None = None
     weld: str = "index"
     device: str = "auto"
     adapter: int = 0
@@ -48,10 +77,19 @@ class Settings:
     force: bool = False
     overwrite: bool = False
     strict: bool = False
+    allow_units: bool = False
+    dry_run: bool = False
+    log: str | None = None
+    verbose: bool = False
     measure: bool = False
     max_strain: float | None = None
     max_error: float | None = None
     texture_size: int = 4096
+
+    @property
+    def tile_settings(self) -> dict[str, object]:
+        """The library's settings of a tile, as far as they are given."""
+        return {name: value for name in TILE_SETTINGS if (value := getattr(self, name)) is not None}
 
     @property
     def corner_uvs(self) -> bool:

@@ -51,6 +51,13 @@ def write_bytes(path: str, content: bytes) -> None:
     write(path, body)
 
 
+def try_folder(folder: str) -> None:
+    """Raises OSError if no file can be written to a folder, which is made if need be."""
+    os.makedirs(folder or ".", exist_ok=True)
+    with _reserved(os.path.realpath(folder or "."), "try", "") as temporary, open(temporary, "wb") as file:
+        file.write(b"vrtm")
+
+
 def _bring_to_disk(path: str) -> None:
     """Waits until a file, or the names in a folder, are on the disk. Raises OSError if they cannot be."""
     # Windows brings only what may be written to the disk, and has no such thing for folders.

@@ -12,6 +12,7 @@ import functools
 import os
 import re
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -139,8 +140,11 @@ def _format(source: str, dtype: str, channels: int) -> str:
     return "openexr" if not integer else "png" if channels <= 4 else "tiff"
 
 
-def warp(texture: Texture, copy: Copy, fetch: Fetch, stop: Callable[[], None] = lambda: None) -> np.ndarray:
-    """The copy: (height, width, channels) as the texture. `stop` is called now and then, and may raise."""
+def warp(
+    texture: Texture, copy: Copy, fetch: Fetch, stop: Callable[[], None] = lambda: None, threads: int = 1
+) -> np.ndarray:
+    """The copy: (height, width, channels) as the texture. `stop` is called now and then, and may raise. `fetch` and
+    `stop` are called on several threads at once."""
     height, width, channels = texture.pixels.shape
     if copy.is_normal and channels < 3:
         raise Failure(INPUT, f"{texture.path}: a normal map needs three channels, it has {channels}")
@@ -152,7 +156,8 @@ def warp(texture: Texture, copy: Copy, fetch: Fetch, stop: Callable[[], None] = 
     padded = np.pad(source, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge")
     out = np.empty_like(texture.pixels)
     across = (np.arange(width) + 0.5) / width
-    for first in range(0, height, _ROWS):
+
+    def strip_from(first: int) -> None:
         stop()
         part = slice(first, min(first + _ROWS, height))
         count = part.stop - first
@@ -171,6 +176,15 @@ def warp(texture: Texture, copy: Copy, fetch: Fetch, stop: Callable[[], None] = 
             strip[..., :3] = turned(strip[..., :3], jacobian, copy.down)
         moved = np.rint(strip * top) if top != 1.0 else strip
         out[part] = np.where(still[..., None], texture.pixels[part], moved.astype(out.dtype))
+
+    # Numpy lets go of Python's lock in what takes the time here.
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            for done in [pool.submit(strip_from, first) for first in range(0, height, _ROWS)]:
+                done.result()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
     return out
 
 

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import functools
+import itertools
 import os
 from collections.abc import Callable, Iterator
 from types import TracebackType
 
+import numpy as np
 import OpenImageIO as oiio
 
 import vrtm
-from vrtm.bake import frames, layer_file, overwrite, warped
+from vrtm.bake import frames, layer_file, overwrite, staging, units, warped
 from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line
+from vrtm.bake.fingerprint import Fingerprint
+from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import FrameResult, MeshWork, unknown_tiles
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
 from vrtm.bake.scene import Scene, Shape
 from vrtm.bake.settings import Settings
+
+_MOST_BYTES = 256 << 20
+"""If all tiles together take more, their solvers' memory is given back tile by tile, and allocated in each frame."""
 
 
 class Work:
@@ -24,6 +32,7 @@ class Work:
         """`threads`: of the library and of image files; 0 = one per core."""
         self.settings = settings
         self._heard: list[str] = []
+        self._told: list[str] = []
         # The mesh that is worked on, and the frame.
         self._subject = self._frame = ""
         oiio.attribute("threads", threads)
@@ -35,20 +44,41 @@ class Work:
         self.scene = Scene(settings.scene, settings.options)
         if not self.scene.shapes:
             raise Failure(INPUT, f"{settings.scene}: no mesh with UVs")
-        copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
-        self.meshes = {shape.name: self._mesh(shape, copies) for shape in self.scene.shapes}
-        self.frames, self.missing_frames = frames.clamp(settings.frames, self.scene.frames)
+        self.frames, self.missing_frames = frames.clamp(settings.frames, self.scene.frames, self.scene.has_subframes)
         if not self.frames:
             there = frames.text(self.scene.frames)
             raise Failure(INPUT, f"--frames: none of these is in {settings.scene}, which has {there or 'none'}")
+        if settings.freeze is not None and settings.freeze not in self.frames:
+            raise Failure(INPUT, f"--freeze {settings.freeze}: it is none of {frames.text(self.frames)}")
+        self.shapes = [shape for shape in self.scene.shapes if not self._stays(shape)]
+        """The meshes to bake: those that deform, and those that are named."""
+        self.left_out = [shape.path for shape in self.scene.shapes if shape not in self.shapes]
+        if not self.shapes:
+            named = f"{self.left_out[0]}{' and others' if self.left_out[1:] else ''}"
+            raise Failure(INPUT, f"{settings.scene}: nothing deforms: {named} can be baked if --meshes names it")
+        copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
+        self.meshes = {shape.name: self._mesh(shape, copies) for shape in self.shapes}
         self.pattern = self._pattern(copies)
+        self._poses: dict[str, list[str]] = {}
 
     def _hear(self, level: str, message: str) -> None:
         """The library's log."""
-        if level == "warning":
-            # What it says of a pose is said of a frame.
-            frame = self._frame if message.startswith("pose") else ""
-            self._heard.append(": ".join(filter(None, [self._subject + frame, message])))
+        # What it says of a pose is said of a frame.
+        frame = self._frame if message.startswith("pose") else ""
+        line = ": ".join(filter(None, [self._subject + frame, message]))
+        (self._heard if level == "warning" else self._told).append(line)
+
+    def told(self) -> list[str]:
+        """What the library said besides since this was asked last."""
+        told, self._told = self._told, []
+        return told
+
+    def _stays(self, shape: Shape) -> bool:
+        """Whether a mesh is at rest in all frames, so that its maps would be the identity, and is not named."""
+        asked = self.settings.options.meshes
+        if not shape.still or shape.path in asked or shape.path.rsplit("/", 1)[-1] in asked:
+            return False
+        return np.array_equal(self.scene.positions(shape, self.frames[0]), shape.rest)
 
     def heard(self) -> list[str]:
         """What the library warned of since this was asked last, each as a sentence that names the mesh."""
@@ -63,10 +93,10 @@ class Work:
             raise describe(error, f"{self.settings.scene} {shape.path}") from error
 
     def _pattern(self, copies: tuple[warped.Copy, ...]) -> Pattern:
-        several = len(self.scene.shapes) > 1
+        several = len(self.shapes) > 1
         # Not by the frames and tiles of this call: another task may write the others.
         counts = {
-            "<mesh>": len(self.scene.shapes),
+            "<mesh>": len(self.shapes),
             "<kind>": len(next(iter(self.meshes.values())).listed) + len(copies),
             "<frame>": len(self.frames),
             "<UDIM>": max(len(mesh.all_udims) for mesh in self.meshes.values()),
@@ -81,6 +111,10 @@ class Work:
                 f"--frames: {self.settings.scene} has {frames.text(self.scene.frames)}, without "
                 f"{frames.text(self.missing_frames)}, which are left out"
             )
+        if self.left_out:
+            first, more = self.left_out[0], len(self.left_out) - 1
+            others = f" and {more} meshes more" if more else ""
+            notes.append(f"{first}{others}: left out, since nothing deforms there; --meshes can name them")
         missing = unknown_tiles(self.settings, list(self.meshes.values()))
         if missing:
             notes.append(f"--tiles: no mesh has {', '.join(map(str, missing))}")
@@ -89,15 +123,63 @@ class Work:
     def _without_maps(self) -> list[str]:
         notes = []
         for option, then in (("rigidity", "nothing keeps its shape there"), ("mask", "all may move there")):
-            meshes = [(mesh.shape.path, mesh.without(option)) for mesh in self.meshes.values()]
-            found = "; ".join(f"{path} {', '.join(map(str, udims))}" for path, udims in meshes if udims)
-            if found:
-                named, what = ("", "no map") if getattr(self.settings, option) else ("-primvar", "no values")
-                notes.append(f"--{option}{named}: {what} for {found}: {then}")
-                if self.settings.strict and option == "rigidity":
-                    raise Failure(INPUT, notes[-1])
-        black = [path for mesh in self.meshes.values() for path in mesh.black]
-        return [*notes, *(f"--rigidity: {path} is black all over: nothing keeps its shape there" for path in black)]
+            named, what = ("", "no map") if getattr(self.settings, option) else ("-primvar", "no values")
+            for mesh in self.meshes.values():
+                udims = mesh.without(option)
+                if udims:
+                    tiles = f"tile{'s'[: len(udims) > 1]} {frames.text(udims)}"
+                    notes.append(f"{mesh.shape.path}: {what} of --{option}{named} for {tiles}: {then}")
+                    if self.settings.strict and option == "rigidity":
+                        raise Failure(INPUT, notes[-1])
+        for mesh in self.meshes.values():
+            notes += [
+                f"{mesh.shape.path}: --rigidity {path} is black all over: nothing keeps its shape there"
+                for path in mesh.black
+            ]
+        return notes
+
+    def hints(self) -> list[str]:
+        """What may be meant or not, each as a sentence."""
+        hints = []
+        for option in ("rigidity", "mask"):
+            pattern, users = getattr(self.settings, option), {}
+            if pattern and "<mesh>" not in pattern:
+                for mesh in self.meshes.values():
+                    for path in mesh.maps[option].values():
+                        users.setdefault(path, []).append(mesh.shape.path)
+            shared = next(((path, meshes) for path, meshes in users.items() if len(meshes) > 1), None)
+            if shared:
+                path, (first, second, *more) = shared
+                others = f" and {len(more)} meshes more" if more else ""
+                hints.append(f"{first}, {second}{others} share {path}: with <mesh> in --{option} each has its own")
+        return hints
+
+    def facts(self) -> list[str]:
+        """What was chosen for the user: the device, and rest poses."""
+        info = self.device.info
+        threads = f", {info.threads} threads" if info.backend == "cpu" else ""
+        lines = [f"device: {info.backend}, {info.name}{threads}{f' ({info.reason})' if info.reason else ''}"]
+        of: dict[str, list[str]] = {}
+        for shape in self.shapes:
+            of.setdefault(shape.rest_from, []).append(shape.path)
+        for rest, (first, *more) in of.items():
+            lines.append(f"rest: {rest}: {first}{f' and {len(more)} meshes more' if more else ''}")
+        return lines
+
+    def check_units(self) -> None:
+        """Raises Failure if a mesh has other units in the first frame than at rest."""
+        for mesh in self.meshes.values():
+            self._check_units(mesh.shape, self.frames[0], self.scene.positions(mesh.shape, self.frames[0]))
+
+    def _check_units(self, shape: Shape, frame: Frame, positions: np.ndarray) -> None:
+        ratio = 1.0 if self.settings.allow_units else units.ratio(shape, positions)
+        if units.differ(ratio):
+            raise Failure(
+                INPUT,
+                f"{self.settings.scene} {shape.path}, frame {frame}: its edges are {ratio:.3g} times as long as at "
+                f"rest (median; the rest is from {shape.rest_from}), as if one of them were in another unit: "
+                "--allow-units bakes it all the same",
+            )
 
     def check_files(self) -> None:
         """Raises Conflict if a file cannot be written without the loss of another, Failure if a folder is missing."""
@@ -108,15 +190,20 @@ class Work:
             inputs += [(path, f"--{option}") for option, paths in mesh.maps.items() for path in paths.values()]
             inputs += [(path, "--texture") for _, paths in mesh.textures for path in paths.values()]
         inputs += [(path, "a file of the scene") for path in self.scene.files]
+        if settings.log is not None:
+            # It is open.
+            inputs.append((settings.log, "--log"))
         if settings.layer:
             outputs += [(path, "--layer") for path in layer_file.names(settings)]
+        if settings.root is not None:
+            outputs.append((settings.root, "--root"))
         if settings.report is not None:
             outputs.append((settings.report, "--report"))
-        for name in (settings.out, settings.layer, settings.report):
+        for name in (settings.out, settings.layer, settings.root, settings.report):
             # Raises UnicodeEncodeError for what is no UTF-8.
             (name or "").encode()
         out = os.path.join(os.path.abspath(settings.out), "")
-        for option, path in (("--layer", settings.layer), ("--report", settings.report)):
+        for option, path in (("--layer", settings.layer), ("--root", settings.root), ("--report", settings.report)):
             folder = os.path.dirname(os.path.abspath(path)) if path else out
             if not os.path.exists(folder) and not os.path.join(folder, "").startswith(out):
                 raise Failure(INPUT, f"{option} {path}: there is no folder {folder}")
@@ -131,7 +218,42 @@ class Work:
         """The folders that files are written to."""
         return sorted({os.path.dirname(name) for name in self._names()})
 
-    def is_current(self, mesh: str, frame: int) -> FrameResult | None:
+    def try_folders(self) -> None:
+        """Raises Failure if a folder cannot be written to. Missing ones are made."""
+        settings = self.settings
+        places = [] if settings.only_layer else [("--out", name) for name in self.folders()]
+        for option, path in (("--layer", settings.layer), ("--root", settings.root), ("--report", settings.report)):
+            places += [(option, os.path.dirname(path) or ".")] if path else []
+        for option, folder in places:
+            try:
+                staging.try_folder(folder)
+            except OSError as error:
+                raise Failure(INPUT, f"{option}: {folder}: {one_line(error.strerror or error)}") from error
+
+    def _positions(self, work: MeshWork, frame: Frame) -> tuple[np.ndarray, str]:
+        """The pose of a mesh, and a hash of it, with what was before it where frames start from those before them."""
+        positions = self.scene.positions(work.shape, frame)
+        if not self.settings.warm:
+            return positions, Fingerprint().array(positions).hex()
+        known = self._poses.setdefault(work.shape.name, [])
+        for earlier in itertools.islice(self.frames, len(known), self.frames.index(frame) + 1):
+            own = positions if earlier == frame else self.scene.positions(work.shape, earlier)
+            known.append(Fingerprint().text(*known[-1:]).array(own).hex())
+        return positions, known[self.frames.index(frame)]
+
+    @functools.cached_property
+    def bytes(self) -> int:
+        """What a job needs for all of its tiles, less the scene."""
+        needs = [tile.tile.estimate() for mesh in self.meshes.values() for tile in mesh.tiles]
+        kept = sum(need.solving_bytes for need in needs)
+        if len(needs) < 2 or kept <= _MOST_BYTES:
+            return kept
+        for mesh in self.meshes.values():
+            mesh.releases = True
+        prepared = sum(need.prepared_bytes for need in needs)
+        return prepared + max(need.solving_bytes - need.prepared_bytes for need in needs)
+
+    def is_current(self, mesh: str, frame: Frame) -> FrameResult | None:
         """The result of a frame all of whose files are up to date, else None."""
         work = self.meshes[mesh]
         if self.settings.force:
@@ -139,16 +261,19 @@ class Work:
         # By the names alone, before the pose is read.
         if not all(map(os.path.isfile, work.names(frame, self.pattern))):
             return None
-        positions = self.scene.positions(work.shape, frame)
-        return work.bake(frame, positions, self.pattern, lambda: None, write=False)
+        return work.bake(frame, *self._positions(work, frame), self.pattern, lambda: None, write=False)
 
-    def bake(self, mesh: str, frame: int, stop: Callable[[], None]) -> FrameResult:
+    def bake(self, mesh: str, frame: Frame, stop: Callable[[], None]) -> FrameResult:
         """Writes what is not up to date of a mesh in a frame."""
         work = self.meshes[mesh]
         self._subject, self._frame = work.shape.path, f", frame {frame}"
-        result = work.bake(frame, self.scene.positions(work.shape, frame), self.pattern, stop)
+        positions, pose = self._positions(work, frame)
+        self._check_units(work.shape, frame, positions)
+        _ = self.bytes
+        result = work.bake(frame, positions, pose, self.pattern, stop)
         assert result is not None
         result.warnings += self.heard()
+        result.told += self.told()
         return result
 
     def close(self) -> None:

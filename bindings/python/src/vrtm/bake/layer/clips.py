@@ -54,7 +54,7 @@ def write_corner_uvs(
 def author_clips(prim: Sdf.PrimSpec, shape: Shape, plan: LayerPlan, manifest: str) -> None:
     """Makes the primvar of a mesh take its values from the files of the frames; between them they are interpolated."""
     assert plan.corner_path is not None
-    frames = sorted(plan.frames)
+    frames = sorted(plan.frames) if plan.freeze is None else [plan.freeze]
     # No default value: it would be stronger than the clips.
     attribute = Sdf.AttributeSpec(prim, ATTRIBUTE, Sdf.ValueTypeNames.TexCoord2fArray)
     attribute.SetInfo("interpolation", UsdGeom.Tokens.faceVarying)

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 from pxr import Sdf, Usd, UsdShade
 
+from vrtm.bake.frames import Frame
 from vrtm.bake.layer.plan import PRIMVAR, LayerPlan
 from vrtm.bake.scene.types import Shape
 
@@ -36,10 +37,13 @@ class Redirector:
         self._warnings = warnings
         self._inserted: dict[tuple[str, str], UsdShade.Output] = {}
         self._reached: set[str] = set()
+        self._copied: set[str] = set()
+        """Textures that are replaced by warped copies."""
 
     def redirect(self) -> int:
         """Rewires all lookups by the shape's UVs. Returns how many textures are redirected now."""
-        count = 0
+        done: set[str] = set()
+        normals: list[UsdShade.Input] = []
         # A list: prims are added on the way.
         for prim in list(Usd.PrimRange(self._material.GetPrim())):
             shader = UsdShade.Shader(prim)
@@ -47,17 +51,23 @@ class Redirector:
             if not name:
                 continue
             if name == "UsdUVTexture":
-                count += self._preview(shader)
+                # Warped copies of normal maps are turned by whoever warps them.
+                if self._preview(shader) and str(prim.GetPath()) not in self._copied:
+                    done.add(str(prim.GetPath()))
             elif name.startswith(MTLX_IMAGES):
-                count += self._materialx(shader)
-            elif name.startswith("ND_normalmap") or (name == "UsdPreviewSurface" and _is_plugged(shader, "normal")):
-                # Warped normal maps are turned by whoever warps them.
-                if not (name == "UsdPreviewSurface" and self._plan.warped_path and self._plan.mode != "primvar"):
-                    self._warnings.append(
-                        f"{self._shape.path}: {prim.GetPath()} takes a normal map, which the layer looks up "
-                        "redirected, but does not turn"
-                    )
-        return count
+                if self._materialx(shader):
+                    done.add(str(prim.GetPath()))
+            elif name == "UsdPreviewSurface":
+                normals.append(shader.GetInput("normal"))
+            elif name.startswith("ND_normalmap"):
+                normals.append(shader.GetInput("in"))
+        for plug in normals:
+            if plug and done & {str(node.GetPath()) for node in self._upstream(plug)}:
+                self._warnings.append(
+                    f"{self._shape.path}: {plug.GetPrim().GetPath()} takes a normal map, which the layer looks up "
+                    "redirected, but does not turn"
+                )
+        return len(done | self._copied)
 
     # UsdPreviewSurface
 
@@ -65,7 +75,8 @@ class Redirector:
         if self._plan.mode != "primvar" and self._plan.warped_path and self._warped(texture):
             return True
         if self._plan.corner_path is None:
-            self._warn(texture, "has neither a warped copy nor redirected corner UVs: it stays as it is")
+            if self._is_looked_up(texture):
+                self._warn(texture, "has neither a warped copy nor redirected corner UVs: it stays as it is")
             return False
         found = False
         for reader in self._readers(texture.GetInput("st")):
@@ -78,8 +89,20 @@ class Redirector:
             value.Set(PRIMVAR)
             found = True
         if not found:
-            self._warn(texture, f"is not looked up by the UVs '{self._shape.uv_name}': it stays as it is")
+            self._is_looked_up(texture)
         return found
+
+    def _is_looked_up(self, texture: UsdShade.Shader) -> bool:
+        """Whether a texture is looked up by the shape's UVs, which is warned of if it is not."""
+        readers = self._readers(texture.GetInput("st"))
+        values = [_producer(reader.GetInput("varname")) for reader in readers]
+        # Without a reader, renderers take the UVs by default.
+        names = {str(value.Get()) for value in values if value} if readers else {"st"}
+        if names & {self._shape.uv_name, PRIMVAR}:
+            return True
+        by = " and ".join(repr(name) for name in sorted(names)) or "nothing"
+        self._warn(texture, f"is looked up by {by}, not by the UVs '{self._shape.uv_name}': it stays as it is")
+        return False
 
     def _warped(self, texture: UsdShade.Shader) -> bool:
         file = _producer(texture.GetInput("file"))
@@ -87,18 +110,16 @@ class Redirector:
         if not asset:
             return False
         source = _resolved(file, asset)
-        paths = [
-            (frame, self._plan.warped_path(self._shape.name, frame, source)) for frame in sorted(self._plan.frames)
-        ]
-        if any(path is None for _, path in paths):
+        paths = self._plan.values(lambda frame: self._plan.warped_path(self._shape.name, frame, source))
+        if any(path is None for path, _ in paths) or not self._is_looked_up(texture):
             return False
         if not self._inside(file.GetPrim()):
             self._warn(texture, f"is named by {file.GetPath()}, outside of the material: it stays as it is")
             return False
         if any(r.GetIdAttr().Get() == "UsdTransform2d" for r in self._upstream(texture.GetInput("st"))):
             self._warn(texture, "is looked up by transformed UVs, which a warped copy is not made for")
-        for frame, path in paths:
-            file.Set(Sdf.AssetPath(path), frame)
+        _set_files(file, paths)
+        self._copied.add(str(texture.GetPath()))
         return True
 
     def _readers(self, coordinate: UsdShade.Input) -> list[UsdShade.Shader]:
@@ -193,8 +214,7 @@ class Redirector:
     def _insert_map(self, stage: Usd.Stage, path: Sdf.Path, uvs: UsdShade.Output | None) -> UsdShade.Output:
         image = _node(stage, path, "ND_image_vector2")
         file = image.CreateInput("file", Sdf.ValueTypeNames.Asset)
-        for frame in sorted(self._plan.frames):
-            file.Set(Sdf.AssetPath(self._plan.map_of(self._shape.name, frame)), frame)
+        _set_files(file.GetAttr(), self._plan.values(lambda frame: self._plan.map_of(self._shape.name, frame)))
         # UVs are data, which must not be converted as colours.
         file.GetAttr().SetColorSpace("raw")
         for name, value in (("uaddressmode", "clamp"), ("vaddressmode", "clamp"), ("filtertype", "linear")):
@@ -217,7 +237,9 @@ class Redirector:
         return prim.GetPath().HasPrefix(self._material.GetPath())
 
     def _warn(self, shader: UsdShade.Shader, what: str) -> None:
-        self._warnings.append(f"{self._shape.path}: the texture {shader.GetPath()} {what}")
+        warning = f"{self._shape.path}: the texture {shader.GetPath()} {what}"
+        if warning not in self._warnings:
+            self._warnings.append(warning)
 
 
 def _node(stage: Usd.Stage, path: Sdf.Path, name: str) -> UsdShade.Shader:
@@ -226,9 +248,10 @@ def _node(stage: Usd.Stage, path: Sdf.Path, name: str) -> UsdShade.Shader:
     return shader
 
 
-def _is_plugged(shader: UsdShade.Shader, name: str) -> bool:
-    plug = shader.GetInput(name)
-    return bool(plug) and plug.HasConnectedSource()
+def _set_files(attribute: Usd.Attribute, paths: list[tuple[str, Frame | None]]) -> None:
+    """Names files over time, or one at all times."""
+    for path, frame in paths:
+        attribute.Set(Sdf.AssetPath(path), Usd.TimeCode.Default() if frame is None else frame)
 
 
 def _producer(plug: UsdShade.Input | None) -> Usd.Attribute | None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from vrtm.bake.frames import Frame
+
 PRIMVAR = "st_redirected"
 """Name of the primvar with redirected corner UVs."""
 
@@ -20,7 +22,7 @@ class LayerError(Exception):
 class LayerPlan:
     """What was baked, and how the shot's materials are to use it. All paths are relative to the layer, or absolute."""
 
-    frames: tuple[int, ...]
+    frames: tuple[Frame, ...]
     """Frames that were baked, as time codes."""
     shapes: tuple[str, ...]
     """Names of the shapes that were baked."""
@@ -29,15 +31,17 @@ class LayerPlan:
     `primvar`: all networks take the primvar. `both`: as `texture`, and the primvar is there in any case."""
     tiles: dict[str, tuple[int, ...]] = field(default_factory=dict)
     """UDIM numbers of the tiles of each shape."""
-    map_path: Callable[[str, int, int | str], str] | None = None
+    map_path: Callable[[str, Frame, int | str], str] | None = None
     """The redirection map of (shape, frame, UDIM number or "<UDIM>"). None: there are no maps."""
     form: str = "udim"
     """What the maps hold: `udim`, `tile` or `delta`."""
-    warped_path: Callable[[str, int, str], str | None] | None = None
+    warped_path: Callable[[str, Frame, str], str | None] | None = None
     """The warped copy of (shape, frame, texture as the material names it, resolved where it is one file); in the path
     `<UDIM>` stands for the number if the texture's name has it. None: this texture was not warped."""
-    corner_path: Callable[[str, int], str] | None = None
+    corner_path: Callable[[str, Frame], str] | None = None
     """The file that `write_corner_uvs` wrote for (shape, frame). None: there are no corner UVs."""
+    freeze: Frame | None = None
+    """The frame whose files are named at all times; None: each frame has its own."""
     sublayer: str | None = None
     """The shot, to be sublayered below; None: the layer holds overs only, to be sublayered over the shot."""
 
@@ -49,6 +53,8 @@ class LayerPlan:
             raise LayerError(f"form '{self.form}' is none of udim, tile, delta")
         if not self.frames:
             raise LayerError("no frames were baked")
+        if self.freeze is not None and self.freeze not in self.frames:
+            raise LayerError(f"frame {self.freeze}, which it is to hold at all times, was not baked")
         if self.mode in ("primvar", "both") and self.corner_path is None:
             raise LayerError(f"mode '{self.mode}' needs the corner UVs of each frame (corner_path)")
         if self.mode != "primvar" and self.form == "tile":
@@ -58,7 +64,13 @@ class LayerPlan:
                         f"maps of form 'tile' cannot serve {name}, whose tiles are {self.tiles[name]}: use 'udim'"
                     )
 
-    def map_of(self, shape: str, frame: int) -> str:
+    def values(self, path_of: Callable[[Frame], str]) -> list[tuple[str, Frame | None]]:
+        """(path, time code) of a file that there is of each frame; None stands for all times."""
+        if self.freeze is not None:
+            return [(path_of(self.freeze), None)]
+        return [(path_of(frame), frame) for frame in sorted(self.frames)]
+
+    def map_of(self, shape: str, frame: Frame) -> str:
         """The map of a frame as a renderer takes it: with <UDIM>, unless there is the tile 1001 alone."""
         assert self.map_path is not None
         only = tuple(self.tiles.get(shape, (1001,))) == (1001,)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from pxr import Sdf, Usd, UsdShade
@@ -34,6 +35,8 @@ class Written:
     warnings: list[str]
     changes: bool
     """Whether it changes the shot: whether a texture lookup is redirected, or there is the primvar."""
+    files: frozenset[str]
+    """The files that it names over time, as it names them."""
 
 
 def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan, overwrite: bool = False) -> Written:
@@ -60,10 +63,14 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan,
     with Usd.EditContext(stage, layer):
         made: dict[tuple[str, str], UsdShade.Material | None] = {}
         changes = plan.corner_path is not None
+        without: dict[str, list[tuple[str, str]]] = {}
         for name in plan.shapes:
             shape = scene.shape(name)
             for path in shape.instances:
-                changes = _author(stage, path, shape, plan, made, warnings) or changes
+                changes = _author(stage, path, shape, plan, made, warnings, without) or changes
+        for why, (first, *others) in without.items():
+            more = f" and {len(others)} meshes more" if others else ""
+            warnings.append(f"{first[0]}{more}: {why.format(first[1])}")
     del stage
     if plan.corner_path is not None:
         # Without a stage, which would look for the clips beside a layer that has no place yet.
@@ -77,7 +84,55 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan,
         layer.subLayerPaths = [plan.sublayer]
     mark(layer, "layer")
     export(layer, out_path, Sdf.Layer.ExportToString)
-    return Written(warnings, changes)
+    return Written(warnings, changes, frozenset(_named(layer)))
+
+
+def _named(layer: Sdf.Layer) -> set[str]:
+    """The files that attributes and clips of a layer name."""
+    found: set[str] = set()
+
+    def visit(path: Sdf.Path) -> None:
+        spec = layer.GetObjectAtPath(path)
+        if isinstance(spec, Sdf.AttributeSpec) and spec.typeName == Sdf.ValueTypeNames.Asset:
+            times = layer.ListTimeSamplesForPath(path)
+            assets = [spec.default, *(layer.QueryTimeSample(path, time) for time in times)]
+            found.update(asset.path for asset in assets if asset)
+        elif isinstance(spec, Sdf.PrimSpec) and spec.HasInfo("clips"):
+            for clips in spec.GetInfo("clips").values():
+                found.update(asset.path for asset in clips["assetPaths"])
+
+    layer.Traverse("/", visit)
+    return found
+
+
+def write_root(root: str | os.PathLike[str], layer: str, shot: str) -> None:
+    """Writes a root layer, to be opened by itself: `layer` over the shot, with what the shot says of the whole stage.
+    Raises OSError."""
+    root = os.path.abspath(os.fspath(root))
+    made = Sdf.Layer.CreateAnonymous(".usda")
+    below = Sdf.Layer.FindOrOpen(shot)
+    _tell(below, made)
+    made.subLayerPaths = [relative(path, os.path.dirname(root)) for path in (layer, shot)]
+    mark(made, "root")
+    export(made, root, Sdf.Layer.ExportToString)
+
+
+def relative(path: str, folder: str) -> str:
+    """A path as a layer in a folder names it."""
+    path = os.path.abspath(path)
+    try:
+        found = os.path.relpath(path, folder).replace(os.sep, "/")
+    except ValueError:
+        # On another drive.
+        return path.replace(os.sep, "/")
+    return found if found.startswith("..") else f"./{found}"
+
+
+def _tell(shot: Sdf.Layer, target: Sdf.Layer) -> None:
+    """Says in a layer what a shot says of the whole stage."""
+    for name in STAGE_FIELDS:
+        if shot.pseudoRoot.HasInfo(name):
+            target.pseudoRoot.SetInfo(name, shot.pseudoRoot.GetInfo(name))
 
 
 def compose(layer: Sdf.Layer, shot: str, options: SceneOptions, muted: str | None = None) -> Usd.Stage:
@@ -85,9 +140,7 @@ def compose(layer: Sdf.Layer, shot: str, options: SceneOptions, muted: str | Non
     below = Sdf.Layer.FindOrOpen(shot)
     root = Sdf.Layer.CreateAnonymous(".usda")
     for target in (layer, root):
-        for name in STAGE_FIELDS:
-            if below.pseudoRoot.HasInfo(name):
-                target.pseudoRoot.SetInfo(name, below.pseudoRoot.GetInfo(name))
+        _tell(below, target)
     for prim_path, name, variant in options.variants:
         Sdf.CreatePrimInLayer(layer, prim_path).variantSelections[name] = variant
     root.subLayerPaths = [layer.identifier, below.identifier]
@@ -109,15 +162,20 @@ def _author(
     plan: LayerPlan,
     made: dict[tuple[str, str], UsdShade.Material | None],
     warnings: list[str],
+    without: dict[str, list[tuple[str, str]]],
 ) -> bool:
-    """Gives a mesh redirected materials; tells whether one of them is the one that counts."""
+    """Gives a mesh redirected materials; tells whether one of them is the one that counts. `without`: why meshes have
+    no material, with the meshes and what the reason names."""
     changes = False
     _split_instances(stage, Sdf.Path(path), warnings)
     mesh = stage.OverridePrim(path)
     prims = [mesh, *(subset.GetPrim() for subset in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets())]
     bound = [(prim, *binding) for prim in prims for binding in _bindings(prim)]
-    if not bound:
-        warnings.append(f"{path}: no material is bound to it")
+    gone = [str(target) for prim in prims for target in _missing(prim)]
+    if gone:
+        without.setdefault("material {} is not in the scene", []).append((path, gone[0]))
+    elif not bound:
+        without.setdefault("no material is bound to it", []).append((path, ""))
     for prim, purpose, original in bound:
         material = _material(stage, original, shape, plan, made, warnings)
         if material is None:
@@ -145,6 +203,19 @@ def _bindings(prim: Usd.Prim) -> list[tuple[str, UsdShade.Material]]:
         if material and (purpose == UsdShade.Tokens.allPurpose or relationship.GetName().endswith(f":{purpose}")):
             found.append((purpose, material))
     return found
+
+
+def _missing(prim: Usd.Prim) -> Iterator[Sdf.Path]:
+    """Materials that a prim is bound to, or one above it, and that do not exist."""
+    above = prim
+    while above:
+        for relationship in above.GetRelationships():
+            if (
+                relationship.GetName().split(":")[:2] == ["material", "binding"]
+                and "collection" not in relationship.GetName()
+            ):
+                yield from (target for target in relationship.GetTargets() if not prim.GetStage().GetPrimAtPath(target))
+        above = above.GetParent()
 
 
 def _material(

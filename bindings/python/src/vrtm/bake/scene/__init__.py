@@ -39,8 +39,13 @@ class Scene:
         return self._source.frames
 
     @property
+    def has_subframes(self) -> bool:
+        """Whether there are positions between two of the frames."""
+        return self._source.has_subframes
+
+    @property
     def warnings(self) -> list[str]:
-        """What was noticed while reading, each as a sentence that names file and prim."""
+        """What was noticed while reading, each as a sentence that begins with the prim, or the file."""
         return self._source.warnings
 
     @property

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from vrtm.bake.near import near
 from vrtm.bake.scene.obj import frame_number
 from vrtm.bake.scene.refine import Cage, Refined
 from vrtm.bake.scene.rest import rest_from_file
@@ -26,6 +27,7 @@ from vrtm.bake.scene.topology import (
     without_uvs,
 )
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
+from vrtm.bake.scene.world import placed, uneven_scale
 
 try:
     from alembic3d import Abc, AbcGeom
@@ -60,15 +62,19 @@ class AlembicFile:
         """All meshes but hidden ones, in the order of the file."""
         yield from self._below(self._archive.getTop())
 
-    def _below(self, parent: Any) -> Iterator[AlembicMesh]:
+    def _below(self, parent: Any, above: tuple[Any, ...] = ()) -> Iterator[AlembicMesh]:
         for number in range(parent.getNumChildren()):
             child = parent.getChild(number)
             if _hidden(child):
                 continue
             for kind in (AbcGeom.IPolyMesh, AbcGeom.ISubD):
                 if kind.matches(child.getHeader()):
-                    yield AlembicMesh(self.path, child.getFullName(), kind(parent, child.getName()).getSchema())
-            yield from self._below(child)
+                    schema = kind(parent, child.getName()).getSchema()
+                    yield AlembicMesh(self.path, child.getFullName(), schema, above)
+            transforms = above
+            if AbcGeom.IXform.matches(child.getHeader()):
+                transforms = (*above, AbcGeom.IXform(parent, child.getName()).getSchema())
+            yield from self._below(child, transforms)
 
     def meshes_at_first_frame(self) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
         """(path, positions, face counts, indices) of all meshes at their first sample."""
@@ -78,9 +84,10 @@ class AlembicFile:
 class AlembicMesh:
     """One mesh of an archive."""
 
-    def __init__(self, file: str, path: str, schema: Any) -> None:
+    def __init__(self, file: str, path: str, schema: Any, above: tuple[Any, ...]) -> None:
         self.path, self.where = path, f"{file} {path}"
         self.schema = schema
+        self._above = above
         self._positions = schema.getPositionsProperty()
         self.samples = self._positions.getNumSamples()
         self._sampling = self._positions.getTimeSampling()
@@ -124,6 +131,20 @@ class AlembicMesh:
             return first
         return first + np.float32(share) * (self.sample(after) - first)
 
+    @property
+    def is_moved(self) -> bool:
+        """Whether transforms above it change over time."""
+        return any(not transform.isConstant() for transform in self._above)
+
+    def linear(self, seconds: float) -> np.ndarray:
+        """(3, 3): the linear part of the transforms above it, by which rows of points are multiplied."""
+        total = np.eye(3)
+        for transform in self._above:
+            own = _linear(transform, seconds)
+            # A transform may leave out those above it.
+            total = own @ total if transform.getInheritsXforms(_at(seconds)) else own
+        return total
+
     def param(self, name: str, kinds: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, str] | None:
         """(values, elements, interpolation) of a geometry parameter at the first sample: value of entry k is
         values[elements[k]]. None if no parameter of that name has one of these types."""
@@ -149,6 +170,7 @@ class AlembicSource:
 
     def __init__(self, path: str, options: SceneOptions) -> None:
         self.warnings: list[str] = []
+        self.has_subframes = True
         if not options.fps > 0:
             raise SceneError(f"{path}: {options.fps} frames per second")
         self._path, self._options = path, options
@@ -162,6 +184,9 @@ class AlembicSource:
         names = unique_names([mesh.path for mesh, _ in chosen])
         self._meshes = {name: _Posed(mesh, uvs, options, self.frames[0]) for name, (mesh, uvs) in zip(names, chosen)}
         self.shapes = tuple(mesh.shape(name) for name, mesh in self._meshes.items())
+        for shape in self.shapes:
+            uneven = self._meshes[shape.name].uneven_scale(self.frames)
+            self.warnings += [f"{shape.path}: {uneven}"] if uneven else []
         for what, name in (("rigidity", options.rigidity_primvar), ("mask", options.mask_primvar)):
             values = [getattr(shape, f"vertex_{what}") for shape in self.shapes]
             if name is not None and all(value is None for value in values):
@@ -183,7 +208,7 @@ class AlembicSource:
                 chosen.append((mesh, uvs))
         for pattern in options.meshes:
             if pattern not in met:
-                raise SceneError(f"{self._path}: '{pattern}' is no mesh of the scene")
+                raise SceneError(f"{self._path}: '{pattern}' is no mesh of the scene{self._near(pattern)}")
         if not chosen:
             raise SceneError(f"{self._path}: no mesh to bake ({', '.join(bare[:5]) or 'the file'} has no UVs)")
         return chosen
@@ -191,6 +216,10 @@ class AlembicSource:
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) f32 of the shape at a frame."""
         return self._meshes[shape.name].positions(frame)
+
+    def _near(self, name: str) -> str:
+        paths = [mesh.path for mesh in self._file.meshes()]
+        return near(name, [*paths, *(path.rsplit("/", 1)[-1] for path in paths)])
 
     def close(self) -> None:
         """Lets go of the archive."""
@@ -221,7 +250,8 @@ class _Posed:
     def shape(self, name: str) -> Shape:
         counts, indices = self._faces
         rigidity, mask = (self._values(n) for n in (self._options.rigidity_primvar, self._options.mask_primvar))
-        rest, uvs, uv_indices, corners = self._rest(), self._uvs, self._uv_indices, None
+        rest, rest_from = self._rest()
+        uvs, uv_indices, corners = self._uvs, self._uv_indices, None
         if self._options.subdivide and hasattr(self._mesh.schema, "getCreaseIndicesProperty"):
             refined = Refined(self._cage(), uvs, self._with_holes, self._options.subdivide, self._holes)
             counts, indices, uvs, uv_indices = refined.counts, refined.indices, refined.uvs, refined.uv_indices
@@ -229,13 +259,37 @@ class _Posed:
             rigidity, mask = (None if values is None else refined.points(values) for values in (rigidity, mask))
             self._refined = refined
         path = self._mesh.path
+        still = self._mesh.samples <= 1 and not (self._options.world and self._mesh.is_moved)
         return Shape(
-            name, path, rest, counts, indices, uvs, uv_indices, self._uv_name, rigidity, mask, (path,), corners
+            name,
+            path,
+            rest,
+            counts,
+            indices,
+            uvs,
+            uv_indices,
+            self._uv_name,
+            rigidity,
+            mask,
+            (path,),
+            rest_from,
+            still,
+            corners,
         )
 
     def positions(self, frame: float) -> np.ndarray:
-        cage = self._posed(frame)
+        cage = self._placed(self._posed(frame), frame)
         return self._refined.points(cage) if self._refined else cage
+
+    def uneven_scale(self, frames: tuple[int, ...]) -> str | None:
+        """What to warn of where transforms that are not applied stretch the mesh over time."""
+        return uneven_scale(self._linear, frames) if self._mesh.is_moved and not self._options.world else None
+
+    def _linear(self, frame: float) -> np.ndarray:
+        return self._mesh.linear(frame / self._options.fps)
+
+    def _placed(self, points: np.ndarray, frame: float) -> np.ndarray:
+        return placed(points, self._linear(frame)) if self._options.world else points
 
     def _posed(self, frame: float) -> np.ndarray:
         points = self._mesh.at(frame / self._options.fps, self._faces)
@@ -245,21 +299,28 @@ class _Posed:
             )
         return points
 
-    def _rest(self) -> np.ndarray:
-        wanted = self._options.rest
+    def _rest(self) -> tuple[np.ndarray, str]:
+        """(points, 3) of the cage at rest, and where it is from."""
+        wanted, frame = self._options.rest, float(self._first)
+        if wanted is not None and wanted.startswith("frame:"):
+            frame = frame_number(wanted)
+        points, rest_from = self._found_rest(wanted)
+        return self._placed(points, frame), rest_from
+
+    def _found_rest(self, wanted: str | None) -> tuple[np.ndarray, str]:
         if wanted in (None, "pref"):
             found = self._mesh.param("Pref", ("P3f", "V3f", "P3d", "V3d"))
             if found is not None and len(found[1]) == self._points:
-                return found[0][found[1]]
+                return found[0][found[1]], "Pref"
             if wanted == "pref":
                 raise SceneError(f"{self._mesh.where}: no parameter Pref holds a rest position per vertex")
         if wanted == "bind":
             raise SceneError(f"{self._mesh.where}: Alembic has no skeletons, so that there is no bind pose")
         if wanted in (None, "first"):
-            return self._posed(self._first)
+            return self._posed(self._first), f"first frame {self._first}"
         if wanted.startswith("frame:"):
-            return self._posed(frame_number(wanted))
-        return rest_from_file(wanted, self._mesh.path, *self._faces, self._points)
+            return self._posed(frame_number(wanted)), wanted
+        return rest_from_file(wanted, self._mesh.path, *self._faces, self._points), wanted
 
     def _values(self, name: str | None) -> np.ndarray | None:
         found = name and self._mesh.param(name, ("Float", "Half", "Double", "C3f", "C4f", "V3f"))
@@ -302,6 +363,24 @@ class _Posed:
             corner_sharpnesses=self._subd("CornerSharpnesses", np.float64),
             uv_per_vertex=self._interpolation == "vertex",
         )
+
+
+def _at(seconds: float) -> Any:
+    return Abc.ISampleSelector(float(seconds), Abc.ISampleSelector.TimeIndexType.kNearIndex)
+
+
+def _linear(transform: Any, seconds: float) -> np.ndarray:
+    """The linear part of a transform, interpolated between its samples."""
+    sampling, count = transform.getTimeSampling(), transform.getNumSamples()
+    if count == 0:
+        return np.eye(3)
+    times = [sampling.getSampleTime(found(seconds, count)) for found in (sampling.getFloorIndex, sampling.getCeilIndex)]
+    parts = []
+    for time in times:
+        matrix = transform.getValue(_at(time)).getMatrix()
+        parts.append(np.array([[matrix[row][column] for column in range(3)] for row in range(3)]))
+    share = 0.0 if times[1] - times[0] < CLOSE else min(max((seconds - times[0]) / (times[1] - times[0]), 0), 1)
+    return parts[0] + share * (parts[1] - parts[0])
 
 
 def _hidden(item: Any) -> bool:

@@ -122,11 +122,14 @@ class ObjSource:
         from vrtm.bake.scene.rest import rest_from_file
 
         self.warnings: list[str] = []
+        self.has_subframes = False
         self._mesh = read_obj(path)
         if len(self._mesh.counts) == 0:
             raise SceneError(f"{path}: no faces")
         for name in options.meshes:
-            self.warnings.append(f"{path}: an OBJ file is taken as one mesh, whatever --mesh says ({name})")
+            self.warnings.append(f"{path}: an OBJ file is taken as one mesh, whatever --meshes says ({name})")
+        if options.world:
+            raise SceneError(f"{path}: an OBJ file has no transforms above its mesh, which --world asks for")
         if options.uv is not None:
             raise SceneError(
                 f"{path}: an OBJ file has one UV set without a name, so that '{options.uv}' cannot be chosen"
@@ -142,9 +145,11 @@ class ObjSource:
         self.files = (path, *self._poses.values())
         self._path = path
         name = unique_names([Path(path).stem])[0]
-        rest = self._mesh.positions
+        rest, rest_from = self._mesh.positions, path
+        if options.rest is not None:
+            rest_from = options.rest
         if options.rest == "first":
-            rest = self._read(self.frames[0])
+            rest, rest_from = self._read(self.frames[0]), f"first frame {self.frames[0]}"
         elif options.rest is not None and options.rest.startswith("frame:"):
             rest = self._read(frame_number(options.rest))
         elif options.rest in ("bind", "pref"):
@@ -164,6 +169,7 @@ class ObjSource:
                 vertex_rigidity=self._colours(options.rigidity_primvar),
                 vertex_mask=self._colours(options.mask_primvar),
                 instances=(path,),
+                rest_from=rest_from,
             ),
         )
 

@@ -40,6 +40,9 @@ class SceneOptions:
     """OBJ: files of the poses, or patterns of them with `####`, `%04d` or wildcards."""
     fps: float = 24.0
     """Alembic: frames per second; frame N is at N / fps seconds."""
+    world: bool = False
+    """Whether the transforms above a mesh are applied, less their translation: to the poses those of their frames, to
+    the rest those of the frame that it is taken from, or of the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +71,10 @@ class Shape:
     """(vertices,) f32; where it is dark nothing moves."""
     instances: tuple[str, ...] = ()
     """Paths of all prims that this shape stands for, `path` first: instances in the same pose are one shape."""
+    rest_from: str = ""
+    """Where the rest is from, in words: `Pref`, `first frame 1001`."""
+    still: bool = False
+    """Whether the scene has one pose of it alone."""
     cage_corners: np.ndarray | None = None
     """(corners of the control cage,) int32: the refined corner that lies at each; None where nothing was refined."""
 
@@ -92,6 +99,8 @@ class Source(Protocol):
     warnings: list[str]
     files: tuple[str, ...]
     """The files that are read, and the textures that materials name."""
+    has_subframes: bool
+    """Whether there are positions between two frames."""
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) of the shape at a frame, in the shape's own topology."""

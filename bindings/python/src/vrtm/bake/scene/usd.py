@@ -11,6 +11,7 @@ import numpy as np
 
 from vrtm.bake import overwrite
 from vrtm.bake.mark import is_marked
+from vrtm.bake.near import near
 from vrtm.bake.scene.topology import is_exact, matches, unique_names, whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
 
@@ -28,8 +29,10 @@ class UsdSource:
 
     def __init__(self, path: str, options: SceneOptions) -> None:
         self.warnings: list[str] = []
+        self.has_subframes = True
         self._path = path
         self.stage = open_stage(path, options)
+        self.warnings += [f"{path}: {what}" for what in unreadable(self.stage)]
         self.frames = stage_frames(self.stage, path, self.warnings)
         self._skeletons = Skeletons(self.stage)
         prims = self._chosen(options)
@@ -39,6 +42,9 @@ class UsdSource:
             shapes.append(mesh.shape(name, tuple(str(prim.GetPath()) for prim in prims_of_one)))
             self._meshes[name] = mesh
         self.shapes: tuple[Shape, ...] = tuple(shapes)
+        self.warnings += [
+            f"{shape.path}: {uneven}" for shape in shapes if (uneven := self._meshes[shape.name].uneven_scale())
+        ]
         self._check_primvars("rigidity", options.rigidity_primvar, [shape.vertex_rigidity for shape in shapes])
         self._check_primvars("mask", options.mask_primvar, [shape.vertex_mask for shape in shapes])
 
@@ -60,10 +66,12 @@ class UsdSource:
     def _chosen(self, options: SceneOptions) -> list[tuple[list[Any], UsdMesh]]:
         """Meshes to take; instances in the same pose stand together."""
         left_out: dict[str, str] = {}  # path -> why
+        paths: list[str] = []
         taken: dict[Any, tuple[list[Any], UsdMesh]] = {}
         met: set[str] = set()
         for prim in meshes_of(self.stage):
             path = str(prim.GetPath())
+            paths.append(path)
             patterns = [pattern for pattern in options.meshes if matches(pattern, path)]
             if options.meshes and not patterns:
                 continue
@@ -71,7 +79,7 @@ class UsdSource:
             reason = hidden(prim, self.frames)
             if reason is None:
                 mesh = UsdMesh(self._path, prim, self._skeletons, self.frames, options, self.warnings)
-                reason = None if mesh.uv is not None else "has no UVs" + (f" '{options.uv}'" if options.uv else "")
+                reason = None if mesh.uv is not None else f"has no UVs{mesh.other_uvs()}"
             if reason is not None:
                 left_out[path] = reason
                 if any(is_exact(pattern) and pattern in (path, path.rsplit("/", 1)[-1]) for pattern in patterns):
@@ -82,17 +90,19 @@ class UsdSource:
             if pattern not in met:
                 prim = self.stage.GetPrimAtPath(pattern) if Sdf.Path.IsValidPathString(pattern) else None
                 what = f"a {prim.GetTypeName() or 'prim without type'}, not a mesh" if prim else "no mesh of the scene"
-                raise SceneError(f"{self._path}: '{pattern}' is {what}")
+                others = "" if prim else near(pattern, [*paths, *(path.rsplit("/", 1)[-1] for path in paths)])
+                raise SceneError(f"{self._path}: '{pattern}' is {what}{others}")
         if not taken:
             why = "; ".join(f"{path} {reason}" for path, reason in list(left_out.items())[:5])
             raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
         if options.meshes:
-            self.warnings += [f"{self._path} {path} is left out: it {reason}" for path, reason in left_out.items()]
+            self.warnings += [f"{path} is left out: it {reason}" for path, reason in left_out.items()]
         return list(taken.values())
 
     def _check_primvars(self, what: str, name: str | None, values: list[np.ndarray | None]) -> None:
         if name is not None and all(value is None for value in values):
-            raise SceneError(f"{self._path}: no mesh has the primvar '{name}' for the {what}")
+            there = {primvar for mesh in self._meshes.values() for primvar in mesh.primvars()}
+            raise SceneError(f"{self._path}: no mesh has the primvar '{name}' for the {what}{near(name, there)}")
 
 
 def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
@@ -114,14 +124,28 @@ def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
                 raise SceneError(f"{path}: variant {name}={variant}: there is no prim {prim_path}")
             sets = prim.GetVariantSets()
             if not sets.HasVariantSet(name):
-                raise SceneError(f"{path} {prim_path}: no variant set '{name}' among {sets.GetNames()}")
+                other = near(name, sets.GetNames())
+                raise SceneError(f"{path} {prim_path}: no variant set '{name}' among {sets.GetNames()}{other}")
             chosen = sets.GetVariantSet(name)
             if variant not in chosen.GetVariantNames():
+                names = chosen.GetVariantNames()
                 raise SceneError(
-                    f"{path} {prim_path}: no variant '{variant}' of '{name}' among {chosen.GetVariantNames()}"
+                    f"{path} {prim_path}: no variant '{variant}' of '{name}' among {names}{near(variant, names)}"
                 )
             chosen.SetVariantSelection(variant)
     return stage
+
+
+def unreadable(stage: Usd.Stage) -> list[str]:
+    """What the stage's layers refer to and this build of USD cannot open, each as the end of a sentence."""
+    found = {}
+    for layer in stage.GetUsedLayers():
+        for asset in layer.GetCompositionAssetDependencies():
+            kind = Sdf.FileFormat.GetFileExtension(asset)
+            if kind and not Sdf.FileFormat.FindByExtension(kind):
+                reason = f"this build of USD ({'.'.join(map(str, Usd.GetVersion()[1:]))}) opens no .{kind} files"
+                found[asset] = f"what it takes from {asset} is missing: {reason}"
+    return [found[asset] for asset in sorted(found)]
 
 
 def stage_files(stage: Usd.Stage) -> tuple[str, ...]:

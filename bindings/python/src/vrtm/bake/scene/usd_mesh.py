@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from pxr import Usd, UsdGeom
 
+from vrtm.bake.near import near
 from vrtm.bake.scene.obj import frame_number
 from vrtm.bake.scene.refine import Cage, Refined
 from vrtm.bake.scene.rest import rest_from_file
 from vrtm.bake.scene.topology import check_faces, check_mesh, corner_elements, per_vertex, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
 from vrtm.bake.scene.usd_skel import Skeletons
+from vrtm.bake.scene.world import placed, uneven_scale
 
 UV_TYPES = ("texCoord2f[]", "texCoord2h[]", "texCoord2d[]")
 PLAIN_UV_TYPES = ("float2[]", "half2[]", "double2[]")
@@ -43,6 +46,16 @@ class UsdMesh:
         self._refined: Refined | None = None
         self.uv = find_uv(prim, options.uv, self.where)
 
+    def primvars(self) -> list[str]:
+        """The names of all primvars that the mesh has."""
+        api = UsdGeom.PrimvarsAPI(self._prim)
+        return [primvar.GetPrimvarName() for primvar in api.FindPrimvarsWithInheritance() if primvar.HasAuthoredValue()]
+
+    def other_uvs(self) -> str:
+        """Where the wanted UV set is missing: its name, and that of one that is near."""
+        wanted = self._options.uv
+        return f" '{wanted}'{near(wanted, self.primvars())}" if wanted else ""
+
     def identity(self) -> tuple[Any, ...]:
         """Equal for proxies of one mesh that are in the same pose in all frames and have the same UVs."""
         if not self._prim.IsInstanceProxy():
@@ -50,6 +63,10 @@ class UsdMesh:
         uv_prim = self.uv.GetAttr().GetPrim()
         uv_prim = uv_prim.GetPrimInPrototype() if uv_prim.IsInstanceProxy() else uv_prim
         moved_by = self._skin.identity() if self._skin else ""
+        if self._options.world:
+            # As long as they are scaled alike.
+            linear = self._linear(self._frames[0])
+            moved_by += str(self._prim.GetPath()) if self._is_moved else str(np.round(linear @ linear.T, 6).tolist())
         return (str(self._prim.GetPrimInPrototype().GetPath()), str(uv_prim.GetPath()), moved_by)
 
     def shape(self, name: str, instances: tuple[str, ...]) -> Shape:
@@ -89,12 +106,16 @@ class UsdMesh:
             vertex_rigidity=rigidity,
             vertex_mask=mask,
             instances=instances,
+            rest_from=self._rest_from,
+            still=not self._mesh.GetPointsAttr().ValueMightBeTimeVarying()
+            and not (self._skin and self._skin.moves)
+            and not (self._options.world and self._is_moved),
             cage_corners=corners,
         )
 
     def positions(self, frame: float) -> np.ndarray:
-        """(vertices, 3) f32 at a time code. Raises SceneError where the topology is another than at first."""
-        cage = self._posed(Usd.TimeCode(frame))
+        """(vertices, 3) at a time code. Raises SceneError where the topology is another than at first."""
+        cage = self._placed(self._posed(Usd.TimeCode(frame)), frame)
         return self._refined.points(cage) if self._refined else cage
 
     def _posed(self, time: Usd.TimeCode) -> np.ndarray:
@@ -111,6 +132,35 @@ class UsdMesh:
                 f"but the first frame has {self._points}"
             )
         return self._skin.posed(points, time) if self._skin else points
+
+    def uneven_scale(self) -> str | None:
+        """What to warn of where transforms that are not applied stretch the mesh over time."""
+        return uneven_scale(self._linear, self._frames) if self._is_moved and not self._options.world else None
+
+    @cached_property
+    def _space(self) -> Usd.Prim:
+        """The prim in whose space positions are."""
+        return (self._skin.space if self._skin else None) or self._prim
+
+    @cached_property
+    def _is_moved(self) -> bool:
+        """Whether the transforms to the world change over time."""
+        prim = self._space
+        while prim and not prim.IsPseudoRoot():
+            xform = UsdGeom.Xformable(prim)
+            if xform and xform.TransformMightBeTimeVarying():
+                return True
+            if xform and xform.GetResetXformStack():
+                return False
+            prim = prim.GetParent()
+        return False
+
+    def _linear(self, frame: float) -> np.ndarray:
+        matrix = UsdGeom.Imageable(self._space).ComputeLocalToWorldTransform(Usd.TimeCode(frame))
+        return np.array(matrix)[:3, :3]
+
+    def _placed(self, points: np.ndarray, frame: float) -> np.ndarray:
+        return placed(points, self._linear(frame)) if self._options.world else points
 
     def _topology(self) -> tuple[Usd.Attribute, Usd.Attribute]:
         return self._mesh.GetFaceVertexCountsAttr(), self._mesh.GetFaceVertexIndicesAttr()
@@ -135,7 +185,7 @@ class UsdMesh:
         name = self.uv.GetName()
         if self.uv.ValueMightBeTimeVarying():
             self._warnings.append(
-                f"{self.where}: {name} changes over time; it is read at time code {time.GetValue():g}"
+                f"{self._prim.GetPath()}: {name} changes over time; it is read at time code {time.GetValue():g}"
             )
         values = np.array(self.uv.Get(time) or (), np.float64 if "2d" in str(self.uv.GetTypeName()) else np.float32)
         values = values.reshape(-1, 2)
@@ -171,24 +221,31 @@ class UsdMesh:
 
     def _rest(self, first: Usd.TimeCode) -> np.ndarray:
         """(points, 3) of the cage at rest, in the space of the poses."""
-        wanted = self._options.rest
+        wanted, frame = self._options.rest, first.GetValue()
+        if wanted is not None and wanted.startswith("frame:"):
+            frame = frame_number(wanted)
+        points, self._rest_from = self._found_rest(wanted, first)
+        return self._placed(points, frame)
+
+    def _found_rest(self, wanted: str | None, first: Usd.TimeCode) -> tuple[np.ndarray, str]:
+        """(points, 3) without the transforms above the mesh, and where they are from."""
         if wanted in (None, "pref"):
-            pref = self._pref(first)
+            pref, name = self._pref(first)
             if pref is not None:
-                return self._skin.bound(pref) if self._skin else pref
+                return self._skin.bound(pref) if self._skin else pref, name
             if wanted == "pref":
                 raise SceneError(f"{self.where}: none of {', '.join(REST_NAMES)} holds a rest position per vertex")
         if wanted == "bind" and not self._skin:
             raise SceneError(f"{self.where}: not bound to a skeleton, so that it has no bind pose")
         if wanted == "bind" or (wanted is None and self._skin):
-            return self._skin.bound(self._read(self._mesh.GetPointsAttr(), first, "points"))
+            return self._skin.bound(self._read(self._mesh.GetPointsAttr(), first, "points")), "bind pose"
         if wanted in (None, "first"):
-            return self._posed(first)
+            return self._posed(first), f"first frame {first.GetValue():g}"
         if wanted.startswith("frame:"):
-            return self._posed(Usd.TimeCode(frame_number(wanted)))
-        return rest_from_file(wanted, str(self._prim.GetPath()), self._counts, self._indices, self._points)
+            return self._posed(Usd.TimeCode(frame_number(wanted))), wanted
+        return rest_from_file(wanted, str(self._prim.GetPath()), self._counts, self._indices, self._points), wanted
 
-    def _pref(self, time: Usd.TimeCode) -> np.ndarray | None:
+    def _pref(self, time: Usd.TimeCode) -> tuple[np.ndarray | None, str]:
         for name in REST_NAMES:
             attribute = self._prim.GetAttribute(name)
             if not attribute or not attribute.HasAuthoredValue():
@@ -198,8 +255,8 @@ class UsdMesh:
             values = np.array(value if value is not None else ())
             if values.shape != (self._points, 3):
                 raise SceneError(f"{self.where}: {name} has the shape {values.shape}, not ({self._points}, 3)")
-            return values
-        return None
+            return values, name.removeprefix("primvars:")
+        return None, ""
 
     def _cage(self, time: Usd.TimeCode) -> Cage:
         def read(attribute: Usd.Attribute, kind: type) -> np.ndarray:

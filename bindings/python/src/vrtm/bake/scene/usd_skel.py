@@ -48,6 +48,16 @@ class Skin:
             self._offsets = self._shapes.ComputeSubShapePointOffsets()
         self._jointed = bool(target.HasJointInfluences())
 
+    @property
+    def moves(self) -> bool:
+        """Whether there is an animation."""
+        return bool(self._animation)
+
+    @property
+    def space(self) -> Usd.Prim | None:
+        """The prim in whose space positions are; None: the mesh itself."""
+        return self._skeleton.GetPrim() if self._jointed else None
+
     def identity(self) -> str:
         """The same for instances that the same animation moves."""
         animation = self._animation.GetPrim() if self._animation else None

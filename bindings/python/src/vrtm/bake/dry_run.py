@@ -1,0 +1,57 @@
+"""What a bake would do, in lines of text."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+from vrtm.bake import cores, frames, layer_file
+from vrtm.bake.mesh_work import MeshWork
+from vrtm.bake.work import Work
+
+
+def lines(work: Work) -> Iterator[str]:
+    """Meshes, tiles, maps, files and memory. Nothing is prepared, solved or written."""
+    settings = work.settings
+    yield f"frames: {frames.text(work.frames)} of {frames.text(work.scene.frames)}"
+    for mesh in work.meshes.values():
+        shape = mesh.shape
+        name = f" as {shape.name}" if len(work.meshes) > 1 else ""
+        yield f"{shape.path}{name}: UV set {shape.uv_name}, {len(shape.rest)} vertices, rest: {shape.rest_from}"
+        for tile in mesh.tiles:
+            needs = tile.tile.estimate()
+            grid, size = (f"{a} x {b}" for a, b in (tile.cells, tile.size))
+            size = size if tile.size[0] else "auto"
+            maps = ", ".join(_maps(mesh, tile.udim))
+            share = needs.movable_nodes / ((tile.cells[0] + 1) * (tile.cells[1] + 1))
+            needed = _mb(needs.solving_bytes)
+            yield f"  tile {tile.udim}: grid {grid}, maps {size}, {maps}; {share:.1%} may move; {needed}"
+    names = [name for mesh in work.meshes.values() for frame in work.frames for name in mesh.names(frame, work.pattern)]
+    there = sum(map(os.path.exists, names))
+    if not settings.only_layer:
+        yield f"files: {len(names)} below {settings.out}, {there} of which are there: {names[0]} to {names[-1]}"
+    for path in layer_file.names(settings) if settings.layer else ():
+        yield f"layer: {path}"
+    for what in ("root", "report", "log"):
+        path = getattr(settings, what)
+        yield from [f"{what}: {path}"] if path else []
+    jobs, threads = cores.split(settings, work, len(work.frames) * len(work.meshes))
+    yield f"memory: {_mb(work.bytes)} per job, besides the scene; at most {jobs} jobs of {threads} threads"
+
+
+def _maps(mesh: MeshWork, udim: int) -> Iterator[str]:
+    for option in ("rigidity", "mask"):
+        path = mesh.maps[option].get(udim)
+        if path is not None:
+            yield f"{option} {path}"
+        elif getattr(mesh.shape, f"vertex_{option}") is not None:
+            yield f"{option} per vertex"
+        elif option == "rigidity":
+            yield "no rigidity"
+    for copy, paths in mesh.textures:
+        if udim in paths:
+            yield f"{copy.kind} {paths[udim]}"
+
+
+def _mb(count: int) -> str:
+    return f"{count / 1e6:.0f} MB"
