@@ -115,7 +115,8 @@ fn parse_frames(text: &str) -> Result<Frames, String> {
     };
     let number = |t: &str| whole(t, "frame number (they start at 1)");
     let range = |part: &str| {
-        let (range, step) = part.split_once(['x', ':']).map_or((part, None), |(range, step)| (range, Some(step)));
+        let (range, step) =
+            part.split_once(['x', ':']).map_or((part, None), |(range, step)| (range, Some(step)));
         let (first, last) = range.split_once('-').unwrap_or((range, range));
         let (first, last) = (number(first)?, number(last)?);
         let step = step.map_or(Ok(1), |step| whole(step, "step, a whole number above 0"))?;

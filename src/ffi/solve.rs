@@ -175,7 +175,8 @@ impl<'a> Wishes<'a> {
             dirty_vertices = Some(unsafe { desc::slice(first, count, "options.dirty_vertices") }?);
         }
         if from.release_last > 3 {
-            let message = format!("options.release_last is {}, which is no sum of 1 and 2", from.release_last);
+            let message =
+                format!("options.release_last is {}, which is no sum of 1 and 2", from.release_last);
             return Err(Failure::argument(message));
         }
         let control = from.progress.map_or_else(Control::new, |call| {
