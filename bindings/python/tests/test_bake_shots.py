@@ -13,9 +13,11 @@ import vrtm
 from bake_scenes import attributes, files, pixels, run, sheet, sheet_arguments, solved_alone
 from scenes import bind, materialx_material, preview_material
 from test_bake_command import written
+from vrtm.bake import work
 from vrtm.bake.layer import check_layer
 from vrtm.bake.scene import Scene, SceneOptions
 from vrtm.bake.scene.images import read_map
+from vrtm.bake.settings import Settings
 
 MESH = "/model/sheet"
 
@@ -305,6 +307,23 @@ def test_small_bakes_stay_in_one_process(scene: Path, tmp_path: Path) -> None:
         "1 frames, 1 at a time, on all threads each",
         "4 frames, 1 at a time, on all threads each",
     ]
+
+
+def test_many_tiles_need_the_memory_of_one_solver(scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    held = []
+    for most in (work._MOST_BYTES, 0):
+        monkeypatch.setattr(work, "_MOST_BYTES", most)
+        out = str(tmp_path / f"{most}")
+        settings = Settings(str(scene), rigidity=str(scene.parent / "rigid.<UDIM>.png"), out=out, device="cpu")
+        with work.Work(settings, 1) as opened:
+            expected = opened.bytes
+            for frame in (1, 2):
+                opened.bake("sheet", frame, lambda: None)
+            held.append(opened.device.info.bytes_held)
+            assert held[-1] < expected
+    assert held[1] < 0.6 * held[0]
+    first, second = (files(tmp_path / name) for name in sorted(path.name for path in tmp_path.iterdir()))
+    assert len(first) == 4 and first == second
 
 
 # Layers

@@ -187,7 +187,7 @@ def _content(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--half",
         action="store_true",
-        help="numbers of 16 bits, for --form delta: the smallest maps, at a third of the bytes of f32",
+        help="numbers of 16 bits, for --form delta: the smallest maps, two fifths of the bytes",
     )
     group.add_argument("--alpha", action="store_true", help="RGBA, with 1 in A where a chart covers the texel")
     group.add_argument("--exact", action="store_true", help="do not move values next to folds")
