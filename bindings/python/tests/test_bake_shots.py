@@ -222,7 +222,7 @@ def test_what_does_not_deform_is_left_out(tmp_path: Path) -> None:
     stage.Save()
     ended = run(*sheet_arguments(scene, tmp_path / "out"))
     (warning,) = [line for line in ended.stderr.splitlines() if "left out" in line]
-    assert warning.startswith("vrtm: warning: /model/rock and 1 meshes more: left out, since nothing deforms there")
+    assert warning.startswith("vrtm: warning: /model/rock and another mesh: left out, since nothing deforms there")
     assert {name.split(".")[0] for name in files(tmp_path / "out")} == {"sheet", "bent"}
     # They share their maps, which may be meant.
     (hint,) = [line for line in ended.stdout.splitlines() if "share" in line]
@@ -234,7 +234,54 @@ def test_what_does_not_deform_is_left_out(tmp_path: Path) -> None:
     stage.RemovePrim("/model/bent")
     stage.Save()
     ended = run(*sheet_arguments(scene, tmp_path / "none"), expect=2)
-    assert "nothing deforms: /model/rock and others can be baked if --meshes names it" in ended.stderr
+    assert "nothing deforms: /model/rock and another mesh can be baked if --meshes names it" in ended.stderr
+
+
+def test_what_seems_meant_otherwise_is_said(scene: Path, tmp_path: Path) -> None:
+    arguments = sheet_arguments(scene, tmp_path / "out", "--frames", "1-2")
+    for more, words in (
+        (("--rest", "frame:99"), "--rest frame:99: "),
+        (("--half",), "--half: numbers of 16 bits are off"),
+        (("--texture", scene.parent / "only.<UDIM>.png"), "only.<UDIM>.png has no file of the tiles 1002"),
+    ):
+        if "only" in words:
+            (scene.parent / "only.1001.png").write_bytes((scene.parent / "colour.1001.png").read_bytes())
+        (warning,) = run(*arguments, *more, "--dry-run").stderr.splitlines()
+        assert warning.startswith("vrtm: warning: ") and words in warning
+    assert "no such file, and none of bind, pref" in run(*arguments, "--rest", "nope.usd", expect=2).stderr
+    assert "exclude each other" in run(*arguments, "--quiet", "--dry-run", expect=2).stderr
+    # A pose that has collapsed is in no other unit.
+    flat = sheet(tmp_path / "flat", frames=1, cells=4)
+    stage = edit(flat)
+    points = stage.GetPrimAtPath(MESH).GetAttribute("points")
+    points.Set([Gf.Vec3f(0, 0, 0)] * len(points.Get(1)), 1)
+    stage.Save()
+    run(*sheet_arguments(flat, tmp_path / "collapsed"))
+
+
+def test_maps_of_another_mesh_or_form_are_not_lost_without_a_word(tmp_path: Path) -> None:
+    scene = with_material(tmp_path / "shot")
+    stage = edit(scene)
+    Sdf.CopySpec(stage.GetRootLayer(), MESH, stage.GetRootLayer(), "/model/other")
+    stage.Save()
+    layer = tmp_path / "over.usda"
+    arguments = sheet_arguments(scene, tmp_path / "out", "--meshes")
+    run(*arguments, "sheet", "--layer", layer)
+    before = files(tmp_path / "out")
+    ended = run(*arguments, "other", expect=2)
+    assert "redirect.0001.1001.exr holds the maps of the mesh sheet: --overwrite" in ended.stderr
+    ended = run(*sheet_arguments(scene, tmp_path / "new", "--meshes", "other", "--layer", layer), expect=2)
+    assert "it redirects /model/sheet, too, which is lost: --overwrite replaces it" in ended.stderr
+    assert files(tmp_path / "out") == before
+    # A layer of several meshes takes the place of one of them.
+    run(*sheet_arguments(scene, tmp_path / "both", "--layer", layer))
+    # The form that a layer needs, and another.
+    ended = run(*arguments, "sheet")
+    assert "6 maps of another form, such as " in ended.stderr and "replaced by ones of form tile" in ended.stderr
+    ended = run(*arguments, "sheet", "--layer", tmp_path / "again.usda", "--only-layer", expect=3)
+    assert "6 of the maps are not of form udim, such as " in ended.stderr
+    ended = run(*arguments, "sheet", "--layer", tmp_path / "again.usda", "--frames", "1,3")
+    assert "frames 2 of the scene are not in it, and show the ones before them" in ended.stderr
 
 
 def test_a_dry_run_tells_and_writes_nothing(scene: Path, tmp_path: Path) -> None:
@@ -435,5 +482,5 @@ def test_what_a_build_of_usd_cannot_open_is_said_once(tmp_path: Path) -> None:
     (missing,) = [line for line in told if "looks.mtlx" in line]
     assert "what it takes from ./looks.mtlx is missing: this build of USD (" in missing and "opens no .mtlx" in missing
     (material,) = [line for line in told if "is not in the scene" in line]
-    assert material.startswith("vrtm: warning: /model/sheet and 2 meshes more: material /model/sheet_look is not")
+    assert material.startswith("vrtm: warning: /model/sheet and 2 other meshes: material /model/sheet_look is not")
     assert "no material is bound" not in ended.stderr

@@ -279,7 +279,7 @@ def test_rest(tmp_path: Path) -> None:
         str(
             tmp_path / "wrong.obj"
         ): r"wrong\.obj: face 2 has the vertices 1 2 4 5, but that of the rest mesh has 1 2 5 4",
-        str(tmp_path / "none.obj"): r"none\.obj: No such file",
+        str(tmp_path / "none.obj"): r"none\.obj: no such file",
         str(tmp_path / "none.usd"): r"none\.usd",
     }.items():
         with pytest.raises(SceneError, match=message):

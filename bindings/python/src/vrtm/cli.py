@@ -6,6 +6,7 @@ import argparse
 import os
 import shlex
 import sys
+import tempfile
 from collections.abc import Sequence
 
 import vrtm
@@ -18,6 +19,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     if arguments is None:
         _ensure_utf8()
+    if sys.platform == "linux":
+        # Mesa's Vulkan drivers complain on stderr if it is not set, although vrtm opens no window.
+        os.environ.setdefault("XDG_RUNTIME_DIR", tempfile.gettempdir())
     console.keep_streams_open()
     try:
         return _run(sys.argv[1:] if arguments is None else list(arguments))

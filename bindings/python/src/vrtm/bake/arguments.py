@@ -9,9 +9,9 @@ from collections.abc import Callable
 from typing import Any, NoReturn
 
 from vrtm.bake import frames
-from vrtm.bake.near import near
 from vrtm.bake.scene import SceneOptions
 from vrtm.bake.settings import AUTO, Settings
+from vrtm.bake.words import near
 
 DESCRIPTION = """\
 Bakes redirection maps: where to sample the texture, per frame and tile, so that painted features keep their shape
@@ -126,7 +126,9 @@ def _scene(group: argparse._ArgumentGroup) -> None:
         "its frame, or of the first)",
     )
     group.add_argument(
-        "--allow-units", action="store_true", help="take poses whose edges are 10 times as long as at rest, or a tenth"
+        "--allow-units",
+        action="store_true",
+        help="go on with poses whose edges are 10 times as long as at rest, or a tenth: nothing is converted",
     )
 
 
@@ -364,8 +366,9 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
         parser.error(f"--freeze {a.freeze}: it is none of --frames {frames.text(a.frames)}")
     if a.temporal_weight and not a.warm:
         parser.error("--temporal-weight needs --warm: there is nothing else to hold a frame to")
-    if a.quiet and a.verbose:
-        parser.error("--quiet and --verbose exclude each other")
+    for option in ("verbose", "dry_run"):
+        if a.quiet and given[option]:
+            parser.error(f"--quiet and --{option.replace('_', '-')} exclude each other")
     if a.layer and a.layer_mode != "texture" and a.tiles:
         parser.error(f"--layer-mode {a.layer_mode} takes all tiles of a mesh, so that --tiles cannot go with it")
     options = SceneOptions(

@@ -110,6 +110,18 @@ def up_to_date(target: Target, replace: bool = False) -> dict | None:
         return None
 
 
+def told(path: str) -> dict:
+    """What an image of vrtm tells of itself, but for a TIFF; its pixels are not read. Empty if there is none."""
+    file = oiio.ImageInput.open(path) if os.path.isfile(path) else None
+    if file is None:
+        oiio.geterror()
+        return {}
+    try:
+        return {} if file.format_name() == "tiff" else _facts(file.spec(), file.format_name())
+    finally:
+        file.close()
+
+
 def _remove_damaged(path: str) -> None:
     if os.path.isfile(path) and overwrite.is_ours(path) and _read(path) is None:
         with contextlib.suppress(OSError):

@@ -5,11 +5,13 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
-from vrtm.bake import warped
+from vrtm.bake import frames, image_file, warped
 from vrtm.bake.corners import corner_name
 from vrtm.bake.failure import INPUT, TOLERANCE, Failure, one_line
 from vrtm.bake.frames import Frame
+from vrtm.bake.mark import meshes_of
 from vrtm.bake.settings import Settings
+from vrtm.bake.words import others
 
 if TYPE_CHECKING:
     from vrtm.bake.layer import LayerPlan
@@ -44,15 +46,26 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
         raise _failure(work, error) from error
     except OSError as error:
         raise _failure(work, error.strerror or error) from error
+    warnings = written.warnings
+    without = sorted(set(work.scene.frames) - set(work.frames))
+    if without and settings.freeze is None:
+        shown = f"frames {frames.text(without)} of the scene are not in it, and show the ones before them"
+        warnings = [*warnings, f"--layer {settings.layer}: {shown}"]
     if written.changes:
-        lacking = [path for name in sorted(written.files) for path in named.get(name, ()) if not os.path.isfile(path)]
-        return written.warnings, _lacking(settings, lacking) if lacking else None
+        paths = [path for name in sorted(written.files) for path in named.get(name, ())]
+        lacking = [path for path in paths if not os.path.isfile(path)]
+        forms = ((path, image_file.told(path).get("vrtm:form", settings.form)) for path in paths)
+        wrong = [path for path, form in forms if form != settings.form]
+        if wrong:
+            message = f"{len(wrong)} of the maps are not of form {settings.form}, such as {wrong[0]}: bake them anew"
+            return warnings, Failure(TOLERANCE, f"--layer {settings.layer}: {message}")
+        return warnings, _lacking(settings, lacking) if lacking else None
     message = (
         f"--layer {work.settings.layer}: it redirects nothing: give --texture for materials of UsdPreviewSurface, "
         "whose textures are then replaced by warped copies, or --layer-mode primvar; the meshes must have materials "
         "that look textures up by their UVs"
     )
-    return written.warnings, Failure(TOLERANCE, message)
+    return warnings, Failure(TOLERANCE, message)
 
 
 def _lacking(settings: Settings, files: list[str]) -> Failure:
@@ -72,6 +85,12 @@ def check(work: Work) -> None:
     for path in filter(None, (work.settings.layer, work.settings.root)):
         if os.path.splitext(path)[1].lower() not in _SCENES[:3]:
             raise _failure(work, f"{path}: its name must end in one of {', '.join(_SCENES[:3])}")
+    meshes = {path for mesh in work.meshes.values() for path in mesh.shape.instances}
+    lost = [path for path in meshes_of(work.settings.layer or "") if path not in meshes]
+    if lost and not work.settings.overwrite:
+        raise _failure(
+            work, f"it redirects {lost[0]}{others(len(lost) - 1)}, too, which is lost: --overwrite replaces it"
+        )
     try:
         planned(work, {}).check()
     except LayerError as error:

@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from pxr import Sdf
+from collections.abc import Sequence
+
+from pxr import Sdf, Tf, Vt
 
 from vrtm.bake.fingerprint import Fingerprint
 
-_KIND, _CONTENT = "vrtm_kind", "vrtm_content"
+_KIND, _CONTENT, _MESHES = "vrtm_kind", "vrtm_content", "vrtm_meshes"
 CORNERS = "corners"
 """The kind of files of corner UVs. They are many and large: their content is looked at when they are read."""
 
 
-def mark(layer: Sdf.Layer, kind: str) -> None:
-    """Marks a layer, whose content must not change afterwards."""
-    layer.customLayerData = {_KIND: kind} if kind == CORNERS else {_KIND: kind, _CONTENT: _content(layer)}
+def mark(layer: Sdf.Layer, kind: str, meshes: Sequence[str] = ()) -> None:
+    """Marks a layer, whose content must not change afterwards. `meshes`: the paths of those that it redirects."""
+    told: dict = {_KIND: kind} if kind == CORNERS else {_KIND: kind, _CONTENT: _content(layer)}
+    layer.customLayerData = told | ({_MESHES: Vt.StringArray(list(meshes))} if meshes else {})
+
+
+def meshes_of(path: str) -> list[str]:
+    """The meshes that a layer of vrtm redirects; none if it is none."""
+    try:
+        return list(Sdf.Layer.OpenAsAnonymous(path, metadataOnly=True).customLayerData.get(_MESHES, ()))
+    except (Tf.ErrorException, AttributeError, RuntimeError):
+        return []
 
 
 def has_mark(told: dict) -> bool:

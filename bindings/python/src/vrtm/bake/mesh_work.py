@@ -108,6 +108,8 @@ class MeshWork:
             self.asset.set_vertex_mask(shape.vertex_mask)
         common.array(shape.vertex_rigidity).array(shape.vertex_mask)
         self.all_udims = tuple(tile.udim for tile in self.asset.tiles)
+        if not self.all_udims:
+            raise Failure(INPUT, f"{settings.scene} {shape.path}: none of its UVs lies in a tile, which begin at 0, 0")
         self.maps = {option: self._found(option) for option in ("rigidity", "mask")}
         """The files of the maps by UDIM number."""
         self.black: list[str] = []

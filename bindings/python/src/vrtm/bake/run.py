@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 import time
@@ -23,9 +24,10 @@ from vrtm.bake.work import Work
 _NUMBER = re.compile(r"(?<!tile )\b\d[\d.]*")
 _LOOK = 0.1
 """Seconds between looks at whether a signal came."""
-_STARTS = 2.5
-"""Further processes are started for work that would take so many times as long as opening the scene: each opens it
-anew, after Python's own start, and what they save is a part of the work."""
+_START = 1.0
+"""Seconds that Python and its modules take to start, before a further process opens the scene."""
+_SAVED = 0.25
+"""By so much further processes are quicker than one whose solves use all cores, for each doubling of their number."""
 
 Task = tuple[str, Frame]
 """A mesh's name and a frame."""
@@ -104,7 +106,8 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
     written = sum(result.count("written") for result in results)
     skipped = sum(result.count("skipped") for result in results)
     console.close()
-    console.info(f"{written} files written, {skipped} up to date, in {seconds:.1f} s: {settings.out}")
+    if results or failure is None:
+        console.info(f"{written} files written, {skipped} up to date, in {seconds:.1f} s: {settings.out}")
     console.status("done" if failure is None else failure.message.splitlines()[-1])
     return failure
 
@@ -182,10 +185,13 @@ def _frames(
         seconds = time.perf_counter()
         _bake(settings, work, [task], (1, settings.threads), stop, told)
         del left[task]
-        if (time.perf_counter() - seconds) * len(left) < _STARTS * opening:
-            _bake(settings, work, list(left), (1, settings.threads), stop, told)
-            return
-    if left:
+        alone = (time.perf_counter() - seconds) * len(left)
+        jobs, threads = cores.split(settings, work, len(left))
+        if alone * (1 - 1 / (1 + _SAVED * math.log2(jobs))) < _START + opening:
+            jobs, threads = 1, settings.threads
+        if left:
+            _bake(settings, work, list(left), (jobs, threads), stop, told)
+    elif left:
         _bake(settings, work, list(left), cores.split(settings, work, len(left)), stop, told)
 
 

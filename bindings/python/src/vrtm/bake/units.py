@@ -27,4 +27,5 @@ def ratio(shape: Shape, positions: np.ndarray) -> float:
 
 def differ(ratio: float) -> bool:
     """Whether such a ratio looks like another unit."""
-    return ratio >= _OTHER or ratio <= 1 / _OTHER
+    # A pose that has collapsed is in no unit.
+    return ratio >= _OTHER or 1e-6 < ratio <= 1 / _OTHER

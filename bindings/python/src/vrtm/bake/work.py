@@ -12,14 +12,16 @@ import numpy as np
 import OpenImageIO as oiio
 
 import vrtm
-from vrtm.bake import frames, layer_file, overwrite, staging, units, warped
+from vrtm.bake import frames, image_file, layer_file, overwrite, staging, units, warped
 from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import FrameResult, MeshWork, unknown_tiles
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
 from vrtm.bake.scene import Scene, Shape
+from vrtm.bake.scene.types import frame_number
 from vrtm.bake.settings import Settings
+from vrtm.bake.words import others
 
 _MOST_BYTES = 256 << 20
 """If all tiles together take more, their solvers' memory is given back tile by tile, and allocated in each frame."""
@@ -54,8 +56,10 @@ class Work:
         """The meshes to bake: those that deform, and those that are named."""
         self.left_out = [shape.path for shape in self.scene.shapes if shape not in self.shapes]
         if not self.shapes:
-            named = f"{self.left_out[0]}{' and others' if self.left_out[1:] else ''}"
-            raise Failure(INPUT, f"{settings.scene}: nothing deforms: {named} can be baked if --meshes names it")
+            named = f"{self.left_out[0]}{others(len(self.left_out) - 1)}"
+            moved = "; ".join(warning for warning in self.scene.warnings if "--world" in warning)
+            message = f"{settings.scene}: nothing deforms: {named} can be baked if --meshes names it"
+            raise Failure(INPUT, f"{message}; {moved}" if moved else message)
         copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
         self.meshes = {shape.name: self._mesh(shape, copies) for shape in self.shapes}
         self.pattern = self._pattern(copies)
@@ -112,9 +116,25 @@ class Work:
                 f"{frames.text(self.missing_frames)}, which are left out"
             )
         if self.left_out:
-            first, more = self.left_out[0], len(self.left_out) - 1
-            others = f" and {more} meshes more" if more else ""
-            notes.append(f"{first}{others}: left out, since nothing deforms there; --meshes can name them")
+            first = f"{self.left_out[0]}{others(len(self.left_out) - 1)}"
+            notes.append(f"{first}: left out, since nothing deforms there; --meshes can name them")
+        settings, there = self.settings, self.scene.frames
+        rest = settings.options.rest or ""
+        if rest.startswith("frame:") and not there[0] <= frame_number(rest) <= there[-1]:
+            notes.append(f"--rest {rest}: {settings.scene} has the frames {frames.text(there)}")
+        if settings.half and settings.form != "delta":
+            notes.append("--half: numbers of 16 bits are off by a texel of a texture of 4096, but for --form delta")
+        for mesh in self.meshes.values():
+            for copy, paths in mesh.textures:
+                lacking = [tile.udim for tile in mesh.tiles if tile.udim not in paths]
+                if paths and lacking:
+                    notes.append(f"{mesh.shape.path}: {copy.pattern} has no file of the tiles {frames.text(lacking)}")
+        other = [path for path, form in self._replaced("vrtm:form") if form != settings.form]
+        if other:
+            notes.append(
+                f"{len(other)} maps of another form, such as {other[0]}, are replaced by ones of form {settings.form}: "
+                "layers that name them have to be written again"
+            )
         missing = unknown_tiles(self.settings, list(self.meshes.values()))
         if missing:
             notes.append(f"--tiles: no mesh has {', '.join(map(str, missing))}")
@@ -150,8 +170,9 @@ class Work:
             shared = next(((path, meshes) for path, meshes in users.items() if len(meshes) > 1), None)
             if shared:
                 path, (first, second, *more) = shared
-                others = f" and {len(more)} meshes more" if more else ""
-                hints.append(f"{first}, {second}{others} share {path}: with <mesh> in --{option} each has its own")
+                hints.append(
+                    f"{first}, {second}{others(len(more))} share {path}: with <mesh> in --{option} each has its own"
+                )
         return hints
 
     def facts(self) -> list[str]:
@@ -163,7 +184,7 @@ class Work:
         for shape in self.shapes:
             of.setdefault(shape.rest_from, []).append(shape.path)
         for rest, (first, *more) in of.items():
-            lines.append(f"rest: {rest}: {first}{f' and {len(more)} meshes more' if more else ''}")
+            lines.append(f"rest: {rest}: {first}{others(len(more))}")
         return lines
 
     def check_units(self) -> None:
@@ -180,6 +201,16 @@ class Work:
                 f"rest (median; the rest is from {shape.rest_from}), as if one of them were in another unit: "
                 "--allow-units bakes it all the same",
             )
+
+    def _replaced(self, fact: str) -> Iterator[tuple[str, object]]:
+        """The redirection maps that are there, and what each tells of itself."""
+        for mesh in self.meshes.values() if not self.settings.only_layer else ():
+            for tile in mesh.tiles:
+                for frame in self.frames:
+                    name = self.pattern.name(mesh.shape.name, "redirect", frame, tile.udim)
+                    found = image_file.told(os.path.join(self.settings.out, name))
+                    if fact in found:
+                        yield os.path.join(self.settings.out, name), found[fact]
 
     def check_files(self) -> None:
         """Raises Conflict if a file cannot be written without the loss of another, Failure if a folder is missing."""
@@ -208,6 +239,14 @@ class Work:
             if not os.path.exists(folder) and not os.path.join(folder, "").startswith(out):
                 raise Failure(INPUT, f"{option} {path}: there is no folder {folder}")
         overwrite.check(outputs, inputs, settings.overwrite)
+        names = {mesh.shape.name for mesh in self.meshes.values()}
+        for path, mesh in self._replaced("vrtm:mesh"):
+            if mesh not in names and not settings.overwrite:
+                raise Failure(
+                    INPUT,
+                    f"--out: {path} holds the maps of the mesh {mesh}: --overwrite replaces them, and --name with "
+                    "<mesh> keeps both",
+                )
 
     def _names(self) -> Iterator[str]:
         return (

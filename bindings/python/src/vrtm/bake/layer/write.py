@@ -14,6 +14,7 @@ from vrtm.bake.layer.plan import LayerError, LayerPlan
 from vrtm.bake.mark import mark
 from vrtm.bake.overwrite import Conflict, check
 from vrtm.bake.scene import Scene, SceneOptions, Shape
+from vrtm.bake.words import others
 
 # What a root layer says of a whole stage. Layers with other time codes per second would be scaled in time.
 STAGE_FIELDS = (
@@ -68,9 +69,8 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan,
             shape = scene.shape(name)
             for path in shape.instances:
                 changes = _author(stage, path, shape, plan, made, warnings, without) or changes
-        for why, (first, *others) in without.items():
-            more = f" and {len(others)} meshes more" if others else ""
-            warnings.append(f"{first[0]}{more}: {why.format(first[1])}")
+        for why, (first, *more) in without.items():
+            warnings.append(f"{first[0]}{others(len(more))}: {why.format(first[1])}")
     del stage
     if plan.corner_path is not None:
         # Without a stage, which would look for the clips beside a layer that has no place yet.
@@ -82,7 +82,7 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan,
         write_manifest(manifest)
     if plan.sublayer is not None:
         layer.subLayerPaths = [plan.sublayer]
-    mark(layer, "layer")
+    mark(layer, "layer", [path for name in plan.shapes for path in scene.shape(name).instances])
     export(layer, out_path, Sdf.Layer.ExportToString)
     return Written(warnings, changes, frozenset(_named(layer)))
 

@@ -11,8 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from vrtm.bake.near import near
-from vrtm.bake.scene.obj import frame_number
 from vrtm.bake.scene.refine import Cage, Refined
 from vrtm.bake.scene.rest import rest_from_file
 from vrtm.bake.scene.topology import (
@@ -26,8 +24,9 @@ from vrtm.bake.scene.topology import (
     whole_frames,
     without_uvs,
 )
-from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 from vrtm.bake.scene.world import placed, uneven_scale
+from vrtm.bake.words import near
 
 try:
     from alembic3d import Abc, AbcGeom
@@ -177,6 +176,11 @@ class AlembicSource:
         self.files = (path,)
         self._file = AlembicFile(path)
         chosen = self._chosen()
+        for mesh, _ in chosen:
+            start, end = mesh.times()
+            rate = (mesh.samples - 1) / (end - start) if mesh.samples > 1 and end > start else options.fps
+            if abs(options.fps / rate - round(options.fps / rate)) > 1e-3:
+                self.warnings.append(f"{mesh.path}: it has {rate:.4g} samples per second, but --fps is {options.fps:g}")
         spans = [mesh.times() for mesh, _ in chosen if mesh.samples > 1]
         first, last = (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else (1 / options.fps,) * 2
         # Times are stored as whole numbers of 1 / fps only nearly.

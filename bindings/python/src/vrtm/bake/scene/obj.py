@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from vrtm.bake.scene.topology import check_faces, check_mesh, luminance, unique_names, without_uvs
-from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 
 
 @dataclass(frozen=True)
@@ -140,6 +140,8 @@ class ObjSource:
             raise SceneError(
                 f"{path}: an OBJ file does not say that it is a subdivision surface: it cannot be subdivided"
             )
+        if not options.poses:
+            self.warnings.append(f"{path}: without --poses, its own shape is the only pose")
         self._poses = find_poses(options.poses) if options.poses else {1: path}
         self.frames = tuple(sorted(self._poses))
         self.files = (path, *self._poses.values())
@@ -201,11 +203,3 @@ class ObjSource:
 
     def close(self) -> None:
         """Nothing stays open."""
-
-
-def frame_number(rest: str) -> float:
-    """N of `frame:N`. Raises SceneError."""
-    try:
-        return float(rest.removeprefix("frame:"))
-    except ValueError:
-        raise SceneError(f"rest '{rest}': what follows 'frame:' is not a number") from None

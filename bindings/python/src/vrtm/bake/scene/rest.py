@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 
 from vrtm.bake.scene.topology import check_faces
@@ -13,6 +15,8 @@ def rest_from_file(file: str, path: str, counts: np.ndarray, indices: np.ndarray
     file's first frame. Raises SceneError if no mesh fits, or its faces are not those of the mesh."""
     from vrtm.bake.scene.obj import read_obj
 
+    if not os.path.isfile(file):
+        raise SceneError(f"--rest {file}: no such file, and none of bind, pref, first and frame:N")
     if file.lower().endswith(".obj"):
         mesh = read_obj(file)
         found = [("", mesh.positions, mesh.counts, mesh.indices)]

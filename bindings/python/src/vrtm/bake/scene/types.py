@@ -14,6 +14,14 @@ class SceneError(Exception):
     """Bad input. The message names the file and the prim, and says what is wrong with it."""
 
 
+def frame_number(rest: str) -> float:
+    """N of `frame:N`. Raises SceneError."""
+    try:
+        return float(rest.removeprefix("frame:"))
+    except ValueError:
+        raise SceneError(f"rest '{rest}': what follows 'frame:' is not a number") from None
+
+
 @dataclass(frozen=True)
 class SceneOptions:
     """What to read of a scene, and how. Picklable: worker processes open the scene again with the same options."""

@@ -11,9 +11,9 @@ import numpy as np
 
 from vrtm.bake import overwrite
 from vrtm.bake.mark import is_marked
-from vrtm.bake.near import near
 from vrtm.bake.scene.topology import is_exact, matches, unique_names, whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
+from vrtm.bake.words import near
 
 try:
     from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade

@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from vrtm.bake.near import near
-from vrtm.bake.scene.obj import frame_number
 from vrtm.bake.scene.refine import Cage, Refined
 from vrtm.bake.scene.rest import rest_from_file
 from vrtm.bake.scene.topology import check_faces, check_mesh, corner_elements, per_vertex, without_uvs
-from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 from vrtm.bake.scene.usd_skel import Skeletons
 from vrtm.bake.scene.world import placed, uneven_scale
+from vrtm.bake.words import near
 
 UV_TYPES = ("texCoord2f[]", "texCoord2h[]", "texCoord2d[]")
 PLAIN_UV_TYPES = ("float2[]", "half2[]", "double2[]")

@@ -1,4 +1,4 @@
-"""Names that are near to one that does not exist."""
+"""Parts of sentences."""
 
 from __future__ import annotations
 
@@ -11,3 +11,8 @@ def near(name: str, among: Iterable[str]) -> str:
     known = {other.lower(): other for other in among}
     found = [known[other] for other in difflib.get_close_matches(name.lower(), known, 2, 0.75)]
     return f": did you mean {' or '.join(found)}?" if found else ""
+
+
+def others(count: int) -> str:
+    """What follows the first of several meshes."""
+    return "" if count == 0 else " and another mesh" if count == 1 else f" and {count} other meshes"
