@@ -72,7 +72,7 @@ def test_a_signal_leaves_whole_files_alone(
     scene: Path, reference: dict[str, bytes], tmp_path: Path, jobs: int, group: bool
 ) -> None:
     chance = random.Random(jobs + 10 * group)
-    for number, code in ((signal.SIGTERM, 143), (signal.SIGINT, 130)):
+    for number, code in ((signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGHUP, 129)):
         for count in (0, 4, 30):
             out = tmp_path / f"{code}.{count}"
             process = begin(scene, out, jobs)

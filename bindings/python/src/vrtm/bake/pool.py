@@ -47,7 +47,9 @@ class Jobs:
         else:
             context = multiprocessing.get_context("spawn")
             receiver, self._sender = context.Pipe(duplex=False)
-            self._executor = ProcessPoolExecutor(jobs, context, _begin, (settings, threads, receiver))
+            # Python starts a process of its own with the first lock, which must outlive those that the signals end.
+            with _blocked():
+                self._executor = ProcessPoolExecutor(jobs, context, _begin, (settings, threads, receiver))
 
     def submit(self, tasks: list[tuple[str, Frame]]) -> dict[Future, tuple[str, Frame]]:
         """Begins all tasks, each a mesh and a frame; a future each, whose result is an Outcome."""

@@ -6,6 +6,7 @@ import math
 import os
 import re
 import time
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -28,6 +29,9 @@ _START = 1.0
 """Seconds that Python and its modules take to start, before a further process opens the scene."""
 _SAVED = 0.25
 """By so much further processes are quicker than one whose solves use all cores, for each doubling of their number."""
+
+_FRAMES_TOLD = 3
+"""Of a warning that names a frame."""
 
 Task = tuple[str, Frame]
 """A mesh's name and a frame."""
@@ -118,18 +122,21 @@ class _Told:
     def __init__(self, work: Work, console: Console, results: list[FrameResult], warn: Callable[[str], None]) -> None:
         self.work, self.console, self.results, self.warn = work, console, results, warn
         self.tiles: set[tuple[str, int]] = set()
-        self.kinds: set[str] = set()
+        self.kinds: Counter[str] = Counter()
 
     def done(self, result: FrameResult) -> None:
         """A frame more is done."""
         self.results.append(result)
         for note in result.warnings:
             # Tears and folds differ from frame to frame in their numbers alone: the first of them are told. A warning
-            # of a pose names its frame, and is told for each.
-            kind = note if ", frame " in note else _NUMBER.sub("#", note)
-            if kind not in self.kinds:
-                self.kinds.add(kind)
+            # of a pose names its frame, and is told for a few.
+            kind = _NUMBER.sub("#", note)
+            most = _FRAMES_TOLD if ", frame " in note else 1
+            self.kinds[kind] += 1
+            if self.kinds[kind] <= most:
                 self.warn(note)
+            elif self.kinds[kind] == most + 1 and most > 1:
+                self.warn(f"{note.split(', frame ')[0]}: the same of further frames, which the report names")
         for line in result.told:
             self.console.verbose(line)
         for tile in result.tiles:
