@@ -214,6 +214,9 @@ def test_a_layer_that_redirects_nothing_says_what_to_give(tmp_path: Path) -> Non
         # All files are there.
         assert layer.exists() and len(files(tmp_path / "out")) == 2
         assert json.loads(report.read_text())["exit_code"] == 3
+        # It is known before anything is baked.
+        ended = run(*arguments, "--dry-run")
+        assert "over.usda: it redirects nothing" in ended.stderr.splitlines()[-1]
 
     # No material; then one that can take warped copies alone, of which there are none.
     refused()

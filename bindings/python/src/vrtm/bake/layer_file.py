@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from typing import TYPE_CHECKING
 
@@ -60,12 +61,27 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
             message = f"{len(wrong)} of the maps are not of form {settings.form}, such as {wrong[0]}: bake them anew"
             return warnings, Failure(TOLERANCE, f"--layer {settings.layer}: {message}")
         return warnings, _lacking(settings, lacking) if lacking else None
-    message = (
-        f"--layer {work.settings.layer}: it redirects nothing: give --texture for materials of UsdPreviewSurface, "
+    return warnings, Failure(TOLERANCE, _idle(settings))
+
+
+def foretell(work: Work) -> list[str]:
+    """What will be warned of when the layer is written: better known before hours of baking."""
+    from vrtm.bake.layer import redirected
+
+    assert work.settings.layer is not None
+    plan = planned(work, {})
+    # Its frames have the same materials.
+    plan = dataclasses.replace(plan, frames=plan.frames[:1], freeze=None)
+    _, warnings, changes = redirected(work.settings.layer, work.scene, plan)
+    return warnings if changes else [*warnings, _idle(work.settings)]
+
+
+def _idle(settings: Settings) -> str:
+    return (
+        f"--layer {settings.layer}: it redirects nothing: give --texture for materials of UsdPreviewSurface, "
         "whose textures are then replaced by warped copies, or --layer-mode primvar; the meshes must have materials "
         "that look textures up by their UVs"
     )
-    return warnings, Failure(TOLERANCE, message)
 
 
 def _lacking(settings: Settings, files: list[str]) -> Failure:

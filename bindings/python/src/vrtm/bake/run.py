@@ -68,7 +68,7 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
         if settings.layer:
             layer_file.check(work)
         work.check_files()
-        for note in work.notes():
+        for note in [*work.notes(), *(layer_file.foretell(work) if settings.layer else ())]:
             warn(note)
         for line in (*work.facts(), *work.hints()):
             console.detail(line)

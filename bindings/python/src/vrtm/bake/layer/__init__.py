@@ -3,7 +3,7 @@
 from vrtm.bake.layer.check import check_layer
 from vrtm.bake.layer.clips import corner_uv_layer, export, manifest_path, values_hash, write_corner_uvs
 from vrtm.bake.layer.plan import LayerError, LayerPlan
-from vrtm.bake.layer.write import Written, relative, write_layer, write_root
+from vrtm.bake.layer.write import Written, redirected, relative, write_layer, write_root
 
 __all__ = [
     "LayerError",
@@ -13,6 +13,7 @@ __all__ = [
     "corner_uv_layer",
     "export",
     "manifest_path",
+    "redirected",
     "relative",
     "values_hash",
     "write_corner_uvs",

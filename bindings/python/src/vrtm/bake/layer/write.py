@@ -58,20 +58,7 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan,
         check(outputs, [(path, "a file of the scene") for path in (scene.path, *scene.files)], overwrite)
     except Conflict as conflict:
         raise LayerError(str(conflict)) from None
-    warnings: list[str] = []
-    layer = Sdf.Layer.CreateAnonymous(".usda")
-    stage = compose(layer, scene.path, scene.options, muted=out_path)
-    with Usd.EditContext(stage, layer):
-        made: dict[tuple[str, str], UsdShade.Material | None] = {}
-        changes = plan.corner_path is not None
-        without: dict[str, list[tuple[str, str]]] = {}
-        for name in plan.shapes:
-            shape = scene.shape(name)
-            for path in shape.instances:
-                changes = _author(stage, path, shape, plan, made, warnings, without) or changes
-        for why, (first, *more) in without.items():
-            warnings.append(f"{first[0]}{others(len(more))}: {why.format(first[1])}")
-    del stage
+    layer, warnings, changes = redirected(out_path, scene, plan)
     if plan.corner_path is not None:
         # Without a stage, which would look for the clips beside a layer that has no place yet.
         for name in plan.shapes:
@@ -85,6 +72,25 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan,
     mark(layer, "layer", [path for name in plan.shapes for path in scene.shape(name).instances])
     export(layer, out_path, Sdf.Layer.ExportToString)
     return Written(warnings, changes, frozenset(_named(layer)))
+
+
+def redirected(out_path: str, scene: Scene, plan: LayerPlan) -> tuple[Sdf.Layer, list[str], bool]:
+    """A layer with redirected materials, which is not written anywhere, less the clips of corner UVs; warnings, and
+    whether it changes the shot. `out_path`: where it would be written."""
+    warnings: list[str] = []
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    stage = compose(layer, scene.path, scene.options, muted=out_path)
+    changes = plan.corner_path is not None
+    with Usd.EditContext(stage, layer):
+        made: dict[tuple[str, str], UsdShade.Material | None] = {}
+        without: dict[str, list[tuple[str, str]]] = {}
+        for name in plan.shapes:
+            shape = scene.shape(name)
+            for path in shape.instances:
+                changes = _author(stage, path, shape, plan, made, warnings, without) or changes
+        for why, (first, *more) in without.items():
+            warnings.append(f"{first[0]}{others(len(more))}: {why.format(first[1])}")
+    return layer, warnings, changes
 
 
 def _named(layer: Sdf.Layer) -> set[str]:
