@@ -28,7 +28,8 @@ _LOOK = 0.1
 _START = 1.0
 """Seconds that Python and its modules take to start, before a further process opens the scene."""
 _SAVED = 0.25
-"""By so much further processes are quicker than one whose solves use all cores, for each doubling of their number."""
+"""By so much further processes are taken to be quicker than one whose solves use all cores, for each doubling of their
+number from two on. Two on two cores were measured to save nothing."""
 
 _FRAMES_TOLD = 3
 """Of a warning that names a frame."""
@@ -194,7 +195,7 @@ def _frames(
         del left[task]
         alone = (time.perf_counter() - seconds) * len(left)
         jobs, threads = cores.split(settings, work, len(left))
-        if alone * (1 - 1 / (1 + _SAVED * math.log2(jobs))) < _START + opening:
+        if alone * (1 - 1 / (1 + _SAVED * math.log2(max(jobs, 2) / 2))) < _START + opening:
             jobs, threads = 1, settings.threads
         if left:
             _bake(settings, work, list(left), (jobs, threads), stop, told)
