@@ -42,6 +42,7 @@ class Jobs:
         self._work = work
         self._sender: Connection | None = None
         self._executor: Executor
+        self._begun: list[Future] = []
         if jobs == 1:
             self._executor = ThreadPoolExecutor(1, "bake")
         else:
@@ -54,16 +55,22 @@ class Jobs:
     def submit(self, tasks: list[tuple[str, Frame]]) -> dict[Future, tuple[str, Frame]]:
         """Begins all tasks, each a mesh and a frame; a future each, whose result is an Outcome."""
         if self._sender is None:
-            return {self._executor.submit(_outcome, self._work, *task, self.stop): task for task in tasks}
-        with _blocked():
-            return {self._executor.submit(_in_process, *task): task for task in tasks}
+            begun = {self._executor.submit(_outcome, self._work, *task, self.stop): task for task in tasks}
+        else:
+            with _blocked():
+                begun = {self._executor.submit(_in_process, *task): task for task in tasks}
+        self._begun += begun
+        return begun
 
     def cancel(self) -> None:
         """Ends what is under way within milliseconds, and what has not begun at once."""
         self.stop.event.set()
         if self._sender is not None:
             self._sender.close()
-        self._executor.shutdown(wait=False, cancel_futures=True)
+        # Not by `shutdown(wait=False)`: then nothing would wait for the executor's own thread, which may close a pipe
+        # just when Python writes to it at its end.
+        for future in self._begun:
+            future.cancel()
 
     def __enter__(self) -> Jobs:
         return self
