@@ -13,6 +13,7 @@ import OpenImageIO as oiio
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
+import scenes
 import vrtm
 from vrtm.bake.scene import Scene
 from vrtm.bake.scene.images import read_map
@@ -119,6 +120,17 @@ def sheet(folder: Path, frames: int = 5, cells: int = 8, mesh: str = "sheet") ->
         image(folder / f"rigid.{udim}.png", studs[..., None])
         image(folder / f"colour.{udim}.png", colour)
     return scene
+
+
+def with_material(folder: Path, make=scenes.materialx_material) -> Path:
+    """The sheet in three frames at 60 per second, z up, with a material that `make` makes."""
+    path = sheet(folder, frames=3, cells=4)
+    stage = Usd.Stage.Open(str(path))
+    stage.SetTimeCodesPerSecond(60)
+    stage.SetMetadata("upAxis", "Z")
+    scenes.bind(stage.GetPrimAtPath("/model/sheet"), make(stage, "/model/material"))
+    stage.Save()
+    return path
 
 
 def sheet_arguments(scene: Path, out: Path, *more: object) -> list[object]:

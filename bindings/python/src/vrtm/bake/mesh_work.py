@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -12,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import vrtm
-from vrtm.bake import dilate, image_file, outputs, warped
+from vrtm.bake import dilate, image_file, outputs, rows, warped
 from vrtm.bake.corners import CornerFile, corner_name
 from vrtm.bake.failure import INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
@@ -289,11 +288,11 @@ class MeshWork:
             if whole:
                 stop()
                 corners.write(self.shape, frame, self.asset.corner_uvs())
-            result.files.append(_file(corners.path, "written" if whole else "skipped", self.settings))
+            result.files.append(rows.file(corners.path, "written" if whole else "skipped", self.settings))
         for tile in self.tiles:
             own = [(piece, record) for piece, record in zip(pieces, records) if piece.tile is tile]
             kept = next((record for piece, record in own if piece.is_redirection), None)
-            result.tiles.append(row(tile, own, (kept or {}) | figures.get(tile.udim, {}), self.settings))
+            result.tiles.append(rows.row(tile, own, (kept or {}) | figures.get(tile.udim, {}), self.settings))
         result.milliseconds = 1e3 * (time.perf_counter() - start)
         return result
 
@@ -369,7 +368,7 @@ class MeshWork:
         nodes = (facts.grid_width + 1) * (facts.grid_height + 1)
         figures |= {"overlap": facts.overlap, "frozen": facts.frozen, "movable": facts.movable_nodes / nodes}
         if self.settings.measure:
-            figures["strain"] = _strain(report)
+            figures["strain"] = rows.strain(report)
         if self.settings.measure or found is not None:
             figures["map"] = dataclasses.asdict(found or self._inspected(tile, size)) | {"size": list(size)}
         return figures
@@ -394,55 +393,6 @@ class MeshWork:
             meshes = [dilate.Mesh(self.shape, self.asset, files)]
             self.dilated |= dilate.dilated(copy, meshes, self.asset.tiles[0].settings.seam_reach)
         return self.dilated[path]
-
-
-def _strain(report: vrtm.TileReport) -> dict:
-    """The strain of all rigid edges, and apart from that of those that may move."""
-    fixed = report.edges_fixed * report.strain_fixed**2
-    edges = report.edges + report.edges_fixed
-
-    def rms(moving: float) -> dict:
-        return {"rms": math.sqrt((report.edges * moving**2 + fixed) / max(edges, 1))}
-
-    return {
-        "edges": edges,
-        "before": rms(report.before.rms),
-        "after": rms(report.after.rms),
-        "movable": {
-            "edges": report.edges,
-            "before": dataclasses.asdict(report.before),
-            "after": dataclasses.asdict(report.after),
-            "harm": report.harm,
-            "help": report.help,
-        },
-    }
-
-
-def row(tile: TileWork, own: list[tuple[Piece, dict | None]], figures: dict, settings: Settings) -> dict:
-    """A tile's row of the report."""
-    states = [(piece.target.path, "written" if record is None else "skipped") for piece, record in own]
-    files = [_file(path, state, settings) for path, state in states]
-    written = any(file["state"] == "written" for file in files)
-    found = {name: value for name, value in figures.items() if name not in ("strain", "map")}
-    line: dict = {"udim": tile.udim, "state": "written" if written else "skipped", "grid": list(tile.cells)} | found
-    line["strain"] = figures.get("strain")
-    line["map"] = None
-    if "map" in figures:
-        found = figures["map"]
-        texels = {part: found[f"error_{part}"] * settings.texture_size for part in ("rms", "p99", "max")}
-        line["map"] = {
-            "size": found.get("size", list(tile.size)),
-            "folds": found["folds"],
-            "min_jacobian": found["min_jacobian"],
-            "error_texels": {"texture_size": settings.texture_size} | texels,
-            "sufficient_size": [found["sufficient_width"], found["sufficient_height"]],
-        }
-    line["files"] = files
-    return line
-
-
-def _file(path: str, state: str, settings: Settings) -> dict:
-    return {"path": os.path.relpath(path, settings.out).replace(os.sep, "/"), "state": state}
 
 
 def unknown_tiles(settings: Settings, meshes: Sequence[MeshWork]) -> list[int]:

@@ -1,0 +1,64 @@
+"""Rows of the report: of a tile, its strain and its map, and of files."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from typing import TYPE_CHECKING
+
+import vrtm
+from vrtm.bake.settings import Settings
+
+if TYPE_CHECKING:
+    from vrtm.bake.mesh_work import Piece, TileWork
+
+
+def strain(report: vrtm.TileReport) -> dict:
+    """The strain of all rigid edges, and apart from that of those that may move."""
+    fixed = report.edges_fixed * report.strain_fixed**2
+    edges = report.edges + report.edges_fixed
+
+    def rms(moving: float) -> dict:
+        return {"rms": math.sqrt((report.edges * moving**2 + fixed) / max(edges, 1))}
+
+    return {
+        "edges": edges,
+        "before": rms(report.before.rms),
+        "after": rms(report.after.rms),
+        "movable": {
+            "edges": report.edges,
+            "before": dataclasses.asdict(report.before),
+            "after": dataclasses.asdict(report.after),
+            "harm": report.harm,
+            "help": report.help,
+        },
+    }
+
+
+def row(tile: TileWork, own: list[tuple[Piece, dict | None]], figures: dict, settings: Settings) -> dict:
+    """A tile's row of the report."""
+    states = [(piece.target.path, "written" if record is None else "skipped") for piece, record in own]
+    files = [file(path, state, settings) for path, state in states]
+    written = any(entry["state"] == "written" for entry in files)
+    found = {name: value for name, value in figures.items() if name not in ("strain", "map")}
+    line: dict = {"udim": tile.udim, "state": "written" if written else "skipped", "grid": list(tile.cells)} | found
+    line["strain"] = figures.get("strain")
+    line["map"] = None
+    if "map" in figures:
+        found = figures["map"]
+        texels = {part: found[f"error_{part}"] * settings.texture_size for part in ("rms", "p99", "max")}
+        line["map"] = {
+            "size": found.get("size", list(tile.size)),
+            "folds": found["folds"],
+            "min_jacobian": found["min_jacobian"],
+            "error_texels": {"texture_size": settings.texture_size} | texels,
+            "sufficient_size": [found["sufficient_width"], found["sufficient_height"]],
+        }
+    line["files"] = files
+    return line
+
+
+def file(path: str, state: str, settings: Settings) -> dict:
+    """A file's row of the report."""
+    return {"path": os.path.relpath(path, settings.out).replace(os.sep, "/"), "state": state}

@@ -1,0 +1,177 @@
+"""What a bake says: what it leaves out, what may be meant otherwise, dry runs, logs, and mistyped names."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Gf, Sdf, Usd
+
+from bake_scenes import files, pixels, run, sheet, sheet_arguments, with_material
+
+MESH = "/model/sheet"
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return sheet(tmp_path_factory.mktemp("sheet"))
+
+
+def edit(path: Path) -> Usd.Stage:
+    return Usd.Stage.Open(str(path))
+
+
+def maps(folder: Path) -> dict[str, np.ndarray]:
+    return {path.name: pixels(path) for path in sorted(folder.glob("*.exr"))}
+
+
+def test_what_does_not_deform_is_left_out(tmp_path: Path) -> None:
+    scene = sheet(tmp_path / "shot", frames=2, cells=4)
+    stage = edit(scene)
+    layer = stage.GetRootLayer()
+    for name in ("rock", "stone"):
+        Sdf.CopySpec(layer, MESH, layer, f"/model/{name}")
+        points = stage.GetPrimAtPath(f"/model/{name}").GetAttribute("points")
+        rest = points.Get()
+        points.Clear()
+        points.Set(rest)
+    # One that is bent once and for all deforms.
+    Sdf.CopySpec(layer, "/model/rock", layer, "/model/bent")
+    points = stage.GetPrimAtPath("/model/bent").GetAttribute("points")
+    points.Set([Gf.Vec3f(p[0] * (1 + 0.1 * p[0]), p[1], p[2]) for p in points.Get()])
+    stage.Save()
+    ended = run(*sheet_arguments(scene, tmp_path / "out"))
+    (warning,) = [line for line in ended.stderr.splitlines() if "left out" in line]
+    assert warning.startswith("vrtm: warning: /model/rock and another mesh: left out, since nothing deforms there")
+    assert {name.split(".")[0] for name in files(tmp_path / "out")} == {"sheet", "bent"}
+    # They share their maps, which may be meant.
+    (hint,) = [line for line in ended.stdout.splitlines() if "share" in line]
+    assert hint.startswith("/model/") and "rigid.1001.png: with <mesh> in --rigidity each has its own" in hint
+    # Those that are named are baked.
+    run(*sheet_arguments(scene, tmp_path / "named", "--meshes", "rock", "sheet"))
+    assert {name.split(".")[0] for name in files(tmp_path / "named")} == {"sheet", "rock"}
+    stage.RemovePrim(MESH)
+    stage.RemovePrim("/model/bent")
+    stage.Save()
+    ended = run(*sheet_arguments(scene, tmp_path / "none"), expect=2)
+    assert "nothing deforms: /model/rock and another mesh can be baked if --meshes names it" in ended.stderr
+
+
+def test_what_seems_meant_otherwise_is_said(scene: Path, tmp_path: Path) -> None:
+    arguments = sheet_arguments(scene, tmp_path / "out", "--frames", "1-2")
+    for more, words in (
+        (("--rest", "frame:99"), "--rest frame:99: "),
+        (("--half",), "--half: numbers of 16 bits are off"),
+        (("--texture", scene.parent / "only.<UDIM>.png"), "only.<UDIM>.png has no file of the tiles 1002"),
+    ):
+        if "only" in words:
+            (scene.parent / "only.1001.png").write_bytes((scene.parent / "colour.1001.png").read_bytes())
+        (warning,) = run(*arguments, *more, "--dry-run").stderr.splitlines()
+        assert warning.startswith("vrtm: warning: ") and words in warning
+    assert "no such file, and none of bind, pref" in run(*arguments, "--rest", "nope.usd", expect=2).stderr
+    assert "exclude each other" in run(*arguments, "--quiet", "--dry-run", expect=2).stderr
+    # A pose that has collapsed is in no other unit.
+    flat = sheet(tmp_path / "flat", frames=1, cells=4)
+    stage = edit(flat)
+    points = stage.GetPrimAtPath(MESH).GetAttribute("points")
+    points.Set([Gf.Vec3f(0, 0, 0)] * len(points.Get(1)), 1)
+    stage.Save()
+    run(*sheet_arguments(flat, tmp_path / "collapsed"))
+
+
+def test_maps_of_another_mesh_or_form_are_not_lost_without_a_word(tmp_path: Path) -> None:
+    scene = with_material(tmp_path / "shot")
+    stage = edit(scene)
+    Sdf.CopySpec(stage.GetRootLayer(), MESH, stage.GetRootLayer(), "/model/other")
+    stage.Save()
+    layer = tmp_path / "over.usda"
+    arguments = sheet_arguments(scene, tmp_path / "out", "--meshes")
+    run(*arguments, "sheet", "--layer", layer)
+    before = files(tmp_path / "out")
+    ended = run(*arguments, "other", expect=2)
+    assert "redirect.0001.1001.exr holds the maps of the mesh sheet: --overwrite" in ended.stderr
+    ended = run(*sheet_arguments(scene, tmp_path / "new", "--meshes", "other", "--layer", layer), expect=2)
+    assert "it redirects /model/sheet, too, which is lost: --overwrite replaces it" in ended.stderr
+    assert files(tmp_path / "out") == before
+    # A layer of several meshes takes the place of one of them.
+    run(*sheet_arguments(scene, tmp_path / "both", "--layer", layer))
+    # The form that a layer needs, and another.
+    ended = run(*arguments, "sheet")
+    assert "6 maps of another form, such as " in ended.stderr and "replaced by ones of form tile" in ended.stderr
+    ended = run(*arguments, "sheet", "--layer", tmp_path / "again.usda", "--only-layer", expect=3)
+    assert "6 of the maps are not of form udim, such as " in ended.stderr
+    ended = run(*arguments, "sheet", "--layer", tmp_path / "again.usda", "--frames", "1,3")
+    assert "frames 2 of the scene are not in it, and show the ones before them" in ended.stderr
+
+
+def test_a_dry_run_tells_and_writes_nothing(scene: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    options = ("--dry-run", "--report", out / "r.json", "--texture", scene.parent / "colour.<UDIM>.png", "--warp")
+    told = run(*sheet_arguments(scene, out, *options)).stdout
+    for words in (
+        "device: cpu, ",
+        "rest: Pref: /model/sheet",
+        "frames: 1-5 of 1-5",
+        "/model/sheet: UV set st, 162 vertices, rest: Pref",
+        f"tile 1002: grid 64 x 64, maps 64 x 64, rigidity {scene.parent / 'rigid.1002.png'}, colour {scene.parent}",
+        "may move; ",
+        "files: 30 below ",
+        f"report: {out / 'r.json'}",
+        "memory: 1 MB per job, besides the scene; at most ",
+    ):
+        assert words in told, f"'{words}' in {told}"
+    assert not out.exists()
+    assert "--tiles" in run(*sheet_arguments(scene, out, "--dry-run", "--tiles", 1050), expect=2).stderr
+
+
+def test_a_log_keeps_what_is_said(scene: Path, tmp_path: Path) -> None:
+    log = tmp_path / "bake.log"
+    arguments = sheet_arguments(scene, tmp_path / "out", "--log", log, "--frames", "1-2,9")
+    assert run(*arguments, "--quiet").stdout == ""
+    first = log.read_text()
+    for words in ("# vrtm bake log\n", "device: cpu", "warning: --frames", "[2/2] sheet, frame 2", "detail: written: "):
+        assert words in first, words
+    assert "4 files written, 0 up to date" in first
+    verbose = run(*arguments, "--verbose").stdout
+    assert log.read_text().startswith(first) and "4 up to date" in log.read_text()[len(first) :]
+    assert f"skipped: {tmp_path / 'out' / 'redirect.0001.1001.exr'}" in verbose
+    # An error is in it, too; another program's file is not touched.
+    run(*arguments, "--meshes", "nobody", expect=2)
+    assert "error: " in log.read_text().splitlines()[-1] and "nobody" in log.read_text().splitlines()[-1]
+    for name, content in (("notes.txt", b"mine\n"), ("image.bin", bytes(range(256)))):
+        (tmp_path / name).write_bytes(content)
+        ended = run(*arguments, "--log", tmp_path / name, "--overwrite", expect=2)
+        assert "is no log of vrtm" in ended.stderr and (tmp_path / name).read_bytes() == content
+    assert "--log" in run(*arguments, "--log", tmp_path / "none" / "a.log", expect=2).stderr
+    # The log is no file for an output.
+    ended = run(*arguments, "--report", log, "--overwrite", expect=2)
+    assert log.read_text().startswith(first)
+
+
+def test_what_is_near_is_named_in_one_line(scene: Path, tmp_path: Path) -> None:
+    arguments = sheet_arguments(scene, tmp_path / "out")
+    for more, words in (
+        (("--meshes", "sheeet"), "did you mean sheet?"),
+        (("--uv", "st0", "--meshes", "sheet"), "has no UVs 'st0': did you mean st?"),
+        (("--qualty", "draft"), "did you mean --quality?"),
+        (("--quality", "best"), "invalid choice: 'best'"),
+        (("--frames", "1-"), "--frames: '1-' is neither a number nor a range"),
+    ):
+        ended = run(*arguments, *more, expect=2)
+        assert words in ended.stderr and len(ended.stderr.splitlines()) == 1, ended.stderr
+    by_vertex = ["bake", scene, "--rigidity-primvar", "Prev", "--out", tmp_path / "out", "--device", "cpu"]
+    assert "no mesh has the primvar 'Prev' for the rigidity: did you mean Pref?" in run(*by_vertex, expect=2).stderr
+
+
+def test_the_folder_is_tried_before_the_first_solve(scene: Path) -> None:
+    ended = run(*sheet_arguments(scene, "/proc/nothing"), expect=2)
+    assert ended.stderr.splitlines()[-1].startswith("vrtm: --out: /proc/nothing") and "[1/5]" not in ended.stdout
+
+
+def test_small_bakes_stay_in_one_process(scene: Path, tmp_path: Path) -> None:
+    told = run(*sheet_arguments(scene, tmp_path / "out", "--verbose")).stdout
+    assert [line for line in told.splitlines() if " at a time" in line] == [
+        "1 frames, 1 at a time, on all threads each",
+        "4 frames, 1 at a time, on all threads each",
+    ]
