@@ -22,6 +22,8 @@ PACKAGE = Path(__file__).resolve().parents[1]
 REPOSITORY = PACKAGE.parents[1]
 # Where the package is that these tests are of: among the installed ones, or the sources.
 INSTALLED = Path(vrtm.__file__).resolve().parents[1]
+# The mesh of `sheet`.
+MESH = "/model/sheet"
 
 
 def vrtm_command(*arguments: object, **environment: str) -> tuple[list[str], dict[str, str]]:
@@ -128,7 +130,7 @@ def with_material(folder: Path, make=scenes.materialx_material) -> Path:
     stage = Usd.Stage.Open(str(path))
     stage.SetTimeCodesPerSecond(60)
     stage.SetMetadata("upAxis", "Z")
-    scenes.bind(stage.GetPrimAtPath("/model/sheet"), make(stage, "/model/material"))
+    scenes.bind(stage.GetPrimAtPath(MESH), make(stage, "/model/material"))
     stage.Save()
     return path
 

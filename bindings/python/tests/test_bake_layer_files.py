@@ -8,24 +8,9 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
-from bake_scenes import pixels, run, sheet, sheet_arguments, solved_alone, with_material
+from bake_scenes import MESH, run, sheet, sheet_arguments, solved_alone, with_material
 from scenes import preview_material
 from vrtm.bake.layer import check_layer
-
-MESH = "/model/sheet"
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return sheet(tmp_path_factory.mktemp("sheet"))
-
-
-def edit(path: Path) -> Usd.Stage:
-    return Usd.Stage.Open(str(path))
-
-
-def maps(folder: Path) -> dict[str, np.ndarray]:
-    return {path.name: pixels(path) for path in sorted(folder.glob("*.exr"))}
 
 
 def test_a_layer_names_files_that_exist(tmp_path: Path) -> None:
@@ -108,7 +93,7 @@ def test_what_a_build_of_usd_cannot_open_is_said_once(tmp_path: Path) -> None:
     if Sdf.FileFormat.FindByExtension("mtlx"):
         pytest.skip("skipped: this build of USD opens .mtlx")
     scene = sheet(tmp_path / "shot", frames=1, cells=4)
-    stage = edit(scene)
+    stage = Usd.Stage.Open(str(scene))
     layer = stage.GetRootLayer()
     for name in ("second", "third"):
         Sdf.CopySpec(layer, MESH, layer, f"/model/{name}")

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd
 
-from bake_scenes import files, pixels, run, sheet, sheet_arguments, with_material
-
-MESH = "/model/sheet"
+from bake_scenes import MESH, files, run, sheet, sheet_arguments, with_material
 
 
 @pytest.fixture(scope="module")
@@ -18,17 +15,9 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return sheet(tmp_path_factory.mktemp("sheet"))
 
 
-def edit(path: Path) -> Usd.Stage:
-    return Usd.Stage.Open(str(path))
-
-
-def maps(folder: Path) -> dict[str, np.ndarray]:
-    return {path.name: pixels(path) for path in sorted(folder.glob("*.exr"))}
-
-
 def test_what_does_not_deform_is_left_out(tmp_path: Path) -> None:
     scene = sheet(tmp_path / "shot", frames=2, cells=4)
-    stage = edit(scene)
+    stage = Usd.Stage.Open(str(scene))
     layer = stage.GetRootLayer()
     for name in ("rock", "stone"):
         Sdf.CopySpec(layer, MESH, layer, f"/model/{name}")
@@ -73,7 +62,7 @@ def test_what_seems_meant_otherwise_is_said(scene: Path, tmp_path: Path) -> None
     assert "exclude each other" in run(*arguments, "--quiet", "--dry-run", expect=2).stderr
     # A pose that has collapsed is in no other unit.
     flat = sheet(tmp_path / "flat", frames=1, cells=4)
-    stage = edit(flat)
+    stage = Usd.Stage.Open(str(flat))
     points = stage.GetPrimAtPath(MESH).GetAttribute("points")
     points.Set([Gf.Vec3f(0, 0, 0)] * len(points.Get(1)), 1)
     stage.Save()
@@ -82,7 +71,7 @@ def test_what_seems_meant_otherwise_is_said(scene: Path, tmp_path: Path) -> None
 
 def test_maps_of_another_mesh_or_form_are_not_lost_without_a_word(tmp_path: Path) -> None:
     scene = with_material(tmp_path / "shot")
-    stage = edit(scene)
+    stage = Usd.Stage.Open(str(scene))
     Sdf.CopySpec(stage.GetRootLayer(), MESH, stage.GetRootLayer(), "/model/other")
     stage.Save()
     layer = tmp_path / "over.usda"

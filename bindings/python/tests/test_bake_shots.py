@@ -10,23 +10,17 @@ import pytest
 from pxr import Gf, Usd, UsdGeom
 
 import vrtm
-from bake_scenes import attributes, files, pixels, run, sheet, sheet_arguments, solved_alone
+from bake_scenes import MESH, attributes, files, pixels, run, sheet, sheet_arguments, solved_alone
 from test_bake_command import written
 from vrtm.bake import work
 from vrtm.bake.scene import Scene, SceneOptions
 from vrtm.bake.scene.images import read_map
 from vrtm.bake.settings import Settings
 
-MESH = "/model/sheet"
-
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return sheet(tmp_path_factory.mktemp("sheet"))
-
-
-def edit(path: Path) -> Usd.Stage:
-    return Usd.Stage.Open(str(path))
 
 
 def maps(folder: Path) -> dict[str, np.ndarray]:
@@ -42,7 +36,7 @@ def test_transforms_count_in_the_world(tmp_path: Path) -> None:
     scenes = {}
     for kind in ("points", "transform"):
         path = scenes[kind] = sheet(tmp_path / kind, frames=3)
-        stage = edit(path)
+        stage = Usd.Stage.Open(str(path))
         points = stage.GetPrimAtPath(MESH).GetAttribute("points")
         rest = points.Get()
         points.Clear()
