@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import random
 import signal
@@ -32,8 +33,15 @@ def reference(scene: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str
 def begin(scene: Path, out: Path, jobs: int) -> subprocess.Popen[str]:
     """A bake in a session of its own, so that its processes can be found."""
     command, variables = vrtm_command(*sheet_arguments(scene, out, *OPTIONS, "--jobs", jobs))
+    # What a shell starts with & ignores SIGINT, and so would all that it starts.
     return subprocess.Popen(
-        command, env=variables, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, start_new_session=True
+        command,
+        env=variables,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
 
 
@@ -67,6 +75,33 @@ def await_files(out: Path, process: subprocess.Popen[str], count: int) -> None:
         time.sleep(0.005)
 
 
+def end_early(
+    process: subprocess.Popen[str], out: Path, number: int, code: int, count: int, group: bool, pause: float
+) -> bool:
+    """Sends a bake a signal once so many files are there. Whether that ended it; else it was done before."""
+    time.sleep(0.6)
+    if count:
+        await_files(out, process, count)
+    time.sleep(pause)
+    # As a terminal does with Ctrl-C, and schedulers with SIGTERM: to all processes, or to the first.
+    asked = time.monotonic()
+    with contextlib.suppress(ProcessLookupError):
+        (os.killpg if group else os.kill)(process.pid, number)
+    _, told = process.communicate(timeout=30)
+    if process.returncode == 0:
+        return False
+    if count == 0 and process.returncode == -number:
+        # On a busy machine Python was still starting: the system ended it, before it could write anything.
+        assert not out.exists(), told
+        return True
+    assert process.returncode == code, told
+    assert "Traceback" not in told and f"ended by {signal.Signals(number).name}" in told
+    # At once, but for a machine that does much else.
+    assert time.monotonic() - asked < 10
+    assert gone(process.pid, 10), "processes are left"
+    return True
+
+
 @pytest.mark.parametrize(("jobs", "group"), [(1, False), (2, False), (2, True)])
 def test_a_signal_leaves_whole_files_alone(
     scene: Path, reference: dict[str, bytes], tmp_path: Path, jobs: int, group: bool
@@ -74,24 +109,14 @@ def test_a_signal_leaves_whole_files_alone(
     chance = random.Random(jobs + 10 * group)
     for number, code in ((signal.SIGTERM, 143), (signal.SIGINT, 130), (signal.SIGHUP, 129)):
         for count in (0, 4, 30):
-            out = tmp_path / f"{code}.{count}"
-            process = begin(scene, out, jobs)
-            time.sleep(0.6)
-            if count:
-                await_files(out, process, count)
-            time.sleep(chance.random() * 0.08)
-            # As a terminal does with Ctrl-C, and schedulers with SIGTERM: to all processes, or to the first.
-            asked = time.monotonic()
-            (os.killpg if group else os.kill)(process.pid, number)
-            _, told = process.communicate(timeout=30)
-            if count == 0 and process.returncode == -number:
-                # On a busy machine Python was still starting: the system ended it, before it could write anything.
-                assert not out.exists(), told
-                continue
-            assert process.returncode == code, told
-            assert "Traceback" not in told and f"ended by {number.name}" in told
-            assert time.monotonic() - asked < 3
-            assert gone(process.pid, 2), "processes are left"
+            for attempt in range(5):
+                out = tmp_path / f"{code}.{count}.{attempt}"
+                if end_early(begin(scene, out, jobs), out, number, code, count, group, 0.08 * chance.random()):
+                    break
+                # On a busy machine the bake can be over before the signal comes; one that does not hear it always is.
+                assert files(out) == reference
+            else:
+                pytest.fail(f"{number.name} ended none of five bakes")
             found = files(out) if out.is_dir() else {}
             assert len(found) < len(reference)
             assert found.items() <= reference.items(), sorted(set(found) - set(reference))
