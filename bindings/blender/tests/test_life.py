@@ -252,7 +252,7 @@ class Life(Case):
         bpy.ops.vrtm.insert_tap()
         modifiers.new("late", "CAST")
         bpy.ops.vrtm.update()
-        self.assertIn("'late' deforms behind", part("session").find_state(obj).message)
+        self.assertIn("'late' deforms behind", " ".join(part("session").find_state(obj).notes))
         self.assertEqual(len([tree for tree in bpy.data.node_groups if "vrtm" in tree.name]), 1)
 
     def test_multiresolution_has_to_be_hidden(self):

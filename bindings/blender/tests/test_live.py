@@ -57,20 +57,25 @@ class Live(Case):
         bpy.context.scene.frame_set(3)
         self.idle()
         state = self.session.find_state(arm.object)
-        written, self.solved = state.shown, 0
-        submit = type(state.asset).submit
-        type(state.asset).submit = lambda *a, **k: setattr(self, "solved", self.solved + 1) or submit(*a, **k)
+        written, edits = state.shown, state.edits
+        read, reads = self.live.solve.read, []
+        self.live.solve.read = lambda *a: reads.append(a) or read(*a)
         try:
             for _ in range(5):
-                # The update that the write of the UV map causes.
+                # What the writes have caused was heard of while they were made.
                 bpy.context.view_layer.update()
                 self.idle()
+            self.assertEqual((reads, state.edits, state.shown_edits), ([], edits, edits))
+            # An edit that changes nothing is looked at, and not solved again.
+            job, self.live.Work = self.live.Work, None
+            self.addCleanup(setattr, self.live, "Work", job)
             arm.mesh.update_tag()
             bpy.context.view_layer.update()
             self.idle()
         finally:
-            type(state.asset).submit = submit
-        self.assertEqual((self.solved, state.shown), (0, written))
+            self.live.solve.read = read
+        self.assertEqual((len(reads), state.shown, state.error), (1, written, False))
+        self.assertEqual(state.shown_edits, state.edits)
 
     def test_a_newer_pose_cancels_the_job(self):
         arm = self.heavy()

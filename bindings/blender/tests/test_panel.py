@@ -6,7 +6,8 @@ import types
 from support import Arm, Case, bpy, part
 
 ICONS = set(bpy.types.UILayout.bl_rna.functions["prop"].parameters["icon"].enum_items.keys())
-PANELS = ("VRTM_PT_main", "VRTM_PT_quality", "VRTM_PT_material", "VRTM_PT_bake")
+PANELS = ("main", "quality", "strain", "material", "bake", "status")
+MENUS = ("rigidity", "object")
 
 
 class Layout:
@@ -28,7 +29,7 @@ class Layout:
         self._icon(icon)
         self.shown.append(text)
 
-    def prop(self, data, name, text=None, icon="NONE", toggle=-1):
+    def prop(self, data, name, text=None, icon="NONE", toggle=-1, expand=False):
         self._icon(icon)
         self.shown.append(data.bl_rna.properties[name].name)
 
@@ -36,12 +37,19 @@ class Layout:
         len(getattr(other, collection))
         self.prop(data, name)
 
+    def separator(self):
+        pass
+
+    def menu(self, name, icon="NONE"):
+        self._icon(icon)
+        self.shown.append(getattr(bpy.types, name).bl_label)
+
     def template_ID(self, data, name, new="", open=""):
         for operator in (new, open):
             self.operator(operator)
         self.prop(data, name)
 
-    def operator(self, name, text=None, icon="NONE"):
+    def operator(self, name, text=None, icon="NONE", depress=False):
         self._icon(icon)
         module, function = name.split(".")
         rna = getattr(getattr(bpy.ops, module), function).get_rna_type()
@@ -54,9 +62,11 @@ class Panel(Case):
         shown, context = [], types.SimpleNamespace(object=obj, scene=bpy.context.scene)
         states = set(part("session").states)
         for name in PANELS:
-            panel = getattr(bpy.types, name)
+            panel = getattr(bpy.types, f"VRTM_PT_{name}")
             self.assertTrue(panel.poll(context))
             panel.draw(types.SimpleNamespace(layout=Layout(shown)), context)
+        for name in MENUS:
+            getattr(bpy.types, f"VRTM_MT_{name}").draw(types.SimpleNamespace(layout=Layout(shown)), context)
         self.assertEqual(set(part("session").states), states)
         return shown
 
@@ -102,4 +112,4 @@ class Panel(Case):
         arm = Arm()
         for obj in (arm.rig, None):
             context = types.SimpleNamespace(object=obj)
-            self.assertFalse(any(getattr(bpy.types, name).poll(context) for name in PANELS))
+            self.assertFalse(any(getattr(bpy.types, f"VRTM_PT_{name}").poll(context) for name in PANELS))

@@ -34,10 +34,11 @@ def folder_of(scene: bpy.types.Scene) -> Path:
 
 
 def frames_of(scene: bpy.types.Scene) -> range:
-    settings = scene.vrtm_bake
-    frames = range(settings.frame_start, settings.frame_end + 1, settings.frame_step)
+    """The scene's range, or that of the bake's settings."""
+    given = scene.vrtm_bake if scene.vrtm_bake.use_custom_range else scene
+    frames = range(given.frame_start, given.frame_end + 1, given.frame_step)
     if not frames:
-        raise Problem(f"there is no frame from {settings.frame_start} to {settings.frame_end}")
+        raise Problem(f"there is no frame from {given.frame_start} to {given.frame_end}")
     return frames
 
 
@@ -52,7 +53,7 @@ def sequence(obj: bpy.types.Object, scene: bpy.types.Scene) -> tuple[str, int, i
     settings, frames = scene.vrtm_bake, frames_of(scene)
     if settings.form != "delta":
         raise Problem("the node group reads bakes of the form Delta")
-    if settings.frame_step != 1:
+    if frames.step != 1:
         raise Problem("Blender plays sequences without gaps only: bake with Step 1")
     image = obj.vrtm.image
     if image is None:

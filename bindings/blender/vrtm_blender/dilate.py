@@ -7,23 +7,20 @@ materials' nodes show the copy; taking the redirection out of a material gives t
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 
-from . import maps, nodes, session
+from . import maps, nodes, packed, session
 from .geometry import stamp_of
 from .messages import Problem
+from .packed import WHOLE
 
 if TYPE_CHECKING:
     import vrtm
 
-# The key of an image without tiles.
-WHOLE = 0
 # Custom properties of a copy: the reach that it was made with, and a stamp of its pixels at that time.
 REACH, STAMP = "vrtm_reach", "vrtm_stamp"
 
@@ -137,48 +134,7 @@ def _copy(image: bpy.types.Image, asset: vrtm.Asset, reach: float, normals: bool
     found = dilation.dilated(tiles, [dilation.Lookups(keys, known)], "up" if normals else None)
     copies = {key: np.ascontiguousarray(pixels[::-1]) for key, (pixels, _) in found.items()}
     name = f"{image.name} dilated"
-    copy = _whole(image, name, copies[WHOLE]) if WHOLE in copies else _tiled(image, name, copies)
+    copy = packed.image(name, copies, image)
     copy.vrtm_original = image
     copy[REACH], copy[STAMP] = reach, _stamp(maps.read_image(copy))
-    return copy
-
-
-def _interpret(copy: bpy.types.Image, image: bpy.types.Image) -> None:
-    """As the original; but floats are linear in memory, whatever the file's own space is."""
-    if not image.is_float or image.colorspace_settings.is_data:
-        copy.colorspace_settings.name = image.colorspace_settings.name
-    copy.alpha_mode = image.alpha_mode
-
-
-def _whole(image: bpy.types.Image, name: str, pixels: np.ndarray) -> bpy.types.Image:
-    height, width = pixels.shape[:2]
-    copy = bpy.data.images.new(name, width, height, alpha=True, float_buffer=image.is_float)
-    _interpret(copy, image)
-    copy.pixels.foreach_set(pixels.ravel())
-    copy.pack()
-    return copy
-
-
-def _tiled(image: bpy.types.Image, name: str, tiles: dict[int, np.ndarray]) -> bpy.types.Image:
-    """A script can write the first tile of a tiled image only: so each tile goes through a file."""
-    suffix, form = (".exr", "OPEN_EXR") if image.is_float else (".png", "PNG")
-    with tempfile.TemporaryDirectory(prefix="vrtm-") as folder:
-        for udim, pixels in tiles.items():
-            height, width = pixels.shape[:2]
-            one = bpy.data.images.new(name, width, height, alpha=True, float_buffer=image.is_float)
-            try:
-                _interpret(one, image)
-                one.pixels.foreach_set(pixels.ravel())
-                one.file_format = form
-                path = os.path.join(folder, f"tile.{udim}{suffix}")
-                one.save(filepath=path)
-                if not os.path.exists(path) or not os.path.getsize(path):
-                    raise Problem(f"image {name!r} cannot be written: is there room in {tempfile.gettempdir()}?")
-            finally:
-                bpy.data.images.remove(one)
-        copy = bpy.data.images.load(os.path.join(folder, f"tile.{min(tiles)}{suffix}"))
-        copy.name, copy.source = name, "TILED"
-        copy.filepath = os.path.join(folder, f"tile.<UDIM>{suffix}")
-        _interpret(copy, image)
-        copy.pack()
     return copy

@@ -18,7 +18,11 @@ def frame_changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None 
     here is what it draws."""
     if session.writing or session.baking or depsgraph is None:
         return
+    changed = {update.id.original for update in depsgraph.updates if update.is_updated_geometry}
     for obj in scene.objects:
+        state = session.find_state(obj)
+        if state is not None and obj in changed:
+            state.animated = True
         if session.rendering:
             if in_renders(obj):
                 solve_now(obj, depsgraph)
@@ -46,6 +50,7 @@ def in_renders(obj: bpy.types.Object) -> bool:
 
 def solve_now(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> None:
     """Solves within a handler: what is wrong is told, and the frame goes on without it."""
+    session.handling = True
     try:
         solve.run(obj, depsgraph)
     except Exception as error:  # a render must not end here.
@@ -54,6 +59,8 @@ def solve_now(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> None:
         session.log.error(
             "frame %d of %s keeps its last redirection: %s", frame_of(depsgraph), obj.name, text_of(error)
         )
+    finally:
+        session.handling = False
 
 
 def frame_of(depsgraph: bpy.types.Depsgraph) -> int:
@@ -63,17 +70,17 @@ def frame_of(depsgraph: bpy.types.Depsgraph) -> int:
 @persistent
 def updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """depsgraph_update_post: a pose or a mesh was edited, or something painted."""
-    if session.writing or session.synchronous():
+    if session.writing or session.rendering or session.baking:
         return
     ids = [(update.id.original, update.is_updated_geometry) for update in depsgraph.updates]
     meshes = {changed for changed, _ in ids if isinstance(changed, bpy.types.Mesh)}
     images = {changed for changed, _ in ids if isinstance(changed, bpy.types.Image)}
     for changed, geometry in ids:
-        if isinstance(changed, bpy.types.Object) and geometry and live.is_live(changed):
+        if isinstance(changed, bpy.types.Object) and geometry and results.is_set_up(changed):
             live.touch(changed, mesh=changed.data in meshes, maps=changed.mode in PAINT_MODES)
     if images or bpy.context.mode == "PAINT_TEXTURE":
-        for obj in scene.objects:
-            if live.is_live(obj) and (painted(obj) or {obj.vrtm.rigidity_image, obj.vrtm.mask_image} & images):
+        for obj in filter(results.is_set_up, scene.objects):
+            if painted(obj) or {obj.vrtm.rigidity_image, obj.vrtm.mask_image} & images:
                 live.touch(obj, mesh=False, maps=True)
 
 
@@ -83,20 +90,31 @@ def painted(obj: bpy.types.Object) -> bool:
     return obj.mode == "TEXTURE_PAINT" and "IMAGE" in (obj.vrtm.rigidity_source, obj.vrtm.mask_source)
 
 
+# Of the render that is under way: the objects whose result was shown before it.
+_shown: set[int] = set()
+
+
 @persistent
 def render_begins(scene: bpy.types.Scene, *_) -> None:
+    _shown.clear()
+    for obj in filter(in_renders, scene.objects):
+        # While nothing is drawn yet: materials must not change between the frame's evaluation and its drawing.
+        results.separate(obj)
+        look_again(obj)
+        state = session.find_state(obj)
+        if state is not None and state.shown:
+            _shown.add(state.uid)
     session.rendering = True
-    for obj in scene.objects:
-        if in_renders(obj):
-            look_again(obj)
 
 
 @persistent
 def render_ends(scene: bpy.types.Scene, *_) -> None:
     session.rendering = False
-    for obj in scene.objects:
-        if in_renders(obj):
-            obj.data.update_tag()
+    for obj in filter(in_renders, scene.objects):
+        obj.data.update_tag()
+        if not session.synchronous() and session.uid_of(obj) in _shown:
+            # The viewport has its own frame again.
+            live.want(obj)
 
 
 @persistent
@@ -106,6 +124,7 @@ def undone(*_) -> None:
     session.forget_gone()
     for state in session.states.values():
         state.mesh_changed = state.maps_changed = True
+        state.edits += 1
         state.shown = b""
     want_all()
 
@@ -121,6 +140,7 @@ def file_closes(*_) -> None:
 @persistent
 def file_loaded(*_) -> None:
     keep.mend_groups()
+    keep.mend_ranges()
     want_all()
 
 

@@ -28,6 +28,15 @@ def mend_groups() -> None:
             nodes.remember(tree, images[0])
 
 
+def mend_ranges() -> None:
+    """Bakes of earlier versions had frames of their own, and not the scene's."""
+    for scene in bpy.data.scenes:
+        settings = scene.vrtm_bake
+        own = settings.is_property_set("frame_start") or settings.is_property_set("frame_end")
+        if own and not settings.is_property_set("use_custom_range"):
+            settings.use_custom_range = True
+
+
 def keep_results() -> None:
     """Packs the images of results, which exist in memory only: so they are there again when the file is opened, with or
     without this add-on."""

@@ -26,6 +26,7 @@ def touch(obj: bpy.types.Object, mesh: bool = True, maps: bool = True) -> None:
         return
     state = session.find_state(obj)
     if state is not None:
+        state.edits += 1
         state.mesh_changed |= mesh
         state.maps_changed |= maps
     if is_live(obj) and not session.synchronous():
@@ -46,7 +47,8 @@ def want(obj: bpy.types.Object) -> None:
 def stop(obj: bpy.types.Object) -> None:
     state = session.find_state(obj)
     if state is not None:
-        state.end_job()
+        if state.job is not None:
+            state.job.cancel()
         state.wanted = False
         state.say("")
 
@@ -84,7 +86,8 @@ def step(state: State) -> None:
             collect(obj, state)
     except Exception as error:  # a timer that raises is never called again, and the artist has to be told.
         state.wanted = False
-        state.end_job()
+        if state.job is not None:
+            state.job.cancel()
         tell(state, text_of(error), error=True)
         if not isinstance(error, Problem):
             session.log.warning("%s: %s", obj.name, text_of(error), exc_info=not hasattr(error, "status_name"))
@@ -92,16 +95,14 @@ def step(state: State) -> None:
 
 def take(obj: bpy.types.Object, state: State) -> None:
     """A job is over: writes its result, if it has one."""
-    job, state.job = state.job, None
+    job = state.take_job()
     try:
-        outputs = job.result()
+        outcome = job.result()
     except concurrent.futures.CancelledError:
         return
-    finally:
-        job.close()
     if obj.mode == "EDIT":
         return
-    results.publish(obj, state, job.request, outputs)
+    results.publish(obj, state, job.request, outcome)
     state.waiting_since = 0.0
     tell(state, state.message, state.error)
 
@@ -110,7 +111,8 @@ def collect(obj: bpy.types.Object, state: State) -> None:
     """Submits the object's present pose, if it is another than the one that is shown or under way."""
     if obj.mode == "EDIT":
         # Leaving Edit Mode is an update of the mesh, which asks again.
-        state.end_job()
+        if state.job is not None:
+            state.job.cancel()
         state.wanted = False
         tell(state, "In Edit Mode: results are computed when you leave it")
         return
@@ -118,10 +120,11 @@ def collect(obj: bpy.types.Object, state: State) -> None:
     if layer is None or obj.name not in layer.objects:
         state.wanted = False
         return
-    solve.prepare(obj, state)
+    solve.read(obj, state)
     request = solve.request(obj, state, bpy.context.evaluated_depsgraph_get())
     if state.job is not None:
         if request.stamp == state.job.request.stamp:
+            state.job.request.edits = request.edits
             state.wanted = False
         elif session.now() - state.waiting_since < PATIENCE:
             # It ends within milliseconds; the pose, or a newer one, is submitted at the timer's next call.
@@ -129,10 +132,12 @@ def collect(obj: bpy.types.Object, state: State) -> None:
         return
     state.wanted = False
     if request.stamp == state.shown and results.are_there(obj):
+        results.still_right(state, request)
+        tell(state, "")
         return
-    state.job = Work(state.asset, request)
+    state.job = Work(state.prepared, state.inputs.take(), request)
     state.waiting_since = state.waiting_since or session.now()
-    tell(state, "Solving ...")
+    tell(state, "")
 
 
 def tell(state: State, message: str, error: bool = False) -> None:

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import bpy
+
+if TYPE_CHECKING:
+    from .session import State
 
 
 class Problem(Exception):
@@ -16,6 +21,12 @@ def text_of(error: BaseException) -> str:
     if isinstance(error, Problem) or hasattr(error, "status_name"):
         return line
     return f"{type(error).__name__}: {line}"
+
+
+def progress_of(state: State) -> str:
+    """What a job is at."""
+    done = state.job.progress if state.job is not None else None
+    return "Preparing ..." if done is None else f"Solving ... {100 * done:.0f} %"
 
 
 # Whether the status bar shows a line of this add-on.

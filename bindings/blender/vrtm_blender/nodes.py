@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Callable
+
 import bpy
 
 from . import results, session
@@ -61,13 +64,29 @@ def group_by_image(obj: bpy.types.Object) -> bpy.types.NodeTree:
     # A linked group will do, too.
     trees = [tree for tree in _by_image() if image_of(tree) == image] or groups_of(obj)
     if trees:
+        if trees[0].library is None and not has_strength(trees[0]) and not obj.vrtm.shows_baked:
+            # Of an earlier version.
+            build_by_image(trees[0], image)
         return trees[0]
     tree = bpy.data.node_groups.new(f"vrtm redirection {obj.name}", "ShaderNodeTree")
     tree[KIND] = BY_IMAGE
-    tree.interface.new_socket("UV", in_out="INPUT", socket_type="NodeSocketVector")
-    tree.interface.new_socket("UV", in_out="OUTPUT", socket_type="NodeSocketVector")
     build_by_image(tree, image)
     return tree
+
+
+def has_strength(tree: bpy.types.NodeTree) -> bool:
+    return "Strength" in tree.interface.items_tree
+
+
+def _sockets(tree: bpy.types.NodeTree) -> None:
+    """UV and strength in, UV out: what is there already keeps its links."""
+    if "UV" not in tree.interface.items_tree:
+        tree.interface.new_socket("UV", in_out="OUTPUT", socket_type="NodeSocketVector")
+        tree.interface.new_socket("UV", in_out="INPUT", socket_type="NodeSocketVector")
+    if not has_strength(tree):
+        socket = tree.interface.new_socket("Strength", in_out="INPUT", socket_type="NodeSocketFloat")
+        socket.subtype, socket.min_value, socket.max_value, socket.default_value = "FACTOR", 0, 1, 1
+        socket.description = "How much of the redirection is added: 0 shows the texture as the surface stretches it"
 
 
 def _by_image() -> list[bpy.types.NodeTree]:
@@ -104,23 +123,34 @@ def _used_by(obj: bpy.types.Object) -> set[bpy.types.NodeTree]:
 
 
 def group_by_uv_map(obj: bpy.types.Object) -> bpy.types.NodeTree:
-    """Redirected UV out, by the object's result UV map. Its input is left alone: so both groups can stand in the same
-    place."""
+    """UV in, redirected UV out, by the object's result UV map."""
     name = obj.vrtm.uv_name
     if name not in obj.data.uv_layers:
         raise Problem(f"{obj.name} has no result UV map yet: press Update Now with the UV Map output on")
-    for tree in bpy.data.node_groups:
-        if tree.get(KIND) == BY_UV_MAP and any(getattr(node, "uv_map", None) == name for node in tree.nodes):
-            return tree
-    tree = bpy.data.node_groups.new(f"vrtm UV map {name}", "ShaderNodeTree")
-    tree[KIND] = BY_UV_MAP
-    tree.interface.new_socket("UV", in_out="INPUT", socket_type="NodeSocketVector")
-    tree.interface.new_socket("UV", in_out="OUTPUT", socket_type="NodeSocketVector")
-    node, output = tree.nodes.new("ShaderNodeUVMap"), tree.nodes.new("NodeGroupOutput")
+    tree = next((tree for tree in bpy.data.node_groups if is_by_uv_map(tree, name)), None)
+    if tree is None:
+        tree = bpy.data.node_groups.new(f"vrtm UV map {name}", "ShaderNodeTree")
+        tree[KIND] = BY_UV_MAP
+    elif tree.library is not None or has_strength(tree):
+        return tree
+    _sockets(tree)
+    tree.nodes.clear()
+    link = tree.links.new
+    begin, node, output = map(tree.nodes.new, ("NodeGroupInput", "ShaderNodeUVMap", "NodeGroupOutput"))
     node.uv_map = name
-    output.location = (250, 0)
-    tree.links.new(node.outputs["UV"], output.inputs["UV"])
+    mix = tree.nodes.new("ShaderNodeMix")
+    mix.data_type = "VECTOR"
+    begin.location, node.location, mix.location, output.location = (-250, 150), (-250, -100), (0, 0), (250, 0)
+    factor, before, after = (_socket(mix.inputs, name) for name in ("Factor_Float", "A_Vector", "B_Vector"))
+    link(begin.outputs["Strength"], factor)
+    link(begin.outputs["UV"], before)
+    link(node.outputs["UV"], after)
+    link(_socket(mix.outputs, "Result_Vector"), output.inputs["UV"])
     return tree
+
+
+def _socket(sockets, identifier: str) -> bpy.types.NodeSocket:
+    return next(socket for socket in sockets if socket.identifier == identifier)
 
 
 def remember(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
@@ -138,6 +168,10 @@ def show_baked(obj: bpy.types.Object, path: str, first: int, number: int) -> Non
     tree = group_by_image(obj)
     before = _baked_of(tree)
     image = bpy.data.images.load(path)
+    if bpy.data.filepath:
+        # Beside the file, so that both can be moved together; on another drive of Windows there is no such path.
+        with contextlib.suppress(ValueError):
+            image.filepath = bpy.path.relpath(path)
     image.source = "SEQUENCE"
     image.colorspace_settings.name, image.alpha_mode = "Non-Color", "CHANNEL_PACKED"
     image.name = f"{obj.vrtm.image.name} baked"
@@ -146,6 +180,15 @@ def show_baked(obj: bpy.types.Object, path: str, first: int, number: int) -> Non
     user.frame_start, user.frame_offset, user.frame_duration = first, first - 1, number
     user.use_cyclic, user.use_auto_refresh = False, True
     _remove_unused(before)
+
+
+def baked_frames(obj: bpy.types.Object) -> range | None:
+    """The frames of the baked files that the object's material shows, if it does."""
+    for tree in groups_of(obj) if obj.vrtm.shows_baked else []:
+        for node in _textures(tree):
+            if node.image is not None and node.image.source == "SEQUENCE":
+                return range(node.image_user.frame_start, node.image_user.frame_start + node.image_user.frame_duration)
+    return None
 
 
 def show_live(obj: bpy.types.Object) -> None:
@@ -162,6 +205,34 @@ def _remove_unused(images: set[bpy.types.Image]) -> None:
             bpy.data.images.remove(image)
 
 
+def separate(
+    obj: bpy.types.Object,
+    is_others: Callable[[bpy.types.NodeTree], bool],
+    own: Callable[[bpy.types.Object], bpy.types.NodeTree],
+) -> None:
+    """Has the materials of a duplicate, which hold groups of the original, hold its own; a material that other objects
+    use is copied."""
+    for slot in obj.material_slots:
+        if slot.material is None or slot.material.library is not None:
+            continue
+        if any(is_others(node.node_tree) for node in _instances(slot.material)):
+            for node in _instances(own_material(obj, slot)):
+                if is_others(node.node_tree):
+                    node.node_tree = own(obj)
+
+
+def _instances(material: bpy.types.Material) -> list[bpy.types.Node]:
+    return [node for node in material.node_tree.nodes if is_ours(node)] if material.node_tree else []
+
+
+def is_by_image(tree: bpy.types.NodeTree, image: bpy.types.Image) -> bool:
+    return tree[KIND] == BY_IMAGE and image_of(tree) == image
+
+
+def is_by_uv_map(tree: bpy.types.NodeTree, name: str) -> bool:
+    return tree.get(KIND) == BY_UV_MAP and any(getattr(node, "uv_map", None) == name for node in tree.nodes)
+
+
 def build_by_image(
     tree: bpy.types.NodeTree, image: bpy.types.Image, baked: bpy.types.Image | None = None
 ) -> bpy.types.Node:
@@ -172,6 +243,7 @@ def build_by_image(
     is. It is looked up with Linear and Extend. Where tiles lie side by side, a lookup stays half a texel away from
     its tile's sides, which is what Extend does for one tile.
     """
+    _sockets(tree)
     tree.nodes.clear()
     first_u, first_v, columns, rows, size = image[results.LAYOUT]
     link = tree.links.new
@@ -185,11 +257,14 @@ def build_by_image(
     if (first_u, first_v, columns, rows) != (0, 0, 1, 1):
         place = _place(tree, uv, (first_u, first_v), (columns, rows), 0.5 / size)
     link(place, lookup.inputs["Vector"])
-    add, output = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("NodeGroupOutput")
-    add.operation = "ADD"
-    add.location, output.location = (1200, 0), (1400, 0)
+    scale, add = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("ShaderNodeVectorMath")
+    output = tree.nodes.new("NodeGroupOutput")
+    scale.operation, add.operation = "SCALE", "ADD"
+    scale.location, add.location, output.location = (1200, -150), (1400, 0), (1600, 0)
+    link(lookup.outputs["Color"], scale.inputs[0])
+    link(begin.outputs["Strength"], scale.inputs["Scale"])
     link(uv, add.inputs[0])
-    link(lookup.outputs["Color"], add.inputs[1])
+    link(scale.outputs["Vector"], add.inputs[1])
     link(add.outputs["Vector"], output.inputs["UV"])
     return lookup
 
@@ -296,6 +371,11 @@ def remove(material: bpy.types.Material) -> int:
     return removed
 
 
+def own_textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
+    """The artist's Image Texture nodes of a material's tree."""
+    return [node for node in _textures(tree) if node.image is None or results.LAYOUT not in node.image]
+
+
 def redirected(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     """The Image Texture nodes with an image that are looked up at UVs out of a group of this add-on."""
 
@@ -306,7 +386,7 @@ def redirected(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
         before = [link.from_node for socket in node.inputs for link in socket.links]
         return any(is_behind(other, seen) for other in before if other not in seen)
 
-    textures = [node for node in _textures(tree) if node.image is not None and results.LAYOUT not in node.image]
+    textures = [node for node in own_textures(tree) if node.image is not None]
     return [node for node in textures if any(is_behind(link.from_node, set()) for link in node.inputs["Vector"].links)]
 
 

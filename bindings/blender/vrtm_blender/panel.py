@@ -1,10 +1,11 @@
-"""The panels in Properties > Object Data. They only show: drawing changes nothing and solves nothing."""
+"""The panels in Properties > Object Data, and the menus. They only show: drawing changes nothing and solves nothing."""
 
 from __future__ import annotations
 
 import bpy
 
-from . import dilate, geometry, keep, nodes, results, session, tap
+from . import geometry, keep, results, session, status, tap
+from .operators.objects import PRESETS, preset_of
 
 
 class _Panel:
@@ -26,7 +27,10 @@ class VRTM_PT_main(_Panel, bpy.types.Panel):
         layout, obj = self.layout, context.object
         settings = obj.vrtm
         layout.use_property_split, layout.use_property_decorate = True, False
+        if not results.is_set_up(obj):
+            layout.operator("vrtm.set_up", icon="PLAY")
         draw_map(layout, obj, "rigidity")
+        layout.menu("VRTM_MT_rigidity", icon="TPAINT_HLT")
         draw_map(layout, obj, "mask")
         column = layout.column()
         column.prop_search(settings, "uv_map", obj.data, "uv_layers")
@@ -42,12 +46,19 @@ class VRTM_PT_main(_Panel, bpy.types.Panel):
             column.operator("vrtm.capture_rest")
             if geometry.REST_NAME in obj.data.attributes:
                 column.label(text=f"Captured at frame {obj.data.get(geometry.REST_FRAME_NAME, '?')}")
-        draw_topology(layout, obj)
-        row = layout.row(align=True)
-        row.prop(settings, "live", toggle=True, icon="PLAY")
-        row.operator("vrtm.update", icon="FILE_REFRESH")
-        layout.prop(settings, "in_renders")
-        draw_state(layout, obj)
+        draw_topology(layout, context)
+        row, present = layout.row(align=True), preset_of(settings)
+        for name in PRESETS:
+            row.operator("vrtm.preset", text=name.capitalize(), depress=name == present).name = name
+        column = layout.column(heading="Solve")
+        column.prop(settings, "live")
+        column.prop(settings, "in_renders")
+        layout.operator("vrtm.update", icon="FILE_REFRESH")
+        # Always two rows, so that no button moves while things are solved. All else is told in Status.
+        line = status.headline(obj, context.scene)
+        column = layout.column(align=True)
+        column.label(text=line.text, icon=line.icon)
+        column.label(text=status.summary(obj), icon="BLANK1")
 
 
 class VRTM_PT_quality(_Panel, bpy.types.Panel):
@@ -65,10 +76,21 @@ class VRTM_PT_quality(_Panel, bpy.types.Panel):
         if settings.seams == "continue" or settings.open_borders == "slide":
             layout.prop(settings, "seam_reach")
         column = layout.column(heading="Write")
-        column.prop(settings, "write_image")
-        column.prop(settings, "write_uvs")
+        for name in ("write_image", "write_uvs", "write_delta"):
+            column.prop(settings, name)
         if settings.write_image and settings.image is not None:
             layout.prop(settings, "image")
+
+
+class VRTM_PT_strain(_Panel, bpy.types.Panel):
+    bl_label = "Show Strain"
+    bl_parent_id = "VRTM_PT_main"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.row().prop(context.object.vrtm, "strain", expand=True)
+        layout.label(text="Red: stretched. Blue: squeezed", icon="INFO")
 
 
 class VRTM_PT_material(_Panel, bpy.types.Panel):
@@ -92,17 +114,89 @@ class VRTM_PT_bake(_Panel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
-        layout, settings = self.layout, context.scene.vrtm_bake
+        layout, scene = self.layout, context.scene
+        settings = scene.vrtm_bake
         layout.use_property_split, layout.use_property_decorate = True, False
         layout.prop(settings, "directory")
+        layout.prop(settings, "use_custom_range")
         column = layout.column(align=True)
+        column.active = settings.use_custom_range
+        given = settings if settings.use_custom_range else scene
         for name in ("frame_start", "frame_end", "frame_step"):
-            column.prop(settings, name)
+            column.prop(given, name, text=name.removeprefix("frame_").capitalize())
         layout.prop(settings, "form")
         layout.prop(settings, "overwrite")
         layout.operator("vrtm.bake", icon="RENDER_ANIMATION")
         baked = context.object.vrtm.shows_baked
         layout.operator("vrtm.use_live" if baked else "vrtm.use_baked")
+
+
+class VRTM_PT_status(_Panel, bpy.types.Panel):
+    """The last one, so that nothing below it moves."""
+
+    bl_label = "Status"
+    bl_parent_id = "VRTM_PT_main"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, obj = self.layout, context.object
+        state = session.find_state(obj)
+        notes = status.notes(obj, context.scene)
+        for line in notes:
+            status.draw(layout, context, line)
+        if results.is_set_up(obj) and keep.unsaved_maps(obj):
+            layout.operator("vrtm.pack_maps", icon="PACKAGE")
+        if not notes:
+            layout.label(text="Nothing to be mended", icon="CHECKMARK")
+        for label, value in state.figures if state is not None else ():
+            row = layout.row()
+            row.label(text=label)
+            row.label(text=value)
+        layout.operator("vrtm.remove_all", icon="TRASH")
+
+
+class VRTM_MT_rigidity(bpy.types.Menu):
+    bl_label = "Rigidity Map"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator("vrtm.new_rigidity", text="New Image", icon="FILE_NEW")
+        layout.operator("vrtm.paint", icon="BRUSH_DATA")
+        layout.separator()
+        layout.operator("vrtm.rigidity_from_texture", text="From Texture", icon="TEXTURE")
+        layout.operator("vrtm.rigidity_from_heights", text="From Geometry (Bump, Displacement)", icon="RNDCURVE")
+        layout.separator()
+        for how in ("invert", "grow", "shrink"):
+            layout.operator("vrtm.change_rigidity", text=how.capitalize()).how = how
+        layout.separator()
+        layout.operator("vrtm.pack_maps", icon="PACKAGE")
+
+
+class VRTM_MT_object(bpy.types.Menu):
+    """In Object menus, and so in the search of operators."""
+
+    bl_label = "Rigid Features (vrtm)"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        # Menus of objects run operators without asking; ours ask where they take long.
+        layout.operator_context = "INVOKE_DEFAULT"
+        for name in ("set_up", "update", "capture_rest"):
+            layout.operator(f"vrtm.{name}")
+        layout.menu("VRTM_MT_rigidity")
+        layout.separator()
+        layout.operator("vrtm.set_up_material").by = "image"
+        for name in ("dilate", "clear_material"):
+            layout.operator(f"vrtm.{name}")
+        layout.separator()
+        for name in ("bake", "use_baked", "use_live"):
+            layout.operator(f"vrtm.{name}")
+        layout.separator()
+        layout.operator("vrtm.remove_all")
+
+
+def object_menu(self, context: bpy.types.Context) -> None:
+    self.layout.separator()
+    self.layout.menu("VRTM_MT_object")
 
 
 def draw_map(layout: bpy.types.UILayout, obj: bpy.types.Object, which: str) -> None:
@@ -119,50 +213,39 @@ def draw_map(layout: bpy.types.UILayout, obj: bpy.types.Object, which: str) -> N
         column.prop_search(settings, f"{which}_name", obj.data, "color_attributes", text="Attribute")
 
 
-def draw_topology(layout: bpy.types.UILayout, obj: bpy.types.Object) -> None:
+def draw_topology(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    obj = context.object
     first = geometry.first_topology_modifier(obj)
-    if first is not None and tap.tap_of(obj) is None:
-        box = layout.box()
-        box.label(text=f"{first.name} changes the topology", icon="INFO")
-        box.operator("vrtm.insert_tap")
-
-
-def draw_state(layout: bpy.types.UILayout, obj: bpy.types.Object) -> None:
-    scale = obj.scale
-    if max(map(abs, scale)) > 1.001 * min(map(abs, scale)):
-        layout.label(text="Scaled unevenly: apply the scale, which vrtm does not see", icon="INFO")
-    if obj.vrtm.seams == "continue" and dilate.left_of(obj):
-        layout.label(text="Textures end at seams: press Dilate Textures", icon="INFO")
-    state = session.find_state(obj)
-    if results.is_set_up(obj):
-        for text in keep.unsaved_maps(obj):
-            layout.label(text=text, icon="ERROR")
-        # Also of a file that was just opened, in which nothing was solved yet.
-        expected = (state is not None and state.shown) or obj.vrtm.image is not None or nodes.groups_of(obj)
-        lost = results.missing(obj) if expected else None
-        if lost is not None:
-            layout.label(text=f"{lost}: press Update Now", icon="ERROR")
-            if state is None or not state.error:
-                return
-    if state is None:
+    if first is None or tap.tap_of(obj) is not None:
         return
     box = layout.box()
-    if state.message:
-        box.label(text=state.message, icon="ERROR" if state.error else "NONE")
-    for label, value in state.figures:
-        row = box.row()
-        row.label(text=label)
-        row.label(text=value)
+    if first.type in tap.KEEPING:
+        status.draw(box, context, status.Line(f"{first.name} changes the topology", "INFO"))
+        box.operator("vrtm.insert_tap")
+    else:
+        text = f"{first.name} makes other vertices than the mesh has: hide it in the viewport, or apply it"
+        status.draw(box, context, status.Line(text, "ERROR"))
 
 
-CLASSES = (VRTM_PT_main, VRTM_PT_quality, VRTM_PT_material, VRTM_PT_bake)
+CLASSES = (
+    VRTM_PT_main,
+    VRTM_PT_quality,
+    VRTM_PT_strain,
+    VRTM_PT_material,
+    VRTM_PT_bake,
+    VRTM_PT_status,
+    VRTM_MT_rigidity,
+    VRTM_MT_object,
+)
 
 
 def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
+    bpy.types.VIEW3D_MT_object.append(object_menu)
 
 
 def unregister() -> None:
+    bpy.types.VIEW3D_MT_object.remove(object_menu)
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -33,6 +33,25 @@ def _live_changed(settings: VrtmSettings, context: bpy.types.Context) -> None:
         live.stop(settings.id_data)
 
 
+def _strain_changed(settings: VrtmSettings, context: bpy.types.Context) -> None:
+    from . import live, overlay
+
+    obj = settings.id_data
+    on = settings.strain != "NONE"
+    overlay.show(on)
+    if not on:
+        overlay.remove(obj)
+    elif results_wanted(obj):
+        live.want(obj)
+
+
+def results_wanted(obj: bpy.types.Object) -> bool:
+    """Whether a solve can be asked for at once."""
+    from . import results, session
+
+    return results.is_set_up(obj) and not session.synchronous()
+
+
 class VrtmSettings(bpy.types.PropertyGroup):
     """Object.vrtm"""
 
@@ -159,11 +178,33 @@ class VrtmSettings(bpy.types.PropertyGroup):
         default=True,
         update=_changed,
     )
+    write_delta: BoolProperty(
+        name="Attribute",
+        description="Write what is added to each face corner's UV to a vector attribute, for Geometry Nodes: the UV "
+        "map's name with _delta",
+        default=False,
+        update=_changed,
+    )
+    strain: EnumProperty(
+        name="Show Strain",
+        description="Show in Solid viewports how much what is painted is stretched (red) or squeezed (blue): full "
+        "colours are a quarter longer or a fifth shorter than at rest",
+        items=[
+            ("NONE", "Off", "Show what was shown before"),
+            ("BEFORE", "Before", "With the mesh's own UVs: it shows where features need to be rigid"),
+            ("AFTER", "After", "With the redirection"),
+        ],
+        update=_strain_changed,
+    )
     # The outputs. A pointer follows renaming, undo and saving; a UV map has no pointer, so its name is kept.
     image: PointerProperty(name="Redirection", type=bpy.types.Image)
     uv_name: StringProperty(name="Redirected UV Map", default="vrtm")
     # Set by the operators that switch between the result image and baked files.
     shows_baked: BoolProperty(name="Shows Baked Files")
+
+
+def _range_changed(settings: VrtmBakeSettings, context: bpy.types.Context) -> None:
+    settings.use_custom_range = True
 
 
 class VrtmBakeSettings(bpy.types.PropertyGroup):
@@ -176,9 +217,12 @@ class VrtmBakeSettings(bpy.types.PropertyGroup):
         default="//vrtm/",
         **PATH_OPTIONS,
     )
-    frame_start: IntProperty(name="Start", default=1)
-    frame_end: IntProperty(name="End", default=250)
-    frame_step: IntProperty(name="Step", default=1, min=1)
+    use_custom_range: BoolProperty(
+        name="Custom Range", description="Other frames than the scene's range; it is switched on when one is set"
+    )
+    frame_start: IntProperty(name="Start", default=1, update=_range_changed)
+    frame_end: IntProperty(name="End", default=250, update=_range_changed)
+    frame_step: IntProperty(name="Step", default=1, min=1, update=_range_changed)
     form: EnumProperty(
         name="Form",
         items=[

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from . import geometry, session
+from . import geometry, overlay, session
 from .messages import Problem
 from .session import Request, State
 
 if TYPE_CHECKING:
     import vrtm
+
+    from .prepared import Prepared
+    from .work import Outcome
 
 # Where the layout of a result's image is kept: in the image, for the node group and for bakes.
 LAYOUT = "vrtm_layout"
@@ -62,13 +65,22 @@ class Outputs:
     layout: Layout | None
     image: np.ndarray | None  # (height, width, 4) float32
     uvs: np.ndarray | None  # (corners, 2) float32
+    delta: np.ndarray | None  # (corners, 3) float32: what to add to u and v, and 0
+    strain: np.ndarray | None  # (vertices, 4) float32: colours
 
 
-def fetch(asset: vrtm.Asset, request: Request) -> Outputs:
+def fetch(prepared: Prepared, request: Request) -> Outputs:
     """Fetches the asset's last result. It may be called on any thread, while no solve is under way."""
+    asset = prepared.asset
     layout = layout_of(asset, request.name, request.map_size) if request.write_image else None
     image = redirection(asset, layout) if layout is not None else None
-    return Outputs(layout, image, asset.corner_uvs() if request.write_uvs else None)
+    uvs = asset.corner_uvs() if request.write_uvs or request.write_delta else None
+    delta = strain = None
+    if request.write_delta:
+        delta = np.pad(uvs - prepared.mesh.topology.uvs, ((0, 0), (0, 1)))
+    if request.strain != "NONE":
+        strain = overlay.colours(prepared, request.positions, request.strain == "AFTER")
+    return Outputs(layout, image, uvs if request.write_uvs else None, delta, strain)
 
 
 def layout_of(asset: vrtm.Asset, name: str, map_size: int) -> Layout:
@@ -112,8 +124,13 @@ def missing(obj: bpy.types.Object) -> str | None:
             return "The result image is empty"
         if nodes.stale_groups(obj):
             return "The material's node group has lost the result image"
+        owner = owner_of_image(obj)
+        if owner is not None:
+            return f"The redirection that is shown is that of {owner.name!r}"
     if settings.write_uvs and settings.uv_name not in obj.data.uv_layers:
         return "The result UV map is not there"
+    if settings.write_delta and delta_name(settings) not in obj.data.attributes:
+        return "The result attribute is not there"
     return None
 
 
@@ -131,27 +148,46 @@ def has_pixels(image: bpy.types.Image) -> bool:
     return image.source != "GENERATED" and image.size[0] > 0
 
 
-def publish(obj: bpy.types.Object, state: State, request: Request, outputs: Outputs) -> None:
-    """Writes what was fetched of the asset's last result, which is that of `request`."""
+def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outcome) -> None:
+    """Writes what a job came to."""
+    outputs = outcome.outputs
+    # What the artist has done until now is heard of as such, and what the writes cause as nothing new.
+    _update()
     before, session.writing = session.writing, True
     try:
         if outputs.image is not None:
             write_image(obj, outputs.layout, outputs.image)
         if outputs.uvs is not None:
             write_uvs(obj, outputs.uvs)
+        if outputs.delta is not None:
+            write_delta(obj, outputs.delta)
+        if outputs.strain is not None:
+            overlay.write(obj, outputs.strain)
+        _update()
     finally:
         session.writing = before
-    state.shown = request.stamp
-    state.figures = figures(state)
+    state.shown, state.figures, state.notes = request.stamp, outcome.figures, list(outcome.notes)
+    still_right(state, request)
     behind = geometry.deforms_after_tap(obj)
     if behind is not None and geometry.has_tap(obj):
-        state.say(
-            f"modifier {behind.name!r} deforms behind the one that changes the topology: it is not in the pose", True
+        state.notes.append(
+            f"Modifier {behind.name!r} deforms behind the one that changes the topology: it is not in the pose"
         )
-    elif outputs.image is None and outputs.uvs is None:
-        state.say("Solved, but no output is switched on", True)
-    else:
-        state.say("Up to date")
+    if all(output is None for output in (outputs.image, outputs.uvs, outputs.delta)):
+        state.notes.append("No output is switched on: see Quality and Outputs")
+    state.say("")
+
+
+def _update() -> None:
+    """Has Blender evaluate what was changed, so that its handlers are called now."""
+    layer = bpy.context.view_layer
+    if layer is not None and not (session.rendering or session.baking or session.handling):
+        layer.update()
+
+
+def still_right(state: State, request: Request) -> None:
+    """What is shown is the result of this request."""
+    state.frame, state.shown_edits = request.frame, request.edits
 
 
 def write_image(obj: bpy.types.Object, layout: Layout, pixels: np.ndarray) -> None:
@@ -162,24 +198,42 @@ def write_image(obj: bpy.types.Object, layout: Layout, pixels: np.ndarray) -> No
     image.update_tag()
 
 
+def owner_of_image(obj: bpy.types.Object) -> bpy.types.Object | None:
+    """The object whose result the object's image is, if it is another: a duplicate begins with the original's."""
+    image, uid = obj.vrtm.image, session.uid_of(obj)
+    if not is_result(image):
+        return None
+    others = [other for other in bpy.data.objects if other.vrtm.image == image and session.uid_of(other) < uid]
+    return min(others, key=session.uid_of, default=None)
+
+
+def separate(obj: bpy.types.Object) -> None:
+    """Gives a duplicate an image of its own, and materials that look it up."""
+    from . import nodes
+
+    if owner_of_image(obj) is not None:
+        before = obj.vrtm.image
+        obj.vrtm.image = _new_image(obj, *before.size)
+        obj.vrtm.image[LAYOUT] = list(before[LAYOUT])
+        nodes.separate(obj, lambda tree: nodes.is_by_image(tree, before), nodes.group_by_image)
+
+
+def _new_image(obj: bpy.types.Object, width: int, height: int) -> bpy.types.Image:
+    image = bpy.data.images.new(f"vrtm {obj.name}", width, height, alpha=True, float_buffer=True, is_data=True)
+    image.alpha_mode = "CHANNEL_PACKED"
+    image.file_format = "OPEN_EXR"
+    return image
+
+
 def own_image(obj: bpy.types.Object, layout: Layout) -> bpy.types.Image:
-    """The object's result image in the layout's size. A duplicate of an object begins with the original's: it gets
-    one of its own."""
+    """The object's result image in the layout's size."""
     from . import nodes
 
     settings = obj.vrtm
+    separate(obj)
     image = settings.image
-    uid = session.uid_of(obj)
-    taken = image is not None and any(
-        other.vrtm.image == image and session.uid_of(other) < uid for other in bpy.data.objects if other != obj
-    )
-    if not is_result(image) or taken or image.library is not None:
-        image = bpy.data.images.new(
-            f"vrtm {obj.name}", layout.width, layout.height, alpha=True, float_buffer=True, is_data=True
-        )
-        image.alpha_mode = "CHANNEL_PACKED"
-        image.file_format = "OPEN_EXR"
-        settings.image = image
+    if not is_result(image) or image.library is not None:
+        image = settings.image = _new_image(obj, layout.width, layout.height)
     if not image.size[0]:
         # Its file is gone: it is one in memory again.
         image.source, image.use_generated_float = "GENERATED", True
@@ -207,18 +261,36 @@ def write_uvs(obj: bpy.types.Object, uvs: np.ndarray) -> None:
     # over.
 
 
+def delta_name(settings: bpy.types.PropertyGroup) -> str:
+    """The attribute for Geometry Nodes. It has three components, since Blender takes two for a UV map."""
+    return f"{settings.uv_name}_delta"
+
+
+def write_delta(obj: bpy.types.Object, values: np.ndarray) -> None:
+    mesh, name = obj.data, delta_name(obj.vrtm)
+    attribute = mesh.attributes.get(name)
+    if attribute is not None and (attribute.domain, attribute.data_type) != ("CORNER", "FLOAT_VECTOR"):
+        mesh.attributes.remove(attribute)
+        attribute = None
+    if attribute is None:
+        attribute = mesh.attributes.new(name, "FLOAT_VECTOR", "CORNER")
+    attribute.data.foreach_set("vector", np.ascontiguousarray(values, np.float32).ravel())
+    if not session.rendering:
+        mesh.update_tag()
+
+
 def own_layer(obj: bpy.types.Object) -> bpy.types.MeshUVLoopLayer:
     """The object's result among the mesh's UV maps. Objects that share a mesh have one each."""
+    from . import nodes
+
     mesh, settings = obj.data, obj.vrtm
-    uid = session.uid_of(obj)
-    if any(
-        other.data == mesh
-        and other.vrtm.uv_name == settings.uv_name
-        and session.uid_of(other) < uid
-        and is_set_up(other)
+    uid, before = session.uid_of(obj), settings.uv_name
+    taken = any(
+        other.data == mesh and other.vrtm.uv_name == before and session.uid_of(other) < uid and is_set_up(other)
         for other in bpy.data.objects
         if other != obj
-    ):
+    )
+    if taken:
         settings.uv_name = f"vrtm {obj.name}"[:60]
     layer = mesh.uv_layers.get(settings.uv_name)
     if layer is None:
@@ -228,6 +300,8 @@ def own_layer(obj: bpy.types.Object) -> bpy.types.MeshUVLoopLayer:
             raise Problem(f"{obj.name} has eight UV maps already: delete one, or switch the UV Map output off")
         settings.uv_name = layer.name
         mesh.uv_layers.active_index = active
+    if taken:
+        nodes.separate(obj, lambda tree: nodes.is_by_uv_map(tree, before), nodes.group_by_uv_map)
     return layer
 
 
@@ -235,11 +309,16 @@ def is_set_up(obj: bpy.types.Object) -> bool:
     return obj.type == "MESH" and obj.vrtm.rigidity_source != "NONE"
 
 
-def figures(state: State) -> list[tuple[str, str]]:
+def figures(prepared: Prepared) -> list[tuple[str, str]]:
     """What the panel shows of the last solve, as labels and values."""
-    report = state.asset.report()
-    tiles = [tile.report() for tile in state.asset.tiles]
-    shown = [("Time", f"{report.ms_total:.0f} ms"), ("Folds", str(report.folds)), ("Tiles", str(len(tiles)))]
+    report = prepared.asset.report()
+    tiles = [tile.report() for tile in prepared.asset.tiles]
+    shown = [
+        ("Time", f"{report.ms_total:.0f} ms"),
+        ("Folds", str(report.folds)),
+        ("Rigid", percent(prepared.rigid_share())),
+        ("Tiles", str(len(tiles))),
+    ]
     edges = sum(tile.edges + tile.edges_fixed for tile in tiles)
     if edges:
         # Of all that is rigid, what cannot move too.
@@ -249,6 +328,23 @@ def figures(state: State) -> list[tuple[str, str]]:
             for side in ("before", "after")
         )
         shown.append(("Strain", f"{before:.3f} before, {after:.3f} after"))
-    if report.median_stretch and not 1 / 3 < report.median_stretch < 3:
-        shown.append(("Warning", "the pose is in other units than the rest shape, or its vertices in another order"))
     return shown
+
+
+def percent(share: float) -> str:
+    """A share in words that are never 0 or 100 % unless it is."""
+    if 0 < share < 0.001:
+        return "under 0.1 %"
+    if 0.999 < share < 1:
+        return "over 99.9 %"
+    return f"{100 * share:.{1 if 0 < share < 0.1 else 0}f} %"
+
+
+def notes(prepared: Prepared) -> list[str]:
+    """What is likely not as it is meant, in sentences."""
+    share = prepared.rigid_share()
+    if share == 0:
+        return ["Nothing is rigid: the map is 0 everywhere. Is it the right image, channel or group?"]
+    if share == 1:
+        return ["All is rigid: the map is 1 everywhere, so that nothing can give way. Paint black between features"]
+    return []

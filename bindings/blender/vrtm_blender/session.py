@@ -7,8 +7,11 @@ renaming and undo, so that an undo, a deletion or another file cannot leave a de
 
 from __future__ import annotations
 
+import contextlib
 import logging
+import threading
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +23,7 @@ from .messages import Problem
 if TYPE_CHECKING:
     import vrtm
 
+    from .prepared import Inputs, Prepared
     from .work import Work
 
 log = logging.getLogger("vrtm.blender")
@@ -29,6 +33,8 @@ writing = False
 # Set from the beginning of a render to its end, and while files are baked.
 rendering = False
 baking = False
+# Set within handlers of frame changes, where nothing may be evaluated.
+handling = False
 # In background mode there is no event loop that would call a timer, so frames are solved at once. Tests of the live
 # path set this, and call the timer's function themselves.
 live_in_background = False
@@ -46,6 +52,11 @@ class Request:
     map_size: int
     write_image: bool
     write_uvs: bool
+    write_delta: bool
+    strain: str  # "NONE", "BEFORE" or "AFTER"
+    # Of which frame it is, and how many edits had been heard of.
+    frame: int = 0
+    edits: int = 0
 
 
 @dataclass
@@ -54,38 +65,54 @@ class State:
 
     uid: int
     name: str
-    asset: vrtm.Asset | None = None
+    prepared: Prepared
+    inputs: Inputs
     counts: tuple[int, int, int] = (0, 0, 0)
+    # What the inputs that were read last depend on.
     stamps: dict[str, Any] = field(default_factory=dict)
-    # The rigidity images that were set, by UDIM number.
-    painted: dict[int, np.ndarray] = field(default_factory=dict)
     # What has to be read again before the next solve.
     mesh_changed: bool = True
     maps_changed: bool = True
     # A pose is to be collected by the timer.
     wanted: bool = False
     job: Work | None = None
-    # The request whose result was written.
+    # The request whose result was written, its frame, and the edits that it knows of.
     shown: bytes = b""
+    frame: int = 0
+    shown_edits: int = 0
+    # Edits that the result depends on, and whether frames change the object's shape.
+    edits: int = 0
+    animated: bool = False
     waiting_since: float = 0.0
     message: str = ""
     error: bool = False
+    # What the library, or this add-on, has to say of the result that is shown.
+    notes: list[str] = field(default_factory=list)
     figures: list[tuple[str, str]] = field(default_factory=list)
 
-    def end_job(self) -> None:
-        """Cancels the job, if there is one, and waits for its end: milliseconds."""
+    @property
+    def asset(self) -> vrtm.Asset | None:
+        return self.prepared.asset
+
+    def take_job(self) -> Work | None:
+        """The job, which is none any more. What it has not used of what was read is kept for the next."""
         job, self.job = self.job, None
-        if job is not None:
-            job.close()
+        if job is not None and not job.applied:
+            self.inputs.give_back(job.inputs)
+        return job
+
+    def end_job(self) -> None:
+        """Cancels the job, if there is one, and waits for its end: milliseconds, but while a mesh is prepared."""
+        if self.job is not None:
+            self.job.close()
+            self.take_job()
 
     def end_asset(self) -> None:
         self.end_job()
-        asset, self.asset = self.asset, None
+        self.prepared.close()
+        self.inputs.take()
         self.stamps.clear()
-        self.painted.clear()
         self.shown = b""
-        if asset is not None:
-            asset.close()
 
     def say(self, message: str, error: bool = False) -> None:
         self.message, self.error = message, error
@@ -113,7 +140,9 @@ def state_of(obj: bpy.types.Object) -> State:
     uid = uid_of(obj)
     state = states.get(uid)
     if state is None:
-        state = states[uid] = State(uid, obj.name)
+        from .prepared import Inputs, Prepared
+
+        state = states[uid] = State(uid, obj.name, Prepared(), Inputs())
     state.name = obj.name
     return state
 
@@ -132,13 +161,31 @@ def object_of(state: State) -> bpy.types.Object | None:
 
 
 def device(name: str) -> vrtm.Device:
-    if name not in devices:
-        devices[name] = library().Device(name, log=_log)
-    return devices[name]
+    with _making:
+        if name not in devices:
+            devices[name] = library().Device(name, log=_log)
+        return devices[name]
+
+
+_making = threading.Lock()
+_ear = threading.local()
+
+
+@contextlib.contextmanager
+def listening() -> Iterator[list[str]]:
+    """What the library warns of on this thread until the end of the block."""
+    before, _ear.lines = getattr(_ear, "lines", None), []
+    try:
+        yield _ear.lines
+    finally:
+        _ear.lines = before
 
 
 def _log(level: str, message: str) -> None:
-    log.log(logging.WARNING if level == "warning" else logging.DEBUG, "%s", message)
+    warning = level == "warning"
+    if warning and getattr(_ear, "lines", None) is not None:
+        _ear.lines.append(message)
+    log.log(logging.WARNING if warning else logging.DEBUG, "%s", message)
 
 
 def drop(uid: int) -> None:

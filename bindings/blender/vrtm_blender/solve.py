@@ -1,69 +1,53 @@
-"""From an object's settings and geometry to an asset that is ready, and from a pose to its result."""
+"""From an object's settings and geometry to what a job needs, and from a pose to its result."""
 
 from __future__ import annotations
 
 import bpy
-import numpy as np
 
 from . import geometry, maps, session
 from .messages import Problem
+from .prepared import MapsInput, MeshInput
 from .session import Request, State
+from .work import Work
 
 
-def prepare(obj: bpy.types.Object, state: State) -> None:
-    """Makes or mends the object's asset, as far as what it depends on has changed. Raises a Problem or vrtm.Error."""
+def read(obj: bpy.types.Object, state: State) -> None:
+    """Reads what has changed of what the object's asset depends on, into the state's inputs. Raises a Problem."""
     if obj.mode == "EDIT":
         raise Problem(f"{obj.name} is in Edit Mode: results are computed when you leave it")
     settings = obj.vrtm
     if settings.rigidity_source == "NONE":
         raise Problem(f"{obj.name}: choose where the rigidity is painted")
-    if state.asset is None or geometry.counts(obj.data) != state.counts:
+    if geometry.counts(obj.data) != state.counts:
         state.mesh_changed = True
     if state.mesh_changed:
-        _prepare_mesh(obj, state)
+        _read_mesh(obj, state)
     if state.maps_changed:
-        _prepare_maps(obj, state)
+        _read_maps(obj, state)
 
 
-def _prepare_mesh(obj: bpy.types.Object, state: State) -> None:
-    settings = obj.vrtm
+def _read_mesh(obj: bpy.types.Object, state: State) -> None:
+    device = obj.vrtm.device
     topology, rest = geometry.topology(obj), geometry.rest_positions(obj)
-    stamp = (topology.stamp, geometry.stamp_of(rest), settings.device)
-    if state.asset is None or state.stamps.get("mesh") != stamp:
-        state.end_asset()
-        vrtm = session.library()
-        state.asset = vrtm.Asset(
-            session.device(settings.device),
-            rest,
-            topology.corner_vertices,
-            face_counts=topology.face_counts,
-            uvs=topology.uvs,
-        )
-        state.stamps["mesh"] = stamp
+    stamp = (topology.stamp, geometry.stamp_of(rest), device)
+    if state.stamps.get("mesh") != stamp:
+        # Maps are set for a mesh: all of them again.
         state.maps_changed = True
+    state.inputs.mesh = MeshInput(topology, rest, device, stamp)
+    state.stamps["mesh"] = stamp
     state.counts = geometry.counts(obj.data)
     state.mesh_changed = False
 
 
-def _prepare_maps(obj: bpy.types.Object, state: State) -> None:
-    rigidity, mask = maps.read_map(obj, "rigidity"), maps.read_map(obj, "mask")
-    settings = settings_of(obj)
-    for which, new in (("rigidity", rigidity), ("mask", mask), ("settings", settings)):
-        stamp = tuple(new.values()) if which == "settings" else (new.stamp, sorted(udim or 0 for udim in new.tiles))
-        if state.stamps.get(which) == stamp:
-            continue
-        # An asset belongs to its job until that is over.
-        state.end_job()
-        # What is set first must not stay if what follows fails.
-        state.stamps.pop(which, None)
-        if which == "settings":
-            for tile in state.asset.tiles:
-                tile.set_settings(**new)
-        elif which == "rigidity":
-            _set_rigidity(state, new)
-        else:
-            _set_mask(state, new)
-        state.stamps[which] = stamp
+def _read_maps(obj: bpy.types.Object, state: State) -> None:
+    rigidity, mask, settings = maps.read_map(obj, "rigidity"), maps.read_map(obj, "mask"), settings_of(obj)
+    stamps = {
+        "rigidity": (rigidity.stamp, sorted(udim or 0 for udim in rigidity.tiles)),
+        "mask": (mask.stamp, sorted(udim or 0 for udim in mask.tiles)),
+        "settings": tuple(settings.values()),
+    }
+    state.inputs.maps = MapsInput(rigidity, mask, settings, stamps)
+    state.stamps |= stamps
     state.maps_changed = False
 
 
@@ -74,51 +58,31 @@ def settings_of(obj: bpy.types.Object) -> dict[str, object]:
     return {"grid_width": settings.grid, "grid_height": settings.grid} | borders
 
 
-def _set_mask(state: State, new: maps.Map) -> None:
-    state.asset.set_vertex_mask(new.vertices)
-    if new.vertices is None:
-        for tile in state.asset.tiles:
-            image = new.of(tile.udim)
-            tile.set_mask(image, **_origin(image))
-
-
-def _set_rigidity(state: State, new: maps.Map) -> None:
-    # Kept again at the end: after a failure all of it is set again.
-    before, state.painted = state.painted, {}
-    if new.vertices is not None or not before:
-        state.asset.set_vertex_rigidity(new.vertices)
-    if new.vertices is not None:
-        return
-    for tile in state.asset.tiles:
-        image, old = new.of(tile.udim), before.get(tile.udim)
-        if image is None or old is None or image.shape != old.shape:
-            tile.set_rigidity(image, **_origin(image))
-            continue
-        # A stroke of a brush: only what has changed is prepared again.
-        changed = image != old
-        rows, columns = np.flatnonzero(changed.any(1)), np.flatnonzero(changed.any(0))
-        if len(rows):
-            x, y, width, height = columns[0], rows[0], np.ptp(columns) + 1, np.ptp(rows) + 1
-            tile.update_rigidity(image, int(x), int(y), int(width), int(height), origin=maps.ORIGIN)
-    state.painted = {tile.udim: image for tile in state.asset.tiles if (image := new.of(tile.udim)) is not None}
-
-
-def _origin(image: np.ndarray | None) -> dict[str, str]:
-    return {} if image is None else {"origin": maps.ORIGIN}
-
-
 def options_of(obj: bpy.types.Object) -> dict[str, object]:
     """How the library solves for this object."""
     return {"quality": obj.vrtm.quality, "measure": obj.vrtm.measure}
 
 
+def prepare(obj: bpy.types.Object, state: State) -> None:
+    """Makes or mends the object's asset before it returns. Raises a Problem or vrtm.Error."""
+    state.end_job()
+    read(obj, state)
+    inputs = state.inputs.take()
+    try:
+        state.prepared.apply(inputs)
+    except BaseException:
+        state.inputs.give_back(inputs)
+        raise
+
+
 def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph) -> Request:
-    """The object's pose now. Call prepare() before."""
+    """The object's pose now. Call read() before."""
     positions, options = geometry.pose(obj, depsgraph), options_of(obj)
     settings = obj.vrtm
-    outputs = (settings.map_size, settings.write_image, settings.write_uvs)
+    outputs = (settings.map_size, settings.write_image, settings.write_uvs, settings.write_delta, settings.strain)
     inputs = repr((sorted(options.items()), outputs, sorted(state.stamps.items()))).encode()
-    return Request(positions, options, geometry.stamp_of(positions) + inputs, obj.name, *outputs)
+    stamp = geometry.stamp_of(positions) + inputs
+    return Request(positions, options, stamp, obj.name, *outputs, depsgraph.scene.frame_current, state.edits)
 
 
 def run(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> State:
@@ -128,10 +92,15 @@ def run(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> State:
     state = session.state_of(obj)
     state.end_job()
     state.wanted = False
-    prepare(obj, state)
+    read(obj, state)
     wanted = request(obj, state, depsgraph)
     if wanted.stamp == state.shown and results.are_there(obj):
+        results.still_right(state, wanted)
         return state
-    state.asset.solve(wanted.positions, **wanted.options)
-    results.publish(obj, state, wanted, results.fetch(state.asset, wanted))
+    state.job = Work(state.prepared, state.inputs.take(), wanted)
+    try:
+        outcome = state.job.result()
+    finally:
+        state.take_job()
+    results.publish(obj, state, wanted, outcome)
     return state

@@ -15,6 +15,8 @@ POSE_NAME = ".vrtm_pose"
 INDEX_NAME = ".vrtm_index"
 GROUP_NAME = "vrtm pose"
 MARK = "vrtm_pose_group"
+# Modifiers that keep the mesh's own vertices first, with their attributes. What Geometry Nodes do cannot be known.
+KEEPING = frozenset("ARRAY EDGE_SPLIT MIRROR NODES SCREW SOLIDIFY SUBSURF TRIANGULATE".split())
 
 
 def group() -> bpy.types.NodeTree:

@@ -1,64 +1,95 @@
-"""A solve and the fetching of what it came to, both on the job's own thread, which touches none of Blender's data."""
+"""A job: preparing an asset, solving and fetching what it came to, on a thread of its own, which touches none of
+Blender's data."""
 
 from __future__ import annotations
 
 import concurrent.futures
 import threading
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
 
-from . import results
+from . import results, session
+from .prepared import Inputs, Prepared
 from .session import Request
 
-if TYPE_CHECKING:
-    import vrtm
+
+@dataclass(frozen=True)
+class Outcome:
+    """What there is to be written and told of a solve."""
+
+    outputs: results.Outputs
+    figures: list[tuple[str, str]]
+    notes: list[str]
 
 
 class Work:
-    """A job whose result is the arrays to be written. Fetching them takes time, too: on a large mesh as much as
-    solving."""
+    """A job whose result is an Outcome. Preparing and fetching take time, too: on a large mesh as much as solving."""
 
-    def __init__(self, asset: vrtm.Asset, request: Request) -> None:
-        self.request = request
-        self._asset = asset
-        self._over, self._given_up = threading.Event(), False
-        self._outputs: results.Outputs | None = None
+    def __init__(self, prepared: Prepared, inputs: Inputs, request: Request) -> None:
+        self.request, self.inputs = request, inputs
+        # Whether the inputs are in the asset.
+        self.applied = False
+        self._prepared = prepared
+        self._fraction: float | None = None
+        self._over, self._given_up = threading.Event(), threading.Event()
+        self._outcome: Outcome | None = None
         self._error: BaseException | None = None
-        self._job = asset.submit(request.positions, **request.options)
-        # Called on the job's thread, which close() waits for; at once, and here, if the job is over already.
-        self._job.add_done_callback(self._fetch)
+        self._thread = threading.Thread(target=self._run, name="vrtm job")
+        self._thread.start()
 
-    def _fetch(self, job: vrtm.Job) -> None:
+    def _run(self) -> None:
         try:
-            job.result(0)
-            if not self._given_up:
-                self._outputs = results.fetch(self._asset, self.request)
+            with session.listening() as notes:
+                self._outcome = self._work(notes)
         except BaseException as error:  # told where the result is asked for.
             self._error = error
         finally:
             self._over.set()
+
+    def _work(self, notes: list[str]) -> Outcome:
+        prepared, request = self._prepared, self.request
+        prepared.apply(self.inputs)
+        self.applied = True
+        if self._tell(0.0):
+            raise concurrent.futures.CancelledError
+        prepared.asset.solve(request.positions, progress=self._tell, **request.options)
+        outputs = results.fetch(prepared, request)
+        return Outcome(outputs, results.figures(prepared), notes + results.notes(prepared))
+
+    def _tell(self, fraction: float) -> bool:
+        """Hears what has been done of the solve; True ends it."""
+        self._fraction = fraction
+        return self._given_up.is_set()
+
+    @property
+    def progress(self) -> float | None:
+        """The fraction (0..1) of the solve that is done; None while the mesh is being prepared."""
+        return self._fraction
 
     def done(self) -> bool:
         return self._over.is_set()
 
     def cancelled(self) -> bool:
         """Whether it is over and has nothing to be written because it was cancelled."""
-        ended = isinstance(self._error, concurrent.futures.CancelledError)
-        return self.done() and (ended or (self._outputs is None and self._error is None))
+        return self.done() and isinstance(self._error, concurrent.futures.CancelledError)
 
     def cancel(self) -> None:
-        """Ends it soon. What is being fetched is fetched to its end, and still counts."""
-        self._given_up = True
-        self._job.cancel()
+        """Ends it soon. What is being prepared is prepared to its end, and what is being fetched still counts."""
+        self._given_up.set()
 
-    def result(self) -> results.Outputs:
-        """The arrays, once it is done; raises what went wrong, and CancelledError after a cancel."""
+    def result(self) -> Outcome:
+        """The outcome, which is waited for; raises what went wrong, and CancelledError after a cancel."""
+        try:
+            # Short waits, so that Ctrl-C is heard.
+            while not self._over.wait(0.1):
+                pass
+        except BaseException:
+            self.close()
+            raise
         if self._error is not None:
             raise self._error
-        if self._outputs is None:
-            raise concurrent.futures.CancelledError
-        return self._outputs
+        return self._outcome
 
     def close(self) -> None:
         """Cancels it and waits for its end: nothing of it is left."""
         self.cancel()
-        self._job.close()
+        self._thread.join()

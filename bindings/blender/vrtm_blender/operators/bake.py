@@ -1,0 +1,150 @@
+"""Baking to disk, and materials that read what was baked."""
+
+from __future__ import annotations
+
+import bpy
+
+from .. import bake, live, messages, nodes, results, session
+from ..messages import Problem, text_of
+from .base import OnObject
+
+
+class VRTM_OT_use_baked(OnObject, bpy.types.Operator):
+    """Have the material read the baked files, so that it renders without this add-on; nothing is solved in renders
+    then"""
+
+    bl_idname = "vrtm.use_baked"
+    bl_label = "Use Baked Files"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        path, first, number = bake.sequence(obj, context.scene)
+        nodes.show_baked(obj, path, first, number)
+        obj.vrtm.shows_baked = True
+        return f"{obj.name}: the material reads {number} baked files, from frame {first} on"
+
+
+class VRTM_OT_use_live(OnObject, bpy.types.Operator):
+    """Have the material read the result image again, which follows the pose"""
+
+    bl_idname = "vrtm.use_live"
+    bl_label = "Use Live Result"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        nodes.show_live(obj)
+        obj.vrtm.shows_baked = False
+        # Whatever became of the image meanwhile.
+        session.state_of(obj).shown = b""
+        live.touch(obj)
+        return f"{obj.name}: the material reads the result image"
+
+
+class VRTM_OT_bake(bpy.types.Operator):
+    """Write the redirections of a range of frames of all selected objects that are set up, as EXR files. Esc ends it"""
+
+    bl_idname = "vrtm.bake"
+    bl_label = "Bake to Disk"
+    bl_options = {"REGISTER"}
+
+    _bake = None
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not cls.objects(context):
+            cls.poll_message_set("Select a mesh object whose rigidity is chosen")
+            return False
+        if session.baking:
+            cls.poll_message_set("A bake is under way")
+            return False
+        return True
+
+    @staticmethod
+    def objects(context: bpy.types.Context) -> list[bpy.types.Object]:
+        chosen = list(context.selected_objects)
+        if context.object is not None and context.object not in chosen:
+            chosen.append(context.object)
+        return [obj for obj in chosen if results.is_set_up(obj)]
+
+    def begin(self, context: bpy.types.Context) -> bool:
+        try:
+            self._bake = bake.Bake(context.scene, self.objects(context))
+        except Problem as problem:
+            self.report({"ERROR"}, text_of(problem))
+            return False
+        self._steps, self._files, self._frames = self._bake.steps(), 0, 0
+        return True
+
+    def step(self) -> bool:
+        """Bakes one more frame; False at the end. Raises what goes wrong."""
+        try:
+            _, written = next(self._steps)
+        except StopIteration:
+            return False
+        self._files += len(written)
+        self._frames += 1
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """All frames at once: in background mode, and from scripts."""
+        if not self.begin(context):
+            return {"CANCELLED"}
+        try:
+            while self.step():
+                pass
+        except Exception as error:  # told to the artist.
+            return self.fail(error)
+        finally:
+            self._steps.close()
+        return self.finish()
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """A frame per tick of a timer, so that the window keeps drawing and Esc is heard."""
+        if bpy.app.background or context.window is None:
+            return self.execute(context)
+        if not self.begin(context):
+            return {"CANCELLED"}
+        manager = context.window_manager
+        manager.progress_begin(0, len(self._bake.frames))
+        self._timer = manager.event_timer_add(0.01, window=context.window)
+        manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        if event.type == "ESC":
+            self.end(context)
+            self.report({"WARNING"}, f"Bake ended early: {self._frames} frames, {self._files} files are written")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            # A click elsewhere would change the scene under the bake.
+            return {"RUNNING_MODAL"}
+        try:
+            if self.step():
+                context.window_manager.progress_update(self._frames)
+                number = len(self._bake.frames)
+                messages.status(f"vrtm: baked frame {self._frames} of {number}; Esc ends the bake")
+                return {"RUNNING_MODAL"}
+        except Exception as error:  # told to the artist.
+            self.end(context)
+            return self.fail(error)
+        self.end(context)
+        return self.finish()
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Blender ends the operator, as when a file is loaded."""
+        self.end(context)
+
+    def end(self, context: bpy.types.Context) -> None:
+        self._steps.close()
+        context.window_manager.event_timer_remove(self._timer)
+        context.window_manager.progress_end()
+        messages.status(None)
+
+    def fail(self, error: Exception) -> set[str]:
+        self.report({"ERROR"}, f"Bake: {text_of(error)}; {self._frames} frames are written")
+        return {"CANCELLED"}
+
+    def finish(self) -> set[str]:
+        self.report({"INFO"}, f"Baked {self._frames} frames to {self._files} files in {self._bake.folder}")
+        return {"FINISHED"}
+
+
+CLASSES = (VRTM_OT_bake, VRTM_OT_use_baked, VRTM_OT_use_live)

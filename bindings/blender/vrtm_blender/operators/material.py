@@ -1,0 +1,79 @@
+"""The redirection in materials."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty
+
+from .. import dilate, geometry, live, nodes, results, session, solve
+from ..messages import Problem
+from .base import OnObject
+
+
+class VRTM_OT_set_up_material(OnObject, bpy.types.Operator):
+    """Redirect the UVs of the active material's image textures. A material that other objects use is copied first"""
+
+    bl_idname = "vrtm.set_up_material"
+    bl_label = "Set Up Material"
+
+    by: EnumProperty(
+        name="By",
+        items=[
+            (nodes.BY_IMAGE, "Image", "Through the result image: right also where faces are larger than features"),
+            (nodes.BY_UV_MAP, "UV Map", "Through the result UV map: cheaper, and enough on a fine mesh"),
+        ],
+    )
+    all_materials: BoolProperty(name="All Materials", description="All of the object's materials", default=False)
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        slots = [slot for slot in obj.material_slots if slot.material is not None]
+        if not self.all_materials:
+            active = obj.active_material_index
+            slots = [slot for slot in slots if slot.slot_index == active]
+        if not slots:
+            raise Problem(f"{obj.name} has no material: give it one with an Image Texture")
+        if not results.are_there(obj):
+            solve.run(obj, context.evaluated_depsgraph_get())
+        source = geometry.source_uv_layer(obj)
+        for slot in slots:
+            if slot.material.library is not None:
+                raise Problem(f"material {slot.material.name!r} is linked from another file: make it local")
+        number = sum(nodes.insert(obj, nodes.own_material(obj, slot), source, self.by) for slot in slots)
+        return f"{obj.name}: {number} image textures are looked up at redirected UVs"
+
+
+def kept_text(painted: list[str]) -> str:
+    return f"; painted on, and kept: {', '.join(painted)}" if painted else ""
+
+
+class VRTM_OT_dilate(OnObject, bpy.types.Operator):
+    """Have the materials look up copies of their textures that hold, around each chart, what lies beyond its seams. The
+    copies are packed into the file; press it again after painting on the originals"""
+
+    bl_idname = "vrtm.dilate"
+    bl_label = "Dilate Textures"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        state = session.state_of(obj)
+        state.end_job()
+        state.mesh_changed = state.maps_changed = True
+        solve.prepare(obj, state)
+        number, painted = dilate.dilate(obj, state.asset, obj.vrtm.seam_reach)
+        # A job that was ended is to be done yet.
+        live.touch(obj)
+        return f"{obj.name}: {number} textures have what lies beyond seams" + kept_text(painted)
+
+
+class VRTM_OT_clear_material(OnObject, bpy.types.Operator):
+    """Take the redirection out of the object's materials again"""
+
+    bl_idname = "vrtm.clear_material"
+    bl_label = "Remove from Material"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        materials = {slot.material for slot in obj.material_slots if slot.material is not None}
+        painted = dilate.restore(obj)
+        return f"{obj.name}: {sum(map(nodes.remove, materials))} node groups removed" + kept_text(painted)
+
+
+CLASSES = (VRTM_OT_set_up_material, VRTM_OT_dilate, VRTM_OT_clear_material)

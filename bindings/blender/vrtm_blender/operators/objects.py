@@ -1,0 +1,105 @@
+"""An object as a whole: set up at one click, quality at one click, and the add-on taken out of it again."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import EnumProperty
+
+from .. import dilate, geometry, nodes, overlay, results, session, tap
+from .base import OnObject
+from .material import kept_text
+from .rigidity import new_image
+
+# Quality, cells per side of a tile, texels per side of the map; 0 is their default.
+PRESETS = {"scrub": ("draft", 256, 256), "work": ("normal", 512, 512), "final": ("high", 0, 0)}
+
+
+class VRTM_OT_set_up(OnObject, bpy.types.Operator):
+    """Do all that there is to do for a first look: a rigidity image to paint on, if none is chosen; the redirection in
+    the materials; and Live"""
+
+    bl_idname = "vrtm.set_up"
+    bl_label = "Set Up"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        settings, done = obj.vrtm, []
+        # What is wrong with the mesh, before anything is made.
+        geometry.source_uv_layer(obj)
+        if settings.rigidity_source == "NONE":
+            done.append(f"{new_image(obj, 1024).name!r} is to be painted on (Rigidity Map > Paint It)")
+        if [slot for slot in obj.material_slots if slot.material is not None]:
+            bpy.ops.vrtm.set_up_material(all_materials=True)
+            done.append("the material looks up redirected UVs")
+        else:
+            done.append("it has no material yet: press Set Up again when it has one")
+        settings.live = True
+        return f"{obj.name}: {'; '.join(done)}; Live is on"
+
+
+class VRTM_OT_preset(OnObject, bpy.types.Operator):
+    """Set quality, grid and map size"""
+
+    bl_idname = "vrtm.preset"
+    bl_label = "Quality Preset"
+
+    name: EnumProperty(
+        name="Preset",
+        items=[
+            ("scrub", "Scrub", "Draft on a grid of 256: follows a scrub on most machines"),
+            ("work", "Work", "Normal on a grid of 512"),
+            ("final", "Final", "High, on a grid as fine as the rigidity image"),
+        ],
+    )
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        settings = obj.vrtm
+        settings.quality, settings.grid, settings.map_size = PRESETS[self.name]
+        return f"{obj.name}: {self.name.capitalize()}"
+
+
+def preset_of(settings: bpy.types.PropertyGroup) -> str | None:
+    present = (settings.quality, settings.grid, settings.map_size)
+    return next((name for name, values in PRESETS.items() if values == present), None)
+
+
+class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
+    """Take all of this add-on out of the object: from its materials, its results, its captured rest shape and its
+    settings. Rigidity and mask images stay"""
+
+    bl_idname = "vrtm.remove_all"
+    bl_label = "Remove All"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        settings, mesh = obj.vrtm, obj.data
+        session.drop(session.uid_of(obj))
+        painted = dilate.restore(obj)
+        trees = nodes.groups_of(obj)
+        for material in {slot.material for slot in obj.material_slots if slot.material is not None}:
+            if material.library is None:
+                nodes.remove(material)
+        for tree in trees:
+            if not tree.users:
+                bpy.data.node_groups.remove(tree)
+        image = settings.image
+        if results.is_result(image) and results.owner_of_image(obj) is None and image.library is None:
+            bpy.data.images.remove(image)
+        settings.strain = "NONE"
+        overlay.remove(obj)
+        shared = [
+            other for other in bpy.data.objects if other != obj and other.data == mesh and results.is_set_up(other)
+        ]
+        for name in (settings.uv_name, results.delta_name(settings), geometry.REST_NAME):
+            if name in mesh.attributes and not (shared and name == geometry.REST_NAME):
+                mesh.attributes.remove(mesh.attributes[name])
+        if not shared and geometry.REST_FRAME_NAME in mesh:
+            del mesh[geometry.REST_FRAME_NAME]
+        for modifier in [modifier for modifier in obj.modifiers if tap.is_tap(modifier)]:
+            obj.modifiers.remove(modifier)
+        for name in settings.bl_rna.properties.keys():
+            if name not in ("rna_type", "name"):
+                settings.property_unset(name)
+        session.drop(session.uid_of(obj))
+        return f"{obj.name}: nothing of vrtm is left" + kept_text(painted)
+
+
+CLASSES = (VRTM_OT_set_up, VRTM_OT_preset, VRTM_OT_remove_all)

@@ -1,0 +1,301 @@
+"""Making, painting and changing the rigidity image."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
+
+from .. import geometry, live, maps, masks, nodes, packed
+from ..messages import Problem
+from .base import OnObject
+
+Change = Callable[[np.ndarray], np.ndarray]
+
+
+def textures_of(obj: bpy.types.Object) -> list[bpy.types.Node]:
+    """The Image Texture nodes of the object's materials, the active one's first, without this add-on's images."""
+    slots = [slot.material for slot in obj.material_slots if slot.material is not None and slot.material.node_tree]
+    if obj.active_material in slots:
+        slots.insert(0, obj.active_material)
+    found = [node for material in dict.fromkeys(slots) for node in nodes.own_textures(material.node_tree)]
+    return [node for node in found if node.image is not None]
+
+
+def colour_image(obj: bpy.types.Object) -> bpy.types.Image | None:
+    """What most likely is the texture to be looked at: one that goes into a colour."""
+    found = textures_of(obj)
+    into_colours = [
+        node for node in found if any("Color" in link.to_socket.name for link in node.outputs["Color"].links)
+    ]
+    return next((node.image for node in into_colours + found), None)
+
+
+def height_image(obj: bpy.types.Object) -> bpy.types.Image | None:
+    """The texture that goes into a Bump or Displacement node's height."""
+    for node in textures_of(obj):
+        links = list(node.outputs["Color"].links)
+        while links:
+            link = links.pop()
+            if link.to_socket.name == "Height":
+                return node.image
+            if link.to_node.bl_idname in {"NodeReroute", "ShaderNodeMath", "ShaderNodeMapRange", "ShaderNodeValToRGB"}:
+                links += [further for socket in link.to_node.outputs for further in socket.links]
+    return None
+
+
+def images_of(obj: bpy.types.Object) -> bpy.types.Image:
+    settings = obj.vrtm
+    if settings.rigidity_source != "IMAGE" or settings.rigidity_image is None:
+        raise Problem(f"{obj.name}: its rigidity is no image")
+    return settings.rigidity_image
+
+
+def show(obj: bpy.types.Object, image: bpy.types.Image) -> None:
+    """Makes an image the object's rigidity. The one before is left as it is, and kept if it is in no file."""
+    settings, scene = obj.vrtm, bpy.context.scene
+    before = settings.rigidity_image
+    settings.rigidity_source, settings.rigidity_image, settings.rigidity_channel = "IMAGE", image, "R"
+    paint = scene.tool_settings.image_paint
+    if before is not None and paint.canvas == before:
+        paint.canvas = image
+    if before is not None and before != image and not before.users and before.is_dirty:
+        before.use_fake_user = True
+    live.touch(obj, mesh=False)
+
+
+def made_of(obj: bpy.types.Object, source: bpy.types.Image, change: Change, size: int) -> bpy.types.Image:
+    """A new rigidity image: each tile of another image, made smaller and changed."""
+    tiles = {}
+    for udim, pixels in maps.read_image(source).items():
+        values = np.clip(change(masks.smaller(pixels, size) if size else pixels), 0, 1)
+        tiles[udim or packed.WHOLE] = np.stack([values, values, values, np.ones_like(values)], -1).astype(np.float32)
+    return packed.image(f"{obj.name} rigidity", tiles)
+
+
+class _FromImage(OnObject):
+    """An operator that makes the rigidity out of a picture."""
+
+    image: StringProperty(name="Image", description="The picture to look at; empty: that of the active material")
+    size: IntProperty(
+        name="Size", description="Texels per side of the new image at most", min=64, max=8192, default=1024
+    )
+    invert: BoolProperty(name="Invert", description="The other part is rigid")
+    grow: IntProperty(
+        name="Grow", description="Texels by which what is rigid is made larger, or smaller", min=-64, max=64
+    )
+
+    def source(self, obj: bpy.types.Object, found: bpy.types.Image | None, what: str) -> bpy.types.Image:
+        if self.image:
+            found = bpy.data.images.get(self.image)
+            if found is None:
+                raise Problem(f"there is no image {self.image!r}")
+        if found is None:
+            raise Problem(f"{obj.name}: its materials have no {what}: choose an image")
+        return found
+
+    def finish(self, values: np.ndarray) -> np.ndarray:
+        if self.invert:
+            values = 1 - values
+        return masks.grown(values, self.grow) if self.grow >= 0 else masks.shrunk(values, -self.grow)
+
+    def make(self, obj: bpy.types.Object, source: bpy.types.Image, change: Change) -> str:
+        image = made_of(obj, source, lambda pixels: self.finish(change(pixels)), self.size)
+        show(obj, image)
+        return f"{obj.name}: {image.name!r} is made of {source.name!r}"
+
+
+class VRTM_OT_rigidity_from_texture(_FromImage, bpy.types.Operator):
+    """Make the rigidity image out of the texture: what is brighter than a threshold, or of about a colour"""
+
+    bl_idname = "vrtm.rigidity_from_texture"
+    bl_label = "Rigidity from Texture"
+
+    by: EnumProperty(
+        name="By",
+        items=[
+            ("brightness", "Brightness", "What is brighter than the threshold"),
+            ("colour", "Color", "What has about the colour"),
+        ],
+    )
+    threshold: FloatProperty(
+        name="Threshold", description="0: what parts dark and bright best", min=0, max=1, subtype="FACTOR"
+    )
+    colour: FloatVectorProperty(
+        name="Color", description="As the texture's image has it", subtype="COLOR_GAMMA", min=0, max=1, default=(1,) * 3
+    )
+    tolerance: FloatProperty(
+        name="Tolerance", description="How far from the colour", min=0.001, max=2, default=0.2, subtype="FACTOR"
+    )
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        source = self.source(obj, colour_image(obj), "Image Texture")
+        return self.make(obj, source, self.change)
+
+    def change(self, pixels: np.ndarray) -> np.ndarray:
+        if self.by == "colour":
+            return masks.coloured(pixels, self.colour, self.tolerance)
+        values = masks.brightness(pixels)
+        return masks.brighter(values, self.threshold or masks.otsu(values))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        layout.prop_search(self, "image", bpy.data, "images")
+        layout.prop(self, "by")
+        for name in ("colour", "tolerance") if self.by == "colour" else ("threshold",):
+            layout.prop(self, name)
+        for name in ("invert", "grow", "size"):
+            layout.prop(self, name)
+
+
+class VRTM_OT_rigidity_from_heights(_FromImage, bpy.types.Operator):
+    """Make the rigidity image out of a bump or displacement map: the islands that stand out of their surroundings"""
+
+    bl_idname = "vrtm.rigidity_from_heights"
+    bl_label = "Rigidity from Geometry"
+
+    feature: FloatProperty(
+        name="Feature", description="The width of the largest feature, in UV", min=0.002, max=0.5, default=0.06
+    )
+    threshold: FloatProperty(
+        name="Threshold",
+        description="How high above its surroundings, as a part of the highest; 0: what parts them best",
+        min=0,
+        max=1,
+        subtype="FACTOR",
+    )
+    sunken: BoolProperty(name="Sunken", description="What lies deeper than its surroundings is rigid")
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        source = self.source(obj, height_image(obj), "texture in a Bump or Displacement node")
+        return self.make(obj, source, self.change)
+
+    def change(self, pixels: np.ndarray) -> np.ndarray:
+        heights = masks.brightness(pixels)
+        radius = max(round(self.feature * max(heights.shape) / 2), 2)
+        return masks.raised(-heights if self.sunken else heights, radius, self.threshold)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        layout.prop_search(self, "image", bpy.data, "images")
+        for name in ("feature", "threshold", "sunken", "invert", "grow", "size"):
+            layout.prop(self, name)
+
+
+class _OnImage(OnObject):
+    """An operator on the rigidity image."""
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not super().poll(context):
+            return False
+        settings = context.object.vrtm
+        if settings.rigidity_source != "IMAGE" or settings.rigidity_image is None:
+            cls.poll_message_set("The rigidity is no image")
+            return False
+        return True
+
+
+class VRTM_OT_change_rigidity(_OnImage, bpy.types.Operator):
+    """Change the rigidity image as a whole. A new image is made; the one before stays as it is"""
+
+    bl_idname = "vrtm.change_rigidity"
+    bl_label = "Change Rigidity"
+
+    how: EnumProperty(
+        name="How",
+        items=[
+            ("invert", "Invert", "What was rigid is elastic"),
+            ("grow", "Grow", "What is rigid becomes larger"),
+            ("shrink", "Shrink", "What is rigid becomes smaller"),
+        ],
+    )
+    texels: IntProperty(name="Texels", description="By how much it becomes larger or smaller", min=1, max=64, default=2)
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        source, settings = images_of(obj), obj.vrtm
+        channel = "RGBA".index(settings.rigidity_channel)
+        image = made_of(obj, source, lambda pixels: self.change(pixels[..., channel]), 0)
+        show(obj, image)
+        return f"{obj.name}: {image.name!r} is the rigidity now; {source.name!r} is as it was"
+
+    def change(self, values: np.ndarray) -> np.ndarray:
+        if self.how == "invert":
+            return 1 - values
+        return (masks.grown if self.how == "grow" else masks.shrunk)(values, self.texels)
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.layout.prop(self, "how")
+        if self.how != "invert":
+            self.layout.prop(self, "texels")
+
+
+class VRTM_OT_new_rigidity(OnObject, bpy.types.Operator):
+    """Make a black rigidity image, in which nothing is rigid yet, to be painted on"""
+
+    bl_idname = "vrtm.new_rigidity"
+    bl_label = "New Rigidity Image"
+
+    size: IntProperty(name="Size", description="Texels per side", min=64, max=8192, default=1024)
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        image = new_image(obj, self.size)
+        return f"{obj.name}: {image.name!r} is made: paint white on it what keeps its shape"
+
+
+def new_image(obj: bpy.types.Object, size: int) -> bpy.types.Image:
+    """A black rigidity image with the tiles that the mesh's UVs lie in."""
+    uvs = geometry.topology(obj).uvs
+    tiles = np.unique(np.floor(np.clip(uvs, 1e-4, None) - 1e-4).astype(int), axis=0)
+    udims = [1001 + int(u) + 10 * int(v) for u, v in tiles if u < 10] or [1001]
+    black = np.zeros((size, size, 4), np.float32)
+    black[..., 3] = 1
+    image = packed.image(f"{obj.name} rigidity", {udim: black for udim in udims} if udims != [1001] else {0: black})
+    show(obj, image)
+    return image
+
+
+class VRTM_OT_paint(_OnImage, bpy.types.Operator):
+    """Paint on the rigidity image: makes it the canvas of Texture Paint mode, and the UV map of the texture the active
+    one"""
+
+    bl_idname = "vrtm.paint"
+    bl_label = "Paint It"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        image, source = images_of(obj), geometry.source_uv_layer(obj)
+        obj.data.uv_layers.active = source
+        paint = context.scene.tool_settings.image_paint
+        paint.mode, paint.canvas = "IMAGE", image
+        if obj.mode != "TEXTURE_PAINT":
+            bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
+        return f"{obj.name}: {image.name!r} is painted on: white keeps its shape"
+
+
+class VRTM_OT_pack_maps(OnObject, bpy.types.Operator):
+    """Pack the painted rigidity and mask into the file, so that they are saved with it"""
+
+    bl_idname = "vrtm.pack_maps"
+    bl_label = "Pack"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        settings, done = obj.vrtm, []
+        for image in dict.fromkeys((settings.rigidity_image, settings.mask_image)):
+            if image is not None and image.library is None and (image.is_dirty or image.source == "GENERATED"):
+                image.pack()
+                done.append(repr(image.name))
+        return f"{obj.name}: {', '.join(done) or 'nothing'} packed: it is saved with the file"
+
+
+CLASSES = (
+    VRTM_OT_new_rigidity,
+    VRTM_OT_paint,
+    VRTM_OT_rigidity_from_texture,
+    VRTM_OT_rigidity_from_heights,
+    VRTM_OT_change_rigidity,
+    VRTM_OT_pack_maps,
+)

@@ -1,0 +1,145 @@
+"""Solving, and what the pose is read from."""
+
+from __future__ import annotations
+
+import bpy
+
+from .. import geometry, live, messages, session, solve, tap
+from ..messages import Problem
+from .base import OnObject
+
+
+class VRTM_OT_update(OnObject, bpy.types.Operator):
+    """Read mesh, rest shape and painted maps again, solve for the present pose, and write the results. Esc ends it"""
+
+    bl_idname = "vrtm.update"
+    bl_label = "Update Now"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        self.begin(context, obj)
+        state = solve.run(obj, context.evaluated_depsgraph_get())
+        messages.status(None)
+        return self.told(state)
+
+    @staticmethod
+    def begin(context: bpy.types.Context, obj: bpy.types.Object) -> session.State:
+        if obj.mode == "EDIT":
+            raise Problem(f"{obj.name} is in Edit Mode: leave it first")
+        settings = obj.vrtm
+        if settings.rest_source == "FRAME" and obj.data.get(geometry.REST_FRAME_NAME) != settings.rest_frame:
+            capture(context, obj, settings.rest_frame)
+        state = session.state_of(obj)
+        state.mesh_changed = state.maps_changed = True
+        state.shown = b""
+        return state
+
+    @staticmethod
+    def told(state: session.State) -> str:
+        return f"{state.name}: " + ", ".join(f"{label} {value}" for label, value in state.figures)
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        """In a window, beside Blender's work: a large mesh takes seconds."""
+        if bpy.app.background or context.window is None or session.synchronous():
+            return self.execute(context)
+        try:
+            state = self.begin(context, context.object)
+        except Exception:
+            # Told as it is from scripts.
+            return self.execute(context)
+        live.want(context.object)
+        self._uid = state.uid
+        self._timer = context.window_manager.event_timer_add(0.05, window=context.window)
+        context.window.cursor_modal_set("WAIT")
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        state = session.states.get(self._uid)
+        if state is None:
+            # The object was deleted, or another file was opened.
+            self.end(context)
+            return {"CANCELLED"}
+        if event.type == "ESC":
+            state.wanted = False
+            if state.job is not None:
+                state.job.cancel()
+            self.end(context)
+            self.report({"WARNING"}, f"{state.name}: the update was ended; what is shown is the result before it")
+            return {"CANCELLED"}
+        if event.type != "TIMER":
+            return {"PASS_THROUGH"}
+        if state.wanted or state.job is not None:
+            messages.status(f"vrtm: {state.name}: {messages.progress_of(state)}; Esc ends it")
+            live.redraw()
+            return {"PASS_THROUGH"}
+        self.end(context)
+        if state.error:
+            self.report({"ERROR"}, state.message)
+            return {"CANCELLED"}
+        self.report({"INFO"}, self.told(state))
+        return {"FINISHED"}
+
+    def cancel(self, context: bpy.types.Context) -> None:
+        """Blender ends the operator, as when a file is loaded."""
+        self.end(context)
+
+    def end(self, context: bpy.types.Context) -> None:
+        context.window_manager.event_timer_remove(self._timer)
+        context.window.cursor_modal_restore()
+        messages.status(None)
+        live.redraw()
+
+
+class VRTM_OT_capture_rest(OnObject, bpy.types.Operator):
+    """Keep the evaluated shape as the rest shape: that of the chosen frame if the rest is a frame, and the present
+    one else. It is stored in the mesh, and saved with the file"""
+
+    bl_idname = "vrtm.capture_rest"
+    bl_label = "Capture Rest"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        if obj.mode == "EDIT":
+            raise Problem(f"{obj.name} is in Edit Mode: leave it first")
+        settings = obj.vrtm
+        frame = settings.rest_frame if settings.rest_source == "FRAME" else context.scene.frame_current
+        capture(context, obj, frame)
+        if settings.rest_source != "FRAME":
+            settings.rest_source = "CAPTURED"
+        return f"{obj.name}: the shape at frame {frame} is the rest shape"
+
+
+def capture(context: bpy.types.Context, obj: bpy.types.Object, frame: int) -> None:
+    """Stores the shape at a frame as the rest shape; the scene stays at its own frame."""
+    scene, kept = context.scene, context.scene.frame_current
+    before, session.baking = session.baking, True
+    try:
+        # Going to a frame takes poses back that have no key: only where another frame is asked for.
+        if frame != kept:
+            scene.frame_set(frame)
+        positions = geometry.pose(obj, context.evaluated_depsgraph_get())
+    finally:
+        if frame != kept:
+            scene.frame_set(kept)
+        session.baking = before
+    geometry.store_rest(obj, positions, frame)
+    obj.data.update_tag()
+    live.touch(obj)
+
+
+class VRTM_OT_insert_tap(OnObject, bpy.types.Operator):
+    """Put a modifier that stores the pose in front of the first one that changes the topology, such as Subdivision
+    Surface, so that the pose can be read while that one is on"""
+
+    bl_idname = "vrtm.insert_tap"
+    bl_label = "Read Pose Before It"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        first = geometry.first_topology_modifier(obj)
+        if first is None:
+            raise Problem(f"{obj.name} has no modifier that changes the topology")
+        tap.insert(obj, first)
+        live.touch(obj)
+        return f"{obj.name}: the pose is read in front of {first.name!r}"
+
+
+CLASSES = (VRTM_OT_update, VRTM_OT_capture_rest, VRTM_OT_insert_tap)

@@ -1,0 +1,82 @@
+"""Strain in the viewport: a colour attribute that Solid shading shows, red where what is painted is stretched, blue
+where it is squeezed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import bpy
+import numpy as np
+
+from . import strain
+
+if TYPE_CHECKING:
+    from .prepared import Prepared
+
+NAME = "vrtm strain"
+
+# The shading of viewports before strain was shown, by the space's address.
+_shading: dict[int, str] = {}
+
+
+def colours(prepared: Prepared, pose: np.ndarray, after: bool) -> np.ndarray:
+    """Colours of all vertices, (vertices, 4) float32, for the asset's last result, or without it. On any thread."""
+    mesh = prepared.mesh
+    topology = mesh.topology
+    found = strain.of_vertices(
+        topology.corner_vertices,
+        topology.face_counts,
+        topology.uvs,
+        mesh.rest,
+        pose,
+        (lambda uvs: _jacobians(prepared, uvs)) if after else None,
+    )
+    return strain.colours(found)
+
+
+def _jacobians(prepared: Prepared, uvs: np.ndarray) -> np.ndarray:
+    """The redirection's derivatives at UVs, (n, 2, 2): those of the nearest texels."""
+    found = np.broadcast_to(np.eye(2), (len(uvs), 2, 2)).copy()
+    tiles = np.floor(uvs).astype(int)
+    udims = np.where((tiles[:, 0] >= 0) & (tiles[:, 0] < 10) & (tiles[:, 1] >= 0), 1001 + tiles @ [1, 10], 0)
+    for tile in prepared.asset.tiles:
+        chosen = np.flatnonzero(udims == tile.udim)
+        if len(chosen):
+            image = tile.fetch("jacobian", origin="bottom")
+            height, width = image.shape[:2]
+            within = uvs[chosen] - tiles[chosen]
+            x, y = (within[:, 0] * width).astype(int), (within[:, 1] * height).astype(int)
+            found[chosen] = image[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1), :4].reshape(-1, 2, 2)
+    return found
+
+
+def write(obj: bpy.types.Object, values: np.ndarray) -> None:
+    mesh = obj.data
+    attribute = mesh.color_attributes.get(NAME)
+    if attribute is not None and (attribute.domain, attribute.data_type) != ("POINT", "FLOAT_COLOR"):
+        mesh.color_attributes.remove(attribute)
+        attribute = None
+    if attribute is None:
+        attribute = mesh.color_attributes.new(NAME, "FLOAT_COLOR", "POINT")
+        mesh.color_attributes.active_color = attribute
+    attribute.data.foreach_set("color", np.ascontiguousarray(values, np.float32).ravel())
+    mesh.update_tag()
+
+
+def remove(obj: bpy.types.Object) -> None:
+    attributes = obj.data.color_attributes
+    if NAME in attributes:
+        attributes.remove(attributes[NAME])
+
+
+def show(on: bool) -> None:
+    """Has the viewports with Solid shading show the active colour attribute, or what they showed before."""
+    manager = bpy.context.window_manager
+    for window in manager.windows if manager is not None else ():
+        for space in (area.spaces.active for area in window.screen.areas if area.type == "VIEW_3D"):
+            address, shading = space.as_pointer(), space.shading
+            if on and shading.color_type != "VERTEX":
+                _shading[address] = shading.color_type
+                shading.color_type = "VERTEX"
+            elif not on and shading.color_type == "VERTEX" and address in _shading:
+                shading.color_type = _shading.pop(address)

@@ -1,0 +1,168 @@
+"""An object's asset, and what it was made of. None of this touches Blender's data: it takes arrays, on any thread."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import session
+from .maps import ORIGIN, Map
+
+if TYPE_CHECKING:
+    import vrtm
+
+    from .geometry import Topology
+
+
+@dataclass(frozen=True)
+class MeshInput:
+    """The mesh at rest as it was read, and the device to prepare it for."""
+
+    topology: Topology
+    rest: np.ndarray  # (vertices, 3) float32
+    device: str
+    stamp: Any
+
+
+@dataclass(frozen=True)
+class MapsInput:
+    """The maps as they were read, and the tiles' settings."""
+
+    rigidity: Map
+    mask: Map
+    settings: dict[str, Any]
+    stamps: dict[str, Any]  # "rigidity", "mask" and "settings"
+
+
+@dataclass
+class Inputs:
+    """What was read of an object and is not part of its asset yet; None for what has not changed."""
+
+    mesh: MeshInput | None = None
+    maps: MapsInput | None = None
+
+    def take(self) -> Inputs:
+        """All of it; nothing is left here."""
+        taken = Inputs(self.mesh, self.maps)
+        self.mesh = self.maps = None
+        return taken
+
+    def give_back(self, older: Inputs) -> None:
+        """Puts back what came to nothing, unless it was read again meanwhile."""
+        self.mesh, self.maps = self.mesh or older.mesh, self.maps or older.maps
+
+
+@dataclass
+class Prepared:
+    """While a job is under way this is the job's."""
+
+    asset: vrtm.Asset | None = None
+    stamps: dict[str, Any] = field(default_factory=dict)
+    # The rigidity images that were set, by UDIM number.
+    painted: dict[int, np.ndarray] = field(default_factory=dict)
+    mesh: MeshInput | None = None
+    # The rigidity by vertices, if it is.
+    vertices: np.ndarray | None = None
+    # The share of the textured surface that is rigid, 0 to 1.
+    rigid: float | None = None
+
+    def apply(self, inputs: Inputs) -> None:
+        """Makes or mends the asset, as far as what it depends on has changed. Raises vrtm.Error or a Problem."""
+        mesh = inputs.mesh
+        if mesh is not None and (self.asset is None or self.stamps.get("mesh") != mesh.stamp):
+            self.close()
+            topology = mesh.topology
+            self.asset = session.library().Asset(
+                session.device(mesh.device),
+                mesh.rest,
+                topology.corner_vertices,
+                face_counts=topology.face_counts,
+                uvs=topology.uvs,
+            )
+            self.mesh = mesh
+            self.stamps["mesh"] = mesh.stamp
+        if inputs.maps is not None:
+            self._apply_maps(inputs.maps)
+
+    def _apply_maps(self, maps: MapsInput) -> None:
+        setters = {"rigidity": self._set_rigidity, "mask": self._set_mask, "settings": self._set_settings}
+        for which, setter in setters.items():
+            if self.stamps.get(which) == maps.stamps[which]:
+                continue
+            # What is set first must not stay if what follows fails.
+            self.stamps.pop(which, None)
+            self.rigid = None
+            setter(getattr(maps, which))
+            self.stamps[which] = maps.stamps[which]
+
+    def _set_settings(self, settings: dict[str, Any]) -> None:
+        for tile in self.asset.tiles:
+            tile.set_settings(**settings)
+
+    def _set_mask(self, new: Map) -> None:
+        self.asset.set_vertex_mask(new.vertices)
+        if new.vertices is None:
+            for tile in self.asset.tiles:
+                image = new.of(tile.udim)
+                tile.set_mask(image, **_origin(image))
+
+    def _set_rigidity(self, new: Map) -> None:
+        # Kept again at the end: after a failure all of it is set again.
+        before, self.painted = self.painted, {}
+        self.vertices = new.vertices
+        if new.vertices is not None or not before:
+            self.asset.set_vertex_rigidity(new.vertices)
+        if new.vertices is not None:
+            return
+        for tile in self.asset.tiles:
+            image, old = new.of(tile.udim), before.get(tile.udim)
+            if image is None or old is None or image.shape != old.shape:
+                tile.set_rigidity(image, **_origin(image))
+                continue
+            # A stroke of a brush: only what has changed is prepared again.
+            changed = image != old
+            rows, columns = np.flatnonzero(changed.any(1)), np.flatnonzero(changed.any(0))
+            if len(rows):
+                x, y, width, height = columns[0], rows[0], np.ptp(columns) + 1, np.ptp(rows) + 1
+                tile.update_rigidity(image, int(x), int(y), int(width), int(height), origin=ORIGIN)
+        self.painted = {tile.udim: image for tile in self.asset.tiles if (image := new.of(tile.udim)) is not None}
+
+    def rigid_share(self) -> float:
+        """The share of the textured surface, by its area in the UV map, whose rigidity is over 0.5; of values by
+        vertex, of the face corners. The asset must have been solved."""
+        if self.rigid is None:
+            if self.vertices is not None:
+                self.rigid = float((self.vertices[self.mesh.topology.corner_vertices] > 0.5).mean())
+            else:
+                counts = np.array([self._rigid_texels(tile) for tile in self.asset.tiles])
+                self.rigid = float(counts[:, 0].sum() / max(counts[:, 1].sum(), 1))
+        return self.rigid
+
+    def _rigid_texels(self, tile: vrtm.Tile) -> tuple[int, int]:
+        """Of some texels of a tile, how many are rigid, and how many lie in charts."""
+        image = self.painted.get(tile.udim)
+        if image is None:
+            image = np.zeros((1, 1), np.float32)
+        # About a million at most are looked at.
+        image = image[:: -(-image.shape[0] // 1024), :: -(-image.shape[1] // 1024)]
+        size = 512
+        charts = tile.fetch("redirection_delta", size, channels=4, origin=ORIGIN)[..., 3] > 0.5
+        if image.size == 1:
+            return int((image > 0.5).all()) * int(charts.sum()), int(charts.sum())
+        rows, columns = (((np.arange(n) + 0.5) * (size / n)).astype(int) for n in image.shape)
+        charts = charts[rows][:, columns]
+        return int(((image > 0.5) & charts).sum()), int(charts.sum())
+
+    def close(self) -> None:
+        asset, self.asset = self.asset, None
+        self.stamps.clear()
+        self.painted.clear()
+        self.mesh = self.vertices = self.rigid = None
+        if asset is not None:
+            asset.close()
+
+
+def _origin(image: np.ndarray | None) -> dict[str, str]:
+    return {} if image is None else {"origin": ORIGIN}

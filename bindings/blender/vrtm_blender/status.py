@@ -1,0 +1,113 @@
+"""What there is to be told of an object, in words: whether what is shown is right, and what is to be mended. Telling
+changes nothing and solves nothing."""
+
+from __future__ import annotations
+
+import textwrap
+from dataclasses import dataclass
+
+import blf
+import bpy
+
+from . import dilate, keep, messages, nodes, results, session
+
+
+@dataclass(frozen=True)
+class Line:
+    text: str
+    icon: str = "NONE"
+
+
+def headline(obj: bpy.types.Object, scene: bpy.types.Scene) -> Line:
+    """One short line, which is always there: whether what is shown is this frame's result."""
+    state, settings = session.find_state(obj), obj.vrtm
+    if not results.is_set_up(obj):
+        return Line("Nothing is rigid yet", "INFO")
+    if state is not None and state.job is not None:
+        return Line(messages.progress_of(state), "SORTTIME")
+    if state is not None and state.error:
+        return Line("Not solved: see Status", "ERROR")
+    if settings.shows_baked:
+        frames = nodes.baked_frames(obj)
+        if frames is None:
+            return Line("The baked files are not read", "ERROR")
+        inside = scene.frame_current in frames
+        return Line("Shows baked files" if inside else "Frame is not baked: see Status", "FILE" if inside else "ERROR")
+    if state is None or not state.shown:
+        # A file that was just opened shows what was saved.
+        kept = results.is_result(settings.image) and results.has_pixels(settings.image)
+        return Line("As it was saved" if kept else "Not solved yet: press Update Now", "INFO")
+    if results.missing(obj) is not None:
+        return Line("Result is missing: see Status", "ERROR")
+    if state.shown_edits != state.edits:
+        return Line("Out of date: press Update Now", "ERROR")
+    if state.animated and state.frame != scene.frame_current:
+        return Line(f"Out of date: shows frame {state.frame}", "ERROR")
+    return Line("Up to date", "CHECKMARK")
+
+
+def summary(obj: bpy.types.Object) -> str:
+    """One line of figures, which is always there."""
+    state = session.find_state(obj)
+    figures = dict(state.figures) if state is not None else {}
+    if not figures:
+        return "-"
+    return f"{figures['Time']}, {figures['Folds']} folds, {figures['Rigid']} rigid"
+
+
+def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
+    """What is to be known or to be mended, in sentences."""
+    state, settings = session.find_state(obj), obj.vrtm
+    found = []
+    if state is not None and state.message:
+        found.append(Line(state.message, "ERROR" if state.error else "INFO"))
+    scale = obj.scale
+    if max(map(abs, scale)) > 1.001 * min(map(abs, scale)):
+        found.append(Line("Scaled unevenly: apply the scale, which vrtm does not see", "INFO"))
+    if not results.is_set_up(obj):
+        return found
+    # Also of a file that was just opened, in which nothing was solved yet.
+    expected = (state is not None and state.shown) or settings.image is not None or nodes.groups_of(obj)
+    lost = results.missing(obj) if expected else None
+    if lost is not None:
+        found.append(Line(f"{lost}: press Update Now", "ERROR"))
+    frames = nodes.baked_frames(obj)
+    if settings.shows_baked and (frames is None or scene.frame_current not in frames):
+        found.append(Line(_not_baked(scene.frame_current, frames), "ERROR"))
+    if settings.seams == "continue" and dilate.left_of(obj):
+        found.append(Line("Textures end at seams: press Dilate Textures", "INFO"))
+    found += [Line(text, "ERROR") for text in keep.unsaved_maps(obj)]
+    if state is not None:
+        found += [Line(text, "INFO") for text in state.notes]
+    return found
+
+
+def _not_baked(frame: int, frames: range | None) -> str:
+    if not frames:
+        return (
+            "The material's node group reads no baked files: press Use Live Result, or bake and press Use Baked Files"
+        )
+    nearest = min(max(frame, frames[0]), frames[-1])
+    return f"Frame {frame} is not in the baked files of frames {frames[0]} to {frames[-1]}: frame {nearest} is shown"
+
+
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context, line: Line) -> None:
+    """A line as long as it is: Blender cuts labels at the width of the panel."""
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for number, text in enumerate(_wrapped(line.text, context)):
+        column.label(text=text, icon="BLANK1" if number and line.icon != "NONE" else line.icon)
+
+
+def _wrapped(text: str, context: bpy.types.Context) -> list[str]:
+    region = getattr(context, "region", None)
+    if region is None:
+        return [text]
+    scale = context.preferences.system.ui_scale
+    blf.size(0, 11 * scale)
+    # What borders, a box and the icon take.
+    free = region.width - 75 * scale
+    width, _ = blf.dimensions(0, text)
+    if width <= free:
+        return [text]
+    return textwrap.wrap(text, max(int(len(text) * free / width), 12))

@@ -1,0 +1,101 @@
+"""How much the texture is stretched or squeezed on the surface, as colours of vertices. All of it on arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+# The logarithm of a length's ratio at which colours are full: a quarter longer, or a fifth shorter.
+FULL = np.log(1.25)
+
+_STRETCHED, _NOTHING, _SQUEEZED = np.array([[0.85, 0.10, 0.05], [0.80, 0.80, 0.80], [0.05, 0.25, 0.85]])
+
+Jacobians = Callable[[np.ndarray], np.ndarray]
+
+
+def triangles(face_counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Fans of all faces: the corners of each triangle, (triangles, 3)."""
+    counts = face_counts.astype(np.int64)
+    firsts = np.concatenate([[0], np.cumsum(counts)[:-1]])
+    fans = np.maximum(counts - 2, 0)
+    face = np.repeat(np.arange(len(counts)), fans)
+    step = np.arange(len(face)) - np.repeat(np.concatenate([[0], np.cumsum(fans)[:-1]]), fans)
+    first = firsts[face]
+    return np.stack([first, first + step + 1, first + step + 2], -1)
+
+
+def edges(points: np.ndarray) -> np.ndarray:
+    """Two edges of each triangle in a frame of its own plane: (n, 2, 2), an edge per column. points (n, 3, 3)."""
+    one, two = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
+    length = np.linalg.norm(one, axis=-1)
+    x = one / np.maximum(length, 1e-30)[:, None]
+    along = (two * x).sum(-1)
+    across = np.linalg.norm(two - along[:, None] * x, axis=-1)
+    return np.stack([np.stack([length, along], -1), np.stack([np.zeros_like(length), across], -1)], -2)
+
+
+def of_vertices(
+    corner_vertices: np.ndarray,
+    face_counts: np.ndarray,
+    uvs: np.ndarray,
+    rest: np.ndarray,
+    pose: np.ndarray,
+    jacobians: Jacobians | None,
+) -> np.ndarray:
+    """The logarithm of the ratio of posed length to rest length of what is painted, in the direction in which it
+    differs most from 0: (vertices,), a mean over the triangles around a vertex by their areas.
+
+    `jacobians` gives the redirection's derivatives at UVs (n, 2), as (n, 2, 2); None: the texture is looked up at the
+    mesh's own UVs. With M the posed, R the resting and U the UV edges of a triangle and J the derivative, what is
+    painted around a point is deformed by M U^-1 J^-1 U R^-1.
+    """
+    corners = triangles(face_counts)
+    vertices = corner_vertices[corners].astype(np.int64)
+    at_rest, posed = edges(rest[vertices].astype(np.float64)), edges(pose[vertices].astype(np.float64))
+    area = np.abs(_determinant(at_rest))
+    whole = area > 1e-12 * max(float(area.max(initial=0.0)), 1e-300)
+    if jacobians is None:
+        middle = np.broadcast_to(np.eye(2), at_rest.shape)
+    else:
+        uv = uvs[corners].astype(np.float64)
+        sides = np.stack([uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]], -1)
+        whole &= np.abs(_determinant(sides)) > 1e-14
+        sides[~whole] = np.eye(2)
+        derivative = jacobians(uv.mean(1))
+        derivative[np.abs(_determinant(derivative)) < 1e-6] = np.eye(2)
+        middle = _inverse(sides) @ _inverse(derivative) @ sides
+    at_rest[~whole] = np.eye(2)
+    deformation = posed @ middle @ _inverse(at_rest)
+    values = _largest_logarithm(deformation)
+    weights = np.repeat((area * whole)[:, None], 3, 1).ravel()
+    count = len(rest)
+    total = np.bincount(vertices.ravel(), weights, count)
+    return np.bincount(vertices.ravel(), weights * np.repeat(values, 3), count) / np.maximum(total, 1e-300)
+
+
+def _determinant(m: np.ndarray) -> np.ndarray:
+    return m[..., 0, 0] * m[..., 1, 1] - m[..., 0, 1] * m[..., 1, 0]
+
+
+def _inverse(m: np.ndarray) -> np.ndarray:
+    swapped = np.stack([np.stack([m[..., 1, 1], -m[..., 0, 1]], -1), np.stack([-m[..., 1, 0], m[..., 0, 0]], -1)], -2)
+    return swapped / _determinant(m)[..., None, None]
+
+
+def _largest_logarithm(m: np.ndarray) -> np.ndarray:
+    """Of the logarithms of both singular values the one that is farther from 0."""
+    half = (m * m).sum((-2, -1)) / 2
+    product = np.abs(_determinant(m))
+    root = np.sqrt(np.maximum(half * half - product * product, 0))
+    largest = np.log(np.maximum(half + root, 1e-12)) / 2
+    smallest = np.log(np.maximum(product, 1e-12)) - largest
+    return np.where(np.abs(largest) >= np.abs(smallest), largest, smallest)
+
+
+def colours(values: np.ndarray) -> np.ndarray:
+    """Red where stretched, blue where squeezed, grey where as at rest: (n, 4) float32."""
+    amount = np.clip(values / FULL, -1, 1)[:, None]
+    ends = np.where(amount > 0, _STRETCHED, _SQUEEZED)
+    mixed = _NOTHING + np.abs(amount) * (ends - _NOTHING)
+    return np.concatenate([mixed, np.ones((len(values), 1))], -1).astype(np.float32)
