@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy", reason="skipped: bpy cannot be imported", exc_type=ImportError)
+# The sample file's script lies beside this folder.
+sys.path.append(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+from sample import nodes_of, rgba  # noqa: E402, F401
 
 EXTENSION = "bl_ext.user_default.vrtm"
 
@@ -191,17 +194,6 @@ def studs(size: int, tile: int = 0) -> np.ndarray:
 def eight_bits(values: np.ndarray) -> np.ndarray:
     """As an image of 8 bits keeps them, and as Blender makes floats of them: times 1/255."""
     return np.floor(values * np.float32(255) + np.float32(0.5)).astype(np.float32) * np.float32(1 / 255)
-
-
-def rgba(values: np.ndarray) -> np.ndarray:
-    return np.stack([values, values, values, np.ones_like(values)], -1).astype(np.float32)
-
-
-def nodes_of(data: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree:
-    """The node tree of a new material or world, which has to be asked for before Blender 5."""
-    if bpy.app.version < (5, 0, 0):
-        data.use_nodes = True
-    return data.node_tree
 
 
 def pixels(image: bpy.types.Image) -> np.ndarray:

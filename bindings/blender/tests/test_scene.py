@@ -5,21 +5,15 @@ import tempfile
 
 import numpy as np
 
-import scene
+import sample
 from support import Case, bpy, part
 
 
 class Scene(Case):
     def test_before_and_after(self):
         with tempfile.TemporaryDirectory() as folder:
-            obj = scene.make(folder, 2, 96, 1)
-            obj.vrtm.grid, obj.vrtm.measure = 256, True
-            bpy.context.scene.frame_set(20)
-            obj.vrtm.in_renders = False
-            scene.render(f"{folder}/before.png")
-            obj.vrtm.in_renders = True
-            bpy.ops.vrtm.set_up_material()
-            scene.render(f"{folder}/after.png")
+            obj = sample.make(folder, 2, 96, 1)
+            sample.pictures(obj, f"{folder}/before.png", f"{folder}/after.png")
             pictures = []
             for name in ("before", "after"):
                 image = bpy.data.images.load(f"{folder}/{name}.png")

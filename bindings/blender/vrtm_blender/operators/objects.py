@@ -15,8 +15,8 @@ PRESETS = {"scrub": ("draft", 256, 256), "work": ("normal", 512, 512), "final": 
 
 
 class VRTM_OT_set_up(OnObject, bpy.types.Operator):
-    """Do all that there is to do for a first look: a rigidity image to paint on, if none is chosen; the redirection in
-    the materials; and Live"""
+    """Do all that there is to do for a first look. Without a rigidity the image with "rigid" in its name is taken, or a
+    black one is made to be painted on; the materials look up redirected UVs; and Live is switched on"""
 
     bl_idname = "vrtm.set_up"
     bl_label = "Set Up"
@@ -25,7 +25,10 @@ class VRTM_OT_set_up(OnObject, bpy.types.Operator):
         settings, done = obj.vrtm, []
         # What is wrong with the mesh, before anything is made.
         geometry.source_uv_layer(obj)
-        if settings.rigidity_source == "NONE":
+        if settings.rigidity_source == "NONE" and (found := rigidity_like()) is not None:
+            settings.rigidity_source, settings.rigidity_image = "IMAGE", found
+            done.append(f"image {found.name!r} is the rigidity")
+        elif settings.rigidity_source == "NONE":
             done.append(f"{new_image(obj, 1024).name!r} is to be painted on (Rigidity Map > Paint It)")
         if [slot for slot in obj.material_slots if slot.material is not None]:
             bpy.ops.vrtm.set_up_material(all_materials=True)
@@ -34,6 +37,12 @@ class VRTM_OT_set_up(OnObject, bpy.types.Operator):
             done.append("it has no material yet: press Set Up again when it has one")
         settings.live = True
         return f"{obj.name}: {'; '.join(done)}; Live is on"
+
+
+def rigidity_like() -> bpy.types.Image | None:
+    """An image that is most likely the rigidity, by its name: if there is one alone."""
+    found = [image for image in bpy.data.images if "rigid" in image.name.lower() and not results.is_result(image)]
+    return found[0] if len(found) == 1 and found[0].size[0] else None
 
 
 class VRTM_OT_preset(OnObject, bpy.types.Operator):

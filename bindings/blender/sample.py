@@ -1,25 +1,39 @@
 #!/usr/bin/env python3
-"""Renders the arm of a creature with studs before and after: the same frame with its own UVs, and redirected by the
-add-on.
+"""Makes the sample file: the arm of a creature that bends, with studs in its colour and bump map, and the image that
+says where it is rigid, all packed. It is made for the add-on, and does not need it.
 
-    python scene.py BEFORE.png AFTER.png [--tiles 2] [--samples 48] [--width 900]
+    blender --background --python sample.py -- arm.blend
+    python sample.py arm.blend [--tiles 2]               # with Blender's Python module
+    python sample.py --pictures BEFORE.png AFTER.png     # the same frame before and after; takes the add-on
 
-A test renders it small; with the extension installed, this makes the pictures for the documentation. The skin
-is two UDIM tiles, the studs are in a bump map and in the colour, and the rigidity is the same studs a little larger.
+The rigidity image is the same studs a little larger. With --tiles 2 the skin is two UDIM tiles.
 """
 
 from __future__ import annotations
 
 import argparse
 import math
+import os
+import sys
+import tempfile
 
+import bpy
 import numpy as np
-
-from support import bpy, nodes_of, rgba, start
 
 SIZE = 1024
 # The arm's length and the place of its elbow, along x.
 LENGTH, ELBOW = 4.0, 1.75
+
+
+def nodes_of(data: bpy.types.Material | bpy.types.World) -> bpy.types.NodeTree:
+    """The node tree of a new material or world, which has to be asked for before Blender 5."""
+    if bpy.app.version < (5, 0, 0):
+        data.use_nodes = True
+    return data.node_tree
+
+
+def rgba(values: np.ndarray) -> np.ndarray:
+    return np.stack([values, values, values, np.ones_like(values)], -1).astype(np.float32)
 
 
 def radius(x: np.ndarray) -> np.ndarray:
@@ -166,6 +180,7 @@ def image(name: str, tiles: dict[int, np.ndarray], folder: str) -> bpy.types.Ima
     found = bpy.data.images.load(f"{folder}/{name}.1001.{suffix}")
     if len(tiles) > 1:
         found.source, found.filepath = "TILED", f"{folder}/{name}.<UDIM>.{suffix}"
+    found.name = name
     if name != "colour":
         found.colorspace_settings.name = "Non-Color"
     return found
@@ -224,17 +239,19 @@ def stage(width: int, samples: int) -> None:
 
 def make(folder: str, tiles: int, width: int, samples: int) -> bpy.types.Object:
     """The scene, before the add-on is used."""
-    start()
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     obj = skin(tiles)
     rig(obj)
     painted = paint(tiles)
     material(obj, image("colour", painted["colour"], folder), image("height", painted["height"], folder))
     stage(width, samples)
+    # Nothing uses it until the add-on does.
+    image("rigidity", painted["rigidity"], folder).use_fake_user = True
     bpy.context.view_layer.objects.active = obj
-    settings = obj.vrtm
-    settings.rigidity_source, settings.device = "IMAGE", "cpu"
-    settings.rigidity_image = image("rigidity", painted["rigidity"], folder)
-    settings.grid = 512
+    obj.select_set(True)
+    bpy.context.scene.frame_end = 20
+    for one in bpy.data.images:
+        one.pack()
     return obj
 
 
@@ -243,27 +260,50 @@ def render(path: str) -> None:
     bpy.ops.render.render(write_still=True)
 
 
-def main() -> None:
-    import tempfile
+def save(path: str) -> None:
+    """As the file is to be opened: at the bent frame, with Object Data shown, in Material Preview."""
+    bpy.context.scene.frame_set(20)
+    for screen in bpy.data.screens:
+        for space in (area.spaces.active for area in screen.areas):
+            if space.type == "VIEW_3D":
+                space.shading.type = "MATERIAL"
+                space.region_3d.view_perspective = "CAMERA"
+    bpy.ops.wm.save_as_mainfile(filepath=path, compress=True)
 
-    parser = argparse.ArgumentParser(description="Renders an arm with studs before and after.")
-    parser.add_argument("before")
-    parser.add_argument("after")
-    parser.add_argument("--tiles", type=int, default=2)
-    parser.add_argument("--samples", type=int, default=48)
-    parser.add_argument("--width", type=int, default=900)
-    arguments = parser.parse_args()
+
+def pictures(obj: bpy.types.Object, before: str, after: str) -> None:
+    """Renders the bent arm with its own UVs and redirected ones."""
+    settings = obj.vrtm
+    settings.rigidity_source, settings.rigidity_image = "IMAGE", bpy.data.images["rigidity"]
+    settings.device, settings.grid, settings.measure = "cpu", 512, True
+    bpy.context.scene.frame_set(20)
+    settings.in_renders = False
+    render(before)
+    settings.in_renders = True
+    bpy.ops.vrtm.set_up_material()
+    render(after)
+    bpy.ops.vrtm.update()
+
+
+def main(arguments: list[str]) -> None:
+    parser = argparse.ArgumentParser(description="Makes the sample file of the add-on, or pictures of it.")
+    parser.add_argument("file", nargs="?", help="the file to be written")
+    parser.add_argument("--pictures", nargs=2, metavar=("BEFORE", "AFTER"), help="pictures to be rendered")
+    parser.add_argument("--tiles", type=int, default=1, help="UDIM tiles of the skin (%(default)s)")
+    parser.add_argument("--samples", type=int, default=48, help="samples of the pictures (%(default)s)")
+    parser.add_argument("--width", type=int, default=900, help="width of the pictures (%(default)s)")
+    given = parser.parse_args(arguments)
+    if not given.file and not given.pictures:
+        parser.error("name the file to be written, or --pictures")
     with tempfile.TemporaryDirectory() as folder:
-        obj = make(folder, arguments.tiles, arguments.width, arguments.samples)
-        obj.vrtm.measure = True
-        bpy.context.scene.frame_set(20)
-        obj.vrtm.in_renders = False
-        render(arguments.before)
-        obj.vrtm.in_renders = True
-        bpy.ops.vrtm.set_up_material()
-        render(arguments.after)
-        bpy.ops.vrtm.update()
+        obj = make(folder, given.tiles, given.width, given.samples)
+        if given.file:
+            save(os.path.abspath(given.file))
+        if given.pictures:
+            if not hasattr(obj, "vrtm"):
+                parser.error("--pictures: the add-on is not enabled")
+            pictures(obj, *map(os.path.abspath, given.pictures))
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:])
