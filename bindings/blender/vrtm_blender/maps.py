@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from .geometry import mesh_of, stamp_of
+from .geometry import corner_vertices, mesh_of, stamp_of
 from .messages import Problem
 
 # The pixels of Blender's images begin with the bottom row.
@@ -200,8 +200,7 @@ def attribute_values(obj: bpy.types.Object, name: str) -> np.ndarray:
         return values
     if attribute.domain != "CORNER":
         raise Problem(f"{obj.name}: attribute {name!r} is neither of vertices nor of face corners")
-    corners = np.empty(len(mesh.loops), np.int32)
-    mesh.loops.foreach_get("vertex_index", corners)
+    corners = corner_vertices(mesh)
     number = np.bincount(corners, minlength=len(mesh.vertices))
     total = np.bincount(corners, values, minlength=len(mesh.vertices))
     return (total / np.maximum(number, 1)).astype(np.float32)

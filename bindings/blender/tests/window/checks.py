@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 
 import bpy
-from driver import area, at, part, picture, press, until, window
+import numpy as np
+from driver import OUT, area, at, part, picture, press, until, window
+from mathutils import Quaternion
 
 
 def sample_file() -> bpy.types.Object:
@@ -48,15 +51,276 @@ def headline(obj: bpy.types.Object) -> str:
     return part("status").headline(obj, window().scene).text
 
 
-def check_panel():
-    """Before and after one click on the sample."""
+def solved(obj: bpy.types.Object) -> Iterator[float]:
+    """Until the result of the present frame is shown."""
+    yield from until(lambda: headline(obj) == "Up to date")
+
+
+def set_up() -> Iterator[float]:
+    """The sample with its panel, after a click on Set Up."""
     obj = sample_file()
     yield 1
     yield from arrange()
-    yield 3
+    with at("PROPERTIES"):
+        bpy.ops.vrtm.set_up("INVOKE_DEFAULT")
+    yield from solved(obj)
+    yield 1
+    return obj
+
+
+def pixels(image: bpy.types.Image) -> np.ndarray:
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    return values
+
+
+def rendered(engine: str, name: str) -> Iterator[float]:
+    """A render as F12 makes it: by a thread, while the window goes on. Returns the picture's pixels."""
+    scene, path = window().scene, f"{OUT}/{name}.exr"
+    scene.render.engine, scene.render.filepath = engine, path
+    scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
+    if engine.startswith("BLENDER_EEVEE"):
+        scene.eevee.taa_render_samples, scene.eevee.use_shadows = 4, False
+    done = []
+
+    def complete(*_) -> None:
+        done.append(True)
+
+    bpy.app.handlers.render_complete.append(complete)
+    with at("VIEW_3D"):
+        bpy.ops.render.render("INVOKE_DEFAULT", write_still=True)
+    yield from until(lambda: done, 120)
+    if complete in bpy.app.handlers.render_complete:
+        bpy.app.handlers.render_complete.remove(complete)
+    yield 0.5
+    image = bpy.data.images.load(path)
+    found = pixels(image).reshape(image.size[1], image.size[0], -1)
+    bpy.data.images.remove(image)
+    return found
+
+
+class Draws:
+    """When the 3D view was drawn."""
+
+    def __enter__(self):
+        self.times = []
+        self._handle = bpy.types.SpaceView3D.draw_handler_add(
+            lambda: self.times.append(time.monotonic()), (), "WINDOW", "POST_PIXEL"
+        )
+        return self
+
+    def __exit__(self, *_):
+        bpy.types.SpaceView3D.draw_handler_remove(self._handle, "WINDOW")
+
+    def longest(self) -> float:
+        return max(np.diff(self.times), default=np.inf)
+
+
+def check_walk():
+    """The README's walk."""
+    obj = sample_file()
+    yield 1
+    yield from arrange()
+    yield 2
     picture("1_opened")
     with at("PROPERTIES"):
         bpy.ops.vrtm.set_up("INVOKE_DEFAULT")
-    yield from until(lambda: headline(obj) == "Up to date")
+    yield from solved(obj)
     yield 3
     picture("2_set_up")
+    # Status, the last panel.
+    properties = area("PROPERTIES")
+    press("mousemove", str(properties.x + 150), "600")
+    press(*["click", "5"] * 30)
+    obj.vrtm.rigidity_channel = "A"
+    yield from solved(obj)
+    yield 2
+    picture("3_status")
+    obj.vrtm.rigidity_channel = "R"
+    yield from solved(obj)
+    area("VIEW_3D").spaces.active.shading.type = "SOLID"
+    for strain in ("BEFORE", "AFTER"):
+        obj.vrtm.strain = strain
+        yield from solved(obj)
+        yield 1
+        picture(f"4_strain_{strain.lower()}")
+    obj.vrtm.strain = "NONE"
+    yield 1
+    picture("5_strain_off")
+    with at("VIEW_3D"):
+        bpy.ops.vrtm.paint("INVOKE_DEFAULT")
+    yield 2
+    picture("6_paint")
+
+
+def check_eevee():
+    """EEVEE's drawing, in the view and in renders, takes nothing away that is saved, and what is opened again draws the
+    same pixels."""
+    obj = yield from set_up()
+    area("VIEW_3D").spaces.active.shading.type = "RENDERED"
+    yield 5
+    before = yield from rendered("BLENDER_EEVEE_NEXT", "before")
+    result, name = pixels(obj.vrtm.image), obj.vrtm.image.name
+    assert np.abs(result).max() < 1.01 and result.reshape(-1, 4)[:, :2].any()
+    obj.vrtm.in_renders = obj.vrtm.live = False
+    for round_ in range(2):
+        with at("VIEW_3D"):
+            bpy.ops.wm.save_as_mainfile(filepath=f"/tmp/saved.{round_}.blend")
+        bpy.ops.wm.open_mainfile(filepath=f"/tmp/saved.{round_}.blend", load_ui=True)
+        yield 3
+        obj = bpy.data.objects["skin"]
+        assert obj.vrtm.image is not None and obj.vrtm.image.name == name
+        assert np.array_equal(pixels(obj.vrtm.image), result), "the result is another one after saving"
+        after = yield from rendered("BLENDER_EEVEE_NEXT", f"after.{round_}")
+        assert np.abs(after - before).max() < 1e-5, np.abs(after - before).max()
+    # Without the redirection the picture is another one.
+    for node in obj.active_material.node_tree.nodes:
+        if node.bl_idname == "ShaderNodeGroup":
+            node.inputs["Strength"].default_value = 0
+    plain = yield from rendered("BLENDER_EEVEE_NEXT", "plain")
+    assert (np.abs(plain - before).max(-1) > 0.05).mean() > 0.02
+
+
+def check_frames():
+    """What is told of frames is true, while scrubbing, with Live off, and after an animation was rendered."""
+    obj = yield from set_up()
+    scene, live, session = window().scene, part("live"), part("session")
+    obj.vrtm.grid = obj.vrtm.map_size = 256
+    yield from solved(obj)
+    with Draws() as draws:
+        for frame in [*range(1, 21), *range(20, 0, -1)]:
+            scene.frame_set(frame)
+            yield 0.05
+        yield from solved(obj)
+        yield 0.5
+    print(f"measured scrub of 40 frames: {len(draws.times)} redraws, longest pause {draws.longest():.2f} s")
+    assert len(draws.times) >= 20
+    scene.frame_set(12)
+    yield from solved(obj)
+    twelve = pixels(obj.vrtm.image)
+    obj.vrtm.live = False
+    scene.frame_set(5)
+    yield 0.5
+    assert headline(obj) == "Out of date: shows frame 12", headline(obj)
+    assert np.array_equal(pixels(obj.vrtm.image), twelve)
+    scene.frame_set(12)
+    yield 0.5
+    assert headline(obj) == "Up to date", headline(obj)
+    # A bone that is moved without a key.
+    bpy.data.objects["rig"].pose.bones["lower"].rotation_euler[0] = 0.3
+    yield 0.5
+    assert headline(obj).startswith("Out of date"), headline(obj)
+    scene.frame_set(12)
+    with at("PROPERTIES"):
+        bpy.ops.vrtm.update("INVOKE_DEFAULT")
+    yield from solved(obj)
+    assert np.array_equal(pixels(obj.vrtm.image), twelve)
+    # An animation: the viewport has its frame again.
+    scene.frame_start, scene.frame_end, scene.render.filepath = 15, 17, f"{OUT}/frame."
+    scene.render.engine = "BLENDER_WORKBENCH"
+    done = []
+    bpy.app.handlers.render_complete.append(lambda *_: done.append(1))
+    with at("VIEW_3D"):
+        bpy.ops.render.render("INVOKE_DEFAULT", animation=True)
+    yield from until(lambda: done, 120)
+    yield from solved(obj)
+    yield 0.5
+    assert scene.frame_current == 12 and np.array_equal(pixels(obj.vrtm.image), twelve)
+
+
+def check_large():
+    """Update Now and the first live solve of a million faces: the window is drawn meanwhile, and Esc ends them."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True)
+    yield 1
+    with at("VIEW_3D"):
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=1000, y_subdivisions=1000, size=2)
+    obj = window().view_layer.objects.active
+    yield 1
+    modifier = obj.modifiers.new("Twist", "SIMPLE_DEFORM")
+    modifier.deform_method, modifier.angle = "TWIST", 1.0
+    group = obj.data.attributes.new("stiff", "FLOAT", "POINT")
+    values = np.zeros(len(obj.data.vertices), np.float32)
+    values[::3] = 1
+    group.data.foreach_set("value", values)
+    obj.vrtm.rigidity_source, obj.vrtm.rigidity_name = "ATTRIBUTE", "stiff"
+    yield 2
+    state = part("session").state_of(obj)
+
+    def spin():
+        area("VIEW_3D").spaces.active.region_3d.view_rotation.rotate(Quaternion((0, 0, 1), 0.02))
+        area("VIEW_3D").tag_redraw()
+        return 0.02
+
+    bpy.app.timers.register(spin)
+    yield 2
+    with Draws() as draws:
+        yield 5
+    print(f"measured view of a million faces: {len(draws.times)} redraws in 5 s, longest pause {draws.longest():.2f} s")
+    for ended in (True, False):
+        with Draws() as draws:
+            begun = time.monotonic()
+            with at("PROPERTIES"):
+                assert bpy.ops.vrtm.update("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+            yield 0.5
+            if ended:
+                press("mousemove", "500", "500")
+                press("key", "Escape")
+                yield from until(lambda: not state.wanted and state.job is None)
+                assert not state.shown
+            else:
+                yield from solved(obj)
+            took = time.monotonic() - begun
+        print(f"measured update of a million faces{', ended' * ended}: {took:.1f} s, {len(draws.times)} redraws, "
+              f"longest pause {draws.longest():.2f} s")
+    obj.data.update_tag()
+
+
+def check_duplicate():
+    """A duplicate that is posed by itself has its own redirection, and the original keeps its own."""
+    obj = yield from set_up()
+    obj.vrtm.grid = obj.vrtm.map_size = 256
+    yield from solved(obj)
+    first = pixels(obj.vrtm.image)
+    with at("VIEW_3D"):
+        bpy.ops.object.duplicate_move(TRANSFORM_OT_translate={"value": (0, 2, 0)})
+    other = window().view_layer.objects.active
+    assert other != obj
+    yield from solved(other)
+    assert other.vrtm.image != obj.vrtm.image and other.active_material != obj.active_material
+    key = other.data.shape_keys.key_blocks["biceps"]
+    other.data.shape_keys.animation_data_clear()
+    key.value = 0.0
+    yield 0.3
+    yield from solved(other)
+    assert np.array_equal(pixels(obj.vrtm.image), first)
+    assert not np.array_equal(pixels(other.vrtm.image), first)
+    trees = [
+        next(node.node_tree for node in one.active_material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup")
+        for one in (obj, other)
+    ]
+    found = [part("nodes").image_of(tree) for tree in trees]
+    assert found == [obj.vrtm.image, other.vrtm.image]
+
+
+def check_search():
+    """F3 finds the operators, and no modifier of this add-on."""
+    obj = yield from set_up()
+    obj.vrtm.live = False
+    window().scene.frame_set(10)
+    yield 0.5
+    assert headline(obj).startswith("Out of date")
+    press("mousemove", "500", "500")
+    press("key", "F3")
+    yield 0.5
+    press("type", "vrtm")
+    yield 1
+    picture("search_vrtm")
+    press("key", "Escape")
+    yield 0.5
+    press("key", "F3")
+    yield 0.5
+    press("type", "update now")
+    yield 1
+    picture("search_update")
+    press("key", "Return")
+    yield from solved(obj)
