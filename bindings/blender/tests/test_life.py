@@ -310,7 +310,7 @@ class Life(Case):
         bpy.context.scene.frame_set(5)
         state = session.find_state(arm.object)
         poll_until(lambda: state.job is not None)
-        job, asset = state.job, state.asset
+        job, prepared = state.job, state.prepared
         for again in (False, True):
             names = [name for name in dir(bpy.app.handlers) if isinstance(getattr(bpy.app.handlers, name), list)]
 
@@ -331,7 +331,7 @@ class Life(Case):
             self.assertFalse(hasattr(bpy.types, "VRTM_PT_main"))
             if not again:
                 self.assertTrue(job.done())
-                self.assertTrue(asset.closed)
+                self.assertIsNone(prepared.asset)
             bpy.context.scene.frame_set(4)
             addon_utils.enable(EXTENSION)
             self.assertEqual(arm.object.vrtm.rigidity_image.name, "rigidity")

@@ -86,7 +86,17 @@ def _sockets(tree: bpy.types.NodeTree) -> None:
     if not has_strength(tree):
         socket = tree.interface.new_socket("Strength", in_out="INPUT", socket_type="NodeSocketFloat")
         socket.subtype, socket.min_value, socket.max_value, socket.default_value = "FACTOR", 0, 1, 1
+        # A node that was there before has 0 for what is new.
+        for node in _nodes_with(tree):
+            node.inputs["Strength"].default_value = 1
         socket.description = "How much of the redirection is added: 0 shows the texture as the surface stretches it"
+
+
+def _nodes_with(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
+    """The nodes that are a group, in materials and in other groups."""
+    trees = [material.node_tree for material in bpy.data.materials if material.node_tree] + list(bpy.data.node_groups)
+    nodes = [node for other in trees if other.bl_idname == "ShaderNodeTree" for node in other.nodes]
+    return [node for node in nodes if node.bl_idname == "ShaderNodeGroup" and node.node_tree == tree]
 
 
 def _by_image() -> list[bpy.types.NodeTree]:

@@ -33,13 +33,13 @@ def headline(obj: bpy.types.Object, scene: bpy.types.Scene) -> Line:
             return Line("The baked files are not read", "ERROR")
         inside = scene.frame_current in frames
         return Line("Shows baked files" if inside else "Frame is not baked: see Status", "FILE" if inside else "ERROR")
-    if state is None or not state.shown:
+    if state is None or not (state.shown or state.figures):
         # A file that was just opened shows what was saved.
         kept = results.is_result(settings.image) and results.has_pixels(settings.image)
         return Line("As it was saved" if kept else "Not solved yet: press Update Now", "INFO")
     if results.missing(obj) is not None:
         return Line("Result is missing: see Status", "ERROR")
-    if state.shown_edits != state.edits:
+    if not state.shown or state.shown_edits != state.edits:
         return Line("Out of date: press Update Now", "ERROR")
     if state.animated and state.frame != scene.frame_current:
         return Line(f"Out of date: shows frame {state.frame}", "ERROR")
@@ -103,7 +103,8 @@ def _wrapped(text: str, context: bpy.types.Context) -> list[str]:
     region = getattr(context, "region", None)
     if region is None:
         return [text]
-    scale = context.preferences.system.ui_scale
+    # 0 without a window.
+    scale = context.preferences.system.ui_scale or 1
     blf.size(0, 11 * scale)
     # What borders, a box and the icon take.
     free = region.width - 75 * scale

@@ -184,7 +184,7 @@ def check_eevee():
 def check_frames():
     """What is told of frames is true, while scrubbing, with Live off, and after an animation was rendered."""
     obj = yield from set_up()
-    scene, live, session = window().scene, part("live"), part("session")
+    scene = window().scene
     obj.vrtm.grid = obj.vrtm.map_size = 256
     yield from solved(obj)
     with Draws() as draws:
@@ -270,8 +270,10 @@ def check_large():
             else:
                 yield from solved(obj)
             took = time.monotonic() - begun
-        print(f"measured update of a million faces{', ended' * ended}: {took:.1f} s, {len(draws.times)} redraws, "
-              f"longest pause {draws.longest():.2f} s")
+        print(
+            f"measured update of a million faces{', ended' * ended}: {took:.1f} s, {len(draws.times)} redraws, "
+            f"longest pause {draws.longest():.2f} s"
+        )
     obj.data.update_tag()
 
 

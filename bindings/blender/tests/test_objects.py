@@ -1,0 +1,155 @@
+"""An object as a whole: set up at one click, presets, duplicates, strength, and nothing left after Remove All."""
+
+import numpy as np
+
+from support import Arm, Case, bpy, nodes_of, part, pixels, rgba, studs
+
+
+class Objects(Case):
+    def arm(self, name="arm"):
+        arm = Arm(name)
+        material = bpy.data.materials.new("skin")
+        tree = nodes_of(material)
+        node = tree.nodes.new("ShaderNodeTexImage")
+        node.image = bpy.data.images.new("albedo", 128, 128)
+        shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
+        tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+        arm.mesh.materials.append(material)
+        return arm
+
+    def groups(self, obj):
+        return [node for node in obj.active_material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup"]
+
+    def test_one_click(self):
+        arm = self.arm()
+        obj, settings = arm.object, arm.object.vrtm
+        self.assertEqual(bpy.ops.vrtm.set_up(), {"FINISHED"})
+        self.assertTrue(settings.live)
+        self.assertEqual(tuple(settings.rigidity_image.size), (1024, 1024))
+        self.assertEqual(len(self.groups(obj)), 1)
+        # Again, with an image that is painted: nothing is made anew.
+        arm.paint_image()
+        bpy.ops.vrtm.set_up()
+        self.assertEqual(len(self.groups(obj)), 1)
+        self.assertEqual(settings.rigidity_image.name, "rigidity")
+
+    def test_one_click_takes_the_rigidity_that_is_there(self):
+        arm = self.arm()
+        image = bpy.data.images.new("arm Rigidity mask", 128, 128)
+        image.pixels.foreach_set(rgba(studs(128)).ravel())
+        bpy.ops.vrtm.set_up()
+        self.assertEqual(arm.object.vrtm.rigidity_image, image)
+        # Without a material the rest is done.
+        other = Arm("other")
+        bpy.context.view_layer.objects.active = other.object
+        self.assertEqual(bpy.ops.vrtm.set_up(), {"FINISHED"})
+        self.assertTrue(other.object.vrtm.live)
+
+    def test_presets(self):
+        arm = Arm()
+        settings = arm.object.vrtm
+        find = part("operators.objects").preset_of
+        for name in ("scrub", "work", "final"):
+            bpy.ops.vrtm.preset(name=name)
+            self.assertEqual(find(settings), name)
+        settings.grid = 100
+        self.assertIsNone(find(settings))
+
+    def test_a_duplicate_is_its_own(self):
+        for by in ("image", "uv_map"):
+            for linked in (False, True):
+                with self.subTest(by=by, linked=linked):
+                    self.setUp()
+                    arm = self.arm()
+                    arm.paint_image()
+                    obj = arm.object
+                    bpy.context.scene.frame_set(5)
+                    bpy.ops.vrtm.set_up_material(by=by)
+                    first = pixels(obj.vrtm.image)
+                    bpy.ops.object.duplicate(linked=linked)
+                    other = bpy.context.view_layer.objects.active
+                    self.assertNotEqual(other, obj)
+                    self.assertIn("is that of 'arm'", part("results").missing(other))
+                    rig = arm.rig.copy()
+                    bpy.context.collection.objects.link(rig)
+                    rig.animation_data_clear()
+                    rig.pose.bones["lower"].rotation_euler[2] = 0.3
+                    other.modifiers["Armature"].object = rig
+                    bpy.context.view_layer.update()
+                    self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+                    self.assertNotEqual(other.vrtm.image, obj.vrtm.image)
+                    self.assertSame(pixels(obj.vrtm.image), first)
+                    self.assertGreater(np.abs(pixels(other.vrtm.image) - first).max(), 1e-3)
+                    if by == "image" or linked:
+                        self.assertNotEqual(other.active_material, obj.active_material)
+                    one, two = (self.groups(o)[0].node_tree for o in (obj, other))
+                    nodes = part("nodes")
+                    if by == "image":
+                        self.assertEqual(nodes.image_of(one), obj.vrtm.image)
+                        self.assertEqual(nodes.image_of(two), other.vrtm.image)
+                    else:
+                        self.assertTrue(nodes.is_by_uv_map(one, obj.vrtm.uv_name))
+                        self.assertTrue(nodes.is_by_uv_map(two, other.vrtm.uv_name))
+
+    def test_groups_of_earlier_versions_get_a_strength(self):
+        arm = self.arm()
+        arm.paint_image()
+        for by in ("image", "uv_map"):
+            bpy.ops.vrtm.set_up_material(by=by)
+            tree = self.groups(arm.object)[0].node_tree
+            tree.interface.remove(tree.interface.items_tree["Strength"])
+            bpy.ops.vrtm.set_up_material(by=by)
+            self.assertEqual(self.groups(arm.object)[0].node_tree, tree)
+            self.assertEqual(self.groups(arm.object)[0].inputs["Strength"].default_value, 1)
+
+    def test_nothing_is_left(self):
+        arm = self.arm()
+        obj, mesh = arm.object, arm.mesh
+        kept = {
+            "layers": [layer.name for layer in mesh.uv_layers],
+            "attributes": sorted(mesh.attributes.keys()),
+            "modifiers": [modifier.name for modifier in obj.modifiers],
+            "images": {image.name for image in bpy.data.images},
+            "groups": len(bpy.data.node_groups),
+            "nodes": {n.name for n in obj.active_material.node_tree.nodes if n.bl_idname != "ShaderNodeUVMap"},
+        }
+        image = arm.paint_image()
+        obj.vrtm.write_delta = True
+        obj.vrtm.seams = "continue"
+        obj.modifiers.new("it", "SUBSURF")
+        bpy.ops.vrtm.insert_tap()
+        bpy.context.scene.frame_set(5)
+        bpy.ops.vrtm.capture_rest()
+        obj.vrtm.rest_source, obj.vrtm.strain = "MESH", "AFTER"
+        bpy.ops.vrtm.set_up_material()
+        bpy.ops.vrtm.dilate()
+        bpy.ops.vrtm.update()
+        self.assertIn("vrtm_delta", mesh.attributes)
+        self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
+        obj.modifiers.remove(obj.modifiers["it"])
+        found = {
+            "layers": [layer.name for layer in mesh.uv_layers],
+            "attributes": sorted(mesh.attributes.keys()),
+            "modifiers": [modifier.name for modifier in obj.modifiers],
+            "images": {one.name for one in bpy.data.images} - {image.name},
+            "groups": len([tree for tree in bpy.data.node_groups if tree.users]),
+            "nodes": {n.name for n in obj.active_material.node_tree.nodes if n.bl_idname != "ShaderNodeUVMap"},
+        }
+        self.assertEqual(found, kept)
+        self.assertFalse(part("results").is_set_up(obj))
+        self.assertIn(image.name, bpy.data.images)
+        self.assertEqual(part("session").states, {})
+
+    def test_the_attribute_is_what_is_added(self):
+        arm = self.arm()
+        arm.paint_image()
+        arm.object.vrtm.write_delta = True
+        bpy.context.scene.frame_set(5)
+        bpy.ops.vrtm.update()
+        values = np.empty(len(arm.mesh.loops) * 3, np.float32)
+        arm.mesh.attributes["vrtm_delta"].data.foreach_get("vector", values)
+        asset = arm.asset()
+        asset.solve(arm.pose())
+        self.assertSame(np.ascontiguousarray(values.reshape(-1, 3)[:, :2]), asset.corner_uvs() - arm.uvs)
+        # Blender would count an attribute of two numbers among its eight UV maps.
+        self.assertEqual([layer.name for layer in arm.mesh.uv_layers], ["UVMap", "vrtm"])

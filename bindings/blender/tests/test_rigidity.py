@@ -1,0 +1,138 @@
+"""Rigidity images that are made, changed, painted on and packed."""
+
+import tempfile
+
+import numpy as np
+
+from support import Arm, Case, bpy, nodes_of, part, pixels, rgba, studs
+
+
+def overlap(one, other):
+    one, other = one > 0.5, other > 0.5
+    return (one & other).sum() / (one | other).sum()
+
+
+class Rigidity(Case):
+    def arm(self, tiles=1):
+        """An arm with a material: a texture with studs in a colour, and heights of other studs."""
+        arm = Arm(tiles=tiles)
+        material = bpy.data.materials.new("skin")
+        tree = nodes_of(material)
+        shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
+        bump = tree.nodes.new("ShaderNodeBump")
+        self.colours = np.zeros((128, 128, 4), np.float32)
+        self.colours[:] = (0.1, 0.3, 0.1, 1)
+        self.colours[studs(128) > 0.5] = (0.8, 0.6, 0.3, 1)
+        self.heights = np.clip(0.3 + 0.3 * np.linspace(0, 1, 128)[None] + 0.2 * studs(128, 1), 0, 1)
+        for name, values, socket in (
+            ("colour", self.colours, shader.inputs["Base Color"]),
+            ("height", rgba(self.heights), bump.inputs["Height"]),
+        ):
+            node = tree.nodes.new("ShaderNodeTexImage")
+            node.image = bpy.data.images.new(name, 128, 128)
+            node.image.pixels.foreach_set(values.ravel())
+            tree.links.new(node.outputs["Color"], socket)
+        arm.mesh.materials.append(material)
+        return arm
+
+    def painted(self, arm):
+        return pixels(arm.object.vrtm.rigidity_image)[..., 0]
+
+    def test_from_the_texture(self):
+        arm = self.arm()
+        settings = arm.object.vrtm
+        self.assertEqual(bpy.ops.vrtm.rigidity_from_texture(), {"FINISHED"})
+        self.assertEqual(
+            (settings.rigidity_source, settings.rigidity_image.colorspace_settings.name), ("IMAGE", "Non-Color")
+        )
+        self.assertIsNotNone(settings.rigidity_image.packed_file)
+        self.assertGreater(overlap(self.painted(arm), studs(128)), 0.95)
+        for options, expected in (
+            ({"by": "colour", "colour": (0.8, 0.6, 0.3), "tolerance": 0.1}, studs(128)),
+            ({"by": "colour", "colour": (0.1, 0.3, 0.1), "tolerance": 0.1}, 1 - studs(128)),
+            ({"threshold": 0.4, "invert": True}, 1 - studs(128)),
+            ({"image": "height", "threshold": 0.45}, (self.heights > 0.45).astype(float)),
+        ):
+            bpy.ops.vrtm.rigidity_from_texture(**options)
+            self.assertGreater(overlap(self.painted(arm), expected), 0.9, options)
+        before = self.painted(arm).sum()
+        bpy.ops.vrtm.rigidity_from_texture(threshold=0.4)
+        plain = self.painted(arm)
+        bpy.ops.vrtm.rigidity_from_texture(threshold=0.4, grow=2)
+        self.assertTrue((self.painted(arm) >= plain).all() and self.painted(arm).sum() > plain.sum())
+        bpy.ops.vrtm.rigidity_from_texture(threshold=0.4, size=64)
+        self.assertEqual(tuple(settings.rigidity_image.size), (64, 64))
+        self.assertGreater(before, 0)
+        with self.assertRaisesRegex(RuntimeError, "no image 'nobody'"):
+            bpy.ops.vrtm.rigidity_from_texture(image="nobody")
+        # And it is solved for.
+        bpy.context.scene.frame_set(5)
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.assertEqual(part("session").find_state(arm.object).notes, [])
+
+    def test_from_heights(self):
+        arm = self.arm()
+        self.assertEqual(bpy.ops.vrtm.rigidity_from_heights(feature=0.11), {"FINISHED"})
+        self.assertGreater(overlap(self.painted(arm), studs(128, 1)), 0.8)
+        bpy.ops.vrtm.rigidity_from_heights(feature=0.11, sunken=True)
+        self.assertLess(overlap(self.painted(arm), studs(128, 1)), 0.1)
+        arm.object.data.materials.clear()
+        with self.assertRaisesRegex(RuntimeError, "Bump or Displacement"):
+            bpy.ops.vrtm.rigidity_from_heights()
+
+    def test_changes_leave_what_was_painted(self):
+        arm = Arm()
+        image, settings = arm.paint_image(), arm.object.vrtm
+        before = pixels(image)
+        canvas = bpy.context.scene.tool_settings.image_paint
+        canvas.canvas = image
+        bpy.ops.vrtm.change_rigidity(how="invert")
+        self.assertNotEqual(settings.rigidity_image, image)
+        self.assertLess(np.abs(self.painted(arm) - (1 - before[..., 0])).max(), 1 / 255)
+        self.assertEqual(canvas.canvas, settings.rigidity_image)
+        # What was painted and is in no file is kept.
+        self.assertSame(pixels(image), before)
+        self.assertTrue(image.use_fake_user)
+        bpy.ops.vrtm.change_rigidity(how="invert")
+        bpy.ops.vrtm.change_rigidity(how="grow", texels=3)
+        grown = self.painted(arm).sum()
+        bpy.ops.vrtm.change_rigidity(how="shrink", texels=6)
+        self.assertLess(self.painted(arm).sum(), before[..., 0].sum())
+        self.assertGreater(grown, before[..., 0].sum())
+        settings.rigidity_source = "NONE"
+        self.assertFalse(bpy.ops.vrtm.change_rigidity.poll())
+
+    def test_tiles(self):
+        arm = Arm(tiles=2)
+        self.assertEqual(bpy.ops.vrtm.new_rigidity(size=64), {"FINISHED"})
+        image = arm.object.vrtm.rigidity_image
+        self.assertEqual([tile.number for tile in image.tiles], [1001, 1002])
+        self.assertEqual(part("maps").read_image(image)[1002][..., 0].max(), 0)
+        bpy.ops.vrtm.change_rigidity(how="invert")
+        found = part("maps").read_image(arm.object.vrtm.rigidity_image)
+        self.assertEqual(sorted(found), [1001, 1002])
+        self.assertEqual(min(pixels_[..., 0].min() for pixels_ in found.values()), 1)
+        # From a texture with tiles.
+        with tempfile.TemporaryDirectory() as folder:
+            texture = arm.paint_tiles(folder, "albedo")
+            bpy.ops.vrtm.rigidity_from_texture(image=texture.name)
+            found = part("maps").read_image(arm.object.vrtm.rigidity_image)
+            for udim, values in arm.painted.items():
+                self.assertGreater(overlap(found[udim][..., 0], values), 0.9)
+
+    def test_painting_and_packing(self):
+        arm = Arm()
+        self.assertFalse(bpy.ops.vrtm.paint.poll())
+        bpy.ops.vrtm.new_rigidity(size=64)
+        settings, scene = arm.object.vrtm, bpy.context.scene
+        self.assertEqual(bpy.ops.vrtm.paint(), {"FINISHED"})
+        self.assertEqual(arm.object.mode, "TEXTURE_PAINT")
+        paint = scene.tool_settings.image_paint
+        self.assertEqual((paint.mode, paint.canvas), ("IMAGE", settings.rigidity_image))
+        bpy.ops.object.mode_set(mode="OBJECT")
+        values = np.ones(64 * 64 * 4, np.float32)
+        settings.rigidity_image.pixels.foreach_set(values)
+        settings.rigidity_image.update()
+        self.assertEqual(len(part("keep").unsaved_maps(arm.object)), 1)
+        self.assertEqual(bpy.ops.vrtm.pack_maps(), {"FINISHED"})
+        self.assertEqual(part("keep").unsaved_maps(arm.object), [])

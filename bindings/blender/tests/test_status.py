@@ -1,0 +1,154 @@
+"""What is told is true: of frames, of what is rigid, of baked files, and of what the library warns of."""
+
+import os
+import tempfile
+import types
+
+import numpy as np
+
+from support import Arm, Case, bpy, part, poll_until, rgba
+
+
+class Status(Case):
+    def setUp(self):
+        super().setUp()
+        self.status, self.session = part("status"), part("session")
+
+    def headline(self, arm):
+        return self.status.headline(arm.object, bpy.context.scene).text
+
+    def notes(self, arm):
+        return " ".join(line.text for line in self.status.notes(arm.object, bpy.context.scene))
+
+    def idle(self):
+        poll_until(lambda: not any(state.wanted or state.job for state in self.session.states.values()))
+
+    def test_frames(self):
+        self.session.live_in_background = True
+        arm = Arm()
+        self.assertEqual(self.headline(arm), "Nothing is rigid yet")
+        image = arm.paint_image()
+        self.assertEqual(self.headline(arm), "Not solved yet: press Update Now")
+        scene, settings = bpy.context.scene, arm.object.vrtm
+        scene.frame_set(3)
+        bpy.ops.vrtm.update()
+        self.assertEqual(self.headline(arm), "Up to date")
+        scene.frame_set(4)
+        self.assertEqual(self.headline(arm), "Out of date: shows frame 3")
+        scene.frame_set(3)
+        self.assertEqual(self.headline(arm), "Up to date")
+        for edit in (
+            lambda: setattr(settings, "grid", 64),
+            lambda: arm.rig.pose.bones["lower"].rotation_euler.__setitem__(2, 0.1),
+            lambda: (image.pixels.foreach_set(rgba(arm.painted[1001] * 0.5).ravel()), image.update_tag()),
+            lambda: bpy.ops.ed.undo_push(message="x") and part("handlers").undone(),
+        ):
+            edit()
+            bpy.context.view_layer.update()
+            self.assertEqual(self.headline(arm), "Out of date: press Update Now")
+            bpy.ops.vrtm.update()
+            self.assertEqual(self.headline(arm), "Up to date")
+        settings.live = True
+        for frame in (1, 5):
+            scene.frame_set(frame)
+            self.idle()
+            self.assertEqual(self.headline(arm), "Up to date")
+        arm.object.vrtm.image = None
+        self.assertEqual(self.headline(arm), "Result is missing: see Status")
+
+    def test_a_mesh_that_no_frame_changes_is_up_to_date_at_all(self):
+        self.session.live_in_background = True
+        arm = Arm()
+        arm.paint_image()
+        arm.rig.animation_data_clear()
+        arm.mesh.shape_keys.animation_data_clear()
+        bpy.ops.vrtm.update()
+        bpy.context.scene.frame_set(4)
+        self.assertEqual(self.headline(arm), "Up to date")
+
+    def test_what_is_rigid(self):
+        arm = Arm()
+        image, state = arm.paint_image(), self.session.state_of(arm.object)
+        for values, rigid, note in (
+            (0, "0 %", "Nothing is rigid"),
+            (1, "100 %", "All is rigid"),
+            (None, None, ""),
+        ):
+            if values is None:
+                pixels_ = np.zeros((128, 128), np.float32)
+                # The charts are v from .04 to .96.
+                pixels_[:, :32] = 1
+                rigid = "25 %"
+            else:
+                pixels_ = np.full((128, 128), values, np.float32)
+            image.pixels.foreach_set(rgba(pixels_).ravel())
+            bpy.ops.vrtm.update()
+            self.assertEqual(dict(state.figures)["Rigid"], rigid)
+            self.assertIn(note, self.notes(arm))
+            self.assertEqual(bool(state.notes), bool(note))
+            self.assertIn(f"{rigid} rigid", self.status.summary(arm.object))
+        # The wrong channel, and a group.
+        arm.object.vrtm.rigidity_channel = "A"
+        bpy.ops.vrtm.update()
+        self.assertIn("All is rigid", self.notes(arm))
+        group = arm.object.vertex_groups.new(name="half")
+        group.add(list(range(0, len(arm.mesh.vertices), 2)), 1.0, "REPLACE")
+        arm.object.vrtm.rigidity_source, arm.object.vrtm.rigidity_name = "VERTEX_GROUP", "half"
+        bpy.ops.vrtm.update()
+        self.assertEqual(dict(state.figures)["Rigid"], "50 %")
+        percent = part("results").percent
+        words = {1e-6: "under 0.1 %", 0.012: "1.2 %", 0.5: "50 %", 0.99999: "over 99.9 %"}
+        self.assertEqual({share: percent(share) for share in words}, words)
+
+    def test_what_the_library_warns_of(self):
+        arm = Arm()
+        arm.paint_image()
+        arm.rig.animation_data_clear()
+        arm.mesh.shape_keys.key_blocks["swell"].value = 0
+        arm.rig.scale = (10, 10, 10)
+        bpy.ops.vrtm.update()
+        self.assertIn("times as long as at rest", self.notes(arm))
+        arm.rig.scale = (1, 1, 1)
+        bpy.ops.vrtm.update()
+        self.assertNotIn("times as long", self.notes(arm))
+
+    def test_baked_files(self):
+        arm = Arm()
+        arm.paint_image()
+        scene, settings = bpy.context.scene, bpy.context.scene.vrtm_bake
+        scene.frame_start, scene.frame_end = 2, 4
+        with tempfile.TemporaryDirectory() as folder:
+            bpy.ops.wm.save_as_mainfile(filepath=os.path.join(folder, "file.blend"))
+            arm.object = bpy.data.objects["arm"]
+            bpy.context.view_layer.objects.active = arm.object
+            bpy.ops.vrtm.update()
+            self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
+            names = sorted(os.listdir(os.path.join(folder, "vrtm")))
+            self.assertEqual(names, [f"arm.redirect.1001.{frame:04d}.exr" for frame in (2, 3, 4)])
+            # Compressed: differences of neighbours are small.
+            size = os.path.getsize(os.path.join(folder, "vrtm", names[1]))
+            self.assertLess(size, 0.6 * 128 * 128 * 16)
+            self.assertEqual(bpy.ops.vrtm.use_baked(), {"FINISHED"})
+            image = next(iter(part("nodes").baked_images()))
+            self.assertEqual(image.filepath.replace("\\", "/"), "//vrtm/arm.redirect.1001.0002.exr")
+            scene.frame_set(3)
+            self.assertEqual(self.headline(arm), "Shows baked files")
+            for frame, nearest in ((1, 2), (9, 4)):
+                scene.frame_set(frame)
+                self.assertEqual(self.headline(arm), "Frame is not baked: see Status")
+                told = f"Frame {frame} is not in the baked files of frames 2 to 4: frame {nearest}"
+                self.assertIn(told, self.notes(arm))
+            # Frames of its own, once one is set.
+            self.assertFalse(settings.use_custom_range)
+            settings.frame_end = 3
+            self.assertTrue(settings.use_custom_range)
+            self.assertEqual(part("bake").frames_of(scene), range(1, 4))
+
+    def test_lines_are_as_wide_as_the_panel(self):
+        context = types.SimpleNamespace(region=types.SimpleNamespace(width=300), preferences=bpy.context.preferences)
+        text = "Nothing is rigid: the map is 0 everywhere. Is it the right image, channel or group?"
+        lines = self.status._wrapped(text, context)
+        self.assertGreater(len(lines), 1)
+        self.assertEqual(" ".join(lines), text)
+        context.region.width = 3000
+        self.assertEqual(self.status._wrapped(text, context), [text])

@@ -1,0 +1,90 @@
+"""Strain as colours: closed forms, and what the solve itself measures."""
+
+import numpy as np
+
+from support import Arm, Case, bpy, part
+
+
+def sheet(n=8):
+    """A square of quads and, at its end, two triangles: corners, counts, UVs, positions."""
+    x, y = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
+    points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], -1).astype(np.float32)
+    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+    quads = np.stack([first, first + 1, first + n + 2, first + n + 1], -1)
+    corners = np.concatenate([quads[:-1].ravel(), quads[-1][[0, 1, 2]], quads[-1][[0, 2, 3]]]).astype(np.uint32)
+    counts = np.array([4] * (len(quads) - 1) + [3, 3], np.uint32)
+    return corners, counts, points[corners][:, :2] * [0.5, 0.25] + 0.1, points
+
+
+class Strain(Case):
+    def setUp(self):
+        super().setUp()
+        self.strain = part("strain")
+
+    def test_a_sheet_that_is_stretched(self):
+        corners, counts, uvs, rest = sheet()
+        turn = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+        for along, across, expected in (
+            (1, 1, 0),
+            (1.5, 1, np.log(1.5)),
+            (0.5, 1.2, np.log(0.5)),
+            (1.1, 1.3, np.log(1.3)),
+        ):
+            pose = (rest * [along, across, 1]) @ turn
+            found = self.strain.of_vertices(corners, counts, uvs, rest, pose, None)
+            self.assertLess(np.abs(found - expected).max(), 1e-5)
+
+    def test_a_redirection_takes_it_away(self):
+        corners, counts, uvs, rest = sheet()
+        pose = rest * [1.5, 0.8, 1]
+        # What is stretched by 1.5 shows 1.5 times as much of the texture: then nothing is strained.
+        whole = lambda at: np.broadcast_to(np.diag([1.5, 0.8]), (len(at), 2, 2)).copy()  # noqa: E731
+        self.assertLess(np.abs(self.strain.of_vertices(corners, counts, uvs, rest, pose, whole)).max(), 1e-5)
+        part_ = lambda at: np.broadcast_to(np.diag([1.2, 0.8]), (len(at), 2, 2)).copy()  # noqa: E731
+        found = self.strain.of_vertices(corners, counts, uvs, rest, pose, part_)
+        self.assertLess(np.abs(found - np.log(1.5 / 1.2)).max(), 1e-5)
+
+    def test_what_has_no_area_is_left_out(self):
+        corners, counts, uvs, rest = sheet()
+        flat = rest.copy()
+        flat[:9] = flat[0]
+        found = self.strain.of_vertices(corners, counts, uvs, flat, flat, lambda at: np.zeros((len(at), 2, 2)))
+        self.assertTrue(np.isfinite(found).all())
+
+    def test_colours(self):
+        found = self.strain.colours(np.array([0, 5, -5, 0.1]))
+        self.assertEqual(found.shape, (4, 4))
+        self.assertTrue((found[0, :3] == found[0, 0]).all())
+        self.assertGreater(found[1, 0], found[1, 2] + 0.5)
+        self.assertGreater(found[2, 2], found[2, 0] + 0.5)
+        self.assertGreater(found[3, 0], found[3, 2])
+
+    def test_the_overlay_follows_the_result(self):
+        arm = Arm(along=160, around=96, size=256)
+        arm.paint_image()
+        obj, settings = arm.object, arm.object.vrtm
+        bpy.context.scene.frame_set(5)
+        # Vertices that are rigid, and away from the borders of features and from the seam.
+        at = np.zeros((len(arm.mesh.vertices), 2))
+        at[arm.faces.ravel()] = arm.uvs
+        inside = part("masks").shrunk(arm.painted[1001], 5) > 0.5
+        x, y = np.clip((at * 256).astype(int), 0, 255).T
+        rigid = inside[y, x] & (at[:, 1] > 0.1) & (at[:, 1] < 0.9)
+        self.assertGreater(rigid.sum(), 200)
+        amounts = {}
+        for which in ("BEFORE", "AFTER"):
+            settings.strain = which
+            self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+            attribute = arm.mesh.color_attributes["vrtm strain"]
+            self.assertEqual((attribute.domain, attribute.data_type), ("POINT", "FLOAT_COLOR"))
+            colours = np.empty(len(at) * 4, np.float32)
+            attribute.data.foreach_get("color", colours)
+            colours = colours.reshape(-1, 4)
+            amounts[which] = np.abs(colours[:, 0] - colours[:, 2])
+        self.assertLess(amounts["AFTER"][rigid].mean(), 0.25 * amounts["BEFORE"][rigid].mean())
+        self.assertGreater(amounts["BEFORE"][rigid].mean(), 0.2)
+        self.assertEqual(arm.mesh.color_attributes.active_color.name, "vrtm strain")
+        settings.strain = "NONE"
+        self.assertEqual(len(arm.mesh.color_attributes), 0)
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.assertEqual(len(obj.data.color_attributes), 0)
