@@ -5,6 +5,7 @@ package `vrtm` as a wheel, since an extension must not need the network.
     python3 build.py                        # builds the wheel out of ../python with pip, which takes Rust
     python3 build.py --wheel vrtm-*.whl     # takes wheels that are there, one per platform
 
+The variable VRTM_LIBRARY names a shared library that is built already (cargo build --release -p vrtm-c): without Rust.
 Writes vrtm-<version>-<platform>.zip for each wheel. The same inputs make the same bytes.
 """
 
@@ -14,6 +15,7 @@ import argparse
 import ast
 import email.parser
 import io
+import os
 import re
 import subprocess
 import sys
@@ -161,7 +163,10 @@ def pack(wheel: Path) -> tuple[str, bytes]:
 
 def build_wheel(folder: Path) -> Path:
     package = REPOSITORY / "bindings" / "python"
-    command = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--wheel-dir", str(folder), str(package)]
+    given = os.environ.get("VRTM_LIBRARY")
+    print(f"the library: {given}" if given else "building the library, which takes some minutes", flush=True)
+    # Verbose: pip shows what cargo is at.
+    command = [sys.executable, "-m", "pip", "wheel", "--verbose", "--no-deps", "--wheel-dir", str(folder), str(package)]
     if subprocess.run(command, check=False).returncode != 0:
         raise Refused(f"{package}: pip could not build the wheel; what it said stands above")
     return next(folder.glob("vrtm-*.whl"))

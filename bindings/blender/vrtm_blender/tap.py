@@ -13,7 +13,7 @@ from .messages import Problem
 
 POSE_NAME = ".vrtm_pose"
 INDEX_NAME = ".vrtm_index"
-GROUP_NAME = "vrtm pose"
+GROUP_NAME = ".vrtm pose"
 MARK = "vrtm_pose_group"
 # Modifiers that keep the mesh's own vertices first, with their attributes. What Geometry Nodes do cannot be known.
 KEEPING = frozenset("ARRAY EDGE_SPLIT MIRROR NODES SCREW SOLIDIFY SUBSURF TRIANGULATE".split())
@@ -26,7 +26,8 @@ def group() -> bpy.types.NodeTree:
             return tree
     tree = bpy.data.node_groups.new(GROUP_NAME, "GeometryNodeTree")
     tree[MARK] = True
-    tree.is_modifier = True
+    # Not one that Blender offers to the artist among its modifiers.
+    tree.is_modifier = False
     tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
     tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     nodes, link = tree.nodes, tree.links.new
