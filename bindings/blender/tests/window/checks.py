@@ -136,9 +136,9 @@ def check_walk():
     yield 3
     picture("2_set_up")
     # The menu of the rigidity map, and the settings of an operator that makes one, as F3 runs it.
-    press("mousemove", str(area("PROPERTIES").x + 40), "490")
-    with at("PROPERTIES"):
-        bpy.ops.wm.call_menu(name="VRTM_MT_rigidity")
+    press("mousemove", str(area("PROPERTIES").x + 150), "491")
+    yield 0.5
+    press("click", "1")
     yield 1
     picture("3_menu")
     press("key", "Escape")
@@ -152,6 +152,7 @@ def check_walk():
     press("mousemove", "110", "955", "click", "1")
     yield 1
     picture("3_from_texture")
+    press("mousemove", "110", "802", "click", "1")
     obj.vrtm.rigidity_image = rigidity
     # Status, the last panel.
     properties = area("PROPERTIES")
