@@ -128,6 +128,28 @@ class Live(Case):
         # A tenth of what the solve itself takes, and a frame's evaluation.
         self.assertLess(handed, max(0.05, 0.1 * (time.perf_counter() - begun)) + 0.05)
 
+    def test_what_a_job_has_not_used_is_kept_for_the_next(self):
+        arm = Arm()
+        arm.paint_image()
+        prepared = part("prepared").Prepared
+        apply = prepared.apply
+
+        def fail(*_):
+            prepared.apply = apply
+            raise MemoryError("once")
+
+        self.addCleanup(setattr, prepared, "apply", apply)
+        prepared.apply = fail
+        arm.object.vrtm.live = True
+        self.idle()
+        state = self.session.find_state(arm.object)
+        self.assertEqual((state.message, state.asset), ("MemoryError: once", None))
+        # Another pose, and nothing that has mesh or maps read again.
+        bpy.context.scene.frame_set(5)
+        state.mesh_changed = state.maps_changed = False
+        self.idle()
+        self.check(arm)
+
     def test_two_objects_at_once(self):
         one, two = Arm("one"), Arm("two")
         for arm in (one, two):

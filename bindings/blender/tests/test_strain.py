@@ -88,3 +88,20 @@ class Strain(Case):
         self.assertEqual(len(arm.mesh.color_attributes), 0)
         self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
         self.assertEqual(len(obj.data.color_attributes), 0)
+
+    def test_strain_before_takes_no_rigidity(self):
+        arm = Arm()
+        arm.object.vrtm.strain = "BEFORE"
+        bpy.context.scene.frame_set(5)
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        colours = np.empty(len(arm.mesh.vertices) * 4, np.float32)
+        arm.mesh.color_attributes["vrtm strain"].data.foreach_get("color", colours)
+        self.assertGreater(np.ptp(colours.reshape(-1, 4)[:, 0]), 0.3)
+        # Nothing else is written, and the panel does not speak of results.
+        self.assertIsNone(arm.object.vrtm.image)
+        self.assertEqual([layer.name for layer in arm.mesh.uv_layers], ["UVMap"])
+        status = part("status")
+        self.assertEqual(status.headline(arm.object, bpy.context.scene).text, "Nothing is rigid yet")
+        arm.object.vrtm.strain = "NONE"
+        with self.assertRaisesRegex(RuntimeError, "choose where the rigidity"):
+            bpy.ops.vrtm.update()

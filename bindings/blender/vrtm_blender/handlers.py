@@ -76,7 +76,7 @@ def updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     meshes = {changed for changed, _ in ids if isinstance(changed, bpy.types.Mesh)}
     images = {changed for changed, _ in ids if isinstance(changed, bpy.types.Image)}
     for changed, geometry in ids:
-        if isinstance(changed, bpy.types.Object) and geometry and results.is_set_up(changed):
+        if isinstance(changed, bpy.types.Object) and geometry and results.is_followed(changed):
             live.touch(changed, mesh=changed.data in meshes, maps=changed.mode in PAINT_MODES)
     if images or bpy.context.mode == "PAINT_TEXTURE":
         for obj in filter(results.is_set_up, scene.objects):

@@ -34,22 +34,15 @@ def _live_changed(settings: VrtmSettings, context: bpy.types.Context) -> None:
 
 
 def _strain_changed(settings: VrtmSettings, context: bpy.types.Context) -> None:
-    from . import live, overlay
+    from . import live, overlay, session
 
     obj = settings.id_data
     on = settings.strain != "NONE"
     overlay.show(on)
     if not on:
         overlay.remove(obj)
-    elif results_wanted(obj):
+    elif not session.synchronous():
         live.want(obj)
-
-
-def results_wanted(obj: bpy.types.Object) -> bool:
-    """Whether a solve can be asked for at once."""
-    from . import results, session
-
-    return results.is_set_up(obj) and not session.synchronous()
 
 
 class VrtmSettings(bpy.types.PropertyGroup):

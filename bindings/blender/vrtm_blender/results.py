@@ -117,6 +117,8 @@ def missing(obj: bpy.types.Object) -> str | None:
     from . import nodes
 
     settings = obj.vrtm
+    if not is_set_up(obj):
+        return None
     if settings.write_image:
         if not is_result(settings.image):
             return "The result image is not there"
@@ -166,14 +168,18 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
         _update()
     finally:
         session.writing = before
-    state.shown, state.figures, state.notes = request.stamp, outcome.figures, list(outcome.notes)
+    state.shown, state.figures, state.notes = (
+        request.stamp,
+        outcome.figures,
+        list(outcome.notes) if is_set_up(obj) else [],
+    )
     still_right(state, request)
     behind = geometry.deforms_after_tap(obj)
     if behind is not None and geometry.has_tap(obj):
         state.notes.append(
             f"Modifier {behind.name!r} deforms behind the one that changes the topology: it is not in the pose"
         )
-    if all(output is None for output in (outputs.image, outputs.uvs, outputs.delta)):
+    if is_set_up(obj) and all(output is None for output in (outputs.image, outputs.uvs, outputs.delta)):
         state.notes.append("No output is switched on: see Quality and Outputs")
     state.say("")
 
@@ -307,6 +313,11 @@ def own_layer(obj: bpy.types.Object) -> bpy.types.MeshUVLoopLayer:
 
 def is_set_up(obj: bpy.types.Object) -> bool:
     return obj.type == "MESH" and obj.vrtm.rigidity_source != "NONE"
+
+
+def is_followed(obj: bpy.types.Object) -> bool:
+    """Whether there is something to be computed for its poses: a redirection, or strain alone."""
+    return obj.type == "MESH" and (is_set_up(obj) or obj.vrtm.strain != "NONE")
 
 
 def figures(prepared: Prepared) -> list[tuple[str, str]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import geometry, maps, session
+from . import geometry, maps, results, session
 from .messages import Problem
 from .prepared import MapsInput, MeshInput
 from .session import Request, State
@@ -15,8 +15,7 @@ def read(obj: bpy.types.Object, state: State) -> None:
     """Reads what has changed of what the object's asset depends on, into the state's inputs. Raises a Problem."""
     if obj.mode == "EDIT":
         raise Problem(f"{obj.name} is in Edit Mode: results are computed when you leave it")
-    settings = obj.vrtm
-    if settings.rigidity_source == "NONE":
+    if not results.is_followed(obj):
         raise Problem(f"{obj.name}: choose where the rigidity is painted")
     if geometry.counts(obj.data) != state.counts:
         state.mesh_changed = True
@@ -79,7 +78,9 @@ def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph)
     """The object's pose now. Call read() before."""
     positions, options = geometry.pose(obj, depsgraph), options_of(obj)
     settings = obj.vrtm
-    outputs = (settings.map_size, settings.write_image, settings.write_uvs, settings.write_delta, settings.strain)
+    # Without a rigidity there is strain to be shown, and nothing to be redirected.
+    written = (results.is_set_up(obj) and getattr(settings, f"write_{name}") for name in ("image", "uvs", "delta"))
+    outputs = (settings.map_size, *written, settings.strain)
     inputs = repr((sorted(options.items()), outputs, sorted(state.stamps.items()))).encode()
     stamp = geometry.stamp_of(positions) + inputs
     return Request(positions, options, stamp, obj.name, *outputs, depsgraph.scene.frame_current, state.edits)
@@ -87,8 +88,6 @@ def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph)
 
 def run(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> State:
     """Solves for the object's pose and writes the results, before it returns. Raises a Problem or vrtm.Error."""
-    from . import results
-
     state = session.state_of(obj)
     state.end_job()
     state.wanted = False

@@ -21,12 +21,12 @@ class Line:
 def headline(obj: bpy.types.Object, scene: bpy.types.Scene) -> Line:
     """One short line, which is always there: whether what is shown is this frame's result."""
     state, settings = session.find_state(obj), obj.vrtm
-    if not results.is_set_up(obj):
-        return Line("Nothing is rigid yet", "INFO")
     if state is not None and state.job is not None:
         return Line(messages.progress_of(state), "SORTTIME")
     if state is not None and state.error:
         return Line("Not solved: see Status", "ERROR")
+    if not results.is_set_up(obj):
+        return Line("Nothing is rigid yet", "INFO")
     if settings.shows_baked:
         frames = nodes.baked_frames(obj)
         if frames is None:
