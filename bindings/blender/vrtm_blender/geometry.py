@@ -56,6 +56,18 @@ def read(collection, name: str, width: int, dtype=np.float32) -> np.ndarray:
     return values.reshape(-1, width) if width > 1 else values
 
 
+def write(mesh: bpy.types.Mesh, name: str, domain: str, kind: str, values: np.ndarray) -> None:
+    """Writes an attribute of vectors or colours, which is made if it is not there or of another kind."""
+    attribute = mesh.attributes.get(name)
+    if attribute is not None and (attribute.domain, attribute.data_type) != (domain, kind):
+        mesh.attributes.remove(attribute)
+        attribute = None
+    if attribute is None:
+        attribute = mesh.attributes.new(name, kind, domain)
+    key = {"FLOAT_VECTOR": "vector", "FLOAT_COLOR": "color"}[kind]
+    attribute.data.foreach_set(key, np.ascontiguousarray(values, np.float32).ravel())
+
+
 def corner_vertices(mesh: bpy.types.Mesh) -> np.ndarray:
     """The vertex of each face corner, (corners,) int32."""
     # A hundred times as fast as the loops, which Blender makes of this attribute one by one.
@@ -137,13 +149,7 @@ def rest_positions(obj: bpy.types.Object) -> np.ndarray:
 def store_rest(obj: bpy.types.Object, positions: np.ndarray, frame: int) -> None:
     """Keeps a rest shape, the evaluated one of a frame, in the mesh."""
     mesh = mesh_of(obj)
-    attribute = mesh.attributes.get(REST_NAME)
-    if attribute is not None and (attribute.domain != "POINT" or attribute.data_type != "FLOAT_VECTOR"):
-        mesh.attributes.remove(attribute)
-        attribute = None
-    if attribute is None:
-        attribute = mesh.attributes.new(REST_NAME, "FLOAT_VECTOR", "POINT")
-    attribute.data.foreach_set("vector", np.ascontiguousarray(positions, np.float32).ravel())
+    write(mesh, REST_NAME, "POINT", "FLOAT_VECTOR", positions)
     mesh[REST_FRAME_NAME] = frame
 
 

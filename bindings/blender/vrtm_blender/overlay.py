@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from . import strain
+from . import geometry, strain
 
 if TYPE_CHECKING:
     from .prepared import Prepared
@@ -52,14 +52,10 @@ def _jacobians(prepared: Prepared, uvs: np.ndarray) -> np.ndarray:
 
 def write(obj: bpy.types.Object, values: np.ndarray) -> None:
     mesh = obj.data
-    attribute = mesh.color_attributes.get(NAME)
-    if attribute is not None and (attribute.domain, attribute.data_type) != ("POINT", "FLOAT_COLOR"):
-        mesh.color_attributes.remove(attribute)
-        attribute = None
-    if attribute is None:
-        attribute = mesh.color_attributes.new(NAME, "FLOAT_COLOR", "POINT")
-        mesh.color_attributes.active_color = attribute
-    attribute.data.foreach_set("color", np.ascontiguousarray(values, np.float32).ravel())
+    new = NAME not in mesh.attributes
+    geometry.write(mesh, NAME, "POINT", "FLOAT_COLOR", values)
+    if new:
+        mesh.color_attributes.active_color = mesh.color_attributes[NAME]
     mesh.update_tag()
 
 

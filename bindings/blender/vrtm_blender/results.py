@@ -273,14 +273,8 @@ def delta_name(settings: bpy.types.PropertyGroup) -> str:
 
 
 def write_delta(obj: bpy.types.Object, values: np.ndarray) -> None:
-    mesh, name = obj.data, delta_name(obj.vrtm)
-    attribute = mesh.attributes.get(name)
-    if attribute is not None and (attribute.domain, attribute.data_type) != ("CORNER", "FLOAT_VECTOR"):
-        mesh.attributes.remove(attribute)
-        attribute = None
-    if attribute is None:
-        attribute = mesh.attributes.new(name, "FLOAT_VECTOR", "CORNER")
-    attribute.data.foreach_set("vector", np.ascontiguousarray(values, np.float32).ravel())
+    mesh = obj.data
+    geometry.write(mesh, delta_name(obj.vrtm), "CORNER", "FLOAT_VECTOR", values)
     if not session.rendering:
         mesh.update_tag()
 
