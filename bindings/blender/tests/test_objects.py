@@ -121,6 +121,7 @@ class Objects(Case):
         bpy.context.scene.frame_set(5)
         bpy.ops.vrtm.capture_rest()
         obj.vrtm.rest_source, obj.vrtm.strain = "MESH", "AFTER"
+        bpy.ops.vrtm.set_up_material(by="uv_map")
         bpy.ops.vrtm.set_up_material()
         bpy.ops.vrtm.dilate()
         bpy.ops.vrtm.update()
@@ -136,9 +137,36 @@ class Objects(Case):
             "nodes": {n.name for n in obj.active_material.node_tree.nodes if n.bl_idname != "ShaderNodeUVMap"},
         }
         self.assertEqual(found, kept)
+        self.assertEqual([n.name for n in obj.active_material.node_tree.nodes if n.bl_idname == "ShaderNodeUVMap"], [])
+        self.assertEqual([tree.name for tree in bpy.data.node_groups if tree.get("vrtm_kind")], [])
         self.assertFalse(part("results").is_set_up(obj))
         self.assertIn(image.name, bpy.data.images)
         self.assertEqual(part("session").states, {})
+
+    def test_objects_with_one_mesh_have_an_attribute_each(self):
+        arm = self.arm()
+        arm.paint_image()
+        obj = arm.object
+        obj.vrtm.write_uvs, obj.vrtm.write_delta = False, True
+        bpy.context.scene.frame_set(5)
+        bpy.ops.vrtm.update()
+
+        def values(of):
+            found = np.empty(len(arm.mesh.loops) * 3, np.float32)
+            arm.mesh.attributes[part("results").delta_name(of.vrtm)].data.foreach_get("vector", found)
+            return found
+
+        first = values(obj)
+        bpy.ops.object.duplicate(linked=True)
+        other = bpy.context.view_layer.objects.active
+        other.modifiers["Armature"].show_viewport = False
+        bpy.context.view_layer.update()
+        bpy.ops.vrtm.update()
+        self.assertSame(values(obj), first)
+        self.assertGreater(np.abs(values(other) - first).max(), 1e-3)
+        self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
+        self.assertSame(values(obj), first)
+        self.assertIsNone(part("results").missing(obj))
 
     def test_the_attribute_is_what_is_added(self):
         arm = self.arm()

@@ -1,5 +1,6 @@
 """Rigidity images that are made, changed, painted on and packed."""
 
+import os
 import tempfile
 
 import numpy as np
@@ -80,6 +81,76 @@ class Rigidity(Case):
         with self.assertRaisesRegex(RuntimeError, "Bump or Displacement"):
             bpy.ops.vrtm.rigidity_from_heights()
 
+    def test_heights_are_found_behind_other_nodes(self):
+        arm = self.arm()
+        tree = arm.object.active_material.node_tree
+        bump = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBump")
+        height = bump.inputs["Height"].links[0].from_socket
+        expected = studs(128, 1)
+
+        def ramp(node):
+            node.color_ramp.elements[0].color, node.color_ramp.elements[1].color = (1, 1, 1, 1), (0, 0, 0, 1)
+
+        def math(operation, place, value):
+            def change(node):
+                node.operation = operation
+                node.inputs[1 - place].default_value = value
+
+            return change
+
+        for kind, place, turned, change in (
+            ("ShaderNodeRGBToBW", 0, False, None),
+            ("ShaderNodeInvert", "Color", True, None),
+            ("ShaderNodeGamma", 0, False, None),
+            ("ShaderNodeBrightContrast", 0, False, None),
+            ("ShaderNodeRGBCurve", "Color", False, None),
+            ("ShaderNodeClamp", 0, False, None),
+            ("ShaderNodeSeparateColor", 0, False, None),
+            ("ShaderNodeValToRGB", 0, False, None),
+            ("ShaderNodeValToRGB", 0, True, ramp),
+            ("ShaderNodeMath", 0, True, math("MULTIPLY", 0, -2)),
+            ("ShaderNodeMath", 1, True, math("SUBTRACT", 1, 1)),
+            ("ShaderNodeMapRange", 0, False, None),
+            ("ShaderNodeMapRange", 0, True, lambda node: setattr(node.inputs["To Max"], "default_value", -1)),
+        ):
+            with self.subTest(kind=kind, turned=turned):
+                node = tree.nodes.new(kind)
+                if change is not None:
+                    change(node)
+                tree.links.new(height, node.inputs[place])
+                tree.links.new(node.outputs[0], bump.inputs["Height"])
+                self.assertEqual(bpy.ops.vrtm.rigidity_from_heights(feature=0.11), {"FINISHED"})
+                self.assertEqual(overlap(self.painted(arm), expected) > 0.8, not turned)
+                # The other way round again.
+                bump.invert = turned
+                bpy.ops.vrtm.rigidity_from_heights(feature=0.11)
+                self.assertGreater(overlap(self.painted(arm), expected), 0.8)
+                bump.invert = False
+                tree.nodes.remove(node)
+
+    def test_images_that_nothing_uses_any_more_are_saved(self):
+        for way in ("grow", "new", "texture", "remove"):
+            for packed in (True, False):
+                with self.subTest(way=way, packed=packed), tempfile.TemporaryDirectory() as folder:
+                    self.setUp()
+                    arm = self.arm()
+                    image = arm.paint_image("mine")
+                    if packed:
+                        image.pack()
+                    {
+                        "grow": lambda: bpy.ops.vrtm.change_rigidity(how="grow"),
+                        "new": bpy.ops.vrtm.new_rigidity,
+                        "texture": bpy.ops.vrtm.rigidity_from_texture,
+                        "remove": bpy.ops.vrtm.remove_all,
+                    }[way]()
+                    before = pixels(image)
+                    if not packed:
+                        image.pack()
+                    path = os.path.join(folder, "file.blend")
+                    bpy.ops.wm.save_as_mainfile(filepath=path)
+                    bpy.ops.wm.open_mainfile(filepath=path)
+                    self.assertSame(pixels(bpy.data.images["mine"]), before)
+
     def test_changes_leave_what_was_painted(self):
         arm = Arm()
         image, settings = arm.paint_image(), arm.object.vrtm
@@ -128,6 +199,8 @@ class Rigidity(Case):
         self.assertEqual(bpy.ops.vrtm.paint(), {"FINISHED"})
         self.assertEqual(arm.object.mode, "TEXTURE_PAINT")
         paint = scene.tool_settings.image_paint
+        owner = paint if hasattr(paint, "unified_paint_settings") else scene.tool_settings
+        self.assertEqual(tuple(owner.unified_paint_settings.color), (1, 1, 1))
         self.assertEqual((paint.mode, paint.canvas), ("IMAGE", settings.rigidity_image))
         bpy.ops.object.mode_set(mode="OBJECT")
         values = np.ones(64 * 64 * 4, np.float32)

@@ -15,13 +15,16 @@ class Status(Case):
         self.status, self.session = part("status"), part("session")
 
     def headline(self, arm):
+        if self.session.live_in_background:
+            self.idle()
         return self.status.headline(arm.object, bpy.context.scene).text
 
     def notes(self, arm):
         return " ".join(line.text for line in self.status.notes(arm.object, bpy.context.scene))
 
     def idle(self):
-        poll_until(lambda: not any(state.wanted or state.job for state in self.session.states.values()))
+        states = self.session.states.values()
+        poll_until(lambda: not any(state.wanted or state.doubted or state.job for state in states))
 
     def test_frames(self):
         self.session.live_in_background = True
@@ -41,13 +44,34 @@ class Status(Case):
             lambda: setattr(settings, "grid", 64),
             lambda: arm.rig.pose.bones["lower"].rotation_euler.__setitem__(2, 0.1),
             lambda: (image.pixels.foreach_set(rgba(arm.painted[1001] * 0.5).ravel()), image.update_tag()),
-            lambda: bpy.ops.ed.undo_push(message="x") and part("handlers").undone(),
         ):
             edit()
             bpy.context.view_layer.update()
             self.assertEqual(self.headline(arm), "Out of date: press Update Now")
             bpy.ops.vrtm.update()
             self.assertEqual(self.headline(arm), "Up to date")
+        # What changes nothing that the result depends on.
+        for edit in (
+            lambda: part("handlers").undone(),
+            lambda: setattr(arm.object, "show_name", True),
+            lambda: setattr(settings, "in_renders", False),
+            lambda: arm.mesh.update_tag(),
+            lambda: setattr(settings, "live", True) or setattr(settings, "live", False),
+        ):
+            edit()
+            bpy.context.view_layer.update()
+            self.assertEqual(self.headline(arm), "Up to date")
+        # What no update of the object's geometry tells of.
+        key = arm.mesh.shape_keys.key_blocks["swell"]
+        arm.mesh.shape_keys.animation_data_clear()
+        key.driver_add("value").driver.expression = "0.77"
+        bpy.context.view_layer.update()
+        self.assertEqual(self.headline(arm), "Out of date: press Update Now")
+        # An undo that takes what was written back.
+        bpy.ops.vrtm.update()
+        arm.mesh.uv_layers["vrtm"].uv[0].vector = (0, 0)
+        part("handlers").undone()
+        self.assertEqual(self.headline(arm), "Out of date: press Update Now")
         settings.live = True
         for frame in (1, 5):
             scene.frame_set(frame)
@@ -87,6 +111,28 @@ class Status(Case):
             self.assertIn(note, self.notes(arm))
             self.assertEqual(bool(state.notes), bool(note))
             self.assertIn(f"{rigid} rigid", self.status.summary(arm.object))
+        # Greys are weights, and neither nothing nor all.
+        for value, note in ((0.25, "0.25 at most"), (0.75, "0.75 at least")):
+            image.pixels.foreach_set(rgba(np.full((128, 128), value, np.float32)).ravel())
+            bpy.ops.vrtm.update()
+            self.assertIn(note, self.notes(arm))
+        # After an error the figures of another map would be wrong.
+        name, arm.object.vrtm.uv_map = arm.object.vrtm.uv_map, "nobody"
+        with self.assertRaises(RuntimeError):
+            bpy.ops.vrtm.update()
+        self.assertEqual(self.status.summary(arm.object), "-")
+        arm.object.vrtm.uv_map = name
+        # An image with few texels.
+        small = bpy.data.images.new("small", 7, 3)
+        values = np.zeros((3, 7), np.float32)
+        values[1, 3] = 1
+        small.pixels.foreach_set(rgba(values).ravel())
+        arm.object.vrtm.rigidity_image = small
+        bpy.ops.vrtm.update()
+        # The charts are v from .04 to .96.
+        share = float(dict(state.figures)["Rigid"].split()[0])
+        self.assertAlmostEqual(share, 100 / 7 / 3 / 0.92, delta=0.3)
+        arm.object.vrtm.rigidity_image = image
         # The wrong channel, and a group.
         arm.object.vrtm.rigidity_channel = "A"
         bpy.ops.vrtm.update()
@@ -97,7 +143,7 @@ class Status(Case):
         bpy.ops.vrtm.update()
         self.assertEqual(dict(state.figures)["Rigid"], "50 %")
         percent = part("results").percent
-        words = {1e-6: "under 0.1 %", 0.012: "1.2 %", 0.5: "50 %", 0.99999: "over 99.9 %"}
+        words = {1e-6: "under 0.1 %", 0.012: "1.2 %", 0.5: "50 %", 0.996: "99.6 %", 0.99999: "over 99.9 %"}
         self.assertEqual({share: percent(share) for share in words}, words)
 
     def test_what_the_library_warns_of(self):
@@ -138,6 +184,11 @@ class Status(Case):
                 self.assertEqual(self.headline(arm), "Frame is not baked: see Status")
                 told = f"Frame {frame} is not in the baked files of frames 2 to 4: frame {nearest}"
                 self.assertIn(told, self.notes(arm))
+            # Files that are gone.
+            scene.frame_set(3)
+            os.remove(os.path.join(folder, "vrtm", names[1]))
+            self.assertEqual(self.headline(arm), "Frame is not baked: see Status")
+            self.assertIn(f"{names[1]} is not there", self.notes(arm))
             # Frames of its own, once one is set.
             self.assertFalse(settings.use_custom_range)
             settings.frame_end = 3

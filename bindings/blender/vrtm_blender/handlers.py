@@ -18,11 +18,8 @@ def frame_changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None 
     here is what it draws."""
     if session.writing or session.baking or depsgraph is None:
         return
-    changed = {update.id.original for update in depsgraph.updates if update.is_updated_geometry}
+    live.doubt()
     for obj in scene.objects:
-        state = session.find_state(obj)
-        if state is not None and obj in changed:
-            state.animated = True
         if session.rendering:
             if in_renders(obj):
                 solve_now(obj, depsgraph)
@@ -72,6 +69,7 @@ def updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """depsgraph_update_post: a pose or a mesh was edited, or something painted."""
     if session.writing or session.rendering or session.baking:
         return
+    live.doubt()
     ids = [(update.id.original, update.is_updated_geometry) for update in depsgraph.updates]
     meshes = {changed for changed, _ in ids if isinstance(changed, bpy.types.Mesh)}
     images = {changed for changed, _ in ids if isinstance(changed, bpy.types.Image)}
@@ -123,9 +121,8 @@ def undone(*_) -> None:
     written last may not be there any more."""
     session.forget_gone()
     for state in session.states.values():
-        state.mesh_changed = state.maps_changed = True
-        state.edits += 1
-        state.shown = b""
+        state.mesh_changed = state.maps_changed = state.undone = True
+    live.doubt()
     want_all()
 
 

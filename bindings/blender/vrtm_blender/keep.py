@@ -52,6 +52,12 @@ def keep_results() -> None:
                 session.log.error("image %r cannot be packed into the file: %s", image.name, messages.text_of(error))
 
 
+def keep_image(image: bpy.types.Image | None) -> None:
+    """Has an image saved with the file that nothing uses any more: it is the artist's to delete."""
+    if image is not None and not image.users and image.library is None:
+        image.use_fake_user = True
+
+
 def _count_again(image: bpy.types.Image) -> None:
     """Gives an image a user again if something uses it: Blender does not save an image whose count of users is 0.
     Assigning the image counts its users again; a count of 0 does not become negative."""

@@ -26,9 +26,9 @@ def touch(obj: bpy.types.Object, mesh: bool = True, maps: bool = True) -> None:
         return
     state = session.find_state(obj)
     if state is not None:
-        state.edits += 1
         state.mesh_changed |= mesh
         state.maps_changed |= maps
+    doubt()
     if is_live(obj) and not session.synchronous():
         want(obj)
 
@@ -40,6 +40,20 @@ def is_live(obj: bpy.types.Object) -> bool:
 def want(obj: bpy.types.Object) -> None:
     """Has the object's pose collected by the timer."""
     session.state_of(obj).wanted = True
+    _start_timer()
+
+
+def doubt() -> None:
+    """Something has changed: has it looked at which of the results that are shown are those of the present pose."""
+    if session.synchronous():
+        return
+    for state in session.states.values():
+        if state.shown:
+            state.doubted = True
+            _start_timer()
+
+
+def _start_timer() -> None:
     if not bpy.app.timers.is_registered(poll):
         bpy.app.timers.register(poll, first_interval=INTERVAL)
 
@@ -67,13 +81,13 @@ def poll() -> float | None:
         return INTERVAL if session.rendering or session.baking else None
     for state in list(session.states.values()):
         step(state)
-    busy = [state for state in session.states.values() if state.wanted or state.job is not None]
+    busy = [state for state in session.states.values() if state.wanted or state.doubted or state.job is not None]
     return INTERVAL if busy else None
 
 
 def step(state: State) -> None:
     """What there is to do for one object now."""
-    if not state.wanted and state.job is None:
+    if not (state.wanted or state.doubted) and state.job is None:
         return
     obj = session.object_of(state)
     if obj is None:
@@ -84,6 +98,8 @@ def step(state: State) -> None:
             take(obj, state)
         if state.wanted:
             collect(obj, state)
+        elif state.doubted and state.job is None and session.now() >= state.next_look:
+            look(obj, state)
     except Exception as error:  # a timer that raises is never called again, and the artist has to be told.
         state.wanted = False
         if state.job is not None:
@@ -122,22 +138,43 @@ def collect(obj: bpy.types.Object, state: State) -> None:
         return
     solve.read(obj, state)
     request = solve.request(obj, state, bpy.context.evaluated_depsgraph_get())
+    state.doubted = False
     if state.job is not None:
         if request.stamp == state.job.request.stamp:
-            state.job.request.edits = request.edits
             state.wanted = False
         elif session.now() - state.waiting_since < PATIENCE:
             # It ends within milliseconds; the pose, or a newer one, is submitted at the timer's next call.
             state.job.cancel()
         return
     state.wanted = False
-    if request.stamp == state.shown and results.are_there(obj):
+    if results.is_shown(obj, state, request) and not state.undone:
         results.still_right(state, request)
         tell(state, "")
         return
     state.job = Work(state.prepared, state.inputs.take(), request)
     state.waiting_since = state.waiting_since or session.now()
     tell(state, "")
+
+
+def look(obj: bpy.types.Object, state: State) -> None:
+    """Finds out whether what is shown is the result of the present pose. Where that takes long, it is done seldom."""
+    begun, before = session.now(), state.fresh
+    state.doubted = state.fresh = False
+    layer = bpy.context.view_layer
+    if obj.mode != "EDIT" and results.is_followed(obj) and layer is not None and obj.name in layer.objects:
+        try:
+            solve.read(obj, state)
+            request = solve.request(obj, state, bpy.context.evaluated_depsgraph_get())
+        except Problem:
+            # It is told when a solve is asked for.
+            request = None
+        if request is not None and results.is_shown(obj, state, request) and not results.was_taken_back(obj, state):
+            results.still_right(state, request)
+    if is_live(obj) and not state.fresh:
+        state.wanted = True
+    if state.fresh != before:
+        redraw()
+    state.next_look = session.now() + 10 * (session.now() - begun)
 
 
 def tell(state: State, message: str, error: bool = False) -> None:

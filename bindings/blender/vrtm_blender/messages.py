@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import bpy
@@ -17,9 +18,11 @@ class Problem(Exception):
 def text_of(error: BaseException) -> str:
     """One line about an exception: a problem's or the library's own words, and the type's name for all others."""
     line = " ".join(str(error).split()) or "no message"
-    # The library's errors carry a status; their messages name the argument already.
-    if isinstance(error, Problem) or hasattr(error, "status_name"):
+    if isinstance(error, Problem):
         return line
+    # The library's errors carry a status; their messages name a function, which is not the artist's, and the argument.
+    if hasattr(error, "status_name"):
+        return re.sub(r"^vrtm_\w+: ", "", line)
     return f"{type(error).__name__}: {line}"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections.abc import Callable
 
 import bpy
@@ -15,6 +16,8 @@ from .messages import Problem
 # not save what has none.
 KIND = "vrtm_kind"
 BY_IMAGE, BY_UV_MAP = "image", "uv_map"
+# The custom property of a node that was made for a group.
+MADE = "vrtm_made"
 
 
 def image_of(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
@@ -201,6 +204,17 @@ def baked_frames(obj: bpy.types.Object) -> range | None:
     return None
 
 
+def baked_file(obj: bpy.types.Object, frame: int) -> str | None:
+    """The file of a frame that the object's material reads, if it shows baked files."""
+    for tree in groups_of(obj) if obj.vrtm.shows_baked else []:
+        for node in _textures(tree):
+            if node.image is not None and node.image.source == "SEQUENCE":
+                path = bpy.path.abspath(node.image.filepath, library=node.image.library)
+                # Blender counts by the last number of a name.
+                return re.sub(r"\d+(?=\D*$)", lambda number: f"{frame:0{len(number[0])}d}", path)
+    return None
+
+
 def show_live(obj: bpy.types.Object) -> None:
     """Has the object's group read the result image again."""
     tree = group_by_image(obj)
@@ -373,12 +387,28 @@ def remove(material: bpy.types.Material) -> int:
     for node in [node for node in tree.nodes if is_ours(node)] if tree else []:
         before = node.inputs["UV"].links
         source = before[0].from_socket if before else None
+        # A UV node that was made for the group goes with it.
+        made = source is not None and bool(source.node.get(MADE))
         for link in list(node.outputs["UV"].links):
-            if source is not None:
+            if source is not None and not made:
                 tree.links.new(source, link.to_socket)
         tree.nodes.remove(node)
+        if made and not source.links:
+            tree.nodes.remove(source.node)
         removed += 1
     return removed
+
+
+def remove_unused_groups() -> None:
+    """Removes the groups of this add-on that nothing uses."""
+    for tree in [tree for tree in bpy.data.node_groups if tree.get(KIND) and tree.library is None and not tree.users]:
+        bpy.data.node_groups.remove(tree)
+
+
+def materials_of(obj: bpy.types.Object) -> list[bpy.types.Material]:
+    """The object's materials with nodes, the active one first."""
+    found = [obj.active_material, *(slot.material for slot in obj.material_slots)]
+    return [material for material in dict.fromkeys(found) if material is not None and material.node_tree is not None]
 
 
 def own_textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
@@ -409,6 +439,7 @@ def _uv_node(tree, name, texture):
     if node is None:
         node = tree.nodes.new("ShaderNodeUVMap")
         node.uv_map = name
+        node[MADE] = True
         node.location = (texture.location.x - 450, texture.location.y)
     return node.outputs["UV"]
 

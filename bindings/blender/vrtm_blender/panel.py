@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import geometry, keep, results, session, status, tap
+from . import geometry, keep, results, status, tap
 from .operators.objects import PRESETS, preset_of
 
 
@@ -139,7 +139,6 @@ class VRTM_PT_status(_Panel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, obj = self.layout, context.object
-        state = session.find_state(obj)
         notes = status.notes(obj, context.scene)
         for line in notes:
             status.draw(layout, context, line)
@@ -147,7 +146,7 @@ class VRTM_PT_status(_Panel, bpy.types.Panel):
             layout.operator("vrtm.pack_maps", icon="PACKAGE")
         if not notes:
             layout.label(text="Nothing to be mended", icon="CHECKMARK")
-        for label, value in state.figures if state is not None else ():
+        for label, value in status.figures(obj):
             row = layout.row()
             row.label(text=label)
             row.label(text=value)

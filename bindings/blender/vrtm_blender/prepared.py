@@ -65,8 +65,8 @@ class Prepared:
     mesh: MeshInput | None = None
     # The rigidity by vertices, if it is.
     vertices: np.ndarray | None = None
-    # The share of the textured surface that is rigid, 0 to 1.
-    rigid: float | None = None
+    # What rigid_share has found.
+    rigid: tuple[float, float, float] | None = None
 
     def apply(self, inputs: Inputs) -> None:
         """Makes or mends the asset, as far as what it depends on has changed. Raises vrtm.Error or a Problem."""
@@ -129,31 +129,31 @@ class Prepared:
                 tile.update_rigidity(image, int(x), int(y), int(width), int(height), origin=ORIGIN)
         self.painted = {tile.udim: image for tile in self.asset.tiles if (image := new.of(tile.udim)) is not None}
 
-    def rigid_share(self) -> float:
+    def rigid_share(self) -> tuple[float, float, float]:
         """The share of the textured surface, by its area in the UV map, whose rigidity is over 0.5; of values by
-        vertex, of the face corners. The asset must have been solved."""
+        vertex, of the face corners. And the least and the largest rigidity there. The asset must have been solved."""
         if self.rigid is None:
             if self.vertices is not None:
-                self.rigid = float((self.vertices[self.mesh.topology.corner_vertices] > 0.5).mean())
+                values = self.vertices[self.mesh.topology.corner_vertices]
             else:
-                counts = np.array([self._rigid_texels(tile) for tile in self.asset.tiles])
-                self.rigid = float(counts[:, 0].sum() / max(counts[:, 1].sum(), 1))
+                values = np.concatenate([self._texels(tile) for tile in self.asset.tiles] or [np.zeros(1, np.float32)])
+            self.rigid = float((values > 0.5).mean()), float(values.min()), float(values.max())
         return self.rigid
 
-    def _rigid_texels(self, tile: vrtm.Tile) -> tuple[int, int]:
-        """Of some texels of a tile, how many are rigid, and how many lie in charts."""
+    def _texels(self, tile: vrtm.Tile) -> np.ndarray:
+        """The rigidity of about a million points at most, on a lattice, that lie in charts of a tile."""
         image = self.painted.get(tile.udim)
         if image is None:
             image = np.zeros((1, 1), np.float32)
-        # About a million at most are looked at.
-        image = image[:: -(-image.shape[0] // 1024), :: -(-image.shape[1] // 1024)]
-        size = 512
-        charts = tile.fetch("redirection_delta", size, channels=4, origin=ORIGIN)[..., 3] > 0.5
-        if image.size == 1:
-            return int((image > 0.5).all()) * int(charts.sum()), int(charts.sum())
-        rows, columns = (((np.arange(n) + 0.5) * (size / n)).astype(int) for n in image.shape)
-        charts = charts[rows][:, columns]
-        return int(((image > 0.5) & charts).sum()), int(charts.sum())
+        charts = tile.fetch("redirection_delta", 512, channels=4, origin=ORIGIN)[..., 3] > 0.5
+
+        def nearest(values: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+            rows, columns = (((np.arange(n) + 0.5) * (m / n)).astype(int) for n, m in zip(size, values.shape))
+            return values[rows][:, columns]
+
+        size = tuple(min(max(n, 512), 1024) for n in image.shape)
+        found = nearest(image, size)[nearest(charts, size)]
+        return found if len(found) else np.zeros(1, np.float32)
 
     def close(self) -> None:
         asset, self.asset = self.asset, None

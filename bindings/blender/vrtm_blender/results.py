@@ -157,6 +157,7 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
     _update()
     before, session.writing = session.writing, True
     try:
+        own_name(obj)
         if outputs.image is not None:
             write_image(obj, outputs.layout, outputs.image)
         if outputs.uvs is not None:
@@ -168,11 +169,8 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
         _update()
     finally:
         session.writing = before
-    state.shown, state.figures, state.notes = (
-        request.stamp,
-        outcome.figures,
-        list(outcome.notes) if is_set_up(obj) else [],
-    )
+    state.shown, state.figures, state.uvs, state.undone = request.stamp, outcome.figures, outputs.uvs, False
+    state.notes = list(outcome.notes) if is_set_up(obj) else []
     still_right(state, request)
     behind = geometry.deforms_after_tap(obj)
     if behind is not None and geometry.has_tap(obj):
@@ -193,7 +191,19 @@ def _update() -> None:
 
 def still_right(state: State, request: Request) -> None:
     """What is shown is the result of this request."""
-    state.frame, state.shown_edits = request.frame, request.edits
+    state.frame, state.fresh = request.frame, True
+
+
+def is_shown(obj: bpy.types.Object, state: State, request: Request) -> bool:
+    """Whether the result of this request is what was written last, and is there."""
+    return request.stamp == state.shown and are_there(obj)
+
+
+def was_taken_back(obj: bpy.types.Object, state: State) -> bool:
+    """Whether an undo has taken a UV map back that was written after the undo's step. Pixels of images stay."""
+    if not state.undone or state.uvs is None or obj.vrtm.uv_name not in obj.data.uv_layers:
+        return False
+    return not np.array_equal(geometry.read(obj.data.uv_layers[obj.vrtm.uv_name].uv, "vector", 2), state.uvs)
 
 
 def write_image(obj: bpy.types.Object, layout: Layout, pixels: np.ndarray) -> None:
@@ -279,19 +289,23 @@ def write_delta(obj: bpy.types.Object, values: np.ndarray) -> None:
         mesh.update_tag()
 
 
-def own_layer(obj: bpy.types.Object) -> bpy.types.MeshUVLoopLayer:
-    """The object's result among the mesh's UV maps. Objects that share a mesh have one each."""
+def own_name(obj: bpy.types.Object) -> None:
+    """Sees to the name of what is written to the mesh: objects that share a mesh have one each."""
     from . import nodes
 
-    mesh, settings = obj.data, obj.vrtm
-    uid, before = session.uid_of(obj), settings.uv_name
-    taken = any(
-        other.data == mesh and other.vrtm.uv_name == before and session.uid_of(other) < uid and is_set_up(other)
-        for other in bpy.data.objects
-        if other != obj
-    )
-    if taken:
+    mesh, settings, uid = obj.data, obj.vrtm, session.uid_of(obj)
+    before = settings.uv_name
+    others = [other for other in bpy.data.objects if other != obj and other.data == mesh and is_set_up(other)]
+    if any(other.vrtm.uv_name == before and session.uid_of(other) < uid for other in others):
         settings.uv_name = f"vrtm {obj.name}"[:60]
+        if settings.write_uvs:
+            own_layer(obj)
+            nodes.separate(obj, lambda tree: nodes.is_by_uv_map(tree, before), nodes.group_by_uv_map)
+
+
+def own_layer(obj: bpy.types.Object) -> bpy.types.MeshUVLoopLayer:
+    """The object's result among the mesh's UV maps."""
+    mesh, settings = obj.data, obj.vrtm
     layer = mesh.uv_layers.get(settings.uv_name)
     if layer is None:
         active = mesh.uv_layers.active_index
@@ -300,8 +314,6 @@ def own_layer(obj: bpy.types.Object) -> bpy.types.MeshUVLoopLayer:
             raise Problem(f"{obj.name} has eight UV maps already: delete one, or switch the UV Map output off")
         settings.uv_name = layer.name
         mesh.uv_layers.active_index = active
-    if taken:
-        nodes.separate(obj, lambda tree: nodes.is_by_uv_map(tree, before), nodes.group_by_uv_map)
     return layer
 
 
@@ -321,7 +333,7 @@ def figures(prepared: Prepared) -> list[tuple[str, str]]:
     shown = [
         ("Time", f"{report.ms_total:.0f} ms"),
         ("Folds", str(report.folds)),
-        ("Rigid", percent(prepared.rigid_share())),
+        ("Rigid", percent(prepared.rigid_share()[0])),
         ("Tiles", str(len(tiles))),
     ]
     edges = sum(tile.edges + tile.edges_fixed for tile in tiles)
@@ -342,14 +354,19 @@ def percent(share: float) -> str:
         return "under 0.1 %"
     if 0.999 < share < 1:
         return "over 99.9 %"
-    return f"{100 * share:.{1 if 0 < share < 0.1 else 0}f} %"
+    return f"{100 * share:.{1 if 0 < share < 0.1 or 0.9 < share < 1 else 0}f} %"
 
 
 def notes(prepared: Prepared) -> list[str]:
     """What is likely not as it is meant, in sentences."""
-    share = prepared.rigid_share()
-    if share == 0:
+    share, least, most = prepared.rigid_share()
+    # Half a step of 8 bits.
+    if most < 0.5 / 255:
         return ["Nothing is rigid: the map is 0 everywhere. Is it the right image, channel or group?"]
-    if share == 1:
+    if least > 1 - 0.5 / 255:
         return ["All is rigid: the map is 1 everywhere, so that nothing can give way. Paint black between features"]
+    if share == 0:
+        return [f"The map is {most:.2f} at most: what is to keep its shape as well as it can is 1, white"]
+    if share == 1:
+        return [f"The map is {least:.2f} at least: what is to give way is 0, black"]
     return []

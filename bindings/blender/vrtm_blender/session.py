@@ -54,9 +54,7 @@ class Request:
     write_uvs: bool
     write_delta: bool
     strain: str  # "NONE", "BEFORE" or "AFTER"
-    # Of which frame it is, and how many edits had been heard of.
     frame: int = 0
-    edits: int = 0
 
 
 @dataclass
@@ -76,13 +74,16 @@ class State:
     # A pose is to be collected by the timer.
     wanted: bool = False
     job: Work | None = None
-    # The request whose result was written, its frame, and the edits that it knows of.
+    # The request whose result was written, its frame, and its corner UVs.
     shown: bytes = b""
     frame: int = 0
-    shown_edits: int = 0
-    # Edits that the result depends on, and whether frames change the object's shape.
-    edits: int = 0
-    animated: bool = False
+    uvs: np.ndarray | None = None
+    # Whether that is the result of the present pose, as far as is known; whether it is to be looked at, and not before.
+    fresh: bool = False
+    doubted: bool = False
+    next_look: float = 0.0
+    # An undo may have taken back what was written.
+    undone: bool = False
     waiting_since: float = 0.0
     message: str = ""
     error: bool = False

@@ -83,7 +83,7 @@ def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph)
     outputs = (settings.map_size, *written, settings.strain)
     inputs = repr((sorted(options.items()), outputs, sorted(state.stamps.items()))).encode()
     stamp = geometry.stamp_of(positions) + inputs
-    return Request(positions, options, stamp, obj.name, *outputs, depsgraph.scene.frame_current, state.edits)
+    return Request(positions, options, stamp, obj.name, *outputs, depsgraph.scene.frame_current)
 
 
 def run(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> State:
@@ -93,7 +93,7 @@ def run(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> State:
     state.wanted = False
     read(obj, state)
     wanted = request(obj, state, depsgraph)
-    if wanted.stamp == state.shown and results.are_there(obj):
+    if results.is_shown(obj, state, wanted) and not state.undone:
         results.still_right(state, wanted)
         return state
     state.job = Work(state.prepared, state.inputs.take(), wanted)

@@ -3,6 +3,7 @@ changes nothing and solves nothing."""
 
 from __future__ import annotations
 
+import os
 import textwrap
 from dataclasses import dataclass
 
@@ -21,7 +22,7 @@ class Line:
 def headline(obj: bpy.types.Object, scene: bpy.types.Scene) -> Line:
     """One short line, which is always there: whether what is shown is this frame's result."""
     state, settings = session.find_state(obj), obj.vrtm
-    if state is not None and state.job is not None:
+    if state is not None and (state.job is not None or state.wanted):
         return Line(messages.progress_of(state), "SORTTIME")
     if state is not None and state.error:
         return Line("Not solved: see Status", "ERROR")
@@ -31,7 +32,7 @@ def headline(obj: bpy.types.Object, scene: bpy.types.Scene) -> Line:
         frames = nodes.baked_frames(obj)
         if frames is None:
             return Line("The baked files are not read", "ERROR")
-        inside = scene.frame_current in frames
+        inside = not_baked(obj, scene, frames) is None
         return Line("Shows baked files" if inside else "Frame is not baked: see Status", "FILE" if inside else "ERROR")
     if state is None or not (state.shown or state.figures):
         # A file that was just opened shows what was saved.
@@ -39,20 +40,27 @@ def headline(obj: bpy.types.Object, scene: bpy.types.Scene) -> Line:
         return Line("As it was saved" if kept else "Not solved yet: press Update Now", "INFO")
     if results.missing(obj) is not None:
         return Line("Result is missing: see Status", "ERROR")
-    if not state.shown or state.shown_edits != state.edits:
+    if obj.mode == "EDIT":
+        return Line("In Edit Mode", "INFO")
+    if not (state.shown and state.fresh):
+        if state.frame != scene.frame_current:
+            return Line(f"Out of date: shows frame {state.frame}", "ERROR")
         return Line("Out of date: press Update Now", "ERROR")
-    if state.animated and state.frame != scene.frame_current:
-        return Line(f"Out of date: shows frame {state.frame}", "ERROR")
     return Line("Up to date", "CHECKMARK")
 
 
 def summary(obj: bpy.types.Object) -> str:
     """One line of figures, which is always there."""
-    state = session.find_state(obj)
-    figures = dict(state.figures) if state is not None else {}
-    if not figures:
+    found = dict(figures(obj))
+    if not found:
         return "-"
-    return f"{figures['Time']}, {figures['Folds']} folds, {figures['Rigid']} rigid"
+    return f"{found['Time']}, {found['Folds']} folds, {found['Rigid']} rigid"
+
+
+def figures(obj: bpy.types.Object) -> list[tuple[str, str]]:
+    """Labels and values of the result that is shown, if there is one."""
+    state = session.find_state(obj)
+    return [] if state is None or state.error or not results.is_set_up(obj) else state.figures
 
 
 def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
@@ -72,23 +80,28 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
     if lost is not None:
         found.append(Line(f"{lost}: press Update Now", "ERROR"))
     frames = nodes.baked_frames(obj)
-    if settings.shows_baked and (frames is None or scene.frame_current not in frames):
-        found.append(Line(_not_baked(scene.frame_current, frames), "ERROR"))
+    if settings.shows_baked and (text := not_baked(obj, scene, frames)) is not None:
+        found.append(Line(text, "ERROR"))
     if settings.seams == "continue" and dilate.left_of(obj):
         found.append(Line("Textures end at seams: press Dilate Textures", "INFO"))
     found += [Line(text, "ERROR") for text in keep.unsaved_maps(obj)]
-    if state is not None:
+    if state is not None and not state.error:
         found += [Line(text, "INFO") for text in state.notes]
     return found
 
 
-def _not_baked(frame: int, frames: range | None) -> str:
+def not_baked(obj: bpy.types.Object, scene: bpy.types.Scene, frames: range | None) -> str | None:
+    """Why this frame's baked file is not what is shown, in words."""
     if not frames:
-        return (
-            "The material's node group reads no baked files: press Use Live Result, or bake and press Use Baked Files"
-        )
-    nearest = min(max(frame, frames[0]), frames[-1])
-    return f"Frame {frame} is not in the baked files of frames {frames[0]} to {frames[-1]}: frame {nearest} is shown"
+        return "The material reads no baked files: press Use Live Result, or bake and press Use Baked Files"
+    frame = min(max(scene.frame_current, frames[0]), frames[-1])
+    path = nodes.baked_file(obj, frame)
+    if path is not None and not os.path.isfile(path):
+        return f"{path} is not there: bake again, or press Use Live Result"
+    if frame != scene.frame_current:
+        text = f"Frame {scene.frame_current} is not in the baked files of frames {frames[0]} to {frames[-1]}"
+        return f"{text}: frame {frame} is shown"
+    return None
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context, line: Line) -> None:

@@ -231,8 +231,21 @@ def check_frames():
     assert paused[True] < 3 * paused[False] + 0.1, paused
     scene.frame_set(12)
     yield from solved(obj)
-    twelve = pixels(obj.vrtm.image)
+    twelve, action = pixels(obj.vrtm.image), obj.data.shape_keys.animation_data.action
     obj.vrtm.live = False
+    yield 0.5
+    assert headline(obj) == "Up to date", headline(obj)
+    key = obj.data.shape_keys.key_blocks["biceps"]
+    for driven in (True, False):
+        if driven:
+            obj.data.shape_keys.animation_data.action = None
+            key.driver_add("value").driver.expression = "0.5"
+        else:
+            key.driver_remove("value")
+            obj.data.shape_keys.animation_data.action = action
+            scene.frame_set(12)
+        yield 0.5
+        assert headline(obj) == ("Out of date: press Update Now" if driven else "Up to date"), (driven, headline(obj))
     scene.frame_set(5)
     yield 0.5
     assert headline(obj) == "Out of date: shows frame 12", headline(obj)
@@ -295,6 +308,7 @@ def check_large():
             begun = time.monotonic()
             with at("PROPERTIES"):
                 assert bpy.ops.vrtm.update("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+                assert not bpy.ops.vrtm.update.poll()
             yield 0.5
             if ended:
                 press("mousemove", "500", "500")

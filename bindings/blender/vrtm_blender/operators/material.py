@@ -38,7 +38,9 @@ class VRTM_OT_set_up_material(OnObject, bpy.types.Operator):
         for slot in slots:
             if slot.material.library is not None:
                 raise Problem(f"material {slot.material.name!r} is linked from another file: make it local")
-        number = sum(nodes.insert(obj, nodes.own_material(obj, slot), source, self.by) for slot in slots)
+        for slot in slots:
+            nodes.insert(obj, nodes.own_material(obj, slot), source, self.by)
+        number = sum(len(nodes.redirected(slot.material.node_tree)) for slot in slots)
         return f"{obj.name}: {number} image textures are looked up at redirected UVs"
 
 
@@ -73,7 +75,9 @@ class VRTM_OT_clear_material(OnObject, bpy.types.Operator):
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         materials = {slot.material for slot in obj.material_slots if slot.material is not None}
         painted = dilate.restore(obj)
-        return f"{obj.name}: {sum(map(nodes.remove, materials))} node groups removed" + kept_text(painted)
+        removed = sum(map(nodes.remove, materials))
+        nodes.remove_unused_groups()
+        return f"{obj.name}: {removed} node groups removed" + kept_text(painted)
 
 
 CLASSES = (VRTM_OT_set_up_material, VRTM_OT_dilate, VRTM_OT_clear_material)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import EnumProperty
 
-from .. import dilate, geometry, nodes, overlay, results, session, tap
+from .. import dilate, geometry, keep, nodes, overlay, results, session, tap
 from .base import OnObject
 from .material import kept_text
 from .rigidity import new_image
@@ -82,31 +82,32 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
         settings, mesh = obj.vrtm, obj.data
         session.drop(session.uid_of(obj))
         painted = dilate.restore(obj)
-        trees = nodes.groups_of(obj)
         for material in {slot.material for slot in obj.material_slots if slot.material is not None}:
             if material.library is None:
                 nodes.remove(material)
-        for tree in trees:
-            if not tree.users:
-                bpy.data.node_groups.remove(tree)
-        image = settings.image
-        if results.is_result(image) and results.owner_of_image(obj) is None and image.library is None:
+        nodes.remove_unused_groups()
+        others, image = [other for other in bpy.data.objects if other != obj], settings.image
+        if results.is_result(image) and image.library is None and not any(o.vrtm.image == image for o in others):
             bpy.data.images.remove(image)
         settings.strain = "NONE"
         overlay.remove(obj)
-        shared = [
-            other for other in bpy.data.objects if other != obj and other.data == mesh and results.is_set_up(other)
-        ]
-        for name in (settings.uv_name, results.delta_name(settings), geometry.REST_NAME):
-            if name in mesh.attributes and not (shared and name == geometry.REST_NAME):
+        sharing = [other for other in others if other.data == mesh and results.is_set_up(other)]
+        names = {settings.uv_name, results.delta_name(settings), geometry.REST_NAME}
+        for other in sharing:
+            names -= {other.vrtm.uv_name, results.delta_name(other.vrtm), geometry.REST_NAME}
+        for name in names:
+            if name in mesh.attributes:
                 mesh.attributes.remove(mesh.attributes[name])
-        if not shared and geometry.REST_FRAME_NAME in mesh:
+        if not sharing and geometry.REST_FRAME_NAME in mesh:
             del mesh[geometry.REST_FRAME_NAME]
         for modifier in [modifier for modifier in obj.modifiers if tap.is_tap(modifier)]:
             obj.modifiers.remove(modifier)
+        maps = {settings.rigidity_image, settings.mask_image}
         for name in settings.bl_rna.properties.keys():
             if name not in ("rna_type", "name"):
                 settings.property_unset(name)
+        for one in maps:
+            keep.keep_image(one)
         session.drop(session.uid_of(obj))
         return f"{obj.name}: nothing of vrtm is left" + kept_text(painted)
 

@@ -8,19 +8,18 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from .. import geometry, live, maps, masks, nodes, packed
+from .. import geometry, keep, live, maps, masks, nodes, packed, results
 from ..messages import Problem
 from .base import OnObject
+
+HEIGHTS = ("ShaderNodeBump", "ShaderNodeDisplacement")
 
 Change = Callable[[np.ndarray], np.ndarray]
 
 
 def textures_of(obj: bpy.types.Object) -> list[bpy.types.Node]:
     """The Image Texture nodes of the object's materials, the active one's first, without this add-on's images."""
-    slots = [slot.material for slot in obj.material_slots if slot.material is not None and slot.material.node_tree]
-    if obj.active_material in slots:
-        slots.insert(0, obj.active_material)
-    found = [node for material in dict.fromkeys(slots) for node in nodes.own_textures(material.node_tree)]
+    found = [node for material in nodes.materials_of(obj) for node in nodes.own_textures(material.node_tree)]
     return [node for node in found if node.image is not None]
 
 
@@ -33,17 +32,53 @@ def colour_image(obj: bpy.types.Object) -> bpy.types.Image | None:
     return next((node.image for node in into_colours + found), None)
 
 
-def height_image(obj: bpy.types.Object) -> bpy.types.Image | None:
-    """The texture that goes into a Bump or Displacement node's height."""
-    for node in textures_of(obj):
-        links = list(node.outputs["Color"].links)
-        while links:
-            link = links.pop()
-            if link.to_socket.name == "Height":
-                return node.image
-            if link.to_node.bl_idname in {"NodeReroute", "ShaderNodeMath", "ShaderNodeMapRange", "ShaderNodeValToRGB"}:
-                links += [further for socket in link.to_node.outputs for further in socket.links]
+def height_image(obj: bpy.types.Object) -> tuple[bpy.types.Image | None, bool]:
+    """The texture behind a Bump or Displacement node's height, whatever nodes lie between them; and whether what is
+    dark in it is high, as far as the nodes tell."""
+    for material in nodes.materials_of(obj):
+        for end in [node for node in material.node_tree.nodes if node.bl_idname in HEIGHTS]:
+            down = getattr(end, "invert", False) != any(
+                name in end.inputs and not end.inputs[name].is_linked and end.inputs[name].default_value < 0
+                for name in ("Strength", "Distance", "Scale")
+            )
+            if found := _behind(end.inputs["Height"], down, set()):
+                return found
+    return None, False
+
+
+def _behind(socket: bpy.types.NodeSocket, down: bool, seen: set) -> tuple[bpy.types.Image, bool] | None:
+    """The first texture upstream of a socket, and whether heights are upside down there."""
+    for link in socket.links:
+        node = link.from_node
+        if node.bl_idname == "ShaderNodeTexImage":
+            if node.image is not None and not results.is_result(node.image):
+                return node.image, down
+        elif node not in seen:
+            seen.add(node)
+            for upstream in node.inputs:
+                if found := _behind(upstream, down != _turns(node, upstream), seen):
+                    return found
     return None
+
+
+def _turns(node: bpy.types.Node, socket: bpy.types.NodeSocket) -> bool:
+    """Whether a node's output falls where its input rises: for the nodes of which that is likely."""
+    if node.bl_idname == "ShaderNodeInvert":
+        return True
+    if node.bl_idname == "ShaderNodeMath":
+        if node.operation == "SUBTRACT":
+            return socket == node.inputs[1]
+        fixed = [other.default_value for other in node.inputs[:2] if not other.is_linked]
+        return node.operation in ("MULTIPLY", "DIVIDE") and any(value < 0 for value in fixed)
+    if node.bl_idname == "ShaderNodeValToRGB":
+        first, last = (masks.brightness(np.array(node.color_ramp.evaluate(at)[:3])) for at in (0.0, 1.0))
+        return bool(first > last)
+    if node.bl_idname == "ShaderNodeMapRange":
+        low, high, to_low, to_high = (
+            node.inputs[name].default_value for name in ("From Min", "From Max", "To Min", "To Max")
+        )
+        return (high < low) != (to_high < to_low)
+    return False
 
 
 def images_of(obj: bpy.types.Object) -> bpy.types.Image:
@@ -54,15 +89,15 @@ def images_of(obj: bpy.types.Object) -> bpy.types.Image:
 
 
 def show(obj: bpy.types.Object, image: bpy.types.Image) -> None:
-    """Makes an image the object's rigidity. The one before is left as it is, and kept if it is in no file."""
+    """Makes an image the object's rigidity. The one before is left as it is, and saved with the file."""
     settings, scene = obj.vrtm, bpy.context.scene
     before = settings.rigidity_image
     settings.rigidity_source, settings.rigidity_image, settings.rigidity_channel = "IMAGE", image, "R"
     paint = scene.tool_settings.image_paint
     if before is not None and paint.canvas == before:
         paint.canvas = image
-    if before is not None and before != image and not before.users and before.is_dirty:
-        before.use_fake_user = True
+    if before is not None and before != image:
+        keep.keep_image(before)
     live.touch(obj, mesh=False)
 
 
@@ -170,13 +205,15 @@ class VRTM_OT_rigidity_from_heights(_FromImage, bpy.types.Operator):
     sunken: BoolProperty(name="Sunken", description="What lies deeper than its surroundings is rigid")
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        source = self.source(obj, height_image(obj), "texture in a Bump or Displacement node")
-        return self.make(obj, source, self.change)
+        found, down = (None, False) if self.image else height_image(obj)
+        source = self.source(obj, found, "texture behind the height of a Bump or Displacement node")
+        text = self.make(obj, source, lambda pixels: self.change(pixels, down))
+        return text + "; what is dark in it is high, as its nodes have it" * down
 
-    def change(self, pixels: np.ndarray) -> np.ndarray:
+    def change(self, pixels: np.ndarray, down: bool) -> np.ndarray:
         heights = masks.brightness(pixels)
         radius = max(round(self.feature * max(heights.shape) / 2), 2)
-        return masks.raised(-heights if self.sunken else heights, radius, self.threshold)
+        return masks.raised(-heights if self.sunken != down else heights, radius, self.threshold)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -273,6 +310,12 @@ class VRTM_OT_paint(_OnImage, bpy.types.Operator):
         paint.mode, paint.canvas = "IMAGE", image
         if obj.mode != "TEXTURE_PAINT":
             bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
+            # Blender's own colour is black.
+            tools = context.scene.tool_settings
+            owner = paint if hasattr(paint, "unified_paint_settings") else tools
+            for settings in (owner.unified_paint_settings, paint.brush):
+                if settings is not None:
+                    settings.color, settings.secondary_color = (1, 1, 1), (0, 0, 0)
         return f"{obj.name}: {image.name!r} is painted on: white keeps its shape"
 
 

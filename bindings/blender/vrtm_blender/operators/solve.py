@@ -15,6 +15,18 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
     bl_idname = "vrtm.update"
     bl_label = "Update Now"
 
+    # Objects whose update is under way in a window.
+    _running: set[int] = set()
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not super().poll(context):
+            return False
+        if session.uid_of(context.object) in cls._running:
+            cls.poll_message_set("Its update is under way")
+            return False
+        return True
+
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         self.begin(context, obj)
         state = solve.run(obj, context.evaluated_depsgraph_get())
@@ -48,6 +60,7 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
             return self.execute(context)
         live.want(context.object)
         self._uid = state.uid
+        self._running.add(self._uid)
         self._timer = context.window_manager.event_timer_add(0.05, window=context.window)
         context.window.cursor_modal_set("WAIT")
         context.window_manager.modal_handler_add(self)
@@ -84,6 +97,7 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
         self.end(context)
 
     def end(self, context: bpy.types.Context) -> None:
+        self._running.discard(self._uid)
         context.window_manager.event_timer_remove(self._timer)
         context.window.cursor_modal_restore()
         messages.status(None)
