@@ -150,6 +150,35 @@ class Live(Case):
         self.idle()
         self.check(arm)
 
+    def test_an_edit_that_is_taken_back_while_its_job_is_cancelled(self):
+        arm = self.heavy()
+        image, settings = arm.object.vrtm.rigidity_image, arm.object.vrtm
+        settings.live = True
+        bpy.context.scene.frame_set(5)
+        self.idle()
+        state = self.session.find_state(arm.object)
+        self.assertEqual((state.inputs.mesh, state.inputs.maps), (None, None))
+        shown, painted = state.shown, pixels(image)
+        # The job has other maps in the asset when it is cancelled; and then the maps are those of what is shown.
+        image.pixels.foreach_set(np.ones_like(painted).ravel())
+        image.update_tag()
+        bpy.context.view_layer.update()
+        poll_until(lambda: state.job is not None and state.job.applied)
+        settings.live = False
+        poll_until(lambda: state.job is None)
+        image.pixels.foreach_set(painted.ravel())
+        image.update_tag()
+        bpy.context.view_layer.update()
+        self.idle()
+        self.assertEqual((state.shown, state.fresh), (shown, True))
+        bpy.context.scene.frame_set(3)
+        bpy.ops.vrtm.update()
+        self.check(arm)
+        settings.live = True
+        bpy.context.scene.frame_set(4)
+        self.idle()
+        self.check(arm)
+
     def test_two_objects_at_once(self):
         one, two = Arm("one"), Arm("two")
         for arm in (one, two):

@@ -192,6 +192,9 @@ def _update() -> None:
 def still_right(state: State, request: Request) -> None:
     """What is shown is the result of this request."""
     state.frame, state.fresh = request.frame, True
+    if state.stamps == state.prepared.stamps:
+        # What was read again is in the asset already.
+        state.inputs.take()
 
 
 def is_shown(obj: bpy.types.Object, state: State, request: Request) -> bool:

@@ -1,8 +1,8 @@
 #!/bin/sh
-# Runs the add-on in Blender's window, which is drawn into memory by Mesa's software driver: checks.py, as one Blender
-# after another. Ends with how many of its checks passed, as cargo's tests do; the exit code is 0 if none failed.
+# Runs the add-on in Blender's window, which is drawn into memory by Mesa's software driver: those in checks.py,
+# each in a Blender of its own. Ends with how many passed, as cargo's tests do; the exit code is 0 if none failed.
 #
-#     run.sh [CHECK...]          # all checks, or those whose names are given
+#     run.sh [CHECK...]          # all checks, or those whose names are given; "suite" is the tests of ../ in this Blender
 #
 # Variables: VRTM_BLENDER_WINDOW, the folder of setup.sh's Debian (target/blender-window); VRTM_WHEEL, the wheel of the
 # Python package (the newest in target/python); VRTM_PICTURES, a folder for screenshots; VRTM_REQUIRE_WINDOW=1: what would
@@ -41,19 +41,19 @@ python3 "$repository/bindings/blender/build.py" --wheel "$wheel" --out "$out" >"
     finish 0 1 0
 }
 mv "$out"/vrtm-*.zip "$out/vrtm.zip"
-names=${*:-$(sed -n 's/^def check_\([a-z_]*\).*/\1/p' "$here/checks.py")}
+names=${*:-suite $(sed -n 's/^def check_\([a-z_]*\).*/\1/p' "$here/checks.py")}
 passed=0 failed=0
 for name in $names; do
     start=$(date +%s)
     # Mounts are seen by these processes alone, and end with them; so do all processes, since their first one ends.
     timeout -k 10 "$seconds" unshare --mount --pid --fork --kill-child sh -eu -c '
-        mkdir -p "$1/vrtm" "$1/out"
+        mkdir -p "$1/vrtm/bindings/blender" "$1/out"
         mount -t proc proc "$1/proc"
         mount --rbind /dev "$1/dev"
-        mount --bind "$2" "$1/vrtm"
+        mount --bind "$2" "$1/vrtm/bindings/blender"
         mount --bind "$3" "$1/out"
         exec chroot "$1" env -i PATH=/usr/bin:/bin HOME=/tmp LANG=C.UTF-8 LIBGL_ALWAYS_SOFTWARE=1 XDG_RUNTIME_DIR=/tmp \
-            sh /vrtm/tests/window/inside.sh "$4"
+            sh /vrtm/bindings/blender/tests/window/inside.sh "$4"
     ' run "$root" "$repository/bindings/blender" "$out" "$name" >"$out/$name.log" 2>&1
     code=$?
     took=$(($(date +%s) - start))

@@ -7,9 +7,9 @@
 # Prints nothing if it is there. Where it cannot be made, prints one line that says why, and ends with exit code 3.
 set -eu
 folder=${1:?setup.sh FOLDER}
-stamp=$folder/.vrtm-blender-1
+stamp=$folder/.vrtm-blender-2
 release=trixie
-packages="blender openbox python3-numpy libgl1-mesa-dri scrot xdotool xvfb"
+packages="blender openbox python3-numpy python3-pytest libgl1-mesa-dri scrot xdotool xvfb"
 PATH=$PATH:/usr/sbin:/sbin
 
 cannot() {
