@@ -2,8 +2,8 @@
 which Blender's module is told of before it is imported.
 
 Variables: VRTM_WHEEL, the wheel of the Python package to be packed. Without it that in CARGO_TARGET_DIR (target) is
-taken, where tests/python/run.sh puts it, or else pip builds one. Within a whole Blender VRTM_ARCHIVE is the archive that
-is installed.
+taken, where tests/python/run.sh puts it, or else pip builds one. Within a whole Blender VRTM_ARCHIVE is the archive
+that is installed.
 """
 
 from __future__ import annotations

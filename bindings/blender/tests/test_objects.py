@@ -33,6 +33,21 @@ class Objects(Case):
         self.assertEqual(len(self.groups(obj)), 1)
         self.assertEqual(settings.rigidity_image.name, "rigidity")
 
+    def test_one_click_with_materials_that_have_no_texture(self):
+        arm = self.arm()
+        plain = bpy.data.materials.new("plain")
+        nodes_of(plain)
+        arm.mesh.materials.append(plain)
+        self.assertEqual(bpy.ops.vrtm.set_up(), {"FINISHED"})
+        self.assertEqual(len(self.groups(arm.object)), 1)
+        other = Arm("other")
+        other.mesh.materials.append(plain)
+        bpy.context.view_layer.objects.active = other.object
+        self.assertEqual(bpy.ops.vrtm.set_up(), {"FINISHED"})
+        self.assertTrue(other.object.vrtm.live)
+        # A material that is this object's and another's was not copied for nothing.
+        self.assertEqual(other.object.active_material, plain)
+
     def test_one_click_takes_the_rigidity_that_is_there(self):
         arm = self.arm()
         image = bpy.data.images.new("arm Rigidity mask", 128, 128)

@@ -20,6 +20,10 @@ BY_IMAGE, BY_UV_MAP = "image", "uv_map"
 MADE = "vrtm_made"
 
 
+class NoTexture(Problem):
+    """A material has nothing that could be redirected."""
+
+
 def image_of(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
     """The result image that a group is for, also while it shows baked files: that of one of its nodes. So it stays the
     same one whatever it is called."""
@@ -348,22 +352,14 @@ def insert(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.t
     The group goes directly behind the node that hands out the mesh's UVs, in front of Mapping nodes: a redirection is
     one of the mesh's UVs. What else is linked there, and textures with other coordinates, stay as they are.
     """
-    tree = material.node_tree
-    if tree is None:
-        raise Problem(f"material {material.name!r} has no nodes")
+    tree, renders = material.node_tree, source_uv.active_render
     group = group_by_image(obj) if by == BY_IMAGE else group_by_uv_map(obj)
-    renders = source_uv.active_render
-    textures = [
-        node
-        for node in tree.nodes
-        if node.bl_idname == "ShaderNodeTexImage" and node.projection == "FLAT" and node.image != obj.vrtm.image
-    ]
     present = [node for node in tree.nodes if is_ours(node)]
     for node in present:
         node.node_tree = group
     instances: dict[bpy.types.NodeSocket, bpy.types.Node] = {}
     done = 0
-    for texture in textures:
+    for texture in _flat_textures(obj, tree):
         socket = texture.inputs["Vector"]
         if not socket.is_linked:
             # Without a link a texture reads the UV map that renders.
@@ -376,9 +372,24 @@ def insert(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.t
             tree.links.new(_instance(tree, group, link.from_socket, instances), link.to_socket)
             changed = True
         done += changed
-    if not done and not present:
-        raise Problem(f"material {material.name!r} has no Image Texture that reads UV map {source_uv.name!r}")
     return done
+
+
+def check(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.types.MeshUVLoopLayer) -> None:
+    """Raises a Problem if a material cannot be redirected."""
+    tree, renders = material.node_tree, source_uv.active_render
+    if material.library is not None:
+        raise Problem(f"material {material.name!r} is linked from another file: make it local")
+    if tree is None:
+        raise NoTexture(f"material {material.name!r} has no nodes")
+    sockets = [texture.inputs["Vector"] for texture in _flat_textures(obj, tree)]
+    if not any(_uv_links(socket, source_uv.name, renders) if socket.is_linked else renders for socket in sockets):
+        if not any(map(is_ours, tree.nodes)):
+            raise NoTexture(f"material {material.name!r} has no Image Texture that reads UV map {source_uv.name!r}")
+
+
+def _flat_textures(obj: bpy.types.Object, tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
+    return [node for node in _textures(tree) if node.projection == "FLAT" and node.image != obj.vrtm.image]
 
 
 def remove(material: bpy.types.Material) -> int:

@@ -32,16 +32,21 @@ class VRTM_OT_set_up_material(OnObject, bpy.types.Operator):
             slots = [slot for slot in slots if slot.slot_index == active]
         if not slots:
             raise Problem(f"{obj.name} has no material: give it one with an Image Texture")
-        if not results.are_there(obj):
-            solve.run(obj, context.evaluated_depsgraph_get())
-        source = geometry.source_uv_layer(obj)
-        for slot in slots:
-            if slot.material.library is not None:
-                raise Problem(f"material {slot.material.name!r} is linked from another file: make it local")
-        for slot in slots:
-            nodes.insert(obj, nodes.own_material(obj, slot), source, self.by)
-        number = sum(len(nodes.redirected(slot.material.node_tree)) for slot in slots)
+        number = redirect(context, obj, slots, self.by)
         return f"{obj.name}: {number} image textures are looked up at redirected UVs"
+
+
+def redirect(context: bpy.types.Context, obj: bpy.types.Object, slots: list[bpy.types.MaterialSlot], by: str) -> int:
+    """Has materials look up redirected UVs; returns for how many textures. Raises a Problem before anything is
+    changed."""
+    if not results.are_there(obj):
+        solve.run(obj, context.evaluated_depsgraph_get())
+    source = geometry.source_uv_layer(obj)
+    for slot in slots:
+        nodes.check(obj, slot.material, source)
+    for slot in slots:
+        nodes.insert(obj, nodes.own_material(obj, slot), source, by)
+    return sum(len(nodes.redirected(slot.material.node_tree)) for slot in slots)
 
 
 def kept_text(painted: list[str]) -> str:

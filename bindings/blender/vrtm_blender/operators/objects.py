@@ -7,7 +7,7 @@ from bpy.props import EnumProperty
 
 from .. import dilate, geometry, keep, nodes, overlay, results, session, tap
 from .base import OnObject
-from .material import kept_text
+from .material import kept_text, redirect
 from .rigidity import new_image
 
 # Quality, cells per side of a tile, texels per side of the map; 0 is their default.
@@ -30,9 +30,16 @@ class VRTM_OT_set_up(OnObject, bpy.types.Operator):
             done.append(f"image {found.name!r} is the rigidity")
         elif settings.rigidity_source == "NONE":
             done.append(f"{new_image(obj, 1024).name!r} is to be painted on (Rigidity Map > Paint It)")
-        if [slot for slot in obj.material_slots if slot.material is not None]:
-            bpy.ops.vrtm.set_up_material(all_materials=True)
-            done.append("the material looks up redirected UVs")
+        number, without = 0, []
+        for slot in [slot for slot in obj.material_slots if slot.material is not None]:
+            try:
+                number += redirect(context, obj, [slot], nodes.BY_IMAGE)
+            except nodes.NoTexture:
+                without.append(repr(slot.material.name))
+        if number:
+            done.append(f"{number} image textures are looked up at redirected UVs")
+        elif without:
+            done.append(f"{', '.join(without)} has no Image Texture to be redirected")
         else:
             done.append("it has no material yet: press Set Up again when it has one")
         settings.live = True
