@@ -22,6 +22,8 @@ NAMES = (
     "live",
     "properties",
     "nodes",
+    "materials",
+    "textures",
     "dilate",
     "keep",
     "exr",

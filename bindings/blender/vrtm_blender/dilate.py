@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from . import maps, nodes, packed, session
+from . import maps, materials, packed, session
 from .geometry import stamp_of
 from .messages import Problem
 from .packed import WHOLE
@@ -27,7 +27,7 @@ REACH, STAMP = "vrtm_reach", "vrtm_stamp"
 
 def textures_of(obj: bpy.types.Object) -> list[bpy.types.Node]:
     """The Image Texture nodes of the object's materials that are looked up at redirected UVs; no moving pictures."""
-    found = [node for material in nodes.materials_of(obj) for node in nodes.redirected(material.node_tree)]
+    found = [node for material in materials.materials_of(obj) for node in materials.redirected(material.node_tree)]
     return [node for node in found if node.image.source not in ("SEQUENCE", "MOVIE", "VIEWER")]
 
 
@@ -74,7 +74,7 @@ def restore(obj: bpy.types.Object) -> list[str]:
     """Has the object's materials show the originals again. Returns the names of copies that were painted on: they are
     kept."""
     before = {}
-    for material in nodes.materials_of(obj):
+    for material in materials.materials_of(obj):
         for node in material.node_tree.nodes:
             image = node.image if node.bl_idname == "ShaderNodeTexImage" else None
             if image is not None and image.vrtm_original is not None and is_copy(image):

@@ -1,10 +1,9 @@
-"""Node groups that redirect UVs, and their place in an artist's material."""
+"""Node groups that redirect UVs: by an object's result image, by baked files, and by its result UV map."""
 
 from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Callable
 
 import bpy
 
@@ -16,12 +15,6 @@ from .messages import Problem
 # not save what has none.
 KIND = "vrtm_kind"
 BY_IMAGE, BY_UV_MAP = "image", "uv_map"
-# The custom property of a node that was made for a group.
-MADE = "vrtm_made"
-
-
-class NoTexture(Problem):
-    """A material has nothing that could be redirected."""
 
 
 def image_of(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
@@ -233,26 +226,6 @@ def _remove_unused(images: set[bpy.types.Image]) -> None:
             bpy.data.images.remove(image)
 
 
-def separate(
-    obj: bpy.types.Object,
-    is_others: Callable[[bpy.types.NodeTree], bool],
-    own: Callable[[bpy.types.Object], bpy.types.NodeTree],
-) -> None:
-    """Has the materials of a duplicate, which hold groups of the original, hold its own; a material that other objects
-    use is copied."""
-    for slot in obj.material_slots:
-        if slot.material is None or slot.material.library is not None:
-            continue
-        if any(is_others(node.node_tree) for node in _instances(slot.material)):
-            for node in _instances(own_material(obj, slot)):
-                if is_others(node.node_tree):
-                    node.node_tree = own(obj)
-
-
-def _instances(material: bpy.types.Material) -> list[bpy.types.Node]:
-    return [node for node in material.node_tree.nodes if is_ours(node)] if material.node_tree else []
-
-
 def is_by_image(tree: bpy.types.NodeTree, image: bpy.types.Image) -> bool:
     return tree[KIND] == BY_IMAGE and image_of(tree) == image
 
@@ -329,97 +302,10 @@ def _place(tree, uv, first, counts, margin):
     return vector("DIVIDE", (750, -250), both, (float(counts[0]), float(counts[1]), 1.0))
 
 
-def own_material(obj: bpy.types.Object, slot: bpy.types.MaterialSlot) -> bpy.types.Material:
-    """The slot's material, for this object alone: a redirection belongs to one object's pose."""
-    material = slot.material
-    others = [
-        other for other in bpy.data.objects if other != obj and material in [s.material for s in other.material_slots]
-    ]
-    if others:
-        copy = material.copy()
-        copy.name = f"{material.name} {obj.name}"
-        if slot.link == "DATA" and obj.data.users > 1:
-            slot.link = "OBJECT"
-        slot.material = copy
-        material = copy
-    return material
-
-
-def insert(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.types.MeshUVLoopLayer, by: str) -> int:
-    """Puts the object's group behind the UVs that the material's Image Texture nodes read; returns for how many of
-    them.
-
-    The group goes directly behind the node that hands out the mesh's UVs, in front of Mapping nodes: a redirection is
-    one of the mesh's UVs. What else is linked there, and textures with other coordinates, stay as they are.
-    """
-    tree, renders = material.node_tree, source_uv.active_render
-    group = group_by_image(obj) if by == BY_IMAGE else group_by_uv_map(obj)
-    present = [node for node in tree.nodes if is_ours(node)]
-    for node in present:
-        node.node_tree = group
-    instances: dict[bpy.types.NodeSocket, bpy.types.Node] = {}
-    done = 0
-    for texture in _flat_textures(obj, tree):
-        socket = texture.inputs["Vector"]
-        if not socket.is_linked:
-            # Without a link a texture reads the UV map that renders.
-            if renders:
-                tree.links.new(_instance(tree, group, _uv_node(tree, source_uv.name, texture), instances), socket)
-                done += 1
-            continue
-        changed = False
-        for link in _uv_links(socket, source_uv.name, renders):
-            tree.links.new(_instance(tree, group, link.from_socket, instances), link.to_socket)
-            changed = True
-        done += changed
-    return done
-
-
-def check(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.types.MeshUVLoopLayer) -> None:
-    """Raises a Problem if a material cannot be redirected."""
-    tree, renders = material.node_tree, source_uv.active_render
-    if material.library is not None:
-        raise Problem(f"material {material.name!r} is linked from another file: make it local")
-    if tree is None:
-        raise NoTexture(f"material {material.name!r} has no nodes")
-    sockets = [texture.inputs["Vector"] for texture in _flat_textures(obj, tree)]
-    if not any(_uv_links(socket, source_uv.name, renders) if socket.is_linked else renders for socket in sockets):
-        if not any(map(is_ours, tree.nodes)):
-            raise NoTexture(f"material {material.name!r} has no Image Texture that reads UV map {source_uv.name!r}")
-
-
-def _flat_textures(obj: bpy.types.Object, tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
-    return [node for node in _textures(tree) if node.projection == "FLAT" and node.image != obj.vrtm.image]
-
-
-def remove(material: bpy.types.Material) -> int:
-    """Takes the groups out again and links what they stood between."""
-    tree, removed = material.node_tree, 0
-    for node in [node for node in tree.nodes if is_ours(node)] if tree else []:
-        before = node.inputs["UV"].links
-        source = before[0].from_socket if before else None
-        # A UV node that was made for the group goes with it.
-        made = source is not None and bool(source.node.get(MADE))
-        for link in list(node.outputs["UV"].links):
-            if source is not None and not made:
-                tree.links.new(source, link.to_socket)
-        tree.nodes.remove(node)
-        if made and not source.links:
-            tree.nodes.remove(source.node)
-        removed += 1
-    return removed
-
-
 def remove_unused_groups() -> None:
     """Removes the groups of this add-on that nothing uses."""
     for tree in [tree for tree in bpy.data.node_groups if tree.get(KIND) and tree.library is None and not tree.users]:
         bpy.data.node_groups.remove(tree)
-
-
-def materials_of(obj: bpy.types.Object) -> list[bpy.types.Material]:
-    """The object's materials with nodes, the active one first."""
-    found = [obj.active_material, *(slot.material for slot in obj.material_slots)]
-    return [material for material in dict.fromkeys(found) if material is not None and material.node_tree is not None]
 
 
 def own_textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
@@ -427,71 +313,5 @@ def own_textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     return [node for node in _textures(tree) if node.image is None or results.LAYOUT not in node.image]
 
 
-def redirected(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
-    """The Image Texture nodes with an image that are looked up at UVs out of a group of this add-on."""
-
-    def is_behind(node: bpy.types.Node, seen: set[bpy.types.Node]) -> bool:
-        if is_ours(node):
-            return True
-        seen.add(node)
-        before = [link.from_node for socket in node.inputs for link in socket.links]
-        return any(is_behind(other, seen) for other in before if other not in seen)
-
-    textures = [node for node in own_textures(tree) if node.image is not None]
-    return [node for node in textures if any(is_behind(link.from_node, set()) for link in node.inputs["Vector"].links)]
-
-
 def is_ours(node: bpy.types.Node) -> bool:
     return node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None and bool(node.node_tree.get(KIND))
-
-
-def _uv_node(tree, name, texture):
-    node = next((n for n in tree.nodes if n.bl_idname == "ShaderNodeUVMap" and n.uv_map == name), None)
-    if node is None:
-        node = tree.nodes.new("ShaderNodeUVMap")
-        node.uv_map = name
-        node[MADE] = True
-        node.location = (texture.location.x - 450, texture.location.y)
-    return node.outputs["UV"]
-
-
-def _instance(tree, group, source, instances):
-    """The output of the group's node behind a socket: one for all that is linked to that socket."""
-    node = instances.get(source)
-    if node is None:
-        node = next((link.to_node for link in source.links if is_ours(link.to_node)), None)
-    if node is None:
-        node = tree.nodes.new("ShaderNodeGroup")
-        node.node_tree = group
-        node.width = 200
-        node.location = (source.node.location.x + 200, source.node.location.y)
-        tree.links.new(source, node.inputs["UV"])
-    instances[source] = node
-    return node.outputs["UV"]
-
-
-def _uv_links(socket, name, renders, seen=None):
-    """The links, upstream of a socket, that begin at the mesh's UV map `name`."""
-    seen = set() if seen is None else seen
-    found = []
-    for link in socket.links:
-        node = link.from_node
-        if is_ours(node):
-            continue
-        if _hands_out(node, link.from_socket, name, renders):
-            found.append(link)
-        elif node not in seen:
-            seen.add(node)
-            for upstream in node.inputs:
-                found += _uv_links(upstream, name, renders, seen)
-    return found
-
-
-def _hands_out(node, socket, name, renders):
-    if node.bl_idname == "ShaderNodeUVMap":
-        return node.uv_map == name or (not node.uv_map and renders)
-    if node.bl_idname == "ShaderNodeTexCoord":
-        return socket.name == "UV" and renders
-    if node.bl_idname == "ShaderNodeAttribute":
-        return node.attribute_type == "GEOMETRY" and node.attribute_name == name and socket.name == "Vector"
-    return False

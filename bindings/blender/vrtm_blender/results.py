@@ -228,13 +228,13 @@ def owner_of_image(obj: bpy.types.Object) -> bpy.types.Object | None:
 
 def separate(obj: bpy.types.Object) -> None:
     """Gives a duplicate an image of its own, and materials that look it up."""
-    from . import nodes
+    from . import materials, nodes
 
     if owner_of_image(obj) is not None:
         before = obj.vrtm.image
         obj.vrtm.image = _new_image(obj, *before.size)
         obj.vrtm.image[LAYOUT] = list(before[LAYOUT])
-        nodes.separate(obj, lambda tree: nodes.is_by_image(tree, before), nodes.group_by_image)
+        materials.separate(obj, lambda tree: nodes.is_by_image(tree, before), nodes.group_by_image)
 
 
 def _new_image(obj: bpy.types.Object, width: int, height: int) -> bpy.types.Image:
@@ -294,7 +294,7 @@ def write_delta(obj: bpy.types.Object, values: np.ndarray) -> None:
 
 def own_name(obj: bpy.types.Object) -> None:
     """Sees to the name of what is written to the mesh: objects that share a mesh have one each."""
-    from . import nodes
+    from . import materials, nodes
 
     mesh, settings, uid = obj.data, obj.vrtm, session.uid_of(obj)
     before = settings.uv_name
@@ -303,7 +303,7 @@ def own_name(obj: bpy.types.Object) -> None:
         settings.uv_name = f"vrtm {obj.name}"[:60]
         if settings.write_uvs:
             own_layer(obj)
-            nodes.separate(obj, lambda tree: nodes.is_by_uv_map(tree, before), nodes.group_by_uv_map)
+            materials.separate(obj, lambda tree: nodes.is_by_uv_map(tree, before), nodes.group_by_uv_map)
 
 
 def own_layer(obj: bpy.types.Object) -> bpy.types.MeshUVLoopLayer:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from .. import dilate, geometry, live, nodes, results, session, solve
+from .. import dilate, geometry, live, materials, nodes, results, session, solve
 from ..messages import Problem
 from .base import OnObject
 
@@ -43,10 +43,10 @@ def redirect(context: bpy.types.Context, obj: bpy.types.Object, slots: list[bpy.
         solve.run(obj, context.evaluated_depsgraph_get())
     source = geometry.source_uv_layer(obj)
     for slot in slots:
-        nodes.check(obj, slot.material, source)
+        materials.check(obj, slot.material, source)
     for slot in slots:
-        nodes.insert(obj, nodes.own_material(obj, slot), source, by)
-    return sum(len(nodes.redirected(slot.material.node_tree)) for slot in slots)
+        materials.insert(obj, materials.own_material(obj, slot), source, by)
+    return sum(len(materials.redirected(slot.material.node_tree)) for slot in slots)
 
 
 def kept_text(painted: list[str]) -> str:
@@ -78,9 +78,9 @@ class VRTM_OT_clear_material(OnObject, bpy.types.Operator):
     bl_label = "Remove from Material"
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        materials = {slot.material for slot in obj.material_slots if slot.material is not None}
+        found = {slot.material for slot in obj.material_slots if slot.material is not None}
         painted = dilate.restore(obj)
-        removed = sum(map(nodes.remove, materials))
+        removed = sum(map(materials.remove, found))
         nodes.remove_unused_groups()
         return f"{obj.name}: {removed} node groups removed" + kept_text(painted)
 

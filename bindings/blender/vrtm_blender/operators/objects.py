@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import EnumProperty
 
-from .. import dilate, geometry, keep, nodes, overlay, results, session, tap
+from .. import dilate, geometry, keep, materials, nodes, overlay, results, session, tap
 from .base import OnObject
 from .material import kept_text, redirect
 from .rigidity import new_image
@@ -34,7 +34,7 @@ class VRTM_OT_set_up(OnObject, bpy.types.Operator):
         for slot in [slot for slot in obj.material_slots if slot.material is not None]:
             try:
                 number += redirect(context, obj, [slot], nodes.BY_IMAGE)
-            except nodes.NoTexture:
+            except materials.NoTexture:
                 without.append(repr(slot.material.name))
         if number:
             done.append(f"{number} image textures are looked up at redirected UVs")
@@ -91,7 +91,7 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
         painted = dilate.restore(obj)
         for material in {slot.material for slot in obj.material_slots if slot.material is not None}:
             if material.library is None:
-                nodes.remove(material)
+                materials.remove(material)
         nodes.remove_unused_groups()
         others, image = [other for other in bpy.data.objects if other != obj], settings.image
         if results.is_result(image) and image.library is None and not any(o.vrtm.image == image for o in others):

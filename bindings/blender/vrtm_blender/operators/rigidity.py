@@ -8,77 +8,11 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from .. import geometry, keep, live, maps, masks, nodes, packed, results
+from .. import geometry, keep, live, maps, masks, packed, textures
 from ..messages import Problem
 from .base import OnObject
 
-HEIGHTS = ("ShaderNodeBump", "ShaderNodeDisplacement")
-
 Change = Callable[[np.ndarray], np.ndarray]
-
-
-def textures_of(obj: bpy.types.Object) -> list[bpy.types.Node]:
-    """The Image Texture nodes of the object's materials, the active one's first, without this add-on's images."""
-    found = [node for material in nodes.materials_of(obj) for node in nodes.own_textures(material.node_tree)]
-    return [node for node in found if node.image is not None]
-
-
-def colour_image(obj: bpy.types.Object) -> bpy.types.Image | None:
-    """What most likely is the texture to be looked at: one that goes into a colour."""
-    found = textures_of(obj)
-    into_colours = [
-        node for node in found if any("Color" in link.to_socket.name for link in node.outputs["Color"].links)
-    ]
-    return next((node.image for node in into_colours + found), None)
-
-
-def height_image(obj: bpy.types.Object) -> tuple[bpy.types.Image | None, bool]:
-    """The texture behind a Bump or Displacement node's height, whatever nodes lie between them; and whether what is
-    dark in it is high, as far as the nodes tell."""
-    for material in nodes.materials_of(obj):
-        for end in [node for node in material.node_tree.nodes if node.bl_idname in HEIGHTS]:
-            down = getattr(end, "invert", False) != any(
-                name in end.inputs and not end.inputs[name].is_linked and end.inputs[name].default_value < 0
-                for name in ("Strength", "Distance", "Scale")
-            )
-            if found := _behind(end.inputs["Height"], down, set()):
-                return found
-    return None, False
-
-
-def _behind(socket: bpy.types.NodeSocket, down: bool, seen: set) -> tuple[bpy.types.Image, bool] | None:
-    """The first texture upstream of a socket, and whether heights are upside down there."""
-    for link in socket.links:
-        node = link.from_node
-        if node.bl_idname == "ShaderNodeTexImage":
-            if node.image is not None and not results.is_result(node.image):
-                return node.image, down
-        elif node not in seen:
-            seen.add(node)
-            for upstream in node.inputs:
-                if found := _behind(upstream, down != _turns(node, upstream), seen):
-                    return found
-    return None
-
-
-def _turns(node: bpy.types.Node, socket: bpy.types.NodeSocket) -> bool:
-    """Whether a node's output falls where its input rises: for the nodes of which that is likely."""
-    if node.bl_idname == "ShaderNodeInvert":
-        return True
-    if node.bl_idname == "ShaderNodeMath":
-        if node.operation == "SUBTRACT":
-            return socket == node.inputs[1]
-        fixed = [other.default_value for other in node.inputs[:2] if not other.is_linked]
-        return node.operation in ("MULTIPLY", "DIVIDE") and any(value < 0 for value in fixed)
-    if node.bl_idname == "ShaderNodeValToRGB":
-        first, last = (masks.brightness(np.array(node.color_ramp.evaluate(at)[:3])) for at in (0.0, 1.0))
-        return bool(first > last)
-    if node.bl_idname == "ShaderNodeMapRange":
-        low, high, to_low, to_high = (
-            node.inputs[name].default_value for name in ("From Min", "From Max", "To Min", "To Max")
-        )
-        return (high < low) != (to_high < to_low)
-    return False
 
 
 def images_of(obj: bpy.types.Object) -> bpy.types.Image:
@@ -166,7 +100,7 @@ class VRTM_OT_rigidity_from_texture(_FromImage, bpy.types.Operator):
     )
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        source = self.source(obj, colour_image(obj), "Image Texture")
+        source = self.source(obj, textures.colour_image(obj), "Image Texture")
         return self.make(obj, source, self.change)
 
     def change(self, pixels: np.ndarray) -> np.ndarray:
@@ -205,7 +139,7 @@ class VRTM_OT_rigidity_from_heights(_FromImage, bpy.types.Operator):
     sunken: BoolProperty(name="Sunken", description="What lies deeper than its surroundings is rigid")
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        found, down = (None, False) if self.image else height_image(obj)
+        found, down = (None, False) if self.image else textures.height_image(obj)
         source = self.source(obj, found, "texture behind the height of a Bump or Displacement node")
         text = self.make(obj, source, lambda pixels: self.change(pixels, down))
         return text + "; what is dark in it is high, as its nodes have it" * down
