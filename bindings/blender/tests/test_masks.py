@@ -61,6 +61,7 @@ class Masks(Case):
         self.assertEqual(small.shape, (16, 8, 4))
         self.assertLess(np.abs(small[3, 2] - values[12:16, 8:12].mean((0, 1))).max(), 1e-6)
         self.assertSame(self.masks.smaller(values, 64), values)
+        self.assertEqual(self.masks.smaller(values, 40).shape, (32, 16, 4))
 
     def test_colours(self):
         pixels = np.zeros((32, 32, 4), np.float32)

@@ -121,7 +121,7 @@ def undone(*_) -> None:
     written last may not be there any more."""
     session.forget_gone()
     for state in session.states.values():
-        state.mesh_changed = state.maps_changed = state.undone = True
+        state.mesh_changed = state.maps_changed = state.rewrite = True
     live.doubt()
     want_all()
 

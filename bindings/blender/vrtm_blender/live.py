@@ -147,7 +147,7 @@ def collect(obj: bpy.types.Object, state: State) -> None:
             state.job.cancel()
         return
     state.wanted = False
-    if results.is_shown(obj, state, request) and not state.undone:
+    if results.is_shown(obj, state, request) and not state.rewrite:
         results.still_right(state, request)
         tell(state, "")
         return

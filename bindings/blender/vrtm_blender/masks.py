@@ -14,9 +14,9 @@ def brightness(pixels: np.ndarray) -> np.ndarray:
 
 
 def smaller(pixels: np.ndarray, size: int) -> np.ndarray:
-    """A picture with at most about `size` texels on its longer side: means of whole blocks."""
+    """A picture with at most `size` texels on its longer side: means of whole blocks."""
     height, width = pixels.shape[:2]
-    block = max(max(height, width) // size, 1)
+    block = -(-max(height, width) // size)
     height, width = height // block * block, width // block * block
     blocks = pixels[:height, :width].reshape(height // block, block, width // block, block, -1)
     return blocks.mean((1, 3), dtype=np.float32).reshape(height // block, width // block, *pixels.shape[2:])

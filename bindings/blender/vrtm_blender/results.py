@@ -169,7 +169,7 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
         _update()
     finally:
         session.writing = before
-    state.shown, state.figures, state.uvs, state.undone = request.stamp, outcome.figures, outputs.uvs, False
+    state.shown, state.figures, state.uvs, state.rewrite = request.stamp, outcome.figures, outputs.uvs, False
     state.notes = list(outcome.notes) if is_set_up(obj) else []
     still_right(state, request)
     behind = geometry.deforms_after_tap(obj)
@@ -204,7 +204,7 @@ def is_shown(obj: bpy.types.Object, state: State, request: Request) -> bool:
 
 def was_taken_back(obj: bpy.types.Object, state: State) -> bool:
     """Whether an undo has taken a UV map back that was written after the undo's step. Pixels of images stay."""
-    if not state.undone or state.uvs is None or obj.vrtm.uv_name not in obj.data.uv_layers:
+    if not state.rewrite or state.uvs is None or obj.vrtm.uv_name not in obj.data.uv_layers:
         return False
     return not np.array_equal(geometry.read(obj.data.uv_layers[obj.vrtm.uv_name].uv, "vector", 2), state.uvs)
 

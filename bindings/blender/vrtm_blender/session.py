@@ -82,8 +82,9 @@ class State:
     fresh: bool = False
     doubted: bool = False
     next_look: float = 0.0
-    # An undo may have taken back what was written.
-    undone: bool = False
+    # Results are to be written again, also if nothing has changed: an undo may have taken back what was written, or the
+    # artist asks for it.
+    rewrite: bool = False
     waiting_since: float = 0.0
     message: str = ""
     error: bool = False

@@ -93,7 +93,7 @@ def run(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> State:
     state.wanted = False
     read(obj, state)
     wanted = request(obj, state, depsgraph)
-    if results.is_shown(obj, state, wanted) and not state.undone:
+    if results.is_shown(obj, state, wanted) and not state.rewrite:
         results.still_right(state, wanted)
         return state
     state.job = Work(state.prepared, state.inputs.take(), wanted)

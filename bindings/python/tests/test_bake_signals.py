@@ -96,9 +96,8 @@ def end_early(
         return True
     assert process.returncode == code, told
     assert "Traceback" not in told and f"ended by {signal.Signals(number).name}" in told
-    # At once, but for a machine that does much else.
-    assert time.monotonic() - asked < 10
-    assert gone(process.pid, 10), "processes are left"
+    assert time.monotonic() - asked < 3
+    assert gone(process.pid, 2), "processes are left"
     return True
 
 

@@ -303,7 +303,8 @@ def check_large():
     with Draws() as draws:
         yield 5
     print(f"measured view of a million faces: {len(draws.times)} redraws in 5 s, longest pause {draws.longest():.2f} s")
-    for ended in (True, False):
+    for ended in (True, False, True):
+        shown = state.shown
         with Draws() as draws:
             begun = time.monotonic()
             with at("PROPERTIES"):
@@ -314,7 +315,10 @@ def check_large():
                 press("mousemove", "500", "500")
                 press("key", "Escape")
                 yield from until(lambda: not state.wanted and state.job is None)
-                assert not state.shown
+                assert state.shown == shown
+                # What was up to date before is so still.
+                yield 2
+                assert (headline(obj) == "Up to date") == bool(shown), headline(obj)
             else:
                 yield from solved(obj)
             took = time.monotonic() - begun

@@ -33,7 +33,7 @@ class VRTM_OT_use_live(OnObject, bpy.types.Operator):
         nodes.show_live(obj)
         obj.vrtm.shows_baked = False
         # Whatever became of the image meanwhile.
-        session.state_of(obj).shown = b""
+        session.state_of(obj).rewrite = True
         live.touch(obj)
         return f"{obj.name}: the material reads the result image"
 

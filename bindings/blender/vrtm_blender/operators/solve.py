@@ -41,8 +41,7 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
         if settings.rest_source == "FRAME" and obj.data.get(geometry.REST_FRAME_NAME) != settings.rest_frame:
             capture(context, obj, settings.rest_frame)
         state = session.state_of(obj)
-        state.mesh_changed = state.maps_changed = True
-        state.shown = b""
+        state.mesh_changed = state.maps_changed = state.rewrite = True
         return state
 
     @staticmethod
@@ -76,6 +75,7 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
             state.wanted = False
             if state.job is not None:
                 state.job.cancel()
+            live.doubt()
             self.end(context)
             self.report({"WARNING"}, f"{state.name}: the update was ended; what is shown is the result before it")
             return {"CANCELLED"}
