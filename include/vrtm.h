@@ -232,8 +232,8 @@ typedef struct vrtm_asset {
     uint64_t id;
 } vrtm_asset;
 
-// A tile: one UDIM unit square of an asset. It belongs to the asset and is destroyed with it. Handles of the same tile
-// are equal. Zero = no tile.
+// A tile: one UDIM unit square of an asset, or one layer of it (vrtm_mesh_desc.max_layers). It belongs to the asset
+// and is destroyed with it. Handles of the same tile are equal. Zero = no tile.
 typedef struct vrtm_tile {
     // Opaque.
     uint64_t id;
@@ -565,6 +565,15 @@ typedef struct vrtm_mesh_desc {
     // Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024. It is
     // smaller at small triangles: at most a quarter of the smallest UV height of the triangles at the vertex.
     double weld_uv_tolerance;
+    // The largest number of layers of a tile, for meshes whose charts lie over one another: mirrored halves, stacked
+    // islands. 0 (the default) or 1: texels that several charts share do not move (see VRTM_OVERLAP_). From 2 on,
+    // charts that lie over others, deeper than by 1/4096, get layers of their own, so that every chart is solved as if
+    // it were alone; a mirrored character has two. Each layer is a tile with its own redirection map: layer 0 has the
+    // charts of the first faces, layer 1 those that lie under them, and so on. vrtm_asset_fetch_face_layers says which
+    // layer's map each face reads. Corner UVs and refinements need no layers to be told. Charts for which the layers
+    // do not suffice are left in the last one. What of a chart lies over the same chart does not move in any layer.
+    // UVs without overlaps have one layer, with the same results as before.
+    uint64_t max_layers;
 } vrtm_mesh_desc;
 
 // Makes an asset from a mesh. The caller destroys `*asset`; it may outlive `device`.
@@ -585,7 +594,7 @@ vrtm_status vrtm_asset_create(vrtm_device device,
 VRTM_API
 vrtm_status vrtm_asset_destroy(vrtm_asset asset);
 
-// The tile with a UDIM number (1001 + U + 10 V) in UV set 0.
+// The tile with a UDIM number (1001 + U + 10 V) in UV set 0; if it has layers, layer 0.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the mesh has no triangle there or `tile` is
 // null. Never busy.
@@ -594,10 +603,10 @@ vrtm_status vrtm_asset_find_tile(vrtm_asset asset,
                                  uint32_t udim,
                                  vrtm_tile *tile);
 
-// Sets a tile's rigidity: 0 is infinitely elastic, 1 as rigid as possible; values outside are clamped. The map may
-// have any size; it is resampled to the grid. Null removes the map: a tile without rigidity does not move at all. The
-// last result stays readable until the next solve. May be called between frames; only data that depends on the map is
-// rebuilt.
+// Sets a tile's rigidity, for all of its layers: 0 is infinitely elastic, 1 as rigid as possible; values outside are
+// clamped. The map may have any size; it is resampled to the grid. Null removes the map: a tile without rigidity does
+// not move at all. The last result stays readable until the next solve. May be called between frames; only data that
+// depends on the map is rebuilt.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a
 // zero size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -743,17 +752,35 @@ typedef int32_t vrtm_fetch_kind;
 // sufficient.
 #define VRTM_FETCH_FILTER_SCALE 5
 
+// UVs of another UV set, vrtm_fetch.uv_set, for meshes whose textures use another set than the warp is solved in (one
+// without overlaps, say): where the redirection leads to a point of the surface, the UV of that point in the other
+// set, as the mesh has it, whatever its range. The map is looked up by the UVs of the tile's own set. 0 beside charts,
+// but for a margin of two texels that goes on with the nearest triangle's UVs. Where the other set has a border inside
+// a chart, texels on both sides of it differ: look the map up without interpolation there, or use the delta. Use f32.
+// With 4 channels, the fourth is 1 where a chart covers the texel's centre. By vrtm_tile_fetch_output or
+// vrtm_asset_redirect.
+#define VRTM_FETCH_UV_SET 6
+
+// As VRTM_FETCH_UV_SET, minus the UV in that set of the texel's own point of the surface: the offset to add to the UV
+// that the textures use; 0 where nothing moves. f16 is sufficient. Works with textures that repeat.
+#define VRTM_FETCH_UV_SET_DELTA 7
+
 // One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
 typedef struct vrtm_fetch {
     // sizeof(vrtm_fetch); set by vrtm_fetch_init(). All elements of an array must have the same value.
     uint32_t struct_size;
     // One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP, REDIRECTION_UDIM, JACOBIAN,
-    // FILTER_SCALE.
+    // FILTER_SCALE, UV_SET, UV_SET_DELTA.
     vrtm_fetch_kind kind;
     // A tile of the asset. Required.
     vrtm_tile tile;
     // Where to write. Required.
     const vrtm_image_out *image;
+    // The layer to read, counted from that of `tile`: 0 (the default) = `tile` itself.
+    uint32_t layer;
+    // For VRTM_FETCH_UV_SET and VRTM_FETCH_UV_SET_DELTA: the UV set that the values are UVs of, 0 <= uv_set <
+    // vrtm_asset_data.uv_sets. 0 (the default) for all other kinds.
+    uint32_t uv_set;
 } vrtm_fetch;
 
 // Solves every tile for a pose and writes `count` outputs, in one call: all that a host's compute() needs for a frame.
@@ -804,9 +831,9 @@ vrtm_status vrtm_tile_fetch(vrtm_tile tile,
 // instead of reading a map. `count` is the number of corners, vrtm_asset_data.corners; `uvs` has room for 2 * count
 // floats.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if `uvs`
-// is null or `count` is not the number of corners. On any error nothing is written. Never busy. In tiles that have not
-// been solved yet, the UVs are the mesh's own.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
+// `uvs` is null or `count` is not the number of corners. On any error nothing is written. Never busy. In tiles that
+// have not been solved yet, the UVs are the mesh's own.
 VRTM_API
 vrtm_status vrtm_asset_fetch_corner_uvs(vrtm_asset asset,
                                         float *uvs,
@@ -928,7 +955,7 @@ typedef struct vrtm_asset_data {
     uint32_t struct_size;
     // UV sets, 1 or more.
     uint32_t uv_sets;
-    // Tiles with at least one triangle.
+    // Tiles with at least one triangle; each layer of a tile counts.
     uint32_t tiles;
     // Charts, over all tiles.
     uint32_t charts;
@@ -975,8 +1002,8 @@ vrtm_status vrtm_asset_info(vrtm_asset asset,
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
 VRTM_API vrtm_status vrtm_asset_tile_count(vrtm_asset asset, uint32_t *count);
 
-// The tile at `index`, 0 <= index < vrtm_asset_tile_count, first those of UV set 0 in the order
-// of their UDIM numbers, then those of set 1, and so on. Never busy.
+// The tile at `index`, 0 <= index < vrtm_asset_tile_count, first those of UV set 0 in the order of their UDIM numbers,
+// then those of set 1, and so on; the layers of a UDIM number follow one another. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for an index out of range or if `tile` is null.
 VRTM_API
@@ -992,6 +1019,16 @@ vrtm_status vrtm_asset_find_tile_of_set(vrtm_asset asset,
                                         uint32_t uv_set,
                                         uint32_t udim,
                                         vrtm_tile *tile);
+
+// A layer of the tile with a UDIM number: `layer` is less than the `layers` of vrtm_tile_layer.
+//
+// Errors: those of vrtm_asset_find_tile_of_set; VRTM_ERROR_INVALID_ARGUMENT if the tile has no such layer.
+VRTM_API
+vrtm_status vrtm_asset_find_tile_of_layer(vrtm_asset asset,
+                                          uint32_t uv_set,
+                                          uint32_t udim,
+                                          uint32_t layer,
+                                          vrtm_tile *tile);
 
 /* ---- Tile ---- */
 
@@ -1024,9 +1061,19 @@ typedef struct vrtm_tile_data {
     // Fraction (0..1) of the rigid nodes that cannot move: of the covered nodes with a rigidity of at least 0.5, those
     // that a border, an overlap or the mask fixes. Near 1, the rigidity map can have almost no effect.
     float frozen;
+    // Which layer of its UDIM number the tile is: 0 unless vrtm_mesh_desc.max_layers is over 1.
+    uint32_t layer;
+    // Layers of its UDIM number: 1 or more.
+    uint32_t layers;
+    // Rigid nodes: covered nodes with a rigidity of at least 0.5.
+    uint64_t rigid_nodes;
+    // How many of these lie under more than one triangle, as those of charts in the same layer that lie over one
+    // another.
+    uint64_t rigid_overlapped;
 } vrtm_tile_data;
 
-// Which chart moves texels that several charts, or two layers of one chart, share.
+// Which chart moves texels that several charts of a tile share, or that a chart shares with itself. With
+// vrtm_mesh_desc.max_layers over 1, charts share texels only where these layers do not suffice.
 typedef int32_t vrtm_overlap;
 
 // Shared texels do not move, so that nothing gets worse; the default.
@@ -1043,12 +1090,12 @@ typedef int32_t vrtm_seams;
 
 // Each chart is solved together with what lies beyond its seams, laid out in its own plane up to `seam_reach`.
 // Redirections near a seam then lead over the border of the chart: the texture must show there what lies beyond it, as
-// vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and charts that lie over one another, stay as
-// they are with VRTM_SEAMS_SHUT. Experimental.
+// vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and charts that lie over one another, stay
+// as they are with VRTM_SEAMS_SHUT. Experimental.
 #define VRTM_SEAMS_CONTINUE 1
 
-// As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart (with VRTM_OPEN_BORDERS_SLIDE: a seam) stay
-// as they were, whole, and their elastic surroundings give way: never half of a feature. A feature is what hangs
+// As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart (with VRTM_OPEN_BORDERS_SLIDE: a seam)
+// stay as they were, whole, and their elastic surroundings give way: never half of a feature. A feature is what hangs
 // together of nodes with a rigidity of at least 0.5. Any texture will do. Experimental.
 #define VRTM_SEAMS_KEEP 2
 
@@ -1112,6 +1159,16 @@ vrtm_status vrtm_tile_udim(vrtm_tile tile,
                            uint32_t *udim,
                            uint32_t *uv_set);
 
+// Which layer of its UDIM number a tile is, and how many layers there are: 0 and 1 unless vrtm_mesh_desc.max_layers is
+// over 1. `layers` may be null. Layers share their maps and settings: what is set for one of them holds for all.
+// Unlike vrtm_tile_info, it does not prepare the tile. Never busy.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `layer` is null.
+VRTM_API
+vrtm_status vrtm_tile_layer(vrtm_tile tile,
+                            uint32_t *layer,
+                            uint32_t *layers);
+
 // Describes a tile. The first call, and the first after a change of map or settings, builds the tile's
 // grid, which takes time.
 //
@@ -1163,7 +1220,7 @@ VRTM_API
 vrtm_status vrtm_asset_set_vertex_mask(vrtm_asset asset,
                                        const vrtm_array *mask);
 
-// Sets a tile's settings. Null: all defaults.
+// Sets a tile's settings, for all of its layers. Null: all defaults.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field; VRTM_ERROR_BUSY.
 VRTM_API vrtm_status vrtm_tile_set_settings(vrtm_tile tile, const vrtm_tile_settings *settings);
@@ -1235,6 +1292,25 @@ vrtm_status vrtm_tile_load(vrtm_tile tile,
                            size_t size);
 
 /* ---- Results ---- */
+
+// Writes one output of the last solve, as a vrtm_fetch describes it: any layer of a tile, and UVs of another set.
+//
+// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a layer or a UV set out of range.
+VRTM_API
+vrtm_status vrtm_tile_fetch_output(const vrtm_fetch *fetch);
+
+// Writes the layer of every face in a UV set: which of the tiles with the face's UDIM number has its redirection (see
+// vrtm_mesh_desc.max_layers); 0 for faces in no tile. `count` is the number of faces, vrtm_asset_data.faces. All
+// corners of a face are in its layer. It depends on the mesh alone: no solve is needed, and once per mesh is enough.
+// Make it an attribute of faces, by which a shader picks the layer's map. Never busy.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for an unknown UV set, if `layers` is null or `count`
+// is not the number of faces. On any error nothing is written.
+VRTM_API
+vrtm_status vrtm_asset_fetch_face_layers(vrtm_asset asset,
+                                         uint32_t uv_set,
+                                         uint32_t *layers,
+                                         size_t count);
 
 // Writes a part of one output of the last solve, for images that are too large to be held in memory at once: of an
 // image of `width` x `height` texels, the rectangle of `image`'s size that starts at the column `x` and the row `y`.

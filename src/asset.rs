@@ -56,7 +56,7 @@ impl Asset {
     fn make(device: &Device, source: &MeshSource) -> Result<Asset> {
         let mesh = Arc::new(Mesh::new(source)?);
         log::describe(device, &mesh);
-        let tiles = mesh.tiles.iter().map(|_| TileState::default()).collected();
+        let tiles = mesh.tiles.iter().map(|tile| TileState::new(tile)).collected();
         let results = Results::new(device, &mesh);
         Ok(Asset { device: device.clone(), mesh, tiles, results, places: None, together: Vec::new() })
     }
@@ -74,19 +74,19 @@ impl Asset {
     }
 
     /// Number of tiles; tiles are indexed from 0, first those of UV set 0 in the order of their UDIM numbers, then those
-    /// of set 1, and so on.
+    /// of set 1, and so on. The layers of a UDIM number follow one another ([`MeshSource::max_layers`]).
     #[must_use]
     pub fn tile_count(&self) -> usize {
         self.tiles.len()
     }
 
-    /// Index of the tile of UV set 0 with this UDIM number.
+    /// Index of the tile of UV set 0 with this UDIM number, or of its first layer.
     #[must_use]
     pub fn find_tile(&self, udim: u32) -> Option<usize> {
         self.find_tile_of_set(0, udim)
     }
 
-    /// Index of the tile of a UV set with this UDIM number.
+    /// Index of the tile of a UV set with this UDIM number, or of its first layer.
     #[must_use]
     pub fn find_tile_of_set(&self, uv_set: u32, udim: u32) -> Option<usize> {
         self.results.find_tile_of_set(uv_set, udim)

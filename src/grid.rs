@@ -161,6 +161,11 @@ impl Grid {
         rigid_nodes::frozen_share(&self.rigid_nodes)
     }
 
+    /// The sum of a number over the squares with rigid nodes.
+    pub fn rigid_sum(&self, of: fn(&RigidNodes) -> u16) -> u64 {
+        rigid_nodes::sum(&self.rigid_nodes, of)
+    }
+
     /// True if another grid has the same blocks, so that the two differ in rigidity at most.
     pub fn has_blocks_of(&self, other: &Grid) -> bool {
         Arc::ptr_eq(&self.triangle, &other.triangle)

@@ -11,6 +11,7 @@ pub(crate) mod fetch;
 pub(crate) mod inverse;
 pub(crate) mod nodes;
 mod untangle;
+mod uv_set;
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -42,6 +43,12 @@ pub enum FetchKind {
     /// Largest singular value of `Jacobian`, one channel: how many times wider a lookup's footprint is in the texture
     /// than on the surface.
     FilterScale,
+    /// The UV in the UV set with this number, as the mesh has it there, of the point of the surface that the redirection leads
+    /// to: the map is looked up by the UVs of the tile's set, and gives those of another set. 0 beside charts, but for a margin
+    /// of two texels, which goes on with the UVs of the nearest triangle. Two to four channels, as a redirection.
+    UvSet(u32),
+    /// As `UvSet`, minus the UV that the texel's own point of the surface has in that set: 0 where nothing moves.
+    UvSetDelta(u32),
 }
 
 impl FetchKind {
@@ -55,6 +62,7 @@ impl FetchKind {
     fn all_channels(self) -> RangeInclusive<u32> {
         match self {
             FetchKind::Redirection | FetchKind::RedirectionDelta | FetchKind::RedirectionUdim => 2..=4,
+            FetchKind::UvSet(_) | FetchKind::UvSetDelta(_) => 2..=4,
             FetchKind::Warp => 2..=3,
             FetchKind::Jacobian => 4..=4,
             FetchKind::FilterScale => 1..=1,

@@ -6,6 +6,8 @@ mod check;
 pub(crate) mod collar;
 pub(crate) mod extended;
 pub(crate) mod hash;
+mod layers;
+mod overlaps;
 mod read;
 mod source;
 pub(crate) mod triangle;
@@ -17,6 +19,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use crate::allocation::Collect;
+use crate::error::{Error, Result};
 use crate::report::AssetInfo;
 pub use source::{MeshSource, UvSource, Weld, WeldBy};
 pub(crate) use source::{POSITION_TOLERANCE, UV_TOLERANCE};
@@ -164,11 +167,13 @@ pub(crate) struct WeldedEdge {
     pub ends: [[u32; 2]; 2],
 }
 
-/// The triangles of the mesh that belong to one UDIM tile of one UV set.
+/// The triangles of the mesh that belong to one layer of one UDIM tile of one UV set.
 #[derive(Debug, Default)]
 pub(crate) struct TileMesh {
     pub udim: u32,
     pub uv_set: u32,
+    /// Of the charts that lie over one another, those of one layer; see `MeshSource::max_layers`.
+    pub layer: u32,
     /// Sorted by chart; charts are numbered by their first face. The triangles of the charts' collars follow, if the tile
     /// has been extended, sorted by chart, too.
     pub triangles: Vec<Triangle>,
@@ -190,6 +195,12 @@ impl TileMesh {
     pub fn origin(&self) -> DVec2 {
         let number = self.udim - 1001;
         DVec2::new(f64::from(number % 10), f64::from(number / 10))
+    }
+
+    /// How messages call the tile.
+    pub fn name(&self) -> String {
+        let layer = if self.layer > 0 { format!(" layer {}", self.layer) } else { String::new() };
+        format!("tile {}{layer}", self.udim)
     }
 
     /// The chart of each triangle.
@@ -263,8 +274,10 @@ pub(crate) struct Mesh {
     pub place: Vec<u32>,
     /// The corners of each UV set.
     pub corners: Vec<Vec<Corner>>,
-    /// Ordered by UV set, then by UDIM number.
+    /// Ordered by UV set, then by UDIM number, then by layer.
     pub tiles: Vec<Arc<TileMesh>>,
+    /// Per tile, the corners of each triangle, by its number in `TileMesh::chart_of`; empty unless there are several UV sets.
+    pub corners_of: Vec<Vec<[u32; 3]>>,
     /// The distance in a pose beyond which welded vertices are torn apart, before the pose's rounding is added.
     pub torn: f64,
     pub info: AssetInfo,
@@ -281,6 +294,34 @@ struct RawTriangle {
 }
 
 impl Mesh {
+    /// # Errors
+    /// `InvalidArgument` for an unknown UV set.
+    pub fn check_uv_set(&self, uv_set: u32) -> Result<()> {
+        let sets = self.corners.len();
+        if (uv_set as usize) < sets {
+            return Ok(());
+        }
+        Err(Error::argument(format!("uv_set: {uv_set} is out of range, there are {sets}")))
+    }
+
+    /// The layers of a tile's UDIM number, as indices of tiles.
+    pub fn layers(&self, tile: usize) -> Range<usize> {
+        let first = tile - self.tiles[tile].layer as usize;
+        let more = self.tiles[first + 1..].iter().take_while(|tile| tile.layer > 0).count();
+        first..first + 1 + more
+    }
+
+    /// The layer of each face in a UV set; 0 for a face in no tile.
+    pub fn face_layers(&self, uv_set: usize) -> impl ExactSizeIterator<Item = u32> + '_ {
+        let corners = &self.corners[uv_set];
+        (0..self.faces.len() - 1).map(move |f| {
+            let of_face = &corners[self.face(f)];
+            // A corner without a triangle says nothing of its face.
+            let corner = of_face.iter().find(|corner| corner.tile != NONE && corner.triangle != NONE);
+            corner.map_or(0, |corner| self.tiles[corner.tile as usize].layer)
+        })
+    }
+
     /// The corners of a face.
     pub fn face(&self, f: usize) -> Range<usize> {
         self.faces[f] as usize..self.faces[f + 1] as usize

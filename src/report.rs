@@ -79,7 +79,7 @@ pub struct AssetInfo {
     pub uv_sets: u32,
     /// Triangles kept, over all tiles.
     pub triangles: u64,
-    /// Tiles with at least one triangle.
+    /// Tiles with at least one triangle; each layer of a tile counts.
     pub tiles: u32,
     /// Charts, over all tiles.
     pub charts: u32,
@@ -132,6 +132,14 @@ pub struct TileInfo {
     /// Fraction of the rigid texels that do not move: of the nodes under a triangle with a rigidity of at least 0.5, those
     /// that are fixed by a border, an overlap or the mask.
     pub frozen: f32,
+    /// Which layer of its UDIM number the tile is ([`crate::MeshSource::max_layers`]).
+    pub layer: u32,
+    /// Number of layers of its UDIM number.
+    pub layers: u32,
+    /// Nodes under a triangle with a rigidity of at least 0.5.
+    pub rigid_nodes: u64,
+    /// How many of these lie under several triangles.
+    pub rigid_overlapped: u64,
 }
 
 /// The memory that a tile needs, estimated before any is allocated.

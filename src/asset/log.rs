@@ -17,8 +17,8 @@ pub(super) fn describe(device: &Device, mesh: &Mesh) {
     for tile in &mesh.tiles {
         let set = if info.uv_sets > 1 { format!(" of UV set {}", tile.uv_set) } else { String::new() };
         let message = format!(
-            "tile {}{set}: {} triangles, {} charts, {} border edges, {} welded by position, {} edges apart",
-            tile.udim,
+            "{}{set}: {} triangles, {} charts, {} border edges, {} welded by position, {} edges apart",
+            tile.name(),
             tile.triangles.len(),
             tile.charts.len(),
             tile.border_edges(),

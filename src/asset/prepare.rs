@@ -4,13 +4,12 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::device::Device;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::grid::gutter::Gutter;
 use crate::grid::maps::{MapsOfTile, Mask, Rigidity, TileMaps};
-use crate::grid::repaint::repaint;
+use crate::grid::repaint::{Repainted, repaint};
 use crate::grid::survey::Survey;
 use crate::grid::{Grid, build, saved};
-use crate::image::ImageView;
 use crate::image::map::TexelRect;
 use crate::mesh::extended::extended;
 use crate::mesh::{Mesh, TileMesh};
@@ -37,48 +36,22 @@ impl TileState {
         differs
     }
 
-    /// Replaces some texels of the rigidity map from an image of the same shape. If the same nodes stay movable, only the
-    /// affected part of the grid is recomputed.
-    ///
-    /// # Errors
-    /// `InvalidArgument` if no map of this shape was set, or a value is not finite.
-    pub fn update_rigidity(
-        &mut self,
-        team: &Team,
-        device: &Device,
-        tile: &TileMesh,
-        image: &ImageView,
-        texels: TexelRect,
-    ) -> Result<()> {
-        let Rigidity::Map(map) = &mut self.maps.rigidity else {
-            return Err(Error::argument("rigidity: the tile has no map, a part of which could change"));
-        };
-        let (size, format) = image.shape();
-        if (size, format) != map.shape() {
-            let ([width, height], _) = map.shape();
-            let message = format!(
-                "rigidity: the map that was set has {width}x{height} texels of another format or size"
-            );
-            return Err(Error::argument(message));
-        }
-        image.check_finite("rigidity", texels)?;
-        let start = Instant::now();
-        let before = map.part(&texels);
-        image.copy_to(Arc::make_mut(map), texels);
+    /// The tile's grid as some texels of the rigidity map, which have changed, have it; `None` if there is no grid, or if other
+    /// nodes may move than before.
+    pub fn repainted(&self, team: &Team, tile: &TileMesh, texels: &TexelRect) -> Result<Option<Repainted>> {
         let tile = self.extended.get().map_or(tile, |extended| extended);
-        let repainted = caught(|| match (&self.maps.rigidity, &self.grid) {
-            (Rigidity::Map(map), Some(grid)) => Ok(repaint(team, grid, tile, &self.maps, map, &texels)),
+        caught(|| match (&self.maps.rigidity, &self.grid) {
+            (Rigidity::Map(map), Some(grid)) => Ok(repaint(team, grid, tile, &self.maps, map, texels)),
             _ => Ok(None),
-        });
-        // A failed call leaves the map as it was.
-        if let (Err(_), Rigidity::Map(map)) = (&repainted, &mut self.maps.rigidity) {
-            Arc::make_mut(map).set_part(&texels, &before);
-        }
-        let repainted = repainted?;
+        })
+    }
+
+    /// Takes over what `repainted` found. `start` is when the map was changed.
+    pub fn take_repainted(&mut self, device: &Device, repainted: Option<Repainted>, start: Instant) {
         self.solved_with = None;
         self.torn.iter_mut().for_each(Torn::forget_grid);
         if self.grid.take().is_none() {
-            return Ok(());
+            return;
         }
         if let Some(repainted) = repainted {
             let inputs = self.inputs.iter_mut().zip(&repainted.charts);
@@ -90,7 +63,6 @@ impl TileState {
             }
         }
         self.build_ms += start.elapsed().as_secs_f32() * 1000.0;
-        Ok(())
     }
 
     /// Sets the mask. The grid is rebuilt at the next solve if the mask differs, which is returned.
@@ -175,12 +147,11 @@ impl TileState {
         let grid = self.build(team, device, mesh, source, maps)?;
         if grid.overlap > 0.0 {
             let percent = 100.0 * grid.overlap;
-            device
-                .log(LogLevel::Warning, &format!("tile {}: {percent:.2} % of it is overlapped", source.udim));
+            device.log(LogLevel::Warning, &format!("{}: {percent:.2} % of it is overlapped", source.name()));
         }
         let message = format!(
-            "tile {}: {} nodes of {} x {} cells may move, {:.1} % of its rigid texels are frozen",
-            source.udim,
+            "{}: {} nodes of {} x {} cells may move, {:.1} % of its rigid texels are frozen",
+            source.name(),
             grid.movable.iter().sum::<u64>(),
             grid.levels[0].nx,
             grid.levels[0].ny,
@@ -189,7 +160,7 @@ impl TileState {
         device.log(LogLevel::Info, &message);
         self.grid = Some(grid.clone());
         self.copies = None;
-        if let Err(error) = self.book(device, 0, source.udim) {
+        if let Err(error) = self.book(device, 0, source) {
             self.grid = None;
             return Err(error);
         }
@@ -210,9 +181,9 @@ impl TileState {
         self.forget(device);
         let of_tile = MapsOfTile { own: &self.maps, all: maps };
         let survey = Survey::new(team, source, of_tile, self.maps.grid_size());
-        self.book(device, survey.grid_bytes(), source.udim)?;
+        self.book(device, survey.grid_bytes(), source)?;
         if survey.has_rigid_nodes() && survey.movable.iter().all(|&count| count == 0) {
-            let message = format!("tile {}: it has rigid texels, but nothing that may move", source.udim);
+            let message = format!("{}: it has rigid texels, but nothing that may move", source.name());
             device.log(LogLevel::Warning, &message);
         }
         let grid = Arc::new(build::grid(team, mesh, MapsOfTile { own: &self.maps, all: maps }, survey));
@@ -226,7 +197,7 @@ impl TileState {
         let torn = torn::welds(call.mesh, whole, &call.positions);
         if torn != self.torn_now {
             let (count, of) = (torn.len(), whole.welds.len());
-            let message = format!("tile {}: the pose tears {count} of {of} welded edges", whole.udim);
+            let message = format!("{}: the pose tears {count} of {of} welded edges", whole.name());
             let level = if count > 0 { LogLevel::Warning } else { LogLevel::Info };
             call.device.log(level, &message);
         }
@@ -246,7 +217,7 @@ impl TileState {
         let grid = self.build(call.team, call.device, call.mesh, &source, &[])?;
         torn.grid = Some(grid.clone());
         self.torn = Some(torn);
-        if let Err(error) = self.book(call.device, Solved::bytes_for(&grid), source.udim) {
+        if let Err(error) = self.book(call.device, Solved::bytes_for(&grid), &source) {
             self.torn = None;
             return Err(error);
         }
@@ -293,16 +264,16 @@ impl TileState {
     ) -> Result<()> {
         let source = &self.source(team, mesh, tile);
         let key = saved::key(mesh, source, MapsOfTile { own: &self.maps, all: maps });
-        let grid = saved::load(team, data, key, mesh, source, |bytes| self.book(device, bytes, source.udim));
+        let grid = saved::load(team, data, key, mesh, source, |bytes| self.book(device, bytes, source));
         let loaded = grid.and_then(|grid| {
             self.forget(device);
             self.copies = None;
             let before = self.grid.replace(Arc::new(grid));
-            self.book(device, 0, source.udim).inspect_err(|_| self.grid = before)
+            self.book(device, 0, source).inspect_err(|_| self.grid = before)
         });
         if loaded.is_err() {
             // Releases the booked memory of the old grid: booking less always succeeds.
-            let _ = self.book(device, 0, source.udim);
+            let _ = self.book(device, 0, source);
         }
         loaded
     }
@@ -353,12 +324,16 @@ impl TileState {
         let source = &mesh.tiles[tile];
         Ok(TileInfo {
             udim: source.udim,
+            layer: source.layer,
+            layers: mesh.layers(tile).len() as u32,
             charts: source.charts.len() as u32,
             triangles: source.triangles.len() as u64,
             grid: [grid.levels[0].nx as u32, grid.levels[0].ny as u32],
             movable_nodes: grid.movable.iter().sum(),
             overlap: grid.overlap,
             frozen: grid.frozen(),
+            rigid_nodes: grid.rigid_sum(|square| square.rigid),
+            rigid_overlapped: grid.rigid_sum(|square| square.overlapped),
             uv_set: source.uv_set,
             border_edges: source.border_edges(),
             welded_edges: source.welds.len() as u64,

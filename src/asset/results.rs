@@ -77,10 +77,33 @@ impl Results {
         }))
     }
 
-    /// Index of the tile of a UV set with this UDIM number.
+    /// Index of the tile of a UV set with this UDIM number, or of its first layer.
     #[must_use]
     pub fn find_tile_of_set(&self, uv_set: u32, udim: u32) -> Option<usize> {
         self.0.mesh.tiles.iter().position(|tile| tile.udim == udim && tile.uv_set == uv_set)
+    }
+
+    /// The layer that the tile at `index` is, and the number of layers of its UDIM number; panics if the index is out of
+    /// range.
+    #[must_use]
+    pub fn tile_layer(&self, index: usize) -> (u32, u32) {
+        (self.0.mesh.tiles[index].layer, self.0.mesh.layers(index).len() as u32)
+    }
+
+    /// The layer of each face in a UV set: which of the tiles with its UDIM number it belongs to; 0 for a face in no tile.
+    ///
+    /// # Errors
+    /// `InvalidArgument` for an unknown UV set, or if the length is not the number of faces.
+    pub fn face_layers(&self, uv_set: u32, out: &mut [u32]) -> Result<()> {
+        let mesh = &self.0.mesh;
+        mesh.check_uv_set(uv_set)?;
+        let layers = mesh.face_layers(uv_set as usize);
+        if out.len() != layers.len() {
+            let (given, faces) = (out.len(), layers.len());
+            return Err(Error::argument(format!("layers: {given} elements, but the mesh has {faces} faces")));
+        }
+        out.iter_mut().zip(layers).for_each(|(out, layer)| *out = layer);
+        Ok(())
     }
 
     /// UDIM number and UV set of the tile at `index`; panics if the index is out of range.
@@ -150,7 +173,7 @@ impl Results {
         let device = &self.0.device;
         device.call(|| {
             let solved = self.solved(tile)?.solved;
-            let output = Output::new(&solved, kind, part, &image.layout)?;
+            let output = Output::new(&self.0.mesh, &solved, kind, part, &image.layout)?;
             device.team(|team| self.write(team, output, image))
         })
     }
@@ -206,8 +229,8 @@ impl Results {
         };
         if folds > 0 {
             let message = format!(
-                "tile {}: {folds} quads of a map fold that was to be one-to-one: its numbers are too coarse for its size",
-                solved.mesh.udim
+                "{}: {folds} quads of a map fold that was to be one-to-one: its numbers are too coarse for its size",
+                solved.mesh.name()
             );
             device.log(LogLevel::Warning, &message);
         }
@@ -247,7 +270,7 @@ impl Results {
         device.call(|| {
             let solved = self.solved(tile)?.solved;
             desc.check()?;
-            device.team(|team| certificate::inspect(device, team, &solved, desc))
+            device.team(|team| certificate::inspect(device, team, &self.0.mesh, &solved, desc))
         })
     }
 
@@ -267,10 +290,8 @@ impl Results {
     /// Those of [`Results::corner_uvs`]; `InvalidArgument` for an unknown UV set.
     pub fn corner_uvs_of_set(&self, uv_set: u32, out: &mut [[f32; 2]]) -> Result<()> {
         let Shared { device, mesh, .. } = &*self.0;
-        let corners = mesh.corners.get(uv_set as usize).ok_or_else(|| {
-            let sets = mesh.corners.len();
-            Error::argument(format!("uv_set: {uv_set} is out of range, there are {sets}"))
-        })?;
+        mesh.check_uv_set(uv_set)?;
+        let corners = &mesh.corners[uv_set as usize];
         if out.len() != corners.len() {
             return Err(Error::argument(format!(
                 "uvs: {} elements, but the mesh has {} corners",

@@ -73,7 +73,7 @@ impl Asset {
         for (tile, copies) in found {
             let state = &mut self.tiles[tile];
             state.copies = Some(copies);
-            if let Err(error) = state.book(&self.device, 0, self.mesh.tiles[tile].udim) {
+            if let Err(error) = state.book(&self.device, 0, &self.mesh.tiles[tile]) {
                 self.tiles.iter_mut().for_each(|state| state.copies = None);
                 return Err(error);
             }

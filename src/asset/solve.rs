@@ -263,7 +263,7 @@ impl Asset {
     fn write(&self, team: &Team, fresh: &Fresh, fetches: &mut [Fetch]) -> Result<()> {
         let output = |fetch: &Fetch| {
             let result = fresh.last.tiles[fetch.tile].as_ref().ok_or_else(not_solved)?;
-            Output::new(&result.solved, fetch.kind, &fetch.image.whole(), &fetch.image.layout)
+            Output::new(&self.mesh, &result.solved, fetch.kind, &fetch.image.whole(), &fetch.image.layout)
         };
         // All memory is allocated first, so that no output is written if memory runs short.
         let outputs: Vec<Output> = fetches.iter().map(output).try_collected()?;

@@ -82,6 +82,8 @@ pub(crate) struct Prepared {
 #[derive(Debug, Default)]
 pub(crate) struct TileState {
     pub maps: TileMaps,
+    /// Whether the maps count as memory of the tile; of layers, those of the first.
+    counts_maps: bool,
     pub(super) grid: Option<Arc<Grid>>,
     /// The tile with collars, once it is needed.
     pub(super) extended: OnceLock<Arc<TileMesh>>,
@@ -113,10 +115,14 @@ pub(crate) struct TileState {
 }
 
 impl TileState {
+    pub fn new(tile: &TileMesh) -> TileState {
+        TileState { counts_maps: tile.layer == 0, ..TileState::default() }
+    }
+
     /// Books the memory that is held, and `more` that is about to be allocated, on the device's account.
-    pub(super) fn book(&mut self, device: &Device, more: u64, udim: u32) -> Result<()> {
+    pub(super) fn book(&mut self, device: &Device, more: u64, tile: &TileMesh) -> Result<()> {
         let held = self.held() + more;
-        device.rebook(self.booked, held, &format!("tile {udim}"))?;
+        device.rebook(self.booked, held, &tile.name())?;
         self.booked = held;
         Ok(())
     }
@@ -134,6 +140,9 @@ impl TileState {
 
     /// Bytes of the maps.
     pub(super) fn map_bytes(&self) -> u64 {
+        if !self.counts_maps {
+            return 0;
+        }
         let rigidity = match &self.maps.rigidity {
             Rigidity::None => 0,
             Rigidity::Map(map) => map.bytes(),
@@ -184,7 +193,7 @@ impl TileState {
         }
         if !self.gutter.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, tile)) {
             self.gutter = None;
-            self.book(call.device, Gutter::BYTES, tile.udim)?;
+            self.book(call.device, Gutter::BYTES, tile)?;
             self.gutter = Some((tile.clone(), Arc::new(Gutter::new(call.team, tile))));
         }
         Ok(self.gutter.as_ref().map(|(_, gutter)| gutter.clone()))
@@ -317,7 +326,7 @@ impl TileState {
         if call.release_solvers {
             self.forget(call.device);
             // Booking less always succeeds.
-            let _ = self.book(call.device, 0, tile.udim);
+            let _ = self.book(call.device, 0, tile);
         }
         solution
     }
@@ -381,7 +390,7 @@ impl TileState {
             gpu.reclaim();
         }
         // Booking less always succeeds.
-        let _ = self.book(device, 0, tile.udim);
+        let _ = self.book(device, 0, tile);
         error
     }
 
@@ -412,7 +421,7 @@ impl TileState {
             // The old memory is freed before the new memory is allocated.
             self.forget(device);
             let bytes = TileSolver::bytes_for(device, grid, tile, solver)?;
-            self.book(device, bytes, tile.udim)?;
+            self.book(device, bytes, tile)?;
             match caught(|| TileSolver::new(device, grid, tile, solver)) {
                 Ok(solver) => self.solver = Some(solver),
                 Err(error) => return Err(self.give_up(device, tile, error)),

@@ -1,9 +1,11 @@
 //! The tiles of an asset: facts, maps and settings, and prepared tiles as bytes.
 
-use crate::allocation::{Collect, zeroed};
+use std::ops::Range;
 use std::sync::Arc;
+use std::time::Instant;
 
 use super::Asset;
+use crate::allocation::{Collect, zeroed};
 use crate::error::{Error, Result};
 use crate::grid::maps::{Mask, Rigidity, TileMaps};
 use crate::grid::squares::pages_near;
@@ -11,6 +13,7 @@ use crate::image::ImageView;
 use crate::image::map::{Map, PAGE};
 use crate::report::{TileEstimate, TileInfo};
 use crate::settings::TileSettings;
+use crate::team::Team;
 use crate::view::Strided;
 
 impl Asset {
@@ -96,7 +99,8 @@ impl Asset {
         })
     }
 
-    /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid); `None` removes it (the tile is then the identity).
+    /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid), for all of its layers; `None` removes it (the tile is then the
+    /// identity).
     ///
     /// # Errors
     /// `InvalidArgument` for a value that is not finite.
@@ -106,13 +110,15 @@ impl Asset {
             Some(image) => Rigidity::Map(self.device.call(|| self.map_of("rigidity", tile, image))?),
             None => Rigidity::None,
         };
-        if self.tiles[tile].set_rigidity(rigidity) {
-            self.forget_maps_of(tile);
+        for layer in self.mesh.layers(tile) {
+            if self.tiles[layer].set_rigidity(rigidity.clone()) {
+                self.forget_maps_of(layer);
+            }
         }
         Ok(())
     }
 
-    /// Sets a tile's warp mask: texels under 0.5 do not move; `None` = all may move.
+    /// Sets a tile's warp mask, for all of its layers: texels under 0.5 do not move; `None` = all may move.
     ///
     /// # Errors
     /// `InvalidArgument` for a value that is not finite.
@@ -122,8 +128,10 @@ impl Asset {
             Some(image) => Mask::Map(self.device.call(|| self.map_of("mask", tile, image))?),
             None => Mask::None,
         };
-        if self.tiles[tile].set_mask(mask) {
-            self.forget_maps_of(tile);
+        for layer in self.mesh.layers(tile) {
+            if self.tiles[layer].set_mask(mask.clone()) {
+                self.forget_maps_of(layer);
+            }
         }
         Ok(())
     }
@@ -144,11 +152,49 @@ impl Asset {
     ) -> Result<()> {
         self.check_tile(tile)?;
         let texels = image.rect("rigidity", first, size)?;
-        self.forget_maps_of(tile);
+        let layers = self.mesh.layers(tile);
+        layers.clone().for_each(|layer| self.forget_maps_of(layer));
         self.call(|asset| {
-            let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh.tiles[tile]);
-            device.team(|team| state.update_rigidity(team, device, mesh, &image, texels))
+            let Rigidity::Map(map) = &asset.tiles[tile].maps.rigidity else {
+                return Err(Error::argument("rigidity: the tile has no map, a part of which could change"));
+            };
+            let (shape, [width, height]) = (map.shape(), map.shape().0);
+            if image.shape() != shape {
+                return Err(Error::argument(format!(
+                    "rigidity: the map that was set has {width}x{height} texels of another format or size"
+                )));
+            }
+            image.check_finite("rigidity", texels)?;
+            let start = Instant::now();
+            let before = map.part(&texels);
+            asset.change_rigidity(layers.clone(), |map| image.copy_to(map, texels));
+            let (tiles, mesh) = (&asset.tiles, &asset.mesh);
+            let repainted = |team: &Team| {
+                let of = |layer: usize| tiles[layer].repainted(team, &mesh.tiles[layer], &texels);
+                layers.clone().map(of).try_collected()
+            };
+            let repainted: Result<Vec<_>> = asset.device.team(repainted);
+            // A failed call leaves the map as it was.
+            if repainted.is_err() {
+                asset.change_rigidity(layers.clone(), |map| map.set_part(&texels, &before));
+            }
+            for (layer, repainted) in layers.zip(repainted?) {
+                asset.tiles[layer].take_repainted(&asset.device, repainted, start);
+            }
+            Ok(())
         })
+    }
+
+    /// Changes the rigidity map that layers share.
+    fn change_rigidity(&mut self, layers: Range<usize>, change: impl FnOnce(&mut Map)) {
+        let mut shared = Rigidity::None;
+        for layer in layers.clone() {
+            shared = std::mem::replace(&mut self.tiles[layer].maps.rigidity, Rigidity::None);
+        }
+        if let Rigidity::Map(map) = &mut shared {
+            change(Arc::make_mut(map));
+        }
+        layers.for_each(|layer| self.tiles[layer].maps.rigidity = shared.clone());
     }
 
     /// The maps of all tiles, if charts of any go on beyond their borders.
@@ -164,10 +210,18 @@ impl Asset {
         self.tiles.iter_mut().for_each(|state| state.forget_maps_of(tile));
     }
 
-    /// Copies the part of an image near the charts of a tile.
+    /// Copies the part of an image near the charts of all layers of a tile.
     fn map_of(&self, name: &str, tile: usize, image: ImageView) -> Result<Arc<Map>> {
         let (size, _) = image.shape();
-        let near = pages_near(&self.mesh.tiles[tile], size);
+        let mut near: Vec<bool> = Vec::new();
+        for layer in self.mesh.layers(tile) {
+            let of_layer = pages_near(&self.mesh.tiles[layer], size);
+            if near.is_empty() {
+                near = of_layer;
+            } else {
+                near.iter_mut().zip(of_layer).for_each(|(near, also)| *near |= also);
+            }
+        }
         let columns = size[0].div_ceil(PAGE);
         image.to_map(name, |rect| near[rect.first[1] / PAGE * columns + rect.first[0] / PAGE]).map(Arc::new)
     }
@@ -214,15 +268,17 @@ impl Asset {
         self.device.call(|| Ok(Arc::new((0..values.len()).map(value).collected())))
     }
 
-    /// Sets a tile's settings.
+    /// Sets the settings of a tile and of all of its layers.
     ///
     /// # Errors
     /// `InvalidArgument` naming the field.
     pub fn set_settings(&mut self, tile: usize, settings: &TileSettings) -> Result<()> {
         self.check_tile(tile)?;
         settings.check()?;
-        if self.tiles[tile].set_settings(settings) {
-            self.forget_maps_of(tile);
+        for layer in self.mesh.layers(tile) {
+            if self.tiles[layer].set_settings(settings) {
+                self.forget_maps_of(layer);
+            }
         }
         Ok(())
     }

@@ -15,7 +15,7 @@ pub struct vrtm_asset_data {
     pub struct_size: u32,
     /// UV sets, 1 or more.
     pub uv_sets: u32,
-    /// Tiles with at least one triangle.
+    /// Tiles with at least one triangle; each layer of a tile counts.
     pub tiles: u32,
     /// Charts, over all tiles.
     pub charts: u32,
@@ -136,8 +136,8 @@ pub unsafe extern "C" fn vrtm_asset_tile_count(asset: vrtm_asset, count: *mut u3
     })
 }
 
-/// The tile at `index`, 0 <= index < vrtm_asset_tile_count, first those of UV set 0 in the order
-/// of their UDIM numbers, then those of set 1, and so on. Never busy.
+/// The tile at `index`, 0 <= index < vrtm_asset_tile_count, first those of UV set 0 in the order of their UDIM numbers,
+/// then those of set 1, and so on; the layers of a UDIM number follow one another. Never busy.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for an index out of range or if `tile` is null.
 #[unsafe(no_mangle)]
@@ -153,7 +153,7 @@ pub unsafe extern "C" fn vrtm_asset_tile(asset: vrtm_asset, index: u32, tile: *m
     })
 }
 
-/// The tile with a UDIM number (1001 + U + 10 V) in UV set 0.
+/// The tile with a UDIM number (1001 + U + 10 V) in UV set 0; if it has layers, layer 0.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the mesh has no triangle there or `tile` is
 /// null. Never busy.
@@ -163,7 +163,7 @@ pub unsafe extern "C" fn vrtm_asset_find_tile(
     udim: u32,
     tile: *mut vrtm_tile,
 ) -> vrtm_status {
-    guard("vrtm_asset_find_tile", || find_tile(asset, 0, udim, tile))
+    guard("vrtm_asset_find_tile", || find_tile(asset, 0, udim, 0, tile))
 }
 
 /// The tile with a UDIM number in the UV set `uv_set`, 0 <= uv_set < vrtm_asset_data.uv_sets.
@@ -176,10 +176,24 @@ pub unsafe extern "C" fn vrtm_asset_find_tile_of_set(
     udim: u32,
     tile: *mut vrtm_tile,
 ) -> vrtm_status {
-    guard("vrtm_asset_find_tile_of_set", || find_tile(asset, uv_set, udim, tile))
+    guard("vrtm_asset_find_tile_of_set", || find_tile(asset, uv_set, udim, 0, tile))
 }
 
-fn find_tile(asset: vrtm_asset, uv_set: u32, udim: u32, tile: *mut vrtm_tile) -> Outcome<()> {
+/// A layer of the tile with a UDIM number: `layer` is less than the `layers` of vrtm_tile_layer.
+///
+/// Errors: those of vrtm_asset_find_tile_of_set; VRTM_ERROR_INVALID_ARGUMENT if the tile has no such layer.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_asset_find_tile_of_layer(
+    asset: vrtm_asset,
+    uv_set: u32,
+    udim: u32,
+    layer: u32,
+    tile: *mut vrtm_tile,
+) -> vrtm_status {
+    guard("vrtm_asset_find_tile_of_layer", || find_tile(asset, uv_set, udim, layer, tile))
+}
+
+fn find_tile(asset: vrtm_asset, uv_set: u32, udim: u32, layer: u32, tile: *mut vrtm_tile) -> Outcome<()> {
     let out = Place::new(tile, "tile")?;
     let shared = handle::asset(asset)?;
     let sets = shared.info.uv_sets;
@@ -188,6 +202,10 @@ fn find_tile(asset: vrtm_asset, uv_set: u32, udim: u32, tile: *mut vrtm_tile) ->
     }
     let found = shared.results.find_tile_of_set(uv_set, udim);
     let index = found.ok_or_else(|| Failure::argument(format!("udim: the asset has no tile {udim}")))?;
-    out.write(handle::tile_handle(asset, index));
+    let layers = shared.results.tile_layer(index).1;
+    if layer >= layers {
+        return Err(Failure::argument(format!("layer is {layer}, but tile {udim} has {layers}")));
+    }
+    out.write(handle::tile_handle(asset, index + layer as usize));
     Ok(())
 }

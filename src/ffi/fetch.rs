@@ -1,10 +1,12 @@
 //! Reading results into the host's memory.
 
 use std::ops::Range;
+use std::sync::Arc;
 
 use super::desc::{self, Sized32};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
+use super::shared::SharedAsset;
 use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{Target, vrtm_image_out};
 use crate::allocation::{Collect, Grow};
@@ -36,6 +38,17 @@ pub const VRTM_FETCH_JACOBIAN: vrtm_fetch_kind = 4;
 /// the texture than on the surface: for renderers that derive their filter width from the mesh's own UVs. f16 is
 /// sufficient.
 pub const VRTM_FETCH_FILTER_SCALE: vrtm_fetch_kind = 5;
+/// UVs of another UV set, vrtm_fetch.uv_set, for meshes whose textures use another set than the warp is solved in (one
+/// without overlaps, say): where the redirection leads to a point of the surface, the UV of that point in the other
+/// set, as the mesh has it, whatever its range. The map is looked up by the UVs of the tile's own set. 0 beside charts,
+/// but for a margin of two texels that goes on with the nearest triangle's UVs. Where the other set has a border inside
+/// a chart, texels on both sides of it differ: look the map up without interpolation there, or use the delta. Use f32.
+/// With 4 channels, the fourth is 1 where a chart covers the texel's centre. By vrtm_tile_fetch_output or
+/// vrtm_asset_redirect.
+pub const VRTM_FETCH_UV_SET: vrtm_fetch_kind = 6;
+/// As VRTM_FETCH_UV_SET, minus the UV in that set of the texel's own point of the surface: the offset to add to the UV
+/// that the textures use; 0 where nothing moves. f16 is sufficient. Works with textures that repeat.
+pub const VRTM_FETCH_UV_SET_DELTA: vrtm_fetch_kind = 7;
 
 /// One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
 #[repr(C)]
@@ -44,16 +57,23 @@ pub struct vrtm_fetch {
     /// sizeof(vrtm_fetch); set by vrtm_fetch_init(). All elements of an array must have the same value.
     pub struct_size: u32,
     /// One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP, REDIRECTION_UDIM, JACOBIAN,
-    /// FILTER_SCALE.
+    /// FILTER_SCALE, UV_SET, UV_SET_DELTA.
     pub kind: vrtm_fetch_kind,
     /// A tile of the asset. Required.
     pub tile: vrtm_tile,
     /// Where to write. Required.
     pub image: *const vrtm_image_out,
+    /// The layer to read, counted from that of `tile`: 0 (the default) = `tile` itself.
+    pub layer: u32,
+    /// For VRTM_FETCH_UV_SET and VRTM_FETCH_UV_SET_DELTA: the UV set that the values are UVs of, 0 <= uv_set <
+    /// vrtm_asset_data.uv_sets. 0 (the default) for all other kinds.
+    pub uv_set: u32,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers and a raw pointer.
 unsafe impl Sized32 for vrtm_fetch {
+    // It ended with `image`.
+    const FIRST: usize = std::mem::offset_of!(vrtm_fetch, layer);
     const NAME: &'static str = "vrtm_fetch";
 }
 
@@ -65,7 +85,43 @@ pub(super) fn fetch_kind(kind: vrtm_fetch_kind, name: &str) -> Outcome<FetchKind
         VRTM_FETCH_REDIRECTION_UDIM => Ok(FetchKind::RedirectionUdim),
         VRTM_FETCH_JACOBIAN => Ok(FetchKind::Jacobian),
         VRTM_FETCH_FILTER_SCALE => Ok(FetchKind::FilterScale),
+        VRTM_FETCH_UV_SET | VRTM_FETCH_UV_SET_DELTA => {
+            let message = format!("{name}: the UV set is a field of vrtm_fetch: use vrtm_tile_fetch_output");
+            Err(Failure::argument(message))
+        }
         other => Err(Failure::argument(format!("{name} is {other}, no VRTM_FETCH_ value"))),
+    }
+}
+
+impl vrtm_fetch {
+    /// What messages call a field of the fetch `name`, its asset, the index of the tile, the kind of output and its
+    /// destination.
+    unsafe fn wanted(&self, name: &str) -> Outcome<(Arc<SharedAsset>, Wanted)> {
+        let (asset, first) = handle::tile(&format!("{name}.tile"), self.tile)?;
+        let (own, layers) = asset.results.tile_layer(first);
+        if self.layer >= layers - own {
+            let left = layers - own;
+            let message = format!("{name}.layer is {}, but the tile has {left} from its own on", self.layer);
+            return Err(Failure::argument(message));
+        }
+        let sets = asset.info.uv_sets;
+        let kind = match self.kind {
+            VRTM_FETCH_UV_SET | VRTM_FETCH_UV_SET_DELTA if self.uv_set >= sets => {
+                let message = format!("{name}.uv_set is {}, but the mesh has {sets} UV sets", self.uv_set);
+                return Err(Failure::argument(message));
+            }
+            VRTM_FETCH_UV_SET => FetchKind::UvSet(self.uv_set),
+            VRTM_FETCH_UV_SET_DELTA => FetchKind::UvSetDelta(self.uv_set),
+            _ if self.uv_set != 0 => {
+                let message = format!("{name}.uv_set is {}, but the kind is not of a UV set", self.uv_set);
+                return Err(Failure::argument(message));
+            }
+            kind => fetch_kind(kind, &format!("{name}.kind"))?,
+        };
+        let image = format!("{name}.image");
+        // SAFETY: the host's pointer.
+        let target = unsafe { Target::read(self.image, &image, kind) }?;
+        Ok((asset, (image, first + self.layer as usize, kind, target)))
     }
 }
 
@@ -99,15 +155,12 @@ pub(super) unsafe fn targets(
                 fetch.struct_size
             )));
         }
-        let (_, tile) = handle::tile(&format!("{name}.tile"), fetch.tile)?;
+        // SAFETY: the host's pointers, valid during the call.
+        let (_, wanted) = unsafe { fetch.wanted(&name) }?;
         if !handle::is_tile_of(fetch.tile, asset) {
             return Err(Failure::argument(format!("{name}.tile belongs to another asset")));
         }
-        let kind = fetch_kind(fetch.kind, &format!("{name}.kind"))?;
-        let image = format!("{name}.image");
-        // SAFETY: the host's pointer.
-        let target = unsafe { Target::read(fetch.image, &image, kind) }?;
-        all.put((image, tile, kind, target));
+        all.put(wanted);
     }
     check_apart(&all, input)?;
     Ok(all)
@@ -160,6 +213,46 @@ pub unsafe extern "C" fn vrtm_tile_fetch(
     })
 }
 
+/// Writes one output of the last solve, as a vrtm_fetch describes it: any layer of a tile, and UVs of another set.
+///
+/// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a layer or a UV set out of range.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_fetch_output(fetch: *const vrtm_fetch) -> vrtm_status {
+    guard("vrtm_tile_fetch_output", || {
+        // SAFETY: the host's struct and its pointers, valid during the call.
+        let (asset, (name, tile, kind, target)) = unsafe { desc::read(fetch, "fetch")?.wanted("fetch") }?;
+        // SAFETY: the host vouches for the memory, and this is the only view of it.
+        let mut view = unsafe { target.view(&name) }?;
+        Ok(asset.results.fetch(tile, kind, &mut view)?)
+    })
+}
+
+/// Writes the layer of every face in a UV set: which of the tiles with the face's UDIM number has its redirection (see
+/// vrtm_mesh_desc.max_layers); 0 for faces in no tile. `count` is the number of faces, vrtm_asset_data.faces. All
+/// corners of a face are in its layer. It depends on the mesh alone: no solve is needed, and once per mesh is enough.
+/// Make it an attribute of faces, by which a shader picks the layer's map. Never busy.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for an unknown UV set, if `layers` is null or `count`
+/// is not the number of faces. On any error nothing is written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_asset_fetch_face_layers(
+    asset: vrtm_asset,
+    uv_set: u32,
+    layers: *mut u32,
+    count: usize,
+) -> vrtm_status {
+    guard("vrtm_asset_fetch_face_layers", || {
+        let asset = handle::asset(asset)?;
+        let faces = asset.info.faces;
+        if count as u64 != faces {
+            return Err(Failure::argument(format!("count is {count}, but the mesh has {faces} faces")));
+        }
+        // SAFETY: the host vouches for `count` numbers during the call.
+        let out = unsafe { desc::slice_mut(layers, count, "layers") }?;
+        Ok(asset.results.face_layers(uv_set, out)?)
+    })
+}
+
 /// Writes a part of one output of the last solve, for images that are too large to be held in memory at once: of an
 /// image of `width` x `height` texels, the rectangle of `image`'s size that starts at the column `x` and the row `y`.
 /// Rows are counted in the order of image->origin. On the CPU, parts equal those of the whole image bit for bit. A
@@ -193,9 +286,9 @@ pub unsafe extern "C" fn vrtm_tile_fetch_part(
 /// instead of reading a map. `count` is the number of corners, vrtm_asset_data.corners; `uvs` has room for 2 * count
 /// floats.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if `uvs`
-/// is null or `count` is not the number of corners. On any error nothing is written. Never busy. In tiles that have not
-/// been solved yet, the UVs are the mesh's own.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
+/// `uvs` is null or `count` is not the number of corners. On any error nothing is written. Never busy. In tiles that
+/// have not been solved yet, the UVs are the mesh's own.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_fetch_corner_uvs(
     asset: vrtm_asset,

@@ -37,8 +37,8 @@ pub struct vrtm_asset {
     pub id: u64,
 }
 
-/// A tile: one UDIM unit square of an asset. It belongs to the asset and is destroyed with it. Handles of the same tile
-/// are equal. Zero = no tile.
+/// A tile: one UDIM unit square of an asset, or one layer of it (vrtm_mesh_desc.max_layers). It belongs to the asset
+/// and is destroyed with it. Handles of the same tile are equal. Zero = no tile.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct vrtm_tile {

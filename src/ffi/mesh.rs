@@ -100,10 +100,21 @@ pub struct vrtm_mesh_desc {
     /// Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024. It is
     /// smaller at small triangles: at most a quarter of the smallest UV height of the triangles at the vertex.
     pub weld_uv_tolerance: f64,
+    /// The largest number of layers of a tile, for meshes whose charts lie over one another: mirrored halves, stacked
+    /// islands. 0 (the default) or 1: texels that several charts share do not move (see VRTM_OVERLAP_). From 2 on,
+    /// charts that lie over others, deeper than by 1/4096, get layers of their own, so that every chart is solved as if
+    /// it were alone; a mirrored character has two. Each layer is a tile with its own redirection map: layer 0 has the
+    /// charts of the first faces, layer 1 those that lie under them, and so on. vrtm_asset_fetch_face_layers says which
+    /// layer's map each face reads. Corner UVs and refinements need no layers to be told. Charts for which the layers
+    /// do not suffice are left in the last one. What of a chart lies over the same chart does not move in any layer.
+    /// UVs without overlaps have one layer, with the same results as before.
+    pub max_layers: u64,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers and raw pointers.
 unsafe impl Sized32 for vrtm_mesh_desc {
+    // It ended with `weld_uv_tolerance`.
+    const FIRST: usize = std::mem::offset_of!(vrtm_mesh_desc, max_layers);
     const NAME: &'static str = "vrtm_mesh_desc";
 }
 
@@ -200,6 +211,7 @@ pub(super) unsafe fn mesh<'a>(desc: &vrtm_mesh_desc, uv_sets: &'a [UvSource<'a>]
             seams,
             textured_faces,
             weld: weld(desc)?,
+            max_layers: desc.max_layers.min(u64::from(u32::MAX)) as u32,
         })
     }
 }

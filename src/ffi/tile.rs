@@ -38,9 +38,19 @@ pub struct vrtm_tile_data {
     /// Fraction (0..1) of the rigid nodes that cannot move: of the covered nodes with a rigidity of at least 0.5, those
     /// that a border, an overlap or the mask fixes. Near 1, the rigidity map can have almost no effect.
     pub frozen: f32,
+    /// Which layer of its UDIM number the tile is: 0 unless vrtm_mesh_desc.max_layers is over 1.
+    pub layer: u32,
+    /// Layers of its UDIM number: 1 or more.
+    pub layers: u32,
+    /// Rigid nodes: covered nodes with a rigidity of at least 0.5.
+    pub rigid_nodes: u64,
+    /// How many of these lie under more than one triangle, as those of charts in the same layer that lie over one
+    /// another.
+    pub rigid_overlapped: u64,
 }
 
-/// Which chart moves texels that several charts, or two layers of one chart, share.
+/// Which chart moves texels that several charts of a tile share, or that a chart shares with itself. With
+/// vrtm_mesh_desc.max_layers over 1, charts share texels only where these layers do not suffice.
 pub type vrtm_overlap = i32;
 /// Shared texels do not move, so that nothing gets worse; the default.
 pub const VRTM_OVERLAP_FIXED: vrtm_overlap = 0;
@@ -53,11 +63,11 @@ pub type vrtm_seams = i32;
 pub const VRTM_SEAMS_SHUT: vrtm_seams = 0;
 /// Each chart is solved together with what lies beyond its seams, laid out in its own plane up to `seam_reach`.
 /// Redirections near a seam then lead over the border of the chart: the texture must show there what lies beyond it, as
-/// vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and charts that lie over one another, stay as
-/// they are with VRTM_SEAMS_SHUT. Experimental.
+/// vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and charts that lie over one another, stay
+/// as they are with VRTM_SEAMS_SHUT. Experimental.
 pub const VRTM_SEAMS_CONTINUE: vrtm_seams = 1;
-/// As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart (with VRTM_OPEN_BORDERS_SLIDE: a seam) stay
-/// as they were, whole, and their elastic surroundings give way: never half of a feature. A feature is what hangs
+/// As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart (with VRTM_OPEN_BORDERS_SLIDE: a seam)
+/// stay as they were, whole, and their elastic surroundings give way: never half of a feature. A feature is what hangs
 /// together of nodes with a rigidity of at least 0.5. Any texture will do. Experimental.
 pub const VRTM_SEAMS_KEEP: vrtm_seams = 2;
 
@@ -114,6 +124,8 @@ pub struct vrtm_tile_settings {
 
 // SAFETY: repr(C), struct_size first, plain numbers.
 unsafe impl Sized32 for vrtm_tile_data {
+    // It ended with `frozen`.
+    const FIRST: usize = 72;
     const NAME: &'static str = "vrtm_tile_data";
 }
 
@@ -218,6 +230,25 @@ pub unsafe extern "C" fn vrtm_tile_udim(tile: vrtm_tile, udim: *mut u32, uv_set:
     })
 }
 
+/// Which layer of its UDIM number a tile is, and how many layers there are: 0 and 1 unless vrtm_mesh_desc.max_layers is
+/// over 1. `layers` may be null. Layers share their maps and settings: what is set for one of them holds for all.
+/// Unlike vrtm_tile_info, it does not prepare the tile. Never busy.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `layer` is null.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_layer(tile: vrtm_tile, layer: *mut u32, layers: *mut u32) -> vrtm_status {
+    guard("vrtm_tile_layer", || {
+        let layer_out = Place::new(layer, "layer")?;
+        let (asset, tile) = handle::tile("tile", tile)?;
+        let (layer, count) = asset.results.tile_layer(tile);
+        layer_out.write(layer);
+        if !layers.is_null() {
+            Place::new(layers, "layers")?.write(count);
+        }
+        Ok(())
+    })
+}
+
 /// Describes a tile. The first call, and the first after a change of map or settings, builds the tile's
 /// grid, which takes time.
 ///
@@ -243,15 +274,19 @@ pub unsafe extern "C" fn vrtm_tile_info(tile: vrtm_tile, info: *mut vrtm_tile_da
             edges_apart: info.edges_apart,
             uv_set: info.uv_set,
             frozen: info.frozen,
+            layer: info.layer,
+            layers: info.layers,
+            rigid_nodes: info.rigid_nodes,
+            rigid_overlapped: info.rigid_overlapped,
         });
         Ok(())
     })
 }
 
-/// Sets a tile's rigidity: 0 is infinitely elastic, 1 as rigid as possible; values outside are clamped. The map may
-/// have any size; it is resampled to the grid. Null removes the map: a tile without rigidity does not move at all. The
-/// last result stays readable until the next solve. May be called between frames; only data that depends on the map is
-/// rebuilt.
+/// Sets a tile's rigidity, for all of its layers: 0 is infinitely elastic, 1 as rigid as possible; values outside are
+/// clamped. The map may have any size; it is resampled to the grid. Null removes the map: a tile without rigidity does
+/// not move at all. The last result stays readable until the next solve. May be called between frames; only data that
+/// depends on the map is rebuilt.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a
 /// zero size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -349,7 +384,7 @@ pub unsafe extern "C" fn vrtm_asset_set_vertex_mask(
     })
 }
 
-/// Sets a tile's settings. Null: all defaults.
+/// Sets a tile's settings, for all of its layers. Null: all defaults.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field; VRTM_ERROR_BUSY.
 #[unsafe(no_mangle)]

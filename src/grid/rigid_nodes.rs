@@ -13,12 +13,18 @@ pub(crate) struct RigidNodes {
     pub rigid: u16,
     /// Number of these nodes that are fixed, whatever their chart.
     pub frozen: u16,
+    /// Number of these nodes that several triangles lie over.
+    pub overlapped: u16,
 }
 
 /// The fraction of the rigid nodes that are fixed.
 pub(super) fn frozen_share(squares: &[RigidNodes]) -> f32 {
-    let sum = |f: fn(&RigidNodes) -> u16| squares.iter().map(|square| u64::from(f(square))).sum::<u64>();
-    sum(|square| square.frozen) as f32 / sum(|square| square.rigid).max(1) as f32
+    sum(squares, |square| square.frozen) as f32 / sum(squares, |square| square.rigid).max(1) as f32
+}
+
+/// The sum of a number over squares.
+pub(super) fn sum(squares: &[RigidNodes], of: fn(&RigidNodes) -> u16) -> u64 {
+    squares.iter().map(|square| u64::from(of(square))).sum()
 }
 
 /// The least rigidity of a node that counts as rigid.
@@ -31,10 +37,11 @@ pub(super) fn rigid_nodes(
     free: &NodeSet,
     rigidity: &[f32; WIDE * WIDE],
 ) -> RigidNodes {
-    let mut found = RigidNodes { square, rigid: 0, frozen: 0 };
+    let mut found = RigidNodes { square, rigid: 0, frozen: 0, overlapped: 0 };
     for (i, j) in (0..SIDE * SIDE).map(|n| (n % SIDE, n / SIDE)) {
         if cover.covered.contains(i, j) && rigidity[at(i + 1, j + 1)] >= RIGID {
             found.rigid += 1;
+            found.overlapped += u16::from(cover.layered.contains(i, j));
             found.frozen += u16::from(!(cover.interior.contains(i, j) && free.contains(i, j)));
         }
     }
@@ -50,6 +57,7 @@ pub(super) fn merged(mut found: Vec<RigidNodes>) -> Vec<RigidNodes> {
             // A node where two charts touch counts once.
             kept.rigid = (kept.rigid + next.rigid).min(NODES as u16);
             kept.frozen = (kept.frozen + next.frozen).min(kept.rigid);
+            kept.overlapped = (kept.overlapped + next.overlapped).min(kept.rigid);
         }
         same
     });

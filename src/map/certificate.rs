@@ -8,6 +8,7 @@ mod strip;
 use crate::allocation::filled;
 use crate::device::Device;
 use crate::error::Result;
+use crate::mesh::Mesh;
 use crate::team::Team;
 use crate::unwind::caught;
 
@@ -22,9 +23,15 @@ use strip::{Reader, bands};
 const SMALLEST: u32 = 16;
 
 /// Inspects a map of a result; `desc` has been checked.
-pub(crate) fn inspect(device: &Device, team: &Team, solved: &Solved, desc: &MapDesc) -> Result<MapReport> {
+pub(crate) fn inspect(
+    device: &Device,
+    team: &Team,
+    mesh: &Mesh,
+    solved: &Solved,
+    desc: &MapDesc,
+) -> Result<MapReport> {
     let mut outputs = Outputs::default();
-    let mut reader = Reader { device, team, solved, outputs: &mut outputs, whole: None };
+    let mut reader = Reader { device, team, mesh, solved, outputs: &mut outputs, whole: None };
     // If memory runs short, the outputs' memory must not stay on the device's account.
     let report = caught(|| inspect_with(&mut reader, desc));
     outputs.release(device);

@@ -8,7 +8,7 @@ use crate::error::{Error, ErrorKind, Result};
 use crate::grid::planes::Plane;
 use crate::image::ImagePart;
 use crate::image::{ImageViewMut, TexelLayout};
-use crate::mesh::{Corner, NONE};
+use crate::mesh::{Corner, Mesh, NONE};
 use crate::team::Team;
 
 use super::FetchKind;
@@ -19,6 +19,7 @@ use super::inverse::{self, Area, Centres, Outputs, Room};
 use super::nodes::{self, NodeRows};
 use super::untangle::Untangler;
 use super::untangle::written::WrittenMap;
+use super::uv_set::OtherSet;
 use crate::grid::gutter::LimitedTexels;
 use crate::grid::owners::Owners;
 use crate::solver::solved::Solved;
@@ -50,11 +51,13 @@ enum Content<'a> {
     Inverse { form: Form, centres: Centres, coverage: Option<ChartTexels>, untangler: Option<Box<Untangler>> },
     Jacobian { is_scale: bool },
     Warp { nodes: NodeRows<'a>, rows: Vec<Vec<[f32; 2]>> },
+    OtherSet { centres: Centres, set: OtherSet<'a> },
 }
 
 impl<'a> Output<'a> {
     /// An output for an image with this layout, whose channels have been checked.
     pub fn new(
+        mesh: &Mesh,
         solved: &'a Solved,
         kind: FetchKind,
         part: &ImagePart,
@@ -72,6 +75,16 @@ impl<'a> Output<'a> {
                     coverage: (image.channels as usize > ALPHA).then(|| ChartTexels::new(part)),
                     untangler: image.one_to_one.then(|| boxed(Untangler::new(part.size))),
                 }
+            }
+            FetchKind::UvSet(uv_set) | FetchKind::UvSetDelta(uv_set) => {
+                mesh.check_uv_set(uv_set)?;
+                if part.extent() != part.size {
+                    let message = "kind: UVs of another set are written as a whole image";
+                    return Err(Error::new(ErrorKind::Unsupported, message));
+                }
+                let is_delta = matches!(kind, FetchKind::UvSetDelta(_));
+                let set = OtherSet::new(mesh, solved, uv_set, is_delta, part);
+                Content::OtherSet { centres: Centres::new(part), set }
             }
             FetchKind::Jacobian => Content::Jacobian { is_scale: false },
             FetchKind::FilterScale => Content::Jacobian { is_scale: true },
@@ -96,7 +109,7 @@ impl<'a> Output<'a> {
         if let (Some(owners), Some(tile)) = (&mut owners, &solved.extended) {
             owners.draw(team, tile, &part);
         }
-        let is_redirection = matches!(content, Content::Inverse { .. });
+        let is_redirection = matches!(content, Content::Inverse { .. } | Content::OtherSet { .. });
         let gutter = solved.gutter.as_ref().filter(|_| is_redirection);
         let room = gutter.map(|gutter| Room { gutter, limited: &limited });
         let area = Area { part: &part, owners: owners.as_ref(), room };
@@ -126,6 +139,12 @@ impl<'a> Output<'a> {
             }
             Content::Jacobian { is_scale: true } => {
                 inverse::jacobians(team, solved, &area, |x, y, j| canvas.put(x, y, [largest_stretch(j)]))?;
+            }
+            Content::OtherSet { centres, set } => {
+                let set = set.draw(team);
+                outputs.invert(device, team, solved, &area, &centres, |x, y, uv, delta| {
+                    set.put(&canvas, x, y, uv, delta);
+                })?;
             }
             Content::Warp { nodes, rows } => nodes::write(team, solved, &part, &nodes, rows, &canvas),
         }

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::charts::{self, Seams, is_seam};
+use super::layers::layers;
 use super::read::{self, UvSet};
 use super::source::{MeshSource, Weld, WeldBy};
 use super::weld::{Corners, places, reaches};
@@ -25,10 +26,14 @@ impl Mesh {
         };
         let welding = Welding::new(source, &rest);
         let seams = read::seams(source, &mut info);
-        let (mut corners, mut tiles) = (Vec::new(), Vec::new());
+        let (mut corners, mut tiles, mut corners_of) = (Vec::new(), Vec::new(), Vec::new());
         for (uv_set, uvs) in (0..).zip(std::iter::once(&source.uvs).chain(source.uv_sets)) {
             let mut set = read::read(source, uvs, uv_set, &mut info);
             welding.build(&mut set, &seams, uv_set, &mut tiles);
+            if info.uv_sets > 1 {
+                let of = |raw: &Vec<RawTriangle>| raw.iter().map(|triangle| triangle.corners).collected();
+                corners_of.put_all(set.tiles.iter().map(|(_, raw)| of(raw)));
+            }
             corners.put(set.corners);
         }
         info.tiles = tiles.len() as u32;
@@ -44,7 +49,7 @@ impl Mesh {
         let mut faces = with_capacity(info.faces as usize + 1);
         faces.put(0);
         faces.put_all(check::faces(source).map(|face| face.end as u32));
-        Ok(Mesh { rest, indices, faces, place, corners, tiles, torn, info })
+        Ok(Mesh { rest, indices, faces, place, corners, tiles, corners_of, torn, info })
     }
 }
 
@@ -58,6 +63,8 @@ pub(super) struct Welding<'a> {
     shortest: Vec<f64>,
     /// Per vertex, the first vertex at the same place; empty unless vertices are welded by position.
     pub place: Vec<u32>,
+    /// `MeshSource::max_layers`.
+    max_layers: u32,
 }
 
 impl<'a> Welding<'a> {
@@ -83,7 +90,7 @@ impl<'a> Welding<'a> {
         let tolerance = source.weld.of_positions() * extent + rounding * largest;
         let by_position = source.weld.by == WeldBy::Position;
         let place = if by_position { places(rest, &shortest, tolerance, |_| true) } else { Vec::new() };
-        Welding { weld: source.weld, rest, tolerance, shortest, place }
+        Welding { weld: source.weld, rest, tolerance, shortest, place, max_layers: source.max_layers }
     }
 
     /// Builds the tiles of a UV set and appends them to `tiles`. Sets the tiles and triangles of its corners.
@@ -92,20 +99,39 @@ impl<'a> Welding<'a> {
         let tolerance = self.weld.of_uvs();
         let reach = reaches(set.tiles.iter().flat_map(|tile| &tile.1), self.rest.len(), tolerance);
         let place = |v: u32| self.place.get(v as usize).copied().unwrap_or(v);
-        for (udim, raw) in &mut set.tiles {
-            let udim = *udim;
-            for (t, triangle) in raw.iter().enumerate() {
+        let mut triangles = Vec::new();
+        for (udim, mut raw) in std::mem::take(&mut set.tiles) {
+            let numbers = number(&mut raw, Corners::new(&place, &reach, tolerance));
+            let tile = TileMesh { udim, uv_set, ..charts::build(&raw, &numbers, seams) };
+            let layers =
+                if self.max_layers > 1 { layers(&tile, &raw, self.max_layers) } else { zeroed(raw.len()) };
+            let count = 1 + layers.iter().max().copied().unwrap_or(0);
+            let of_first = tiles.len() as u32;
+            let mut sizes: Vec<u32> = zeroed(count as usize);
+            for (triangle, &layer) in raw.iter().zip(&layers) {
                 for c in triangle.corners {
-                    set.corners[c as usize].triangle = t as u32;
+                    let corner = &mut set.corners[c as usize];
+                    (corner.tile, corner.triangle) = (of_first + layer, sizes[layer as usize]);
                 }
+                sizes[layer as usize] += 1;
             }
-            let numbers = number(raw, Corners::new(&place, &reach, tolerance));
-            tiles.put(TileMesh { udim, uv_set, ..charts::build(raw, &numbers, seams) });
+            if count == 1 {
+                tiles.put(tile);
+                triangles.put((udim, raw));
+                continue;
+            }
+            (0..count).for_each(|layer| tiles.put(tile.of_layer(&layers, layer)));
+            let mut of_layers: Vec<Vec<RawTriangle>> =
+                sizes.iter().map(|&size| with_capacity(size as usize)).collected();
+            raw.into_iter().zip(layers).for_each(|(triangle, layer)| of_layers[layer as usize].put(triangle));
+            triangles.put_all(of_layers.into_iter().map(|raw| (udim, raw)));
         }
-        let numbered: Vec<u32> = set.tiles.iter().map(|tile| tile.0).collected();
-        for corner in &mut set.corners {
-            corner.tile = numbered.binary_search(&corner.tile).map_or(NONE, |k| (first + k) as u32);
+        // Corners without a triangle still have the UDIM numbers of their faces.
+        for corner in set.corners.iter_mut().filter(|corner| corner.triangle == NONE) {
+            let found = tiles[first..].iter().position(|tile| tile.udim == corner.tile);
+            corner.tile = found.map_or(NONE, |k| (first + k) as u32);
         }
+        set.tiles = triangles;
         self.count_apart(set, seams, &mut tiles[first..]);
     }
 

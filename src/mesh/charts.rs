@@ -22,6 +22,11 @@ pub(super) fn build(raw: &[RawTriangle], numbers: &[[u32; 3]], seams: &Seams) ->
 }
 
 impl TileMesh {
+    /// The number in `chart_of` of each triangle of a chart.
+    pub fn numbers(&self) -> Vec<u32> {
+        order(&self.chart_of)
+    }
+
     /// The borders: the sides of triangles without a neighbour, as triangle numbers of `chart_of` in that order, with a
     /// corner.
     pub fn borders(&self) -> impl Iterator<Item = (u32, u8)> {
@@ -52,7 +57,39 @@ impl TileMesh {
             let vertices = &self.charts[self.chart_of[t] as usize].vertices;
             (triangle.local.map(|v| vertices[v as usize]), triangle.uv)
         });
-        TileMesh { udim: self.udim, uv_set: self.uv_set, ..tile }
+        TileMesh { udim: self.udim, uv_set: self.uv_set, layer: self.layer, ..tile }
+    }
+
+    /// A layer of the tile: the triangles for which `layers` has its number, numbered anew in their order. A chart has its
+    /// triangles in one layer.
+    pub fn of_layer(&self, layers: &[u32], layer: u32) -> TileMesh {
+        let order = order(&self.chart_of);
+        let new_index = inverse(&order);
+        let mut numbers = filled(NONE, order.len());
+        let kept: Vec<u32> = (0..order.len() as u32).filter(|&t| layers[t as usize] == layer).collected();
+        for (number, &t) in kept.iter().enumerate() {
+            numbers[t as usize] = number as u32;
+        }
+        let triangle = |t: u32| &self.triangles[new_index[t as usize] as usize];
+        let neighbours: Vec<[u32; 3]> = kept
+            .iter()
+            .map(|&t| {
+                let of = |n: u32| if n == NONE { NONE } else { numbers[order[n as usize] as usize] };
+                triangle(t).neighbours.map(of)
+            })
+            .collected();
+        let tile = assemble(&neighbours, |number| {
+            let t = kept[number];
+            let vertices = &self.charts[self.chart_of[t as usize] as usize].vertices;
+            (triangle(t).local.map(|v| vertices[v as usize]), triangle(t).uv)
+        });
+        let of_layer = |weld: &&WeldedEdge| layers[weld.sides[0].0 as usize] == layer;
+        let renumbered = |weld: &WeldedEdge| WeldedEdge {
+            sides: weld.sides.map(|(t, k)| (numbers[t as usize], k)),
+            ends: weld.ends,
+        };
+        let welds = self.welds.iter().filter(of_layer).map(renumbered).collected();
+        TileMesh { udim: self.udim, uv_set: self.uv_set, layer, welds, ..tile }
     }
 }
 

@@ -1,7 +1,6 @@
 //! A tile whose charts go on beyond their borders: each chart with its collar, as far as it lies over nothing else of the same
 //! chart. What is left out of a collar is beyond a border, as everything is without collars.
 
-mod overlaps;
 #[cfg(test)]
 mod tests;
 
@@ -11,11 +10,11 @@ use glam::DVec2;
 
 use super::collar::{Across, Collar, collars};
 use super::hash::{Table, enter};
+use super::overlaps::Overlaps;
 use super::{Chart, Cut, FacePoint, Mesh, NONE, Source, TileMesh, Triangle};
 use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
 use crate::settings::Beyond;
 use crate::team::Team;
-use overlaps::Overlaps;
 
 /// A tile with collars. Triangles of charts keep their numbers. Charts that lie over others get no collars: what they share
 /// must stay where it is.
@@ -33,6 +32,7 @@ pub(crate) fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -
     let mut extended = TileMesh {
         udim: source.udim,
         uv_set: source.uv_set,
+        layer: source.layer,
         triangles: source.triangles.iter().map(|triangle| Triangle { ..*triangle }).collected(),
         sources: Vec::new(),
         charts: with_capacity(source.charts.len()),

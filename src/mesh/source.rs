@@ -39,6 +39,11 @@ pub struct MeshSource<'a> {
     pub textured_faces: Option<&'a [u32]>,
     /// How corners of faces are welded.
     pub weld: Weld,
+    /// The largest number of layers of a UDIM tile, in all UV sets. Up to 1, its charts are one tile, wherever they lie.
+    /// Otherwise charts that lie over others, by more than a border, come into layers of their own, each of which is a tile:
+    /// a chart goes into the first layer where nothing lies under it, the charts of the first faces first. Charts for which
+    /// there is no such layer are left in the last one.
+    pub max_layers: u32,
 }
 
 /// How two corners of different faces are recognised as one, so that charts continue across the edges between them.

@@ -41,11 +41,22 @@ impl Locator {
     /// `under` gives the triangle under each of the (nx + 1) x (ny + 1) nodes, or `NONE`.
     pub fn new(tile: &TileMesh, nx: usize, ny: usize, under: Vec<u32>) -> Locator {
         let cells = DVec2::new(nx as f64, ny as f64);
+        Locator::of(tile, [nx, ny], |uv| uv * cells, under)
+    }
+
+    /// A locator over another lattice of (nx + 1) x (ny + 1) points than a grid's nodes; `place` takes a UV to a place among
+    /// them.
+    pub fn of(
+        tile: &TileMesh,
+        [nx, ny]: [usize; 2],
+        place: impl Fn(DVec2) -> DVec2,
+        under: Vec<u32>,
+    ) -> Locator {
         let triangles = tile
             .triangles
             .iter()
             .map(|t| {
-                let [a, b, c] = t.uv.map(|uv| uv * cells);
+                let [a, b, c] = t.uv.map(&place);
                 let (e1, e2) = (b - a, c - a);
                 let det = e1.perp_dot(e2);
                 ExactTriangle {

@@ -23,7 +23,7 @@ use crate::team::Team;
 /// Bytes of a part.
 const PART_BYTES: usize = 4 * 4 + 2 * SIDE;
 /// Bytes of a square's rigid nodes.
-const SQUARE_BYTES: usize = 2 * 4 + 2 * 2;
+const SQUARE_BYTES: usize = 2 * 4 + 3 * 2;
 
 /// Reads numbers in sequence.
 pub struct Reader<'a> {
@@ -223,16 +223,17 @@ fn read_squares(from: &mut Reader, count: usize, cells: [usize; 2]) -> Result<Ve
     let mut squares = with_capacity::<RigidNodes>(count);
     for _ in 0..count {
         let square = [from.u32()?, from.u32()?];
-        let [rigid, frozen] = [from.array()?, from.array()?].map(u16::from_le_bytes);
+        let counts = [from.array()?, from.array()?, from.array()?];
+        let [rigid, frozen, overlapped] = counts.map(u16::from_le_bytes);
         let is_inside = square.iter().zip(cells).all(|(&at, cells)| at as usize <= cells / SIDE);
         let is_next = squares.last().is_none_or(|last| {
             let [x, y] = last.square;
             (y, x) < (square[1], square[0])
         });
-        if !is_inside || !is_next || usize::from(rigid) > NODES || frozen > rigid {
+        if !is_inside || !is_next || usize::from(rigid) > NODES || frozen.max(overlapped) > rigid {
             return Err(refuse("it has squares that cannot be"));
         }
-        squares.put(RigidNodes { square, rigid, frozen });
+        squares.put(RigidNodes { square, rigid, frozen, overlapped });
     }
     Ok(squares)
 }

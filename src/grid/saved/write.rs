@@ -58,9 +58,9 @@ pub fn write(grid: &Grid, to: &mut Writer) {
         to.u32s(&[part.chart, part.x, part.y, u32::from(*rigid)]);
         to.u16s(&part.nodes.0);
     }
-    for RigidNodes { square, rigid, frozen } in &grid.rigid_nodes {
+    for RigidNodes { square, rigid, frozen, overlapped } in &grid.rigid_nodes {
         to.u32s(square);
-        to.u16s(&[*rigid, *frozen]);
+        to.u16s(&[*rigid, *frozen, *overlapped]);
     }
     for level in &grid.levels {
         to.u16s(level.rigidity.as_flattened());

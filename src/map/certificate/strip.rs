@@ -14,12 +14,14 @@ use crate::team::Team;
 use super::desc::MapDesc;
 use crate::map::fetch::Output;
 use crate::map::inverse::Outputs;
+use crate::mesh::Mesh;
 use crate::solver::solved::Solved;
 
 /// Writes rows of maps of a result.
 pub struct Reader<'a> {
     pub device: &'a Device,
     pub team: &'a Team,
+    pub mesh: &'a Mesh,
     pub solved: &'a Solved,
     pub outputs: &'a mut Outputs,
     /// The last map that can only be written as a whole.
@@ -59,7 +61,7 @@ impl Reader<'_> {
         let layout = ImageLayout { origin: Origin::Bottom, one_to_one: desc.one_to_one, ..layout };
         let part = ImagePart { size, first: [0, rows.start], end: [size[0], rows.end] };
         let mut image = ImageViewMut::new("map", &mut bytes, layout)?;
-        let output = Output::new(self.solved, desc.kind, &part, &image.layout)?;
+        let output = Output::new(self.mesh, self.solved, desc.kind, &part, &image.layout)?;
         output.write(self.device, self.team, self.outputs, &mut image)?;
         Ok(bytes)
     }

@@ -41,6 +41,8 @@ class Asset:
     seams           edges at which charts end, (count, 2) vertices
     textured_faces  the faces that carry the texture; None = all
     weld            how faces are connected: "index" (the default), "position" for game meshes, "off"
+    max_layers      from 2 on: charts that lie over one another, as mirrored halves do, are told apart by up to so many
+                    layers, each a tile of its own; see Tile.layer and face_layers
 
     The asset keeps copies: the arrays may be changed afterwards. Raises InvalidArgumentError, which names the array and
     the index. May be used with `with`, which closes the asset.
@@ -62,6 +64,7 @@ class Asset:
         weld: str = "index",
         weld_position_tolerance: float = 1e-5,
         weld_uv_tolerance: float = 1 / 2048,
+        max_layers: int = 0,
     ) -> None:
         if not isinstance(device, Device):
             raise TypeError(f"device: {device!r} is no vrtm.Device")
@@ -80,6 +83,7 @@ class Asset:
             weld=weld,
             weld_position_tolerance=weld_position_tolerance,
             weld_uv_tolerance=weld_uv_tolerance,
+            max_layers=max_layers,
         )
         handle = _abi.vrtm_asset()
         check(library.vrtm_asset_create(device._handle, ctypes.byref(desc), ctypes.byref(handle)))
@@ -105,16 +109,26 @@ class Asset:
 
     @property
     def tiles(self) -> tuple[Tile, ...]:
-        """The tiles with at least one triangle: those of UV set 0 by their UDIM numbers, then those of set 1."""
+        """The tiles with at least one triangle: those of UV set 0 by their UDIM numbers, then those of set 1. The layers of
+        a UDIM number follow one another."""
         return self._tiles
 
-    def tile(self, udim: int, uv_set: int = 0) -> Tile:
-        """The tile with a UDIM number, 1001 + U + 10 V. Raises InvalidArgumentError if the mesh has no triangle
-        there."""
+    def tile(self, udim: int, uv_set: int = 0, layer: int = 0) -> Tile:
+        """The tile with a UDIM number, 1001 + U + 10 V, or one of its layers. Raises InvalidArgumentError if the mesh has
+        no triangle there, or no such layer."""
         handle = _abi.vrtm_tile()
-        udim, uv_set = natural("udim", udim, 32), natural("uv_set", uv_set, 32)
-        check(library.vrtm_asset_find_tile_of_set(self._handle, uv_set, udim, ctypes.byref(handle)))
+        place = (natural("uv_set", uv_set, 32), natural("udim", udim, 32), natural("layer", layer, 32))
+        check(library.vrtm_asset_find_tile_of_layer(self._handle, *place, ctypes.byref(handle)))
         return next(tile for tile in self._tiles if tile._handle.id == handle.id)
+
+    def face_layers(self, uv_set: int = 0) -> np.ndarray:
+        """The layer of each face, (faces,) of uint32: which of the tiles with its UDIM number has its redirection; 0 for
+        faces in no tile. All 0 unless the asset was made with max_layers. An attribute of faces, by which a shader picks
+        the map of the layer."""
+        layers = np.zeros(self.info.faces, np.uint32)
+        uv_set = natural("uv_set", uv_set, 32)
+        check(library.vrtm_asset_fetch_face_layers(self._handle, uv_set, layers.ctypes.data, len(layers)))
+        return layers
 
     def set_vertex_rigidity(self, values: Any | None) -> None:
         """The rigidity of all tiles by values per vertex, (vertices,) of 0 (elastic) to 1 (rigid); None removes
@@ -215,7 +229,7 @@ class Asset:
         if self.closed:
             return "<vrtm.Asset, closed>"
         info = self.info
-        return f"<vrtm.Asset of {info.faces} faces, tiles {', '.join(str(tile.udim) for tile in self._tiles)}>"
+        return f"<vrtm.Asset of {info.faces} faces, tiles {', '.join(tile._name for tile in self._tiles)}>"
 
 
 def _destroy(handle: _abi.vrtm_asset, _log: object) -> None:

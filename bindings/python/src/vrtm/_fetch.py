@@ -9,6 +9,7 @@ import numpy as np
 
 from . import _abi
 from ._arrays import Pinned
+from ._device import natural
 from ._images import Target, image_size
 from ._library import new
 from ._names import value_of
@@ -28,12 +29,14 @@ class Fetch:
         channels: int = 0,
         origin: str = "top",
         one_to_one: bool = False,
+        uv_set: int = 0,
         out: np.ndarray | None = None,
     ) -> None:
         if not isinstance(tile, Tile):
             raise TypeError(f"tile: {tile!r} is no vrtm.Tile")
         self.tile, self.kind = tile, kind
         self._kind = value_of("fetch_kind", kind, "kind")
+        self._uv_set = natural("uv_set", uv_set, 32)
         self._size = None if size is None else image_size(size)
         self._more: dict[str, Any] = {"dtype": dtype, "channels": channels, "origin": origin}
         self._more |= {"one_to_one": one_to_one, "out": out}
@@ -48,4 +51,5 @@ class Fetch:
         struct.struct_size = new(_abi.vrtm_fetch).struct_size
         struct.kind = self._kind
         struct.tile = self.tile._handle
+        struct.uv_set = self._uv_set
         struct.image = ctypes.pointer(target.struct)

@@ -9,6 +9,7 @@ import numpy as np
 
 from . import _abi
 from ._arrays import Pinned
+from ._device import natural
 from ._library import new
 from ._names import value_of
 
@@ -28,6 +29,7 @@ def mesh(
     weld: str = "index",
     weld_position_tolerance: float = 1e-5,
     weld_uv_tolerance: float = 1 / 2048,
+    max_layers: int = 0,
 ) -> _abi.vrtm_mesh_desc:
     """The struct for vrtm_asset_create. The arguments are those of Asset."""
     desc = new(_abi.vrtm_mesh_desc)
@@ -58,6 +60,7 @@ def mesh(
     desc.weld = value_of("weld", weld)
     desc.weld_position_tolerance = weld_position_tolerance
     desc.weld_uv_tolerance = weld_uv_tolerance
+    desc.max_layers = natural("max_layers", max_layers, 64)
     return desc
 
 

@@ -33,6 +33,13 @@ class Tile:
         self.udim: int = udim.value
         #: The UV set that the tile belongs to.
         self.uv_set: int = uv_set.value
+        layer, layers = ctypes.c_uint32(), ctypes.c_uint32()
+        check(library.vrtm_tile_layer(handle, ctypes.byref(layer), ctypes.byref(layers)))
+        #: Which layer of its UDIM number the tile is: 0 unless the asset was made with max_layers. Layers share their maps
+        #: and settings: what is set for one of them holds for all.
+        self.layer: int = layer.value
+        #: The number of layers of its UDIM number.
+        self.layers: int = layers.value
 
     @property
     def info(self) -> TileInfo:
@@ -119,6 +126,7 @@ class Tile:
         channels: int = 0,
         origin: str = "top",
         one_to_one: bool = False,
+        uv_set: int = 0,
         out: np.ndarray | None = None,
     ) -> np.ndarray:
         """An output of the last solve as an image, (height, width, channels).
@@ -127,7 +135,9 @@ class Tile:
                     "redirection_delta": the redirection minus the texel's own UV;
                     "redirection_udim": the redirection plus the tile's offset;
                     "warp": the redirection's inverse, texels on nodes; "jacobian": du'/du, du'/dv, dv'/du, dv'/dv;
-                    "filter_scale": its largest singular value
+                    "filter_scale": its largest singular value;
+                    "uv_set": where the redirection leads to, as a UV of the set `uv_set`; "uv_set_delta": how far that
+                    is from the texel's own UV of that set
         size        (width, height) or one number for both; None = that of `out`, or the grid's (a warp's has one node
                     more)
         dtype       float32 or float16
@@ -135,6 +145,7 @@ class Tile:
         origin      "top": the first row is at v = 1; or "bottom"
         one_to_one  the redirection is one-to-one also when it is interpolated between its texels; where float16 is too
                     coarse for that, nothing is changed, the log warns, and inspect_map counts the folds
+        uv_set      for "uv_set" and "uv_set_delta": the UV set of the values
         out         an array to write into, of the right shape, of any strides
 
         Never waits for a solve. Raises NotSolvedError before the first.
@@ -144,7 +155,10 @@ class Tile:
         target = Target(
             Pinned(), kind, size, dtype=dtype, channels=channels, origin=origin, one_to_one=one_to_one, out=out
         )
-        check(library.vrtm_tile_fetch(self._handle, number, ctypes.byref(target.struct)))
+        fetch = new(_abi.vrtm_fetch)
+        fetch.kind, fetch.tile, fetch.uv_set = number, self._handle, natural("uv_set", uv_set, 32)
+        fetch.image = ctypes.pointer(target.struct)
+        check(library.vrtm_tile_fetch_output(ctypes.byref(fetch)))
         return target.done()
 
     def fetch_part(
@@ -268,4 +282,8 @@ class Tile:
         return of.grid_width + nodes, of.grid_height + nodes
 
     def __repr__(self) -> str:
-        return f"<vrtm.Tile {self.udim} of UV set {self.uv_set}>"
+        return f"<vrtm.Tile {self._name} of UV set {self.uv_set}>"
+
+    @property
+    def _name(self) -> str:
+        return f"{self.udim} layer {self.layer}" if self.layers > 1 else str(self.udim)

@@ -48,10 +48,13 @@ impl Overlaps {
 
     /// True if a triangle lies over one of the triangles for which `counts` is true.
     pub fn any(&self, triangle: [DVec2; 3], mut counts: impl FnMut(usize) -> bool) -> bool {
-        self.bins_of(triangle).any(|bin| {
-            let entries = &self.entries[self.starts[bin] as usize..self.starts[bin + 1] as usize];
-            entries.iter().any(|&t| counts(t as usize) && overlap(triangle, self.triangles[t as usize]))
-        })
+        self.near(triangle).any(|t| counts(t) && overlap(triangle, self.triangles[t]))
+    }
+
+    /// The triangles whose bins a triangle's bounding box meets; some more than once.
+    pub fn near(&self, triangle: [DVec2; 3]) -> impl Iterator<Item = usize> + '_ {
+        let of_bin = |bin: usize| &self.entries[self.starts[bin] as usize..self.starts[bin + 1] as usize];
+        self.bins_of(triangle).flat_map(of_bin).map(|&t| t as usize)
     }
 
     /// The bins that a triangle's bounding box meets.
@@ -65,7 +68,7 @@ impl Overlaps {
 }
 
 /// True unless a side of one of the triangles separates them.
-fn overlap(a: [DVec2; 3], b: [DVec2; 3]) -> bool {
+pub(super) fn overlap(a: [DVec2; 3], b: [DVec2; 3]) -> bool {
     !separates(a, b) && !separates(b, a)
 }
 
