@@ -84,7 +84,9 @@ enum class FetchKind : vrtm_fetch_kind {
     warp = VRTM_FETCH_WARP,
     redirection_udim = VRTM_FETCH_REDIRECTION_UDIM,
     jacobian = VRTM_FETCH_JACOBIAN,
-    filter_scale = VRTM_FETCH_FILTER_SCALE
+    filter_scale = VRTM_FETCH_FILTER_SCALE,
+    uv_set = VRTM_FETCH_UV_SET,
+    uv_set_delta = VRTM_FETCH_UV_SET_DELTA
 };
 enum class Quality : vrtm_quality {
     normal = VRTM_QUALITY_NORMAL,
@@ -646,6 +648,7 @@ public:
         weld_ = other.weld_;
         weld_position_tolerance_ = other.weld_position_tolerance_;
         weld_uv_tolerance_ = other.weld_uv_tolerance_;
+        max_layers_ = other.max_layers_;
         sets_ = other.sets_;
         link();
         return *this;
@@ -669,6 +672,12 @@ public:
         weld_ = weld;
         weld_position_tolerance_ = position_tolerance;
         weld_uv_tolerance_ = uv_tolerance;
+        return *this;
+    }
+    // From 2 on: charts that lie over one another get up to so many layers.
+    Mesh &max_layers(std::uint64_t count) noexcept
+    {
+        max_layers_ = count;
         return *this;
     }
     Mesh &add_uv_set(const UvSet &set)
@@ -702,6 +711,7 @@ public:
         c.weld = vrtm::value(weld_);
         c.weld_position_tolerance = weld_position_tolerance_;
         c.weld_uv_tolerance = weld_uv_tolerance_;
+        c.max_layers = max_layers_;
         return c;
     }
     vrtm_mesh_desc c() const && = delete;
@@ -741,6 +751,7 @@ private:
     Weld weld_ = Weld::index;
     double weld_position_tolerance_ = vrtm_mesh_desc_init().weld_position_tolerance;
     double weld_uv_tolerance_ = vrtm_mesh_desc_init().weld_uv_tolerance;
+    std::uint64_t max_layers_ = 0;
     std::vector<UvSet> sets_;
     std::vector<vrtm_uv_set> c_sets_; // points into sets_
 };
@@ -790,6 +801,20 @@ public:
         std::uint32_t udim = 0, uv_set = 0;
         const vrtm_status status = vrtm_tile_udim(handle_, &udim, &uv_set);
         return {uv_set, status};
+    }
+    // Which layer of its UDIM number the tile is.
+    Result<std::uint32_t> layer() const noexcept
+    {
+        std::uint32_t layer = 0;
+        const vrtm_status status = vrtm_tile_layer(handle_, &layer, nullptr);
+        return {layer, status};
+    }
+    // The layers of its UDIM number.
+    Result<std::uint32_t> layers() const noexcept
+    {
+        std::uint32_t layer = 0, layers = 0;
+        const vrtm_status status = vrtm_tile_layer(handle_, &layer, &layers);
+        return {layers, status};
     }
     Result<vrtm_tile_data> info() const noexcept
     {
@@ -872,6 +897,16 @@ public:
     {
         return Result<>(vrtm_tile_fetch(handle_, vrtm::value(kind), &image.c()));
     }
+    // For FetchKind::uv_set and uv_set_delta: UVs of the set `uv_set`.
+    Result<> fetch(FetchKind kind, const ImageOut &image, std::uint32_t uv_set) const noexcept
+    {
+        vrtm_fetch c = vrtm_fetch_init();
+        c.kind = vrtm::value(kind);
+        c.tile = handle_;
+        c.image = &image.c();
+        c.uv_set = uv_set;
+        return Result<>(vrtm_tile_fetch_output(&c));
+    }
     Result<> fetch_part(FetchKind kind, const ImageOut &image, std::uint32_t x, std::uint32_t y,
                             std::uint32_t width, std::uint32_t height) const noexcept
     {
@@ -916,6 +951,8 @@ struct Fetch {
     Tile tile;
     ImageOut image;
     FetchKind kind = FetchKind::redirection;
+    // For FetchKind::uv_set and uv_set_delta.
+    std::uint32_t uv_set = 0;
 };
 
 // The outputs of Asset::redirect: it owns their descriptions, not the images' memory. Fill it once and use it for every
@@ -939,6 +976,7 @@ public:
         vrtm_fetch c = vrtm_fetch_init();
         c.kind = vrtm::value(fetch.kind);
         c.tile = fetch.tile.handle();
+        c.uv_set = fetch.uv_set;
         fetches_.push_back(c);
         images_.push_back(fetch.image.c());
         link();
@@ -1253,7 +1291,8 @@ public:
         const vrtm_status status = vrtm_asset_tile(handle(), index, &tile);
         return {Tile(tile), status};
     }
-    // All tiles: those of UV set 0 in the order of their UDIM numbers, then those of set 1, and so on.
+    // All tiles: those of UV set 0 in the order of their UDIM numbers, then those of set 1, and so on. The layers of a UDIM
+    // number follow one another.
     Result<std::vector<Tile>> tiles() const
     {
         const Result<std::uint32_t> count = tile_count();
@@ -1271,6 +1310,23 @@ public:
         vrtm_tile tile{};
         const vrtm_status status = vrtm_asset_find_tile_of_set(handle(), uv_set, udim, &tile);
         return {Tile(tile), status};
+    }
+    Result<Tile> find_tile(std::uint32_t udim, std::uint32_t uv_set, std::uint32_t layer) const noexcept
+    {
+        vrtm_tile tile{};
+        const vrtm_status status = vrtm_asset_find_tile_of_layer(handle(), uv_set, udim, layer, &tile);
+        return {Tile(tile), status};
+    }
+    // The layer of each face in a UV set.
+    Result<std::vector<std::uint32_t>> face_layers(std::uint32_t uv_set = 0) const
+    {
+        const Result<vrtm_asset_data> data = info();
+        std::vector<std::uint32_t> layers(static_cast<std::size_t>(data->faces));
+        Result<> result = data;
+        if (result) {
+            result = Result<>(vrtm_asset_fetch_face_layers(handle(), uv_set, layers.data(), layers.size()));
+        }
+        return {std::move(layers), result};
     }
 
     Result<> set_vertex_rigidity(const Array &rigidity) const noexcept

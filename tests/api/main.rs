@@ -5,8 +5,10 @@ mod common;
 
 mod budget;
 mod control;
+mod layers;
 mod maps;
 mod prepare;
 mod refine;
 mod saved;
 mod selection;
+mod uv_sets;

@@ -98,6 +98,11 @@ fn mesh() {
 }
 
 #[test]
+fn layers() {
+    run_host("layers.c", 40);
+}
+
+#[test]
 fn float_mode() {
     run_host("float_mode.c", 30);
 }

@@ -40,6 +40,7 @@ pub struct Model {
     pub maps: Vec<Maps>,
     pub seams: Vec<[u32; 2]>,
     pub weld: Weld,
+    pub max_layers: u32,
 }
 
 /// The maps of one tile: 8 bits, first row at v = 1.
@@ -108,6 +109,7 @@ impl Model {
             uvs,
             seams: &self.seams,
             weld: self.weld,
+            max_layers: self.max_layers,
             ..MeshSource::default()
         };
         Asset::new(device, &source).unwrap()

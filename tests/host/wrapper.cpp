@@ -160,6 +160,11 @@ void images(const vrtm::Device &device)
     const vrtm::Tile tile = *asset.find_tile(1001);
     check_that(*tile.udim() == 1001 && *tile.uv_set() == 0, "is 1001 of set 0", "");
     refuses("no tile has no number", vrtm::Tile().udim(), vrtm::Code::invalid_handle, "vrtm_tile_udim");
+    check_that(*tile.layer() == 0 && *tile.layers() == 1 && asset.find_tile(1001, 0, 0)->handle().id == tile.handle().id,
+               "is its only layer", "");
+    refuses("layer 1", asset.find_tile(1001, 0, 1), vrtm::Code::invalid_argument, "layer is 1");
+    check_that(*asset.face_layers() == std::vector<std::uint32_t>(FACES), "has all faces", "");
+    check_that(vrtm::Mesh(quads()).max_layers(5).c().max_layers == 5, "a mesh has a number of layers", "");
     const Map expected = redirection(asset, {pose, VERTICES});
     const auto gives_the_same = [&](const char *what, const vrtm::Image &image) {
         const Map none(2 * MAP * MAP);

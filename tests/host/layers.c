@@ -1,0 +1,155 @@
+/* A sheet whose halves lie on the same UVs in set 0, and on their own in set 1: layers, which face has which, and
+ * redirections of set 1 written as UVs of set 0. */
+
+#include "check.h"
+
+static sheet s;
+static sheet_desc d;
+static float mirrored[VERTICES][2];
+static vrtm_array halves;
+static vrtm_uv_set unique;
+
+/* The halves of the sheet fold onto each other along its middle. */
+static void describe(void)
+{
+    for (int k = 0; k < VERTICES; ++k) {
+        mirrored[k][0] = 0.05f + 2 * fabsf(s.uvs[k][0] - 0.5f);
+        mirrored[k][1] = s.uvs[k][1];
+    }
+    sheet_describe(&s, &d);
+    halves = d.uvs;
+    halves.data = mirrored;
+    memset(&unique, 0, sizeof unique);
+    unique.uvs = &d.uvs;
+    unique.uv_indices = s.indices;
+    unique.uv_index_count = CORNERS;
+    d.mesh.uvs = &halves;
+    d.mesh.uv_sets = &unique;
+    d.mesh.uv_set_count = 1;
+    d.mesh.max_layers = 8;
+}
+
+static vrtm_fetch fetch_of(vrtm_tile tile, const vrtm_image_out *image)
+{
+    vrtm_fetch fetch = vrtm_fetch_init();
+    fetch.tile = tile;
+    fetch.image = image;
+    return fetch;
+}
+
+static void layers(vrtm_asset asset)
+{
+    static uint32_t of_face[FACES];
+    uint32_t count = 0, layer = 9, number = 9;
+    vrtm_tile tiles[3], found;
+    succeeds("tile_count", vrtm_asset_tile_count(asset, &count));
+    check_that(count == 3, "two layers and a tile", "");
+    for (uint32_t k = 0; k < 3; ++k) {
+        succeeds("a tile", vrtm_asset_tile(asset, k, &tiles[k]));
+    }
+    succeeds("its layer", vrtm_tile_layer(tiles[1], &layer, &number));
+    check_that(layer == 1 && number == 2, "is 1 of 2", "");
+    succeeds("that of set 1 alone", vrtm_tile_layer(tiles[2], &layer, NULL));
+    check_that(layer == 0, "is 0", "");
+    fails("no place for it", vrtm_tile_layer(tiles[2], NULL, NULL), VRTM_ERROR_INVALID_ARGUMENT, "layer is null");
+    succeeds("layer 1 by its number", vrtm_asset_find_tile_of_layer(asset, 0, 1001, 1, &found));
+    check_that(found.id == tiles[1].id, "is tile 1", "");
+    succeeds("no layer's number", vrtm_asset_find_tile(asset, 1001, &found));
+    check_that(found.id == tiles[0].id, "is layer 0", "");
+    fails("layer 2", vrtm_asset_find_tile_of_layer(asset, 0, 1001, 2, &found), VRTM_ERROR_INVALID_ARGUMENT,
+          "layer is 2, but tile 1001 has 2");
+    succeeds("face layers", vrtm_asset_fetch_face_layers(asset, 0, of_face, FACES));
+    int wrong = 0;
+    for (uint32_t f = 0; f < FACES; ++f) {
+        /* The left half has the first face. */
+        wrong += of_face[f] != (f % SIDE >= SIDE / 2);
+    }
+    check_that(wrong == 0, "are those of the halves", "");
+    succeeds("those of set 1", vrtm_asset_fetch_face_layers(asset, 1, of_face, FACES));
+    check_that(of_face[0] == 0 && of_face[FACES - 1] == 0, "are 0", "");
+    fails("too few", vrtm_asset_fetch_face_layers(asset, 0, of_face, FACES - 1), VRTM_ERROR_INVALID_ARGUMENT, "count");
+    fails("no place", vrtm_asset_fetch_face_layers(asset, 0, NULL, FACES), VRTM_ERROR_INVALID_ARGUMENT, "layers is null");
+    fails("of set 2", vrtm_asset_fetch_face_layers(asset, 2, of_face, FACES), VRTM_ERROR_INVALID_ARGUMENT, "uv_set");
+    vrtm_tile_data data = vrtm_tile_data_init();
+    succeeds("facts of layer 1", vrtm_tile_info(tiles[1], &data));
+    check_that(data.layer == 1 && data.layers == 2 && data.udim == 1001 && data.overlap == 0, "say so", "");
+}
+
+static void maps(vrtm_asset asset)
+{
+    static float first[MAP * MAP * 2], second[MAP * MAP * 2], other[MAP * MAP * 2], redirect[MAP * MAP * 2];
+    static double pose[VERTICES][4];
+    vrtm_tile tiles[3];
+    for (uint32_t k = 0; k < 3; ++k) {
+        succeeds("a tile", vrtm_asset_tile(asset, k, &tiles[k]));
+    }
+    const vrtm_image rigidity = sheet_rigidity(&s);
+    /* What is set for layer 1 holds for layer 0. */
+    succeeds("rigidity", vrtm_tile_set_rigidity(tiles[1], &rigidity));
+    succeeds("rigidity of set 1", vrtm_tile_set_rigidity(tiles[2], &rigidity));
+    vrtm_image_out images[3];
+    vrtm_fetch fetches[3];
+    float *data[3] = {first, second, other};
+    for (int k = 0; k < 3; ++k) {
+        images[k] = vrtm_image_out_init();
+        images[k].data = data[k];
+        images[k].width = images[k].height = MAP;
+        fetches[k] = fetch_of(tiles[k == 2 ? 2 : 0], &images[k]);
+    }
+    /* Layer 1, named by the tile's handle and its number; and set 1, as UVs of set 0. */
+    fetches[1].layer = 1;
+    fetches[2].kind = VRTM_FETCH_UV_SET;
+    sheet_pose(&s, 3, pose);
+    const vrtm_array positions = sheet_positions(pose);
+    succeeds("redirect", vrtm_asset_redirect(asset, &positions, NULL, fetches, 3));
+    vrtm_image_out again = images[2];
+    again.data = redirect;
+    succeeds("layer 1 again", vrtm_tile_fetch(tiles[1], VRTM_FETCH_REDIRECTION, &again));
+    check_that(memcmp(second, redirect, sizeof second) == 0, "is what layer 1 has", "");
+    check_that(memcmp(first, second, sizeof first) != 0, "and not what layer 0 has", "");
+    succeeds("set 1's own", vrtm_tile_fetch(tiles[2], VRTM_FETCH_REDIRECTION, &again));
+    double off = 0, moved = 0;
+    for (int y = 4; y < MAP - 4; ++y) {
+        for (int x = 4; x < MAP - 4; ++x) {
+            const float *uv = redirect + 2 * (y * MAP + x), *found = other + 2 * (y * MAP + x);
+            off = fmax(off, fabs(found[0] - (0.05 + 2 * fabs(uv[0] - 0.5))) + fabs(found[1] - uv[1]));
+            moved = fmax(moved, fabs(uv[0] - (x + 0.5) / MAP));
+        }
+    }
+    check_that(off < 1e-5 && moved > 1e-3, "and it as UVs of set 0", "");
+    succeeds("by itself", vrtm_tile_fetch_output(&fetches[2]));
+    fetches[2].uv_set = 2;
+    fails("of set 2", vrtm_tile_fetch_output(&fetches[2]), VRTM_ERROR_INVALID_ARGUMENT,
+          "fetch.uv_set is 2, but the mesh has 2 UV sets");
+    fetches[2].uv_set = 1;
+    fetches[2].kind = VRTM_FETCH_REDIRECTION;
+    fails("of a kind without a set", vrtm_tile_fetch_output(&fetches[2]), VRTM_ERROR_INVALID_ARGUMENT, "fetch.uv_set is 1");
+    fetches[1].layer = 2;
+    fails("layer 2", vrtm_asset_redirect(asset, &positions, NULL, fetches, 2), VRTM_ERROR_INVALID_ARGUMENT,
+          "fetches[1].layer is 2");
+    fails("without a set", vrtm_tile_fetch(tiles[2], VRTM_FETCH_UV_SET, &again), VRTM_ERROR_INVALID_ARGUMENT,
+          "vrtm_tile_fetch_output");
+    fails("nothing", vrtm_tile_fetch_output(NULL), VRTM_ERROR_INVALID_ARGUMENT, "fetch is null");
+    /* A program of an older header has neither field. */
+    fetches[0].struct_size = (uint32_t)offsetof(vrtm_fetch, layer);
+    fetches[0].layer = fetches[0].uv_set = 77;
+    succeeds("an older struct", vrtm_tile_fetch_output(&fetches[0]));
+}
+
+int main(void)
+{
+    vrtm_device device;
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    vrtm_asset asset;
+    desc.backend = VRTM_BACKEND_CPU;
+    sheet_make(&s);
+    describe();
+    if (succeeds("a device", vrtm_device_create(&desc, &device)) &&
+        succeeds("a mirrored sheet", vrtm_asset_create(device, &d.mesh, &asset))) {
+        layers(asset);
+        maps(asset);
+        succeeds("the asset's end", vrtm_asset_destroy(asset));
+        succeeds("the device's end", vrtm_device_destroy(device));
+    }
+    return finish();
+}
