@@ -5,7 +5,7 @@ use glam::DVec2;
 
 use super::overlaps::{Overlaps, overlap};
 use super::{NONE, RawTriangle, TileMesh};
-use crate::allocation::{Collect, Grow, copied, filled};
+use crate::allocation::{Collect, Grow, copied, filled, zeroed};
 
 /// Charts that lie over one another nowhere deeper than this, in UV, are neighbours: a quarter of a texel of a map of 1024.
 /// What they share is then part of their borders, which do not move.
@@ -14,6 +14,9 @@ const DEPTH: f64 = 1.0 / 4096.0;
 /// The layer of each triangle, by its number in `chart_of`, below `most`: of each chart the first layer in which it lies over
 /// nothing else; charts come in the order of their first faces. Charts that have a face in common come together.
 pub(super) fn layers(tile: &TileMesh, raw: &[RawTriangle], most: u32) -> Vec<u32> {
+    if tile.charts.len() == 1 {
+        return zeroed(raw.len());
+    }
     let stacks = Stacks::new(tile);
     let groups = groups(tile, raw);
     let mut members: Vec<(u32, u32)> =

@@ -8,6 +8,8 @@ use crate::allocation::{Collect, zeroed};
 const SLACK: f64 = 1e-9;
 /// Most bins along a side.
 const MOST_BINS: usize = 1024;
+/// In about so many bins triangles are on average, at most.
+const MOST_ENTRIES: f64 = 8.0;
 
 /// Triangles, sorted into square bins.
 pub(super) struct Overlaps {
@@ -26,8 +28,19 @@ impl Overlaps {
         let corners = || triangles.iter().flatten();
         let low = corners().fold(infinite, |low, p| low.min(*p));
         let high = corners().fold(-infinite, |high, p| high.max(*p));
-        let bins = (triangles.len() as f64).sqrt().ceil().clamp(1.0, MOST_BINS as f64) as usize;
-        let scale = bins as f64 / (high - low).max(DVec2::splat(SLACK));
+        let extent = (high - low).max(DVec2::splat(SLACK));
+        // Large triangles that lie over one another would be in many bins each.
+        let entries = |bins: f64| {
+            let size = |[a, b, c]: &[DVec2; 3]| a.max(*b).max(*c) - a.min(*b).min(*c);
+            let of =
+                |triangle| (size(triangle) / extent * bins + 1.0).to_array().into_iter().product::<f64>();
+            triangles.iter().map(of).sum::<f64>()
+        };
+        let mut bins = (triangles.len() as f64).sqrt().ceil().clamp(1.0, MOST_BINS as f64);
+        while bins > 1.0 && entries(bins) > MOST_ENTRIES * triangles.len() as f64 {
+            bins = (0.5 * bins).ceil();
+        }
+        let (bins, scale) = (bins as usize, bins / extent);
         let mut overlaps = Overlaps { triangles, bins, low, scale, starts: Vec::new(), entries: Vec::new() };
         let mut counts: Vec<u32> = zeroed(bins * bins + 1);
         for triangle in &overlaps.triangles {

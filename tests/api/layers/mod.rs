@@ -82,8 +82,8 @@ fn check(seed: u64) -> Result<usize, String> {
         if beside.iter().any(|other| other.shared_depth(island) > -3.0 / f64::from(GRID)) {
             continue;
         }
-        // Coarse levels of the grid know a little of neighbours in the layer: a fiftieth of a cell.
-        let tolerance = if beside.is_empty() { 0.0 } else { 0.02 / GRID as f32 };
+        // Coarse levels of the grid know a little of neighbours in the layer: a twentieth of a cell.
+        let tolerance = if beside.is_empty() { 0.0 } else { 0.05 / GRID as f32 };
         let equal = |a: &[f32; 2], b: &[f32; 2]| (0..2).all(|c| (a[c] - b[c]).abs() <= tolerance);
         let mut alone = stack.asset(&device, 0, Some(k));
         alone.solve(stack.positions(), &SolveOptions::default()).unwrap();
