@@ -7,15 +7,26 @@ use naga::front::{glsl, wgsl};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{Expression, Module, SampleLevel, ShaderStage};
 
-/// The one code block in that language.
-fn block(language: &str) -> String {
+/// Where the document has the shader of layers.
+const LAYERS: &str = "Mirrored, stacked and tiled UVs";
+
+/// The one code block in that language under a heading.
+fn block_under(heading: &str, language: &str) -> String {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/rendering.md");
     let text = std::fs::read_to_string(path).expect("docs/rendering.md");
+    let title = format!("\n## {heading}\n");
+    let section = text.find(&title).expect("the heading") + title.len();
+    let text = &text[section..];
+    let text = &text[..text.find("\n## ").unwrap_or(text.len())];
     let fence = format!("\n```{language}\n");
     assert_eq!(text.matches(&fence).count(), 1, "one block in {language}");
     let start = text.find(&fence).unwrap() + fence.len();
     let end = start + text[start..].find("\n```").expect("the block's end") + 1;
     text[start..end].to_owned()
+}
+
+fn block(language: &str) -> String {
+    block_under(&language.to_uppercase(), language)
 }
 
 fn glsl(source: &str) -> Result<Module, String> {
@@ -65,6 +76,13 @@ fn as_described(module: &Module) {
 #[test]
 fn the_documents_glsl_is_valid() {
     as_described(&glsl(&block("glsl")).unwrap_or_else(|e| panic!("{e}")));
+}
+
+#[test]
+fn the_documents_glsl_of_layers_is_valid() {
+    let module = glsl(&block_under(LAYERS, "glsl")).unwrap_or_else(|e| panic!("{e}"));
+    let expected = [("albedo", "gradient"), ("redirections", "level")];
+    assert_eq!(reads(&module), expected.map(|(name, how)| (name.to_owned(), how)));
 }
 
 #[test]

@@ -96,12 +96,15 @@ fn greatest(f: impl Fn(f64) -> f64) -> f64 {
 }
 
 /// A model of islands, with one pose.
+#[derive(Clone)]
 pub struct Stack {
     pub islands: Vec<Island>,
     pub rest: Vec<[f32; 3]>,
     pub pose: Vec<[f32; 3]>,
     pub indices: Vec<u32>,
     pub uvs: Vec<[f32; 2]>,
+    /// The UV of each corner; `None` = the one of its vertex's number.
+    pub uv_indices: Option<Vec<u32>>,
     pub rigidity: Vec<u8>,
 }
 
@@ -161,7 +164,7 @@ impl Stack {
                 }
             }
         }
-        Stack { islands, rest, pose, indices, uvs, rigidity }
+        Stack { islands, rest, pose, indices, uvs, uv_indices: None, rigidity }
     }
 
     /// The asset with up to `max_layers` layers, of the faces of one island or of all.
@@ -170,7 +173,7 @@ impl Stack {
         let uvs = UvSource {
             u: Strided::from_f32(&u),
             v: Some(Strided::from_f32(&v)),
-            indices: Some(&self.indices),
+            indices: Some(self.uv_indices.as_ref().unwrap_or(&self.indices)),
         };
         let counts = vec![4; self.indices.len() / 4];
         let chosen: Option<Vec<u32>> = island.map(|k| self.faces(k).map(|face| face as u32).collect());
@@ -184,10 +187,11 @@ impl Stack {
             ..MeshSource::default()
         };
         let mut asset = Asset::new(device, &source).unwrap();
-        let tile = asset.find_tile(1001).unwrap();
-        asset.set_rigidity(tile, Some(view(&self.rigidity, MAP, MAP))).unwrap();
         let settings = TileSettings { grid: [Some(GRID); 2], ..TileSettings::default() };
-        asset.set_settings(tile, &settings).unwrap();
+        for tile in 0..asset.tile_count() {
+            asset.set_rigidity(tile, Some(view(&self.rigidity, MAP, MAP))).unwrap();
+            asset.set_settings(tile, &settings).unwrap();
+        }
         asset
     }
 

@@ -109,22 +109,22 @@ class Asset:
 
     @property
     def tiles(self) -> tuple[Tile, ...]:
-        """The tiles with at least one triangle: those of UV set 0 by their UDIM numbers, then those of set 1. The layers of
-        a UDIM number follow one another."""
+        """The tiles with at least one triangle: those of UV set 0 by their UDIM numbers, then those of set 1. The
+        layers of a UDIM number follow one another."""
         return self._tiles
 
     def tile(self, udim: int, uv_set: int = 0, layer: int = 0) -> Tile:
-        """The tile with a UDIM number, 1001 + U + 10 V, or one of its layers. Raises InvalidArgumentError if the mesh has
-        no triangle there, or no such layer."""
+        """The tile with a UDIM number, 1001 + U + 10 V, or one of its layers. Raises InvalidArgumentError if the mesh
+        has no triangle there, or no such layer."""
         handle = _abi.vrtm_tile()
         place = (natural("uv_set", uv_set, 32), natural("udim", udim, 32), natural("layer", layer, 32))
         check(library.vrtm_asset_find_tile_of_layer(self._handle, *place, ctypes.byref(handle)))
         return next(tile for tile in self._tiles if tile._handle.id == handle.id)
 
     def face_layers(self, uv_set: int = 0) -> np.ndarray:
-        """The layer of each face, (faces,) of uint32: which of the tiles with its UDIM number has its redirection; 0 for
-        faces in no tile. All 0 unless the asset was made with max_layers. An attribute of faces, by which a shader picks
-        the map of the layer."""
+        """The layer of each face, (faces,) of uint32: which of the tiles with its UDIM number has its redirection; 0
+        for faces in no tile. All 0 unless the asset was made with max_layers. An attribute of faces, by which a shader
+        picks the map of the layer."""
         layers = np.zeros(self.info.faces, np.uint32)
         uv_set = natural("uv_set", uv_set, 32)
         check(library.vrtm_asset_fetch_face_layers(self._handle, uv_set, layers.ctypes.data, len(layers)))

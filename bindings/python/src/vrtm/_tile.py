@@ -35,8 +35,8 @@ class Tile:
         self.uv_set: int = uv_set.value
         layer, layers = ctypes.c_uint32(), ctypes.c_uint32()
         check(library.vrtm_tile_layer(handle, ctypes.byref(layer), ctypes.byref(layers)))
-        #: Which layer of its UDIM number the tile is: 0 unless the asset was made with max_layers. Layers share their maps
-        #: and settings: what is set for one of them holds for all.
+        #: Which layer of its UDIM number the tile is: 0 unless the asset was made with max_layers. Layers share their
+        #: maps and settings: what is set for one of them holds for all.
         self.layer: int = layer.value
         #: The number of layers of its UDIM number.
         self.layers: int = layers.value

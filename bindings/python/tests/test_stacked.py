@@ -1,0 +1,101 @@
+"""Charts that lie over one another, in layers; and redirections as UVs of another set."""
+
+import numpy as np
+import pytest
+
+import vrtm
+
+SIDE = 16
+
+
+def halves(layers):
+    """Two sheets on the same UVs in set 0, and on their own in set 1, which deform differently."""
+    xs = np.linspace(0, 1, SIDE + 1)
+    u, v = (part.ravel() for part in np.meshgrid(xs, xs))
+    at = np.arange(SIDE)[None] + (SIDE + 1) * np.arange(SIDE)[:, None]
+    quads = np.stack([at, at + 1, at + SIDE + 2, at + SIDE + 1], -1).reshape(-1, 4)
+    faces = np.concatenate([quads, quads + len(u)])
+    rest = np.concatenate([np.stack([sign * u, v, 0 * u], -1) for sign in (1, -1)])
+    pose = rest + np.concatenate(
+        [np.stack([0.2 * np.sin(3 * v) * u, 0.1 * u * v, 0 * u], -1), np.stack([-0.15 * u * u, 0.2 * u, 0 * u], -1)]
+    )
+    shared = np.tile(np.stack([0.05 + 0.9 * u, 0.05 + 0.9 * v], -1), (2, 1))
+    unique = shared * [0.5, 1] + np.repeat([[0, 0], [0.5, 0]], len(u), 0)
+    asset = vrtm.Asset(
+        vrtm.Device("cpu"),
+        rest,
+        faces,
+        uvs=shared,
+        uv_indices=faces.ravel(),
+        uv_sets=[(unique, faces.ravel())],
+        max_layers=layers,
+    )
+    y, x = np.mgrid[0:64, 0:64]
+    rigid = (np.hypot(x % 16 - 7.5, y % 16 - 7.5) < 5).astype(np.uint8) * 255
+    return asset, rigid, pose
+
+
+def test_each_layer_has_a_map_of_its_own():
+    asset, rigid, pose = halves(8)
+    first, second, unique = asset.tiles
+    assert [(t.udim, t.uv_set, t.layer, t.layers) for t in asset.tiles] == [
+        (1001, 0, 0, 2),
+        (1001, 0, 1, 2),
+        (1001, 1, 0, 1),
+    ]
+    assert repr(second) == "<vrtm.Tile 1001 layer 1 of UV set 0>" and "1001 layer 1" in repr(asset)
+    assert asset.tile(1001, layer=1) is second and asset.tile(1001) is first and asset.tile(1001, 1) is unique
+    assert asset.face_layers().tolist() == [0] * SIDE**2 + [1] * SIDE**2
+    assert not asset.face_layers(1).any()
+    second.set_rigidity(rigid)
+    asset.solve(pose, measure=True)
+    for tile in (first, second):
+        report = tile.report()
+        assert report.edges > 0 and report.after.interior_rms < report.before.interior_rms / 3
+        assert tile.info.rigid_overlapped == 0 and tile.info.rigid_nodes > 0
+    assert not np.array_equal(first.fetch(), second.fetch())
+    images = asset.redirect(pose, [second, vrtm.Fetch(first, "redirection_delta", 32)])
+    assert np.array_equal(images[0], second.fetch()) and images[1].shape == (32, 32, 2)
+
+
+def test_without_layers_shared_texels_stay():
+    asset, rigid, pose = halves(0)
+    tile = asset.tile(1001)
+    tile.set_rigidity(rigid)
+    asset.solve(pose)
+    assert tile.layers == 1 and tile.info.rigid_overlapped == tile.info.rigid_nodes
+    assert not tile.fetch("redirection_delta").any()
+
+
+def test_uvs_of_another_set():
+    asset, rigid, pose = halves(0)
+    tile = asset.tile(1001, 1)
+    tile.set_rigidity(rigid)
+    asset.solve(pose)
+    size = 128
+    redirected = tile.fetch("redirection", size)
+    other, delta = (tile.fetch(kind, size, uv_set=0) for kind in ("uv_set", "uv_set_delta"))
+    covered = tile.fetch("redirection", size, channels=4)[..., 3] > 0
+    # Set 1 has the halves side by side at half of the width.
+    expected = (redirected - [[[0, 0]], [[0.5, 0]]][0]) * [2, 1]
+    expected[:, size // 2 :] -= [1, 0]
+    assert np.abs(other - expected)[covered].max() < 1e-5
+    own = np.stack(np.meshgrid((np.arange(size) + 0.5) / size, 1 - (np.arange(size) + 0.5) / size), -1)
+    assert np.abs(delta - (redirected - own) * [2, 1])[covered].max() < 1e-5
+    assert np.abs(delta).max() > 1e-3
+    assert np.array_equal(asset.redirect(pose, [vrtm.Fetch(tile, "uv_set", size, uv_set=0)])[0], other)
+
+
+def test_what_is_wrong_is_named():
+    asset, _, pose = halves(8)
+    with pytest.raises(vrtm.InvalidArgumentError, match="layer is 2, but tile 1001 has 2"):
+        asset.tile(1001, layer=2)
+    with pytest.raises(vrtm.InvalidArgumentError, match="uv_set"):
+        asset.face_layers(2)
+    asset.solve(pose)
+    with pytest.raises(vrtm.InvalidArgumentError, match=r"fetch\.uv_set is 2"):
+        asset.tile(1001, 1).fetch("uv_set", 16, uv_set=2)
+    with pytest.raises(vrtm.InvalidArgumentError, match=r"fetch\.uv_set is 1"):
+        asset.tile(1001, 1).fetch("redirection", 16, uv_set=1)
+    with pytest.raises((ValueError, TypeError), match="max_layers"):
+        halves(-1)
