@@ -26,7 +26,9 @@ def load(path):
     return found
 
 
-class Render(Case):
+class Scene(Case):
+    """A scene that Cycles renders fast, without filters and light."""
+
     def setUp(self):
         super().setUp()
         scene = bpy.context.scene
@@ -65,6 +67,8 @@ class Render(Case):
         obj.data.materials.append(material)
         return material, texture, shader.inputs["Color"]
 
+
+class Render(Scene):
     def arm(self, live=False, tiles=1):
         arm = Arm(tiles=tiles)
         arm.paint_image()

@@ -11,6 +11,7 @@ NAMES = (
     "tap",
     "geometry",
     "packed",
+    "layers",
     "maps",
     "masks",
     "strain",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from . import exr, geometry, reads, results, session, solve
+from . import exr, geometry, layers, reads, results, session, solve
 from .messages import Problem
 
 if TYPE_CHECKING:
@@ -42,14 +42,19 @@ def frames_of(scene: bpy.types.Scene) -> range:
     return frames
 
 
-def file_name(obj: bpy.types.Object, part: int | str, frame: int) -> str:
+def file_name(obj: bpy.types.Object, part: str, frame: int) -> str:
     """Blender counts the frames of a sequence by the last number in a name, so that the tile stands before it."""
     return f"{bpy.path.clean_name(obj.name)}.redirect.{part}.{frame:04d}.exr"
 
 
-def sequence(obj: bpy.types.Object, scene: bpy.types.Scene) -> tuple[str, int, int]:
-    """What the node group reads of a bake with the scene's settings: the first file, its frame, and how many there
-    are."""
+def part_of(place: int | str, layer: int) -> str:
+    """What a name tells of a file's content: a tile or all of them, and the layer, but for the first."""
+    return f"{place}.layer{layer}" if layer else str(place)
+
+
+def sequence(obj: bpy.types.Object, scene: bpy.types.Scene) -> tuple[list[str], int, int]:
+    """What the node group reads of a bake with the scene's settings: the first file of each layer, its frame, and how
+    many there are."""
     settings, frames = scene.vrtm_bake, frames_of(scene)
     if settings.form != "delta":
         raise Problem("the node group reads bakes of the form Delta")
@@ -59,13 +64,14 @@ def sequence(obj: bpy.types.Object, scene: bpy.types.Scene) -> tuple[str, int, i
     if image is None:
         raise Problem(f"{obj.name} has no result image: press Update Now with the Image output on")
     layout = list(image[results.LAYOUT])
-    part = "tiles" if layout[2:4] != [1, 1] else 1001 + layout[0] + 10 * layout[1]
+    place = "tiles" if layout[2:4] != [1, 1] else 1001 + layout[0] + 10 * layout[1]
+    parts = [part_of(place, layer) for layer in range(image.get(layers.NUMBER, 1))]
     folder = Path(bpy.path.abspath(settings.directory))
     for frame in frames:
-        path = folder / file_name(obj, part, frame)
-        if not path.is_file():
-            raise Problem(f"{path} is not there: bake first")
-    return str(folder / file_name(obj, part, frames[0])), frames[0], len(frames)
+        for path in [folder / file_name(obj, part, frame) for part in parts]:
+            if not path.is_file():
+                raise Problem(f"{path} is not there: bake first")
+    return [str(folder / file_name(obj, part, frames[0])) for part in parts], frames[0], len(frames)
 
 
 class Bake:
@@ -108,15 +114,16 @@ class Bake:
             found.append(obj)
         return found
 
-    def _prepared(self, obj: bpy.types.Object) -> tuple[vrtm.Asset, results.Layout, list[int | str]]:
-        """The object's asset, the layout of its tiles, and of what there are files: tiles by their numbers."""
+    def _prepared(self, obj: bpy.types.Object) -> tuple[vrtm.Asset, results.Layout, list[tuple[int | str, int]]]:
+        """The object's asset, the layout of its tiles, and of what there are files: tiles by their numbers, or all of
+        them, and the layer of each."""
         state = session.state_of(obj)
         state.end_job()
         solve.prepare(obj, state)
         layout = results.layout_of(state.asset, obj.name, obj.vrtm.map_size)
-        parts: list[int | str] = [tile.udim for tile in state.asset.tiles]
+        parts: list[tuple[int | str, int]] = [(tile.udim, tile.layer) for tile in state.asset.tiles]
         if self.form == "delta" and (layout.columns, layout.rows) != (1, 1):
-            parts.append("tiles")
+            parts += [("tiles", layer) for layer in range(layers.number_of(state.asset))]
         return state.asset, layout, parts
 
     def _check(self) -> None:
@@ -133,7 +140,9 @@ class Bake:
                         raise Problem(f"{obj.name}: its files have the names of those of {other.name}: rename one")
             parts = self._prepared(obj)[2]
             outputs += [
-                (str(self.folder / file_name(obj, part, frame)), obj.name) for frame in self.frames for part in parts
+                (str(self.folder / file_name(obj, part_of(*part), frame)), obj.name)
+                for frame in self.frames
+                for part in parts
             ]
         try:
             overwrite.check(outputs, reads.files(), self.overwrite)
@@ -156,18 +165,19 @@ class Bake:
             "vrtm:version": session.library().version(),
         }
         written = []
-        for part in parts:
-            path = self.folder / file_name(obj, part, frame)
+        for place, layer in parts:
+            path = self.folder / file_name(obj, part_of(place, layer), frame)
             if str(path) not in self.planned:
                 raise Problem(f"{obj.name} has other tiles at frame {frame} than at first")
-            if part == "tiles":
-                pixels = results.redirection(asset, layout)
+            if place == "tiles":
+                pixels = results.redirection(asset, layout, layer)
             else:
                 pixels = np.zeros((layout.size, layout.size, 4), np.float32)
                 pixels[..., 3] = 1
-                tile = asset.tile(part)
+                tile = asset.tile(place, layer=layer)
                 pixels[..., :2] = tile.fetch(KINDS[self.form], pixels.shape[:2], channels=2, origin="bottom")
-            save(pixels, path, facts | ({} if part == "tiles" else {"vrtm:udim": part}))
+            of = ({} if place == "tiles" else {"vrtm:udim": place}) | ({"vrtm:layer": layer} if layer else {})
+            save(pixels, path, facts | of)
             written.append(path)
         return written
 

@@ -7,13 +7,13 @@ materials' nodes show the copy; taking the redirection out of a material gives t
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 
-from . import maps, materials, packed, session
+from . import layers, maps, materials, packed, session
 from .geometry import stamp_of
 from .messages import Problem
 from .packed import WHOLE
@@ -123,10 +123,19 @@ def _copy(image: bpy.types.Image, asset: vrtm.Asset, reach: float, normals: bool
     keys = {tile.udim: WHOLE if WHOLE in tiles else tile.udim for tile in asset.tiles}
     keys = {udim: key for udim, key in keys.items() if key in tiles}
 
-    def known(udim: int, size: tuple[int, int]) -> np.ndarray:
-        return asset.tile(udim).dilation(size, reach=reach, channels=4)
+    def known_in(layer: int) -> Callable[[int, tuple[int, int]], np.ndarray]:
+        tile_of = {tile.udim: tile for tile in asset.tiles if tile.layer == layer}
 
-    found = dilation.dilated(tiles, [dilation.Lookups(keys, known)], "up" if normals else None)
+        def known(udim: int, size: tuple[int, int]) -> np.ndarray:
+            if udim not in tile_of:
+                return np.zeros((size[1], size[0], 4), np.float32)
+            return tile_of[udim].dilation(size, reach=reach, channels=4)
+
+        return known
+
+    # No layer's charts are changed; beside them it is the first layer that has something to copy there.
+    lookups = [dilation.Lookups(keys, known_in(layer)) for layer in range(layers.number_of(asset))]
+    found = dilation.dilated(tiles, lookups, "up" if normals else None)
     copies = {key: np.ascontiguousarray(pixels[::-1]) for key, (pixels, _) in found.items()}
     name = f"{image.name} dilated"
     copy = packed.image(name, copies, image)

@@ -65,6 +65,10 @@ def _count_again(image: bpy.types.Image) -> None:
         if obj.vrtm.image == image:
             obj.vrtm.image = image
             return
+    for other in bpy.data.images:
+        if other.vrtm_next == image:
+            other.vrtm_next = image
+            return
     for tree in bpy.data.node_groups:
         if tree.get(nodes.KIND) and nodes.image_of(tree) == image:
             nodes.remember(tree, image)

@@ -7,7 +7,7 @@ import re
 
 import bpy
 
-from . import results, session
+from . import layers, results, session
 from .messages import Problem
 
 # The custom property that tells the kind of a node group of this add-on. No tree may hold a data-block in a custom
@@ -21,7 +21,7 @@ def image_of(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
     """The result image that a group is for, also while it shows baked files: that of one of its nodes. So it stays the
     same one whatever it is called."""
     images = [node.image for node in _textures(tree) if node.image is not None]
-    return next((image for image in images if results.LAYOUT in image), None)
+    return next((image for image in images if results.LAYOUT in image and layers.is_first(image)), None)
 
 
 def baked_images() -> set[bpy.types.Image]:
@@ -42,10 +42,12 @@ def groups_of(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
 
 
 def stale_groups(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
-    """The object's groups by image that do not read its result image, as they should."""
+    """The object's groups by image that do not read the images of its result, as they should."""
     if obj.vrtm.shows_baked or not obj.vrtm.write_image:
         return []
-    return [tree for tree in groups_of(obj) if image_of(tree) != obj.vrtm.image]
+    images = layers.images_of(obj.vrtm.image)
+    names = {layers.attribute_name(obj.vrtm)} if len(images) > 1 else set()
+    return [tree for tree in groups_of(obj) if not (_results_in(tree) == set(images) and names <= _attributes_in(tree))]
 
 
 def update_groups(obj: bpy.types.Object, rebuild: bool) -> None:
@@ -53,7 +55,7 @@ def update_groups(obj: bpy.types.Object, rebuild: bool) -> None:
     layout."""
     if not obj.vrtm.shows_baked:
         for tree in groups_of(obj) if rebuild else stale_groups(obj):
-            build_by_image(tree, obj.vrtm.image)
+            build_by_image(tree, obj)
 
 
 def group_by_image(obj: bpy.types.Object) -> bpy.types.NodeTree:
@@ -66,11 +68,11 @@ def group_by_image(obj: bpy.types.Object) -> bpy.types.NodeTree:
     if trees:
         if trees[0].library is None and not has_strength(trees[0]) and not obj.vrtm.shows_baked:
             # Of an earlier version.
-            build_by_image(trees[0], image)
+            build_by_image(trees[0], obj)
         return trees[0]
     tree = bpy.data.node_groups.new(f"vrtm redirection {obj.name}", "ShaderNodeTree")
     tree[KIND] = BY_IMAGE
-    build_by_image(tree, image)
+    build_by_image(tree, obj)
     return tree
 
 
@@ -107,9 +109,20 @@ def _textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     return [node for node in tree.nodes if node.bl_idname == "ShaderNodeTexImage"]
 
 
+def _images_in(tree: bpy.types.NodeTree) -> set[bpy.types.Image]:
+    return {node.image for node in _textures(tree)} - {None}
+
+
 def _baked_of(tree: bpy.types.NodeTree) -> set[bpy.types.Image]:
-    images = {node.image for node in _textures(tree)} - {None}
-    return {image for image in images if results.LAYOUT not in image}
+    return {image for image in _images_in(tree) if results.LAYOUT not in image}
+
+
+def _results_in(tree: bpy.types.NodeTree) -> set[bpy.types.Image]:
+    return {image for image in _images_in(tree) if results.LAYOUT in image}
+
+
+def _attributes_in(tree: bpy.types.NodeTree) -> set[str]:
+    return {node.attribute_name for node in tree.nodes if node.bl_idname == "ShaderNodeAttribute"}
 
 
 def _owner(tree: bpy.types.NodeTree) -> bpy.types.Object | None:
@@ -172,23 +185,27 @@ def remember(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
         node.image = image
 
 
-def show_baked(obj: bpy.types.Object, path: str, first: int, number: int) -> None:
-    """Has the object's group read a sequence of baked files, from the file of frame `first` on, instead of the
-    result image."""
+def show_baked(obj: bpy.types.Object, paths: list[str], first: int, number: int) -> None:
+    """Has the object's group read sequences of baked files, one for each layer, from the files of frame `first` on,
+    instead of the result images."""
     tree = group_by_image(obj)
     before = _baked_of(tree)
-    image = bpy.data.images.load(path)
-    if bpy.data.filepath:
-        # Beside the file, so that both can be moved together; on another drive of Windows there is no such path.
-        with contextlib.suppress(ValueError):
-            image.filepath = bpy.path.relpath(path)
-    image.source = "SEQUENCE"
-    image.colorspace_settings.name, image.alpha_mode = "Non-Color", "CHANNEL_PACKED"
-    image.name = f"{obj.vrtm.image.name} baked"
-    user = build_by_image(tree, obj.vrtm.image, image).image_user
-    # So that each frame shows the file with its number.
-    user.frame_start, user.frame_offset, user.frame_duration = first, first - 1, number
-    user.use_cyclic, user.use_auto_refresh = False, True
+    baked = []
+    for layer, path in enumerate(paths):
+        image = bpy.data.images.load(path)
+        if bpy.data.filepath:
+            # Beside the file, so that both can be moved together; on another drive of Windows there is no such path.
+            with contextlib.suppress(ValueError):
+                image.filepath = bpy.path.relpath(path)
+        image.source = "SEQUENCE"
+        image.colorspace_settings.name, image.alpha_mode = "Non-Color", "CHANNEL_PACKED"
+        image.name = f"{obj.vrtm.image.name} baked" + (f" layer {layer}" if layer else "")
+        baked.append(image)
+    for node in build_by_image(tree, obj, baked):
+        user = node.image_user
+        # So that each frame shows the file with its number.
+        user.frame_start, user.frame_offset, user.frame_duration = first, first - 1, number
+        user.use_cyclic, user.use_auto_refresh = False, True
     _remove_unused(before)
 
 
@@ -201,22 +218,23 @@ def baked_frames(obj: bpy.types.Object) -> range | None:
     return None
 
 
-def baked_file(obj: bpy.types.Object, frame: int) -> str | None:
-    """The file of a frame that the object's material reads, if it shows baked files."""
+def baked_files(obj: bpy.types.Object, frame: int) -> list[str]:
+    """The files of a frame that the object's material reads, if it shows baked files."""
+    found = []
     for tree in groups_of(obj) if obj.vrtm.shows_baked else []:
         for node in _textures(tree):
             if node.image is not None and node.image.source == "SEQUENCE":
                 path = bpy.path.abspath(node.image.filepath, library=node.image.library)
                 # Blender counts by the last number of a name.
-                return re.sub(r"\d+(?=\D*$)", lambda number: f"{frame:0{len(number[0])}d}", path)
-    return None
+                found.append(re.sub(r"\d+(?=\D*$)", lambda number: f"{frame:0{len(number[0])}d}", path))
+    return found
 
 
 def show_live(obj: bpy.types.Object) -> None:
     """Has the object's group read the result image again."""
     tree = group_by_image(obj)
     before = _baked_of(tree)
-    build_by_image(tree, obj.vrtm.image)
+    build_by_image(tree, obj)
     _remove_unused(before)
 
 
@@ -235,10 +253,10 @@ def is_by_uv_map(tree: bpy.types.NodeTree, name: str) -> bool:
 
 
 def build_by_image(
-    tree: bpy.types.NodeTree, image: bpy.types.Image, baked: bpy.types.Image | None = None
-) -> bpy.types.Node:
+    tree: bpy.types.NodeTree, obj: bpy.types.Object, baked: list[bpy.types.Image] | None = None
+) -> list[bpy.types.Node]:
     """The nodes of a group by image: the UV's place in the image, what is to be added there, and the sum. Returns the
-    node that is looked up: that of `baked`, if it is given.
+    nodes that are looked up, one for each layer: those of `baked`, if it is given.
 
     The image holds differences, so that where there is nothing yet, and outside of all tiles, the UV stays what it
     is. It is looked up with Linear and Extend. Where tiles lie side by side, a lookup stays half a texel away from
@@ -246,28 +264,52 @@ def build_by_image(
     """
     _sockets(tree)
     tree.nodes.clear()
-    first_u, first_v, columns, rows, size = image[results.LAYOUT]
+    images = layers.images_of(obj.vrtm.image)
+    first_u, first_v, columns, rows, size = images[0][results.LAYOUT]
     link = tree.links.new
     begin = tree.nodes.new("NodeGroupInput")
     uv = begin.outputs["UV"]
-    lookup = _texture(tree, image, (900, -150))
     if baked is not None:
         # The result's node stays, without links: by it the group is known, and the image has a user.
-        lookup = _texture(tree, baked, (900, -450))
+        _texture(tree, images[0], (900, 150))
+    lookups = [_texture(tree, image, (900, -150 - 300 * layer)) for layer, image in enumerate(baked or images)]
     place = uv
     if (first_u, first_v, columns, rows) != (0, 0, 1, 1):
         place = _place(tree, uv, (first_u, first_v), (columns, rows), 0.5 / size)
-    link(place, lookup.inputs["Vector"])
+    for lookup in lookups:
+        link(place, lookup.inputs["Vector"])
     scale, add = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("ShaderNodeVectorMath")
     output = tree.nodes.new("NodeGroupOutput")
     scale.operation, add.operation = "SCALE", "ADD"
-    scale.location, add.location, output.location = (1200, -150), (1400, 0), (1600, 0)
-    link(lookup.outputs["Color"], scale.inputs[0])
+    scale.location, add.location, output.location = (1600, -150), (1800, 0), (2000, 0)
+    link(_of_layer(tree, lookups, layers.attribute_name(obj.vrtm)), scale.inputs[0])
     link(begin.outputs["Strength"], scale.inputs["Scale"])
     link(uv, add.inputs[0])
     link(scale.outputs["Vector"], add.inputs[1])
     link(add.outputs["Vector"], output.inputs["UV"])
-    return lookup
+    return lookups
+
+
+def _of_layer(tree: bpy.types.NodeTree, lookups: list[bpy.types.Node], name: str) -> bpy.types.NodeSocket:
+    """What is looked up in the layer of the face that is drawn, by the attribute of faces `name`."""
+    found = lookups[0].outputs["Color"]
+    if len(lookups) == 1:
+        return found
+    attribute = tree.nodes.new("ShaderNodeAttribute")
+    attribute.attribute_name, attribute.location = name, (900, 400)
+    for layer, lookup in enumerate(lookups[1:], 1):
+        # An attribute of integers is handed out as a float.
+        equal, mix = tree.nodes.new("ShaderNodeMath"), tree.nodes.new("ShaderNodeMix")
+        equal.operation, mix.data_type = "COMPARE", "VECTOR"
+        equal.location, mix.location = (1200, -150 - 300 * layer), (1400, -150 - 300 * layer)
+        tree.links.new(attribute.outputs["Fac"], equal.inputs[0])
+        equal.inputs[1].default_value, equal.inputs[2].default_value = layer, 0.5
+        factor, before, after = (_socket(mix.inputs, of) for of in ("Factor_Float", "A_Vector", "B_Vector"))
+        tree.links.new(equal.outputs["Value"], factor)
+        tree.links.new(found, before)
+        tree.links.new(lookup.outputs["Color"], after)
+        found = _socket(mix.outputs, "Result_Vector")
+    return found
 
 
 def _texture(tree: bpy.types.NodeTree, image: bpy.types.Image, at: tuple[float, float]) -> bpy.types.Node:

@@ -35,12 +35,15 @@ def colours(prepared: Prepared, pose: np.ndarray, after: bool) -> np.ndarray:
 
 
 def _jacobians(prepared: Prepared, uvs: np.ndarray) -> np.ndarray:
-    """The redirection's derivatives at UVs, (n, 2, 2): those of the nearest texels."""
+    """The redirection's derivatives at a UV of each triangle, (triangles, 2, 2): those of the nearest texels."""
     found = np.broadcast_to(np.eye(2), (len(uvs), 2, 2)).copy()
     tiles = np.floor(uvs).astype(int)
     udims = np.where((tiles[:, 0] >= 0) & (tiles[:, 0] < 10) & (tiles[:, 1] >= 0), 1001 + tiles @ [1, 10], 0)
+    # As strain.triangles makes them of faces.
+    fans = np.maximum(prepared.mesh.topology.face_counts.astype(np.int64) - 2, 0)
+    layers = 0 if prepared.layers is None else np.repeat(prepared.layers, fans)
     for tile in prepared.asset.tiles:
-        chosen = np.flatnonzero(udims == tile.udim)
+        chosen = np.flatnonzero((udims == tile.udim) & (layers == tile.layer))
         if len(chosen):
             image = tile.fetch("jacobian", origin="bottom")
             height, width = image.shape[:2]

@@ -71,6 +71,7 @@ class VRTM_PT_quality(_Panel, bpy.types.Panel):
         layout.use_property_split, layout.use_property_decorate = True, False
         for name in ("quality", "grid", "map_size", "device", "measure"):
             layout.prop(settings, name)
+        layout.prop(settings, "overlaps")
         layout.prop(settings, "seams")
         layout.prop(settings, "open_borders")
         if settings.seams == "continue" or settings.open_borders == "slide":

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import session
+from .layers import number_of
 from .maps import ORIGIN, Map
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ class MeshInput:
     topology: Topology
     rest: np.ndarray  # (vertices, 3) float32
     device: str
+    max_layers: int
     stamp: Any
 
 
@@ -67,6 +69,8 @@ class Prepared:
     vertices: np.ndarray | None = None
     # What rigid_share has found.
     rigid: tuple[float, float, float] | None = None
+    # The layer of each face, (faces,) uint32; None where there is one layer alone.
+    layers: np.ndarray | None = None
 
     def apply(self, inputs: Inputs) -> None:
         """Makes or mends the asset, as far as what it depends on has changed. Raises vrtm.Error or a Problem."""
@@ -80,8 +84,10 @@ class Prepared:
                 topology.corner_vertices,
                 face_counts=topology.face_counts,
                 uvs=topology.uvs,
+                max_layers=mesh.max_layers,
             )
             self.mesh = mesh
+            self.layers = self.asset.face_layers() if number_of(self.asset) > 1 else None
             self.stamps["mesh"] = mesh.stamp
         if inputs.maps is not None:
             self._apply_maps(inputs.maps)
@@ -97,14 +103,18 @@ class Prepared:
             setter(getattr(maps, which))
             self.stamps[which] = maps.stamps[which]
 
+    def _tiles(self) -> list[vrtm.Tile]:
+        """One for each UDIM number: what is set of it holds for all of its layers."""
+        return [tile for tile in self.asset.tiles if tile.layer == 0]
+
     def _set_settings(self, settings: dict[str, Any]) -> None:
-        for tile in self.asset.tiles:
+        for tile in self._tiles():
             tile.set_settings(**settings)
 
     def _set_mask(self, new: Map) -> None:
         self.asset.set_vertex_mask(new.vertices)
         if new.vertices is None:
-            for tile in self.asset.tiles:
+            for tile in self._tiles():
                 image = new.of(tile.udim)
                 tile.set_mask(image, **_origin(image))
 
@@ -116,7 +126,7 @@ class Prepared:
             self.asset.set_vertex_rigidity(new.vertices)
         if new.vertices is not None:
             return
-        for tile in self.asset.tiles:
+        for tile in self._tiles():
             image, old = new.of(tile.udim), before.get(tile.udim)
             if image is None or old is None or image.shape != old.shape:
                 tile.set_rigidity(image, **_origin(image))
@@ -127,7 +137,7 @@ class Prepared:
             if len(rows):
                 x, y, width, height = columns[0], rows[0], np.ptp(columns) + 1, np.ptp(rows) + 1
                 tile.update_rigidity(image, int(x), int(y), int(width), int(height), origin=ORIGIN)
-        self.painted = {tile.udim: image for tile in self.asset.tiles if (image := new.of(tile.udim)) is not None}
+        self.painted = {tile.udim: image for tile in self._tiles() if (image := new.of(tile.udim)) is not None}
 
     def rigid_share(self) -> tuple[float, float, float]:
         """The share of the textured surface, by its area in the UV map, whose rigidity is over 0.5; of values by
@@ -159,7 +169,7 @@ class Prepared:
         asset, self.asset = self.asset, None
         self.stamps.clear()
         self.painted.clear()
-        self.mesh = self.vertices = self.rigid = None
+        self.mesh = self.vertices = self.rigid = self.layers = None
         if asset is not None:
             asset.close()
 

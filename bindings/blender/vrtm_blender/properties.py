@@ -117,6 +117,17 @@ class VrtmSettings(bpy.types.PropertyGroup):
         default=0,
         update=_changed,
     )
+    overlaps: EnumProperty(
+        name="Overlaps",
+        description="What happens where islands lie over one another in the UV map, as mirrored halves do",
+        items=[
+            ("each", "Each", "Every island is solved as if it were alone: each layer of islands has its own result"),
+            ("fixed", "Fixed", "Nothing moves where islands share the texture"),
+            ("first_face", "First Face", "The island with the first face moves all of them: for those that bend alike"),
+        ],
+        default="each",
+        update=_changed,
+    )
     seams: EnumProperty(
         name="Seams",
         description="What happens to features at the seams of the UV map",
@@ -237,12 +248,15 @@ def register() -> None:
     bpy.utils.register_class(VrtmBakeSettings)
     bpy.types.Object.vrtm = PointerProperty(type=VrtmSettings)
     bpy.types.Scene.vrtm_bake = PointerProperty(type=VrtmBakeSettings)
+    # Of a result image: that of the next layer, if there is one.
+    bpy.types.Image.vrtm_next = PointerProperty(name="Next Layer", type=bpy.types.Image)
     # Of a dilated copy: the image that it was made of, which is saved with it.
     bpy.types.Image.vrtm_original = PointerProperty(name="Original", type=bpy.types.Image)
 
 
 def unregister() -> None:
     del bpy.types.Image.vrtm_original
+    del bpy.types.Image.vrtm_next
     del bpy.types.Scene.vrtm_bake
     del bpy.types.Object.vrtm
     bpy.utils.unregister_class(VrtmBakeSettings)

@@ -1,4 +1,4 @@
-"""Writes results into Blender's data, on the main thread: an image of the redirection, and a UV map."""
+"""Writes results into Blender's data, on the main thread: images of the redirection, and a UV map."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from . import geometry, overlay, session
+from . import geometry, layers, overlay, session
 from .messages import Problem
 from .session import Request, State
 
@@ -63,7 +63,8 @@ class Outputs:
     """What is written of a result; None for what was not asked for."""
 
     layout: Layout | None
-    image: np.ndarray | None  # (height, width, 4) float32
+    images: list[np.ndarray] | None  # of each layer, (height, width, 4) float32
+    layers: np.ndarray | None  # (faces,) uint32; None also where there is one layer alone
     uvs: np.ndarray | None  # (corners, 2) float32
     delta: np.ndarray | None  # (corners, 3) float32: what to add to u and v, and 0
     strain: np.ndarray | None  # (vertices, 4) float32: colours
@@ -73,14 +74,16 @@ def fetch(prepared: Prepared, request: Request) -> Outputs:
     """Fetches the asset's last result. It may be called on any thread, while no solve is under way."""
     asset = prepared.asset
     layout = layout_of(asset, request.name, request.map_size) if request.write_image else None
-    image = redirection(asset, layout) if layout is not None else None
+    images = None
+    if layout is not None:
+        images = [redirection(asset, layout, layer) for layer in range(layers.number_of(asset))]
     uvs = asset.corner_uvs() if request.write_uvs or request.write_delta else None
     delta = strain = None
     if request.write_delta:
         delta = np.pad(uvs - prepared.mesh.topology.uvs, ((0, 0), (0, 1)))
     if request.strain != "NONE":
         strain = overlay.colours(prepared, request.positions, request.strain == "AFTER")
-    return Outputs(layout, image, uvs if request.write_uvs else None, delta, strain)
+    return Outputs(layout, images, prepared.layers, uvs if request.write_uvs else None, delta, strain)
 
 
 def layout_of(asset: vrtm.Asset, name: str, map_size: int) -> Layout:
@@ -95,12 +98,12 @@ def layout_of(asset: vrtm.Asset, name: str, map_size: int) -> Layout:
     return layout
 
 
-def redirection(asset: vrtm.Asset, layout: Layout) -> np.ndarray:
-    """The image of the last result: (height, width, 4) float32, bottom row first; what to add to u and v in the first
-    two channels, and 1 in the last one, so that no alpha mode changes the others."""
+def redirection(asset: vrtm.Asset, layout: Layout, layer: int) -> np.ndarray:
+    """The image of a layer of the last result: (height, width, 4) float32, bottom row first; what to add to u and v in
+    the first two channels, and 1 in the last one, so that no alpha mode changes the others."""
     image = np.zeros((layout.height, layout.width, 4), np.float32)
     image[..., 3] = 1
-    for tile in asset.tiles:
+    for tile in [tile for tile in asset.tiles if tile.layer == layer]:
         rows, columns = layout.place(tile.udim)
         part = tile.fetch("redirection_delta", (layout.size, layout.size), channels=2, origin="bottom")
         image[rows, columns, :2] = part
@@ -122,8 +125,11 @@ def missing(obj: bpy.types.Object) -> str | None:
     if settings.write_image:
         if not is_result(settings.image):
             return "The result image is not there"
-        if not has_pixels(settings.image):
+        if not all(map(has_pixels, layers.images_of(settings.image))):
             return "The result image is empty"
+        lost = layers.missing(obj)
+        if lost is not None:
+            return lost
         if nodes.stale_groups(obj):
             return "The material's node group has lost the result image"
         owner = owner_of_image(obj)
@@ -158,8 +164,9 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
     before, session.writing = session.writing, True
     try:
         own_name(obj)
-        if outputs.image is not None:
-            write_image(obj, outputs.layout, outputs.image)
+        if outputs.images is not None:
+            write_image(obj, outputs.layout, *outputs.images)
+            layers.write(obj, outputs.layers)
         if outputs.uvs is not None:
             write_uvs(obj, outputs.uvs)
         if outputs.delta is not None:
@@ -177,7 +184,7 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
         state.notes.append(
             f"Modifier {behind.name!r} deforms behind the one that changes the topology: it is not in the pose"
         )
-    if is_set_up(obj) and all(output is None for output in (outputs.image, outputs.uvs, outputs.delta)):
+    if is_set_up(obj) and all(output is None for output in (outputs.images, outputs.uvs, outputs.delta)):
         state.notes.append("No output is switched on: see Quality and Outputs")
     state.say("")
 
@@ -209,12 +216,13 @@ def was_taken_back(obj: bpy.types.Object, state: State) -> bool:
     return not np.array_equal(geometry.read(obj.data.uv_layers[obj.vrtm.uv_name].uv, "vector", 2), state.uvs)
 
 
-def write_image(obj: bpy.types.Object, layout: Layout, pixels: np.ndarray) -> None:
-    image = own_image(obj, layout)
-    image.pixels.foreach_set(pixels.ravel())
-    image.update()
-    # Tells viewport renders that the image has changed.
-    image.update_tag()
+def write_image(obj: bpy.types.Object, layout: Layout, *pixels: np.ndarray) -> None:
+    """Writes the images of all layers."""
+    for image, values in zip(own_images(obj, layout, len(pixels)), pixels):
+        image.pixels.foreach_set(values.ravel())
+        image.update()
+        # Tells viewport renders that the image has changed.
+        image.update_tag()
 
 
 def owner_of_image(obj: bpy.types.Object) -> bpy.types.Object | None:
@@ -227,43 +235,50 @@ def owner_of_image(obj: bpy.types.Object) -> bpy.types.Object | None:
 
 
 def separate(obj: bpy.types.Object) -> None:
-    """Gives a duplicate an image of its own, and materials that look it up."""
+    """Gives a duplicate images of its own, and materials that look them up."""
     from . import materials, nodes
 
     if owner_of_image(obj) is not None:
         before = obj.vrtm.image
-        obj.vrtm.image = _new_image(obj, *before.size)
-        obj.vrtm.image[LAYOUT] = list(before[LAYOUT])
+        size, layout, number = before.size, list(before[LAYOUT]), before.get(layers.NUMBER, 1)
+        obj.vrtm.image = _new_image(obj, *size)
+        for image in layers.own_images(obj.vrtm.image, number, lambda layer: _new_image(obj, *size, layer)):
+            image[LAYOUT] = layout
         materials.separate(obj, lambda tree: nodes.is_by_image(tree, before), nodes.group_by_image)
 
 
-def _new_image(obj: bpy.types.Object, width: int, height: int) -> bpy.types.Image:
-    image = bpy.data.images.new(f"vrtm {obj.name}", width, height, alpha=True, float_buffer=True, is_data=True)
+def _new_image(obj: bpy.types.Object, width: int, height: int, layer: int = 0) -> bpy.types.Image:
+    name = f"vrtm {obj.name} layer {layer}" if layer else f"vrtm {obj.name}"
+    image = bpy.data.images.new(name, width, height, alpha=True, float_buffer=True, is_data=True)
     image.alpha_mode = "CHANNEL_PACKED"
     image.file_format = "OPEN_EXR"
     return image
 
 
-def own_image(obj: bpy.types.Object, layout: Layout) -> bpy.types.Image:
-    """The object's result image in the layout's size."""
+def own_images(obj: bpy.types.Object, layout: Layout, number: int) -> list[bpy.types.Image]:
+    """The object's result images, one for each layer, in the layout's size."""
     from . import nodes
 
     settings = obj.vrtm
     separate(obj)
-    image = settings.image
-    if not is_result(image) or image.library is not None:
-        image = settings.image = _new_image(obj, layout.width, layout.height)
-    if not image.size[0]:
-        # Its file is gone: it is one in memory again.
-        image.source, image.use_generated_float = "GENERATED", True
-        image.generated_width, image.generated_height = layout.width, layout.height
-    elif tuple(image.size) != (layout.width, layout.height):
-        image.scale(layout.width, layout.height)
-    rebuild = list(image.get(LAYOUT, ())) != layout.numbers()
-    if rebuild:
-        image[LAYOUT] = layout.numbers()
+    size = layout.width, layout.height
+    if not is_result(settings.image) or settings.image.library is not None:
+        settings.image = _new_image(obj, *size)
+    images = layers.own_images(settings.image, number, lambda layer: _new_image(obj, *size, layer))
+    rebuild = False
+    for image in images:
+        if not image.size[0]:
+            # Its file is gone: it is one in memory again.
+            image.source, image.use_generated_float = "GENERATED", True
+            image.generated_width, image.generated_height = size
+        elif tuple(image.size) != size:
+            image.scale(*size)
+        if list(image.get(LAYOUT, ())) != layout.numbers():
+            image[LAYOUT] = layout.numbers()
+            rebuild = True
     nodes.update_groups(obj, rebuild)
-    return image
+    layers.remove_unused()
+    return images
 
 
 def write_uvs(obj: bpy.types.Object, uvs: np.ndarray) -> None:
@@ -283,6 +298,11 @@ def write_uvs(obj: bpy.types.Object, uvs: np.ndarray) -> None:
 def delta_name(settings: bpy.types.PropertyGroup) -> str:
     """The attribute for Geometry Nodes. It has three components, since Blender takes two for a UV map."""
     return f"{settings.uv_name}_delta"
+
+
+def names_of(settings: bpy.types.PropertyGroup) -> set[str]:
+    """What is written to the mesh of an object's results."""
+    return {settings.uv_name, delta_name(settings), layers.attribute_name(settings)}
 
 
 def write_delta(obj: bpy.types.Object, values: np.ndarray) -> None:
@@ -333,12 +353,15 @@ def figures(prepared: Prepared) -> list[tuple[str, str]]:
     """What the panel shows of the last solve, as labels and values."""
     report = prepared.asset.report()
     tiles = [tile.report() for tile in prepared.asset.tiles]
+    number = layers.number_of(prepared.asset)
     shown = [
         ("Time", f"{report.ms_total:.0f} ms"),
         ("Folds", str(report.folds)),
         ("Rigid", percent(prepared.rigid_share()[0])),
-        ("Tiles", str(len(tiles))),
+        ("Tiles", str(len({tile.udim for tile in prepared.asset.tiles}))),
     ]
+    if number > 1:
+        shown.append(("Layers", str(number)))
     edges = sum(tile.edges + tile.edges_fixed for tile in tiles)
     if edges:
         # Of all that is rigid, what cannot move too.
@@ -362,7 +385,23 @@ def percent(share: float) -> str:
 
 def notes(prepared: Prepared) -> list[str]:
     """What is likely not as it is meant, in sentences."""
-    share, least, most = prepared.rigid_share()
+    found = _of_rigidity(*prepared.rigid_share())
+    return found or _of_overlaps(prepared)
+
+
+def _of_overlaps(prepared: Prepared) -> list[str]:
+    """Whether most of what is rigid does not move because islands share the texture there. All layers count."""
+    tiles = prepared.asset.tiles
+    rigid, overlapped = (sum(getattr(tile.info, f"rigid_{of}") for tile in tiles) for of in ("nodes", "overlapped"))
+    if 2 * overlapped <= rigid or tiles[0].settings.overlap == "first_face":
+        return []
+    found = f"{percent(overlapped / rigid)} of what is rigid does not move, since islands share the texture there"
+    if prepared.mesh.max_layers:
+        return [f"{found}: there are over {layers.MOST} of them, or one lies over itself. Unwrap them side by side"]
+    return [f"{found}: set Overlaps, in Quality and Outputs, to Each"]
+
+
+def _of_rigidity(share: float, least: float, most: float) -> list[str]:
     # Half a step of 8 bits.
     if most < 0.5 / 255:
         return ["Nothing is rigid: the map is 0 everywhere. Is it the right image, channel or group?"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import geometry, maps, results, session
+from . import geometry, layers, maps, results, session
 from .messages import Problem
 from .prepared import MapsInput, MeshInput
 from .session import Request, State
@@ -26,13 +26,13 @@ def read(obj: bpy.types.Object, state: State) -> None:
 
 
 def _read_mesh(obj: bpy.types.Object, state: State) -> None:
-    device = obj.vrtm.device
+    device, max_layers = obj.vrtm.device, layers.MOST if obj.vrtm.overlaps == "each" else 0
     topology, rest = geometry.topology(obj), geometry.rest_positions(obj)
-    stamp = (topology.stamp, geometry.stamp_of(rest), device)
+    stamp = (topology.stamp, geometry.stamp_of(rest), device, max_layers)
     if state.stamps.get("mesh") != stamp:
         # Maps are set for a mesh: all of them again.
         state.maps_changed = True
-    state.inputs.mesh = MeshInput(topology, rest, device, stamp)
+    state.inputs.mesh = MeshInput(topology, rest, device, max_layers, stamp)
     state.stamps["mesh"] = stamp
     state.counts = geometry.counts(obj.data)
     state.mesh_changed = False
@@ -54,7 +54,9 @@ def settings_of(obj: bpy.types.Object) -> dict[str, object]:
     """What is set of all tiles."""
     settings = obj.vrtm
     borders = {name: getattr(settings, name) for name in ("seams", "open_borders", "seam_reach")}
-    return {"grid_width": settings.grid, "grid_height": settings.grid} | borders
+    # What lies over itself, and what the layers do not suffice for, stays as it is.
+    overlap = "first_face" if settings.overlaps == "first_face" else "fixed"
+    return {"grid_width": settings.grid, "grid_height": settings.grid, "overlap": overlap} | borders
 
 
 def options_of(obj: bpy.types.Object) -> dict[str, object]:

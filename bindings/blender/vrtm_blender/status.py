@@ -95,8 +95,7 @@ def not_baked(obj: bpy.types.Object, scene: bpy.types.Scene, frames: range | Non
     if not frames:
         return "The material reads no baked files: press Use Live Result, or bake and press Use Baked Files"
     frame = min(max(scene.frame_current, frames[0]), frames[-1])
-    path = nodes.baked_file(obj, frame)
-    if path is not None and not os.path.isfile(path):
+    for path in [path for path in nodes.baked_files(obj, frame) if not os.path.isfile(path)]:
         return f"{path} is not there: bake again, or press Use Live Result"
     if frame != scene.frame_current:
         text = f"Frame {scene.frame_current} is not in the baked files of frames {frames[0]} to {frames[-1]}"

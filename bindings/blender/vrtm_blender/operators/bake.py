@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .. import bake, live, messages, nodes, results, session
+from .. import bake, layers, live, messages, nodes, results, session
 from ..messages import Problem, text_of
 from .base import OnObject
 
@@ -17,8 +17,11 @@ class VRTM_OT_use_baked(OnObject, bpy.types.Operator):
     bl_label = "Use Baked Files"
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        path, first, number = bake.sequence(obj, context.scene)
-        nodes.show_baked(obj, path, first, number)
+        paths, first, number = bake.sequence(obj, context.scene)
+        asset = session.state_of(obj).asset
+        if asset is not None and layers.number_of(asset) != len(paths):
+            raise Problem(f"{obj.name}: the result has other layers than what was baked: press Update Now")
+        nodes.show_baked(obj, paths, first, number)
         obj.vrtm.shows_baked = True
         return f"{obj.name}: the material reads {number} baked files, from frame {first} on"
 

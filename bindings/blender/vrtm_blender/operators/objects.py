@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import EnumProperty
 
-from .. import dilate, geometry, keep, materials, nodes, overlay, results, session, tap
+from .. import dilate, geometry, keep, layers, materials, nodes, overlay, results, session, tap
 from .base import OnObject
 from .material import kept_text, redirect
 from .rigidity import new_image
@@ -96,12 +96,13 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
         others, image = [other for other in bpy.data.objects if other != obj], settings.image
         if results.is_result(image) and image.library is None and not any(o.vrtm.image == image for o in others):
             bpy.data.images.remove(image)
+        layers.remove_unused()
         settings.strain = "NONE"
         overlay.remove(obj)
         sharing = [other for other in others if other.data == mesh and results.is_set_up(other)]
-        names = {settings.uv_name, results.delta_name(settings), geometry.REST_NAME}
+        names = results.names_of(settings) | {geometry.REST_NAME}
         for other in sharing:
-            names -= {other.vrtm.uv_name, results.delta_name(other.vrtm), geometry.REST_NAME}
+            names -= results.names_of(other.vrtm) | {geometry.REST_NAME}
         for name in names:
             if name in mesh.attributes:
                 mesh.attributes.remove(mesh.attributes[name])

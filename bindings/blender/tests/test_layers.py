@@ -1,0 +1,421 @@
+"""Islands that lie over one another in the UV map, as mirrored halves do: each is solved as if it were alone, has an
+image of its own, and shows its own redirection."""
+
+import os
+import tempfile
+
+import numpy as np
+
+from support import Case, bpy, part, pixels, poll_until, rgba, studs, uv_layer
+from test_render import Scene, load, render
+
+SIDE, SIZE = 24, 128
+
+
+class Sheets:
+    """Square sheets side by side, each bent in a way of its own by a shape key at frame 5. Sheet k lies in the UV tile
+    `tiles[k]`, so that (0, 0) is a mirrored pair, and (0, 1) the same pair unwrapped side by side: the texture and the
+    rigidity are repeated on all tiles."""
+
+    def __init__(self, tiles=(0, 0), name="sheets"):
+        self.tiles = tiles
+        line = np.linspace(0, 1, SIDE + 1)
+        x, y = (values.ravel() for values in np.meshgrid(line, line))
+        first = np.add.outer(np.arange(SIDE) * (SIDE + 1), np.arange(SIDE)).ravel()
+        quads = first[:, None] + [0, 1, SIDE + 2, SIDE + 1]
+        points, moved, uvs = [], [], []
+        for sheet, tile in enumerate(tiles):
+            # The second is the mirror image of the first.
+            sign, shift = (-1 if sheet == 1 else 1), (1.6 if sheet == 2 else 0)
+            points.append(np.stack([sign * x + shift, y, 0 * x], -1))
+            bent = (
+                (x + 0.25 * np.sin(3 * x) * y, y * (1 + 0.3 * y)),
+                (x + 0.1 * np.sin(6 * x), y + 0.15 * np.sin(5 * y)),
+                (x * (1 + 0.4 * x), y),
+            )[sheet]
+            moved.append(np.stack([sign * bent[0] + shift, bent[1], 0 * x], -1))
+            uvs.append(np.stack([x * 0.9 + 0.05 + tile, y * 0.9 + 0.05], -1)[quads].reshape(-1, 2))
+        faces = np.concatenate([quads + sheet * len(x) for sheet in range(len(tiles))])
+        mesh = self.mesh = bpy.data.meshes.new(name)
+        mesh.from_pydata(np.concatenate(points).tolist(), [], faces.tolist())
+        mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.concatenate(uvs).astype(np.float32).ravel())
+        obj = self.object = bpy.data.objects.new(name, mesh)
+        bpy.context.collection.objects.link(obj)
+        bpy.context.view_layer.objects.active = obj
+        obj.select_set(True)
+        obj.shape_key_add(name="Basis")
+        key = obj.shape_key_add(name="bent")
+        key.data.foreach_set("co", np.concatenate(moved).astype(np.float32).ravel())
+        for frame, value in ((1, 0.0), (5, 1.0)):
+            key.value = value
+            key.keyframe_insert("value", frame=frame)
+        image = bpy.data.images.new("rigidity", SIZE, SIZE)
+        image.pixels.foreach_set(rgba(studs(SIZE)).ravel())
+        image.pack()
+        settings = obj.vrtm
+        settings.device, settings.grid, settings.measure = "cpu", SIZE, True
+        settings.rigidity_source, settings.rigidity_image = "IMAGE", image
+        bpy.context.scene.frame_set(5)
+
+
+def images_of(obj):
+    return part("layers").images_of(obj.vrtm.image)
+
+
+def moves(image):
+    return float(np.abs(pixels(image)[..., :2]).max())
+
+
+def attribute(obj, name="vrtm_layer"):
+    found = obj.data.attributes.get(name)
+    if found is None:
+        return None
+    values = np.empty(len(found.data), np.int32)
+    found.data.foreach_get("value", values)
+    return values
+
+
+def halves(*layers):
+    """What the attribute should be, by the sheets' layers."""
+    return np.repeat(np.array(layers, np.int32), SIDE * SIDE)
+
+
+def strains(obj):
+    """Before and after, of each layer."""
+    reports = [tile.report() for tile in part("session").state_of(obj).asset.tiles]
+    return [(report.before.rms, report.after.rms) for report in reports]
+
+
+class Layers(Case):
+    def update(self):
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+
+    def notes(self, obj):
+        return " ".join(line.text for line in part("status").notes(obj, bpy.context.scene))
+
+    def test_both_halves_keep_their_features_and_fixed_moves_nothing(self):
+        obj = Sheets().object
+        self.assertEqual(obj.vrtm.overlaps, "each")
+        self.update()
+        state = part("session").state_of(obj)
+        self.assertEqual([image.name for image in images_of(obj)], ["vrtm sheets", "vrtm sheets layer 1"])
+        self.assertSame(attribute(obj), halves(0, 1))
+        found = strains(obj)
+        self.assertEqual(len(found), 2)
+        for before, after in found:
+            self.assertLess(3 * after, before)
+        self.assertEqual((dict(state.figures)["Tiles"], dict(state.figures)["Layers"]), ("1", "2"))
+        self.assertEqual(self.notes(obj), "")
+        kept = [pixels(image) for image in images_of(obj)]
+        for image, tile in zip(kept, state.asset.tiles):
+            expected = tile.fetch("redirection_delta", SIZE, channels=2, origin="bottom")
+            self.assertSame(np.ascontiguousarray(image[..., :2]), expected)
+        self.assertGreater(np.abs(kept[0] - kept[1]).max(), 0.01)
+
+        obj.vrtm.overlaps = "fixed"
+        self.update()
+        self.assertEqual([image.name for image in images_of(obj)], ["vrtm sheets"])
+        self.assertEqual(moves(obj.vrtm.image), 0)
+        self.assertIsNone(attribute(obj))
+        self.assertNotIn("vrtm sheets layer 1", bpy.data.images)
+        before, after = dict(state.figures)["Strain"].split()[0::2]
+        self.assertEqual(before, after)
+        self.assertNotIn("Layers", dict(state.figures))
+        self.assertIn("100 % of what is rigid does not move", self.notes(obj))
+        self.assertIn("set Overlaps, in Quality and Outputs, to Each", self.notes(obj))
+        # What is told stays while it is so.
+        bpy.context.scene.frame_set(4)
+        self.update()
+        self.assertIn("set Overlaps", self.notes(obj))
+
+        obj.vrtm.overlaps = "first_face"
+        self.update()
+        self.assertGreater(moves(obj.vrtm.image), 0.01)
+        self.assertNotIn("set Overlaps", self.notes(obj))
+
+        obj.vrtm.overlaps = "each"
+        bpy.context.scene.frame_set(5)
+        self.update()
+        self.assertSame(attribute(obj), halves(0, 1))
+        for image, expected in zip(images_of(obj), kept):
+            self.assertSame(pixels(image), expected)
+
+    def test_what_lies_side_by_side_has_one_layer(self):
+        found = {}
+        for overlaps in ("each", "fixed"):
+            self.setUp()
+            obj = Sheets((0, 1)).object
+            obj.vrtm.overlaps = overlaps
+            self.update()
+            self.assertEqual(len(images_of(obj)), 1)
+            self.assertIsNone(attribute(obj))
+            found[overlaps] = pixels(obj.vrtm.image), uv_layer(obj.data, "vrtm")
+        for each, fixed in zip(*found.values()):
+            self.assertSame(each, fixed)
+
+    def test_what_is_written_to_the_mesh_is_as_of_islands_side_by_side(self):
+        """Corner UVs, and the colours of strains: those of the second half, too."""
+        found = []
+        for tiles in ((0, 0), (0, 1)):
+            self.setUp()
+            obj = Sheets(tiles).object
+            obj.vrtm.strain = "AFTER"
+            self.update()
+            colours = np.empty(len(obj.data.vertices) * 4, np.float32)
+            obj.data.attributes["vrtm strain"].data.foreach_get("color", colours)
+            own = uv_layer(obj.data, "UVMap")
+            found.append((uv_layer(obj.data, "vrtm") - own, colours))
+        (uvs, colours), (uvs_apart, colours_apart) = found
+        self.assertGreater(np.abs(uvs).max(), 0.01)
+        self.assertLess(np.abs(uvs - uvs_apart).max(), 1e-4)
+        # Derivatives are those of the nearest texel, which a rounding changes.
+        second = np.abs(colours - colours_apart)[len(colours) // 2 :]
+        self.assertLess(second.mean(), 0.005)
+
+    def test_three_sheets_and_two_tiles(self):
+        obj = Sheets((0, 0, 0)).object
+        self.update()
+        self.assertSame(attribute(obj), halves(0, 1, 2))
+        self.assertEqual(len({pixels(image).tobytes() for image in images_of(obj)}), 3)
+        self.setUp()
+        obj = Sheets((0, 0, 1)).object
+        self.update()
+        self.assertSame(attribute(obj), halves(0, 1, 0))
+        first, second = (pixels(image)[..., :2] for image in images_of(obj))
+        self.assertEqual(first.shape, (SIZE, 2 * SIZE, 2))
+        for values, there in ((first[:, :SIZE], True), (first[:, SIZE:], True), (second[:, :SIZE], True)):
+            self.assertEqual(np.abs(values).max() > 0.01, there)
+        self.assertEqual(np.abs(second[:, SIZE:]).max(), 0)
+        self.assertEqual(dict(part("session").state_of(obj).figures)["Tiles"], "2")
+
+    def test_a_setting_is_a_change_that_is_followed(self):
+        part("session").live_in_background = True
+        obj = Sheets().object
+        states = part("session").states
+
+        def headline():
+            poll_until(lambda: not any(s.wanted or s.doubted or s.job for s in states.values()))
+            return part("status").headline(obj, bpy.context.scene).text
+
+        self.update()
+        self.assertEqual(headline(), "Up to date")
+        obj.vrtm.overlaps = "fixed"
+        self.assertEqual(headline(), "Out of date: press Update Now")
+        obj.vrtm.overlaps = "each"
+        self.assertEqual(headline(), "Up to date")
+        obj.vrtm.live = True
+        for overlaps, number in (("fixed", 1), ("each", 2), ("first_face", 1)):
+            obj.vrtm.overlaps = overlaps
+            self.assertEqual(headline(), "Up to date")
+            self.assertEqual(len(images_of(obj)), number)
+            self.assertEqual(attribute(obj) is not None, number == 2)
+
+    def test_what_is_lost_is_told_and_made_again(self):
+        obj = Sheets((0, 0, 0)).object
+        self.update()
+        kept = [pixels(image) for image in images_of(obj)]
+        for lose, told in (
+            (lambda: bpy.data.images.remove(images_of(obj)[1]), "The result image of a layer is not there"),
+            (lambda: bpy.data.images.remove(images_of(obj)[2]), "The result image of a layer is not there"),
+            (lambda: obj.data.attributes.remove(obj.data.attributes["vrtm_layer"]), "tells layers apart is not there"),
+        ):
+            lose()
+            self.assertIn(told, part("results").missing(obj))
+            # As a frame that is rendered finds out.
+            part("solve").run(obj, bpy.context.evaluated_depsgraph_get())
+            self.assertIsNone(part("results").missing(obj))
+            self.assertSame(attribute(obj), halves(0, 1, 2))
+            for image, expected in zip(images_of(obj), kept, strict=True):
+                self.assertSame(pixels(image), expected)
+            self.assertEqual(len([i for i in bpy.data.images if i.name.startswith("vrtm")]), 3)
+
+    def test_the_attribute_comes_through_modifiers(self):
+        obj = Sheets().object
+        obj.modifiers.new("it", "SUBSURF").levels = 1
+        bpy.ops.vrtm.insert_tap()
+        self.update()
+        evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        found = evaluated.attributes["vrtm_layer"]
+        values = np.empty(len(found.data), np.int32)
+        found.data.foreach_get("value", values)
+        self.assertEqual((found.domain, found.data_type), ("FACE", "INT"))
+        self.assertSame(values, np.repeat(halves(0, 1), 4))
+
+
+class Pictures(Scene):
+    def sheets(self, tiles=(0, 0), by="image"):
+        sheets = Sheets(tiles)
+        texture = self.material(sheets.object)[1]
+        texture.interpolation = "Closest"
+        texture.image.pack()
+        centre, width = ((0, 0.6), 2.8) if len(tiles) == 2 else ((0.8, 0.6), 4.4)
+        self.camera(centre, width)
+        self.assertEqual(bpy.ops.vrtm.set_up_material(by=by), {"FINISHED"})
+        return sheets.object
+
+    def assertLooksLike(self, one, other):
+        """The texture is black and white, so that rounding turns whole pixels; a few of them."""
+        self.assertLess((np.abs(one - other).max(-1) > 0.02).mean(), 2e-3)
+
+    def assertDiffers(self, one, other):
+        self.assertGreater((np.abs(one - other).max(-1) > 0.3).mean(), 0.02)
+
+    def test_each_half_shows_its_own_redirection(self):
+        for by in ("image", "uv_map"):
+            for tiles, apart in (((0, 0), (0, 1)), ((0, 0, 1), (0, 1, 2))):
+                with self.subTest(by=by, tiles=tiles):
+                    self.setUp()
+                    self.sheets(apart, by)
+                    expected = render()
+                    self.setUp()
+                    obj = self.sheets(tiles, by)
+                    self.assertLooksLike(render(), expected)
+                    if by == "uv_map":
+                        continue
+                    # The other way round, and with one redirection for both, it is another picture.
+                    kept = attribute(obj)
+                    obj.vrtm.in_renders = False
+                    for values in (1 - kept, 0 * kept, 0 * kept + 1):
+                        obj.data.attributes["vrtm_layer"].data.foreach_set("value", values)
+                        obj.data.update_tag()
+                        self.assertDiffers(render(), expected)
+
+    def test_a_render_follows_the_setting(self):
+        """Live is off, so that the frame that is rendered is the first to hear of it."""
+        obj = self.sheets()
+        each = render()
+        for overlaps, looks in (("fixed", False), ("each", True), ("first_face", False), ("each", True)):
+            obj.vrtm.overlaps = overlaps
+            found = render()
+            (self.assertLooksLike if looks else self.assertDiffers)(found, each)
+            self.assertEqual(len(images_of(obj)), 2 if looks else 1)
+        bpy.ops.vrtm.update()
+        self.assertEqual(len([i for i in bpy.data.images if i.name.startswith("vrtm")]), 2)
+
+    def test_it_is_saved_and_opened_again(self):
+        obj = self.sheets()
+        expected, kept = render(), [pixels(image) for image in images_of(obj)]
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "file.blend")
+            bpy.ops.wm.save_as_mainfile(filepath=path)
+            bpy.ops.wm.open_mainfile(filepath=path)
+        obj = bpy.data.objects["sheets"]
+        obj.vrtm.in_renders = False
+        self.assertIsNone(part("results").missing(obj))
+        self.assertEqual(len(images_of(obj)), 2)
+        for image, values in zip(images_of(obj), kept):
+            self.assertSame(pixels(image), values)
+        self.assertSame(attribute(obj), halves(0, 1))
+        self.assertSame(render(), expected)
+
+    def test_a_file_of_an_earlier_version(self):
+        """It has one image, a group that reads it, and no setting."""
+        obj = self.sheets()
+        expected = render()
+        obj.vrtm.overlaps = "fixed"
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        obj.vrtm.property_unset("overlaps")
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "file.blend")
+            bpy.ops.wm.save_as_mainfile(filepath=path)
+            bpy.ops.wm.open_mainfile(filepath=path)
+        obj = bpy.data.objects["sheets"]
+        self.assertEqual((obj.vrtm.overlaps, len(images_of(obj))), ("each", 1))
+        self.assertLooksLike(render(), expected)
+        self.assertIsNone(part("results").missing(obj))
+
+    def test_baked_files_render_as_the_live_result_does(self):
+        for tiles in ((0, 0), (0, 0, 1)):
+            with self.subTest(tiles=tiles), tempfile.TemporaryDirectory() as folder:
+                self.setUp()
+                obj, scene = self.sheets(tiles), bpy.context.scene
+                render(os.path.join(folder, "live."), animation=True)
+                scene.vrtm_bake.directory = os.path.join(folder, "baked")
+                self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
+                places = ["1001", "1001.layer1"]
+                if len(tiles) == 3:
+                    places += ["1002", "tiles", "tiles.layer1"]
+                names = {f"sheets.redirect.{place}.{frame:04d}.exr" for place in places for frame in (3, 4, 5)}
+                self.assertEqual(set(os.listdir(scene.vrtm_bake.directory)), names)
+                self.assertEqual(bpy.ops.vrtm.use_baked(), {"FINISHED"})
+                # Nothing of the result images is shown any more.
+                for image in images_of(obj):
+                    image.pixels.foreach_set(np.zeros(len(image.pixels), np.float32))
+                render(os.path.join(folder, "baked."), animation=True)
+                for frame in (3, 4, 5):
+                    live, baked = (load(os.path.join(folder, f"{word}.{frame:04d}.exr")) for word in ("live", "baked"))
+                    self.assertSame(live, baked)
+                # An update for one layer leaves what the baked files need.
+                obj.vrtm.overlaps = "fixed"
+                self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+                self.assertSame(render(), baked)
+                # A file that is gone is told, also if it is that of another layer.
+                scene.frame_set(4)
+                self.assertEqual(part("status").headline(obj, scene).text, "Shows baked files")
+                place = "tiles" if len(tiles) == 3 else "1001"
+                os.remove(os.path.join(scene.vrtm_bake.directory, f"sheets.redirect.{place}.layer1.0004.exr"))
+                self.assertEqual(part("status").headline(obj, scene).text, "Frame is not baked: see Status")
+                obj.vrtm.overlaps = "each"
+                self.assertEqual(bpy.ops.vrtm.use_live(), {"FINISHED"})
+                scene.frame_set(5)
+                self.assertSame(render(), baked)
+
+    def test_a_bake_of_other_layers_than_the_result_has_is_refused(self):
+        obj = self.sheets()
+        with tempfile.TemporaryDirectory() as folder:
+            bpy.context.scene.vrtm_bake.directory = folder
+            obj.vrtm.overlaps = "fixed"
+            self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+            obj.vrtm.overlaps = "each"
+            self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
+            with self.assertRaisesRegex(RuntimeError, "other layers than what was baked: press Update Now"):
+                bpy.ops.vrtm.use_baked()
+            bpy.ops.vrtm.update()
+            self.assertEqual(bpy.ops.vrtm.use_baked(), {"FINISHED"})
+
+    def test_duplicates_are_their_own_and_nothing_is_left(self):
+        for linked in (False, True):
+            with self.subTest(linked=linked):
+                self.setUp()
+                images, attributes = set(bpy.data.images.keys()), None
+                obj = self.sheets()
+                attributes = {a.name for a in obj.data.attributes} - {"vrtm", "vrtm_layer"}
+                first, kept = render(), [pixels(image) for image in images_of(obj)]
+                bpy.ops.object.duplicate(linked=linked)
+                other = bpy.context.view_layer.objects.active
+                other.location.y = 5
+                if linked:
+                    # The same faces in the same layers: the other object's own attribute tells so, too.
+                    other.vrtm.map_size = 64
+                bpy.context.view_layer.update()
+                self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+                own = images_of(other)
+                self.assertEqual(len(own), 2)
+                self.assertFalse(set(own) & set(images_of(obj)))
+                for image, values in zip(images_of(obj), kept):
+                    self.assertSame(pixels(image), values)
+                name = part("layers").attribute_name(other.vrtm)
+                self.assertEqual(name == "vrtm_layer", not linked)
+                self.assertSame(attribute(other, name), halves(0, 1))
+                for one in (obj, other):
+                    self.assertIsNone(part("results").missing(one))
+                self.assertLooksLike(render(), first)
+                # One of them for Fixed: the other is as it was.
+                other.vrtm.overlaps = "fixed"
+                self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+                self.assertIsNone(attribute(other, name))
+                self.assertLooksLike(render(), first)
+                other.vrtm.overlaps = "each"
+                bpy.ops.vrtm.update()
+                self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
+                self.assertSame(attribute(obj), halves(0, 1))
+                self.assertIsNone(part("results").missing(obj))
+                bpy.context.view_layer.objects.active = obj
+                self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
+                self.assertEqual({a.name for a in obj.data.attributes}, attributes)
+                self.assertEqual({a.name for a in other.data.attributes}, attributes)
+                left = set(bpy.data.images.keys()) - images - {"Render Result", "albedo", "rigidity"}
+                self.assertEqual(left, set())
+                # Blender 4.2 goes on counting a user of a group that nothing uses any more.
+                groups = [tree for tree in bpy.data.node_groups if tree.get("vrtm_kind")]
+                self.assertEqual([users for users in bpy.data.user_map(subset=groups).values() if users], [])
