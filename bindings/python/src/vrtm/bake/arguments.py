@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 from vrtm.bake import frames
 from vrtm.bake.scene import SceneOptions
-from vrtm.bake.settings import AUTO, Settings
+from vrtm.bake.settings import AUTO, EACH, OVERLAP, Settings
 from vrtm.bake.words import near
 
 DESCRIPTION = """\
@@ -232,9 +232,17 @@ def _borders(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--overlap",
-        choices=("fixed", "first_face"),
-        default="fixed",
-        help="where UVs overlap nothing moves (fixed), or what the first face there says (first_face)",
+        type=lambda text: "first" if text == "first_face" else text,
+        choices=(EACH, "fixed", "first"),
+        default=OVERLAP,
+        help="of charts that lie over one another, as mirrored halves do, each gets maps of its own, in layers (each); "
+        f"or nothing moves there (fixed); or the chart of the first face moves all (first) ({OVERLAP})",
+    )
+    group.add_argument(
+        "--max-layers",
+        type=_whole(2, LARGEST),
+        metavar="N",
+        help=f"with --overlap each: the most layers that a tile may have ({Settings.max_layers})",
     )
 
 
@@ -366,6 +374,8 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
         parser.error(f"--freeze {a.freeze}: it is none of --frames {frames.text(a.frames)}")
     if a.temporal_weight and not a.warm:
         parser.error("--temporal-weight needs --warm: there is nothing else to hold a frame to")
+    if a.max_layers is not None and a.overlap != EACH:
+        parser.error(f"--max-layers needs --overlap {EACH}")
     for option in ("verbose", "dry_run"):
         if a.quiet and given[option]:
             parser.error(f"--quiet and --{option.replace('_', '-')} exclude each other")
@@ -388,7 +398,8 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
     own = Settings.__dataclass_fields__
     same = {name: tuple(v) if isinstance(v, list) else v for name, v in given.items() if name in own}
     form = a.form or ("udim" if a.layer else "tile")
-    return Settings(**same | {"options": options, "measure": measure, "form": form})
+    layers = a.max_layers or Settings.max_layers
+    return Settings(**same | {"options": options, "measure": measure, "form": form, "max_layers": layers})
 
 
 def _numbers(text: str) -> tuple[frames.Frame, ...]:

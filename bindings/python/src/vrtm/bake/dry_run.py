@@ -25,7 +25,8 @@ def lines(work: Work) -> Iterator[str]:
             maps = ", ".join(_maps(mesh, tile.udim))
             share = needs.movable_nodes / ((tile.cells[0] + 1) * (tile.cells[1] + 1))
             needed = _mb(needs.solving_bytes)
-            yield f"  tile {tile.udim}: grid {grid}, maps {size}, {maps}; {share:.1%} may move; {needed}"
+            layer = f" layer {tile.layer}" if tile.tile.layers > 1 else ""
+            yield f"  tile {tile.udim}{layer}: grid {grid}, maps {size}, {maps}; {share:.1%} may move; {needed}"
     names = [name for mesh in work.meshes.values() for frame in work.frames for name in mesh.names(frame, work.pattern)]
     there = sum(map(os.path.exists, names))
     if not settings.only_layer:

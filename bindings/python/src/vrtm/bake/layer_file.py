@@ -131,27 +131,37 @@ def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
         files[found] = [path.replace("<UDIM>", filling) for filling in fillings or ("",)]
         return found
 
-    def map_path(mesh: str, frame: Frame, udim: int | str) -> str:
-        udims = map(str, work.meshes[mesh].all_udims)
-        return named(work.pattern.name(mesh, "redirect", frame, udim), *udims)
+    def udims(mesh: str, layer: int) -> list[int]:
+        return [tile.udim for tile in work.meshes[mesh].asset.tiles if tile.layer == layer]
 
-    def warped_path(mesh: str, frame: Frame, texture: str) -> str | None:
+    def map_path(mesh: str, frame: Frame, udim: int | str, layer: int = 0) -> str:
+        name = work.pattern.name(mesh, "redirect", frame, udim, layer=layer)
+        return named(name, *map(str, udims(mesh, layer)))
+
+    def warped_path(mesh: str, frame: Frame, texture: str, layer: int = 0) -> str | None:
         for copy, paths in work.meshes[mesh].textures:
             own = os.path.basename(copy.pattern.replace("<mesh>", mesh))
             if own == os.path.basename(texture) or os.path.basename(texture) in map(os.path.basename, paths.values()):
-                udim, extension = next((u, warped.extension(path)) for u, path in paths.items())
-                tile = "<UDIM>" if "<UDIM>" in texture else udim
-                return named(work.pattern.name(mesh, copy.kind, frame, tile, extension), *map(str, paths))
+                present = [udim for udim in udims(mesh, layer) if udim in paths]
+                if not present:
+                    return None
+                tile = "<UDIM>" if "<UDIM>" in texture else present[0]
+                extension = warped.extension(paths[present[0]])
+                name = work.pattern.name(mesh, copy.kind, frame, tile, extension, layer)
+                return named(name, *map(str, present))
         return None
 
     def corner_path(mesh: str, frame: Frame) -> str:
         return named(corner_name(work.pattern, mesh, frame))
 
+    layers = {name: mesh.asset.face_layers() for name, mesh in work.meshes.items()}
+    face_layers = {name: of for name, of in layers.items() if of.any()}
     return LayerPlan(
         frames=work.frames,
         shapes=tuple(work.meshes),
         mode=settings.layer_mode,
         tiles={name: mesh.all_udims for name, mesh in work.meshes.items()},
+        face_layers=face_layers,
         map_path=map_path,
         form=settings.form,
         warped_path=warped_path if any(mesh.textures for mesh in work.meshes.values()) else None,

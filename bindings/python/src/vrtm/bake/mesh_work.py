@@ -33,6 +33,8 @@ class TileWork:
 
     tile: vrtm.Tile
     udim: int
+    layer: int
+    """Which of the layers of charts that lie over one another in the UDIM tile; 0 if there is one."""
     cells: tuple[int, int]
     size: tuple[int, int]
     """Of the redirection, in texels; (0, 0) if it follows from what the map holds."""
@@ -90,12 +92,12 @@ class MeshWork:
         """Whether the memory of a tile's solver is given back once the tile is solved."""
         self.copies = tuple(copies)
         self.listed = outputs.listed(settings)
-        self.asset = shape.asset(device, settings.weld)
+        self.asset = shape.asset(device, settings.weld, settings.layers)
         common = Fingerprint().text(vrtm.version(), device.info.backend, settings.quality, settings.weld)
         if settings.warm:
             common.text("warm", settings.temporal_weight)
-        self.dilated: dict[str, warped.Texture] = {}
-        """Textures with what lies beyond seams, by their files."""
+        self.dilated: dict[tuple[str, int], warped.Texture] = {}
+        """Textures with what lies beyond the seams of a layer, by their files and layers."""
         if device.info.backend == "gpu":
             # The CPU gives the same bits on every machine.
             common.text(device.info.name)
@@ -106,7 +108,9 @@ class MeshWork:
         if shape.vertex_mask is not None:
             self.asset.set_vertex_mask(shape.vertex_mask)
         common.array(shape.vertex_rigidity).array(shape.vertex_mask)
-        self.all_udims = tuple(tile.udim for tile in self.asset.tiles)
+        if any(tile.layer for tile in self.asset.tiles):
+            common.array(self.asset.face_layers())
+        self.all_udims = tuple(dict.fromkeys(tile.udim for tile in self.asset.tiles))
         if not self.all_udims:
             raise Failure(INPUT, f"{settings.scene} {shape.path}: none of its UVs lies in a tile, which begin at 0, 0")
         self.maps = {option: self._found(option) for option in ("rigidity", "mask")}
@@ -135,22 +139,26 @@ class MeshWork:
         tiles = []
         for tile in self.asset.tiles:
             rigidity, mask = rigid.get(tile.udim), masks.get(tile.udim)
-            if rigidity is not None:
-                tile.set_rigidity(rigidity)
-                if not (rigidity > 0).any():
-                    self.black.append(self.maps["rigidity"][tile.udim])
-            if mask is not None:
-                tile.set_mask(mask)
             own = other if rigidity is None else (rigidity.shape[1], rigidity.shape[0])
             cells = own if settings.size is None else (settings.size, settings.size)
             grid = (min(cells[0], LARGEST_GRID), min(cells[1], LARGEST_GRID))
-            tile.set_settings(tile.settings, grid_width=grid[0], grid_height=grid[1], **settings.tile_settings)
+            # What is set for one layer holds for all of its tile.
+            if tile.layer == 0:
+                if rigidity is not None:
+                    tile.set_rigidity(rigidity)
+                    if not (rigidity > 0).any():
+                        self.black.append(self.maps["rigidity"][tile.udim])
+                if mask is not None:
+                    tile.set_mask(mask)
+                tile.set_settings(tile.settings, grid_width=grid[0], grid_height=grid[1], **settings.tile_settings)
             size = cells
             if settings.map_size is not None:
                 size = (0, 0) if settings.map_size == AUTO else (int(settings.map_size),) * 2
             inputs = common.copy().text(tile.udim, dataclasses.astuple(tile.settings)).array(rigidity).array(mask)
+            if tile.layer:
+                inputs.text("layer", tile.layer)
             if settings.tiles is None or tile.udim in settings.tiles:
-                tiles.append(TileWork(tile, tile.udim, grid, size, inputs))
+                tiles.append(TileWork(tile, tile.udim, tile.layer, grid, size, inputs))
         return tiles
 
     def _found(self, option: str) -> dict[int, str]:
@@ -161,22 +169,29 @@ class MeshWork:
         """The tiles to be baked that have no map, or no values per vertex, for `rigidity` or `mask`, if that was asked
         for."""
         if getattr(self.settings, option) is not None:
-            return [tile.udim for tile in self.tiles if tile.udim not in self.maps[option]]
+            return [udim for udim in self.udims if udim not in self.maps[option]]
         wanted = getattr(self.settings.options, f"{option}_primvar") is not None
-        return [t.udim for t in self.tiles] if wanted and getattr(self.shape, f"vertex_{option}") is None else []
+        return self.udims if wanted and getattr(self.shape, f"vertex_{option}") is None else []
+
+    @property
+    def udims(self) -> list[int]:
+        """The numbers of the tiles to be baked."""
+        return list(dict.fromkeys(tile.udim for tile in self.tiles))
 
     def names(self, frame: Frame, pattern: Pattern) -> list[str]:
         """The paths of all files of a frame."""
         names = []
         for tile in self.tiles:
-            names += [pattern.name(self.shape.name, output.kind, frame, tile.udim) for output in self.listed]
+            names += [self._name(pattern, output.kind, frame, tile) for output in self.listed]
             for copy, paths in self.textures:
                 if tile.udim in paths:
-                    ending = warped.extension(paths[tile.udim])
-                    names.append(pattern.name(self.shape.name, copy.kind, frame, tile.udim, ending))
+                    names.append(self._name(pattern, copy.kind, frame, tile, warped.extension(paths[tile.udim])))
         if self.settings.corner_uvs:
             names.append(corner_name(pattern, self.shape.name, frame))
         return [os.path.join(self.settings.out, name) for name in names]
+
+    def _name(self, pattern: Pattern, kind: str, frame: Frame, tile: TileWork, ending: str = ".exr") -> str:
+        return pattern.name(self.shape.name, kind, frame, tile.udim, ending, tile.layer)
 
     def pieces(self, frame: Frame, pose: str, pattern: Pattern) -> list[Piece]:
         """The images of a frame. `pose`: a hash of the positions, and of what was before them where that counts."""
@@ -196,7 +211,7 @@ class MeshWork:
         facts = self._facts(output.kind, frame, tile, inputs)
         if output.form is not None:
             facts["vrtm:form"] = output.form
-        name = pattern.name(self.shape.name, output.kind, frame, tile.udim)
+        name = self._name(pattern, output.kind, frame, tile)
         # Blender and OpenImageIO take the first for the colour space. No chromaticities: a program that reads those
         # converts what it takes for a colour. Edges are clamped where the wrap mode is read.
         said = {"colorInteropID": "data", "oiio:ColorSpace": "data", "wrapmodes": "clamp"}
@@ -211,7 +226,7 @@ class MeshWork:
         texture = warped.read(path)
         height, width, _ = texture.pixels.shape
         inputs = tile.inputs.copy().text(pose, texture.inputs, copy.is_normal, copy.down)
-        name = pattern.name(self.shape.name, copy.kind, frame, tile.udim, warped.extension(path))
+        name = self._name(pattern, copy.kind, frame, tile, warped.extension(path))
         target = Target(
             os.path.join(self.settings.out, name),
             width,
@@ -231,7 +246,7 @@ class MeshWork:
         return (1.0 if settings.max_error is None else settings.max_error) / settings.texture_size
 
     def _facts(self, kind: str, frame: Frame, tile: TileWork, inputs: Fingerprint) -> dict[str, str | int]:
-        return {
+        facts: dict[str, str | int] = {
             "vrtm:kind": kind,
             "vrtm:mesh": self.shape.name,
             "vrtm:udim": tile.udim,
@@ -239,6 +254,7 @@ class MeshWork:
             "vrtm:version": vrtm.version(),
             "vrtm:inputs": inputs.hex(),
         }
+        return facts | ({"vrtm:layer": tile.layer} if tile.layer else {})
 
     def corners(self, frame: Frame, pose: str, pattern: Pattern) -> CornerFile:
         """The file of a frame's corner UVs."""
@@ -250,7 +266,7 @@ class MeshWork:
         if self.settings.force:
             return [None] * len(pieces)
         found = [image_file.up_to_date(piece.target, self.settings.overwrite) for piece in pieces]
-        wanted = {"frozen", "texels_limited"} | ({"strain"} if self.settings.measure else set())
+        wanted = {"frozen", "rigid", "texels_limited"} | ({"strain"} if self.settings.measure else set())
         return [
             None if figures is not None and piece.is_redirection and not wanted <= set(figures) else figures
             for piece, figures in zip(pieces, found)
@@ -272,7 +288,7 @@ class MeshWork:
         pieces = self.pieces(frame, pose, pattern)
         records = self.check(pieces)
         stale = [piece for piece, figures in zip(pieces, records) if figures is None]
-        figures: dict[int, dict] = {}
+        figures: dict[TileWork, dict] = {}
         corners = self.corners(frame, pose, pattern) if self.settings.corner_uvs else None
         whole = corners is not None and (self.settings.force or not corners.up_to_date())
         if (stale or whole) and not write:
@@ -283,7 +299,7 @@ class MeshWork:
             tiles = [tile for tile in self.tiles if every or any(piece.tile is tile for piece in stale)]
             self._solve(frame, positions, tiles, stop)
             for tile in tiles:
-                figures |= self._write(tile, [piece for piece in stale if piece.tile is tile], stop)
+                figures[tile] = self._write(tile, [piece for piece in stale if piece.tile is tile], stop)
         if corners is not None:
             if whole:
                 stop()
@@ -292,12 +308,12 @@ class MeshWork:
         for tile in self.tiles:
             own = [(piece, record) for piece, record in zip(pieces, records) if piece.tile is tile]
             kept = next((record for piece, record in own if piece.is_redirection), None)
-            result.tiles.append(rows.row(tile, own, (kept or {}) | figures.get(tile.udim, {}), self.settings))
+            result.tiles.append(rows.row(tile, own, (kept or {}) | figures.get(tile, {}), self.settings))
         result.milliseconds = 1e3 * (time.perf_counter() - start)
         return result
 
-    def _write(self, tile: TileWork, pieces: list[Piece], stop: Callable[[], None]) -> dict[int, dict]:
-        """Writes files of a tile that is solved, and returns its figures by its number."""
+    def _write(self, tile: TileWork, pieces: list[Piece], stop: Callable[[], None]) -> dict:
+        """Writes files of a tile that is solved, and returns its figures."""
         if not pieces:
             return {}
         size, found = self._size(tile, stop)
@@ -314,7 +330,7 @@ class MeshWork:
                 report = tile.tile.report()
                 figures |= {"texels_limited": report.texels_limited, "max_limit": report.max_limit}
             image_file.write(target, pixels, figures if piece.is_redirection else None)
-        return {tile.udim: figures}
+        return figures
 
     def _size(self, tile: TileWork, stop: Callable[[], None]) -> tuple[tuple[int, int], vrtm.MapInfo | None]:
         """The size of a tile's maps, and what was found about it. If the map is to choose: the smallest of a quarter of
@@ -367,6 +383,13 @@ class MeshWork:
         facts = tile.tile.info
         nodes = (facts.grid_width + 1) * (facts.grid_height + 1)
         figures |= {"overlap": facts.overlap, "frozen": facts.frozen, "movable": facts.movable_nodes / nodes}
+        overlapped = facts.rigid_overlapped / max(facts.rigid_nodes, 1)
+        figures["rigid"] = {
+            "texels": facts.rigid_nodes,
+            "overlapped": overlapped,
+            "frozen": facts.frozen,
+            "movable": 1 - facts.frozen if facts.rigid_nodes else 0.0,
+        }
         if self.settings.measure:
             figures["strain"] = rows.strain(report)
         if self.settings.measure or found is not None:
@@ -382,17 +405,19 @@ class MeshWork:
         def fetch(kind: str, width: int, height: int, first: int, rows: int) -> np.ndarray:
             return tile.fetch_part(kind, (width, height), (0, first, width, rows))
 
-        return warped.warp(self._texture(piece.texture, piece.copy), piece.copy, fetch, stop, self.threads)
+        texture = self._texture(piece.texture, piece.copy, tile.layer)
+        return warped.warp(texture, piece.copy, fetch, stop, self.threads)
 
-    def _texture(self, path: str, copy: warped.Copy) -> warped.Texture:
-        """A texture as it is looked up: if features go on over seams, with what lies beyond them."""
+    def _texture(self, path: str, copy: warped.Copy, layer: int) -> warped.Texture:
+        """A texture as it is looked up: if features go on over seams, with what lies beyond those of the layer."""
         if self.settings.seams != "continue":
             return warped.read(path)
-        if path not in self.dilated:
+        if (path, layer) not in self.dilated:
             files = next(paths for other, paths in self.textures if other is copy)
-            meshes = [dilate.Mesh(self.shape, self.asset, files)]
-            self.dilated |= dilate.dilated(copy, meshes, self.asset.tiles[0].settings.seam_reach)
-        return self.dilated[path]
+            meshes = [dilate.Mesh(self.shape, self.asset, files, layer)]
+            found = dilate.dilated(copy, meshes, self.asset.tiles[0].settings.seam_reach)
+            self.dilated |= {(file, layer): texture for file, texture in found.items()}
+        return self.dilated[path, layer]
 
 
 def unknown_tiles(settings: Settings, meshes: Sequence[MeshWork]) -> list[int]:

@@ -42,7 +42,8 @@ def row(tile: TileWork, own: list[tuple[Piece, dict | None]], figures: dict, set
     files = [file(path, state, settings) for path, state in states]
     written = any(entry["state"] == "written" for entry in files)
     found = {name: value for name, value in figures.items() if name not in ("strain", "map")}
-    line: dict = {"udim": tile.udim, "state": "written" if written else "skipped", "grid": list(tile.cells)} | found
+    place = {"udim": tile.udim, "layer": tile.layer, "layers": tile.tile.layers}
+    line: dict = place | {"state": "written" if written else "skipped", "grid": list(tile.cells)} | found
     line["strain"] = figures.get("strain")
     line["map"] = None
     if "map" in figures:
@@ -57,6 +58,11 @@ def row(tile: TileWork, own: list[tuple[Piece, dict | None]], figures: dict, set
         }
     line["files"] = files
     return line
+
+
+def tile_name(row: dict) -> str:
+    """A tile as messages name it: its number, and the layer if it has several."""
+    return f"{row['udim']} layer {row['layer']}" if row["layers"] > 1 else str(row["udim"])
 
 
 def file(path: str, state: str, settings: Settings) -> dict:

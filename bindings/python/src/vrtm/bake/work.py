@@ -126,7 +126,7 @@ class Work:
             notes.append("--half: numbers of 16 bits are off by a texel of a texture of 4096, but for --form delta")
         for mesh in self.meshes.values():
             for copy, paths in mesh.textures:
-                lacking = [tile.udim for tile in mesh.tiles if tile.udim not in paths]
+                lacking = [udim for udim in mesh.udims if udim not in paths]
                 if paths and lacking:
                     notes.append(f"{mesh.shape.path}: {copy.pattern} has no file of the tiles {frames.text(lacking)}")
         other = [path for path, form in self._replaced("vrtm:form") if form != settings.form]
@@ -207,7 +207,7 @@ class Work:
         for mesh in self.meshes.values() if not self.settings.only_layer else ():
             for tile in mesh.tiles:
                 for frame in self.frames:
-                    name = self.pattern.name(mesh.shape.name, "redirect", frame, tile.udim)
+                    name = self.pattern.name(mesh.shape.name, "redirect", frame, tile.udim, layer=tile.layer)
                     found = image_file.told(os.path.join(self.settings.out, name))
                     if fact in found:
                         yield os.path.join(self.settings.out, name), found[fact]

@@ -86,7 +86,7 @@ class Shape:
     cage_corners: np.ndarray | None = None
     """(corners of the control cage,) int32: the refined corner that lies at each; None where nothing was refined."""
 
-    def asset(self, device: vrtm.Device, weld: str) -> vrtm.Asset:
+    def asset(self, device: vrtm.Device, weld: str, max_layers: int = 0) -> vrtm.Asset:
         """The library's asset of the mesh, without maps. Raises vrtm.Error."""
         return vrtm.Asset(
             device,
@@ -96,6 +96,7 @@ class Shape:
             uvs=self.uvs,
             uv_indices=self.uv_indices,
             weld=weld,
+            max_layers=max_layers,
         )
 
 
