@@ -102,6 +102,12 @@ def _scene(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument("--uv", metavar="NAME", help="the UV set (default: st, or the only one)")
     group.add_argument(
+        "--subsets",
+        action="store_true",
+        help="USD: bake the subsets of a mesh that materials are bound to each by itself, and the faces in none of "
+        "them as 'rest': for materials that use the same UVs; give <subset> in --rigidity",
+    )
+    group.add_argument(
         "--rest",
         metavar="WHERE",
         help="the rest shape: bind, pref, first, frame:N, or a file with the same faces (default: the scene's own)",
@@ -133,7 +139,7 @@ def _scene(group: argparse._ArgumentGroup) -> None:
 
 
 def _maps(group: argparse._ArgumentGroup) -> None:
-    where = "<UDIM> stands for the tile, <mesh> for the mesh's name"
+    where = "<UDIM> stands for the tile, <mesh> for the mesh's name, <subset> for that of --subsets"
     group.add_argument("--rigidity", metavar="PATTERN", help=f"images, white = rigid; {where}")
     group.add_argument("--mask", metavar="PATTERN", help="images; what is dark does not move")
     group.add_argument(
@@ -148,8 +154,8 @@ def _files(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--name",
         metavar="PATTERN",
-        help="names below --out, with <mesh>, <kind>, <frame> and <UDIM> (default: <kind>.<frame>.<UDIM>.exr, and "
-        "<mesh>. before it if there are several)",
+        help="names below --out, with <mesh>, <subset>, <kind>, <frame> and <UDIM> (default: "
+        "<kind>.<frame>.<UDIM>.exr, and before it <mesh>. if there are several, and <subset>. with --subsets)",
     )
     group.add_argument(
         "--frames",
@@ -374,6 +380,11 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
         parser.error(f"--freeze {a.freeze}: it is none of --frames {frames.text(a.frames)}")
     if a.temporal_weight and not a.warm:
         parser.error("--temporal-weight needs --warm: there is nothing else to hold a frame to")
+    patterns = [a.rigidity, a.mask, *a.textures, *a.normal_maps]
+    if not a.subsets and any("<subset>" in pattern for pattern in patterns if pattern):
+        parser.error("<subset> needs --subsets")
+    if a.subsets and a.open_borders == "slide":
+        parser.error("--subsets and --open-borders slide exclude each other: textures would slide where subsets meet")
     if a.max_layers is not None and a.overlap != EACH:
         parser.error(f"--max-layers needs --overlap {EACH}")
     for option in ("verbose", "dry_run"):

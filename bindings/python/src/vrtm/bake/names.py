@@ -14,11 +14,12 @@ ONE_MESH = "<kind>.<frame>.<UDIM>.exr"
 SEVERAL = "<mesh>." + ONE_MESH
 """The pattern of several meshes."""
 
-_PLACEHOLDERS = ("<mesh>", "<kind>", "<frame>", "<UDIM>")
+_PLACEHOLDERS = ("<mesh>", "<subset>", "<kind>", "<frame>", "<UDIM>")
 
 
 class Pattern:
-    """A path below the output folder; `<mesh>`, `<kind>`, `<frame>` and `<UDIM>` stand for what a file holds."""
+    """A path below the output folder; `<mesh>`, `<subset>`, `<kind>`, `<frame>` and `<UDIM>` stand for what a file
+    holds."""
 
     def __init__(self, text: str, counts: Mapping[str, int]) -> None:
         """`counts`: how many different values each placeholder takes, those of more than one being needed. Raises
@@ -36,12 +37,21 @@ class Pattern:
         for found in re.findall(r"<[^>]*>?", text):
             if found not in _PLACEHOLDERS:
                 raise bad(f"'{found}' is none of {', '.join(_PLACEHOLDERS)}")
+        if "<subset>" in text and "<subset>" not in counts:
+            raise bad("<subset> needs --subsets")
         for placeholder, count in counts.items():
             if count > 1 and placeholder not in text:
                 raise bad(f"{count} values of {placeholder} are written, and it must keep them apart")
 
     def name(
-        self, mesh: str, kind: str, frame: Frame | str, udim: int | str, extension: str = ".exr", layer: int = 0
+        self,
+        mesh: str,
+        kind: str,
+        frame: Frame | str,
+        udim: int | str,
+        extension: str = ".exr",
+        layer: int = 0,
+        subset: str = "",
     ) -> str:
         """The path of a file below the output folder. Frames get at least four digits. A layer from 1 on stands behind
         the kind, `redirect_layer1`; in a pattern without kinds, before the numbers of the frame and the tile."""
@@ -50,7 +60,7 @@ class Pattern:
         if mark and "<kind>" not in text:
             text = _marked(text, mark)
             mark = ""
-        values = {"<mesh>": mesh, "<kind>": kind + mark, "<frame>": number, "<UDIM>": str(udim)}
+        values = {"<mesh>": mesh, "<subset>": subset, "<kind>": kind + mark, "<frame>": number, "<UDIM>": str(udim)}
         filled = re.sub("|".join(_PLACEHOLDERS), lambda match: values[match[0]], text)
         return filled[: -len(".exr")] + extension
 

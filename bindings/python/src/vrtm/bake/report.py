@@ -59,7 +59,12 @@ def document(
         "settings": dataclasses.asdict(settings),
         "device": {"backend": info.backend, "name": info.name, "reason": info.reason},
         "meshes": [
-            {"name": mesh.shape.name, "path": mesh.shape.path, "tiles": mesh.udims} for mesh in work.meshes.values()
+            {
+                "name": mesh.shape.name,
+                "path": mesh.shape.path,
+                "tiles": list(dict.fromkeys(tile.udim for tile in mesh.tiles)),
+            }
+            for mesh in work.meshes.values()
         ],
         "frames": [
             {

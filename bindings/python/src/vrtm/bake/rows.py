@@ -11,7 +11,8 @@ import vrtm
 from vrtm.bake.settings import Settings
 
 if TYPE_CHECKING:
-    from vrtm.bake.mesh_work import Piece, TileWork
+    from vrtm.bake.mesh_work import Piece
+    from vrtm.bake.part import TileWork
 
 
 def strain(report: vrtm.TileReport) -> dict:
@@ -43,6 +44,8 @@ def row(tile: TileWork, own: list[tuple[Piece, dict | None]], figures: dict, set
     written = any(entry["state"] == "written" for entry in files)
     found = {name: value for name, value in figures.items() if name not in ("strain", "map")}
     place = {"udim": tile.udim, "layer": tile.layer, "layers": tile.tile.layers}
+    if tile.part.subset:
+        place["subset"] = tile.part.subset
     line: dict = place | {"state": "written" if written else "skipped", "grid": list(tile.cells)} | found
     line["strain"] = figures.get("strain")
     line["map"] = None
@@ -61,8 +64,9 @@ def row(tile: TileWork, own: list[tuple[Piece, dict | None]], figures: dict, set
 
 
 def tile_name(row: dict) -> str:
-    """A tile as messages name it: its number, and the layer if it has several."""
-    return f"{row['udim']} layer {row['layer']}" if row["layers"] > 1 else str(row["udim"])
+    """A tile as messages name it: its number, the layer if it has several, and the subset if these are baked apart."""
+    layer = f" layer {row['layer']}" if row["layers"] > 1 else ""
+    return f"{row['udim']}{layer}" + (f" of {row['subset']}" if "subset" in row else "")
 
 
 def file(path: str, state: str, settings: Settings) -> dict:

@@ -54,6 +54,7 @@ class Settings:
     textures: tuple[str, ...] = ()
     normal_maps: tuple[str, ...] = ()
     normal_y: str = "up"
+    subsets: bool = False
     layer: str | None = None
     layer_mode: str = "texture"
     only_layer: bool = False

@@ -20,6 +20,8 @@ class Bound:
     """The mesh, for its faces in no subset, or one of its subsets: what materials are bound to."""
 
     prim: Usd.Prim
+    subset: str | None
+    """The part of the mesh whose maps it takes, "" if the mesh was baked as a whole; None if it has none."""
     layers: dict[int, np.ndarray]
     """Its faces by their layers, none of them empty. The first layer keeps the prim; if it is the only one, all is as
     in the shot."""
@@ -28,17 +30,25 @@ class Bound:
 def bound_parts(mesh: Usd.Prim, shape: Shape, plan: LayerPlan) -> list[Bound]:
     """What materials are bound to in a mesh: itself first, then its subsets."""
     subsets = UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets()
+    names = plan.parts.get(shape.name)
+
+    def part_of(name: str) -> str | None:
+        return "" if names is None else names.get(name)
+
     layers = face_layers(mesh, shape, plan)
     if layers is None or plan.mode == "primvar":
-        return [Bound(prim, {0: np.empty(0)}) for prim in (mesh, *(subset.GetPrim() for subset in subsets))]
+        one = {0: np.empty(0)}
+        prims = [subset.GetPrim() for subset in subsets]
+        return [Bound(mesh, part_of(""), one), *(Bound(prim, part_of(prim.GetName()), one) for prim in prims)]
     rest = np.ones(len(layers), bool)
     found = []
     for subset in subsets:
         faces = np.array(subset.GetIndicesAttr().Get(_EARLIEST) or (), np.int64)
         faces = faces[(faces >= 0) & (faces < len(layers))]
         rest[faces] = False
-        found.append(Bound(subset.GetPrim(), _by_layer(faces, layers)))
-    return [Bound(mesh, _by_layer(np.flatnonzero(rest), layers)), *found]
+        prim = subset.GetPrim()
+        found.append(Bound(prim, part_of(prim.GetName()), _by_layer(faces, layers)))
+    return [Bound(mesh, part_of(""), _by_layer(np.flatnonzero(rest), layers)), *found]
 
 
 def _by_layer(faces: np.ndarray, layers: np.ndarray) -> dict[int, np.ndarray]:

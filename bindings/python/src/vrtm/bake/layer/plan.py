@@ -39,15 +39,18 @@ class LayerPlan:
     """UDIM numbers of the tiles of each shape."""
     face_layers: dict[str, np.ndarray] = field(default_factory=dict)
     """The layer of each face, of shapes that have several: which maps it takes, where charts lie over one another."""
+    parts: dict[str, dict[str, str]] = field(default_factory=dict)
+    """The parts of shapes that were baked by themselves: their names by those of the subsets, "" standing for the faces
+    in none of them."""
     map_path: Callable[..., str] | None = None
-    """The redirection map of (shape, frame, UDIM number or "<UDIM>"), of a further layer with its number as `layer`.
-    None: there are no maps."""
+    """The redirection map of (shape, frame, UDIM number or "<UDIM>"); of a further layer with its number as `layer`,
+    and of a part with its name as `subset`. None: there are no maps."""
     form: str = "udim"
     """What the maps hold: `udim`, `tile` or `delta`."""
     warped_path: Callable[..., str | None] | None = None
-    """The warped copy of (shape, frame, texture as the material names it, resolved where it is one file), and `layer`
-    as above; in the path `<UDIM>` stands for the number if the texture's name has it. None: this texture was not
-    warped."""
+    """The warped copy of (shape, frame, texture as the material names it, resolved where it is one file), `layer` and
+    `subset` as above; in the path `<UDIM>` stands for the number if the texture's name has it. None: this texture was
+    not warped."""
     corner_path: Callable[[str, Frame], str] | None = None
     """The file that `write_corner_uvs` wrote for (shape, frame). None: there are no corner UVs."""
     freeze: Frame | None = None
@@ -74,12 +77,11 @@ class LayerPlan:
                         f"maps of form 'tile' cannot serve {name}, whose tiles are {self.tiles[name]}: use 'udim'"
                     )
 
-    def of_layer(self, layer: int) -> LayerPlan:
-        """The plan with the files of a layer, for the materials of its faces."""
-        if layer == 0:
-            return self
+    def of(self, subset: str, layer: int) -> LayerPlan:
+        """The plan with the files of a part and a layer, for the materials of its faces."""
+        of = {name: value for name, value in (("subset", subset), ("layer", layer)) if value}
         paths = {"map_path": self.map_path, "warped_path": self.warped_path}
-        return replace(self, **{name: functools.partial(of, layer=layer) for name, of in paths.items() if of})
+        return replace(self, **{name: functools.partial(path, **of) for name, path in paths.items() if path})
 
     def values(self, path_of: Callable[[Frame], str]) -> list[tuple[str, Frame | None]]:
         """(path, time code) of a file that there is of each frame; None stands for all times."""

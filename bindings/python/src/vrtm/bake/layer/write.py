@@ -30,9 +30,9 @@ STAGE_FIELDS = (
 )
 
 
-Made = dict[tuple[str, str, int], UsdShade.Material | None]
-"""The redirected materials by the original's path, the shape's name and the layer; None where nothing could be
-redirected."""
+Made = dict[tuple[str, str, str, int], UsdShade.Material | None]
+"""The redirected materials by the original's path, the shape's name, the part of the shape and the layer; None where
+nothing could be redirected."""
 
 
 @dataclass(frozen=True)
@@ -190,8 +190,13 @@ def _author(
     elif not any(bindings for _, bindings in bound):
         without.setdefault("no material is bound to it", []).append((path, ""))
     for part, bindings in bound:
+        if part.subset is None:
+            continue
         found = {
-            layer: [_material(stage, original, shape, plan, layer, made, warnings) for _, original in bindings]
+            layer: [
+                _material(stage, original, shape, plan, (part.subset, layer), made, warnings)
+                for _, original in bindings
+            ]
             for layer in part.layers
         }
         if not any(material for materials in found.values() for material in materials):
@@ -247,31 +252,30 @@ def _material(
     original: UsdShade.Material,
     shape: Shape,
     plan: LayerPlan,
-    layer: int,
+    of: tuple[str, int],
     made: Made,
     warnings: list[str],
 ) -> UsdShade.Material | None:
-    """The material of a shape's layer that specializes another one; None if nothing in it could be redirected."""
-    key = (str(original.GetPath()), shape.name, layer)
+    """The material that specializes another one, for a part of a shape and a layer of it; None if nothing in it could
+    be redirected."""
+    subset, layer = of
+    key = (str(original.GetPath()), shape.name, subset, layer)
     if key in made:
         return made[key]
-    if any(other[:2] == key[:2] for other in made):
+    if any(other[:3] == key[:3] for other in made):
         # What is to be said of it was said of another layer's.
         warnings = []
     if any(material and material.GetPath() == original.GetPath() for material in made.values()):
         return original
     _split_instances(stage, original.GetPath().GetParentPath(), warnings)
+    name = "_".join(filter(None, [original.GetPrim().GetName(), shape.name, subset, "redirected"]))
     mark = f"_layer{layer}" if layer else ""
-    path = (
-        original.GetPath()
-        .GetParentPath()
-        .AppendChild(f"{original.GetPrim().GetName()}_{shape.name}_redirected{mark}".replace("-", "_"))
-    )
+    path = original.GetPath().GetParentPath().AppendChild((name + mark).replace("-", "_"))
     material = UsdShade.Material.Define(stage, path)
     material.SetBaseMaterial(UsdShade.Material(stage.GetPrimAtPath(original.GetPath())))
     if material.GetPrim().IsInstanceable():
         material.GetPrim().SetInstanceable(False)
-    if Redirector(material, shape, plan.of_layer(layer), warnings).redirect() == 0:
+    if Redirector(material, shape, plan.of(subset, layer), warnings).redirect() == 0:
         warnings.append(f"{shape.path}: no texture of {original.GetPath()} could be redirected")
         edited = stage.GetEditTarget().GetLayer()
         del edited.GetPrimAtPath(path.GetParentPath()).nameChildren[path.name]
