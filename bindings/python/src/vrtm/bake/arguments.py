@@ -10,7 +10,7 @@ from typing import Any, NoReturn
 
 from vrtm.bake import frames
 from vrtm.bake.scene import SceneOptions
-from vrtm.bake.settings import AUTO, Settings
+from vrtm.bake.settings import AUTO, EACH, OVERLAP, Settings
 from vrtm.bake.words import near
 
 DESCRIPTION = """\
@@ -102,6 +102,12 @@ def _scene(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument("--uv", metavar="NAME", help="the UV set (default: st, or the only one)")
     group.add_argument(
+        "--subsets",
+        action="store_true",
+        help="USD: bake the subsets of a mesh that materials are bound to each by itself, and the faces in none of "
+        "them as 'rest': for materials that use the same UVs; give <subset> in --rigidity",
+    )
+    group.add_argument(
         "--rest",
         metavar="WHERE",
         help="the rest shape: bind, pref, first, frame:N, or a file with the same faces (default: the scene's own)",
@@ -133,7 +139,7 @@ def _scene(group: argparse._ArgumentGroup) -> None:
 
 
 def _maps(group: argparse._ArgumentGroup) -> None:
-    where = "<UDIM> stands for the tile, <mesh> for the mesh's name"
+    where = "<UDIM> stands for the tile, <mesh> for the mesh's name, <subset> for that of --subsets"
     group.add_argument("--rigidity", metavar="PATTERN", help=f"images, white = rigid; {where}")
     group.add_argument("--mask", metavar="PATTERN", help="images; what is dark does not move")
     group.add_argument(
@@ -148,8 +154,8 @@ def _files(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--name",
         metavar="PATTERN",
-        help="names below --out, with <mesh>, <kind>, <frame> and <UDIM> (default: <kind>.<frame>.<UDIM>.exr, and "
-        "<mesh>. before it if there are several)",
+        help="names below --out, with <mesh>, <subset>, <kind>, <frame> and <UDIM> (default: "
+        "<kind>.<frame>.<UDIM>.exr, and before it <mesh>. if there are several, and <subset>. with --subsets)",
     )
     group.add_argument(
         "--frames",
@@ -232,9 +238,17 @@ def _borders(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--overlap",
-        choices=("fixed", "first_face"),
-        default="fixed",
-        help="where UVs overlap nothing moves (fixed), or what the first face there says (first_face)",
+        type=lambda text: "first" if text == "first_face" else text,
+        choices=(EACH, "fixed", "first"),
+        default=OVERLAP,
+        help="of charts that lie over one another, as mirrored halves do, each gets maps of its own, in layers (each); "
+        f"or nothing moves there (fixed); or the chart of the first face moves all (first) ({OVERLAP})",
+    )
+    group.add_argument(
+        "--max-layers",
+        type=_whole(2, LARGEST),
+        metavar="N",
+        help=f"with --overlap each: the most layers that a tile may have ({Settings.max_layers})",
     )
 
 
@@ -366,6 +380,13 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
         parser.error(f"--freeze {a.freeze}: it is none of --frames {frames.text(a.frames)}")
     if a.temporal_weight and not a.warm:
         parser.error("--temporal-weight needs --warm: there is nothing else to hold a frame to")
+    patterns = [a.rigidity, a.mask, *a.textures, *a.normal_maps]
+    if not a.subsets and any("<subset>" in pattern for pattern in patterns if pattern):
+        parser.error("<subset> needs --subsets")
+    if a.subsets and a.open_borders == "slide":
+        parser.error("--subsets and --open-borders slide exclude each other: textures would slide where subsets meet")
+    if a.max_layers is not None and a.overlap != EACH:
+        parser.error(f"--max-layers needs --overlap {EACH}")
     for option in ("verbose", "dry_run"):
         if a.quiet and given[option]:
             parser.error(f"--quiet and --{option.replace('_', '-')} exclude each other")
@@ -388,7 +409,8 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
     own = Settings.__dataclass_fields__
     same = {name: tuple(v) if isinstance(v, list) else v for name, v in given.items() if name in own}
     form = a.form or ("udim" if a.layer else "tile")
-    return Settings(**same | {"options": options, "measure": measure, "form": form})
+    layers = a.max_layers or Settings.max_layers
+    return Settings(**same | {"options": options, "measure": measure, "form": form, "max_layers": layers})
 
 
 def _numbers(text: str) -> tuple[frames.Frame, ...]:

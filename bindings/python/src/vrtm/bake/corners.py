@@ -22,9 +22,9 @@ _VALUES = "vrtm_values"
 def corner_name(pattern: Pattern, mesh: str, frame: Frame) -> str:
     """The name below the output folder: that of the maps, of the kind `corners`, without a tile's number."""
     folder, name = os.path.split(pattern.text)
-    parts = [part for part in name[: -len(".exr")].split(".") if part != "<UDIM>"]
+    parts = [part for part in name[: -len(".exr")].split(".") if part not in ("<UDIM>", "<subset>")]
     stripped = "/".join(filter(None, [folder, ".".join(parts) + ".exr"]))
-    return Pattern(stripped, {}).name(mesh, "corners", frame, "all", ENDING)
+    return Pattern(stripped, {"<subset>": 1}).name(mesh, "corners", frame, "all", ENDING, subset="all")
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,8 @@ class Mesh:
     shape: Shape
     asset: vrtm.Asset
     files: dict[int, str]
+    layer: int = 0
+    """The layer of tiles whose charts count, where a tile has it."""
 
 
 def dilate(parsed: argparse.Namespace, console: Console) -> None:
@@ -161,7 +163,8 @@ def dilated(copy: warped.Copy, meshes: Sequence[Mesh], reach: float) -> dict[str
 
 def _dilation(mesh: Mesh, udim: int, size: tuple[int, int], reach: float) -> np.ndarray:
     try:
-        return mesh.asset.tile(udim).dilation(size, reach=reach, channels=4)
+        layer = min(mesh.layer, mesh.asset.tile(udim).layers - 1)
+        return mesh.asset.tile(udim, layer=layer).dilation(size, reach=reach, channels=4)
     except vrtm.Error as error:
         raise describe(error, f"{mesh.shape.path}, tile {udim}") from error
 

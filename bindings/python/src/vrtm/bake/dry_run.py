@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterator
 
 from vrtm.bake import cores, frames, layer_file
-from vrtm.bake.mesh_work import MeshWork
+from vrtm.bake.part import Part
 from vrtm.bake.work import Work
 
 
@@ -22,10 +22,12 @@ def lines(work: Work) -> Iterator[str]:
             needs = tile.tile.estimate()
             grid, size = (f"{a} x {b}" for a, b in (tile.cells, tile.size))
             size = size if tile.size[0] else "auto"
-            maps = ", ".join(_maps(mesh, tile.udim))
+            maps = ", ".join(_maps(tile.part, tile.udim))
             share = needs.movable_nodes / ((tile.cells[0] + 1) * (tile.cells[1] + 1))
             needed = _mb(needs.solving_bytes)
-            yield f"  tile {tile.udim}: grid {grid}, maps {size}, {maps}; {share:.1%} may move; {needed}"
+            layer = f" layer {tile.layer}" if tile.tile.layers > 1 else ""
+            subset = f" of {tile.part.subset}" if tile.part.subset else ""
+            yield f"  tile {tile.udim}{layer}{subset}: grid {grid}, maps {size}, {maps}; {share:.1%} may move; {needed}"
     names = [name for mesh in work.meshes.values() for frame in work.frames for name in mesh.names(frame, work.pattern)]
     there = sum(map(os.path.exists, names))
     if not settings.only_layer:
@@ -39,16 +41,16 @@ def lines(work: Work) -> Iterator[str]:
     yield f"memory: {_mb(work.bytes)} per job, besides the scene; at most {jobs} jobs of {threads} threads"
 
 
-def _maps(mesh: MeshWork, udim: int) -> Iterator[str]:
+def _maps(part: Part, udim: int) -> Iterator[str]:
     for option in ("rigidity", "mask"):
-        path = mesh.maps[option].get(udim)
+        path = part.maps[option].get(udim)
         if path is not None:
             yield f"{option} {path}"
-        elif getattr(mesh.shape, f"vertex_{option}") is not None:
+        elif getattr(part.shape, f"vertex_{option}") is not None:
             yield f"{option} per vertex"
         elif option == "rigidity":
             yield "no rigidity"
-    for copy, paths in mesh.textures:
+    for copy, paths in part.textures:
         if udim in paths:
             yield f"{copy.kind} {paths[udim]}"
 

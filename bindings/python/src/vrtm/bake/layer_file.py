@@ -16,6 +16,7 @@ from vrtm.bake.words import others
 
 if TYPE_CHECKING:
     from vrtm.bake.layer import LayerPlan
+    from vrtm.bake.part import Part
     from vrtm.bake.work import Work
 
 _SCENES = (".usda", ".usdc", ".usd", ".usdz")
@@ -131,30 +132,50 @@ def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
         files[found] = [path.replace("<UDIM>", filling) for filling in fillings or ("",)]
         return found
 
-    def map_path(mesh: str, frame: Frame, udim: int | str) -> str:
-        udims = map(str, work.meshes[mesh].all_udims)
-        return named(work.pattern.name(mesh, "redirect", frame, udim), *udims)
+    def part_of(mesh: str, subset: str) -> Part:
+        return next(part for part in work.meshes[mesh].parts if part.subset == subset)
 
-    def warped_path(mesh: str, frame: Frame, texture: str) -> str | None:
-        for copy, paths in work.meshes[mesh].textures:
-            own = os.path.basename(copy.pattern.replace("<mesh>", mesh))
+    def udims(part: Part, layer: int) -> list[int]:
+        return [tile.udim for tile in part.asset.tiles if tile.layer == layer]
+
+    def map_path(mesh: str, frame: Frame, udim: int | str, layer: int = 0, subset: str = "") -> str:
+        name = work.pattern.name(mesh, "redirect", frame, udim, layer=layer, subset=subset)
+        return named(name, *map(str, udims(part_of(mesh, subset), layer)))
+
+    def warped_path(mesh: str, frame: Frame, texture: str, layer: int = 0, subset: str = "") -> str | None:
+        part = part_of(mesh, subset)
+        for copy, paths in part.textures:
+            own = os.path.basename(copy.pattern.replace("<mesh>", mesh).replace("<subset>", subset))
             if own == os.path.basename(texture) or os.path.basename(texture) in map(os.path.basename, paths.values()):
-                udim, extension = next((u, warped.extension(path)) for u, path in paths.items())
-                tile = "<UDIM>" if "<UDIM>" in texture else udim
-                return named(work.pattern.name(mesh, copy.kind, frame, tile, extension), *map(str, paths))
+                present = [udim for udim in udims(part, layer) if udim in paths]
+                if not present:
+                    return None
+                tile = "<UDIM>" if "<UDIM>" in texture else present[0]
+                extension = warped.extension(paths[present[0]])
+                name = work.pattern.name(mesh, copy.kind, frame, tile, extension, layer, subset)
+                return named(name, *map(str, present))
         return None
 
     def corner_path(mesh: str, frame: Frame) -> str:
         return named(corner_name(work.pattern, mesh, frame))
 
+    layers = {name: mesh.face_layers() for name, mesh in work.meshes.items()}
+    face_layers = {name: of for name, of in layers.items() if of.any()}
+    parts = {
+        name: {part.subset if part.subset in mesh.shape.subsets else "": part.subset for part in mesh.parts}
+        for name, mesh in work.meshes.items()
+        if settings.subsets
+    }
     return LayerPlan(
         frames=work.frames,
         shapes=tuple(work.meshes),
         mode=settings.layer_mode,
         tiles={name: mesh.all_udims for name, mesh in work.meshes.items()},
+        face_layers=face_layers,
+        parts=parts,
         map_path=map_path,
         form=settings.form,
-        warped_path=warped_path if any(mesh.textures for mesh in work.meshes.values()) else None,
+        warped_path=warped_path if any(part.textures for part in work.parts) else None,
         corner_path=corner_path if settings.corner_uvs else None,
         freeze=settings.freeze,
     )

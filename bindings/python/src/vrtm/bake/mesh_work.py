@@ -18,26 +18,9 @@ from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.image_file import Target
 from vrtm.bake.names import Pattern
+from vrtm.bake.part import Part, TileWork, parts
 from vrtm.bake.scene import Shape
-from vrtm.bake.scene.images import find_maps, read_map
 from vrtm.bake.settings import AUTO, Settings
-
-LARGEST_GRID = 16384
-SIZE_WITHOUT_MAP = 512
-SIZE_OF_PRIMVAR = 1024
-
-
-@dataclass(eq=False)
-class TileWork:
-    """A tile with its maps."""
-
-    tile: vrtm.Tile
-    udim: int
-    cells: tuple[int, int]
-    size: tuple[int, int]
-    """Of the redirection, in texels; (0, 0) if it follows from what the map holds."""
-    inputs: Fingerprint
-    """Of all that the tile's files depend on, poses excepted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +63,7 @@ class FrameResult:
 
 
 class MeshWork:
-    """A mesh with its asset. Not for several threads at once."""
+    """A mesh with the assets of its parts. Not for several threads at once."""
 
     def __init__(self, settings: Settings, shape: Shape, device: vrtm.Device, copies: Sequence[warped.Copy]) -> None:
         self.settings = settings
@@ -88,102 +71,55 @@ class MeshWork:
         self.threads = device.info.threads
         self.releases = False
         """Whether the memory of a tile's solver is given back once the tile is solved."""
-        self.copies = tuple(copies)
         self.listed = outputs.listed(settings)
-        self.asset = shape.asset(device, settings.weld)
         common = Fingerprint().text(vrtm.version(), device.info.backend, settings.quality, settings.weld)
         if settings.warm:
             common.text("warm", settings.temporal_weight)
-        self.dilated: dict[str, warped.Texture] = {}
-        """Textures with what lies beyond seams, by their files."""
+        self.dilated: dict[tuple[Part, str, int], warped.Texture] = {}
+        """Textures with what lies beyond the seams of a part's layer, by their files and layers."""
         if device.info.backend == "gpu":
             # The CPU gives the same bits on every machine.
             common.text(device.info.name)
         for array in (shape.rest, shape.face_counts, shape.indices, shape.uvs, shape.uv_indices):
             common.array(array)
-        if shape.vertex_rigidity is not None:
-            self.asset.set_vertex_rigidity(shape.vertex_rigidity)
-        if shape.vertex_mask is not None:
-            self.asset.set_vertex_mask(shape.vertex_mask)
         common.array(shape.vertex_rigidity).array(shape.vertex_mask)
-        self.all_udims = tuple(tile.udim for tile in self.asset.tiles)
+        self.parts = parts(settings, shape, device, copies, common)
+        self.all_udims = tuple(dict.fromkeys(udim for part in self.parts for udim in part.all_udims))
         if not self.all_udims:
             raise Failure(INPUT, f"{settings.scene} {shape.path}: none of its UVs lies in a tile, which begin at 0, 0")
-        self.maps = {option: self._found(option) for option in ("rigidity", "mask")}
-        """The files of the maps by UDIM number."""
-        self.black: list[str] = []
-        """Rigidity maps that make nothing rigid."""
-        self.tiles = self._tiles(common)
+        self.tiles = [tile for part in self.parts for tile in part.tiles]
         self.common = common.copy()
         for tile in self.tiles:
             self.common.text(tile.inputs.hex())
-        self.textures = [(copy, find_maps(copy.pattern, shape.name, self.all_udims)) for copy in self.copies]
 
-    def _tiles(self, common: Fingerprint) -> list[TileWork]:
-        settings = self.settings
-        rigid, masks = (
-            {udim: read_map(path) for udim, path in self.maps[option].items()} for option in ("rigidity", "mask")
-        )
-        if settings.seams == "continue":
-            # What lies beyond a tile's seams may be in any other.
-            for maps in (rigid, masks):
-                for udim, pixels in sorted(maps.items()):
-                    common = common.copy().text(udim).array(pixels)
-        # A tile without a map is the identity, and gets the size of the others.
-        alone = SIZE_OF_PRIMVAR if self.shape.vertex_rigidity is not None else SIZE_WITHOUT_MAP
-        other = max(((m.shape[1], m.shape[0]) for m in rigid.values()), default=(alone, alone))
-        tiles = []
-        for tile in self.asset.tiles:
-            rigidity, mask = rigid.get(tile.udim), masks.get(tile.udim)
-            if rigidity is not None:
-                tile.set_rigidity(rigidity)
-                if not (rigidity > 0).any():
-                    self.black.append(self.maps["rigidity"][tile.udim])
-            if mask is not None:
-                tile.set_mask(mask)
-            own = other if rigidity is None else (rigidity.shape[1], rigidity.shape[0])
-            cells = own if settings.size is None else (settings.size, settings.size)
-            grid = (min(cells[0], LARGEST_GRID), min(cells[1], LARGEST_GRID))
-            tile.set_settings(tile.settings, grid_width=grid[0], grid_height=grid[1], **settings.tile_settings)
-            size = cells
-            if settings.map_size is not None:
-                size = (0, 0) if settings.map_size == AUTO else (int(settings.map_size),) * 2
-            inputs = common.copy().text(tile.udim, dataclasses.astuple(tile.settings)).array(rigidity).array(mask)
-            if settings.tiles is None or tile.udim in settings.tiles:
-                tiles.append(TileWork(tile, tile.udim, grid, size, inputs))
-        return tiles
-
-    def _found(self, option: str) -> dict[int, str]:
-        pattern = getattr(self.settings, option)
-        return {} if pattern is None else find_maps(pattern, self.shape.name, self.all_udims)
-
-    def without(self, option: str) -> list[int]:
-        """The tiles to be baked that have no map, or no values per vertex, for `rigidity` or `mask`, if that was asked
-        for."""
-        if getattr(self.settings, option) is not None:
-            return [tile.udim for tile in self.tiles if tile.udim not in self.maps[option]]
-        wanted = getattr(self.settings.options, f"{option}_primvar") is not None
-        return [t.udim for t in self.tiles] if wanted and getattr(self.shape, f"vertex_{option}") is None else []
+    def face_layers(self) -> np.ndarray:
+        """(faces,): the layer of each face, in its part."""
+        layers = self.parts[0].asset.face_layers()
+        for part in self.parts[1:]:
+            layers[part.faces] = part.asset.face_layers()[part.faces]
+        return layers
 
     def names(self, frame: Frame, pattern: Pattern) -> list[str]:
         """The paths of all files of a frame."""
         names = []
         for tile in self.tiles:
-            names += [pattern.name(self.shape.name, output.kind, frame, tile.udim) for output in self.listed]
-            for copy, paths in self.textures:
+            names += [self._name(pattern, output.kind, frame, tile) for output in self.listed]
+            for copy, paths in tile.part.textures:
                 if tile.udim in paths:
-                    ending = warped.extension(paths[tile.udim])
-                    names.append(pattern.name(self.shape.name, copy.kind, frame, tile.udim, ending))
+                    names.append(self._name(pattern, copy.kind, frame, tile, warped.extension(paths[tile.udim])))
         if self.settings.corner_uvs:
             names.append(corner_name(pattern, self.shape.name, frame))
         return [os.path.join(self.settings.out, name) for name in names]
+
+    def _name(self, pattern: Pattern, kind: str, frame: Frame, tile: TileWork, ending: str = ".exr") -> str:
+        return pattern.name(self.shape.name, kind, frame, tile.udim, ending, tile.layer, tile.part.subset)
 
     def pieces(self, frame: Frame, pose: str, pattern: Pattern) -> list[Piece]:
         """The images of a frame. `pose`: a hash of the positions, and of what was before them where that counts."""
         pieces = []
         for tile in self.tiles:
             pieces += [self._map(frame, tile, output, pose, pattern) for output in self.listed]
-            for copy, paths in self.textures:
+            for copy, paths in tile.part.textures:
                 if tile.udim in paths:
                     pieces.append(self._copy(frame, tile, copy, paths[tile.udim], pose, pattern))
         return pieces
@@ -196,7 +132,7 @@ class MeshWork:
         facts = self._facts(output.kind, frame, tile, inputs)
         if output.form is not None:
             facts["vrtm:form"] = output.form
-        name = pattern.name(self.shape.name, output.kind, frame, tile.udim)
+        name = self._name(pattern, output.kind, frame, tile)
         # Blender and OpenImageIO take the first for the colour space. No chromaticities: a program that reads those
         # converts what it takes for a colour. Edges are clamped where the wrap mode is read.
         said = {"colorInteropID": "data", "oiio:ColorSpace": "data", "wrapmodes": "clamp"}
@@ -211,7 +147,7 @@ class MeshWork:
         texture = warped.read(path)
         height, width, _ = texture.pixels.shape
         inputs = tile.inputs.copy().text(pose, texture.inputs, copy.is_normal, copy.down)
-        name = pattern.name(self.shape.name, copy.kind, frame, tile.udim, warped.extension(path))
+        name = self._name(pattern, copy.kind, frame, tile, warped.extension(path))
         target = Target(
             os.path.join(self.settings.out, name),
             width,
@@ -231,7 +167,7 @@ class MeshWork:
         return (1.0 if settings.max_error is None else settings.max_error) / settings.texture_size
 
     def _facts(self, kind: str, frame: Frame, tile: TileWork, inputs: Fingerprint) -> dict[str, str | int]:
-        return {
+        facts: dict[str, str | int] = {
             "vrtm:kind": kind,
             "vrtm:mesh": self.shape.name,
             "vrtm:udim": tile.udim,
@@ -239,6 +175,8 @@ class MeshWork:
             "vrtm:version": vrtm.version(),
             "vrtm:inputs": inputs.hex(),
         }
+        further = {"vrtm:layer": tile.layer, "vrtm:subset": tile.part.subset}
+        return facts | {name: value for name, value in further.items() if value}
 
     def corners(self, frame: Frame, pose: str, pattern: Pattern) -> CornerFile:
         """The file of a frame's corner UVs."""
@@ -250,7 +188,7 @@ class MeshWork:
         if self.settings.force:
             return [None] * len(pieces)
         found = [image_file.up_to_date(piece.target, self.settings.overwrite) for piece in pieces]
-        wanted = {"frozen", "texels_limited"} | ({"strain"} if self.settings.measure else set())
+        wanted = {"frozen", "rigid", "texels_limited"} | ({"strain"} if self.settings.measure else set())
         return [
             None if figures is not None and piece.is_redirection and not wanted <= set(figures) else figures
             for piece, figures in zip(pieces, found)
@@ -272,7 +210,7 @@ class MeshWork:
         pieces = self.pieces(frame, pose, pattern)
         records = self.check(pieces)
         stale = [piece for piece, figures in zip(pieces, records) if figures is None]
-        figures: dict[int, dict] = {}
+        figures: dict[TileWork, dict] = {}
         corners = self.corners(frame, pose, pattern) if self.settings.corner_uvs else None
         whole = corners is not None and (self.settings.force or not corners.up_to_date())
         if (stale or whole) and not write:
@@ -281,23 +219,38 @@ class MeshWork:
             # Corner UVs are those of all tiles together, and a later frame may start from any of them.
             every = whole or self.settings.warm
             tiles = [tile for tile in self.tiles if every or any(piece.tile is tile for piece in stale)]
-            self._solve(frame, positions, tiles, stop)
-            for tile in tiles:
-                figures |= self._write(tile, [piece for piece in stale if piece.tile is tile], stop)
+            for part in self.parts:
+                own = [tile for tile in tiles if tile.part is part]
+                if own:
+                    self._solve(frame, positions, part, own, stop)
+                for tile in own:
+                    figures[tile] = self._write(tile, [piece for piece in stale if piece.tile is tile], stop)
         if corners is not None:
             if whole:
                 stop()
-                corners.write(self.shape, frame, self.asset.corner_uvs())
+                corners.write(self.shape, frame, self._corner_uvs())
             result.files.append(rows.file(corners.path, "written" if whole else "skipped", self.settings))
         for tile in self.tiles:
             own = [(piece, record) for piece, record in zip(pieces, records) if piece.tile is tile]
             kept = next((record for piece, record in own if piece.is_redirection), None)
-            result.tiles.append(rows.row(tile, own, (kept or {}) | figures.get(tile.udim, {}), self.settings))
+            result.tiles.append(rows.row(tile, own, (kept or {}) | figures.get(tile, {}), self.settings))
         result.milliseconds = 1e3 * (time.perf_counter() - start)
         return result
 
-    def _write(self, tile: TileWork, pieces: list[Piece], stop: Callable[[], None]) -> dict[int, dict]:
-        """Writes files of a tile that is solved, and returns its figures by its number."""
+    def _corner_uvs(self) -> np.ndarray:
+        """(corners, 2): those of each part, from its own asset."""
+        first, *others = self.parts
+        uvs = first.asset.corner_uvs()
+        for part in others:
+            assert part.faces is not None
+            faces = np.zeros(len(self.shape.face_counts), bool)
+            faces[part.faces] = True
+            corners = np.repeat(faces, self.shape.face_counts)
+            uvs[corners] = part.asset.corner_uvs()[corners]
+        return uvs
+
+    def _write(self, tile: TileWork, pieces: list[Piece], stop: Callable[[], None]) -> dict:
+        """Writes files of a tile that is solved, and returns its figures."""
         if not pieces:
             return {}
         size, found = self._size(tile, stop)
@@ -314,7 +267,7 @@ class MeshWork:
                 report = tile.tile.report()
                 figures |= {"texels_limited": report.texels_limited, "max_limit": report.max_limit}
             image_file.write(target, pixels, figures if piece.is_redirection else None)
-        return {tile.udim: figures}
+        return figures
 
     def _size(self, tile: TileWork, stop: Callable[[], None]) -> tuple[tuple[int, int], vrtm.MapInfo | None]:
         """The size of a tile's maps, and what was found about it. If the map is to choose: the smallest of a quarter of
@@ -338,12 +291,14 @@ class MeshWork:
             output.fetch, size, dtype=np.dtype(output.dtype).type, one_to_one=output.one_to_one
         )
 
-    def _solve(self, frame: Frame, positions: np.ndarray, tiles: list[TileWork], stop: Callable[[], None]) -> None:
+    def _solve(
+        self, frame: Frame, positions: np.ndarray, part: Part, tiles: list[TileWork], stop: Callable[[], None]
+    ) -> None:
         def progress(_fraction: float) -> None:
             stop()
 
         try:
-            self.asset.solve(
+            part.asset.solve(
                 positions,
                 quality=self.settings.quality,
                 warm=self.settings.warm,
@@ -355,7 +310,7 @@ class MeshWork:
                 progress=progress,
             )
         except vrtm.Error as error:
-            raise describe(error, f"{self.shape.path}, frame {frame}") from error
+            raise describe(error, f"{part.where}, frame {frame}") from error
 
     def _figures(self, tile: TileWork, size: tuple[int, int], found: vrtm.MapInfo | None) -> dict:
         """What a file keeps of its solve: nothing that changes from run to run, such as times. `found`: what is known
@@ -367,6 +322,13 @@ class MeshWork:
         facts = tile.tile.info
         nodes = (facts.grid_width + 1) * (facts.grid_height + 1)
         figures |= {"overlap": facts.overlap, "frozen": facts.frozen, "movable": facts.movable_nodes / nodes}
+        overlapped = facts.rigid_overlapped / max(facts.rigid_nodes, 1)
+        figures["rigid"] = {
+            "texels": facts.rigid_nodes,
+            "overlapped": overlapped,
+            "frozen": facts.frozen,
+            "movable": 1 - facts.frozen if facts.rigid_nodes else 0.0,
+        }
         if self.settings.measure:
             figures["strain"] = rows.strain(report)
         if self.settings.measure or found is not None:
@@ -382,17 +344,19 @@ class MeshWork:
         def fetch(kind: str, width: int, height: int, first: int, rows: int) -> np.ndarray:
             return tile.fetch_part(kind, (width, height), (0, first, width, rows))
 
-        return warped.warp(self._texture(piece.texture, piece.copy), piece.copy, fetch, stop, self.threads)
+        texture = self._texture(piece.texture, piece.copy, piece.tile.part, tile.layer)
+        return warped.warp(texture, piece.copy, fetch, stop, self.threads)
 
-    def _texture(self, path: str, copy: warped.Copy) -> warped.Texture:
-        """A texture as it is looked up: if features go on over seams, with what lies beyond them."""
+    def _texture(self, path: str, copy: warped.Copy, part: Part, layer: int) -> warped.Texture:
+        """A texture as it is looked up: if features go on over seams, with what lies beyond those of the layer."""
         if self.settings.seams != "continue":
             return warped.read(path)
-        if path not in self.dilated:
-            files = next(paths for other, paths in self.textures if other is copy)
-            meshes = [dilate.Mesh(self.shape, self.asset, files)]
-            self.dilated |= dilate.dilated(copy, meshes, self.asset.tiles[0].settings.seam_reach)
-        return self.dilated[path]
+        if (part, path, layer) not in self.dilated:
+            files = next(paths for other, paths in part.textures if other is copy)
+            meshes = [dilate.Mesh(self.shape, part.asset, files, layer)]
+            found = dilate.dilated(copy, meshes, part.asset.tiles[0].settings.seam_reach)
+            self.dilated |= {(part, file, layer): texture for file, texture in found.items()}
+        return self.dilated[part, path, layer]
 
 
 def unknown_tiles(settings: Settings, meshes: Sequence[MeshWork]) -> list[int]:

@@ -14,11 +14,12 @@ ONE_MESH = "<kind>.<frame>.<UDIM>.exr"
 SEVERAL = "<mesh>." + ONE_MESH
 """The pattern of several meshes."""
 
-_PLACEHOLDERS = ("<mesh>", "<kind>", "<frame>", "<UDIM>")
+_PLACEHOLDERS = ("<mesh>", "<subset>", "<kind>", "<frame>", "<UDIM>")
 
 
 class Pattern:
-    """A path below the output folder; `<mesh>`, `<kind>`, `<frame>` and `<UDIM>` stand for what a file holds."""
+    """A path below the output folder; `<mesh>`, `<subset>`, `<kind>`, `<frame>` and `<UDIM>` stand for what a file
+    holds."""
 
     def __init__(self, text: str, counts: Mapping[str, int]) -> None:
         """`counts`: how many different values each placeholder takes, those of more than one being needed. Raises
@@ -36,13 +37,37 @@ class Pattern:
         for found in re.findall(r"<[^>]*>?", text):
             if found not in _PLACEHOLDERS:
                 raise bad(f"'{found}' is none of {', '.join(_PLACEHOLDERS)}")
+        if "<subset>" in text and "<subset>" not in counts:
+            raise bad("<subset> needs --subsets")
         for placeholder, count in counts.items():
             if count > 1 and placeholder not in text:
                 raise bad(f"{count} values of {placeholder} are written, and it must keep them apart")
 
-    def name(self, mesh: str, kind: str, frame: Frame | str, udim: int | str, extension: str = ".exr") -> str:
-        """The path of a file below the output folder. Frames get at least four digits."""
+    def name(
+        self,
+        mesh: str,
+        kind: str,
+        frame: Frame | str,
+        udim: int | str,
+        extension: str = ".exr",
+        layer: int = 0,
+        subset: str = "",
+    ) -> str:
+        """The path of a file below the output folder. Frames get at least four digits. A layer from 1 on stands behind
+        the kind, `redirect_layer1`; in a pattern without kinds, before the numbers of the frame and the tile."""
         number = frame if isinstance(frame, str) else padded(frame)
-        values = {"<mesh>": mesh, "<kind>": kind, "<frame>": number, "<UDIM>": str(udim)}
-        filled = re.sub("|".join(_PLACEHOLDERS), lambda match: values[match[0]], self.text)
+        text, mark = self.text, f"_layer{layer}" if layer else ""
+        if mark and "<kind>" not in text:
+            text = _marked(text, mark)
+            mark = ""
+        values = {"<mesh>": mesh, "<subset>": subset, "<kind>": kind + mark, "<frame>": number, "<UDIM>": str(udim)}
+        filled = re.sub("|".join(_PLACEHOLDERS), lambda match: values[match[0]], text)
         return filled[: -len(".exr")] + extension
+
+
+def _marked(text: str, mark: str) -> str:
+    """A pattern with a mark in the file's name: numbers stay last, where programs look for them."""
+    folder, slash, name = text.rpartition("/")
+    before = re.split("<frame>|<UDIM>|\\.exr$", name)[0].rstrip("._- ")
+    rest = name[len(before) :]
+    return folder + slash + (before + mark + rest if before else f"{mark[1:]}.{rest}")

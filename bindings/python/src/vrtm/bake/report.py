@@ -10,7 +10,8 @@ import vrtm
 from vrtm.bake import staging
 from vrtm.bake.failure import DONE, INPUT, TOLERANCE, Failure, one_line
 from vrtm.bake.mesh_work import FrameResult
-from vrtm.bake.settings import Settings
+from vrtm.bake.rows import tile_name
+from vrtm.bake.settings import EACH, Settings
 from vrtm.bake.work import Work
 
 MOSTLY = 0.5
@@ -19,10 +20,29 @@ MOSTLY = 0.5
 
 def shares(tile: dict) -> str:
     """What a tile's row tells of how much of it may move."""
+    rigid = tile["rigid"]
     return (
-        f"{tile['frozen']:.1%} of the rigid texels are frozen, {tile['overlap']:.1%} of the covered ones overlapped, "
+        f"{rigid['frozen']:.1%} of the rigid texels are frozen, {rigid['overlapped']:.1%} overlapped, "
+        f"{rigid['movable']:.1%} may move; {tile['overlap']:.1%} of the covered ones are overlapped, "
         f"{tile['movable']:.1%} of the grid may move"
     )
+
+
+def advice(settings: Settings, tile: dict) -> str:
+    """What most of a tile's frozen texels are frozen by, and what can be done about that."""
+    rigid = tile["rigid"]
+    if settings.overlap != "first" and rigid["overlapped"] > rigid["frozen"] / 2:
+        if settings.overlap != EACH:
+            return f"UVs overlap: with --overlap {EACH} charts that lie over one another each keep their features"
+        if tile["layers"] >= settings.layers:
+            return f"more than {settings.layers} charts lie over one another: --max-layers allows more layers"
+        return "charts lie over themselves, which no option helps against: their UVs have to be laid out anew"
+    causes = []
+    if settings.seams != "continue":
+        causes.append("features lie on the borders of charts: --seams continue moves them")
+    if settings.mask or settings.options.mask_primvar:
+        causes.append("the mask is dark there: a lighter one lets them move")
+    return ", or ".join(causes) or "features lie on borders beyond which the surface ends, or in narrow gutters"
 
 
 def document(
@@ -39,7 +59,11 @@ def document(
         "settings": dataclasses.asdict(settings),
         "device": {"backend": info.backend, "name": info.name, "reason": info.reason},
         "meshes": [
-            {"name": mesh.shape.name, "path": mesh.shape.path, "tiles": [tile.udim for tile in mesh.tiles]}
+            {
+                "name": mesh.shape.name,
+                "path": mesh.shape.path,
+                "tiles": list(dict.fromkeys(tile.udim for tile in mesh.tiles)),
+            }
             for mesh in work.meshes.values()
         ],
         "frames": [
@@ -79,10 +103,9 @@ def tolerance(settings: Settings, results: Sequence[FrameResult]) -> Failure | N
     frozen = [(r, t) for r, t in rows if t["frozen"] > MOSTLY]
     if settings.max_strain is not None and frozen:
         result, tile = max(frozen, key=lambda entry: entry[1]["frozen"])
-        place = f"{result.mesh}, frame {result.frame}, tile {tile['udim']}"
-        return Failure(
-            TOLERANCE, f"--max-strain cannot be met in {len(frozen)} of {len(rows)}: {place}: {shares(tile)}"
-        )
+        place = f"{result.mesh}, frame {result.frame}, tile {tile_name(tile)}"
+        message = f"--max-strain cannot be met in {len(frozen)} of {len(rows)}: {place}: {shares(tile)}"
+        return Failure(TOLERANCE, f"{message}; {advice(settings, tile)}")
     if settings.max_strain is not None:
         found = [(t["strain"]["after"]["rms"], r, t) for r, t in rows if t["strain"]]
         beyond.append(("--max-strain", settings.max_strain, "RMS strain of", found))
@@ -93,7 +116,7 @@ def tolerance(settings: Settings, results: Sequence[FrameResult]) -> Failure | N
         over = [entry for entry in found if entry[0] > limit]
         if over:
             value, result, tile = max(over, key=lambda entry: entry[0])
-            place = f"{result.mesh}, frame {result.frame}, tile {tile['udim']}"
+            place = f"{result.mesh}, frame {result.frame}, tile {tile_name(tile)}"
             return Failure(
                 TOLERANCE,
                 f"{option} {limit:g} was exceeded in {len(over)} of {len(found)}: {place}: {name} {value:.4g}",

@@ -11,7 +11,8 @@ import vrtm
 from vrtm.bake.settings import Settings
 
 if TYPE_CHECKING:
-    from vrtm.bake.mesh_work import Piece, TileWork
+    from vrtm.bake.mesh_work import Piece
+    from vrtm.bake.part import TileWork
 
 
 def strain(report: vrtm.TileReport) -> dict:
@@ -42,7 +43,10 @@ def row(tile: TileWork, own: list[tuple[Piece, dict | None]], figures: dict, set
     files = [file(path, state, settings) for path, state in states]
     written = any(entry["state"] == "written" for entry in files)
     found = {name: value for name, value in figures.items() if name not in ("strain", "map")}
-    line: dict = {"udim": tile.udim, "state": "written" if written else "skipped", "grid": list(tile.cells)} | found
+    place = {"udim": tile.udim, "layer": tile.layer, "layers": tile.tile.layers}
+    if tile.part.subset:
+        place["subset"] = tile.part.subset
+    line: dict = place | {"state": "written" if written else "skipped", "grid": list(tile.cells)} | found
     line["strain"] = figures.get("strain")
     line["map"] = None
     if "map" in figures:
@@ -57,6 +61,12 @@ def row(tile: TileWork, own: list[tuple[Piece, dict | None]], figures: dict, set
         }
     line["files"] = files
     return line
+
+
+def tile_name(row: dict) -> str:
+    """A tile as messages name it: its number, the layer if it has several, and the subset if these are baked apart."""
+    layer = f" layer {row['layer']}" if row["layers"] > 1 else ""
+    return f"{row['udim']}{layer}" + (f" of {row['subset']}" if "subset" in row else "")
 
 
 def file(path: str, state: str, settings: Settings) -> dict:

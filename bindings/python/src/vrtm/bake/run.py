@@ -17,12 +17,13 @@ from vrtm.bake.failure import DEVICE, DONE, SIGNAL, Failure, describe
 from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import FrameResult
 from vrtm.bake.pool import Jobs, Outcome
+from vrtm.bake.rows import tile_name
 from vrtm.bake.settings import Settings
 from vrtm.bake.stopping import Stop, signals
 from vrtm.bake.work import Work
 
-# A number in a warning, but for a tile's and for digits within a name.
-_NUMBER = re.compile(r"(?<!tile )\b\d[\d.]*")
+# A number in a warning, but for a tile's, a layer's and for digits within a name.
+_NUMBER = re.compile(r"(?<!tile )(?<!layer )\b\d[\d.]*")
 _LOOK = 0.1
 """Seconds between looks at whether a signal came."""
 _START = 1.0
@@ -122,7 +123,7 @@ class _Told:
 
     def __init__(self, work: Work, console: Console, results: list[FrameResult], warn: Callable[[str], None]) -> None:
         self.work, self.console, self.results, self.warn = work, console, results, warn
-        self.tiles: set[tuple[str, int]] = set()
+        self.tiles: set[tuple[str, str]] = set()
         self.kinds: Counter[str] = Counter()
 
     def done(self, result: FrameResult) -> None:
@@ -149,15 +150,16 @@ class _Told:
             self.console.verbose(f"{file['state']}: {os.path.join(self.work.settings.out, file['path'])}")
 
     def _tile(self, result: FrameResult, tile: dict) -> None:
-        if (result.mesh, tile["udim"]) in self.tiles:
+        name = tile_name(tile)
+        if (result.mesh, name) in self.tiles:
             return
-        self.tiles.add((result.mesh, tile["udim"]))
-        path = self.work.meshes[result.mesh].shape.path
-        self.console.detail(f"{path} tile {tile['udim']}: {report.shares(tile)}")
+        self.tiles.add((result.mesh, name))
+        place = f"{self.work.meshes[result.mesh].shape.path} tile {name}"
+        self.console.detail(f"{place}: {report.shares(tile)}")
         if tile["frozen"] > report.MOSTLY:
             self.warn(
-                f"{path} tile {tile['udim']}: {tile['frozen']:.0%} of its rigid texels are frozen, by chart borders, "
-                "UVs that overlap, or the mask: they stay as they are"
+                f"{place}: {tile['frozen']:.0%} of its rigid texels are frozen and stay as they are: "
+                f"{report.advice(self.work.settings, tile)}"
             )
 
 

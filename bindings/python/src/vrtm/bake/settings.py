@@ -7,6 +7,10 @@ from dataclasses import dataclass, field
 from vrtm.bake.frames import Frame
 from vrtm.bake.scene import SceneOptions
 
+EACH = "each"
+"""Charts that lie over one another are baked each by itself, in layers."""
+OVERLAP = EACH
+"""What is done with such charts unless something else is asked for."""
 AUTO = "auto"
 """A size of maps that follows from what they hold."""
 TILE_SETTINGS = (
@@ -50,6 +54,7 @@ class Settings:
     textures: tuple[str, ...] = ()
     normal_maps: tuple[str, ...] = ()
     normal_y: str = "up"
+    subsets: bool = False
     layer: str | None = None
     layer_mode: str = "texture"
     only_layer: bool = False
@@ -61,7 +66,8 @@ class Settings:
     seams: str = "shut"
     seam_reach: float = 0.0
     open_borders: str = "fixed"
-    overlap: str = "fixed"
+    overlap: str = OVERLAP
+    max_layers: int = 32
     smoothness: float | None = None
     smoothness_floor: float | None = None
     orientation: float | None = None
@@ -89,7 +95,14 @@ class Settings:
     @property
     def tile_settings(self) -> dict[str, object]:
         """The library's settings of a tile, as far as they are given."""
-        return {name: value for name in TILE_SETTINGS if (value := getattr(self, name)) is not None}
+        given = {name: value for name in TILE_SETTINGS if (value := getattr(self, name)) is not None}
+        # Layers do not overlap, and what is left of overlaps in them does not move.
+        return given | {"overlap": "first_face" if self.overlap == "first" else "fixed"}
+
+    @property
+    def layers(self) -> int:
+        """The most layers that a tile may have; 0 if there are none."""
+        return self.max_layers if self.overlap == EACH else 0
 
     @property
     def corner_uvs(self) -> bool:

@@ -77,7 +77,7 @@ def listed(textures: tuple[str, ...], normal_maps: tuple[str, ...], down: bool) 
         pattern = re.sub("<udim>", "<UDIM>", given, flags=re.IGNORECASE)
         option = "--normal-map" if is_normal else "--texture"
         stem = os.path.splitext(os.path.basename(pattern))[0]
-        kind = re.sub(r"[._-]*<(UDIM|mesh)>", "", stem, flags=re.IGNORECASE).strip("._- ") or "texture"
+        kind = re.sub(r"[._-]*<(UDIM|mesh|subset)>", "", stem, flags=re.IGNORECASE).strip("._- ") or "texture"
         taken = {copy.kind for copy in copies} | set(_KINDS)
         if kind in taken:
             raise Failure(INPUT, f"{option} {pattern}: its copies would be named '{kind}', and so would other files")

@@ -18,6 +18,7 @@ from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import FrameResult, MeshWork, unknown_tiles
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
+from vrtm.bake.part import Part
 from vrtm.bake.scene import Scene, Shape
 from vrtm.bake.scene.types import frame_number
 from vrtm.bake.settings import Settings
@@ -60,6 +61,8 @@ class Work:
             moved = "; ".join(warning for warning in self.scene.warnings if "--world" in warning)
             message = f"{settings.scene}: nothing deforms: {named} can be baked if --meshes names it"
             raise Failure(INPUT, f"{message}; {moved}" if moved else message)
+        if settings.subsets and not any(shape.subsets for shape in self.shapes):
+            raise Failure(INPUT, f"--subsets: no mesh of {settings.scene} has subsets that materials can be bound to")
         copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
         self.meshes = {shape.name: self._mesh(shape, copies) for shape in self.shapes}
         self.pattern = self._pattern(copies)
@@ -105,7 +108,11 @@ class Work:
             "<frame>": len(self.frames),
             "<UDIM>": max(len(mesh.all_udims) for mesh in self.meshes.values()),
         }
-        return Pattern(self.settings.name or (SEVERAL if several else ONE_MESH), counts)
+        text = SEVERAL if several else ONE_MESH
+        if self.settings.subsets:
+            counts["<subset>"] = max(len(mesh.parts) for mesh in self.meshes.values())
+            text = text.replace("<kind>", "<subset>.<kind>")
+        return Pattern(self.settings.name or text, counts)
 
     def notes(self) -> list[str]:
         """What is odd about the scene and the options, each as a sentence. Raises Failure if it must not be odd."""
@@ -124,11 +131,11 @@ class Work:
             notes.append(f"--rest {rest}: {settings.scene} has the frames {frames.text(there)}")
         if settings.half and settings.form != "delta":
             notes.append("--half: numbers of 16 bits are off by a texel of a texture of 4096, but for --form delta")
-        for mesh in self.meshes.values():
-            for copy, paths in mesh.textures:
-                lacking = [tile.udim for tile in mesh.tiles if tile.udim not in paths]
+        for part in self.parts:
+            for copy, paths in part.textures:
+                lacking = [udim for udim in part.udims if udim not in paths]
                 if paths and lacking:
-                    notes.append(f"{mesh.shape.path}: {copy.pattern} has no file of the tiles {frames.text(lacking)}")
+                    notes.append(f"{part.where}: {copy.pattern} has no file of the tiles {frames.text(lacking)}")
         other = [path for path, form in self._replaced("vrtm:form") if form != settings.form]
         if other:
             notes.append(
@@ -144,34 +151,40 @@ class Work:
         notes = []
         for option, then in (("rigidity", "nothing keeps its shape there"), ("mask", "all may move there")):
             named, what = ("", "no map") if getattr(self.settings, option) else ("-primvar", "no values")
-            for mesh in self.meshes.values():
-                udims = mesh.without(option)
+            for part in self.parts:
+                udims = part.without(option)
                 if udims:
                     tiles = f"tile{'s'[: len(udims) > 1]} {frames.text(udims)}"
-                    notes.append(f"{mesh.shape.path}: {what} of --{option}{named} for {tiles}: {then}")
+                    notes.append(f"{part.where}: {what} of --{option}{named} for {tiles}: {then}")
                     if self.settings.strict and option == "rigidity":
                         raise Failure(INPUT, notes[-1])
-        for mesh in self.meshes.values():
+        for part in self.parts:
             notes += [
-                f"{mesh.shape.path}: --rigidity {path} is black all over: nothing keeps its shape there"
-                for path in mesh.black
+                f"{part.where}: --rigidity {path} is black all over: nothing keeps its shape there"
+                for path in part.black
             ]
         return notes
+
+    @property
+    def parts(self) -> list[Part]:
+        """What is baked by itself, of all meshes."""
+        return [part for mesh in self.meshes.values() for part in mesh.parts]
 
     def hints(self) -> list[str]:
         """What may be meant or not, each as a sentence."""
         hints = []
         for option in ("rigidity", "mask"):
             pattern, users = getattr(self.settings, option), {}
-            if pattern and "<mesh>" not in pattern:
-                for mesh in self.meshes.values():
-                    for path in mesh.maps[option].values():
-                        users.setdefault(path, []).append(mesh.shape.path)
+            for part in self.parts if pattern else ():
+                for path in part.maps[option].values():
+                    users.setdefault(path, []).append(part.where)
             shared = next(((path, meshes) for path, meshes in users.items() if len(meshes) > 1), None)
             if shared:
                 path, (first, second, *more) = shared
+                placeholder = "<subset>" if self.settings.subsets and "<subset>" not in pattern else "<mesh>"
                 hints.append(
-                    f"{first}, {second}{others(len(more))} share {path}: with <mesh> in --{option} each has its own"
+                    f"{first}, {second}{others(len(more))} share {path}: with {placeholder} in --{option} each has its "
+                    "own"
                 )
         return hints
 
@@ -207,7 +220,9 @@ class Work:
         for mesh in self.meshes.values() if not self.settings.only_layer else ():
             for tile in mesh.tiles:
                 for frame in self.frames:
-                    name = self.pattern.name(mesh.shape.name, "redirect", frame, tile.udim)
+                    name = self.pattern.name(
+                        mesh.shape.name, "redirect", frame, tile.udim, layer=tile.layer, subset=tile.part.subset
+                    )
                     found = image_file.told(os.path.join(self.settings.out, name))
                     if fact in found:
                         yield os.path.join(self.settings.out, name), found[fact]
@@ -217,9 +232,9 @@ class Work:
         settings = self.settings
         outputs = [] if settings.only_layer else [(name, "--out") for name in self._names()]
         inputs = [(settings.scene, "the scene")]
-        for mesh in self.meshes.values():
-            inputs += [(path, f"--{option}") for option, paths in mesh.maps.items() for path in paths.values()]
-            inputs += [(path, "--texture") for _, paths in mesh.textures for path in paths.values()]
+        for part in self.parts:
+            inputs += [(path, f"--{option}") for option, paths in part.maps.items() for path in paths.values()]
+            inputs += [(path, "--texture") for _, paths in part.textures for path in paths.values()]
         inputs += [(path, "a file of the scene") for path in self.scene.files]
         if settings.log is not None:
             # It is open.
@@ -317,8 +332,8 @@ class Work:
 
     def close(self) -> None:
         """Lets go of everything."""
-        for mesh in self.meshes.values():
-            mesh.asset.close()
+        for part in self.parts:
+            part.asset.close()
         self.scene.close()
         self.device.close()
 

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from vrtm.bake.frames import Frame
 
 PRIMVAR = "st_redirected"
 """Name of the primvar with redirected corner UVs."""
+
+LAYER = "vrtmLayer"
+"""Name of the primvar that says which layer's maps each face takes."""
 
 UDIM = "<UDIM>"
 """What renderers replace by the number of a tile."""
@@ -31,13 +37,20 @@ class LayerPlan:
     `primvar`: all networks take the primvar. `both`: as `texture`, and the primvar is there in any case."""
     tiles: dict[str, tuple[int, ...]] = field(default_factory=dict)
     """UDIM numbers of the tiles of each shape."""
-    map_path: Callable[[str, Frame, int | str], str] | None = None
-    """The redirection map of (shape, frame, UDIM number or "<UDIM>"). None: there are no maps."""
+    face_layers: dict[str, np.ndarray] = field(default_factory=dict)
+    """The layer of each face, of shapes that have several: which maps it takes, where charts lie over one another."""
+    parts: dict[str, dict[str, str]] = field(default_factory=dict)
+    """The parts of shapes that were baked by themselves: their names by those of the subsets, "" standing for the faces
+    in none of them."""
+    map_path: Callable[..., str] | None = None
+    """The redirection map of (shape, frame, UDIM number or "<UDIM>"); of a further layer with its number as `layer`,
+    and of a part with its name as `subset`. None: there are no maps."""
     form: str = "udim"
     """What the maps hold: `udim`, `tile` or `delta`."""
-    warped_path: Callable[[str, Frame, str], str | None] | None = None
-    """The warped copy of (shape, frame, texture as the material names it, resolved where it is one file); in the path
-    `<UDIM>` stands for the number if the texture's name has it. None: this texture was not warped."""
+    warped_path: Callable[..., str | None] | None = None
+    """The warped copy of (shape, frame, texture as the material names it, resolved where it is one file), `layer` and
+    `subset` as above; in the path `<UDIM>` stands for the number if the texture's name has it. None: this texture was
+    not warped."""
     corner_path: Callable[[str, Frame], str] | None = None
     """The file that `write_corner_uvs` wrote for (shape, frame). None: there are no corner UVs."""
     freeze: Frame | None = None
@@ -63,6 +76,12 @@ class LayerPlan:
                     raise LayerError(
                         f"maps of form 'tile' cannot serve {name}, whose tiles are {self.tiles[name]}: use 'udim'"
                     )
+
+    def of(self, subset: str, layer: int) -> LayerPlan:
+        """The plan with the files of a part and a layer, for the materials of its faces."""
+        of = {name: value for name, value in (("subset", subset), ("layer", layer)) if value}
+        paths = {"map_path": self.map_path, "warped_path": self.warped_path}
+        return replace(self, **{name: functools.partial(path, **of) for name, path in paths.items() if path})
 
     def values(self, path_of: Callable[[Frame], str]) -> list[tuple[str, Frame | None]]:
         """(path, time code) of a file that there is of each frame; None stands for all times."""

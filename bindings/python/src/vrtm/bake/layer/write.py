@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pxr import Sdf, Usd, UsdShade
 
 from vrtm.bake.layer.clips import author_clips, export, manifest_path, same_file, write_manifest
+from vrtm.bake.layer.faces import author_layers, bound_parts, split
 from vrtm.bake.layer.networks import Redirector
 from vrtm.bake.layer.plan import LayerError, LayerPlan
 from vrtm.bake.mark import mark
@@ -27,6 +28,11 @@ STAGE_FIELDS = (
     "timeCodesPerSecond",
     "upAxis",
 )
+
+
+Made = dict[tuple[str, str, str, int], UsdShade.Material | None]
+"""The redirected materials by the original's path, the shape's name, the part of the shape and the layer; None where
+nothing could be redirected."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,7 @@ def redirected(out_path: str, scene: Scene, plan: LayerPlan) -> tuple[Sdf.Layer,
     stage = compose(layer, scene.path, scene.options, muted=out_path)
     changes = plan.corner_path is not None
     with Usd.EditContext(stage, layer):
-        made: dict[tuple[str, str], UsdShade.Material | None] = {}
+        made: Made = {}
         without: dict[str, list[tuple[str, str]]] = {}
         for name in plan.shapes:
             shape = scene.shape(name)
@@ -166,7 +172,7 @@ def _author(
     path: str,
     shape: Shape,
     plan: LayerPlan,
-    made: dict[tuple[str, str], UsdShade.Material | None],
+    made: Made,
     warnings: list[str],
     without: dict[str, list[tuple[str, str]]],
 ) -> bool:
@@ -175,28 +181,45 @@ def _author(
     changes = False
     _split_instances(stage, Sdf.Path(path), warnings)
     mesh = stage.OverridePrim(path)
-    prims = [mesh, *(subset.GetPrim() for subset in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets())]
-    bound = [(prim, *binding) for prim in prims for binding in _bindings(prim)]
-    gone = [str(target) for prim in prims for target in _missing(prim)]
+    author_layers(mesh, shape, plan)
+    # All of them before the first is changed, which others may inherit.
+    bound = [(part, list(_bindings(part.prim))) for part in bound_parts(mesh, shape, plan)]
+    gone = [str(target) for part, _ in bound for target in _missing(part.prim)]
     if gone:
         without.setdefault("material {} is not in the scene", []).append((path, gone[0]))
-    elif not bound:
+    elif not any(bindings for _, bindings in bound):
         without.setdefault("no material is bound to it", []).append((path, ""))
-    for prim, purpose, original in bound:
-        material = _material(stage, original, shape, plan, made, warnings)
-        if material is None:
+    for part, bindings in bound:
+        if part.subset is None:
             continue
-        UsdShade.MaterialBindingAPI.Apply(prim).Bind(
-            material, UsdShade.Tokens.fallbackStrength, purpose or UsdShade.Tokens.allPurpose
-        )
-        now = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)[0]
-        if now.GetPath() == material.GetPath():
-            changes = True
-        else:
-            warnings.append(
-                f"{prim.GetPath()}: a stronger binding keeps {now.GetPath()} instead of {material.GetPath()}"
-            )
+        found = {
+            layer: [
+                _material(stage, original, shape, plan, (part.subset, layer), made, warnings)
+                for _, original in bindings
+            ]
+            for layer in part.layers
+        }
+        if not any(material for materials in found.values() for material in materials):
+            continue
+        for layer, prim in split(mesh, part).items():
+            for (purpose, original), material in zip(bindings, found[layer]):
+                # A subset of a layer has what its faces had.
+                if material or prim != part.prim:
+                    own = _bind(prim, purpose, material or original, warnings)
+                    changes = changes or (own and material is not None)
     return changes
+
+
+def _bind(prim: Usd.Prim, purpose: str, material: UsdShade.Material, warnings: list[str]) -> bool:
+    """Binds a material, and tells whether it is the one that counts."""
+    UsdShade.MaterialBindingAPI.Apply(prim).Bind(
+        material, UsdShade.Tokens.fallbackStrength, purpose or UsdShade.Tokens.allPurpose
+    )
+    now = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)[0]
+    if now.GetPath() == material.GetPath():
+        return True
+    warnings.append(f"{prim.GetPath()}: a stronger binding keeps {now.GetPath()} instead of {material.GetPath()}")
+    return False
 
 
 def _bindings(prim: Usd.Prim) -> list[tuple[str, UsdShade.Material]]:
@@ -229,29 +252,33 @@ def _material(
     original: UsdShade.Material,
     shape: Shape,
     plan: LayerPlan,
-    made: dict[tuple[str, str], UsdShade.Material | None],
+    of: tuple[str, int],
+    made: Made,
     warnings: list[str],
 ) -> UsdShade.Material | None:
-    """The material of a shape that specializes another one; None if nothing in it could be redirected."""
-    key = (str(original.GetPath()), shape.name)
+    """The material that specializes another one, for a part of a shape and a layer of it; None if nothing in it could
+    be redirected."""
+    subset, layer = of
+    key = (str(original.GetPath()), shape.name, subset, layer)
     if key in made:
         return made[key]
+    if any(other[:3] == key[:3] for other in made):
+        # What is to be said of it was said of another layer's.
+        warnings = []
     if any(material and material.GetPath() == original.GetPath() for material in made.values()):
         return original
     _split_instances(stage, original.GetPath().GetParentPath(), warnings)
-    path = (
-        original.GetPath()
-        .GetParentPath()
-        .AppendChild(f"{original.GetPrim().GetName()}_{shape.name}_redirected".replace("-", "_"))
-    )
+    name = "_".join(filter(None, [original.GetPrim().GetName(), shape.name, subset, "redirected"]))
+    mark = f"_layer{layer}" if layer else ""
+    path = original.GetPath().GetParentPath().AppendChild((name + mark).replace("-", "_"))
     material = UsdShade.Material.Define(stage, path)
     material.SetBaseMaterial(UsdShade.Material(stage.GetPrimAtPath(original.GetPath())))
     if material.GetPrim().IsInstanceable():
         material.GetPrim().SetInstanceable(False)
-    if Redirector(material, shape, plan, warnings).redirect() == 0:
+    if Redirector(material, shape, plan.of(subset, layer), warnings).redirect() == 0:
         warnings.append(f"{shape.path}: no texture of {original.GetPath()} could be redirected")
-        layer = stage.GetEditTarget().GetLayer()
-        del layer.GetPrimAtPath(path.GetParentPath()).nameChildren[path.name]
+        edited = stage.GetEditTarget().GetLayer()
+        del edited.GetPrimAtPath(path.GetParentPath()).nameChildren[path.name]
         material = None
     made[key] = material
     return material

@@ -21,15 +21,17 @@ except ImportError as error:
 KEPT = {"uint8": np.uint8, "uint16": np.uint16, "half": np.float16, "float": np.float32}
 
 
-def find_maps(pattern: str, mesh: str = "", udims: Sequence[int] = (1001,)) -> dict[int, str]:
-    """The existing files of a pattern by UDIM number, `<UDIM>` standing for the number and `<mesh>` for the shape's
-    name.
+def find_maps(
+    pattern: str, mesh: str = "", udims: Sequence[int] = (1001,), subset: str = "", required: bool = True
+) -> dict[int, str]:
+    """The existing files of a pattern by UDIM number, `<UDIM>` standing for the number, `<mesh>` for the shape's name
+    and `<subset>` for that of one of its subsets.
 
-    A pattern without `<UDIM>` is the map of a shape with one tile. A pattern with `<mesh>` may have no file for some
-    shapes: then nothing is found. Raises SceneError if no file of another pattern exists, or if the shape has several
-    tiles and the pattern no `<UDIM>`.
+    A pattern without `<UDIM>` is the map of a shape with one tile. A pattern with `<mesh>` or `<subset>` may have no
+    file for some of them, and so may any that is not `required`: then nothing is found. Raises SceneError if no file of
+    another pattern exists, or if the shape has several tiles and the pattern no `<UDIM>`.
     """
-    named = pattern.replace("<mesh>", mesh)
+    named = pattern.replace("<mesh>", mesh).replace("<subset>", subset)
     if re.search("<UDIM>", named, re.IGNORECASE) is None:
         if len(udims) != 1:
             tiles = ", ".join(str(udim) for udim in sorted(udims))
@@ -40,7 +42,7 @@ def find_maps(pattern: str, mesh: str = "", udims: Sequence[int] = (1001,)) -> d
     else:
         paths = {udim: re.sub("<UDIM>", str(udim), named, flags=re.IGNORECASE) for udim in udims}
         found = {udim: path for udim, path in sorted(paths.items()) if os.path.isfile(path)}
-    if not found and "<mesh>" not in pattern:
+    if not found and required and "<mesh>" not in pattern and "<subset>" not in pattern:
         there = sorted(glob.glob(re.sub("<UDIM>", "[0-9]" * 4, glob.escape(named), flags=re.IGNORECASE)))
         beside = f"; there is {there[0]}" if there else ""
         tiles = ", ".join(str(udim) for udim in sorted(udims))

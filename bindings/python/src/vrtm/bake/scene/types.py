@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -83,11 +83,13 @@ class Shape:
     """Where the rest is from, in words: `Pref`, `first frame 1001`."""
     still: bool = False
     """Whether the scene has one pose of it alone."""
+    subsets: dict[str, np.ndarray] = field(default_factory=dict)
+    """The faces of the subsets that materials are bound to, by their names."""
     cage_corners: np.ndarray | None = None
     """(corners of the control cage,) int32: the refined corner that lies at each; None where nothing was refined."""
 
-    def asset(self, device: vrtm.Device, weld: str) -> vrtm.Asset:
-        """The library's asset of the mesh, without maps. Raises vrtm.Error."""
+    def asset(self, device: vrtm.Device, weld: str, max_layers: int = 0, faces: np.ndarray | None = None) -> vrtm.Asset:
+        """The library's asset of the mesh, without maps; `faces`: those that are baked. Raises vrtm.Error."""
         return vrtm.Asset(
             device,
             self.rest,
@@ -95,7 +97,9 @@ class Shape:
             face_counts=self.face_counts,
             uvs=self.uvs,
             uv_indices=self.uv_indices,
+            textured_faces=faces,
             weld=weld,
+            max_layers=max_layers,
         )
 
 

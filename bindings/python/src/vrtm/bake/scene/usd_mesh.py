@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from pxr import Usd, UsdGeom
+from pxr import Usd, UsdGeom, UsdShade
 
 from vrtm.bake.scene.refine import Cage, Refined
 from vrtm.bake.scene.rest import rest_from_file
@@ -109,8 +109,22 @@ class UsdMesh:
             still=not self._mesh.GetPointsAttr().ValueMightBeTimeVarying()
             and not (self._skin and self._skin.moves)
             and not (self._options.world and self._is_moved),
+            subsets=self._subsets(first),
             cage_corners=corners,
         )
+
+    def _subsets(self, time: Usd.TimeCode) -> dict[str, np.ndarray]:
+        """The faces of each subset that a material may be bound to; of a refined mesh, those of the cage's faces."""
+        found = {}
+        of_corner = np.repeat(np.arange(len(self._counts)), self._counts)
+        for subset in UsdShade.MaterialBindingAPI(self._prim).GetMaterialBindSubsets():
+            inside = np.zeros(len(self._counts), bool)
+            faces = np.array(subset.GetIndicesAttr().Get(time) or (), np.int64)
+            inside[faces[(faces >= 0) & (faces < len(inside))]] = True
+            if self._refined:
+                inside = np.repeat(inside[of_corner], 4 ** (self._options.subdivide - 1))
+            found[subset.GetPrim().GetName()] = np.flatnonzero(inside)
+        return found
 
     def positions(self, frame: float) -> np.ndarray:
         """(vertices, 3) at a time code. Raises SceneError where the topology is another than at first."""

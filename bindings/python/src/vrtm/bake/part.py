@@ -1,0 +1,161 @@
+"""What is baked by itself of a mesh: all of it, or the faces of one of its subsets; its asset, maps and tiles."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+import vrtm
+from vrtm.bake import warped
+from vrtm.bake.fingerprint import Fingerprint
+from vrtm.bake.scene import Shape
+from vrtm.bake.scene.images import find_maps, read_map
+from vrtm.bake.scene.topology import corner_starts
+from vrtm.bake.settings import AUTO, Settings
+
+LARGEST_GRID = 16384
+SIZE_WITHOUT_MAP = 512
+SIZE_OF_PRIMVAR = 1024
+REST = "rest"
+"""The name of the part that has the faces in no subset."""
+
+
+@dataclass(eq=False)
+class TileWork:
+    """A tile with its maps."""
+
+    part: Part
+    tile: vrtm.Tile
+    udim: int
+    layer: int
+    """Which of the layers of charts that lie over one another in the UDIM tile; 0 if there is one."""
+    cells: tuple[int, int]
+    size: tuple[int, int]
+    """Of the redirection, in texels; (0, 0) if it follows from what the map holds."""
+    inputs: Fingerprint
+    """Of all that the tile's files depend on, poses excepted."""
+
+
+class Part:
+    """A mesh, or a subset of its faces, with an asset of its own. Raises SceneError and vrtm.Error."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        shape: Shape,
+        subset: tuple[str, np.ndarray] | None,
+        device: vrtm.Device,
+        copies: Sequence[warped.Copy],
+        common: Fingerprint,
+    ) -> None:
+        """`subset`: a name and the faces; None: all of them. `common`: a hash of what all tiles of the mesh depend
+        on."""
+        self.settings = settings
+        self.shape = shape
+        self.subset, self.faces = subset or ("", None)
+        self.where = f"{shape.path} subset {self.subset}" if subset else shape.path
+        """The part, as messages name it."""
+        self.asset = shape.asset(device, settings.weld, settings.layers, self.faces)
+        common = common.copy()
+        if self.faces is not None:
+            common.text("subset").array(self.faces)
+        if any(tile.layer for tile in self.asset.tiles):
+            common.array(self.asset.face_layers())
+        if shape.vertex_rigidity is not None:
+            self.asset.set_vertex_rigidity(shape.vertex_rigidity)
+        if shape.vertex_mask is not None:
+            self.asset.set_vertex_mask(shape.vertex_mask)
+        self.all_udims = tuple(dict.fromkeys(tile.udim for tile in self.asset.tiles))
+        self.maps = {option: self._found(getattr(settings, option)) for option in ("rigidity", "mask")}
+        """The files of the maps by UDIM number."""
+        self.black: list[str] = []
+        """Rigidity maps that make nothing rigid."""
+        self.tiles = self._tiles(common)
+        self.textures = [(copy, self._found(copy.pattern)) for copy in copies]
+
+    def _found(self, pattern: str | None) -> dict[int, str]:
+        if pattern is None or not self.all_udims:
+            return {}
+        return find_maps(pattern, self.shape.name, self.all_udims, self.subset, required=self.faces is None)
+
+    def _tiles(self, common: Fingerprint) -> list[TileWork]:
+        settings = self.settings
+        rigid, masks = (
+            {udim: read_map(path) for udim, path in self.maps[option].items()} for option in ("rigidity", "mask")
+        )
+        if settings.seams == "continue":
+            # What lies beyond a tile's seams may be in any other.
+            for maps in (rigid, masks):
+                for udim, pixels in sorted(maps.items()):
+                    common = common.copy().text(udim).array(pixels)
+        # A tile without a map is the identity, and gets the size of the others.
+        alone = SIZE_OF_PRIMVAR if self.shape.vertex_rigidity is not None else SIZE_WITHOUT_MAP
+        other = max(((m.shape[1], m.shape[0]) for m in rigid.values()), default=(alone, alone))
+        tiles = []
+        for tile in self.asset.tiles:
+            rigidity, mask = rigid.get(tile.udim), masks.get(tile.udim)
+            own = other if rigidity is None else (rigidity.shape[1], rigidity.shape[0])
+            cells = own if settings.size is None else (settings.size, settings.size)
+            grid = (min(cells[0], LARGEST_GRID), min(cells[1], LARGEST_GRID))
+            # What is set for one layer holds for all of its tile.
+            if tile.layer == 0:
+                if rigidity is not None:
+                    tile.set_rigidity(rigidity)
+                    if not (rigidity > 0).any():
+                        self.black.append(self.maps["rigidity"][tile.udim])
+                if mask is not None:
+                    tile.set_mask(mask)
+                tile.set_settings(tile.settings, grid_width=grid[0], grid_height=grid[1], **settings.tile_settings)
+            size = cells
+            if settings.map_size is not None:
+                size = (0, 0) if settings.map_size == AUTO else (int(settings.map_size),) * 2
+            inputs = common.copy().text(tile.udim, dataclasses.astuple(tile.settings)).array(rigidity).array(mask)
+            if tile.layer:
+                inputs.text("layer", tile.layer)
+            if settings.tiles is None or tile.udim in settings.tiles:
+                tiles.append(TileWork(self, tile, tile.udim, tile.layer, grid, size, inputs))
+        return tiles
+
+    @property
+    def udims(self) -> list[int]:
+        """The numbers of the tiles to be baked."""
+        return list(dict.fromkeys(tile.udim for tile in self.tiles))
+
+    def without(self, option: str) -> list[int]:
+        """The tiles to be baked that have no map, or no values per vertex, for `rigidity` or `mask`, if that was asked
+        for."""
+        if getattr(self.settings, option) is not None:
+            return [udim for udim in self.udims if udim not in self.maps[option]]
+        wanted = getattr(self.settings.options, f"{option}_primvar") is not None
+        return self.udims if wanted and getattr(self.shape, f"vertex_{option}") is None else []
+
+
+def parts(
+    settings: Settings, shape: Shape, device: vrtm.Device, copies: Sequence[warped.Copy], common: Fingerprint
+) -> list[Part]:
+    """The parts of a mesh that are baked each by itself: with --subsets its subsets, and the faces in none of them;
+    those without UVs in tiles are left out."""
+    if not settings.subsets:
+        return [Part(settings, shape, None, device, copies, common)]
+    rest = np.ones(len(shape.face_counts), bool)
+    chosen = []
+    for name, faces in shape.subsets.items():
+        chosen.append((name, faces[rest[faces]]))
+        rest[faces] = False
+    name = REST
+    while name in shape.subsets:
+        name += "_"
+    chosen.append((name, np.flatnonzero(rest)))
+    starts = corner_starts(shape.face_counts)
+    with_uvs = (shape.face_counts > 0) & (shape.uv_indices[np.minimum(starts, len(shape.uv_indices) - 1)] >= 0)
+    found = [Part(settings, shape, (n, f), device, copies, common) for n, f in chosen if with_uvs[f].any()]
+    # One of them may lack a file, but not all.
+    wanted = [(getattr(settings, option), [part.maps[option] for part in found]) for option in ("rigidity", "mask")]
+    wanted += [(copy.pattern, [part.textures[number][1] for part in found]) for number, copy in enumerate(copies)]
+    for pattern, maps in wanted:
+        if pattern is not None and not any(maps):
+            find_maps(pattern, shape.name, sorted({udim for part in found for udim in part.all_udims}))
+    return found

@@ -1,0 +1,102 @@
+"""A model whose halves lie on the same UVs, and what a renderer would resolve of a bake's layer over it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+
+import scenes
+from bake_scenes import image
+
+MESH = "/model/mirrored"
+CELLS = 12
+SIZE = 128
+
+
+def mirrored(folder: Path, frames: int = 2, make=scenes.materialx_material, scheme: str = "none") -> Path:
+    """A surface whose halves lie on the same UVs of tile 1001 and share the vertices of the middle, with a third part
+    in tile 1002. The halves are stretched in different ways. A material is bound to the mesh; studs are rigid."""
+    folder.mkdir(parents=True, exist_ok=True)
+    scene = folder / "shot.usda"
+    stage = Usd.Stage.CreateNew(str(scene))
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    stage.SetStartTimeCode(1)
+    stage.SetEndTimeCode(frames)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/model").GetPrim())
+    points: dict[tuple[int, int], int] = {}
+    indices, uvs = [], []
+    for part, tile in ((1, 0), (-1, 0), (2, 1)):
+        first = {1: 0, -1: 0, 2: 2 * CELLS}[part]
+        for j in range(CELLS):
+            for i in range(CELLS):
+                square = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)]
+                # The same way round, seen from the front.
+                for a, b in square if part > 0 else square[::-1]:
+                    at = (first + (a if part > 0 else -a), b)
+                    indices.append(points.setdefault(at, len(points)))
+                    uvs.append((tile + 0.05 + 0.9 * a / CELLS, 0.05 + 0.9 * b / CELLS))
+    rest = np.array([(x / CELLS, y / CELLS, 0.0) for x, y in points])
+    mesh = UsdGeom.Mesh.Define(stage, MESH)
+    mesh.CreateSubdivisionSchemeAttr(scheme)
+    mesh.CreateFaceVertexCountsAttr([4] * (len(indices) // 4))
+    mesh.CreateFaceVertexIndicesAttr(indices)
+    mesh.CreateExtentAttr([Gf.Vec3f(-2, -1, -1), Gf.Vec3f(4, 3, 1)])
+    attribute = mesh.CreatePointsAttr([Gf.Vec3f(*map(float, p)) for p in rest])
+    for frame in range(1, frames + 1):
+        moved, (x, y) = rest.copy(), rest[:, :2].T
+        amount = frame / frames
+        moved[:, 0] += amount * np.where(x > 0, 0.2 * np.sin(3 * x) * y, -0.1 * np.sin(6 * x))
+        moved[:, 1] += amount * np.where(x > 0, 0.25 * y * y, 0.15 * np.sin(5 * y))
+        attribute.Set([Gf.Vec3f(*map(float, p)) for p in moved], frame)
+    kinds = Sdf.ValueTypeNames
+    pref = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("Pref", kinds.Point3fArray, UsdGeom.Tokens.vertex)
+    pref.Set([Gf.Vec3f(*map(float, p)) for p in rest])
+    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", kinds.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
+    st.Set([Gf.Vec2f(*uv) for uv in uvs])
+    scenes.bind(mesh, make(stage, "/model/skin"))
+    stage.Save()
+    x, y = np.meshgrid((np.arange(SIZE) + 0.5) / SIZE, (np.arange(SIZE) + 0.5) / SIZE)
+    # Away from the borders, where nothing moves.
+    studs = (np.hypot((x * 5) % 1 - 0.5, (y * 5) % 1 - 0.5) < 0.25) & (np.maximum(abs(x - 0.5), abs(y - 0.5)) < 0.4)
+    for udim in (1001, 1002):
+        image(folder / f"rigid.{udim}.png", (255 * studs).astype(np.uint8)[..., None])
+        colour = np.stack([255 * x, 255 * y, 255 * studs], axis=-1).astype(np.uint8)
+        image(folder / f"colour.{udim}.png", colour)
+    return scene
+
+
+def composed(baked: Path, layer: Path) -> Usd.Stage:
+    root = Sdf.Layer.CreateAnonymous(".usda")
+    root.subLayerPaths = [str(layer), str(baked)]
+    return Usd.Stage.Open(root)
+
+
+def materials(stage: Usd.Stage) -> dict[str, tuple[np.ndarray, Sdf.Path]]:
+    """The faces of the mesh and of each subset, less those of subsets, and the material that counts there."""
+    mesh = stage.GetPrimAtPath(MESH)
+    rest = np.ones(len(UsdGeom.Mesh(mesh).GetFaceVertexCountsAttr().Get()), bool)
+    found = {}
+    for subset in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets():
+        faces = np.array(subset.GetIndicesAttr().Get(2))
+        assert rest[faces].all(), "faces in two subsets"
+        rest[faces] = False
+        material = UsdShade.MaterialBindingAPI(subset.GetPrim()).ComputeBoundMaterial()[0]
+        found[subset.GetPrim().GetName()] = (faces, material)
+    found[""] = (np.flatnonzero(rest), UsdShade.MaterialBindingAPI(mesh).ComputeBoundMaterial()[0])
+    return found
+
+
+def looked_up(material: UsdShade.Material) -> str:
+    """The map, or copy of a texture, that a material names in frame 2."""
+    nodes = {prim.GetName(): UsdShade.Shader(prim) for prim in Usd.PrimRange(material.GetPrim())}
+    return nodes.get("vrtm_redirected", nodes.get("colour")).GetInput("file").Get(2).path
+
+
+def check_family(stage: Usd.Stage, kind: str) -> None:
+    imageable = UsdGeom.Imageable(stage.GetPrimAtPath(MESH))
+    assert UsdGeom.Subset.GetFamilyType(imageable, "materialBind") == kind
+    valid, reason = UsdGeom.Subset.ValidateFamily(imageable, UsdGeom.Tokens.face, "materialBind")
+    assert valid, reason

@@ -1,0 +1,260 @@
+"""Charts that lie over one another: maps, copies of textures, materials and figures of each layer."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Usd, UsdGeom, UsdShade, Vt
+
+import scenes
+import vrtm
+from bake_scenes import attributes, files, pixels, run, sheet, sheet_arguments
+from mirrored import CELLS, MESH, SIZE, check_family, composed, looked_up, materials, mirrored
+from vrtm.bake.layer import check_layer
+from vrtm.bake.names import ONE_MESH, Pattern
+from vrtm.bake.report import advice
+from vrtm.bake.scene import Scene, SceneOptions
+from vrtm.bake.scene.images import read_map
+from vrtm.bake.settings import Settings
+
+
+def solved(scene: Path, frame: int, max_layers: int, subdivide: int = 0) -> vrtm.Asset:
+    """A frame, solved by the library without the command."""
+    with Scene(scene, SceneOptions(subdivide=subdivide)) as opened:
+        (shape,) = opened.shapes
+        positions = opened.positions(shape, frame)
+        made = shape.asset(vrtm.Device("cpu"), "index", max_layers)
+    for tile in made.tiles:
+        tile.set_rigidity(read_map(str(scene.parent / f"rigid.{tile.udim}.png")))
+        tile.set_settings(tile.settings, grid_width=SIZE, grid_height=SIZE)
+    made.solve(positions)
+    return made
+
+
+@pytest.fixture(scope="module")
+def baked(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The mirrored model's scene, and beside it the maps, the copies of a texture, the report and the layer."""
+    folder = tmp_path_factory.mktemp("mirrored")
+    scene = mirrored(folder / "shot")
+    run(*arguments(scene, folder / "maps"), "--report", folder / "report.json")
+    return scene
+
+
+def arguments(scene: Path, out: Path, *more: object) -> list[object]:
+    options = ("--texture", scene.parent / "colour.<UDIM>.png", "--layer", out.parent / "over.usda", "--measure")
+    return sheet_arguments(scene, out, "--form", "udim", *options, *more)
+
+
+def test_each_layer_has_the_maps_of_its_tile(baked: Path) -> None:
+    out = baked.parents[1] / "maps"
+    names = {"redirect.1001", "redirect_layer1.1001", "redirect.1002", "colour.1001", "colour_layer1.1001"}
+    names |= {"colour.1002"}
+    found = {
+        name.rsplit(".", 1)[0].replace(f".000{f}", "") for name in files(out) for f in (1, 2) if f".000{f}" in name
+    }
+    assert found == names and len(files(out)) == 12
+    asset = solved(baked, 2, 32)
+    assert [(tile.udim, tile.layer) for tile in asset.tiles] == [(1001, 0), (1001, 1), (1002, 0)]
+    for tile in asset.tiles:
+        mark = f"_layer{tile.layer}" if tile.layer else ""
+        path = out / f"redirect{mark}.0002.{tile.udim}.exr"
+        expected = tile.fetch("redirection_udim", SIZE, channels=3, one_to_one=True)
+        assert np.array_equal(pixels(path), expected)
+        assert attributes(path).get("vrtm:layer") == (tile.layer or None)
+    copies = [pixels(out / f"colour{mark}.0002.1001.png") for mark in ("", "_layer1")]
+    assert not np.array_equal(*copies)
+
+
+def test_a_second_bake_is_up_to_date(baked: Path) -> None:
+    out = baked.parents[1] / "maps"
+    before = files(out)
+    ended = run(*arguments(baked, out))
+    assert "0 files written, 12 up to date" in ended.stdout and files(out) == before
+    # All layers of a tile; the layers that there are count, and not how many there might be.
+    ended = run(*arguments(baked, out), "--tiles", 1001, "--max-layers", 3)
+    assert "0 files written, 8 up to date" in ended.stdout
+    (out / "redirect_layer1.0002.1001.exr").unlink()
+    assert "1 files written, 11 up to date" in run(*arguments(baked, out)).stdout and files(out) == before
+
+
+def test_both_halves_keep_their_features(baked: Path, tmp_path: Path) -> None:
+    report = tmp_path / "fixed.json"
+    ended = run(
+        *arguments(baked, tmp_path / "maps", "--overlap", "fixed", "--report", report, "--max-strain", 0.9), expect=3
+    )
+    said = "with --overlap each charts that lie over one another each keep their features"
+    (warning,) = [line for line in ended.stderr.splitlines() if "of its rigid texels are frozen" in line]
+    assert f"{MESH} tile 1001: 100% of" in warning and warning.endswith(said)
+    last = ended.stderr.splitlines()[-1]
+    assert last.startswith("vrtm: --max-strain cannot be met in 2 of 4: mirrored, frame 1, tile 1001: ")
+    assert last.endswith(said)
+    fixed = {tile["udim"]: tile for tile in json.loads(report.read_text())["frames"][1]["tiles"]}
+    assert fixed[1001]["rigid"]["overlapped"] == fixed[1001]["rigid"]["frozen"] == 1.0
+    assert fixed[1001]["rigid"]["movable"] == 0.0 and fixed[1001]["rigid"]["texels"] > 1000
+    assert fixed[1001]["strain"]["after"] == fixed[1001]["strain"]["before"]
+    document = json.loads((baked.parents[1] / "report.json").read_text())
+    each = {(tile["udim"], tile["layer"]): tile for tile in document["frames"][1]["tiles"]}
+    assert [tile["layers"] for tile in each.values()] == [2, 2, 1]
+    assert document["warnings"] == [] and document["meshes"][0]["tiles"] == [1001, 1002]
+    for layer in (0, 1):
+        tile = each[1001, layer]
+        strain = tile["strain"]
+        print(f"layer {layer}: RMS strain {strain['before']['rms']:.4f} to {strain['after']['rms']:.4f}")
+        assert strain["before"]["rms"] > 0.1 and strain["after"]["rms"] < strain["before"]["rms"] / 3
+        assert tile["rigid"]["overlapped"] == tile["rigid"]["frozen"] == 0.0 and tile["rigid"]["movable"] == 1.0
+    assert each[1001, 0]["strain"] != each[1001, 1]["strain"]
+
+
+def test_messages_name_the_layer(baked: Path, tmp_path: Path) -> None:
+    ended = run(*arguments(baked, tmp_path / "maps", "--frames", 2, "--max-strain", 0.001), expect=3)
+    assert f"{MESH} tile 1001 layer 1: 0.0% of the rigid texels are frozen" in ended.stdout
+    assert "--max-strain 0.001 was exceeded in 3 of 3: mirrored, frame 2, tile 1001 layer " in ended.stderr
+    ended = run(*arguments(baked, tmp_path / "dry", "--dry-run"))
+    assert "  tile 1001 layer 1: grid" in ended.stdout and "  tile 1002: grid" in ended.stdout
+    assert not (tmp_path / "dry").exists()
+    for more, told in (
+        (("--max-layers", 4, "--overlap", "fixed"), "--max-layers needs --overlap each"),
+        (("--overlap", "last"), "--overlap"),
+    ):
+        assert told in run(*arguments(baked, tmp_path / "no", *more), expect=2).stderr
+
+
+def test_the_first_face_moves_all(baked: Path, tmp_path: Path) -> None:
+    for name in ("first", "first_face"):
+        run(*arguments(baked, tmp_path / name, "--frames", 2, "--tiles", 1001, "--layer", "", "--overlap", name))
+    assert files(tmp_path / "first") == files(tmp_path / "first_face")
+    with Scene(baked) as opened:
+        (shape,) = opened.shapes
+        asset = shape.asset(vrtm.Device("cpu"), "index")
+        asset.tile(1001).set_rigidity(read_map(str(baked.parent / "rigid.1001.png")))
+        asset.tile(1001).set_settings(overlap="first_face", grid_width=SIZE, grid_height=SIZE)
+        asset.solve(opened.positions(shape, 2))
+    expected = asset.tile(1001).fetch("redirection_udim", SIZE, channels=3, one_to_one=True)
+    assert np.array_equal(pixels(tmp_path / "first" / "redirect.0002.1001.exr"), expected)
+
+
+def test_without_overlaps_nothing_changes(tmp_path: Path) -> None:
+    scene = sheet(tmp_path / "shot", frames=2)
+    for overlap in ("each", "fixed"):
+        run(*sheet_arguments(scene, tmp_path / overlap, "--overlap", overlap, "--warp"))
+    assert len(files(tmp_path / "each")) == 8 and files(tmp_path / "each") == files(tmp_path / "fixed")
+    assert "0 files written, 8 up to date" in run(*sheet_arguments(scene, tmp_path / "fixed", "--warp")).stdout
+
+
+def test_the_layer_binds_the_maps_of_each_layer(baked: Path) -> None:
+    layers = solved(baked, 2, 32).face_layers()
+    over = baked.parents[1] / "over.usda"
+    stage = composed(baked, over)
+    primvar = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(MESH)).GetPrimvar("vrtmLayer")
+    assert primvar.GetInterpolation() == "uniform" and primvar.GetTypeName() == "int[]"
+    assert np.array_equal(primvar.Get(), layers) and sorted(set(layers)) == [0, 1]
+    found = materials(stage)
+    check_family(stage, "nonOverlapping")
+    assert set(found) == {"", "vrtm_layer1"}
+    for name, mark, layer in (("", "", 0), ("vrtm_layer1", "_layer1", 1)):
+        faces, material = found[name]
+        assert np.array_equal(faces, np.flatnonzero(layers == layer))
+        assert material.GetPath() == f"/model/skin_mirrored_redirected{mark}"
+        assert looked_up(material) == f"./maps/redirect{mark}.0002.<UDIM>.exr"
+    # The test's material looks for a texture that is not there.
+    assert all("colour.<UDIM>.exr" in complaint for complaint in check_layer(over, baked))
+
+
+def test_subsets_of_the_shot_are_divided(tmp_path: Path) -> None:
+    """Of three subsets, one lies in both layers, one in the second alone, and one in the first."""
+    scene = mirrored(tmp_path / "shot", make=scenes.preview_material)
+    stage = Usd.Stage.Open(str(scene))
+    mesh = stage.GetPrimAtPath(MESH)
+    half = CELLS * CELLS
+    upper = np.arange(half // 2, half)
+    subsets = {
+        "both": [*upper, *(upper + half)],
+        "second": list(range(half, half + 24)),
+        "apart": list(range(2 * half, 3 * half)),
+    }
+    for name, own in subsets.items():
+        indices = Vt.IntArray([int(face) for face in own])
+        subset = UsdShade.MaterialBindingAPI(mesh).CreateMaterialBindSubset(name, indices)
+        scenes.bind(subset.GetPrim(), scenes.preview_material(stage, f"/model/{name}"))
+    stage.Save()
+    over = tmp_path / "over.usda"
+    run(*arguments(scene, tmp_path / "maps"))
+    stage = composed(scene, over)
+    found = materials(stage)
+    check_family(stage, "nonOverlapping")
+    layers = solved(scene, 2, 32).face_layers()
+    expected = {
+        "": ("skin", range(half // 2), ""),
+        "vrtm_layer1": ("skin", range(half + 24, half + half // 2), "_layer1"),
+        "both": ("both", upper, ""),
+        "both_vrtm_layer1": ("both", upper + half, "_layer1"),
+        "second": ("second", range(half, half + 24), "_layer1"),
+        "apart": ("apart", range(2 * half, 3 * half), ""),
+    }
+    assert set(found) == set(expected)
+    for name, (base, own, mark) in expected.items():
+        faces, material = found[name]
+        assert np.array_equal(np.sort(faces), own), name
+        assert (layers[faces] == (1 if mark else 0)).all()
+        assert material.GetPath() == f"/model/{base}_mirrored_redirected{mark}", name
+        assert looked_up(material) == f"./maps/colour{mark}.0002.<UDIM>.png", name
+    assert all("colour.1001" in c or "colour.<UDIM>" in c for c in check_layer(over, scene))
+    # Corner UVs are those of all layers at once: they need neither subsets nor further materials.
+    run(*arguments(scene, tmp_path / "maps", "--layer-mode", "primvar", "--layer", tmp_path / "st.usda"))
+    stage = composed(scene, tmp_path / "st.usda")
+    assert set(materials(stage)) == {"", *subsets}
+    corners = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(MESH)).GetPrimvar("st_redirected").Get(2)
+    assert np.array_equal(np.array(corners), solved(scene, 2, 32).corner_uvs())
+
+
+def test_layers_of_a_refined_mesh_are_those_of_its_cage(tmp_path: Path) -> None:
+    scene = mirrored(tmp_path / "shot", frames=1, scheme="catmullClark")
+    run(*arguments(scene, tmp_path / "maps", "--subdivide", 2, "--frames", 1))
+    stage = composed(scene, tmp_path / "over.usda")
+    layers = np.array(UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(MESH)).GetPrimvar("vrtmLayer").Get())
+    assert np.array_equal(layers, np.repeat([0, 1, 0], CELLS * CELLS))
+    assert np.array_equal(np.repeat(layers, 16), solved(scene, 1, 32, 2).face_layers())
+
+
+def test_seams_may_go_on_in_layers(tmp_path: Path) -> None:
+    scene = mirrored(tmp_path / "shot", frames=1)
+    run(*arguments(scene, tmp_path / "maps", "--seams", "continue", "--layer", ""))
+    copies = [pixels(tmp_path / "maps" / f"colour{mark}.0001.1001.png") for mark in ("", "_layer1")]
+    assert not np.array_equal(*copies)
+
+
+@pytest.mark.parametrize(
+    ("settings", "overlapped", "layers", "told"),
+    [
+        ({"overlap": "fixed"}, 0.8, 1, "--overlap each"),
+        ({"max_layers": 2}, 0.8, 2, "--max-layers"),
+        ({"max_layers": 3}, 0.8, 2, "laid out anew"),
+        ({}, 0.1, 1, "--seams continue"),
+        ({"overlap": "first"}, 0.8, 1, "--seams continue"),
+        ({"mask": "mask.png", "seams": "continue"}, 0.1, 1, "the mask is dark"),
+        ({"seams": "continue"}, 0.0, 1, "the surface ends"),
+    ],
+)
+def test_what_helps_where_most_is_frozen(settings: dict, overlapped: float, layers: int, told: str) -> None:
+    row = {"layers": layers, "rigid": {"overlapped": overlapped, "frozen": 0.9}}
+    found = advice(Settings("shot.usda", **settings), row)
+    assert told in found
+    if told != "the mask is dark":
+        assert "the mask" not in found
+
+
+def test_names_of_layers() -> None:
+    for pattern, expected in (
+        (ONE_MESH, "redirect_layer2.0007.1001.exr"),
+        ("<UDIM>/<kind>.exr", "1001/redirect_layer2.exr"),
+        ("<mesh>.<frame>.<UDIM>.exr", "head_layer2.0007.1001.exr"),
+        ("<frame>/<UDIM>.exr", "0007/layer2.1001.exr"),
+        ("maps/<UDIM>_<frame>.exr", "maps/layer2.1001_0007.exr"),
+        ("<UDIM>/<mesh>.exr", "1001/head_layer2.exr"),
+    ):
+        made = Pattern(pattern, {})
+        assert made.name("head", "redirect", 7, 1001, layer=2) == expected
+        assert made.name("head", "redirect", 7, 1001) == expected.replace("_layer2", "").replace("layer2.", "")
