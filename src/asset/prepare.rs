@@ -147,15 +147,23 @@ impl TileState {
         let grid = self.build(team, device, mesh, source, maps)?;
         if grid.overlap > 0.0 {
             let percent = 100.0 * grid.overlap;
-            device.log(LogLevel::Warning, &format!("{}: {percent:.2} % of it is overlapped", source.name()));
+            device.log(
+                LogLevel::Warning,
+                &format!(
+                    "{}: {percent:.2} % of it is overlapped, and what charts share does not move in one map",
+                    source.name()
+                ),
+            );
         }
         let message = format!(
-            "{}: {} nodes of {} x {} cells may move, {:.1} % of its rigid texels are frozen",
+            "{}: {} nodes of {} x {} cells may move, {:.1} % of its rigid texels are frozen, {:.1} % overlapped, {:.1} % may move",
             source.name(),
             grid.movable.iter().sum::<u64>(),
             grid.levels[0].nx,
             grid.levels[0].ny,
-            100.0 * grid.frozen()
+            100.0 * grid.frozen(),
+            100.0 * grid.rigid_sum(|of| of.overlapped) as f32 / grid.rigid_sum(|of| of.rigid).max(1) as f32,
+            100.0 * (1.0 - grid.frozen())
         );
         device.log(LogLevel::Info, &message);
         self.grid = Some(grid.clone());

@@ -14,6 +14,7 @@ mod counts;
 mod cpu_gpu;
 mod device;
 mod invert;
+mod layers;
 mod shaders;
 
 // What needs a library with the GPU backend, or the crates that come with it.
