@@ -102,6 +102,12 @@ def _scene(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument("--uv", metavar="NAME", help="the UV set (default: st, or the only one)")
     group.add_argument(
+        "--texture-uv",
+        metavar="NAME",
+        help="USD: the UV set that textures are looked up by, where --uv is one without overlaps: the maps then hold "
+        "UVs of this set, and are looked up by that of --uv",
+    )
+    group.add_argument(
         "--subsets",
         action="store_true",
         help="USD: bake the subsets of a mesh that materials are bound to each by itself, and the faces in none of "
@@ -392,9 +398,12 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
             parser.error(f"--quiet and --{option.replace('_', '-')} exclude each other")
     if a.layer and a.layer_mode != "texture" and a.tiles:
         parser.error(f"--layer-mode {a.layer_mode} takes all tiles of a mesh, so that --tiles cannot go with it")
+    if a.texture_uv is not None:
+        _check_texture_uv(parser, a)
     options = SceneOptions(
         meshes=tuple(a.meshes),
         uv=a.uv,
+        texture_uv=a.texture_uv,
         rest=a.rest,
         rigidity_primvar=a.rigidity_primvar,
         mask_primvar=a.mask_primvar,
@@ -408,9 +417,25 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
     measure = a.measure or a.max_strain is not None or a.max_error is not None
     own = Settings.__dataclass_fields__
     same = {name: tuple(v) if isinstance(v, list) else v for name, v in given.items() if name in own}
-    form = a.form or ("udim" if a.layer else "tile")
+    form = a.form or ("udim" if a.layer or a.texture_uv is not None else "tile")
     layers = a.max_layers or Settings.max_layers
     return Settings(**same | {"options": options, "measure": measure, "form": form, "max_layers": layers})
+
+
+def _check_texture_uv(parser: argparse.ArgumentParser, a: argparse.Namespace) -> None:
+    """Ends the program for what is not there in the UV set that textures are looked up by."""
+    other = {
+        "--form tile": a.form == "tile",
+        "--texture": a.textures,
+        "--normal-map": a.normal_maps,
+        "--jacobian": a.jacobian,
+        "--filter-scale": a.filter_scale,
+        "--subdivide": a.subdivide,
+        f"--layer-mode {a.layer_mode}": a.layer and a.layer_mode != "texture",
+    }
+    for option, given in other.items():
+        if given:
+            parser.error(f"--texture-uv and {option} exclude each other")
 
 
 def _numbers(text: str) -> tuple[frames.Frame, ...]:

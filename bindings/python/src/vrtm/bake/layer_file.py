@@ -136,7 +136,7 @@ def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
         return next(part for part in work.meshes[mesh].parts if part.subset == subset)
 
     def udims(part: Part, layer: int) -> list[int]:
-        return [tile.udim for tile in part.asset.tiles if tile.layer == layer]
+        return [tile.udim for tile in part.all_tiles if tile.layer == layer]
 
     def map_path(mesh: str, frame: Frame, udim: int | str, layer: int = 0, subset: str = "") -> str:
         name = work.pattern.name(mesh, "redirect", frame, udim, layer=layer, subset=subset)

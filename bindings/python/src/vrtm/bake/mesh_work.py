@@ -83,6 +83,8 @@ class MeshWork:
         for array in (shape.rest, shape.face_counts, shape.indices, shape.uvs, shape.uv_indices):
             common.array(array)
         common.array(shape.vertex_rigidity).array(shape.vertex_mask)
+        for array in shape.texture_uvs or ():
+            common.array(array)
         self.parts = parts(settings, shape, device, copies, common)
         self.all_udims = tuple(dict.fromkeys(udim for part in self.parts for udim in part.all_udims))
         if not self.all_udims:
@@ -175,7 +177,11 @@ class MeshWork:
             "vrtm:version": vrtm.version(),
             "vrtm:inputs": inputs.hex(),
         }
-        further = {"vrtm:layer": tile.layer, "vrtm:subset": tile.part.subset}
+        further = {
+            "vrtm:texture_uv": self.shape.texture_uv_name,
+            "vrtm:layer": tile.layer,
+            "vrtm:subset": tile.part.subset,
+        }
         return facts | {name: value for name, value in further.items() if value}
 
     def corners(self, frame: Frame, pose: str, pattern: Pattern) -> CornerFile:
@@ -287,8 +293,9 @@ class MeshWork:
 
     def _inspected(self, tile: TileWork, size: tuple[int, int]) -> vrtm.MapInfo:
         output = self.listed[0]
+        # A map of UVs of another set is as good as one of its own.
         return tile.tile.inspect_map(
-            output.fetch, size, dtype=np.dtype(output.dtype).type, one_to_one=output.one_to_one
+            outputs.FETCH[self.settings.form], size, dtype=np.dtype(output.dtype).type, one_to_one=output.one_to_one
         )
 
     def _solve(
@@ -306,7 +313,7 @@ class MeshWork:
                 release_solvers=self.releases,
                 measure=self.settings.measure,
                 # At seams, tiles are brought together with those that are solved with them.
-                tiles=None if self.settings.seams == "continue" else [tile.tile for tile in tiles],
+                tiles=part.all_tiles if self.settings.seams == "continue" else [tile.tile for tile in tiles],
                 progress=progress,
             )
         except vrtm.Error as error:
@@ -354,7 +361,7 @@ class MeshWork:
         if (part, path, layer) not in self.dilated:
             files = next(paths for other, paths in part.textures if other is copy)
             meshes = [dilate.Mesh(self.shape, part.asset, files, layer)]
-            found = dilate.dilated(copy, meshes, part.asset.tiles[0].settings.seam_reach)
+            found = dilate.dilated(copy, meshes, part.all_tiles[0].settings.seam_reach)
             self.dilated |= {(part, file, layer): texture for file, texture in found.items()}
         return self.dilated[part, path, layer]
 

@@ -8,7 +8,10 @@ import numpy as np
 
 from vrtm.bake.settings import Settings
 
-_FETCH = {"tile": "redirection", "udim": "redirection_udim", "delta": "redirection_delta"}
+FETCH = {"tile": "redirection", "udim": "redirection_udim", "delta": "redirection_delta"}
+"""The library's names of the forms of redirections."""
+_OF_SET = {"udim": "uv_set", "delta": "uv_set_delta"}
+"""The same, as UVs of the set that textures are looked up by."""
 _RGB = ("R", "G", "B")
 _RGBA = ("R", "G", "B", "A")
 
@@ -34,7 +37,12 @@ class Output:
     def image(self, tile, size: tuple[int, int]) -> np.ndarray:
         """(height, width, channels) of a tile that is solved, the first row at the top."""
         pixels = tile.fetch(
-            self.fetch, size, dtype=np.dtype(self.dtype).type, channels=self.fetched, one_to_one=self.one_to_one
+            self.fetch,
+            size,
+            dtype=np.dtype(self.dtype).type,
+            channels=self.fetched,
+            one_to_one=self.one_to_one,
+            uv_set=int(self.fetch in _OF_SET.values()),
         )
         return np.broadcast_to(pixels, (*pixels.shape[:2], len(self.channels))) if self.fetched == 1 else pixels
 
@@ -47,7 +55,8 @@ def listed(settings: Settings) -> tuple[Output, ...]:
         return Output(kind, form, fetch, fetched, channels, dtype, not settings.exact)
 
     channels = _RGBA if settings.alpha else _RGB
-    outputs = [of("redirect", settings.form, _FETCH[settings.form], len(channels), channels)]
+    fetch = (FETCH if settings.options.texture_uv is None else _OF_SET)[settings.form]
+    outputs = [of("redirect", settings.form, fetch, len(channels), channels)]
     if settings.warp:
         outputs.append(of("warp", "tile", "warp", 3, _RGB))
     if settings.jacobian:

@@ -59,16 +59,18 @@ class Part:
         self.where = f"{shape.path} subset {self.subset}" if subset else shape.path
         """The part, as messages name it."""
         self.asset = shape.asset(device, settings.weld, settings.layers, self.faces)
+        self.all_tiles = [tile for tile in self.asset.tiles if tile.uv_set == 0]
+        """Those that are solved, of which `tiles` are to be baked."""
         common = common.copy()
         if self.faces is not None:
             common.text("subset").array(self.faces)
-        if any(tile.layer for tile in self.asset.tiles):
+        if any(tile.layer for tile in self.all_tiles):
             common.array(self.asset.face_layers())
         if shape.vertex_rigidity is not None:
             self.asset.set_vertex_rigidity(shape.vertex_rigidity)
         if shape.vertex_mask is not None:
             self.asset.set_vertex_mask(shape.vertex_mask)
-        self.all_udims = tuple(dict.fromkeys(tile.udim for tile in self.asset.tiles))
+        self.all_udims = tuple(dict.fromkeys(tile.udim for tile in self.all_tiles))
         self.maps = {option: self._found(getattr(settings, option)) for option in ("rigidity", "mask")}
         """The files of the maps by UDIM number."""
         self.black: list[str] = []
@@ -95,7 +97,7 @@ class Part:
         alone = SIZE_OF_PRIMVAR if self.shape.vertex_rigidity is not None else SIZE_WITHOUT_MAP
         other = max(((m.shape[1], m.shape[0]) for m in rigid.values()), default=(alone, alone))
         tiles = []
-        for tile in self.asset.tiles:
+        for tile in self.all_tiles:
             rigidity, mask = rigid.get(tile.udim), masks.get(tile.udim)
             own = other if rigidity is None else (rigidity.shape[1], rigidity.shape[0])
             cells = own if settings.size is None else (settings.size, settings.size)

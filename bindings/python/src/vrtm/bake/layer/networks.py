@@ -35,6 +35,8 @@ class Redirector:
         self._shape = shape
         self._plan = plan
         self._warnings = warnings
+        self._uv_name = shape.texture_uv_name or shape.uv_name
+        """The UVs that textures are looked up by."""
         self._inserted: dict[tuple[str, str], UsdShade.Output] = {}
         self._reached: set[str] = set()
         self._copied: set[str] = set()
@@ -81,7 +83,7 @@ class Redirector:
         found = False
         for reader in self._readers(texture.GetInput("st")):
             value = _producer(reader.GetInput("varname"))
-            if value is None or value.Get() not in (self._shape.uv_name, PRIMVAR):
+            if value is None or value.Get() not in (self._uv_name, PRIMVAR):
                 continue
             if not self._inside(value.GetPrim()):
                 self._warn(texture, f"takes its UVs by {value.GetPath()}, outside of the material: it stays as it is")
@@ -98,10 +100,10 @@ class Redirector:
         values = [_producer(reader.GetInput("varname")) for reader in readers]
         # Without a reader, renderers take the UVs by default.
         names = {str(value.Get()) for value in values if value} if readers else {"st"}
-        if names & {self._shape.uv_name, PRIMVAR}:
+        if names & {self._uv_name, PRIMVAR}:
             return True
         by = " and ".join(repr(name) for name in sorted(names)) or "nothing"
-        self._warn(texture, f"is looked up by {by}, not by the UVs '{self._shape.uv_name}': it stays as it is")
+        self._warn(texture, f"is looked up by {by}, not by the UVs '{self._uv_name}': it stays as it is")
         return False
 
     def _warped(self, texture: UsdShade.Shader) -> bool:
@@ -145,15 +147,16 @@ class Redirector:
             return False
         coordinates = [image.GetInput(name) for name in MTLX_COORDINATES if image.GetInput(name)]
         plug = coordinates[0] if coordinates else None
-        if plug is None or (not plug.HasConnectedSource() and plug.Get() is None):
+        unplugged = plug is None or (not plug.HasConnectedSource() and plug.Get() is None)
+        if unplugged and self._is_default:
             # MaterialX takes the mesh's default UVs then.
             name = "st" if image.GetIdAttr().Get().startswith("ND_UsdUVTexture") else "texcoord"
             plug = image.CreateInput(name, FLOAT2)
             plug.ConnectToSource(self._insert(image.GetPrim().GetParent(), None))
             return True
-        if self._rewire(plug):
+        if not unplugged and self._rewire(plug):
             return True
-        self._warn(image, f"is not looked up by the UVs '{self._shape.uv_name}': it stays as it is")
+        self._warn(image, f"is not looked up by the UVs '{self._uv_name}': it stays as it is")
         return False
 
     def _can_take_primvar(self) -> bool:
@@ -191,9 +194,14 @@ class Redirector:
     def _is_uv(self, node: UsdShade.Shader, named_by: str | None) -> bool:
         if named_by is None:
             index = node.GetInput("index")
-            return not index or not index.Get()
+            return self._is_default and (not index or not index.Get())
         value = _producer(node.GetInput(named_by))
-        return value is not None and value.Get() == self._shape.uv_name
+        return value is not None and value.Get() == self._uv_name
+
+    @property
+    def _is_default(self) -> bool:
+        """Whether nodes that name no UVs take those that are redirected."""
+        return not self._shape.texture_uv_name or self._uv_name == "st"
 
     def _insert(self, container: Usd.Prim, uvs: UsdShade.Output | None) -> UsdShade.Output:
         """The redirected UVs inside of a material or node graph; `uvs` are the mesh's, None those by default."""
@@ -221,8 +229,14 @@ class Redirector:
             image.CreateInput(name, Sdf.ValueTypeNames.String).Set(value)
         if uvs is None and self._plan.form == "delta":
             uvs = _node(stage, Sdf.Path(f"{path}_uv"), "ND_texcoord_vector2").CreateOutput("out", FLOAT2)
-        if uvs is not None:
-            image.CreateInput("texcoord", FLOAT2).ConnectToSource(uvs)
+        by = uvs
+        if self._shape.texture_uv_name:
+            # The map is looked up by the UVs that it was solved in, whatever set its values belong to.
+            reader = _node(stage, Sdf.Path(f"{path}_by"), "ND_geompropvalue_vector2")
+            reader.CreateInput("geomprop", Sdf.ValueTypeNames.String).Set(self._shape.uv_name)
+            by = reader.CreateOutput("out", FLOAT2)
+        if by is not None:
+            image.CreateInput("texcoord", FLOAT2).ConnectToSource(by)
         found = image.CreateOutput("out", FLOAT2)
         if self._plan.form != "delta":
             return found

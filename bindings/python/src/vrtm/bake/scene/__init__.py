@@ -101,6 +101,8 @@ def _files_of(path: str) -> tuple[str, ...]:
 
 def _open(path: str, options: SceneOptions) -> Source:
     kind = os.path.splitext(path)[1].lower()
+    if options.texture_uv is not None and kind not in _USD:
+        raise SceneError(f"{path}: a further UV set for textures is read from USD files only")
     if kind == ".obj":
         from vrtm.bake.scene.obj import ObjSource
 

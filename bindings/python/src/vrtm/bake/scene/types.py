@@ -34,6 +34,8 @@ class SceneOptions:
     rest: str | None = None
     """`bind`, `pref`, `first`, `frame:N`, or a file with the same faces. None: the scene's own rest, which is Pref
     where there is one, else the bind pose of a skeleton, else the first frame; for OBJ the scene file itself."""
+    texture_uv: str | None = None
+    """USD: name of a further UV set, by which textures are looked up. None: they are by the one above."""
     rigidity_primvar: str | None = None
     """Primvar with the rigidity of vertices; `colors` in OBJ."""
     mask_primvar: str | None = None
@@ -73,6 +75,10 @@ class Shape:
     """(corners,) int32: UV of each corner, -1 in faces without UVs."""
     uv_name: str
     """Name of the UV set."""
+    texture_uv_name: str = ""
+    """Name of the UV set that textures are looked up by, if that is another one."""
+    texture_uvs: tuple[np.ndarray, np.ndarray] | None = None
+    """Its UVs and the UV of each corner, as above."""
     vertex_rigidity: np.ndarray | None = None
     """(vertices,) f32, 0 elastic to 1 rigid."""
     vertex_mask: np.ndarray | None = None
@@ -97,6 +103,7 @@ class Shape:
             face_counts=self.face_counts,
             uvs=self.uvs,
             uv_indices=self.uv_indices,
+            uv_sets=() if self.texture_uvs is None else (self.texture_uvs,),
             textured_faces=faces,
             weld=weld,
             max_layers=max_layers,

@@ -74,7 +74,10 @@ class UsdMesh:
         self._counts, self._indices = self._faces(first)
         self._points = len(self._read(self._mesh.GetPointsAttr(), first, "points"))
         check_mesh(self.where, self._counts, self._indices, self._points)
-        uvs, uv_indices = self._uvs(first)
+        uvs, uv_indices = self._uvs(self.uv, first)
+        texture_uvs = None if self._texture_uv is None else self._uvs(self._texture_uv, first)
+        if texture_uvs is not None:
+            texture_uvs = texture_uvs[0], without_uvs(self._counts, texture_uvs[1])
         holes = np.array(self._mesh.GetHoleIndicesAttr().Get(first) or (), np.int64)
         if ((holes < 0) | (holes >= len(self._counts))).any():
             raise SceneError(f"{self.where}: holeIndices names a face that the mesh does not have")
@@ -102,6 +105,8 @@ class UsdMesh:
             uvs=uvs,
             uv_indices=uv_indices,
             uv_name=self.uv.GetPrimvarName(),
+            texture_uv_name=self._texture_uv.GetPrimvarName() if self._texture_uv else "",
+            texture_uvs=texture_uvs,
             vertex_rigidity=rigidity,
             vertex_mask=mask,
             instances=instances,
@@ -124,6 +129,16 @@ class UsdMesh:
             if self._refined:
                 inside = np.repeat(inside[of_corner], 4 ** (self._options.subdivide - 1))
             found[subset.GetPrim().GetName()] = np.flatnonzero(inside)
+        return found
+
+    @cached_property
+    def _texture_uv(self) -> UsdGeom.Primvar | None:
+        name = self._options.texture_uv
+        found = None if name is None else find_uv(self._prim, name, self.where)
+        if name is not None and found is None:
+            raise SceneError(
+                f"{self.where}: has no UVs '{name}' that textures are looked up by{near(name, self.primvars())}"
+            )
         return found
 
     def positions(self, frame: float) -> np.ndarray:
@@ -194,24 +209,24 @@ class UsdMesh:
             raise SceneError(f"{self.where}: no {what} at time code {time}")
         return np.array(value)
 
-    def _uvs(self, time: Usd.TimeCode) -> tuple[np.ndarray, np.ndarray]:
-        name = self.uv.GetName()
-        if self.uv.ValueMightBeTimeVarying():
+    def _uvs(self, uv: UsdGeom.Primvar, time: Usd.TimeCode) -> tuple[np.ndarray, np.ndarray]:
+        name = uv.GetName()
+        if uv.ValueMightBeTimeVarying():
             self._warnings.append(
                 f"{self._prim.GetPath()}: {name} changes over time; it is read at time code {time.GetValue():g}"
             )
-        values = np.array(self.uv.Get(time) or (), np.float64 if "2d" in str(self.uv.GetTypeName()) else np.float32)
+        values = np.array(uv.Get(time) or (), np.float64 if "2d" in str(uv.GetTypeName()) else np.float32)
         values = values.reshape(-1, 2)
-        if self.uv.GetElementSize() != 1:
-            raise SceneError(f"{self.where}: {name} has the elementSize {self.uv.GetElementSize()}, not 1")
-        elements = np.array(self.uv.GetIndices(time) or (), np.int64) if self.uv.IsIndexed() else np.arange(len(values))
+        if uv.GetElementSize() != 1:
+            raise SceneError(f"{self.where}: {name} has the elementSize {uv.GetElementSize()}, not 1")
+        elements = np.array(uv.GetIndices(time) or (), np.int64) if uv.IsIndexed() else np.arange(len(values))
         # A value that an index says was not authored stands for no UV.
-        elements = np.where(elements == self.uv.GetUnauthoredValuesIndex(), -1, elements)
+        elements = np.where(elements == uv.GetUnauthoredValuesIndex(), -1, elements)
         if len(elements) and (elements.max() >= len(values) or elements.min() < -1):
             wrong = elements.max() if elements.max() >= len(values) else elements.min()
             raise SceneError(f"{self.where}: {name}:indices has {wrong}, but there are {len(values)} values")
         try:
-            interpolation = str(self.uv.GetInterpolation())
+            interpolation = str(uv.GetInterpolation())
             return values, corner_elements(interpolation, self._counts, self._indices, self._points, elements)
         except ValueError as error:
             raise SceneError(f"{self.where}: {name} has {error}") from error
