@@ -311,6 +311,13 @@ impl Mesh {
         first..first + 1 + more
     }
 
+    /// The other layers of a tile's UDIM number.
+    pub fn other_layers(&self, tile: &TileMesh) -> impl Iterator<Item = &TileMesh> {
+        let (of, layer) = ((tile.uv_set, tile.udim), tile.layer);
+        let tiles = self.tiles.iter().map(|tile| &**tile);
+        tiles.filter(move |other| (other.uv_set, other.udim) == of && other.layer != layer)
+    }
+
     /// The layer of each face in a UV set; 0 for a face in no tile.
     pub fn face_layers(&self, uv_set: usize) -> impl ExactSizeIterator<Item = u32> + '_ {
         let corners = &self.corners[uv_set];

@@ -194,7 +194,8 @@ impl TileState {
         if !self.gutter.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, tile)) {
             self.gutter = None;
             self.book(call.device, Gutter::BYTES, tile)?;
-            self.gutter = Some((tile.clone(), Arc::new(Gutter::new(call.team, tile))));
+            let others = call.mesh.other_layers(tile);
+            self.gutter = Some((tile.clone(), Arc::new(Gutter::new(call.team, tile, others))));
         }
         Ok(self.gutter.as_ref().map(|(_, gutter)| gutter.clone()))
     }

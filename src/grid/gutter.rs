@@ -24,24 +24,35 @@ const AROUND: [[f64; 2]; 8] = {
 /// Halvings in the search of the last place with room.
 const HALVINGS: usize = 6;
 
+/// A square beside the charts of the tile's layer, in a chart of another layer: all of them share one texture.
+const OTHERS: u32 = NONE - 1;
+
 /// The room beside the charts of a tile.
 #[derive(Debug)]
 pub(crate) struct Gutter {
-    /// Per square, twice the chart that owns it, plus 1 if it lies in the chart itself, or `NONE`; rows from v = 0 upward.
+    /// Per square, twice the chart that owns it, plus 1 if it lies in the chart itself, or `NONE`, or `OTHERS`; rows from
+    /// v = 0 upward.
     squares: Vec<u32>,
 }
 
 impl Gutter {
-    /// The room beside the charts of a tile with collars.
-    pub fn new(team: &Team, tile: &TileMesh) -> Gutter {
+    /// The room beside the charts of a tile with collars; `others` are the other layers of its UDIM number.
+    pub fn new<'a>(team: &Team, tile: &TileMesh, others: impl Iterator<Item = &'a TileMesh>) -> Gutter {
         let part = ImagePart { size: [SQUARES; 2], first: [0; 2], end: [SQUARES; 2] };
         let mut owners = Owners::new(&part);
         owners.draw(team, tile, &part);
+        let mut of_others = None;
+        for other in others {
+            of_others.get_or_insert_with(|| Owners::new(&part)).draw(team, other, &part);
+        }
+        let of_others = of_others.as_ref();
         let mut squares = zeroed(SQUARES * SQUARES);
         let mut rows: Vec<&mut [u32]> = squares.chunks_exact_mut(SQUARES).collected();
         team.fill(&mut rows, |y, row| {
             for (x, square) in row.iter_mut().enumerate() {
+                let is_others = || of_others.is_some_and(|of_others| of_others.is_inside(x, y));
                 *square = match owners.chart(x, y) {
+                    _ if !owners.is_inside(x, y) && is_others() => OTHERS,
                     NONE => NONE,
                     chart => 2 * chart + u32::from(owners.is_inside(x, y)),
                 };

@@ -40,7 +40,8 @@ impl<'a> Dilation<'a> {
     pub fn new(team: &Team, mesh: &'a Mesh, tile: usize, reach: f64, part: &ImagePart) -> Dilation<'a> {
         let collars = collars(team, mesh, tile, &Beyond { seams: true, open_borders: false, reach });
         let mut charts = ChartTexels::new(part);
-        charts.draw(team, &mesh.tiles[tile], part);
+        // All layers of the tile share one texture.
+        mesh.layers(tile).for_each(|layer| charts.draw(team, &mesh.tiles[layer], part));
         let [width, height] = part.extent();
         let rows = |band: usize| BAND.min(height - band * BAND);
         let rows = (0..height.div_ceil(BAND)).map(|band| filled(NOTHING, rows(band) * width)).collected();

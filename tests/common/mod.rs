@@ -185,6 +185,15 @@ pub fn fetch(asset: &mut Asset, tile: usize, kind: FetchKind, size: [u32; 2]) ->
     floats(&bytes)
 }
 
+/// The dilation of a tile, first row at v = 0.
+pub fn dilation(asset: &Asset, tile: usize, reach: f64, size: u32) -> Vec<[f32; 2]> {
+    let mut bytes = vec![0; (size * size) as usize * 8];
+    let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(size, size, PixelFormat::F32) };
+    let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
+    asset.results().fetch_dilation(tile, reach, &mut image).unwrap();
+    floats(&bytes)
+}
+
 /// Reads pairs of f32 in native byte order.
 pub fn floats(bytes: &[u8]) -> Vec<[f32; 2]> {
     let float = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);

@@ -267,10 +267,9 @@ fn unique_layouts_have_one_layer_and_the_same_bits() {
     }
 }
 
-/// The halves of a body meet at a seam: each is the other's mirror image in the UV plane, and in another layer. They are solved
-/// as if each had a UDIM tile to itself, also where they go on beyond the seam.
-#[test]
-fn a_layer_is_what_a_tile_of_its_own_would_be() {
+/// A sheet whose halves lie over one another, the second one `shift` farther along u; three discs are on the line where they meet,
+/// where the first half has it.
+fn folded(shift: f32) -> Stack {
     const HALF: usize = 16;
     let mut stack = mirrored();
     let (mut rest, mut pose, mut uvs, mut indices) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
@@ -297,14 +296,22 @@ fn a_layer_is_what_a_tile_of_its_own_would_be() {
         let is_rigid = [0.25, 0.5, 0.75].iter().any(|middle| (u - 0.25).hypot(v - middle) < 0.07);
         *texel = 255 * u8::from(is_rigid);
     }
-    (stack.rest, stack.pose, stack.uvs, stack.indices) = (rest, pose, uvs, indices);
-    // The same with the second half in tile 1002.
-    let count = stack.uvs.len();
-    let mut apart = stack.clone();
-    apart.uvs.extend(stack.uvs.iter().map(|uv| [uv[0] + 1.0, uv[1]]));
-    let second = stack.indices.len() / 2;
+    let (count, second) = (uvs.len(), indices.len() / 2);
+    uvs.extend_from_within(..);
+    uvs[count..].iter_mut().for_each(|uv| uv[0] += shift);
     let of = |(c, &v): (usize, &u32)| if c < second { v } else { v + count as u32 };
-    apart.uv_indices = Some(stack.indices.iter().enumerate().map(of).collect());
+    stack.uv_indices = Some(indices.iter().enumerate().map(of).collect());
+    (stack.rest, stack.pose, stack.uvs, stack.indices) = (rest, pose, uvs, indices);
+    stack
+}
+
+/// The halves of a body meet at a seam: each is the other's mirror image in the UV plane, and in another layer. They are solved
+/// as if each had a UDIM tile to itself, also where they go on beyond the seam.
+#[test]
+fn a_layer_is_what_a_tile_of_its_own_would_be() {
+    let stack = folded(0.0);
+    // The same with the second half in tile 1002.
+    let apart = folded(1.0);
     for seams in [Seams::Shut, Seams::Keep, Seams::Continue] {
         let [layered, apart] = [(&stack, MOST), (&apart, 0)].map(|(stack, most)| {
             let mut asset = stack.asset(&cpu(2), most, None);
@@ -326,4 +333,36 @@ fn a_layer_is_what_a_tile_of_its_own_would_be() {
         // Features on the seam move only where charts go on.
         assert_eq!(layered.1.iter().all(|of| of.edges_fixed == 0), seams == Seams::Continue);
     }
+}
+
+/// All layers share a texture: what one of them has beyond its border must not come out of another one's chart, nor go there.
+#[test]
+fn nothing_leads_beyond_a_border_into_a_chart_of_another_layer() {
+    // The second half begins an eighth of the tile farther left, so that it lies beyond the first one's seam, or in tile 1002.
+    let farthest = [-0.125, 1.0].map(|shift| {
+        let mut stack = folded(shift);
+        // The surface is stretched on one side of the line and squeezed on the other, so that the discs move over it.
+        for (posed, rest) in stack.pose.iter_mut().zip(&stack.rest) {
+            posed[0] = rest[0] + 0.3 * (-6.0 * (rest[0] - 0.25).powi(2)).exp()
+                - 0.25 * (-9.0 * (rest[0] + 0.2).powi(2)).exp();
+        }
+        let mut asset = stack.asset(&cpu(2), MOST, None);
+        for tile in 0..2 {
+            let seams = Seams::Continue;
+            let settings = TileSettings { seams, seam_reach: 0.1, ..asset.settings(tile).unwrap() };
+            asset.set_settings(tile, &settings).unwrap();
+        }
+        asset.solve(stack.positions(), &SolveOptions::default()).unwrap();
+        let redirected = fetch(&mut asset, 0, FetchKind::Redirection, [256; 2]);
+        let in_chart = |n: &usize| (65..217).contains(&(n % 256)) && (27..230).contains(&(n / 256));
+        let all = (0..redirected.len()).filter(in_chart).map(|n| redirected[n][0]);
+        let dilated = common::dilation(&asset, 0, 0.1, 256);
+        let own = |n: usize| (dilated[n][0] - (n % 256) as f32 / 256.0 - 0.5 / 256.0).abs() < 1e-6;
+        // A few texels beyond the border, at half of its height.
+        let beside = (40..62).all(|x| own(128 * 256 + x));
+        (all.fold(1.0, f32::min), asset.tile_report(0).unwrap().texels_limited, beside)
+    });
+    let [stacked, apart] = farthest;
+    assert!(stacked.0 > 0.2499 && stacked.1 > 50 && stacked.2, "{farthest:?}");
+    assert!(!apart.2, "{farthest:?}");
 }
