@@ -112,6 +112,10 @@ def test_messages_name_the_layer(baked: Path, tmp_path: Path) -> None:
     ended = run(*arguments(baked, tmp_path / "maps", "--frames", 2, "--max-strain", 0.001), expect=3)
     assert f"{MESH} tile 1001 layer 1: 0.0% of the rigid texels are frozen" in ended.stdout
     assert "--max-strain 0.001 was exceeded in 3 of 3: mirrored, frame 2, tile 1001 layer " in ended.stderr
+    said = f"{MESH}: its UVs lie over one another in 2 layers"
+    assert said not in ended.stdout
+    plain = run(*sheet_arguments(baked, tmp_path / "plain", "--dry-run"))
+    assert said in plain.stdout
     ended = run(*arguments(baked, tmp_path / "dry", "--dry-run"))
     assert "  tile 1001 layer 1: grid" in ended.stdout and "  tile 1002: grid" in ended.stdout
     assert not (tmp_path / "dry").exists()

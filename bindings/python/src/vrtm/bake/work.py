@@ -186,6 +186,13 @@ class Work:
                     f"{first}, {second}{others(len(more))} share {path}: with {placeholder} in --{option} each has its "
                     "own"
                 )
+        for mesh in self.meshes.values() if not self.settings.layer else ():
+            most = max((tile.tile.layers for tile in mesh.tiles), default=1)
+            if most > 1:
+                hints.append(
+                    f"{mesh.shape.path}: its UVs lie over one another in {most} layers, each of which has maps of its "
+                    "own: --layer writes which faces take which"
+                )
         return hints
 
     def facts(self) -> list[str]:
