@@ -44,6 +44,18 @@ impl<'a> OtherSet<'a> {
             let id = |tile: &TileMesh| (tile.uv_set, tile.udim, tile.layer);
             id(tile) == id(surface)
         };
+        let part_of = |uvs| OtherSet::with(surface, uvs, is_delta, part);
+        if uv_set == surface.uv_set {
+            let place = |t: usize| match surface.source(t) {
+                Some(source) => (source.uv, mesh.tiles[source.tile as usize].origin()),
+                None => (surface.triangles[t].uv, surface.origin()),
+            };
+            let of = |t: usize| {
+                let (uvs, origin) = place(t);
+                uvs.map(|uv| uv + origin)
+            };
+            return part_of((0..surface.triangles.len()).map(of).collected());
+        }
         let own = mesh.tiles.iter().position(|tile| is_own(tile)).unwrap_or(0);
         let of_set = &mesh.corners[uv_set as usize];
         let of_number = |tile: usize, number: u32| {
@@ -59,6 +71,10 @@ impl<'a> OtherSet<'a> {
             let corners = mesh.tiles[tile].triangles[source.triangle as usize].uv;
             uvs.put(source.uv.map(|uv| affine(corners, of_source, uv)));
         }
+        part_of(uvs)
+    }
+
+    fn with(surface: &'a TileMesh, uvs: Vec<[DVec2; 3]>, is_delta: bool, part: &ImagePart) -> OtherSet<'a> {
         let [width, height] = part.extent();
         let rows = |band: usize| BAND.min(height - band * BAND);
         let under = (0..height.div_ceil(BAND)).map(|band| filled(NONE, rows(band) * width)).collected();

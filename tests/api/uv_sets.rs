@@ -1,6 +1,6 @@
 //! Redirections as UVs of another UV set: solved in a set without overlaps, written for the one that textures use.
 
-use crate::common::{cpu, fetch, view};
+use crate::common::{Model, cpu, fetch, scenes, view};
 use vrtm::{
     Asset, ErrorKind, FetchKind, ImageLayout, ImageViewMut, MapDesc, MeshSource, Origin, PixelFormat, Seams,
     SolveOptions, Strided, TileSettings, UvSource,
@@ -214,6 +214,18 @@ fn beside_charts_there_is_a_margin() {
 
 #[test]
 fn the_tile_s_own_set_is_the_redirection_itself() {
+    // Also of a mesh that has no other set, in both of its tiles.
+    let model = Model::from(scenes::by_name("arm").unwrap());
+    let mut arm = model.asset(2, 64);
+    arm.solve(model.frame(3), &SolveOptions::default()).unwrap();
+    for tile in 0..2 {
+        let values = fetch(&mut arm, tile, FetchKind::UvSet(0), SIZE);
+        let redirected = fetch(&mut arm, tile, FetchKind::RedirectionUdim, SIZE);
+        let deltas = fetch(&mut arm, tile, FetchKind::RedirectionDelta, SIZE);
+        let moved = (0..values.len()).filter(|&n| deltas[n] != [0.0; 2]);
+        let near = |n: usize| (0..2).all(|c| (values[n][c] - redirected[n][c]).abs() < 1e-6);
+        assert!(moved.clone().count() > 1000 && moved.clone().all(near));
+    }
     let second = |[x, y]: [f64; 2]| [x, y];
     let mut asset = Sheet::new(second).solved(&TileSettings::default());
     let values = fetch(&mut asset, 0, FetchKind::UvSet(0), SIZE);

@@ -398,7 +398,8 @@ static void solves_and_fetches(void)
 
     const vrtm_fetch_kind redirection = VRTM_FETCH_REDIRECTION;
     bad_fetch("no image", redirection, NULL, BAD, "image is null");
-    bad_fetch("kind 6", 6, &image, BAD, "kind is 6");
+    bad_fetch("kind 8", 8, &image, BAD, "kind is 8");
+    bad_fetch("a kind of another set", VRTM_FETCH_UV_SET, &image, BAD, "vrtm_tile_fetch_output");
     WITH(room, image.data, NULL, bad_fetch("no image data", redirection, &image, BAD, "image.data is null"));
     WITH(uint32_t, image.width, 0, bad_fetch("no width", redirection, &image, BAD, "image"));
     WITH(size_t, image.pixel_stride, 7, bad_fetch("a short pixel stride", redirection, &image, BAD, "pixel_stride"));
@@ -433,7 +434,7 @@ static void solves_and_fetches(void)
     WITH(vrtm_tile, fetches[1].tile, foreign, fails("another asset's tile", REDIRECT(), BAD, "fetches[1].tile"));
     WITH(vrtm_tile, fetches[1].tile, (vrtm_tile){0}, fails("no tile", REDIRECT(), GONE, "fetches[1].tile"));
     WITH(target, fetches[1].image, NULL, fails("no image", REDIRECT(), BAD, "fetches[1].image is null"));
-    WITH(vrtm_fetch_kind, fetches[1].kind, 6, fails("kind 6", REDIRECT(), BAD, "fetches[1].kind is 6"));
+    WITH(vrtm_fetch_kind, fetches[1].kind, 8, fails("kind 8", REDIRECT(), BAD, "fetches[1].kind is 8"));
     WITH(uint32_t, fetches[1].struct_size, 4, fails("a fetch's size", REDIRECT(), BAD, "fetches[1].struct_size"));
     WITH(room, other.data, map + 8, fails("images that overlap", REDIRECT(), BAD, "overlap"));
     WITH(room, other.data, (char *)pose + 8, fails("an image over the input", REDIRECT(), BAD, "positions"));
