@@ -273,12 +273,12 @@ class _Posed:
             uvs,
             uv_indices,
             self._uv_name,
-            rigidity,
-            mask,
-            (path,),
-            rest_from,
-            still,
-            corners,
+            vertex_rigidity=rigidity,
+            vertex_mask=mask,
+            instances=(path,),
+            rest_from=rest_from,
+            still=still,
+            cage_corners=corners,
         )
 
     def positions(self, frame: float) -> np.ndarray:
