@@ -1090,8 +1090,8 @@ typedef int32_t vrtm_seams;
 
 // Each chart is solved together with what lies beyond its seams, laid out in its own plane up to `seam_reach`.
 // Redirections near a seam then lead over the border of the chart: the texture must show there what lies beyond it, as
-// vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and charts that lie over one another, stay
-// as they are with VRTM_SEAMS_SHUT. Experimental.
+// vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and charts that lie over one another in a
+// layer, stay as they are with VRTM_SEAMS_SHUT. Experimental.
 #define VRTM_SEAMS_CONTINUE 1
 
 // As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart (with VRTM_OPEN_BORDERS_SLIDE: a seam)

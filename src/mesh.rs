@@ -172,7 +172,7 @@ pub(crate) struct WeldedEdge {
 pub(crate) struct TileMesh {
     pub udim: u32,
     pub uv_set: u32,
-    /// Of the charts that lie over one another, those of one layer; see `MeshSource::max_layers`.
+    /// Number of the layer, among the tiles of its UDIM number; see `MeshSource::max_layers`.
     pub layer: u32,
     /// Sorted by chart; charts are numbered by their first face. The triangles of the charts' collars follow, if the tile
     /// has been extended, sorted by chart, too.

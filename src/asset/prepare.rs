@@ -36,8 +36,8 @@ impl TileState {
         differs
     }
 
-    /// The tile's grid as some texels of the rigidity map, which have changed, have it; `None` if there is no grid, or if other
-    /// nodes may move than before.
+    /// The tile's grid after some texels of the rigidity map have changed; `None` if there is no grid, or if other nodes may
+    /// move than before.
     pub fn repainted(&self, team: &Team, tile: &TileMesh, texels: &TexelRect) -> Result<Option<Repainted>> {
         let tile = self.extended.get().map_or(tile, |extended| extended);
         caught(|| match (&self.maps.rigidity, &self.grid) {

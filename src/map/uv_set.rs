@@ -4,6 +4,7 @@
 use glam::DVec2;
 
 use super::canvas::Canvas;
+use super::chart_texels::BAND;
 use crate::allocation::{Collect, Grow, filled};
 use crate::grid::fill::Fill;
 use crate::image::ImagePart;
@@ -13,8 +14,6 @@ use crate::solver::solved::Solved;
 use crate::strain::exact::Locator;
 use crate::team::Team;
 
-/// Rows that one item of work draws.
-const BAND: usize = 64;
 /// Texels beside a chart up to this far from it go on with the UVs of the chart's nearest triangle, so that a renderer that
 /// interpolates between texels reads the chart's own UVs at its border.
 const MARGIN: usize = 2;

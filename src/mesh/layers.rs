@@ -78,8 +78,8 @@ impl<'a> Stacks<'a> {
         Stacks { tile, charts, triangles, borders, of_border }
     }
 
-    /// The first layer below `most` in which none of the charts that have a layer lies over one of the group's; the last one,
-    /// if there is none.
+    /// The layer for a group of charts: the first one below `most` in which no chart lies over one of the group. If charts of all
+    /// these layers do, it is the last layer.
     fn free_layer(&self, group: &[(u32, u32)], layer_of: &[u32], most: u32) -> u32 {
         let mut taken: Vec<bool> = Vec::new();
         for &(_, chart) in group {
