@@ -1,12 +1,12 @@
 //! Reads and writes asset folders: asset.json, rest.obj, frames.f32 (little-endian, frames x vertices x 3), rigidity maps
 //! as PNG.
 
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use obj::ObjData;
-use serde_json::{Map, Value, json};
+use serde_json::Value;
 
+use super::scenes::Scene;
 use super::{Maps, Model};
 
 /// The folder of the assets, if it exists. With VRTM_REQUIRE_ASSETS=1 it must exist.
@@ -75,47 +75,10 @@ fn load(folder: &Path) -> Model {
 /// # Errors
 /// A file that cannot be written.
 pub fn save(model: &Model, frames: &[Vec<[f32; 3]>], folder: &Path) -> Result<(), String> {
-    let fail = |path: &Path, error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
-    std::fs::create_dir_all(folder).map_err(|error| fail(folder, &error))?;
-    let write = |name: &str, bytes: &[u8]| {
-        let path = folder.join(name);
-        std::fs::write(&path, bytes).map_err(|error| fail(&path, &error))
-    };
-    let mut lists = [Map::new(), Map::new()];
-    for maps in &model.maps {
-        let both = [("rigidity", Some(&maps.rigidity)), ("mask", maps.mask.as_ref())];
-        for ((kind, bytes), list) in both.into_iter().zip(&mut lists) {
-            let Some(bytes) = bytes else { continue };
-            let name = format!("{kind}.{}.png", maps.udim);
-            let path = folder.join(&name);
-            image::save_buffer(&path, bytes, maps.width, maps.height, image::ExtendedColorType::L8)
-                .map_err(|error| fail(&path, &error))?;
-            list.insert(maps.udim.to_string(), name.into());
-        }
-    }
-    let [rigidity, mask] = lists;
-    let text = json!({ "name": model.name, "frames": frames.len(), "rigidity": rigidity, "mask": mask });
-    write("asset.json", format!("{text:#}\n").as_bytes())?;
-    write("rest.obj", obj(model, &model.rest).as_bytes())?;
-    let bytes: Vec<u8> = frames.iter().flatten().flatten().flat_map(|x| x.to_le_bytes()).collect();
-    write("frames.f32", &bytes)
+    super::write::save(&Scene { poses: frames.to_vec(), ..model.scene() }, &model.name, folder)
 }
 
 /// A model as the text of an OBJ file, with given positions.
 pub fn obj(model: &Model, positions: &[[f32; 3]]) -> String {
-    let mut text = String::new();
-    for [x, y, z] in positions {
-        let _ = writeln!(text, "v {x} {y} {z}");
-    }
-    for [u, v] in &model.uvs {
-        let _ = writeln!(text, "vt {u} {v}");
-    }
-    for face in model.faces() {
-        text += "f";
-        for corner in face {
-            let _ = write!(text, " {}/{}", model.indices[corner] + 1, model.uv_indices[corner] + 1);
-        }
-        text += "\n";
-    }
-    text
+    super::write::obj(&model.scene(), positions)
 }

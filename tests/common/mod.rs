@@ -12,6 +12,8 @@ pub mod motion;
 pub mod roughness;
 #[path = "../../examples/scenes/mod.rs"]
 pub mod scenes;
+#[path = "../../examples/scenes/save.rs"]
+mod write;
 pub mod sixteen;
 mod warp;
 
@@ -25,6 +27,7 @@ use vrtm::{
 pub use files::{assets, obj, save};
 pub use gpu::{gpu, has_gpu};
 use scenes::Scene;
+pub use scenes::TileMaps as Maps;
 pub use warp::Warp;
 
 /// A mesh at rest, its frames, and the maps of its tiles.
@@ -43,33 +46,22 @@ pub struct Model {
     pub max_layers: u32,
 }
 
-/// The maps of one tile: 8 bits, first row at v = 1.
-#[derive(Clone, Debug)]
-pub struct Maps {
-    pub udim: u32,
-    pub width: u32,
-    pub height: u32,
-    pub rigidity: Vec<u8>,
-    pub mask: Option<Vec<u8>>,
-}
-
 impl From<Scene> for Model {
     fn from(scene: Scene) -> Model {
-        let Scene { name, rest, face_counts, indices, uvs, uv_indices, poses, tiles, .. } = scene;
-        let maps = tiles.into_iter().map(|t| Maps {
-            udim: t.udim,
-            width: t.width,
-            height: t.height,
-            rigidity: t.rigidity,
-            mask: t.mask,
-        });
-        let maps = maps.collect();
+        let Scene { name, rest, face_counts, indices, uvs, uv_indices, poses: frames, tiles: maps, .. } =
+            scene;
         let name = name.into();
-        Model { name, rest, face_counts, indices, uvs, uv_indices, frames: poses, maps, ..Model::default() }
+        Model { name, rest, face_counts, indices, uvs, uv_indices, frames, maps, ..Model::default() }
     }
 }
 
 impl Model {
+    /// The mesh and the maps, without a name and frames.
+    fn scene(&self) -> Scene {
+        let Model { rest, face_counts, indices, uvs, uv_indices, maps, .. } = self.clone();
+        Scene { rest, face_counts, indices, uvs, uv_indices, tiles: maps, ..Scene::default() }
+    }
+
     /// The asset on a CPU device with `threads` threads (0 = one per core); every tile has a grid of `grid` by `grid`
     /// cells.
     pub fn asset(&self, threads: u32, grid: u32) -> Asset {
