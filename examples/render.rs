@@ -1,24 +1,27 @@
 //! Draws a mesh through its redirection map on a GPU, in several ways, and prints the cost of each way and its
 //! difference from a texture that was warped beforehand.
 //!
-//! `cargo run --release --example render` draws a built-in scene into `out/`; `--help` lists the options. The shaders
-//! in `examples/render/` are short and meant to be copied: `map_filtered.wgsl` and `forward.wgsl` are all that a
+//! `cargo run --release --example render` draws a built-in scene into `out/`; `--help` lists the options. With `--film` it
+//! draws all frames, with the original UVs and redirected, side by side. The shaders in `examples/render/` are short and meant to be copied: `map_filtered.wgsl` and `forward.wgsl` are all that a
 //! forward renderer needs; `deferred.wgsl` is for a deferred renderer.
 
 #[path = "render/mod.rs"]
 mod render;
 
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
-use render::Result;
 use render::camera::View;
 use render::difference::{self, difference};
+use render::film::Film;
 use render::gpu::Gpu;
+use render::maps::Solved;
 use render::model::Model;
 use render::stage::{Stage, medians, shot};
 use render::ways::{self, Way};
+use render::{Result, painted, texture};
 use vrtm::DeviceSettings;
 
 /// Draws a mesh through its redirection map, in several ways.
@@ -47,17 +50,32 @@ struct Args {
     #[arg(long)]
     normals: bool,
     /// Degrees around the mesh, and upward.
-    #[arg(long, value_name = "YAW,PITCH", allow_hyphen_values = true, value_parser = degrees)]
+    #[arg(long, value_name = "YAW,PITCH", allow_hyphen_values = true, value_parser = pair)]
     view: Option<[f64; 2]>,
     /// How much larger than the picture the mesh is.
     #[arg(long, value_name = "X", default_value_t = 1.0)]
     zoom: f64,
+    /// What the picture's middle shows: the middle of the mesh, moved to the right and up by fractions of its size.
+    #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = pair, default_value = "0,0")]
+    middle: [f64; 2],
     /// Z points up, not y.
     #[arg(long)]
     z_up: bool,
     /// Frames to time for each way, in nine rounds of which the median counts.
     #[arg(long, value_name = "N", default_value_t = 3)]
     frames: u32,
+    /// Draw these frames instead, as FIRST-LAST: with the original UVs on the left, redirected on the right.
+    #[arg(long, value_name = "A-B", value_parser = range)]
+    film: Option<(usize, usize)>,
+    /// PNG file of the texture's colours, with <UDIM> for the tile's number; where its alpha is 0 the surface is metal.
+    #[arg(long, value_name = "PATTERN", requires = "film")]
+    colour: Option<String>,
+    /// PNG file of heights, grey, 8 or 16 bits.
+    #[arg(long, value_name = "PATTERN", requires = "colour")]
+    height: Option<String>,
+    /// How high white is above black, as a fraction of the tile's side.
+    #[arg(long, value_name = "X", default_value_t = 0.005)]
+    bump: f32,
     /// Number of the GPU; hardware comes first.
     #[arg(long, value_name = "N", default_value_t = 0)]
     adapter: usize,
@@ -71,9 +89,14 @@ fn size(text: &str) -> std::result::Result<[u32; 2], String> {
     pair.ok_or_else(|| "not as in 1920x1080".into())
 }
 
-fn degrees(text: &str) -> std::result::Result<[f64; 2], String> {
-    let pair = text.split_once(',').and_then(|(y, p)| Some([y.parse().ok()?, p.parse().ok()?]));
+fn pair(text: &str) -> std::result::Result<[f64; 2], String> {
+    let pair = text.split_once(',').and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
     pair.ok_or_else(|| "not as in -25,14".into())
+}
+
+fn range(text: &str) -> std::result::Result<(usize, usize), String> {
+    let pair = text.split_once('-').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
+    pair.filter(|(a, b)| a <= b).ok_or_else(|| "not as in 1-24".into())
 }
 
 fn main() -> ExitCode {
@@ -87,8 +110,10 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<()> {
-    if !args.map.is_power_of_two() {
-        return Err(format!("--map {}: not a power of two", args.map));
+    for (name, side) in [("--map", args.map), ("--texture", args.texture)] {
+        if !side.is_power_of_two() {
+            return Err(format!("{name} {side}: not a power of two"));
+        }
     }
     if !(args.zoom > 0.0 && args.zoom.is_finite()) {
         return Err(format!("--zoom {}: not more than 0", args.zoom));
@@ -104,16 +129,15 @@ fn run(args: &Args) -> Result<()> {
         Some(folder) => Model::folder(folder)?,
         None => Model::scene(&args.scene)?,
     };
+    if let Some((first, last)) = args.film {
+        return film(args, &gpu, &model, first..=last);
+    }
     let frame = args.frame.unwrap_or(model.frames.len());
     let side = args.texture as usize;
     let stage = Stage::new(&model, frame, side, args.normals, &DeviceSettings::default())?;
 
     let renderer = stage.renderer(&gpu, args.size)?;
-    let mut view = View { zoom: args.zoom, z_up: args.z_up, ..View::of(&stage.positions) };
-    if let Some([yaw, pitch]) = args.view {
-        view = View { yaw, pitch, ..view };
-    }
-    let camera = stage.camera(&renderer, &view, args.size);
+    let camera = stage.camera(&renderer, &view(args, &stage.positions), args.size);
     let material = renderer.material(&stage.colours, stage.normals.as_deref())?;
     let maps = renderer.maps(&stage.solved, args.map)?;
     let pipelines: Vec<_> = ways::ALL.iter().map(|way| renderer.pipelines(way, args.normals)).collect();
@@ -123,7 +147,7 @@ fn run(args: &Args) -> Result<()> {
         .map(|(way, pipelines)| shot(way, pipelines, &camera, &material, &maps))
         .collect();
 
-    std::fs::create_dir_all(&args.out).map_err(|error| format!("{}: {error}", args.out.display()))?;
+    create(&args.out)?;
     let save = |name: &str, texels: &[u8]| save(&args.out.join(name), args.size, texels);
     let reference = match &stage.warped {
         None => None,
@@ -157,6 +181,48 @@ fn run(args: &Args) -> Result<()> {
     }
     println!("differences, of 255, are from reference.png; written to {}", args.out.display());
     Ok(())
+}
+
+/// Draws frames with the original UVs and redirected, side by side.
+fn film(args: &Args, gpu: &Gpu, model: &Model, frames: RangeInclusive<usize>) -> Result<()> {
+    let solved = Solved::open(model, &DeviceSettings::default())?;
+    let painted = |udim: &u32| model.tiles.iter().find(|tile| tile.udim == *udim);
+    let (colours, normals) = match &args.colour {
+        Some(colour) => {
+            let height = args.height.as_ref();
+            let normals = height.map(|file| painted::normals("--height", file, &solved.udims, args.bump));
+            (painted::colours("--colour", colour, &solved.udims)?, normals.transpose()?)
+        }
+        None => {
+            let side = args.texture as usize;
+            let tiles = || solved.udims.iter().map(painted);
+            let normals = args.normals.then(|| tiles().map(|tile| texture::normals(tile, side)).collect());
+            (tiles().map(|tile| texture::colours(tile, side)).collect(), normals)
+        }
+    };
+    create(&args.out)?;
+    let film = Film {
+        gpu,
+        model,
+        colours: &colours,
+        normals: normals.as_deref(),
+        view: view(args, &model.rest),
+        size: args.size,
+        map: args.map,
+    };
+    film.draw(solved, frames, &args.out)?;
+    println!("written to {}", args.out.display());
+    Ok(())
+}
+
+/// The view that the options ask for.
+fn view(args: &Args, positions: &[[f32; 3]]) -> View {
+    let view = View { zoom: args.zoom, z_up: args.z_up, middle: args.middle, ..View::of(positions) };
+    args.view.map_or(view, |[yaw, pitch]| View { yaw, pitch, ..view })
+}
+
+fn create(folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))
 }
 
 /// Writes a picture over a dark grey background.

@@ -63,7 +63,7 @@ impl<'a> Renderer<'a> {
         });
         Ok(Renderer {
             gpu,
-            corners: gpu.buffer(bytemuck::cast_slice(corners), wgpu::BufferUsages::VERTEX),
+            corners: vertices(gpu, corners),
             corner_count: corners.len() as u32,
             size,
             colour: gpu.target(size, COLOUR, wgpu::TextureUsages::COPY_SRC),
@@ -73,6 +73,12 @@ impl<'a> Renderer<'a> {
             queries,
             layouts,
         })
+    }
+
+    /// Draws another pose from now on.
+    pub fn pose(&mut self, corners: &[Corner]) {
+        self.corners = vertices(self.gpu, corners);
+        self.corner_count = corners.len() as u32;
     }
 
     pub fn pipelines(&self, way: &Way, normals: bool) -> Pipelines {
@@ -282,6 +288,10 @@ impl Maps {
             Map::Delta | Map::DeltaMips => Some(&self.delta),
         }
     }
+}
+
+fn vertices(gpu: &Gpu, corners: &[Corner]) -> wgpu::Buffer {
+    gpu.buffer(bytemuck::cast_slice(corners), wgpu::BufferUsages::VERTEX)
 }
 
 fn bytes_of(levels: &Levels) -> Vec<&[u8]> {

@@ -22,6 +22,16 @@ impl Solved {
     /// # Errors
     /// The errors of vrtm.
     pub fn new(model: &Model, positions: &[[f32; 3]], settings: &DeviceSettings) -> Result<Solved> {
+        let mut solved = Solved::open(model, settings)?;
+        solved.solve(positions)?;
+        Ok(solved)
+    }
+
+    /// Makes the asset, without a pose.
+    ///
+    /// # Errors
+    /// The errors of vrtm.
+    pub fn open(model: &Model, settings: &DeviceSettings) -> Result<Solved> {
         let said = |error: vrtm::Error| format!("{}: {error}", model.name);
         let device = Device::new(settings).map_err(said)?;
         let source = MeshSource {
@@ -40,11 +50,19 @@ impl Solved {
             let mask = maps.mask.as_ref().map(|mask| view(mask)).transpose().map_err(said)?;
             asset.set_mask(tile, mask).map_err(said)?;
         }
-        asset.solve(Strided::from_f32x3(positions), &SolveOptions::default()).map_err(said)?;
         let tiles = 0..asset.tile_count();
         let udims = tiles.map(|tile| asset.tile_info(tile).map(|info| info.udim));
         let udims = udims.collect::<vrtm::Result<_>>().map_err(said)?;
         Ok(Solved { asset, udims })
+    }
+
+    /// Solves another pose.
+    ///
+    /// # Errors
+    /// The errors of vrtm.
+    pub fn solve(&mut self, positions: &[[f32; 3]]) -> Result<()> {
+        let solved = self.asset.solve(Strided::from_f32x3(positions), &SolveOptions::default());
+        solved.map_err(|error| error.to_string())
     }
 
     /// Fetches a tile's output with two f32 channels. The first row is v = 0, so that shaders use UVs as they are: with the

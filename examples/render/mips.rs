@@ -46,10 +46,10 @@ pub fn levels<T: Copy + Default + Send + Sync>(finest: Vec<T>, mean: fn([T; 4]) 
     levels
 }
 
-/// The mean of sRGB colours, as light.
+/// The mean of sRGB colours, as light; that of alpha as a plain number.
 pub fn mean_colour(texels: [[u8; 4]; 4]) -> [u8; 4] {
     let light = |c: usize| texels.iter().map(|texel| LIGHT[texel[c] as usize]).sum::<f32>() / 4.0;
-    [encoded(light(0)), encoded(light(1)), encoded(light(2)), 255]
+    [encoded(light(0)), encoded(light(1)), encoded(light(2)), mean_bytes(texels)[3]]
 }
 
 /// The mean of plain numbers.

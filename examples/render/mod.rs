@@ -7,10 +7,12 @@
 pub mod camera;
 pub mod difference;
 pub mod draw;
+pub mod film;
 pub mod gpu;
 pub mod maps;
 pub mod mips;
 pub mod model;
+pub mod painted;
 pub mod pipelines;
 pub mod reference;
 pub mod stage;

@@ -45,6 +45,11 @@ const fn way(name: &'static str, map: Map, deferred: bool, explicit: bool) -> Wa
 }
 
 impl Way {
+    /// The way of this name, which must be one of [`ALL`].
+    pub fn named(name: &str) -> Way {
+        ALL.into_iter().find(|way| way.name == name).expect("a way of this name")
+    }
+
     /// Describes in words what the way reads. `filterable` tells whether samplers filter 32-bit floats.
     pub fn reads(&self, filterable: bool) -> &'static str {
         match self.map {

@@ -23,6 +23,8 @@ mod draw;
 #[cfg(all(feature = "gpu", target_os = "linux"))]
 mod external;
 #[cfg(feature = "gpu")]
+mod film;
+#[cfg(feature = "gpu")]
 mod lock_step;
 #[cfg(feature = "gpu")]
 #[path = "../../examples/render/mod.rs"]
