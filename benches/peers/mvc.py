@@ -10,7 +10,8 @@ since w_ij and w_ji differ. Weights are positive: with a convex border the map i
 
 Against the rest pose: the plain method makes a map of the deformed surface as if there were no original one, and
 changes the UVs of a mesh that does not deform at all. The variant `relative` adds to the original UVs the difference
-of the maps of the pose and of the rest pose."""
+of the maps of the pose and of the rest pose.
+"""
 
 import numpy as np
 from case import Case

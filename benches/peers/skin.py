@@ -15,7 +15,8 @@ stands still. No gravity and no friction. X(u) passes through the rest vertices;
 planes, so that its derivative is continuous at the vertices, where the minimisation starts.
 
 Solved chart by chart by L-BFGS with the stiffness matrix of the membrane as first Hessian (factorised again now and
-then) and a line search that lets no triangle flip."""
+then) and a line search that lets no triangle flip.
+"""
 
 from collections import deque
 
