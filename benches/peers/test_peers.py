@@ -1,5 +1,7 @@
 """The baselines and the measurements against closed forms: pytest benches/peers/test_peers.py"""
 
+import json
+
 import baselines
 import case as cases
 import control_maps
@@ -11,6 +13,7 @@ import overlay
 import pytest
 import skin
 from geometry import find, grid_nodes, grid_triangles, invert, warp_folds
+from PIL import Image
 from surface import Surface
 
 CELLS, GRID = 32, 64
@@ -196,3 +199,43 @@ def test_features_become_similar_or_rigid():
     # Rigid: no strain. Similar: the same strain everywhere, but not none.
     assert np.abs(values[True]).max() < 0.06 and np.sqrt((values[True] ** 2).mean()) < 0.02
     assert values[False].std() < 0.03 < 0.1 < abs(values[False].mean())
+
+
+def asset_folder(folder, pose):
+    """A sheet with a rigid disc as the folder of an asset, with one frame."""
+    uv, faces = grid_nodes(CELLS) / CELLS, grid_triangles(CELLS) + 1
+    lines = [f"v {u:.6f} {v:.6f} 0" for u, v in uv] + [f"vt {u:.6f} {v:.6f}" for u, v in uv]
+    lines += ["f " + " ".join(f"{i}/{i}" for i in face) for face in faces]
+    (folder / "rest.obj").write_text("\n".join(lines) + "\n")
+    np.stack(np.broadcast_arrays(*pose(*uv.T)), axis=1).astype("<f4").tofile(folder / "frames.f32")
+    at = (np.arange(GRID) + 0.5) / GRID
+    Image.fromarray(np.where(disc(at[None], at[::-1, None]), 255, 0).astype(np.uint8)).save(folder / "rigid.png")
+    (folder / "asset.json").write_text(json.dumps({"name": "sheet", "rigidity": {"1001": "rigid.png"}}))
+
+
+def test_vrtm_from_the_folder_of_an_asset(tmp_path):
+    asset_folder(tmp_path, lambda u, v: (0.7 * u, v, 0 * u))
+    case = cases.of_asset(tmp_path, 1, GRID)
+    assert abs(measure.strain(case)["max"] - 0.3) < 1e-5
+    assert measure.strain(case, warped=True)["rms"] < 0.02
+    assert measure.folds(case, warped=True) == 0 and case.facts["vrtm_seconds"] > 0
+    assert case.vertex.tolist() == list(range(len(case.uv)))
+    other = cases.of_asset(tmp_path, 1, GRID, pose=case.rest)
+    assert not other.displacement.any()
+    for wrong in ({"frame": 2}, {"frame": 1, "udim": 1002}, {"frame": 1, "pose": case.rest[1:]}):
+        with pytest.raises(ValueError, match=next(reversed(wrong))):
+            cases.of_asset(tmp_path, wrong.pop("frame"), GRID, **wrong)
+
+
+def test_an_exported_case(tmp_path):
+    asset_folder(tmp_path, plane)
+    generator = np.random.default_rng(4)
+    warp = generator.standard_normal(((GRID + 1) ** 2, 2)).astype("<f4")
+    warp.tofile(tmp_path / "warp.f32")
+    (warp[:, 0] > 0).astype(np.uint8).tofile(tmp_path / "movable.u8")
+    (tmp_path / "rigid.png").rename(tmp_path / "rigidity.png")
+    (tmp_path / "pose.obj").write_text((tmp_path / "rest.obj").read_text())
+    (tmp_path / "case.json").write_text(json.dumps({"udim": 1001, "grid": GRID}))
+    case = cases.load(tmp_path)
+    assert (case.displacement == warp).all() and (case.movable == (warp[:, 0] > 0)).all()
+    assert measure.strain(case)["max"] < 1e-6
