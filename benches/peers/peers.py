@@ -23,7 +23,7 @@ def row(case: cases.Case, name: str, solution: Solution | None, map_: dict, seco
     errors = measure.features(case, **map_)
     result = {"method": name, "seconds": seconds, "folds": measure.folds(case, **map_)}
     result |= measure.strain(case, **map_) | measure.against(errors, original)
-    result["errors"] = [round(float(x), 5) for x in errors]
+    result["errors"] = [round(float(x), 4) for x in errors]
     if solution is not None:
         result |= {"iterations": solution.iterations, "note": solution.note}
     return result
