@@ -10,10 +10,12 @@ import measure
 import mvc
 import numpy as np
 import overlay
+import peers
 import pytest
 import skin
 from geometry import find, grid_nodes, grid_triangles, invert, warp_folds
 from PIL import Image
+from report import report
 from surface import Surface
 
 CELLS, GRID = 32, 64
@@ -229,13 +231,24 @@ def test_vrtm_from_the_folder_of_an_asset(tmp_path):
 
 def test_an_exported_case(tmp_path):
     asset_folder(tmp_path, plane)
-    generator = np.random.default_rng(4)
-    warp = generator.standard_normal(((GRID + 1) ** 2, 2)).astype("<f4")
+    warp = (0.1 * np.random.default_rng(4).standard_normal(((GRID + 1) ** 2, 2))).astype("<f4")
     warp.tofile(tmp_path / "warp.f32")
     (warp[:, 0] > 0).astype(np.uint8).tofile(tmp_path / "movable.u8")
     (tmp_path / "rigid.png").rename(tmp_path / "rigidity.png")
-    (tmp_path / "pose.obj").write_text((tmp_path / "rest.obj").read_text())
-    (tmp_path / "case.json").write_text(json.dumps({"udim": 1001, "grid": GRID}))
+    squashed = (line.split() for line in (tmp_path / "rest.obj").read_text().splitlines())
+    squashed = (f"v {0.7 * float(x[1])} {x[2]} 0" if x[0] == "v" else " ".join(x) for x in squashed)
+    (tmp_path / "pose.obj").write_text("\n".join(squashed))
+    facts = {"scene": "sheet", "frame": 1, "udim": 1001, "grid": GRID, "vrtm_seconds": 0.1}
+    (tmp_path / "case.json").write_text(json.dumps(facts))
     case = cases.load(tmp_path)
     assert (case.displacement == warp).all() and (case.movable == (warp[:, 0] > 0)).all()
-    assert measure.strain(case)["max"] < 1e-6
+    assert abs(measure.strain(case)["max"] - 0.3) < 1e-5
+    facts["before"], facts["after"] = measure.strain(case), measure.strain(case, warped=True)
+    (tmp_path / "case.json").write_text(json.dumps(facts))
+    rows = peers.of_export(tmp_path, ["original", "mvc"])
+    assert [r["method"] for r in rows] == ["vrtm", "original", "mvc"]
+    assert "## sheet, frame 1" in report(rows)
+    facts["after"]["rms"] *= 1.01
+    (tmp_path / "case.json").write_text(json.dumps(facts))
+    with pytest.raises(SystemExit, match="strain of vrtm"):
+        peers.of_export(tmp_path, ["original"])
