@@ -22,7 +22,6 @@ COMPARED = (
     ("max", "largest", ".2f"),
     ("worse", "features worse", "d"),
     ("over", "features over 0.05", "d"),
-    ("d2_rms", "d2", ".3f"),
 )
 
 HEAD = """# Beside other methods
@@ -90,28 +89,43 @@ def overview(of_scene: dict) -> str:
         cells = [NAMES.get(method) or METHODS[method].name]
         for own in of_scene.values():
             row = next((r for r in own if r["method"] == method), None)
-            folds = f", {row['folds']} folds" if row and row["folds"] else ""
-            cells.append(marked(row, own, "rms", ".4f") + folds if row else "-")
+            cells.append(marked(row, own, "rms", ".4f") + folds(row, ", ") if row else "-")
         lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n\nA dash: no chart of the scene is a rectangle, which the method needs.\n"
 
 
 def wins(of_scene: dict) -> str:
     """Where a method has a lower figure than vrtm."""
-    lines = ["## Where another method is better than vrtm\n"]
+    strain, motion = [], []
     for scene, own in of_scene.items():
         ours = next(r for r in own if r["method"] == "vrtm")
-        for r in own:
+        others = [r for r in own if r["method"] not in ("vrtm", "original")]
+        for r in others:
             better = [
-                f"{label} {r[figure]:{form}} against {ours[figure]:{form}}"
+                f"{label} {against(r[figure], ours[figure], form)}"
                 for figure, label, form in COMPARED
-                if figure in ours and r[figure] < ours[figure]
+                if r[figure] < ours[figure]
             ]
-            if better and r["method"] not in ("vrtm", "original"):
-                folds = f", with {r['folds']} folds" if r["folds"] else ""
-                lines.append(f"- {scene[0]} {scene[1]}, {name(r)}: {'; '.join(better)}{folds}")
-    lines.append("\nd2 is its RMS; it is lower, too, where a method moves the texture less.")
+            if better:
+                strain.append(f"- {scene[0]} {scene[1]}, {name(r)}: {'; '.join(better)}{folds(r, ', with ')}")
+        steadier = [f"{name(r)} {r['d2_rms']:.3f}" for r in others if "d2_rms" in ours and r["d2_rms"] < ours["d2_rms"]]
+        if steadier:
+            motion.append(f"- {scene[0]} {scene[1]}, {ours['d2_rms']:.3f} with vrtm: {'; '.join(steadier)}")
+    lines = ["## Where another method is better than vrtm\n", *strain]
+    if motion:
+        lines += ["\nd2 (RMS) is lower with these, some of which hardly move the texture:\n", *motion]
     return "\n".join(lines) + "\n"
+
+
+def against(theirs: float, ours: float, form: str) -> str:
+    """Two figures, with more digits where they would look equal."""
+    if format(theirs, form) == format(ours, form):
+        form = ".6f"
+    return f"{theirs:{form}} against {ours:{form}}"
+
+
+def folds(row: dict, before: str) -> str:
+    return f"{before}{row['folds']} fold{'s' * (row['folds'] > 1)}" if row["folds"] else ""
 
 
 def table(scene: tuple, own: list[dict]) -> str:
