@@ -113,6 +113,8 @@ def main():
     for argument in args.folders:
         name, _, frame = str(argument).partition(":")
         folder = Path(name)
+        if frame and not (frame.isdigit() and int(frame) > 0):
+            parser.error(f"{argument}: {frame} is no frame, which are numbered from 1")
         if (folder / "case.json").exists():
             rows = of_export(folder, args.methods)
         elif (folder / "asset.json").exists():
