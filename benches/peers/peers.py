@@ -1,79 +1,123 @@
-"""vrtm beside other parameterisers, on the same meshes, measured in the same way: see README.md."""
+"""vrtm beside the baselines, on the same meshes and measured in the same way: see README.md."""
 
 import argparse
 import json
-import statistics
 from pathlib import Path
 
 import case as cases
+import measure
 import numpy as np
-from solvers import blender, slim
-from strain import measure
+from baselines import METHODS, NotApplicable, Solution
+from report import report
 
-REPEATS = 3
 # Figures on the same mesh and edges, one from Rust and one from here, may differ by rounding, and by the choice of the
 # triangle for a point on an edge.
 AGREE = 2e-3
+VRTM = {
+    "vrtm": ("vrtm, normal", {}),
+    "pbd": ("the paper's solver, in vrtm", {"solver": "pbd"}),
+}
 
 
-def solve(solver, case, iterations: int):
-    runs = [solver(case, iterations) for _ in range(REPEATS)]
-    return runs[0][0], statistics.median(seconds for _, seconds in runs)
-
-
-def rows(folder: Path) -> list[dict]:
-    case = cases.load(folder)
-    facts = case.facts
-    base = {"scene": facts["scene"], "frame": facts["frame"], "grid": case.grid}
-    original, warped = measure(case), measure(case, warped=True)
-    for name, here, there in (("before", original, facts["before"]), ("after", warped, facts["after"])):
-        difference = abs(here["rms"] / there["rms"] - 1)
-        print(f"{facts['scene']}: strain {name}: {here['rms']:.5f} here, {there['rms']:.5f} by vrtm, "
-              f"{here['edges']} and {facts['edges']} edges")
-        if difference > AGREE:
-            raise SystemExit(f"{facts['scene']}: strain {name} differs by {100 * difference:.2f} % from the library's")
-    result = [base | {"solver": "original UVs", "seconds": None} | original]
-    result.append(base | {"solver": "vrtm, normal", "seconds": facts["vrtm_seconds"]} | warped)
-    for name, solver, counts in (("SLIM, libigl 2.6.3", slim, (5, 50)), ("minimum stretch, Blender 5.0.1", blender, (10, 50))):
-        for iterations in counts:
-            uv, seconds = solve(solver, case, iterations)
-            moved = float(np.abs(uv - case.uv)[case.border].max())
-            figures = measure(case, uv=uv) | {"border_moved": moved}
-            result.append(base | {"solver": f"{name}, {iterations} iterations", "seconds": seconds} | figures)
-            print(result[-1], flush=True)
+def row(case: cases.Case, name: str, solution: Solution | None, map_: dict, seconds: float, original) -> dict:
+    errors = measure.features(case, **map_)
+    result = {"method": name, "seconds": seconds, "folds": measure.folds(case, **map_)}
+    result |= measure.strain(case, **map_) | measure.against(errors, original)
+    result["errors"] = [round(float(x), 5) for x in errors]
+    if solution is not None:
+        result |= {"iterations": solution.iterations, "note": solution.note}
     return result
 
 
-def table(result: list[dict]) -> str:
-    lines = ["| scene | grid | solver | strain RMS | 95 % below | largest | triangles flipped | edges lost | seconds |", "|---|---|---|---|---|---|---|---|---|"]
-    for row in result:
-        seconds = "-" if row["seconds"] is None else f"{row['seconds']:.3f}"
-        lines.append(
-            f"| {row['scene']} {row['frame']} | {row['grid']}² | {row['solver']} | {row['rms']:.4f} | {row['p95']:.4f} | "
-            f"{row['max']:.2f} | {row.get('flipped', 0)} | {row['lost']} | {seconds} |"
-        )
-    return "\n".join(lines)
+def of_export(folder: Path, methods: list[str]) -> list[dict]:
+    """A case that the bench exported: one pose."""
+    case = cases.load(folder)
+    facts = case.facts
+    original = measure.features(case)
+    rows = [row(case, "vrtm", None, {"warped": True}, facts["vrtm_seconds"], original)]
+    for name, there in (("original UVs", facts["before"]), ("vrtm", facts["after"])):
+        here = measure.strain(case, warped=name == "vrtm")
+        if abs(here["rms"] / there["rms"] - 1) > AGREE:
+            raise SystemExit(f"{folder}: strain of {name}: {here['rms']:.5f} here, {there['rms']:.5f} by vrtm")
+    for name in methods:
+        try:
+            solution = METHODS[name].solve(case)
+        except NotApplicable:
+            continue
+        rows.append(row(case, name, solution, solution.map(), solution.seconds, original))
+    base = {"scene": facts["scene"], "frame": facts["frame"], "grid": case.grid}
+    return [base | r for r in rows]
+
+
+def of_folder(folder: Path, frame: int, grid: int, methods: list[str], steps: int) -> list[dict]:
+    """A frame of an asset, and the motion from rest to the frame and back."""
+    scene = cases.Scene(folder, grid)
+    rest, pose = scene.mesh.positions, scene.pose(frame)
+    # The motion is smooth in time and the same there and back, so that stateless methods solve each pose once.
+    shares = [(1 - np.cos(2 * np.pi * k / steps)) / 2 for k in range(steps // 2 + 1)] if steps else [1.0]
+    poses = [scene.case(frame, rest + share * (pose - rest), repeats=3) for share in shares]
+    case = poses[-1]
+    for other in poses[:-1]:
+        other.cache = case.cache
+    original = measure.features(case)
+    points = measure.surface_points(case)
+    base = {"scene": scene.name, "frame": frame, "grid": grid}
+    rows = []
+
+    def add(name: str, maps: list[dict], solution: Solution | None, seconds: list[float]):
+        median = float(np.median(seconds[1:] or seconds))
+        rows.append(base | row(case, name, solution, maps[-1], median, original))
+        if steps:
+            track = [measure.texture_at(c, points, **map_) for c, map_ in zip(poses, maps)]
+            # Once around: rest, the frame, rest, and one step on.
+            rows[-1] |= measure.second_difference(track + track[-2::-1] + track[1:2])
+        facts = {k: v for k, v in rows[-1].items() if k != "errors"}
+        print(json.dumps(facts), flush=True)
+
+    add("vrtm", [{"warped": True}] * len(poses), None, [c.facts["vrtm_seconds"] for c in poses])
+    for name, (_, options) in list(VRTM.items())[1:]:
+        solved = [scene.case(frame, rest + share * (pose - rest), **options) for share in shares]
+        maps = [{"warp": c.displacement} for c in solved]
+        add(name, maps, None, [c.facts["vrtm_seconds"] for c in solved])
+    for name in methods:
+        try:
+            solutions = [METHODS[name].solve(c) for c in poses]
+        except NotApplicable as reason:
+            print(f"{scene.name}: {METHODS[name].name}: {reason}", flush=True)
+            continue
+        add(name, [s.map() for s in solutions], solutions[-1], [s.seconds for s in solutions])
+    return rows
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("cases", type=Path, help="the folder that the bench exported to")
-    parser.add_argument("--out", type=Path, default=Path("benches/results"))
-    args = parser.parse_args()
-    result = [row for folder in sorted(args.cases.iterdir()) if folder.is_dir() for row in rows(folder)]
-    head = (
-        "# Beside other parameterisers\n\n"
-        "Strain inside rigid features on the deformed mesh, measured in the same way for all (`benches/peers/strain.py`), "
-        "and the seconds of the solver call alone, medians; vrtm on all cores of the same machine. The peers keep chart "
-        "borders where they were, as vrtm does, and minimise the distortion of whole charts against the deformed mesh: they "
-        "do not know what is rigid, nor do they match the distortion that the texture had at rest. Flipped triangles are "
-        "folds; lost edges lie where the new UVs do not cover the texture (Blender reports islands that it could not "
-        "solve); they are left out.\n\n"
+    parser.add_argument("folders", nargs="*", type=Path, help="assets as FOLDER or FOLDER:FRAME, or exported cases")
+    parser.add_argument("--grid", type=int, default=512, help="cells along each side (512)")
+    parser.add_argument(
+        "--steps", type=int, default=12, help="frames of the motion to the frame and back (12; 0: none)"
     )
+    parser.add_argument("--methods", nargs="+", choices=list(METHODS), default=list(METHODS))
+    parser.add_argument("--out", type=Path, default=Path("benches/results"))
+    parser.add_argument("--add", action="store_true", help="keep the rows of other scenes that peers.json has")
+    args = parser.parse_args()
+    if args.steps and (args.steps < 4 or args.steps % 2):
+        parser.error(f"--steps: {args.steps} is not even, or under 4")
     args.out.mkdir(parents=True, exist_ok=True)
-    (args.out / "peers.md").write_text(head + table(result) + "\n")
-    (args.out / "peers.json").write_text(json.dumps(result, indent=1) + "\n")
-    print(table(result))
+    data = args.out / "peers.json"
+    result = json.loads(data.read_text()) if args.add and data.exists() else []
+    for argument in args.folders:
+        name, _, frame = str(argument).partition(":")
+        folder = Path(name)
+        if (folder / "case.json").exists():
+            rows = of_export(folder, args.methods)
+        elif (folder / "asset.json").exists():
+            rows = of_folder(folder, int(frame or 1), args.grid, args.methods, args.steps)
+        else:
+            parser.error(f"{folder}: neither asset.json nor case.json is there")
+        key = (rows[0]["scene"], rows[0]["frame"], rows[0]["grid"])
+        result = [r for r in result if (r["scene"], r["frame"], r["grid"]) != key] + rows
+        data.write_text("[\n" + ",\n".join(json.dumps(r) for r in result) + "\n]\n")
+    (args.out / "peers.md").write_text(report(result))
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The peers: each takes a case and returns new UVs per UV vertex, in cells, with the seconds of the solver call alone.
+"""Other programs: each takes a case and returns new UVs per UV vertex, in cells, with the CPU seconds of the solver alone.
 
 Both minimise the distortion of whole charts against the deformed mesh. They use neither the rigidity nor the rest pose.
 SLIM starts from the original UVs, Blender from a map of its own.
@@ -8,8 +8,8 @@ import time
 
 import igl
 import numpy as np
-
-from case import Case, areas
+from case import Case
+from geometry import areas
 
 
 def slim(case: Case, iterations: int) -> tuple[np.ndarray, float]:
@@ -35,7 +35,7 @@ def slim_of_chart(positions, faces, uv, pinned, iterations: int) -> tuple[np.nda
     positions = positions * np.sqrt(np.abs(signed).sum() / surface.sum())
     if signed.sum() < 0:
         faces = faces[:, ::-1]
-    start = time.perf_counter()
+    start = time.process_time()
     data = igl.slim_precompute(
         np.asfortranarray(positions),
         np.asfortranarray(faces.astype(np.int32)),
@@ -46,7 +46,7 @@ def slim_of_chart(positions, faces, uv, pinned, iterations: int) -> tuple[np.nda
         1e5,
     )
     inside = igl.slim_solve(data, iterations)
-    return np.array(inside)[:, :2], time.perf_counter() - start
+    return np.array(inside)[:, :2], time.process_time() - start
 
 
 def blender(case: Case, iterations: int) -> tuple[np.ndarray, float]:
@@ -72,11 +72,11 @@ def blender(case: Case, iterations: int) -> tuple[np.ndarray, float]:
     bpy.ops.object.mode_set(mode="EDIT")
     bpy.ops.mesh.select_all(action="SELECT")
     bpy.ops.uv.select_all(action="SELECT")
-    start = time.perf_counter()
+    start = time.process_time()
     bpy.ops.uv.unwrap(
         method="MINIMUM_STRETCH", fill_holes=False, correct_aspect=False, margin=0.0, iterations=iterations
     )
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
     bpy.ops.object.mode_set(mode="OBJECT")
     flat = np.empty(2 * len(mesh.loops), np.float32)
     mesh.uv_layers["uv"].uv.foreach_get("vector", flat)
