@@ -1,7 +1,8 @@
 """The paper's figures and tables again, with scenes of our own: python benches/paper [options]
 
 Writes docs/images/paper_*.jpg, benches/results/paper.json, and the tables into docs/paper.md. Needs what
-requirements.txt lists, the package vrtm (pip install ./bindings/python), and cargo for the built-in scene, if --scenes has none.
+requirements.txt lists, the package vrtm (pip install ./bindings/python), and cargo for the built-in scene, if
+--scenes has none.
 """
 
 import argparse
@@ -110,12 +111,16 @@ def models(options, scenes):
     return get
 
 
-def document(results, path):
-    """Writes the tables between the marks of the page."""
-    import report
+def document(results, path, file):
+    """Writes the tables between the marks of the page, and into a file of their own."""
+    import page
 
-    text = path.read_text()
-    for name, lines in report.page(results).items():
+    text, tables = path.read_text(), page.tables(results)
+    parts = ["# The paper's figures and tables again", "", "By `python benches/paper`; docs/paper.md has the pictures."]
+    for name, lines in sorted(tables.items()):
+        parts += ["", f"## {name.capitalize()}", "", *lines]
+    file.write_text("\n".join(parts) + "\n")
+    for name, lines in tables.items():
         block = f"<!-- {name} -->\n" + "\n".join(lines) + "\n<!-- end -->"
         text = re.sub(rf"<!-- {name} -->.*?<!-- end -->", lambda _, block=block: block, text, flags=re.S)
     path.write_text(text)
@@ -154,7 +159,7 @@ def main():
 
             results["tables"] = tables.make(models(options, scenes))
             file.write_text(json.dumps(results, indent=1) + "\n")
-    document(results, REPOSITORY / "docs" / "paper.md")
+    document(results, REPOSITORY / "docs" / "paper.md", options.results / "paper.md")
 
 
 if __name__ == "__main__":

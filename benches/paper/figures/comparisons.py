@@ -11,7 +11,7 @@ from figures import fig6
 from figures.common import Subject
 
 TORUS = stage.View((0.02, -0.02, 0), 3.15, azimuth=0, elevation=42, size=(430, 400))
-JUG = stage.View((0.12, 1.55, 0), 3.75, azimuth=-22, elevation=13, size=(300, 360), floor=0.0)
+JUG = stage.View((0.12, 1.55, 0), 3.75, azimuth=-22, elevation=13, size=(280, 340), floor=0.0)
 GRID = 512
 STEPS = 9  # poses of a smooth sequence, over which the roughness is measured
 
@@ -52,11 +52,11 @@ def fig4(options):
     folder, frame = options.scenes / "mug_to_jug", 3
     titles = {
         "vrtm": "vrtm",
-        "control_axes": "control maps (2013)",
-        "overlay": "overlay grid (2002)",
+        "control_axes": "Koniaris et al. 2013",
+        "overlay": "Sheffer, de Sturler 2002",
         "mvc": "mean value coordinates",
         "original": "original UVs",
     }
     panels, rows = compared(it, folder, frame, JUG, list(titles), sequence(it.model, frame), titles)
     row = [*panels.values(), ("at rest", it.panel(JUG))]
-    return {"paper_4.jpg": sheet.sheet([row[:3], row[3:]])}, rows
+    return {"paper_4.jpg": sheet.sheet([row])}, rows

@@ -9,7 +9,7 @@ from figures.common import Subject, record
 FRAME = 0  # the mouth open
 SIZE, GRID = 4096, 2048
 FAR = stage.View((0, 6.80, 0.9), 1.95, azimuth=25, elevation=4, size=(330, 400))
-NEAR = stage.View((0.17, 6.40, 1.3), 0.98, azimuth=28, elevation=3, size=(330, 400))
+NEAR = stage.View((0.17, 6.31, 1.3), 1.04, azimuth=28, elevation=3, size=(330, 400))
 
 
 def subject(options):

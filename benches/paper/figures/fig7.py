@@ -11,10 +11,10 @@ SIZE = (400, 380)
 FACE = stage.View((0, 6.62, 1.0), 1.75, azimuth=18, elevation=3, size=SIZE)
 FISH = {
     0: stage.View((-0.22, 0.0, 0), 4.05, azimuth=38, elevation=10, size=SIZE),
-    1: stage.View((-0.35, 0.1, 0.25), 3.9, azimuth=-32, elevation=22, size=SIZE),
+    1: stage.View((0.0, 0.05, 0.1), 3.7, azimuth=162, elevation=26, size=SIZE),
 }
-FAR = stage.View((0.1, 0.55, -0.35), 8.7, azimuth=62, elevation=38, size=(440, 330), floor=0.0)
-NEAR = stage.View((0.35, 1.1, 0.9), 3.0, azimuth=62, elevation=42, size=(440, 330), floor=0.0)
+FAR = stage.View((0.35, 0.60, 0.25), 10.0, azimuth=58, elevation=36, size=(440, 280), floor=0.0)
+NEAR = stage.View((0.35, 1.1, 0.9), 3.0, azimuth=58, elevation=40, size=(440, 310), floor=0.0)
 FRAMES = {"face": 5, "creature": 3}
 
 

@@ -68,7 +68,7 @@ def pose(points, blown, bent):
     x = x * (1 - 0.10 * blown)
     if bent:
         # The head keeps its direction; the tail swings round.
-        curve = bent * 0.78
+        curve = bent * 0.58
         turn = curve * (np.clip(0.9 - x, 0, None))
         s = np.linspace(0, 4, 2001)
         px = np.append(0, np.cumsum(np.cos(curve * (s[1:] + s[:-1]) / 2) * np.diff(s)))

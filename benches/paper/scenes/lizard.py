@@ -142,7 +142,7 @@ def scales(model, size):
             distance = distance * (1 + 0.04 * paint.noise(points, 0.12, 4, 2))
             inside, shade = paint.edge(distance, 1.0, 0.14), np.random.default_rng(udim).uniform(-1, 1, len(sizes) + 1)
             large = (np.append(sizes, 0)[number] > 0.13).astype(float)
-            bone = paint.mixed([0.24, 0.40, 0.22], [0.80, 0.66, 0.40], large) * (1 + 0.16 * shade[number])[:, None]
+            bone = paint.mixed([0.24, 0.40, 0.22], [0.66, 0.52, 0.29], large) * (1 + 0.16 * shade[number])[:, None]
             bone = bone * (0.85 + 0.25 * paint.noise(points, 0.10, 5, 2)[:, None] * large[:, None])
             groove = np.exp(-(((distance - 1.10) / 0.12) ** 2))
             colour = paint.mixed(colour * (1 - 0.6 * groove[:, None]), bone, inside)
@@ -173,11 +173,12 @@ def features(surface, udim):
             rows.append((at, radius))
         at += 2.35 * radius
     plates = [(np.array([0, middle(z) + girth(z)[1], z]), r) for z, r in rows]
-    inner = surface.inner(max(surface.size // 40, 3))
+    inner = surface.inner(max(surface.size // 100, 2))
     up = (surface.points[:, 1] - middle(surface.points[:, 2])) / np.maximum(girth(surface.points[:, 2])[1], 0.03)
     free = surface.points[inner & (up > -0.45)]
-    small = [0.115, 0.085, 0.06] if udim != 1001 else [0.085, 0.06, 0.045]
-    centres, radii = paint.scattered(free, small, 1.16, udim, plates, tries=2500)
-    if not plates:
-        return centres, radii
-    return np.concatenate([np.stack([p for p, _ in plates]), centres]), np.append([r for _, r in plates], radii)
+    found = list(plates)
+    for radius in [0.115, 0.085, 0.060, 0.042] if udim != 1001 else [0.085, 0.060, 0.042]:
+        # Whole within the tile: borders of charts do not move.
+        room = free[(free[:, 2] > a + 1.3 * radius) & (free[:, 2] < b - 1.3 * radius)]
+        found += list(zip(*paint.scattered(room, [radius], 1.16, udim + round(1e4 * radius), found, tries=2500)))
+    return np.stack([centre for centre, _ in found]), np.array([radius for _, radius in found])

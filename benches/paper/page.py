@@ -1,6 +1,6 @@
 """The tables of docs/paper.md from benches/results/paper.json."""
 
-import tables
+import tables as timings
 
 
 def strains(rows):
@@ -32,9 +32,9 @@ def fruit(rows):
 
 
 FIGURES = {"figure 1": strains, "figure 3": methods, "figure 4": methods, "figure 5": fruit, "figure 6": strains,
-           "figure 7": strains, "tables": tables.lines}  # fmt: skip
+           "figure 7": strains, "tables": timings.lines}  # fmt: skip
 
 
-def page(results):
+def tables(results):
     """All tables by the name of their mark in the page."""
     return {name: FIGURES[name](rows) for name, rows in results.items()}
