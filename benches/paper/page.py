@@ -22,12 +22,14 @@ def methods(rows):
 
 def fruit(rows):
     out = [
-        "| rigidity | density rule | strain, RMS: original UVs | vrtm | width: strawberries | bananas | oranges |",
-        "|---|---|---|---|---|---|---|",
+        "| rigidity | density rule | strain, RMS: original UVs | vrtm | width: strawberries | bananas | oranges | "
+        "turned: dense rows | sparse rows |",
+        "|---|---|---|---|---|---|---|---|---|",
     ]
     for r in rows:
         widths = " | ".join(f"{100 * r[kind]:.0f} %" for kind in ("strawberry", "banana", "orange"))
-        out.append(f"| {r['rigidity']} | {r['rule']} | {r['before']:.3f} | {r['after']:.3f} | {widths} |")
+        turns = " | ".join(f"{turn:.1f}°" for turn in r["turns"])
+        out.append(f"| {r['rigidity']} | {r['rule']} | {r['before']:.3f} | {r['after']:.3f} | {widths} | {turns} |")
     return out
 
 

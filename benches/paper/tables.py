@@ -70,7 +70,7 @@ def measured(device, model, frame, grid, repeats):
     return row
 
 
-def make(models, repeats=5):
+def make(models, repeats=7):
     """The rows; `models` gives the model by name, or None where it is absent."""
     load = os.getloadavg()[0]
     rows = []

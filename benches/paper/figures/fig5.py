@@ -31,6 +31,18 @@ def width(mask, map):
     return float(paint.warp.bilinear(mask[..., None], paint.warp.bilinear(map, at)).mean() / mask.mean() * square.WIDTH)
 
 
+def turns(rigidity, map):
+    """By how many degrees fruit is turned in the pose, RMS, in the dense rows and in the sparse ones."""
+    n = len(map)
+    across, down = np.gradient(map, 1 / n, axis=1), np.gradient(map, 1 / n, axis=0)
+    # From the texture to the pose: the inverse of the map's Jacobian, then the pressing together.
+    a, b, c, d = across[..., 0], -down[..., 0], across[..., 1], -down[..., 1]
+    turn = np.degrees(np.arctan2(-c - square.WIDTH * -b, square.WIDTH * d + a))
+    rigid = paint.warp.bilinear(rigidity[..., None], map)[..., 0] > 0.2
+    dense = map[..., 1] > square.DENSE
+    return [float(np.sqrt(np.mean(turn[rigid & part] ** 2))) for part in (dense, ~dense)]
+
+
 def data(quick=False):
     """For each column the rigidity, and for both rules (with density, without) the solution."""
     size, grid = (512, 128) if quick else (1536, 512)
@@ -60,8 +72,9 @@ def make(options):
         for row, image in zip(rows, images):
             row.append((title if row is rows[0] else "", image))
         for solved, rule in zip(reversed(pair), ("without", "with")):
-            shares = {kind: width(masks[kind], solved.maps[1001]) for kind in square.KINDS}
-            figures.append({"rigidity": title, "rule": rule, "before": solved.before, "after": solved.after, **shares})
+            line = {"rigidity": title, "rule": rule, "before": solved.before, "after": solved.after}
+            line |= {kind: width(masks[kind], solved.maps[1001]) for kind in square.KINDS}
+            figures.append(line | {"turns": turns(rigidity, solved.maps[1001])})
     for row, image in zip(rows, (colour, colour, white)):
         row.append(("at rest" if row is rows[0] else "", drawn(image, high, high)))
     return {"paper_5.jpg": sheet.sheet(rows)}, figures

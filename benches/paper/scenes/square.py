@@ -4,6 +4,7 @@ import numpy as np
 from shapes import Builder, rectangle, smooth
 
 CELLS, WIDTH = 48, 0.5
+DENSE = 0.57  # above this v the rows are dense
 KINDS = "strawberry", "banana", "orange"
 
 

@@ -43,7 +43,7 @@ def stones(model, size):
     distance, number = paint.nearest(points, centres, radii)
     distance = distance * (1 + 0.05 * rough)
     shade = np.random.default_rng(2).uniform(0, 1, (len(radii) + 1, 1))
-    stone = paint.mixed([0.55, 0.50, 0.40], [0.80, 0.78, 0.70], shade[number][:, 0]) * (1 + 0.10 * rough[:, None])
+    stone = paint.mixed([0.46, 0.41, 0.32], [0.66, 0.63, 0.55], shade[number][:, 0]) * (1 + 0.10 * rough[:, None])
     clay = paint.mixed([0.36, 0.085, 0.045], [0.50, 0.16, 0.07], 0.5 + 0.5 * paint.noise(points, 0.35, 3))
     inside = paint.edge(distance, 1.0, 0.10)
     groove = np.exp(-(((distance - 1.08) / 0.10) ** 2))
