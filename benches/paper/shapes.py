@@ -108,8 +108,6 @@ class Builder:
     def chart(self, vertices, uv):
         """Quadrilaterals between vertices (n, m), a chart with UVs (n, m, 2)."""
         uv = self._uvs(uv)
-        for a in (vertices, uv):
-            assert a.shape == vertices.shape
         quads = [np.stack([a[:-1, :-1], a[1:, :-1], a[1:, 1:], a[:-1, 1:]], -1).reshape(-1, 4) for a in (vertices, uv)]
         self.polygons += [np.stack(pair, -1) for pair in zip(*quads)]
 

@@ -27,7 +27,10 @@ def build():
     # The seams are below and at the side of the ring that is not looked at.
     builder.chart(index, rectangle([0.02, 0.28], [0.98, 0.72], AROUND + 1, ACROSS + 1))
     amount = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(FRAMES) / FRAMES)
-    where = lambda a, k: point(a[:, 0] - 2.2, a[:, 1] - np.pi / 2 - 0.6, amount[k])  # noqa: E731
+
+    def where(a, k):
+        return point(a[:, 0] - 2.2, a[:, 1] - np.pi / 2 - 0.6, amount[k])
+
     model = builder.model("torus_stones", where, [f"swells by {a:.2f}" for a in amount])
     model.rest = model.frames[0].copy()
     return model
