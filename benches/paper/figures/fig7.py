@@ -8,10 +8,10 @@ from figures import fig1
 from figures.common import Subject, record
 
 SIZE = (400, 380)
-FACE = stage.View((0, 6.62, 1.0), 1.75, azimuth=18, elevation=3, size=SIZE)
+FACE = stage.View((0.12, 6.50, 1.0), 1.92, azimuth=18, elevation=3, size=SIZE)
 FISH = {
     0: stage.View((-0.22, 0.0, 0), 4.05, azimuth=38, elevation=10, size=SIZE),
-    1: stage.View((0.0, 0.05, 0.1), 3.7, azimuth=162, elevation=26, size=SIZE),
+    1: stage.View((-0.22, 0.08, 0.1), 4.25, azimuth=162, elevation=26, size=SIZE),
 }
 FAR = stage.View((0.35, 0.60, 0.25), 10.0, azimuth=58, elevation=36, size=(440, 280), floor=0.0)
 NEAR = stage.View((0.35, 1.1, 0.9), 3.0, azimuth=58, elevation=40, size=(440, 310), floor=0.0)
