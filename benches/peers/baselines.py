@@ -175,7 +175,7 @@ METHODS: dict[str, Method] = {
         "control maps, free",
         CONTROL + " sum over neighbours of a lattice of e |d_l - d_k|^2 / h^2",
         KONIARIS,
-        "the measure is that of the later paper, made relative; a lattice of 64 x 64, e = 0.01; rectangular charts",
+        "the measure is that of the later paper, made relative; a lattice of 64 x 64, e = 0.003; rectangular charts",
         run_control_maps(False),
     ),
     "features_similar": Method(

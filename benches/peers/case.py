@@ -126,6 +126,8 @@ class Scene:
     def case(self, frame: int, pose: np.ndarray | None = None, repeats: int = 1, **options) -> Case:
         """The case of a frame, or of a pose; vrtm's time is the median of `repeats` solves."""
         pose = self.pose(frame) if pose is None else np.asarray(pose, float)
+        if pose.shape != self.mesh.positions.shape:
+            raise ValueError(f"pose: of shape {pose.shape}, where the mesh has {self.mesh.positions.shape}")
         seconds = []
         for k in range(repeats):
             # An asset keeps its result for a pose that did not change; another one in between makes it solve again.

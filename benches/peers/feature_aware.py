@@ -13,9 +13,10 @@ and G in the pose (what a step in the plane is on the surface: f'^T f'), over ne
 over W and all a_F, b_F. It is linear if G(W) is known: it is solved with G at the last W until W stands still. With
 `rigid`, S_F is a rotation (Grabli et al.: rigid features in the deformed frame), the nearest one to the last W.
 
-Assumed: that the frame of the symmetric square root of the metric turns little within a feature; e = 0.02; features are
-connected sets of nodes with a rigidity over 0.5; nodes whose cells touch a chart's border are fixed. Nothing prevents
-folds.
+Assumed, for what we could read of both is their abstracts: the smoothness is that of first differences (Gal et al.
+edit Laplacians), with e = 0.02, inside features 0.0005; the frame of the symmetric square root of the metric turns
+little within a feature; features are connected sets of nodes with a rigidity over 0.5; nodes whose cells touch a
+chart's border are fixed. Nothing prevents folds.
 """
 
 import numpy as np

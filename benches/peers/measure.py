@@ -3,7 +3,8 @@
 A segment that is painted from node a to node b lies on the surface where the parameterisation maps it. Its strain is
 its chord in the pose over its chord at rest, minus 1. At rest the parameterisation is the original one. Every
 function takes the parameterisation of the pose as one of: `uv`, new UVs per UV vertex, in cells; `warp`, a
-displacement per node, in cells, as vrtm's; `warped=True`, vrtm's own warp; none of them, the original UVs."""
+displacement per node, in cells, as vrtm's; `warped=True`, vrtm's own warp; none of them, the original UVs.
+"""
 
 import numpy as np
 from case import Case

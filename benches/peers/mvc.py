@@ -4,13 +4,14 @@ The border stays. Each inner vertex i becomes the mean of its neighbours,
 
     sum over neighbours j of w_ij (u_j - u_i) = 0,    w_ij = (tan(a/2) + tan(b/2)) / |x_j - x_i|,
 
-where a and b are the angles at i, on the deformed surface x, of the two triangles at the edge ij (section 2, equation
-2, with the angles of the triangles in space, as that paper does for surfaces). A linear system per chart; no energy,
-since w_ij and w_ji differ. Weights are positive: with a convex border the map is one-to-one, with others it may fold.
+where a and b are the angles at i, on the deformed surface x, of the two triangles at the edge ij: the weights of that
+paper with the angles of the triangles in space. A linear system per chart; no energy, since w_ij and w_ji differ.
+Weights are positive: with a convex border the map is one-to-one, with others it may fold.
 
 Against the rest pose: the plain method makes a map of the deformed surface as if there were no original one, and
 changes the UVs of a mesh that does not deform at all. The variant `relative` adds to the original UVs the difference
-of the maps of the pose and of the rest pose."""
+of the maps of the pose and of the rest pose.
+"""
 
 import numpy as np
 from case import Case

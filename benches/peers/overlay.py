@@ -17,7 +17,8 @@ the other methods; in the paper they move. Where the weights stay positive the m
 is convex.
 
 The variant `relative` divides each weight by the edge's length on the surface at rest, |f0(q) - f0(p)|: along a line
-all edges then get the same ratio of lengths, and the rest pose is left as it is if its map is."""
+all edges then get the same ratio of lengths, and the rest pose is left as it is if its map is.
+"""
 
 import numpy as np
 from case import Case

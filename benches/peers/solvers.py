@@ -1,4 +1,4 @@
-"""Other programs: each takes a case and returns new UVs per UV vertex, in cells, with the CPU seconds of the solver alone.
+"""Other programs: each takes a case and returns new UVs per UV vertex, in cells, with the CPU seconds it took.
 
 Both minimise the distortion of whole charts against the deformed mesh. They use neither the rigidity nor the rest pose.
 SLIM starts from the original UVs, Blender from a map of its own.

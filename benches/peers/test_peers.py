@@ -1,5 +1,7 @@
 """The baselines and the measurements against closed forms: pytest benches/peers/test_peers.py"""
 
+import json
+
 import baselines
 import case as cases
 import control_maps
@@ -8,9 +10,12 @@ import measure
 import mvc
 import numpy as np
 import overlay
+import peers
 import pytest
 import skin
 from geometry import find, grid_nodes, grid_triangles, invert, warp_folds
+from PIL import Image
+from report import report
 from surface import Surface
 
 CELLS, GRID = 32, 64
@@ -78,9 +83,9 @@ def test_second_difference_of_an_accelerating_point():
 
 @pytest.mark.parametrize("name", OURS)
 def test_a_flat_sheet_of_another_size_keeps_its_uvs(name):
-    case = sheet(plane, lambda u, v: (2 * u, 2 * v, 0 * u), None if name.startswith("control") else disc)
-    if name == "features_rigid":  # its features keep their size
-        case.pose = case.rest.copy()
+    # The features of some methods keep their size: these get the sheet as it was.
+    scale = 1 if name.startswith("control") or name == "features_rigid" else 2
+    case = sheet(plane, lambda u, v: (scale * u, scale * v, 0 * u), disc)
     assert np.abs(baselines.METHODS[name].solve(case).uv - case.uv).max() < 1e-6
 
 
@@ -196,3 +201,54 @@ def test_features_become_similar_or_rigid():
     # Rigid: no strain. Similar: the same strain everywhere, but not none.
     assert np.abs(values[True]).max() < 0.06 and np.sqrt((values[True] ** 2).mean()) < 0.02
     assert values[False].std() < 0.03 < 0.1 < abs(values[False].mean())
+
+
+def asset_folder(folder, pose):
+    """A sheet with a rigid disc as the folder of an asset, with one frame."""
+    uv, faces = grid_nodes(CELLS) / CELLS, grid_triangles(CELLS) + 1
+    lines = [f"v {u:.6f} {v:.6f} 0" for u, v in uv] + [f"vt {u:.6f} {v:.6f}" for u, v in uv]
+    lines += ["f " + " ".join(f"{i}/{i}" for i in face) for face in faces]
+    (folder / "rest.obj").write_text("\n".join(lines) + "\n")
+    np.stack(np.broadcast_arrays(*pose(*uv.T)), axis=1).astype("<f4").tofile(folder / "frames.f32")
+    at = (np.arange(GRID) + 0.5) / GRID
+    Image.fromarray(np.where(disc(at[None], at[::-1, None]), 255, 0).astype(np.uint8)).save(folder / "rigid.png")
+    (folder / "asset.json").write_text(json.dumps({"name": "sheet", "rigidity": {"1001": "rigid.png"}}))
+
+
+def test_vrtm_from_the_folder_of_an_asset(tmp_path):
+    asset_folder(tmp_path, lambda u, v: (0.7 * u, v, 0 * u))
+    case = cases.of_asset(tmp_path, 1, GRID)
+    assert abs(measure.strain(case)["max"] - 0.3) < 1e-5
+    assert measure.strain(case, warped=True)["rms"] < 0.02
+    assert measure.folds(case, warped=True) == 0 and case.facts["vrtm_seconds"] > 0
+    assert case.vertex.tolist() == list(range(len(case.uv)))
+    other = cases.of_asset(tmp_path, 1, GRID, pose=case.rest)
+    assert not other.displacement.any()
+    for wrong in ({"frame": 2}, {"frame": 1, "udim": 1002}, {"frame": 1, "pose": case.rest[1:]}):
+        with pytest.raises(ValueError, match=next(reversed(wrong))):
+            cases.of_asset(tmp_path, wrong.pop("frame"), GRID, **wrong)
+
+
+def test_an_exported_case(tmp_path):
+    asset_folder(tmp_path, plane)
+    warp = (0.1 * np.random.default_rng(4).standard_normal(((GRID + 1) ** 2, 2))).astype("<f4")
+    warp.tofile(tmp_path / "warp.f32")
+    (warp[:, 0] > 0).astype(np.uint8).tofile(tmp_path / "movable.u8")
+    (tmp_path / "rigid.png").rename(tmp_path / "rigidity.png")
+    squashed = (line.split() for line in (tmp_path / "rest.obj").read_text().splitlines())
+    squashed = (f"v {0.7 * float(x[1])} {x[2]} 0" if x[0] == "v" else " ".join(x) for x in squashed)
+    (tmp_path / "pose.obj").write_text("\n".join(squashed))
+    facts = {"scene": "sheet", "frame": 1, "udim": 1001, "grid": GRID, "vrtm_seconds": 0.1}
+    (tmp_path / "case.json").write_text(json.dumps(facts))
+    case = cases.load(tmp_path)
+    assert (case.displacement == warp).all() and (case.movable == (warp[:, 0] > 0)).all()
+    assert abs(measure.strain(case)["max"] - 0.3) < 1e-5
+    facts["before"], facts["after"] = measure.strain(case), measure.strain(case, warped=True)
+    (tmp_path / "case.json").write_text(json.dumps(facts))
+    rows = peers.of_export(tmp_path, ["original", "mvc"])
+    assert [r["method"] for r in rows] == ["vrtm", "original", "mvc"]
+    assert "## sheet, frame 1" in report(rows)
+    facts["after"]["rms"] *= 1.01
+    (tmp_path / "case.json").write_text(json.dumps(facts))
+    with pytest.raises(SystemExit, match="strain of vrtm"):
+        peers.of_export(tmp_path, ["original"])
