@@ -71,21 +71,24 @@ def measured(device, model, frame, grid, repeats):
     return row
 
 
-def make(models, repeats=7):
-    """The rows; `models` gives the model by name, or None where it is absent."""
-    load = os.getloadavg()[0]
-    rows = []
+def make(models, names, kept, repeats=7):
+    """The rows `names`, beside those of an earlier run that are kept; `models` gives the model by name, or None where
+    it is absent."""
+    rows = {row["row"]: row for row in kept.get("rows", [])}
     with vrtm.Device("cpu") as device:
-        for name, (subject, frame) in ROWS.items():
+        for name in names:
+            subject, frame = ROWS[name]
             model = models(subject)
             if model is None:
+                print(f"{name} left out: the model {subject} is not there")
                 continue
-            rows.append({"row": name, "model": subject, "note": model.notes[frame], "grid": PAPER[name][0]})
-            rows[-1] |= measured(device, model, frame, PAPER[name][0], repeats)
-            print(rows[-1], flush=True)
+            row = {"row": name, "model": subject, "note": model.notes[frame], "grid": PAPER[name][0]}
+            rows[name] = row | measured(device, model, frame, PAPER[name][0], repeats)
+            rows[name]["load"] = round(os.getloadavg()[0], 1)
+            print(rows[name], flush=True)
         threads = device.info.threads
-    loads = round(load, 1), round(os.getloadavg()[0], 1)
-    return {"machine": machine(), "threads": threads, "load": loads, "repeats": repeats, "rows": rows}
+    rows = [rows[name] for name in ROWS if name in rows]
+    return {"machine": machine(), "threads": threads, "repeats": repeats, "rows": rows}
 
 
 def machine():
@@ -122,11 +125,11 @@ def lines(result):
                 f"| {row['row']} | {row['model']}, {row['note']} | {row['grid']}² | {rendering[1]:.2f} | "
                 f"{row['invert']:.0f} | {rendering[0]:.2f}, {rendering[2]:.2f} | not timed on a GPU |"
             )
-    low, high = sorted(result["load"])
+    loads = [row["load"] for row in result["rows"]]
     out += [
         "",
         f"Milliseconds. The paper's: Intel Xeon X5550 and NVIDIA GTX Titan, on the GPU. Ours: {result['machine']}, "
-        f"{result['threads']} threads, on the CPU; medians of {result['repeats']}. Load average meanwhile: "
-        f"{low} to {high}, of which up to {result['threads']} are ours.",
+        f"{result['threads']} threads, on the CPU; medians of {result['repeats']}. The machine was shared: its load "
+        f"average after each row was {min(loads)} to {max(loads)}, of which up to {result['threads']} are ours.",
     ]
     return out
