@@ -56,6 +56,9 @@ def long(options):
 def make(options):
     pictures, results = {}, []
     for part in fishes, long, face:
+        if part is face and not (options.assets / "mh_face").is_dir():
+            print(f"figure 7: the face left out, {options.assets / 'mh_face'} is not there (option --assets)")
+            continue
         made, lines = part(options)
         pictures, results = pictures | made, results + lines
     return pictures, results
