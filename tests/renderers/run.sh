@@ -60,7 +60,7 @@ if ! limited "$venv/bin/python" "$here/fixture.py" "$work" >"$work/log" 2>&1; th
     say "FAILED renderers: the model cannot be baked"
     finish
 fi
-for name in cycles layers asset normals displacement shaders materialx osl oiio usd eevee; do
+for name in cycles layers asset normals displacement paper shaders materialx osl oiio usd eevee; do
     start=$(date +%s)
     limited "$venv/bin/python" "$here/check_$name.py" "$work" >"$work/$name.log" 2>&1
     code=$?

@@ -1,0 +1,1 @@
+"""Models that stand for the paper's: closed formulas for geometry and poses."""
