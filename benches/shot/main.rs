@@ -9,7 +9,6 @@
 #[path = "../../tests/common/mod.rs"]
 mod common;
 mod chart;
-mod path;
 mod play;
 #[allow(dead_code)] // Shots use all tiles of a case, and none of its poses.
 #[path = "../speed_error/scenes.rs"]
@@ -19,7 +18,7 @@ use std::path::{Path as FilePath, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
-use path::Path;
+use common::scenes::path::Path;
 use scenes::Case;
 use serde_json::json;
 use vrtm::{Backend, Device, DeviceSettings, SolveOptions};
@@ -126,7 +125,8 @@ fn run(args: &Args) -> Result<(), String> {
 
 /// Plays one shot and writes its folder.
 fn shoot(args: &Args, case: &Case, device: &Device, folder: &FilePath) -> Result<(), String> {
-    let path = Path::new(&case.model, args.frames)?;
+    let keys = std::iter::once(&case.model.rest).chain(&case.model.frames).map(Vec::as_slice).collect();
+    let path = Path::new(keys, args.frames).map_err(|why| format!("{}: {why}", case.model.name))?;
     let poses: Vec<_> = (1..=args.frames).map(|frame| path.pose(frame)).collect();
     common::save(&case.model, &poses, &folder.join("asset"))?;
     let rows = play::play(case, &path, args.frames, device, &args.options())?;

@@ -6,8 +6,8 @@ use vrtm::{Asset, Device, SolveOptions, Strided};
 
 use crate::common::motion::{Points, Spread, cells, edges, of_edges, of_positions};
 use crate::common::roughness::second_difference;
+use crate::common::scenes::path::Path;
 use crate::common::{Warp, doubles};
-use crate::path::Path;
 use crate::scenes::Case;
 
 /// The second differences of one frame and its two neighbours.

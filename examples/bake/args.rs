@@ -6,6 +6,9 @@ use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use vrtm::{Backend, MAX_GRID, Quality};
 
+use crate::failure::Failure;
+use crate::source::{Files, Source};
+
 /// Bakes UV redirection maps that keep painted features rigid while the mesh under them deforms.
 ///
 /// Without an argument it bakes a built-in scene, a mug that is edited into a jug. Per frame (numbered from 1) and UDIM
@@ -85,6 +88,19 @@ pub struct Args {
     pub device: Backend,
 }
 
+impl Args {
+    /// What to load.
+    pub fn files(&self) -> Files {
+        Files {
+            scene: self.scene.clone(),
+            asset: self.asset.clone(),
+            rest: self.rest.clone(),
+            pose: self.pose.clone(),
+            rigidity: self.rigidity.clone(),
+        }
+    }
+}
+
 const QUALITIES: [(&str, Quality); 3] =
     [("draft", Quality::Draft), ("normal", Quality::Normal), ("high", Quality::High)];
 const DEVICES: [(&str, Backend); 3] = [("auto", Backend::Auto), ("cpu", Backend::Cpu), ("gpu", Backend::Gpu)];
@@ -106,6 +122,28 @@ pub struct Range {
 /// Ranges of frame numbers, in the order given. The number of frames is only known once the scene is loaded.
 #[derive(Clone, Debug)]
 pub struct Frames(pub Vec<Range>);
+
+impl Frames {
+    /// Indices of these frames, each once.
+    ///
+    /// # Errors
+    /// A frame that the source does not have.
+    pub fn among(&self, source: &Source) -> Result<Vec<usize>, Failure> {
+        let count = source.frames.len();
+        if let Some(last) = self.0.iter().map(|range| range.last).find(|&last| last > count) {
+            let reason = format!("{} has {count} frames", source.name);
+            return Err(Failure::named(&format!("--frames {last}"), reason));
+        }
+        let mut chosen = Vec::new();
+        let numbers = self.0.iter().flat_map(|range| (range.first..=range.last).step_by(range.step));
+        for index in numbers.map(|number| number - 1) {
+            if !chosen.contains(&index) {
+                chosen.push(index);
+            }
+        }
+        Ok(chosen)
+    }
+}
 
 /// Reads the lists that `vrtm bake` reads, but for parts of frames, which no OBJ has.
 fn parse_frames(text: &str) -> Result<Frames, String> {

@@ -47,7 +47,10 @@ fn main() -> ExitCode {
 
 fn run(args: &Args) -> Result<()> {
     output::watch_signals()?;
-    let source = Source::load(args)?;
+    let mut source = Source::load(&args.files())?;
+    if let Some(frames) = &args.frames {
+        source.chosen = frames.among(&source)?;
+    }
     let settings = DeviceSettings { backend: args.device, log: Some(log()), ..DeviceSettings::default() };
     let device = Device::new(&settings).map_err(|e| Failure::named("--device", e))?;
     let mut bake = Bake::new(&source, args, &device)?;

@@ -10,9 +10,7 @@ use exr::prelude::{ReadChannels as _, ReadLayers as _};
 use serde_json::Value;
 
 use crate::failure::{Failure, Result};
-
-/// An input file, after the option that names it.
-pub type Input = (&'static str, PathBuf);
+use crate::source::Input;
 
 /// The mark of a report: the name of its program.
 pub const PROGRAM: &str = "vrtm bake";

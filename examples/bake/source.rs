@@ -1,17 +1,30 @@
-//! Loads a bake's mesh, poses and maps: from a built-in scene, from an asset folder, or from a user's files.
+//! Loads a mesh, its poses and maps: from a built-in scene, from an asset folder, or from a user's files. The viewer in
+//! `examples/view` reads them with the same code.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use crate::args::{Args, Frames};
 use crate::failure::{Failure, Result, read};
 use crate::maps::Map;
 use crate::mesh::Mesh;
 use crate::obj;
-use crate::overwrite::Input;
 use crate::scenes::{self, Scene};
+
+/// An input file, after the option that names it.
+pub type Input = (&'static str, PathBuf);
+
+/// What to load: the options of the command line. Without any it is a built-in scene.
+#[derive(Clone, Debug, Default)]
+pub struct Files {
+    pub scene: Option<String>,
+    pub asset: Option<PathBuf>,
+    pub rest: Option<PathBuf>,
+    pub pose: Vec<PathBuf>,
+    /// A path in which `<UDIM>` stands for the tile's number; `None` = no maps.
+    pub rigidity: Option<String>,
+}
 
 /// Everything that is read before the first solve.
 #[derive(Debug, Default)]
@@ -49,13 +62,13 @@ pub struct TileMaps {
 }
 
 impl Source {
-    pub fn load(args: &Args) -> Result<Source> {
-        let mut source = match (&args.asset, &args.rest) {
+    pub fn load(wanted: &Files) -> Result<Source> {
+        let mut source = match (&wanted.asset, &wanted.rest) {
             (Some(folder), _) => asset(folder)?,
-            (_, Some(rest)) => files(rest, args)?,
-            _ => scene(args.scene.as_deref().unwrap_or("mug_to_jug"))?,
+            (_, Some(rest)) => files(rest, wanted)?,
+            _ => scene(wanted.scene.as_deref().unwrap_or("mug_to_jug"))?,
         };
-        source.choose(args.frames.as_ref())?;
+        source.chosen = (0..source.frames.len()).collect();
         let vertices = source.mesh.rest.len();
         for Frame { number, positions, origin, .. } in &source.frames {
             let bad = |reason: String| Err(Failure::named(origin, reason));
@@ -67,27 +80,6 @@ impl Source {
             }
         }
         Ok(source)
-    }
-
-    fn choose(&mut self, wanted: Option<&Frames>) -> Result<()> {
-        let count = self.frames.len();
-        let Some(Frames(ranges)) = wanted else {
-            self.chosen = (0..count).collect();
-            return Ok(());
-        };
-        if let Some(last) = ranges.iter().map(|range| range.last).find(|&last| last > count) {
-            return Err(Failure::named(
-                &format!("--frames {last}"),
-                format!("{} has {count} frames", self.name),
-            ));
-        }
-        let numbers = ranges.iter().flat_map(|range| (range.first..=range.last).step_by(range.step));
-        for index in numbers.map(|number| number - 1) {
-            if !self.chosen.contains(&index) {
-                self.chosen.push(index);
-            }
-        }
-        Ok(())
     }
 }
 
@@ -160,11 +152,11 @@ fn asset(folder: &Path) -> Result<Source> {
     })
 }
 
-fn files(rest: &Path, args: &Args) -> Result<Source> {
+fn files(rest: &Path, wanted: &Files) -> Result<Source> {
     let mesh = obj::load_mesh(rest)?;
     let mut inputs = vec![("--rest", rest.to_path_buf())];
     let mut frames = Vec::new();
-    for path in &args.pose {
+    for path in &wanted.pose {
         inputs.push(("--pose", path.clone()));
         if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("f32")) {
             load_f32(path, mesh.rest.len(), &mut frames)?;
@@ -175,7 +167,8 @@ fn files(rest: &Path, args: &Args) -> Result<Source> {
         frames.push(Frame { number: frames.len() + 1, positions, origin: path.display().to_string(), note });
     }
     let mut maps = BTreeMap::new();
-    for (udim, path) in existing(args.rigidity.as_deref().unwrap_or_default(), &mesh)? {
+    let found = wanted.rigidity.as_ref().map(|pattern| existing(pattern, &mesh)).transpose()?;
+    for (udim, path) in found.unwrap_or_default() {
         maps.insert(udim, TileMaps { rigidity: Some(Map::load(&path)?), mask: None });
         inputs.push(("--rigidity", path));
     }

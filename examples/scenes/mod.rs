@@ -12,6 +12,7 @@ mod build;
 mod creature;
 mod mug;
 mod paint;
+pub mod path;
 
 pub use arm::arm;
 pub use creature::creature;

@@ -1,6 +1,4 @@
-//! A smooth path of poses through rest and all frames of a model.
-
-use crate::common::Model;
+//! A smooth path of poses through rest and all frames of a model: for benches of shots, and for the viewer's timeline.
 
 /// A cubic Hermite spline in time (Catmull-Rom with tangents for uneven times), at rest at both ends: its velocity is
 /// continuous, and it passes exactly through each key.
@@ -11,13 +9,13 @@ pub struct Path<'a> {
 }
 
 impl<'a> Path<'a> {
+    /// A path through rest and poses, in frames from 1.
+    ///
     /// # Errors
-    /// If there are fewer frames than keys.
-    pub fn new(model: &'a Model, frames: usize) -> Result<Path<'a>, String> {
-        let keys: Vec<&[[f32; 3]]> =
-            std::iter::once(&model.rest).chain(&model.frames).map(Vec::as_slice).collect();
+    /// If there are fewer frames than keys, or fewer than two keys.
+    pub fn new(keys: Vec<&'a [[f32; 3]]>, frames: usize) -> Result<Path<'a>, String> {
         if keys.len() < 2 || frames < keys.len() {
-            return Err(format!("{}: {frames} frames for {} keys", model.name, keys.len()));
+            return Err(format!("{frames} frames for {} keys", keys.len()));
         }
         // Keys lie on whole frames: a key between two frames would not be met.
         let (last, parts) = (frames - 1, keys.len() - 1);

@@ -1,0 +1,130 @@
+//! The picture of the mesh in the window.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use eframe::egui::mutex::RwLock;
+use eframe::egui::{CentralPanel, Color32, Frame, Pos2, Rect, TextureId, Ui, pos2};
+use eframe::egui_wgpu::Renderer;
+use serde_json::json;
+
+use super::App;
+use crate::draw::camera::View;
+use crate::draw::picture::Picture;
+use crate::panel::{style, viewport};
+
+/// The picture on the screen, drawn again only if something changed.
+pub struct Screen {
+    renderer: Arc<RwLock<Renderer>>,
+    picture: Option<(Picture, TextureId)>,
+    /// What the picture shows.
+    views: Vec<View>,
+    fresh: bool,
+    /// How long it took.
+    pub milliseconds: f64,
+}
+
+impl Screen {
+    pub fn new(renderer: Arc<RwLock<Renderer>>) -> Screen {
+        Screen { renderer, picture: None, views: Vec::new(), fresh: false, milliseconds: 0.0 }
+    }
+
+    /// Tells that the mesh or its maps changed.
+    pub fn changed(&mut self) {
+        self.fresh = false;
+    }
+
+    pub fn size(&self) -> [u32; 2] {
+        self.picture.as_ref().map_or([640, 480], |(picture, _)| picture.size)
+    }
+
+    pub fn views(&self) -> &[View] {
+        &self.views
+    }
+}
+
+impl App {
+    /// The view of the mesh. Returns whether the user paints.
+    pub(super) fn viewport(&mut self, ui: &mut Ui, scale: f32) -> bool {
+        let back = Frame::NONE.fill(style::BACK);
+        CentralPanel::default().frame(back).show(ui, |ui| self.viewport_in(ui, scale)).inner
+    }
+
+    fn viewport_in(&mut self, ui: &mut Ui, scale: f32) -> bool {
+        let Some(open) = &mut self.open else {
+            let text = self.notice.as_deref().unwrap_or("Drop an asset folder or OBJ files here");
+            ui.centered_and_justified(|ui| ui.label(text));
+            return false;
+        };
+        let recording = self.clip.is_some();
+        let (area, _, mouse) = viewport::mouse(ui, &self.look, &mut open.orbit);
+        let count = self.look.redirected().len();
+        self.trace.widget("view", area, scale);
+        let camera = open.orbit.camera(area.width() / count as f32 / area.height());
+        let painting = if recording {
+            false
+        } else {
+            self.brush_keys(ui);
+            self.paint(ui, (area, count), &camera, &mouse)
+        };
+        let cells = self
+            .shown
+            .as_ref()
+            .and_then(|answer| answer.tiles.iter().map(|tile| tile.report.grid[0]).max())
+            .filter(|&cells| cells > 0)
+            .unwrap_or(512);
+        let views = self.look.views(&camera, cells, scale);
+        let pixels = [area.width(), area.height()].map(|x| (x * scale).round().max(1.0) as u32);
+        self.redraw(views, pixels);
+        if let Some((_, id)) = &self.screen.picture {
+            let whole = Rect::from_min_max(Pos2::ZERO, pos2(1.0, 1.0));
+            ui.painter().image(*id, area, whole, Color32::WHITE);
+        }
+        let has_strain = self.shown.is_some();
+        viewport::overlay(ui, area, &self.look, has_strain);
+        if let Some((pane, hit, radius)) = self.stroke.under.filter(|_| self.look.brush && !recording) {
+            viewport::outline(ui, area, (count, pane), &camera, &hit, radius);
+        }
+        painting
+    }
+
+    /// Draws the picture again if it changed.
+    fn redraw(&mut self, views: Vec<View>, pixels: [u32; 2]) {
+        let screen = &mut self.screen;
+        if screen.picture.as_ref().is_none_or(|(picture, _)| picture.size != pixels) {
+            let picture = Picture::new(&self.gpu, pixels);
+            let view = picture.texture.create_view(&Default::default());
+            let mut renderer = screen.renderer.write();
+            let nearest = wgpu::FilterMode::Nearest;
+            let id = match &screen.picture {
+                Some((_, id)) => {
+                    renderer.update_egui_texture_from_wgpu_texture(&self.gpu.device, &view, nearest, *id);
+                    *id
+                }
+                None => renderer.register_native_texture(&self.gpu.device, &view, nearest),
+            };
+            screen.picture = Some((picture, id));
+            screen.fresh = false;
+        }
+        if screen.fresh && screen.views == views {
+            return;
+        }
+        let start = Instant::now();
+        let Some((picture, _)) = &screen.picture else { return };
+        picture.draw(&self.gpu, self.open.as_ref().map(|open| &open.scene), &views);
+        // Waiting makes the time honest; a lost GPU is told by the window's own drawing.
+        let _ = self.gpu.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: None });
+        screen.milliseconds = start.elapsed().as_secs_f64() * 1e3;
+        (screen.views, screen.fresh) = (views, true);
+        if let Some(answer) = &self.shown {
+            let request = &answer.request;
+            let facts = json!({
+                "frame": request.frame, "edit": request.edit, "ms": self.screen.milliseconds,
+                "purpose": format!("{:?}", request.purpose).to_lowercase(),
+                "quality": format!("{:?}", request.quality).to_lowercase(),
+                "panes": self.look.redirected(), "shown": format!("{:?}", self.look.shown).to_lowercase(),
+            });
+            self.trace.event("drawn", facts);
+        }
+    }
+}

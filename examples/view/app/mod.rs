@@ -1,0 +1,321 @@
+//! The program: what is open, what is shown, and one pass over the window.
+
+mod draw;
+mod open;
+mod saving;
+mod stroke;
+
+use std::sync::Arc;
+
+use eframe::egui::{self, Align, Key, Layout, Modifiers, Panel, RichText, ScrollArea, Ui, ViewportCommand};
+use eframe::egui_wgpu;
+use serde_json::json;
+
+use crate::args::Args;
+use crate::brush::painter::{Brush, Painter};
+use crate::draw::camera::Orbit;
+use crate::draw::gpu::Gpu;
+use crate::draw::scene::Scene;
+use crate::model::Model;
+use crate::panel::bar::{self, Wish};
+use crate::panel::figures::{self, History};
+use crate::panel::settings::{self, Settings};
+use crate::panel::side::section;
+use crate::panel::viewport::{Look, Shown};
+use crate::panel::{brush, line, style};
+use crate::save::clip::Clip;
+use crate::solve::answer::Answer;
+use crate::solve::flow::{Flow, Wanted};
+use crate::solve::inbox::Edit;
+use crate::solve::worker::{News, Worker};
+use crate::timeline::Timeline;
+use crate::trace::Trace;
+use draw::Screen;
+use saving::Question;
+use stroke::Stroke;
+
+/// What is open.
+pub struct Open {
+    model: Arc<Model>,
+    painter: Painter,
+    scene: Scene,
+    line: Timeline,
+    orbit: Orbit,
+    /// The first edit that belongs to it: earlier answers are of another mesh.
+    first: u64,
+}
+
+pub struct App {
+    gpu: Gpu,
+    worker: Worker,
+    trace: Trace,
+    open: Option<Open>,
+    look: Look,
+    brush: Brush,
+    settings: Settings,
+    /// The settings that the thread has.
+    told: Settings,
+    flow: Flow,
+    shown: Option<Answer>,
+    history: History,
+    screen: Screen,
+    stroke: Stroke,
+    clip: Option<Clip>,
+    question: Option<Question>,
+    /// The text of the fields for paths.
+    path: String,
+    folder: String,
+    device: String,
+    notice: Option<String>,
+}
+
+impl App {
+    /// # Errors
+    /// If the window is not drawn with wgpu.
+    pub fn new(context: &eframe::CreationContext, args: Args, trace: Trace) -> Result<App, String> {
+        style::apply(&context.egui_ctx);
+        let state: &egui_wgpu::RenderState =
+            context.wgpu_render_state.as_ref().ok_or("wgpu draws no window here")?;
+        let wake = {
+            let ctx = context.egui_ctx.clone();
+            move || ctx.request_repaint()
+        };
+        let mut app = App {
+            gpu: Gpu::new(state),
+            worker: Worker::new(args.device, wake),
+            trace,
+            open: None,
+            look: Look {
+                panes: args.view,
+                shown: Shown::Texture,
+                grid: false,
+                every: 8,
+                range: 0.3,
+                brush: false,
+            },
+            brush: Brush::default(),
+            settings: Settings::default(),
+            told: Settings::default(),
+            flow: Flow::default(),
+            shown: None,
+            history: History::default(),
+            screen: Screen::new(state.renderer.clone()),
+            stroke: Stroke::default(),
+            clip: None,
+            question: None,
+            path: String::new(),
+            folder: std::env::current_dir().map_or(".".into(), |folder| folder.display().to_string()),
+            device: String::new(),
+            notice: None,
+        };
+        app.open_files(&args.files());
+        if let Some(open) = &mut app.open {
+            open.line.go(args.frame as usize);
+        }
+        Ok(app)
+    }
+
+    /// Shows what went wrong.
+    fn say(&mut self, message: String) {
+        self.trace.event("notice", json!({ "text": message }));
+        self.notice = Some(message);
+    }
+
+    /// Takes what the solving thread has done.
+    fn hear(&mut self) {
+        let news: Vec<News> = self.worker.news().collect();
+        for news in news {
+            match news {
+                News::Device(text) => self.device = text,
+                News::Failed(text) => {
+                    self.give_clip_up();
+                    self.say(text);
+                }
+                News::Solved(answer) => self.show(*answer),
+            }
+        }
+    }
+
+    fn show(&mut self, answer: Answer) {
+        let Some(open) = self.open.as_mut().filter(|open| answer.request.edit >= open.first) else { return };
+        let request = &answer.request;
+        let strain = answer.strain();
+        self.trace.event(
+            "solve",
+            json!({
+                "frame": request.frame, "edit": request.edit,
+                "purpose": format!("{:?}", request.purpose).to_lowercase(),
+                "quality": format!("{:?}", request.quality).to_lowercase(), "solve_ms": answer.solve_ms,
+                "build_ms": answer.build_ms, "fetch_ms": answer.fetch_ms, "measure_ms": answer.measure_ms,
+                "min_jacobian": answer.report.min_jacobian, "folds": answer.report.folds,
+                "strain": strain.map(|s| json!({ "edges": s.edges, "rms": s.rms, "p95": s.p95 })),
+            }),
+        );
+        self.history.learn(&answer);
+        self.flow.learn(&answer, self.settings.quality);
+        open.scene.show(&self.gpu, &answer);
+        self.screen.changed();
+        self.stroke.moved();
+        self.shown = Some(answer);
+        if self.clip.is_some() {
+            self.clip_frame();
+        }
+    }
+
+    /// Asks for what the window should show.
+    fn ask(&mut self, moving: bool) {
+        let Some(open) = &self.open else { return };
+        if self.settings.tile != self.told.tile {
+            self.flow.edit += 1;
+            self.worker.inbox.post(Edit::Settings(self.settings.tile));
+            self.notice = None;
+        }
+        self.told = self.settings;
+        if self.clip.is_some() {
+            return;
+        }
+        let (frame, last, quality) = (open.line.frame, open.line.last, self.settings.quality);
+        let wanted = Wanted { frame, last, quality, moving };
+        let shown = self.shown.as_ref().map(|answer| &answer.request);
+        if let Some(request) = self.flow.next(&wanted, shown) {
+            self.worker.inbox.ask(request);
+        }
+    }
+
+    fn bar(&mut self, ui: &mut Ui, scale: f32) {
+        let (name, z_up) = self
+            .open
+            .as_ref()
+            .map_or(("nothing open", false), |open| (open.model.name.as_str(), open.orbit.z_up));
+        let App { look, path, folder, trace, clip, .. } = self;
+        let progress = clip.as_ref().map(|clip| (clip.next.min(clip.last), clip.last));
+        let mut wish = Panel::top("bar").frame(style::frame(0)).exact_size(42.0).show(ui, |ui| {
+            let fields = (&mut *look, path, folder);
+            bar::show(ui, (name, z_up), fields, progress, |name, rect| trace.widget(name, rect, scale))
+        });
+        if progress.is_none() && !ui.ctx().egui_wants_keyboard_input() {
+            wish.inner = wish.inner.or(bar::keys(ui, look));
+        }
+        match (wish.inner, &mut self.open) {
+            (Some(Wish::Save(pressed)), _) => self.press(pressed),
+            (Some(Wish::Open(files)), _) => self.open_files(&files),
+            (Some(Wish::Reset), Some(open)) => {
+                open.orbit = Orbit {
+                    z_up: open.orbit.z_up,
+                    ..Orbit::of(&open.model.mesh.rest, open.model.centre, open.model.radius)
+                };
+            }
+            (Some(Wish::Up(z_up)), Some(open)) => open.orbit.z_up = z_up,
+            _ => {}
+        }
+    }
+
+    /// Returns whether something is being dragged.
+    fn side(&mut self, ui: &mut Ui, scale: f32) -> bool {
+        let App { settings, brush, look, trace, open, history, shown, screen, clip, .. } = self;
+        let mut noted = |name: &str, rect: egui::Rect| trace.widget(name, rect, scale);
+        let (mut dragged, mut undo) = (false, false);
+        let frame = style::frame(10);
+        Panel::right("side").frame(frame).resizable(false).exact_size(348.0).show(ui, |ui| {
+            ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                ui.add_enabled_ui(clip.is_none(), |ui| {
+                    if let Some(answer) = shown {
+                        section(ui, "This frame", true, |ui| {
+                            figures::show(ui, answer, history, screen.milliseconds)
+                        });
+                    }
+                    if look.brush {
+                        let can_undo = open.as_ref().is_some_and(|open| open.painter.can_undo());
+                        undo = section(ui, "Brush", true, |ui| brush::show(ui, brush, can_undo, &mut noted))
+                            .unwrap_or(false);
+                    }
+                    dragged |= section(ui, "Solve", true, |ui| settings::show(ui, settings, &mut noted))
+                        .unwrap_or(false);
+                });
+            });
+        });
+        if undo {
+            self.undo();
+        }
+        dragged
+    }
+
+    /// Returns whether the timeline is being dragged.
+    fn line(&mut self, ui: &mut Ui, scale: f32) -> bool {
+        let App { open, trace, history, clip, shown, device, notice, worker, .. } = self;
+        let Some(open) = open else { return false };
+        let now = ui.input(|i| i.time);
+        let keys = clip.is_none() && !ui.ctx().egui_wants_keyboard_input();
+        let pressed = |key| keys && ui.input(|i| i.key_pressed(key));
+        if pressed(Key::Space) {
+            open.line.toggle(now);
+        }
+        for (key, way) in [(Key::ArrowLeft, -1), (Key::ArrowRight, 1)] {
+            if pressed(key) {
+                open.line.go(open.line.frame.saturating_add_signed(way).max(1));
+            }
+        }
+        for (key, forward) in [(Key::PageUp, false), (Key::PageDown, true)] {
+            if pressed(key) {
+                open.line.step_to_key(forward);
+            }
+        }
+        open.line.tick(now);
+        let mut dragged = false;
+        Panel::bottom("status").frame(style::frame(4)).exact_size(24.0).show(ui, |ui| {
+            ui.horizontal_centered(|ui| {
+                let busy = worker.inbox.is_busy();
+                let wanted = open.line.frame;
+                let state = match shown {
+                    Some(answer) if answer.request.frame == wanted && !busy => "up to date",
+                    _ => "solving",
+                };
+                ui.label(RichText::new(state).small().color(style::QUIET));
+                if let Some(text) = notice.clone() {
+                    if ui.small_button("×").clicked() {
+                        *notice = None;
+                    }
+                    ui.label(RichText::new(text).small().color(style::ERROR));
+                }
+                ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
+                    ui.add(egui::Label::new(RichText::new(&*device).small().color(style::QUIET)).truncate());
+                });
+            });
+        });
+        Panel::bottom("timeline").frame(style::frame(8)).exact_size(92.0).show(ui, |ui| {
+            ui.add_enabled_ui(clip.is_none(), |ui| {
+                dragged = line::show(ui, &mut open.line, (&open.model, history), now, |name, rect| {
+                    trace.widget(name, rect, scale);
+                });
+            });
+        });
+        dragged
+    }
+}
+
+impl eframe::App for App {
+    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+        let scale = ui.ctx().pixels_per_point();
+        self.hear();
+        if ui.input_mut(|i| i.consume_key(Modifiers::COMMAND, Key::Q)) {
+            ui.ctx().send_viewport_cmd(ViewportCommand::Close);
+        }
+        self.open_dropped(ui);
+        self.bar(ui, scale);
+        let mut moving = self.side(ui, scale);
+        moving |= self.line(ui, scale);
+        moving |= self.viewport(ui, scale);
+        if self.open.as_ref().is_some_and(|open| open.line.is_playing()) {
+            moving = true;
+            ui.ctx().request_repaint();
+        }
+        self.ask(moving);
+        self.ask_question(ui, scale);
+        self.trace.end_frame();
+    }
+
+    fn on_exit(&mut self) {
+        self.give_clip_up();
+        self.trace.event("close", json!({}));
+    }
+}

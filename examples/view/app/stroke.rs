@@ -1,0 +1,133 @@
+//! The brush in the view: where it is, and what a stroke changes.
+
+use eframe::egui::{Key, Modifiers, Rect, Ui};
+use serde_json::json;
+
+use super::App;
+use crate::brush::painter::{Brush, Change};
+use crate::brush::pick::{Hit, Projected};
+use crate::draw::camera::Camera;
+use crate::panel::viewport::Mouse;
+use crate::solve::inbox::Edit;
+
+/// The brush between two passes over the window.
+#[derive(Default)]
+pub struct Stroke {
+    /// The vertices on the picture, and the camera for which they were computed.
+    projected: Option<(Camera, Projected)>,
+    /// The pane under the mouse, the point of the surface there, and the brush's radius in space.
+    pub under: Option<(usize, Hit, f32)>,
+    /// The pane and the place of the last dab.
+    last: Option<(usize, [f32; 2])>,
+}
+
+impl Stroke {
+    /// Tells that the mesh moved.
+    pub fn moved(&mut self) {
+        self.projected = None;
+    }
+}
+
+/// Dabs per radius along a stroke.
+const DENSITY: f32 = 3.0;
+/// Most dabs per pass, so that a sudden move of the mouse does not stall the window.
+const MOST: usize = 64;
+
+impl App {
+    pub(super) fn brush_keys(&mut self, ui: &Ui) {
+        if ui.ctx().egui_wants_keyboard_input() || !self.look.brush {
+            return;
+        }
+        if ui.input_mut(|i| i.consume_key(Modifiers::COMMAND, Key::Z)) {
+            self.undo();
+        }
+        let pressed = |key| ui.input(|i| i.key_pressed(key));
+        self.brush.erase ^= pressed(Key::E);
+        for (key, factor) in [(Key::OpenBracket, 1.0 / 1.2), (Key::CloseBracket, 1.2)] {
+            if pressed(key) {
+                self.brush.radius = (self.brush.radius * factor).clamp(2.0, 200.0);
+            }
+        }
+    }
+
+    /// Follows the mouse, and paints if its button is held. Returns whether it does.
+    pub(super) fn paint(
+        &mut self,
+        ui: &Ui,
+        (area, count): (Rect, usize),
+        camera: &Camera,
+        mouse: &Mouse,
+    ) -> bool {
+        let Some(open) = &mut self.open else { return false };
+        self.stroke.under = None;
+        if !mouse.paints {
+            self.stroke.last = None;
+            if open.painter.is_painting() {
+                open.painter.end();
+            }
+        }
+        let Some((pane, at)) = mouse.over.filter(|_| self.look.brush) else { return mouse.paints };
+        let Some(answer) = &self.shown else { return false };
+        let positions = &answer.positions;
+        if self.stroke.projected.as_ref().is_none_or(|(of, _)| of != camera) {
+            self.stroke.projected = Some((*camera, Projected::new(camera, positions)));
+        }
+        let Some((_, projected)) = &self.stroke.projected else { return false };
+        let model = &open.model;
+        let radius = |hit: &Hit| self.brush.radius / area.height() * camera.height(hit.depth);
+        let mut hits: Vec<Hit> = Vec::new();
+        let size = [area.width() / count as f32, area.height()];
+        let from = self.stroke.last.filter(|(of, _)| mouse.paints && *of == pane).map_or(at, |(_, at)| at);
+        let way = [0, 1].map(|c| (at[c] - from[c]) * size[c]);
+        let steps = (way[0].hypot(way[1]) / self.brush.radius * DENSITY).ceil().max(1.0) as usize;
+        for k in 1..=steps.min(MOST) {
+            let t = k as f32 / steps.min(MOST) as f32;
+            hits.extend(projected.pick(model, positions, [0, 1].map(|c| from[c] + (at[c] - from[c]) * t)));
+        }
+        self.stroke.under = hits.last().map(|hit| (pane, *hit, radius(hit)));
+        if !mouse.paints {
+            return false;
+        }
+        // A mouse that is held still paints nothing new.
+        if self.stroke.last.replace((pane, at)) == Some((pane, at)) {
+            return true;
+        }
+        let erase = self.brush.erase ^ ui.input(|i| i.modifiers.command);
+        let brush = Brush { erase, ..self.brush };
+        if !open.painter.is_painting() {
+            open.painter.begin();
+        }
+        let seen = self.look.redirected()[pane].then_some(answer.tiles.as_slice());
+        let mut changes: Vec<Change> = Vec::new();
+        for hit in &hits {
+            for change in open.painter.dab(model, positions, seen, hit, (&brush, radius(hit))) {
+                match changes.iter_mut().find(|known| known.tile == change.tile) {
+                    Some(known) => known.rect = known.rect.with(change.rect),
+                    None => changes.push(change),
+                }
+            }
+        }
+        self.send(changes);
+        true
+    }
+
+    pub(super) fn undo(&mut self) {
+        let changes = self.open.as_mut().map(|open| open.painter.undo()).unwrap_or_default();
+        self.send(changes);
+    }
+
+    /// Hands changed rectangles to the picture and to the solving thread.
+    fn send(&mut self, changes: Vec<Change>) {
+        let Some(open) = &mut self.open else { return };
+        for Change { tile, rect, .. } in changes {
+            let canvas = &open.painter.canvases[tile];
+            open.scene.paint(&self.gpu, tile, canvas, rect);
+            let facts =
+                json!({ "tile": open.model.tiles[tile].udim, "first": rect.first, "size": rect.size });
+            self.trace.event("paint", facts);
+            self.worker.inbox.post(Edit::Paint { tile, rect, texels: canvas.copy(rect) });
+            self.flow.edit += 1;
+            self.screen.changed();
+        }
+    }
+}

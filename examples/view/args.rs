@@ -1,0 +1,122 @@
+//! The command line arguments.
+
+use std::path::PathBuf;
+
+use clap::Parser;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use vrtm::Backend;
+
+use crate::panel::viewport::Panes;
+use crate::scenes;
+use crate::source::Files;
+
+/// Shows how painted features keep their shape while a mesh deforms: orbit, scrub, paint what is rigid.
+///
+/// Without an argument it opens a built-in scene, a mug that turns into a jug. Folders and OBJ files can also be
+/// dropped on the window.
+#[derive(Clone, Debug, Parser)]
+#[command(name = "vrtm-view", version, max_term_width = 100)]
+pub struct Args {
+    /// Built-in scene
+    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(scenes::NAMES))]
+    pub scene: Option<String>,
+
+    /// Folder with asset.json, rest.obj, frames.f32 and rigidity.<UDIM>.png
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["rest", "scene"])]
+    pub asset: Option<PathBuf>,
+
+    /// Mesh at rest, with UVs
+    #[arg(long, value_name = "FILE.obj", requires = "pose", conflicts_with = "scene")]
+    pub rest: Option<PathBuf>,
+
+    /// Poses in the order of the timeline: each OBJ is one, a .f32 file (little-endian f32, frames x vertices x 3) as
+    /// many as it holds; the vertices in the order of the rest mesh
+    #[arg(long, value_name = "FILE", num_args = 1.., requires = "rest")]
+    pub pose: Vec<PathBuf>,
+
+    /// Rigidity maps, white = rigid: PNGs of 8 or 16 bits, as a path in which <UDIM> stands for the tile's number, e.g.
+    /// 'r.<UDIM>.png' [default: paint them]
+    #[arg(long, value_name = "PATTERN", requires = "rest")]
+    pub rigidity: Option<String>,
+
+    /// Where to solve; auto takes a hardware GPU if there is one, the CPU otherwise
+    #[arg(long, default_value = "cpu", value_parser = one_of(DEVICES))]
+    pub device: Backend,
+
+    /// Size of the window
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1600x1000", value_parser = size)]
+    pub size: [f32; 2],
+
+    /// Frame of the timeline to begin at, from 1
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub frame: u32,
+
+    /// How to draw the surface to begin with
+    #[arg(long, default_value = "redirected", value_parser = one_of(VIEWS))]
+    pub view: Panes,
+
+    /// Write a line of JSON per event to this file: solves, places of widgets, saved files; for tests
+    #[arg(long, value_name = "FILE")]
+    pub trace: Option<PathBuf>,
+}
+
+const DEVICES: [(&str, Backend); 3] = [("auto", Backend::Auto), ("cpu", Backend::Cpu), ("gpu", Backend::Gpu)];
+const VIEWS: [(&str, Panes); 3] =
+    [("original", Panes::Original), ("redirected", Panes::Redirected), ("side-by-side", Panes::SideBySide)];
+
+impl Args {
+    /// What to open.
+    pub fn files(&self) -> Files {
+        Files {
+            scene: self.scene.clone(),
+            asset: self.asset.clone(),
+            rest: self.rest.clone(),
+            pose: self.pose.clone(),
+            rigidity: self.rigidity.clone(),
+        }
+    }
+}
+
+/// Parses a name into the value that it denotes.
+fn one_of<T: Copy + Send + Sync + 'static>(all: [(&'static str, T); 3]) -> impl TypedValueParser<Value = T> {
+    PossibleValuesParser::new(all.map(|(name, _)| name))
+        .map(move |text| all.iter().find(|(name, _)| *name == text).expect("one of the names").1)
+}
+
+fn size(text: &str) -> Result<[f32; 2], String> {
+    let side = |t: &str| t.trim().parse::<u16>().ok().filter(|&n| n >= 200).map(f32::from);
+    let pair = text.split_once('x').and_then(|(width, height)| Some([side(width)?, side(height)?]));
+    pair.ok_or_else(|| "expected two numbers of at least 200, as in 1600x1000".to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_are_two_numbers() {
+        assert_eq!(size("1600x1000"), Ok([1600.0, 1000.0]));
+        for text in ["1600", "x", "100x1000", "1600x-5", "axb"] {
+            assert!(size(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
+    fn all_values_are_taken() {
+        let all =
+            ["vrtm-view", "--view", "side-by-side", "--device", "gpu", "--size", "800x600", "--frame", "3"];
+        let args = Args::try_parse_from(all).expect("valid");
+        assert_eq!((args.view, args.device, args.frame), (Panes::SideBySide, Backend::Gpu, 3));
+    }
+
+    #[test]
+    fn wrong_arguments_are_named() {
+        let says = |list: &[&str]| {
+            let all = [&["vrtm-view"], list].concat();
+            Args::try_parse_from(all).expect_err("should fail").to_string()
+        };
+        assert!(says(&["--scene", "nothing"]).contains("--scene"));
+        assert!(says(&["--rest", "a.obj"]).contains("--pose"));
+        assert!(says(&["--size", "3"]).contains("--size"));
+    }
+}

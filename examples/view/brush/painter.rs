@@ -1,0 +1,339 @@
+//! The maps of all tiles while they are painted: strokes, and undoing them.
+
+use super::canvas::{Canvas, Rect};
+use super::disc::{Part, disc};
+use super::ids::Ids;
+use super::pick::Hit;
+use crate::model::{Model, length, minus};
+use crate::solve::answer::{Maps, Solved};
+
+/// Strokes that can be undone.
+const MOST: usize = 32;
+
+/// What the brush does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Brush {
+    /// Radius on the screen, in points.
+    pub radius: f32,
+    /// The rigidity that it paints, 0..1.
+    pub value: f32,
+    /// The part of the radius over which it fades out, 0..1.
+    pub softness: f32,
+    /// Whether it paints 0 instead.
+    pub erase: bool,
+}
+
+impl Default for Brush {
+    fn default() -> Brush {
+        Brush { radius: 28.0, value: 1.0, softness: 0.25, erase: false }
+    }
+}
+
+impl Brush {
+    /// How much it covers at a distance, in units of its radius.
+    fn cover(&self, distance: f32) -> f32 {
+        let t = ((1.0 - distance) / self.softness.max(1e-3)).clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
+    }
+
+    fn target(&self) -> f32 {
+        if self.erase { 0.0 } else { self.value.clamp(0.0, 1.0) * 65535.0 }
+    }
+}
+
+/// A change of a tile.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Change {
+    pub tile: usize,
+    pub rect: Rect,
+    /// The new texels of the rectangle.
+    pub texels: Vec<u16>,
+}
+
+/// A tile's part in a stroke.
+struct Touched {
+    tile: usize,
+    /// The texels before it.
+    before: Vec<u16>,
+    /// How much the stroke covers each texel: parts of it that overlap do not add up.
+    cover: Vec<f32>,
+    rect: Rect,
+}
+
+/// The maps, and what happened to them.
+#[derive(Default)]
+pub struct Painter {
+    pub canvases: Vec<Canvas>,
+    ids: Vec<Option<Ids>>,
+    stroke: Option<Vec<Touched>>,
+    /// For each stroke, what was there before.
+    undo: Vec<Vec<Change>>,
+    /// Whether there is something to save.
+    pub changed: bool,
+}
+
+impl Painter {
+    pub fn new(model: &Model) -> Painter {
+        let canvases: Vec<_> = model.tiles.iter().map(|tile| Canvas::new(tile.rigidity.as_ref())).collect();
+        let ids = canvases.iter().map(|_| None).collect();
+        Painter { canvases, ids, ..Painter::default() }
+    }
+
+    /// Begins a stroke.
+    pub fn begin(&mut self) {
+        self.stroke = Some(Vec::new());
+    }
+
+    pub fn is_painting(&self) -> bool {
+        self.stroke.is_some()
+    }
+
+    pub fn can_undo(&self) -> bool {
+        !self.undo.is_empty()
+    }
+
+    /// Paints around a point of the surface; `radius` in space. `seen` holds the results through which the texture is
+    /// seen, or nothing for the original UVs.
+    pub fn dab(
+        &mut self,
+        model: &Model,
+        positions: &[[f32; 3]],
+        seen: Option<&[Solved]>,
+        hit: &Hit,
+        (brush, radius): (&Brush, f32),
+    ) -> Vec<Change> {
+        let parts = disc(model, positions, hit.triangle, hit.position, radius);
+        let mut dirty: Vec<(usize, Rect)> = Vec::new();
+        for part in &parts {
+            let tile = model.tile_of(part.triangle);
+            let maps = seen.map(|seen| &*seen[tile].maps);
+            if let Some(rect) = self.fill(model, positions, maps, (part, tile), hit.position, (brush, radius))
+            {
+                match dirty.iter_mut().find(|(of, _)| *of == tile) {
+                    Some((_, all)) => *all = all.with(rect),
+                    None => dirty.push((tile, rect)),
+                }
+            }
+        }
+        self.changed |= !dirty.is_empty();
+        let change = |(tile, rect)| Change { tile, rect, texels: self.canvases[tile].copy(rect) };
+        dirty.into_iter().map(change).collect()
+    }
+
+    /// Paints the texels that are seen on one triangle.
+    fn fill(
+        &mut self,
+        model: &Model,
+        positions: &[[f32; 3]],
+        maps: Option<&Maps>,
+        (part, tile): (&Part, usize),
+        centre: [f32; 3],
+        (brush, radius): (&Brush, f32),
+    ) -> Option<Rect> {
+        let canvas = &mut self.canvases[tile];
+        let ids = self.ids[tile].get_or_insert_with(|| {
+            let range = model.tiles[tile].range.clone();
+            Ids::new(range.clone().zip(&model.triangles[range]), canvas.size)
+        });
+        let stroke = self.stroke.get_or_insert_default();
+        let touched = match stroke.iter().position(|touched| touched.tile == tile) {
+            Some(k) => &mut stroke[k],
+            None => {
+                let (before, cover) = (canvas.texels.clone(), vec![0.0; canvas.texels.len()]);
+                stroke.push(Touched { tile, before, cover, rect: Rect { first: canvas.size, size: [0, 0] } });
+                stroke.last_mut()?
+            }
+        };
+        let [low, high] = texture_box(maps, part, canvas.size);
+        let [first, last] = [canvas.texel([low[0], high[1]]), canvas.texel([high[0], low[1]])];
+        let triangle = &model.triangles[part.triangle];
+        let corners = triangle.vertices.map(|v| positions[v as usize]);
+        let mut changed: Option<Rect> = None;
+        for y in first[1]..=last[1] {
+            for x in first[0]..=last[0] {
+                let uv = canvas.uv([x, y]);
+                let on = maps.map_or(uv, |maps| maps.warped(uv));
+                if ids.at(on) != Some(part.triangle) {
+                    continue;
+                }
+                let w = weights(triangle.uvs.map(|uv| uv.map(|x| x as f32)), on);
+                let place = [0, 1, 2].map(|c| (0..3).map(|k| w[k] * corners[k][c]).sum());
+                let cover = brush.cover(length(minus(place, centre)) / radius);
+                let k = canvas.index([x, y]);
+                if cover > touched.cover[k] {
+                    touched.cover[k] = cover;
+                    let before = f32::from(touched.before[k]);
+                    canvas.texels[k] = (before + (brush.target() - before) * cover).round() as u16;
+                    changed = Some(Rect::around(changed, [x, y]));
+                }
+            }
+        }
+        if let Some(rect) = changed {
+            touched.rect = if touched.rect.size == [0, 0] { rect } else { touched.rect.with(rect) };
+        }
+        changed
+    }
+
+    /// Ends a stroke, which can be undone from now on.
+    pub fn end(&mut self) {
+        let touched = self.stroke.take().unwrap_or_default();
+        let before = |touched: Touched| {
+            let Touched { tile, before, rect, .. } = touched;
+            let canvas = Canvas { texels: before, ..self.canvases[tile].clone() };
+            Change { tile, rect, texels: canvas.copy(rect) }
+        };
+        let changes: Vec<_> = touched.into_iter().filter(|t| t.rect.size != [0, 0]).map(before).collect();
+        if !changes.is_empty() {
+            self.undo.push(changes);
+            let over = self.undo.len().saturating_sub(MOST);
+            self.undo.drain(..over);
+        }
+    }
+
+    /// Takes the last stroke back.
+    pub fn undo(&mut self) -> Vec<Change> {
+        self.end();
+        let changes = self.undo.pop().unwrap_or_default();
+        for Change { tile, rect, texels } in &changes {
+            self.canvases[*tile].paste(*rect, texels);
+        }
+        changes
+    }
+}
+
+/// The least and greatest UV of the texture that is seen on a part of a triangle, with a margin of a texel.
+fn texture_box(maps: Option<&Maps>, part: &Part, size: [u32; 2]) -> [[f32; 2]; 2] {
+    let margin = size.map(|side| 2.5 / side as f32);
+    let [mut low, mut high] = [part.low, part.high];
+    if let Some(maps) = maps {
+        let texel = |uv: f32, c: usize, by: i64| {
+            let side = maps.size[c];
+            ((uv * side as f32).floor() as i64 + by).clamp(0, i64::from(side) - 1) as usize
+        };
+        let (mut least, mut most) = ([f32::MAX; 2], [f32::MIN; 2]);
+        for y in texel(part.low[1], 1, -1)..=texel(part.high[1], 1, 1) {
+            for x in texel(part.low[0], 0, -1)..=texel(part.high[0], 0, 1) {
+                let delta = maps.delta[y * maps.size[0] as usize + x];
+                least = [0, 1].map(|c| least[c].min(delta[c]));
+                most = [0, 1].map(|c| most[c].max(delta[c]));
+            }
+        }
+        low = [0, 1].map(|c| low[c] + least[c]);
+        high = [0, 1].map(|c| high[c] + most[c]);
+    }
+    [[0, 1].map(|c| low[c] - margin[c]), [0, 1].map(|c| high[c] + margin[c])]
+}
+
+/// The weights of a triangle's corners at a UV.
+fn weights([a, b, c]: [[f32; 2]; 3], uv: [f32; 2]) -> [f32; 3] {
+    let side = |p: [f32; 2], q: [f32; 2]| (q[0] - p[0]) * (uv[1] - p[1]) - (q[1] - p[1]) * (uv[0] - p[0]);
+    let w = [side(b, c), side(c, a), side(a, b)];
+    let sum: f32 = w.iter().sum();
+    if sum == 0.0 { [1.0, 0.0, 0.0] } else { w.map(|w| w / sum) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::source::Files;
+
+    /// A scene with empty maps, and a point on it.
+    fn scene() -> (Model, Painter, Hit) {
+        let model =
+            Model::load(&Files { scene: Some("mug_to_jug".into()), ..Files::default() }).expect("a scene");
+        let mut painter = Painter::new(&model);
+        painter.canvases[0].texels.fill(0);
+        let triangle = model.triangles.len() / 3;
+        let corners = model.triangles[triangle].vertices.map(|v| model.mesh.rest[v as usize]);
+        let position = [0, 1, 2].map(|c| corners.iter().map(|p| p[c]).sum::<f32>() / 3.0);
+        (model, painter, Hit { triangle, position, normal: [0.0, 0.0, 1.0], depth: 1.0 })
+    }
+
+    const BRUSH: Brush = Brush { radius: 1.0, value: 1.0, softness: 0.5, erase: false };
+
+    #[test]
+    fn a_dab_paints_a_disc_on_the_surface_and_nothing_else() {
+        let (model, mut painter, hit) = scene();
+        let radius = 0.2 * model.radius;
+        painter.begin();
+        let changes = painter.dab(&model, &model.mesh.rest, None, &hit, (&BRUSH, radius));
+        painter.end();
+        assert_eq!(changes.len(), 1);
+        let canvas = &painter.canvases[0];
+        assert_eq!(changes[0].texels, canvas.copy(changes[0].rect));
+        let ids = painter.ids[0].as_ref().expect("painted");
+        let (mut full, mut painted) = (0, 0);
+        for y in 0..canvas.size[1] {
+            for x in 0..canvas.size[0] {
+                let value = canvas.texels[canvas.index([x, y])];
+                let uv = canvas.uv([x, y]);
+                if value == 0 {
+                    continue;
+                }
+                let triangle = &model.triangles[ids.at(uv).expect("only charts are painted")];
+                let w = weights(triangle.uvs.map(|uv| uv.map(|x| x as f32)), uv);
+                let corners = triangle.vertices.map(|v| model.mesh.rest[v as usize]);
+                let place = [0, 1, 2].map(|c| (0..3).map(|k| w[k] * corners[k][c]).sum());
+                let distance = length(minus(place, hit.position));
+                assert!(distance <= 1.001 * radius, "{x} {y}: {distance} of {radius}");
+                painted += 1;
+                full += u32::from(value == 65535);
+            }
+        }
+        assert!(painted > 100 && full > 10 && full < painted, "{full} of {painted}");
+    }
+
+    #[test]
+    fn a_stroke_covers_each_texel_once_and_is_undone_as_a_whole() {
+        let (model, mut painter, hit) = scene();
+        let brush = Brush { value: 0.5, ..BRUSH };
+        let before = painter.canvases.clone();
+        painter.begin();
+        let radius = 0.2 * model.radius;
+        painter.dab(&model, &model.mesh.rest, None, &hit, (&brush, radius));
+        let once = painter.canvases.clone();
+        let again = painter.dab(&model, &model.mesh.rest, None, &hit, (&brush, radius));
+        assert!(again.is_empty() && painter.canvases == once, "soft edges must not harden");
+        let wide = painter.dab(&model, &model.mesh.rest, None, &hit, (&brush, 1.5 * radius));
+        assert!(!wide.is_empty());
+        painter.end();
+        assert!(painter.can_undo());
+        painter.undo();
+        assert!(painter.canvases == before && !painter.can_undo());
+    }
+
+    #[test]
+    fn erasing_takes_away() {
+        let (model, mut painter, hit) = scene();
+        painter.canvases[0].texels.fill(65535);
+        painter.begin();
+        let brush = Brush { erase: true, ..BRUSH };
+        painter.dab(&model, &model.mesh.rest, None, &hit, (&brush, 0.2 * model.radius));
+        assert!(painter.canvases[0].texels.contains(&0) && painter.canvases[0].texels.contains(&65535));
+    }
+
+    #[test]
+    fn a_texture_that_is_seen_elsewhere_is_painted_where_it_is_seen() {
+        let (model, mut painter, hit) = scene();
+        let radius = 0.1 * model.radius;
+        let mut plain = Painter::new(&model);
+        plain.canvases = painter.canvases.clone();
+        plain.dab(&model, &model.mesh.rest, None, &hit, (&BRUSH, radius));
+        // Everything is seen half a tile's 32th to the right of where it was painted.
+        let shift = 1.0 / 32.0;
+        let size = [64, 64];
+        let nodes = (0..65 * 65).map(|k| [(k % 65) as f32 / 64.0 + shift, (k / 65) as f32 / 64.0]).collect();
+        let maps = Maps { size, delta: vec![[-shift, 0.0]; 64 * 64], warp: nodes };
+        let seen = [Solved { maps: maps.into(), report: Default::default() }];
+        painter.dab(&model, &model.mesh.rest, Some(&seen), &hit, (&BRUSH, radius));
+        let columns = shift * painter.canvases[0].size[0] as f32;
+        let centre = |canvas: &Canvas| {
+            let weight = |k: usize| f64::from(canvas.texels[k]);
+            let sum: f64 = (0..canvas.texels.len()).map(weight).sum();
+            let x = |k: usize| (k % canvas.size[0] as usize) as f64;
+            (0..canvas.texels.len()).map(|k| x(k) * weight(k)).sum::<f64>() / sum
+        };
+        let moved = centre(&plain.canvases[0]) - centre(&painter.canvases[0]);
+        assert!((moved - f64::from(columns)).abs() < 0.5, "{moved} instead of {columns} texels");
+    }
+}

@@ -1,0 +1,184 @@
+//! A camera that orbits around a point of the mesh.
+
+use bytemuck::{Pod, Zeroable};
+
+use crate::model::{cross, dot, minus, plus, unit};
+
+/// Half of the angle of view from the bottom to the top of the picture.
+const HALF: f32 = 14.0 * std::f32::consts::PI / 180.0;
+
+/// Where the viewer is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orbit {
+    /// Degrees around the mesh, and upward.
+    pub yaw: f32,
+    pub pitch: f32,
+    /// Distance in units in which the mesh just fits.
+    pub zoom: f32,
+    /// The point in the middle of the picture.
+    pub target: [f32; 3],
+    /// Radius of the mesh.
+    pub radius: f32,
+    /// Whether z points up instead of y.
+    pub z_up: bool,
+}
+
+/// The camera as numbers: what projects a point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    pub eye: [f32; 3],
+    pub right: [f32; 3],
+    pub up: [f32; 3],
+    pub forward: [f32; 3],
+    near: f32,
+    far: f32,
+    /// Width of the picture over its height.
+    aspect: f32,
+    /// Tangent of half of the angle from bottom to top.
+    tangent: f32,
+}
+
+/// What is drawn and how, in the layout of `surface.wgsl`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct View {
+    pub clip: [[f32; 4]; 4],
+    pub eye: [f32; 4],
+    pub right: [f32; 4],
+    pub up: [f32; 4],
+    pub redirect: f32,
+    pub shown: f32,
+    pub lines: f32,
+    pub line_width: f32,
+    pub range: f32,
+    pub rest: [f32; 3],
+}
+
+impl Orbit {
+    /// A flat sheet is viewed from the front, any other mesh from the front, left and above.
+    pub fn of(positions: &[[f32; 3]], centre: [f32; 3], radius: f32) -> Orbit {
+        let extent = |c: usize| {
+            let values = positions.iter().map(|p| p[c]);
+            values.clone().fold(f32::MIN, f32::max) - values.fold(f32::MAX, f32::min)
+        };
+        let flat = extent(2) < 0.02 * extent(0).max(extent(1));
+        let (yaw, pitch) = if flat { (0.0, 0.0) } else { (-25.0, 14.0) };
+        Orbit { yaw, pitch, zoom: 1.0, target: centre, radius, z_up: false }
+    }
+
+    /// Turns by a way of the mouse, in points.
+    pub fn turn(&mut self, [x, y]: [f32; 2]) {
+        self.yaw = (self.yaw - 0.4 * x) % 360.0;
+        self.pitch = (self.pitch + 0.4 * y).clamp(-89.0, 89.0);
+    }
+
+    /// Comes closer, or goes away.
+    pub fn dolly(&mut self, factor: f32) {
+        self.zoom = (self.zoom / factor).clamp(0.02, 8.0);
+    }
+
+    /// Moves sideways by a part of the picture's height.
+    pub fn pan(&mut self, camera: &Camera, [x, y]: [f32; 2]) {
+        let height = 2.0 * camera.tangent * self.distance();
+        self.target = plus(plus(self.target, camera.right, -x * height), camera.up, y * height);
+    }
+
+    fn distance(&self) -> f32 {
+        1.06 * self.zoom * self.radius / HALF.sin()
+    }
+
+    /// The camera for a picture of this shape: the mesh fits in its narrower side.
+    pub fn camera(&self, aspect: f32) -> Camera {
+        let (ys, yc) = self.yaw.to_radians().sin_cos();
+        let (ps, pc) = self.pitch.to_radians().sin_cos();
+        let turned = |[x, y, z]: [f32; 3]| if self.z_up { [x, -z, y] } else { [x, y, z] };
+        let [right, up, toward] =
+            [[yc, 0.0, -ys], [-ps * ys, pc, -ps * yc], [pc * ys, ps, pc * yc]].map(turned);
+        let distance = self.distance();
+        let tangent = HALF.tan() / aspect.min(1.0);
+        Camera {
+            eye: plus(self.target, toward, distance),
+            right,
+            up,
+            forward: toward.map(|x| -x),
+            near: (distance - 2.5 * self.radius).max(0.01 * self.radius * self.zoom.min(1.0)),
+            far: distance + 4.0 * self.radius,
+            aspect,
+            tangent,
+        }
+    }
+}
+
+impl Camera {
+    /// Clip coordinates as a matrix of columns.
+    pub fn clip(&self) -> [[f32; 4]; 4] {
+        let x = 1.0 / (self.tangent * self.aspect);
+        let y = 1.0 / self.tangent;
+        let z = self.far / (self.far - self.near);
+        let (r, u, f) = (self.right, self.up, self.forward);
+        let column = |c: usize| [x * r[c], y * u[c], z * f[c], f[c]];
+        let moved = |axis: [f32; 3]| -dot(axis, self.eye);
+        let last = [x * moved(r), y * moved(u), z * moved(f) - z * self.near, moved(f)];
+        [column(0), column(1), column(2), last]
+    }
+
+    /// A point on the picture, from its upper left corner in units of its width and height, and its depth; `None`
+    /// behind the viewer.
+    pub fn project(&self, point: [f32; 3]) -> Option<[f32; 3]> {
+        let way = minus(point, self.eye);
+        let depth = dot(way, self.forward);
+        let (x, y) = (dot(way, self.right), dot(way, self.up));
+        let half = self.tangent * depth;
+        (depth > self.near).then(|| [0.5 + 0.5 * x / (half * self.aspect), 0.5 - 0.5 * y / half, depth])
+    }
+
+    /// The length at a depth of one height of the picture.
+    pub fn height(&self, depth: f32) -> f32 {
+        2.0 * self.tangent * depth
+    }
+
+    /// Two unit vectors along a plane.
+    pub fn tangents(&self, normal: [f32; 3]) -> [[f32; 3]; 2] {
+        let a = cross(normal, self.right);
+        let a = if dot(a, a) > 1e-6 { unit(a) } else { unit(cross(normal, self.up)) };
+        [a, cross(normal, a)]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_matrix_projects_as_the_function_does() {
+        let orbit =
+            Orbit { yaw: 30.0, pitch: -20.0, zoom: 0.7, target: [1.0, 2.0, 3.0], radius: 5.0, z_up: false };
+        for (aspect, z_up) in [(1.6, false), (0.5, true)] {
+            let camera = Orbit { z_up, ..orbit }.camera(aspect);
+            let clip = camera.clip();
+            for point in [[1.0, 2.0, 3.0], [4.0, 0.0, 2.0], [-2.0, 3.0, 5.0]] {
+                let at: Vec<f32> = (0..4)
+                    .map(|k| {
+                        clip[0][k] * point[0] + clip[1][k] * point[1] + clip[2][k] * point[2] + clip[3][k]
+                    })
+                    .collect();
+                let [x, y, depth] = camera.project(point).expect("before the viewer");
+                assert!((at[0] / at[3] - (2.0 * x - 1.0)).abs() < 1e-4);
+                assert!((at[1] / at[3] - (1.0 - 2.0 * y)).abs() < 1e-4);
+                assert!((at[3] - depth).abs() < 1e-3 && (0.0..1.0).contains(&(at[2] / at[3])));
+            }
+        }
+    }
+
+    #[test]
+    fn the_mesh_fits_in_wide_and_in_narrow_pictures() {
+        let orbit = Orbit { yaw: 0.0, pitch: 0.0, zoom: 1.0, target: [0.0; 3], radius: 1.0, z_up: false };
+        for aspect in [0.4, 1.0, 2.5] {
+            let camera = orbit.camera(aspect);
+            for point in [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]] {
+                let [x, y, _] = camera.project(point).expect("before the viewer");
+                assert!((0.0..=1.0).contains(&x) && (0.0..=1.0).contains(&y), "{aspect}: {x} {y}");
+            }
+        }
+    }
+}

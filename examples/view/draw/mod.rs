@@ -1,0 +1,7 @@
+//! Draws the mesh into a texture that the window shows, and that pictures are saved from.
+
+pub mod camera;
+pub mod gpu;
+pub mod levels;
+pub mod picture;
+pub mod scene;

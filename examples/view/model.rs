@@ -1,0 +1,160 @@
+//! What is open: a mesh with its poses, triangles and tiles, and what surrounds each vertex.
+
+use std::path::PathBuf;
+
+use crate::failure::Result;
+use crate::maps::Map;
+use crate::mesh::{Mesh, Triangle};
+use crate::source::{Files, Frame, Source};
+
+/// A mesh with its poses and maps.
+pub struct Model {
+    pub name: String,
+    pub mesh: Mesh,
+    pub frames: Vec<Frame>,
+    /// Sorted by tile.
+    pub triangles: Vec<Triangle>,
+    pub tiles: Vec<Tile>,
+    /// The files that were read: they are replaced only if the user says so.
+    pub inputs: Vec<PathBuf>,
+    /// What was asked for.
+    pub files: Files,
+    /// Centre and radius of the mesh in all poses.
+    pub centre: [f32; 3],
+    pub radius: f32,
+    /// The triangles at each vertex: those of vertex v are `around[starts[v]..starts[v + 1]]`.
+    starts: Vec<u32>,
+    around: Vec<u32>,
+}
+
+/// A tile with at least one triangle.
+pub struct Tile {
+    pub udim: u32,
+    /// Its triangles.
+    pub range: std::ops::Range<usize>,
+    pub rigidity: Option<Map>,
+    pub mask: Option<Map>,
+}
+
+impl Model {
+    /// # Errors
+    /// A missing or invalid file, naming it.
+    pub fn load(files: &Files) -> Result<Model> {
+        let Source { name, mesh, frames, mut maps, inputs, .. } = Source::load(files)?;
+        let mut triangles = mesh.triangles();
+        triangles.sort_by_key(|t| t.udim);
+        let mut tiles: Vec<Tile> = Vec::new();
+        for (k, triangle) in triangles.iter().enumerate() {
+            match tiles.last_mut() {
+                Some(tile) if tile.udim == triangle.udim => tile.range.end = k + 1,
+                _ => {
+                    let of_tile = maps.remove(&triangle.udim).unwrap_or_default();
+                    let (rigidity, mask) = (of_tile.rigidity, of_tile.mask);
+                    tiles.push(Tile { udim: triangle.udim, range: k..k + 1, rigidity, mask });
+                }
+            }
+        }
+        let poses = frames.iter().flat_map(|frame| &frame.positions);
+        let (centre, radius) = ball(mesh.rest.iter().chain(poses));
+        let (starts, around) = surroundings(&triangles, mesh.rest.len());
+        let inputs = inputs.into_iter().map(|(_, path)| path).collect();
+        let files = files.clone();
+        Ok(Model { name, mesh, frames, triangles, tiles, inputs, files, centre, radius, starts, around })
+    }
+
+    /// Rest and all poses: the keys of the timeline.
+    pub fn keys(&self) -> Vec<&[[f32; 3]]> {
+        let poses = self.frames.iter().map(|frame| frame.positions.as_slice());
+        std::iter::once(self.mesh.rest.as_slice()).chain(poses).collect()
+    }
+
+    /// The name of a key.
+    pub fn note(&self, key: usize) -> String {
+        match key.checked_sub(1).map(|k| &self.frames[k]) {
+            None => "rest".into(),
+            Some(frame) if frame.note.is_empty() => format!("pose {}", frame.number),
+            Some(frame) => format!("pose {}: {}", frame.number, frame.note),
+        }
+    }
+
+    /// The triangles at a vertex.
+    pub fn around(&self, vertex: u32) -> &[u32] {
+        let [start, end] = [0, 1].map(|k| self.starts[vertex as usize + k] as usize);
+        &self.around[start..end]
+    }
+
+    /// Another surface, for a test.
+    #[cfg(test)]
+    pub fn replace_for_test(&mut self, rest: Vec<[f32; 3]>, triangles: Vec<Triangle>) {
+        (self.starts, self.around) = surroundings(&triangles, rest.len());
+        (self.mesh.rest, self.triangles) = (rest, triangles);
+    }
+
+    /// The tile of a triangle.
+    pub fn tile_of(&self, triangle: usize) -> usize {
+        self.tiles.partition_point(|tile| tile.range.end <= triangle)
+    }
+
+    /// Normals of vertices in a pose, weighted with the areas around them.
+    pub fn normals(&self, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
+        let mut normals = vec![[0.0f32; 3]; positions.len()];
+        for triangle in &self.triangles {
+            let [a, b, c] = triangle.vertices.map(|v| positions[v as usize]);
+            let n = cross(minus(b, a), minus(c, a));
+            for v in triangle.vertices {
+                let sum = &mut normals[v as usize];
+                *sum = [0, 1, 2].map(|k| sum[k] + n[k]);
+            }
+        }
+        normals.into_iter().map(unit).collect()
+    }
+}
+
+/// A ball around points: the middle of their box, and the largest distance from it.
+fn ball<'a>(points: impl Iterator<Item = &'a [f32; 3]> + Clone) -> ([f32; 3], f32) {
+    let low = points.clone().fold([f32::MAX; 3], |a, p| [0, 1, 2].map(|c| a[c].min(p[c])));
+    let high = points.clone().fold([f32::MIN; 3], |a, p| [0, 1, 2].map(|c| a[c].max(p[c])));
+    let centre = [0, 1, 2].map(|c| 0.5 * (low[c] + high[c]));
+    let radius = points.map(|&p| length(minus(p, centre))).fold(1e-12, f32::max);
+    (centre, radius)
+}
+
+fn surroundings(triangles: &[Triangle], vertices: usize) -> (Vec<u32>, Vec<u32>) {
+    let mut starts = vec![0u32; vertices + 1];
+    let corners = || triangles.iter().enumerate().flat_map(|(k, t)| t.vertices.map(|v| (k, v as usize)));
+    corners().for_each(|(_, v)| starts[v + 1] += 1);
+    for v in 0..vertices {
+        starts[v + 1] += starts[v];
+    }
+    let (mut next, mut around) = (starts.clone(), vec![0; triangles.len() * 3]);
+    for (k, v) in corners() {
+        around[next[v] as usize] = k as u32;
+        next[v] += 1;
+    }
+    (starts, around)
+}
+
+pub fn minus(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+pub fn plus(a: [f32; 3], b: [f32; 3], t: f32) -> [f32; 3] {
+    [a[0] + b[0] * t, a[1] + b[1] * t, a[2] + b[2] * t]
+}
+
+pub fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub fn cross(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+pub fn length(a: [f32; 3]) -> f32 {
+    dot(a, a).sqrt()
+}
+
+pub fn unit(a: [f32; 3]) -> [f32; 3] {
+    let length = length(a);
+    if length > 0.0 { a.map(|x| x / length) } else { [0.0, 0.0, 1.0] }
+}

@@ -1,0 +1,91 @@
+//! Where to save, and what.
+
+use std::path::PathBuf;
+
+use eframe::egui::{self, Rect, RichText, Ui};
+
+use super::style;
+
+/// What to save.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Job {
+    Rigidity(Vec<PathBuf>),
+    Picture(PathBuf),
+    Clip(PathBuf),
+}
+
+impl Job {
+    pub fn paths(&self) -> &[PathBuf] {
+        match self {
+            Job::Rigidity(paths) => paths,
+            Job::Picture(path) | Job::Clip(path) => std::slice::from_ref(path),
+        }
+    }
+}
+
+/// Which button was pressed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Pressed {
+    Rigidity,
+    Picture,
+    Clip,
+    /// Give a clip up.
+    Stop,
+}
+
+/// Shows the folder and what can be saved there.
+pub fn show(ui: &mut Ui, folder: &mut String, mut noted: impl FnMut(&str, Rect)) -> Option<Pressed> {
+    ui.label(RichText::new("folder").color(style::QUIET));
+    ui.add(egui::TextEdit::singleline(folder).desired_width(300.0));
+    ui.separator();
+    let mut pressed = None;
+    for (which, name, about) in [
+        (Pressed::Rigidity, "rigidity maps", "A PNG per tile: <name>_rigidity.<UDIM>.png, white = rigid"),
+        (Pressed::Picture, "picture", "This view as a PNG, without panels: <name>_<frame>.png"),
+        (
+            Pressed::Clip,
+            "clip",
+            "The timeline as an animated PNG, each frame solved at the chosen quality: <name>_clip.png",
+        ),
+    ] {
+        let response = ui.button(name).on_hover_text(about);
+        noted(&format!("save {name}"), response.rect);
+        if response.clicked() {
+            pressed = Some(which);
+        }
+    }
+    pressed
+}
+
+/// Shows how far a clip is. Returns whether the user gives it up.
+pub fn progress(ui: &mut Ui, (next, last): (usize, usize)) -> bool {
+    let part = (next - 1) as f32 / last as f32;
+    ui.add(egui::ProgressBar::new(part).desired_width(150.0).text(format!("frame {next} of {last}")));
+    ui.button("stop").on_hover_text("Give the clip up: no file is left").clicked()
+}
+
+/// Asks whether files may be replaced; `None` until it is answered.
+pub fn replace(ui: &Ui, files: &[String], mut noted: impl FnMut(&str, Rect)) -> Option<bool> {
+    let mut answer = None;
+    egui::Modal::new(egui::Id::unique("replace")).show(ui.ctx(), |ui| {
+        ui.set_max_width(460.0);
+        ui.add_space(4.0);
+        ui.heading(if files.len() == 1 { "Replace this file?" } else { "Replace these files?" });
+        ui.add_space(6.0);
+        for file in files {
+            ui.label(file);
+        }
+        ui.add_space(10.0);
+        ui.horizontal(|ui| {
+            for (name, yes) in [("replace", true), ("keep", false)] {
+                let response = ui.button(name);
+                noted(name, response.rect);
+                if response.clicked() {
+                    answer = Some(yes);
+                }
+            }
+        });
+    });
+    // A click beside the question does not answer it: it may be the one that asked for it.
+    answer.or(ui.input(|i| i.key_pressed(egui::Key::Escape)).then_some(false))
+}

@@ -1,0 +1,54 @@
+//! Saves the painted rigidity, an image per tile.
+
+use std::path::{Path, PathBuf};
+
+use super::{encode, file};
+use crate::brush::canvas::Canvas;
+
+/// The file of each tile: `<name>_rigidity.<UDIM>.png`.
+pub fn paths(folder: &Path, name: &str, udims: impl Iterator<Item = u32>) -> Vec<PathBuf> {
+    udims.map(|udim| folder.join(format!("{name}_rigidity.{udim}.png"))).collect()
+}
+
+/// Writes all maps, with as many bits as those that were opened.
+///
+/// # Errors
+/// What the system says, naming the file.
+pub fn save(paths: &[PathBuf], canvases: &[Canvas]) -> Result<(), String> {
+    for (path, canvas) in paths.iter().zip(canvases) {
+        let bytes = encoded(canvas).map_err(|error| format!("{}: {error}", path.display()))?;
+        file::write(path, &bytes)?;
+    }
+    Ok(())
+}
+
+fn encoded(canvas: &Canvas) -> Result<Vec<u8>, String> {
+    if canvas.deep {
+        let bytes: Vec<u8> = canvas.texels.iter().flat_map(|texel| texel.to_be_bytes()).collect();
+        return encode::grey(canvas.size, png::BitDepth::Sixteen, &bytes);
+    }
+    // To the nearest of 256 values.
+    let bytes: Vec<u8> = canvas.texels.iter().map(|&texel| ((u32::from(texel) + 128) / 257) as u8).collect();
+    encode::grey(canvas.size, png::BitDepth::Eight, &bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::maps::Map;
+
+    #[test]
+    fn what_is_saved_is_what_is_opened() {
+        let folder = std::env::temp_dir().join(format!("vrtm-view-rigidity-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let shallow =
+            Canvas { size: [3, 2], texels: [0, 1, 2, 100, 254, 255].map(|x| x * 257).to_vec(), deep: false };
+        let deep = Canvas { size: [2, 2], texels: vec![0, 1, 300, 65535], deep: true };
+        let all = paths(&folder, "a", [1001, 1002].into_iter());
+        assert!(all[1].ends_with("a_rigidity.1002.png"));
+        save(&all, &[shallow.clone(), deep.clone()]).expect("saved");
+        let opened = |path: &Path| Canvas::new(Some(&Map::load(path).expect("opened")));
+        assert_eq!([opened(&all[0]), opened(&all[1])], [shallow, deep]);
+        std::fs::remove_dir_all(&folder).expect("removed");
+    }
+}

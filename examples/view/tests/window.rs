@@ -1,0 +1,239 @@
+//! Opens the real window under Xvfb, drives it with the mouse, and compares what is on the screen. Skipped with a word
+//! where there is no X server, no xdotool or no GPU driver; a software driver will do.
+
+#[path = "window/program.rs"]
+mod program;
+#[path = "window/screen.rs"]
+mod screen;
+
+use std::path::{Path, PathBuf};
+
+use program::Program;
+use screen::{Server, Shot};
+use serde_json::Value;
+
+/// A window whose view is wide enough that each half of it shows the mesh as large as the whole does.
+const SIZE: &str = "1500x620";
+/// The name of a pane lies over its upper left corner.
+const LABEL: [u32; 2] = [140, 40];
+
+/// An X server and a folder, or nothing with a word why.
+fn start(name: &str) -> Option<(Server, PathBuf)> {
+    let reason = if !program::is_there("Xvfb") {
+        "no Xvfb"
+    } else if !program::is_there("xdotool") {
+        "no xdotool"
+    } else if vrtm::adapters().is_empty() {
+        "no GPU adapter to draw a window with"
+    } else {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("view-{name}"));
+        let _ = std::fs::remove_dir_all(&folder);
+        std::fs::create_dir_all(&folder).expect("a folder");
+        return Some((Server::start(&folder, [1500, 620]), folder));
+    };
+    println!("skipped: {reason}");
+    None
+}
+
+/// Chooses what to save from its menu.
+fn save(view: &mut Program, what: &str) {
+    view.click("save");
+    view.wait("layout", |event| event["widgets"][what].is_array());
+    view.click(what);
+}
+
+fn rms(event: &Value) -> [f64; 2] {
+    [0, 1].map(|k| event["strain"]["rms"][k].as_f64().expect("strain was measured"))
+}
+
+fn is_final(event: &Value, frame: u64) -> bool {
+    event["purpose"] == "final" && event["frame"] == frame
+}
+
+#[test]
+fn the_timeline_the_panes_and_the_quality() {
+    let Some((server, folder)) = start("timeline") else { return };
+    let mut view = Program::start(&server, &folder, &["--scene", "mug_to_jug", "--size", SIZE]);
+    view.wait("drawn", |event| is_final(event, 1));
+    let area = view.widget("view");
+    let at_rest = server.shot().cut(area);
+
+    // Dragging shows frames on the way, and ends with the chosen quality.
+    let [left, top, right, bottom] = view.widget("timeline");
+    let y = (top + bottom) / 2;
+    let way: Vec<[u32; 2]> = (0..=20).map(|k| [left + (right - left) * k / 20, y]).collect();
+    view.drag(&way);
+    let normal = view.wait("solve", |event| is_final(event, 121));
+    view.wait("drawn", |event| is_final(event, 121));
+    let passed =
+        |event: &Value| event["event"] == "drawn" && (2..121).contains(&event["frame"].as_u64().unwrap_or(0));
+    assert!(view.events().any(|event| passed(&event)), "nothing was shown while the timeline was dragged");
+    let [before, after] = rms(&normal);
+    assert!(before > 0.25 && after < 0.1 * before, "strain {before} -> {after}");
+    assert!(normal["min_jacobian"].as_f64().expect("a number") > 0.0 && normal["folds"] == 0);
+    let jug = server.shot().cut(area);
+    assert!(jug.differing(&at_rest) > 0.1, "the picture did not change");
+
+    // The saved picture is what the window shows, without what lies over it.
+    save(&mut view, "save picture");
+    view.wait("saved", |_| true);
+    let saved = Shot::open(&folder.join("mug_to_jug_0121.png"));
+    assert_eq!(saved.size, [area[2] - area[0], area[3] - area[1]]);
+    assert!(saved.without(LABEL).differing(&jug.without(LABEL)) < 1e-4);
+
+    view.click("quality high");
+    let high = view.wait("solve", |event| is_final(event, 121) && event["quality"] == "high");
+    assert!(rms(&high)[1] < after, "high {} is not below normal {after}", rms(&high)[1]);
+    view.click("quality normal");
+    view.wait("drawn", |event| is_final(event, 121) && event["quality"] == "normal");
+    view.click("side by side");
+    view.wait("drawn", |event| event["panes"] == serde_json::json!([false, true]));
+    let both = server.shot().cut(area);
+    view.quit();
+
+    // Beginning at a frame shows what dragging to it shows; and each half shows what its pane alone does.
+    let options = ["--scene", "mug_to_jug", "--size", SIZE, "--frame", "121", "--view", "original"];
+    let mut view = Program::start(&server, &folder, &options);
+    view.wait("drawn", |event| is_final(event, 121));
+    let original = server.shot().cut(area);
+    view.click("redirected");
+    view.wait("drawn", |event| event["panes"] == serde_json::json!([true]));
+    let redirected = server.shot().cut(area);
+    view.quit();
+    let same = redirected.differing(&jug);
+    assert!(same < 1e-4, "{same} of the pixels differ from those after dragging");
+    assert!(original.differing(&redirected) > 0.05, "the redirection changes nothing");
+    let (width, height) = (jug.size[0], jug.size[1]);
+    for (pane, whole) in [(0, &original), (1, &redirected)] {
+        let half = both.cut([pane * width / 2, 0, (pane + 1) * width / 2, height]);
+        let middle = whole.cut([width / 4, 0, 3 * width / 4, height]);
+        // Edges may fall on the other side of a pixel's samples; the names of the panes lie elsewhere.
+        let share = half.without(LABEL).differing(&middle.without(LABEL));
+        assert!(share < 0.01, "{share} of pane {pane} differs from the pane alone");
+    }
+}
+
+/// A sheet that is stretched to twice its width, without a rigidity map.
+fn sheet(folder: &Path) -> [String; 2] {
+    let cells = 8;
+    ["rest.obj", "wide.obj"].map(|name| {
+        let stretch = if name == "rest.obj" { 1.0 } else { 2.0 };
+        let mut text = String::new();
+        for k in 0..=cells {
+            for i in 0..=cells {
+                let [u, v] = [i, k].map(|x| f64::from(x) / f64::from(cells));
+                // Wide in all poses, so that the view is filled alike.
+                text +=
+                    &format!("v {} {v} 0\nvt {} {}\n", stretch * (u - 0.5), 0.02 + 0.96 * u, 0.02 + 0.96 * v);
+            }
+        }
+        for k in 0..cells {
+            for i in 0..cells {
+                let corner = |i: i32, k: i32| k * (cells + 1) + i + 1;
+                let face = [corner(i, k), corner(i + 1, k), corner(i + 1, k + 1), corner(i, k + 1)];
+                text += &format!("f {0}/{0} {1}/{1} {2}/{2} {3}/{3}\n", face[0], face[1], face[2], face[3]);
+            }
+        }
+        let path = folder.join(name);
+        std::fs::write(&path, text).expect("written");
+        path.display().to_string()
+    })
+}
+
+#[test]
+fn the_brush_and_what_is_saved() {
+    let Some((server, folder)) = start("brush") else { return };
+    let [rest, wide] = sheet(&folder);
+    let options = ["--rest", &rest, "--pose", &wide, "--frame", "25", "--view", "original", "--size", SIZE];
+    let mut view = Program::start(&server, &folder, &options);
+    let first = view.wait("solve", |event| is_final(event, 25));
+    assert!(first["strain"].is_null(), "nothing is rigid yet");
+    view.wait("drawn", |event| is_final(event, 25));
+    let area = view.widget("view");
+    view.click("brush");
+    view.wait("layout", |event| event["widgets"]["radius"].is_array());
+    view.move_away();
+    let before = server.shot().cut(area);
+
+    // A stroke in the middle changes the picture there and nowhere else, and what it makes rigid keeps its shape.
+    let middle = [(area[0] + area[2]) / 2, (area[1] + area[3]) / 2];
+    let way: Vec<[u32; 2]> = (0..=8).map(|k| [middle[0] - 24 + 6 * k, middle[1]]).collect();
+    view.drag(&way);
+    let painted = view.wait("solve", |event| is_final(event, 25) && !event["strain"].is_null());
+    let edit = painted["edit"].clone();
+    view.wait("drawn", |event| is_final(event, 25) && event["edit"] == edit);
+    assert!(view.events().any(|event| event["event"] == "paint" && event["tile"] == 1001));
+    view.move_away();
+    let after = server.shot().cut(area);
+    let changed = after.changes(&before);
+    let [x, y] = [middle[0] - area[0], middle[1] - area[1]];
+    // The brush's radius is 28 points; a texel of the map is some pixels wide.
+    let inside = |&&[px, py]: &&[u32; 2]| px.abs_diff(x) <= 24 + 34 && py.abs_diff(y) <= 34;
+    assert_eq!(changed.iter().filter(inside).count(), changed.len(), "changes beside the brush");
+    assert!(changed.len() > 2000, "only {} pixels changed", changed.len());
+    let [old, new] = rms(&painted);
+    assert!(old > 0.3 && new < 0.25 * old, "strain of what was painted: {old} -> {new}");
+
+    // The map is saved: white where the brush was, black elsewhere.
+    save(&mut view, "save rigidity maps");
+    view.wait("saved", |_| true);
+    let path = folder.join("rest_rigidity.1001.png");
+    let map = image::open(&path).expect("a PNG").into_luma8();
+    assert_eq!(map.dimensions(), (512, 512));
+    assert_eq!(
+        (map.get_pixel(256, 256).0, map.get_pixel(256, 100).0, map.get_pixel(60, 256).0),
+        ([255], [0], [0])
+    );
+    // Nothing is replaced unless the user says so.
+    std::fs::write(&path, "mine").expect("written");
+    save(&mut view, "save rigidity maps");
+    view.wait("layout", |event| event["widgets"]["keep"].is_array());
+    view.click("keep");
+    view.wait("layout", |event| event["widgets"]["keep"].is_null());
+    assert_eq!(std::fs::read(&path).expect("read"), b"mine");
+    save(&mut view, "save rigidity maps");
+    view.wait("layout", |event| event["widgets"]["replace"].is_array());
+    view.click("replace");
+    view.wait("saved", |_| true);
+    assert_eq!(image::open(&path).expect("a PNG").into_luma8(), map);
+
+    view.click("undo");
+    view.wait("solve", |event| is_final(event, 25) && event["strain"].is_null());
+    view.wait("drawn", |event| is_final(event, 25));
+    view.move_away();
+    let undone = server.shot().cut(area).changes(&before).len();
+    assert_eq!(undone, 0, "pixels differ after undoing");
+
+    save(&mut view, "save clip");
+    view.wait("saved", |_| true);
+    let file = std::fs::File::open(folder.join("rest_clip.png")).expect("a clip");
+    let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("a PNG");
+    assert_eq!(reader.info().animation_control().map(|control| control.num_frames), Some(25));
+    assert_eq!([reader.info().width, reader.info().height], [area[2] - area[0], area[3] - area[1]]);
+    let mut frames = Vec::new();
+    for _ in 0..25 {
+        let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
+        reader.next_frame(&mut pixels).expect("a frame");
+        frames.push(pixels);
+    }
+    assert!(frames.windows(2).all(|pair| pair[0] != pair[1]), "each frame differs from the one before");
+    view.quit();
+    let left: Vec<_> =
+        std::fs::read_dir(&folder).expect("the folder").flatten().map(|e| e.file_name()).collect();
+    assert!(left.iter().all(|name| !name.to_string_lossy().ends_with(".part")), "{left:?}");
+}
+
+#[test]
+fn a_missing_file_is_named_in_the_window() {
+    let Some((server, folder)) = start("missing") else { return };
+    let mut view = Program::start(&server, &folder, &["--asset", "no/such/folder", "--size", SIZE]);
+    let notice = view.wait("notice", |_| true);
+    let text = notice["text"].as_str().expect("a text");
+    assert!(text.starts_with("no/such/folder") && text.contains("No such file"), "{text}");
+    // The window still works: a scene can be opened from its menu.
+    view.click("open");
+    view.wait("layout", |event| event["widgets"]["scene squash"].is_array());
+    view.click("scene squash");
+    view.wait("drawn", |event| is_final(event, 1));
+    view.quit();
+}
