@@ -1,12 +1,12 @@
 // Sums over the threads of a workgroup, which `decide` (correct/control.wgsl) adds up chart by chart.
 
-var<workgroup> sums: array<f32, 64>;
+var<workgroup> sums: array<f32, 256>;
 
 /// Writes the sum of all threads' values as quantity `quantity` of this block's partial sums.
 fn write_sum(group: vec3u, t: u32, quantity: u32, value: f32) {
     sums[t] = value;
     workgroupBarrier();
-    for (var half = 32u; half > 0u; half /= 2u) {
+    for (var half = 128u; half > 0u; half /= 2u) {
         if t < half {
             sums[t] += sums[t + half];
         }

@@ -94,7 +94,7 @@ fn run(args: &Args) -> Result<(), String> {
     for (name, frame) in [("mh_face", 1), ("ict_inner", 2)] {
         match common::assets().into_iter().find(|model| model.name == name) {
             Some(model) => table::rows(&device, &model, frame, args.asset_size, args.solves, &mut say)?,
-            None => say(format!("| {name} | not there | | | | | | | | | |\n")),
+            None => say(format!("| {name} | not there | | | | | | | | | | |\n")),
         }
     }
     let size = args.sizes.iter().copied().filter(|&size| size <= 2048).max().unwrap_or(512);

@@ -6,26 +6,29 @@
 /// z0 . A z0, and the start of the second V-cycle with A z0 while the rows are in memory. The V-cycle is linear, so its
 /// output for the next residual follows from its output for A z0, before the length of the first step is known. A z0 is
 /// not stored: the way back computes it again.
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn product(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
+    let row = load_row(b, t);
     load_window(b, t, DIRECTION);
-    write_sum(group, t, SUM_Z_PRODUCT, multiply(b, t));
-    smooth_from_zero(b, t);
+    let product = times_window(row, t);
+    write_sum(group, t, SUM_Z_PRODUCT, dot(window_z[place_of_slot(t)], product));
+    smooth_from_zero(b, row, product, t);
     load_weights(b, t);
-    contribute(b, t);
+    contribute(b, row, product, t);
 }
 
 /// z1 . A z1, where z1 has replaced r.
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn curvature(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
     load_window(b, t, RESIDUAL);
-    write_sum(group, t, SUM_CURVATURE_SECOND, multiply(b, t));
+    let product = times_window(load_row(b, t), t);
+    write_sum(group, t, SUM_CURVATURE_SECOND, dot(window_z[place_of_slot(t)], product));
 }

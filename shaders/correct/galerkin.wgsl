@@ -5,122 +5,151 @@
 
 @group(0) @binding(10) var<storage, read> fine_blocks: array<BlockRecord>;
 
-/// Index in the finer level's rows of the first plane of the node at f, relative to the fine block `child`, or NONE.
-fn fine_row(child: u32, f: vec2i) -> u32 {
+/// For each of the four finer blocks, the blocks around it as in its `active_neighbours`.
+var<workgroup> holders: array<u32, 36>;
+
+/// The weights ω of the lower neighbours at the fine nodes from (-2, -2) to (32, 32), in rows of 35.
+var<workgroup> weights: array<f32, 1225>;
+
+/// The holder and the slot of the fine node f, relative to the finer block `quarter` of the four.
+fn fine_source(quarter: u32, f: vec2i) -> vec2u {
     let shifted = vec2u(f + 16);
-    let holder = fine_blocks[child].active_neighbours[shifted.y / 16u * 3u + shifted.x / 16u];
-    if holder == NONE {
-        return NONE;
-    }
-    return (params.other_base + holder) * ROW_PLANES * NODES + slot(shifted.x % 16u, shifted.y % 16u);
+    let holder = holders[quarter * 9u + shifted.y / 16u * 3u + shifted.x / 16u];
+    return vec2u(holder, slot(shifted.x % 16u, shifted.y % 16u));
 }
 
-/// The weight ω of the lower neighbour at the fine node f.
-fn fine_weight(child: u32, f: vec2i) -> f32 {
-    let shifted = vec2u(f + 16);
-    let holder = fine_blocks[child].active_neighbours[shifted.y / 16u * 3u + shifted.x / 16u];
-    if holder == NONE {
-        return 0.0;
+fn load_holders(b: u32, t: u32) {
+    if t < 36u {
+        let child = blocks[b].children[t / 9u];
+        holders[t] = NONE;
+        if child != NONE {
+            holders[t] = fine_blocks[child].active_neighbours[t % 9u];
+        }
     }
-    let s = slot(shifted.x % 16u, shifted.y % 16u);
-    return weight_in_word(fine_blocks[holder].weights[s / 4u], s);
+    workgroupBarrier();
 }
 
-/// Entry of P between the fine node f and the coarse node that coincides with the fine node c.
-fn interpolation(child: u32, f: vec2i, c: vec2i) -> f32 {
-    let d = f - c;
-    if any(abs(d) > vec2i(1)) {
-        return 0.0;
+fn load_weights(t: u32) {
+    for (var k = t; k < 1225u; k += NODES) {
+        let n = vec2i(i32(k % 35u), i32(k / 35u)) - 2;
+        // A node next to several of the four is the same one for each of them; one that is missing has no neighbours.
+        var source = vec2u(NONE, 0u);
+        for (var quarter = 0u; quarter < 4u; quarter++) {
+            let f = n - 16 * vec2i(vec2u(quarter & 1u, quarter >> 1u));
+            if source.x == NONE && all(f >= vec2i(-16)) && all(f < vec2i(32)) {
+                source = fine_source(quarter, f);
+            }
+        }
+        weights[k] = 0.0;
+        if source.x != NONE {
+            weights[k] = weight_in_word(fine_blocks[source.x].weights[source.y / 4u], source.y);
+        }
     }
-    var weight = 1.0;
-    if d.x != 0 {
-        let west = fine_weight(child, f);
-        weight = select(1.0 - west, west, d.x > 0);
+    workgroupBarrier();
+}
+
+/// The weight at a fine node relative to the coarse block's first.
+fn weight_at(n: vec2i) -> f32 {
+    return weights[u32((n.y + 2) * 35 + n.x + 2)];
+}
+
+/// Entries of P in one dimension: between the fine node at `g`, from -2 to 2, and the coarse nodes at -2, 0 and 2.
+fn interpolation(g: i32, weight: f32) -> vec3f {
+    let rest = 1.0 - weight;
+    if (g & 1) != 0 {
+        return select(vec3f(0.0, weight, rest), vec3f(weight, rest, 0.0), g < 0);
     }
-    if d.y != 0 {
-        let south = fine_weight(child, vec2i(c.x, f.y));
-        weight *= select(1.0 - south, south, d.y > 0);
-    }
-    return weight;
+    return vec3f(vec3i(g) == vec3i(-2, 0, 2));
 }
 
 /// The 2x2 block of A at the fine nodes f (row) and f + offset(k) (column), row-major; k = 8 is the diagonal.
-fn fine_entry(child: u32, f: vec2i, k: u32) -> vec4f {
+fn fine_entry(quarter: u32, f: vec2i, k: u32) -> vec4f {
+    let neighbour_owns = k > 3u && k < 8u;
+    let source = fine_source(quarter, select(f, f + offset(k), neighbour_owns));
+    if source.x == NONE {
+        return vec4f();
+    }
+    let at = (params.other_base + source.x) * ROW_PLANES * NODES + source.y;
     if k == 8u {
-        let at = fine_row(child, f);
-        if at == NONE {
-            return vec4f();
-        }
         let xy = bitcast<f32>(fine_row_value(at + NODES));
         return vec4f(bitcast<f32>(fine_row_value(at)), xy, xy, bitcast<f32>(fine_row_value(at + 2u * NODES)));
-    }
-    let neighbour_owns = k > 3u;
-    let at = fine_row(child, select(f, f + offset(k), neighbour_owns));
-    if at == NONE {
-        return vec4f();
     }
     let pair = at + (PAIR + 2u * (k & 3u)) * NODES;
     let a = decode(vec2u(fine_row_value(pair), fine_row_value(pair + NODES)));
     return select(a, a.xzyw, neighbour_owns);
 }
 
-@compute @workgroup_size(64)
-fn galerkin(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = block_of_workgroup(group, t);
+/// Writes the pair with neighbour e, if the node owns it, and returns its rounding error. Only pairs of two movable nodes
+/// count.
+fn finish_pair(b: u32, s: u32, is_movable: bool, e: u32, sum: vec4f) -> vec3f {
+    let far = vec2u(vec2i(node_at(s)) + offset(e) + 1);
+    let source = window_source(far);
+    let holder = blocks[b].active_neighbours[source.x];
+    let both = is_movable && holder != NONE && !is_fixed(select(b, holder, holder != NONE), source.y);
+    let pair = select(vec4f(), sum, both);
+    if e < 4u {
+        let words = encode(pair);
+        let at = row_index(b, PAIR + 2u * e, s);
+        rows[at] = words.x;
+        rows[at + NODES] = words.y;
+    }
+    return rounding_loss(pair);
+}
+
+@compute @workgroup_size(256)
+fn galerkin(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) s: u32) {
+    let b = block_of_workgroup(group, s);
     if b == NONE {
         return;
     }
-    for (var colour = 0u; colour < 4u; colour++) {
-        let s = thread_slot(colour, t);
-        galerkin_node(b, node_at(s), s);
-    }
-}
-
-fn galerkin_node(b: u32, n: vec2u, s: u32) {
-    // The coarse blocks of the pairs with each of the eight neighbours, and the diagonal block.
-    var sums: array<vec4f, 9>;
-    let child = blocks[b].children[n.y / 8u * 2u + n.x / 8u];
-    let is_movable = !is_fixed(b, s) && child != NONE;
+    load_holders(b, s);
+    load_weights(s);
+    let n = node_at(s);
+    let quarter = n.y / 8u * 2u + n.x / 8u;
+    let is_movable = !is_fixed(b, s) && blocks[b].children[quarter] != NONE;
+    // The blocks of the coarse pairs with the neighbours in the west, the same column and the east, from south to north.
+    var west: array<vec4f, 3>;
+    var middle: array<vec4f, 3>;
+    var east: array<vec4f, 3>;
     if is_movable {
         let centre = vec2i(2u * (n % 8u));
+        let first = vec2i(2u * n);
         for (var i = 0u; i < 9u; i++) {
             let f = vec2i(i32(i % 3u), i32(i / 3u)) - 1;
-            let weight = interpolation(child, centre + f, centre);
+            let to_middle = interpolation(f.x, weight_at(first + f)).y
+                * interpolation(f.y, weight_at(first + vec2i(0, f.y))).y;
             for (var k = 0u; k < 9u; k++) {
-                var g = f;
-                if k < 8u {
-                    g += offset(k);
-                }
-                let a = weight * fine_entry(child, centre + f, k);
-                for (var e = 0u; e < 9u; e++) {
-                    var c = vec2i();
-                    if e < 8u {
-                        c = 2 * offset(e);
-                    }
-                    sums[e] += interpolation(child, centre + g, centre + c) * a;
-                }
+                let g = f + select(offset(k), vec2i(), k == 8u);
+                let a = to_middle * fine_entry(quarter, centre + f, k);
+                let in_x = interpolation(g.x, weight_at(first + g));
+                let in_west = in_x.x * interpolation(g.y, weight_at(first + vec2i(-2, g.y)));
+                let in_middle = in_x.y * interpolation(g.y, weight_at(first + vec2i(0, g.y)));
+                let in_east = in_x.z * interpolation(g.y, weight_at(first + vec2i(2, g.y)));
+                west[0] += in_west.x * a;
+                west[1] += in_west.y * a;
+                west[2] += in_west.z * a;
+                middle[0] += in_middle.x * a;
+                middle[1] += in_middle.y * a;
+                middle[2] += in_middle.z * a;
+                east[0] += in_east.x * a;
+                east[1] += in_east.y * a;
+                east[2] += in_east.z * a;
             }
         }
     }
-    let at = row_index(b, 0u, s);
     var diagonal = vec3f(1.0, 0.0, 1.0);
     if is_movable {
-        diagonal = vec3f(sums[8].x, sums[8].y, sums[8].w);
+        diagonal = middle[1].xyw;
     }
-    for (var e = 0u; e < 8u; e++) {
-        // Only pairs of two movable nodes count.
-        let far = vec2u(vec2i(n) + offset(e) + 1);
-        let source = window_source(far);
-        let holder = blocks[b].active_neighbours[source.x];
-        let both = is_movable && holder != NONE && !is_fixed(select(b, holder, holder != NONE), source.y);
-        let pair = select(vec4f(), sums[e], both);
-        diagonal += rounding_loss(pair);
-        if e < 4u {
-            let words = encode(pair);
-            rows[at + (PAIR + 2u * e) * NODES] = words.x;
-            rows[at + (PAIR + 2u * e + 1u) * NODES] = words.y;
-        }
-    }
+    diagonal += finish_pair(b, s, is_movable, 0u, east[1]);
+    diagonal += finish_pair(b, s, is_movable, 1u, middle[2]);
+    diagonal += finish_pair(b, s, is_movable, 2u, east[2]);
+    diagonal += finish_pair(b, s, is_movable, 3u, west[2]);
+    diagonal += finish_pair(b, s, is_movable, 4u, west[1]);
+    diagonal += finish_pair(b, s, is_movable, 5u, middle[0]);
+    diagonal += finish_pair(b, s, is_movable, 6u, west[0]);
+    diagonal += finish_pair(b, s, is_movable, 7u, east[0]);
+    let at = row_index(b, 0u, s);
     for (var c = 0u; c < 3u; c++) {
         rows[at + c * NODES] = bitcast<u32>(diagonal[c]);
     }

@@ -11,12 +11,16 @@
 
 const BLOCKS_AT_ONCE: u32 = 4u;
 
-var<workgroup> windows_z: array<vec2f, 1296>;
+var<workgroup> window_z: array<vec2f, 1296>;
 var<workgroup> shared_range: vec2u;
 var<workgroup> terms: array<f32, 256>;
 
 fn stored_neighbour(b: u32, k: u32) -> u32 {
     return coarse_blocks[b].neighbours[k];
+}
+
+fn active_neighbour(b: u32, k: u32) -> u32 {
+    return coarse_blocks[b].active_neighbours[k];
 }
 
 fn fixed_node(b: u32, s: u32) -> bool {
@@ -62,38 +66,25 @@ fn sum_of_threads(t: u32, value: f32) -> f32 {
     return workgroupUniformLoad(&terms[0]);
 }
 
-fn off_diagonal(b: u32, n: vec2u, window: u32) -> vec2f {
-    var sum = vec2f();
-    for (var k = 0u; k < 8u; k++) {
-        let far = vec2u(vec2i(n) + 1 + offset(k));
-        let neighbour_owns = k > 3u;
-        let source = window_source(select(n + 1u, far, neighbour_owns));
-        let owner = coarse_blocks[b].active_neighbours[source.x];
-        if owner != NONE {
-            let at = row_index(owner, PAIR + 2u * (k & 3u), source.y);
-            let a = decode(vec2u(rows[at], rows[at + NODES]));
-            let across = select(a.yz, a.zy, neighbour_owns);
-            let v = windows_z[window + place(far.x, far.y)];
-            sum += vec2f(a.x * v.x + across.x * v.y, across.y * v.x + a.w * v.y);
-        }
-    }
-    return sum;
-}
-
-fn diagonal(b: u32, s: u32) -> vec3f {
-    let at = row_index(b, 0u, s);
-    return bitcast<vec3f>(vec3u(rows[at], rows[at + NODES], rows[at + 2u * NODES]));
-}
-
 fn load_window(b: u32, lane: u32, window: u32, plane: u32) {
     for (var k = lane; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
         let holder = coarse_blocks[b].active_neighbours[source.x];
-        windows_z[window + k] = vec2f();
+        window_z[window + k] = vec2f();
         if plane != NONE && holder != NONE {
-            windows_z[window + k] = vector(holder, plane, source.y);
+            window_z[window + k] = vector(holder, plane, source.y);
         }
     }
+}
+
+/// Relaxes one node of a block, if there is one.
+fn relax(works: bool, row: NodeRow, right: vec2f, s: u32, window: u32) {
+    if works {
+        let n = node_at(s);
+        let z = solve_diagonal(row, right - row_times(row, n, window));
+        window_z[window + place(n.x + 1u, n.y + 1u)] = z;
+    }
+    workgroupBarrier();
 }
 
 /// A pass of the smoother over a level, from the vector in planes `before` (NONE: from 0) to the vector in planes
@@ -101,6 +92,9 @@ fn load_window(b: u32, lane: u32, window: u32, plane: u32) {
 fn smooth_level(c: u32, level: u32, t: u32, before: u32, after: u32, backwards: bool) {
     let lane = t % 64u;
     let window = t / 64u * WINDOW;
+    let slots = vec4u(0u, 64u, 128u, 192u) + lane;
+    // The order of the colours.
+    let order = select(slots, slots.wzyx, backwards);
     let range = block_range(c, level, t);
     for (var first = 0u; first < range.y; first += BLOCKS_AT_ONCE) {
         let k = first + t / 64u;
@@ -109,22 +103,25 @@ fn smooth_level(c: u32, level: u32, t: u32, before: u32, after: u32, backwards: 
         if works {
             load_window(b, lane, window, before);
         }
+        let row_0 = load_row(b, order.x);
+        let row_1 = load_row(b, order.y);
+        let row_2 = load_row(b, order.z);
+        let row_3 = load_row(b, order.w);
+        let right_0 = vector(b, RESIDUAL, order.x);
+        let right_1 = vector(b, RESIDUAL, order.y);
+        let right_2 = vector(b, RESIDUAL, order.z);
+        let right_3 = vector(b, RESIDUAL, order.w);
         workgroupBarrier();
-        for (var sweep = 0u; sweep < 4u * params.sweeps; sweep++) {
-            let s = thread_slot(select(sweep & 3u, 3u - (sweep & 3u), backwards), lane);
-            let n = node_at(s);
-            if works {
-                let d = diagonal(b, s);
-                let rest = vector(b, RESIDUAL, s) - off_diagonal(b, n, window);
-                windows_z[window + place(n.x + 1u, n.y + 1u)] =
-                    vec2f(d.z * rest.x - d.y * rest.y, d.x * rest.y - d.y * rest.x) / (d.x * d.z - d.y * d.y);
-            }
-            workgroupBarrier();
+        for (var sweep = 0u; sweep < params.sweeps; sweep++) {
+            relax(works, row_0, right_0, order.x, window);
+            relax(works, row_1, right_1, order.y, window);
+            relax(works, row_2, right_2, order.z, window);
+            relax(works, row_3, right_3, order.w, window);
         }
         for (var colour = 0u; colour < 4u && works; colour++) {
             let s = thread_slot(colour, lane);
             let n = node_at(s);
-            set_vector(b, after, s, windows_z[window + place(n.x + 1u, n.y + 1u)]);
+            set_vector(b, after, s, window_z[window + place(n.x + 1u, n.y + 1u)]);
         }
         workgroupBarrier();
     }
@@ -148,9 +145,9 @@ fn multiply_level(c: u32, level: u32, t: u32, subtracted: bool) -> f32 {
         for (var colour = 0u; colour < 4u && works; colour++) {
             let s = thread_slot(colour, lane);
             let n = node_at(s);
-            let d = diagonal(b, s);
-            let v = windows_z[window + place(n.x + 1u, n.y + 1u)];
-            let product = off_diagonal(b, n, window) + vec2f(d.x * v.x + d.y * v.y, d.y * v.x + d.z * v.y);
+            let row = load_row(b, s);
+            let v = window_z[window + place(n.x + 1u, n.y + 1u)];
+            let product = row_times(row, n, window) + diagonal_times(row, v);
             set_vector(b, SCRATCH, s, select(product, vector(b, RESIDUAL, s) - product, subtracted));
             sum += dot(v, product);
         }

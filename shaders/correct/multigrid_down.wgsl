@@ -9,22 +9,21 @@ fn stored_neighbour(b: u32, k: u32) -> u32 {
     return blocks[b].neighbours[k];
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn multigrid_down(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
+    var right: vec2f;
     if params.mode == DOWN_GATHER {
-        for (var k = 0u; k < 4u; k++) {
-            let s = thread_slot(k, t);
-            right[s] = select(arrived(b, vec2i(node_at(s))), vec2f(), is_fixed(b, s));
-            set_vector(b, RESIDUAL, s, right[s]);
-        }
+        right = select(arrived(b, vec2i(node_at(t))), vec2f(), is_fixed(b, t));
+        set_vector(b, RESIDUAL, t, right);
     } else {
-        load_right(b, t, RESIDUAL);
+        right = vector(b, RESIDUAL, t);
     }
-    smooth_from_zero(b, t);
+    let row = load_row(b, t);
+    smooth_from_zero(b, row, right, t);
     load_weights(b, t);
-    contribute(b, t);
+    contribute(b, row, right, t);
 }

@@ -11,7 +11,7 @@ var<workgroup> coarse_z: array<vec2f, 100>;
 
 fn load_coarse_z(b: u32, t: u32) {
     let quarter = vec2i(vec2u(blocks[b].x & 1u, blocks[b].y & 1u)) * 8;
-    for (var k = t; k < 100u; k += 64u) {
+    for (var k = t; k < 100u; k += NODES) {
         let n = quarter + vec2i(i32(k % 10u), i32(k / 10u)) - 1;
         let beyond = vec2u((n < vec2i(0)) | (n > vec2i(15)));
         let side = beyond.y * 2u + beyond.x;
@@ -48,7 +48,7 @@ fn interpolated(n: vec2i) -> vec2f {
     return interpolated_in_y(n - vec2i(1, 0)) * weight + interpolated_in_y(n + vec2i(1, 0)) * (1.0 - weight);
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn multigrid_up(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
@@ -56,14 +56,16 @@ fn multigrid_up(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
     }
     load_weights(b, t);
     load_coarse_z(b, t);
+    let row = load_row(b, t);
+    var right: vec2f;
     if params.mode == UP_SECOND {
         load_window(b, t, DIRECTION);
-        multiply(b, t);
+        right = times_window(row, t);
         workgroupBarrier();
     } else {
-        load_right(b, t, RESIDUAL);
+        right = vector(b, RESIDUAL, t);
     }
-    for (var k = t; k < WINDOW; k += 64u) {
+    for (var k = t; k < WINDOW; k += NODES) {
         let node = window_node(k);
         let source = window_source(node);
         let holder = blocks[b].active_neighbours[source.x];
@@ -73,9 +75,10 @@ fn multigrid_up(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
         }
     }
     workgroupBarrier();
+    sweep_block(row, right, t, true);
+    let z = window_z[place_of_slot(t)];
     if params.mode == UP_SECOND {
-        sweep_block(b, t, true, false);
-        second_residual(b, t, group);
+        second_residual(b, right, z, t, group);
         return;
     }
     // With a pull, the energy from assembly is incomplete. It is stored in the memory of this thread's first z.
@@ -83,36 +86,25 @@ fn multigrid_up(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
         partials[sum_index(SUM_ENERGY, params.partial + group.y * SPREAD + group.x)] =
             vectors[vector_index(b, ENERGY_BEFORE, 0u)];
     }
-    sweep_block(b, t, true, false);
-    var sum = 0.0;
-    for (var k = 0u; k < 4u; k++) {
-        let s = thread_slot(k, t);
-        let z = window_z[place_of_slot(s)];
-        set_vector(b, DIRECTION, s, z);
-        sum += dot(right[s], z);
-    }
+    set_vector(b, DIRECTION, t, z);
     if params.mode == UP_FIRST {
-        write_sum(group, t, SUM_RZ, sum);
+        write_sum(group, t, SUM_RZ, dot(right, z));
     }
 }
 
-/// Replaces r by z1 = z0 - alpha M A z0, and sums r1 . z1 and z1 . A z0, with r1 = r - alpha A z0.
-fn second_residual(b: u32, t: u32, group: vec3u) {
+/// Replaces r by z1 = z0 - alpha M A z0, and sums r1 . z1 and z1 . A z0, with r1 = r - alpha A z0. `product` is A z0 and
+/// `smoothed` is M A z0 at this thread's node.
+fn second_residual(b: u32, product: vec2f, smoothed: vec2f, t: u32, group: vec3u) {
     let alpha = charts[blocks[b].chart].alpha;
-    var sums = vec2f();
-    for (var k = 0u; k < 4u; k++) {
-        let s = thread_slot(k, t);
-        var r = vector(b, RESIDUAL, s);
-        var z = vector(b, DIRECTION, s);
-        // A step of length 0 leaves both unchanged, even where the product is NaN.
-        if alpha != 0.0 {
-            r -= alpha * right[s];
-            z -= alpha * window_z[place_of_slot(s)];
-        }
-        set_vector(b, RESIDUAL, s, z);
-        sums += vec2f(dot(r, z), dot(right[s], z));
+    var r = vector(b, RESIDUAL, t);
+    var z = vector(b, DIRECTION, t);
+    // A step of length 0 leaves both unchanged, even where the product is NaN.
+    if alpha != 0.0 {
+        r -= alpha * product;
+        z -= alpha * smoothed;
     }
-    write_sum(group, t, SUM_RZ_SECOND, sums.x);
+    set_vector(b, RESIDUAL, t, z);
+    write_sum(group, t, SUM_RZ_SECOND, dot(r, z));
     workgroupBarrier();
-    write_sum(group, t, SUM_PRODUCT_Z_SECOND, sums.y);
+    write_sum(group, t, SUM_PRODUCT_Z_SECOND, dot(product, z));
 }

@@ -32,31 +32,51 @@ fn restricted_in_x(n: vec2i) -> vec2f {
     return sum;
 }
 
-/// Writes the contributions of block b; the window holds its z.
-fn contribute(b: u32, t: u32) {
+fn is_inside(n: vec2i) -> bool {
+    return all(n >= vec2i(0)) && all(n < vec2i(16));
+}
+
+/// The sum of A_pn z_n over the neighbours of node n of the halo, where z is 0 outside the block.
+fn reach(b: u32, n: vec2i) -> vec2f {
+    var sum = vec2f();
+    for (var k = 0u; k < 8u; k++) {
+        let far = n + offset(k);
+        if is_inside(far) {
+            sum += pair_times(pair_words(b, n, k), k, window_z[place(u32(far.x + 1), u32(far.y + 1))]);
+        }
+    }
+    return sum;
+}
+
+/// Node k of the 68 of the halo: the row below, the row above, then the columns.
+fn halo_node(k: u32) -> vec2i {
+    let at = i32(k % 2u) * 17 - 1;
+    let along = i32(k / 2u) - 1;
+    return select(vec2i(at, along - 17), vec2i(along, at), along < 17);
+}
+
+/// Writes the contributions of block b; the window holds its z, and `row` and `right` are those of this thread's node.
+fn contribute(b: u32, row: NodeRow, right: vec2f, t: u32) {
     let parent = blocks[b].parents[0];
     if parent == NONE {
         return;
     }
-    for (var k = t; k < 324u; k += 64u) {
-        let n = vec2i(i32(k % 18u), i32(k / 18u)) - 1;
-        let source = window_source(vec2u(n + 1));
+    let own = node_at(t);
+    residuals[(own.y + 1u) * 18u + own.x + 1u] = right - times_window(row, t);
+    if t < 68u {
+        let n = halo_node(t);
         var value = vec2f();
         // Nodes of inactive blocks have no pairs.
-        if blocks[b].active_neighbours[source.x] != NONE {
-            value = -off_diagonal(b, n, true);
-            if is_inside(n) {
-                let z = window_z[place_of_slot(source.y)];
-                value = right[source.y] + (value - diagonal_times(b, source.y, z));
-            }
+        if active_neighbour(b, window_source(vec2u(n + 1)).x) != NONE {
+            value = -reach(b, n);
         }
-        residuals[k] = value;
+        residuals[u32((n.y + 1) * 18 + n.x + 1)] = value;
     }
     workgroupBarrier();
     let quarter = (blocks[b].y & 1u) * 2u + (blocks[b].x & 1u);
     let first = ((params.other_base + parent) * 4u + quarter) * 100u;
-    for (var k = t; k < 100u; k += 64u) {
-        let c = 2 * (vec2i(i32(k % 10u), i32(k / 10u)) - 1);
+    if t < 100u {
+        let c = 2 * (vec2i(i32(t % 10u), i32(t / 10u)) - 1);
         var sum = vec2f();
         // The row of nodes below the window has nothing to restrict.
         if c.y > -2 {
@@ -68,6 +88,6 @@ fn contribute(b: u32, t: u32) {
             let north = c + vec2i(0, 1);
             sum += weight_at(north) * restricted_in_x(north);
         }
-        leaving[first + k] = sum;
+        leaving[first + t] = sum;
     }
 }

@@ -58,9 +58,10 @@ fn halves_differ_only_where_the_pose_stretches() {
     let [rest, pose, again] = [1, 2, 3].map(|frame| halves(&out, frame));
     let [at_rest, posed] = [&rest, &pose].map(|[left, right]| apart(left, right));
     println!("halves apart at rest {at_rest:.3}, in the pose {posed:.3}");
-    // At rest the map is the identity, up to the rounding of f32 and of the sampler's weights; in the pose the discs' outlines
-    // are elsewhere, which is a small part of a picture.
-    assert!(at_rest < 0.02, "{at_rest}");
+    // At rest the map is the identity, up to the rounding of f32 and of the sampler's weights, which on hardware have about
+    // 8 bits (an NVIDIA H100 gives 0.048); in the pose the discs' outlines are elsewhere, which is a small part of a picture.
+    let most = if gpu.software { 0.02 } else { 0.1 };
+    assert!(at_rest < most, "{at_rest}");
     assert!(posed > 0.5, "{posed}");
     assert_eq!(rest, again);
     let error = film.draw(open(&model), 3..=4, &out).unwrap_err();
