@@ -151,8 +151,8 @@ pub(crate) struct Source {
     pub depth: [f32; 3],
 }
 
-/// A segment near a triangle beside which no node may move: a part of its side at which the chart ends, or of the outline of a
-/// gap that welding closed.
+/// A segment near a triangle beside which no node may move: a part of its side at which the chart ends, or of the
+/// outline of a gap that welding closed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cut {
     pub triangle: u32,

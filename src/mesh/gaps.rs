@@ -1,5 +1,5 @@
-//! Gaps that welding closes (method §1). Corners whose UVs differ become one, so that the chart covers what lay between them
-//! and the surface map goes on across it; but the host's triangles do not cover it, so that no node may end there.
+//! Gaps that welding closes (method §1). Corners whose UVs differ become one, so that the chart covers what lay between
+//! them and the surface map goes on across it; but the host's triangles do not cover it, so that no node may end there.
 
 use glam::DVec2;
 use half::f16;
@@ -13,8 +13,8 @@ const ROUNDING: f64 = 2e-5;
 /// The triangles of which welding moved a corner, ascending: each with the UVs that the host gave.
 pub(super) type Moved = Vec<(u32, [DVec2; 3])>;
 
-/// The outlines of the gaps: the sides that the host gave where they are apart from those across, or from the border that
-/// welding made of them, and what joins the ends of both. The result has the numbers of `raw`.
+/// The outlines of the gaps: the sides that the host gave where they are apart from those across, or from the border
+/// that welding made of them, and what joins the ends of both. The result has the numbers of `raw`.
 pub(super) fn outlines(raw: &[RawTriangle], moved: &Moved, neighbours: &[[u32; 3]]) -> Vec<Cut> {
     let find = |t: u32| moved.binary_search_by_key(&t, |(t, _)| *t).ok();
     let mut cuts = Vec::new();
