@@ -20,10 +20,9 @@ pub(super) fn outlines(raw: &[RawTriangle], moved: &Moved, neighbours: &[[u32; 3
     let mut cuts = Vec::new();
     for (t, given) in moved {
         let welded = &raw[*t as usize].uv;
-        for k in 0..3 {
+        for (k, &next) in neighbours[*t as usize].iter().enumerate() {
             let ends = [1, 2].map(|d| (k + d) % 3);
             let here = ends.map(|c| given[c]);
-            let next = neighbours[*t as usize][k];
             let there = match next {
                 NONE => ends.map(|c| welded[c]),
                 _ => {
