@@ -563,7 +563,9 @@ typedef struct vrtm_mesh_desc {
     // to vertices at the same position.
     double weld_position_tolerance;
     // Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024. It is
-    // smaller at small triangles: at most a quarter of the smallest UV height of the triangles at the vertex.
+    // smaller at small triangles: at most a quarter of the smallest UV height of the triangles at the vertex. Beside
+    // gaps in the UVs that are closed by this nothing moves, unless they are as narrow as rounding: 2e-5, or a step of
+    // half floats.
     double weld_uv_tolerance;
     // The largest number of layers of a tile, for meshes whose charts lie over one another: mirrored halves, stacked
     // islands. 0 (the default) or 1: texels that several charts share do not move (see VRTM_OVERLAP_). From 2 on,

@@ -5,6 +5,7 @@ mod charts;
 mod check;
 pub(crate) mod collar;
 pub(crate) mod extended;
+mod gaps;
 pub(crate) mod hash;
 mod layers;
 mod overlaps;
@@ -150,7 +151,8 @@ pub(crate) struct Source {
     pub depth: [f32; 3],
 }
 
-/// A part of a triangle's side at which the chart ends.
+/// A segment near a triangle beside which no node may move: a part of its side at which the chart ends, or of the
+/// outline of a gap that welding closed.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cut {
     pub triangle: u32,
@@ -180,7 +182,8 @@ pub(crate) struct TileMesh {
     /// For the triangles of collars.
     pub sources: Vec<Source>,
     pub charts: Vec<Chart>,
-    /// Parts of sides beyond which a chart ends although it goes on beyond the rest of the side, sorted by triangle.
+    /// Parts of sides beyond which a chart ends although it goes on beyond the rest of the side, and the outlines of gaps that
+    /// welding closed, sorted by triangle.
     pub cuts: Vec<Cut>,
     /// The chart of each triangle, in the order of the mesh's faces: the numbers that `Corner` and `WeldedEdge` use.
     pub chart_of: Vec<u32>,
@@ -219,7 +222,7 @@ impl TileMesh {
         self.charts.partition_point(|chart| end(chart) <= t) as u32
     }
 
-    /// The parts of a triangle's sides at which the chart ends.
+    /// The cuts at a triangle.
     pub fn cuts_of(&self, triangle: u32) -> impl Iterator<Item = [DVec2; 2]> + '_ {
         let first = self.cuts.partition_point(|cut| cut.triangle < triangle);
         self.cuts[first..].iter().take_while(move |cut| cut.triangle == triangle).map(|cut| cut.uv)

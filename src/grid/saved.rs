@@ -49,6 +49,9 @@ pub(crate) fn key(mesh: &Mesh, tile: &TileMesh, MapsOfTile { own: maps, all }: M
         triangle.uv.iter().flat_map(|uv| uv.to_array()).for_each(|x| hash.update(&x.to_le_bytes()));
         triangle.neighbours.iter().chain(&triangle.local).for_each(|n| hash.update(&n.to_le_bytes()));
     }
+    for uv in tile.cuts.iter().flat_map(|cut| cut.uv) {
+        uv.to_array().iter().for_each(|x| hash.update(&x.to_le_bytes()));
+    }
     for chart in &tile.charts {
         hash.update(&(chart.triangles.len() as u64).to_le_bytes());
         let positions = chart.of_mesh().flat_map(|v| mesh.rest[v as usize]);

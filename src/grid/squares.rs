@@ -6,7 +6,7 @@ use glam::DVec2;
 use crate::allocation::{Collect, Grow, zeroed};
 use crate::grid::planes::SIDE;
 use crate::image::map::PAGE;
-use crate::mesh::{Chart, TileMesh};
+use crate::mesh::{Chart, Cut, TileMesh};
 
 /// A square of 16 by 16 nodes of a layer.
 ///
@@ -48,16 +48,22 @@ impl Squares {
         let cells = DVec2::new(nx as f64, ny as f64);
         let layer = |(c, chart): (usize, &Chart)| if chart.collar.is_empty() { 0 } else { c as u32 + 1 };
         let layers: Vec<u32> = tile.charts.iter().enumerate().map(layer).collected();
+        let range = wanted.unwrap_or([[0, 0], [nx, ny].map(|n| (n / SIDE) as u32)]);
+        // The window of square x covers the nodes from 16 x - 1 to 16 x + 16.
+        let window = [DVec2::ONE, DVec2::ZERO];
         let mut pairs: Vec<(u32, u32, u32, u32)> = Vec::new();
         for ((t, triangle), &chart) in tile.triangles.iter().enumerate().zip(charts) {
             let corners = triangle.uv.map(|uv| uv * cells);
-            // The window of square x covers the nodes from 16 x - 1 to 16 x + 16.
-            let range = wanted.unwrap_or([[0, 0], [nx, ny].map(|n| (n / SIDE) as u32)]);
-            each_square(corners, range, [DVec2::ONE, DVec2::ZERO], |x, y| {
-                pairs.put((layers[chart as usize], y, x, t as u32))
-            });
+            each_square(corners, range, window, |x, y| pairs.put((layers[chart as usize], y, x, t as u32)));
+        }
+        // The outline of a gap that welding closed may leave its triangle.
+        for Cut { triangle, uv } in &tile.cuts {
+            let [a, b] = uv.map(|uv| uv * cells);
+            let layer = layers[charts[*triangle as usize] as usize];
+            each_square([a, b, b], range, window, |x, y| pairs.put((layer, y, x, *triangle)));
         }
         pairs.sort_unstable();
+        pairs.dedup();
         let mut squares = Squares { list: Vec::new(), layers, starts: Vec::new(), triangles: Vec::new() };
         squares.triangles.make_exact_room(pairs.len());
         for of_square in pairs.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {

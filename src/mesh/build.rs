@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::charts::{self, Seams, is_seam};
+use super::gaps::Moved;
 use super::layers::layers;
 use super::read::{self, UvSet};
 use super::source::{MeshSource, Weld, WeldBy};
@@ -101,8 +102,8 @@ impl<'a> Welding<'a> {
         let place = |v: u32| self.place.get(v as usize).copied().unwrap_or(v);
         let mut triangles = Vec::new();
         for (udim, mut raw) in std::mem::take(&mut set.tiles) {
-            let numbers = number(&mut raw, Corners::new(&place, &reach, tolerance));
-            let tile = TileMesh { udim, uv_set, ..charts::build(&raw, &numbers, seams) };
+            let (numbers, moved) = number(&mut raw, Corners::new(&place, &reach, tolerance));
+            let tile = TileMesh { udim, uv_set, ..charts::build(&raw, &numbers, &moved, seams) };
             let layers =
                 if self.max_layers > 1 { layers(&tile, &raw, self.max_layers) } else { zeroed(raw.len()) };
             let count = 1 + layers.iter().max().copied().unwrap_or(0);
@@ -158,16 +159,24 @@ impl<'a> Welding<'a> {
     }
 }
 
-/// Numbers the UV corners of triangles, and gives corners that are joined the same UV, so that no crack remains.
-fn number(raw: &mut [RawTriangle], mut corners: Corners) -> Vec<[u32; 3]> {
-    let number = |triangle: &mut RawTriangle| {
-        [0, 1, 2].map(|k| {
-            let (id, uv) = corners.number(triangle.vertices[k], triangle.uv[k]);
+/// Numbers the UV corners of triangles, and gives corners that are joined the same UV, so that no crack remains. Also returns
+/// the triangles whose UVs this changed.
+fn number(raw: &mut [RawTriangle], mut corners: Corners) -> (Vec<[u32; 3]>, Moved) {
+    let mut moved = Moved::new();
+    let number = |(t, triangle): (usize, &mut RawTriangle)| {
+        let given = triangle.uv;
+        let numbers = [0, 1, 2].map(|k| {
+            let (id, uv) = corners.number(triangle.vertices[k], given[k]);
             triangle.uv[k] = uv;
             id
-        })
+        });
+        if triangle.uv != given {
+            moved.put((t as u32, given));
+        }
+        numbers
     };
-    raw.iter_mut().map(number).collected()
+    let numbers = raw.iter_mut().enumerate().map(number).collected();
+    (numbers, moved)
 }
 
 /// Counts edges that coincide but are not connected: intended cuts; edges that a mesh from a game needs welded by

@@ -3,8 +3,9 @@
 
 use glam::DVec2;
 
+use super::gaps::{self, Moved};
 use super::triangle::doubled_area;
-use super::{Chart, NONE, RawTriangle, TileMesh, Triangle, WeldedEdge};
+use super::{Chart, Cut, NONE, RawTriangle, TileMesh, Triangle, WeldedEdge};
 use crate::allocation::{Collect, Grow, filled, with_capacity};
 
 /// Edges at which the host wants charts to end, as sorted pairs of vertices, in ascending order.
@@ -14,11 +15,12 @@ pub(super) type Seams = Vec<[u32; 2]>;
 ///
 /// Two triangles are neighbours if exactly these two share a UV edge, lie on opposite sides of it, and it is not a seam:
 /// a mirrored half folded onto the other one, and an edge of three triangles, are borders. `numbers` holds the numbers of
-/// each triangle's UV corners.
-pub(super) fn build(raw: &[RawTriangle], numbers: &[[u32; 3]], seams: &Seams) -> TileMesh {
+/// each triangle's UV corners; `moved`, what welding changed.
+pub(super) fn build(raw: &[RawTriangle], numbers: &[[u32; 3]], moved: &Moved, seams: &Seams) -> TileMesh {
     let (neighbours, welds) = neighbours(raw, numbers, seams);
     let tile = assemble(&neighbours, |t| (raw[t].vertices, raw[t].uv));
-    TileMesh { welds, ..tile }
+    let gaps = gaps::outlines(raw, moved, &neighbours);
+    TileMesh { welds, ..with_cuts(tile, gaps) }
 }
 
 impl TileMesh {
@@ -57,6 +59,8 @@ impl TileMesh {
             let vertices = &self.charts[self.chart_of[t] as usize].vertices;
             (triangle.local.map(|v| vertices[v as usize]), triangle.uv)
         });
+        let cut = |cut: &Cut| Cut { triangle: order[cut.triangle as usize], ..*cut };
+        let tile = with_cuts(tile, self.cuts.iter().map(cut).collected());
         TileMesh { udim: self.udim, uv_set: self.uv_set, layer: self.layer, ..tile }
     }
 
@@ -83,6 +87,9 @@ impl TileMesh {
             let vertices = &self.charts[self.chart_of[t as usize] as usize].vertices;
             (triangle(t).local.map(|v| vertices[v as usize]), triangle(t).uv)
         });
+        let cut = |cut: &Cut| Cut { triangle: numbers[order[cut.triangle as usize] as usize], ..*cut };
+        let cuts = self.cuts.iter().map(cut).filter(|cut| cut.triangle != NONE).collected();
+        let tile = with_cuts(tile, cuts);
         let of_layer = |weld: &&WeldedEdge| layers[weld.sides[0].0 as usize] == layer;
         let renumbered = |weld: &WeldedEdge| WeldedEdge {
             sides: weld.sides.map(|(t, k)| (numbers[t as usize], k)),
@@ -106,6 +113,16 @@ fn inverse(order: &[u32]) -> Vec<u32> {
         new_index[old as usize] = new as u32;
     }
     new_index
+}
+
+/// Gives a tile its cuts, with triangles by their numbers in `chart_of`.
+fn with_cuts(tile: TileMesh, mut cuts: Vec<Cut>) -> TileMesh {
+    if !cuts.is_empty() {
+        let new_index = inverse(&order(&tile.chart_of));
+        cuts.iter_mut().for_each(|cut| cut.triangle = new_index[cut.triangle as usize]);
+        cuts.sort_unstable_by_key(|cut| cut.triangle);
+    }
+    TileMesh { cuts, ..tile }
 }
 
 /// Sorts triangles by chart. `source` gives a triangle's vertices and UVs.

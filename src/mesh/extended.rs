@@ -36,7 +36,7 @@ pub(crate) fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -
         triangles: source.triangles.iter().map(|triangle| Triangle { ..*triangle }).collected(),
         sources: Vec::new(),
         charts: with_capacity(source.charts.len()),
-        cuts: Vec::new(),
+        cuts: copied(&source.cuts),
         chart_of: copied(&source.chart_of),
         welds: Vec::new(),
         edges_apart: source.edges_apart,
@@ -45,6 +45,7 @@ pub(crate) fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -
         let chart = add(&mut extended, chart, collar, kept, beyond.reach);
         extended.charts.put(chart);
     }
+    extended.cuts.sort_unstable_by_key(|cut| cut.triangle);
     extended
 }
 

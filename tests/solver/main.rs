@@ -10,6 +10,7 @@ mod cuts;
 mod draft;
 mod features;
 mod gap;
+mod gaps;
 mod hard_cases;
 mod invariants;
 mod keep;
