@@ -6,6 +6,7 @@
 
 mod beyond;
 mod charts;
+pub mod dense;
 mod gaps;
 
 use std::collections::HashMap;
@@ -63,6 +64,12 @@ pub fn models() -> Vec<Model> {
     models.push(Model { name: "squash to 40 %".into(), ..crowded });
     models.extend(assets());
     models
+}
+
+/// The root mean square of some numbers; 0 of none.
+pub fn rms(numbers: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = numbers.fold((0.0, 0.0f64), |(sum, count), x| (sum + x * x, count + 1.0));
+    (sum / count.max(1.0)).sqrt()
 }
 
 /// What happens at the borders of charts.
