@@ -18,20 +18,20 @@ pub fn change(settings: &mut TileSettings, word: &str) -> Result<(), String> {
     let Some((name, text)) = word.split_once('=') else {
         return if word == "default" { Ok(()) } else { Err(bad()) };
     };
-    let field = match (name, text) {
-        ("open_borders", "slide") => return Ok(settings.open_borders = OpenBorders::Slide),
-        ("seams", "continue") => return Ok(settings.seams = Seams::Continue),
-        ("seams", "keep") => return Ok(settings.seams = Seams::Keep),
-        ("protect", _) => &mut settings.protect,
-        ("orientation", _) => &mut settings.orientation,
-        ("orientation_density", _) => &mut settings.orientation_density,
-        ("room", _) => &mut settings.room,
-        ("room_threshold", _) => &mut settings.room_threshold,
-        ("smoothness", _) => &mut settings.smoothness,
-        ("smoothness_floor", _) => &mut settings.smoothness_floor,
+    let number = || text.parse().map_err(|_| bad());
+    match name {
+        "open_borders" if text == "slide" => settings.open_borders = OpenBorders::Slide,
+        "seams" if text == "continue" => settings.seams = Seams::Continue,
+        "seams" if text == "keep" => settings.seams = Seams::Keep,
+        "protect" => settings.protect = number()?,
+        "orientation" => settings.orientation = number()?,
+        "orientation_density" => settings.orientation_density = number()?,
+        "room" => settings.room = number()?,
+        "room_threshold" => settings.room_threshold = number()?,
+        "smoothness" => settings.smoothness = number()?,
+        "smoothness_floor" => settings.smoothness_floor = number()?,
         _ => return Err(bad()),
-    };
-    *field = text.parse().map_err(|_| bad())?;
+    }
     Ok(())
 }
 

@@ -8,7 +8,7 @@ use super::layout::{
 };
 use super::recorder::DispatchSize;
 use super::run::Run;
-use crate::allocation::{Collect, Grow, copied};
+use crate::allocation::{Collect, copied};
 use crate::method::schedule::passes;
 use crate::method::stage::{Stage, Stages, Start};
 
@@ -108,13 +108,13 @@ impl Run<'_> {
         for level in (0..self.grid.levels.len()).rev() {
             for band in 0..self.memory.bands[level].len() {
                 let stored = self.memory.lists[level][band].stored;
-                let mut extra = vec![self.memory.buffers[level][band].nodes.clone()];
+                let nodes = self.memory.buffers[level][band].nodes.clone();
                 let params = Params { factor: self.most_lost, ..self.at_level(level) };
                 if level > 0 {
-                    self.dispatch_list(Kernel::Protect, [level, band], &extra, stored, params);
+                    self.dispatch_list(Kernel::Protect, [level, band], &[nodes], stored, params);
                 } else if let Some(coarser) = self.memory.buffers.get(1) {
                     let coarse = &coarser[self.memory.bands[0][band].coarser];
-                    extra.put_all([coarse.blocks.clone(), coarse.nodes.clone()]);
+                    let extra = [nodes, coarse.blocks.clone(), coarse.nodes.clone()];
                     self.dispatch_list(Kernel::ProtectFinest, [0, band], &extra, stored, params);
                 }
             }
