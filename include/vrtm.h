@@ -1150,6 +1150,10 @@ typedef struct vrtm_tile_settings {
     // VRTM_OPEN_BORDERS_FIXED (0, the default) or VRTM_OPEN_BORDERS_SLIDE; the latter only with an
     // `orientation_density` of 0.
     vrtm_open_borders open_borders;
+    // How far rigid features that the pose does not strain come before those that it strains, 0 (the default) to 1. At
+    // 0 each gives way alike, and in a crowd a feature may come out worse than without the warp; the higher this is,
+    // the fewer do, and the others keep a little more strain. For VRTM_SOLVER_DESCENT. Experimental.
+    float protect;
 } vrtm_tile_settings;
 
 // UDIM number (1001 + U + 10 V) and UV set of a tile. `uv_set` may be null. Unlike vrtm_tile_info, it does not prepare

@@ -36,6 +36,13 @@ const NEAR_BOUND_STIFFNESS: f32 = 10.0;
 const TANGENT_WEIGHT: f32 = 0.15;
 /// Weight of the hold at open borders along which texture slides (method §16).
 const HOLD: f32 = 4.0;
+/// Protection (method §4): with `protect` at 1, rigid material that the pose does not strain has 1 plus this times the
+/// weight of what it strains most.
+const PROTECTION: f32 = 9.0;
+/// The strain at which half of that is left.
+const PROTECTED_STRAIN: f32 = 0.04;
+/// What rigid material has lost of its weight is stored as a multiple of 1 / this.
+const LOST_STEPS: f32 = 32768.0;
 /// Stress stiffness (method §4, Derivatives): the factor of the strain of an edge that is longer than at rest ...
 const TENSION_STIFFNESS: f32 = 0.25;
 /// ... and of one that is shorter.
@@ -94,7 +101,8 @@ const WINDOW: u32 = 324u;
 const SPREAD: u32 = 65535u;
 /// The energy of an invalid state: more than any other energy.
 const INVALID_ENERGY: f32 = 3e38;
-/// Plane of the rigidity's code (16 bits) and of the sign bit of fixed nodes.
+/// Plane of the rigidity's code (16 bits), of what it has lost in this pose (15 bits) and of the sign bit of fixed
+/// nodes.
 const RIGIDITY: u32 = 0u;
 /// First of the two planes of rest lengths: the codes of the owned edges 0 and 1, then of 2 and 3, the first of
 /// a pair in the lower 16 bits.
@@ -240,7 +248,7 @@ struct Params {
     /// Side of this level's cells in cells of level 0.
     scale: f32,
     /// `step`: the fraction t of the trial; `shrink`: the fraction of a margin that the round leaves, negative
-    /// in the last rounds.
+    /// in the last rounds; `protect`: what rigidity loses at most, in multiples of 1 / LOST_STEPS.
     factor: f32,
     tolerance: f32,
     /// 1 if a first correction that gained what its model predicted ends the level's corrections.
@@ -275,6 +283,8 @@ struct Params {
     state_planes: u32,
     /// Planes per block of the constants of all levels' nodes.
     node_planes: u32,
+    /// The unit of what rigidity has lost: 1 / LOST_STEPS; 0 if nothing is protected, whatever stands in `nodes`.
+    lost: f32,
 }
 
 /// A chart, and the decisions about it during a solve.

@@ -8,6 +8,7 @@ mod stages;
 mod surface;
 mod pyramid;
 mod prolong;
+mod protect;
 mod relax;
 mod correct;
 mod pbd;

@@ -204,6 +204,10 @@ pub struct TileSettings {
     pub room: f32,
     /// Room threshold τ, 0..1: the corner Jacobian under which the penalty starts.
     pub room_threshold: f32,
+    /// Protection, 0..1: how far features that the pose does not strain come before those that it strains. At 0 each gives
+    /// way alike, and a feature beside much strained ones may come out worse than without the warp; the higher this is, the
+    /// fewer do, and the others keep a little more strain. For [`Solver::Descent`].
+    pub protect: f32,
     /// Who owns overlapped texels.
     pub overlap: Overlap,
     /// What happens at seams.
@@ -225,6 +229,7 @@ impl Default for TileSettings {
             orientation_density: 0.0,
             room: 0.3,
             room_threshold: 0.4,
+            protect: 0.0,
             overlap: Overlap::Fixed,
             seams: Seams::Shut,
             seam_reach: 1.0 / 32.0,
@@ -263,6 +268,9 @@ impl TileSettings {
         }
         if !(0.0..=1.0).contains(&self.room_threshold) {
             return bad("room_threshold", self.room_threshold, "in 0..1");
+        }
+        if !(0.0..=1.0).contains(&self.protect) {
+            return bad("protect", self.protect, "in 0..1");
         }
         if !(self.seam_reach > 0.0 && self.seam_reach <= MAX_SEAM_REACH) {
             return bad("seam_reach", self.seam_reach, "over 0 and at most 0.5");

@@ -12,7 +12,7 @@ use crate::device::Device;
 use crate::error::Result;
 use crate::grid::Grid;
 use crate::mesh::TileMesh;
-use crate::settings::Solver;
+use crate::method::plan::Purpose;
 use crate::{cpu, gpu};
 use tile_solve::{TileSolution, TileSolve, Warp};
 
@@ -25,27 +25,27 @@ pub(crate) enum TileSolver {
 
 impl TileSolver {
     /// Allocates the memory for a grid.
-    pub fn new(device: &Device, grid: &Arc<Grid>, tile: &TileMesh, solver: Solver) -> Result<TileSolver> {
+    pub fn new(device: &Device, grid: &Arc<Grid>, tile: &TileMesh, purpose: Purpose) -> Result<TileSolver> {
         match device.gpu() {
             Some(context) => {
                 gpu::Memory::new(context, grid, tile).map(|memory| TileSolver::Gpu(boxed(memory)))
             }
-            None => Ok(TileSolver::Cpu(cpu::Memory::new(grid, solver))),
+            None => Ok(TileSolver::Cpu(cpu::Memory::new(grid, purpose))),
         }
     }
 
     /// Bytes that `new` allocates for a grid.
-    pub fn bytes_for(device: &Device, grid: &Grid, tile: &TileMesh, solver: Solver) -> Result<u64> {
+    pub fn bytes_for(device: &Device, grid: &Grid, tile: &TileMesh, purpose: Purpose) -> Result<u64> {
         match device.gpu() {
             Some(context) => gpu::Memory::bytes_for(context, grid, tile),
-            None => Ok(cpu::Memory::bytes_for(grid, solver)),
+            None => Ok(cpu::Memory::bytes_for(grid, purpose)),
         }
     }
 
-    /// True if this memory belongs to this solver on this grid (grids of other sizes or maps have other blocks).
-    pub fn is_for(&self, grid: &Arc<Grid>, solver: Solver) -> bool {
+    /// True if this memory is for this purpose on this grid (grids of other sizes or maps have other blocks).
+    pub fn is_for(&self, grid: &Arc<Grid>, purpose: Purpose) -> bool {
         match self {
-            TileSolver::Cpu(memory) => memory.is_for(grid, solver),
+            TileSolver::Cpu(memory) => memory.is_for(grid, purpose),
             TileSolver::Gpu(memory) => memory.is_for(grid),
         }
     }

@@ -2,18 +2,22 @@
 //!
 //!     cargo bench --bench features
 //!     cargo bench --bench features -- --grid 256 --scenes fox --qualities draft,normal
+//!     cargo bench --bench features -- --dense --settings default,protect=0.5,protect=1
 
 #![allow(missing_docs)]
 
 #[path = "../../tests/common/mod.rs"]
 mod common;
+mod draw;
+mod sweep;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
 use common::Model;
+use common::features::dense::dense;
 use common::features::{CASES, Kind, Summary, gaps, models, of_asset, solve};
 use vrtm::{OpenBorders, Quality, Seams, Strided};
 
@@ -36,6 +40,16 @@ struct Args {
     /// fixed, slide: what happens at open borders.
     #[arg(long, value_delimiter = ',', default_values_t = ["fixed".to_owned()])]
     open_borders: Vec<String>,
+    /// Paint the scenes densely, in place of their own rigidity.
+    #[arg(long)]
+    dense: bool,
+    /// Compare settings of the tiles, such as protect=1 or room=0+smoothness=0.1, with one line for each, in place of
+    /// --qualities, --seams and --open-borders.
+    #[arg(long, value_delimiter = ',')]
+    settings: Vec<String>,
+    /// With --settings: draw some of the scenes into this folder, one picture each, a column for each of the settings.
+    #[arg(long, value_name = "DIR")]
+    pictures: Option<PathBuf>,
     /// Also write the table there.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -64,8 +78,9 @@ const HEAD: &str = "| scene | quality | seams | open borders | ms | where | feat
 ";
 
 fn run(args: &Args) -> Result<(), String> {
-    let mut text = HEAD.to_owned();
-    print!("{HEAD}");
+    let head = if args.settings.is_empty() { HEAD } else { sweep::HEAD };
+    let mut text = head.to_owned();
+    print!("{head}");
     let models = models();
     if let Some(name) = args.scenes.iter().find(|name| !models.iter().any(|model| model.name == **name)) {
         return Err(format!("no scene or asset '{name}'"));
@@ -73,6 +88,24 @@ fn run(args: &Args) -> Result<(), String> {
     let wanted = |name: &str| args.scenes.is_empty() || args.scenes.iter().any(|scene| scene == name);
     for (name, frame) in CASES.into_iter().filter(|case| wanted(case.0)) {
         let Some(model) = models.iter().find(|model| model.name == name) else { continue };
+        let model = &if args.dense { dense(model) } else { model.clone() };
+        let mut columns = Vec::new();
+        for setting in &args.settings {
+            let (row, mut asset) = sweep::row(model, frame, setting, args.grid)?;
+            print!("{row}");
+            text += &row;
+            if let (true, Some((_, view))) =
+                (args.pictures.is_some(), draw::VIEWS.iter().find(|view| view.0 == name))
+            {
+                columns.push(draw::draw(model, &model.frames[frame - 1], &mut asset, view, COLUMN));
+            }
+        }
+        if let (Some(folder), false) = (&args.pictures, columns.is_empty()) {
+            save(&columns, &folder.join(format!("{}.png", model.name.replace([' ', '%'], "_"))))?;
+        }
+        if !args.settings.is_empty() {
+            continue;
+        }
         for quality in &args.qualities {
             let open = |seams| args.open_borders.iter().map(move |open| [seams, open]);
             for borders in args.seams.iter().flat_map(open) {
@@ -86,6 +119,18 @@ fn run(args: &Args) -> Result<(), String> {
         Some(path) => std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display())),
         None => Ok(()),
     }
+}
+
+/// Pixels on a side of a picture of one setting.
+const COLUMN: usize = 420;
+
+/// Saves pictures side by side.
+fn save(columns: &[image::RgbImage], path: &Path) -> Result<(), String> {
+    let mut sheet = image::RgbImage::new((columns.len() * COLUMN) as u32, COLUMN as u32);
+    for (k, column) in columns.iter().enumerate() {
+        image::imageops::replace(&mut sheet, column, (k * COLUMN) as i64, 0);
+    }
+    sheet.save(path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// A line for each place at which the scene has features, on all of its tiles.

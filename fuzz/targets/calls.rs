@@ -152,6 +152,7 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
                     settings.grid_width = input.odd(16, &[17, 33, 48]);
                     settings.overlap = input.odd(0, &[1, 2]);
                     settings.orientation_density = input.odd(0.0, &[0.5, -1.0]);
+                    settings.protect = input.odd(0.0, &[0.5, 1.0, -1.0]);
                     check(vrtm_tile_set_settings(tile, &settings));
                 }
             }

@@ -13,6 +13,7 @@ use crate::grid::{Grid, build, saved};
 use crate::image::map::TexelRect;
 use crate::mesh::extended::extended;
 use crate::mesh::{Mesh, TileMesh};
+use crate::method::plan::Purpose;
 use crate::report::{TileEstimate, TileInfo};
 use crate::settings::{LogLevel, Seams, Solver, TileSettings};
 use crate::team::Team;
@@ -305,7 +306,8 @@ impl TileState {
         let (grid_bytes, parts) = (survey.grid_bytes(), survey.bytes());
         let grid = build::skeleton(survey);
         let result = Solved::bytes_for(&grid);
-        let solver = TileSolver::bytes_for(device, &grid, source, Solver::Descent)?;
+        let solver =
+            TileSolver::bytes_for(device, &grid, source, Purpose::new(Solver::Descent, &self.maps.settings))?;
         let prepared = self.map_bytes() + grid_bytes;
         // What is published is a result of its own.
         let beyond = if source.sources.is_empty() { 0 } else { Gutter::BYTES + result };

@@ -14,7 +14,7 @@ use crate::grid::planes::SIDE;
 use crate::grid::pose::Pose;
 use crate::mesh::{Mesh, TileMesh};
 use crate::method::deadline::Deadline;
-use crate::method::plan::{ChartResult, Input, Plan, Summary};
+use crate::method::plan::{ChartResult, Input, Plan, Purpose, Summary};
 use crate::method::progress::Progress;
 use crate::report::{GpuWork, TileReport};
 use crate::settings::Solver;
@@ -305,7 +305,8 @@ impl TileState {
         let settings = &self.maps.settings;
         let continuation = call.plan.continuation;
         let pull = if last.is_some() { call.plan.temporal_weight } else { 0.0 };
-        let input = Input { grid, mesh: tile, pose, settings, charts: &charts, continuation, pull };
+        let protect = call.plan.protect(settings);
+        let input = Input { grid, mesh: tile, pose, settings, protect, charts: &charts, continuation, pull };
         let (team, plan) = (call.team, call.plan);
         let fresh = std::mem::replace(&mut self.solver_is_fresh, false);
         let deadline =
@@ -417,13 +418,14 @@ impl TileState {
 
     /// Makes the solver for a grid unless it exists. Its memory is booked before it is allocated.
     fn allocate(&mut self, device: &Device, grid: &Arc<Grid>, tile: &TileMesh, solver: Solver) -> Result<()> {
-        let fits = self.solver.as_ref().is_some_and(|solver_of| solver_of.is_for(grid, solver));
+        let purpose = Purpose::new(solver, &self.maps.settings);
+        let fits = self.solver.as_ref().is_some_and(|solver| solver.is_for(grid, purpose));
         if !fits {
             // The old memory is freed before the new memory is allocated.
             self.forget(device);
-            let bytes = TileSolver::bytes_for(device, grid, tile, solver)?;
+            let bytes = TileSolver::bytes_for(device, grid, tile, purpose)?;
             self.book(device, bytes, tile)?;
-            match caught(|| TileSolver::new(device, grid, tile, solver)) {
+            match caught(|| TileSolver::new(device, grid, tile, purpose)) {
                 Ok(solver) => self.solver = Some(solver),
                 Err(error) => return Err(self.give_up(device, tile, error)),
             }

@@ -17,16 +17,19 @@ pub struct Buffers {
     pub triangle: Vec<Plane<u32>>,
     /// Pose metrics at the nodes; coarser levels only.
     pub metric: Vec<[Plane; 3]>,
+    /// What the nodes' rigidity has lost (`protect`); empty if nothing is protected.
+    pub lost: Vec<Plane<u16>>,
 }
 
 impl Buffers {
-    /// Allocates the state of `blocks` blocks, without pose metrics.
+    /// Allocates the state of `blocks` blocks, without pose metrics and protection.
     pub fn new(allocator: &mut impl Allocate, blocks: usize, finest: bool) -> Buffers {
         Buffers {
             u: allocator.zeros(blocks),
             value: allocator.zeros(blocks),
             triangle: allocator.zeros(if finest { blocks } else { 0 }),
             metric: Vec::new(),
+            lost: Vec::new(),
         }
     }
 
@@ -36,6 +39,7 @@ impl Buffers {
             u: SharedSlice::new(&mut self.u),
             value: SharedSlice::new(&mut self.value),
             triangle: SharedSlice::new(&mut self.triangle),
+            lost: SharedSlice::new(&mut self.lost),
         }
     }
 }
@@ -63,4 +67,6 @@ pub struct State {
     pub value: SharedSlice<[Plane; 3]>,
     /// The triangle under W(p) on the finest level; empty on coarser ones.
     pub triangle: SharedSlice<Plane<u32>>,
+    /// What rigidity has lost; sweeps only read it.
+    pub lost: SharedSlice<Plane<u16>>,
 }

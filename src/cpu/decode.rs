@@ -2,7 +2,9 @@
 
 use crate::grid::Level;
 use crate::grid::codes;
+use crate::grid::planes::Plane;
 use crate::grid::window::{self, WINDOW_NODES, Window};
+use crate::method::law::LOST_STEPS;
 
 use super::lanes::{LANES, Lanes};
 
@@ -19,6 +21,24 @@ pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) {
     window::load(&level.blocks.neighbours[b], 0, |b| &level.rigidity[b], &mut codes);
     for at in window_vectors() {
         (V::load_u16(&codes, at) / V::splat(codes::RIGIDITY_STEPS)).store(out, at);
+    }
+}
+
+/// Takes from the rigidities in the window of block `b` what they have lost (method §4, Protection).
+#[inline(always)]
+pub fn weaken<'a, V: Lanes>(
+    level: &Level,
+    lost: impl Fn(usize) -> &'a Plane<u16>,
+    b: usize,
+    rigidity: &mut Window,
+) {
+    let mut codes: Window<u16> = [0; WINDOW_NODES];
+    window::load(&level.blocks.neighbours[b], 0, lost, &mut codes);
+    // Vectors overlap, so that what has been weakened must not be read again.
+    let whole = *rigidity;
+    for at in window_vectors() {
+        let kept = V::one() - V::load_u16(&codes, at) * (1.0 / LOST_STEPS);
+        (V::load(&whole, at) * kept).store(rigidity, at);
     }
 }
 

@@ -5,6 +5,7 @@ use std::sync::{Arc, Weak};
 use crate::allocation::{Grow, with_capacity};
 use crate::grid::Grid;
 use crate::grid::planes::Plane;
+use crate::method::plan::Purpose;
 use crate::settings::Solver;
 
 use super::allocate::{Allocate, Count, Heap};
@@ -39,7 +40,7 @@ impl PbdBuffers {
 pub(crate) struct Memory {
     /// The node planes of the grid that the memory is for, which identify that grid.
     blocks: Weak<Vec<Plane<u32>>>,
-    solver: Solver,
+    purpose: Purpose,
     /// State and pose metrics per level.
     pub(super) levels: Vec<Buffers>,
     /// Memory of corrections; empty for the paper's solver.
@@ -54,26 +55,27 @@ pub(crate) struct Memory {
 
 impl Memory {
     /// Allocates the memory for a grid.
-    pub fn new(grid: &Arc<Grid>, solver: Solver) -> Memory {
-        Memory { blocks: Arc::downgrade(&grid.triangle), ..Memory::construct(&mut Heap, grid, solver) }
+    pub fn new(grid: &Arc<Grid>, purpose: Purpose) -> Memory {
+        Memory { blocks: Arc::downgrade(&grid.triangle), ..Memory::construct(&mut Heap, grid, purpose) }
     }
 
     /// Number of bytes that `new` allocates for a grid.
-    pub fn bytes_for(grid: &Grid, solver: Solver) -> u64 {
+    pub fn bytes_for(grid: &Grid, purpose: Purpose) -> u64 {
         let mut count = Count::default();
-        Memory::construct(&mut count, grid, solver);
+        Memory::construct(&mut count, grid, purpose);
         count.bytes
     }
 
     /// Constructs the memory with an allocator.
-    fn construct(allocator: &mut impl Allocate, grid: &Grid, solver: Solver) -> Memory {
+    fn construct(allocator: &mut impl Allocate, grid: &Grid, purpose: Purpose) -> Memory {
         let mut levels = with_capacity(grid.levels.len());
         for (k, level) in grid.levels.iter().enumerate() {
             let blocks = level.blocks.list.len();
             let metric = allocator.zeros(if k > 0 { blocks } else { 0 });
-            levels.put(Buffers { metric, ..Buffers::new(allocator, blocks, k == 0) });
+            let lost = allocator.zeros(if purpose.protects { blocks } else { 0 });
+            levels.put(Buffers { metric, lost, ..Buffers::new(allocator, blocks, k == 0) });
         }
-        let (workspace, pbd) = match solver {
+        let (workspace, pbd) = match purpose.solver {
             Solver::Descent => (Workspace::new(allocator, grid), Vec::new()),
             Solver::Pbd => {
                 (Workspace::without_corrections(allocator, grid), PbdBuffers::new(allocator, grid))
@@ -81,12 +83,12 @@ impl Memory {
         };
         let triangles = allocator.zeros(grid.triangles.len());
         let metrics = allocator.zeros(grid.triangles.len());
-        Memory { blocks: Weak::new(), solver, levels, workspace, pbd, triangles, metrics }
+        Memory { blocks: Weak::new(), purpose, levels, workspace, pbd, triangles, metrics }
     }
 
-    /// Whether this is the memory of the given solver on the given grid. (Grids of different sizes or maps have
+    /// Whether this is the memory for the given purpose on the given grid. (Grids of different sizes or maps have
     /// different blocks.)
-    pub fn is_for(&self, grid: &Arc<Grid>, solver: Solver) -> bool {
-        self.solver == solver && self.blocks.upgrade().is_some_and(|own| Arc::ptr_eq(&own, &grid.triangle))
+    pub fn is_for(&self, grid: &Arc<Grid>, purpose: Purpose) -> bool {
+        self.purpose == purpose && self.blocks.upgrade().is_some_and(|own| Arc::ptr_eq(&own, &grid.triangle))
     }
 }

@@ -54,15 +54,15 @@ impl Weights {
 
     /// The weights on `level`.
     pub fn new(input: &Input, level: usize) -> Weights {
-        let settings = input.settings;
+        let (settings, scale) = (input.settings, input.least_weight());
         Weights {
-            smoothness: input.smoothness(level),
-            smoothness_floor: settings.smoothness_floor,
-            orientation: settings.orientation,
-            orientation_density: settings.orientation_density,
-            room: settings.room,
+            smoothness: scale * input.smoothness(level),
+            smoothness_floor: scale * settings.smoothness_floor,
+            orientation: scale * settings.orientation,
+            orientation_density: scale * settings.orientation_density,
+            room: scale * settings.room,
             room_threshold: settings.room_threshold,
-            pull: if level == 0 { input.pull } else { 0.0 },
+            pull: if level == 0 { scale * input.pull } else { 0.0 },
         }
     }
 
@@ -154,6 +154,10 @@ impl Patch {
             }
         }
         decode::rigidity::<V>(level, b, &mut self.rigidity);
+        if !state.lost.is_empty() {
+            // SAFETY: no stage that loads patches writes it.
+            decode::weaken::<V>(level, |b| unsafe { state.lost.get(b) }, b, &mut self.rigidity);
+        }
         window::load(neighbours, 0, |b| &level.movable[b], &mut self.movable);
         let floor = V::splat(self.floor);
         if !level.density.is_empty() {

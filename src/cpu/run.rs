@@ -60,6 +60,8 @@ pub(crate) struct Run<'a> {
     pub(super) memory: &'a mut Memory,
     /// Weights of the energy per level.
     pub(super) weights: Vec<Weights>,
+    /// See `Input::least_weight`.
+    pub(super) least_weight: f32,
     pub(super) work: Vec<Lists>,
     /// The charts to solve.
     pub(super) charts: &'a [bool],
@@ -120,6 +122,7 @@ impl<'a> Run<'a> {
             pose,
             memory,
             weights: (0..grid.levels.len()).map(|level| Weights::new(input, level)).collected(),
+            least_weight: input.least_weight(),
             work,
             charts,
             result,

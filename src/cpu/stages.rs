@@ -14,7 +14,10 @@ impl Stages for Run<'_> {
         }
         match *stage {
             Stage::Surface => self.pose_triangles(),
-            Stage::Pyramid => self.pose_metrics(),
+            Stage::Pyramid => {
+                self.pose_metrics();
+                self.protect();
+            }
             Stage::Start { level, from } => match from {
                 Start::Identity => self.start_from_identity(level),
                 Start::Previous => self.start_from_previous(),

@@ -120,6 +120,10 @@ pub struct vrtm_tile_settings {
     /// VRTM_OPEN_BORDERS_FIXED (0, the default) or VRTM_OPEN_BORDERS_SLIDE; the latter only with an
     /// `orientation_density` of 0.
     pub open_borders: vrtm_open_borders,
+    /// How far rigid features that the pose does not strain come before those that it strains, 0 (the default) to 1. At
+    /// 0 each gives way alike, and in a crowd a feature may come out worse than without the warp; the higher this is,
+    /// the fewer do, and the others keep a little more strain. For VRTM_SOLVER_DESCENT. Experimental.
+    pub protect: f32,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
@@ -172,6 +176,7 @@ fn to_c(settings: &TileSettings) -> vrtm_tile_settings {
             OpenBorders::Fixed => VRTM_OPEN_BORDERS_FIXED,
             OpenBorders::Slide => VRTM_OPEN_BORDERS_SLIDE,
         },
+        protect: settings.protect,
     }
 }
 
@@ -209,6 +214,7 @@ fn settings(from: &vrtm_tile_settings) -> Outcome<TileSettings> {
         seams,
         seam_reach: if from.seam_reach == 0.0 { TileSettings::default().seam_reach } else { from.seam_reach },
         open_borders,
+        protect: from.protect,
     })
 }
 

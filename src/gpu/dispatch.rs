@@ -15,6 +15,7 @@ use crate::grid::planes::NODES;
 pub(super) enum BandBuffer {
     State,
     Metric,
+    Nodes,
     Rows,
     Vectors,
     Contributions,
@@ -214,6 +215,7 @@ impl Run<'_> {
             let (buffer, planes) = match what {
                 BandBuffer::State => (self.state_buffer(level, band), state_planes(level)),
                 BandBuffer::Metric => (buffers.metric.as_ref()?, METRIC_PLANES),
+                BandBuffer::Nodes => (&buffers.nodes, self.params.node_planes as usize),
                 BandBuffer::Rows => (&buffers.rows, ROW_PLANES),
                 BandBuffer::Vectors => (&buffers.vectors, VECTOR_PLANES),
                 BandBuffer::Contributions => (&buffers.contributions, 1),

@@ -45,6 +45,8 @@ pub enum Kernel {
     Surface,
     PyramidGather,
     PyramidRestrict,
+    Protect,
+    ProtectFinest,
     IdentityChords,
     IdentityMetrics,
     Previous,
@@ -118,12 +120,15 @@ macro_rules! source {
 
 /// All kernels, in the order of the stages.
 #[rustfmt::skip]
-pub const SOURCES: [Source; 41] = [
+pub const SOURCES: [Source; 43] = [
     source!(Surface, "surface", [CHORDS[0], "surface"], [W(SURFACE), R(EXTRA), R(EXTRA + 1)], 0),
     source!(PyramidGather, "pyramid_gather", [CHORDS[0], "pyramid_gather"],
         [R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), W(EXTRA + 2)], 24),
     source!(PyramidRestrict, "pyramid_restrict", [METRICS, "pyramid_restrict"],
         [R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), R(EXTRA + 2)], 76),
+    source!(Protect, "protect", [METRICS, "protect"], [R(BLOCKS), R(LISTS), W(SURFACE), W(EXTRA)], 72),
+    source!(ProtectFinest, "protect_finest", ["protect_finest"],
+        [R(BLOCKS), R(LISTS), W(EXTRA), R(EXTRA + 1), R(EXTRA + 2)], 12),
     source!(IdentityChords, "identity", [CHORDS[0], CHORDS[1], "sampling/resample"],
         [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE)], 20),
     source!(IdentityMetrics, "identity", [METRICS, "sampling/resample"],
@@ -260,6 +265,8 @@ fn part(name: &str) -> &'static str {
         "surface",
         "pyramid_gather",
         "pyramid_restrict",
+        "protect",
+        "protect_finest",
         "sampling/triangle",
         "sampling/chords",
         "sampling/metrics",

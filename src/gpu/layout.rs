@@ -25,7 +25,8 @@ pub mod shared {
         /// The energy of an invalid state: more than any other energy.
         INVALID_ENERGY: f32 = 3e38;
 
-        /// Plane of the rigidity's code (16 bits) and of the sign bit of fixed nodes.
+        /// Plane of the rigidity's code (16 bits), of what it has lost in this pose (15 bits) and of the sign bit of fixed
+        /// nodes.
         RIGIDITY: usize = 0;
         /// First of the two planes of rest lengths: the codes of the owned edges 0 and 1, then of 2 and 3, the first of
         /// a pair in the lower 16 bits.
@@ -205,7 +206,7 @@ structs! {
         /// Side of this level's cells in cells of level 0.
         scale: f32,
         /// `step`: the fraction t of the trial; `shrink`: the fraction of a margin that the round leaves, negative
-        /// in the last rounds.
+        /// in the last rounds; `protect`: what rigidity loses at most, in multiples of 1 / LOST_STEPS.
         factor: f32,
         tolerance: f32,
         /// 1 if a first correction that gained what its model predicted ends the level's corrections.
@@ -240,6 +241,8 @@ structs! {
         state_planes: u32,
         /// Planes per block of the constants of all levels' nodes.
         node_planes: u32,
+        /// The unit of what rigidity has lost: 1 / LOST_STEPS; 0 if nothing is protected, whatever stands in `nodes`.
+        lost: f32,
     }
 
     /// A chart, and the decisions about it during a solve.

@@ -13,7 +13,7 @@ use crate::allocation::{Collect, Grow};
 use crate::control::Control;
 use crate::error::{Error, Result};
 use crate::grid::Grid;
-use crate::method::law::HOLD;
+use crate::method::law::{HOLD, LOST_STEPS};
 use crate::method::plan::{ChartResult, Input};
 
 /// One solve of one tile.
@@ -28,6 +28,8 @@ pub(crate) struct Run<'a> {
     pub(super) smoothness: Vec<f32>,
     /// The weights from the settings; the parameters of every dispatch are derived from these.
     pub(super) params: Params,
+    /// What rigidity loses at most in this pose, in multiples of 1 / `LOST_STEPS`.
+    pub(super) most_lost: f32,
     /// Weight of the pull towards the last result, on level 0.
     pub(super) pull: f32,
     pub(super) last_result: Option<Arc<ResultBuffers>>,
@@ -95,19 +97,21 @@ impl<'a> Run<'a> {
             })
             .collected();
         context.queue.write_buffer(&memory.charts, 0, bytemuck::cast_slice(&records));
+        let scale = input.least_weight();
         let params = Params {
-            smoothness_floor: settings.smoothness_floor,
-            orientation: settings.orientation,
+            smoothness_floor: scale * settings.smoothness_floor,
+            orientation: scale * settings.orientation,
             // A grid without densities is treated as having a density of 0.
             orientation_density: match grid.levels[0].density.is_empty() {
                 true => 0.0,
-                false => settings.orientation_density,
+                false => scale * settings.orientation_density,
             },
             hold: if grid.levels[0].held.is_empty() { 0.0 } else { HOLD },
             node_planes: node_planes(grid) as u32,
-            room: settings.room,
+            room: scale * settings.room,
             room_threshold: settings.room_threshold,
             items: charts.len() as u32,
+            lost: if scale < 1.0 { 1.0 / LOST_STEPS } else { 0.0 },
             ..Params::default()
         };
         let result = memory.free_result()?;
@@ -118,9 +122,10 @@ impl<'a> Run<'a> {
             memory,
             recorder,
             charts,
-            smoothness: (0..grid.levels.len()).map(|level| input.smoothness(level)).collected(),
+            smoothness: (0..grid.levels.len()).map(|level| scale * input.smoothness(level)).collected(),
             params,
-            pull: input.pull,
+            most_lost: (1.0 - scale) * LOST_STEPS,
+            pull: scale * input.pull,
             last_result,
             result,
             node_updates: 0,

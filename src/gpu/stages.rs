@@ -20,7 +20,10 @@ impl Stages for Run<'_> {
         self.recorder.stage(stage.kind() as usize);
         match *stage {
             Stage::Surface => self.surface(),
-            Stage::Pyramid => self.pyramid(),
+            Stage::Pyramid => {
+                self.pyramid();
+                self.protect();
+            }
             Stage::Start { level, from } => match from {
                 Start::Identity => self.identity(level),
                 Start::Previous => self.previous(),
@@ -94,6 +97,28 @@ impl Run<'_> {
                 }
             }
             self.exchange(k, BandBuffer::Metric);
+        }
+    }
+
+    /// Computes what rigid material loses of its weight in this pose, if anything is protected.
+    fn protect(&mut self) {
+        if self.params.lost == 0.0 {
+            return;
+        }
+        for level in (0..self.grid.levels.len()).rev() {
+            for band in 0..self.memory.bands[level].len() {
+                let stored = self.memory.lists[level][band].stored;
+                let nodes = self.memory.buffers[level][band].nodes.clone();
+                let params = Params { factor: self.most_lost, ..self.at_level(level) };
+                if level > 0 {
+                    self.dispatch_list(Kernel::Protect, [level, band], &[nodes], stored, params);
+                } else if let Some(coarser) = self.memory.buffers.get(1) {
+                    let coarse = &coarser[self.memory.bands[0][band].coarser];
+                    let extra = [nodes, coarse.blocks.clone(), coarse.nodes.clone()];
+                    self.dispatch_list(Kernel::ProtectFinest, [0, band], &extra, stored, params);
+                }
+            }
+            self.exchange(level, BandBuffer::Nodes);
         }
     }
 

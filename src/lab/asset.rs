@@ -13,9 +13,8 @@ use crate::lab::reference::minimise::Options;
 use crate::lab::reference::{Minimum, Problem};
 use crate::map::nodes;
 use crate::mesh::{Chart, FacePoint, TileMesh, Triangle};
-use crate::method::plan::{ChartResult, Input};
+use crate::method::plan::{ChartResult, Input, Purpose};
 use crate::method::stage::{Stage, Stages, Start};
-use crate::settings::Solver;
 use crate::view::Strided;
 
 /// The converged f64 minimum of a tile's finest-level energy: the oracle of tests and benches.
@@ -141,11 +140,13 @@ impl Asset {
             mesh,
             pose: &pose,
             settings: &self.tiles[tile].maps.settings,
+            // The stages below do not compute it.
+            protect: 0.0,
             charts: &charts,
             continuation: 1.0,
             pull: 0.0,
         };
-        let mut memory = cpu::Memory::new(grid, Solver::Descent);
+        let mut memory = cpu::Memory::new(grid, Purpose::default());
         let mut warp = filled([[0.0; NODES]; 2], anchor.len());
         Ok(self.device.team(|team| {
             let mut run = cpu::Run::new(team, &input, &mut memory, &mut warp, anchor);

@@ -12,7 +12,7 @@ use crate::grid::survey::Survey;
 use crate::lab::parity::StageDifference;
 use crate::lab::parity::pair::Pair;
 use crate::method::deadline::Deadline;
-use crate::method::plan::{Input, Plan};
+use crate::method::plan::{Input, Plan, Purpose};
 use crate::method::progress::Progress;
 use crate::method::schedule;
 use crate::settings::SolveOptions;
@@ -58,10 +58,11 @@ impl Asset {
         let settings = &self.tiles[tile].maps.settings;
         let plan = Plan::new(options);
         let continuation = plan.continuation;
+        let (protect, pull) = (plan.protect(settings), 0.0);
         let input =
-            Input { grid: &grid, mesh, pose: &pose, settings, charts: &charts, continuation, pull: 0.0 };
+            Input { grid: &grid, mesh, pose: &pose, settings, protect, charts: &charts, continuation, pull };
         self.device.team(|team| {
-            let mut of_cpu = cpu::Memory::new(&grid, plan.solver());
+            let mut of_cpu = cpu::Memory::new(&grid, Purpose::new(plan.solver(), settings));
             let mut of_gpu = gpu::Memory::new(context, &grid, mesh)?;
             let mut u = zeroed(grid.levels[0].blocks.list.len());
             let cpu = cpu::Run::new(team, &input, &mut of_cpu, &mut u, &[]);

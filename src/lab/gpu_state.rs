@@ -6,7 +6,7 @@ use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
 use super::layout::{
     COARSE_STATE_PLANES, Chart, METRIC_PLANES, PLANE, ROW_PLANES, SAMPLE_PLANES, Triangle, VECTOR_PLANES,
-    state_planes,
+    node_planes, state_planes,
 };
 use super::layout::{DECIDE_ENERGY, FRACTION, INVALID_ENERGY, RESIDUAL, STEP};
 use super::run::Run;
@@ -187,6 +187,7 @@ impl Run<'_> {
         let (buffer, planes, base) = match what {
             BandBuffer::State => (self.state_buffer(level, band), state_planes(level), 0),
             BandBuffer::Metric => (buffers.metric.as_ref()?, METRIC_PLANES, 0),
+            BandBuffer::Nodes => (&buffers.nodes, node_planes(self.grid), 0),
             BandBuffer::Rows => (&buffers.rows, ROW_PLANES, base),
             BandBuffer::Vectors => (&buffers.vectors, VECTOR_PLANES, base),
             // This buffer does not consist of planes, and is only used within a V-cycle.

@@ -45,6 +45,14 @@ constants! {
     /// Weight of the hold at open borders along which texture slides (method §16).
     HOLD: f32 = 4.0;
 
+    /// Protection (method §4): with `protect` at 1, rigid material that the pose does not strain has 1 plus this times the
+    /// weight of what it strains most.
+    PROTECTION: f32 = 9.0;
+    /// The strain at which half of that is left.
+    PROTECTED_STRAIN: f32 = 0.04;
+    /// What rigid material has lost of its weight is stored as a multiple of 1 / this.
+    LOST_STEPS: f32 = 32768.0;
+
     /// Stress stiffness (method §4, Derivatives): the factor of the strain of an edge that is longer than at rest ...
     TENSION_STIFFNESS: f32 = 0.25;
     /// ... and of one that is shorter.

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::acceptance::Correction;
-use super::law::CG_ITERATIONS;
+use super::law::{CG_ITERATIONS, PROTECTION};
 use super::stage::{Stage, Start};
 use crate::grid::Grid;
 use crate::grid::pose::Pose;
@@ -17,6 +17,8 @@ pub(crate) struct Input<'a> {
     pub mesh: &'a TileMesh,
     pub pose: &'a Pose,
     pub settings: &'a TileSettings,
+    /// The setting `protect`; 0 for the paper's solver.
+    pub protect: f32,
     /// Per chart, true if it is to be solved.
     pub charts: &'a [bool],
     /// λ(level + 1) / λ(level); see `Plan`.
@@ -29,6 +31,26 @@ impl Input<'_> {
     /// λ on a level (method §4).
     pub fn smoothness(&self, level: usize) -> f32 {
         self.settings.smoothness * self.continuation.powi(level as i32)
+    }
+
+    /// The weight of rigid material that the pose strains most, relative to what it does not strain (method §4,
+    /// Protection). All other weights of the energy are multiplied by it.
+    pub fn least_weight(&self) -> f32 {
+        1.0 / (1.0 + PROTECTION * self.protect)
+    }
+}
+
+/// What a solver's memory is used for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Purpose {
+    pub solver: Solver,
+    /// Whether rigid material loses weight where the pose strains it (method §4, Protection).
+    pub protects: bool,
+}
+
+impl Purpose {
+    pub fn new(solver: Solver, settings: &TileSettings) -> Purpose {
+        Purpose { solver, protects: solver == Solver::Descent && settings.protect > 0.0 }
     }
 }
 
@@ -109,6 +131,11 @@ impl Plan {
             temporal_weight: if descent && options.warm { options.temporal_weight } else { 0.0 },
             budget: options.time_budget,
         }
+    }
+
+    /// The setting `protect`, which only the descent has.
+    pub fn protect(&self, settings: &TileSettings) -> f32 {
+        if self.pbd.is_some() { 0.0 } else { settings.protect }
     }
 
     pub fn solver(&self) -> Solver {

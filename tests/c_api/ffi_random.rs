@@ -342,6 +342,7 @@ impl Host {
                     settings.seams = self.odd(0, &[1, 1, 2]);
                     settings.seam_reach = self.odd(0.03125, &[0.3, 0.0, f32::NAN]);
                     settings.open_borders = self.odd(0, &[1, 1, 2]);
+                    settings.protect = self.odd(0.0, &[0.5, 1.0, 2.0]);
                     vrtm_tile_set_settings(self.tile(), &settings)
                 }
                 19 => {

@@ -118,6 +118,7 @@ fn initialisers_set_the_defaults() {
     ];
     let zeros = [
         tile.seam_reach,
+        tile.protect,
         tile.orientation,
         tile.orientation_density,
         pbd.damping,

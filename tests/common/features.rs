@@ -6,6 +6,7 @@
 
 mod beyond;
 mod charts;
+pub mod dense;
 mod gaps;
 
 use std::collections::HashMap;
@@ -34,6 +35,8 @@ pub struct Feature {
     /// The error with the original UVs, and with the warp.
     pub before: f64,
     pub after: f64,
+    /// One of its nodes: the number of the map, and the place in it, 0..1.
+    pub at: (usize, [f64; 2]),
 }
 
 /// The scenes and assets that are measured, each in one frame (from 1) and on all of its tiles.
@@ -63,6 +66,12 @@ pub fn models() -> Vec<Model> {
     models.push(Model { name: "squash to 40 %".into(), ..crowded });
     models.extend(assets());
     models
+}
+
+/// The root mean square of some numbers; 0 of none.
+pub fn rms(numbers: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = numbers.fold((0.0, 0.0f64), |(sum, count), x| (sum + x * x, count + 1.0));
+    (sum / count.max(1.0)).sqrt()
 }
 
 /// What happens at the borders of charts.
@@ -184,13 +193,16 @@ fn features(
             feature.0 = feature.0.max(kind);
         }
     }
-    let of = |(kind, count, squares): (Kind, usize, [f64; 2])| {
+    let of = |root: usize, (kind, count, squares): (Kind, usize, [f64; 2])| {
         let [before, after] = squares.map(|sum| (sum / count as f64).sqrt());
-        (count >= LEAST_EDGES).then_some(Feature { kind, before, after })
+        let (w, n) = nodes[root];
+        let [nx, ny] = [warps[w].nx, warps[w].ny];
+        let at = (w, [(n % (nx + 1)) as f64 / nx as f64, (n / (nx + 1)) as f64 / ny as f64]);
+        (count >= LEAST_EDGES).then_some(Feature { kind, before, after, at })
     };
     let mut roots: Vec<_> = found.into_iter().collect();
     roots.sort_by_key(|(root, _)| *root);
-    roots.into_iter().filter_map(|(_, feature)| of(feature)).collect()
+    roots.into_iter().filter_map(|(root, feature)| of(root, feature)).collect()
 }
 
 /// The mean rigidity of the texels in a cell around a node.

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use crate::common::{self, Model, long, options};
-use vrtm::{DeviceSettings, ErrorKind, Quality, SolveOptions, StageDifference};
+use vrtm::{DeviceSettings, ErrorKind, Quality, SolveOptions, StageDifference, TileSettings};
 
 /// Bounds of the difference of a quantity after one stage: for the maximum and for the RMS, the factor of the largest
 /// magnitude on the CPU, and an absolute part. Both backends evaluate the same expressions in f32. A GPU may fuse
@@ -83,6 +83,9 @@ const MAX_OTHER_DECISIONS: [u64; 2] = [2, 11];
 /// The model whose cells are crushed everywhere.
 const CRUSHED: &str = "squash to 10 %";
 
+/// The model with the setting `protect`.
+const PROTECTED: &str = "squash to 40 %, protected";
+
 /// The largest differences of a quantity over all models.
 #[derive(Default)]
 struct Row {
@@ -104,12 +107,17 @@ fn stages_from_the_same_state() {
     models.extend([mug_to_jug(), creature(), arm()].map(Model::from));
     models
         .extend(common::assets().into_iter().filter(|m| ["fox", "ict_inner", "mh_face"].contains(&&*m.name)));
-    let models = long::share(models, 3, "models");
+    let mut models = long::share(models, 3, "models");
+    models.push(Model { name: PROTECTED.to_owned(), ..Model::from(squash(0.4)) });
     let mut rows: BTreeMap<(&str, String), Row> = BTreeMap::new();
     let mut failures = Vec::new();
     let mut least_fraction = 1.0f64;
     for model in &models {
         let mut asset = model.asset_on(&device, 128);
+        if model.name == PROTECTED {
+            let settings = TileSettings { protect: 1.0, ..asset.settings(0).unwrap() };
+            asset.set_settings(0, &settings).unwrap();
+        }
         let found = asset.compare_backends(0, model.frame(1), &options(Quality::Normal), true).unwrap();
         assert!(!found.is_empty(), "{} has nothing to solve", model.name);
         for difference in found {

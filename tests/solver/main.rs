@@ -16,6 +16,7 @@ mod invariants;
 mod keep;
 mod open_borders;
 mod pbd;
+mod protect;
 mod random;
 mod roughness;
 mod scenes;

@@ -60,6 +60,14 @@ const DENSITY: Number = Number {
     most: 10.0,
 };
 
+const PROTECT: Number = Number {
+    name: "protect",
+    about: "How far rigid features that the pose does not strain come before those that it strains, 0 (the default) to 1: \
+            the higher, the fewer come out worse than without the warp.",
+    least: 0.0,
+    most: 1.0,
+};
+
 const QUALITIES: [(Quality, &str, &str); 3] = [
     (Quality::Draft, "draft", "A preview: solved on half as many cells along each axis."),
     (
@@ -107,9 +115,10 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, mut noted: impl FnMut(&str, eg
         (&THRESHOLD, &mut tile.room_threshold),
         (&ORIENTATION, &mut tile.orientation),
         (&DENSITY, &mut tile.orientation_density),
+        (&PROTECT, &mut tile.protect),
     ] {
         let slider = Slider::new(value, number.least..=number.most)
-            .logarithmic(number.name != "room_threshold")
+            .logarithmic(!["room_threshold", "protect"].contains(&number.name))
             .smallest_positive(1e-6)
             .clamping(SliderClamping::Always);
         let response = row(ui, number.name, number.about, |ui| ui.add(slider));

@@ -6,7 +6,7 @@ use crate::grid::Grid;
 use crate::grid::planes::{EDGES, SIDE, slot};
 use crate::grid::pose::Pose;
 use crate::lab::reference::tests::{maps, posed, sheet};
-use crate::method::plan::Input;
+use crate::method::plan::{Input, Purpose};
 use crate::method::stage::{Stage, Stages, Start};
 use crate::settings::{Solver, TileSettings};
 use crate::team::Team;
@@ -48,9 +48,17 @@ fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
     let positions = posed(4, |u, v| [1.31 * u + 0.17 * v, 0.83 * v - 0.09 * u, 0.0]);
     let pose = Pose::new(tile, |v| positions[v as usize], Some(&grid.rest));
     let (settings, charts) = (&maps.settings, &[true]);
-    let input =
-        Input { grid: &grid, mesh: tile, pose: &pose, settings, charts, continuation: 1.0, pull: 0.0 };
-    let mut memory = Memory::new(&grid, Solver::Descent);
+    let input = Input {
+        grid: &grid,
+        mesh: tile,
+        pose: &pose,
+        settings,
+        protect: 0.0,
+        charts,
+        continuation: 1.0,
+        pull: 0.0,
+    };
+    let mut memory = Memory::new(&grid, Purpose::new(Solver::Descent, settings));
     let mut result = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
     Team::with(1, |team| {
         let mut run = Run::new(team, &input, &mut memory, &mut result, &[]);

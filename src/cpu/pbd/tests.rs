@@ -12,7 +12,7 @@ use crate::grid::pose::Pose;
 use crate::lab::reference::tests::{maps, posed, sheet};
 use crate::mesh::Mesh;
 use crate::method::pbd::Set;
-use crate::method::plan::Input;
+use crate::method::plan::{Input, Purpose};
 use crate::method::stage::{Stage, Stages, Start};
 use crate::settings::{Solver, TileSettings};
 use crate::team::Team;
@@ -45,11 +45,12 @@ fn with_sheet(
         mesh: tile,
         pose: &pose,
         settings: &maps.settings,
+        protect: 0.0,
         charts: &[true],
         continuation: 1.0,
         pull: 0.0,
     };
-    let mut memory = Memory::new(&grid, Solver::Pbd);
+    let mut memory = Memory::new(&grid, Purpose::new(Solver::Pbd, input.settings));
     let mut result = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
     Team::with(1, |team| {
         let mut run = Run::new(team, &input, &mut memory, &mut result, &[]);

@@ -34,6 +34,7 @@ fn certified(context: &Arc<crate::gpu::context::Context>, change: impl Fn(&mut [
         mesh: tile,
         pose: &pose,
         settings,
+        protect: 0.0,
         charts: &[true],
         continuation: 1.0,
         pull: 0.0,

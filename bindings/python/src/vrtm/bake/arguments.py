@@ -266,6 +266,7 @@ def _material(group: argparse._ArgumentGroup) -> None:
         ("orientation-density", "an addition to that where they are dense (0)"),
         ("room", "how strongly cells are kept from losing their area (0.3)"),
         ("room-threshold", "the fraction of a cell's area under which that starts (0.4)"),
+        ("protect", "how far features that a pose does not strain come before the others, 0 to 1 (0)"),
     ):
         group.add_argument(f"--{name}", type=_not_negative, metavar="X", help=text)
 

@@ -24,6 +24,7 @@ TILE_SETTINGS = (
     "orientation_density",
     "room",
     "room_threshold",
+    "protect",
 )
 """Settings that are the library's settings of a tile, by its names."""
 
@@ -74,6 +75,7 @@ class Settings:
     orientation_density: float | None = None
     room: float | None = None
     room_threshold: float | None = None
+    protect: float | None = None
     weld: str = "index"
     device: str = "auto"
     adapter: int = 0
