@@ -9,6 +9,7 @@ mod cost;
 mod cuts;
 mod draft;
 mod features;
+mod finer;
 mod gap;
 mod hard_cases;
 mod invariants;
