@@ -62,13 +62,11 @@ const CG_ITERATIONS: u32 = 2u;
 const MAX_STEP: f32 = 32768.0;
 /// A step leaves at least this fraction of what a corner Jacobian has over `MIN_JACOBIAN` (method §7.6).
 const KEPT_MARGIN: f32 = 0.1;
-/// A node's step fraction exceeds those of its neighbours by at most this: a step that changes abruptly folds by
-/// itself.
+/// The step fractions of neighbouring nodes differ by at most this ...
 const FRACTION_FALLOFF: f32 = 0.125;
-/// Passes of this falloff before the first round; `FALLOFF_PASSES` follow each round.
-const FIRST_FALLOFF_PASSES: u32 = 4u;
-/// Passes of the falloff after each round.
-const FALLOFF_PASSES: u32 = 2u;
+/// ... and by at most what makes this many cells of the chart's longest step: a step that changes abruptly from node to
+/// node folds by itself.
+const STEP_FALLOFF: f32 = 0.25;
 /// Rounds that multiply the step fractions around corners which would still lose too much by what these allow.
 const SHRINKING_ROUNDS: u32 = 8u;
 /// Rounds in all on level 0: after the shrinking ones, nodes around corners that would still fall under the bound stay
@@ -325,6 +323,8 @@ struct Chart {
     /// Dispatches of the step limit that found something to limit, the first fractions included; 0 if the step is not
     /// limited.
     limit_rounds: atomic<u32>,
+    /// The longest component of the present step, in cells, as bits.
+    longest: atomic<u32>,
 }
 
 /// A block. Blocks are named by their indices in the buffers of the same band.

@@ -156,5 +156,6 @@ fn select_charts(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
     charts[c].first = u32(params.mode == SELECT_FIRST_CORRECTION);
     charts[c].predicted = 0.0;
     atomicStore(&charts[c].limit_rounds, 0u);
+    atomicStore(&charts[c].longest, 0u);
     charts[c].working = charts[c].solved & (1u - charts[c].finished);
 }

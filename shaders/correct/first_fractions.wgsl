@@ -5,8 +5,11 @@
 var<workgroup> window_u: array<vec2f, 324>;
 var<workgroup> window_step: array<vec2f, 324>;
 
+/// The longest component of the block's step, as bits, which are ordered as the numbers are.
+var<workgroup> longest: atomic<u32>;
+
 /// Sets each node's fraction of the step to the largest that its corners allow if all nodes take the same fraction. A
-/// chart with a fraction under 1 is limited.
+/// chart with a fraction under 1 is limited. Finds the chart's longest step, from which its falloff follows.
 @compute @workgroup_size(64)
 fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
@@ -27,14 +30,23 @@ fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
     }
     workgroupBarrier();
     var limited = false;
+    var length = 0.0;
     for (var k = 0u; k < 4u; k++) {
         let s = thread_slot(k, t);
-        let fraction = allowed_fraction(vec2i(node_at(s)), KEPT_MARGIN);
+        let n = vec2i(node_at(s));
+        let step = abs(window_step[place_in_window(n)]);
+        length = max(length, max(step.x, step.y));
+        let fraction = allowed_fraction(n, KEPT_MARGIN);
         vectors[vector_index(b, FRACTION, s)] = fraction;
         limited = limited || fraction < 1.0;
     }
     if limited {
         atomicMax(&charts[blocks[b].chart].limit_rounds, 1u);
+    }
+    atomicMax(&longest, bitcast<u32>(length));
+    workgroupBarrier();
+    if t == 0u {
+        atomicMax(&charts[blocks[b].chart].longest, atomicLoad(&longest));
     }
 }
 

@@ -25,7 +25,8 @@ fn step(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t:
         var u = vec2f(vectors[before], vectors[before + NODES]);
         if params.factor > 0.0 {
             // The rounds of the step limit write the two planes alternately.
-            let plane = FRACTION + (atomicLoad(&charts[blocks[b].chart].limit_rounds) & 1u);
+            let rounds = max(atomicLoad(&charts[blocks[b].chart].limit_rounds), 1u) - 1u;
+            let plane = FRACTION + (rounds & 1u);
             let fraction = params.factor * charts[blocks[b].chart].fraction;
             u += fraction * vectors[vector_index(b, plane, s)] * vec2f(vectors[step], vectors[step + NODES]);
         }

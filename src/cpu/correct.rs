@@ -5,6 +5,7 @@
 mod assemble;
 mod complete;
 mod conjugate_gradients;
+mod falloff;
 mod galerkin;
 #[cfg(all(feature = "gpu", feature = "lab"))]
 #[path = "../lab/cpu_correction.rs"]

@@ -271,16 +271,30 @@ impl Run<'_> {
     fn limit_step(&mut self, level: usize) {
         self.dispatch_active(Kernel::FirstFractions, level, self.params, Some(BandBuffer::Vectors));
         self.open_gate(GateSet::StepLimit, 1);
-        let written = Some(BandBuffer::Vectors);
-        self.dispatch_active(Kernel::Falloff, level, Params { mode: 0, ..self.params }, written);
+        self.fall_off(level, 0);
         for round in 0..limit_rounds(level) {
             if level == 0 && LATER_GATES.contains(&round) {
                 self.open_gate(GateSet::StepLimit, round + 1);
             }
             let params =
                 Params { mode: round + 1, factor: kept_margin(round).unwrap_or(-1.0), ..self.params };
-            self.dispatch_active(Kernel::Shrink, level, params, written);
+            self.dispatch_active(Kernel::Shrink, level, params, Some(BandBuffer::Vectors));
+            self.fall_off(level, round + 1);
         }
         self.gate = None;
+    }
+
+    /// Lets the fractions fall off after `rounds` rounds: along the rows of nodes, then along the columns. Bands own whole
+    /// rows of blocks; along columns the falloff goes from the first to the last band and back.
+    fn fall_off(&mut self, level: usize, rounds: u32) {
+        let params = Params { mode: 2 * rounds, ..self.params };
+        self.dispatch_active(Kernel::Falloff, level, params, Some(BandBuffer::Vectors));
+        let bands = self.memory.bands[level].len();
+        for band in (0..bands).chain((0..bands - 1).rev()) {
+            let active = self.memory.lists[level][band].active;
+            let params = Params { mode: 2 * rounds + 1, ..self.params };
+            self.dispatch_list(Kernel::Falloff, [level, band], &[], active, params);
+            self.exchange(level, BandBuffer::Vectors);
+        }
     }
 }

@@ -284,6 +284,8 @@ structs! {
         /// Dispatches of the step limit that found something to limit, the first fractions included; 0 if the step is not
         /// limited.
         limit_rounds: u32 as "atomic<u32>",
+        /// The longest component of the present step, in cells, as bits.
+        longest: u32 as "atomic<u32>",
     }
 
     /// A block. Blocks are named by their indices in the buffers of the same band.

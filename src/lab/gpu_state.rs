@@ -145,7 +145,8 @@ impl Run<'_> {
         let records = self.chart_records()?;
         let list = &self.grid.levels[level].blocks.list;
         // The rounds of the step limit write the two planes alternately.
-        let plane = |b: usize| FRACTION + (records[list[b].chart as usize].limit_rounds & 1) as usize;
+        let rounds = |b: usize| records[list[b].chart as usize].limit_rounds.saturating_sub(1);
+        let plane = |b: usize| FRACTION + (rounds(b) & 1) as usize;
         let fraction =
             (0..list.len()).flat_map(|b| &vectors[(b * VECTOR_PLANES + plane(b)) * NODES..][..NODES]);
         Ok([vector_planes(&vectors, STEP), fraction.copied().collected()])

@@ -74,13 +74,11 @@ constants! {
 
     /// A step leaves at least this fraction of what a corner Jacobian has over `MIN_JACOBIAN` (method §7.6).
     KEPT_MARGIN: f32 = 0.1;
-    /// A node's step fraction exceeds those of its neighbours by at most this: a step that changes abruptly folds by
-    /// itself.
+    /// The step fractions of neighbouring nodes differ by at most this ...
     FRACTION_FALLOFF: f32 = 0.125;
-    /// Passes of this falloff before the first round; `FALLOFF_PASSES` follow each round.
-    FIRST_FALLOFF_PASSES: u32 = 4;
-    /// Passes of the falloff after each round.
-    FALLOFF_PASSES: u32 = 2;
+    /// ... and by at most what makes this many cells of the chart's longest step: a step that changes abruptly from node to
+    /// node folds by itself.
+    STEP_FALLOFF: f32 = 0.25;
     /// Rounds that multiply the step fractions around corners which would still lose too much by what these allow.
     SHRINKING_ROUNDS: u32 = 8;
     /// Rounds in all on level 0: after the shrinking ones, nodes around corners that would still fall under the bound stay
@@ -124,5 +122,3 @@ pub const fn trial_fractions(level: usize) -> &'static [f32] {
 
 // Both backends form the second direction from the first step, which further ones could not be formed from.
 const _: () = assert!(CG_ITERATIONS <= 2);
-// A GPU's dispatch does all of these passes on a block with a halo of four nodes, which a round's marks take up with two.
-const _: () = assert!(FALLOFF_PASSES == 2 && FIRST_FALLOFF_PASSES == 4);

@@ -9,6 +9,7 @@ mod cost;
 mod cuts;
 mod draft;
 mod features;
+mod finer;
 mod gap;
 mod gaps;
 mod hard_cases;

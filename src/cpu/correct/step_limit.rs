@@ -9,16 +9,14 @@ use super::super::patch::{NEIGHBOURS, QUADRANTS};
 use super::super::prefetch::prefetch_next;
 use super::super::row::Row;
 use super::super::run::Run;
+use super::falloff::{fall_off, slopes};
 use super::transfer::active_neighbours;
 use super::workspace::Limiting;
 use crate::allocation::{copied, zeroed};
 use crate::grid::Level;
 use crate::grid::planes::Plane;
 use crate::grid::window::{self, WINDOW_NODES, Window};
-use crate::method::law::{
-    FALLOFF_PASSES, FIRST_FALLOFF_PASSES, FRACTION_FALLOFF, KEPT_MARGIN, MIN_JACOBIAN, kept_margin,
-    limit_rounds,
-};
+use crate::method::law::{KEPT_MARGIN, MIN_JACOBIAN, kept_margin, limit_rounds};
 use crate::team::SharedSlice;
 
 /// Sets the fractions so that u + fraction x step has no corner Jacobian below ε. A chart for which `limit_rounds`
@@ -56,7 +54,8 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
         blocks.retain(|&b| open[chart_of(b)]);
     };
     keep_open(&mut blocks, &limited);
-    apply_falloff(run, grid, &blocks, fraction, mark, FIRST_FALLOFF_PASSES);
+    let slopes = slopes(run, grid, &blocks, step);
+    fall_off(run, grid, &blocks, fraction, &slopes);
     for round in 0..limit_rounds(level) {
         let mut marked = zeroed(blocks.len());
         let flags = SharedSlice::new(&mut marked);
@@ -102,7 +101,7 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
             };
             dispatch(Shrink { marks: &marks, fraction });
         });
-        apply_falloff(run, grid, &blocks, fraction, mark, FALLOFF_PASSES);
+        fall_off(run, grid, &blocks, fraction, &slopes);
     }
 }
 
@@ -119,35 +118,6 @@ fn load_step(
     for c in 0..2 {
         window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], &mut u_window[c]);
         window::load(&neighbours, 0.0, |b| &step[b][c], &mut step_window[c]);
-    }
-}
-
-/// Runs passes of the falloff: limits each fraction to the least of its eight neighbours plus `FRACTION_FALLOFF`. The
-/// second plane of the marks holds a pass's output.
-fn apply_falloff(
-    run: &Run,
-    level: &Level,
-    blocks: &[u32],
-    fraction: SharedSlice<[Plane; 2]>,
-    mark: SharedSlice<[Plane; 2]>,
-    passes: u32,
-) {
-    for _ in 0..passes {
-        run.team.run(blocks.len(), |k| {
-            let b = blocks[k] as usize;
-            let mut fractions: Window = [1.0; WINDOW_NODES];
-            // SAFETY: fractions are only read, and each item has its own second plane.
-            let out = unsafe {
-                window::load(&active_neighbours(level, b), 1.0, |b| &fraction.get(b)[0], &mut fractions);
-                &mut mark.get_mut(b)[1]
-            };
-            dispatch(FallOff { fractions: &fractions, out });
-        });
-        run.team.run(blocks.len(), |k| {
-            let b = blocks[k] as usize;
-            // SAFETY: each item has its own block.
-            unsafe { fraction.get_mut(b)[0] = mark.get(b)[1] };
-        });
     }
 }
 
@@ -241,24 +211,6 @@ impl Vectorised for Shrink<'_> {
     fn run<V: Lanes>(self) {
         for row in Row::all() {
             row.store(self.fraction, row.load::<V>(self.fraction) * least_around::<V>(self.marks, row));
-        }
-    }
-}
-
-/// One pass of the falloff over a block.
-struct FallOff<'a> {
-    fractions: &'a Window,
-    out: &'a mut Plane,
-}
-
-impl Vectorised for FallOff<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<V: Lanes>(self) {
-        for row in Row::all() {
-            let fraction = row.near::<V>(self.fractions, 0, 0);
-            row.store(self.out, fraction.min(least_around::<V>(self.fractions, row) + FRACTION_FALLOFF));
         }
     }
 }

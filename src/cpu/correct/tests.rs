@@ -80,3 +80,50 @@ fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
         }
     });
 }
+
+#[test]
+fn fractions_fall_off_by_the_slope() {
+    let mesh = sheet(4, |u, v| [u, v, 0.0]);
+    let maps = maps(GRID, TileSettings::default(), |_, _| 1.0);
+    let tile = &mesh.tiles[0];
+    let grid = Arc::new(Grid::new(&mesh, tile, &maps));
+    let positions = posed(4, |u, v| [u, v, 0.0]);
+    let pose = Pose::new(tile, |v| positions[v as usize], Some(&grid.rest));
+    let (settings, charts) = (&maps.settings, &[true]);
+    let input =
+        Input { grid: &grid, mesh: tile, pose: &pose, settings, charts, continuation: 1.0, pull: 0.0 };
+    let mut memory = Memory::new(&grid, Solver::Descent);
+    let level = &grid.levels[0];
+    let count = level.blocks.list.len();
+    let mut result = vec![[[0.0; NODES]; 2]; count];
+    let at = |i: usize, j: usize| {
+        (level.blocks.find(0, (i / SIDE) as i64, (j / SIDE) as i64) as usize, slot(i % SIDE, j % SIDE))
+    };
+    Team::with(2, |team| {
+        let run = Run::new(team, &input, &mut memory, &mut result, &[]);
+        let active: Vec<u32> = (0..count as u32).filter(|&b| level.blocks.list[b as usize].active).collect();
+        let mut step = vec![[[0.0f32; NODES]; 2]; count];
+        let mut slope = |x: f32| {
+            let (b, s) = at(40, 21);
+            step[b][1][s] = x;
+            falloff::slopes(&run, level, &active, &step)[0]
+        };
+        // The difference times the step is at most a quarter of a cell.
+        assert_eq!([1.0, -2.0, -25.0].map(&mut slope), [0.125, 0.125, 0.01]);
+        // Two nodes that take less, in different blocks.
+        let less = [((20, 37), 0.0), ((45, 11), 0.25)];
+        let mut fraction = vec![[[1.0f32; NODES]; 2]; count];
+        for ((i, j), part) in less {
+            let (b, s) = at(i, j);
+            fraction[b][0][s] = part;
+        }
+        falloff::fall_off(&run, level, &active, SharedSlice::new(&mut fraction), &[0.01]);
+        for (i, j) in (1..GRID).flat_map(|j| (1..GRID).map(move |i| (i, j))) {
+            let (b, s) = at(i, j);
+            let expected = less.iter().fold(1.0f32, |low, &((k, l), part)| {
+                low.min(part + 0.01 * (i.abs_diff(k) + j.abs_diff(l)) as f32)
+            });
+            assert!((fraction[b][0][s] - expected).abs() < 1e-5, "({i}, {j}): {}", fraction[b][0][s]);
+        }
+    });
+}

@@ -158,7 +158,7 @@ impl<'a> Solving<'a, '_> {
 pub struct Limiting<'a> {
     /// Per node, the fraction of the step that it takes.
     pub fraction: &'a mut [[Plane; 2]],
-    /// Per node, the factor by which a round of the limit shrinks its fraction. The second plane is scratch memory.
+    /// Per node, the factor by which a round of the limit shrinks its fraction.
     pub mark: &'a mut [[Plane; 2]],
     pub step: &'a [[Plane; 2]],
 }
