@@ -90,9 +90,17 @@ fn fractions_fall_off_by_the_slope() {
     let positions = posed(4, |u, v| [u, v, 0.0]);
     let pose = Pose::new(tile, |v| positions[v as usize], Some(&grid.rest));
     let (settings, charts) = (&maps.settings, &[true]);
-    let input =
-        Input { grid: &grid, mesh: tile, pose: &pose, settings, charts, continuation: 1.0, pull: 0.0 };
-    let mut memory = Memory::new(&grid, Solver::Descent);
+    let input = Input {
+        grid: &grid,
+        mesh: tile,
+        pose: &pose,
+        settings,
+        protect: 0.0,
+        charts,
+        continuation: 1.0,
+        pull: 0.0,
+    };
+    let mut memory = Memory::new(&grid, Purpose::new(Solver::Descent, settings));
     let level = &grid.levels[0];
     let count = level.blocks.list.len();
     let mut result = vec![[[0.0; NODES]; 2]; count];
