@@ -148,9 +148,13 @@ fn webgpu_s_default_limits_suffice() {
         let storage = source.bindings.iter().filter(|b| !matches!(b, Binding::Params)).count() as u32;
         assert!(storage <= limits.max_storage_buffers_per_shader_stage, "{name}: {storage} storage buffers");
         let index = module.entry_points.iter().position(|entry| entry.name == source.entry).unwrap();
-        // `multigrid_coarse` works on four blocks of a chart at a time, and `decide` on the sums of all blocks.
-        let of_charts = matches!(source.kernel, Kernel::MultigridCoarse | Kernel::Decide);
-        let threads = if of_charts { 4 * THREADS } else { THREADS };
+        let threads = match source.kernel {
+            // Four blocks of a chart at a time, and the sums of all blocks.
+            Kernel::MultigridCoarse | Kernel::Decide => 4 * THREADS,
+            // One line of a block's nodes each.
+            Kernel::Falloff => crate::grid::planes::SIDE as u32,
+            _ => THREADS,
+        };
         let size = module.entry_points[index].workgroup_size;
         assert_eq!(size, [threads, 1, 1], "{name}");
         assert!(threads <= limits.max_compute_invocations_per_workgroup, "{name}: {threads} threads");
