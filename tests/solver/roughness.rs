@@ -27,10 +27,10 @@ const DRAFT: Bars = [0.03, 0.01, 0.8, 0.01];
 const MISSED: [(&str, u32, Quality, Bars); 16] = [
     ("squash to 40 %", 256, Quality::Draft, [0.18, 0.4, 3.0, 0.075]),
     ("squash to 40 %", 256, Quality::Normal, [0.052, 0.016, 2.5, 0.012]),
-    ("squash to 40 %", 256, Quality::High, [0.049, 0.016, 1.8, 0.01]),
+    ("squash to 40 %", 256, Quality::High, [0.044, 0.01, 1.8, 0.01]),
     ("strips", 256, Quality::Draft, [0.03, 0.01, 0.8, 0.019]),
-    ("arm", 256, Quality::Normal, [0.02, 0.001, 1.3, 0.01]),
-    ("arm", 256, Quality::High, [0.025, 0.001, 1.1, 0.01]),
+    ("arm", 256, Quality::Normal, [0.011, 0.001, 1.1, 0.01]),
+    ("arm", 256, Quality::High, [0.01, 0.001, 1.1, 0.01]),
     ("mh_face", 256, Quality::High, [0.01, 0.001, 1.0, 0.01]),
     ("cesium_man", 256, Quality::Normal, [0.01, 0.001, 0.8, 0.19]),
     ("cesium_man", 256, Quality::High, [0.01, 0.001, 1.8, 0.011]),
