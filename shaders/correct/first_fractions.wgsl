@@ -16,6 +16,10 @@ fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
     if b == NONE {
         return;
     }
+    // Workgroup memory begins with any values.
+    if t == 0u {
+        atomicStore(&longest, 0u);
+    }
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
         let holder = blocks[b].neighbours[source.x];
