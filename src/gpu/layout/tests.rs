@@ -139,6 +139,28 @@ fn kernels_bind_what_they_use() {
     }
 }
 
+/// Pipelines do not zero workgroup memory. Software drivers happen to give zeros, hardware does not.
+#[test]
+fn workgroup_atomics_are_set_before_they_are_used() {
+    let mut found = 0;
+    for source in &SOURCES {
+        let (module, _) = module(source);
+        for (_, variable) in module.global_variables.iter() {
+            let name = variable.name.as_deref().unwrap_or_default();
+            let is_atomic = matches!(module.types[variable.ty].inner, TypeInner::Atomic(_));
+            if variable.space == AddressSpace::WorkGroup && is_atomic {
+                found += 1;
+                assert!(
+                    source.text().contains(&format!("atomicStore(&{name}, ")),
+                    "{:?}: {name}",
+                    source.kernel
+                );
+            }
+        }
+    }
+    assert!(found > 0);
+}
+
 #[test]
 fn webgpu_s_default_limits_suffice() {
     let limits = wgpu::Limits::defaults();
@@ -149,8 +171,16 @@ fn webgpu_s_default_limits_suffice() {
         assert!(storage <= limits.max_storage_buffers_per_shader_stage, "{name}: {storage} storage buffers");
         let index = module.entry_points.iter().position(|entry| entry.name == source.entry).unwrap();
         let threads = match source.kernel {
-            // Four blocks of a chart at a time, and the sums of all blocks.
-            Kernel::MultigridCoarse | Kernel::Decide => 4 * THREADS,
+            // Four blocks of a chart at a time, or the sums of all blocks; or one node for each thread, which keeps the
+            // node's row in registers.
+            Kernel::MultigridCoarse
+            | Kernel::Decide
+            | Kernel::Galerkin
+            | Kernel::GalerkinTogether
+            | Kernel::MultigridDown
+            | Kernel::MultigridUp
+            | Kernel::Product
+            | Kernel::Curvature => 4 * THREADS,
             // One line of a block's nodes each.
             Kernel::Falloff => crate::grid::planes::SIDE as u32,
             _ => THREADS,
