@@ -81,9 +81,9 @@ const ONE_STAGE: Difference =
 /// of the CPU's own result over three poses with noise. A stage on both backends differs by rounding alone
 /// (tests/gpu/lock_step.rs), and a solve magnifies that as it magnifies noise in the pose: little where there is room, and
 /// up to another minimum where charts are crowded (method §13). How far away that minimum lies is not known beforehand.
-/// The largest multiple that was needed with Mesa's software driver is 5. The margin is for the small number of samples,
-/// and for other drivers.
-const FACTOR: f64 = 10.0;
+/// The largest multiple that was needed with Mesa's software driver is 11 (fox 3). The margin is for the small number of
+/// samples, and for other drivers.
+const FACTOR: f64 = 15.0;
 
 /// RMS that is allowed in the place of `ONE_STAGE`'s for `high`: its tolerance is close to the digits of the f32 in which a
 /// GPU sums energies, so that the step fraction of a last correction differs.
