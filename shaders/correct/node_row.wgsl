@@ -1,7 +1,8 @@
 // correct: the row of the linear system at one node. A thread keeps the rows of its nodes in registers while sweeps and
 // products use them again. The kernel that includes this file declares `active_neighbour`.
 
-/// The diagonal (xx, xy, yy), and the encoded pairs with the eight neighbours, two to a vector; 0 where there is none.
+/// A node's row: its diagonal block (xx, xy, yy), and its encoded pairs with neighbours 0 to 7, two pairs in each vector. A
+/// pair is 0 if the node has no such neighbour.
 struct NodeRow {
     diagonal: vec3f,
     pairs_01: vec4u,
