@@ -17,9 +17,9 @@ const WALK_STEPS: u32 = 256u;
 /// Greatest length of a node's step in a sweep, in cells along either axis: the linear model is not trusted
 /// further.
 const MAX_NODE_STEP: f32 = 2.0;
-/// Fraction that is taken of the step at which a corner reaches the bound on the Jacobian: less than 1, because of
-/// rounding.
-const BOUND_SAFETY: f32 = 0.999;
+/// A node's step in a sweep takes at most this fraction of what a corner Jacobian has over `MIN_JACOBIAN`: a corner with
+/// next to nothing left would decide about the whole chart's next correction.
+const SWEPT_MARGIN: f32 = 0.25;
 /// A step whose predicted gain is under this fraction of the node's energy is lost in that energy's rounding: it is
 /// not taken.
 const MIN_RELATIVE_GAIN: f32 = 1e-6;
@@ -60,7 +60,10 @@ const FEW_BLOCKS: u32 = 16u;
 const CG_ITERATIONS: u32 = 2u;
 /// A component of a step of this many cells or more is replaced by 0: it exceeds the largest grid.
 const MAX_STEP: f32 = 32768.0;
-/// A step leaves at least this fraction of what a corner Jacobian has over `MIN_JACOBIAN` (method §7.6).
+/// The bound on the Jacobian of a correction's step (method §7.6). It is lower than that of the sweeps, so that corners
+/// which these have brought close to theirs leave the step room.
+const STEP_MIN_JACOBIAN: f32 = 0.012999999;
+/// A step leaves at least this fraction of what a corner Jacobian has over `STEP_MIN_JACOBIAN`.
 const KEPT_MARGIN: f32 = 0.1;
 /// The step fractions of neighbouring nodes differ by at most this ...
 const FRACTION_FALLOFF: f32 = 0.125;
@@ -325,6 +328,8 @@ struct Chart {
     limit_rounds: atomic<u32>,
     /// The longest component of the present step, in cells, as bits.
     longest: atomic<u32>,
+    /// The largest part of the present step that the limit's first fractions cut off at a corner, as bits.
+    cut: atomic<u32>,
 }
 
 /// A block. Blocks are named by their indices in the buffers of the same band.

@@ -6,7 +6,8 @@
 // `orientation_density` is not 0) and 72 per triangle, and writes 12 per node. On coarser levels it reads 8 bytes of
 // state, 12 of constants and 12 of metrics per node, and writes 8.
 
-/// -H^-1 gamma, clamped to MAX_NODE_STEP and limited to J >= MIN_JACOBIAN at every corner.
+/// -H^-1 gamma, clamped to MAX_NODE_STEP and limited so that every corner Jacobian keeps most of what it has over
+/// MIN_JACOBIAN.
 fn newton_step(n: vec2u, u: vec2f, l: Local) -> vec2f {
     let determinant = l.matrix.x * l.matrix.z - l.matrix.y * l.matrix.y;
     let full = vec2f(
@@ -22,11 +23,11 @@ fn newton_step(n: vec2u, u: vec2f, l: Local) -> vec2f {
             let change = dot(c.slope, delta);
             // Only corners whose Jacobian decreases limit the step.
             if change < 0.0 {
-                bound = min(bound, max(c.jacobian - MIN_JACOBIAN, 0.0) / -change);
+                bound = min(bound, SWEPT_MARGIN * max(c.jacobian - MIN_JACOBIAN, 0.0) / -change);
             }
         }
     }
-    return delta * bound * BOUND_SAFETY;
+    return delta * bound;
 }
 
 fn step_node(b: u32, n: vec2u, floor: f32, fraction: f32) {

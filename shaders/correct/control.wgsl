@@ -48,6 +48,7 @@ struct Gain {
     after: f32,
     identity: f32,
     predicted: f32,
+    cut: f32,
     fraction: f32,
 }
 
@@ -61,7 +62,8 @@ fn suffices(gain: Gain) -> bool {
 fn next_fraction(gain: Gain, tolerance: f32, trusted: bool) -> f32 {
     let unit = tolerance * (gain.before + IDENTITY_ENERGY_WEIGHT * gain.identity);
     let gained = gain.before - gain.after;
-    let model_error = ramp(abs(gained - gain.predicted) / unit, MODEL_ERROR_RAMP);
+    let error = max(abs(gained - gain.predicted), gain.cut * gain.predicted);
+    let model_error = ramp(error / unit, MODEL_ERROR_RAMP);
     let most = select(FRACTION_GROWTH * gain.fraction, model_error, trusted);
     return select(0.0, min(ramp(gained / unit, GAIN_RAMP), most), gained > 0.0);
 }
@@ -115,7 +117,8 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         }
         case DECIDE_TRIAL, DECIDE_LAST_TRIAL: {
             let identity = select(0.0, charts[c].identity, params.level == 0u);
-            let gain = Gain(charts[c].before, sum.x, identity, charts[c].predicted, charts[c].fraction);
+            let cut = bitcast<f32>(atomicLoad(&charts[c].cut));
+            let gain = Gain(charts[c].before, sum.x, identity, charts[c].predicted, cut, charts[c].fraction);
             // The last trial is relaxation alone, which is always accepted.
             if suffices(gain) || params.mode == DECIDE_LAST_TRIAL {
                 charts[c].energy = sum.x;
@@ -157,5 +160,6 @@ fn select_charts(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_
     charts[c].predicted = 0.0;
     atomicStore(&charts[c].limit_rounds, 0u);
     atomicStore(&charts[c].longest, 0u);
+    atomicStore(&charts[c].cut, 0u);
     charts[c].working = charts[c].solved & (1u - charts[c].finished);
 }

@@ -1,5 +1,5 @@
 // correct: the step limit's first fractions (method §7.6). They leave every corner Jacobian a part of its margin over
-// MIN_JACOBIAN. Charts whose whole step leaves enough margin are done, and need no round of the limit. Per node it
+// STEP_MIN_JACOBIAN. Charts whose whole step leaves enough margin are done, and need no round of the limit. Per node it
 // reads 24 bytes, a quarter more for the halo, and writes 4.
 
 var<workgroup> window_u: array<vec2f, 324>;
@@ -7,9 +7,12 @@ var<workgroup> window_step: array<vec2f, 324>;
 
 /// The longest component of the block's step, as bits, which are ordered as the numbers are.
 var<workgroup> longest: atomic<u32>;
+/// The largest part of a node's step that its corners cut off, as bits.
+var<workgroup> cut: atomic<u32>;
 
 /// Sets each node's fraction of the step to the largest that its corners allow if all nodes take the same fraction. A
-/// chart with a fraction under 1 is limited. Finds the chart's longest step, from which its falloff follows.
+/// chart with a fraction under 1 is limited. Finds the chart's longest step, from which its falloff follows, and how much of
+/// the step is cut off.
 @compute @workgroup_size(64)
 fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
@@ -19,6 +22,7 @@ fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
     // Workgroup memory begins with any values.
     if t == 0u {
         atomicStore(&longest, 0u);
+        atomicStore(&cut, 0u);
     }
     for (var k = t; k < WINDOW; k += 64u) {
         let source = window_source(window_node(k));
@@ -33,7 +37,7 @@ fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
         }
     }
     workgroupBarrier();
-    var limited = false;
+    var least = 1.0;
     var length = 0.0;
     for (var k = 0u; k < 4u; k++) {
         let s = thread_slot(k, t);
@@ -42,15 +46,17 @@ fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
         length = max(length, max(step.x, step.y));
         let fraction = allowed_fraction(n, KEPT_MARGIN);
         vectors[vector_index(b, FRACTION, s)] = fraction;
-        limited = limited || fraction < 1.0;
+        least = min(least, fraction);
     }
-    if limited {
+    if least < 1.0 {
+        atomicMax(&cut, bitcast<u32>(1.0 - least));
         atomicMax(&charts[blocks[b].chart].limit_rounds, 1u);
     }
     atomicMax(&longest, bitcast<u32>(length));
     workgroupBarrier();
     if t == 0u {
         atomicMax(&charts[blocks[b].chart].longest, atomicLoad(&longest));
+        atomicMax(&charts[blocks[b].chart].cut, atomicLoad(&cut));
     }
 }
 

@@ -82,7 +82,7 @@ fn shrink(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
                 mark = allowed_fraction(n, params.factor);
             } else {
                 // Any comparison with NaN is false, so a node whose Jacobian is NaN is marked, too.
-                mark = select(0.0, 1.0, worst_corner(n) >= MIN_JACOBIAN);
+                mark = select(0.0, 1.0, worst_corner(n) >= STEP_MIN_JACOBIAN);
             }
         }
         marks[k] = mark;

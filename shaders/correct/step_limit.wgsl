@@ -25,7 +25,7 @@ fn allowed_fraction(n: vec2i, kept: f32) -> f32 {
             let j = select(1u, 2u, k == 1u);
             // At the fraction s of the step, J minus the margin that must be left is q(s) = start + first s + second
             // s^2, with q(0) >= 0. If q(1) < 0, it has one root in between.
-            let over = max(sign * cross2(offsets[i], offsets[j]) - MIN_JACOBIAN, 0.0);
+            let over = max(sign * cross2(offsets[i], offsets[j]) - STEP_MIN_JACOBIAN, 0.0);
             let start = over * (1.0 - kept);
             let first = sign * (cross2(changes[i], offsets[j]) + cross2(offsets[i], changes[j]));
             let second = sign * cross2(changes[i], changes[j]);

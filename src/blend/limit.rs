@@ -5,7 +5,7 @@ use crate::cpu::certify::{Certificate, certify_block, corner_jacobians};
 use crate::grid::Level;
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::grid::window::{self, WINDOW_NODES, Window, place};
-use crate::method::law::MIN_JACOBIAN;
+use crate::method::law::STEP_MIN_JACOBIAN;
 use crate::team::Team;
 
 /// Rounds in which fractions are lowered around cells that are crushed; then the charts that still have one give the blend up.
@@ -136,7 +136,7 @@ fn factors(level: &Level, before: &[[Plane; 2]], u: &[[Plane; 2]], b: usize) -> 
         windows
     };
     // Rounding may leave a corner a little under the bound before the blend, too.
-    let bound = 0.99 * f64::from(MIN_JACOBIAN);
+    let bound = 0.99 * f64::from(STEP_MIN_JACOBIAN);
     let now = load(u);
     let mut found = None;
     for j in 0..17 {

@@ -87,12 +87,12 @@ impl Run<'_> {
             let solve = !self.stops_now(level, &before, AFTER_SYSTEMS);
             solve.then(|| self.conjugate_gradients(level, correction.iterations, &mut solving))
         });
-        let mut limiting = solving.limiting();
+        let limiting = solving.limiting();
         self.memory.levels = buffers;
         let Some(predicted) = go_on(solved) else { return };
         if !self.stops_now(level, &before, AFTER_SOLUTION) {
-            step_limit::limit(self, level, &mut limiting);
-            self.try_fractions(level, limiting.stepping(), correction, &before, &predicted, fraction);
+            let stepping = step_limit::limit(self, level, limiting);
+            self.try_fractions(level, stepping, correction, &before, &predicted, fraction);
         }
     }
 
@@ -145,7 +145,7 @@ impl Run<'_> {
         fraction: &mut [f32],
     ) {
         let list = &self.grid.levels[level].blocks.list;
-        let Stepping { fraction: node_fraction, before: displacement, step } = stepping;
+        let Stepping { fraction: node_fraction, before: displacement, step, cut } = stepping;
         let displacement = SharedSlice::new(displacement);
         let mut open: Vec<bool> =
             (0..self.charts.len()).map(|c| self.charts[c] && fraction[c] > 0.0).collected();
@@ -197,6 +197,7 @@ impl Run<'_> {
                     after: energies[c],
                     identity: if level == 0 { self.results[c].energy_before } else { 0.0 },
                     predicted: predicted[c],
+                    cut: cut[c].into(),
                     fraction: fraction[c],
                 };
                 // The last trial is relaxation alone, which is always accepted.

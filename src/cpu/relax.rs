@@ -9,7 +9,7 @@ use std::sync::atomic::Ordering;
 
 use crate::grid::Level;
 use crate::grid::planes::Plane;
-use crate::method::law::{BOUND_SAFETY, MAX_NODE_STEP, MIN_JACOBIAN, MIN_RELATIVE_GAIN};
+use crate::method::law::{MAX_NODE_STEP, MIN_JACOBIAN, MIN_RELATIVE_GAIN, SWEPT_MARGIN};
 use crate::method::schedule::passes;
 
 use super::buffers::State;
@@ -168,7 +168,7 @@ fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, 
     }
 }
 
-/// The step -H⁻¹γ, clamped to `MAX_NODE_STEP` and limited so that no corner Jacobian falls under ε.
+/// The step -H⁻¹γ, clamped to `MAX_NODE_STEP` and limited so that every corner Jacobian keeps most of what it has over ε.
 #[inline(always)]
 fn newton_step<V: Lanes>(model: &QuadraticModel<V>) -> [V; 2] {
     let ([gx, gy], [xx, xy, yy]) = (model.gradient, model.matrix);
@@ -179,13 +179,12 @@ fn newton_step<V: Lanes>(model: &QuadraticModel<V>) -> [V; 2] {
     let mut fraction = V::one();
     for (jacobian, corner_gradient) in &model.terms.corners {
         let change = corner_gradient[0] * delta[0] + corner_gradient[1] * delta[1];
-        let margin = (*jacobian - V::splat(MIN_JACOBIAN)).max(V::zero());
-        // Only the few corners that would lose more than their margin limit the step.
-        let limits = margin.lt(-change);
+        let most = (*jacobian - V::splat(MIN_JACOBIAN)).max(V::zero()) * SWEPT_MARGIN;
+        // Only the few corners that would lose more limit the step.
+        let limits = most.lt(-change);
         if limits.any() {
-            fraction = fraction.min(limits.select(margin / -change, V::one()));
+            fraction = fraction.min(limits.select(most / -change, V::one()));
         }
     }
-    // Slightly less than the allowed fraction, because of rounding.
-    each!([0, 1], |c| delta[c] * fraction * BOUND_SAFETY)
+    each!([0, 1], |c| delta[c] * fraction)
 }

@@ -286,6 +286,8 @@ structs! {
         limit_rounds: u32 as "atomic<u32>",
         /// The longest component of the present step, in cells, as bits.
         longest: u32 as "atomic<u32>",
+        /// The largest part of the present step that the limit's first fractions cut off at a corner, as bits.
+        cut: u32 as "atomic<u32>",
     }
 
     /// A block. Blocks are named by their indices in the buffers of the same band.

@@ -77,7 +77,9 @@ impl Gutter {
             return None;
         }
         let on_way = |t: f64| [0, 1].map(|axis| to[axis] + t * (at[axis] - to[axis]));
-        let steps = (2.0 * (at[0] - to[0]).hypot(at[1] - to[1])).ceil().max(1.0) as usize;
+        // Not `hypot`, for which a system's library would have to be newer.
+        let [dx, dy] = [0, 1].map(|axis| at[axis] - to[axis]);
+        let steps = (2.0 * (dx * dx + dy * dy).sqrt()).ceil().max(1.0) as usize;
         // Beside its own texture, if nowhere else, a texel is looked up where it is.
         let (mut without, mut with_room) = (0.0, 1.0);
         for t in (1..steps).map(|k| k as f64 / steps as f64) {

@@ -100,7 +100,8 @@ impl Outputs {
             {
                 if area.owners.is_some_and(|owners| owners.is_inside(x, y)) {
                     let by = [0, 1].map(|k| (limited[k] - uv[k]) * size[k] as f64);
-                    let by = by[0].hypot(by[1]) as f32;
+                    // Not `hypot`, for which a system's library would have to be newer.
+                    let by = (by[0] * by[0] + by[1] * by[1]).sqrt() as f32;
                     if by > LEAST {
                         room.limited.count(by);
                     }

@@ -31,6 +31,8 @@ pub(crate) struct Gain<F> {
     pub identity: F,
     /// Gain that the quadratic model predicts for the whole step.
     pub predicted: F,
+    /// The largest part of the step that the step limit's first fractions cut off at a corner, 0 to 1.
+    pub cut: F,
     /// The chart's step fraction ψ in this correction.
     pub fraction: f32,
 }
@@ -48,7 +50,8 @@ impl Correction {
     /// It grows with the gain of this correction, but to at most [`FRACTION_GROWTH`] times this one's fraction. After a
     /// first correction whose model is trusted it grows with the error of the model's prediction instead: the next
     /// correction gains about as much as the prediction was wrong, which is next to nothing on scenes with room and 1
-    /// to 3 % of the energy in crowded ones, where the step is limited. Both ramps are continuous, so that a warp does
+    /// to 3 % of the energy in crowded ones. Where the step was limited, the sweeps may by chance make up for the gain that
+    /// was cut off, so that this counts as an error, too. Both ramps are continuous, so that a warp does
     /// not jump from one frame to the next where a chart comes to need another correction.
     pub fn next_fraction<F: Real>(&self, gain: &Gain<F>) -> F {
         let identity = F::from_f64(IDENTITY_ENERGY_WEIGHT) * gain.identity;
@@ -57,7 +60,8 @@ impl Correction {
         let unit = if unit > F::from(0.0) { unit } else { F::from(f32::MIN_POSITIVE) };
         let gained = gain.before - gain.after;
         let most = if self.first && self.trusts_model {
-            ramp((gained - gain.predicted).abs() / unit, MODEL_ERROR_RAMP)
+            let (error, cut) = ((gained - gain.predicted).abs(), gain.cut * gain.predicted);
+            ramp(if cut > error { cut } else { error } / unit, MODEL_ERROR_RAMP)
         } else {
             F::from_f64(FRACTION_GROWTH) * F::from(gain.fraction)
         };
@@ -117,10 +121,28 @@ mod tests {
     use super::*;
 
     fn next(first: bool, trusts_model: bool, gain: f64, predicted: f64, fraction: f32) -> f64 {
+        next_of_limited(first, trusts_model, gain, predicted, fraction, 0.0)
+    }
+
+    fn next_of_limited(
+        first: bool,
+        trusts_model: bool,
+        gain: f64,
+        predicted: f64,
+        fraction: f32,
+        cut: f64,
+    ) -> f64 {
         let correction = Correction { first, iterations: 2, sweeps: 2, tolerance: 1e-2, trusts_model };
         // The unit of gains is 1 for this energy.
         let before = 100.0;
-        correction.next_fraction(&Gain { before, after: before - gain, identity: 0.0, predicted, fraction })
+        correction.next_fraction(&Gain {
+            before,
+            after: before - gain,
+            identity: 0.0,
+            predicted,
+            cut,
+            fraction,
+        })
     }
 
     #[test]
@@ -132,6 +154,10 @@ mod tests {
         near(next(true, true, 10.0, 15.0, 1.0), 1.0);
         // Limited by the gain's own ramp.
         near(next(true, true, 2.5, 15.0, 1.0), 0.5);
+        // The gain that a limited step lost and sweeps made up for.
+        near(next_of_limited(true, true, 10.0, 10.0, 1.0, 0.1125), 0.5);
+        near(next_of_limited(true, true, 10.0, 10.0, 1.0, 0.5), 1.0);
+        near(next_of_limited(true, true, 10.0, 10.0, 1.0, 0.02), 0.0);
         // Without trust in the model, and in later corrections, the fraction grows fourfold at most.
         near(next(true, false, 10.0, 10.0, 1.0), 1.0);
         near(next(false, true, 10.0, 10.0, 0.05), 0.2);
@@ -142,7 +168,8 @@ mod tests {
 
     #[test]
     fn a_trial_is_accepted_for_a_fiftieth_of_its_prediction() {
-        let gain = |after: f64| Gain { before: 1.0, after, identity: 0.0, predicted: 0.5, fraction: 1.0 };
+        let gain =
+            |after: f64| Gain { before: 1.0, after, identity: 0.0, predicted: 0.5, cut: 0.0, fraction: 1.0 };
         assert!(gain(0.98).suffices() && !gain(0.995).suffices() && !gain(f64::NAN).suffices());
     }
 }

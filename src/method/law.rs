@@ -22,9 +22,9 @@ constants! {
     /// Greatest length of a node's step in a sweep, in cells along either axis: the linear model is not trusted
     /// further.
     MAX_NODE_STEP: f32 = 2.0;
-    /// Fraction that is taken of the step at which a corner reaches the bound on the Jacobian: less than 1, because of
-    /// rounding.
-    BOUND_SAFETY: f32 = 0.999;
+    /// A node's step in a sweep takes at most this fraction of what a corner Jacobian has over `MIN_JACOBIAN`: a corner with
+    /// next to nothing left would decide about the whole chart's next correction.
+    SWEPT_MARGIN: f32 = 0.25;
     /// A step whose predicted gain is under this fraction of the node's energy is lost in that energy's rounding: it is
     /// not taken.
     MIN_RELATIVE_GAIN: f32 = 1e-6;
@@ -72,7 +72,10 @@ constants! {
     /// A component of a step of this many cells or more is replaced by 0: it exceeds the largest grid.
     MAX_STEP: f32 = 32768.0;
 
-    /// A step leaves at least this fraction of what a corner Jacobian has over `MIN_JACOBIAN` (method §7.6).
+    /// The bound on the Jacobian of a correction's step (method §7.6). It is lower than that of the sweeps, so that corners
+    /// which these have brought close to theirs leave the step room.
+    STEP_MIN_JACOBIAN: f32 = 0.65 * MIN_JACOBIAN;
+    /// A step leaves at least this fraction of what a corner Jacobian has over `STEP_MIN_JACOBIAN`.
     KEPT_MARGIN: f32 = 0.1;
     /// The step fractions of neighbouring nodes differ by at most this ...
     FRACTION_FALLOFF: f32 = 0.125;

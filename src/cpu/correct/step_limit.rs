@@ -1,6 +1,6 @@
 //! The step limit (method §7.6): computes the fraction of the step that each node takes, from the displacements and the
-//! step. Every corner Jacobian keeps a tenth of its margin over ε (`KEPT_MARGIN`); fractions fall off smoothly around
-//! corners that would lose more. The nodes of one corner may have different fractions; if a corner still loses too
+//! step. Every corner Jacobian keeps a tenth of its margin over the bound (`KEPT_MARGIN`, `STEP_MIN_JACOBIAN`); fractions
+//! fall off smoothly around corners that would lose more. The nodes of one corner may have different fractions; if a corner still loses too
 //! much, they are multiplied by the fraction that the corner allows. The fractions depend continuously on the step, so
 //! that a warp does not jump when a corner starts to be limited.
 
@@ -11,25 +11,31 @@ use super::super::row::Row;
 use super::super::run::Run;
 use super::falloff::{fall_off, slopes};
 use super::transfer::active_neighbours;
-use super::workspace::Limiting;
+use super::workspace::{Limiting, Stepping};
 use crate::allocation::{copied, zeroed};
 use crate::grid::Level;
 use crate::grid::planes::Plane;
 use crate::grid::window::{self, WINDOW_NODES, Window};
-use crate::method::law::{KEPT_MARGIN, MIN_JACOBIAN, kept_margin, limit_rounds};
+use crate::method::law::{KEPT_MARGIN, STEP_MIN_JACOBIAN, kept_margin, limit_rounds};
 use crate::team::SharedSlice;
 
-/// Sets the fractions so that u + fraction x step has no corner Jacobian below ε. A chart for which `limit_rounds`
-/// rounds do not suffice is refused later because of its energy.
-pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
+/// Sets the fractions so that u + fraction x step has no corner Jacobian below the bound, and continues with the last
+/// phase. A chart for which `limit_rounds` rounds do not suffice is refused later because of its energy.
+pub fn limit<'a>(run: &Run, level: usize, mut limiting: Limiting<'a>) -> Stepping<'a> {
+    let cut = fractions(run, level, &mut limiting);
+    limiting.stepping(cut)
+}
+
+/// The fractions; and per chart the largest part of the step that the first fractions cut off at a corner.
+fn fractions(run: &Run, level: usize, limiting: &mut Limiting) -> Vec<f32> {
     let grid = &run.grid.levels[level];
     let u = &run.memory.levels[level].u;
     let step = limiting.step;
     // Only active blocks are written: in inactive blocks the memory of the marks has to stay 0 for the next V-cycle.
     let (fraction, mark) = (SharedSlice::new(limiting.fraction), SharedSlice::new(limiting.mark));
     let mut blocks = copied(&run.work[level].active);
-    let mut limited = zeroed(blocks.len());
-    let flags = SharedSlice::new(&mut limited);
+    let mut least = zeroed(blocks.len());
+    let least_of_block = SharedSlice::new(&mut least);
     let next = |b: usize| {
         prefetch_next(&u[b]);
         prefetch_next(&step[b]);
@@ -37,23 +43,28 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
     run.each_of(&blocks, next, |_, k, b| {
         let (mut u_window, mut step_window) = ([[0.0f32; WINDOW_NODES]; 2], [[0.0f32; WINDOW_NODES]; 2]);
         load_step(grid, u, step, b, &mut u_window, &mut step_window);
-        // SAFETY: each item has its own block and flag.
+        // SAFETY: each item has its own block and least fraction.
         unsafe {
             let fraction = &mut fraction.get_mut(b)[0];
-            *flags.get_mut(k) =
+            *least_of_block.get_mut(k) =
                 dispatch(AllowedFraction { u: &u_window, step: &step_window, kept: KEPT_MARGIN, fraction });
         };
     });
     // Charts in which no node is limited are done, and are skipped in later rounds.
+    let chart_of = |b: u32| grid.blocks.list[b as usize].chart as usize;
     let keep_open = |blocks: &mut Vec<u32>, flags: &[bool]| {
-        let chart_of = |b: u32| grid.blocks.list[b as usize].chart as usize;
         let mut open = zeroed(run.charts.len());
         for (&b, _) in blocks.iter().zip(flags).filter(|(_, flag)| **flag) {
             open[chart_of(b)] = true;
         }
         blocks.retain(|&b| open[chart_of(b)]);
     };
-    keep_open(&mut blocks, &limited);
+    let mut cut: Vec<f32> = zeroed(run.charts.len());
+    for (&b, least) in blocks.iter().zip(&least) {
+        let cut = &mut cut[chart_of(b)];
+        *cut = cut.max(1.0 - least);
+    }
+    blocks.retain(|&b| cut[chart_of(b)] > 0.0);
     let slopes = slopes(run, grid, &blocks, step);
     fall_off(run, grid, &blocks, fraction, &slopes);
     for round in 0..limit_rounds(level) {
@@ -80,7 +91,7 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
             }
             let any = match kept {
                 Some(kept) => {
-                    dispatch(AllowedFraction { u: &u_window, step: &step_window, kept, fraction: mark })
+                    dispatch(AllowedFraction { u: &u_window, step: &step_window, kept, fraction: mark }) < 1.0
                 }
                 None => dispatch(Marks { u: &u_window, mark }),
             };
@@ -89,7 +100,7 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
         });
         keep_open(&mut blocks, &marked);
         if blocks.is_empty() {
-            return;
+            break;
         }
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
@@ -103,6 +114,7 @@ pub fn limit(run: &Run, level: usize, limiting: &mut Limiting) {
         });
         fall_off(run, grid, &blocks, fraction, &slopes);
     }
+    cut
 }
 
 /// Gathers displacements and step of block `b` with its halo. The step is 0 in blocks without movable nodes.
@@ -122,7 +134,7 @@ fn load_step(
 }
 
 /// Computes the fraction of the step that each node of a block may take if all nodes of its corners take the same
-/// fraction, and each corner keeps the fraction `kept` of its margin. Returns whether any fraction is less than 1.
+/// fraction, and each corner keeps the fraction `kept` of its margin. Returns the least of the fractions.
 struct AllowedFraction<'a> {
     u: &'a [Window; 2],
     step: &'a [Window; 2],
@@ -131,17 +143,17 @@ struct AllowedFraction<'a> {
 }
 
 impl Vectorised for AllowedFraction<'_> {
-    type Output = bool;
+    type Output = f32;
 
     #[inline(always)]
-    fn run<V: Lanes>(self) -> bool {
-        let mut any = false;
+    fn run<V: Lanes>(self) -> f32 {
+        let mut least = V::one();
         for row in Row::all() {
             let fraction = allowed_fraction::<V>(self.u, self.step, self.kept, row);
-            any |= fraction.lt(V::one()).any();
+            least = least.min(fraction);
             row.store(self.fraction, fraction);
         }
-        any
+        least.to_array().into_iter().fold(1.0, f32::min)
     }
 }
 
@@ -159,9 +171,9 @@ fn allowed_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], kept: f32, ro
             offset_change(step, &dp, row, sx, sy),
         ];
         for (a, b, da, db) in [(&a, &b, &da, &db), (&a, &c, &da, &dc), (&c, &b, &dc, &db)] {
-            // q(s) = q0 + q1 s + q2 s² is J at the fraction s of the step, minus ε and the margin to be kept. q(0) >=
+            // q(s) = q0 + q1 s + q2 s² is J at the fraction s of the step, minus the bound and the margin to be kept. q(0) >=
             // 0; if q(1) < 0, there is one root in between, computed in a form without cancellation.
-            let margin = (cross(a, b, sign) - V::splat(MIN_JACOBIAN)).max(V::zero());
+            let margin = (cross(a, b, sign) - V::splat(STEP_MIN_JACOBIAN)).max(V::zero());
             let q0 = margin * (1.0 - kept);
             let (q1, q2) = (cross(da, b, sign) + cross(a, db, sign), cross(da, db, sign));
             let limits = (q0 + q1 + q2).lt(V::zero());
@@ -215,7 +227,7 @@ impl Vectorised for Shrink<'_> {
     }
 }
 
-/// Sets the marks of a block's nodes: 0 if one of the node's twelve corner Jacobians is below ε, otherwise 1. Returns
+/// Sets the marks of a block's nodes: 0 if one of the node's twelve corner Jacobians is below the bound, otherwise 1. Returns
 /// whether any mark is 0.
 struct Marks<'a> {
     u: &'a [Window; 2],
@@ -230,7 +242,7 @@ impl Vectorised for Marks<'_> {
         let mut any = false;
         for row in Row::all() {
             // Any comparison with NaN is false, so a least Jacobian of NaN counts as below ε.
-            let good = V::splat(MIN_JACOBIAN).le(least_corner::<V>(self.u, row));
+            let good = V::splat(STEP_MIN_JACOBIAN).le(least_corner::<V>(self.u, row));
             any |= good.bits() != u8::MAX;
             row.store(self.mark, good.select(V::one(), V::zero()));
         }

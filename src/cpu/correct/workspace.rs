@@ -165,8 +165,8 @@ pub struct Limiting<'a> {
 
 impl<'a> Limiting<'a> {
     /// Continues with the last phase.
-    pub fn stepping(self) -> Stepping<'a> {
-        Stepping { fraction: self.fraction, before: self.mark, step: self.step }
+    pub fn stepping(self, cut: Vec<f32>) -> Stepping<'a> {
+        Stepping { fraction: self.fraction, before: self.mark, step: self.step, cut }
     }
 }
 
@@ -177,4 +177,6 @@ pub struct Stepping<'a> {
     /// Displacements before the step.
     pub before: &'a mut [[Plane; 2]],
     pub step: &'a [[Plane; 2]],
+    /// Per chart, the largest part of the step that the limit's first fractions cut off at a corner.
+    pub cut: Vec<f32>,
 }
