@@ -223,7 +223,7 @@ static inline int platform_threads(void)
 }
 
 /* KiB that the process holds: on Windows, of its heaps, elsewhere, less those of files that are mapped. 0 where the system
- * does not tell. */
+ * does not tell, or PLATFORM_EMULATED is set: an emulator's memory is counted with the program's. */
 static inline long platform_memory(void)
 {
 #if defined(_WIN32)
@@ -243,7 +243,7 @@ static inline long platform_memory(void)
 #else
     FILE *file = fopen("/proc/self/statm", "r");
     long all = 0, pages = 0, shared = 0;
-    if (file == NULL || fscanf(file, "%ld %ld %ld", &all, &pages, &shared) != 3) {
+    if (getenv("PLATFORM_EMULATED") != NULL || file == NULL || fscanf(file, "%ld %ld %ld", &all, &pages, &shared) != 3) {
         pages = shared = 0;
     }
     if (file != NULL) {

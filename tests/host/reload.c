@@ -1,12 +1,27 @@
 /*
  * The library is loaded, used and unloaded a thousand times, as a session does in which a plug-in is worked on: the process
  * has no less of what it can run out of than before, such as the indices of thread-local storage, of which Windows has
- * about a thousand. The arguments are the library's path and, if there is one, the number of times.
+ * about a thousand. The arguments are the library's path; the number of times; and in each how many of these it solves, 1
+ * without it: in the others it makes a device alone.
  */
 
 #include "loaded.h"
 
 #include <pthread.h>
+
+/* Makes a device, and a mistake: what is called most often. */
+static void *glance(void)
+{
+    vrtm_device_desc desc = vrtm_device_desc_init();
+    vrtm_device device;
+    desc.backend = VRTM_BACKEND_CPU;
+    if (api.vrtm_device_create(&desc, &device) != VRTM_OK || api.vrtm_device_destroy(device) != VRTM_OK ||
+        api.vrtm_device_destroy(device) != VRTM_ERROR_INVALID_HANDLE) {
+        return (void *)"a device is not made, or not destroyed";
+    }
+    stale = device;
+    return NULL;
+}
 
 /* A thread that lives on: it uses the library whenever it is asked to. */
 static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
@@ -44,7 +59,7 @@ static void *ask(void)
 int main(int count, char **arguments)
 {
     static float first[2 * MAP * MAP];
-    const int rounds = count > 2 ? atoi(arguments[2]) : 1000;
+    const int rounds = count > 2 ? atoi(arguments[2]) : 1000, every = count > 3 ? atoi(arguments[3]) : 1;
     int loaded = 0, used = 0, unloaded = 0, gone = 0, same = 0, indices = 0, threads = 0, files = 0;
     const char *wrong = "";
     char detail[100];
@@ -64,9 +79,13 @@ int main(int count, char **arguments)
         loaded += 1;
         /* By turns on this thread, on one that lives on, and on one that ends. */
         pthread_t thread;
-        if (round % 3 == 0) {
+        const int turn = round / every % 3;
+        if (round % every != 0) {
+            result = glance();
+            memcpy(map, first, sizeof map);
+        } else if (turn == 0) {
             result = use(&cpu_alone);
-        } else if (round % 3 == 1) {
+        } else if (turn == 1) {
             result = ask();
         } else if (pthread_create(&thread, NULL, use, &cpu_alone) == 0) {
             pthread_join(thread, &result);
@@ -81,7 +100,7 @@ int main(int count, char **arguments)
         unloaded += platform_unload(library);
         gone += !platform_is_loaded(arguments[1]);
         /* What the system itself sets up, it sets up in the first rounds. */
-        if (round == 2) {
+        if (round == 2 * every) {
             indices = platform_free_indices();
             threads = platform_threads();
             files = platform_open_files();
