@@ -138,7 +138,12 @@ int main(int count, char **arguments)
         }
     }
     snprintf(detail, sizeof detail, "%ld KiB at most, after %ld", most, before);
+#if defined(_WIN32)
+    /* Wine counts no handles. */
+    check_that(before > 0, "they were counted", detail);
+#else
     check_that(before > 0 && files > 2, "they were counted", detail);
+#endif
     check_that(most - before <= 2048, "at all times", detail);
     fprintf(stdout, "ok   %d solves, %ld KiB at first and %ld KiB at most, %d files, handles %llu, %llu, %llu\n",
             rounds * SOLVES_PER_ASSET * ASSETS_PER_DEVICE, before, most, files, (unsigned long long)last_device,

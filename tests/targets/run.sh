@@ -12,11 +12,11 @@ set -u
 here=$(cd "$(dirname "$0")" && pwd)
 repository=$(cd "$here/../.." && pwd)
 target=${1:?run.sh windows|arm64}
-folder=${CARGO_TARGET_DIR:-$repository/target}/targets
-hosts=$folder/$target-hosts
-mkdir -p "$hosts"
+# A folder for each target: what compilers of different kinds build for the build itself, cargo takes for out of date.
+folder=${CARGO_TARGET_DIR:-$repository/target}/targets/$target
+mkdir -p "$folder/hosts"
 folder=$(cd "$folder" && pwd)
-hosts=$folder/$target-hosts
+hosts=$folder/hosts
 passed=0 failed=0 ignored=0
 long=${VRTM_LONG_TESTS:-0}
 
