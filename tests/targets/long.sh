@@ -4,7 +4,7 @@ host tests/host/mesh.c 50
 host tests/host/layers.c 40
 host tests/host/maps.c 37
 host tests/host/refine.c 60
-host tests/host/job_threads.c 35
+host tests/host/job_threads.c 35 "$((cells / 2))"
 # On ARM64 glibc gives no thread a stack of 48 KiB: 128 KiB are its least.
 [ "$target" = arm64 ] || host tests/host/stack.c 6
 host tests/host/deformer.cpp 15
