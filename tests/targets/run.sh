@@ -77,7 +77,7 @@ case $target in
         # Cells of the grids that are to take long.
         cells=512
         # In every so many of its loads a library solves.
-        loads=1 variables=
+        loads=5 variables=
         ;;
     arm64)
         triple=aarch64-unknown-linux-gnu
