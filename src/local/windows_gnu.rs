@@ -10,7 +10,7 @@ use std::ffi::c_void;
 use std::ptr;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use super::Local;
+use super::record::Local;
 
 // Declared here, since a package of declarations would be one more dependency for eight lines.
 #[link(name = "kernel32")]
