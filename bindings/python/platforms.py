@@ -23,7 +23,14 @@ def system_of(library: Path) -> tuple[str, str]:
     """The system that a library is for ("win", "linux", "macosx"), and its processor; SystemExit if it is none that is
     known here."""
     with library.open("rb") as file:
-        head = file.read(4096)
+        found = by_head(file.read(4096))
+    if found is None:
+        raise SystemExit(f"vrtm: {library} is no shared library for a system that wheels are made for")
+    return found
+
+
+def by_head(head: bytes) -> tuple[str, str] | None:
+    """The same by the library's first 4096 bytes."""
     if head[:2] == b"MZ" and len(head) >= 64:
         (at,) = struct.unpack_from("<I", head, 60)
         if head[at : at + 4] == b"PE\0\0" and len(head) >= at + 6:
@@ -40,7 +47,7 @@ def system_of(library: Path) -> tuple[str, str]:
             return "macosx", MACH_O[machine]
     elif head[:4] == b"\xca\xfe\xba\xbe":
         return "macosx", "universal2"
-    raise SystemExit(f"vrtm: {library} is no shared library for a system that wheels are made for")
+    return None
 
 
 def tag_for(library: Path, wanted: str, here: str) -> str:
@@ -48,10 +55,10 @@ def tag_for(library: Path, wanted: str, here: str) -> str:
     library for another system has that system's, so that a wheel for Windows is made on Linux, too."""
     system, processor = system_of(library)
     if wanted:
-        if not _fits(wanted, system, processor):
+        if not fits(wanted, system, processor):
             raise SystemExit(f"vrtm: VRTM_WHEEL_PLATFORM is {wanted}, but {library} is for {system}_{processor}")
         return wanted
-    if _fits(here, system, processor):
+    if fits(here, system, processor):
         return here
     if system != "macosx":
         return f"{system}_{processor}"
@@ -66,7 +73,7 @@ def tag_for(library: Path, wanted: str, here: str) -> str:
     return f"macosx_{oldest[0]}_{oldest[1]}_{processor}"
 
 
-def _fits(tag: str, system: str, processor: str) -> bool:
+def fits(tag: str, system: str, processor: str) -> bool:
     """Whether a library may stand in a wheel with this tag: a universal one serves each of its processors."""
     kind = {"win": r"(win|mingw)", "linux": r"(many|musl)?linux(\d+)?", "macosx": "macosx"}[system]
     name = processor

@@ -5,8 +5,9 @@
 #     tests/package/other.sh windows|arm64 [FOLDER]
 #
 # Windows: MinGW-w64 and Wine; ARM64: GNU's compilers and QEMU. Variables: VRTM_OTHER_LIBRARY, the library as cargo names it,
-# with its import library beside it (that which tests/targets/run.sh has built); VRTM_RELEASE, the folder where the archive of
-# the release is left (below FOLDER). Where something cannot be had, a line "skipped: why" counts as ignored.
+# with its import library beside it (that which tests/targets/run.sh has built); VRTM_VENV, the virtual environment that
+# tests/python/setup.sh makes (target/venv), for the wheel. Where something cannot be had, a line "skipped: why" counts as
+# ignored.
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 source=$(cd "$here/../.." && pwd)
@@ -57,6 +58,14 @@ case $system in
         fi
         ;;
 esac
+python=
+for candidate in "${VRTM_VENV:-$target/venv}/bin/python" python3; do
+    [ -n "$python" ] || ! "$candidate" -c 'import hatchling, pip, pycparser, tomllib' 2>/dev/null || python=$candidate
+done
+if [ -z "$python" ]; then
+    echo "skipped: the wheel for $system: there is no Python with hatchling and pycparser"
+    echo "test result: ok. 0 passed; 0 failed; 1 ignored"
+fi
 cmake -S "$source" -B "$folder" "-DCMAKE_TOOLCHAIN_FILE=$here/toolchains/$system.cmake" "-DVRTM_PREBUILT=$library" \
-    "-DCMAKE_CROSSCOMPILING_EMULATOR=$emulator" -DVRTM_GPU=OFF -DVRTM_TESTS=ON || exit 1
+    "-DCMAKE_CROSSCOMPILING_EMULATOR=$emulator" "-DVRTM_PYTHON=$python" -DVRTM_GPU=OFF -DVRTM_TESTS=ON || exit 1
 ctest --test-dir "$folder" --parallel 2 --output-on-failure --no-tests=error

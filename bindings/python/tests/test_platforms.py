@@ -122,3 +122,12 @@ def test_a_wheel_for_another_system(tmp_path, data, name, file):
         lines = archive.read(about).decode().splitlines()
     assert f"Tag: {name}" in lines
     assert "Root-Is-Purelib: false" in lines
+
+
+def test_a_library_that_does_not_load_is_named(tmp_path):
+    path = tmp_path / "library"
+    path.write_bytes(ARM_DLL)
+    environment = {**os.environ, "VRTM_LIBRARY": str(path)}
+    found = subprocess.run([sys.executable, "-c", "import vrtm"], capture_output=True, text=True, env=environment)
+    assert found.returncode != 0
+    assert f"ImportError: vrtm: the shared library {path} does not load on " in found.stderr
