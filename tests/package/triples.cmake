@@ -16,7 +16,7 @@ function(derives triple CMAKE_SYSTEM_NAME CMAKE_SYSTEM_PROCESSOR vrtm_machine CM
     set(vrtm_machine)
   endif()
   vrtm_derive_triple(found problem)
-  if(NOT found STREQUAL triple OR found AND problem OR NOT found AND NOT problem)
+  if((NOT found STREQUAL triple) OR (found AND problem) OR (NOT found AND NOT problem))
     message(SEND_ERROR "${CMAKE_SYSTEM_NAME} ${CMAKE_SYSTEM_PROCESSOR} ${vrtm_machine} ${CMAKE_C_COMPILER_ID}: \
 \"${found}\" and not \"${triple}\" (${problem})")
   endif()
@@ -68,7 +68,7 @@ foreach(case "TRUE;x86_64-alpine-linux-musl;x86_64-unknown-linux-musl" "TRUE;aar
   list(GET case 1 one)
   list(GET case 2 other)
   vrtm_same_machine(same ${one} ${other})
-  if(same AND NOT wanted OR wanted AND NOT same)
+  if((same AND NOT wanted) OR (wanted AND NOT same))
     message(SEND_ERROR "${one} and ${other}: the same is ${same}")
   endif()
 endforeach()
