@@ -1,11 +1,11 @@
 #!/bin/sh
-# One check of run.sh: `check.sh NAME WHAT SYSTEM STANDARD COMPILER FLAG...` compiles, without writing anything, and prints a
-# line as cargo's tests do. WORK is a folder with header.c and header.cpp. WHAT is
+# One check of run.sh: `check.sh NAME WHAT SYSTEM STANDARD COMPILER FLAG...` compiles, without writing anything, and
+# prints a line as cargo's tests do. WORK is a folder with header.c and header.cpp. WHAT is
 #
 #     header       nothing but vrtm.h or vrtm.hpp: no warning
 #     header_of_c  the same, always vrtm.h
 #     rules        vrtm.hpp and hosts that use all of it
-#     hosts        all hosts for SYSTEM: no warning but of their own for conversions, which the headers must not have either
+#     hosts        all hosts for SYSTEM: no warning but of their own for conversions, which the headers must not have
 set -u
 name=$1 what=$2 system=$3 standard=$4
 shift 4

@@ -1,17 +1,18 @@
 #!/bin/sh
 # Compiles the headers and the C and C++ hosts with clang, and with zig's clang for Linux, macOS and Windows, in all
-# standards from C99 and from C++17: no warning may come from the headers. Nothing is linked or run. The last line counts as
-# cargo's does; the exit code is 0 if nothing failed.
+# standards from C99 and from C++17: no warning may come from the headers. Nothing is linked or run. The last line
+# counts as cargo's does; the exit code is 0 if nothing failed.
 #
 #     tests/compilers/run.sh [WORD]
 #
 # With WORD, only the checks that have it in their name.
-# Variables: CLANG, the compiler (the newest there is); VRTM_ZIG_VENV, the folder for zig's (target/zig), which setup.sh makes.
+# Variables: CLANG, the compiler (the newest there is); VRTM_ZIG_VENV, the folder for zig's (target/zig), which setup.sh
+# makes.
 #
-# Microsoft's rules: clang takes vrtm.h as it takes it from Microsoft's compiler on x86-64 and ARM64, with headers of C of its
-# own; and vrtm.hpp by the rules of that compiler's language (-fms-compatibility, templates parsed late), but with the headers
-# of C++ that mingw has and with libc++, since Microsoft's are not free to be had. What is not checked is therefore
-# Microsoft's own library, its ABI for C++, and its warnings (/W4).
+# Microsoft's compiler is not here, and neither are its headers. Clang stands in for it: vrtm.h is compiled for
+# Microsoft's targets on x86-64 and ARM64, with clang's own headers of C; vrtm.hpp by the rules of Microsoft's language
+# (-fms-compatibility, with templates parsed at once and late), but with the headers of MinGW and of libc++. Not
+# checked are therefore Microsoft's own library, its ABI for C++, and its warnings (/W4).
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 repository=$(cd "$here/../.." && pwd)
@@ -50,7 +51,8 @@ check() { # NAME WHAT SYSTEM STANDARD COMPILER FLAG...
     echo >>"$WORK/checks"
 }
 
-# all NAME SYSTEM COMPILER...: the header and the hosts in all standards; C_FLAGS and CPP_FLAGS say where the headers are.
+# all NAME SYSTEM COMPILER...: the header and the hosts in all standards; C_FLAGS and CPP_FLAGS say where the headers
+# are.
 all() {
     name=$1 system=$2
     shift 2
@@ -76,8 +78,8 @@ else
     skip "there is no clang"
 fi
 
-# headers DRIVER TARGET ENDING: where zig's driver has clang look for the target's headers, with the macros that these want.
-# (The driver itself would make a program, and build each target's libraries first.)
+# headers DRIVER TARGET ENDING: where zig's driver has clang look for the target's headers, with the macros that these
+# want. (The driver itself would make a program, and build each target's libraries first.)
 headers() {
     (cd "$WORK" && "$zig" "$1" -target "$2" -c "header.$3" -o header.o '-###' 2>&1) |
         tr ' ' '\n' | sed 's/^"//; s/"$//' |

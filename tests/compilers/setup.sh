@@ -1,6 +1,6 @@
 #!/bin/sh
-# Makes a virtual environment with zig's clang, which has the C and C++ headers of Linux, macOS and Windows with it: 90 MB to
-# load and 450 MB on disk.
+# Makes a virtual environment with zig's clang, which has the C and C++ headers of Linux, macOS and Windows with it: 90
+# MB to load and 450 MB on disk.
 #
 #     tests/compilers/setup.sh FOLDER
 #

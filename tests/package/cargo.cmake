@@ -1,7 +1,7 @@
-# With what cargo is called for the compiler that the tests are configured with, that it is not looked for where the library is
-# built already, and what is refused. A script stands in for cargo, and one for rustc. COMPILERS are the options that name the
-# compiler, TRIPLE is the target that they are for, CROSS says whether that is another one than this machine's, and COMPILER
-# then links.
+# With what cargo is called for the compiler that the tests are configured with, that it is not looked for where the
+# library is built already, and what is refused. A script stands in for cargo, and one for rustc. COMPILERS are the
+# options that name the compiler, TRIPLE is the target that they are for, CROSS says whether that is another one than
+# this machine's, and COMPILER then links.
 
 cmake_minimum_required(VERSION 3.16)
 set(folder "${SCRATCH}/cargo")
@@ -85,8 +85,8 @@ set(ENV{PATH} "${folder}/bin:${path}")
 set(ENV{CARGO_HOME} "${folder}")
 set(ENV{HOME} "${folder}")
 configure(said prebuilt ${COMPILERS} "-DVRTM_PREBUILT=${library}")
-execute_process(COMMAND "${CMAKE_COMMAND}" --install "${folder}/prebuilt" --prefix "${folder}/prefix" RESULT_VARIABLE failed
-  OUTPUT_QUIET)
+execute_process(COMMAND "${CMAKE_COMMAND}" --install "${folder}/prebuilt" --prefix "${folder}/prefix"
+  RESULT_VARIABLE failed OUTPUT_QUIET)
 set(ENV{PATH} "${path}")
 set(ENV{HOME} "${home}")
 unset(ENV{CARGO_HOME})
