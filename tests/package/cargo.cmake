@@ -87,11 +87,18 @@ set(ENV{HOME} "${folder}")
 configure(said prebuilt ${COMPILERS} "-DVRTM_PREBUILT=${library}")
 execute_process(COMMAND "${CMAKE_COMMAND}" --install "${folder}/prebuilt" --prefix "${folder}/prefix"
   RESULT_VARIABLE failed OUTPUT_QUIET)
+set(target)
+if(CROSS)
+  set(target --target ${TRIPLE})
+endif()
+execute_process(COMMAND "${SH}" "${SOURCE}/bindings/install.sh" --prefix "${folder}/script" --prebuilt "${library}" ${target}
+  RESULT_VARIABLE script_failed OUTPUT_QUIET)
 set(ENV{PATH} "${path}")
 set(ENV{HOME} "${home}")
 unset(ENV{CARGO_HOME})
 file(GLOB_RECURSE installed "${folder}/prefix/*/${VRTM_BUILT}")
-if(code OR failed OR NOT installed OR EXISTS "${folder}/called")
+file(GLOB_RECURSE also "${folder}/script/*/${VRTM_BUILT}")
+if(code OR failed OR script_failed OR NOT installed OR NOT also OR EXISTS "${folder}/called")
   message(FATAL_ERROR "a library that is built already is not installed without Rust: ${said}")
 endif()
 
@@ -111,3 +118,8 @@ refuses("its import library libvrtm.dll.a is not beside it" "-DVRTM_PREBUILT=${f
   -DVRTM_TARGET=x86_64-pc-windows-gnu)
 refuses("the system \"Generic\" is none that is known here. Set VRTM_TARGET, such as" "-DVRTM_PREBUILT=${library}"
   -DCMAKE_SYSTEM_NAME=Generic -DCMAKE_SYSTEM_PROCESSOR=x86_64)
+execute_process(COMMAND "${SH}" "${SOURCE}/bindings/install.sh" --prefix "${folder}/script" --prebuilt "${library}"
+  --target x86_64-apple-darwin RESULT_VARIABLE code OUTPUT_QUIET ERROR_VARIABLE said)
+if(NOT code OR NOT said MATCHES "but a library for x86_64-apple-darwin is called libvrtm.dylib")
+  message(FATAL_ERROR "install.sh does not refuse a library for another system: ${said}")
+endif()

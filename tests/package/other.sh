@@ -47,7 +47,8 @@ case $system in
         [ -x "$server" ] || server=$(command -v wineserver)
         export WINEPREFIX="$folder/wine" WINEDEBUG=-all WINEDLLOVERRIDES='mscoree=;mshtml=;winemenubuilder.exe='
         end_wine() {
-            { "$server" -k && rm -rf "$WINEPREFIX"; } 2>/dev/null
+            { "$server" -k; "$server" -w; } 2>/dev/null
+            rm -rf "$WINEPREFIX"
         }
         trap end_wine EXIT
         timeout 300 "$emulator" cmd /c exit >"$folder/log" 2>&1 || skip "Wine makes no folder for Windows"
