@@ -1,13 +1,13 @@
 #!/bin/sh
 # The tests of the package for another system, with a library for it that is built already, and its compilers, which
-# toolchain files name: what ctest runs of this system's programs is run by an emulator.
+# toolchain files name: an emulator runs its programs.
 #
 #     tests/package/other.sh windows|arm64 [FOLDER]
 #
-# Windows: MinGW-w64 and Wine; ARM64: GNU's compilers and QEMU. Variables: VRTM_OTHER_LIBRARY, the library as cargo names it,
-# with its import library beside it (that which tests/targets/run.sh has built); VRTM_VENV, the virtual environment that
-# tests/python/setup.sh makes (target/venv), for the wheel. Where something cannot be had, a line "skipped: why" counts as
-# ignored.
+# Windows: MinGW-w64 and Wine; ARM64: GNU's compilers and QEMU. Variables: VRTM_OTHER_LIBRARY, the library as cargo
+# names it, with its import library beside it (that which tests/targets/run.sh has built); VRTM_VENV, the virtual
+# environment that tests/python/setup.sh makes (target/venv), for the wheel. Where something cannot be had, a line
+# "skipped: why" counts as ignored.
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 source=$(cd "$here/../.." && pwd)
@@ -27,6 +27,7 @@ case $system in
 esac
 library=${VRTM_OTHER_LIBRARY:-$target/targets/$triple/release/$file}
 [ -f "$library" ] || skip "there is no $library"
+library=$(cd "$(dirname "$library")" && pwd)/$file
 for program in $programs cmake; do
     command -v "$program" >/dev/null || skip "there is no $program"
 done
