@@ -13,13 +13,18 @@ source=$(cd "$(dirname "$0")/../.." && pwd)
 cd "$source" || exit 1
 
 case $standard in c++*) ending=cpp ;; *) ending=c ;; esac
-set -- "$@" -std="$standard" -fsyntax-only -Wall -Wextra -Wpedantic -Wconversion -Iinclude -Itests/host
+set -- "$@" -std="$standard" -Wall -Wextra -Wpedantic -Wconversion -Iinclude -Itests/host
 case $what in
     header) set -- "$@" -Werror "$WORK/header.$ending" ;;
     header_of_c) set -- "$@" -Werror "$WORK/header.c" ;;
     hosts | rules)
         # Macros of C libraries use what C99 has not.
         [ "$standard" != c99 ] || set -- "$@" -Wno-c11-extensions
+        if [ $ending = cpp ]; then
+            compiled=$WORK/$(echo "$name" | tr -c 'a-z0-9+\n' _).pch
+            "$@" -o "$compiled" -x c++-header "$WORK/standard.hpp" >"$compiled.log" 2>&1 || cat "$compiled.log"
+            set -- "$@" -include-pch "$compiled"
+        fi
         count=0
         hosts=$(echo tests/host/*."$ending")
         [ $what = hosts ] || hosts="tests/host/wrapper.cpp tests/host/viewport.cpp tests/host/deformer.cpp"
@@ -32,8 +37,9 @@ case $what in
         name="$name ($count)"
         ;;
 esac
-said=$("$@" 2>&1)
+said=$("$@" -fsyntax-only 2>&1)
 code=$?
+[ -z "${compiled:-}" ] || rm -f "$compiled"
 bad=$(echo "$said" | grep -E '(warning|error):' | grep -v -E '^tests/host/.* warning: .*conversion\]$')
 if [ "$code" = 0 ] && [ -z "$bad" ]; then
     echo "test $name ... ok"

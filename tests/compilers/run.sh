@@ -35,6 +35,11 @@ echo '#include <stddef.h>
 extern "C"
 #endif
 void *memset(void *to, int byte, size_t size);' >"$WORK/c/string.h"
+# What hosts in C++ take of the standard library, which is compiled once for all of them.
+for name in algorithm array atomic chrono cmath condition_variable cstddef cstdint cstdio cstdlib cstring deque functional \
+    limits map memory mutex optional random stdexcept string thread type_traits utility vector; do
+    echo "#include <$name>"
+done >"$WORK/standard.hpp"
 : >"$WORK/checks"
 skipped=0
 
