@@ -66,11 +66,18 @@ case $prefix in /* | [A-Za-z]:*) ;; *) prefix=$PWD/$prefix ;; esac
 case $libdir in /* | *..*) fail "--libdir is $libdir, but must lie below the prefix, so that the tree can be moved" ;; esac
 
 PATH=$PATH:${CARGO_HOME:-${HOME:-}/.cargo}/bin
-if [ -z "$prebuilt" ] || [ -z "$target" ]; then
-    command -v rustc >/dev/null || fail "vrtm is built with Rust, which is not found: see https://rustup.rs"
-fi
 triple=$target
-[ -n "$triple" ] || triple=$(rustc -vV | sed -n 's/^host: //p' | tr -d '\r')
+if [ -z "$prebuilt" ]; then
+    command -v rustc >/dev/null || fail "vrtm is built with Rust, which is not found: see https://rustup.rs"
+    [ -n "$triple" ] || triple=$(rustc -vV | sed -n 's/^host: //p' | tr -d '\r')
+elif [ -z "$triple" ]; then
+    # A library that is built already takes no Rust: only the names depend on the target.
+    case $(uname -s) in
+        Darwin) triple=$(uname -m)-apple-darwin ;;
+        *_NT*) fail "--prebuilt needs --target on Windows, such as x86_64-pc-windows-msvc or -gnu" ;;
+        *) triple=$(uname -m)-unknown-$(uname -s | tr 'A-Z' 'a-z')-gnu ;;
+    esac
+fi
 version=$(sed -n 's/^version = "\([0-9.]*\)".*/\1/p' "$source/Cargo.toml" | head -n 1)
 major=${version%%.*}
 
@@ -100,6 +107,10 @@ esac
 
 if [ -n "$prebuilt" ]; then
     [ -f "$prebuilt" ] || fail "--prebuilt is $prebuilt, which does not exist"
+    case $prebuilt in
+        *".${built##*.}" | *".${built##*.}."[0-9]*) ;;
+        *) fail "--prebuilt is $prebuilt, but a library for $triple is called $built: set --target if it is for another" ;;
+    esac
     library=$prebuilt
     from=$(dirname "$prebuilt")
 else

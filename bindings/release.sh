@@ -15,8 +15,9 @@ usage: sh bindings/release.sh [options]
   --help             say this
 
 It writes vrtm-VERSION-TRIPLE.tar.xz, or .zip for Windows, and the same with .sha256. STRIP names the program that strips
-the library (strip, or llvm-strip), SOURCE_DATE_EPOCH the time of all files (that of the last commit). Linux: the oldest
-glibc that the library runs with follows from the one that it is linked with, so build on the oldest system you support.
+the library (such as aarch64-linux-gnu-strip, strip, llvm-strip, or none), SOURCE_DATE_EPOCH the time of all files (that of
+the last commit). Linux: the oldest glibc that the library runs with follows from the one that it is linked with, so build
+on the oldest system you support.
 END
 }
 
@@ -91,15 +92,19 @@ else
     sh "$here/install.sh" --prefix "$tree" --prebuilt "$prebuilt" $install_options
 fi
 
-# What is stripped is neither used by programs nor by the loader.
-strip=${STRIP:-strip}
+# What is stripped is neither used by programs nor by the loader. Another target's file takes that target's program.
+strip=${STRIP:-}
+foreign= options=--strip-unneeded
 case $triple in
-    *-windows-*) library=$tree/bin/vrtm.dll strip= ;; # rustc puts its symbols into a file of their own, vrtm.pdb.
+    *-windows-msvc) library=$tree/bin/vrtm.dll strip=none ;; # rustc puts its symbols into a file of their own, vrtm.pdb.
+    *-windows-*) library=$tree/bin/vrtm.dll foreign=${triple%%-*}-w64-mingw32-strip ;;
     *-apple-*) library=$tree/lib/libvrtm.$version.dylib options=-x ;;
-    *) library=$tree/lib/libvrtm.so.$version options=--strip-unneeded ;;
+    *) library=$tree/lib/libvrtm.so.$version foreign=${triple%%-*}-${triple#*-unknown-}-strip ;;
 esac
-if [ -n "$strip" ]; then
-    "$strip" $options "$library" || fail "$strip does not strip $library: set STRIP, to llvm-strip for instance"
+[ -n "$strip" ] || ! command -v "$foreign" >/dev/null || strip=$foreign
+strip=${strip:-strip}
+if [ "$strip" != none ]; then
+    "$strip" "$options" "$library" || fail "$strip does not strip $library: set STRIP, to llvm-strip for instance"
 fi
 if [ -n "$max_glibc" ]; then
     needed=$(readelf -VW "$library" | sed -n 's/.*Name: GLIBC_\([0-9.]*\) .*/\1/p' | sort -t. -k1,1n -k2,2n | tail -n 1)

@@ -100,8 +100,9 @@
  * do not depend on them. Its threads leave signals to the host's threads, except those of faults and SIGPROF. After a
  * fork while no call runs and no job is alive, both processes may use all devices and assets on the CPU; a child of a
  * fork during a call may only exec or _exit, as POSIX has it. The child must not use GPUs. The library may be unloaded
- * when no call is running, and loaded again. Nothing of it stays in memory then, unless a thread that lives on has
- * looked for GPUs or used one (VRTM_BACKEND_AUTO looks, too).
+ * when no call is running, and loaded again, any number of times. Nothing of it stays in memory then, unless a thread
+ * that lives on has looked for GPUs or used one (VRTM_BACKEND_AUTO looks, too); on Windows, a DLL that was built with
+ * GNU's tools leaves about 100 bytes for each other thread that called it and lives on.
  *
  * VERSIONS
  *

@@ -1,12 +1,12 @@
 //! Control over a running call: its progress, a callback that reports it, and cancellation.
 
-use std::cell::Cell;
 use std::sync::atomic::{AtomicU8, AtomicU32, AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Instant;
 
 #[cfg(any(test, feature = "gpu"))]
 use crate::error::Result;
+use crate::local;
 use crate::panics::lock;
 use crate::unwind::{Stop, unwind};
 
@@ -220,22 +220,17 @@ impl Watch {
     }
 }
 
-thread_local! {
-    /// True on a host's thread while it does a call's work.
-    static LENT: Cell<bool> = const { Cell::new(false) };
-}
-
 /// Identifies a thread among those alive. Not std's thread id: that one creates a record that keeps the library from
 /// being unloaded.
 pub(crate) fn this_thread() -> usize {
-    LENT.with(|lent| &raw const *lent as usize)
+    local::with(|local| &raw const *local as usize)
 }
 
 /// True if the calling thread is a host's thread that does a call's work, and so is inside one of the host's functions,
 /// such as the progress function. A call into the library from there must not wait for the host's other threads, which
 /// may all be waiting for this thread's work.
 pub(crate) fn is_lent() -> bool {
-    LENT.with(Cell::get)
+    local::with(|local| local.lent.get())
 }
 
 /// Does a call's work on a host's thread.
@@ -243,10 +238,10 @@ pub(crate) fn lent<R>(work: impl FnOnce() -> R) -> R {
     struct Before(bool);
     impl Drop for Before {
         fn drop(&mut self) {
-            LENT.with(|lent| lent.set(self.0));
+            local::with(|local| local.lent.set(self.0));
         }
     }
-    let _before = Before(LENT.with(|lent| lent.replace(true)));
+    let _before = Before(local::with(|local| local.lent.replace(true)));
     work()
 }
 

@@ -67,6 +67,7 @@
 
 // Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
 mod line;
+mod local;
 mod error;
 mod unwind;
 mod float_mode;

@@ -3,7 +3,6 @@
 //! program keeps its own panic hook.
 
 use std::any::Any;
-use std::cell::Cell;
 use std::fmt;
 #[cfg(any(test, feature = "gpu"))]
 use std::panic::resume_unwind;
@@ -11,22 +10,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::line::Line;
+use crate::local::{self, PLACE_BYTES};
 use crate::unwind::{Stop, why};
 
 #[cfg(feature = "capi")]
 pub(crate) mod hook;
-
-/// Maximum length in bytes of a panic's place; a longer one is cut.
-const PLACE_BYTES: usize = 128;
-
-// Plain values, initialised at compile time: no destructor is registered with the thread, which would keep the library
-// from being unloaded or would run after it was unloaded.
-thread_local! {
-    /// Number of boundaries that this thread is inside: more than one if a host's callback calls the library.
-    static DEPTH: Cell<usize> = const { Cell::new(0) };
-    /// The place of this thread's last panic inside a boundary, set by the hook.
-    static PLACE: Cell<Line<PLACE_BYTES>> = const { Cell::new(Line::new()) };
-}
 
 /// Why a body did not return.
 pub(crate) struct Panicked {
@@ -81,17 +69,17 @@ fn catch_here<R>(body: impl FnOnce() -> R) -> Result<R, Panicked> {
     struct Inside;
     impl Drop for Inside {
         fn drop(&mut self) {
-            DEPTH.with(|depth| depth.set(depth.get() - 1));
+            local::with(|local| local.depth.set(local.depth.get() - 1));
         }
     }
-    DEPTH.with(|depth| depth.set(depth.get() + 1));
+    local::with(|local| local.depth.set(local.depth.get() + 1));
     let _leave = Inside;
     // State that a panic leaves incomplete is dropped with its owner, or is behind a lock that discards it.
     catch_unwind(AssertUnwindSafe(body)).map_err(|payload| Panicked { payload, place: take_place() })
 }
 
 fn take_place() -> Line<PLACE_BYTES> {
-    PLACE.try_with(|kept| kept.replace(Line::new())).unwrap_or(Line::new())
+    local::try_with(|local| local.place.replace(Line::new())).unwrap_or(Line::new())
 }
 
 /// Locks a mutex even if it is poisoned. Every value behind the library's locks is written in one step, so it is

@@ -27,6 +27,9 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 SOURCE = HERE / "vrtm_blender"
 REPOSITORY = HERE.parents[1]
+sys.path.insert(0, str(REPOSITORY / "bindings" / "python"))
+from platforms import by_head, file_name, fits  # noqa: E402
+
 LICENCES = ("LICENSE-MIT", "LICENSE-APACHE")
 
 # By what the platform of a wheel ends or begins with: the platform as Blender's manifest has it.
@@ -65,7 +68,10 @@ def platforms_of(wheel: Path) -> list[str]:
 
 
 def check_wheel(wheel: Path, version: str) -> None:
-    """Whether the wheel is the package vrtm of this version, holds the library, and needs nothing but numpy."""
+    """Whether the wheel is the package vrtm of this version, holds the library for its platform, and needs nothing but
+    numpy."""
+    tag = wheel.name.removesuffix(".whl").split("-")[-1]
+    library = f"vrtm/{file_name(tag)}"
     try:
         with zipfile.ZipFile(wheel) as archive:
             names = archive.namelist()
@@ -73,12 +79,17 @@ def check_wheel(wheel: Path, version: str) -> None:
             if metadata is None:
                 raise Refused(f"{wheel}: it has no METADATA")
             about = email.parser.Parser().parsestr(archive.read(metadata).decode())
+            head = archive.read(library)[:4096] if library in names else b""
     except (OSError, zipfile.BadZipFile) as error:
         raise Refused(f"{wheel}: {error}") from error
     if about["Name"] != "vrtm" or about["Version"] != version:
         raise Refused(f"{wheel}: it is {about['Name']} {about['Version']}, and the add-on takes vrtm {version}")
-    if not any(name.startswith("vrtm/") and LIBRARY.search(name) for name in names):
+    libraries = [name for name in names if name.startswith("vrtm/") and LIBRARY.search(name)]
+    if not libraries:
         raise Refused(f"{wheel}: there is no library in it")
+    found = by_head(head)
+    if libraries != [library] or found is None or not fits(tag, *found):
+        raise Refused(f"{wheel}: {', '.join(libraries)} is no library for {tag}")
     needed = [line for line in about.get_all("Requires-Dist", []) if "extra ==" not in line]
     others = [line for line in needed if not re.match(r"numpy\b", line)]
     if others:

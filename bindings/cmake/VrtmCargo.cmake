@@ -1,18 +1,48 @@
 # Drives cargo: the target `vrtm_build` builds the library and puts it, named as it is installed, into a folder of the
 # build tree, from where projects that take vrtm as a subfolder link and run it.
 
-# vrtm_target_triple(VARIABLE): the target that cargo builds for unless it is told one.
-function(vrtm_target_triple variable)
-  if(MINGW AND CMAKE_SIZEOF_VOID_P EQUAL 8)
-    set(triple x86_64-pc-windows-gnu)
-  else()
-    execute_process(COMMAND "${VRTM_RUSTC}" -vV OUTPUT_VARIABLE version RESULT_VARIABLE failed)
-    if(failed OR NOT version MATCHES "host: ([^\n\r]+)")
-      message(FATAL_ERROR "vrtm: ${VRTM_RUSTC} -vV does not say for which machine it builds")
-    endif()
-    set(triple ${CMAKE_MATCH_1})
+# vrtm_check_prebuilt(): whether VRTM_PREBUILT is there, with its import library, and is for the system that it is used on.
+function(vrtm_check_prebuilt)
+  if(NOT EXISTS "${VRTM_PREBUILT}" OR IS_DIRECTORY "${VRTM_PREBUILT}")
+    message(FATAL_ERROR "vrtm: VRTM_PREBUILT is ${VRTM_PREBUILT}, which does not exist")
   endif()
-  set(${variable} ${triple} PARENT_SCOPE)
+  string(REGEX MATCH "\\.[a-z]+$" ending "${VRTM_BUILT}")
+  string(REPLACE "." "\\." ending "${ending}")
+  if(NOT VRTM_PREBUILT MATCHES "${ending}(\\.[0-9.]+)?$")
+    message(FATAL_ERROR "vrtm: VRTM_PREBUILT is ${VRTM_PREBUILT}, but a library for ${vrtm_triple} is called ${VRTM_BUILT}: "
+      "set VRTM_TARGET if it is for another target")
+  endif()
+  get_filename_component(folder "${VRTM_PREBUILT}" DIRECTORY)
+  if(VRTM_BUILT_IMPORT AND NOT EXISTS "${folder}/${VRTM_BUILT_IMPORT}")
+    message(FATAL_ERROR "vrtm: VRTM_PREBUILT is ${VRTM_PREBUILT}, but its import library ${VRTM_BUILT_IMPORT} is not beside it")
+  endif()
+endfunction()
+
+# vrtm_check_standard_library(): warns where rustc has none for another target, which cargo says at great length.
+function(vrtm_check_standard_library)
+  if(VRTM_TARGET AND NOT DEFINED ENV{CARGO_UNSTABLE_BUILD_STD})
+    execute_process(COMMAND "${VRTM_RUSTC}" --print target-libdir --target ${VRTM_TARGET} OUTPUT_VARIABLE libraries
+      RESULT_VARIABLE failed OUTPUT_STRIP_TRAILING_WHITESPACE ERROR_QUIET)
+    if(failed)
+      message(FATAL_ERROR "vrtm: ${VRTM_RUSTC} knows no target ${VRTM_TARGET}: set VRTM_TARGET; `rustc --print target-list` "
+        "lists all")
+    elseif(NOT EXISTS "${libraries}")
+      message(WARNING "vrtm: ${VRTM_RUSTC} has no standard library for ${VRTM_TARGET}: rustup target add ${VRTM_TARGET}")
+    endif()
+  endif()
+endfunction()
+
+# vrtm_cargo_environment(VARIABLE): with what cargo is called: for another target, the C compiler links.
+function(vrtm_cargo_environment variable)
+  set(environment "RUSTC=${VRTM_RUSTC}")
+  if(VRTM_TARGET AND CMAKE_CROSSCOMPILING AND CMAKE_C_COMPILER_ID MATCHES "GNU|Clang" AND NOT CMAKE_C_COMPILER_TARGET)
+    string(TOUPPER "CARGO_TARGET_${VRTM_TARGET}_LINKER" linker)
+    string(REGEX REPLACE "[-.]" "_" linker "${linker}")
+    if(NOT DEFINED ENV{${linker}})
+      list(APPEND environment "${linker}=${CMAKE_C_COMPILER}")
+    endif()
+  endif()
+  set(${variable} "${environment}" PARENT_SCOPE)
 endfunction()
 
 # vrtm_cargo_arguments(VARIABLE): what cargo build is called with, by the options in CMakeLists.txt.
@@ -57,7 +87,8 @@ function(vrtm_add_build folder)
   else()
     vrtm_cargo_arguments(arguments)
     vrtm_cargo_folder(from)
-    set(cargo COMMAND "${CMAKE_COMMAND}" -E env "RUSTC=${VRTM_RUSTC}" "${VRTM_CARGO}" ${arguments})
+    vrtm_cargo_environment(environment)
+    set(cargo COMMAND "${CMAKE_COMMAND}" -E env ${environment} "${VRTM_CARGO}" ${arguments})
     set(library "${from}/${VRTM_BUILT}")
   endif()
   set(copies COMMAND "${CMAKE_COMMAND}" -E copy_if_different "${library}" "${folder}/${VRTM_FILE}")

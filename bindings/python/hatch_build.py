@@ -1,7 +1,8 @@
 """Builds the shared library with cargo and takes it into the wheel, with what generate.py makes of the header.
 
 Variables:
-    VRTM_LIBRARY          a library that is built already: cargo is not called
+    VRTM_LIBRARY          a library that is built already: cargo is not called. One for another system than this
+                          machine's makes a wheel for that system.
     VRTM_CARGO_PROFILE    cargo's profile: "dist" (the default), or "release", which builds in less time and costs some
                           milliseconds per frame of a GPU
     VRTM_GPU              "OFF" leaves the GPU backend out, which builds in seconds
@@ -29,7 +30,6 @@ except ModuleNotFoundError:  # Python 3.10, where hatchling brings the same from
 
 HERE = Path(__file__).resolve().parent
 PROJECT = HERE.parents[1]
-FILE = {"win32": "vrtm.dll", "darwin": "libvrtm.dylib"}.get(sys.platform, "libvrtm.so")
 
 
 class MetadataHook(MetadataHookInterface):
@@ -50,6 +50,7 @@ class BuildHook(BuildHookInterface):
             )
         sys.path.insert(0, str(HERE))
         from generate import generate
+        from platforms import file_name, tag_for
 
         package = HERE / "src" / "vrtm"
         generate(_project_file("include/vrtm.h"), package)
@@ -57,16 +58,20 @@ class BuildHook(BuildHookInterface):
         library = Path(prebuilt).resolve() if prebuilt else _cargo()
         if not library.is_file():
             raise SystemExit(f"vrtm: VRTM_LIBRARY: {library} is not there")
+        here = sysconfig.get_platform().replace("-", "_").replace(".", "_")
+        wanted = os.environ.get("VRTM_WHEEL_PLATFORM", "").replace("-", "_")
+        tag = tag_for(library, wanted, here)
+        file = file_name(tag)
         if version == "editable":
             # An editable install runs from the sources.
-            shutil.copy2(library, package / FILE)
+            shutil.copy2(library, package / file)
         else:
-            build_data["force_include"][str(library)] = f"vrtm/{FILE}"
+            build_data["force_include"][str(library)] = f"vrtm/{file}"
             for licence in ("LICENSE-MIT", "LICENSE-APACHE"):
                 build_data["force_include"][str(_project_file(licence))] = f"vrtm/{licence}"
         # It is for any Python 3, since ctypes calls the library, and for one platform.
         build_data["pure_python"] = False
-        build_data["tag"] = f"py3-none-{_platform()}"
+        build_data["tag"] = f"py3-none-{tag}"
 
 
 def _project_file(name: str) -> Path:
@@ -74,11 +79,6 @@ def _project_file(name: str) -> Path:
     if not path.is_file():
         raise SystemExit(f"vrtm: {path} is not there: this package is built inside of vrtm's repository")
     return path
-
-
-def _platform() -> str:
-    tag = os.environ.get("VRTM_WHEEL_PLATFORM") or sysconfig.get_platform()
-    return tag.replace("-", "_").replace(".", "_")
 
 
 def _cargo() -> Path:

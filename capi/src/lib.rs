@@ -3,3 +3,6 @@
 //! as a global allocator and a panic hook, so that a Rust program that uses `vrtm` gets neither.
 
 use vrtm_rust as _;
+
+#[cfg(all(windows, target_env = "gnu", not(target_abi = "llvm")))]
+mod thread_indices;

@@ -1,12 +1,17 @@
 //! The guard that every exported function runs in: it turns errors and panics into a status and a message, and sets the
 //! processor's default floating-point mode.
 
-use super::status::{Outcome, VRTM_OK, set_last_error, status_of, vrtm_status};
+use super::status::{Outcome, VRTM_ERROR_OUT_OF_MEMORY, VRTM_OK, set_last_error, status_of, vrtm_status};
 use crate::float_mode::FloatMode;
+use crate::local;
 use crate::panics::hook;
 
 /// Runs the body of the exported function `name`. A solve that panics leaves its asset's last result in place.
 pub(super) fn guard(name: &str, body: impl FnOnce() -> Outcome<()>) -> vrtm_status {
+    // The first call of a thread may find no memory for what all else relies on.
+    if local::try_with(|_| ()).is_none() {
+        return VRTM_ERROR_OUT_OF_MEMORY;
+    }
     let _mode = FloatMode::set_default();
     match hook::catch(body) {
         Ok(Ok(())) => VRTM_OK,

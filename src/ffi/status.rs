@@ -1,11 +1,11 @@
 //! Version, status values and the message of a thread's last failure.
 
-use std::cell::UnsafeCell;
 use std::ffi::{CStr, c_char};
 use std::fmt::{self, Write};
 
 use crate::error::{Error, ErrorKind};
 use crate::line::Line;
+use crate::local::{self, MESSAGE_BYTES};
 use crate::panics::Panicked;
 
 /// Major version of this header: functions and structs of another major version do not fit.
@@ -80,7 +80,7 @@ pub extern "C" fn vrtm_status_string(status: vrtm_status) -> *const c_char {
 /// end. Never fails.
 #[unsafe(no_mangle)]
 pub extern "C" fn vrtm_last_error() -> *const c_char {
-    LAST_ERROR.try_with(|text| text.get().cast_const().cast()).unwrap_or(c"".as_ptr())
+    local::try_with(|local| local.message.get().cast_const().cast()).unwrap_or(NO_RECORD.as_ptr())
 }
 
 /// The status and message of a failed call.
@@ -127,13 +127,8 @@ pub(super) fn status_of(panic: &Panicked) -> vrtm_status {
 /// Result of the functions inside the guard.
 pub(super) type Outcome<T> = Result<T, Failure>;
 
-const MESSAGE_BYTES: usize = 512;
-
-// Plain bytes, initialised at compile time: no destructor is registered with the thread, which would prevent unloading
-// the library, or run after it was unloaded.
-thread_local! {
-    static LAST_ERROR: UnsafeCell<[u8; MESSAGE_BYTES]> = const { UnsafeCell::new([0; MESSAGE_BYTES]) };
-}
+/// What a thread is told that has no memory for a message.
+const NO_RECORD: &CStr = c"out of memory for what the library keeps for each thread";
 
 /// Keeps a message for [`vrtm_last_error`].
 pub(super) fn set_last_error(function: &str, message: impl fmt::Display) {
@@ -141,7 +136,7 @@ pub(super) fn set_last_error(function: &str, message: impl fmt::Display) {
     // Too long a message is cut, which is not a failure.
     let _ = write!(line, "{function}: {message}");
     // SAFETY: the storage belongs to this thread, and no reference into it is ever made.
-    let _ = LAST_ERROR.try_with(|text| unsafe { text.get().write(*line.bytes()) });
+    local::with(|local| unsafe { local.message.get().write(*line.bytes()) });
 }
 
 /// `text` as a zero-terminated C array, cut to fit, for a field of an output struct.

@@ -4,14 +4,14 @@
 //! that entered it or on a worker thread (workers have no name), and passes all others to the previous hook. It applies
 //! to the whole process.
 
-use std::cell::Cell;
 use std::fmt::Write;
 use std::panic::{PanicHookInfo, set_hook, take_hook};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Once, OnceLock};
 
-use super::{DEPTH, PLACE, Panicked, catch_here};
+use super::{Panicked, catch_here};
 use crate::line::Line;
+use crate::local;
 
 /// Number of boundaries in use, over all threads, that also record the panics of worker threads.
 static WITH_WORKERS: AtomicUsize = AtomicUsize::new(0);
@@ -48,12 +48,12 @@ fn install() {
 
 fn keep_or_pass_on(info: &PanicHookInfo<'_>) {
     let worker = || WITH_WORKERS.load(Ordering::Relaxed) > 0 && std::thread::current().name().is_none();
-    if DEPTH.with(Cell::get) > 0 {
+    if local::with(|local| local.depth.get()) > 0 {
         if let Some(location) = info.location() {
             let mut place = Line::new();
             // Cutting a place that is too long is no failure.
             let _ = write!(place, " ({location})");
-            let _ = PLACE.try_with(|kept| kept.set(place));
+            local::with(|local| local.place.set(place));
         }
     } else if let Some(previous) = PREVIOUS_HOOK.get().filter(|_| !worker()) {
         previous(info);
@@ -81,6 +81,6 @@ mod tests {
             7
         });
         assert_eq!(outer.ok(), Some(7));
-        assert_eq!(DEPTH.with(Cell::get), 0);
+        assert_eq!(local::with(|local| local.depth.get()), 0);
     }
 }

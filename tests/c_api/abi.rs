@@ -2,13 +2,14 @@
 //! program from its time, both never changed: the program is compiled, linked and run, and each declaration of the copy is
 //! held against today's header, whose structs may have grown at their end only.
 
-#![cfg(unix)] // The compiler's flags are those of gcc and clang.
+#![cfg(any(unix, all(windows, target_env = "gnu")))] // The compiler's flags are those of gcc and clang.
 
 use std::collections::BTreeMap;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use crate::tools::{compiler, library, loader_folder, root, scratch};
+use crate::tools::{self, compiler, link_arguments, root, scratch, search_path, system_libraries};
 
 /// What the first header declares, and the hashes (XXH3, 64 bits) of that header and of the program.
 const FUNCTIONS: usize = 43;
@@ -33,7 +34,7 @@ fn read(path: &Path) -> String {
 }
 
 /// Runs the C compiler and returns its messages, or an error with them.
-fn compile(source: &Path, arguments: &[&str]) -> Result<(), String> {
+fn compile(source: &Path, arguments: &[impl AsRef<OsStr>]) -> Result<(), String> {
     let output = Command::new(compiler("c"))
         .args(["-std=c11", "-Wall", "-Wextra", "-pedantic", "-Werror", "-Wno-unused-function"])
         .arg(source)
@@ -51,6 +52,7 @@ fn run(program: &Path) -> String {
         .env_remove("VRTM_DEVICE")
         .env_remove("VRTM_THREADS")
         .env("XDG_RUNTIME_DIR", scratch())
+        .env("PATH", search_path())
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
@@ -68,11 +70,11 @@ fn the_first_header_and_its_program_are_as_they_were() {
 
 #[test]
 fn a_program_of_the_first_version_runs() {
-    let built = scratch().join("abi_host");
-    let folder = loader_folder();
-    let library = library().display().to_string();
-    let search = format!("-Wl,-rpath,{}", folder.display());
-    compile(&program(), &[&library, &search, "-lm", "-o", &built.display().to_string()]).unwrap();
+    let built = tools::program("abi_host");
+    let mut arguments = vec!["-o".into(), built.clone().into_os_string()];
+    arguments.extend(link_arguments());
+    arguments.extend(system_libraries().iter().map(OsString::from));
+    compile(&program(), &arguments).unwrap();
     let said = run(&built);
     println!("{said}");
     assert!(
@@ -155,9 +157,9 @@ fn layout_printer(header: &str) -> String {
 /// Holds the layout of each struct of the first header against `header`; the error is the compiler's.
 fn compare_layouts(name: &str, header: &Path) -> Result<String, String> {
     let printer = scratch().join(format!("abi_{name}_printer.c"));
-    let built = scratch().join(format!("abi_{name}_printer"));
+    let built = tools::program(&format!("abi_{name}_printer"));
     std::fs::write(&printer, layout_printer(&header.display().to_string())).unwrap();
-    compile(&printer, &["-o", &built.display().to_string()])?;
+    compile(&printer, &[OsStr::new("-o"), built.as_os_str()])?;
     let assertions = run(&built);
     let source = scratch().join(format!("abi_{name}_layout.c"));
     std::fs::write(&source, format!("#include <stddef.h>\n{assertions}")).unwrap();

@@ -171,7 +171,7 @@ fn every_line_fits_the_page() {
     }
 }
 
-#[cfg(unix)]
+#[cfg(any(unix, all(windows, target_env = "gnu")))]
 fn compile(name: &str, text: &str, language: &str, options: &[&str]) {
     let file = scratch().join(name);
     std::fs::write(&file, text).unwrap();
@@ -187,7 +187,7 @@ fn compile(name: &str, text: &str, language: &str, options: &[&str]) {
     assert!(output.status.success(), "{name} {options:?}:\n{}", String::from_utf8_lossy(&output.stderr));
 }
 
-#[cfg(unix)] // The flags are those of gcc and clang.
+#[cfg(any(unix, all(windows, target_env = "gnu")))] // The flags are those of gcc and clang.
 #[test]
 fn the_header_compiles_as_c11() {
     // Included twice, the header has a working guard. Included alone, it needs no header before it.
@@ -199,7 +199,7 @@ fn the_header_compiles_as_c11() {
     );
 }
 
-#[cfg(unix)]
+#[cfg(any(unix, all(windows, target_env = "gnu")))]
 #[test]
 fn the_headers_compile_as_cpp() {
     let alone = "#include \"vrtm.h\"\n#include \"vrtm.h\"\nint main() { return 0; }\n";

@@ -1,12 +1,15 @@
 //! Runs the library inside C and C++ hosts that are compiled with the system's compilers and linked to the built
 //! library. Each host prints a line per case; a FAIL or a bad exit code fails the test.
 
-#![cfg(unix)] // The hosts use POSIX threads and dlopen; the linker options are those for ELF and Mach-O.
+// The hosts use POSIX threads, and the compiler's flags are those of gcc and clang: on Windows, MinGW-w64's.
+#![cfg(any(unix, all(windows, target_env = "gnu")))]
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use crate::tools::{compiler, library, loader_folder, root, scratch};
+use crate::tools::{
+    compiler, library, link_arguments, program, root, scratch, search_path, system_libraries,
+};
 use crate::{gpu, long};
 
 fn text(output: &Output) -> String {
@@ -21,7 +24,7 @@ fn optimisation() -> &'static str {
 /// Compiles `source` with warnings as errors, and links it to the library unless it loads the library itself.
 fn build(source: &Path, linked: bool) -> PathBuf {
     let name = source.file_stem().unwrap().to_string_lossy().into_owned();
-    let program = scratch().join(format!("host_{name}"));
+    let program = program(&format!("host_{name}"));
     let (language, standard) = match source.extension() {
         Some(extension) if extension == "cpp" => ("cpp", "-std=c++17"),
         _ => ("c", "-std=c11"),
@@ -37,9 +40,9 @@ fn build(source: &Path, linked: bool) -> PathBuf {
         .arg("-o")
         .arg(&program);
     if linked {
-        command.arg(library()).arg(format!("-Wl,-rpath,{}", loader_folder().display()));
+        command.args(link_arguments());
     }
-    command.args(["-lm", "-ldl"]);
+    command.args(system_libraries());
     let output = command.output().unwrap_or_else(|error| panic!("{:?}: {error}", compiler(language)));
     assert!(output.status.success(), "{command:?}:\n{}", text(&output));
     program
@@ -58,6 +61,7 @@ fn run_with(program: &Path, arguments: &[&Path], variables: &[(&str, &str)]) -> 
         .env_remove("VRTM_GPU_LIMITS")
         // Without it, a layer of Mesa's Vulkan drivers prints a warning to stderr.
         .env("XDG_RUNTIME_DIR", scratch())
+        .env("PATH", search_path())
         .envs(variables.iter().copied())
         .output()
         .unwrap_or_else(|error| panic!("{}: {error}", program.display()));
@@ -108,13 +112,12 @@ fn float_mode() {
 }
 
 #[test]
-#[cfg(target_os = "linux")]
+#[cfg(any(target_os = "linux", windows))] // It counts the process's threads, as the system tells them.
 fn jobs() {
     run_host("job.c", 90);
 }
 
 #[test]
-#[cfg(target_os = "linux")]
 fn jobs_on_a_host_s_threads() {
     run_host("job_threads.c", 35);
 }
@@ -140,20 +143,21 @@ fn a_host_fetches_all_kinds_of_maps() {
 }
 
 #[test]
-#[cfg(target_os = "linux")]
+#[cfg(any(target_os = "linux", windows))]
 fn memory_goes_back_after_the_last_asset() {
     let rounds = long::cases(2, 1, "rounds").to_string();
     run_host_with("memory.c", &[Path::new(&rounds)], 25);
 }
 
 #[test]
-#[cfg(target_os = "linux")]
+#[cfg(any(target_os = "linux", windows))]
 fn ten_thousand_solves_leave_nothing_behind() {
     let solves = long::cases(10_000, 2000, "solves").to_string();
     run_host_with("soak.c", &[Path::new(&solves)], 15);
 }
 
 #[test]
+#[cfg(unix)]
 fn forks_signals_and_small_stacks_do_no_harm() {
     run_host("process.c", 30);
 }
@@ -221,6 +225,24 @@ fn unload() {
     let program = build(&root().join("tests/host/unload.c"), false);
     let said = run(&program, &[&library()]);
     assert!(said.lines().filter(|line| line.starts_with("ok   ")).count() >= 24);
+}
+
+/// As in a session in which a plug-in is worked on: nothing that a process has few of is lost.
+#[test]
+fn a_thousand_loads() {
+    let rounds = long::cases(1000, 150, "loads").to_string();
+    let program = build(&root().join("tests/host/reload.c"), false);
+    let said = run(&program, &[&library(), Path::new(&rounds)]);
+    assert_eq!(said.lines().filter(|line| line.starts_with("ok   ")).count(), 8);
+}
+
+/// A list of hashes, which tests/targets/run.sh compares with those of other systems and processors.
+#[test]
+fn bits_for_other_targets() {
+    let program = build(&root().join("tests/host/bits.c"), true);
+    let hashes = [1, 3].map(|threads| run(&program, &[Path::new(&threads.to_string())]));
+    assert!(hashes[0].lines().count() >= 22, "{}", hashes[0]);
+    assert_eq!(hashes[0], hashes[1], "the number of threads changes the bits");
 }
 
 /// The hosts run with default options on a GPU as well, and unload the library afterwards.

@@ -28,7 +28,7 @@ pub fn library() -> PathBuf {
 /// The library's folder, as a linker's `-rpath` wants it: with a link under the name by which programs load the library,
 /// which capi/build.rs writes into it.
 #[cfg(unix)]
-pub fn loader_folder() -> PathBuf {
+fn loader_folder() -> PathBuf {
     let library = library();
     let major = env!("CARGO_PKG_VERSION_MAJOR");
     let link = match std::env::consts::DLL_SUFFIX {
@@ -42,6 +42,32 @@ pub fn loader_folder() -> PathBuf {
         }
         _ => library.parent().unwrap().to_owned(),
     }
+}
+
+/// What a linker is told to find the library, now and when the program starts. On Windows it links the import library, and
+/// programs find the DLL by `PATH`: see [`search_path`].
+pub fn link_arguments() -> Vec<OsString> {
+    #[cfg(unix)]
+    return vec![library().into(), format!("-Wl,-rpath,{}", loader_folder().display()).into()];
+    #[cfg(not(unix))]
+    vec![library().with_file_name("libvrtm.dll.a").into()]
+}
+
+/// Libraries of the system that hosts need. On Windows the compiler's own go into the programs.
+pub fn system_libraries() -> &'static [&'static str] {
+    if cfg!(windows) { &["-static", "-lm"] } else { &["-lm", "-ldl"] }
+}
+
+/// A program's file in the scratch folder.
+pub fn program(name: &str) -> PathBuf {
+    scratch().join(format!("{name}{}", std::env::consts::EXE_SUFFIX))
+}
+
+/// The variable PATH with the library's folder, where Windows looks for DLLs.
+pub fn search_path() -> OsString {
+    let before = std::env::var_os("PATH").unwrap_or_default();
+    let folder = library().parent().unwrap().to_owned();
+    std::env::join_paths([folder].into_iter().chain(std::env::split_paths(&before))).unwrap()
 }
 
 /// The system's compiler for "c" or "cpp"; CC and CXX override it.

@@ -3,7 +3,7 @@
  * number).
  */
 
-#define _POSIX_C_SOURCE 200809L
+#include "platform.h"
 
 #include "allocate_rounds.h"
 
@@ -12,11 +12,11 @@ static atomic_long blocks, bytes;
 
 static void *host_alloc(void *user, size_t size, size_t alignment)
 {
-    void *block = NULL;
+    void *block;
     if (user != &blocks || size < 4096 || alignment < 16 || (alignment & (alignment - 1)) != 0) {
         abort();
     }
-    if (is_to_fail() || posix_memalign(&block, alignment, size) != 0) {
+    if (is_to_fail() || (block = platform_allocate(alignment, size)) == NULL) {
         return NULL;
     }
     /* Zeros are not promised. */
@@ -34,7 +34,7 @@ static void host_free(void *user, void *block, size_t size, size_t alignment)
     atomic_fetch_sub(&blocks, 1);
     atomic_fetch_sub(&bytes, (long)size);
     memset(block, 0x5a, size);
-    free(block);
+    platform_free(block);
 }
 
 static void misuse(int backend)
@@ -66,7 +66,7 @@ static void extremes(int backend)
     }
     for (size_t k = 0; k < sizeof huge / sizeof huge[0]; ++k) {
         const size_t n = huge[k];
-        vrtm_array points = array_of(rest, n), good = array_of(rest, POINTS), pairs = array_of(uvs[0], POINTS);
+        vrtm_array points = array_of(rest, n), good = array_of(rest, POSITIONS), pairs = array_of(uvs[0], POSITIONS);
         vrtm_mesh_desc desc = vrtm_mesh_desc_init();
         vrtm_solve_options options = vrtm_solve_options_init();
         vrtm_image image = map_of(painted);

@@ -12,7 +12,7 @@ enum {
     QUADS = 40,
     HALF = QUADS / 2,
     ROW = HALF + 1,                    /* vertices of a half's row */
-    POINTS = 2 * ROW * (QUADS + 1),
+    POSITIONS = 2 * ROW * (QUADS + 1),
     QUAD_CORNERS = 4 * QUADS * QUADS,
     TEXELS = 160,                      /* side of the maps */
     OUT_WIDTH = 520,                   /* so wide that even a line of texels or nodes takes 4 KiB */
@@ -37,7 +37,7 @@ typedef struct {
     float corners[QUAD_CORNERS][2];
 } work;
 
-static float rest[POINTS][3], posed[POINTS][3], uvs[2][POINTS][2], weights[POINTS];
+static float rest[POSITIONS][3], posed[POSITIONS][3], uvs[2][POSITIONS][2], weights[POSITIONS];
 static uint32_t quad_counts[QUADS * QUADS], quad_indices[QUAD_CORNERS], cut[2 * QUADS];
 static unsigned char painted[TEXELS * TEXELS], stroked[TEXELS * TEXELS], masked[TEXELS * TEXELS];
 static float painted_f32[TEXELS * TEXELS];
@@ -98,11 +98,11 @@ static void prepare_inputs(void)
 /* Frame 0 is the rest; `apart` pulls the halves apart. */
 static void pose_frame(int frame, float apart)
 {
-    for (int k = 0; k < POINTS; ++k) {
+    for (int k = 0; k < POSITIONS; ++k) {
         const float dx = rest[k][0] - 3 - 0.5f * (float)frame, dy = rest[k][1] - 4;
         posed[k][0] = rest[k][0] * (1 + 0.03f * (float)frame);
         posed[k][1] = rest[k][1];
-        posed[k][2] = 2.0f * expf(-(dx * dx + dy * dy) / 3) + (k >= POINTS / 2 ? apart : 0);
+        posed[k][2] = 2.0f * expf(-(dx * dx + dy * dy) / 3) + (k >= POSITIONS / 2 ? apart : 0);
     }
 }
 

@@ -20,7 +20,7 @@ static vrtm_status make_device(work *w)
 
 static vrtm_status make_asset(work *w)
 {
-    vrtm_array points = array_of(rest, POINTS), first = array_of(uvs[0], POINTS), second = array_of(uvs[1], POINTS);
+    vrtm_array points = array_of(rest, POSITIONS), first = array_of(uvs[0], POSITIONS), second = array_of(uvs[1], POSITIONS);
     vrtm_uv_set more;
     vrtm_mesh_desc desc = vrtm_mesh_desc_init();
     memset(&more, 0, sizeof more);
@@ -122,7 +122,7 @@ static vrtm_status load(work *w)
 
 static vrtm_status solve(work *w, int frame, float apart, vrtm_quality quality, vrtm_solver solver, float warm, int measure)
 {
-    vrtm_array points = array_of(posed, POINTS);
+    vrtm_array points = array_of(posed, POSITIONS);
     vrtm_solve_options options = vrtm_solve_options_init();
     pose_frame(frame, apart);
     options.quality = quality;
@@ -248,7 +248,7 @@ static vrtm_status stroke(work *w)
 /* Two maps of one tile and one of the other. */
 static vrtm_status redirect(work *w)
 {
-    vrtm_array points = array_of(posed, POINTS);
+    vrtm_array points = array_of(posed, POSITIONS);
     vrtm_image_out images[3];
     vrtm_fetch fetches[3];
     vrtm_solve_options options = vrtm_solve_options_init();
@@ -270,7 +270,7 @@ static vrtm_status redirect(work *w)
 /* A job: its inputs are copied, and it is solved on another thread. */
 static vrtm_status submit(work *w)
 {
-    vrtm_array points = array_of(posed, POINTS);
+    vrtm_array points = array_of(posed, POSITIONS);
     vrtm_solve_options options = vrtm_solve_options_init();
     vrtm_job job;
     vrtm_status status;
@@ -286,13 +286,13 @@ static vrtm_status submit(work *w)
 
 static vrtm_status weigh(work *w)
 {
-    vrtm_array array = array_of(weights, POINTS);
+    vrtm_array array = array_of(weights, POSITIONS);
     return vrtm_asset_set_vertex_rigidity(w->asset, &array);
 }
 
 static vrtm_status hold(work *w)
 {
-    vrtm_array array = array_of(weights, POINTS);
+    vrtm_array array = array_of(weights, POSITIONS);
     return vrtm_asset_set_vertex_mask(w->asset, &array);
 }
 

@@ -6,8 +6,6 @@
 #include <atomic>
 #include <condition_variable>
 #include <cstddef>
-#include <cstdio>
-#include <cstring>
 #include <deque>
 #include <functional>
 #include <memory>
@@ -97,22 +95,5 @@ private:
     bool ended_ = false;
     std::vector<std::thread> threads_;
 };
-
-/* A number of /proc/self/status, such as "Threads:" or "VmRSS:" (in KiB); -1 where there is no such file. */
-inline long process_status(const char *field)
-{
-    FILE *file = std::fopen("/proc/self/status", "r");
-    char line[256];
-    long number = -1;
-    while (file != nullptr && std::fgets(line, sizeof line, file) != nullptr) {
-        if (std::strncmp(line, field, std::strlen(field)) == 0) {
-            std::sscanf(line + std::strlen(field), "%ld", &number);
-        }
-    }
-    if (file != nullptr) {
-        std::fclose(file);
-    }
-    return number;
-}
 
 #endif

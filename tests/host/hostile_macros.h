@@ -9,12 +9,16 @@
 #define min(a, b) (((a) < (b)) ? (a) : (b))
 #define max(a, b) (((a) > (b)) ? (a) : (b))
 #define ERROR 0
+#ifndef NO_ERROR
 #define NO_ERROR 0L
+#endif
 #define IN
 #define OUT
 #define OPTIONAL
 #define OPAQUE 2
+#ifndef DELETE
 #define DELETE 0x00010000L
+#endif
 #define near
 #define far
 #define small char

@@ -1,17 +1,19 @@
 /*
  * Jobs on a host's threads, whichever of these the host gives the first task to: what the host's own functions may ask for
- * in the middle of a job, and what would wait for itself. A host that hangs is ended by an alarm.
+ * in the middle of a job, and what would wait for itself. A host that hangs is ended after a while. The program's argument is
+ * the size of the grids, 256 by default.
  */
 
-#define _GNU_SOURCE
+#include "platform.h"
+
 #include "check.h"
 
 #include <pthread.h>
-#include <unistd.h>
 
 static sheet s;
 static double pose[VERTICES][4], other[VERTICES][4];
 static float map[2 * MAP * MAP], before[2 * MAP * MAP];
+static uint32_t large = 256;
 
 enum { POOL = 3, QUEUE = 4096 };
 
@@ -107,7 +109,7 @@ typedef struct call {
 static void *run_late(void *argument)
 {
     const call *own = argument;
-    usleep(2000 * (useconds_t)own->index);
+    platform_sleep(2 * (unsigned)own->index);
     own->run(own->data, own->index);
     return NULL;
 }
@@ -124,7 +126,7 @@ static void late(void *user, size_t count, vrtm_task_fn run, void *data)
     for (size_t k = 0; k + 1 < count; ++k) {
         pthread_create(&threads[k], NULL, run_late, &calls[k]);
     }
-    usleep(5000);
+    platform_sleep(5);
     run(data, count - 1);
     for (size_t k = 0; k + 1 < count; ++k) {
         pthread_join(threads[k], NULL);
@@ -217,7 +219,7 @@ static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn s
     desc.threads = 2;
     desc.log = on_line;
     desc.log_user = &w;
-    settings.grid_width = settings.grid_height = 256;
+    settings.grid_width = settings.grid_height = large;
     image.data = before;
     image.width = image.height = MAP;
     options.progress = on_progress;
@@ -279,11 +281,14 @@ static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn s
     succeeds("destroy the device", vrtm_device_destroy(device));
 }
 
-int main(void)
+int main(int count, char **arguments)
 {
+    if (count > 1) {
+        large = (uint32_t)atoi(arguments[1]);
+    }
     pthread_t threads[POOL];
     const task end = {NULL, NULL, 0, NULL};
-    alarm(240);
+    platform_end_after(240);
     sheet_make(&s);
     sheet_pose(&s, 4, pose);
     sheet_pose(&s, 9, other);

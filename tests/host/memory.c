@@ -1,29 +1,21 @@
 /*
  * Memory goes back: after the last asset of a device is destroyed, the process holds at most 10 MiB more than before the
- * first. As Linux counts it.
+ * first. As the system counts it.
  */
 
-#include "check.h"
+#include "platform.h"
 
-#include <unistd.h>
+#include "check.h"
 
 enum { GRID = 2048 };
 
 static sheet s;
 static double pose[VERTICES][4];
 
-/* MiB resident in the process, less those of files that are mapped. */
+/* MiB that the process holds. */
 static double resident(void)
 {
-    FILE *file = fopen("/proc/self/statm", "r");
-    long pages = 0, all = 0, shared = 0;
-    if (file == NULL || fscanf(file, "%ld %ld %ld", &all, &pages, &shared) != 3) {
-        pages = shared = 0;
-    }
-    if (file != NULL) {
-        fclose(file);
-    }
-    return (double)(pages - shared) * (double)sysconf(_SC_PAGESIZE) / (1 << 20);
+    return (double)platform_memory() / 1024;
 }
 
 /* Makes an asset, solves it at several sizes, reads everything, and destroys it. Returns what it held, in MiB. */

@@ -3,6 +3,8 @@
  * test builds it with exceptions, too, and as C++20.
  */
 
+#include "platform.h"
+
 #include "check.h"
 
 #include <array>
@@ -456,8 +458,8 @@ struct Memory {
 
     void *allocate(std::size_t size, std::size_t alignment)
     {
-        void *pointer = nullptr;
-        if (empty || posix_memalign(&pointer, alignment, size) != 0) {
+        void *pointer = empty ? nullptr : platform_allocate(alignment, size);
+        if (pointer == nullptr) {
             return nullptr;
         }
         blocks += 1;
@@ -466,7 +468,7 @@ struct Memory {
     }
     void deallocate(void *pointer, std::size_t, std::size_t)
     {
-        std::free(pointer);
+        platform_free(pointer);
         blocks -= 1;
     }
 };

@@ -1,10 +1,14 @@
-# Writes the archive of a release twice, and looks at what is in it. PREFIX has what `cmake --install` installs.
+# Writes the archive of a release twice, and looks at what is in it. PREFIX has what `cmake --install` installs. TRIPLE is the
+# target of a LIBRARY that is not for this machine.
 
 set(folder "${SCRATCH}/release")
 file(REMOVE_RECURSE "${folder}")
 set(options --prebuilt "${LIBRARY}")
 if(NOT GPU)
   list(APPEND options --no-gpu)
+endif()
+if(TRIPLE)
+  list(APPEND options --target ${TRIPLE})
 endif()
 
 # release(OUT OPTION...): writes an archive to OUT.
@@ -20,7 +24,10 @@ endfunction()
 release("${folder}/one")
 execute_process(COMMAND "${CMAKE_COMMAND}" -E sleep 2)
 release("${folder}/other")
-file(GLOB archive RELATIVE "${folder}/one" "${folder}/one/vrtm-*.tar.xz")
+file(GLOB archive RELATIVE "${folder}/one" "${folder}/one/vrtm-*.tar.xz" "${folder}/one/vrtm-*.zip")
+if((NOT archive MATCHES "-${TRIPLE}[^/;]*$") OR (TRIPLE MATCHES "-windows-" AND NOT archive MATCHES "zip$"))
+  message(FATAL_ERROR "the archive for ${TRIPLE} is called ${archive}")
+endif()
 file(SHA256 "${folder}/one/${archive}" one)
 file(SHA256 "${folder}/other/${archive}" other)
 if(NOT one STREQUAL other)
@@ -33,7 +40,7 @@ endif()
 
 execute_process(COMMAND "${CMAKE_COMMAND}" -E tar xf "${folder}/one/${archive}" WORKING_DIRECTORY "${folder}"
   RESULT_VARIABLE failed)
-string(REGEX REPLACE "\\.tar\\.xz$" "" name "${archive}")
+string(REGEX REPLACE "\\.(tar\\.xz|zip)$" "" name "${archive}")
 file(GLOB_RECURSE packed RELATIVE "${folder}/${name}" LIST_DIRECTORIES FALSE "${folder}/${name}/*")
 file(GLOB_RECURSE installed RELATIVE "${PREFIX}" LIST_DIRECTORIES FALSE "${PREFIX}/*")
 list(APPEND installed share/doc/vrtm/THIRD-PARTY.txt)
@@ -44,21 +51,29 @@ if(failed OR NOT packed STREQUAL installed)
 endif()
 
 file(READ "${folder}/${name}/share/doc/vrtm/THIRD-PARTY.txt" notices)
-foreach(crate glam half libc fearless_simd xxhash-rust)
+set(crates glam half fearless_simd xxhash-rust)
+if(NOT TRIPLE MATCHES "-windows-")
+  list(APPEND crates libc)
+endif()
+foreach(crate IN LISTS crates)
   if(NOT notices MATCHES "==== ${crate}-[0-9.]+: [A-Z]")
     message(FATAL_ERROR "the licence of ${crate} is not in the archive")
   endif()
 endforeach()
 
 get_filename_component(library "${LIBRARY}" NAME)
-file(SIZE "${folder}/${name}/lib/${library}" stripped)
+set(where lib)
+if(TRIPLE MATCHES "-windows-")
+  set(where bin)
+endif()
+file(SIZE "${folder}/${name}/${where}/${library}" stripped)
 file(SIZE "${LIBRARY}" whole)
 if(NOT stripped LESS whole)
   message(FATAL_ERROR "the library in the archive has ${stripped} bytes, and before it was stripped ${whole}")
 endif()
 
 # A library that is too new for a machine is not released for it.
-if(CMAKE_HOST_SYSTEM_NAME STREQUAL "Linux")
+if(CMAKE_HOST_SYSTEM_NAME STREQUAL "Linux" AND NOT TRIPLE MATCHES "-windows-")
   execute_process(COMMAND "${SH}" "${SOURCE}/bindings/release.sh" --out "${folder}/old" ${options} --max-glibc 2.5
     RESULT_VARIABLE failed OUTPUT_QUIET ERROR_VARIABLE message)
   if(NOT failed OR NOT message MATCHES "needs glibc 2\\.[0-9]+, but --max-glibc is 2\\.5")

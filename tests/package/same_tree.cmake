@@ -1,7 +1,8 @@
 # Installs vrtm with CMake and with bindings/install.sh and compares both trees, file by file. LIBRARY is the library; with
-# TARGET, a target of cargo, it is an empty file under the name that cargo gives it there.
+# TARGET, a target of cargo, it is an empty file under the name that cargo gives it there. TRIPLE is the target of a LIBRARY
+# that is not for this machine.
 
-set(folder "${SCRATCH}/${TARGET}")
+set(folder "${SCRATCH}/same_tree-${TARGET}")
 file(REMOVE_RECURSE "${folder}")
 if(TARGET)
   include("${SOURCE}/bindings/cmake/VrtmNames.cmake")
@@ -11,8 +12,11 @@ if(TARGET)
   if(VRTM_BUILT_IMPORT)
     file(WRITE "${folder}/${VRTM_BUILT_IMPORT}" "")
   endif()
-  set(cmake_target "-DVRTM_TARGET=${TARGET}")
-  set(script_target --target ${TARGET})
+  set(TRIPLE ${TARGET})
+endif()
+if(TRIPLE)
+  set(cmake_target "-DVRTM_TARGET=${TRIPLE}")
+  set(script_target --target ${TRIPLE})
 endif()
 
 function(run)

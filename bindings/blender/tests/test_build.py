@@ -115,10 +115,16 @@ class Build(unittest.TestCase):
             for change, word in (
                 (metadata(b"Version: ", b"Version: 9"), "takes vrtm"),
                 (metadata(b"Requires-Dist: numpy", b"Requires-Dist: scipy"), "it needs scipy"),
-                (lambda name, data: None if "libvrtm" in name or "vrtm.dll" in name else data, "no library in it"),
+                (lambda name, data: None if tool.LIBRARY.search(name) else data, "no library in it"),
+                (lambda name, data: b"\x7fELF" if tool.LIBRARY.search(name) else data, "is no library for"),
             ):
                 with self.assertRaisesRegex(tool.Refused, word):
                     tool.pack(edited(change))
+            for tag in ("win_amd64", "manylinux_2_36_aarch64"):
+                foreign = Path(folder) / f"vrtm-0.1.0-py3-none-{tag}.whl"
+                foreign.write_bytes(wheel.read_bytes())
+                with self.assertRaisesRegex(tool.Refused, f"is no library for {tag}"):
+                    tool.pack(foreign)
             broken = Path(folder) / "broken" / wheel.name
             broken.parent.mkdir()
             broken.write_bytes(b"no archive")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import functools
 import os
+import platform
 import sys
 from pathlib import Path
 from typing import TypeVar
@@ -26,7 +27,12 @@ def _load() -> ctypes.CDLL:
     file = path()
     if not file.is_file():
         raise ImportError(f"vrtm: the shared library {file} is not there: install the package with pip")
-    library = ctypes.CDLL(str(file.resolve()))
+    try:
+        # By its whole path: on Windows what the DLL needs is then looked for beside it and in the system, not in PATH.
+        library = ctypes.CDLL(str(file.resolve()))
+    except OSError as error:
+        machine = f"{platform.system()} on {platform.machine()}"
+        raise ImportError(f"vrtm: the shared library {file} does not load on {machine}: {error}") from error
     for name, (result, *arguments) in _abi.functions.items():
         try:
             function = getattr(library, name)

@@ -1,0 +1,73 @@
+#!/bin/sh
+# The tests of the package for another system, with a library for it that is built already, and its compilers, which
+# toolchain files name: an emulator runs its programs.
+#
+#     tests/package/other.sh windows|arm64 [FOLDER]
+#
+# Windows: MinGW-w64 and Wine; ARM64: GNU's compilers and QEMU. Variables: VRTM_OTHER_LIBRARY, the library as cargo
+# names it, with its import library beside it (that which tests/targets/run.sh has built); VRTM_VENV, the virtual
+# environment that tests/python/setup.sh makes (target/venv), for the wheel. Where something cannot be had, a line
+# "skipped: why" counts as ignored.
+set -u
+here=$(cd "$(dirname "$0")" && pwd)
+source=$(cd "$here/../.." && pwd)
+system=${1:?other.sh windows|arm64 [FOLDER]}
+target=${CARGO_TARGET_DIR:-$source/target}
+folder=${2:-$target/package-$system}
+
+skip() {
+    echo "skipped: the package for $system: $*"
+    echo "test result: ok. 0 passed; 0 failed; 1 ignored"
+    exit 0
+}
+case $system in
+    windows) triple=x86_64-pc-windows-gnu file=vrtm.dll programs='x86_64-w64-mingw32-gcc-posix x86_64-w64-mingw32-g++-posix' ;;
+    arm64) triple=aarch64-unknown-linux-gnu file=libvrtm.so programs='aarch64-linux-gnu-gcc aarch64-linux-gnu-g++' ;;
+    *) echo "other.sh: $system is neither windows nor arm64" >&2; exit 2 ;;
+esac
+library=${VRTM_OTHER_LIBRARY:-$target/targets/$triple/release/$file}
+[ -f "$library" ] || skip "there is no $library"
+library=$(cd "$(dirname "$library")" && pwd)/$file
+for program in $programs cmake; do
+    command -v "$program" >/dev/null || skip "there is no $program"
+done
+
+mkdir -p "$folder"
+folder=$(cd "$folder" && pwd)
+case $system in
+    arm64)
+        emulator=$(command -v qemu-aarch64-static) || skip "there is no qemu-aarch64-static"
+        # Where the compiler's C library is, since this machine has none for ARM64.
+        QEMU_LD_PREFIX=$(aarch64-linux-gnu-gcc -print-sysroot)
+        [ -n "${QEMU_LD_PREFIX%/}" ] || QEMU_LD_PREFIX=/usr/aarch64-linux-gnu
+        [ -d /lib/aarch64-linux-gnu ] || export QEMU_LD_PREFIX
+        ;;
+    windows)
+        emulator=/usr/lib/wine/wine64 server=/usr/lib/wine/wineserver64
+        [ -x "$emulator" ] || emulator=$(command -v wine64 || command -v wine) || skip "there is no wine"
+        [ -x "$server" ] || server=$(command -v wineserver)
+        export WINEPREFIX="$folder/wine" WINEDEBUG=-all WINEDLLOVERRIDES='mscoree=;mshtml=;winemenubuilder.exe='
+        end_wine() {
+            { "$server" -k; "$server" -w; } 2>/dev/null
+            rm -rf "$WINEPREFIX"
+        }
+        trap end_wine EXIT
+        timeout 300 "$emulator" cmd /c exit >"$folder/log" 2>&1 || skip "Wine makes no folder for Windows"
+        # Wine before 9 lacks a library that Windows has.
+        if ! [ -f "$WINEPREFIX/drive_c/windows/system32/bcryptprimitives.dll" ]; then
+            x86_64-w64-mingw32-gcc-posix -O1 -shared "$source/tests/targets/process_prng.c" -ladvapi32 \
+                -o "$WINEPREFIX/drive_c/windows/system32/bcryptprimitives.dll" || exit 1
+        fi
+        ;;
+esac
+python=
+for candidate in "${VRTM_VENV:-$target/venv}/bin/python" python3; do
+    [ -n "$python" ] || ! "$candidate" -c 'import hatchling, pip, pycparser, tomllib' 2>/dev/null || python=$candidate
+done
+if [ -z "$python" ]; then
+    echo "skipped: the wheel for $system: there is no Python with hatchling and pycparser"
+    echo "test result: ok. 0 passed; 0 failed; 1 ignored"
+fi
+cmake -S "$source" -B "$folder" "-DCMAKE_TOOLCHAIN_FILE=$here/toolchains/$system.cmake" "-DVRTM_PREBUILT=$library" \
+    "-DCMAKE_CROSSCOMPILING_EMULATOR=$emulator" "-DVRTM_PYTHON=$python" -DVRTM_GPU=OFF -DVRTM_TESTS=ON || exit 1
+ctest --test-dir "$folder" --parallel 2 --output-on-failure --no-tests=error

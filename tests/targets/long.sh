@@ -1,0 +1,59 @@
+# The rest of the hosts, and what takes long. run.sh reads this file.
+
+host tests/host/mesh.c 50
+host tests/host/layers.c 40
+host tests/host/maps.c 37
+host tests/host/refine.c 60
+host tests/host/job_threads.c 35 "$((cells / 2))"
+
+# Those that QEMU takes many minutes for, or whose measures it would change: memory that is its own, and small stacks (on
+# ARM64 glibc gives no thread less than 128 KiB).
+rest() {
+    host tests/host/stack.c 6
+    host tests/host/deformer.cpp 15
+    host tests/host/farm.cpp 10
+    host tests/host/houdini_cook.cpp 32
+    host tests/host/viewport.cpp 9
+    host tests/host/wrapper.cpp 180
+    options='-fno-exceptions -fno-rtti' as=wrapper_without_exceptions
+    host tests/host/wrapper.cpp 180
+    options= as=
+    host tests/host/memory.c 25 1
+    host tests/host/soak.c 15 1000
+    host tests/host/allocate.c 8 cpu 1
+    # The first version's header did not know gcc's warning about functions that are not used.
+    options=-Wno-unused-function
+    host tests/abi/host-0.1.c 50
+    options=
+    # The plug-in is a library of its own, which needs vrtm's.
+    if compile tests/host/maya_plugin.cpp maya_plugin.plugin -shared $position -fno-exceptions -fno-rtti; then
+        before=$linked
+        linked=
+        host tests/host/maya_node.cpp 29 ./maya_plugin.plugin 25
+        linked=$before
+    else
+        bad maya_plugin "$hosts/log"
+    fi
+}
+[ "$target" != windows ] || rest
+
+# The GPU backend is compiled up to the linker: nothing here has a driver for it.
+if [ "$target" = windows ]; then
+    start=$(date +%s)
+    if cross check --package vrtm-c >"$hosts/log" 2>&1; then
+        good "the GPU backend is checked" "$(since "$start")"
+    else
+        bad 'the GPU backend is checked' "$hosts/log"
+    fi
+fi
+
+# That the kernels for ARM64 compute in lanes.
+if [ "$target" = arm64 ]; then
+    start=$(date +%s) status=0
+    sh "$here/simd.sh" "$hosts" >"$hosts/log" 2>&1 || status=$?
+    case $status in
+        0) cat "$hosts/log" && good 'NEON does the arithmetic' "$(since "$start")" ;;
+        3) skip "NEON's instructions: $(tail -n 1 "$hosts/log")" ;;
+        *) bad 'NEON does the arithmetic' "$hosts/log" ;;
+    esac
+fi
