@@ -25,7 +25,7 @@ case $system in
     arm64) triple=aarch64-unknown-linux-gnu file=libvrtm.so programs='aarch64-linux-gnu-gcc aarch64-linux-gnu-g++' ;;
     *) echo "other.sh: $system is neither windows nor arm64" >&2; exit 2 ;;
 esac
-library=${VRTM_OTHER_LIBRARY:-$target/targets/$triple/release/$file}
+library=${VRTM_OTHER_LIBRARY:-$target/targets/$system/$triple/release/$file}
 [ -f "$library" ] || skip "there is no $library"
 library=$(cd "$(dirname "$library")" && pwd)/$file
 for program in $programs cmake; do
@@ -36,7 +36,7 @@ mkdir -p "$folder"
 folder=$(cd "$folder" && pwd)
 case $system in
     arm64)
-        emulator=$(command -v qemu-aarch64-static) || skip "there is no qemu-aarch64-static"
+        emulator=$(command -v qemu-aarch64-static || command -v qemu-aarch64) || skip "there is no qemu-aarch64"
         # Where the compiler's C library is, since this machine has none for ARM64.
         QEMU_LD_PREFIX=$(aarch64-linux-gnu-gcc -print-sysroot)
         [ -n "${QEMU_LD_PREFIX%/}" ] || QEMU_LD_PREFIX=/usr/aarch64-linux-gnu
