@@ -1,8 +1,8 @@
 //! The step limit (method §7.6): computes the fraction of the step that each node takes, from the displacements and the
 //! step. Every corner Jacobian keeps a tenth of its margin over the bound (`KEPT_MARGIN`, `STEP_MIN_JACOBIAN`); fractions
-//! fall off smoothly around corners that would lose more. The nodes of one corner may have different fractions; if a corner still loses too
-//! much, they are multiplied by the fraction that the corner allows. The fractions depend continuously on the step, so
-//! that a warp does not jump when a corner starts to be limited.
+//! fall off smoothly around corners that would lose more. The nodes of one corner may have different fractions; if a
+//! corner still loses too much, they are multiplied by the fraction that the corner allows. The fractions depend
+//! continuously on the step, so that a warp does not jump when a corner starts to be limited.
 
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::{NEIGHBOURS, QUADRANTS};
@@ -171,8 +171,8 @@ fn allowed_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], kept: f32, ro
             offset_change(step, &dp, row, sx, sy),
         ];
         for (a, b, da, db) in [(&a, &b, &da, &db), (&a, &c, &da, &dc), (&c, &b, &dc, &db)] {
-            // q(s) = q0 + q1 s + q2 s² is J at the fraction s of the step, minus the bound and the margin to be kept. q(0) >=
-            // 0; if q(1) < 0, there is one root in between, computed in a form without cancellation.
+            // q(s) = q0 + q1 s + q2 s² is J at the fraction s of the step, minus the bound and the margin to be
+            // kept. q(0) >= 0; if q(1) < 0, there is one root in between, computed in a form without cancellation.
             let margin = (cross(a, b, sign) - V::splat(STEP_MIN_JACOBIAN)).max(V::zero());
             let q0 = margin * (1.0 - kept);
             let (q1, q2) = (cross(da, b, sign) + cross(a, db, sign), cross(da, db, sign));
