@@ -123,6 +123,44 @@ def test_a_signal_leaves_whole_files_alone(
     assert files(out) == reference
 
 
+EARLY = """
+import importlib.abc, os, signal, sys
+
+class Interrupting(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == sys.argv[1]:
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupting())
+from vrtm.cli import main
+sys.exit(main(sys.argv[2:]))
+"""
+
+
+@pytest.mark.parametrize("module", ["vrtm.bake.arguments", "OpenImageIO", "pxr.Gf", "pxr.Sdf"])
+@pytest.mark.parametrize("command", ["bake", "dilate"])
+def test_a_signal_is_heard_while_modules_are_being_loaded(
+    scene: Path, tmp_path: Path, command: str, module: str
+) -> None:
+    texture = scene.parent / "colour.<UDIM>.png"
+    arguments = {
+        "bake": sheet_arguments(scene, tmp_path / "out"),
+        "dilate": ["dilate", scene, "--texture", texture, "--out", tmp_path / "out"],
+    }[command]
+    started, variables = vrtm_command(*arguments)
+    ended = subprocess.run(
+        [started[0], "-c", EARLY, module, *started[3:]],
+        env=variables,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    assert ended.returncode == 130, ended.stderr
+    assert ended.stderr == "vrtm: ended by SIGINT\n"
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_kill_is_made_good_by_the_next_run(
     scene: Path, reference: dict[str, bytes], tmp_path: Path, jobs: int

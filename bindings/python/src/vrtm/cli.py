@@ -26,7 +26,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(sys.argv[1:] if arguments is None else list(arguments))
     except KeyboardInterrupt:
-        # Outside of a bake, which has its own handler.
+        # Before a command has begun, which has its own handler.
+        console.Console(False, False, False).error("ended by SIGINT")
         return 130
     finally:
         console.leave_streams()
@@ -76,31 +77,36 @@ def _run(given: list[str]) -> int:
 def _bake(settings, parsed: argparse.Namespace) -> int:
     from vrtm.bake.console import Console
     from vrtm.bake.failure import Failure, describe
+    from vrtm.bake.stopping import signals
 
     console = Console(parsed.quiet, not parsed.no_progress, parsed.openjd)
-    try:
-        console = Console(parsed.quiet, not parsed.no_progress, parsed.openjd, parsed.verbose, parsed.log)
-        from vrtm.bake.run import bake
-    except (ModuleNotFoundError, Failure) as error:
-        failure = describe(error)
-        console.error(failure.message)
-        return failure.code
-    return bake(settings, console)
+    # USD's modules swallow a Ctrl-C that comes while they are being loaded, and OpenImageIO's ends in a crash.
+    with signals() as stop:
+        try:
+            console = Console(parsed.quiet, not parsed.no_progress, parsed.openjd, parsed.verbose, parsed.log)
+            from vrtm.bake.run import bake
+        except (ModuleNotFoundError, Failure) as error:
+            failure = describe(error)
+            console.error(failure.message)
+            return failure.code
+        return bake(settings, console, stop)
 
 
 def _dilate(parsed: argparse.Namespace) -> int:
     from vrtm.bake.console import Console
     from vrtm.bake.failure import describe
+    from vrtm.bake.stopping import signals
 
     console = Console(parsed.quiet, False, False)
-    try:
-        from vrtm.bake.dilate import dilate
+    with signals() as stop:
+        try:
+            from vrtm.bake.dilate import dilate
 
-        dilate(parsed, console)
-    except Exception as error:
-        failure = describe(error)
-        console.error(failure.message)
-        return failure.code
+            dilate(parsed, console, stop)
+        except Exception as error:
+            failure = describe(error)
+            console.error(failure.message)
+            return failure.code
     return 0
 
 

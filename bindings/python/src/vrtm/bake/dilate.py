@@ -22,6 +22,7 @@ from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.image_file import Target
 from vrtm.bake.scene import Scene, SceneError, SceneOptions, Shape
 from vrtm.bake.scene.images import find_maps
+from vrtm.bake.stopping import Stop
 
 VERSION = 3
 """Of the way of copying: a file that was made in another way is not up to date."""
@@ -38,8 +39,8 @@ class Mesh:
     """The layer of tiles whose charts count, where a tile has it."""
 
 
-def dilate(parsed: argparse.Namespace, console: Console) -> None:
-    """Runs the command. Raises Failure, and what vrtm.bake.failure.describe knows."""
+def dilate(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
+    """Runs the command, until it is to stop. Raises Failure, and what vrtm.bake.failure.describe knows."""
     # All meshes: what lies in the charts of any of them stays as it is.
     with Scene(parsed.scene, SceneOptions(uv=parsed.uv, rest=parsed.rest)) as scene, vrtm.Device("cpu") as device:
         for warning in scene.warnings:
@@ -60,10 +61,10 @@ def dilate(parsed: argparse.Namespace, console: Console) -> None:
         overwrite.check(outputs, inputs, parsed.overwrite)
         staging.sweep(parsed.out)
         # What is up to date, and what somebody has painted on, is found before anything is written.
-        left = [_left(copy, meshes, parsed) for copy, meshes in groups]
+        left = [_left(copy, meshes, parsed, stop) for copy, meshes in groups]
         for (copy, meshes), targets in zip(groups, left):
             if targets:
-                _dilate(copy, meshes, targets, parsed.reach, console)
+                _dilate(copy, meshes, targets, parsed.reach, console, stop)
     written = sum(map(len, left))
     console.info(f"{written} files written, {len(outputs) - written} up to date: {parsed.out}")
 
@@ -96,7 +97,7 @@ def _asset(device: vrtm.Device, shape: Shape, weld: str) -> vrtm.Asset:
         raise describe(error, shape.path) from error
 
 
-def _left(copy: warped.Copy, meshes: Sequence[Mesh], parsed: argparse.Namespace) -> dict[str, Target]:
+def _left(copy: warped.Copy, meshes: Sequence[Mesh], parsed: argparse.Namespace, stop: Stop) -> dict[str, Target]:
     """What is not up to date of the textures of one pattern. Raises Failure."""
     paths = list(dict.fromkeys(path for mesh in meshes for path in mesh.files.values()))
     first = warped.read(paths[0])
@@ -108,6 +109,7 @@ def _left(copy: warped.Copy, meshes: Sequence[Mesh], parsed: argparse.Namespace)
         common.text(sorted(mesh.files))
     targets = {}
     for path in paths:
+        stop.check()
         texture = warped.read(path)
         if (texture.pixels.dtype, texture.channels) != (first.pixels.dtype, first.channels):
             raise Failure(INPUT, f"{path}: other channels or numbers than those of {paths[0]}")
@@ -128,11 +130,17 @@ def _left(copy: warped.Copy, meshes: Sequence[Mesh], parsed: argparse.Namespace)
 
 
 def _dilate(
-    copy: warped.Copy, meshes: Sequence[Mesh], targets: dict[str, Target], reach: float, console: Console
+    copy: warped.Copy,
+    meshes: Sequence[Mesh],
+    targets: dict[str, Target],
+    reach: float,
+    console: Console,
+    stop: Stop,
 ) -> None:
     """Writes what is left of the textures of one pattern."""
     textures = dilated(copy, meshes, reach)
     for path, target in targets.items():
+        stop.check()
         pixels = textures[path].pixels
         image_file.write(target, pixels)
         console.detail(f"{target.path}: {np.mean((pixels != warped.read(path).pixels).any(axis=-1)):.1%} of its texels")

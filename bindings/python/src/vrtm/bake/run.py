@@ -19,7 +19,7 @@ from vrtm.bake.mesh_work import FrameResult
 from vrtm.bake.pool import Jobs, Outcome
 from vrtm.bake.rows import tile_name
 from vrtm.bake.settings import Settings
-from vrtm.bake.stopping import Stop, signals
+from vrtm.bake.stopping import Stop
 from vrtm.bake.work import Work
 
 # A number in a warning, but for a tile's, a layer's and for digits within a name.
@@ -39,13 +39,12 @@ Task = tuple[str, Frame]
 """A mesh's name and a frame."""
 
 
-def bake(settings: Settings, console: Console) -> int:
+def bake(settings: Settings, console: Console, stop: Stop) -> int:
     """Bakes, and returns the exit code. Errors are printed."""
-    with signals() as stop:
-        try:
-            failure = _opened(settings, console, stop)
-        except Exception as error:
-            failure = describe(error)
+    try:
+        failure = _opened(settings, console, stop)
+    except Exception as error:
+        failure = describe(error)
     console.close()
     if failure is not None:
         console.error(failure.message)
