@@ -37,10 +37,13 @@ folder=$(cd "$folder" && pwd)
 case $system in
     arm64)
         emulator=$(command -v qemu-aarch64-static || command -v qemu-aarch64) || skip "there is no qemu-aarch64"
-        # Where the compiler's C library is, since this machine has none for ARM64.
-        QEMU_LD_PREFIX=$(aarch64-linux-gnu-gcc -print-sysroot)
-        [ -n "${QEMU_LD_PREFIX%/}" ] || QEMU_LD_PREFIX=/usr/aarch64-linux-gnu
-        [ -d /lib/aarch64-linux-gnu ] || export QEMU_LD_PREFIX
+        # The compiler's C library, where this machine has none for ARM64; without the second variable, its loader would take
+        # libraries that this machine's cache of them names.
+        if ! [ -e /lib/ld-linux-aarch64.so.1 ]; then
+            prefix=$(aarch64-linux-gnu-gcc -print-sysroot)
+            [ -n "${prefix%/}" ] || prefix=/usr/aarch64-linux-gnu
+            export QEMU_LD_PREFIX="$prefix" QEMU_SET_ENV="LD_LIBRARY_PATH=$prefix/lib"
+        fi
         ;;
     windows)
         emulator=/usr/lib/wine/wine64 server=/usr/lib/wine/wineserver64
