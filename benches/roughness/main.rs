@@ -2,11 +2,13 @@
 //!
 //!     cargo bench --bench roughness
 //!     cargo bench --bench roughness -- --grid 512 --qualities normal,high --scenes fox
+//!     cargo bench --bench roughness -- --follow --scenes fox,arm
 
 #![allow(missing_docs)]
 
 #[path = "../../tests/common/mod.rs"]
 mod common;
+mod follow;
 #[allow(dead_code)] // Of `speed_error`, only the alternating poses are used.
 #[path = "../speed_error/scenes.rs"]
 mod scenes;
@@ -16,7 +18,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use common::roughness::Roughness;
-use scenes::Case;
+use follow::Followed;
 use serde_json::json;
 use vrtm::{Backend, Device, DeviceSettings, Quality};
 
@@ -36,6 +38,9 @@ struct Args {
     /// cpu or gpu.
     #[arg(long, default_value = "cpu")]
     backend: String,
+    /// Follow the minimum from pose to pose, to tell its jumps from those of the solver.
+    #[arg(long)]
+    follow: bool,
     /// Also write the table there, and JSON beside it.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -64,6 +69,12 @@ const HEAD: &str =
 |---|---|---|---|---|---|---|---|---|
 ";
 
+const FOLLOWED: &str =
+    "| scene | quality | d2 RMS, over 0.1, largest: from the identity | followed forwards | backwards \
+     | energy | still moved | apart | explained | by chance |
+|---|---|---|---|---|---|---|---|---|---|
+";
+
 fn run(args: &Args) -> Result<(), String> {
     let backend = match args.backend.as_str() {
         "cpu" => Backend::Cpu,
@@ -72,21 +83,34 @@ fn run(args: &Args) -> Result<(), String> {
     };
     let device = Device::new(&DeviceSettings { backend, ..DeviceSettings::default() })
         .map_err(|error| error.to_string())?;
-    let mut text = HEAD.to_owned();
-    print!("{HEAD}");
+    let head = if args.follow { FOLLOWED } else { HEAD };
+    let mut text = head.to_owned();
+    print!("{head}");
     let mut rows = Vec::new();
     for case in scenes::cases(&args.scenes, args.grid)? {
         for quality in &args.qualities {
-            let r = measure(&case, &device, quality)?;
+            let (mut asset, tile) = case.asset(&device);
+            let options = common::options(parsed(quality)?);
+            if args.follow {
+                let line = followed(
+                    &format!("{} {} | {quality}", case.name, case.frame),
+                    &follow::follow(&mut asset, tile, &case.model, case.frame, &options),
+                );
+                print!("{line}");
+                text += &line;
+                continue;
+            }
+            let r = Roughness::of(&mut asset, tile, &case.model, case.frame, &options);
+            let s = &r.smoothness;
             let line = format!(
                 "| {} {} | {quality} | {:.4} | {:.4} | {:.4} | {:.2} % | {:.2} | {:.5} | {:.1} |\n",
                 case.name,
                 case.frame,
                 r.strain,
-                r.first,
-                r.second,
-                100.0 * r.large,
-                r.largest,
+                s.first,
+                s.second,
+                100.0 * s.large,
+                s.largest,
                 r.noise,
                 r.ms
             );
@@ -94,8 +118,8 @@ fn run(args: &Args) -> Result<(), String> {
             text += &line;
             rows.push(json!({
                 "scene": case.name, "frame": case.frame, "udim": case.udim, "grid": case.grid, "quality": quality,
-                "backend": args.backend, "strain": r.strain, "energy": r.energy, "first": r.first,
-                "second": r.second, "large": r.large, "largest": r.largest, "noise": r.noise, "ms": r.ms,
+                "backend": args.backend, "strain": r.strain, "energy": r.energy, "first": s.first,
+                "second": s.second, "large": s.large, "largest": s.largest, "noise": r.noise, "ms": r.ms,
             }));
         }
     }
@@ -110,13 +134,28 @@ fn run(args: &Args) -> Result<(), String> {
     Ok(())
 }
 
-fn measure(case: &Case, device: &Device, quality: &str) -> Result<Roughness, String> {
-    let quality = match quality {
+fn parsed(quality: &str) -> Result<Quality, String> {
+    Ok(match quality {
         "draft" => Quality::Draft,
         "normal" => Quality::Normal,
         "high" => Quality::High,
         other => return Err(format!("--qualities {other}: neither draft, normal nor high")),
-    };
-    let (mut asset, tile) = case.asset(device);
-    Ok(Roughness::of(&mut asset, tile, &case.model, case.frame, &common::options(quality)))
+    })
+}
+
+fn followed(name: &str, f: &Followed) -> String {
+    let smoothness = f
+        .smoothness
+        .each_ref()
+        .map(|s| format!("{:.4}, {:.2} %, {:.2}", s.second, 100.0 * s.large, s.largest));
+    format!(
+        "| {name} | {} | {:.3}, {:.3} | {:.4} | {:.2} % | {:.0} % | {:.1} % |\n",
+        smoothness.join(" | "),
+        f.energy[0],
+        f.energy[1],
+        f.moved,
+        100.0 * f.apart,
+        100.0 * f.explained,
+        100.0 * f.chance
+    )
 }

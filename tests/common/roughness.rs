@@ -17,7 +17,10 @@ const NOISE: f64 = 1e-7;
 const SEEDS: u64 = 5;
 
 /// A second difference from here on counts as large, in cells.
-const LARGE: f64 = 0.1;
+pub const LARGE: f64 = 0.1;
+
+/// Displacements of the nodes, in cells.
+pub type Warp = Vec<[f64; 2]>;
 
 /// The roughness of one tile's warp near one frame. Lengths are in cells, the larger component of each; nodes that do
 /// not move are left out.
@@ -27,6 +30,16 @@ pub struct Roughness {
     pub strain: f64,
     /// Energy in the frame itself.
     pub energy: f64,
+    pub smoothness: Smoothness,
+    /// The change of W that 99.9 % of the nodes stay under when the frame gets noise: the median over five seeds.
+    pub noise: f64,
+    /// Milliseconds of the solve of the frame, the shortest of those with noise.
+    pub ms: f64,
+}
+
+/// How smoothly warps change from pose to pose.
+#[derive(Clone, Debug, Default)]
+pub struct Smoothness {
     /// RMS of the first difference W(t + dt) - W(t).
     pub first: f64,
     /// RMS of the second difference W(t + dt) - 2 W(t) + W(t - dt).
@@ -36,10 +49,6 @@ pub struct Roughness {
     /// The largest second difference, and its node and time step.
     pub largest: f64,
     pub largest_at: (usize, usize),
-    /// The change of W that 99.9 % of the nodes stay under when the frame gets noise: the median over five seeds.
-    pub noise: f64,
-    /// Milliseconds of the solve of the frame, the shortest of those with noise.
-    pub ms: f64,
 }
 
 impl Roughness {
@@ -51,23 +60,14 @@ impl Roughness {
         frame: usize,
         options: &SolveOptions,
     ) -> Roughness {
-        let (rest, frame) = (&model.rest, &model.frames[frame - 1]);
-        let way = |t: f64| -> Vec<[f64; 3]> {
-            let point = |(r, p): (&[f32; 3], &[f32; 3])| {
-                [0, 1, 2].map(|k| f64::from(r[k]) + t * (f64::from(p[k]) - f64::from(r[k])))
-            };
-            rest.iter().zip(frame).map(point).collect()
-        };
         let mut solve = |pose: &[[f64; 3]], measure: bool| {
             asset.solve(Strided::from_f64x3(pose), &SolveOptions { measure, ..*options }).unwrap();
             let report = asset.tile_report(tile).unwrap();
-            let warp: Vec<[f64; 2]> =
-                asset.displacements(tile).unwrap().iter().map(|u| u.map(f64::from)).collect();
-            (warp, report)
+            (warp(asset, tile), report)
         };
-        let warps: Vec<_> = (0..POSES).map(|k| solve(&way(START + STEP * k as f64), false).0).collect();
-        let mut result = differences(&warps);
-        let frame = way(1.0);
+        let warps: Vec<_> = poses(model, frame).iter().map(|pose| solve(pose, false).0).collect();
+        let mut result = Roughness { smoothness: Smoothness::of(&warps), ..Roughness::default() };
+        let frame = way(model, frame, 1.0);
         let (base, report) = solve(&frame, true);
         result.strain = report.strain.as_ref().map_or(f64::NAN, |strain| f64::from(strain.after.rms));
         result.energy = report.energy;
@@ -84,8 +84,25 @@ impl Roughness {
     }
 }
 
+/// A part of the motion from rest to a frame, numbered from 1.
+fn way(model: &Model, frame: usize, t: f64) -> Vec<[f64; 3]> {
+    let point = |(r, p): (&[f32; 3], &[f32; 3])| {
+        [0, 1, 2].map(|k| f64::from(r[k]) + t * (f64::from(p[k]) - f64::from(r[k])))
+    };
+    model.rest.iter().zip(&model.frames[frame - 1]).map(point).collect()
+}
+
+/// The poses whose warps are compared.
+pub fn poses(model: &Model, frame: usize) -> Vec<Vec<[f64; 3]>> {
+    (0..POSES).map(|k| way(model, frame, START + STEP * k as f64)).collect()
+}
+
+pub fn warp(asset: &Asset, tile: usize) -> Warp {
+    asset.displacements(tile).unwrap().iter().map(|u| u.map(f64::from)).collect()
+}
+
 /// Second difference of three warps at a node.
-pub fn second_difference(w: &[Vec<[f64; 2]>], n: usize) -> f64 {
+pub fn second_difference(w: &[Warp], n: usize) -> f64 {
     larger_component([0, 1].map(|c| w[2][n][c] - 2.0 * w[1][n][c] + w[0][n][c]))
 }
 
@@ -93,31 +110,42 @@ fn larger_component(x: [f64; 2]) -> f64 {
     x[0].abs().max(x[1].abs())
 }
 
-fn differences(warps: &[Vec<[f64; 2]>]) -> Roughness {
-    let moving: Vec<usize> =
-        (0..warps[0].len()).filter(|&n| warps.iter().any(|warp| warp[n] != [0.0; 2])).collect();
-    let mut result = Roughness::default();
-    let (mut first, mut second, mut large) = (0.0, 0.0, 0usize);
-    for pair in warps.windows(2) {
-        let d = |n: usize| larger_component([0, 1].map(|c| pair[1][n][c] - pair[0][n][c]));
-        first += moving.iter().map(|&n| d(n).powi(2)).sum::<f64>();
-    }
-    for (step, w) in warps.windows(3).enumerate() {
-        for &n in &moving {
-            let d = second_difference(w, n);
-            second += d * d;
-            large += usize::from(d > LARGE);
-            if d > result.largest {
-                result.largest = d;
-                result.largest_at = (n, step + 1);
+/// The nodes that move in one of the poses.
+pub fn moving(warps: &[Warp]) -> Vec<usize> {
+    (0..warps[0].len()).filter(|&n| warps.iter().any(|warp| warp[n] != [0.0; 2])).collect()
+}
+
+/// How far apart the nodes of two warps are.
+pub fn apart<'a>(a: &'a Warp, b: &'a Warp) -> impl Iterator<Item = f64> + 'a {
+    a.iter().zip(b).map(|(a, b)| larger_component([a[0] - b[0], a[1] - b[1]]))
+}
+
+impl Smoothness {
+    pub fn of(warps: &[Warp]) -> Smoothness {
+        let moving = moving(warps);
+        let mut result = Smoothness::default();
+        let (mut first, mut second, mut large) = (0.0, 0.0, 0usize);
+        for pair in warps.windows(2) {
+            let d = |n: usize| larger_component([0, 1].map(|c| pair[1][n][c] - pair[0][n][c]));
+            first += moving.iter().map(|&n| d(n).powi(2)).sum::<f64>();
+        }
+        for (step, w) in warps.windows(3).enumerate() {
+            for &n in &moving {
+                let d = second_difference(w, n);
+                second += d * d;
+                large += usize::from(d > LARGE);
+                if d > result.largest {
+                    result.largest = d;
+                    result.largest_at = (n, step + 1);
+                }
             }
         }
+        let count = |steps: usize| (steps * moving.len()).max(1) as f64;
+        result.first = (first / count(warps.len() - 1)).sqrt();
+        result.second = (second / count(warps.len() - 2)).sqrt();
+        result.large = large as f64 / count(warps.len() - 2);
+        result
     }
-    let count = |steps: usize| (steps * moving.len()).max(1) as f64;
-    result.first = (first / count(warps.len() - 1)).sqrt();
-    result.second = (second / count(warps.len() - 2)).sqrt();
-    result.large = large as f64 / count(warps.len() - 2);
-    result
 }
 
 /// The difference that 99.9 % of the nodes that move stay under.

@@ -23,7 +23,9 @@ const BARS: Bars = [0.01, 0.001, 0.5, 0.01];
 const DRAFT: Bars = [0.03, 0.01, 0.8, 0.01];
 
 /// Scenes that miss a bar, with about one and a half times what is measured. The steps of their charts are limited at
-/// crushed corners, so that the state after the last correction is far from a minimum and decisions show.
+/// crushed corners. At 256 x 256 cells and `normal` all second differences over 0.1 of arm, cesium_man, fox and ict_inner lie
+/// where two minima are side by side, and those of the squash where the minimum itself jumps; those of ict_inner at `high`
+/// are the solver's (benches/results/roughness.md, "Whose jumps they are").
 const MISSED: [(&str, u32, Quality, Bars); 14] = [
     ("squash to 40 %", 256, Quality::Draft, [0.17, 0.22, 1.6, 0.0125]),
     ("squash to 40 %", 256, Quality::Normal, [0.048, 0.02, 1.3, 0.028]),
@@ -85,23 +87,24 @@ fn check(backend: &str, grid: u32, qualities: &[Quality], borders: Borders, devi
             set_borders(&mut asset, borders);
         }
         let r = Roughness::of(&mut asset, tile, &case.model, case.frame, &options(quality));
+        let s = &r.smoothness;
         let line = format!(
             "{backend} {:16} {:4} {:6} {:8.4} {:7.4} {:7.4} {:8.3} % {:7.2} {:9.5} {:6.1}",
             case.name,
             case.grid,
             format!("{quality:?}"),
             r.strain,
-            r.first,
-            r.second,
-            100.0 * r.large,
-            r.largest,
+            s.first,
+            s.second,
+            100.0 * s.large,
+            s.largest,
             r.noise,
             r.ms
         );
         println!("{line}");
         let bars = bars(case, quality, borders);
         // A NaN fails.
-        let good = [r.second, r.large, r.largest, r.noise].iter().zip(bars).all(|(x, bar)| *x <= bar);
+        let good = [s.second, s.large, s.largest, r.noise].iter().zip(bars).all(|(x, bar)| *x <= bar);
         if !good {
             failed.push(format!("{line}: at most {bars:?}"));
         }
