@@ -13,6 +13,9 @@ const SOLVES: usize = 20;
 const CORRECTIONS: u32 = 50;
 const STILL: f64 = 2e-3;
 
+/// Nodes to each side of a jump that belong to it: a feature jumps as a whole.
+const REACH: usize = 4;
+
 pub struct Followed {
     /// Of the solves from the identity, of the followed minimum forwards, and backwards.
     pub smoothness: [Smoothness; 3],
@@ -28,9 +31,6 @@ pub struct Followed {
     /// The same fraction of all second differences: what `explained` would be by chance.
     pub chance: f64,
 }
-
-/// Corners that a corner shares its quads with, and a few beyond: features jump as a whole.
-const REACH: usize = 4;
 
 struct Solver<'a> {
     asset: &'a mut Asset,

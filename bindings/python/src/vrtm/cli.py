@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(sys.argv[1:] if arguments is None else list(arguments))
     except KeyboardInterrupt:
-        # Before a command has begun, which has its own handler.
+        # While the arguments are read; `bake` and `dilate` handle signals themselves.
         console.Console(False, False, False).error("ended by SIGINT")
         return 130
     finally:
