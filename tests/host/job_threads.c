@@ -1,7 +1,6 @@
 /*
  * Jobs on a host's threads, whichever of these the host gives the first task to: what the host's own functions may ask for
- * in the middle of a job, and what would wait for itself. A host that hangs is ended after a while. The program's argument is
- * the size of the grids, 256 by default.
+ * in the middle of a job, and what would wait for itself. A host that hangs is ended after a while.
  */
 
 #include "platform.h"
@@ -13,7 +12,6 @@
 static sheet s;
 static double pose[VERTICES][4], other[VERTICES][4];
 static float map[2 * MAP * MAP], before[2 * MAP * MAP];
-static uint32_t large = 256;
 
 enum { POOL = 3, QUEUE = 4096 };
 
@@ -219,7 +217,7 @@ static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn s
     desc.threads = 2;
     desc.log = on_line;
     desc.log_user = &w;
-    settings.grid_width = settings.grid_height = large;
+    settings.grid_width = settings.grid_height = 96;
     image.data = before;
     image.width = image.height = MAP;
     options.progress = on_progress;
@@ -281,11 +279,8 @@ static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn s
     succeeds("destroy the device", vrtm_device_destroy(device));
 }
 
-int main(int count, char **arguments)
+int main(void)
 {
-    if (count > 1) {
-        large = (uint32_t)atoi(arguments[1]);
-    }
     pthread_t threads[POOL];
     const task end = {NULL, NULL, 0, NULL};
     platform_end_after(240);

@@ -4,7 +4,7 @@ host tests/host/mesh.c 50
 host tests/host/layers.c 40
 host tests/host/maps.c 37
 host tests/host/refine.c 60
-host tests/host/job_threads.c 35 "$((cells / 2))"
+host tests/host/job_threads.c 35
 
 # Those that QEMU takes many minutes for, or whose measures it would change: memory that is its own, and small stacks (on
 # ARM64 glibc gives no thread less than 128 KiB).

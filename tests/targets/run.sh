@@ -74,8 +74,6 @@ case $target in
         [ -x "$run" ] || run=$(command -v wine64 || command -v wine)
         [ -x "$wineserver" ] || wineserver=$(command -v wineserver)
         german=German_Germany.1252
-        # Cells of the grids that are to take long.
-        cells=512
         # In every so many of its loads a library solves.
         loads=5 variables=
         ;;
@@ -90,7 +88,7 @@ case $target in
         cross=/usr/aarch64-linux-gnu
         [ -e /lib/ld-linux-aarch64.so.1 ] || run="$run -L $cross -E LD_LIBRARY_PATH=$cross/lib"
         german=de_DE.UTF-8
-        cells=96 loads=50 variables=PLATFORM_EMULATED=1
+        loads=50 variables=PLATFORM_EMULATED=1
         ;;
 esac
 
@@ -199,7 +197,7 @@ localedef -i de_DE -f UTF-8 "$hosts/locales/de_DE.UTF-8" 2>/dev/null
 host tests/host/smoke.c 50
 host tests/host/misuse.c 150
 host tests/host/float_mode.c 27
-host tests/host/job.c 90 "$cells"
+host tests/host/job.c 90
 host tests/host/prepare.c 50
 host tests/host/wrapper_throws.cpp 7
 if [ "$target" = arm64 ] && ! [ -d "$hosts/locales/de_DE.UTF-8" ]; then

@@ -63,6 +63,12 @@ def solved(obj: bpy.types.Object) -> Iterator[float]:
     yield from until(lambda: headline(obj) == "Up to date")
 
 
+def says(obj: bpy.types.Object, text: str) -> Iterator[float]:
+    """What was just done is heard, and once no solve is under way this is what the headline begins with."""
+    yield 0.5
+    yield from until(lambda: headline(obj).startswith(text))
+
+
 def set_up(grid: int = 256) -> Iterator[float]:
     """The sample in a Solid view, after Set Up."""
     obj = sample_file()
@@ -233,8 +239,7 @@ def check_frames():
     yield from solved(obj)
     twelve, action = pixels(obj.vrtm.image), obj.data.shape_keys.animation_data.action
     obj.vrtm.live = False
-    yield 0.5
-    assert headline(obj) == "Up to date", headline(obj)
+    yield from says(obj, "Up to date")
     key = obj.data.shape_keys.key_blocks["biceps"]
     for driven in (True, False):
         if driven:
@@ -244,19 +249,15 @@ def check_frames():
             key.driver_remove("value")
             obj.data.shape_keys.animation_data.action = action
             scene.frame_set(12)
-        yield 0.5
-        assert headline(obj) == ("Out of date: press Update Now" if driven else "Up to date"), (driven, headline(obj))
+        yield from says(obj, "Out of date: press Update Now" if driven else "Up to date")
     scene.frame_set(5)
-    yield 0.5
-    assert headline(obj) == "Out of date: shows frame 12", headline(obj)
+    yield from says(obj, "Out of date: shows frame 12")
     assert np.array_equal(pixels(obj.vrtm.image), twelve)
     scene.frame_set(12)
-    yield 0.5
-    assert headline(obj) == "Up to date", headline(obj)
+    yield from says(obj, "Up to date")
     # A bone that is moved without a key.
     bpy.data.objects["rig"].pose.bones["lower"].rotation_euler[0] = 0.3
-    yield 0.5
-    assert headline(obj).startswith("Out of date"), headline(obj)
+    yield from says(obj, "Out of date")
     scene.frame_set(12)
     with at("PROPERTIES"):
         bpy.ops.vrtm.update("INVOKE_DEFAULT")
@@ -367,8 +368,7 @@ def check_search():
     obj.modifiers["Subdivision"].show_viewport = False
     obj.vrtm.live = False
     window().scene.frame_set(10)
-    yield 0.5
-    assert headline(obj).startswith("Out of date")
+    yield from says(obj, "Out of date")
     for text in ("vrtm", "vrtm pose", "update now"):
         search(text)
         yield 0.5
