@@ -43,6 +43,19 @@ fn vector_index(b: u32, plane: u32, s: u32) -> u32 {
     return ((params.base + b) * VECTOR_PLANES + plane) * NODES + s;
 }
 
+/// Encodes a vector as two bfloat16 in one word.
+fn encode_vector(v: vec2f) -> f32 {
+    // A word whose upper half is 0 would be a denormal number, which a GPU may take for 0.
+    let bits = bitcast<vec2u>(vec2f(select(TINY, v.x, abs(v.x) > TINY), v.y));
+    let rounded = bits + 0x7fffu + ((bits >> vec2u(16u)) & vec2u(1u));
+    return bitcast<f32>((rounded.x & 0xffff0000u) | (rounded.y >> 16u));
+}
+
+fn decode_vector(word: f32) -> vec2f {
+    let bits = bitcast<u32>(word);
+    return vec2f(bitcast<f32>(bits & 0xffff0000u), bitcast<f32>(bits << 16u));
+}
+
 /// Encodes a 2x2 block (row-major) as four bfloat16, which are f32 rounded to the nearest value with 16 bits: xx and
 /// the mean of xy and yx in the first word, yy and half of their difference in the second (method §7.2). The rounding
 /// error of a pair is added to the diagonals of both of its nodes, so that the sum of each row stays exact.

@@ -56,8 +56,11 @@ const COARSEST_ROUNDS: u32 = 4u;
 /// A level has few blocks if no chart has more active ones on it than this: as many as a chart of 64 x 64 cells has.
 const FEW_BLOCKS: u32 = 16u;
 /// Most iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
-/// does, and need more memory (method §7.3).
+/// does, which continues along the last step, and need more memory (method §7.3).
 const CG_ITERATIONS: u32 = 2u;
+/// The last step is a direction of conjugate gradients if at least this part of its curvature is left once it is
+/// conjugate to the other directions.
+const MIN_NEW_CURVATURE: f32 = 0.001;
 /// A component of a step of this many cells or more is replaced by 0: it exceeds the largest grid.
 const MAX_STEP: f32 = 32768.0;
 /// The bound on the Jacobian of a correction's step (method §7.6). It is lower than that of the sweeps, so that corners
@@ -128,7 +131,7 @@ const ROW_PLANES: u32 = 11u;
 /// First of the eight planes of the pairs.
 const PAIR: u32 = 3u;
 /// Planes per block of the vectors of a correction. A plane holds different quantities one after the other.
-const VECTOR_PLANES: u32 = 6u;
+const VECTOR_PLANES: u32 = 7u;
 /// The residual (2); on the corrected level, once the second V-cycle is done, the second preconditioned residual z1.
 const RESIDUAL: u32 = 0u;
 /// The result of the V-cycle (2); on the corrected level that of the first one, z0.
@@ -138,16 +141,18 @@ const SMOOTHED: u32 = 4u;
 /// The block's energy before a correction, at its first node, from assembly until z0 takes its place.
 const ENERGY_BEFORE: u32 = 2u;
 /// The step fraction of each node, in two planes used alternately, while the step is limited and tried. Until the
-/// first trial, the step itself is a combination of z0 and z1.
+/// first trial, the step itself is a combination of z0, z1 and the last step.
 const FRACTION: u32 = 4u;
 /// The step (2), while it is tried.
 const STEP: u32 = 2u;
+/// The last step that was tried, as two bfloat16.
+const LAST_STEP: u32 = 6u;
 /// The displacement before the step (2), while the step is tried.
 const U_BEFORE: u32 = 0u;
 /// Scratch memory of the V-cycle (2) on the levels that one dispatch works on, behind the vectors of these levels.
-const SCRATCH: u32 = 6u;
+const SCRATCH: u32 = 7u;
 /// Quantities that are summed per block.
-const SUMS: u32 = 8u;
+const SUMS: u32 = 12u;
 /// The energy.
 const SUM_ENERGY: u32 = 0u;
 /// The least corner Jacobian, of which not the sum is taken.
@@ -166,6 +171,14 @@ const SUM_RZ_SECOND: u32 = 4u;
 const SUM_PRODUCT_Z_SECOND: u32 = 5u;
 /// z1 . A z1.
 const SUM_CURVATURE_SECOND: u32 = 6u;
+/// The last step p: r1 . p.
+const SUM_LAST_RESIDUAL: u32 = 8u;
+/// p . A z0.
+const SUM_LAST_FIRST: u32 = 9u;
+/// p . A z1.
+const SUM_LAST_SECOND: u32 = 10u;
+/// p . A p.
+const SUM_LAST_CURVATURE: u32 = 11u;
 /// The displacement at the last integration (2). The paper's solver uses the planes of the vectors for the
 /// second copy of the state.
 const U_INTEGRATED: u32 = 4u;
@@ -242,6 +255,8 @@ struct Params {
     sweeps: u32,
     /// 1 in a correction: kernels work on the charts that take part in it; else on all that are solved.
     in_correction: u32,
+    /// 1 in a correction that follows another one of the same level: the last step is a direction.
+    has_last_step: u32,
     /// 1 if the state to read is the identity, whatever stands in `state`.
     is_identity: u32,
     /// Number of charts; for `surface`, of triangles.
@@ -312,8 +327,8 @@ struct Chart {
     curvature: f32,
     /// Conjugate gradients: length of the first step.
     alpha: f32,
-    /// The step is this combination of z0 and z1.
-    step: array<f32, 2>,
+    /// The step is this combination of z0, z1 and the last step.
+    step: array<f32, 3>,
     /// Predicted gain: the fall of the quadratic model over the step.
     predicted: f32,
     /// 1 during a level's first correction.

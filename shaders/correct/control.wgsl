@@ -75,20 +75,27 @@ fn first_step(c: u32, sum: vec4f) {
     charts[c].curvature = sum.z;
     let alpha = step_length(sum.y, sum.z);
     charts[c].alpha = alpha;
-    charts[c].step = array<f32, 2>(alpha, 0.0);
+    charts[c].step = array<f32, 3>(alpha, 0.0, 0.0);
     charts[c].predicted = alpha * sum.y;
 }
 
-/// After the second V-cycle: the step as a combination of z0 and z1, and the predicted gain. The second direction is z1
-/// + beta z0; its curvature is that of z1 plus the terms with z0.
-fn second_step(c: u32, sum: vec4f) {
+/// After the second V-cycle: the step as a combination of z0, z1 and the last step, and the predicted gain. The second
+/// direction is z1 + beta z0; its curvature is that of z1 plus the terms with z0. `last` are the products of the last step.
+fn second_step(c: u32, sum: vec4f, last: vec4f) {
     let alpha = charts[c].alpha;
     let quotient = sum.x / charts[c].rz;
     let beta = select(0.0, quotient, alpha != 0.0 && is_finite(quotient));
     let curvature = sum.z + beta * (2.0 * sum.y + beta * charts[c].curvature);
     let second = step_length(sum.x, curvature);
-    charts[c].step = array<f32, 2>(alpha + second * beta, second);
-    charts[c].predicted = alpha * charts[c].rz + second * sum.x;
+    let lengths = vec2f(alpha, second);
+    var step = Combination(vec3f(lengths, 0.0), alpha * charts[c].rz + second * sum.x);
+    if params.has_last_step == 1u {
+        let products = vec4f(last.x, last.y, last.z + beta * last.y, last.w);
+        step = with_last_step(lengths, vec2f(charts[c].curvature, curvature), step.predicted, products);
+    }
+    let factors = step.factors;
+    charts[c].step = array<f32, 3>(factors.x + factors.y * beta, factors.y, factors.z);
+    charts[c].predicted = step.predicted;
 }
 
 @compute @workgroup_size(256)
@@ -99,6 +106,11 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     }
     let is_certificate = params.mode == DECIDE_CERTIFICATE || params.mode == DECIDE_ALLOWING_FOLDS;
     let sum = total(c, t, select(0u, SUM_RZ_SECOND, params.mode == DECIDE_SECOND_STEP), is_certificate);
+    var last: vec4f;
+    if params.has_last_step == 1u && params.mode == DECIDE_SECOND_STEP {
+        workgroupBarrier();
+        last = total(c, t, SUM_LAST_RESIDUAL, false);
+    }
     if t > 0u || !is_at_work(c) {
         return;
     }
@@ -113,7 +125,7 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
             first_step(c, sum);
         }
         case DECIDE_SECOND_STEP: {
-            second_step(c, sum);
+            second_step(c, sum, last);
         }
         case DECIDE_TRIAL, DECIDE_LAST_TRIAL: {
             let identity = select(0.0, charts[c].identity, params.level == 0u);

@@ -11,6 +11,9 @@ fn active_neighbour(b: u32, k: u32) -> u32 {
 
 fn vector(b: u32, plane: u32, s: u32) -> vec2f {
     let at = vector_index(b, plane, s);
+    if plane == LAST_STEP {
+        return decode_vector(vectors[at]);
+    }
     return vec2f(vectors[at], vectors[at + NODES]);
 }
 

@@ -34,6 +34,9 @@ fn place_of_vector(b: u32, plane: u32, s: u32) -> u32 {
 
 fn vector(b: u32, plane: u32, s: u32) -> vec2f {
     let at = place_of_vector(b, plane, s);
+    if plane == LAST_STEP {
+        return decode_vector(vectors[at]);
+    }
     return vec2f(vectors[at], vectors[at + NODES]);
 }
 
@@ -128,8 +131,9 @@ fn smooth_level(c: u32, level: u32, t: u32, before: u32, after: u32, backwards: 
     storageBarrier();
 }
 
-/// Sets SCRATCH to A z on a level, or to r - A z if `subtracted`. Returns this thread's part of z . A z.
-fn multiply_level(c: u32, level: u32, t: u32, subtracted: bool) -> f32 {
+/// Sets SCRATCH to A z on a level, with the vector z in planes `plane`, or to r - A z if `subtracted`. Returns this
+/// thread's part of z . A z.
+fn multiply_level(c: u32, level: u32, t: u32, plane: u32, subtracted: bool) -> f32 {
     let lane = t % 64u;
     let window = t / 64u * WINDOW;
     let range = block_range(c, level, t);
@@ -139,7 +143,7 @@ fn multiply_level(c: u32, level: u32, t: u32, subtracted: bool) -> f32 {
         let works = k < range.y;
         let b = coarse_lists[range.x + min(k, range.y - 1u)];
         if works {
-            load_window(b, lane, window, DIRECTION);
+            load_window(b, lane, window, plane);
         }
         workgroupBarrier();
         for (var colour = 0u; colour < 4u && works; colour++) {
@@ -247,7 +251,7 @@ fn cycle(c: u32, top: u32, t: u32) {
     let coarsest = params.count - 1u;
     for (var level = top; level < coarsest; level++) {
         smooth_level(c, level, t, NONE, DIRECTION, false);
-        multiply_level(c, level, t, true);
+        multiply_level(c, level, t, DIRECTION, true);
         restrict_level(c, level + 1u, t);
     }
     for (var n = 0u; n < 2u * COARSEST_ROUNDS; n++) {
@@ -320,6 +324,28 @@ fn second_direction(c: u32, level: u32, t: u32, beta: f32) {
     storageBarrier();
 }
 
+/// The products of r1 with the last step p, and of A p with both directions and p.
+fn products_of_last_step(c: u32, level: u32, t: u32) -> vec4f {
+    let curvature = multiply_level(c, level, t, LAST_STEP, false);
+    let range = block_range(c, level, t);
+    var sums = vec3f();
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+        let b = coarse_lists[range.x + k];
+        for (var colour = 0u; colour < 4u; colour++) {
+            let s = thread_slot(colour, t % 64u);
+            let product = vector(b, SCRATCH, s);
+            sums += vec3f(
+                dot(vector(b, RESIDUAL, s), vector(b, LAST_STEP, s)), dot(vector(b, SMOOTHED, s), product),
+                dot(vector(b, DIRECTION, s), product)
+            );
+        }
+    }
+    let residual = sum_of_threads(t, sums.x);
+    let first = sum_of_threads(t, sums.y);
+    let second = sum_of_threads(t, sums.z);
+    return vec4f(residual, first, second, sum_of_threads(t, curvature));
+}
+
 /// Copies both directions to the planes from which the step is formed.
 fn put_back(c: u32, level: u32, t: u32) {
     let range = block_range(c, level, t);
@@ -348,11 +374,12 @@ fn solve_level(c: u32, level: u32, t: u32, once: bool) {
     let before = energy_before(c, level, t);
     cycle(c, level, t);
     let rz = sum_of_threads(t, dot_level(c, level, t, true));
-    let alpha = step_length(rz, sum_of_threads(t, multiply_level(c, level, t, false)));
+    let curvature = sum_of_threads(t, multiply_level(c, level, t, DIRECTION, false));
+    let alpha = step_length(rz, curvature);
     if once {
         if t == 0u {
             charts[c].before = before;
-            charts[c].step = array<f32, 2>(alpha, 0.0);
+            charts[c].step = array<f32, 3>(alpha, 0.0, 0.0);
             charts[c].predicted = alpha * rz;
         }
         return;
@@ -363,12 +390,18 @@ fn solve_level(c: u32, level: u32, t: u32, once: bool) {
     let quotient = second_rz / rz;
     let beta = select(0.0, quotient, alpha != 0.0 && is_finite(quotient));
     second_direction(c, level, t, beta);
-    let second = step_length(second_rz, sum_of_threads(t, multiply_level(c, level, t, false)));
+    let second_curvature = sum_of_threads(t, multiply_level(c, level, t, DIRECTION, false));
+    let lengths = vec2f(alpha, step_length(second_rz, second_curvature));
+    var step = Combination(vec3f(lengths, 0.0), alpha * rz + lengths.y * second_rz);
+    if params.has_last_step == 1u {
+        let products = products_of_last_step(c, level, t);
+        step = with_last_step(lengths, vec2f(curvature, second_curvature), step.predicted, products);
+    }
     put_back(c, level, t);
     if t == 0u {
         charts[c].before = before;
-        charts[c].step = array<f32, 2>(alpha, second);
-        charts[c].predicted = alpha * rz + second * second_rz;
+        charts[c].step = array<f32, 3>(step.factors.x, step.factors.y, step.factors.z);
+        charts[c].predicted = step.predicted;
     }
 }
 

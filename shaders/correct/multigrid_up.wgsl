@@ -92,7 +92,8 @@ fn multigrid_up(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
     }
 }
 
-/// Replaces r by z1 = z0 - alpha M A z0, and sums r1 . z1 and z1 . A z0, with r1 = r - alpha A z0. `product` is A z0 and
+/// Replaces r by z1 = z0 - alpha M A z0, and sums r1 . z1, z1 . A z0 and perhaps r1 . p, with r1 = r - alpha A z0 and the
+/// last step p. `product` is A z0 and
 /// `smoothed` is M A z0 at this thread's node.
 fn second_residual(b: u32, product: vec2f, smoothed: vec2f, t: u32, group: vec3u) {
     let alpha = charts[blocks[b].chart].alpha;
@@ -107,4 +108,8 @@ fn second_residual(b: u32, product: vec2f, smoothed: vec2f, t: u32, group: vec3u
     write_sum(group, t, SUM_RZ_SECOND, dot(r, z));
     workgroupBarrier();
     write_sum(group, t, SUM_PRODUCT_Z_SECOND, dot(product, z));
+    if params.has_last_step == 1u {
+        workgroupBarrier();
+        write_sum(group, t, SUM_LAST_RESIDUAL, dot(r, vector(b, LAST_STEP, t)));
+    }
 }

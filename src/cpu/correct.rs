@@ -7,6 +7,7 @@ mod complete;
 mod conjugate_gradients;
 mod falloff;
 mod galerkin;
+mod last_step;
 #[cfg(all(feature = "gpu", feature = "lab"))]
 #[path = "../lab/cpu_correction.rs"]
 mod state;
@@ -85,7 +86,7 @@ impl Run<'_> {
         let solved = hold_back(|| {
             self.complete_systems(level, &mut solving.levels, correction.first);
             let solve = !self.stops_now(level, &before, AFTER_SYSTEMS);
-            solve.then(|| self.conjugate_gradients(level, correction.iterations, &mut solving))
+            solve.then(|| self.conjugate_gradients(level, correction, &mut solving))
         });
         let limiting = solving.limiting();
         self.memory.levels = buffers;

@@ -46,7 +46,9 @@ impl Run<'_> {
                 self.galerkin(k);
             }
         }
+        self.params.has_last_step = u32::from(level == 0 && !correction.first);
         self.conjugate_gradients(level, correction.iterations);
+        self.params.has_last_step = 0;
         self.limit_step(level);
         let trials = trial_fractions(level);
         for (n, &factor) in trials.iter().chain(&[0.0]).enumerate() {
@@ -144,8 +146,9 @@ impl Run<'_> {
         self.exchange(k, BandBuffer::Rows);
     }
 
-    /// Solves a level's system for the step, a combination of two preconditioned residuals (method §7.3). The step's
-    /// length, the predicted gain and the energy before the step are stored in the records of the charts.
+    /// Solves a level's system for the step, a combination of two preconditioned residuals and perhaps the last step
+    /// (method §7.3). Its factors, the predicted gain and the energy before the step are stored in the records of the
+    /// charts.
     fn conjugate_gradients(&mut self, level: usize, iterations: u32) {
         let params = self.with_pull(level);
         if let Some(top) =

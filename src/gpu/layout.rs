@@ -54,7 +54,7 @@ pub mod shared {
         PAIR: usize = 3;
 
         /// Planes per block of the vectors of a correction. A plane holds different quantities one after the other.
-        VECTOR_PLANES: usize = 6;
+        VECTOR_PLANES: usize = 7;
         /// The residual (2); on the corrected level, once the second V-cycle is done, the second preconditioned residual z1.
         RESIDUAL: usize = 0;
         /// The result of the V-cycle (2); on the corrected level that of the first one, z0.
@@ -64,17 +64,19 @@ pub mod shared {
         /// The block's energy before a correction, at its first node, from assembly until z0 takes its place.
         ENERGY_BEFORE: usize = 2;
         /// The step fraction of each node, in two planes used alternately, while the step is limited and tried. Until the
-        /// first trial, the step itself is a combination of z0 and z1.
+        /// first trial, the step itself is a combination of z0, z1 and the last step.
         FRACTION: usize = 4;
         /// The step (2), while it is tried.
         STEP: usize = 2;
+        /// The last step that was tried, as two bfloat16.
+        LAST_STEP: usize = 6;
         /// The displacement before the step (2), while the step is tried.
         U_BEFORE: usize = 0;
         /// Scratch memory of the V-cycle (2) on the levels that one dispatch works on, behind the vectors of these levels.
-        SCRATCH: usize = 6;
+        SCRATCH: usize = 7;
 
         /// Quantities that are summed per block.
-        SUMS: u32 = 8;
+        SUMS: u32 = 12;
         /// The energy.
         SUM_ENERGY: u32 = 0;
         /// The least corner Jacobian, of which not the sum is taken.
@@ -93,6 +95,14 @@ pub mod shared {
         SUM_PRODUCT_Z_SECOND: u32 = 5;
         /// z1 . A z1.
         SUM_CURVATURE_SECOND: u32 = 6;
+        /// The last step p: r1 . p.
+        SUM_LAST_RESIDUAL: u32 = 8;
+        /// p . A z0.
+        SUM_LAST_FIRST: u32 = 9;
+        /// p . A z1.
+        SUM_LAST_SECOND: u32 = 10;
+        /// p . A p.
+        SUM_LAST_CURVATURE: u32 = 11;
 
         /// The displacement at the last integration (2). The paper's solver uses the planes of the vectors for the
         /// second copy of the state.
@@ -199,6 +209,8 @@ structs! {
         sweeps: u32,
         /// 1 in a correction: kernels work on the charts that take part in it; else on all that are solved.
         in_correction: u32,
+        /// 1 in a correction that follows another one of the same level: the last step is a direction.
+        has_last_step: u32,
         /// 1 if the state to read is the identity, whatever stands in `state`.
         is_identity: u32,
         /// Number of charts; for `surface`, of triangles.
@@ -270,8 +282,8 @@ structs! {
         curvature: f32,
         /// Conjugate gradients: length of the first step.
         alpha: f32,
-        /// The step is this combination of z0 and z1.
-        step: [f32; 2],
+        /// The step is this combination of z0, z1 and the last step.
+        step: [f32; 3],
         /// Predicted gain: the fall of the quadratic model over the step.
         predicted: f32,
         /// 1 during a level's first correction.

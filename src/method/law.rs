@@ -67,8 +67,11 @@ constants! {
     /// A level has few blocks if no chart has more active ones on it than this: as many as a chart of 64 x 64 cells has.
     FEW_BLOCKS: usize = 16;
     /// Most iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
-    /// does, and need more memory (method §7.3).
+    /// does, which continues along the last step, and need more memory (method §7.3).
     CG_ITERATIONS: u32 = 2;
+    /// The last step is a direction of conjugate gradients if at least this part of its curvature is left once it is
+    /// conjugate to the other directions.
+    MIN_NEW_CURVATURE: f32 = 1e-3;
     /// A component of a step of this many cells or more is replaced by 0: it exceeds the largest grid.
     MAX_STEP: f32 = 32768.0;
 

@@ -107,7 +107,7 @@ impl Plan {
             Quality::Draft => ([3, 1], [0, 1], 0.0, true, 1.0),
             Quality::Normal => ([2, 2], [4, 1], 3e-3, true, 2.0),
             // More corrections gain hardly any energy, and let rounding decide where crowded charts end.
-            Quality::High => ([2, 2], [9, 1], 1e-4, false, 2.0),
+            Quality::High => ([2, 2], [8, 1], 1e-4, false, 2.0),
         };
         // A second iteration on the coarser levels lowers the strain of a draft by a tenth, for a fifth of its time, and
         // makes crowded charts rougher. `normal` needs it: where charts are crowded, it is rougher without.

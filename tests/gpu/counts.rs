@@ -30,9 +30,9 @@ const fn most(
 /// mostly rounds of the step limit, of three dispatches each, which only crowded charts need.
 const TABLE: [Most; 5] = [
     most("bulge", 256, Quality::Draft, [112, 125, 380, 255]),
-    most("bulge", 512, Quality::Draft, [144, 142, 315, 222]),
-    most("bulge", 512, Quality::Normal, [192, 213, 1260, 222]),
-    most("mug_to_jug", 512, Quality::Normal, [205, 266, 2300, 262]),
+    most("bulge", 512, Quality::Draft, [144, 142, 315, 226]),
+    most("bulge", 512, Quality::Normal, [192, 213, 1260, 226]),
+    most("mug_to_jug", 512, Quality::Normal, [205, 266, 2300, 266]),
     most("mh_face", 512, Quality::Normal, [300, 340, 5600, 342]),
 ];
 

@@ -2,10 +2,12 @@
 
 use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch};
 use super::super::run::Run;
+use super::last_step::Directions;
 use super::multigrid;
 use super::workspace::{Solving, SolvingLevel};
 use crate::allocation::{Collect, zeroed};
 use crate::grid::planes::{NODES, Plane};
+use crate::method::acceptance::Correction;
 use crate::method::law::MAX_STEP;
 use crate::team::SharedSlice;
 
@@ -14,17 +16,25 @@ impl Run<'_> {
     /// predicted gain per chart, which is the decrease of the quadratic model of the energy.
     ///
     /// With two iterations the second direction is a combination of the preconditioned residual and of the first step,
-    /// so that no direction has to be stored.
+    /// so that no direction has to be stored. On the finest level, corrections after the first one have a third
+    /// direction, the step of the correction before.
     pub(super) fn conjugate_gradients(
         &self,
         level: usize,
-        iterations: u32,
+        correction: &Correction,
         solving: &mut Solving,
     ) -> Vec<f64> {
         let charts = self.charts.len();
         let mut predicted = zeroed::<f64>(charts);
-        // r·z and α of the first iteration.
-        let (mut first_rz, mut first_alpha) = (zeroed::<f64>(charts), zeroed::<f32>(charts));
+        let last_step = solving.last_step.take().filter(|_| !correction.first);
+        let last_step = last_step.map(|last_step| {
+            self.keep_last_step(level, solving.step, last_step);
+            &*last_step
+        });
+        // r·z of the first iteration.
+        let mut first_rz = zeroed::<f64>(charts);
+        let mut directions = Directions::default();
+        let iterations = correction.iterations as usize;
         for iteration in 0..iterations {
             let (first, last) = (iteration == 0, iteration + 1 == iterations);
             let rz = multigrid::precondition(self, level, &mut solving.levels);
@@ -33,9 +43,10 @@ impl Run<'_> {
                 let beta: Vec<f32> = (0..charts)
                     .map(|c| {
                         // A chart that takes no part, or whose system is already solved, has no first step.
-                        let stepped = first_rz[c] != 0.0 && first_alpha[c] != 0.0;
+                        let first_alpha = directions.lengths[0][c];
+                        let stepped = first_rz[c] != 0.0 && first_alpha != 0.0;
                         let (rz_before, alpha) =
-                            if stepped { (first_rz[c], first_alpha[c]) } else { (1.0, 1.0) };
+                            if stepped { (first_rz[c], first_alpha) } else { (1.0, 1.0) };
                         let beta = (rz[c] / rz_before) as f32 / alpha;
                         if stepped && beta.is_finite() { beta } else { 0.0 }
                     })
@@ -76,7 +87,15 @@ impl Run<'_> {
                     dispatch(Update { x, r, z: &direction[b], t: &product[b], alpha: alpha[c], first, last });
                 },
             );
-            (first_rz, first_alpha) = (rz, alpha);
+            if first {
+                first_rz = rz;
+            }
+            (directions.lengths[iteration], directions.curvatures[iteration]) = (alpha, curvature);
+        }
+        if let Some(last_step) = last_step
+            && iterations == 2
+        {
+            self.add_last_step(level, solving, last_step, &directions, &mut predicted);
         }
         predicted
     }

@@ -189,7 +189,7 @@ fn off_diagonal<V: Lanes>(pairs: &Pairs, row: Row, z: &[Window; 2]) -> [V; 2] {
 
 /// A z for one row.
 #[inline(always)]
-fn product<V: Lanes>(diagonal: &[Plane; 3], pairs: &Pairs, row: Row, z: &[Window; 2]) -> [V; 2] {
+pub fn product<V: Lanes>(diagonal: &[Plane; 3], pairs: &Pairs, row: Row, z: &[Window; 2]) -> [V; 2] {
     let [ax, ay] = off_diagonal::<V>(pairs, row, z);
     let (x, y) = (row.near::<V>(&z[0], 0, 0), row.near::<V>(&z[1], 0, 0));
     let [xx, xy, yy] = each!([0, 1, 2], |c| row.load::<V>(&diagonal[c]));

@@ -24,6 +24,9 @@ pub struct Workspace {
     levels: Vec<LevelMemory>,
     /// The step of a correction on a coarser level. That of the finest level is stored in the memory of the result.
     coarse_step: Vec<[Plane; 2]>,
+    /// On the finest level, the step of the correction before, as two bfloat16 per node; 0 in blocks without movable
+    /// nodes.
+    last_step: Vec<Plane<u32>>,
     /// Step fraction per chart of the level's next correction; 0 if the last correction gained too little for another
     /// one.
     pub next_fraction: Vec<f32>,
@@ -54,6 +57,7 @@ impl Workspace {
         Workspace {
             levels,
             coarse_step: allocator.zeros(largest.unwrap_or(0)),
+            last_step: allocator.zeros(grid.levels[0].blocks.list.len()),
             next_fraction: allocator.array(1.0, grid.movable.len()),
         }
     }
@@ -66,7 +70,8 @@ impl Workspace {
     /// Begins a correction of `level`. The finest level's step is stored in `result`.
     pub fn assembling<'a>(&'a mut self, level: usize, result: &'a mut [[Plane; 2]]) -> Assembling<'a> {
         let step = if level == 0 { result } else { &mut self.coarse_step };
-        Assembling { levels: &mut self.levels[level..], step }
+        let last_step = (level == 0).then_some(&mut *self.last_step);
+        Assembling { levels: &mut self.levels[level..], step, last_step }
     }
 }
 
@@ -101,6 +106,7 @@ impl Workspace {
 pub struct Assembling<'a> {
     levels: &'a mut [LevelMemory],
     step: &'a mut [[Plane; 2]],
+    last_step: Option<&'a mut [Plane<u32>]>,
 }
 
 impl<'a> Assembling<'a> {
@@ -119,7 +125,7 @@ impl<'a> Assembling<'a> {
             direction: &mut memory.planes_b,
             product: &mut buffers.value,
         });
-        Solving { levels: levels.collected(), step: self.step }
+        Solving { levels: levels.collected(), step: self.step, last_step: self.last_step }
     }
 }
 
@@ -127,7 +133,10 @@ impl<'a> Assembling<'a> {
 pub struct Solving<'a, 's> {
     /// The corrected level, and the coarser ones.
     pub levels: Vec<SolvingLevel<'a, 's>>,
+    /// At first still that of the correction before.
     pub step: &'a mut [[Plane; 2]],
+    /// Memory to keep that step in, on the finest level.
+    pub last_step: Option<&'a mut [Plane<u32>]>,
 }
 
 /// The matrix and the vectors of one level.
