@@ -43,8 +43,11 @@ fn vector_index(b: u32, plane: u32, s: u32) -> u32 {
     return ((params.base + b) * VECTOR_PLANES + plane) * NODES + s;
 }
 
-/// Encodes a vector as two bfloat16 in one word.
+/// Encodes a vector as two bfloat16 in one word. 0 stays 0: nodes at rest stay there.
 fn encode_vector(v: vec2f) -> f32 {
+    if all(v == vec2f()) {
+        return 0.0;
+    }
     // A word whose upper half is 0 would be a denormal number, which a GPU may take for 0.
     let bits = bitcast<vec2u>(vec2f(select(TINY, v.x, abs(v.x) > TINY), v.y));
     let rounded = bits + 0x7fffu + ((bits >> vec2u(16u)) & vec2u(1u));
