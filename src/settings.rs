@@ -308,7 +308,7 @@ pub enum Quality {
     /// energy.
     #[default]
     Normal,
-    /// As `Normal` on coarser levels; up to eight corrections on the finest, while they gain 0.01 %.
+    /// As `Normal` on coarser levels; on the finest, up to seven corrections with more sweeps, while they gain 0.01 %.
     High,
 }
 

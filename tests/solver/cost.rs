@@ -232,7 +232,7 @@ fn work_is_bounded() {
         for (quality, sweeps, corrections) in [
             (Quality::Draft, [0, 1], [0, 1]),
             (Quality::Normal, [2, 2], [4, 1]),
-            (Quality::High, [2, 2], [8, 1]),
+            (Quality::High, [3, 2], [7, 1]),
         ] {
             asset.solve(model.frame(1), &options(quality)).unwrap();
             let report = asset.tile_report(0).unwrap();

@@ -24,19 +24,18 @@ const DRAFT: Bars = [0.03, 0.01, 0.8, 0.01];
 
 /// Scenes that miss a bar, with about one and a half times what is measured. The steps of their charts are limited at
 /// crushed corners. At 256 x 256 cells and `normal` all second differences over 0.1 of arm, cesium_man, fox and ict_inner lie
-/// where two minima are side by side, and those of the squash where the minimum itself jumps; those of ict_inner at `high`
-/// are the solver's (benches/results/roughness.md, "Whose jumps they are").
-const MISSED: [(&str, u32, Quality, Bars); 14] = [
+/// where two minima are side by side, and those of the squash where the minimum itself jumps (benches/results/roughness.md,
+/// "Whose jumps they are").
+const MISSED: [(&str, u32, Quality, Bars); 13] = [
     ("squash to 40 %", 256, Quality::Draft, [0.17, 0.22, 1.6, 0.0125]),
     ("squash to 40 %", 256, Quality::Normal, [0.048, 0.02, 1.3, 0.028]),
-    ("squash to 40 %", 256, Quality::High, [0.04, 0.0065, 1.4, 0.0125]),
+    ("squash to 40 %", 256, Quality::High, [0.04, 0.0075, 1.4, 0.025]),
     ("arm", 256, Quality::Normal, [0.01, 0.001, 1.05, 0.01]),
-    ("arm", 256, Quality::High, [0.01, 0.001, 1.05, 0.01]),
+    ("arm", 256, Quality::High, [0.01, 0.001, 1.05, 0.034]),
     ("cesium_man", 256, Quality::High, [0.01, 0.001, 1.05, 0.01]),
     ("fox", 256, Quality::Normal, [0.01, 0.0018, 1.0, 0.01]),
     ("fox", 256, Quality::High, [0.0155, 0.0017, 2.6, 0.01]),
     ("ict_inner", 256, Quality::Normal, [0.01, 0.001, 0.5, 0.05]),
-    ("ict_inner", 256, Quality::High, [0.01, 0.0021, 0.5, 0.05]),
     ("squash to 40 %", 128, Quality::Normal, [0.033, 0.0036, 1.3, 0.01]),
     ("strips", 128, Quality::Normal, [0.037, 0.008, 0.5, 0.01]),
     ("arm", 128, Quality::Normal, [0.016, 0.001, 1.3, 0.01]),
