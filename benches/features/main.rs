@@ -130,7 +130,11 @@ fn save(columns: &[image::RgbImage], path: &Path) -> Result<(), String> {
     for (k, column) in columns.iter().enumerate() {
         image::imageops::replace(&mut sheet, column, (k * COLUMN) as i64, 0);
     }
-    sheet.save(path).map_err(|error| format!("{}: {error}", path.display()))
+    let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
+    if let Some(folder) = path.parent() {
+        std::fs::create_dir_all(folder).map_err(|error| failed(&error))?;
+    }
+    sheet.save(path).map_err(|error| failed(&error))
 }
 
 /// A line for each place at which the scene has features, on all of its tiles.
