@@ -308,7 +308,8 @@ pub enum Quality {
     /// energy.
     #[default]
     Normal,
-    /// As `Normal` on coarser levels; on the finest, up to seven corrections with more sweeps, while they gain 0.01 %.
+    /// As `Normal` on coarser levels; on the finest, up to seven corrections, with a sweep more after each, while
+    /// they gain 0.01 %.
     High,
 }
 

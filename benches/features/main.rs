@@ -85,6 +85,9 @@ fn run(args: &Args) -> Result<(), String> {
     if let Some(name) = args.scenes.iter().find(|name| !models.iter().any(|model| model.name == **name)) {
         return Err(format!("no scene or asset '{name}'"));
     }
+    if let Some(folder) = &args.pictures {
+        std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    }
     let wanted = |name: &str| args.scenes.is_empty() || args.scenes.iter().any(|scene| scene == name);
     for (name, frame) in CASES.into_iter().filter(|case| wanted(case.0)) {
         let Some(model) = models.iter().find(|model| model.name == name) else { continue };
@@ -130,11 +133,7 @@ fn save(columns: &[image::RgbImage], path: &Path) -> Result<(), String> {
     for (k, column) in columns.iter().enumerate() {
         image::imageops::replace(&mut sheet, column, (k * COLUMN) as i64, 0);
     }
-    let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
-    if let Some(folder) = path.parent() {
-        std::fs::create_dir_all(folder).map_err(|error| failed(&error))?;
-    }
-    sheet.save(path).map_err(|error| failed(&error))
+    sheet.save(path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// A line for each place at which the scene has features, on all of its tiles.

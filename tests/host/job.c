@@ -329,8 +329,7 @@ static void selection(void)
     end(made);
 }
 
-/* Counts its calls, and cancels after some. The first few take so long that the next is due at once, however quick the
-   solve is. */
+/* Counts its calls, and cancels after some. */
 typedef struct watch {
     int calls, cancel_at, falls, busy;
     float last;
@@ -346,7 +345,7 @@ static uint32_t on_progress(void *user, float progress)
     const vrtm_status status = vrtm_asset_report(w->asset, &report);
     w->calls += 1;
     if (w->calls <= 4) {
-        platform_sleep(5);
+        platform_sleep(5); /* The next call is then due at once, so that even a quick solve has four. */
     }
     w->falls += progress < w->last;
     w->last = progress;
