@@ -3,6 +3,9 @@
 
 # vrtm_check_prebuilt(): whether VRTM_PREBUILT is there, with its import library, and is for the system that it is used on.
 function(vrtm_check_prebuilt)
+  # It is copied in another folder than this. One on the command line is absolute by now.
+  get_filename_component(VRTM_PREBUILT "${VRTM_PREBUILT}" ABSOLUTE BASE_DIR "${CMAKE_SOURCE_DIR}")
+  set(VRTM_PREBUILT "${VRTM_PREBUILT}" PARENT_SCOPE)
   if(NOT EXISTS "${VRTM_PREBUILT}" OR IS_DIRECTORY "${VRTM_PREBUILT}")
     message(FATAL_ERROR "vrtm: VRTM_PREBUILT is ${VRTM_PREBUILT}, which does not exist")
   endif()
@@ -82,6 +85,7 @@ endfunction()
 function(vrtm_add_build folder)
   if(VRTM_PREBUILT)
     set(cargo)
+    set(says "vrtm: copies ${VRTM_PREBUILT}, which is built already")
     set(library "${VRTM_PREBUILT}")
     get_filename_component(from "${VRTM_PREBUILT}" DIRECTORY)
   else()
@@ -89,6 +93,7 @@ function(vrtm_add_build folder)
     vrtm_cargo_folder(from)
     vrtm_cargo_environment(environment)
     set(cargo COMMAND "${CMAKE_COMMAND}" -E env ${environment} "${VRTM_CARGO}" ${arguments})
+    set(says "vrtm: cargo builds the library")
     set(library "${from}/${VRTM_BUILT}")
   endif()
   set(copies COMMAND "${CMAKE_COMMAND}" -E copy_if_different "${library}" "${folder}/${VRTM_FILE}")
@@ -108,5 +113,5 @@ function(vrtm_add_build folder)
   # Cargo itself finds out what is to be built anew, so it is called every time.
   add_custom_target(vrtm_build ${all} ${cargo}
     COMMAND "${CMAKE_COMMAND}" -E make_directory "${folder}" ${copies}
-    BYPRODUCTS ${made} COMMENT "vrtm: cargo builds the library" USES_TERMINAL VERBATIM)
+    BYPRODUCTS ${made} COMMENT "${says}" USES_TERMINAL VERBATIM)
 endfunction()
