@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,39 @@ def test_negative_indices_and_continued_lines(tmp_path: Path) -> None:
     text = f"{VERTICES}{UVS}f -6/-6 -5/-5 \\\n -2/-2 -3/-3\nv 9 9 9\nvt 0.25 1\nf 2/2 3/3 -2/-2 -3/-1\n"
     shape = Scene(write(tmp_path / "a.obj", text)).shapes[0]
     assert shape.indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 4] and shape.uv_indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 6]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: b"\xef\xbb\xbf" + text.encode(),
+        lambda text: text.replace("\n", "\r").encode(),
+        lambda text: text.replace("\n", "\r\n").replace("/2 5", "/2 \\\r\n5").encode(),
+        lambda text: text.replace(" 4/4\n", " 4/4/\n").replace(" 1/1 ", " 1/1/ ").encode(),
+        lambda text: text.replace("v 2 ", "v\t+2.0e+00 ").replace(" 2/2 ", " +2/02 ").encode(),
+        # A comment may end with a folder's path, and names may be in any encoding.
+        lambda text: b"# C:\\meshes\\\no \xe9t\xe9\n" + text.encode() + b"# the last \\",
+    ],
+    ids=["mark", "CR", "CRLF", "slash", "numbers", "comments"],
+)
+def test_ways_of_writing(tmp_path: Path, change: Callable[[str], bytes]) -> None:
+    path = tmp_path / "a.obj"
+    path.write_bytes(change(VERTICES + UVS + FACES))
+    shape = Scene(path).shapes[0]
+    assert shape.indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 4] and shape.uv_indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 4]
+    assert shape.rest[2].tolist() == [2, 0, 0] and len(shape.rest) == 6
+
+
+def test_corners_without_uvs(tmp_path: Path) -> None:
+    shape = Scene(write(tmp_path / "a.obj", VERTICES + UVS + FACES + "f 1//3 2// 5/\n")).shapes[0]
+    assert shape.indices[-3:].tolist() == [0, 1, 4] and shape.uv_indices[-3:].tolist() == [-1, -1, -1]
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_utf16_is_named(tmp_path: Path, encoding: str) -> None:
+    (tmp_path / "a.obj").write_bytes((VERTICES + UVS + FACES).encode(encoding))
+    with pytest.raises(SceneError, match=r"a\.obj: .*UTF-16: save it as UTF-8"):
+        Scene(tmp_path / "a.obj")
 
 
 def test_colours_are_rigidity(tmp_path: Path) -> None:
@@ -114,6 +148,8 @@ def test_bad_files_are_named_with_their_line(tmp_path: Path) -> None:
         VERTICES + UVS + "f 1/1 2/2 3/7\n": "a face names the vt 7, but there are 6",
         VERTICES + UVS + "f 1/1 2/2 -7/3\n": "line 13: '-7/3' names what stands before the file's first",
         VERTICES + UVS + "f 1/1 2/2 0/3\n": "line 13: '0/3' is not the corner of a face",
+        VERTICES + UVS + "f 1/1 2/2 4294967295/3\n": "line 13: '4294967295/3' names what the file does not have",
+        "v 0 0 \\\n0\nv 1_0 0 0\n": "line 3: '1_0 0 0' is not 3 numbers",
         VERTICES + UVS + "f 1/1 2/2\n": "line 13: face 1 has 2 corners",
         VERTICES + "f 1 2 3\n": r"no faces with UVs \(vt\)",
         VERTICES: "no faces",

@@ -1,12 +1,14 @@
 """Wavefront OBJ: polygons stay polygons, vertices and UVs keep their order in the file.
 
-Only `v`, `vt` and `f` are read, here: readers at hand either merge vertices and UVs or turn a number that cannot be
-read into 0, and none tells a vertex without a colour from a white one.
+Only `v`, `vt` and `f` are read, by the rules of docs/bake.md, which the bake program has, too. Here: readers at hand
+either merge vertices and UVs or turn a number that cannot be read into 0, and none tells a vertex without a colour from
+a white one.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,19 +32,12 @@ class ObjFile:
 
 def read_obj(path: str) -> ObjFile:
     """Reads a file. Raises SceneError that names the line where it cannot be understood."""
-    try:
-        text = Path(path).read_text("utf-8", errors="replace")
-    except OSError as error:
-        raise SceneError(f"{path}: {error.strerror or error}") from error
     rows: dict[str, list[tuple[int, str]]] = {"v": [], "vt": [], "f": []}
     seen: list[tuple[int, int]] = []  # vertices and UVs before each face, which negative indices count back from
-    lines = text.replace("\\\r\n", " ").replace("\\\n", " ").split("\n")
-    for number, line in enumerate(lines, 1):
-        word, _, rest = line.strip().partition(" ")
-        if "\t" in word:
-            word, _, rest = line.strip().partition("\t")
+    for number, line in _statements(_text(path)):
+        word, *rest = line.split(maxsplit=1)
         if word in rows:
-            rows[word].append((number, rest.partition("#")[0]))
+            rows[word].append((number, rest[0] if rest else ""))
             if word == "f":
                 seen.append((len(rows["v"]), len(rows["vt"])))
     vertices = _numbers(path, rows["v"], 3, (3, 4, 6, 7))
@@ -58,9 +53,48 @@ def read_obj(path: str) -> ObjFile:
     return ObjFile(vertices[:, :3], colours, uvs[:, :2], counts, indices, without_uvs(counts, uv_indices))
 
 
+def _text(path: str) -> str:
+    """The file's text; what is no UTF-8, as names may be, counts for nothing."""
+    try:
+        content = Path(path).read_bytes()
+    except OSError as error:
+        raise SceneError(f"{path}: {error.strerror or error}") from error
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise SceneError(f"{path}: a file in UTF-16: save it as UTF-8")
+    if b"\0" in content[:1024]:
+        raise SceneError(f"{path}: no text, or one in UTF-16: save it as UTF-8")
+    return content.decode("utf-8-sig", errors="replace")
+
+
+def _statements(text: str) -> Iterator[tuple[int, str]]:
+    """(number of the first line, text) of each statement, without comments; none of them is empty."""
+    if "\r" in text:
+        text = text.replace("\r\n", "\n").replace("\r", "\n")
+    first, before = 0, ""
+    for number, line in enumerate(text.split("\n"), 1):
+        first = first if before else number
+        if "#" in line:
+            # A comment ends with its line, even at a backslash, and begins with a word.
+            line = before + _COMMENT.sub("", line)
+        elif line.endswith("\\"):
+            before += line[:-1] + " "
+            continue
+        else:
+            line = before + line
+        before = ""
+        if line and not line.isspace():
+            yield first, line
+    if before.strip():
+        yield first, before
+
+
 def _numbers(path: str, rows: list[tuple[int, str]], least: int, widths: tuple[int, ...]) -> np.ndarray:
     """(rows, numbers) f64; a `v` may have a weight and a colour after its place, a `vt` one or three numbers."""
     split = [row.split() for _, row in rows]
+    # Python takes 1_000 for a number, and no other program does.
+    wrong = next(((number, row) for number, row in rows if "_" in row), None)
+    if wrong:
+        raise SceneError(f"{path}: line {wrong[0]}: '{wrong[1].strip()[:60]}' is not {least} numbers")
     width = max(map(len, split), default=least)
     try:
         if all(len(row) == width for row in split):
@@ -91,7 +125,10 @@ def _is_number(word: str) -> bool:
     return True
 
 
-CORNER = re.compile(r"(-?[1-9]\d*)(?:/(-?[1-9]\d*)?(?:/-?[1-9]\d*)?)?")
+_LAST = np.iinfo(np.int32).max
+_COMMENT = re.compile(r"(^|\s)#.*")
+# What stands behind a slash may be missing.
+CORNER = re.compile(r"([+-]?[0-9]+)(?:/([+-]?[0-9]+)?(?:/(?:[+-]?[0-9]+)?)?)?")
 
 
 def _faces(path: str, rows: list[tuple[int, str]], seen: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
@@ -107,7 +144,11 @@ def _faces(path: str, rows: list[tuple[int, str]], seen: list[tuple[int, int]]) 
             if not found:
                 raise SceneError(f"{path}: line {number}: '{word}' is not the corner of a face")
             vertex, uv = int(found[1]), int(found[2] or 0)
+            if vertex == 0 or (uv == 0 and found[2]):
+                raise SceneError(f"{path}: line {number}: '{word}' is not the corner of a face: indices begin at 1")
             corner = (vertex - 1 if vertex > 0 else vertices + vertex, uv - 1 if uv >= 0 else uvs + uv)
+            if max(corner) > _LAST:
+                raise SceneError(f"{path}: line {number}: '{word}' names what the file does not have")
             if corner[0] < 0 or corner[1] < -1 or (uv < 0 and corner[1] < 0):
                 raise SceneError(f"{path}: line {number}: '{word}' names what stands before the file's first")
             corners.append(corner)
