@@ -67,7 +67,7 @@ class Strain(Case):
         # Vertices that are rigid, and away from the borders of features and from the seam.
         at = np.zeros((len(arm.mesh.vertices), 2))
         at[arm.faces.ravel()] = arm.uvs
-        inside = part("masks").shrunk(arm.painted[1001], 5) > 0.5
+        inside = part("session").library().rigidity.shrunk(arm.painted[1001], 5) > 0.5
         x, y = np.clip((at * 256).astype(int), 0, 255).T
         rigid = inside[y, x] & (at[:, 1] > 0.1) & (at[:, 1] < 0.9)
         self.assertGreater(rigid.sum(), 200)

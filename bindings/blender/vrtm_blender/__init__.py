@@ -13,7 +13,6 @@ NAMES = (
     "packed",
     "layers",
     "maps",
-    "masks",
     "strain",
     "overlay",
     "prepared",

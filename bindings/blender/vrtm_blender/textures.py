@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from . import masks, materials, nodes, results
+from . import materials, nodes, results, session
 
 HEIGHTS = ("ShaderNodeBump", "ShaderNodeDisplacement")
 
@@ -64,7 +64,9 @@ def _turns(node: bpy.types.Node, socket: bpy.types.NodeSocket) -> bool:
         fixed = [other.default_value for other in node.inputs[:2] if not other.is_linked]
         return node.operation in ("MULTIPLY", "DIVIDE") and any(value < 0 for value in fixed)
     if node.bl_idname == "ShaderNodeValToRGB":
-        first, last = (masks.brightness(np.array(node.color_ramp.evaluate(at)[:3])) for at in (0.0, 1.0))
+        first, last = session.library().rigidity.brightness(
+            np.array([[node.color_ramp.evaluate(at)[:3] for at in (0.0, 1.0)]])
+        )[0]
         return bool(first > last)
     if node.bl_idname == "ShaderNodeMapRange":
         low, high, to_low, to_high = (

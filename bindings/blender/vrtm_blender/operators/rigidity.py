@@ -8,11 +8,12 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from .. import geometry, keep, live, maps, masks, packed, textures
+from .. import geometry, keep, live, maps, packed, textures
 from ..messages import Problem
+from ..session import library
 from .base import OnObject
 
-Change = Callable[[np.ndarray], np.ndarray]
+Tiles = dict[int | None, np.ndarray]
 
 
 def images_of(obj: bpy.types.Object) -> bpy.types.Image:
@@ -35,11 +36,11 @@ def show(obj: bpy.types.Object, image: bpy.types.Image) -> None:
     live.touch(obj, mesh=False)
 
 
-def made_of(obj: bpy.types.Object, source: bpy.types.Image, change: Change, size: int) -> bpy.types.Image:
-    """A new rigidity image: each tile of another image, made smaller and changed."""
+def made_of(obj: bpy.types.Object, source: bpy.types.Image, change: Callable[[Tiles], Tiles]) -> bpy.types.Image:
+    """A new rigidity image out of the tiles of another image."""
     tiles = {}
-    for udim, pixels in maps.read_image(source).items():
-        values = np.clip(change(masks.smaller(pixels, size) if size else pixels), 0, 1)
+    for udim, values in change(maps.read_image(source)).items():
+        values = np.clip(values, 0, 1)
         tiles[udim or packed.WHOLE] = np.stack([values, values, values, np.ones_like(values)], -1).astype(np.float32)
     return packed.image(f"{obj.name} rigidity", tiles)
 
@@ -65,13 +66,14 @@ class _FromImage(OnObject):
             raise Problem(f"{obj.name}: its materials have no {what}: choose an image")
         return found
 
-    def finish(self, values: np.ndarray) -> np.ndarray:
-        if self.invert:
-            values = 1 - values
-        return masks.grown(values, self.grow) if self.grow >= 0 else masks.shrunk(values, -self.grow)
+    def make(self, obj: bpy.types.Object, source: bpy.types.Image, change: Callable[[Tiles], Tiles]) -> str:
+        of = library().rigidity
 
-    def make(self, obj: bpy.types.Object, source: bpy.types.Image, change: Change) -> str:
-        image = made_of(obj, source, lambda pixels: self.finish(change(pixels)), self.size)
+        def made(tiles: Tiles) -> Tiles:
+            found = change({udim: of.smaller(pixels, self.size) for udim, pixels in tiles.items()})
+            return {udim: of.changed(values, self.invert, self.grow) for udim, values in found.items()}
+
+        image = made_of(obj, source, made)
         show(obj, image)
         return f"{obj.name}: {image.name!r} is made of {source.name!r}"
 
@@ -103,11 +105,10 @@ class VRTM_OT_rigidity_from_texture(_FromImage, bpy.types.Operator):
         source = self.source(obj, textures.colour_image(obj), "Image Texture")
         return self.make(obj, source, self.change)
 
-    def change(self, pixels: np.ndarray) -> np.ndarray:
+    def change(self, tiles: Tiles) -> Tiles:
         if self.by == "colour":
-            return masks.coloured(pixels, self.colour, self.tolerance)
-        values = masks.brightness(pixels)
-        return masks.brighter(values, self.threshold or masks.otsu(values))
+            return library().rigidity.of_colour(tiles, self.colour, self.tolerance)
+        return library().rigidity.of_brightness(tiles, self.threshold)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -141,13 +142,11 @@ class VRTM_OT_rigidity_from_heights(_FromImage, bpy.types.Operator):
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         found, down = (None, False) if self.image else textures.height_image(obj)
         source = self.source(obj, found, "texture behind the height of a Bump or Displacement node")
-        text = self.make(obj, source, lambda pixels: self.change(pixels, down))
+        sunken = self.sunken != down
+        text = self.make(
+            obj, source, lambda tiles: library().rigidity.of_heights(tiles, self.feature, self.threshold, sunken)
+        )
         return text + "; what is dark in it is high, as its nodes have it" * down
-
-    def change(self, pixels: np.ndarray, down: bool) -> np.ndarray:
-        heights = masks.brightness(pixels)
-        radius = max(round(self.feature * max(heights.shape) / 2), 2)
-        return masks.raised(-heights if self.sunken != down else heights, radius, self.threshold)
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -190,14 +189,15 @@ class VRTM_OT_change_rigidity(_OnImage, bpy.types.Operator):
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         source, settings = images_of(obj), obj.vrtm
         channel = "RGBA".index(settings.rigidity_channel)
-        image = made_of(obj, source, lambda pixels: self.change(pixels[..., channel]), 0)
+        grow = {"invert": 0, "grow": self.texels, "shrink": -self.texels}[self.how]
+
+        def change(tiles: Tiles) -> Tiles:
+            changed = library().rigidity.changed
+            return {udim: changed(pixels[..., channel], self.how == "invert", grow) for udim, pixels in tiles.items()}
+
+        image = made_of(obj, source, change)
         show(obj, image)
         return f"{obj.name}: {image.name!r} is the rigidity now; {source.name!r} is as it was"
-
-    def change(self, values: np.ndarray) -> np.ndarray:
-        if self.how == "invert":
-            return 1 - values
-        return (masks.grown if self.how == "grow" else masks.shrunk)(values, self.texels)
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.prop(self, "how")

@@ -16,6 +16,7 @@ Exceptions carry the library's status and message. The GIL is released in every 
 that solves or changes an asset while another does raises BusyError.
 """
 
+from . import rigidity
 from ._asset import Asset
 from ._device import Device, adapters
 from ._errors import (
@@ -89,5 +90,6 @@ __all__ = [
     "UnsupportedError",
     "adapters",
     "library_path",
+    "rigidity",
     "version",
 ]

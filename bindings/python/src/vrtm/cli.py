@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _run(sys.argv[1:] if arguments is None else list(arguments))
     except KeyboardInterrupt:
-        # While the arguments are read; `bake` and `dilate` handle signals themselves.
+        # While the arguments are read; `bake`, `dilate` and `rigidity` handle signals themselves.
         console.Console(False, False, False).error("ended by SIGINT")
         return 130
     finally:
@@ -50,6 +50,7 @@ def _run(given: list[str]) -> int:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     bake = arguments.add_to(commands)
     arguments.add_dilate_to(commands)
+    arguments.add_rigidity_to(commands)
     template = commands.add_parser(
         "farm-template",
         help="write a job template for a render farm",
@@ -69,8 +70,8 @@ def _run(given: list[str]) -> int:
         return _template(parsed.out, not parsed.no_layer, parsed.overwrite)
     if parsed.command == "devices":
         return _devices()
-    if parsed.command == "dilate":
-        return _dilate(parsed)
+    if parsed.command in ("dilate", "rigidity"):
+        return _on_images(parsed)
     return _bake(arguments.settings(bake, parsed), parsed)
 
 
@@ -92,7 +93,7 @@ def _bake(settings, parsed: argparse.Namespace) -> int:
         return bake(settings, console, stop)
 
 
-def _dilate(parsed: argparse.Namespace) -> int:
+def _on_images(parsed: argparse.Namespace) -> int:
     from vrtm.bake.console import Console
     from vrtm.bake.failure import describe
     from vrtm.bake.stopping import signals
@@ -100,9 +101,11 @@ def _dilate(parsed: argparse.Namespace) -> int:
     console = Console(parsed.quiet, False, False)
     with signals() as stop:
         try:
-            from vrtm.bake.dilate import dilate
-
-            dilate(parsed, console, stop)
+            if parsed.command == "dilate":
+                from vrtm.bake.dilate import dilate as work
+            else:
+                from vrtm.bake.rigidity import make as work
+            work(parsed, console, stop)
         except Exception as error:
             failure = describe(error)
             console.error(failure.message)

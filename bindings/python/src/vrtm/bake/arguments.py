@@ -27,6 +27,10 @@ DILATION = """\
 Writes copies of textures that hold, around each chart, what the surface shows beyond the chart's seams, so that seams
 do not show when a renderer filters. What lies in charts, and farther from seams, stays as it is."""
 
+RIGIDITY = """\
+Makes rigidity maps out of pictures: what is bright in a texture, has about a colour, or stands out of its surroundings
+in a height map is rigid. One threshold holds for all tiles. A map that somebody has painted on is not replaced."""
+
 LARGEST = 65536
 WELDS = ("index", "position", "off")
 
@@ -78,6 +82,48 @@ def add_dilate_to(commands: Any) -> None:
     parser.add_argument("--uv", metavar="NAME", help="as for bake")
     parser.add_argument("--rest", metavar="WHERE", help="as for bake")
     parser.add_argument("--weld", choices=WELDS, default="index", help="by what faces hang together (index)")
+    parser.add_argument("--overwrite", action="store_true", help="replace files that vrtm has not written, too")
+    parser.add_argument("--quiet", action="store_true", help="print errors and warnings only")
+
+
+def add_rigidity_to(commands: Any) -> None:
+    """Adds the subcommand `rigidity`."""
+    parser = commands.add_parser("rigidity", help="make rigidity maps out of textures", description=RIGIDITY)
+    parser.add_argument("image", metavar="IMAGE", help="a texture or a height map; <UDIM> stands for the tile")
+    parser.add_argument(
+        "--out", required=True, metavar="IMAGE", help="the maps, .png, .tif or .exr, with <UDIM> where IMAGE has it"
+    )
+    parser.add_argument(
+        "--from",
+        dest="source",
+        choices=("brightness", "colour", "height"),
+        default="brightness",
+        help="what is rigid: what is bright (the default), has about a colour, or stands out of its surroundings",
+    )
+    parser.add_argument(
+        "--threshold",
+        type=_fraction,
+        metavar="X",
+        help="the least brightness, or the least height above the surroundings as a part of the largest (default: what "
+        "parts them best)",
+    )
+    parser.add_argument(
+        "--colour", type=_colour, metavar="RGB", help="with --from colour: '#cc994d' or 0.8,0.6,0.3, as stored"
+    )
+    parser.add_argument("--tolerance", type=_positive, metavar="X", help="with --from colour: how far from it (0.2)")
+    parser.add_argument(
+        "--feature", type=_fraction, metavar="UV", help="with --from height: the width of the largest feature (0.06)"
+    )
+    parser.add_argument(
+        "--sunken", action="store_true", default=None, help="with --from height: what lies deeper is rigid"
+    )
+    parser.add_argument("--invert", action="store_true", help="the other part is rigid")
+    parser.add_argument(
+        "--grow", type=_whole(-64, 64), default=0, metavar="N", help="texels by which what is rigid becomes larger (0)"
+    )
+    parser.add_argument(
+        "--size", type=_whole(16, LARGEST), default=1024, metavar="N", help="texels per side at most (1024)"
+    )
     parser.add_argument("--overwrite", action="store_true", help="replace files that vrtm has not written, too")
     parser.add_argument("--quiet", action="store_true", help="print errors and warnings only")
 
@@ -472,6 +518,23 @@ def _not_negative(text: str) -> float:
     if not 0 <= number < math.inf:
         raise argparse.ArgumentTypeError(f"'{text}' is not a number from 0 on")
     return number
+
+
+def _fraction(text: str) -> float:
+    number = _not_negative(text)
+    if number > 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a number from 0 to 1")
+    return number
+
+
+def _colour(text: str) -> tuple[float, ...]:
+    if re.fullmatch("#[0-9a-fA-F]{6}", text):
+        return tuple(byte / 255 for byte in bytes.fromhex(text[1:]))
+    try:
+        red, green, blue = map(float, text.split(","))
+        return red, green, blue
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is no colour, such as '#cc994d' or 0.8,0.6,0.3") from None
 
 
 def _whole(first: int, last: int) -> Callable[[str], int]:

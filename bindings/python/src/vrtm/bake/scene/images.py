@@ -57,6 +57,28 @@ def read_map(path: str) -> np.ndarray:
     grey all over), else R, else the first. Alpha does not count, values are not converted as colours, and what lies
     outside of the data window is 0. Raises SceneError.
     """
+    spec, texels = _texels(path)
+    return _whole(spec, _one_channel(list(spec.channelnames), texels))
+
+
+def read_colours(path: str) -> np.ndarray:
+    """(height, width, 3) f32 of an image's first part, first row at the top: its R, G and B as they are stored, but for
+    integers, which are divided by their largest value; or three times the channel that read_map would take. Raises
+    SceneError."""
+    spec, texels = _texels(path)
+    short = _short(list(spec.channelnames))
+    channels = [texels[..., short.index(c)] for c in "RGB" if c in short]
+    if len(channels) < 3:
+        channels = [_one_channel(list(spec.channelnames), texels)] * 3
+    scale = np.iinfo(texels.dtype).max if texels.dtype.kind == "u" else 1
+    colours = np.stack([_whole(spec, channel) for channel in channels], -1).astype(np.float32) / np.float32(scale)
+    if not np.isfinite(colours).all():
+        raise SceneError(f"{path}: holds texels that are no numbers")
+    return colours
+
+
+def _texels(path: str) -> tuple[oiio.ImageSpec, np.ndarray]:
+    """(height, width, channels) of the data window, as it is stored."""
     # Colours are wanted as painted, not multiplied by their alpha.
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
@@ -73,13 +95,16 @@ def read_map(path: str) -> np.ndarray:
             raise SceneError(f"{path}: {image.geterror().strip() or 'cannot be read'}")
     finally:
         image.close()
-    texels = np.asarray(texels).reshape(spec.height, spec.width, spec.nchannels)
-    return _whole(spec, _one_channel(list(spec.channelnames), texels))
+    return spec, np.asarray(texels).reshape(spec.height, spec.width, spec.nchannels)
+
+
+def _short(names: list[str]) -> list[str]:
+    """The last parts of names such as `rigidity.R`."""
+    return [name.rsplit(".", 1)[-1] for name in names]
 
 
 def _one_channel(names: list[str], texels: np.ndarray) -> np.ndarray:
-    # The last part of a name such as `rigidity.R`.
-    short = [name.rsplit(".", 1)[-1] for name in names]
+    short = _short(names)
     if len(names) == 1 or "Y" in short:
         return texels[..., short.index("Y") if "Y" in short else 0]
     if all(letter in short for letter in "RGB"):

@@ -1,0 +1,115 @@
+"""`vrtm rigidity`: rigidity maps out of textures or heights."""
+
+from __future__ import annotations
+
+import argparse
+import glob
+import os
+import re
+
+import numpy as np
+
+import vrtm
+from vrtm import rigidity
+from vrtm.bake import image_file, overwrite, staging
+from vrtm.bake.console import Console
+from vrtm.bake.failure import INPUT, Failure
+from vrtm.bake.fingerprint import Fingerprint
+from vrtm.bake.image_file import Target
+from vrtm.bake.scene.images import read_colours
+from vrtm.bake.stopping import Stop
+
+VERSION = 1
+"""Of the way of making maps: a file that was made in another way is not up to date."""
+
+_FORMATS = {".png": ("png", "uint8"), ".tif": ("tiff", "uint8"), ".exr": ("openexr", "float16")}
+_UDIM = re.compile("<UDIM>", re.IGNORECASE)
+_MAKERS = {
+    "brightness": (rigidity.of_brightness, ("threshold",)),
+    "colour": (rigidity.of_colour, ("colour", "tolerance")),
+    "height": (rigidity.of_heights, ("feature", "threshold", "sunken")),
+}
+"""By --from: what makes the maps, and the options that it takes."""
+
+
+def make(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
+    """Runs the command, until it is to stop. Raises Failure, and what vrtm.bake.failure.describe knows."""
+    options = _options(parsed)
+    paths = _found(parsed.image)
+    ending = os.path.splitext(parsed.out)[1].lower()
+    if ending not in _FORMATS:
+        raise Failure(INPUT, f"--out {parsed.out}: its name must end in .png, .tif or .exr")
+    if bool(_UDIM.search(parsed.out)) != bool(_UDIM.search(parsed.image)):
+        raise Failure(INPUT, f"--out {parsed.out}: either it and {parsed.image} have <UDIM>, or none of them")
+    outputs = {udim: _UDIM.sub(udim, parsed.out) for udim in paths}
+    overwrite.check(
+        [(path, "--out") for path in outputs.values()], [(p, "a picture") for p in paths.values()], parsed.overwrite
+    )
+    pictures = {}
+    for udim, path in paths.items():
+        stop.check()
+        pictures[udim] = rigidity.smaller(read_colours(path), parsed.size)
+    inputs = Fingerprint().text(
+        VERSION, vrtm.version(), parsed.source, sorted(options.items()), parsed.invert, parsed.grow
+    )
+    for udim, pixels in pictures.items():
+        inputs.text(udim).array(pixels)
+    form, dtype = _FORMATS[ending]
+    targets = {}
+    for udim, path in outputs.items():
+        height, width = pictures[udim].shape[:2]
+        facts: dict[str, str | int] = {"vrtm:kind": "rigidity", "vrtm:inputs": inputs.copy().text(udim).hex()}
+        target = Target(path, width, height, ("Y",), dtype, facts, format=form)
+        # What somebody has painted on is found before anything is written.
+        if image_file.up_to_date(target, parsed.overwrite) is None:
+            targets[udim] = target
+    if targets:
+        staging.sweep(os.path.dirname(parsed.out))
+        _write(parsed, options, pictures, targets, console, stop)
+    console.info(f"{len(targets)} files written, {len(outputs) - len(targets)} up to date: {parsed.out}")
+
+
+def _write(
+    parsed: argparse.Namespace,
+    options: dict,
+    pictures: dict[str, np.ndarray],
+    targets: dict[str, Target],
+    console: Console,
+    stop: Stop,
+) -> None:
+    maps = _MAKERS[parsed.source][0](pictures, **options)
+    stop.check()
+    maps = {udim: np.clip(rigidity.changed(values, parsed.invert, parsed.grow), 0, 1) for udim, values in maps.items()}
+    for where, bad in (("nothing is rigid in any", (0, 0)), ("all is rigid in all", (1, 1))):
+        if all((values.min(), values.max()) == bad for values in maps.values()):
+            console.warning(f"{where} of {len(maps)} maps: another --threshold, or another --from, may find more")
+    for udim, target in targets.items():
+        values = maps[udim][..., None]
+        image_file.write(
+            target, np.rint(255 * values).astype(np.uint8) if target.dtype == "uint8" else np.float16(values)
+        )
+        console.info(f"{target.path}: {np.mean(values):.1%} rigid")
+
+
+def _options(parsed: argparse.Namespace) -> dict:
+    """The options that were given, of those that --from takes. Raises Failure for others."""
+    own = _MAKERS[parsed.source][1]
+    given = {name for _, names in _MAKERS.values() for name in names if getattr(parsed, name) is not None}
+    for name in sorted(given.difference(own)):
+        others = " or ".join(source for source, (_, names) in _MAKERS.items() if name in names)
+        raise Failure(INPUT, f"--{name}: only with --from {others}")
+    if "colour" in own and "colour" not in given:
+        raise Failure(INPUT, "--from colour: --colour says which")
+    return {name: getattr(parsed, name) for name in own if name in given}
+
+
+def _found(pattern: str) -> dict[str, str]:
+    """The pictures by what stands for <UDIM> in their names; one alone by nothing. Raises Failure."""
+    if not _UDIM.search(pattern):
+        return {"": pattern}
+    numbers = re.compile("([1-9][0-9]{3,})".join(map(re.escape, _UDIM.split(pattern))))
+    matches = map(numbers.fullmatch, glob.glob(_UDIM.sub("[0-9]*", glob.escape(pattern))))
+    found = {match[1]: match[0] for match in matches if match and len(set(match.groups())) == 1}
+    if not found:
+        raise Failure(INPUT, f"{pattern}: no such file")
+    return dict(sorted(found.items()))

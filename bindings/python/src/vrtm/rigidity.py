@@ -1,0 +1,140 @@
+"""Rigidity out of pictures that are there: brightness, a colour, or what stands out of a height map.
+
+Pictures are arrays, (height, width) or (height, width, channels) of float32, any row first. Those of a texture's tiles
+come together, by any keys: one threshold holds for all of them, so that a tile without features gets none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TypeVar
+
+import numpy as np
+
+Key = TypeVar("Key")
+
+# Weights of red, green and blue in brightness (ITU-R BT.709).
+_BRIGHTNESS = np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+
+def brightness(pixels: np.ndarray) -> np.ndarray:
+    """Of pictures with at least three channels; that of others is their first one."""
+    if pixels.ndim == 2 or pixels.shape[2] < 3:
+        return pixels if pixels.ndim == 2 else pixels[..., 0]
+    return pixels[..., :3] @ _BRIGHTNESS
+
+
+def smaller(pixels: np.ndarray, size: int) -> np.ndarray:
+    """A picture with at most `size` texels on its longer side: means of whole blocks."""
+    height, width = pixels.shape[:2]
+    block = -(-max(height, width) // size)
+    height, width = height // block * block, width // block * block
+    blocks = pixels[:height, :width].reshape(height // block, block, width // block, block, -1)
+    return blocks.mean((1, 3), dtype=np.float32).reshape(height // block, width // block, *pixels.shape[2:])
+
+
+def otsu(*pictures: np.ndarray) -> float:
+    """The threshold that parts all values into two groups with the least variance within them (Otsu 1979)."""
+    values = np.concatenate([picture.ravel() for picture in pictures])
+    low, high = float(values.min()), float(values.max())
+    if high <= low:
+        return low
+    counts, edges = np.histogram(values, 256, (low, high))
+    centres = (edges[:-1] + edges[1:]) / 2
+    below = np.cumsum(counts)[:-1]
+    above = values.size - below
+    sums = np.cumsum(counts * centres)
+    below_sum, above_sum = sums[:-1], sums[-1] - sums[:-1]
+    between = np.zeros(255)
+    both = (below > 0) & (above > 0)
+    between[both] = below[both] * above[both] * (below_sum[both] / below[both] - above_sum[both] / above[both]) ** 2.0
+    # Where nothing lies between the groups, in the middle of the gap.
+    best = np.flatnonzero(between == between.max())
+    return float(edges[1 + (best[0] + best[-1]) // 2])
+
+
+def of_brightness(pictures: Mapping[Key, np.ndarray], threshold: float = 0.0) -> dict[Key, np.ndarray]:
+    """What is brighter than a threshold; 0: than what parts dark and bright best."""
+    values = {key: brightness(pixels) for key, pixels in pictures.items()}
+    threshold = threshold or otsu(*values.values())
+    return {key: soft(bright > threshold) for key, bright in values.items()}
+
+
+def of_colour(
+    pictures: Mapping[Key, np.ndarray], colour: tuple[float, float, float], tolerance: float = 0.2
+) -> dict[Key, np.ndarray]:
+    """What is at most `tolerance` from a colour; black and white are the root of 3 apart."""
+
+    def near(pixels: np.ndarray) -> np.ndarray:
+        return np.linalg.norm(pixels[..., :3] - np.array(colour, np.float32), axis=-1) <= tolerance
+
+    return {key: soft(near(pixels)) for key, pixels in pictures.items()}
+
+
+def of_heights(
+    pictures: Mapping[Key, np.ndarray], feature: float = 0.06, threshold: float = 0.0, sunken: bool = False
+) -> dict[Key, np.ndarray]:
+    """What stands out of its surroundings: higher than the mean of all that is at most about half of `feature`
+    away, the width of the largest feature in UV, by `threshold` times the largest such difference; 0: by what parts
+    them best. `sunken`: what lies deeper instead. Specks and pinholes are left out."""
+    radius, above, size = {}, {}, 0.0
+    for key, pixels in pictures.items():
+        heights = brightness(pixels)
+        radius[key] = max(round(feature * max(heights.shape) / 2), 2)
+        above[key] = (blurred(heights, radius[key]) - heights) * (1 if sunken else -1)
+        size = max(size, float(np.abs(heights).max()))
+    top = max(float(values.max()) for values in above.values())
+    # Less is the rounding of means.
+    if top <= 1e-5 * size:
+        return {key: np.zeros_like(values) for key, values in above.items()}
+    least = threshold * top if threshold > 0 else max(otsu(*above.values()), 0.02 * top)
+    return {key: _cleaned(values > least, max(radius[key] // 12, 1)) for key, values in above.items()}
+
+
+def _cleaned(found: np.ndarray, steps: int) -> np.ndarray:
+    closed = ~grown(~grown(found, steps), steps)
+    return soft(grown(~grown(~closed, steps), steps))
+
+
+def changed(values: np.ndarray, invert: bool = False, grow: int = 0) -> np.ndarray:
+    """A rigidity map with its other part rigid, or with what is rigid made larger by so many texels, or smaller."""
+    values = 1 - values if invert else values
+    return grown(values, grow) if grow >= 0 else shrunk(values, -grow)
+
+
+def blurred(values: np.ndarray, radius: int) -> np.ndarray:
+    """Three means over squares, nearly a Gaussian; what lies beyond the picture is its border."""
+    for _ in range(3):
+        for axis in (0, 1):
+            width = [(0, 0), (0, 0)]
+            width[axis] = (radius + 1, radius)
+            sums = np.cumsum(np.pad(values, width, "edge"), axis, dtype=np.float64)
+            n = values.shape[axis]
+            upper, lower = (np.take(sums, np.arange(first, first + n), axis) for first in (2 * radius + 1, 0))
+            values = ((upper - lower) / (2 * radius + 1)).astype(np.float32)
+    return values
+
+
+def grown(values: np.ndarray, steps: int) -> np.ndarray:
+    """The largest of all values at most about so many texels away: crosses and squares in turn, which is an octagon."""
+    for step in range(steps):
+        padded = np.pad(values, 1, "edge")
+        centre = padded[1:-1, 1:-1]
+        rows = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
+        columns = np.maximum(np.maximum(padded[:, :-2], padded[:, 1:-1]), padded[:, 2:])
+        if step % 2:
+            values = np.maximum(np.maximum(rows[:, :-2], rows[:, 1:-1]), rows[:, 2:])
+        else:
+            values = np.maximum(np.maximum(rows[:, 1:-1], columns[1:-1]), centre)
+    return values
+
+
+def shrunk(values: np.ndarray, steps: int) -> np.ndarray:
+    return 1 - grown(1 - values, steps)
+
+
+def soft(inside: np.ndarray) -> np.ndarray:
+    """A yes or no as 1 and 0, with borders of about a texel."""
+    padded = np.pad(inside.astype(np.float32), 1, "edge")
+    columns = padded[:, :-2] + 2 * padded[:, 1:-1] + padded[:, 2:]
+    return (columns[:-2] + 2 * columns[1:-1] + columns[2:]) / 16

@@ -1,0 +1,217 @@
+"""Rigidity out of pictures: against plain loops, on pictures of which it is known what is in them, and the command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bake_scenes import files, image, pixels
+from vrtm import cli, rigidity
+
+
+@pytest.fixture
+def random() -> np.random.Generator:
+    return np.random.default_rng(1)
+
+
+def overlap(one: np.ndarray, other: np.ndarray) -> float:
+    """The area of both over the area of either."""
+    one, other = one > 0.5, other > 0.5
+    return (one & other).sum() / (one | other).sum()
+
+
+def discs(size: int) -> np.ndarray:
+    """Round studs, (size, size) of 0 and 1."""
+    at = (np.arange(size) + 0.5) / size
+    x, y = np.meshgrid(at * 6 % 1 - 0.5, at * 4 % 1 - 0.5)
+    return (np.hypot(x / 6, y / 4) < 0.055).astype(np.float32)
+
+
+def test_the_threshold_is_the_best_one(random: np.random.Generator) -> None:
+    values = np.concatenate([random.normal(0.2, 0.05, 4000), random.normal(0.7, 0.1, 1000)])
+    found = rigidity.otsu(values.astype(np.float32))
+
+    def within(threshold: float) -> float:
+        parts = values[values <= threshold], values[values > threshold]
+        return sum(len(p) * p.var() for p in parts if len(p))
+
+    best = min(within(t) for t in np.linspace(values.min(), values.max(), 1000))
+    assert within(found) < 1.01 * best
+    # Of all pictures together.
+    assert rigidity.otsu(values[:1700].astype(np.float32), values[1700:].astype(np.float32)) == found
+    assert rigidity.otsu(np.full(5, 0.5, np.float32)) == 0.5
+    # Between two values, and not at one of them.
+    assert rigidity.otsu(np.array([0, 0, 1, 1], np.float32)) == pytest.approx(0.5, abs=0.01)
+
+
+def test_growing_is_the_maximum_over_an_octagon(random: np.random.Generator) -> None:
+    values = (random.random((40, 50)) > 0.97).astype(np.float32)
+    rows, columns = np.mgrid[0:40, 0:50]
+    for steps in (1, 2, 5):
+        grown = rigidity.grown(values, steps)
+        squares, crosses = steps // 2, steps - steps // 2
+        for y in range(40):
+            for x in range(50):
+                dy, dx = np.abs(rows - y), np.abs(columns - x)
+                # A square's steps go along both axes at once.
+                rest = np.maximum(dy - squares, 0) + np.maximum(dx - squares, 0)
+                assert grown[y, x] == values[rest <= crosses].max(), (steps, y, x)
+    assert np.array_equal(rigidity.changed(values, grow=-2), 1 - rigidity.changed(1 - values, grow=2))
+    assert np.array_equal(rigidity.changed(values, invert=True), 1 - values)
+
+
+def test_blurring_keeps_means_and_ramps(random: np.random.Generator) -> None:
+    values = random.random((64, 48)).astype(np.float32)
+    expected = values.astype(float)
+    for _ in range(3):
+        padded = np.pad(expected, 3, "edge")
+        expected = np.array([[padded[y : y + 7, x : x + 7].mean() for x in range(48)] for y in range(64)])
+    assert np.abs(rigidity.blurred(values, 3) - expected).max() < 1e-5
+
+
+def test_smaller_pictures_are_means(random: np.random.Generator) -> None:
+    values = random.random((64, 32, 4)).astype(np.float32)
+    small = rigidity.smaller(values, 16)
+    assert small.shape == (16, 8, 4)
+    assert np.abs(small[3, 2] - values[12:16, 8:12].mean((0, 1))).max() < 1e-6
+    assert np.array_equal(rigidity.smaller(values, 64), values)
+    assert rigidity.smaller(values, 40).shape == (32, 16, 4)
+    assert rigidity.smaller(values[..., 0], 16).shape == (16, 8)
+
+
+def test_colours() -> None:
+    red = np.zeros((32, 32, 4), np.float32)
+    red[8:20, 8:20] = (0.8, 0.1, 0.1, 1)
+    found = rigidity.of_colour({0: red}, (0.75, 0.15, 0.1), 0.1)[0]
+    assert (found[14, 14], found[2, 2]) == (1, 0)
+    assert rigidity.of_colour({0: red}, (0.1, 0.8, 0.1), 0.1)[0].max() == 0
+
+
+def test_what_stands_out_is_found_on_a_slope(random: np.random.Generator) -> None:
+    size = 256
+    studs, (rows, columns) = discs(size), np.mgrid[0:size, 0:size] / size
+    ground = 0.5 + 0.3 * np.sin(3 * columns) + 0.2 * rows
+    heights = (ground + 0.06 * studs + random.normal(0, 0.004, (size, size))).astype(np.float32)
+    # A threshold on heights alone would not do.
+    assert overlap(rigidity.of_brightness({0: heights})[0], studs) < 0.4
+    for given in ({"threshold": 0.0}, {"threshold": 0.3}):
+        assert overlap(rigidity.of_heights({0: heights}, 0.11, **given)[0], studs) > 0.85
+    assert overlap(rigidity.of_heights({0: 1 - heights}, 0.11, sunken=True)[0], studs) > 0.85
+    # In a flat picture nothing stands out, alone or beside others: the threshold is that of all.
+    for value in (0.3, 0.1234567, 1000.7):
+        assert rigidity.of_heights({0: np.full((33, 31), value, np.float32)}, 0.2)[0].max() == 0
+    flat = (0.5 + 0.01 * random.random((size, size))).astype(np.float32)
+    both = rigidity.of_heights({1001: heights, 1002: flat}, 0.11)
+    assert overlap(both[1001], studs) > 0.85 and both[1002].max() == 0
+    assert rigidity.of_brightness({1001: studs, 1002: 0.3 * flat})[1002].max() == 0
+
+
+@pytest.fixture
+def skin(tmp_path: Path) -> Path:
+    """Two tiles of a texture with golden studs on green skin, and their heights."""
+    for udim, studs in ((1001, discs(128)), (1012, discs(128)[:, ::-1])):
+        colours = np.where(studs[..., None] > 0.5, (204, 153, 77), (26, 77, 26))
+        image(tmp_path / f"skin.{udim}.png", colours.astype(np.uint8))
+        image(tmp_path / f"height.{udim}.exr", (0.2 + 0.1 * studs[..., None]).astype(np.float32))
+    return tmp_path
+
+
+def made(folder: Path, *more: object, source: str = "skin.<UDIM>.png", expect: int = 0) -> dict[str, np.ndarray]:
+    given = ["rigidity", folder / source, "--out", folder / "out" / "rigid.<UDIM>.png", *more]
+    assert cli.main([str(part) for part in given]) == expect
+    return {path.name: pixels(path) for path in sorted((folder / "out").glob("*"))}
+
+
+@pytest.mark.parametrize(
+    ("source", "more", "inverse"),
+    [
+        ("skin.<UDIM>.png", (), False),
+        ("skin.<UDIM>.png", ("--threshold", "0.4", "--invert"), True),
+        ("skin.<udim>.png", ("--from", "colour", "--colour", "#cc994d", "--tolerance", "0.1"), False),
+        ("skin.<UDIM>.png", ("--from", "colour", "--colour", "0.1,0.3,0.1"), True),
+        ("height.<UDIM>.exr", ("--from", "height", "--feature", "0.11"), False),
+    ],
+)
+def test_the_command_writes_a_map_per_tile(skin: Path, source: str, more: tuple[str, ...], inverse: bool) -> None:
+    found = made(skin, *more, source=source)
+    assert list(found) == ["rigid.1001.png", "rigid.1012.png"]
+    for udim, studs in ((1001, discs(128)), (1012, discs(128)[:, ::-1])):
+        map = found[f"rigid.{udim}.png"]
+        assert (map.shape, map.dtype) == ((128, 128, 1), np.uint8)
+        assert overlap(map[..., 0] / 255, 1 - studs if inverse else studs) > 0.85
+
+
+def test_a_map_that_is_there(skin: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    wide = made(skin, "--grow", "2", "--size", "64")
+    assert wide["rigid.1001.png"].shape == (64, 64, 1)
+    before = files(skin)
+    assert "2 up to date" in _said(skin, capsys, "--grow", "2", "--size", "64")
+    assert files(skin) == before
+    # One that is painted on is the painter's, and so is a texture.
+    path = skin / "out" / "rigid.1001.png"
+    image(path, wide["rigid.1001.png"] // 2)
+    before = files(skin)
+    made(skin, expect=2)
+    assert str(path) in capsys.readouterr().err
+    made(skin, "--out", skin / "skin.<UDIM>.png", "--overwrite", expect=2)
+    assert "which is read" in capsys.readouterr().err
+    assert files(skin) == before
+    assert made(skin, "--overwrite")["rigid.1001.png"].shape == (128, 128, 1)
+
+
+def _said(folder: Path, capsys: pytest.CaptureFixture[str], *more: object) -> str:
+    capsys.readouterr()
+    made(folder, *more)
+    return capsys.readouterr().out
+
+
+def test_a_map_of_nothing_is_told(skin: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made(skin, "--threshold", "0.99")
+    assert "warning: nothing is rigid in any of 2 maps" in capsys.readouterr().err
+    made(skin, "--threshold", "0.01")
+    assert "warning: all is rigid in all of 2 maps" in capsys.readouterr().err
+    # One tile without studs is as it should be; how much is rigid is told for each.
+    image(skin / "skin.1012.png", np.full((64, 64, 3), 30, np.uint8))
+    said = _said(skin, capsys)
+    assert "rigid.1012.png: 0.0% rigid" in said and "rigid.1001.png: " in said
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (("--from", "colour"), "--from colour: --colour says which"),
+        (("--colour", "#ffffff"), "--colour: only with --from colour"),
+        (("--feature", "0.1"), "--feature: only with --from height"),
+        (
+            ("--from", "colour", "--colour", "#ffffff", "--threshold", "0.5"),
+            "--threshold: only with --from brightness or height",
+        ),
+        (("--from", "colour", "--colour", "gold"), "'gold' is no colour"),
+        (("--threshold", "2"), "'2' is not a number from 0 to 1"),
+        (("--out", "rigid.png"), "--out rigid.png: either it and"),
+        (("--out", "rigid.<UDIM>.jpg"), "--out rigid.<UDIM>.jpg: its name must end in .png, .tif or .exr"),
+    ],
+)
+def test_options_that_do_not_fit(skin: Path, capsys: pytest.CaptureFixture[str], more, message: str) -> None:
+    before = files(skin)
+    try:
+        made(skin, *more, expect=2)
+    except SystemExit as end:
+        assert end.code == 2
+    assert message in capsys.readouterr().err
+    assert files(skin) == before
+
+
+def test_pictures_that_are_not_there(skin: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    made(skin, source="none.<UDIM>.png", expect=2)
+    assert "none.<UDIM>.png: no such file" in capsys.readouterr().err
+    (skin / "bad.1001.png").write_bytes(b"no image")
+    made(skin, source="bad.<UDIM>.png", expect=2)
+    assert "bad.1001.png" in capsys.readouterr().err
+    made(skin, source="skin.1001.png", expect=2)
+    assert "--out" in capsys.readouterr().err and not (skin / "out").exists()
+    # A single picture needs no tiles.
+    assert cli.main(["rigidity", str(skin / "skin.1001.png"), "--out", str(skin / "one.exr")]) == 0
+    assert pixels(skin / "one.exr").dtype == np.float16
