@@ -100,9 +100,9 @@ def test_files_reach_the_disk_before_they_get_their_names(tmp_path: Path, monkey
         done.append(os.path.realpath(f"/proc/self/fd/{number}"))
         real_sync(number)
 
-    def replace(source: str, target: str) -> None:
+    def replace(source: str, target: str, **folders: int) -> None:
         done.append("renamed")
-        real_replace(source, target)
+        real_replace(source, target, **folders)
 
     monkeypatch.setattr(os, "fsync", sync)
     monkeypatch.setattr(os, "replace", replace)

@@ -172,8 +172,8 @@ def test_files_have_the_modes_of_files(tmp_path: Path) -> None:
 
 def test_a_sweep_takes_what_nobody_writes(tmp_path: Path) -> None:
     program = (
-        "import sys, time; from vrtm.bake import staging\n"
-        "def body(path): open(path, 'w').write('x'); print(path, flush=True); time.sleep(100)\n"
+        "import os, sys, time; from vrtm.bake import staging\n"
+        "def body(path): open(path, 'w').write('x'); print(os.path.realpath(path), flush=True); time.sleep(100)\n"
         "staging.write(sys.argv[1], body)"
     )
     started = [

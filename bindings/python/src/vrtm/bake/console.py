@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import stat
 import sys
 import time
 from typing import TextIO
@@ -56,7 +57,7 @@ def _open_log(path: str) -> TextIO:
         file = open(path, "a+", encoding="utf-8", errors="backslashreplace")
         file.seek(0)
         # Not all of what may be a large file of another kind.
-        first = file.read(len(LOG) + 1) if os.path.isfile(path) else ""
+        first = file.read(len(LOG) + 1) if stat.S_ISREG(os.fstat(file.fileno()).st_mode) else ""
         if first and not first.startswith(LOG):
             file.close()
             raise Failure(INPUT, f"--log {path}: it is there, and is no log of vrtm")

@@ -72,7 +72,11 @@ def check(outputs: Iterable[tuple[str, str]], inputs: Iterable[tuple[str, str]],
 def is_ours(path: str) -> bool:
     """Whether a file that is there carries vrtm's mark, or holds nothing that could be lost."""
     try:
-        size = os.stat(path).st_size
+        found = os.stat(path)
+        if not stat.S_ISREG(found.st_mode):
+            # A pipe would be waited for.
+            return False
+        size = found.st_size
         with open(path, "rb") as file:
             text = file.read(_BEGINNING)
             start = text[:8]

@@ -101,6 +101,7 @@ def export(layer: Sdf.Layer, path: str | os.PathLike[str], told: Callable[[Sdf.L
         except (Tf.ErrorException, AttributeError, RuntimeError):
             return False
 
+    # USD's writers put a file of their own in the place of what is there: they get a name with an ending.
     staging.write(path, body, os.path.splitext(path)[1], is_whole)
     # A stage of this process may hold what was there before.
     for loaded in same_file(Sdf.Layer.GetLoadedLayers(), path):
