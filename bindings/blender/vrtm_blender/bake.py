@@ -44,7 +44,7 @@ def frames_of(scene: bpy.types.Scene) -> range:
 
 def file_name(obj: bpy.types.Object, part: str, frame: int) -> str:
     """Blender counts the frames of a sequence by the last number in a name, so that the tile stands before it."""
-    return f"{bpy.path.clean_name(obj.name)}.redirect.{part}.{frame:04d}.exr"
+    return f"{bpy.path.clean_name(obj.name)}.redirect.{part}.{frame:0{4 + (frame < 0)}d}.exr"
 
 
 def part_of(place: int | str, layer: int) -> str:

@@ -38,6 +38,11 @@ WELDS = ("index", "position", "off")
 class Parser(argparse.ArgumentParser):
     """Says in one line what is wrong."""
 
+    def __init__(self, *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        # A list of frames that begins with a minus sign is no option.
+        self._negative_number_matcher = re.compile(r"-\d[\d.,:x\s-]*")
+
     def error(self, message: str) -> NoReturn:
         unknown, found = re.match(r"unrecognized arguments: (--[^\s=]+)", message), ""
         if unknown:
@@ -136,7 +141,8 @@ def _scene(group: argparse._ArgumentGroup) -> None:
         action="extend",
         default=[],
         metavar="FILE",
-        help="OBJ: the poses, as files or patterns (pose.####.obj, pose.%%04d.obj, pose.*.obj)",
+        help="OBJ: the poses, as files or patterns (pose.####.obj, pose.%%04d.obj, pose.$F4.obj, pose.<frame>.obj, "
+        "pose.*.obj)",
     )
     group.add_argument(
         "--meshes",
@@ -213,7 +219,7 @@ def _files(group: argparse._ArgumentGroup) -> None:
         "--frames",
         type=_numbers,
         metavar="LIST",
-        help="such as 1-10x2,15, or with parts of frames 1-3x0.5 (default: all whole ones)",
+        help="such as 1-10x2,15 or -3--1, or with parts of frames 1-3x0.5 (default: all whole ones)",
     )
     group.add_argument("--tiles", type=_whole_numbers, metavar="LIST", help="such as 1001,1011-1013 (default: all)")
     group.add_argument("--force", action="store_true", help="also write files that are up to date")

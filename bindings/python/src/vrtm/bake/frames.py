@@ -60,9 +60,9 @@ def text(numbers: Iterable[Frame]) -> str:
 
 
 def padded(frame: Frame) -> str:
-    """A frame in a file's name: at least four digits before the point."""
-    whole, point, rest = str(frame).partition(".")
-    return whole.zfill(4) + point + rest
+    """A frame in a file's name: at least four digits before the point, the minus sign being none of them."""
+    whole, point, rest = str(abs(frame)).partition(".")
+    return "-" * (frame < 0) + whole.zfill(4) + point + rest
 
 
 def clamp(

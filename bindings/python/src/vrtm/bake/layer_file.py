@@ -6,7 +6,7 @@ import dataclasses
 import os
 from typing import TYPE_CHECKING
 
-from vrtm.bake import frames, image_file, warped
+from vrtm.bake import frames, image_file, tokens, warped
 from vrtm.bake.corners import corner_name
 from vrtm.bake.failure import INPUT, TOLERANCE, Failure, one_line
 from vrtm.bake.frames import Frame
@@ -146,11 +146,14 @@ def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
         part = part_of(mesh, subset)
         for copy, paths in part.textures:
             own = os.path.basename(copy.pattern.replace("<mesh>", mesh).replace("<subset>", subset))
-            if own == os.path.basename(texture) or os.path.basename(texture) in map(os.path.basename, paths.values()):
+            name = os.path.basename(texture)
+            # One tile tells whether two patterns name the same files.
+            same = tokens.tiled(own, 1013) == tokens.tiled(name, 1013)
+            if same or name in map(os.path.basename, paths.values()):
                 present = [udim for udim in udims(part, layer) if udim in paths]
                 if not present:
                     return None
-                tile = "<UDIM>" if "<UDIM>" in texture else present[0]
+                tile = "<UDIM>" if tokens.has_tile(name) else present[0]
                 extension = warped.extension(paths[present[0]])
                 name = work.pattern.name(mesh, copy.kind, frame, tile, extension, layer, subset)
                 return named(name, *map(str, present))

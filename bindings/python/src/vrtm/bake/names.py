@@ -34,7 +34,7 @@ class Pattern:
             raise bad("it must stay inside of the output folder: no '..', no '\\', no '/' at either end")
         if not parts[-1].endswith(".exr") or parts[-1] == ".exr":
             raise bad("it must end in .exr, with a name before that")
-        for found in re.findall(r"<[^>]*>?", text):
+        for found in re.findall(r"<[^>]*>?|\$\{?F\d*|%\d*d|%\(\w*\)\d*d|##+|@@+", text):
             if found not in _PLACEHOLDERS:
                 raise bad(f"'{found}' is none of {', '.join(_PLACEHOLDERS)}")
         if "<subset>" in text and "<subset>" not in counts:

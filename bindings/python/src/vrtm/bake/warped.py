@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import OpenImageIO as oiio
 
+from vrtm.bake import tokens
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.resample import MARGIN, interpolated, turned
@@ -76,8 +77,7 @@ def listed(textures: tuple[str, ...], normal_maps: tuple[str, ...], down: bool) 
     for given, is_normal in [(p, False) for p in textures] + [(p, True) for p in normal_maps]:
         pattern = re.sub("<udim>", "<UDIM>", given, flags=re.IGNORECASE)
         option = "--normal-map" if is_normal else "--texture"
-        stem = os.path.splitext(os.path.basename(pattern))[0]
-        kind = re.sub(r"[._-]*<(UDIM|mesh|subset)>", "", stem, flags=re.IGNORECASE).strip("._- ") or "texture"
+        kind = tokens.bare(os.path.splitext(os.path.basename(pattern))[0]).strip("._- ") or "texture"
         taken = {copy.kind for copy in copies} | set(_KINDS)
         if kind in taken:
             raise Failure(INPUT, f"{option} {pattern}: its copies would be named '{kind}', and so would other files")

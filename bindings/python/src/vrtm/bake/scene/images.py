@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from vrtm.bake import tokens
 from vrtm.bake.scene.topology import luminance
 from vrtm.bake.scene.types import SceneError
 
@@ -24,30 +25,38 @@ KEPT = {"uint8": np.uint8, "uint16": np.uint16, "half": np.float16, "float": np.
 def find_maps(
     pattern: str, mesh: str = "", udims: Sequence[int] = (1001,), subset: str = "", required: bool = True
 ) -> dict[int, str]:
-    """The existing files of a pattern by UDIM number, `<UDIM>` standing for the number, `<mesh>` for the shape's name
-    and `<subset>` for that of one of its subsets.
+    """The existing files of a pattern by UDIM number, `<UDIM>`, or another token of `tokens.tiled`, standing for the
+    tile, `<mesh>` for the shape's name and `<subset>` for that of one of its subsets.
 
-    A pattern without `<UDIM>` is the map of a shape with one tile. A pattern with `<mesh>` or `<subset>` may have no
-    file for some of them, and so may any that is not `required`: then nothing is found. Raises SceneError if no file of
-    another pattern exists, or if the shape has several tiles and the pattern no `<UDIM>`.
+    A pattern without such a token is the map of a shape with one tile. One with `<mesh>` or `<subset>` may have no file
+    for some of them, and so may any that is not `required`: then nothing is found. Raises SceneError if no file of
+    another pattern exists, or if the shape has several tiles that the pattern does not tell apart.
     """
     named = pattern.replace("<mesh>", mesh).replace("<subset>", subset)
-    if re.search("<UDIM>", named, re.IGNORECASE) is None:
+    if not tokens.has_tile(named):
         if len(udims) != 1:
-            tiles = ", ".join(str(udim) for udim in sorted(udims))
             raise SceneError(
-                f"{pattern}: the shape {mesh} has {len(udims)} tiles ({tiles}): write <UDIM> for the number"
+                f"{pattern}: the shape {mesh} has {len(udims)} tiles ({_listed(udims)}): write <UDIM> for the number"
             )
         found = {udims[0]: named} if os.path.isfile(named) else {}
     else:
-        paths = {udim: re.sub("<UDIM>", str(udim), named, flags=re.IGNORECASE) for udim in udims}
+        paths = {udim: tokens.tiled(named, udim) for udim in udims}
+        if len(set(paths.values())) < len(paths):
+            raise SceneError(f"{pattern}: some of the tiles {_listed(udims)} have the same name: write <UDIM>")
         found = {udim: path for udim, path in sorted(paths.items()) if os.path.isfile(path)}
     if not found and required and "<mesh>" not in pattern and "<subset>" not in pattern:
-        there = sorted(glob.glob(re.sub("<UDIM>", "[0-9]" * 4, glob.escape(named), flags=re.IGNORECASE)))
+        there = sorted(glob.glob(tokens.with_tiles(glob.escape(named), "*")))
         beside = f"; there is {there[0]}" if there else ""
-        tiles = ", ".join(str(udim) for udim in sorted(udims))
-        raise SceneError(f"{pattern}: no such file{f' for the tiles {tiles} of {mesh}' if mesh else ''}{beside}")
+        if re.search("[<>$%]", tokens.with_tiles(named, "")):
+            beside = f"; the tokens of a tile are {tokens.TILES}"
+        raise SceneError(
+            f"{pattern}: no such file{f' for the tiles {_listed(udims)} of {mesh}' if mesh else ''}{beside}"
+        )
     return found
+
+
+def _listed(udims: Sequence[int]) -> str:
+    return ", ".join(map(str, sorted(udims)))
 
 
 def read_map(path: str) -> np.ndarray:
