@@ -3,7 +3,8 @@
     python generate.py [--header vrtm.h] [--out src/vrtm]
 
 `_abi.py` gets the constants, the layouts of all structs and the signatures of all functions, for ctypes; `_records.py`
-gets a dataclass for each struct that the library fills, with the header's comments as its documentation. So nothing
+gets a dataclass for each struct that the library fills, with the header's comments as its documentation, and a Literal
+of the names of each kind of constant. So nothing
 about the C API is written by hand, and a new field in the header appears here by itself.
 
 The header is plain C without conditions that matter here, so no preprocessor is needed: comments and directives are
@@ -53,6 +54,9 @@ RECORDS = {
     "vrtm_asset_report_data": "AssetReport",
     "vrtm_refinement_data": "RefinementInfo",
 }
+
+# Of these the caller reads all, one below another.
+TABLES = {name for name in RECORDS if name.endswith("report_data")}
 
 # Of these the caller sets fields, so that all of them have a default.
 SETTINGS = {"vrtm_tile_settings", "vrtm_pbd_settings"}
@@ -250,11 +254,23 @@ def records(header: Header) -> str:
         "from __future__ import annotations",
         "",
         "from dataclasses import dataclass",
+        "from typing import Literal",
+        "",
+        "from ._table import Table",
+        "",
     ]
+    for typedef, node in header.typedefs.items():
+        values = header.values(typedef)
+        if values and not isinstance(node, c_ast.PtrDecl):
+            lines += [f"{_literal(typedef)} = Literal[{', '.join(map(repr, values))}]"]
     # A record stands after those that it holds.
     for struct, name in RECORDS.items():
-        frozen = "" if struct in SETTINGS else "(frozen=True)"
-        lines += ["", "", f"@dataclass{frozen}", f"class {name}:", *_doc(header, header.field_docs[struct, ""])]
+        given = ["frozen=True"] * (struct not in SETTINGS) + ["repr=False"] * (struct in TABLES)
+        lines += ["", "", f"@dataclass({', '.join(given)})" if given else "@dataclass"]
+        lines += [
+            f"class {name}(Table):" if struct in TABLES else f"class {name}:",
+            *_doc(header, header.field_docs[struct, ""]),
+        ]
         for decl in header.structs[struct]:
             if decl.name == "struct_size":
                 continue
@@ -273,11 +289,17 @@ def _hint(header: Header, struct: str, decl: c_ast.Decl) -> str:
         return RECORDS[name]
     if name in header.typedefs and header.values(name):
         # Its first value is zero: the default.
-        return f'str = "{next(iter(header.values(name)))}"' if struct in SETTINGS else "str"
+        # What the library tells may be a name that only a newer one knows.
+        return f'{_literal(name)} = "{next(iter(header.values(name)))}"' if struct in SETTINGS else "str"
     if decl.name in FLAGS:
         return "bool"
     kind = "float" if header.scalar(name) in ("c_float", "c_double") else "int"
     return f"{kind} = {_default(header, struct, decl.name)}" if struct in SETTINGS else kind
+
+
+def _literal(typedef: str) -> str:
+    """What the type of a kind of constant is called in Python: FetchKind for vrtm_fetch_kind."""
+    return typedef.removeprefix("vrtm_").title().replace("_", "")
 
 
 def _default(header: Header, struct: str, field: str) -> float:

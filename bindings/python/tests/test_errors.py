@@ -43,6 +43,15 @@ def test_mesh(device, model):
     refused(vrtm.InvalidArgumentError, "face_counts", make, faces=model.faces.reshape(-1), face_counts=[3])
     refused(ValueError, r"weld: 'maybe' is none of 'index', 'position', 'off'", make, weld="maybe")
     refused(ValueError, r"seams: has the shape", make, seams=[1, 2, 3])
+    told = "indices: holds rows of different lengths: faces of different lengths are .* face_counts"
+    triangle, quadrilateral = [0, 1, 2], [0, 1, 18, 17]
+    for ragged in ([triangle, quadrilateral], [np.array(triangle), np.array(quadrilateral)]):
+        refused(ValueError, told, make, faces=ragged)
+        refused(ValueError, f"uv_{told}", make, uv_indices=ragged)
+        refused(ValueError, "seams: holds rows of different lengths$", make, seams=ragged)
+        refused(ValueError, r"uv_sets\[0\]: holds rows of different lengths$", make, uv_sets=[(ragged, triangle)])
+    refused(ValueError, told, make, faces=np.array([triangle, quadrilateral], object))
+    refused(TypeError, "indices: holds object, not integers", make, faces=[[0, 1, None]])
     refused(TypeError, "device", vrtm.Asset, None, model.rest, model.faces, uvs=model.uvs)
 
 

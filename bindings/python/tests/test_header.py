@@ -4,12 +4,13 @@ import ctypes
 import os
 import shutil
 import subprocess
+import typing
 from pathlib import Path
 
 import pytest
 
 import vrtm
-from vrtm import _abi, _records
+from vrtm import _abi, _names, _records
 
 HEADER = Path(__file__).resolve().parents[3] / "include" / "vrtm.h"
 
@@ -65,4 +66,23 @@ def test_every_function_has_a_caller():
 
 def test_names():
     assert vrtm.version().count(".") == 2 and vrtm.library_path().is_file()
-    assert all(getattr(vrtm, name).__doc__ for name in vrtm.__all__)
+    described = [name for name in vrtm.__all__ if typing.get_origin(getattr(vrtm, name)) is not typing.Literal]
+    assert all(getattr(vrtm, name).__doc__ for name in described)
+
+
+def test_hints_of_names_are_what_the_library_takes():
+    """Each parameter and setting that is a name has a Literal, of the names that are taken there."""
+    places = [vrtm.Device.__init__, vrtm.Asset.__init__, vrtm.Fetch.__init__, vrtm.SolveOptions, vrtm.TileSettings]
+    places += [function for name, function in vars(vrtm.Tile).items() if callable(function) and name != "_set"]
+    # Modules of the package import each other, so that some names are imported for type checkers alone.
+    local, found = {"Asset": vrtm.Asset, "Tile": vrtm.Tile}, set()
+    for place in places:
+        for name, hint in typing.get_type_hints(place, None, local).items():
+            assert hint is not str or name == "return", (place, name)
+            if typing.get_origin(hint) is typing.Literal:
+                argument = {"kind": "fetch_kind"}.get(name, name)
+                assert set(typing.get_args(hint)) == set(_names.values(argument)), (place, name)
+                found.add(name)
+    named = {"backend", "kind", "open_borders", "origin", "overlap", "quality", "seams", "solver", "weld"}
+    assert found == named
+    assert set(typing.get_args(vrtm.LogLevel)) == set(_names.values("log_level"))

@@ -1,6 +1,9 @@
 """Reports, corner UVs and refinements against what they must be."""
 
+import base64
 import dataclasses
+import struct
+import zlib
 
 import numpy as np
 import pytest
@@ -110,3 +113,41 @@ def test_gpu_agrees(model):
             results.append(asset.redirect(model.pose, asset.tiles)[0])
     assert device.closed
     assert np.abs(results[0] - results[1]).max() < 1e-3
+
+
+def test_reports_are_tables(asset, model):
+    report = asset.solve(model.pose, measure=True)
+    lines = repr(report).splitlines()
+    assert lines[0] == "AssetReport" and len(lines) == 1 + len(dataclasses.fields(report))
+    assert lines[1].split() == ["tiles", "1"]
+    tile = asset.tile(1001).report()
+    assert dict(tile.rows())["before.rms"] == f"{tile.before.rms:.6g}"
+    assert f"<td>before.rms</td><td>{tile.before.rms:.6g}</td>" in tile._repr_html_()
+    # Settings are written as they are made.
+    assert eval(repr(asset.tile(1001).settings), vars(vrtm)) == asset.tile(1001).settings
+
+
+def test_notebooks_show_the_map(asset, model):
+    tile = asset.tile(1001)
+    assert "solve first" in tile._repr_html_() and "<img" not in tile._repr_html_()
+    asset.solve(model.pose)
+    page = tile._repr_html_()
+    assert page in asset._repr_html_() and len(page) < 100_000
+    data = base64.b64decode(page.split("base64,")[1].split('"')[0])
+    # As a reader of PNG takes it apart: chunks with their checksums, then rows with their filters.
+    chunks, rest = {}, data[8:]
+    while rest:
+        length, kind = struct.unpack(">I4s", rest[:8])
+        body, (checksum,) = rest[8 : 8 + length], struct.unpack(">I", rest[8 + length : 12 + length])
+        assert checksum == zlib.crc32(kind + body)
+        chunks[kind], rest = body, rest[12 + length :]
+    width, height = struct.unpack(">II", chunks[b"IHDR"][:8])
+    rows = np.frombuffer(zlib.decompress(chunks[b"IDAT"]), np.uint8).reshape(height, 1 + 4 * width)
+    pixels = rows[:, 1:].reshape(height, width, 4)
+    assert list(chunks) == [b"IHDR", b"IDAT", b"IEND"] and not rows[:, 0].any()
+    # Red where the texture is looked up the farthest away, grey where it stays.
+    shift = np.abs(tile.fetch("redirection_delta", width)).max(-1)
+    far, still = np.unravel_index(shift.argmax(), shift.shape), np.unravel_index(shift.argmin(), shift.shape)
+    assert pixels[far][0] > 1.8 * pixels[far][2] and np.ptp(pixels[still][:3]) < 3
+    asset.close()
+    assert "closed" in asset._repr_html_()

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from . import _abi
 from ._library import new
 
 FLOATS = {np.dtype(np.float32): _abi.VRTM_SCALAR_F32, np.dtype(np.float64): _abi.VRTM_SCALAR_F64}
+
+
+Pixels = NDArray[np.floating[Any]]
+"""Outputs: of float32 or float16."""
 
 
 class Pinned:
@@ -22,15 +28,16 @@ class Pinned:
         self._kept.append(value)
         return value
 
-    def vectors(self, name: str, value: Any, components: int, *, more: int = 0) -> _abi.vrtm_array:
+    def vectors(self, name: str, value: ArrayLike, components: int, *, more: int = 0) -> _abi.vrtm_array:
         """An array of vectors, (count, components), or of numbers, (count,). `more`: the number of further components
         that are allowed and ignored."""
         array = floats(name, value)
+        shape = array.shape
         if components == 1 and array.ndim == 1:
             array = array[:, None]
         if array.ndim != 2 or not components <= array.shape[1] <= components + more:
             wanted = "(count,)" if components == 1 else f"(count, {components})"
-            raise ValueError(f"{name}: has the shape {np.shape(value)}, not {wanted}")
+            raise ValueError(f"{name}: has the shape {shape}, not {wanted}")
         array = array[:, :components]
         packed = components * array.itemsize
         if (components > 1 and array.strides[1] != array.itemsize) or array.strides[0] < packed:
@@ -42,9 +49,9 @@ class Pinned:
         struct.stride = array.strides[0] if len(array) > 1 else 0
         return self.keep(struct)
 
-    def indices(self, name: str, value: Any, *, none: bool = False) -> np.ndarray:
+    def indices(self, name: str, value: ArrayLike, *, none: bool = False) -> NDArray[np.uint32]:
         """A one-dimensional array of unsigned 32-bit integers. `none`: -1 is allowed and means "none"."""
-        array = np.asarray(value)
+        array = array_of(name, value)
         if array.dtype.kind not in "iu" and array.size:
             raise TypeError(f"{name}: holds {array.dtype}, not integers")
         array = array.reshape(-1)
@@ -59,9 +66,22 @@ class Pinned:
         return self.keep(np.ascontiguousarray(array.astype(np.uint32, copy=False)))
 
 
-def floats(name: str, value: Any) -> np.ndarray:
+def array_of(name: str, value: ArrayLike) -> np.ndarray:
+    """What numpy makes of a value. Raises ValueError for rows of different lengths."""
+    try:
+        array = np.asarray(value)
+        ragged = array.dtype == object and any(isinstance(row, (Sequence, np.ndarray)) for row in array.flat)
+    except ValueError:
+        ragged = True
+    if ragged:
+        faces = ": faces of different lengths are one list of all their corners, with face_counts"
+        raise ValueError(f"{name}: holds rows of different lengths{faces * name.endswith('indices')}")
+    return array
+
+
+def floats(name: str, value: ArrayLike) -> np.ndarray:
     """An array of f32 or f64: returned unchanged if it has such a type, else converted."""
-    array = np.asarray(value)
+    array = array_of(name, value)
     if array.dtype in FLOATS and array.dtype.isnative:
         return array
     if array.dtype.kind not in "fiub":

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import ctypes
+import html
 import weakref
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from . import _abi, _mesh, _options
-from ._arrays import Pinned, output
+from ._arrays import Pinned, Pixels, output
 from ._call import interruptible
 from ._device import Device, natural
+from ._errors import InvalidArgumentError
 from ._fetch import Fetch
 from ._job import Job
 from ._library import check, library, new
 from ._names import record
-from ._records import AssetInfo, AssetReport
+from ._records import AssetInfo, AssetReport, Weld
 from ._refinement import Refinement
 from ._tile import Tile
 
@@ -25,6 +28,10 @@ if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from ._options import SolveOptions
+
+
+_NAMED = 20
+"""Tiles that a message names at most."""
 
 
 class Asset:
@@ -51,17 +58,17 @@ class Asset:
     def __init__(
         self,
         device: Device,
-        positions: Any,
-        indices: Any,
+        positions: ArrayLike,
+        indices: ArrayLike,
         *,
-        face_counts: Any = None,
-        face_offsets: Any = None,
-        uvs: Any = None,
-        uv_indices: Any = None,
-        uv_sets: Sequence[Any] = (),
-        seams: Any = None,
-        textured_faces: Any = None,
-        weld: str = "index",
+        face_counts: ArrayLike | None = None,
+        face_offsets: ArrayLike | None = None,
+        uvs: ArrayLike | tuple[ArrayLike, ArrayLike] | None = None,
+        uv_indices: ArrayLike | None = None,
+        uv_sets: Sequence[ArrayLike | tuple[ArrayLike, ArrayLike]] = (),
+        seams: ArrayLike | None = None,
+        textured_faces: ArrayLike | None = None,
+        weld: Weld = "index",
         weld_position_tolerance: float = 1e-5,
         weld_uv_tolerance: float = 1 / 2048,
         max_layers: int = 0,
@@ -118,10 +125,19 @@ class Asset:
         has no triangle there, or no such layer."""
         handle = _abi.vrtm_tile()
         place = (natural("uv_set", uv_set, 32), natural("udim", udim, 32), natural("layer", layer, 32))
-        check(library.vrtm_asset_find_tile_of_layer(self._handle, *place, ctypes.byref(handle)))
+        try:
+            check(library.vrtm_asset_find_tile_of_layer(self._handle, *place, ctypes.byref(handle)))
+        except InvalidArgumentError as error:
+            there = list(dict.fromkeys(tile.udim for tile in self._tiles if tile.uv_set == uv_set))
+            if udim in there or not there:
+                raise
+            more = f" and {len(there) - _NAMED} more" if len(there) > _NAMED else ""
+            of = f"UV set {uv_set}" if uv_set else "it"
+            message = f"{error.message}; {of} has {', '.join(map(str, there[:_NAMED]))}{more}"
+            raise InvalidArgumentError(error.status, error.status_name, message) from None
         return next(tile for tile in self._tiles if tile._handle.id == handle.id)
 
-    def face_layers(self, uv_set: int = 0) -> np.ndarray:
+    def face_layers(self, uv_set: int = 0) -> NDArray[np.uint32]:
         """The layer of each face, (faces,) of uint32: which of the tiles with its UDIM number has its redirection; 0
         for faces in no tile. All 0 unless the asset was made with max_layers. An attribute of faces, by which a shader
         picks the map of the layer."""
@@ -130,20 +146,20 @@ class Asset:
         check(library.vrtm_asset_fetch_face_layers(self._handle, uv_set, layers.ctypes.data, len(layers)))
         return layers
 
-    def set_vertex_rigidity(self, values: Any | None) -> None:
+    def set_vertex_rigidity(self, values: ArrayLike | None) -> None:
         """The rigidity of all tiles by values per vertex, (vertices,) of 0 (elastic) to 1 (rigid); None removes
         it."""
         self._set_vertices(library.vrtm_asset_set_vertex_rigidity, values)
 
-    def set_vertex_mask(self, values: Any | None) -> None:
+    def set_vertex_mask(self, values: ArrayLike | None) -> None:
         """The warp mask of all tiles by values per vertex, (vertices,): under 0.5 nothing moves. None: all may move."""
         self._set_vertices(library.vrtm_asset_set_vertex_mask, values)
 
-    def _set_vertices(self, function: Any, values: Any | None) -> None:
+    def _set_vertices(self, function: Any, values: ArrayLike | None) -> None:
         pinned = Pinned()
         check(function(self._handle, None if values is None else ctypes.byref(pinned.vectors("values", values, 1))))
 
-    def solve(self, positions: Any, **options: Unpack[SolveOptions]) -> AssetReport:
+    def solve(self, positions: ArrayLike, **options: Unpack[SolveOptions]) -> AssetReport:
         """Solves all tiles for a pose: positions (vertices, 3) in the order of the rest positions. Returns a report.
 
         Ctrl-C cancels the solve; the last result stays. The options are those of SolveOptions.
@@ -152,13 +168,13 @@ class Asset:
         return self.report()
 
     def redirect(
-        self, positions: Any, fetches: Sequence[Fetch | Tile], **options: Unpack[SolveOptions]
-    ) -> list[np.ndarray]:
+        self, positions: ArrayLike, fetches: Sequence[Fetch | Tile], **options: Unpack[SolveOptions]
+    ) -> list[Pixels]:
         """Solves for a pose and returns an image for each of `fetches`, in one call: as solve and Tile.fetch, but
         nothing else can use the asset in between. A bare Tile means its redirection map at the grid's size."""
         return self._run(positions, [f if isinstance(f, Fetch) else Fetch(f) for f in fetches], options)
 
-    def _run(self, positions: Any, fetches: list[Fetch], options: SolveOptions) -> list[np.ndarray]:
+    def _run(self, positions: ArrayLike, fetches: list[Fetch], options: SolveOptions) -> list[Pixels]:
         pinned = Pinned()
         points = pinned.vectors("positions", positions, 3, more=1)
         struct, progress = _options.build(pinned, options)
@@ -178,7 +194,7 @@ class Asset:
         interruptible(call, self.cancel)
         return [target.done() for target in targets]
 
-    def submit(self, positions: Any, **options: Unpack[SolveOptions]) -> Job:
+    def submit(self, positions: ArrayLike, **options: Unpack[SolveOptions]) -> Job:
         """Begins to solve for a pose and returns at once: a job is a future, and can be awaited. Until it is done,
         calls that solve or change the asset raise BusyError, and results are those of the last solve."""
         return Job(self, positions, options)
@@ -193,7 +209,7 @@ class Asset:
         check(library.vrtm_asset_report(self._handle, ctypes.byref(struct)))
         return record(AssetReport, struct)
 
-    def corner_uvs(self, uv_set: int = 0, *, out: np.ndarray | None = None) -> np.ndarray:
+    def corner_uvs(self, uv_set: int = 0, *, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         """The redirected UV of each face corner, (corners, 2) of float32, with the tile's place added as in the mesh's
         own UVs. They recover less than the map where the mesh is coarser than the painted detail: see refine."""
         array = output("out", out, (self._corners, 2))
@@ -230,6 +246,10 @@ class Asset:
             return "<vrtm.Asset, closed>"
         info = self.info
         return f"<vrtm.Asset of {info.faces} faces, tiles {', '.join(tile._name for tile in self._tiles)}>"
+
+    def _repr_html_(self) -> str:
+        title = f"<p>{html.escape(repr(self))}</p>"
+        return title if self.closed else title + "".join(tile._repr_html_() for tile in self._tiles[:_NAMED])
 
 
 def _destroy(handle: _abi.vrtm_asset, _log: object) -> None:

@@ -6,14 +6,14 @@ import ctypes
 import logging
 import weakref
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 from . import _abi
 from ._library import check, library, new
 from ._names import name_of, record, value_of
-from ._records import Adapter, DeviceInfo
+from ._records import Adapter, Backend, DeviceInfo, LogLevel
 
-Log = Callable[[str, str], Any]
+Log = Callable[[LogLevel, str], Any]
 _LEVELS = {"warning": logging.WARNING, "info": logging.INFO}
 
 
@@ -54,7 +54,7 @@ class Device:
 
     def __init__(
         self,
-        backend: str = "auto",
+        backend: Backend = "auto",
         *,
         adapter: int = 0,
         adapter_uuid: bytes | None = None,
@@ -74,7 +74,7 @@ class Device:
         tell = log or _to_logging
 
         def line(_user: int, level: int, message: bytes) -> None:
-            tell(name_of("log_level", level), message.decode(errors="replace"))
+            tell(cast(LogLevel, name_of("log_level", level)), message.decode(errors="replace"))
 
         # The assets keep the log function alive, too: the library calls it as long as one of them exists.
         self._log = desc.log = _abi.vrtm_log_fn(line)

@@ -6,13 +6,15 @@ import ctypes
 from typing import Any
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from . import _abi
-from ._arrays import Pinned
+from ._arrays import Pinned, Pixels
 from ._device import natural
 from ._images import Target, image_size
 from ._library import new
 from ._names import value_of
+from ._records import FetchKind, Origin
 from ._tile import Tile
 
 
@@ -22,15 +24,15 @@ class Fetch:
     def __init__(
         self,
         tile: Tile,
-        kind: str = "redirection",
+        kind: FetchKind = "redirection",
         size: int | tuple[int, int] | None = None,
         *,
-        dtype: Any = np.float32,
+        dtype: DTypeLike = np.float32,
         channels: int = 0,
-        origin: str = "top",
+        origin: Origin = "top",
         one_to_one: bool = False,
         uv_set: int = 0,
-        out: np.ndarray | None = None,
+        out: Pixels | None = None,
     ) -> None:
         if not isinstance(tile, Tile):
             raise TypeError(f"tile: {tile!r} is no vrtm.Tile")

@@ -5,11 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
 
 from . import _abi
-from ._arrays import Pinned, output
+from ._arrays import Pinned, Pixels, array_of, output
 from ._library import new
 from ._names import value_of
+from ._records import FetchKind, Origin
 
 PIXELS = {
     np.dtype(np.float32): _abi.VRTM_PIXEL_F32,
@@ -22,13 +24,14 @@ PIXELS = {
 CHANNELS = {"jacobian": 4, "filter_scale": 1}
 
 
-def image(pinned: Pinned, name: str, value: Any, channel: int, origin: str) -> _abi.vrtm_image:
+def image(pinned: Pinned, name: str, value: ArrayLike, channel: int, origin: Origin) -> _abi.vrtm_image:
     """An input image (height, width) or (height, width, channels), of which one channel is read."""
-    array = np.asarray(value)
+    array = array_of(name, value)
+    shape = array.shape
     if array.ndim == 2:
         array = array[:, :, None]
-    if array.ndim != 3 or 0 in array.shape:
-        raise ValueError(f"{name}: has the shape {np.shape(value)}, not (height, width) or (height, width, channels)")
+    if array.ndim != 3 or 0 in shape:
+        raise ValueError(f"{name}: has the shape {shape}, not (height, width) or (height, width, channels)")
     if not 0 <= channel < array.shape[2]:
         raise ValueError(f"channel: {channel} is none of the {array.shape[2]} of {name}")
     array = array[:, :, channel]
@@ -69,14 +72,14 @@ class Target:
     def __init__(
         self,
         pinned: Pinned,
-        kind: str,
+        kind: FetchKind,
         size: tuple[int, int],
         *,
-        dtype: Any = np.float32,
+        dtype: DTypeLike = np.float32,
         channels: int = 0,
-        origin: str = "top",
+        origin: Origin = "top",
         one_to_one: bool = False,
-        out: np.ndarray | None = None,
+        out: Pixels | None = None,
     ) -> None:
         dtype = pixel_type(dtype if out is None else getattr(out, "dtype", dtype))
         width, height = size
@@ -96,14 +99,14 @@ class Target:
         struct.one_to_one = int(one_to_one)
         self.struct = pinned.keep(struct)
 
-    def done(self) -> np.ndarray:
+    def done(self) -> Pixels:
         """After the call: the caller's array, filled."""
         if self._written is not self.array:
             self.array[...] = self._written
         return self.array
 
 
-def pixel_type(dtype: Any) -> np.dtype:
+def pixel_type(dtype: DTypeLike) -> np.dtype:
     """Checks the number format of an output."""
     dtype = np.dtype(dtype)
     if dtype not in (np.dtype(np.float32), np.dtype(np.float16)):

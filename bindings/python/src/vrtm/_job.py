@@ -11,6 +11,8 @@ import weakref
 from collections.abc import Generator
 from typing import TYPE_CHECKING, Any
 
+from numpy.typing import ArrayLike
+
 from . import _abi, _options
 from ._arrays import Pinned
 from ._errors import CancelledError, TimeoutError
@@ -29,7 +31,7 @@ class Job(concurrent.futures.Future):
     milliseconds; result() then raises CancelledError. Callbacks run on a thread of the job.
     """
 
-    def __init__(self, asset: Asset, positions: Any, options: SolveOptions) -> None:
+    def __init__(self, asset: Asset, positions: ArrayLike, options: SolveOptions) -> None:
         super().__init__()
         pinned = Pinned()
         points = pinned.vectors("positions", positions, 3, more=1)

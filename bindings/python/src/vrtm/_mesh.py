@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from . import _abi
-from ._arrays import Pinned
+from ._arrays import Pinned, array_of
 from ._device import natural
 from ._library import new
 from ._names import value_of
+from ._records import Weld
 
 
 def mesh(
@@ -26,7 +27,7 @@ def mesh(
     uv_sets: Any = (),
     seams: Any = None,
     textured_faces: Any = None,
-    weld: str = "index",
+    weld: Weld = "index",
     weld_position_tolerance: float = 1e-5,
     weld_uv_tolerance: float = 1 / 2048,
     max_layers: int = 0,
@@ -34,7 +35,7 @@ def mesh(
     """The struct for vrtm_asset_create. The arguments are those of Asset."""
     desc = new(_abi.vrtm_mesh_desc)
     desc.positions = ctypes.pointer(pinned.vectors("positions", positions, 3, more=1))
-    corners = np.asarray(indices)
+    corners = array_of("indices", indices)
     if corners.ndim == 2 and face_counts is None and face_offsets is None:
         # One row per face.
         face_counts = np.full(corners.shape[0], corners.shape[1], np.uint32)
@@ -43,7 +44,7 @@ def mesh(
     _list(pinned, desc, "face_offsets", face_offsets, "face_offset_count")
     _list(pinned, desc, "textured_faces", textured_faces, "textured_face_count")
     if seams is not None:
-        pairs = np.asarray(seams)
+        pairs = array_of("seams", seams)
         if pairs.size and (pairs.ndim != 2 or pairs.shape[1] != 2):
             raise ValueError(f"seams: has the shape {pairs.shape}, not (count, 2)")
         _list(pinned, desc, "seams", pairs, "seam_count")
@@ -53,7 +54,7 @@ def mesh(
         sets = pinned.keep((_abi.vrtm_uv_set * len(uv_sets))())
         for k, (struct, given) in enumerate(zip(sets, uv_sets)):
             # A pair (uvs, uv_indices), or the UVs alone, which may be a pair (u, v).
-            paired = isinstance(given, tuple) and len(given) == 2 and np.ndim(given[0]) == 2
+            paired = isinstance(given, tuple) and len(given) == 2 and array_of(f"uv_sets[{k}]", given[0]).ndim == 2
             of_set, corners_of_set = given if paired else (given, None)
             _uvs(pinned, struct, f"uv_sets[{k}]", of_set, f"uv_sets[{k}] indices", corners_of_set)
         desc.uv_sets, desc.uv_set_count = sets, len(uv_sets)
@@ -75,7 +76,7 @@ def _list(pinned: Pinned, struct: ctypes.Structure, name: str, value: Any, count
 def _uvs(pinned: Pinned, struct: ctypes.Structure, name: str, uvs: Any, indices_name: str, indices: Any) -> None:
     if uvs is None:
         raise ValueError(f"{name}: a mesh without UVs has no texture")
-    if isinstance(uvs, tuple) and len(uvs) == 2 and np.ndim(uvs[0]) == 1:
+    if isinstance(uvs, tuple) and len(uvs) == 2 and array_of(name, uvs[0]).ndim == 1:
         # u and v in separate arrays.
         struct.u = ctypes.pointer(pinned.vectors(f"{name}[0]", uvs[0], 1))
         struct.v = ctypes.pointer(pinned.vectors(f"{name}[1]", uvs[1], 1))

@@ -6,12 +6,14 @@ import ctypes
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypedDict
 
+from numpy.typing import ArrayLike
+
 from . import _abi
 from ._arrays import Pinned
 from ._device import natural
 from ._library import new
 from ._names import fill, value_of
-from ._records import PbdSettings
+from ._records import PbdSettings, Quality, Solver
 
 if TYPE_CHECKING:
     from ._tile import Tile
@@ -20,7 +22,7 @@ if TYPE_CHECKING:
 class SolveOptions(TypedDict, total=False):
     """Keyword arguments of Asset.solve, redirect and submit; omitted options have the library's defaults."""
 
-    quality: str
+    quality: Quality
     """"normal" (the default), "draft" or "high"."""
     warm: bool
     """Start from the last result: faster on small changes, but the result depends on the order of the frames."""
@@ -34,7 +36,7 @@ class SolveOptions(TypedDict, total=False):
     """Milliseconds that the solve may take; 0 = no limit."""
     measure: bool
     """Also measure the strain on the mesh, for the tiles' reports. Slow."""
-    solver: str
+    solver: Solver
     """"descent" (the default) or "pbd", the paper's own, for comparison."""
     pbd: PbdSettings | None
     """Settings of the solver "pbd"."""
@@ -46,7 +48,7 @@ class SolveOptions(TypedDict, total=False):
     """Free the memory of each tile's solver once the tile is solved: that of one tile is needed at a time."""
     tiles: Sequence[Tile] | None
     """The tiles to solve; None = all. The others keep their results."""
-    dirty_vertices: Any
+    dirty_vertices: ArrayLike | None
     """The vertices that have moved since the last solve, as integers; None = any may have."""
     progress: Callable[[float], Any] | None
     """Called with 0..1, at most 500 times per second, on the thread that does the work. If it returns True or raises

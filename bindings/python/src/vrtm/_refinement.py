@@ -5,9 +5,10 @@ from __future__ import annotations
 import ctypes
 import weakref
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from . import _abi
 from ._arrays import output
@@ -25,21 +26,21 @@ class Pattern:
     """How the refined mesh is built from the mesh. Vertices and corners have three sources each, with weights that add
     up to 1: positions of the refined mesh are (positions[vertex_sources] * vertex_weights[..., None]).sum(1)."""
 
-    vertex_sources: np.ndarray
+    vertex_sources: NDArray[np.uint32]
     """(vertices, 3) of uint32: vertices of the mesh. The mesh's own vertices come first."""
-    vertex_weights: np.ndarray
+    vertex_weights: NDArray[np.float32]
     """(vertices, 3) of float32: the weights of vertex_sources."""
-    face_sources: np.ndarray
+    face_sources: NDArray[np.uint32]
     """(faces,) of uint32: the face of the mesh that contains each face."""
-    face_corners: np.ndarray
+    face_corners: NDArray[np.uint32]
     """(faces,) of uint32: the number of corners."""
-    corner_vertices: np.ndarray
+    corner_vertices: NDArray[np.uint32]
     """(corners,) of uint32: the vertex of each corner."""
-    corner_sources: np.ndarray
+    corner_sources: NDArray[np.uint32]
     """(corners, 3) of uint32: source corners of the mesh."""
-    corner_weights: np.ndarray
+    corner_weights: NDArray[np.float32]
     """(corners, 3) of float32: the weights of corner_sources."""
-    corner_uvs: np.ndarray
+    corner_uvs: NDArray[np.float32]
     """(corners, 2) of float32: the original UVs, with the tile's place added."""
 
 
@@ -75,7 +76,7 @@ class Refinement:
         counts = {"vertex": info.vertices, "face": info.faces, "corner": info.corners}
         struct = new(_abi.vrtm_refinement_pattern)
         struct.vertex_count, struct.face_count, struct.corner_count = counts.values()
-        arrays = {}
+        arrays: dict[str, Any] = {}
         for name in Pattern.__annotations__:
             rows = counts[name.split("_")[0]]
             floats = name.endswith(("weights", "uvs"))
@@ -86,7 +87,7 @@ class Refinement:
         check(library.vrtm_refinement_fetch_pattern(self._handle, ctypes.byref(struct)))
         return Pattern(**arrays)
 
-    def corner_uvs(self, *, out: np.ndarray | None = None) -> np.ndarray:
+    def corner_uvs(self, *, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         """The redirected UV of each corner in the asset's last result, (corners, 2) of float32."""
         count = self.info.corners
         array = output("out", out, (count, 2))

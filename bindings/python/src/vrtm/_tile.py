@@ -7,14 +7,16 @@ import dataclasses
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _abi
-from ._arrays import Pinned
+from ._arrays import Pinned, Pixels
 from ._device import natural
 from ._images import PIXELS, Target, image, image_size, pixel_type
 from ._library import check, library, new
 from ._names import fill, record, value_of
-from ._records import MapInfo, TileInfo, TileNeeds, TileReport, TileSettings
+from ._picture import figure
+from ._records import FetchKind, MapInfo, Origin, TileInfo, TileNeeds, TileReport, TileSettings
 
 if TYPE_CHECKING:
     from ._asset import Asset
@@ -49,14 +51,14 @@ class Tile:
         check(library.vrtm_tile_info(self._handle, ctypes.byref(struct)))
         return record(TileInfo, struct)
 
-    def set_rigidity(self, rigidity: Any | None, *, channel: int = 0, origin: str = "top") -> None:
+    def set_rigidity(self, rigidity: ArrayLike | None, *, channel: int = 0, origin: Origin = "top") -> None:
         """Sets what is rigid: an image (height, width) or (height, width, channels) of uint8, uint16, float16 or
         float32, 0 (elastic) to 1 (rigid; for integers their largest value), of any size. `origin`: "top" if the first
         row is at v = 1, as in image files, or "bottom". None removes it: then nothing in the tile moves."""
         self._set(library.vrtm_tile_set_rigidity, "rigidity", rigidity, channel, origin)
 
     def update_rigidity(
-        self, rigidity: Any, x: int, y: int, width: int, height: int, *, channel: int = 0, origin: str = "top"
+        self, rigidity: ArrayLike, x: int, y: int, width: int, height: int, *, channel: int = 0, origin: Origin = "top"
     ) -> None:
         """Updates a part of the rigidity map, after a brush stroke: `width` x `height` texels from column `x`
         and row `y` of the array. `rigidity` is the whole map, with the size and format of the one that was set."""
@@ -65,11 +67,11 @@ class Tile:
         struct = image(pinned, "rigidity", rigidity, channel, origin)
         check(library.vrtm_tile_update_rigidity(self._handle, ctypes.byref(struct), *part))
 
-    def set_mask(self, mask: Any | None, *, channel: int = 0, origin: str = "top") -> None:
+    def set_mask(self, mask: ArrayLike | None, *, channel: int = 0, origin: Origin = "top") -> None:
         """Sets the warp mask: points under a texel below 0.5 do not move. None: all may move."""
         self._set(library.vrtm_tile_set_mask, "mask", mask, channel, origin)
 
-    def _set(self, function: Any, name: str, value: Any | None, channel: int, origin: str) -> None:
+    def _set(self, function: Any, name: str, value: ArrayLike | None, channel: int, origin: Origin) -> None:
         pinned = Pinned()
         struct = None if value is None else ctypes.byref(image(pinned, name, value, channel, origin))
         check(function(self._handle, struct))
@@ -119,16 +121,16 @@ class Tile:
 
     def fetch(
         self,
-        kind: str = "redirection",
+        kind: FetchKind = "redirection",
         size: int | tuple[int, int] | None = None,
         *,
-        dtype: Any = np.float32,
+        dtype: DTypeLike = np.float32,
         channels: int = 0,
-        origin: str = "top",
+        origin: Origin = "top",
         one_to_one: bool = False,
         uv_set: int = 0,
-        out: np.ndarray | None = None,
-    ) -> np.ndarray:
+        out: Pixels | None = None,
+    ) -> Pixels:
         """An output of the last solve as an image, (height, width, channels).
 
         kind        "redirection": the UV at which to sample the texture, within the tile, v up;
@@ -163,15 +165,15 @@ class Tile:
 
     def fetch_part(
         self,
-        kind: str,
+        kind: FetchKind,
         whole: int | tuple[int, int],
         part: tuple[int, int, int, int],
         *,
-        dtype: Any = np.float32,
+        dtype: DTypeLike = np.float32,
         channels: int = 0,
-        origin: str = "top",
-        out: np.ndarray | None = None,
-    ) -> np.ndarray:
+        origin: Origin = "top",
+        out: Pixels | None = None,
+    ) -> Pixels:
         """A part of an output, for images that are too large to be held in memory: of an image of `whole` texels
         (width, height), those of `part`: (x, y, width, height), rows counted in the order of `origin`. one_to_one is
         not available, since it depends on the whole map; use fetch for it."""
@@ -190,9 +192,9 @@ class Tile:
         *,
         reach: float = 1 / 16,
         channels: int = 0,
-        origin: str = "top",
-        out: np.ndarray | None = None,
-    ) -> np.ndarray:
+        origin: Origin = "top",
+        out: NDArray[np.float32] | None = None,
+    ) -> NDArray[np.float32]:
         """What a texture must hold around the tile's charts, (height, width, channels) of float32: for each texel
         beside the charts, up to about `reach` (in UV) from a seam, the UV among all tiles of the texel that shows what
         the surface shows there; for all other texels their own. A fourth channel is 1 in charts and where a UV was
@@ -211,7 +213,7 @@ class Tile:
 
     def fetch_external(
         self,
-        kind: str,
+        kind: FetchKind,
         size: int | tuple[int, int],
         fd: int,
         memory_size: int,
@@ -219,7 +221,7 @@ class Tile:
         memory_type: int = 0,
         offset: int = 0,
         row_stride: int = 0,
-        origin: str = "top",
+        origin: Origin = "top",
     ) -> None:
         """A redirection into memory of a Vulkan device on the same GPU (Device.info, Adapter.uuid), without copying
         through the CPU: rows of two float32 per texel, bit for bit those of fetch, complete when the call returns.
@@ -247,10 +249,10 @@ class Tile:
 
     def inspect_map(
         self,
-        kind: str = "redirection",
+        kind: FetchKind = "redirection",
         size: int | tuple[int, int] | None = None,
         *,
-        dtype: Any = np.float32,
+        dtype: DTypeLike = np.float32,
         one_to_one: bool = False,
     ) -> MapInfo:
         """What a redirection map of this kind, size and format gives when a renderer interpolates in it: where it
@@ -270,7 +272,7 @@ class Tile:
         check(library.vrtm_tile_report(self._handle, ctypes.byref(struct)))
         return record(TileReport, struct)
 
-    def _size(self, kind: str, size: tuple[int, int] | None, out: Any, *, next: bool = False) -> tuple[int, int]:
+    def _size(self, kind: FetchKind, size: tuple[int, int] | None, out: Any, *, next: bool = False) -> tuple[int, int]:
         """(width, height) of an output: as asked for, or that of `out`, or one texel per cell of the last result's
         grid; `next`: of the grid that the next solve will have."""
         if size is not None:
@@ -283,6 +285,9 @@ class Tile:
 
     def __repr__(self) -> str:
         return f"<vrtm.Tile {self._name} of UV set {self.uv_set}>"
+
+    def _repr_html_(self) -> str:
+        return figure(self)
 
     @property
     def _name(self) -> str:

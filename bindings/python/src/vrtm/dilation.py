@@ -143,7 +143,7 @@ def _jacobian(dilation: np.ndarray, away: np.ndarray, rows: np.ndarray, columns:
             difference = (dilation[r, c, :2].astype(np.float64) - uv) * (step * count)
             differences.append(np.where((inside & away[r, c])[:, None], difference, np.inf))
         length = [np.abs(difference).max(axis=-1) for difference in differences]
-        sides.append(np.where((length[0] <= length[1])[:, None], *differences))
+        sides.append(np.where((length[0] <= length[1])[:, None], differences[0], differences[1]))
     along, up = sides
     known = [np.isfinite(side).all(axis=-1, keepdims=True) for side in (along, up)]
     quarter = np.stack([up[:, 1], -up[:, 0]], axis=-1)
