@@ -163,10 +163,10 @@ def test_missing_rigidity_is_told_and_may_be_an_error(tmp_path: Path) -> None:
     scene = sheet(tmp_path / "maps", frames=1, cells=4)
     (scene.parent / "rigid.1002.png").unlink()
     arguments = sheet_arguments(scene, tmp_path / "out", "--jobs", 1)
-    assert "warning: /model/sheet: no map of --rigidity for tile 1002: nothing keeps" in run(*arguments).stderr
+    assert "warning: /model/sheet, tile 1002: no map of --rigidity: nothing keeps" in run(*arguments).stderr
     shutil.rmtree(tmp_path / "out")
     ended = run(*arguments, "--strict", expect=2)
-    assert ended.stderr.splitlines()[-1].startswith("vrtm: /model/sheet: no map of --rigidity for tile 1002")
+    assert ended.stderr.splitlines()[-1].startswith("vrtm: --strict: /model/sheet, tile 1002: no map of --rigidity")
     assert not (tmp_path / "out").exists()
     # A tile that is not asked for is nobody's matter.
     assert "no map of" not in run(*arguments, "--strict", "--tiles", 1001).stderr
@@ -177,7 +177,7 @@ def test_missing_rigidity_is_told_and_may_be_an_error(tmp_path: Path) -> None:
     told = run(*named, "--strict").stderr
     assert "sheet.1002.png is black all over" in told and "no map of" not in told
     named = [scene.parent / "none.<mesh>.<UDIM>.png" if str(a).endswith("<mesh>.<UDIM>.png") else a for a in named]
-    assert "/model/sheet: no map of --rigidity for tiles 1001-1002" in run(*named).stderr
+    assert "/model/sheet, tiles 1001-1002: no map of --rigidity" in run(*named).stderr
     # By values per vertex, which one of two meshes lacks.
     stage = Usd.Stage.Open(str(scene))
     other = Sdf.Layer.FindOrOpen(str(scene))
@@ -199,7 +199,7 @@ def test_missing_rigidity_is_told_and_may_be_an_error(tmp_path: Path) -> None:
         "--out",
         tmp_path / "new",
     ]
-    assert "/model/sheet: no values of --rigidity-primvar for tiles 1001-1002" in run(*by_vertex).stderr
+    assert "/model/sheet, tiles 1001-1002: no values of --rigidity-primvar" in run(*by_vertex).stderr
     assert "/model/sheet" in run(*by_vertex, "--strict", expect=2).stderr
 
 

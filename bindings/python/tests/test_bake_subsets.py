@@ -206,4 +206,4 @@ def test_wrong_uses_are_refused(baked: Path, tmp_path: Path) -> None:
     (baked.parent / "rest.rigid.1002.png").rename(tmp_path / "kept.png")
     ended = run(*arguments(baked, out, "--frames", 1))
     (tmp_path / "kept.png").rename(baked.parent / "rest.rigid.1002.png")
-    assert f"{MESH} subset rest: no map of --rigidity for tile 1002: nothing keeps its shape there" in ended.stderr
+    assert f"{MESH} subset rest, tile 1002: no map of --rigidity: nothing keeps its shape there" in ended.stderr

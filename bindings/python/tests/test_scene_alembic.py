@@ -149,7 +149,9 @@ def test_hidden_objects_are_left_out(tmp_path: Path) -> None:
         mesh.getSchema().set(sample)
         abc.OCharProperty(mesh.getProperties(), "visible").setValue(visible)
     del mesh, archive
-    assert [shape.name for shape in Scene(path).shapes] == ["on", "inherits"]
+    scene = Scene(path)
+    assert [shape.name for shape in scene.shapes] == ["on", "inherits"]
+    assert [(entry.mesh, entry.why, entry.meant) for entry in scene.left_out] == [("/off", "is hidden", True)]
 
 
 def test_subdivision_surfaces_are_refined(tmp_path: Path) -> None:

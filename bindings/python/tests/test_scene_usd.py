@@ -161,7 +161,13 @@ def test_hidden_meshes_are_left_out(tmp_path: Path) -> None:
     scenes.mesh(stage, "/_class/abstract")
     scenes.mesh(stage, "/render").CreatePurposeAttr("render")
     path = saved(stage)
-    assert [shape.name for shape in Scene(path).shapes] == ["shown", "blinking", "render"]
+    scene = Scene(path)
+    assert [shape.name for shape in scene.shapes] == ["shown", "blinking", "render"]
+    assert {entry.mesh: entry.why for entry in scene.left_out if entry.meant} == {
+        "/group/guide": "has the purpose 'guide'",
+        "/proxies/proxy": "has the purpose 'proxy'",
+        "/off/hidden": "is invisible in all frames",
+    }
     with pytest.raises(SceneError, match="/off/hidden: is invisible in all frames"):
         Scene(path, SceneOptions(meshes=("/off/hidden",)))
     with pytest.raises(SceneError, match=r"no mesh to bake.*has the purpose 'guide'"):
@@ -189,7 +195,15 @@ def test_choice_of_meshes_and_names(tmp_path: Path) -> None:
     stage.DefinePrim("/light", "SphereLight")
     with pytest.raises(SceneError, match="'/light' is a SphereLight, not a mesh"):
         Scene(saved(stage), SceneOptions(meshes=("/light",)))
-    assert Scene(path, SceneOptions(meshes=("/b",))).warnings == ["/b/bald is left out: it has no UVs"]
+    scene = Scene(path, SceneOptions(meshes=("/b",)))
+    assert [(entry.mesh, entry.why) for entry in scene.left_out] == [
+        ("/a/body", "not named by --meshes"),
+        ("/b/bald", "has no UVs"),
+    ]
+    # What does not deform would get no maps anyway.
+    assert all(entry.meant for entry in scene.left_out)
+    scenes.stretch(UsdGeom.Mesh(stage.GetPrimAtPath("/b/bald")), [1, 2])
+    assert [entry.mesh for entry in Scene(saved(stage)).left_out if not entry.meant] == ["/b/bald"]
 
 
 def test_names_differ_in_more_than_the_case_of_letters() -> None:

@@ -201,7 +201,9 @@ def _maps(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--rigidity", metavar="PATTERN", help=f"images, white = rigid; {where}")
     group.add_argument("--mask", metavar="PATTERN", help="images; what is dark does not move")
     group.add_argument(
-        "--strict", action="store_true", help="a mesh or tile without rigidity is an error (exit code 2)"
+        "--strict",
+        action="store_true",
+        help="exit code 2 if anything is not baked that no option leaves out, and that would not stay as it is",
     )
     group.add_argument("--rigidity-primvar", metavar="NAME", help="a primvar in place of images ('colors' in OBJ)")
     group.add_argument("--mask-primvar", metavar="NAME", help="a primvar in place of images")

@@ -15,7 +15,7 @@ import numpy as np
 
 import vrtm
 from vrtm import dilation
-from vrtm.bake import image_file, overwrite, staging, warped
+from vrtm.bake import image_file, left_out, overwrite, staging, warped
 from vrtm.bake.console import Console
 from vrtm.bake.failure import INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
@@ -43,7 +43,7 @@ def dilate(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
     """Runs the command, until it is to stop. Raises Failure, and what vrtm.bake.failure.describe knows."""
     # All meshes: what lies in the charts of any of them stays as it is.
     with Scene(parsed.scene, SceneOptions(uv=parsed.uv, rest=parsed.rest)) as scene, vrtm.Device("cpu") as device:
-        for warning in scene.warnings:
+        for warning in [*scene.warnings, *left_out.lines(left_out.unmeant(scene.left_out))]:
             console.warning(warning)
         assets = [_asset(device, shape, parsed.weld) for shape in scene.shapes]
         down = parsed.normal_y == "down"

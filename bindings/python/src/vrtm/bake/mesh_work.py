@@ -17,6 +17,7 @@ from vrtm.bake.failure import INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.image_file import Target
+from vrtm.bake.left_out import LeftOut
 from vrtm.bake.names import Pattern
 from vrtm.bake.part import Part, TileWork, parts
 from vrtm.bake.scene import Shape
@@ -54,6 +55,8 @@ class FrameResult:
     """What the library warned of."""
     told: list[str] = field(default_factory=list)
     """What else it said."""
+    left_out: list[LeftOut] = field(default_factory=list)
+    """What of the frame is not baked."""
 
     def count(self, state: str) -> int:
         """Files that were `written`, or `skipped` since they were up to date."""
@@ -85,7 +88,9 @@ class MeshWork:
         common.array(shape.vertex_rigidity).array(shape.vertex_mask)
         for array in shape.texture_uvs or ():
             common.array(array)
-        self.parts = parts(settings, shape, device, copies, common)
+        self.left_out: list[LeftOut] = []
+        """Parts without maps."""
+        self.parts = parts(settings, shape, device, copies, common, self.left_out)
         self.all_udims = tuple(dict.fromkeys(udim for part in self.parts for udim in part.all_udims))
         if not self.all_udims:
             raise Failure(INPUT, f"{settings.scene} {shape.path}: none of its UVs lies in a tile, which begin at 0, 0")

@@ -11,6 +11,7 @@ import numpy as np
 import vrtm
 from vrtm.bake import warped
 from vrtm.bake.fingerprint import Fingerprint
+from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene import Shape
 from vrtm.bake.scene.images import find_maps, read_map
 from vrtm.bake.scene.topology import corner_starts
@@ -136,10 +137,15 @@ class Part:
 
 
 def parts(
-    settings: Settings, shape: Shape, device: vrtm.Device, copies: Sequence[warped.Copy], common: Fingerprint
+    settings: Settings,
+    shape: Shape,
+    device: vrtm.Device,
+    copies: Sequence[warped.Copy],
+    common: Fingerprint,
+    left_out: list[LeftOut],
 ) -> list[Part]:
     """The parts of a mesh that are baked each by itself: with --subsets its subsets, and the faces in none of them;
-    those without UVs in tiles are left out."""
+    those without UVs are left out."""
     if not settings.subsets:
         return [Part(settings, shape, None, device, copies, common)]
     rest = np.ones(len(shape.face_counts), bool)
@@ -153,6 +159,9 @@ def parts(
     chosen.append((name, np.flatnonzero(rest)))
     starts = corner_starts(shape.face_counts)
     with_uvs = (shape.face_counts > 0) & (shape.uv_indices[np.minimum(starts, len(shape.uv_indices) - 1)] >= 0)
+    left_out += [
+        LeftOut("has no UVs", f"{shape.path} subset {n}") for n, f in chosen if len(f) and not with_uvs[f].any()
+    ]
     found = [Part(settings, shape, (n, f), device, copies, common) for n, f in chosen if with_uvs[f].any()]
     # One of them may lack a file, but not all.
     wanted = [(getattr(settings, option), [part.maps[option] for part in found]) for option in ("rigidity", "mask")]

@@ -7,8 +7,9 @@ import json
 from collections.abc import Sequence
 
 import vrtm
-from vrtm.bake import staging
+from vrtm.bake import left_out, staging
 from vrtm.bake.failure import DONE, INPUT, TOLERANCE, Failure, one_line
+from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mesh_work import FrameResult
 from vrtm.bake.rows import tile_name
 from vrtm.bake.settings import EACH, Settings
@@ -46,9 +47,14 @@ def advice(settings: Settings, tile: dict) -> str:
 
 
 def document(
-    work: Work, results: Sequence[FrameResult], seconds: float, failure: Failure | None, warnings: Sequence[str]
+    work: Work,
+    results: Sequence[FrameResult],
+    seconds: float,
+    failure: Failure | None,
+    warnings: Sequence[str],
+    missing: Sequence[LeftOut],
 ) -> dict:
-    """All figures, frames and meshes in order."""
+    """All figures, frames and meshes in order. `missing`: what is not baked."""
     settings = work.settings
     info = work.device.info
     return {
@@ -77,6 +83,7 @@ def document(
             }
             for result in sorted(results, key=lambda result: (result.frame, result.mesh))
         ],
+        "not_baked": [entry.row() for entry in missing],
         "written": sum(result.count("written") for result in results),
         "skipped": sum(result.count("skipped") for result in results),
         "seconds": round(seconds, 3),
@@ -92,6 +99,13 @@ def write(path: str, content: dict) -> None:
         staging.write_bytes(path, (json.dumps(content, indent=1) + "\n").encode())
     except OSError as error:
         raise Failure(INPUT, f"--report {path}: {one_line(error.strerror or error)}") from error
+
+
+def strict(settings: Settings, missing: Sequence[LeftOut]) -> Failure | None:
+    """What --strict makes an error of all that is not baked."""
+    wrong = left_out.lines(left_out.unmeant(missing)) if settings.strict else []
+    more = f" (and {len(wrong) - 1} more, named above)" if len(wrong) > 1 else ""
+    return Failure(INPUT, f"--strict: {wrong[0]}{more}") if wrong else None
 
 
 def tolerance(settings: Settings, results: Sequence[FrameResult]) -> Failure | None:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 
-from vrtm.bake import cores, dry_run, layer_file, report, staging
+from vrtm.bake import cores, dry_run, layer_file, left_out, report, staging
 from vrtm.bake.console import Console
 from vrtm.bake.failure import DEVICE, DONE, SIGNAL, Failure, describe
 from vrtm.bake.frames import Frame
@@ -71,6 +71,8 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
         work.check_files()
         for note in [*work.notes(), *(layer_file.foretell(work) if settings.layer else ())]:
             warn(note)
+        for line in left_out.lines(left_out.unmeant(work.left_out)):
+            warn(line)
         for line in (*work.facts(), *work.hints()):
             console.detail(line)
         for line in work.told():
@@ -78,13 +80,17 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
         if not settings.only_layer:
             work.check_units()
         if settings.dry_run:
-            for line in dry_run.lines(work):
+            for line in [*dry_run.lines(work), *left_out.listed(work.left_out)]:
                 console.info(line)
-            return None
-        work.try_folders()
+            return report.strict(settings, work.left_out)
         results: list[FrameResult] = []
-        failure: Failure | None = None
+        # Better known now than after hours.
+        failure = report.strict(settings, work.left_out)
+        if failure is None:
+            work.try_folders()
         try:
+            if failure is not None:
+                raise failure
             places = filter(None, (settings.layer, settings.root))
             beside = [os.path.dirname(path) or "." for path in places]
             for folder in beside + ([] if settings.only_layer else work.folders()):
@@ -100,10 +106,12 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
                 failure = failure or idle
         except Exception as error:
             failure = describe(error)
+        missing = left_out.merged([*work.left_out, *(entry for result in results for entry in result.left_out)])
+        failure = failure or report.strict(settings, missing)
         seconds = time.perf_counter() - start
         if settings.report is not None:
             try:
-                report.write(settings.report, report.document(work, results, seconds, failure, warnings))
+                report.write(settings.report, report.document(work, results, seconds, failure, warnings, missing))
             except Failure as error:
                 if failure is not None:
                     warn(error.message)
@@ -111,6 +119,10 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
     written = sum(result.count("written") for result in results)
     skipped = sum(result.count("skipped") for result in results)
     console.close()
+    for entry in missing:
+        console.verbose(f"not baked: {entry.line()}")
+    for line in left_out.listed(missing):
+        console.info(line)
     if results or failure is None:
         console.info(f"{written} files written, {skipped} up to date, in {seconds:.1f} s: {settings.out}")
     console.status("done" if failure is None else failure.message.splitlines()[-1])
@@ -128,7 +140,7 @@ class _Told:
     def done(self, result: FrameResult) -> None:
         """A frame more is done."""
         self.results.append(result)
-        for note in result.warnings:
+        for note in [*result.warnings, *left_out.lines(left_out.unmeant(result.left_out))]:
             # Tears and folds differ from frame to frame in their numbers alone: the first of them are told. A warning
             # of a pose names its frame, and is told for a few.
             kind = _NUMBER.sub("#", note)

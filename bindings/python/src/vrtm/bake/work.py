@@ -16,6 +16,7 @@ from vrtm.bake import frames, image_file, layer_file, overwrite, staging, units,
 from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
+from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mesh_work import FrameResult, MeshWork, unknown_tiles
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
 from vrtm.bake.part import Part
@@ -55,9 +56,9 @@ class Work:
             raise Failure(INPUT, f"--freeze {settings.freeze}: it is none of {frames.text(self.frames)}")
         self.shapes = [shape for shape in self.scene.shapes if not self._stays(shape)]
         """The meshes to bake: those that deform, and those that are named."""
-        self.left_out = [shape.path for shape in self.scene.shapes if shape not in self.shapes]
+        still = [shape.path for shape in self.scene.shapes if shape not in self.shapes]
         if not self.shapes:
-            named = f"{self.left_out[0]}{others(len(self.left_out) - 1)}"
+            named = f"{still[0]}{others(len(still) - 1)}"
             moved = "; ".join(warning for warning in self.scene.warnings if "--world" in warning)
             message = f"{settings.scene}: nothing deforms: {named} can be baked if --meshes names it"
             raise Failure(INPUT, f"{message}; {moved}" if moved else message)
@@ -65,6 +66,8 @@ class Work:
             raise Failure(INPUT, f"--subsets: no mesh of {settings.scene} has subsets that materials can be bound to")
         copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
         self.meshes = {shape.name: self._mesh(shape, copies) for shape in self.shapes}
+        self.left_out = [*self.scene.left_out, *self._left_out(still)]
+        """All that is known not to be baked."""
         self.pattern = self._pattern(copies)
         self._poses: dict[str, list[str]] = {}
 
@@ -115,16 +118,8 @@ class Work:
         return Pattern(self.settings.name or text, counts)
 
     def notes(self) -> list[str]:
-        """What is odd about the scene and the options, each as a sentence. Raises Failure if it must not be odd."""
+        """What is odd about the scene and the options, each as a sentence."""
         notes = [*self.heard(), *self.scene.warnings, *self._without_maps()]
-        if self.missing_frames:
-            notes.append(
-                f"--frames: {self.settings.scene} has {frames.text(self.scene.frames)}, without "
-                f"{frames.text(self.missing_frames)}, which are left out"
-            )
-        if self.left_out:
-            first = f"{self.left_out[0]}{others(len(self.left_out) - 1)}"
-            notes.append(f"{first}: left out, since nothing deforms there; --meshes can name them")
         settings, there = self.settings, self.scene.frames
         rest = settings.options.rest or ""
         if rest.startswith("frame:") and not there[0] <= frame_number(rest) <= there[-1]:
@@ -142,23 +137,41 @@ class Work:
                 f"{len(other)} maps of another form, such as {other[0]}, are replaced by ones of form {settings.form}: "
                 "layers that name them have to be written again"
             )
-        missing = unknown_tiles(self.settings, list(self.meshes.values()))
-        if missing:
-            notes.append(f"--tiles: no mesh has {', '.join(map(str, missing))}")
         return notes
+
+    def _left_out(self, still: list[str]) -> Iterator[LeftOut]:
+        """What options, maps and the range leave out; `still`: the meshes that do not deform."""
+        settings = self.settings
+        for path in still:
+            yield LeftOut("nothing deforms there; --meshes can name it", path, meant=True)
+        if settings.frames is not None:
+            others = tuple(sorted(set(self.scene.frames) - set(self.frames)))
+            if others:
+                yield LeftOut("not in --frames", frames=others, meant=True)
+        if self.missing_frames:
+            yield LeftOut(f"the scene has {frames.text(self.scene.frames)}", frames=self.missing_frames)
+        for mesh in self.meshes.values():
+            yield from mesh.left_out
+            without = tuple(udim for udim in mesh.all_udims if udim not in (settings.tiles or mesh.all_udims))
+            if without:
+                yield LeftOut("not in --tiles", mesh.shape.path, tiles=without, meant=True)
+        missing = unknown_tiles(settings, list(self.meshes.values()))
+        if missing:
+            yield LeftOut("no mesh has UVs there, which --tiles names", tiles=tuple(missing))
+        what = "no map of --rigidity" if settings.rigidity else "no values of --rigidity-primvar"
+        for part in self.parts:
+            udims = part.without("rigidity")
+            if udims:
+                yield LeftOut(f"{what}: nothing keeps its shape there", part.where, tiles=tuple(udims))
 
     def _without_maps(self) -> list[str]:
         notes = []
-        for option, then in (("rigidity", "nothing keeps its shape there"), ("mask", "all may move there")):
-            named, what = ("", "no map") if getattr(self.settings, option) else ("-primvar", "no values")
-            for part in self.parts:
-                udims = part.without(option)
-                if udims:
-                    tiles = f"tile{'s'[: len(udims) > 1]} {frames.text(udims)}"
-                    notes.append(f"{part.where}: {what} of --{option}{named} for {tiles}: {then}")
-                    if self.settings.strict and option == "rigidity":
-                        raise Failure(INPUT, notes[-1])
+        what = "no map of --mask" if self.settings.mask else "no values of --mask-primvar"
         for part in self.parts:
+            udims = part.without("mask")
+            if udims:
+                tiles = f"tile{'s'[: len(udims) > 1]} {frames.text(udims)}"
+                notes.append(f"{part.where}: {what} for {tiles}: all may move there")
             notes += [
                 f"{part.where}: --rigidity {path} is black all over: nothing keeps its shape there"
                 for path in part.black

@@ -7,6 +7,7 @@ from types import TracebackType
 
 import numpy as np
 
+from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, Source
 
 __all__ = ["Scene", "SceneError", "SceneOptions", "Shape"]
@@ -47,6 +48,11 @@ class Scene:
     def warnings(self) -> list[str]:
         """What was noticed while reading, each as a sentence that begins with the prim, or the file."""
         return self._source.warnings
+
+    @property
+    def left_out(self) -> list[LeftOut]:
+        """What of the file is not read, or not taken, and why."""
+        return self._source.left_out
 
     @property
     def files(self) -> tuple[str, ...]:

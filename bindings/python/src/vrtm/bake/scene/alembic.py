@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.refine import Cage, Refined
 from vrtm.bake.scene.rest import rest_from_file
 from vrtm.bake.scene.topology import (
@@ -58,32 +59,33 @@ class AlembicFile:
         self.path = path
 
     def meshes(self) -> Iterator[AlembicMesh]:
-        """All meshes but hidden ones, in the order of the file."""
+        """All meshes, in the order of the file."""
         yield from self._below(self._archive.getTop())
 
-    def _below(self, parent: Any, above: tuple[Any, ...] = ()) -> Iterator[AlembicMesh]:
+    def _below(self, parent: Any, above: tuple[Any, ...] = (), hidden: bool = False) -> Iterator[AlembicMesh]:
         for number in range(parent.getNumChildren()):
             child = parent.getChild(number)
-            if _hidden(child):
-                continue
+            off = hidden or _hidden(child)
             for kind in (AbcGeom.IPolyMesh, AbcGeom.ISubD):
                 if kind.matches(child.getHeader()):
                     schema = kind(parent, child.getName()).getSchema()
-                    yield AlembicMesh(self.path, child.getFullName(), schema, above)
+                    yield AlembicMesh(self.path, child.getFullName(), schema, above, off)
             transforms = above
             if AbcGeom.IXform.matches(child.getHeader()):
                 transforms = (*above, AbcGeom.IXform(parent, child.getName()).getSchema())
-            yield from self._below(child, transforms)
+            yield from self._below(child, transforms, off)
 
     def meshes_at_first_frame(self) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
         """(path, positions, face counts, indices) of all meshes at their first sample."""
-        return [(mesh.path, mesh.sample(0), *mesh.faces(0)) for mesh in self.meshes()]
+        return [(mesh.path, mesh.sample(0), *mesh.faces(0)) for mesh in self.meshes() if not mesh.hidden]
 
 
 class AlembicMesh:
     """One mesh of an archive."""
 
-    def __init__(self, file: str, path: str, schema: Any, above: tuple[Any, ...]) -> None:
+    def __init__(self, file: str, path: str, schema: Any, above: tuple[Any, ...], hidden: bool) -> None:
+        self.hidden = hidden
+        """Whether it, or what it lies below, is hidden in the first sample."""
         self.path, self.where = path, f"{file} {path}"
         self.schema = schema
         self._above = above
@@ -135,6 +137,10 @@ class AlembicMesh:
         """Whether transforms above it change over time."""
         return any(not transform.isConstant() for transform in self._above)
 
+    def is_still(self, options: SceneOptions) -> bool:
+        """Whether the scene has one pose of it alone."""
+        return self.samples <= 1 and not (options.world and self.is_moved)
+
     def linear(self, seconds: float) -> np.ndarray:
         """(3, 3): the linear part of the transforms above it, by which rows of points are multiplied."""
         total = np.eye(3)
@@ -169,6 +175,7 @@ class AlembicSource:
 
     def __init__(self, path: str, options: SceneOptions) -> None:
         self.warnings: list[str] = []
+        self.left_out: list[LeftOut] = []
         self.has_subframes = True
         if not options.fps > 0:
             raise SceneError(f"{path}: {options.fps} frames per second")
@@ -197,24 +204,30 @@ class AlembicSource:
                 raise SceneError(f"{path}: no mesh has the parameter '{name}' for the {what}")
 
     def _chosen(self) -> list[tuple[AlembicMesh, Any]]:
-        options, met, chosen, bare = self._options, set(), [], []
+        options, met, chosen = self._options, set(), []
         for mesh in self._file.meshes():
             patterns = [pattern for pattern in options.meshes if matches(pattern, mesh.path)]
             if options.meshes and not patterns:
+                self.left_out.append(LeftOut("not named by --meshes", mesh.path, meant=True))
+                continue
+            if mesh.hidden:
+                self.left_out.append(LeftOut("is hidden", mesh.path, meant=True))
                 continue
             met.update(patterns)
             uvs = mesh.uvs(options.uv)
             if uvs is None:
-                bare.append(mesh.path)
+                why = f"has no UVs{f' {options.uv!r}' if options.uv else ''}"
+                self.left_out.append(LeftOut(why, mesh.path, meant=mesh.is_still(options)))
                 if any(is_exact(pattern) for pattern in patterns):
-                    raise SceneError(f"{mesh.where}: has no UVs{f' {options.uv!r}' if options.uv else ''}")
+                    raise SceneError(f"{mesh.where}: {why}")
             else:
                 chosen.append((mesh, uvs))
         for pattern in options.meshes:
             if pattern not in met:
                 raise SceneError(f"{self._path}: '{pattern}' is no mesh of the scene{self._near(pattern)}")
         if not chosen:
-            raise SceneError(f"{self._path}: no mesh to bake ({', '.join(bare[:5]) or 'the file'} has no UVs)")
+            why = "; ".join(f"{entry.mesh} {entry.why}" for entry in self.left_out[:5])
+            raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
         return chosen
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
@@ -263,7 +276,6 @@ class _Posed:
             rigidity, mask = (None if values is None else refined.points(values) for values in (rigidity, mask))
             self._refined = refined
         path = self._mesh.path
-        still = self._mesh.samples <= 1 and not (self._options.world and self._mesh.is_moved)
         return Shape(
             name,
             path,
@@ -277,7 +289,7 @@ class _Posed:
             vertex_mask=mask,
             instances=(path,),
             rest_from=rest_from,
-            still=still,
+            still=self._mesh.is_still(self._options),
             cage_corners=corners,
         )
 
@@ -388,7 +400,7 @@ def _linear(transform: Any, seconds: float) -> np.ndarray:
 
 
 def _hidden(item: Any) -> bool:
-    """True if an object and all below it are hidden in the first sample."""
+    """True if an object is hidden in the first sample, and so all below it."""
     properties = item.getProperties()
     if properties.getPropertyHeader("visible") is None:
         return False

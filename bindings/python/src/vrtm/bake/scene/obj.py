@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
+from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.topology import check_faces, check_mesh, luminance, unique_names, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 
@@ -163,6 +164,7 @@ class ObjSource:
         from vrtm.bake.scene.rest import rest_from_file
 
         self.warnings: list[str] = []
+        self.left_out: list[LeftOut] = []
         self.has_subframes = False
         self._mesh = read_obj(path)
         if len(self._mesh.counts) == 0:

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 import vrtm
+from vrtm.bake.left_out import LeftOut
 
 
 class SceneError(Exception):
@@ -116,6 +117,7 @@ class Source(Protocol):
     shapes: tuple[Shape, ...]
     frames: tuple[int, ...]
     warnings: list[str]
+    left_out: list[LeftOut]
     files: tuple[str, ...]
     """The files that are read, and the textures that materials name."""
     has_subframes: bool

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from vrtm.bake import overwrite
+from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mark import is_marked
 from vrtm.bake.scene.topology import is_exact, matches, unique_names, whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
@@ -29,6 +30,7 @@ class UsdSource:
 
     def __init__(self, path: str, options: SceneOptions) -> None:
         self.warnings: list[str] = []
+        self.left_out: list[LeftOut] = []
         self.has_subframes = True
         self._path = path
         self.stage = open_stage(path, options)
@@ -65,7 +67,6 @@ class UsdSource:
 
     def _chosen(self, options: SceneOptions) -> list[tuple[list[Any], UsdMesh]]:
         """Meshes to take; instances in the same pose stand together."""
-        left_out: dict[str, str] = {}  # path -> why
         paths: list[str] = []
         taken: dict[Any, tuple[list[Any], UsdMesh]] = {}
         met: set[str] = set()
@@ -74,14 +75,18 @@ class UsdSource:
             paths.append(path)
             patterns = [pattern for pattern in options.meshes if matches(pattern, path)]
             if options.meshes and not patterns:
+                self.left_out.append(LeftOut("not named by --meshes", path, meant=True))
                 continue
             met.update(patterns)
             reason = hidden(prim, self.frames)
+            # A renderer does not show it either.
+            meant = reason is not None
             if reason is None:
                 mesh = UsdMesh(self._path, prim, self._skeletons, self.frames, options, self.warnings)
                 reason = None if mesh.uv is not None else f"has no UVs{mesh.other_uvs()}"
+                meant = not mesh.deforms
             if reason is not None:
-                left_out[path] = reason
+                self.left_out.append(LeftOut(reason, path, meant=meant))
                 if any(is_exact(pattern) and pattern in (path, path.rsplit("/", 1)[-1]) for pattern in patterns):
                     raise SceneError(f"{self._path} {path}: {reason}")
                 continue
@@ -93,10 +98,8 @@ class UsdSource:
                 others = "" if prim else near(pattern, [*paths, *(path.rsplit("/", 1)[-1] for path in paths)])
                 raise SceneError(f"{self._path}: '{pattern}' is {what}{others}")
         if not taken:
-            why = "; ".join(f"{path} {reason}" for path, reason in list(left_out.items())[:5])
+            why = "; ".join(f"{entry.mesh} {entry.why}" for entry in self.left_out[:5])
             raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
-        if options.meshes:
-            self.warnings += [f"{path} is left out: it {reason}" for path, reason in left_out.items()]
         return list(taken.values())
 
     def _check_primvars(self, what: str, name: str | None, values: list[np.ndarray | None]) -> None:

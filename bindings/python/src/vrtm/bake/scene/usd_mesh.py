@@ -111,9 +111,7 @@ class UsdMesh:
             vertex_mask=mask,
             instances=instances,
             rest_from=self._rest_from,
-            still=not self._mesh.GetPointsAttr().ValueMightBeTimeVarying()
-            and not (self._skin and self._skin.moves)
-            and not (self._options.world and self._is_moved),
+            still=not self.deforms,
             subsets=self._subsets(first),
             cage_corners=corners,
         )
@@ -130,6 +128,15 @@ class UsdMesh:
                 inside = np.repeat(inside[of_corner], 4 ** (self._options.subdivide - 1))
             found[subset.GetPrim().GetName()] = np.flatnonzero(inside)
         return found
+
+    @cached_property
+    def deforms(self) -> bool:
+        """Whether the scene has more than one pose of it."""
+        return bool(
+            self._mesh.GetPointsAttr().ValueMightBeTimeVarying()
+            or (self._skin and self._skin.moves)
+            or (self._options.world and self._is_moved)
+        )
 
     @cached_property
     def _texture_uv(self) -> UsdGeom.Primvar | None:
