@@ -192,7 +192,8 @@ def _scene(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--allow-units",
         action="store_true",
-        help="go on with poses whose edges are 10 times as long as at rest, or a tenth: nothing is converted",
+        help="take poses that are larger or smaller than the rest as a whole for deformations: the rest is not "
+        "scaled, and a factor of 10 does not end the bake",
     )
 
 

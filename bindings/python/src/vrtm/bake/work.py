@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
 import os
@@ -54,9 +55,12 @@ class Work:
             raise Failure(INPUT, f"--frames: none of these is in {settings.scene}, which has {there or 'none'}")
         if settings.freeze is not None and settings.freeze not in self.frames:
             raise Failure(INPUT, f"--freeze {settings.freeze}: it is none of {frames.text(self.frames)}")
-        self.shapes = [shape for shape in self.scene.shapes if not self._stays(shape)]
+        self._units: dict[str, units.Units] = {}
+        self._found_units: dict[str, units.Finding] = {}
+        shapes = [self._in_units(shape) for shape in self.scene.shapes]
+        self.shapes = [shape for shape in shapes if not self._stays(shape)]
         """The meshes to bake: those that deform, and those that are named."""
-        still = [shape.path for shape in self.scene.shapes if shape not in self.shapes]
+        still = [shape.path for shape in shapes if shape not in self.shapes]
         if not self.shapes:
             named = f"{still[0]}{others(len(still) - 1)}"
             moved = "; ".join(warning for warning in self.scene.warnings if "--world" in warning)
@@ -88,7 +92,23 @@ class Work:
         asked = self.settings.options.meshes
         if not shape.still or shape.path in asked or shape.path.rsplit("/", 1)[-1] in asked:
             return False
-        return np.array_equal(self.scene.positions(shape, self.frames[0]), shape.rest)
+        pose = self.scene.positions(shape, self.frames[0])
+        if shape.rest is self.scene.shape(shape.name).rest:
+            return np.array_equal(pose, shape.rest)
+        # A factor is known to some digits.
+        return np.allclose(pose, shape.rest, rtol=1e-5, atol=1e-5 * np.ptp(shape.rest, axis=0).max(initial=0))
+
+    def _in_units(self, shape: Shape) -> Shape:
+        """The shape with its rest in the units of its poses."""
+        if self.settings.allow_units:
+            return shape
+        ruler = units.Units(shape, self.scene.frames, lambda frame: self.scene.positions(shape, frame))
+        self._units[shape.name], finding = ruler, ruler.finding()
+        self._found_units[shape.name] = finding
+        if finding.factor == 1:
+            return shape
+        rest_from = f"{shape.rest_from}, {finding.factor:.6g} times as large {finding.reason}"
+        return dataclasses.replace(shape, rest=shape.rest * finding.factor, rest_from=rest_from)
 
     def heard(self) -> list[str]:
         """What the library warned of since this was asked last, each as a sentence that names the mesh."""
@@ -120,6 +140,11 @@ class Work:
     def notes(self) -> list[str]:
         """What is odd about the scene and the options, each as a sentence."""
         notes = [*self.heard(), *self.scene.warnings, *self._without_maps()]
+        notes += [
+            f"{shape.path}: {found.warning}"
+            for shape in self.shapes
+            if (found := self._found_units.get(shape.name)) and found.warning and not found.ends
+        ]
         settings, there = self.settings, self.scene.frames
         rest = settings.options.rest or ""
         if rest.startswith("frame:") and not there[0] <= frame_number(rest) <= there[-1]:
@@ -221,19 +246,20 @@ class Work:
         return lines
 
     def check_units(self) -> None:
-        """Raises Failure if a mesh has other units in the first frame than at rest."""
+        """Raises Failure if a mesh has other units in the first frame than at rest, and nothing tells which."""
         for mesh in self.meshes.values():
+            found = self._found_units.get(mesh.shape.name)
+            if found is not None and found.ends:
+                raise Failure(INPUT, f"{self.settings.scene} {mesh.shape.path}: {found.warning}")
             self._check_units(mesh.shape, self.frames[0], self.scene.positions(mesh.shape, self.frames[0]))
 
-    def _check_units(self, shape: Shape, frame: Frame, positions: np.ndarray) -> None:
-        ratio = 1.0 if self.settings.allow_units else units.ratio(shape, positions)
-        if units.differ(ratio):
-            raise Failure(
-                INPUT,
-                f"{self.settings.scene} {shape.path}, frame {frame}: its edges are {ratio:.3g} times as long as at "
-                f"rest (median; the rest is from {shape.rest_from}), as if one of them were in another unit: "
-                "--allow-units bakes it all the same",
-            )
+    def _check_units(self, shape: Shape, frame: Frame, positions: np.ndarray) -> list[str]:
+        if shape.name not in self._units:
+            return []
+        found = self._units[shape.name].jump(frame, positions)
+        if found.ends:
+            raise Failure(INPUT, f"{self.settings.scene} {shape.path}, frame {frame}: {found.warning}")
+        return [f"{shape.path}, frame {frame}: {found.warning}"] if found.warning else []
 
     def _replaced(self, fact: str) -> Iterator[tuple[str, object]]:
         """The redirection maps that are there, and what each tells of itself."""
@@ -342,11 +368,11 @@ class Work:
         work = self.meshes[mesh]
         self._subject, self._frame = work.shape.path, f", frame {frame}"
         positions, pose = self._positions(work, frame)
-        self._check_units(work.shape, frame, positions)
+        notes = self._check_units(work.shape, frame, positions)
         _ = self.bytes
         result = work.bake(frame, positions, pose, self.pattern, stop)
         assert result is not None
-        result.warnings += self.heard()
+        result.warnings += [*notes, *self.heard()]
         result.told += self.told()
         return result
 

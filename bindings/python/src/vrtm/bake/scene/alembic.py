@@ -336,7 +336,8 @@ class _Posed:
             return self._posed(self._first), f"first frame {self._first}"
         if wanted.startswith("frame:"):
             return self._posed(frame_number(wanted)), wanted
-        return rest_from_file(wanted, self._mesh.path, *self._faces, self._points), wanted
+        # Alembic has no units, to which those of the rest could be compared.
+        return rest_from_file(wanted, self._mesh.path, *self._faces, self._points)[0], wanted
 
     def _values(self, name: str | None) -> np.ndarray | None:
         found = name and self._mesh.param(name, ("Float", "Half", "Double", "C3f", "C4f", "V3f"))

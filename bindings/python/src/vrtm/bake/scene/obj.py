@@ -200,7 +200,7 @@ class ObjSource:
         elif options.rest in ("bind", "pref"):
             raise SceneError(f"{path}: an OBJ file has no rest pose of the kind '{options.rest}'")
         elif options.rest is not None:
-            rest = rest_from_file(options.rest, path, self._mesh.counts, self._mesh.indices, len(rest))
+            rest, _ = rest_from_file(options.rest, path, self._mesh.counts, self._mesh.indices, len(rest))
         self.shapes = (
             Shape(
                 name=name,

@@ -10,11 +10,15 @@ from vrtm.bake.scene.topology import check_faces
 from vrtm.bake.scene.types import SceneError
 
 
-def rest_from_file(file: str, path: str, counts: np.ndarray, indices: np.ndarray, points: int) -> np.ndarray:
+def rest_from_file(
+    file: str, path: str, counts: np.ndarray, indices: np.ndarray, points: int
+) -> tuple[np.ndarray, float | None]:
     """(vertices, 3) of the mesh of `file` that has the same path, else the same name, else is its only one; at the
-    file's first frame. Raises SceneError if no mesh fits, or its faces are not those of the mesh."""
+    file's first frame; and how many meters its unit is, None if the file does not say it. Raises SceneError if no mesh
+    fits, or its faces are not those of the mesh."""
     from vrtm.bake.scene.obj import read_obj
 
+    meters: dict[str, float | None] = {}
     if not os.path.isfile(file):
         raise SceneError(f"--rest {file}: no such file, and none of bind, pref, first and frame:N")
     if file.lower().endswith(".obj"):
@@ -27,7 +31,7 @@ def rest_from_file(file: str, path: str, counts: np.ndarray, indices: np.ndarray
     else:
         from vrtm.bake.scene.usd import meshes_at_first_frame
 
-        found = meshes_at_first_frame(file)
+        found, meters = meshes_at_first_frame(file)
     same = [mesh for mesh in found if mesh[0] == path]
     same = same or [mesh for mesh in found if mesh[0].rsplit("/", 1)[-1] == path.rsplit("/", 1)[-1]]
     same = same or (found if len(found) == 1 else [])
@@ -37,4 +41,4 @@ def rest_from_file(file: str, path: str, counts: np.ndarray, indices: np.ndarray
     check_faces(f"{file}{where and ' ' + where}", its_counts, its_indices, counts, indices)
     if len(positions) != points:
         raise SceneError(f"{file}{where and ' ' + where}: {len(positions)} vertices, but {path} has {points}")
-    return positions
+    return positions, meters.get(where)

@@ -88,6 +88,8 @@ class Shape:
     """Paths of all prims that this shape stands for, `path` first: instances in the same pose are one shape."""
     rest_from: str = ""
     """Where the rest is from, in words: `Pref`, `first frame 1001`."""
+    rest_unit: float = 1.0
+    """How many units of the poses one of the rest is, as far as the files say (metersPerUnit)."""
     still: bool = False
     """Whether the scene has one pose of it alone."""
     subsets: dict[str, np.ndarray] = field(default_factory=dict)

@@ -21,7 +21,7 @@ try:
 except ImportError as error:
     raise SceneError("USD files need the package usd-core: pip install 'vrtm[bake]'") from error
 
-from vrtm.bake.scene.usd_mesh import UsdMesh
+from vrtm.bake.scene.usd_mesh import UsdMesh, meters
 from vrtm.bake.scene.usd_skel import Skeletons
 
 
@@ -225,15 +225,19 @@ def hidden(prim: Usd.Prim, frames: tuple[int, ...]) -> str | None:
     return None
 
 
-def meshes_at_first_frame(file: str) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
+def meshes_at_first_frame(
+    file: str,
+) -> tuple[list[tuple[str, np.ndarray, np.ndarray, np.ndarray]], dict[str, float | None]]:
     """(path, positions, face counts, indices) of all meshes of a file, at rest: skinned ones in their bind pose,
-    others at their first time sample. Raises SceneError."""
+    others at their first time sample; and by their paths how many meters their units are. Raises SceneError."""
     stage = open_stage(file, SceneOptions())
-    found = []
+    found, units = [], {}
     for prim in meshes_of(stage):
         mesh = UsdGeom.Mesh(prim)
         time = Usd.TimeCode.EarliestTime()
         arrays = [mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()]
         points, counts, indices = (np.array(attribute.Get(time) or ()) for attribute in arrays)
-        found.append((str(prim.GetPath()), points.reshape(-1, 3), counts.astype(np.int32), indices.astype(np.int32)))
-    return found
+        path = str(prim.GetPath())
+        units[path] = meters(mesh.GetPointsAttr(), time)
+        found.append((path, points.reshape(-1, 3), counts.astype(np.int32), indices.astype(np.int32)))
+    return found, units

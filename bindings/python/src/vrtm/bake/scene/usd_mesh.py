@@ -43,6 +43,7 @@ class UsdMesh:
         self._options = options
         self._warnings = warnings
         self._refined: Refined | None = None
+        self._rest_unit = 1.0
         self.uv = find_uv(prim, options.uv, self.where)
 
     def primvars(self) -> list[str]:
@@ -111,6 +112,7 @@ class UsdMesh:
             vertex_mask=mask,
             instances=instances,
             rest_from=self._rest_from,
+            rest_unit=self._rest_unit,
             still=not self.deforms,
             subsets=self._subsets(first),
             cage_corners=corners,
@@ -278,7 +280,14 @@ class UsdMesh:
             return self._posed(first), f"first frame {first.GetValue():g}"
         if wanted.startswith("frame:"):
             return self._posed(Usd.TimeCode(frame_number(wanted))), wanted
-        return rest_from_file(wanted, str(self._prim.GetPath()), self._counts, self._indices, self._points), wanted
+        rest, unit = rest_from_file(wanted, str(self._prim.GetPath()), self._counts, self._indices, self._points)
+        self._compare_units(unit, first)
+        return rest, wanted
+
+    def _compare_units(self, of_rest: float | None, time: Usd.TimeCode) -> None:
+        of_poses = meters(self._mesh.GetPointsAttr(), time)
+        if of_rest and of_poses:
+            self._rest_unit = of_rest / of_poses
 
     def _pref(self, time: Usd.TimeCode) -> tuple[np.ndarray | None, str]:
         for name in REST_NAMES:
@@ -290,6 +299,7 @@ class UsdMesh:
             values = np.array(value if value is not None else ())
             if values.shape != (self._points, 3):
                 raise SceneError(f"{self.where}: {name} has the shape {values.shape}, not ({self._points}, 3)")
+            self._compare_units(meters(attribute, time), time)
             return values, name.removeprefix("primvars:")
         return None, ""
 
@@ -313,6 +323,16 @@ class UsdMesh:
             corner_sharpnesses=read(mesh.GetCornerSharpnessesAttr(), np.float64),
             uv_per_vertex=str(self.uv.GetInterpolation()) == "vertex",
         )
+
+
+def meters(attribute: Usd.Attribute, time: Usd.TimeCode) -> float | None:
+    """How many meters the unit of an attribute is: as the layer says that it is from, else the stage's own; None if
+    neither says it."""
+    layers = [spec.layer for spec in attribute.GetPropertyStack(time)[:1]]
+    for layer in (*layers, attribute.GetStage().GetRootLayer()):
+        if layer.pseudoRoot.HasInfo(UsdGeom.Tokens.metersPerUnit):
+            return float(layer.pseudoRoot.GetInfo(UsdGeom.Tokens.metersPerUnit))
+    return None
 
 
 def find_uv(prim: Usd.Prim, name: str | None, where: str) -> UsdGeom.Primvar | None:
