@@ -212,6 +212,12 @@ def test_pictures_that_are_not_there(skin: Path, capsys: pytest.CaptureFixture[s
     assert "bad.1001.png" in capsys.readouterr().err
     made(skin, source="skin.1001.png", expect=2)
     assert "--out" in capsys.readouterr().err and not (skin / "out").exists()
+    # Tiles as other programs write them.
+    image(skin / "mari.u1_v1.png", np.full((16, 16, 3), 30, np.uint8))
+    image(skin / "mari.u2_v3.png", np.full((16, 16, 3), 200, np.uint8))
+    assert list(made(skin, source="mari.<UVTILE>.png")) == ["rigid.1001.png", "rigid.1022.png"]
+    made(skin, source="mari.u<U>_v1.png", expect=2)
+    assert "mari.u<U>_v1.png: several tiles have the same name" in capsys.readouterr().err
     # A single picture needs no tiles.
     assert cli.main(["rigidity", str(skin / "skin.1001.png"), "--out", str(skin / "one.exr")]) == 0
     assert pixels(skin / "one.exr").dtype == np.float16

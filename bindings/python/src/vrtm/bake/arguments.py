@@ -96,7 +96,7 @@ def add_rigidity_to(commands: Any) -> None:
     parser = commands.add_parser("rigidity", help="make rigidity maps out of textures", description=RIGIDITY)
     parser.add_argument("image", metavar="IMAGE", help="a texture or a height map; <UDIM> stands for the tile")
     parser.add_argument(
-        "--out", required=True, metavar="IMAGE", help="the maps, .png, .tif or .exr, with <UDIM> where IMAGE has it"
+        "--out", required=True, metavar="IMAGE", help="the maps, .png, .tif or .exr, with <UDIM> if IMAGE has it"
     )
     parser.add_argument(
         "--from",

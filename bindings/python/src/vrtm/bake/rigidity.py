@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import glob
 import os
-import re
 
 import numpy as np
 
 import vrtm
 from vrtm import rigidity
-from vrtm.bake import image_file, overwrite, staging
+from vrtm.bake import image_file, overwrite, staging, tokens
 from vrtm.bake.console import Console
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
@@ -23,7 +22,6 @@ VERSION = 1
 """Of the way of making maps: a file that was made in another way is not up to date."""
 
 _FORMATS = {".png": ("png", "uint8"), ".tif": ("tiff", "uint8"), ".exr": ("openexr", "float16")}
-_UDIM = re.compile("<UDIM>", re.IGNORECASE)
 _MAKERS = {
     "brightness": (rigidity.of_brightness, ("threshold",)),
     "colour": (rigidity.of_colour, ("colour", "tolerance")),
@@ -39,9 +37,9 @@ def make(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
     ending = os.path.splitext(parsed.out)[1].lower()
     if ending not in _FORMATS:
         raise Failure(INPUT, f"--out {parsed.out}: its name must end in .png, .tif or .exr")
-    if bool(_UDIM.search(parsed.out)) != bool(_UDIM.search(parsed.image)):
+    if tokens.has_tile(parsed.out) != tokens.has_tile(parsed.image):
         raise Failure(INPUT, f"--out {parsed.out}: either it and {parsed.image} have <UDIM>, or none of them")
-    outputs = {udim: _UDIM.sub(udim, parsed.out) for udim in paths}
+    outputs = {udim: tokens.tiled(parsed.out, udim) for udim in paths}
     overwrite.check(
         [(path, "--out") for path in outputs.values()], [(p, "a picture") for p in paths.values()], parsed.overwrite
     )
@@ -72,8 +70,8 @@ def make(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
 def _write(
     parsed: argparse.Namespace,
     options: dict,
-    pictures: dict[str, np.ndarray],
-    targets: dict[str, Target],
+    pictures: dict[int, np.ndarray],
+    targets: dict[int, Target],
     console: Console,
     stop: Stop,
 ) -> None:
@@ -103,13 +101,14 @@ def _options(parsed: argparse.Namespace) -> dict:
     return {name: getattr(parsed, name) for name in own if name in given}
 
 
-def _found(pattern: str) -> dict[str, str]:
-    """The pictures by what stands for <UDIM> in their names; one alone by nothing. Raises Failure."""
-    if not _UDIM.search(pattern):
-        return {"": pattern}
-    numbers = re.compile("([1-9][0-9]{3,})".join(map(re.escape, _UDIM.split(pattern))))
-    matches = map(numbers.fullmatch, glob.glob(_UDIM.sub("[0-9]*", glob.escape(pattern))))
-    found = {match[1]: match[0] for match in matches if match and len(set(match.groups())) == 1}
+def _found(pattern: str) -> dict[int, str]:
+    """The pictures by their tiles; one alone by 0. Raises Failure."""
+    if not tokens.has_tile(pattern):
+        return {0: pattern}
+    there = set(glob.glob(tokens.with_tiles(glob.escape(pattern), "*")))
+    found = {udim: path for udim in range(1001, 10000) if (path := tokens.tiled(pattern, udim)) in there}
     if not found:
         raise Failure(INPUT, f"{pattern}: no such file")
-    return dict(sorted(found.items()))
+    if len(set(found.values())) < len(found):
+        raise Failure(INPUT, f"{pattern}: several tiles have the same name: write <UDIM>")
+    return found
