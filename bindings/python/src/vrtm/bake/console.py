@@ -94,7 +94,9 @@ class Console:
         if self._progress and not self.openjd and sys.stderr is not None and sys.stderr.isatty():
             from tqdm import tqdm
 
-            self._bar = tqdm(total=total, unit="frame", file=sys.stderr, dynamic_ncols=True, leave=False)
+            # Without tqdm's own estimate of the time left, which takes all frames for equal.
+            form = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}{postfix}]"
+            self._bar = tqdm(total=total, file=sys.stderr, dynamic_ncols=True, leave=False, bar_format=form)
         self._say_progress()
 
     def done(self, message: str) -> None:

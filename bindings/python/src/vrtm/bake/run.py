@@ -20,6 +20,7 @@ from vrtm.bake.pool import Jobs, Outcome
 from vrtm.bake.rows import tile_name
 from vrtm.bake.settings import Settings
 from vrtm.bake.stopping import Stop
+from vrtm.bake.time_left import TimeLeft
 from vrtm.bake.work import Work
 
 # A number in a warning, but for a tile's, a layer's and for digits within a name.
@@ -136,6 +137,15 @@ class _Told:
         self.work, self.console, self.results, self.warn = work, console, results, warn
         self.tiles: set[tuple[str, str]] = set()
         self.kinds: Counter[str] = Counter()
+        self.left: TimeLeft | None = None
+        self.begun = 0.0
+
+    def begin(self, tasks: list[Task]) -> None:
+        """From now on these are done, in the way that the next of them will be."""
+        meshes = self.work.meshes
+        sizes = {name: 1 + sum(math.prod(tile.cells) for tile in mesh.tiles) for name, mesh in meshes.items()}
+        self.left = TimeLeft((mesh for mesh, _ in tasks), sizes)
+        self.begun = time.perf_counter()
 
     def done(self, result: FrameResult) -> None:
         """A frame more is done."""
@@ -156,7 +166,11 @@ class _Told:
             self._tile(result, tile)
         written, skipped = result.count("written"), result.count("skipped")
         what = f"{written} files in {result.milliseconds:.0f} ms" if written else f"{skipped} files up to date"
-        self.console.done(f"{result.mesh}, frame {result.frame}: {what}")
+        left = ""
+        if self.left is not None:
+            self.left.done(result.mesh, result.milliseconds / 1e3)
+            left = self.left.text(time.perf_counter() - self.begun)
+        self.console.done(f"{result.mesh}, frame {result.frame}: {what}{left}")
         for file in (file for part in (result.files, *(tile["files"] for tile in result.tiles)) for file in part):
             self.console.verbose(f"{file['state']}: {os.path.join(self.work.settings.out, file['path'])}")
 
@@ -229,6 +243,7 @@ def _left(settings: Settings, tasks: list[Task], current: dict[Task, FrameResult
 def _bake(settings: Settings, work: Work, tasks: list[Task], split: tuple[int, int], stop: Stop, told: _Told) -> None:
     """Does tasks with so many jobs and threads. Raises Failure."""
     jobs, threads = split
+    told.begin(tasks)
     told.console.verbose(f"{len(tasks)} frames, {jobs} at a time, on {threads or 'all'} threads each")
     with Jobs(settings, work, jobs, threads, stop) as running:
         waiting = running.submit(tasks)
