@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("pxr")
 
-from pxr import UsdGeom, UsdShade
+from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes
 from shots import bake, bound, checked, composed, shot, source, texture, varname
@@ -228,3 +228,118 @@ def test_normal_maps_are_said_to_need_more(tmp_path: Path) -> None:
         "/world/one: /world/looks/skin_one_redirected/surface takes a normal map, which the layer looks up redirected, "
         "but does not turn"
     ]
+
+
+def placed(stage: Usd.Stage, path: str, node: str = "UsdTransform2d", **values: object) -> None:
+    """Puts a node between the reader of the UVs of `preview_material` and its texture."""
+    place = scenes.shader(stage, f"{path}/place", node)
+    kinds = {"rotation": scenes.TYPES.Float}
+    for name, value in values.items():
+        place.CreateInput(name, kinds.get(name, scenes.TYPES.Float2)).Set(value)
+    reader = UsdShade.Shader(stage.GetPrimAtPath(f"{path}/uv"))
+    place.CreateInput("in", scenes.TYPES.Float2).ConnectToSource(reader.GetOutput("result"))
+    image = UsdShade.Shader(stage.GetPrimAtPath(f"{path}/colour"))
+    image.GetInput("st").ConnectToSource(place.CreateOutput("result", scenes.TYPES.Float2))
+
+
+def warped_file(folder: Path, **plan: object) -> tuple[str, list[str]]:
+    """The file that the texture of /world/one names under the layer, and the layer's warnings."""
+    scene = Scene(folder / "shot.usda")
+    _, warnings = bake(folder, scene, corners=False, warped_path=lambda *_: "./warped.png", **plan)
+    return texture(bound(composed(folder), "/world/one")).GetInput("file").Get(2).path, warnings
+
+
+@pytest.mark.parametrize(
+    ("node", "values"),
+    [
+        ("UsdTransform2d", {"rotation": 30.0}),
+        ("UsdTransform2d", {"scale": (2, 2)}),
+        ("UsdTransform2d", {"scale": (1, -1), "translation": (0, 1)}),
+        ("UsdTransform2d", {"translation": (0.25, 0)}),
+        ("StudioPlace2d", {}),
+    ],
+)
+def test_a_texture_that_is_looked_up_by_transformed_uvs_keeps_its_file(
+    tmp_path: Path, node: str, values: dict[str, object]
+) -> None:
+    stage = shot(tmp_path)
+    placed(stage, "/world/looks/skin", node, **values)
+    stage.Save()
+    file, warnings = warped_file(tmp_path)
+    assert file == "colour.<UDIM>.png"
+    assert f"is looked up through /world/looks/skin_one_redirected/place ({node})" in warnings[0]
+    assert "neither a warped copy" not in "".join(warnings)
+    # Redirected corner UVs go through the transform as the mesh's own do.
+    _, warnings = bake(
+        tmp_path, Scene(tmp_path / "shot.usda"), warped_path=lambda *_: "./warped.png", mode="both", form="udim"
+    )
+    image = texture(bound(composed(tmp_path), "/world/one"))
+    assert warnings == [] and image.GetInput("file").Get(2).path == "colour.<UDIM>.png"
+    reader = source(source(image.GetInput("st")).GetInput("in"))
+    (name,) = UsdShade.Utils.GetValueProducingAttributes(reader.GetInput("varname"))
+    assert name.Get() == "st_redirected"
+
+
+def test_a_transform_that_does_nothing_does_no_harm(tmp_path: Path) -> None:
+    stage = shot(tmp_path)
+    placed(stage, "/world/looks/skin", rotation=0.0, scale=(1, 1), translation=(0, 0))
+    stage.Save()
+    assert warped_file(tmp_path) == ("./warped.png", [])
+    # Until it is animated.
+    UsdShade.Shader(stage.GetPrimAtPath("/world/looks/skin/place")).GetInput("translation").Set((0.5, 0), 3)
+    UsdShade.Shader(stage.GetPrimAtPath("/world/looks/skin/place")).GetInput("translation").Set((0, 0), 1)
+    stage.Save()
+    assert warped_file(tmp_path)[0] == "colour.<UDIM>.png"
+
+
+def test_other_lookups_that_no_copy_is_made_for(tmp_path: Path) -> None:
+    stage = shot(tmp_path)
+    image = UsdShade.Shader(stage.GetPrimAtPath("/world/looks/skin/colour"))
+    image.GetInput("file").Set(Sdf.AssetPath("colour.png"))
+    image.CreateInput("wrapS", scenes.TYPES.Token).Set("mirror")
+    stage.Save()
+    assert warped_file(tmp_path, tiles={"one": (1001,)}, form="delta") == ("./warped.png", [])
+    file, warnings = warped_file(tmp_path, tiles={"one": (1002,)}, form="delta")
+    assert file == "colour.png" and "is mirrored by its wrapS" in warnings[0]
+    image.GetInput("wrapS").Set("repeat")
+    stage.Save()
+    assert warped_file(tmp_path, tiles={"one": (1002,)}, form="delta")[0] == "./warped.png"
+    # A sequence of textures.
+    image.GetInput("file").Set(Sdf.AssetPath("colour.1.png"), 1)
+    image.GetInput("file").Set(Sdf.AssetPath("colour.2.png"), 2)
+    stage.Save()
+    file, warnings = warped_file(tmp_path)
+    assert file == "colour.2.png" and "is another file from frame to frame" in warnings[0]
+    # At one place, whatever the UVs.
+    image.GetInput("file").GetAttr().Clear()
+    image.GetInput("file").Set(Sdf.AssetPath("colour.png"))
+    image.GetInput("st").ClearSources()
+    image.GetInput("st").Set((0.5, 0.5))
+    stage.Save()
+    file, warnings = warped_file(tmp_path)
+    assert file == "colour.png" and "is looked up at one place" in warnings[0]
+
+
+def test_textures_of_one_reader_are_redirected_in_one_way(tmp_path: Path) -> None:
+    stage = shot(tmp_path)
+    reader = UsdShade.Shader(stage.GetPrimAtPath("/world/looks/skin/uv"))
+    other = scenes.shader(stage, "/world/looks/skin/rough", "UsdUVTexture")
+    other.CreateInput("file", scenes.TYPES.Asset).Set(Sdf.AssetPath("rough.png"))
+    other.CreateInput("st", scenes.TYPES.Float2).ConnectToSource(reader.GetOutput("result"))
+    surface = UsdShade.Shader(stage.GetPrimAtPath("/world/looks/skin/surface"))
+    rough = other.CreateOutput("r", scenes.TYPES.Float)
+    surface.CreateInput("roughness", scenes.TYPES.Float).ConnectToSource(rough)
+    stage.Save()
+    scene = Scene(tmp_path / "shot.usda")
+
+    def warped(shape: str, frame: int, name: str) -> str | None:
+        return "./warped.png" if "colour" in name else None
+
+    _, warnings = bake(tmp_path, scene, mode="both", warped_path=warped)
+    image = texture(bound(composed(tmp_path), "/world/one"))
+    # Else the warped copy would be looked up by redirected UVs.
+    assert varname(image) == "st_redirected" and image.GetInput("file").Get(2).path == "colour.<UDIM>.png"
+    assert warnings == []
+    _, warnings = bake(tmp_path, scene, corners=False, warped_path=warped)
+    assert texture(bound(composed(tmp_path), "/world/one")).GetInput("file").Get(2).path == "./warped.png"
+    assert len(warnings) == 1 and "rough has neither a warped copy" in warnings[0]

@@ -78,6 +78,11 @@ def foretell(work: Work) -> list[str]:
 
 
 def _idle(settings: Settings) -> str:
+    if settings.textures or settings.normal_maps:
+        return (
+            f"--layer {settings.layer}: it redirects nothing: no material looks a texture of --texture up by the "
+            "UVs that were baked, as they are (warnings say what each does); --layer-mode primvar redirects the UVs"
+        )
     return (
         f"--layer {settings.layer}: it redirects nothing: give --texture for materials of UsdPreviewSurface, "
         "whose textures are then replaced by warped copies, or --layer-mode primvar; the meshes must have materials "

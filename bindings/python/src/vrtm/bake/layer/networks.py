@@ -13,6 +13,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from vrtm.bake.frames import Frame
 from vrtm.bake.layer.plan import PRIMVAR, LayerPlan
+from vrtm.bake.mark import is_marked
 from vrtm.bake.scene.types import Shape
 
 FLOAT2 = Sdf.ValueTypeNames.Float2
@@ -39,22 +40,24 @@ class Redirector:
         """The UVs that textures are looked up by."""
         self._inserted: dict[tuple[str, str], UsdShade.Output] = {}
         self._reached: set[str] = set()
-        self._copied: set[str] = set()
-        """Textures that are replaced by warped copies."""
+        self._copies: dict[str, tuple[Usd.Attribute, list[tuple[str, Frame | None]]]] = {}
+        """Textures that are replaced by warped copies: what names the file, and the copies over time."""
+        self._refused: dict[str, str] = {}
+        """Why other textures of which there are copies do not take them."""
 
     def redirect(self) -> int:
         """Rewires all lookups by the shape's UVs. Returns how many textures are redirected now."""
         done: set[str] = set()
         normals: list[UsdShade.Input] = []
-        # A list: prims are added on the way.
-        for prim in list(Usd.PrimRange(self._material.GetPrim())):
-            shader = UsdShade.Shader(prim)
-            name = shader.GetIdAttr().Get() if shader else None
-            if not name:
-                continue
+        # Before prims are added.
+        shaders = [UsdShade.Shader(prim) for prim in Usd.PrimRange(self._material.GetPrim())]
+        named = [(shader, shader.GetIdAttr().Get() or "") for shader in shaders if shader]
+        self._choose_copies([shader for shader, name in named if name == "UsdUVTexture"])
+        for shader, name in named:
+            prim = shader.GetPrim()
             if name == "UsdUVTexture":
                 # Warped copies of normal maps are turned by whoever warps them.
-                if self._preview(shader) and str(prim.GetPath()) not in self._copied:
+                if self._preview(shader) and str(prim.GetPath()) not in self._copies:
                     done.add(str(prim.GetPath()))
             elif name.startswith(MTLX_IMAGES):
                 if self._materialx(shader):
@@ -69,15 +72,19 @@ class Redirector:
                     f"{self._shape.path}: {plug.GetPrim().GetPath()} takes a normal map, which the layer looks up "
                     "redirected, but does not turn"
                 )
-        return len(done | self._copied)
+        return len(done | self._copies.keys())
 
     # UsdPreviewSurface
 
     def _preview(self, texture: UsdShade.Shader) -> bool:
-        if self._plan.mode != "primvar" and self._plan.warped_path and self._warped(texture):
+        path = str(texture.GetPath())
+        if path in self._copies:
+            _set_files(*self._copies[path])
             return True
         if self._plan.corner_path is None:
-            if self._is_looked_up(texture):
+            if path in self._refused:
+                self._warn(texture, f"{self._refused[path]}: it stays as it is")
+            elif self._is_looked_up(texture):
                 self._warn(texture, "has neither a warped copy nor redirected corner UVs: it stays as it is")
             return False
         found = False
@@ -106,23 +113,81 @@ class Redirector:
         self._warn(texture, f"is looked up by {by}, not by the UVs '{self._uv_name}': it stays as it is")
         return False
 
-    def _warped(self, texture: UsdShade.Shader) -> bool:
+    def _choose_copies(self, textures: list[UsdShade.Shader]) -> None:
+        if self._plan.mode == "primvar" or self._plan.warped_path is None:
+            return
+        for texture in textures:
+            copy = self._copy(texture)
+            if copy is not None:
+                self._copies[str(texture.GetPath())] = copy
+        if self._plan.corner_path is None:
+            return
+        # Textures that have no copy take the primvar by the readers that they share with others, which would then look
+        # copies up by redirected UVs.
+        taken = {str(texture.GetPath()): self._rewired(texture) for texture in textures}
+        while True:
+            by_primvar = set().union(*(names for path, names in taken.items() if path not in self._copies))
+            shared = [path for path in self._copies if taken[path] & by_primvar]
+            if not shared:
+                return
+            for path in shared:
+                del self._copies[path]
+
+    def _rewired(self, texture: UsdShade.Shader) -> set[str]:
+        """What names the shape's UVs, where a texture is looked up by them and the material says so itself."""
+        values = [_producer(reader.GetInput("varname")) for reader in self._readers(texture.GetInput("st"))]
+        own = [value for value in values if value is not None and value.Get() in (self._uv_name, PRIMVAR)]
+        return {str(value.GetPath()) for value in own if self._inside(value.GetPrim())}
+
+    def _copy(self, texture: UsdShade.Shader) -> tuple[Usd.Attribute, list[tuple[str, Frame | None]]] | None:
+        """What names a texture's file, and the copies that it can take; None if there are none."""
         file = _producer(texture.GetInput("file"))
         asset = file.Get() if file else None
         if not asset:
-            return False
+            return None
         source = _resolved(file, asset)
         paths = self._plan.values(lambda frame: self._plan.warped_path(self._shape.name, frame, source))
-        if any(path is None for path, _ in paths) or not self._is_looked_up(texture):
-            return False
-        if not self._inside(file.GetPrim()):
-            self._warn(texture, f"is named by {file.GetPath()}, outside of the material: it stays as it is")
-            return False
-        if any(r.GetIdAttr().Get() == "UsdTransform2d" for r in self._upstream(texture.GetInput("st"))):
-            self._warn(texture, "is looked up by transformed UVs, which a warped copy is not made for")
-        _set_files(file, paths)
-        self._copied.add(str(texture.GetPath()))
-        return True
+        if any(path is None for path, _ in paths):
+            return None
+        why = self._between(texture) or self._wrapped(texture, asset)
+        if why is None and not self._is_looked_up(texture):
+            return None
+        if why is None and not self._inside(file.GetPrim()):
+            why = f"is named by {file.GetPath()}, outside of the material"
+        if why is None and _is_animated(file):
+            why = "is another file from frame to frame, of which there is one copy"
+        if why is not None:
+            self._refused[str(texture.GetPath())] = why
+            return None
+        return file, paths
+
+    def _between(self, texture: UsdShade.Shader) -> str | None:
+        """Why a copy, which is made for the UVs as they are, does not fit what stands between them and the lookup."""
+        plug = texture.GetInput("st")
+        while plug:
+            outputs = UsdShade.Utils.GetValueProducingAttributes(plug, shaderOutputsOnly=True)
+            if not outputs:
+                # Without a value, renderers take the UVs by default.
+                return None if _producer(plug) is None else "is looked up at one place"
+            node = UsdShade.Shader(outputs[0].GetPrim())
+            name = node.GetIdAttr().Get()
+            if name in READERS:
+                return None
+            if name != "UsdTransform2d" or not _is_identity(node):
+                return f"is looked up through {node.GetPath()} ({name}), and copies are made for UVs as they are"
+            plug = node.GetInput("in")
+        return None
+
+    def _wrapped(self, texture: UsdShade.Shader, asset: Sdf.AssetPath) -> str | None:
+        """The same of what the texture's wrapping does."""
+        if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
+            return None
+        tiles = self._plan.tiles.get(self._shape.name, (1001,))
+        for name, places in (("wrapS", [(t - 1001) % 10 for t in tiles]), ("wrapT", [(t - 1001) // 10 for t in tiles])):
+            value = _producer(texture.GetInput(name))
+            if value is not None and value.Get() == "mirror" and any(place % 2 for place in places):
+                return f"is mirrored by its {name}, and copies are made for UVs as they are"
+        return None
 
     def _readers(self, coordinate: UsdShade.Input) -> list[UsdShade.Shader]:
         return [shader for shader in self._upstream(coordinate) if shader.GetIdAttr().Get() in READERS]
@@ -266,6 +331,29 @@ def _set_files(attribute: Usd.Attribute, paths: list[tuple[str, Frame | None]]) 
     """Names files over time, or one at all times."""
     for path, frame in paths:
         attribute.Set(Sdf.AssetPath(path), Usd.TimeCode.Default() if frame is None else frame)
+
+
+def _is_identity(transform: UsdShade.Shader) -> bool:
+    """Whether a UsdTransform2d leaves UVs as they are, as exporters write it."""
+    for name, neutral in (("rotation", (0,)), ("scale", (1, 1)), ("translation", (0, 0))):
+        plug = transform.GetInput(name)
+        value = _producer(plug)
+        if value is None:
+            continue
+        if UsdShade.Utils.GetType(value.GetName()) == UsdShade.AttributeType.Output or value.ValueMightBeTimeVarying():
+            return False
+        found = value.Get()
+        if found is not None and tuple(found if len(neutral) > 1 else (found,)) != neutral:
+            return False
+    return True
+
+
+def _is_animated(file: Usd.Attribute) -> bool:
+    """Whether a texture changes over time in the shot; copies that an earlier layer names do not count."""
+    if not file.ValueMightBeTimeVarying():
+        return False
+    layers = [spec.layer for spec in file.GetPropertyStack(file.GetTimeSamples()[0])[:1]]
+    return not any(map(is_marked, layers))
 
 
 def _producer(plug: UsdShade.Input | None) -> Usd.Attribute | None:
