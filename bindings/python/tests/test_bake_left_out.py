@@ -77,3 +77,35 @@ def test_all_that_is_not_baked_is_in_one_list(tmp_path: Path, capfd: pytest.Capt
     asked = ["--meshes", "sheet", "--frames", "2", "--tiles", "1001", "--strict"]
     assert cli.main([*map(str, sheet_arguments(scene, out, *options)), *asked]) == 0
     assert "  /model/sheet, tile 1002: not in --tiles\n" in capfd.readouterr().out
+
+
+def test_what_usd_says_is_told_once_and_in_the_list(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    scene = sheet(tmp_path / "shot", frames=1, cells=4)
+    stage = Usd.Stage.Open(str(scene))
+    stage.GetRootLayer().subLayerPaths.append("./gone.usda")
+    stage.DefinePrim("/model/hair").GetReferences().AddReference("./hair.usda")
+    stage.DefinePrim("/model/cloth").GetPayloads().AddPayload("./cloth.abc")
+    (scene.parent / "cloth.abc").write_bytes(b"Ogawa")
+    stage.DefinePrim("/model/clipped").SetMetadata(
+        "clips", {"default": {"primPath": "/a", "assetPaths": Sdf.AssetPathArray(["./clip.usda"])}}
+    )
+    stage.Save()
+    del stage
+    capfd.readouterr()
+    report = tmp_path / "report.json"
+    arguments = sheet_arguments(scene, tmp_path / "out", "--report", report, "--jobs", 1, "--tiles", 1001)
+    arguments += ["--layer", tmp_path / "over.usda", "--layer-mode", "texture"]
+    cli.main(list(map(str, arguments)))
+    said = capfd.readouterr()
+    expected = {
+        "/model/hair": "USD: Could not open asset @",
+        None: "USD: Could not load sublayer @",
+        str(scene): "what it takes from ./cloth.abc is missing: this build of USD (",
+    }
+    rows = [row for row in json.loads(report.read_text())["not_baked"] if not row["meant"]]
+    assert {row["mesh"] for row in rows} == set(expected) and len(rows) == 3
+    for row in rows:
+        assert row["why"].startswith(expected[row["mesh"]]) and " stage " not in row["why"]
+        assert said.out.count(row["why"]) == 1 and said.err.count(row["why"]) == 1
+    # Nothing comes from USD itself.
+    assert all(line.startswith("vrtm: ") for line in said.err.splitlines()), said.err

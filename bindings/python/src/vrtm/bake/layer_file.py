@@ -41,9 +41,10 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
     try:
         # What is in its place was looked at before anything was baked.
         named: dict[str, list[str]] = {}
-        written = write_layer(settings.layer, work.scene, planned(work, named), overwrite=True)
-        if settings.root is not None:
-            write_root(settings.root, settings.layer, settings.scene)
+        with work.scene.listening():
+            written = write_layer(settings.layer, work.scene, planned(work, named), overwrite=True)
+            if settings.root is not None:
+                write_root(settings.root, settings.layer, settings.scene)
     except LayerError as error:
         raise _failure(work, error) from error
     except OSError as error:
@@ -73,7 +74,8 @@ def foretell(work: Work) -> list[str]:
     plan = planned(work, {})
     # Its frames have the same materials.
     plan = dataclasses.replace(plan, frames=plan.frames[:1], freeze=None)
-    _, warnings, changes = redirected(work.settings.layer, work.scene, plan)
+    with work.scene.listening():
+        _, warnings, changes = redirected(work.settings.layer, work.scene, plan)
     return warnings if changes else [*warnings, _idle(work.settings)]
 
 

@@ -15,6 +15,7 @@ from vrtm.bake import cores, dry_run, layer_file, left_out, report, staging
 from vrtm.bake.console import Console
 from vrtm.bake.failure import DEVICE, DONE, SIGNAL, Failure, describe
 from vrtm.bake.frames import Frame
+from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mesh_work import FrameResult
 from vrtm.bake.pool import Jobs, Outcome
 from vrtm.bake.rows import tile_name
@@ -107,7 +108,13 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
                 failure = failure or idle
         except Exception as error:
             failure = describe(error)
-        missing = left_out.merged([*work.left_out, *(entry for result in results for entry in result.left_out)])
+        late = [entry for result in results for entry in result.left_out]
+        for entry in work.scene.said():
+            # What a frame that failed, or the layer, has met.
+            if isinstance(entry, LeftOut):
+                late.append(entry)
+            warn(entry.line() if isinstance(entry, LeftOut) else entry)
+        missing = left_out.merged([*work.left_out, *late])
         failure = failure or report.strict(settings, missing)
         seconds = time.perf_counter() - start
         if settings.report is not None:

@@ -373,6 +373,8 @@ class Work:
         result = work.bake(frame, positions, pose, self.pattern, stop)
         assert result is not None
         result.warnings += [*notes, *self.heard()]
+        for entry in self.scene.said():
+            (result.left_out if isinstance(entry, LeftOut) else result.warnings).append(entry)
         result.told += self.told()
         return result
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import AbstractContextManager, nullcontext
 from types import TracebackType
 
 import numpy as np
@@ -26,7 +27,12 @@ class Scene:
         self.options = options or SceneOptions()
         if not os.path.isfile(self.path):
             raise SceneError(f"{self.path}: no such file")
-        self._source = _open(self.path, self.options)
+        self._said: list[LeftOut | str] = []
+        self._says = any(path.lower().endswith(_USD) for path in (self.path, self.options.rest or ""))
+        with self.listening():
+            self._source = _open(self.path, self.options)
+        for entry in self.said():
+            (self.left_out if isinstance(entry, LeftOut) else self.warnings).append(entry)
         self._at_rest = {shape.name: shape for shape in self._source.shapes}
 
     @property
@@ -68,6 +74,19 @@ class Scene:
         """The reader of this kind of file."""
         return self._source
 
+    def said(self) -> list[LeftOut | str]:
+        """What USD has said by itself since this was asked last: what it lacks, and warnings."""
+        said, self._said = self._said, []
+        return said
+
+    def listening(self) -> AbstractContextManager[None]:
+        """What USD says in the block belongs to `said`, where the scene is one of USD."""
+        if not self._says:
+            return nullcontext()
+        from vrtm.bake.scene.usd_said import collected
+
+        return collected(self._said)
+
     def shape(self, name: str) -> Shape:
         """The shape of that name. Raises KeyError."""
         return self._at_rest[name]
@@ -76,7 +95,8 @@ class Scene:
         """(vertices, 3), f32 or f64, of a shape at a frame: in the space of the mesh (that of its skeleton, if it has
         one), which is the space of `shape.rest`; without the transforms above the mesh."""
         shape = self._at_rest[shape] if isinstance(shape, str) else shape
-        positions = np.ascontiguousarray(self._source.positions(shape, frame))
+        with self.listening():
+            positions = np.ascontiguousarray(self._source.positions(shape, frame))
         if positions.shape != shape.rest.shape:
             raise SceneError(
                 f"{self.path} {shape.path}: frame {frame:g} has {len(positions)} vertices, "

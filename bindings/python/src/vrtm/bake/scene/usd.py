@@ -34,7 +34,12 @@ class UsdSource:
         self.has_subframes = True
         self._path = path
         self.stage = open_stage(path, options)
-        self.warnings += [f"{path}: {what}" for what in unreadable(self.stage)]
+        for asset, why in unreadable(self.stage):
+            # Materials are none of what is baked.
+            if asset.endswith(".mtlx"):
+                self.warnings.append(f"{path}: {why}")
+            else:
+                self.left_out.append(LeftOut(why, path))
         self.frames = stage_frames(self.stage, path, self.warnings)
         self._skeletons = Skeletons(self.stage)
         prims = self._chosen(options)
@@ -139,8 +144,8 @@ def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
     return stage
 
 
-def unreadable(stage: Usd.Stage) -> list[str]:
-    """What the stage's layers refer to and this build of USD cannot open, each as the end of a sentence."""
+def unreadable(stage: Usd.Stage) -> list[tuple[str, str]]:
+    """What the stage's layers refer to and this build of USD cannot open, each with a sentence's end."""
     found = {}
     for layer in stage.GetUsedLayers():
         for asset in layer.GetCompositionAssetDependencies():
@@ -148,7 +153,7 @@ def unreadable(stage: Usd.Stage) -> list[str]:
             if kind and not Sdf.FileFormat.FindByExtension(kind):
                 reason = f"this build of USD ({'.'.join(map(str, Usd.GetVersion()[1:]))}) opens no .{kind} files"
                 found[asset] = f"what it takes from {asset} is missing: {reason}"
-    return [found[asset] for asset in sorted(found)]
+    return sorted(found.items())
 
 
 def stage_files(stage: Usd.Stage) -> tuple[str, ...]:
