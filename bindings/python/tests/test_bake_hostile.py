@@ -1,4 +1,4 @@
-"""What others may do to a bake: links in the place of its files."""
+"""What others may do to a bake: links in the place of its files, and inputs that lie about themselves or never end."""
 
 from __future__ import annotations
 
@@ -7,13 +7,19 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO as oiio
 import pytest
 from pxr import Sdf
 
-from vrtm.bake import image_file, report, staging
-from vrtm.bake.failure import Failure
+import scenes
+from bake_scenes import image
+from vrtm.bake import frames, image_file, report, staging, warped
+from vrtm.bake.failure import INPUT, Failure, describe
 from vrtm.bake.layer import export
 from vrtm.bake.mark import mark
+from vrtm.bake.scene import Scene, SceneError
+from vrtm.bake.scene.images import read_map
+from vrtm.bake.scene.obj import read_obj
 
 
 def an_image(path: str) -> None:
@@ -93,3 +99,89 @@ def test_a_sweep_waits_for_nothing(tmp_path: Path) -> None:
     (tmp_path / ".a.0123456789abcdef.part").symlink_to("kept")
     os.mkfifo(tmp_path / ".b.0123456789abcdef.part")
     assert staging.sweep(str(tmp_path)) == [] and (tmp_path / "kept").exists()
+
+
+def test_what_usd_quotes_of_a_file_may_be_no_text(tmp_path: Path) -> None:
+    (tmp_path / "a.usda").write_bytes(b'#usda 1.0\ndef Mesh "m" { int[] a = [0, \xb5\x80] }' + b"x" * 10_000)
+    with pytest.raises(SceneError, match=r"a\.usda: .*parse error.*\\xb5") as caught:
+        Scene(tmp_path / "a.usda")
+    assert len(str(caught.value)) < 600 + len(str(tmp_path))
+
+
+@pytest.mark.parametrize("end", [np.nan, np.inf, 1e300])
+def test_frames_that_nobody_counts_to(tmp_path: Path, end: float) -> None:
+    stage = scenes.stage(tmp_path / "a.usda", 1, end)
+    scenes.mesh(stage, "/m")
+    stage.Save()
+    with pytest.raises(SceneError, match=r"a\.usda: its frames go from 1 to .*is no frame"):
+        Scene(tmp_path / "a.usda")
+
+
+def test_very_many_frames_are_not_listed(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda", -1e9, 1e9)
+    scenes.mesh(stage, "/m")
+    scenes.mesh(stage, "/hidden").CreateVisibilityAttr("invisible")
+    late = scenes.mesh(stage, "/late").CreateVisibilityAttr()
+    late.Set("invisible", 1)
+    late.Set("inherited", 7.5)
+    stage.Save()
+    with Scene(tmp_path / "a.usda") as scene:
+        assert [shape.path for shape in scene.shapes] == ["/m", "/late"]
+        assert frames.clamp((5, 1.5, 10**10), scene.frames, True) == ((5, 1.5), (10**10,))
+        assert frames.text(scene.frames) == "-1000000000-1000000000"
+        with pytest.raises(ValueError, match=r"2000000001 frames, .* more than 100000: --frames"):
+            frames.clamp(None, scene.frames)
+
+
+def test_an_index_of_thousands_of_digits(tmp_path: Path) -> None:
+    for index in ("9" * 5000, "-" + "9" * 5000):
+        (tmp_path / "a.obj").write_text(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 {index}\n")
+        with pytest.raises(SceneError, match=r"a\.obj: line 4: '-?9{50,60}' names") as caught:
+            read_obj(str(tmp_path / "a.obj"))
+        assert len(str(caught.value)) < 200 + len(str(tmp_path))
+
+
+READERS = {"map": read_map, "texture": warped.read, "copy": warped.extension}
+
+
+@pytest.mark.parametrize("read", READERS.values(), ids=READERS)
+def test_images_that_are_too_large_are_refused_by_their_header(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, read: Callable
+) -> None:
+    monkeypatch.setenv("VRTM_MAX_IMAGE", "8")
+    read(str(image(tmp_path / "fits.png", np.zeros((16, 4, 4), np.uint8))))
+    noise = np.random.default_rng(1).integers(0, 256, (99, 98, 1), np.uint8)
+    large = str(image(tmp_path / "large.png", noise))
+    # So that its texels cannot be read: nothing tries to.
+    os.truncate(large, 5000)
+    with pytest.raises(SceneError, match=r"large\.png: 98 x 99 texels of 1 channels: more than 8 x 8 .*VRTM_MAX_IMAGE"):
+        read(large)
+    monkeypatch.setenv("VRTM_MAX_IMAGE", "1e4")
+    with pytest.raises(SceneError, match="VRTM_MAX_IMAGE: '1e4' is not a number"):
+        read(large)
+
+
+def test_a_display_window_counts_too(tmp_path: Path) -> None:
+    spec = oiio.ImageSpec(4, 4, 1, "half")
+    spec.full_width = spec.full_height = 1 << 20
+    out = oiio.ImageOutput.create("openexr")
+    assert out.open(str(tmp_path / "a.exr"), spec), out.geterror()
+    assert out.write_image(np.zeros((4, 4, 1), np.float16)) and out.close()
+    with pytest.raises(SceneError, match=r"a\.exr: 1048576 x 1048576 texels"):
+        read_map(str(tmp_path / "a.exr"))
+
+
+@pytest.mark.parametrize("read", [*READERS.values(), read_obj], ids=[*READERS, "obj"])
+def test_pipes_and_devices_are_no_files(tmp_path: Path, read: Callable) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (str(tmp_path / "pipe"), "/dev/zero"):
+        with pytest.raises(SceneError, match=f"{path}: is no file"):
+            read(path)
+
+
+@pytest.mark.parametrize("read", READERS.values(), ids=READERS)
+def test_images_whose_names_are_no_text(read: Callable) -> None:
+    with pytest.raises(UnicodeEncodeError) as caught:
+        read("a\udcff.png")
+    failure = describe(caught.value)
+    assert failure.code == INPUT and "no UTF-8" in failure.message

@@ -10,6 +10,7 @@ import pytest
 
 from bake_scenes import attributes, image, pixels, run, sheet, sheet_arguments
 from vrtm.bake.failure import Failure
+from vrtm.bake.scene import SceneError
 from vrtm.bake.warped import Copy, Texture, _footprint, listed, read, warp
 
 SIZE = 256
@@ -200,7 +201,7 @@ def test_wrong_textures(tmp_path: Path) -> None:
         warp(read(str(two)), Copy("", "", True, False), fetched(moved(0.1)))
     broken = tmp_path / "broken.png"
     broken.write_bytes(two.read_bytes()[:60])
-    with pytest.raises(Failure, match=r"broken\.png"):
+    with pytest.raises(SceneError, match=r"broken\.png"):
         read(str(broken))
 
 

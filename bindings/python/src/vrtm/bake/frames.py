@@ -11,6 +11,8 @@ Frame = int | float
 _NUMBER = r"-?\d+(?:\.\d+)?"
 _RANGE = re.compile(rf"({_NUMBER})(?:-({_NUMBER}))?(?:[x:](\d+(?:\.\d+)?))?")
 _LONGEST = 10_000_000
+MOST = 100_000
+"""Frames that are baked without being named: an hour, and ten minutes."""
 
 
 def parse(text: str) -> tuple[Frame, ...]:
@@ -50,6 +52,8 @@ def _frame(number: Fraction) -> Frame:
 
 def text(numbers: Iterable[Frame]) -> str:
     """A list as text again, with ranges where whole numbers follow one another."""
+    if isinstance(numbers, range) and len(numbers) > 1:
+        return f"{numbers[0]}-{numbers[-1]}"
     parts: list[list[Frame]] = []
     for number in sorted(set(numbers)):
         if parts and isinstance(number, int) and number == parts[-1][1] + 1:
@@ -69,12 +73,18 @@ def clamp(
     wanted: Sequence[Frame] | None, present: Sequence[int], between: bool = False
 ) -> tuple[tuple[Frame, ...], tuple[Frame, ...]]:
     """The frames of a list that the scene has, and those that it lacks. None: all frames of the scene. `between`:
-    whether it has what lies between two of its frames."""
+    whether it has what lies between two of its frames. Raises ValueError for too many."""
     if wanted is None:
+        if len(present) > MOST:
+            raise ValueError(
+                f"{len(present)} frames, {text(present)}, are more than {MOST}: --frames says which of them"
+            )
         return tuple(present), ()
-    there = set(present)
+    there = present if isinstance(present, range) else set(present)
 
     def has(frame: Frame) -> bool:
-        return frame in there or (between and not isinstance(frame, int) and present[0] <= frame <= present[-1])
+        if isinstance(frame, int):
+            return frame in there
+        return between and present[0] <= frame <= present[-1]
 
     return tuple(filter(has, wanted)), tuple(frame for frame in wanted if not has(frame))

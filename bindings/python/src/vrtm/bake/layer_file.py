@@ -50,9 +50,13 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
     except OSError as error:
         raise _failure(work, error.strerror or error) from error
     warnings = written.warnings
-    without = sorted(set(work.scene.frames) - set(work.frames))
-    if without and settings.freeze is None:
-        shown = f"frames {frames.text(without)} of the scene are not in it, and show the ones before them"
+    there = work.scene.frames
+    lacks = len(there) - sum(isinstance(frame, int) and frame in there for frame in work.frames)
+    if lacks and settings.freeze is None:
+        # Nobody reads a list of very many.
+        listed = frames.text(set(there) - set(work.frames)) if len(there) <= frames.MOST else ""
+        named = f"frames {listed}" if listed else f"{lacks} frames"
+        shown = f"{named} of the scene are not in it, and show the ones before them"
         warnings = [*warnings, f"--layer {settings.layer}: {shown}"]
     if written.changes:
         paths = [path for name in sorted(written.files) for path in named.get(name, ())]

@@ -21,6 +21,7 @@ import OpenImageIO as oiio
 from vrtm.bake import tokens
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
+from vrtm.bake.scene.images import opened
 from vrtm.resample import MARGIN, interpolated, turned
 
 Fetch = Callable[[str, int, int, int, int], np.ndarray]
@@ -88,16 +89,9 @@ def listed(textures: tuple[str, ...], normal_maps: tuple[str, ...], down: bool) 
 @functools.lru_cache(maxsize=4)
 def read(path: str) -> Texture:
     """Reads a texture. Its channels are independent values: neither is alpha multiplied in, nor are colours converted.
-    Raises Failure."""
-    config = oiio.ImageSpec()
-    config.attribute("oiio:UnassociatedAlpha", 1)
-    file = oiio.ImageInput.open(path, config)
-    if file is None:
-        raise Failure(INPUT, f"{path}: {oiio.geterror().strip() or 'no such image'}")
-    try:
+    Raises SceneError, Failure."""
+    with opened(path) as file:
         spec = file.spec()
-        if spec.deep:
-            raise Failure(INPUT, f"{path}: a deep image")
         if (spec.width, spec.height, spec.x, spec.y) != (spec.full_width, spec.full_height, spec.full_x, spec.full_y):
             raise Failure(INPUT, f"{path}: its data window is not the whole image")
         dtype = _KEPT_AS.get(str(spec.format), "float32")
@@ -105,8 +99,6 @@ def read(path: str) -> Texture:
         if pixels is None:
             raise Failure(INPUT, f"{path}: {file.geterror().strip() or 'cannot be read'}")
         source = file.format_name()
-    finally:
-        file.close()
     pixels = np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
     channels = tuple(spec.channelnames)
     kept = {a.name: (str(a.type), a.value) for a in spec.extra_attribs if not _FILE_ONLY.fullmatch(a.name)}
@@ -121,15 +113,10 @@ def read(path: str) -> Texture:
 
 @functools.cache
 def extension(path: str) -> str:
-    """Of the names of a texture's copies. Only the texture's header is read. Raises Failure."""
-    file = oiio.ImageInput.open(path)
-    if file is None:
-        raise Failure(INPUT, f"{path}: {oiio.geterror().strip() or 'no such image'}")
-    try:
+    """Of the names of a texture's copies. Only the texture's header is read. Raises SceneError."""
+    with opened(path) as file:
         spec = file.spec()
         return _FORMATS[_format(file.format_name(), _KEPT_AS.get(str(spec.format), "float32"), spec.nchannels)]
-    finally:
-        file.close()
 
 
 def _format(source: str, dtype: str, channels: int) -> str:

@@ -49,7 +49,12 @@ class Work:
         self.scene = Scene(settings.scene, settings.options)
         if not self.scene.shapes:
             raise Failure(INPUT, f"{settings.scene}: no mesh with UVs")
-        self.frames, self.missing_frames = frames.clamp(settings.frames, self.scene.frames, self.scene.has_subframes)
+        try:
+            self.frames, self.missing_frames = frames.clamp(
+                settings.frames, self.scene.frames, self.scene.has_subframes
+            )
+        except ValueError as error:
+            raise Failure(INPUT, f"{settings.scene}: {error}") from None
         if not self.frames:
             there = frames.text(self.scene.frames)
             raise Failure(INPUT, f"--frames: none of these is in {settings.scene}, which has {there or 'none'}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from types import TracebackType
 
@@ -41,7 +42,7 @@ class Scene:
         return self._source.shapes
 
     @property
-    def frames(self) -> tuple[int, ...]:
+    def frames(self) -> Sequence[int]:
         """The whole frames that the scene has, ascending."""
         return self._source.frames
 

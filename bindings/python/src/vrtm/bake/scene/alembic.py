@@ -6,7 +6,7 @@ Frame N is at N / fps seconds; between two samples, positions are interpolated.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -297,7 +297,7 @@ class _Posed:
         cage = self._placed(self._posed(frame), frame)
         return self._refined.points(cage) if self._refined else cage
 
-    def uneven_scale(self, frames: tuple[int, ...]) -> str | None:
+    def uneven_scale(self, frames: Sequence[int]) -> str | None:
         """What to warn of where transforms that are not applied stretch the mesh over time."""
         return uneven_scale(self._linear, frames) if self._mesh.is_moved and not self._options.world else None
 

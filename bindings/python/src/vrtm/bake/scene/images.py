@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import glob
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -18,6 +19,8 @@ try:
 except ImportError as error:
     raise SceneError("images need the package OpenImageIO: pip install 'vrtm[bake]'") from error
 
+MOST = "VRTM_MAX_IMAGE"
+"""The environment variable that says how many texels the sides of an image may have, if it is square."""
 # What vrtm takes as it is; all others become f32.
 KEPT = {"uint8": np.uint8, "uint16": np.uint16, "half": np.float16, "float": np.float32}
 
@@ -86,24 +89,50 @@ def read_colours(path: str) -> np.ndarray:
     return colours
 
 
-def _texels(path: str) -> tuple[oiio.ImageSpec, np.ndarray]:
-    """(height, width, channels) of the data window, as it is stored."""
-    # Colours are wanted as painted, not multiplied by their alpha.
+@contextlib.contextmanager
+def opened(path: str) -> Iterator[oiio.ImageInput]:
+    """An open image, of which only the header is read yet; as painted, without colours being multiplied by their alpha.
+    Raises SceneError for one that would not be read."""
+    # Raises UnicodeEncodeError for what is no UTF-8.
+    path.encode()
+    # A pipe would be waited for.
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise SceneError(f"{path}: is no file")
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     image = oiio.ImageInput.open(path, config)
     if image is None:
         raise SceneError(f"{path}: {oiio.geterror().strip() or 'no such image'}")
     try:
+        spec, most = image.spec(), _most()
+        if spec.deep or spec.depth > 1:
+            raise SceneError(f"{path}: a {'deep' if spec.deep else 'volume'} image")
+        for width, height in ((spec.width, spec.height), (spec.full_width, spec.full_height)):
+            if width * height * max(spec.nchannels, 4) > 4 * most**2:
+                raise SceneError(
+                    f"{path}: {width} x {height} texels of {spec.nchannels} channels: more than {most} x {most} of 4 "
+                    f"are not read, unless the environment variable {MOST} is larger"
+                )
+        yield image
+    finally:
+        image.close()
+
+
+def _most() -> int:
+    given = os.environ.get(MOST, "16384")
+    if not re.fullmatch("[1-9][0-9]{0,8}", given):
+        raise SceneError(f"{MOST}: '{given}' is not a number of texels")
+    return int(given)
+
+
+def _texels(path: str) -> tuple[oiio.ImageSpec, np.ndarray]:
+    """(height, width, channels) of the data window, as it is stored."""
+    with opened(path) as image:
         spec = image.spec()
-        if spec.deep:
-            raise SceneError(f"{path}: a deep image")
         kept = KEPT.get(str(spec.format))
         texels = image.read_image(0, 0, 0, spec.nchannels, spec.format if kept else oiio.FLOAT)
         if texels is None:
             raise SceneError(f"{path}: {image.geterror().strip() or 'cannot be read'}")
-    finally:
-        image.close()
     return spec, np.asarray(texels).reshape(spec.height, spec.width, spec.nchannels)
 
 

@@ -7,6 +7,7 @@ a white one.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -56,6 +57,9 @@ def read_obj(path: str) -> ObjFile:
 
 def _text(path: str) -> str:
     """The file's text; what is no UTF-8, as names may be, counts for nothing."""
+    if os.path.exists(path) and not os.path.isfile(path):
+        # A pipe would be waited for, and a device may have no end.
+        raise SceneError(f"{path}: is no file")
     try:
         content = Path(path).read_bytes()
     except OSError as error:
@@ -127,6 +131,7 @@ def _is_number(word: str) -> bool:
 
 
 _LAST = np.iinfo(np.int32).max
+_DIGITS = 1000
 _COMMENT = re.compile(r"(^|\s)#.*")
 # What stands behind a slash may be missing.
 CORNER = re.compile(r"([+-]?[0-9]+)(?:/([+-]?[0-9]+)?(?:/(?:[+-]?[0-9]+)?)?)?")
@@ -143,15 +148,18 @@ def _faces(path: str, rows: list[tuple[int, str]], seen: list[tuple[int, int]]) 
         for word in words:
             found = CORNER.fullmatch(word)
             if not found:
-                raise SceneError(f"{path}: line {number}: '{word}' is not the corner of a face")
-            vertex, uv = int(found[1]), int(found[2] or 0)
+                raise SceneError(f"{path}: line {number}: '{word[:60]}' is not the corner of a face")
+            # Python refuses to read numbers of thousands of digits.
+            vertex, uv = (int(digits[:_DIGITS] or 0) for digits in (found[1], found[2] or ""))
             if vertex == 0 or (uv == 0 and found[2]):
-                raise SceneError(f"{path}: line {number}: '{word}' is not the corner of a face: indices begin at 1")
+                raise SceneError(
+                    f"{path}: line {number}: '{word[:60]}' is not the corner of a face: indices begin at 1"
+                )
             corner = (vertex - 1 if vertex > 0 else vertices + vertex, uv - 1 if uv >= 0 else uvs + uv)
             if max(corner) > _LAST:
-                raise SceneError(f"{path}: line {number}: '{word}' names what the file does not have")
+                raise SceneError(f"{path}: line {number}: '{word[:60]}' names what the file does not have")
             if corner[0] < 0 or corner[1] < -1 or (uv < 0 and corner[1] < 0):
-                raise SceneError(f"{path}: line {number}: '{word}' names what stands before the file's first")
+                raise SceneError(f"{path}: line {number}: '{word[:60]}' names what stands before the file's first")
             corners.append(corner)
     return counts, np.array(corners, np.int32).reshape(-1, 2)
 

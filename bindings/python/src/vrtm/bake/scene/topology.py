@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
 
 import numpy as np
 
+from vrtm.bake.frames import MOST
 from vrtm.bake.scene.types import SceneError
 
 
@@ -120,23 +122,32 @@ def luminance(colours: np.ndarray) -> np.ndarray:
     return np.where(grey, red, 0.2126 * red + 0.7152 * green + 0.0722 * blue)
 
 
-def whole_frames(first: float, last: float, where: str, warnings: list[str], slack: float = 0.0) -> tuple[int, ...]:
+FARTHEST = 2**53
+"""Up to this number each whole frame is a number of its own in f64."""
+
+
+def whole_frames(first: float, last: float, where: str, warnings: list[str], slack: float = 0.0) -> Sequence[int]:
     """The whole frames of a range, also those that miss it by the slack; of one without any, its first frame, rounded,
-    which is warned of."""
-    frames = tuple(range(math.ceil(first - slack), math.floor(last + slack) + 1))
+    which is warned of. Very many are not listed. Raises SceneError."""
+    for frame in (first, last):
+        # No comparison holds for what is no number.
+        if not abs(frame) < FARTHEST:
+            raise SceneError(f"{where}: its frames go from {first:g} to {last:g}: {frame:g} is no frame")
+    frames = range(math.ceil(first - slack), math.floor(last + slack) + 1)
     if not frames:
-        frames = (round(first),)
+        frames = range(round(first), round(first) + 1)
         warnings.append(
             f"{where}: no frame from {first:g} to {last:g} is a whole number: frame {frames[0]} alone is baked"
         )
-    return frames
+    return frames if len(frames) > MOST else tuple(frames)
 
 
 def unique_names(paths: Sequence[str]) -> list[str]:
     """A name per path that is safe in file names and unique whatever the case of its letters: the last part of the path
     where that is enough, else all parts."""
     short = [_safe(path.rsplit("/", 1)[-1]) for path in paths]
-    often = {name.lower() for name in short if [other.lower() for other in short].count(name.lower()) > 1}
+    times = Counter(name.lower() for name in short)
+    often = {name for name, count in times.items() if count > 1}
     names: list[str] = []
     taken: set[str] = set()
     for path, name in zip(paths, short):

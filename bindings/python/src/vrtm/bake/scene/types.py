@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -117,7 +118,7 @@ class Source(Protocol):
     """A reader of one kind of file. `Scene` is built on it."""
 
     shapes: tuple[Shape, ...]
-    frames: tuple[int, ...]
+    frames: Sequence[int]
     warnings: list[str]
     left_out: list[LeftOut]
     files: tuple[str, ...]

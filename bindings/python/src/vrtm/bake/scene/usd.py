@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -23,6 +24,9 @@ except ImportError as error:
 
 from vrtm.bake.scene.usd_mesh import UsdMesh, meters
 from vrtm.bake.scene.usd_skel import Skeletons
+
+_LONGEST = 400
+"""Letters of what USD says."""
 
 
 class UsdSource:
@@ -191,11 +195,17 @@ def _assets(attribute: Usd.Attribute, ours: set[str]) -> Iterator[str]:
 def first_line(error: Exception) -> str:
     """What a Tf.ErrorException says, without where in USD's sources it was raised. It has a line for each of USD's
     functions that it passed, and the first one names the cause."""
-    text = str(error).strip().splitlines()
-    return (text[0] if text else type(error).__name__).rsplit(" : '", 1)[-1].rstrip("'").strip()
+    try:
+        told = str(error)
+    except UnicodeDecodeError as wrong:
+        # It quotes the file.
+        told = wrong.object.decode(errors="backslashreplace")
+    text = told.strip().splitlines()
+    # It may quote the rest of a file.
+    return (text[0] if text else type(error).__name__).rsplit(" : '", 1)[-1].rstrip("'").strip()[:_LONGEST]
 
 
-def stage_frames(stage: Usd.Stage, where: str, warnings: list[str]) -> tuple[int, ...]:
+def stage_frames(stage: Usd.Stage, where: str, warnings: list[str]) -> Sequence[int]:
     """Whole time codes from the stage's start to its end; of a stage without these, or with a start after its end, of
     all time samples of its meshes and animations; (1,) where nothing moves."""
     first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
@@ -219,15 +229,26 @@ def meshes_of(stage: Usd.Stage) -> Iterator[Usd.Prim]:
     return (prim for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()) if prim.IsA(UsdGeom.Mesh))
 
 
-def hidden(prim: Usd.Prim, frames: tuple[int, ...]) -> str | None:
+def hidden(prim: Usd.Prim, frames: Sequence[int]) -> str | None:
     """Why a renderer does not show a mesh, as the end of a sentence; None if it shows it."""
     imageable = UsdGeom.Imageable(prim)
     purpose = imageable.ComputePurpose()
     if purpose in (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy):
         return f"has the purpose '{purpose}'"
-    if all(imageable.ComputeVisibility(frame) == UsdGeom.Tokens.invisible for frame in frames):
+    if all(imageable.ComputeVisibility(frame) == UsdGeom.Tokens.invisible for frame in _turns(prim, frames)):
         return "is invisible in all frames"
     return None
+
+
+def _turns(prim: Usd.Prim, frames: Sequence[int]) -> set[int]:
+    """The frames from which a mesh may be visible or not: there are few of them, however many frames there are."""
+    turns = {frames[0]}
+    while prim:
+        visibility = prim.GetAttribute(UsdGeom.Tokens.visibility)
+        times = visibility.GetTimeSamples() if visibility else ()
+        turns.update(math.ceil(min(max(time, frames[0]), frames[-1])) for time in times)
+        prim = prim.GetParent()
+    return turns
 
 
 def meshes_at_first_frame(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any
 
@@ -31,7 +32,7 @@ class UsdMesh:
         file: str,
         prim: Usd.Prim,
         skeletons: Skeletons,
-        frames: tuple[int, ...],
+        frames: Sequence[int],
         options: SceneOptions,
         warnings: list[str],
     ) -> None:
