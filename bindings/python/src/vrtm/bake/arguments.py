@@ -84,7 +84,7 @@ def add_dilate_to(commands: Any) -> None:
     parser.add_argument(
         "--reach", type=_positive, default=1 / 16, metavar="X", help="how far from seams, in UV, at most 0.5 (0.0625)"
     )
-    parser.add_argument("--uv", metavar="NAME", help="as for bake")
+    parser.add_argument("--uv", nargs="+", action="extend", default=[], metavar="NAME", help="as for bake")
     parser.add_argument("--rest", metavar="WHERE", help="as for bake")
     parser.add_argument("--weld", choices=WELDS, default="index", help="by what faces hang together (index)")
     parser.add_argument("--overwrite", action="store_true", help="replace files that vrtm has not written, too")
@@ -152,7 +152,15 @@ def _scene(group: argparse._ArgumentGroup) -> None:
         metavar="NAME",
         help="names or prim paths, with * wildcards (default: all meshes that have UVs)",
     )
-    group.add_argument("--uv", metavar="NAME", help="the UV set (default: st, or the only one)")
+    group.add_argument(
+        "--uv",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="NAME",
+        help="the UV set; of several names, also with commas between them, each mesh takes the first that it has "
+        "(default: st, or the only one)",
+    )
     group.add_argument(
         "--texture-uv",
         metavar="NAME",
@@ -458,7 +466,8 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
         _check_texture_uv(parser, a)
     options = SceneOptions(
         meshes=tuple(a.meshes),
-        uv=a.uv,
+        uv=uv_names(a.uv),
+        skip_still=True,
         texture_uv=a.texture_uv,
         rest=a.rest,
         rigidity_primvar=a.rigidity_primvar,
@@ -476,6 +485,11 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
     form = a.form or ("udim" if a.layer or a.texture_uv is not None else "tile")
     layers = a.max_layers or Settings.max_layers
     return Settings(**same | {"options": options, "measure": measure, "form": form, "max_layers": layers})
+
+
+def uv_names(given: list[str]) -> tuple[str, ...] | None:
+    """The UV sets of `--uv`, in order of preference."""
+    return tuple(name for text in given for name in text.split(",") if name) or None
 
 
 def _check_texture_uv(parser: argparse.ArgumentParser, a: argparse.Namespace) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 import vrtm
 from vrtm import dilation
 from vrtm.bake import image_file, left_out, overwrite, staging, warped
+from vrtm.bake.arguments import uv_names
 from vrtm.bake.console import Console
 from vrtm.bake.failure import INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
@@ -42,7 +43,8 @@ class Mesh:
 def dilate(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
     """Runs the command, until it is to stop. Raises Failure, and what vrtm.bake.failure.describe knows."""
     # All meshes: what lies in the charts of any of them stays as it is.
-    with Scene(parsed.scene, SceneOptions(uv=parsed.uv, rest=parsed.rest)) as scene, vrtm.Device("cpu") as device:
+    options = SceneOptions(uv=uv_names(parsed.uv), rest=parsed.rest)
+    with Scene(parsed.scene, options) as scene, vrtm.Device("cpu") as device:
         for warning in [*scene.warnings, *left_out.lines(left_out.unmeant(scene.left_out))]:
             console.warning(warning)
         assets = [_asset(device, shape, parsed.weld) for shape in scene.shapes]

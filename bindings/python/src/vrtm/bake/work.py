@@ -246,6 +246,11 @@ class Work:
         of: dict[str, list[str]] = {}
         for shape in self.shapes:
             of.setdefault(shape.rest_from, []).append(shape.path)
+        sets: dict[str, list[str]] = {}
+        for shape in self.shapes:
+            sets.setdefault(shape.uv_name, []).append(shape.path)
+        for uv, (first, *more) in sets.items() if len(sets) > 1 else ():
+            lines.append(f"UV set: {uv}: {first}{others(len(more))}")
         for rest, (first, *more) in of.items():
             lines.append(f"rest: {rest}: {first}{others(len(more))}")
         return lines

@@ -193,8 +193,23 @@ class AlembicSource:
         # Times are stored as whole numbers of 1 / fps only nearly.
         self.frames = whole_frames(first * options.fps, last * options.fps, path, self.warnings, slack=1e-3)
         names = unique_names([mesh.path for mesh, _ in chosen])
-        self._meshes = {name: _Posed(mesh, uvs, options, self.frames[0]) for name, (mesh, uvs) in zip(names, chosen)}
-        self.shapes = tuple(mesh.shape(name) for name, mesh in self._meshes.items())
+        self._meshes = {}
+        shapes = []
+        for name, (mesh, uvs) in zip(names, chosen):
+            try:
+                posed = _Posed(mesh, uvs, options, self.frames[0])
+                shapes.append(posed.shape(name))
+            except SceneError as error:
+                named = any(is_exact(pattern) and matches(pattern, mesh.path) for pattern in options.meshes)
+                if not options.skip_still or not mesh.is_still(options) or len(chosen) == 1 or named:
+                    raise
+                why = str(error).removeprefix(f"{mesh.where}: ")
+                self.left_out.append(LeftOut(f"the scene has one pose of it, and it cannot be read: {why}", mesh.path))
+            else:
+                self._meshes[name] = posed
+        if not shapes:
+            raise SceneError(f"{path}: no mesh to bake: {self.left_out[-1].line()}")
+        self.shapes = tuple(shapes)
         for shape in self.shapes:
             uneven = self._meshes[shape.name].uneven_scale(self.frames)
             self.warnings += [f"{shape.path}: {uneven}"] if uneven else []
@@ -214,9 +229,10 @@ class AlembicSource:
                 self.left_out.append(LeftOut("is hidden", mesh.path, meant=True))
                 continue
             met.update(patterns)
-            uvs = mesh.uvs(options.uv)
+            sets = (mesh.uvs(name) for name in options.uv_names or (None,))
+            uvs = next((found for found in sets if found is not None), None)
             if uvs is None:
-                why = f"has no UVs{f' {options.uv!r}' if options.uv else ''}"
+                why = f"has no UVs{options.uv_text}"
                 self.left_out.append(LeftOut(why, mesh.path, meant=mesh.is_still(options)))
                 if any(is_exact(pattern) for pattern in patterns):
                     raise SceneError(f"{mesh.where}: {why}")

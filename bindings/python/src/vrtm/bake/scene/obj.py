@@ -181,9 +181,9 @@ class ObjSource:
             self.warnings.append(f"{path}: an OBJ file is taken as one mesh, whatever --meshes says ({name})")
         if options.world:
             raise SceneError(f"{path}: an OBJ file has no transforms above its mesh, which --world asks for")
-        if options.uv is not None:
+        if options.uv_names:
             raise SceneError(
-                f"{path}: an OBJ file has one UV set without a name, so that '{options.uv}' cannot be chosen"
+                f"{path}: an OBJ file has one UV set without a name, so that '{options.uv_names[0]}' cannot be chosen"
             )
         if (self._mesh.uv_indices < 0).all():
             raise SceneError(f"{path}: no faces with UVs (vt)")

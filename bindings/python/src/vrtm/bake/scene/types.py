@@ -31,8 +31,9 @@ class SceneOptions:
     meshes: tuple[str, ...] = ()
     """Names or paths of meshes, or paths of what they lie below; `*`, `?` and `[...]` are wildcards. Empty: all meshes
     that have UVs."""
-    uv: str | None = None
-    """Name of the UV set. None: the scene's default (`st` in USD, the only one in Alembic and OBJ)."""
+    uv: str | tuple[str, ...] | None = None
+    """Name of the UV set, or several: of these each mesh takes the first that it has. None: the scene's default (`st`,
+    or the only one, in USD, the mesh's own in Alembic, the only one in OBJ)."""
     rest: str | None = None
     """`bind`, `pref`, `first`, `frame:N`, or a file with the same faces. None: the scene's own rest, which is Pref
     where there is one, else the bind pose of a skeleton, else the first frame; for OBJ the scene file itself."""
@@ -52,9 +53,22 @@ class SceneOptions:
     """OBJ: files of the poses, or patterns of them with `####`, `%04d` or wildcards."""
     fps: float = 24.0
     """Alembic: frames per second; frame N is at N / fps seconds."""
+    skip_still: bool = False
+    """Whether a mesh that does not deform and is not named is left out where it cannot be read, or has several UV sets
+    to choose from."""
     world: bool = False
     """Whether the transforms above a mesh are applied, less their translation: to the poses those of their frames, to
     the rest those of the frame that it is taken from, or of the first."""
+
+    @property
+    def uv_names(self) -> tuple[str, ...]:
+        """The UV sets that are asked for, in order of preference."""
+        return (self.uv,) if isinstance(self.uv, str) else self.uv or ()
+
+    @property
+    def uv_text(self) -> str:
+        """What follows `has no UVs`, where UV sets are asked for."""
+        return f" {' or '.join(map(repr, self.uv_names))}" if self.uv_names else ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,8 +50,18 @@ class UsdSource:
         self._meshes: dict[str, UsdMesh] = {}
         shapes = []
         for name, (prims_of_one, mesh) in zip(unique_names([str(p[0][0].GetPath()) for p in prims]), prims):
-            shapes.append(mesh.shape(name, tuple(str(prim.GetPath()) for prim in prims_of_one)))
-            self._meshes[name] = mesh
+            paths = tuple(str(prim.GetPath()) for prim in prims_of_one)
+            try:
+                shapes.append(mesh.shape(name, paths))
+            except SceneError as error:
+                if mesh.deforms or not options.skip_still or len(prims) == 1 or _is_named(paths[0], options):
+                    raise
+                why = str(error).removeprefix(f"{mesh.where}: ")
+                self.left_out.append(LeftOut(f"the scene has one pose of it, and it cannot be read: {why}", paths[0]))
+            else:
+                self._meshes[name] = mesh
+        if not shapes:
+            raise SceneError(f"{path}: no mesh to bake: {self.left_out[-1].line()}")
         self.shapes: tuple[Shape, ...] = tuple(shapes)
         self.warnings += [
             f"{shape.path}: {uneven}" for shape in shapes if (uneven := self._meshes[shape.name].uneven_scale())
@@ -92,11 +102,16 @@ class UsdSource:
             meant = reason is not None
             if reason is None:
                 mesh = UsdMesh(self._path, prim, self._skeletons, self.frames, options, self.warnings)
-                reason = None if mesh.uv is not None else f"has no UVs{mesh.other_uvs()}"
+                try:
+                    reason = None if mesh.uv is not None else f"has no UVs{mesh.other_uvs()}"
+                except SceneError:
+                    if not options.skip_still or _is_named(path, options) or not mesh.stays():
+                        raise
+                    reason = "nothing deforms there, and it has several UV sets"
                 meant = not mesh.deforms
             if reason is not None:
                 self.left_out.append(LeftOut(reason, path, meant=meant))
-                if any(is_exact(pattern) and pattern in (path, path.rsplit("/", 1)[-1]) for pattern in patterns):
+                if _is_named(path, options):
                     raise SceneError(f"{self._path} {path}: {reason}")
                 continue
             taken.setdefault(mesh.identity(), ([], mesh))[0].append(prim)
@@ -115,6 +130,12 @@ class UsdSource:
         if name is not None and all(value is None for value in values):
             there = {primvar for mesh in self._meshes.values() for primvar in mesh.primvars()}
             raise SceneError(f"{self._path}: no mesh has the primvar '{name}' for the {what}{near(name, there)}")
+
+
+def _is_named(path: str, options: SceneOptions) -> bool:
+    """Whether a mesh is asked for by its own name or path."""
+    names = (path, path.rsplit("/", 1)[-1])
+    return any(is_exact(pattern) and pattern in names for pattern in options.meshes)
 
 
 def open_stage(path: str, options: SceneOptions) -> Usd.Stage:

@@ -45,7 +45,11 @@ class UsdMesh:
         self._warnings = warnings
         self._refined: Refined | None = None
         self._rest_unit = 1.0
-        self.uv = find_uv(prim, options.uv, self.where)
+
+    @cached_property
+    def uv(self) -> UsdGeom.Primvar | None:
+        """Its UVs; None if it has none. Raises SceneError as `find_uv` does."""
+        return find_uv(self._prim, self._options.uv_names, self.where)
 
     def primvars(self) -> list[str]:
         """The names of all primvars that the mesh has."""
@@ -54,8 +58,10 @@ class UsdMesh:
 
     def other_uvs(self) -> str:
         """Where the wanted UV set is missing: its name, and that of one that is near."""
-        wanted = self._options.uv
-        return f" '{wanted}'{near(wanted, self.primvars())}" if wanted else ""
+        there = self.primvars()
+        hint = next(filter(None, (near(name, there) for name in self._options.uv_names)), "")
+        sets = sorted(primvar.GetPrimvarName() for primvar in uv_sets(self._prim) if self._options.uv_names)
+        return self._options.uv_text + (hint or (f", but {', '.join(sets)}" if sets else ""))
 
     def identity(self) -> tuple[Any, ...]:
         """Equal for proxies of one mesh that are in the same pose in all frames and have the same UVs."""
@@ -72,10 +78,7 @@ class UsdMesh:
 
     def shape(self, name: str, instances: tuple[str, ...]) -> Shape:
         """Reads all that does not change with time. Raises SceneError."""
-        first = Usd.TimeCode(self._frames[0])
-        self._counts, self._indices = self._faces(first)
-        self._points = len(self._read(self._mesh.GetPointsAttr(), first, "points"))
-        check_mesh(self.where, self._counts, self._indices, self._points)
+        first = self._read_faces()
         uvs, uv_indices = self._uvs(self.uv, first)
         texture_uvs = None if self._texture_uv is None else self._uvs(self._texture_uv, first)
         if texture_uvs is not None:
@@ -119,6 +122,24 @@ class UsdMesh:
             cage_corners=corners,
         )
 
+    def _read_faces(self) -> Usd.TimeCode:
+        """Reads them at the first frame, and returns that."""
+        first = Usd.TimeCode(self._frames[0])
+        self._counts, self._indices = self._faces(first)
+        self._points = len(self._read(self._mesh.GetPointsAttr(), first, "points"))
+        check_mesh(self.where, self._counts, self._indices, self._points)
+        return first
+
+    def stays(self) -> bool:
+        """Whether it is at rest in all frames, as far as it can be read."""
+        if self.deforms:
+            return False
+        try:
+            first = self._read_faces()
+            return np.array_equal(self.positions(first.GetValue()), self._rest(first))
+        except SceneError:
+            return True
+
     def _subsets(self, time: Usd.TimeCode) -> dict[str, np.ndarray]:
         """The faces of each subset that a material may be bound to; of a refined mesh, those of the cage's faces."""
         found = {}
@@ -144,7 +165,7 @@ class UsdMesh:
     @cached_property
     def _texture_uv(self) -> UsdGeom.Primvar | None:
         name = self._options.texture_uv
-        found = None if name is None else find_uv(self._prim, name, self.where)
+        found = None if name is None else find_uv(self._prim, (name,), self.where)
         if name is not None and found is None:
             raise SceneError(
                 f"{self.where}: has no UVs '{name}' that textures are looked up by{near(name, self.primvars())}"
@@ -336,29 +357,38 @@ def meters(attribute: Usd.Attribute, time: Usd.TimeCode) -> float | None:
     return None
 
 
-def find_uv(prim: Usd.Prim, name: str | None, where: str) -> UsdGeom.Primvar | None:
-    """The primvar of a mesh's UVs, inherited ones included; None if it has none. Raises SceneError if there are several
-    and none of them is `st`, or the named one does not hold pairs."""
+def find_uv(prim: Usd.Prim, names: tuple[str, ...], where: str) -> UsdGeom.Primvar | None:
+    """The primvar of a mesh's UVs, inherited ones included: the first of these names that it has; None if it has none.
+    Raises SceneError if none is named, there are several, and none of them is `st`, or if a named one does not hold
+    pairs."""
     api = UsdGeom.PrimvarsAPI(prim)
-    if name is not None:
+    for name in names:
         primvar = api.FindPrimvarWithInheritance(name.removeprefix("primvars:"))
         if not primvar or not primvar.HasAuthoredValue():
-            return None
+            continue
         if str(primvar.GetTypeName()) not in UV_TYPES + PLAIN_UV_TYPES:
             raise SceneError(f"{where}: {primvar.GetName()} is a {primvar.GetTypeName()}, not a texCoord2f[]")
         return primvar
+    if names:
+        return None
+    candidates = uv_sets(prim)
+    default = [primvar for primvar in candidates if primvar.GetPrimvarName() == "st"]
+    if not default and len(candidates) > 1:
+        there = sorted(primvar.GetPrimvarName() for primvar in candidates)
+        raise SceneError(
+            f"{where}: several UV sets ({', '.join(there)}), none of them 'st': name the one to take, and after it "
+            f"those of other meshes, of which each takes the first that it has: --uv {there[0]} st"
+        )
+    return next(iter(default or candidates), None)
+
+
+def uv_sets(prim: Usd.Prim) -> list[UsdGeom.Primvar]:
+    """The primvars of texture coordinates that a mesh has; if it has none, those that hold pairs."""
     found = {kind: [] for kind in UV_TYPES + PLAIN_UV_TYPES}
-    for primvar in api.FindPrimvarsWithInheritance():
-        name_there = primvar.GetPrimvarName()
+    for primvar in UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance():
+        name = primvar.GetPrimvarName()
         # What an earlier bake wrote is no UV set of the artist's.
-        if name_there != REDIRECTED and primvar.HasAuthoredValue() and str(primvar.GetTypeName()) in found:
+        if name != REDIRECTED and primvar.HasAuthoredValue() and str(primvar.GetTypeName()) in found:
             found[str(primvar.GetTypeName())].append(primvar)
-    for kinds in (UV_TYPES, PLAIN_UV_TYPES):
-        candidates = [primvar for kind in kinds for primvar in found[kind]]
-        default = [primvar for primvar in candidates if primvar.GetPrimvarName() == "st"]
-        if default or len(candidates) == 1:
-            return (default or candidates)[0]
-        if candidates:
-            names = ", ".join(sorted(primvar.GetPrimvarName() for primvar in candidates))
-            raise SceneError(f"{where}: several UV sets ({names}), none of them 'st': name one")
-    return None
+    of = ([primvar for kind in kinds for primvar in found[kind]] for kinds in (UV_TYPES, PLAIN_UV_TYPES))
+    return next(filter(None, of), [])
