@@ -51,17 +51,22 @@ impl HostAllocator {
         self.0.as_ptr()
     }
 
-    /// One more handle to the same allocator.
-    pub(super) fn of_record(record: &Record) -> HostAllocator {
-        record.retain();
-        HostAllocator(NonNull::from(record))
+    /// One more handle to the same allocator. It takes a pointer, since the last handle frees the record, which a
+    /// reference would not allow.
+    ///
+    /// # Safety
+    /// Another handle, or a block, keeps the record alive.
+    pub(super) unsafe fn of_record(record: NonNull<Record>) -> HostAllocator {
+        // SAFETY: the record is alive.
+        unsafe { record.as_ref() }.retain();
+        HostAllocator(record)
     }
 }
 
 impl Clone for HostAllocator {
     fn clone(&self) -> HostAllocator {
         // SAFETY: this handle keeps the record alive.
-        HostAllocator::of_record(unsafe { self.0.as_ref() })
+        unsafe { HostAllocator::of_record(self.0) }
     }
 }
 
