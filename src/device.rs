@@ -54,7 +54,7 @@ impl Drop for LiveAsset {
 /// Returns free pages of the heap to the system. Without this, glibc keeps up to hundreds of megabytes of freed memory
 /// for later use.
 fn give_memory_back() {
-    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    #[cfg(all(target_os = "linux", target_env = "gnu", not(miri)))]
     // SAFETY: may be called at any time by any thread.
     unsafe {
         libc::malloc_trim(0);
