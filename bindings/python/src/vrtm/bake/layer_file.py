@@ -55,8 +55,8 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
     if lacks and settings.freeze is None:
         # Nobody reads a list of very many.
         listed = frames.text(set(there) - set(work.frames)) if len(there) <= frames.MOST else ""
-        named = f"frames {listed}" if listed else f"{lacks} frames"
-        shown = f"{named} of the scene are not in it, and show the ones before them"
+        which = f"frames {listed}" if listed else f"{lacks} frames"
+        shown = f"{which} of the scene are not in it, and show the ones before them"
         warnings = [*warnings, f"--layer {settings.layer}: {shown}"]
     if written.changes:
         paths = [path for name in sorted(written.files) for path in named.get(name, ())]
