@@ -1,12 +1,13 @@
 /*
- * A Houdini SOP that keeps painted features rigid: the deformed geometry is its first input, the same geometry at rest its
- * second, with the vertex attribute `uv` and the point attribute `rigidity` (0..1). Its output is the first input with
+ * A Houdini SOP that keeps painted features rigid: the deformed geometry is its first input, the same geometry at rest
+ * its second, with the vertex attribute `uv` and the point attribute `rigidity` (0..1). Its output is the first input with
  * redirected UVs.
  *
  * SPDX-License-Identifier: MIT OR Apache-2.0
  *
- * Written against the documented classes of the Houdini Development Kit. It has been compiled against stand-ins of these
- * classes only (tests/host/stand_ins/houdini), and has never run in Houdini: take it as a start, and expect to mend it.
+ * Written against the documented classes of the Houdini Development Kit. The tests compile and run it with stand-ins of
+ * these (tests/host/stand_ins/houdini_example.cpp). It has never run in Houdini: take it as a start, and expect to mend
+ * it.
  */
 
 #include "vrtm.hpp"
@@ -26,7 +27,9 @@
 #include <UT/UT_Interrupt.h>
 #include <UT/UT_ParallelUtil.h>
 
+#include <exception>
 #include <memory>
+#include <stdexcept>
 #include <utility>
 #include <vector>
 
@@ -66,41 +69,78 @@ std::vector<UT_Vector3> positions_of(const GU_Detail *geometry)
     return positions;
 }
 
-/* Polygons and their UVs and rigidity, as the library takes them. */
-struct Rest {
-    std::vector<UT_Vector3> positions, uvs;
-    std::vector<float> rigidity;
-    std::vector<int> counts, points;
-    std::vector<GA_Offset> vertices; /* of each corner */
+const GA_Attribute *uv_of(const GU_Detail *geometry)
+{
+    return geometry->findFloatTuple(GA_ATTRIB_VERTEX, "uv", 2, 3);
+}
 
-    explicit Rest(const GU_Detail *geometry) : positions(positions_of(geometry))
+GA_DataId id_of(const GA_Attribute *attribute)
+{
+    return attribute == nullptr ? GA_INVALID_DATAID : attribute->getDataId();
+}
+
+/* What Houdini numbers the data of a geometry with: it has not changed where all numbers are valid and the same. */
+struct DataIds {
+    GA_DataId topology = GA_INVALID_DATAID, primitives = GA_INVALID_DATAID, positions = GA_INVALID_DATAID,
+              uvs = GA_INVALID_DATAID;
+
+    DataIds() = default;
+    explicit DataIds(const GU_Detail *geometry)
+        : topology(geometry->getTopology().getDataId()), primitives(geometry->getPrimitiveList().getDataId()),
+          positions(id_of(geometry->getP())), uvs(id_of(uv_of(geometry)))
     {
-        const GA_ROHandleV3 uv(geometry->findFloatTuple(GA_ATTRIB_VERTEX, "uv", 2, 3));
-        const GA_ROHandleF rigid(geometry->findFloatTuple(GA_ATTRIB_POINT, "rigidity", 1, 1));
-        GA_Offset point;
-        GA_FOR_ALL_PTOFF(geometry, point)
-        {
-            rigidity.push_back(rigid.isValid() ? rigid.get(point) : 0.0f);
-        }
+    }
+    bool same(const DataIds &o) const
+    {
+        const bool valid = topology != GA_INVALID_DATAID && primitives != GA_INVALID_DATAID &&
+                           positions != GA_INVALID_DATAID && uvs != GA_INVALID_DATAID;
+        return valid && topology == o.topology && primitives == o.primitives && positions == o.positions &&
+               uvs == o.uvs;
+    }
+};
+
+/* The corners of all polygons. Curves, volumes and the like have no surface. */
+struct Corners {
+    std::vector<int> counts;
+    std::vector<GA_Offset> vertices;
+
+    explicit Corners(const GU_Detail *geometry)
+    {
         const GA_Primitive *primitive;
         GA_FOR_ALL_PRIMITIVES(geometry, primitive)
         {
-            /* Curves, volumes and the like have no surface. */
-            const GA_Size corners = primitive->getTypeId() == GEO_PRIMPOLY ? primitive->getVertexCount() : 0;
-            counts.push_back(int(corners));
-            for (GA_Size corner = 0; corner < corners; ++corner) {
-                const GA_Offset vertex = primitive->getVertexOffset(corner);
-                vertices.push_back(vertex);
-                points.push_back(int(geometry->pointIndex(geometry->vertexPoint(vertex))));
-                uvs.push_back(uv.isValid() ? uv.get(vertex) : UT_Vector3(0, 0, 0));
+            const GA_Size count = primitive->getTypeId() == GEO_PRIMPOLY ? primitive->getVertexCount() : 0;
+            counts.push_back(int(count));
+            for (GA_Size corner = 0; corner < count; ++corner) {
+                vertices.push_back(primitive->getVertexOffset(corner));
             }
+        }
+    }
+};
+
+/* Polygons and their UVs, as the library takes them. */
+struct Rest {
+    std::vector<UT_Vector3> positions, uvs;
+    std::vector<int> counts, points;
+
+    Rest() = default;
+    explicit Rest(const GU_Detail *geometry) : positions(positions_of(geometry))
+    {
+        const GA_ROHandleV3 uv(uv_of(geometry));
+        if (!uv.isValid()) {
+            throw std::runtime_error("the second input has no vertex attribute uv");
+        }
+        const Corners corners(geometry);
+        counts = corners.counts;
+        for (const GA_Offset vertex : corners.vertices) {
+            points.push_back(int(geometry->pointIndex(geometry->vertexPoint(vertex))));
+            uvs.push_back(uv.get(vertex));
         }
     }
 
     bool operator==(const Rest &o) const
     {
-        return positions == o.positions && uvs == o.uvs && rigidity == o.rigidity && counts == o.counts &&
-               points == o.points;
+        return positions == o.positions && uvs == o.uvs && counts == o.counts && points == o.points;
     }
 };
 
@@ -119,11 +159,16 @@ protected:
     OP_ERROR cookMySop(OP_Context &context) override;
 
 private:
-    void warp(const GU_Detail *rest_geometry, int cells, vrtm::Quality quality, UT_AutoInterrupt &interrupt);
+    void update(const GU_Detail *rest_geometry);
+    void update_rigidity(const GU_Detail *rest_geometry);
+    void warp(int cells, vrtm::Quality quality, UT_AutoInterrupt &interrupt);
 
     /* What the node keeps from cook to cook. A node is not cooked twice at the same time. */
-    std::unique_ptr<Rest> rest_;
     vrtm::Asset asset_;
+    Rest rest_;
+    DataIds ids_;
+    std::vector<float> rigidity_;
+    GA_DataId rigidity_id_ = GA_INVALID_DATAID;
 };
 
 PRM_Template *SOP_VrtmWarp::templates()
@@ -149,32 +194,76 @@ OP_ERROR SOP_VrtmWarp::cookMySop(OP_Context &context)
     const fpreal time = context.getTime();
     UT_AutoInterrupt interrupt("Keeping features rigid");
     try {
-        warp(rest_geometry, int(evalInt("grid", 0, time)), vrtm::Quality(evalInt("quality", 0, time)), interrupt);
+        update(rest_geometry);
+        update_rigidity(rest_geometry);
+        warp(int(evalInt("grid", 0, time)), vrtm::Quality(evalInt("quality", 0, time)), interrupt);
     } catch (const vrtm::Error &failed) {
         /* Of an interrupted cook Houdini tells itself. */
         if (failed.code() != vrtm::Code::cancelled) {
             addError(SOP_MESSAGE, failed.what());
         }
+    } catch (const std::exception &failed) {
+        addError(SOP_MESSAGE, failed.what());
     }
     return error();
 }
 
-void SOP_VrtmWarp::warp(const GU_Detail *rest_geometry, int cells, vrtm::Quality quality, UT_AutoInterrupt &interrupt)
+/* Makes another asset if the rest geometry is another one, which is looked at only if its numbers are. */
+void SOP_VrtmWarp::update(const GU_Detail *rest_geometry)
 {
-    Rest rest(rest_geometry);
-    if (rest_ == nullptr || !(*rest_ == rest)) {
-        rest_.reset();
-        vrtm::Mesh mesh(vrtm::Array::of<float>(rest.positions.data(), rest.positions.size()), rest.points);
-        mesh.face_counts(rest.counts).uvs(vrtm::Array::of<float>(rest.uvs.data(), rest.uvs.size()));
-        asset_ = vrtm::Asset::create(device(), mesh).value();
-        asset_.set_vertex_rigidity(vrtm::Array(rest.rigidity.data(), rest.rigidity.size())).value();
-        rest_.reset(new Rest(std::move(rest)));
+    const DataIds ids(rest_geometry);
+    if (asset_ && ids.same(ids_)) {
+        return;
     }
+    Rest rest(rest_geometry);
+    if (!asset_ || !(rest == rest_)) {
+        asset_.reset();
+        rigidity_.clear();
+        rigidity_id_ = GA_INVALID_DATAID;
+        vrtm::Mesh mesh(vrtm::Array::of<float>(rest.positions.data(), rest.positions.size()), rest.points);
+        mesh.face_counts(rest.counts).uvs(vrtm::Array::of<float>(rest.uvs.data(), rest.uvs.size())).max_layers(32);
+        asset_ = vrtm::Asset::create(device(), mesh).value();
+        rest_ = std::move(rest);
+    }
+    ids_ = ids;
+}
+
+/* Paint changes no asset. */
+void SOP_VrtmWarp::update_rigidity(const GU_Detail *rest_geometry)
+{
+    const GA_Attribute *attribute = rest_geometry->findFloatTuple(GA_ATTRIB_POINT, "rigidity", 1, 1);
+    if (attribute == nullptr) {
+        addWarning(SOP_MESSAGE, "the second input has no point attribute rigidity: nothing moves");
+    }
+    const GA_DataId id = id_of(attribute);
+    if (id != GA_INVALID_DATAID && id == rigidity_id_) {
+        return;
+    }
+    const GA_ROHandleF rigid(attribute);
+    std::vector<float> rigidity;
+    GA_Offset point;
+    GA_FOR_ALL_PTOFF(rest_geometry, point)
+    {
+        rigidity.push_back(rigid.isValid() ? rigid.get(point) : 0.0f);
+    }
+    if (rigidity != rigidity_) {
+        asset_.set_vertex_rigidity(vrtm::Array(rigidity.data(), rigidity.size())).value();
+        rigidity_ = std::move(rigidity);
+    }
+    rigidity_id_ = id;
+}
+
+void SOP_VrtmWarp::warp(int cells, vrtm::Quality quality, UT_AutoInterrupt &interrupt)
+{
     for (const vrtm::Tile tile : asset_.tiles().value()) {
         vrtm::TileSettings settings;
         settings.grid_width = settings.grid_height = std::uint32_t(cells);
         /* Of no effect if they are the same as before. */
         tile.set_settings(settings).value();
+    }
+    const Corners corners(gdp);
+    if (corners.counts != rest_.counts) {
+        throw std::runtime_error("the two inputs have different polygons");
     }
     vrtm::SolveOptions options;
     options.set(quality).set_progress(
@@ -182,12 +271,12 @@ void SOP_VrtmWarp::warp(const GU_Detail *rest_geometry, int cells, vrtm::Quality
     const std::vector<UT_Vector3> positions = positions_of(gdp);
     asset_.solve(vrtm::Array::of<float>(positions.data(), positions.size()), options).value();
 
-    /* The input's topology is that of the rest geometry, and so are the offsets of its vertices. */
-    std::vector<float> uvs(2 * rest_->vertices.size());
-    asset_.corner_uvs(uvs.data(), rest_->vertices.size()).value();
+    const std::size_t count = corners.vertices.size();
+    std::vector<float> uvs(2 * count);
+    asset_.corner_uvs(uvs.data(), count).value();
     const GA_RWHandleV3 uv(gdp->addFloatTuple(GA_ATTRIB_VERTEX, "uv", 3));
-    for (std::size_t corner = 0; corner < rest_->vertices.size(); ++corner) {
-        uv.set(rest_->vertices[corner], UT_Vector3(uvs[2 * corner], uvs[2 * corner + 1], 0));
+    for (std::size_t corner = 0; corner < count; ++corner) {
+        uv.set(corners.vertices[corner], UT_Vector3(uvs[2 * corner], uvs[2 * corner + 1], 0));
     }
 }
 
@@ -195,5 +284,6 @@ void SOP_VrtmWarp::warp(const GU_Detail *rest_geometry, int cells, vrtm::Quality
 
 void newSopOperator(OP_OperatorTable *table)
 {
-    table->addOperator(new OP_Operator("vrtm_warp", "VRTM Warp", SOP_VrtmWarp::create, SOP_VrtmWarp::templates(), 2, 2));
+    PRM_Template *templates = SOP_VrtmWarp::templates();
+    table->addOperator(new OP_Operator("vrtm_warp", "VRTM Warp", SOP_VrtmWarp::create, templates, 2, 2));
 }
