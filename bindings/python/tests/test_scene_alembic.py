@@ -37,11 +37,33 @@ def ints(values):
 
 
 def write(
-    path: Path, subd=False, samples=3, start=1.0, uvs=UVS, indices=FACES, scope=FACE_VARYING, then=None, extra=None
+    path: Path,
+    subd=False,
+    samples=3,
+    start=1.0,
+    uvs=UVS,
+    indices=FACES,
+    scope=FACE_VARYING,
+    then=None,
+    extra=None,
+    fps=24,
+    shutter=(0,),
+    cyclic=True,
+    hint=None,
 ) -> str:
-    """A mesh /group/mesh whose right edge moves by 0.1 per frame, at 24 frames per second."""
-    archive = abc.OArchive(str(path))
-    times = archive.addTimeSampling(AbcCoreAbstract.TimeSampling(1 / 24, start / 24))
+    """A mesh /group/mesh whose right edge moves by 0.1 per sample, at so many frames per second. `shutter`: samples
+    around each frame."""
+    archive = abc.CreateArchiveWithInfo(str(path), hint, "test", "") if hint else abc.OArchive(str(path))
+    if shutter == (0,):
+        sampling = AbcCoreAbstract.TimeSampling(1 / fps, start / fps)
+    else:
+        kept = AbcCoreAbstract.TimeVector()
+        for number in range(len(shutter) if cyclic else samples):
+            frame, offset = divmod(number, len(shutter))
+            kept.append((start + frame + shutter[offset]) / fps)
+        kind = (len(shutter), 1 / fps) if cyclic else (AbcCoreAbstract.AcyclicFlag.kAcyclic,)
+        sampling = AbcCoreAbstract.TimeSampling(AbcCoreAbstract.TimeSamplingType(*kind), kept)
+    times = archive.addTimeSampling(sampling)
     group = AbcGeom.OXform(archive.getTop(), "group")
     kind, made = (
         (AbcGeom.OSubD, AbcGeom.OSubDSchemaSample) if subd else (AbcGeom.OPolyMesh, AbcGeom.OPolyMeshSchemaSample)
@@ -82,6 +104,44 @@ def test_frames_per_second(tmp_path: Path) -> None:
     assert Scene(path, SceneOptions(fps=12)).frames == (12, 13, 14)
     with pytest.raises(SceneError, match="0 frames per second"):
         Scene(path, SceneOptions(fps=0))
+
+
+@pytest.mark.parametrize("fps", [23.976, 25, 30, 60, 12])
+def test_the_rate_is_the_files_own(tmp_path: Path, fps: float) -> None:
+    scene = Scene(write(tmp_path / "a.abc", samples=6, start=1001, fps=fps))
+    assert scene.frames == tuple(range(1001, 1007)) and scene.rate == f"{fps:g} per second, as the file has"
+    assert scene.positions("mesh", 1006)[2, 0] == pytest.approx(2.5)
+    # Twelve may be every second of 24.
+    assert [("12 samples per second are taken for 12 frames" in warning) for warning in scene.warnings] == [True] * (
+        fps == 12
+    )
+    other = Scene(write(tmp_path / "a.abc", samples=6, start=1001, fps=fps), SceneOptions(fps=17))
+    assert f"/group/mesh: it has {fps:.4g} samples per second, but there are 17 frames" in other.warnings[0]
+
+
+@pytest.mark.parametrize("cyclic", [True, False])
+@pytest.mark.parametrize("shutter", [(-0.25, 0, 0.25), (-0.25, 0.25), (0, 0.5), (0, 0.2)])
+def test_samples_for_motion_blur_are_no_other_rate(tmp_path: Path, shutter, cyclic: bool) -> None:
+    options = {"samples": 6 * len(shutter), "start": 1001, "shutter": shutter, "cyclic": cyclic}
+    scene = Scene(write(tmp_path / "a.abc", fps=25, **options))
+    # Evenly spaced, they may be frames, too.
+    guessed = (
+        [] if cyclic or shutter not in ((0, 0.5), (-0.25, 0.25)) else ["50 samples per second are taken for 25 frames"]
+    )
+    assert scene.frames == tuple(range(1001, 1007)) and len(scene.warnings) == len(guessed)
+    assert all(told in warning for told, warning in zip(guessed, scene.warnings))
+    # Of a program that says its rate there is no doubt.
+    scene = Scene(write(tmp_path / "b.abc", fps=25, hint=25.0, **options))
+    assert scene.frames == tuple(range(1001, 1007)) and not scene.warnings and scene.clock.frames == 25
+
+
+def test_samples_between_frames_are_told(tmp_path: Path) -> None:
+    scene = Scene(write(tmp_path / "a.abc", samples=8, start=10.5), SceneOptions(fps=24))
+    (warning,) = scene.warnings
+    assert warning == "/group/mesh: at 24 per second, samples lie between frames, such as at 10.5"
+    many = Scene(write(tmp_path / "b.abc", samples=24, start=4004, fps=96))
+    assert many.frames == tuple(range(1001, 1007))
+    assert many.warnings == ["/group/mesh: its 96 samples per second are taken for 24 frames: --fps says otherwise"]
 
 
 def test_uvs_per_vertex_and_per_corner(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 
 from vrtm.bake import frames
 from vrtm.bake.scene import SceneOptions
+from vrtm.bake.scene.timing import FILE
 from vrtm.bake.settings import AUTO, EACH, OVERLAP, Settings
 from vrtm.bake.words import near
 
@@ -190,7 +191,13 @@ def _scene(group: argparse._ArgumentGroup) -> None:
         metavar=("PRIM", "SET", "SELECTION"),
         help="USD: select a variant; may be given several times",
     )
-    group.add_argument("--fps", type=_positive, default=24.0, metavar="X", help="Alembic: frames per second (24)")
+    group.add_argument(
+        "--fps",
+        type=lambda text: text if text == FILE else _positive(text),
+        metavar="X",
+        help="frames per second: frame N is at N / X seconds. file: as the file says, in USD by framesPerSecond "
+        "(default: whole time codes of USD are frames; Alembic: file)",
+    )
     group.add_argument(
         "--world",
         action="store_true",

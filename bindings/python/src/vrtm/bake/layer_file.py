@@ -192,4 +192,5 @@ def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
         warped_path=warped_path if any(part.textures for part in work.parts) else None,
         corner_path=corner_path if settings.corner_uvs else None,
         freeze=settings.freeze,
+        time_of=work.scene.clock.time,
     )

@@ -243,6 +243,7 @@ class Work:
         info = self.device.info
         threads = f", {info.threads} threads" if info.backend == "cpu" else ""
         lines = [f"device: {info.backend}, {info.name}{threads}{f' ({info.reason})' if info.reason else ''}"]
+        lines += [f"frames: {self.scene.rate}"] if self.scene.rate else []
         of: dict[str, list[str]] = {}
         for shape in self.shapes:
             of.setdefault(shape.rest_from, []).append(shape.path)

@@ -61,8 +61,8 @@ def author_clips(prim: Sdf.PrimSpec, shape: Shape, plan: LayerPlan, manifest: st
     clips = {
         "primPath": CLIP_PRIM,
         "assetPaths": Sdf.AssetPathArray([plan.corner_path(shape.name, frame) for frame in frames]),
-        "active": Vt.Vec2dArray([(frame, index) for index, frame in enumerate(frames)]),
-        "times": Vt.Vec2dArray([(frame, frame) for frame in frames]),
+        "active": Vt.Vec2dArray([(plan.time_of(frame), index) for index, frame in enumerate(frames)]),
+        "times": Vt.Vec2dArray([(plan.time_of(frame), frame) for frame in frames]),
         "manifestAssetPath": Sdf.AssetPath(manifest),
     }
     prim.SetInfo("clips", {"vrtm": clips})

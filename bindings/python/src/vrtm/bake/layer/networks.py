@@ -11,7 +11,6 @@ from collections.abc import Iterator
 
 from pxr import Sdf, Usd, UsdShade
 
-from vrtm.bake.frames import Frame
 from vrtm.bake.layer.plan import PRIMVAR, LayerPlan
 from vrtm.bake.mark import is_marked
 from vrtm.bake.scene.types import Shape
@@ -40,7 +39,7 @@ class Redirector:
         """The UVs that textures are looked up by."""
         self._inserted: dict[tuple[str, str], UsdShade.Output] = {}
         self._reached: set[str] = set()
-        self._copies: dict[str, tuple[Usd.Attribute, list[tuple[str, Frame | None]]]] = {}
+        self._copies: dict[str, tuple[Usd.Attribute, list[tuple[str, float | None]]]] = {}
         """Textures that are replaced by warped copies: what names the file, and the copies over time."""
         self._refused: dict[str, str] = {}
         """Why other textures of which there are copies do not take them."""
@@ -139,7 +138,7 @@ class Redirector:
         own = [value for value in values if value is not None and value.Get() in (self._uv_name, PRIMVAR)]
         return {str(value.GetPath()) for value in own if self._inside(value.GetPrim())}
 
-    def _copy(self, texture: UsdShade.Shader) -> tuple[Usd.Attribute, list[tuple[str, Frame | None]]] | None:
+    def _copy(self, texture: UsdShade.Shader) -> tuple[Usd.Attribute, list[tuple[str, float | None]]] | None:
         """What names a texture's file, and the copies that it can take; None if there are none."""
         file = _producer(texture.GetInput("file"))
         asset = file.Get() if file else None
@@ -327,10 +326,10 @@ def _node(stage: Usd.Stage, path: Sdf.Path, name: str) -> UsdShade.Shader:
     return shader
 
 
-def _set_files(attribute: Usd.Attribute, paths: list[tuple[str, Frame | None]]) -> None:
+def _set_files(attribute: Usd.Attribute, paths: list[tuple[str, float | None]]) -> None:
     """Names files over time, or one at all times."""
-    for path, frame in paths:
-        attribute.Set(Sdf.AssetPath(path), Usd.TimeCode.Default() if frame is None else frame)
+    for path, code in paths:
+        attribute.Set(Sdf.AssetPath(path), Usd.TimeCode.Default() if code is None else code)
 
 
 def _is_identity(transform: UsdShade.Shader) -> bool:

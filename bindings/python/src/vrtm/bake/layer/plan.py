@@ -29,7 +29,7 @@ class LayerPlan:
     """What was baked, and how the shot's materials are to use it. All paths are relative to the layer, or absolute."""
 
     frames: tuple[Frame, ...]
-    """Frames that were baked, as time codes."""
+    """Frames that were baked."""
     shapes: tuple[str, ...]
     """Names of the shapes that were baked."""
     mode: str = "texture"
@@ -55,6 +55,8 @@ class LayerPlan:
     """The file that `write_corner_uvs` wrote for (shape, frame). None: there are no corner UVs."""
     freeze: Frame | None = None
     """The frame whose files are named at all times; None: each frame has its own."""
+    time_of: Callable[[Frame], float] = float
+    """The time code of a frame."""
     sublayer: str | None = None
     """The shot, to be sublayered below; None: the layer holds overs only, to be sublayered over the shot."""
 
@@ -83,11 +85,11 @@ class LayerPlan:
         paths = {"map_path": self.map_path, "warped_path": self.warped_path}
         return replace(self, **{name: functools.partial(path, **of) for name, path in paths.items() if path})
 
-    def values(self, path_of: Callable[[Frame], str]) -> list[tuple[str, Frame | None]]:
+    def values(self, path_of: Callable[[Frame], str]) -> list[tuple[str, float | None]]:
         """(path, time code) of a file that there is of each frame; None stands for all times."""
         if self.freeze is not None:
             return [(path_of(self.freeze), None)]
-        return [(path_of(frame), frame) for frame in sorted(self.frames)]
+        return [(path_of(frame), self.time_of(frame)) for frame in sorted(self.frames)]
 
     def map_of(self, shape: str, frame: Frame) -> str:
         """The map of a frame as a renderer takes it: with <UDIM>, unless there is the tile 1001 alone."""

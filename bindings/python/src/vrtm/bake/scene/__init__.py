@@ -10,6 +10,7 @@ from types import TracebackType
 import numpy as np
 
 from vrtm.bake.left_out import LeftOut
+from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, Source
 
 __all__ = ["Scene", "SceneError", "SceneOptions", "Shape"]
@@ -50,6 +51,16 @@ class Scene:
     def has_subframes(self) -> bool:
         """Whether there are positions between two of the frames."""
         return self._source.has_subframes
+
+    @property
+    def clock(self) -> Clock:
+        """Which time of the file, time code or second, each frame is at."""
+        return self._source.clock
+
+    @property
+    def rate(self) -> str:
+        """How frames are counted, in words; empty where there is nothing to choose."""
+        return self._source.rate
 
     @property
     def warnings(self) -> list[str]:

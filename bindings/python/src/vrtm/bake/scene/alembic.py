@@ -1,11 +1,14 @@
 """Alembic: polygon meshes and subdivision surfaces, through the wheel alembic3d.
 
-Frame N is at N / fps seconds; between two samples, positions are interpolated.
+Frame N is at N / fps seconds, in the file's own rate by default; between two samples, positions are interpolated.
 """
 
 from __future__ import annotations
 
+import contextlib
+import math
 import os
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -14,6 +17,7 @@ import numpy as np
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.refine import Cage, Refined
 from vrtm.bake.scene.rest import rest_from_file
+from vrtm.bake.scene.timing import FILE, USUAL, Clock, cycle, is_between, is_whole, rate, tidy
 from vrtm.bake.scene.topology import (
     check_faces,
     check_mesh,
@@ -58,6 +62,17 @@ class AlembicFile:
             raise SceneError(f"{path}: not an Alembic file ({error})") from error
         self.path = path
 
+    @property
+    def rate(self) -> float | None:
+        """Frames per second, as the program that wrote it says; None if it does not."""
+        told = self._archive.getTop().getMetaData()
+        for name in ("_ai_DCC_FPS", "FramesPerTimeUnit"):
+            with contextlib.suppress(ValueError):
+                found = float(told.get(name))
+                if 0 < found < math.inf:
+                    return found
+        return None
+
     def meshes(self) -> Iterator[AlembicMesh]:
         """All meshes, in the order of the file."""
         yield from self._below(self._archive.getTop())
@@ -93,9 +108,22 @@ class AlembicMesh:
         self.samples = self._positions.getNumSamples()
         self._sampling = self._positions.getTimeSampling()
 
-    def times(self) -> tuple[float, float]:
-        """Seconds of the first and the last sample."""
-        return self._sampling.getSampleTime(0), self._sampling.getSampleTime(max(self.samples - 1, 0))
+    def times(self) -> list[float]:
+        """Seconds of its samples."""
+        return [self._sampling.getSampleTime(index) for index in range(self.samples)]
+
+    def rate(self) -> tuple[float | None, bool]:
+        """Frames per second by its samples, and whether others fit as well."""
+        kind, seconds = self._sampling.getTimeSamplingType(), self.times()
+        if kind.isCyclic():
+            return tidy(1 / kind.getTimePerCycle()), False
+        found, period = rate(seconds), cycle(seconds)
+        if found is None or period is None or period[1] > 1:
+            return found, False
+        # Evenly spaced times that are listed one by one are those of a shutter.
+        half = kind.isAcyclic() and found / 2 in USUAL
+        found = found / 2 if half else found
+        return found, not (20 < found and is_whole(found * period[0]))
 
     def sample(self, index: int) -> np.ndarray:
         """(vertices, 3) f32 of a sample."""
@@ -177,27 +205,25 @@ class AlembicSource:
         self.warnings: list[str] = []
         self.left_out: list[LeftOut] = []
         self.has_subframes = True
-        if not options.fps > 0:
+        if isinstance(options.fps, (int, float)) and not options.fps > 0:
             raise SceneError(f"{path}: {options.fps} frames per second")
         self._path, self._options = path, options
         self.files = (path,)
         self._file = AlembicFile(path)
         chosen = self._chosen()
-        for mesh, _ in chosen:
-            start, end = mesh.times()
-            rate = (mesh.samples - 1) / (end - start) if mesh.samples > 1 and end > start else options.fps
-            if abs(options.fps / rate - round(options.fps / rate)) > 1e-3:
-                self.warnings.append(f"{mesh.path}: it has {rate:.4g} samples per second, but --fps is {options.fps:g}")
-        spans = [mesh.times() for mesh, _ in chosen if mesh.samples > 1]
-        first, last = (min(s[0] for s in spans), max(s[1] for s in spans)) if spans else (1 / options.fps,) * 2
+        moving = [mesh for mesh, _ in chosen if mesh.samples > 1]
+        self.clock = self._clocked(moving)
+        self.rate = f"{self.clock.frames:.6g} per second{', as the file has' if options.fps in (None, FILE) else ''}"
+        times = [time for mesh in moving for time in (mesh.times()[0], mesh.times()[-1])] or [self.clock.time(1)]
         # Times are stored as whole numbers of 1 / fps only nearly.
-        self.frames = whole_frames(first * options.fps, last * options.fps, path, self.warnings, slack=1e-3)
+        frame = self.clock.frame
+        self.frames = whole_frames(frame(min(times)), frame(max(times)), path, self.warnings, slack=1e-3)
         names = unique_names([mesh.path for mesh, _ in chosen])
         self._meshes = {}
         shapes = []
         for name, (mesh, uvs) in zip(names, chosen):
             try:
-                posed = _Posed(mesh, uvs, options, self.frames[0])
+                posed = _Posed(mesh, uvs, options, self.frames[0], self.clock)
                 shapes.append(posed.shape(name))
             except SceneError as error:
                 named = any(is_exact(pattern) and matches(pattern, mesh.path) for pattern in options.meshes)
@@ -217,6 +243,30 @@ class AlembicSource:
             values = [getattr(shape, f"vertex_{what}") for shape in self.shapes]
             if name is not None and all(value is None for value in values):
                 raise SceneError(f"{path}: no mesh has the parameter '{name}' for the {what}")
+
+    def _clocked(self, meshes: list[AlembicMesh]) -> Clock:
+        """The clock of the samples of meshes, with warnings of those that it does not fit."""
+        rates = [(mesh, *mesh.rate()) for mesh in meshes]
+        own = Counter(found for _, found, _ in rates if found)
+        fps = self._options.fps
+        if not isinstance(fps, (int, float)):
+            hint = self._file.rate
+            fits = hint is not None and all(is_whole(max(hint / found, found / hint)) for found in own)
+            # Of equally many the slower ones: samples of the others lie between their frames.
+            fps = hint if fits else min(own, key=lambda found: (-own[found], found), default=24.0)
+            guessed = None if fits else next((mesh for mesh, found, guess in rates if guess and found == fps), None)
+            if guessed is not None:
+                start, end = guessed.times()[:2]
+                told = f"its {1 / (end - start):.4g} samples per second are taken for {fps:g} frames"
+                self.warnings.append(f"{guessed.path}: {told}: --fps says otherwise")
+        for mesh, found, _ in rates:
+            path, frames = mesh.path, [second * fps for second in mesh.times()]
+            if found is not None and not is_whole(max(found / fps, fps / found)):
+                self.warnings.append(f"{path}: it has {found:.4g} samples per second, but there are {fps:g} frames")
+            elif is_between(frames):
+                odd = next(frame for frame in frames if not is_whole(frame))
+                self.warnings.append(f"{path}: at {fps:g} per second, samples lie between frames, such as at {odd:.6g}")
+        return Clock(1.0, fps)
 
     def _chosen(self) -> list[tuple[AlembicMesh, Any]]:
         options, met, chosen = self._options, set(), []
@@ -261,8 +311,8 @@ class AlembicSource:
 
 
 class _Posed:
-    def __init__(self, mesh: AlembicMesh, uvs: Any, options: SceneOptions, first: int) -> None:
-        self._mesh, self._options, self._first = mesh, options, first
+    def __init__(self, mesh: AlembicMesh, uvs: Any, options: SceneOptions, first: int, clock: Clock) -> None:
+        self._mesh, self._options, self._first, self._clock = mesh, options, first, clock
         self._faces = mesh.faces(0)
         self._points = len(mesh.sample(0))
         self._refined: Refined | None = None
@@ -318,13 +368,13 @@ class _Posed:
         return uneven_scale(self._linear, frames) if self._mesh.is_moved and not self._options.world else None
 
     def _linear(self, frame: float) -> np.ndarray:
-        return self._mesh.linear(frame / self._options.fps)
+        return self._mesh.linear(self._clock.time(frame))
 
     def _placed(self, points: np.ndarray, frame: float) -> np.ndarray:
         return placed(points, self._linear(frame)) if self._options.world else points
 
     def _posed(self, frame: float) -> np.ndarray:
-        points = self._mesh.at(frame / self._options.fps, self._faces)
+        points = self._mesh.at(self._clock.time(frame), self._faces)
         if len(points) != self._points:
             raise SceneError(
                 f"{self._mesh.where}: frame {frame:g} has {len(points)} vertices, the first {self._points}"

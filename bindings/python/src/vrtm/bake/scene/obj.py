@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from vrtm.bake.left_out import LeftOut
+from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import check_faces, check_mesh, luminance, unique_names, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 
@@ -174,6 +175,7 @@ class ObjSource:
         self.warnings: list[str] = []
         self.left_out: list[LeftOut] = []
         self.has_subframes = False
+        self.clock, self.rate = Clock(), ""
         self._mesh = read_obj(path)
         if len(self._mesh.counts) == 0:
             raise SceneError(f"{path}: no faces")
@@ -181,6 +183,8 @@ class ObjSource:
             self.warnings.append(f"{path}: an OBJ file is taken as one mesh, whatever --meshes says ({name})")
         if options.world:
             raise SceneError(f"{path}: an OBJ file has no transforms above its mesh, which --world asks for")
+        if options.fps is not None:
+            raise SceneError(f"{path}: poses from OBJ files have numbers and no times, which --fps asks for")
         if options.uv_names:
             raise SceneError(
                 f"{path}: an OBJ file has one UV set without a name, so that '{options.uv_names[0]}' cannot be chosen"

@@ -10,6 +10,7 @@ import numpy as np
 
 import vrtm
 from vrtm.bake.left_out import LeftOut
+from vrtm.bake.scene.timing import Clock
 
 
 class SceneError(Exception):
@@ -51,8 +52,9 @@ class SceneOptions:
     """USD: (prim path, variant set, variant) to select."""
     poses: tuple[str, ...] = ()
     """OBJ: files of the poses, or patterns of them with `####`, `%04d` or wildcards."""
-    fps: float = 24.0
-    """Alembic: frames per second; frame N is at N / fps seconds."""
+    fps: float | str | None = None
+    """Frames per second: frame N is at N / fps seconds. `file`: as the file says. None: that in Alembic; time codes are
+    frames in USD."""
     skip_still: bool = False
     """Whether a mesh that does not deform and is not named is left out where it cannot be read, or has several UV sets
     to choose from."""
@@ -139,6 +141,10 @@ class Source(Protocol):
     """The files that are read, and the textures that materials name."""
     has_subframes: bool
     """Whether there are positions between two frames."""
+    clock: Clock
+    """Which time of the file each frame is at."""
+    rate: str
+    """How frames are counted, in words; empty where there is nothing to choose."""
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) of the shape at a frame, in the shape's own topology."""

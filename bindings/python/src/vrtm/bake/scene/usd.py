@@ -13,9 +13,10 @@ import numpy as np
 from vrtm.bake import overwrite
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mark import is_marked
+from vrtm.bake.scene.timing import FILE, Clock, is_between, is_whole, rate
 from vrtm.bake.scene.topology import is_exact, matches, unique_names, whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
-from vrtm.bake.words import near
+from vrtm.bake.words import near, others
 
 try:
     from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade
@@ -27,6 +28,8 @@ from vrtm.bake.scene.usd_skel import Skeletons
 
 _LONGEST = 400
 """Letters of what USD says."""
+_FEW = 10
+"""Fewer time codes per second are no frames."""
 
 
 class UsdSource:
@@ -44,7 +47,9 @@ class UsdSource:
                 self.warnings.append(f"{path}: {why}")
             else:
                 self.left_out.append(LeftOut(why, path))
-        self.frames = stage_frames(self.stage, path, self.warnings)
+        self.clock = stage_clock(self.stage, path, options.fps)
+        self.rate = f"{self.clock.frames:.6g} per second, {self.clock.times:g} time codes" if options.fps else ""
+        self.frames = stage_frames(self.stage, path, self.warnings, self.clock)
         self._skeletons = Skeletons(self.stage)
         prims = self._chosen(options)
         self._meshes: dict[str, UsdMesh] = {}
@@ -66,11 +71,12 @@ class UsdSource:
         self.warnings += [
             f"{shape.path}: {uneven}" for shape in shapes if (uneven := self._meshes[shape.name].uneven_scale())
         ]
+        self._check_times()
         self._check_primvars("rigidity", options.rigidity_primvar, [shape.vertex_rigidity for shape in shapes])
         self._check_primvars("mask", options.mask_primvar, [shape.vertex_mask for shape in shapes])
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
-        """(vertices, 3) of the shape at a time code."""
+        """(vertices, 3) of the shape at a frame."""
         return self._meshes[shape.name].positions(frame)
 
     @cached_property
@@ -97,11 +103,11 @@ class UsdSource:
                 self.left_out.append(LeftOut("not named by --meshes", path, meant=True))
                 continue
             met.update(patterns)
-            reason = hidden(prim, self.frames)
+            reason = hidden(prim, self.frames, self.clock)
             # A renderer does not show it either.
             meant = reason is not None
             if reason is None:
-                mesh = UsdMesh(self._path, prim, self._skeletons, self.frames, options, self.warnings)
+                mesh = UsdMesh(self._path, prim, self._skeletons, self.frames, self.clock, options, self.warnings)
                 try:
                     reason = None if mesh.uv is not None else f"has no UVs{mesh.other_uvs()}"
                 except SceneError:
@@ -125,6 +131,46 @@ class UsdSource:
             why = "; ".join(f"{entry.mesh} {entry.why}" for entry in self.left_out[:5])
             raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
         return list(taken.values())
+
+    def _check_times(self) -> None:
+        """Warns of samples that lie where no frame is, and of frames where no sample is."""
+        samples = {shape.path: self._meshes[shape.name].samples() for shape in self.shapes}
+        of = {path: list(map(self.clock.frame, times)) for path, times in samples.items() if len(times) > 1}
+        first, last = self.frames[0], self.frames[-1]
+        still = [path for path, at in of.items() if at[-1] <= first or at[0] >= last]
+        if first == last:
+            # It may have been rounded.
+            still = [path for path in still if not of[path][0] - 1 < first < of[path][-1] + 1]
+        if still:
+            low, high = min(of[path][0] for path in still), max(of[path][-1] for path in still)
+            does, its = ("does", "its") if len(still) == 1 else ("do", "their")
+            within = f"frames {first}-{last}" if first < last else f"frame {first}"
+            where = f"in {within} {still[0]}{others(len(still) - 1)}"
+            self.warnings.append(f"{where} {does} not move: {its} samples lie at {low:.6g}-{high:.6g}")
+        self._check_rate({path: at for path, at in of.items() if path not in still})
+
+    def _check_rate(self, of: dict[str, list[float]]) -> None:
+        """Warns of samples between frames, and of time codes that are no frames. `of`: frames of samples by path."""
+        codes, fps = self.stage.GetTimeCodesPerSecond(), authored_rate(self.stage)
+        between = {path: [frame for frame in at if not is_whole(frame)] for path, at in of.items()}
+        by_codes = self.clock == Clock()
+        if of and by_codes and fps and abs(codes / fps - 1) > 1e-3:
+            odd = next(filter(None, between.values()), None)
+            lost = f", and {len(odd)} samples between them, such as {odd[0]:.4g}, are not baked" if odd else ""
+            self.warnings.append(
+                f"{self._path}: a second has {codes:g} time codes and {fps:g} frames, but whole time codes are taken "
+                f"for frames{lost}: --fps file takes {codes / fps:.4g} time codes for each frame"
+            )
+            return
+        for path, at in of.items():
+            if (by_codes and codes < _FEW and between[path]) or is_between(at):
+                found = rate([self.clock.time(frame) / codes for frame in at])
+                asked = f"--fps {found:.6g} counts frames by them" if found else "--fps counts others"
+                self.warnings.append(
+                    f"{path}: {len(between[path])} of its {len(at)} samples lie between frames, such as at "
+                    f"{between[path][0]:.6g}, and are not baked: a second has {codes:g} time codes; {asked}"
+                )
+                return
 
     def _check_primvars(self, what: str, name: str | None, values: list[np.ndarray | None]) -> None:
         if name is not None and all(value is None for value in values):
@@ -226,23 +272,46 @@ def first_line(error: Exception) -> str:
     return (text[0] if text else type(error).__name__).rsplit(" : '", 1)[-1].rstrip("'").strip()[:_LONGEST]
 
 
-def stage_frames(stage: Usd.Stage, where: str, warnings: list[str]) -> Sequence[int]:
-    """Whole time codes from the stage's start to its end; of a stage without these, or with a start after its end, of
+def authored_rate(stage: Usd.Stage) -> float | None:
+    """framesPerSecond, where a stage says it."""
+    return stage.GetFramesPerSecond() if stage.HasAuthoredMetadata("framesPerSecond") else None
+
+
+def stage_clock(stage: Usd.Stage, where: str, fps: float | str | None) -> Clock:
+    """The clock of a stage. Raises SceneError for rates that cannot be."""
+    if fps is None:
+        return Clock()
+    codes = stage.GetTimeCodesPerSecond()
+    if fps == FILE:
+        fps = authored_rate(stage)
+    if fps is None:
+        fps = (rate([time / codes for time in sample_times(stage)]) if codes > 0 else None) or codes
+    if not (0 < codes < math.inf and 0 < fps < math.inf):
+        raise SceneError(f"{where}: --fps cannot count {fps:g} frames and {codes:g} time codes per second")
+    return Clock(codes, fps)
+
+
+def sample_times(stage: Usd.Stage) -> list[float]:
+    """Of all time samples of meshes and animations."""
+    prims = Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())
+    found = (prim for prim in prims if prim.IsA(UsdGeom.PointBased) or prim.GetTypeName() == "SkelAnimation")
+    return sorted(
+        {t for prim in found for attribute in prim.GetAuthoredAttributes() for t in attribute.GetTimeSamples()}
+    )
+
+
+def stage_frames(stage: Usd.Stage, where: str, warnings: list[str], clock: Clock) -> Sequence[int]:
+    """Whole frames from the stage's start to its end; of a stage without these, or with a start after its end, of
     all time samples of its meshes and animations; (1,) where nothing moves."""
     first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
     backwards = first > last
     if backwards:
         warnings.append(f"{where}: its start time code, {first:g}, is after its end, {last:g}: its time samples count")
     if backwards or not stage.HasAuthoredTimeCodeRange():
-        times = [
-            time
-            for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())
-            if prim.IsA(UsdGeom.PointBased) or prim.GetTypeName() == "SkelAnimation"
-            for attribute in prim.GetAuthoredAttributes()
-            for time in attribute.GetTimeSamples()
-        ]
-        first, last = (min(times), max(times)) if times else (1.0, 1.0)
-    return whole_frames(first, last, where, warnings)
+        times = sample_times(stage)
+        first, last = (times[0], times[-1]) if times else (clock.time(1),) * 2
+    slack = 0.0 if clock == Clock() else 1e-3
+    return whole_frames(clock.frame(first), clock.frame(last), where, warnings, slack)
 
 
 def meshes_of(stage: Usd.Stage) -> Iterator[Usd.Prim]:
@@ -250,24 +319,25 @@ def meshes_of(stage: Usd.Stage) -> Iterator[Usd.Prim]:
     return (prim for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()) if prim.IsA(UsdGeom.Mesh))
 
 
-def hidden(prim: Usd.Prim, frames: Sequence[int]) -> str | None:
+def hidden(prim: Usd.Prim, frames: Sequence[int], clock: Clock) -> str | None:
     """Why a renderer does not show a mesh, as the end of a sentence; None if it shows it."""
     imageable = UsdGeom.Imageable(prim)
     purpose = imageable.ComputePurpose()
     if purpose in (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy):
         return f"has the purpose '{purpose}'"
-    if all(imageable.ComputeVisibility(frame) == UsdGeom.Tokens.invisible for frame in _turns(prim, frames)):
+    codes = map(clock.time, _turns(prim, frames, clock))
+    if all(imageable.ComputeVisibility(code) == UsdGeom.Tokens.invisible for code in codes):
         return "is invisible in all frames"
     return None
 
 
-def _turns(prim: Usd.Prim, frames: Sequence[int]) -> set[int]:
+def _turns(prim: Usd.Prim, frames: Sequence[int], clock: Clock) -> set[int]:
     """The frames from which a mesh may be visible or not: there are few of them, however many frames there are."""
     turns = {frames[0]}
     while prim:
         visibility = prim.GetAttribute(UsdGeom.Tokens.visibility)
         times = visibility.GetTimeSamples() if visibility else ()
-        turns.update(math.ceil(min(max(time, frames[0]), frames[-1])) for time in times)
+        turns.update(math.ceil(min(max(clock.frame(time), frames[0]), frames[-1])) for time in times)
         prim = prim.GetParent()
     return turns
 

@@ -11,6 +11,7 @@ from pxr import Usd, UsdGeom, UsdShade
 
 from vrtm.bake.scene.refine import Cage, Refined
 from vrtm.bake.scene.rest import rest_from_file
+from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import check_faces, check_mesh, corner_elements, per_vertex, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 from vrtm.bake.scene.usd_skel import Skeletons
@@ -33,6 +34,7 @@ class UsdMesh:
         prim: Usd.Prim,
         skeletons: Skeletons,
         frames: Sequence[int],
+        clock: Clock,
         options: SceneOptions,
         warnings: list[str],
     ) -> None:
@@ -41,6 +43,7 @@ class UsdMesh:
         self._mesh = UsdGeom.Mesh(prim)
         self._skin = skeletons.skin(prim, self.where)
         self._frames = frames
+        self._clock = clock
         self._options = options
         self._warnings = warnings
         self._refined: Refined | None = None
@@ -124,7 +127,7 @@ class UsdMesh:
 
     def _read_faces(self) -> Usd.TimeCode:
         """Reads them at the first frame, and returns that."""
-        first = Usd.TimeCode(self._frames[0])
+        first = self._code(self._frames[0])
         self._counts, self._indices = self._faces(first)
         self._points = len(self._read(self._mesh.GetPointsAttr(), first, "points"))
         check_mesh(self.where, self._counts, self._indices, self._points)
@@ -136,7 +139,7 @@ class UsdMesh:
             return False
         try:
             first = self._read_faces()
-            return np.array_equal(self.positions(first.GetValue()), self._rest(first))
+            return np.array_equal(self.positions(self._frames[0]), self._rest(first))
         except SceneError:
             return True
 
@@ -173,9 +176,30 @@ class UsdMesh:
         return found
 
     def positions(self, frame: float) -> np.ndarray:
-        """(vertices, 3) at a time code. Raises SceneError where the topology is another than at first."""
-        cage = self._placed(self._posed(Usd.TimeCode(frame)), frame)
+        """(vertices, 3) at a frame. Raises SceneError where the topology is another than at first."""
+        cage = self._placed(self._posed(self._code(frame)), frame)
         return self._refined.points(cage) if self._refined else cage
+
+    def _code(self, frame: float) -> Usd.TimeCode:
+        return Usd.TimeCode(self._clock.time(frame))
+
+    def samples(self) -> list[float]:
+        """The time codes at which it has poses, ascending; none where they are in value clips, all of whose files would
+        have to be opened."""
+        points = self._mesh.GetPointsAttr()
+        found: set[float] = set()
+        if points.ValueMightBeTimeVarying():
+            if points.GetResolveInfo(self._code(self._frames[0])).GetSource() == Usd.ResolveInfoSourceValueClips:
+                return []
+            found.update(points.GetTimeSamples())
+        if self._skin:
+            found.update(self._skin.samples())
+        prim = self._space if self._options.world else None
+        while prim and not prim.IsPseudoRoot():
+            xform = UsdGeom.Xformable(prim)
+            found.update(xform.GetTimeSamples() if xform else ())
+            prim = None if xform and xform.GetResetXformStack() else prim.GetParent()
+        return sorted(found)
 
     def _posed(self, time: Usd.TimeCode) -> np.ndarray:
         if any(attribute.ValueMightBeTimeVarying() for attribute in self._topology()):
@@ -215,7 +239,7 @@ class UsdMesh:
         return False
 
     def _linear(self, frame: float) -> np.ndarray:
-        matrix = UsdGeom.Imageable(self._space).ComputeLocalToWorldTransform(Usd.TimeCode(frame))
+        matrix = UsdGeom.Imageable(self._space).ComputeLocalToWorldTransform(self._code(frame))
         return np.array(matrix)[:3, :3]
 
     def _placed(self, points: np.ndarray, frame: float) -> np.ndarray:
@@ -280,7 +304,7 @@ class UsdMesh:
 
     def _rest(self, first: Usd.TimeCode) -> np.ndarray:
         """(points, 3) of the cage at rest, in the space of the poses."""
-        wanted, frame = self._options.rest, first.GetValue()
+        wanted, frame = self._options.rest, self._frames[0]
         if wanted is not None and wanted.startswith("frame:"):
             frame = frame_number(wanted)
         points, self._rest_from = self._found_rest(wanted, first)
@@ -299,9 +323,9 @@ class UsdMesh:
         if wanted == "bind" or (wanted is None and self._skin):
             return self._skin.bound(self._read(self._mesh.GetPointsAttr(), first, "points")), "bind pose"
         if wanted in (None, "first"):
-            return self._posed(first), f"first frame {first.GetValue():g}"
+            return self._posed(first), f"first frame {self._frames[0]}"
         if wanted.startswith("frame:"):
-            return self._posed(Usd.TimeCode(frame_number(wanted))), wanted
+            return self._posed(self._code(frame_number(wanted))), wanted
         rest, unit = rest_from_file(wanted, str(self._prim.GetPath()), self._counts, self._indices, self._points)
         self._compare_units(unit, first)
         return rest, wanted

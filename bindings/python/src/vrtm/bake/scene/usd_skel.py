@@ -53,6 +53,11 @@ class Skin:
         """Whether there is an animation."""
         return bool(self._animation)
 
+    def samples(self) -> list[float]:
+        """The time codes of the samples of its animation."""
+        joints = self._animation.GetJointTransformTimeSamples() if self._jointed and self._animation else []
+        return [*joints, *(self._animation.GetBlendShapeWeightTimeSamples() if self._shapes is not None else [])]
+
     @property
     def space(self) -> Usd.Prim | None:
         """The prim in whose space positions are; None: the mesh itself."""
