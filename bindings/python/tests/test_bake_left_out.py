@@ -66,7 +66,8 @@ def test_all_that_is_not_baked_is_in_one_list(tmp_path: Path, capfd: pytest.Capt
     assert [line for line in said.err.splitlines() if "warning" in line] == [f"vrtm: warning: {line}" for line in wrong]
     rows = json.loads(report.read_text())["not_baked"]
     assert [row["meant"] for row in rows] == [False, True, True, False, False]
-    assert rows[3] == {"mesh": None, "frames": [8], "tiles": [], "why": "the scene has 1-3", "meant": False}
+    where = {"mesh": None, "frames": [8], "tiles": [], "layers": []}
+    assert rows[3] == where | {"why": "the scene has 1-3", "meant": False}
     assert (rows[4]["mesh"], rows[4]["tiles"]) == (MESH, [1002])
     # --strict: nothing is baked, and the report says why.
     assert cli.main([*arguments, "--force", "--strict"]) == 2

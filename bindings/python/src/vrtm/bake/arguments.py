@@ -428,7 +428,7 @@ def _messages(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--report", metavar="FILE.json", help="write all figures")
     group.add_argument("--log", metavar="FILE", help="also write all messages to a file, each with its time")
     group.add_argument("--verbose", action="store_true", help="also say what the library says")
-    group.add_argument("--no-progress", action="store_true", help="neither a progress bar nor lines")
+    group.add_argument("--no-progress", action="store_true", help="no progress bar, and no line per frame")
     group.add_argument("--quiet", action="store_true", help="nothing but warnings and errors")
     group.add_argument("--openjd", action="store_true", help="progress and status lines of OpenJobDescription")
     group.add_argument(

@@ -122,12 +122,6 @@ class Console:
         if not self.quiet:
             self._put(sys.stdout, message)
 
-    def detail(self, message: str) -> None:
-        """A line of text that belongs to the progress."""
-        self._note("info", message)
-        if self._progress:
-            self._put(sys.stdout, message)
-
     def verbose(self, message: str) -> None:
         """A line of text for who wants to know all."""
         self._note("detail", message)

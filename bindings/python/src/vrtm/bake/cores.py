@@ -32,7 +32,8 @@ def split(settings: Settings, work: Work, tasks: int) -> tuple[int, int]:
 
 def _fitting(work: Work) -> int:
     """As many as find room in the memory that is free."""
-    images = max(tile.cells[0] * tile.cells[1] for mesh in work.meshes.values() for tile in mesh.tiles)
+    tiles = [tile for mesh in work.meshes.values() for tile in mesh.tiles]
+    images = max((tile.cells[0] * tile.cells[1] for tile in tiles), default=0)
     free = _free()
     return max(1, free // (work.bytes + images * _BYTES_PER_TEXEL + _BYTES_PER_JOB)) if free else 1 << 16
 

@@ -145,7 +145,8 @@ def _dilate(
         stop.check()
         pixels = textures[path].pixels
         image_file.write(target, pixels)
-        console.detail(f"{target.path}: {np.mean((pixels != warped.read(path).pixels).any(axis=-1)):.1%} of its texels")
+        changed = np.mean((pixels != warped.read(path).pixels).any(axis=-1))
+        console.verbose(f"{target.path}: {changed:.1%} of its texels")
 
 
 def dilated(copy: warped.Copy, meshes: Sequence[Mesh], reach: float) -> dict[str, warped.Texture]:

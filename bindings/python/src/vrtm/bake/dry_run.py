@@ -30,7 +30,7 @@ def lines(work: Work) -> Iterator[str]:
             yield f"  tile {tile.udim}{layer}{subset}: grid {grid}, maps {size}, {maps}; {share:.1%} may move; {needed}"
     names = [name for mesh in work.meshes.values() for frame in work.frames for name in mesh.names(frame, work.pattern)]
     there = sum(map(os.path.exists, names))
-    if not settings.only_layer:
+    if names and not settings.only_layer:
         yield f"files: {len(names)} below {settings.out}, {there} of which are there: {names[0]} to {names[-1]}"
     for path in layer_file.names(settings) if settings.layer else ():
         yield f"layer: {path}"

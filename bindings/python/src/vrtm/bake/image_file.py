@@ -122,6 +122,18 @@ def told(path: str) -> dict:
         file.close()
 
 
+def remove(path: str, mesh: str) -> bool:
+    """Takes an image of a mesh away that vrtm has written, and nobody has changed; tells whether there is none now."""
+    if not os.path.lexists(path):
+        return True
+    found = _read(path) if os.path.isfile(path) else None
+    if found is None or found[1].get(_PIXELS) != found[2] or found[1].get("vrtm:mesh") != mesh:
+        return False
+    with contextlib.suppress(OSError):
+        os.remove(path)
+    return not os.path.lexists(path)
+
+
 def _remove_damaged(path: str) -> None:
     if os.path.isfile(path) and overwrite.is_ours(path) and _read(path) is None:
         with contextlib.suppress(OSError):

@@ -42,7 +42,8 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
         # What is in its place was looked at before anything was baked.
         named: dict[str, list[str]] = {}
         with work.scene.listening():
-            written = write_layer(settings.layer, work.scene, planned(work, named), overwrite=True)
+            plan = planned(work, named)
+            written = write_layer(settings.layer, work.scene, plan, overwrite=True)
             if settings.root is not None:
                 write_root(settings.root, settings.layer, settings.scene)
     except LayerError as error:
@@ -67,7 +68,7 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
             message = f"{len(wrong)} of the maps are not of form {settings.form}, such as {wrong[0]}: bake them anew"
             return warnings, Failure(TOLERANCE, f"--layer {settings.layer}: {message}")
         return warnings, _lacking(settings, lacking) if lacking else None
-    return warnings, Failure(TOLERANCE, _idle(settings))
+    return warnings, Failure(TOLERANCE, _idle(settings)) if plan.shapes else None
 
 
 def foretell(work: Work) -> list[str]:
@@ -80,7 +81,7 @@ def foretell(work: Work) -> list[str]:
     plan = dataclasses.replace(plan, frames=plan.frames[:1], freeze=None)
     with work.scene.listening():
         _, warnings, changes = redirected(work.settings.layer, work.scene, plan)
-    return warnings if changes else [*warnings, _idle(work.settings)]
+    return warnings if changes or not plan.shapes else [*warnings, _idle(work.settings)]
 
 
 def _idle(settings: Settings) -> str:
@@ -173,18 +174,24 @@ def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
     def corner_path(mesh: str, frame: Frame) -> str:
         return named(corner_name(work.pattern, mesh, frame))
 
-    layers = {name: mesh.face_layers() for name, mesh in work.meshes.items()}
+    # What gains nothing stays as the shot has it.
+    gaining = {name: mesh for name, mesh in work.meshes.items() if mesh.gains}
+    layers = {name: mesh.face_layers() for name, mesh in gaining.items()}
     face_layers = {name: of for name, of in layers.items() if of.any()}
     parts = {
-        name: {part.subset if part.subset in mesh.shape.subsets else "": part.subset for part in mesh.parts}
-        for name, mesh in work.meshes.items()
+        name: {
+            part.subset if part.subset in mesh.shape.subsets else "": part.subset
+            for part in mesh.parts
+            if not {(part.subset, tile.layer) for tile in part.all_tiles} <= set(mesh.idle)
+        }
+        for name, mesh in gaining.items()
         if settings.subsets
     }
     return LayerPlan(
         frames=work.frames,
-        shapes=tuple(work.meshes),
+        shapes=tuple(gaining),
         mode=settings.layer_mode,
-        tiles={name: mesh.all_udims for name, mesh in work.meshes.items()},
+        tiles={name: mesh.all_udims for name, mesh in gaining.items()},
         face_layers=face_layers,
         parts=parts,
         map_path=map_path,

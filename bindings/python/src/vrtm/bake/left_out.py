@@ -35,13 +35,16 @@ class LeftOut:
     """Empty: all."""
     tiles: tuple[int, ...] = ()
     """Numbers of UDIM tiles; empty: all."""
+    layers: tuple[int, ...] = ()
+    """Of charts that lie over one another; empty: all."""
     meant: bool = False
     """Whether this is as it should be, which `--strict` lets pass: an option asks for it, or maps would change nothing
     that a renderer shows. What is not meant is also warned of as soon as it is known."""
 
     def line(self, more: int = 0) -> str:
         """A sentence; `more`: how many other meshes it is said of."""
-        parts = [self.mesh + others(more), _numbers("tile", self.tiles), _numbers("frame", self.frames)]
+        parts = [self.mesh + others(more), _numbers("tile", self.tiles), _numbers("layer", self.layers)]
+        parts.append(_numbers("frame", self.frames))
         return ": ".join(filter(None, [", ".join(filter(None, parts)), self.why]))
 
     def row(self) -> dict:
@@ -50,6 +53,7 @@ class LeftOut:
             "mesh": self.mesh or None,
             "frames": list(self.frames),
             "tiles": list(self.tiles),
+            "layers": list(self.layers),
             "why": self.why,
             "meant": self.meant,
         }
@@ -59,7 +63,7 @@ def merged(entries: Iterable[LeftOut]) -> list[LeftOut]:
     """The same with one entry for all frames of a mesh and its tiles, in the order of the first of each."""
     found: dict[tuple, set[Frame] | None] = {}
     for entry in entries:
-        key = (entry.why, entry.mesh, entry.tiles, entry.meant)
+        key = (entry.why, entry.mesh, entry.tiles, entry.layers, entry.meant)
         known = found.setdefault(key, set())
         # All frames are more than any.
         if not entry.frames:
@@ -67,8 +71,8 @@ def merged(entries: Iterable[LeftOut]) -> list[LeftOut]:
         elif known is not None:
             known.update(entry.frames)
     return [
-        LeftOut(why, mesh, tuple(sorted(numbers or ())), tiles, meant)
-        for (why, mesh, tiles, meant), numbers in found.items()
+        LeftOut(why, mesh, tuple(sorted(numbers or ())), tiles, layers, meant)
+        for (why, mesh, tiles, layers, meant), numbers in found.items()
     ]
 
 
@@ -76,7 +80,7 @@ def lines(entries: Iterable[LeftOut]) -> list[str]:
     """A sentence for each, but one for all meshes that the same is said of."""
     groups: dict[tuple, list[LeftOut]] = {}
     for entry in merged(entries):
-        groups.setdefault((entry.why, entry.frames, entry.tiles), []).append(entry)
+        groups.setdefault((entry.why, entry.frames, entry.tiles, entry.layers), []).append(entry)
     return [first.line(len(more)) for first, *more in groups.values()]
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import vrtm
-from vrtm.bake import dilate, image_file, outputs, rows, warped
+from vrtm.bake import dilate, gain, image_file, outputs, rows, warped
 from vrtm.bake.corners import CornerFile, corner_name
 from vrtm.bake.failure import INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
@@ -55,6 +55,8 @@ class FrameResult:
     """What the library warned of."""
     told: list[str] = field(default_factory=list)
     """What else it said."""
+    strain: rows.Strain | None = None
+    """That of all tiles, if it was measured."""
     left_out: list[LeftOut] = field(default_factory=list)
     """What of the frame is not baked."""
 
@@ -95,27 +97,52 @@ class MeshWork:
         if not self.all_udims:
             raise Failure(INPUT, f"{settings.scene} {shape.path}: none of its UVs lies in a tile, which begin at 0, 0")
         self.tiles = [tile for part in self.parts for tile in part.tiles]
+        self.every_tile = self.tiles
+        """Those that gain nothing, too."""
+        self.idle: dict[gain.Group, str] = {}
+        """The parts and layers that get no files, since their maps would be the identity, and why."""
         self.common = common.copy()
         for tile in self.tiles:
             self.common.text(tile.inputs.hex())
 
+    @property
+    def gains(self) -> bool:
+        """Whether there are files of it."""
+        return len(self.idle) < len(gain.groups(self.parts))
+
+    def leave_out(self, idle: dict[gain.Group, str]) -> None:
+        """Takes parts and layers that gain nothing out of what is baked."""
+        self.idle = idle
+        self.tiles = [tile for tile in self.every_tile if (tile.part.subset, tile.layer) not in idle]
+
     def face_layers(self) -> np.ndarray:
-        """(faces,): the layer of each face, in its part."""
-        layers = self.parts[0].asset.face_layers()
-        for part in self.parts[1:]:
-            layers[part.faces] = part.asset.face_layers()[part.faces]
+        """(faces,): the layer of each face, in its part; -1 where there are no maps, since nothing is gained."""
+        layers = np.zeros(len(self.shape.face_counts), np.int64)
+        for part in self.parts:
+            faces = slice(None) if part.faces is None else part.faces
+            own = part.asset.face_layers()[faces].astype(np.int64)
+            without = [layer for subset, layer in self.idle if subset == part.subset]
+            layers[faces] = np.where(np.isin(own, without), -1, own)
         return layers
+
+    def idle_names(self, frame: Frame, pattern: Pattern) -> list[str]:
+        """The paths of the images of a frame that are not written, since nothing is gained."""
+        return self._image_names([tile for tile in self.every_tile if tile not in self.tiles], frame, pattern)
 
     def names(self, frame: Frame, pattern: Pattern) -> list[str]:
         """The paths of all files of a frame."""
+        names = self._image_names(self.tiles, frame, pattern)
+        if self.settings.corner_uvs and self.gains:
+            names.append(os.path.join(self.settings.out, corner_name(pattern, self.shape.name, frame)))
+        return names
+
+    def _image_names(self, tiles: Sequence[TileWork], frame: Frame, pattern: Pattern) -> list[str]:
         names = []
-        for tile in self.tiles:
+        for tile in tiles:
             names += [self._name(pattern, output.kind, frame, tile) for output in self.listed]
             for copy, paths in tile.part.textures:
                 if tile.udim in paths:
                     names.append(self._name(pattern, copy.kind, frame, tile, warped.extension(paths[tile.udim])))
-        if self.settings.corner_uvs:
-            names.append(corner_name(pattern, self.shape.name, frame))
         return [os.path.join(self.settings.out, name) for name in names]
 
     def _name(self, pattern: Pattern, kind: str, frame: Frame, tile: TileWork, ending: str = ".exr") -> str:
@@ -213,9 +240,11 @@ class MeshWork:
         pattern: Pattern,
         stop: Callable[[], None],
         write: bool = True,
+        measure: bool = False,
     ) -> FrameResult | None:
         """Writes what is not up to date of a frame; None if there is something, and it is not to be written. `pose` is
-        as for `pieces`. `stop` is called often, and raises to cancel."""
+        as for `pieces`. `stop` is called often, and raises to cancel. `measure`: the strain, for the result
+        alone."""
         start = time.perf_counter()
         result = FrameResult(self.shape.name, frame)
         pieces = self.pieces(frame, pose, pattern)
@@ -229,11 +258,15 @@ class MeshWork:
         if write and (stale or whole or self.settings.warm):
             # Corner UVs are those of all tiles together, and a later frame may start from any of them.
             every = whole or self.settings.warm
-            tiles = [tile for tile in self.tiles if every or any(piece.tile is tile for piece in stale)]
+            tiles = [
+                tile
+                for tile in (self.every_tile if whole else self.tiles)
+                if every or any(piece.tile is tile for piece in stale)
+            ]
             for part in self.parts:
                 own = [tile for tile in tiles if tile.part is part]
                 if own:
-                    self._solve(frame, positions, part, own, stop)
+                    self._solve(frame, positions, part, own, measure or self.settings.measure, stop)
                 for tile in own:
                     figures[tile] = self._write(tile, [piece for piece in stale if piece.tile is tile], stop)
         if corners is not None:
@@ -245,6 +278,11 @@ class MeshWork:
             own = [(piece, record) for piece, record in zip(pieces, records) if piece.tile is tile]
             kept = next((record for piece, record in own if piece.is_redirection), None)
             result.tiles.append(rows.row(tile, own, (kept or {}) | figures.get(tile, {}), self.settings))
+        told = [tile["strain"] for tile in result.tiles]
+        if measure and all(tile in figures for tile in self.tiles):
+            told = [rows.strain(tile.tile.report()) for tile in self.tiles]
+        if told and all(told):
+            result.strain = rows.mean(rows.Strain(t["edges"], t["before"]["rms"], t["after"]["rms"]) for t in told)
         result.milliseconds = 1e3 * (time.perf_counter() - start)
         return result
 
@@ -304,7 +342,13 @@ class MeshWork:
         )
 
     def _solve(
-        self, frame: Frame, positions: np.ndarray, part: Part, tiles: list[TileWork], stop: Callable[[], None]
+        self,
+        frame: Frame,
+        positions: np.ndarray,
+        part: Part,
+        tiles: list[TileWork],
+        measure: bool,
+        stop: Callable[[], None],
     ) -> None:
         def progress(_fraction: float) -> None:
             stop()
@@ -316,7 +360,7 @@ class MeshWork:
                 warm=self.settings.warm,
                 temporal_weight=self.settings.temporal_weight,
                 release_solvers=self.releases,
-                measure=self.settings.measure,
+                measure=measure,
                 # At seams, tiles are brought together with those that are solved with them.
                 tiles=part.all_tiles if self.settings.seams == "continue" else [tile.tile for tile in tiles],
                 progress=progress,

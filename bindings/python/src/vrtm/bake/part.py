@@ -11,6 +11,7 @@ import numpy as np
 import vrtm
 from vrtm.bake import warped
 from vrtm.bake.fingerprint import Fingerprint
+from vrtm.bake.gain import rigid_sums
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene import Shape
 from vrtm.bake.scene.images import find_maps, read_map
@@ -76,6 +77,8 @@ class Part:
         """The files of the maps by UDIM number."""
         self.black: list[str] = []
         """Rigidity maps that make nothing rigid."""
+        self.rigid_sums: dict[int, np.ndarray] = {}
+        """Of the rigidity maps by UDIM number, for `gain`."""
         self.tiles = self._tiles(common)
         self.textures = [(copy, self._found(copy.pattern)) for copy in copies]
 
@@ -107,6 +110,7 @@ class Part:
             if tile.layer == 0:
                 if rigidity is not None:
                     tile.set_rigidity(rigidity)
+                    self.rigid_sums[tile.udim] = rigid_sums(rigidity)
                     if not (rigidity > 0).any():
                         self.black.append(self.maps["rigidity"][tile.udim])
                 if mask is not None:

@@ -19,10 +19,14 @@ from multiprocessing.connection import Connection, wait
 
 from vrtm.bake.failure import Failure, describe
 from vrtm.bake.frames import Frame
+from vrtm.bake.gain import Group
 from vrtm.bake.mesh_work import FrameResult
 from vrtm.bake.settings import Settings
 from vrtm.bake.stopping import ENDING, Stop
 from vrtm.bake.work import Work
+
+Idle = dict[str, dict[Group, str]]
+"""See `Work.idle`."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +54,7 @@ class Jobs:
             receiver, self._sender = context.Pipe(duplex=False)
             # Python starts a process of its own with the first lock, which must outlive those that the signals end.
             with _blocked():
-                self._executor = ProcessPoolExecutor(jobs, context, _begin, (settings, threads, receiver))
+                self._executor = ProcessPoolExecutor(jobs, context, _begin, (settings, threads, receiver, work.idle))
 
     def submit(self, tasks: list[tuple[str, Frame]]) -> dict[Future, tuple[str, Frame]]:
         """Begins all tasks, each a mesh and a frame; a future each, whose result is an Outcome."""
@@ -105,8 +109,8 @@ def _outcome(work: Work, mesh: str, frame: Frame, stop: Stop) -> Outcome:
 class _Worker:
     """A worker process: its scene, once there is something to do, and whether it is to stop."""
 
-    def __init__(self, settings: Settings, threads: int, receiver: Connection) -> None:
-        self.settings, self.threads, self.receiver = settings, threads, receiver
+    def __init__(self, settings: Settings, threads: int, receiver: Connection, idle: Idle) -> None:
+        self.settings, self.threads, self.receiver, self.idle = settings, threads, receiver, idle
         self.stop = Stop()
         self.busy = threading.Lock()
         self.work: Work | None = None
@@ -137,11 +141,11 @@ class _Worker:
 _worker: _Worker | None = None
 
 
-def _begin(settings: Settings, threads: int, receiver: Connection) -> None:
+def _begin(settings: Settings, threads: int, receiver: Connection, idle: Idle) -> None:
     global _worker
     if not hasattr(signal, "pthread_sigmask"):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _worker = _Worker(settings, threads, receiver)
+    _worker = _Worker(settings, threads, receiver, idle)
 
 
 def _in_process(mesh: str, frame: Frame) -> Outcome:
@@ -151,6 +155,7 @@ def _in_process(mesh: str, frame: Frame) -> Outcome:
         if worker.work is None:
             try:
                 worker.work = Work(worker.settings, worker.threads)
+                worker.work.leave_out(worker.idle)
                 # The main process has said the same.
                 worker.work.heard(), worker.work.told()
             except Exception as error:

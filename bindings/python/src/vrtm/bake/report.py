@@ -13,6 +13,7 @@ from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mesh_work import FrameResult
 from vrtm.bake.rows import tile_name
 from vrtm.bake.settings import EACH, Settings
+from vrtm.bake.summary import summaries
 from vrtm.bake.work import Work
 
 MOSTLY = 0.5
@@ -57,6 +58,7 @@ def document(
     """All figures, frames and meshes in order. `missing`: what is not baked."""
     settings = work.settings
     info = work.device.info
+    baked = dict(summaries(work.meshes, results))
     return {
         "program": {"name": "vrtm bake", "version": vrtm.version()},
         "scene": settings.scene,
@@ -69,8 +71,9 @@ def document(
                 "name": mesh.shape.name,
                 "path": mesh.shape.path,
                 "tiles": list(dict.fromkeys(tile.udim for tile in mesh.tiles)),
+                **(baked[name].row() if name in baked else {}),
             }
-            for mesh in work.meshes.values()
+            for name, mesh in work.meshes.items()
         ],
         "frames": [
             {

@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
+from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import vrtm
@@ -13,6 +15,26 @@ from vrtm.bake.settings import Settings
 if TYPE_CHECKING:
     from vrtm.bake.mesh_work import Piece
     from vrtm.bake.part import TileWork
+
+
+@dataclass(frozen=True)
+class Strain:
+    """RMS strain of rigid edges, without the warp and with it."""
+
+    edges: int
+    before: float
+    after: float
+
+
+def mean(strains: Iterable[Strain]) -> Strain:
+    """That of all of their edges."""
+    found = list(strains)
+    edges = sum(own.edges for own in found)
+
+    def rms(values: Iterable[float]) -> float:
+        return math.sqrt(sum(own.edges * value**2 for own, value in zip(found, values)) / max(edges, 1))
+
+    return Strain(edges, rms(own.before for own in found), rms(own.after for own in found))
 
 
 def strain(report: vrtm.TileReport) -> dict:

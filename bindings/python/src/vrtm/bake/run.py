@@ -21,6 +21,7 @@ from vrtm.bake.pool import Jobs, Outcome
 from vrtm.bake.rows import tile_name
 from vrtm.bake.settings import Settings
 from vrtm.bake.stopping import Stop
+from vrtm.bake.summary import summaries
 from vrtm.bake.time_left import TimeLeft
 from vrtm.bake.work import Work
 
@@ -68,6 +69,7 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
     with Work(settings, settings.threads) as work:
         opening = time.perf_counter() - start
         stop.check()
+        work.look_for_gain(stop.check)
         if settings.layer:
             layer_file.check(work)
         work.check_files()
@@ -76,7 +78,7 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
         for line in left_out.lines(left_out.unmeant(work.left_out)):
             warn(line)
         for line in (*work.facts(), *work.hints()):
-            console.detail(line)
+            console.info(line)
         for line in work.told():
             console.verbose(line)
         if not settings.only_layer:
@@ -98,6 +100,8 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
             for folder in beside + ([] if settings.only_layer else work.folders()):
                 staging.sweep(folder)
             if not settings.only_layer:
+                for path in work.remove_idle():
+                    warn(f"{path}: is there, although nothing is gained: it shows what it shows")
                 _frames(settings, work, console, stop, results, warn, opening)
             failure = report.tolerance(settings, results)
             if settings.layer:
@@ -127,6 +131,8 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
     written = sum(result.count("written") for result in results)
     skipped = sum(result.count("skipped") for result in results)
     console.close()
+    for _, mesh in summaries(work.meshes, results):
+        console.info(mesh.line())
     for entry in missing:
         console.verbose(f"not baked: {entry.line()}")
     for line in left_out.listed(missing):
@@ -187,7 +193,7 @@ class _Told:
             return
         self.tiles.add((result.mesh, name))
         place = f"{self.work.meshes[result.mesh].shape.path} tile {name}"
-        self.console.detail(f"{place}: {report.shares(tile)}")
+        self.console.info(f"{place}: {report.shares(tile)}")
         if tile["frozen"] > report.MOSTLY:
             self.warn(
                 f"{place}: {tile['frozen']:.0%} of its rigid texels are frozen and stay as they are: "
@@ -206,10 +212,11 @@ def _frames(
 ) -> None:
     """Bakes all frames. `results` grows as they are done. `opening`: seconds that a scene takes to open. Raises
     Failure."""
+    meshes = [name for name, mesh in work.meshes.items() if mesh.gains]
     if settings.warm:
-        tasks = [(mesh, frame) for mesh in work.meshes for frame in work.frames]
+        tasks = [(mesh, frame) for mesh in meshes for frame in work.frames]
     else:
-        tasks = [(mesh, frame) for frame in work.frames for mesh in work.meshes]
+        tasks = [(mesh, frame) for frame in work.frames for mesh in meshes]
     console.start(len(tasks), f"baking {len(tasks)} frames")
     told = _Told(work, console, results, warn)
     current = {}

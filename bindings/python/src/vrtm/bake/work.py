@@ -13,7 +13,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 import vrtm
-from vrtm.bake import frames, image_file, layer_file, overwrite, staging, units, warped
+from vrtm.bake import frames, gain, image_file, layer_file, overwrite, staging, units, warped
 from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
@@ -78,6 +78,11 @@ class Work:
         self.left_out = [*self.scene.left_out, *self._left_out(still)]
         """All that is known not to be baked."""
         self.pattern = self._pattern(copies)
+        self.idle: dict[str, dict[gain.Group, str]] = {}
+        """What gains nothing, by the mesh's name."""
+        # Without --measure, for the last lines of the bake alone.
+        last = len(self.frames) - 1
+        self._measured = {self.frames[k] for k in (last // 4, last // 2, last)}
         self._poses: dict[str, list[str]] = {}
 
     def _hear(self, level: str, message: str) -> None:
@@ -94,14 +99,17 @@ class Work:
 
     def _stays(self, shape: Shape) -> bool:
         """Whether a mesh is at rest in all frames, so that its maps would be the identity, and is not named."""
-        asked = self.settings.options.meshes
-        if not shape.still or shape.path in asked or shape.path.rsplit("/", 1)[-1] in asked:
+        if not shape.still or self._is_named(shape):
             return False
         pose = self.scene.positions(shape, self.frames[0])
         if shape.rest is self.scene.shape(shape.name).rest:
             return np.array_equal(pose, shape.rest)
         # A factor is known to some digits.
         return np.allclose(pose, shape.rest, rtol=1e-5, atol=1e-5 * np.ptp(shape.rest, axis=0).max(initial=0))
+
+    def _is_named(self, shape: Shape) -> bool:
+        asked = self.settings.options.meshes
+        return shape.path in asked or shape.path.rsplit("/", 1)[-1] in asked
 
     def _in_units(self, shape: Shape) -> Shape:
         """The shape with its rest in the units of its poses."""
@@ -193,6 +201,40 @@ class Work:
             udims = part.without("rigidity")
             if udims:
                 yield LeftOut(f"{what}: nothing keeps its shape there", part.where, tiles=tuple(udims))
+
+    def look_for_gain(self, stop: Callable[[], None]) -> None:
+        """Looks at all poses for what gains nothing, which is left out, unless --meshes names it."""
+        settings = self.settings
+        # Maps of UVs of another set are none of the identity; and between two frames what turns rigidly shrinks.
+        if settings.options.texture_uv is not None or not all(isinstance(frame, int) for frame in self.frames):
+            return
+        every = sorted({*self.scene.frames, *self.frames})
+        for mesh in self.meshes.values():
+            if self._is_named(mesh.shape):
+                continue
+            idle = gain.without_gain(
+                mesh.shape, mesh.parts, every, functools.partial(self.scene.positions, mesh.shape), stop
+            )
+            if idle:
+                self.idle[mesh.shape.name] = idle
+                self.left_out += _without_gain(mesh, idle)
+        self.leave_out(self.idle)
+
+    def leave_out(self, idle: dict[str, dict[gain.Group, str]]) -> None:
+        """Takes what gains nothing out of what is baked."""
+        for name, groups in idle.items():
+            self.meshes[name].leave_out(groups)
+
+    def remove_idle(self) -> list[str]:
+        """Removes files of earlier bakes of what gains nothing now; returns those that could not be."""
+        names = (
+            (mesh.shape.name, name)
+            for mesh in self.meshes.values()
+            if mesh.idle
+            for frame in self.frames
+            for name in mesh.idle_names(frame, self.pattern)
+        )
+        return [path for mesh, path in names if not image_file.remove(path, mesh)]
 
     def _without_maps(self) -> list[str]:
         notes = []
@@ -381,7 +423,7 @@ class Work:
         positions, pose = self._positions(work, frame)
         notes = self._check_units(work.shape, frame, positions)
         _ = self.bytes
-        result = work.bake(frame, positions, pose, self.pattern, stop)
+        result = work.bake(frame, positions, pose, self.pattern, stop, measure=frame in self._measured)
         assert result is not None
         result.warnings += [*notes, *self.heard()]
         for entry in self.scene.said():
@@ -403,3 +445,18 @@ class Work:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+
+def _without_gain(mesh: MeshWork, idle: dict[gain.Group, str]) -> Iterator[LeftOut]:
+    """The list's entries of what gains nothing. A part without any map has one that says so."""
+    if not mesh.parts[0].subset and len(set(idle.values())) == 1 and len(idle) == len(gain.groups(mesh.parts)):
+        (why,) = set(idle.values())
+        if why == gain.RIGIDLY or not mesh.parts[0].without("rigidity"):
+            yield LeftOut(why, mesh.shape.path, meant=True)
+        return
+    for part in mesh.parts:
+        for why in (gain.RIGIDLY, gain.NOTHING):
+            layers = tuple(layer for (subset, layer), reason in idle.items() if (subset, reason) == (part.subset, why))
+            every = len(layers) == len({tile.layer for tile in part.all_tiles})
+            if layers and not (every and why == gain.NOTHING and part.without("rigidity")):
+                yield LeftOut(why, part.where, layers=() if every else layers, meant=True)

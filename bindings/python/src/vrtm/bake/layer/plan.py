@@ -38,7 +38,8 @@ class LayerPlan:
     tiles: dict[str, tuple[int, ...]] = field(default_factory=dict)
     """UDIM numbers of the tiles of each shape."""
     face_layers: dict[str, np.ndarray] = field(default_factory=dict)
-    """The layer of each face, of shapes that have several: which maps it takes, where charts lie over one another."""
+    """The layer of each face, of shapes that have several: which maps it takes, where charts lie over one another; -1
+    where it takes none, and stays as it is."""
     parts: dict[str, dict[str, str]] = field(default_factory=dict)
     """The parts of shapes that were baked by themselves: their names by those of the subsets, "" standing for the faces
     in none of them."""

@@ -194,7 +194,7 @@ def _author(
             continue
         found = {
             layer: [
-                _material(stage, original, shape, plan, (part.subset, layer), made, warnings)
+                _material(stage, original, shape, plan, (part.subset, layer), made, warnings) if layer >= 0 else None
                 for _, original in bindings
             ]
             for layer in part.layers

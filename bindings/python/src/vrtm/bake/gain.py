@@ -1,0 +1,209 @@
+"""Which maps would be the identity in all frames: those of surfaces that move rigidly, or on which nothing is rigid.
+
+A surface moves rigidly if all of its edges keep their lengths, and so do the diagonals of its faces: then nothing on it
+is strained. That is looked at for all frames of the scene and not for those of one task, so that a sequence has either
+all of its files or none. All tiles of a layer have files or none: renderers look all of them up by one name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from vrtm.bake.frames import Frame
+from vrtm.bake.scene import SceneError, Shape
+from vrtm.bake.scene.topology import corner_starts
+
+if TYPE_CHECKING:
+    from vrtm.bake.part import Part
+
+Group = tuple[str, int]
+"""The name of a part, and one of its layers."""
+RIGIDLY = "nothing gained: all parts move rigidly"
+NOTHING = "nothing gained: nothing is rigid there"
+
+_STRAIN = 1e-4
+"""Up to that an edge keeps its length: less than a hundredth of a texel on features of a hundred texels."""
+_ROUNDING, _MOST_ROUNDING = 4, 1e-2
+"""By so many units in the last place of the largest coordinate a length may be off, but by that share of it at most."""
+_SAMPLE = 100_000
+"""Of so many lengths a look suffices to find most that deforms."""
+_FINEST = 512
+"""Texels per side of what is looked up of a rigidity map."""
+
+
+def groups(parts: Sequence[Part]) -> list[Group]:
+    """All parts and their layers."""
+    return list(dict.fromkeys((part.subset, tile.layer) for part in parts for tile in part.all_tiles))
+
+
+def without_gain(
+    shape: Shape,
+    parts: Sequence[Part],
+    frames: Sequence[Frame],
+    pose: Callable[[Frame], np.ndarray],
+    stop: Callable[[], None],
+) -> dict[Group, str]:
+    """The parts and layers that gain nothing in any of the frames, and why. `stop` is called per frame, and may raise.
+    A pose that cannot be read counts as one that deforms."""
+    shells = _shells(shape, parts[0].settings.weld)
+    wanted = _rigid_shells(shape, parts, shells)
+    found = {group: NOTHING for group in groups(parts) if not wanted.get(group)}
+    left = {group: shells for group, shells in wanted.items() if shells}
+    # One frame alone does not tell that others are not different: its sequence may be baked frame by frame.
+    if len(frames) < 2 or not left:
+        return found
+    lengths = _Lengths(shape, shells, set().union(*left.values()))
+    try:
+        for frame in _spread(frames):
+            stop()
+            for deforming in lengths.deforming(pose(frame)):
+                left = {group: own for group, own in left.items() if not own & deforming}
+                if not left:
+                    return found
+    except SceneError:
+        return found
+    return found | dict.fromkeys(left, RIGIDLY)
+
+
+def _spread(frames: Sequence[Frame]) -> Iterator[Frame]:
+    """The last frame, which is hardly ever at rest, then the others, far from one another at first."""
+    ordered = sorted(frames, reverse=True)
+    digits = len(f"{len(ordered) - 1:b}")
+    yield from (ordered[k] for k in sorted(range(len(ordered)), key=lambda k: f"{k:0{digits}b}"[::-1]))
+
+
+def _shells(shape: Shape, weld: str) -> np.ndarray:
+    """(faces,): a number per connected surface, the same for all of its faces."""
+    vertices = shape.indices.astype(np.int64)
+    if weld != "index":
+        vertices = np.unique(shape.rest, axis=0, return_inverse=True)[1].reshape(-1)[vertices]
+    counts = shape.face_counts
+    filled = counts > 0
+    first = np.zeros(len(counts), np.int64)
+    first[filled] = vertices[corner_starts(counts)[filled]]
+    one = np.repeat(first, counts)
+    root = np.arange(vertices.max(initial=0) + 1)
+    while True:
+        a, b = root[one], root[vertices]
+        apart = a != b
+        if not apart.any():
+            return root[first]
+        root[np.maximum(a, b)[apart]] = np.minimum(a, b)[apart]
+        while (root[root] != root).any():
+            root = root[root]
+
+
+def _rigid_shells(shape: Shape, parts: Sequence[Part], shells: np.ndarray) -> dict[Group, set[int]]:
+    """The surfaces of each part and layer on which something is rigid."""
+    found: dict[Group, set[int]] = {}
+    for part in parts:
+        faces = np.flatnonzero(_textured(shape)) if part.faces is None else part.faces[_textured(shape)[part.faces]]
+        rigid = _rigid(shape, part, faces)
+        layers = part.asset.face_layers()[faces]
+        for layer in {tile.layer for tile in part.all_tiles}:
+            own = layers == layer
+            if part.settings.seams == "continue":
+                # What is rigid beyond a seam counts, too.
+                found[part.subset, layer] = set(shells[faces[own]].tolist()) & set(shells[faces[rigid]].tolist())
+            else:
+                found[part.subset, layer] = set(shells[faces[own & rigid]].tolist())
+    return found
+
+
+def _textured(shape: Shape) -> np.ndarray:
+    """(faces,): whether each has UVs."""
+    starts = np.minimum(corner_starts(shape.face_counts), len(shape.uv_indices) - 1)
+    return (shape.face_counts > 0) & (shape.uv_indices[starts] >= 0)
+
+
+def _rigid(shape: Shape, part: Part, faces: np.ndarray) -> np.ndarray:
+    """Whether anything may be rigid on each of the faces: texels around it, or vertices."""
+    counts, starts = shape.face_counts[faces], corner_starts(shape.face_counts)[faces]
+    # Corners of the faces, one after another.
+    corners = np.arange(counts.sum()) - np.repeat(corner_starts(counts) - starts, counts)
+    cuts = corner_starts(counts)
+    found = np.zeros(len(faces), bool)
+    if len(faces) == 0:
+        return found
+    if shape.vertex_rigidity is not None:
+        found |= np.maximum.reduceat(shape.vertex_rigidity[shape.indices[corners]], cuts) > 0
+    uvs = shape.uvs[shape.uv_indices[corners]]
+    low, high = (f.reduceat(uvs, cuts, axis=0) for f in (np.minimum, np.maximum))
+    # What has no number is no tile's, and not looked at closely.
+    found |= ((low < 0).any(axis=1) | (high[:, 0] > 10)) & bool(part.rigid_sums)
+    for udim, sums in part.rigid_sums.items():
+        corner = np.array([(udim - 1001) % 10, (udim - 1001) // 10])
+        height, width = (n - 1 for n in sums.shape)
+        size = np.array([width, height])
+        # A texel more on each side, since the map is interpolated.
+        first = np.clip(np.floor((low - corner) * size) - 1, 0, size).astype(np.int64)
+        last = np.clip(np.ceil((high - corner) * size) + 1, 0, size).astype(np.int64)
+        outside = ((high - corner < 0) | (low - corner > 1)).any(axis=1)
+        (x0, y0), (x1, y1) = first.T, last.T
+        found |= ~outside & (sums[y1, x1] - sums[y0, x1] - sums[y1, x0] + sums[y0, x0] > 0)
+    return found
+
+
+def rigid_sums(rigidity: np.ndarray) -> np.ndarray:
+    """(height + 1, width + 1): how many blocks of texels that are not black lie below and to the left of each corner of
+    a map's blocks, from v = 0 on. `rigidity`: (height, width), the first row at the top."""
+    rigid = rigidity.reshape(rigidity.shape[0], rigidity.shape[1], -1).max(axis=2) > 0
+    for axis in (0, 1):
+        size = rigid.shape[axis]
+        # Blocks of one size, the last of which may be cut: a face's share of them is taken for a share of the map.
+        if size > _FINEST:
+            cuts = np.arange(_FINEST) * size // _FINEST
+            rigid = np.maximum.reduceat(rigid, cuts, axis=axis)
+    sums = np.zeros((rigid.shape[0] + 1, rigid.shape[1] + 1), np.int32)
+    sums[1:, 1:] = rigid[::-1].cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)
+    return sums
+
+
+class _Lengths:
+    """The edges and diagonals of the faces of some surfaces."""
+
+    def __init__(self, shape: Shape, shells: np.ndarray, wanted: set[int]) -> None:
+        faces = np.flatnonzero(_textured(shape) & np.isin(shells, list(wanted)))
+        pairs = list(_pairs(shape, faces))
+        self._a, self._b = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
+        self._shells = np.concatenate([shells[pair[2]] for pair in pairs])
+        self._rest = shape.rest
+        step = max(1, len(self._a) // _SAMPLE)
+        self._looks = [slice(None, None, step), slice(None)][step == 1 :]
+
+    def deforming(self, positions: np.ndarray) -> Iterator[set[int]]:
+        """The surfaces that a pose deforms: some that are quickly found, then all."""
+        unit = max(
+            np.finfo(array.dtype).eps * np.abs(array).max(initial=0, where=np.isfinite(array))
+            for array in (self._rest, positions)
+        )
+        for look in self._looks:
+            a, b = self._a[look], self._b[look]
+            rest, now = _distances(self._rest, a, b), _distances(positions, a, b)
+            allowed = _STRAIN * rest + np.minimum(_ROUNDING * unit, _MOST_ROUNDING * rest)
+            # What is no number deforms.
+            with np.errstate(invalid="ignore"):
+                kept = np.abs(now - rest) <= allowed
+            yield set(np.unique(self._shells[look][~kept]).tolist())
+
+
+def _distances(positions: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.linalg.norm(positions[a].astype(np.float64) - positions[b], axis=1)
+
+
+def _pairs(shape: Shape, faces: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """(vertices, other vertices, faces) whose distances leave a face no freedom: from each corner to the next one, and
+    to the first three."""
+    starts = corner_starts(shape.face_counts)
+    for count in np.unique(shape.face_counts[faces]):
+        own = faces[shape.face_counts[faces] == count]
+        corners = shape.indices[starts[own][:, None] + np.arange(count)]
+        ends = {(k, (k + 1) % count) for k in range(count)} | {
+            (j, k) for j in range(min(3, count)) for k in range(count)
+        }
+        for j, k in sorted({(min(pair), max(pair)) for pair in ends if pair[0] != pair[1]}):
+            yield corners[:, j], corners[:, k], own

@@ -1,0 +1,275 @@
+"""Maps that would be the identity in all frames get no file: parts that move rigidly, and parts with nothing rigid."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+import pytest
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+
+import scenes
+from bake_scenes import files, image
+from mirrored import composed
+from vrtm import cli
+from vrtm.bake import gain
+from vrtm.bake.scene.types import Shape
+
+CELLS = 4
+FRAMES = 3
+TOY = "/model/toy"
+
+Move = Callable[[np.ndarray, int], np.ndarray]
+
+
+def turns(points: np.ndarray, frame: int) -> np.ndarray:
+    angle = 0.7 * frame
+    turn = np.array([[np.cos(angle), np.sin(angle), 0], [-np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    return points @ turn + [frame, 0, 1]
+
+
+def bends(points: np.ndarray, frame: int) -> np.ndarray:
+    """At rest but for the last frame."""
+    moved = points.copy()
+    moved[:, 0] += (frame == FRAMES) * 0.3 * np.sin(3 * points[:, 1])
+    return moved
+
+
+def toy(
+    folder: Path, *parts: tuple[Move, int, bool], make=scenes.materialx_material, scheme: str = "none", wide: int = 1
+) -> Path:
+    """Sheets in one mesh, each with its motion, the number of its tile less 1001, and whether studs on it are rigid:
+    these lie in the left half of the tile, others in the right. Sheets of one tile lie over one another."""
+    folder.mkdir(parents=True, exist_ok=True)
+    stage = scenes.stage(folder / "shot.usda", 1, FRAMES)
+    points, uvs, faces, moves = [], [], [], []
+    for number, (move, tile, rigid) in enumerate(parts):
+        first = len(points)
+        for j, i in itertools.product(range(CELLS + 1), repeat=2):
+            points.append((i / CELLS + 1.5 * number, j / CELLS, 0.0))
+            uvs.append((tile + (0.05 if rigid else 0.55) + 0.4 * i / CELLS, 0.05 + 0.9 * j / CELLS))
+        for j, i in itertools.product(range(CELLS), repeat=2):
+            at = first + j * (CELLS + 1) + i
+            faces += [at, at + 1, at + CELLS + 2, at + CELLS + 1]
+        moves.append((slice(first, len(points)), move))
+    mesh = scenes.mesh(stage, TOY, points, uvs, counts=[4] * (len(faces) // 4), faces=faces)
+    mesh.CreateSubdivisionSchemeAttr(scheme)
+    rest = np.array(points)
+    for frame in range(1, FRAMES + 1):
+        posed = np.concatenate([move(rest[own], frame) for own, move in moves])
+        mesh.GetPointsAttr().Set([Gf.Vec3f(*map(float, p)) for p in posed], frame)
+    scenes.primvar(mesh.GetPrim(), "Pref", Sdf.ValueTypeNames.Point3fArray, [Gf.Vec3f(*p) for p in points], "vertex")
+    if make is not None:
+        scenes.bind(mesh, make(stage, "/model/skin"))
+    stage.Save()
+    x, y = np.meshgrid((np.arange(32) + 0.5) / 32, (np.arange(32) + 0.5) / 32)
+    studs = (np.hypot((x * 4) % 1 - 0.5, (y * 2) % 1 - 0.5) < 0.3) & (x < 0.5)
+    for udim in sorted({1001 + tile for _, tile, _ in parts}):
+        image(folder / f"rigid.{udim}.png", (255 * studs).astype(np.uint8)[..., None])
+        image(folder / f"colour.{udim}.png", np.repeat((255 * x).astype(np.uint8)[..., None], 3, axis=2))
+    return folder / "shot.usda"
+
+
+def bake(scene: Path, *more: object) -> int:
+    folder = scene.parent
+    options = ["--rigidity", folder / "rigid.<UDIM>.png", "--out", folder / "out", "--device", "cpu", "--jobs", 1]
+    return cli.main([str(argument) for argument in ("bake", scene, *options, *more)])
+
+
+def maps(scene: Path) -> set[str]:
+    """The names of all files, less their frames."""
+    found = files(scene.parent / "out")
+    names = {
+        name.replace(f".{frame:04}", "") for name in found for frame in range(1, FRAMES + 1) if f".{frame:04}" in name
+    }
+    # A sequence is whole.
+    assert len(found) == len(names) * FRAMES
+    return names
+
+
+@pytest.fixture
+def lines(capfd: pytest.CaptureFixture[str]) -> Iterator[Callable[[], list[str]]]:
+    yield lambda: [line.strip() for line in capfd.readouterr().out.splitlines()]
+
+
+def test_what_moves_rigidly_gets_no_file(tmp_path: Path, lines: Callable[[], list[str]]) -> None:
+    scene = toy(tmp_path, (turns, 0, True), (turns, 1, True))
+    report, layer = tmp_path / "report.json", tmp_path / "over.usda"
+    options = ("--report", report, "--layer", layer, "--texture", tmp_path / "colour.<UDIM>.png")
+    for _ in range(2):
+        assert bake(scene, *options, "--strict") == 0
+        assert f"{TOY}: nothing gained: all parts move rigidly" in lines()
+        assert not (tmp_path / "out").exists() or not files(tmp_path / "out")
+    rows = json.loads(report.read_text())["not_baked"]
+    assert [(row["mesh"], row["why"], row["meant"]) for row in rows] == [(TOY, gain.RIGIDLY, True)]
+    # The layer is there, and changes nothing.
+    stage, shot = composed(scene, layer), Usd.Stage.Open(str(scene))
+    assert "redirect" not in layer.read_text() and [p.GetPath() for p in stage.Traverse()] == [
+        p.GetPath() for p in shot.Traverse()
+    ]
+    # What is named is baked.
+    assert bake(scene, "--meshes", "toy") == 0
+    assert maps(scene) == {"redirect.1001.exr", "redirect.1002.exr"}
+
+
+@pytest.mark.parametrize("make", [scenes.materialx_material, scenes.preview_material])
+def test_layers_that_gain_nothing_keep_the_material(
+    tmp_path: Path, lines: Callable[[], list[str]], make: Callable
+) -> None:
+    # The second and the fourth layer gain, and only in the last frame; the first one has the other tile, too.
+    parts = ((turns, 0, True), (bends, 0, True), (turns, 0, True), (bends, 0, True), (turns, 1, True))
+    scene = toy(tmp_path, *parts, make=make)
+    layer = tmp_path / "over.usda"
+    options = ("--layer", layer, "--texture", tmp_path / "colour.<UDIM>.png")
+    assert bake(scene, *options) == 0
+    assert f"{TOY}, layers 0,2: nothing gained: all parts move rigidly" in lines()
+    kinds = ("redirect_layer1.1001.exr", "redirect_layer3.1001.exr", "colour_layer1.1001.png", "colour_layer3.1001.png")
+    assert maps(scene) == set(kinds)
+    # A task of one frame, in which nothing moves yet, writes its share; what is up to date stays.
+    before = files(tmp_path / "out")
+    (tmp_path / "out" / "redirect_layer3.0001.1001.exr").unlink()
+    assert bake(scene, "--frames", 1, "--form", "udim") == 0 and "1 files written, 1 up to date" in " ".join(lines())
+    assert files(tmp_path / "out") == before
+    # Each file that the layer names is there, and each face has the files of its layer or the shot's material.
+    stage = composed(scene, layer)
+    named = {}
+    faces = CELLS * CELLS
+    mesh = stage.GetPrimAtPath(TOY)
+    for prim in (mesh, *mesh.GetChildren()):
+        material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()[0]
+        assets = {
+            str(attribute.Get(frame).path)
+            for node in Usd.PrimRange(material.GetPrim())
+            for attribute in node.GetAttributes()
+            if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset
+            for frame in (1, FRAMES)
+        }
+        named[prim.GetName()] = assets
+        for asset in assets - {"colour.<UDIM>.exr", "colour.<UDIM>.png"}:
+            assert (tmp_path / asset.replace("<UDIM>", "1001")).is_file(), asset
+    assert not any("out" in asset for asset in named["toy"])
+    subsets = {child.GetName(): list(UsdGeom.Subset(child).GetIndicesAttr().Get()) for child in mesh.GetChildren()}
+    assert subsets == {f"vrtm_layer{layer}": list(range(layer * faces, (layer + 1) * faces)) for layer in (1, 3)}
+    assert all(any(f"layer{name[-1]}" in asset for asset in named[name]) for name in subsets)
+    told = list(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("vrtmLayer").Get())
+    assert told == [layer for layer in (-1, 1, -1, 3, -1) for _ in range(faces)]
+
+
+def test_what_has_nothing_rigid_gets_no_file(tmp_path: Path, lines: Callable[[], list[str]]) -> None:
+    scene = toy(tmp_path, (bends, 0, False), (bends, 0, True))
+    # Both lie in the first layer, side by side, and one of them gains.
+    assert bake(scene) == 0 and maps(scene) == {"redirect.1001.exr"}
+    scene = toy(tmp_path / "alone", (bends, 0, False))
+    assert bake(scene) == 0 and f"{TOY}: {gain.NOTHING}" in lines() and not files(tmp_path / "alone" / "out")
+    # What gains is on another surface than what deforms.
+    scene = toy(tmp_path / "apart", (bends, 0, False), (turns, 0, True))
+    assert bake(scene) == 0 and not files(tmp_path / "apart" / "out")
+
+
+def test_files_of_an_earlier_bake_are_removed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    scene = toy(tmp_path, (turns, 0, True))
+    out = tmp_path / "out"
+    assert bake(scene, "--meshes", "toy") == 0 and len(files(out)) == FRAMES
+    # One that was painted on, and one of another mesh, are not vrtm's to remove.
+    painted = out / "redirect.0002.1001.exr"
+    changed = oiio.ImageBuf(str(painted))
+    changed.setpixel(3, 3, (0.5, 0.25, 0))
+    changed.write(str(painted))
+    capfd.readouterr()
+    assert bake(scene) == 0
+    assert list(files(out)) == [painted.name]
+    assert f"{painted}: is there, although nothing is gained" in capfd.readouterr().err
+
+
+def test_corner_uvs_have_all_of_a_mesh(tmp_path: Path) -> None:
+    scene = toy(tmp_path, (turns, 0, True), (bends, 0, True))
+    assert bake(scene, "--layer", tmp_path / "over.usda", "--layer-mode", "primvar") == 0
+    assert maps(scene) == {"redirect_layer1.1001.exr", "corners.usdc"}
+    stage = composed(scene, tmp_path / "over.usda")
+    mesh = stage.GetPrimAtPath(TOY)
+    uvs = np.array(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st_redirected").Get(FRAMES))
+    own = np.array(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st").Get())[mesh.GetAttribute("faceVertexIndices").Get()]
+    half = len(uvs) // 2
+    assert abs(uvs[:half] - own[:half]).max() < 1e-6 < 1e-3 < abs(uvs[half:] - own[half:]).max()
+
+
+def shape(points: list, counts: list[int], faces: list[int]) -> Shape:
+    rest = np.array(points, np.float32)
+    uvs = np.full((1, 2), 0.5, np.float32)
+    return Shape("a", "/a", rest, np.array(counts), np.array(faces), uvs, np.zeros(len(faces), np.int32), "st")
+
+
+def test_lengths_tell_what_deforms() -> None:
+    square = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
+    made = shape(square, [4], [0, 1, 2, 3])
+    lengths = gain._Lengths(made, np.zeros(1, int), {0})
+
+    def deforms(points: object) -> bool:
+        return any(lengths.deforming(np.array(points, np.float32)))
+
+    assert not deforms(turns(made.rest, 2)) and not deforms(made.rest * [-1, 1, 1])
+    # Edges keep their lengths when a square is sheared, and either diagonal when it is folded.
+    assert deforms([(0, 0, 0), (1, 0, 0), (1.6, 0.8, 0), (0.6, 0.8, 0)])
+    half = np.sqrt(0.5)
+    centre, up = np.array([0.5, 0.5, 0]), np.array([0, 0, half])
+    for corner in range(4):
+        folded = made.rest.copy()
+        folded[corner] = centre + up
+        assert deforms(folded)
+    assert deforms(made.rest * 1.001) and deforms(np.where(made.rest == 1, np.nan, made.rest))
+    # Far away the coordinates have few digits, but a stretch of a tenth is one.
+    far = made.rest + np.float32(4e5)
+    lengths = gain._Lengths(shape(far.tolist(), [4], [0, 1, 2, 3]), np.zeros(1, int), {0})
+    assert not deforms(far) and deforms(far + made.rest * [0.5, 0, 0])
+
+
+def test_frames_are_looked_at_from_far_apart() -> None:
+    assert list(gain._spread([1, 2, 3, 4, 5])) == [5, 1, 3, 4, 2]
+    assert sorted(gain._spread(range(100))) == list(range(100)) and list(gain._spread([7])) == [7]
+
+
+def test_surfaces_are_what_hangs_together() -> None:
+    points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (5, 5, 5), (6, 5, 5), (5, 6, 5), (0, 1, 0)]
+    made = shape(points, [3, 0, 3, 3], [0, 1, 2, 3, 4, 5, 5, 4, 6])
+    first, _, second, third = gain._shells(made, "index")
+    assert first != second == third
+    first, _, second, third = gain._shells(made, "position")
+    assert first == second == third
+
+
+def test_poses_that_cannot_be_read_count_as_deformed(tmp_path: Path) -> None:
+    scene = toy(tmp_path, (turns, 0, True))
+    stage = Usd.Stage.Open(str(scene))
+    points = stage.GetPrimAtPath(TOY).GetAttribute("points")
+    points.Set(points.Get(2)[:-1], 2)
+    stage.Save()
+    assert bake(scene, "--frames", 1) == 0 and len(files(tmp_path / "out")) == 1
+
+
+def test_a_line_for_each_mesh(tmp_path: Path, lines: Callable[[], list[str]]) -> None:
+    report = tmp_path / "report.json"
+    scene = toy(tmp_path, (bends, 0, True))
+    assert bake(scene, "--report", report) == 0
+    (line,) = [line for line in lines() if line.startswith(f"{TOY}: {FRAMES} frames")]
+    told = re.fullmatch(
+        rf"{TOY}: 3 frames \(1-3\), strain ([\d.]+) -> ([\d.]+) RMS \(frame 3, the worst: ([\d.]+) -> ([\d.]+)\), "
+        r"[\d.]+% frozen, 3 files written, [\d.]+ s",
+        line,
+    )
+    before, after, worst_before, worst_after = map(float, told.groups())
+    assert after < before < worst_before and after < worst_after < worst_before
+    (mesh,) = json.loads(report.read_text())["meshes"]
+    assert mesh["strain"]["worst"]["frame"] == FRAMES and mesh["strain"]["frames"] == [1, 2, 3]
+    # What is up to date has kept its figures only if they were measured; and files do not depend on the task.
+    before_files = files(tmp_path / "out")
+    assert bake(scene) == 0 and "strain not measured" in " ".join(lines())
+    assert bake(scene, "--force", "--frames", 3) == 0 and files(tmp_path / "out") == before_files
+    # What is named and gains nothing says so.
+    scene = toy(tmp_path / "rigid", (turns, 0, True))
+    assert bake(scene, "--meshes", "toy") == 0
+    assert any(line.startswith(f"{TOY}: 3 frames (1-3), {gain.RIGIDLY}, ") for line in lines())
