@@ -208,7 +208,15 @@ def test_choice_of_meshes_and_names(tmp_path: Path) -> None:
 
 def test_names_differ_in_more_than_the_case_of_letters() -> None:
     assert unique_names(["/a/hat", "/b/coat"]) == ["hat", "coat"]
-    assert unique_names(["/a/hat", "/A/Hat", "/a_hat", "/b/sk\u00f6n:x"]) == ["a_hat", "A_Hat_2", "a_hat_3", "sk_n_x"]
+    found = unique_names(["/a/hat", "/A/Hat", "/a_hat", "/b/sk\u00f6n:x"])
+    assert found == ["a_hat", "A_Hat_2", "a_hat_3", "sk\u00f6n_x"]
+    # Letters and their marks in any script; what a file system may take for one name is told.
+    for name in ("\u76ae\u819a", "\u091a\u092e\u0921\u093c\u0940", "u\u0308ber", "_x-1"):
+        assert unique_names([f"/a/{name}"]) == [name]
+    warnings: list[str] = []
+    names = unique_names(["/a/b", "/a_b", "/c/b", "/\u00fc", "/u\u0308"], warnings)
+    assert names == ["a_b", "a_b_2", "c_b", "\u00fc", "u\u0308_2"]
+    assert warnings[0] == "/a_b: <mesh> stands for a_b_2, since it stands for a_b of /a/b" and len(warnings) == 2
 
 
 def test_instances_in_the_same_pose_are_one_shape(tmp_path: Path) -> None:

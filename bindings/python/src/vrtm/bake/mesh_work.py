@@ -21,6 +21,7 @@ from vrtm.bake.left_out import LeftOut
 from vrtm.bake.names import Pattern
 from vrtm.bake.part import Part, TileWork, parts
 from vrtm.bake.scene import Shape
+from vrtm.bake.scene.topology import outside
 from vrtm.bake.settings import AUTO, Settings
 
 
@@ -95,7 +96,8 @@ class MeshWork:
         self.parts = parts(settings, shape, device, copies, common, self.left_out)
         self.all_udims = tuple(dict.fromkeys(udim for part in self.parts for udim in part.all_udims))
         if not self.all_udims:
-            raise Failure(INPUT, f"{settings.scene} {shape.path}: none of its UVs lies in a tile, which begin at 0, 0")
+            where = outside(shape.uvs, shape.uv_indices)
+            raise Failure(INPUT, f"{settings.scene} {shape.path}: none of its UVs lies in a UDIM tile: {where}")
         self.tiles = [tile for part in self.parts for tile in part.tiles]
         self.every_tile = self.tiles
         """Those that gain nothing, too."""

@@ -21,6 +21,10 @@ from vrtm.bake.settings import AUTO, Settings
 LARGEST_GRID = 16384
 SIZE_WITHOUT_MAP = 512
 SIZE_OF_PRIMVAR = 1024
+LEAST_MAP = 16
+"""Texels per side; a rigidity map of fewer is no measure for a grid."""
+_DIM, _BEYOND = 0.1, 2.0
+"""The largest value of a map that makes next to nothing white, and one beyond white that no filter leaves."""
 REST = "rest"
 """The name of the part that has the faces in no subset."""
 
@@ -75,10 +79,11 @@ class Part:
         self.all_udims = tuple(dict.fromkeys(tile.udim for tile in self.all_tiles))
         self.maps = {option: self._found(getattr(settings, option)) for option in ("rigidity", "mask")}
         """The files of the maps by UDIM number."""
-        self.black: list[str] = []
-        """Rigidity maps that make nothing rigid."""
         self.rigid_sums: dict[int, np.ndarray] = {}
         """Of the rigidity maps by UDIM number, for `gain`."""
+        self.notes: list[str] = []
+        """What is odd about its maps and primvars, each as a sentence."""
+        self._look_at_primvars()
         self.tiles = self._tiles(common)
         self.textures = [(copy, self._found(copy.pattern)) for copy in copies]
 
@@ -86,6 +91,31 @@ class Part:
         if pattern is None or not self.all_udims:
             return {}
         return find_maps(pattern, self.shape.name, self.all_udims, self.subset, required=self.faces is None)
+
+    def _look_at_primvars(self) -> None:
+        shape = self.shape
+        textured = shape.uv_indices >= 0
+        if self.faces is not None:
+            textured &= np.repeat(np.isin(np.arange(len(shape.face_counts)), self.faces), shape.face_counts)
+        for option in ("rigidity", "mask"):
+            values = getattr(shape, f"vertex_{option}")
+            if values is not None and textured.any():
+                name = getattr(self.settings.options, f"{option}_primvar")
+                self._look_at(option, f"--{option}-primvar {name}", values[shape.indices[textured]])
+
+    def _look_at(self, option: str, name: str, values: np.ndarray) -> None:
+        """Notes values that do not seem to be meant as they count."""
+        largest = float(values.max(initial=0))
+        whole = float(np.iinfo(values.dtype).max) if values.dtype.kind == "u" else 1.0
+        of = f" of {whole:g}" if whole != 1 else ""
+        then = "keeps its shape there" if option == "rigidity" else "moves there"
+        if largest <= 0 and option == "rigidity":
+            self.notes.append(f"{name} is black all over: nothing {then}")
+        elif 0 < largest < _DIM * whole:
+            least = f"no value above {largest:.4g}{of}"
+            self.notes.append(f"{name} has {least}: next to nothing {then}, white is {whole:g}")
+        elif largest >= _BEYOND * whole:
+            self.notes.append(f"{name} has values up to {largest:.4g}: those above 1 count as 1, which is white")
 
     def _tiles(self, common: Fingerprint) -> list[TileWork]:
         settings = self.settings
@@ -99,11 +129,14 @@ class Part:
                     common = common.copy().text(udim).array(pixels)
         # A tile without a map is the identity, and gets the size of the others.
         alone = SIZE_OF_PRIMVAR if self.shape.vertex_rigidity is not None else SIZE_WITHOUT_MAP
-        other = max(((m.shape[1], m.shape[0]) for m in rigid.values()), default=(alone, alone))
+        sizes = ((m.shape[1], m.shape[0]) for m in rigid.values())
+        other = max((size for size in sizes if min(size) >= LEAST_MAP), default=(alone, alone))
         tiles = []
         for tile in self.all_tiles:
             rigidity, mask = rigid.get(tile.udim), masks.get(tile.udim)
-            own = other if rigidity is None else (rigidity.shape[1], rigidity.shape[0])
+            # A few texels say how rigid a tile is, and not how finely it moves.
+            small = rigidity is None or min(rigidity.shape) < LEAST_MAP
+            own = other if small else (rigidity.shape[1], rigidity.shape[0])
             cells = own if settings.size is None else (settings.size, settings.size)
             grid = (min(cells[0], LARGEST_GRID), min(cells[1], LARGEST_GRID))
             # What is set for one layer holds for all of its tile.
@@ -111,10 +144,10 @@ class Part:
                 if rigidity is not None:
                     tile.set_rigidity(rigidity)
                     self.rigid_sums[tile.udim] = rigid_sums(rigidity)
-                    if not (rigidity > 0).any():
-                        self.black.append(self.maps["rigidity"][tile.udim])
+                    self._look_at("rigidity", f"--rigidity {self.maps['rigidity'][tile.udim]}", rigidity)
                 if mask is not None:
                     tile.set_mask(mask)
+                    self._look_at("mask", f"--mask {self.maps['mask'][tile.udim]}", mask)
                 tile.set_settings(tile.settings, grid_width=grid[0], grid_height=grid[1], **settings.tile_settings)
             size = cells
             if settings.map_size is not None:

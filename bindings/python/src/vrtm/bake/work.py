@@ -22,6 +22,7 @@ from vrtm.bake.mesh_work import FrameResult, MeshWork, unknown_tiles
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
 from vrtm.bake.part import Part
 from vrtm.bake.scene import Scene, Shape
+from vrtm.bake.scene.topology import outside
 from vrtm.bake.scene.types import frame_number
 from vrtm.bake.settings import Settings
 from vrtm.bake.words import others
@@ -40,6 +41,7 @@ class Work:
         self._told: list[str] = []
         # The mesh that is worked on, and the frame.
         self._subject = self._frame = ""
+        self._shape: Shape | None = None
         oiio.attribute("threads", threads)
         try:
             self.device = vrtm.Device(settings.device, adapter=settings.adapter, threads=threads, log=self._hear)
@@ -87,6 +89,8 @@ class Work:
 
     def _hear(self, level: str, message: str) -> None:
         """The library's log."""
+        if self._shape is not None and "lie in no UDIM tile" in message:
+            message = f"{message}: {outside(self._shape.uvs, self._shape.uv_indices)}"
         # What it says of a pose is said of a frame.
         frame = self._frame if message.startswith("pose") else ""
         line = ": ".join(filter(None, [self._subject + frame, message]))
@@ -129,7 +133,7 @@ class Work:
         return heard
 
     def _mesh(self, shape: Shape, copies: tuple[warped.Copy, ...]) -> MeshWork:
-        self._subject, self._frame = shape.path, ""
+        self._subject, self._frame, self._shape = shape.path, "", shape
         try:
             return MeshWork(self.settings, shape, self.device, copies)
         except (vrtm.Error, ValueError) as error:
@@ -200,7 +204,10 @@ class Work:
         for part in self.parts:
             udims = part.without("rigidity")
             if udims:
-                yield LeftOut(f"{what}: nothing keeps its shape there", part.where, tiles=tuple(udims))
+                name = part.shape.name
+                other = "<mesh>" in (settings.rigidity or "") and name != part.shape.path.rsplit("/", 1)[-1]
+                called = f" (<mesh> stands for {name})" if other else ""
+                yield LeftOut(f"{what}{called}: nothing keeps its shape there", part.where, tiles=tuple(udims))
 
     def look_for_gain(self, stop: Callable[[], None]) -> None:
         """Looks at all poses for what gains nothing, which is left out, unless --meshes names it."""
@@ -244,10 +251,7 @@ class Work:
             if udims:
                 tiles = f"tile{'s'[: len(udims) > 1]} {frames.text(udims)}"
                 notes.append(f"{part.where}: {what} for {tiles}: all may move there")
-            notes += [
-                f"{part.where}: --rigidity {path} is black all over: nothing keeps its shape there"
-                for path in part.black
-            ]
+            notes += [f"{part.where}: {note}" for note in part.notes]
         return notes
 
     @property

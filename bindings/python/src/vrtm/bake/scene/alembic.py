@@ -218,7 +218,7 @@ class AlembicSource:
         # Times are stored as whole numbers of 1 / fps only nearly.
         frame = self.clock.frame
         self.frames = whole_frames(frame(min(times)), frame(max(times)), path, self.warnings, slack=1e-3)
-        names = unique_names([mesh.path for mesh, _ in chosen])
+        names = unique_names([mesh.path for mesh, _ in chosen], self.warnings)
         self._meshes = {}
         shapes = []
         for name, (mesh, uvs) in zip(names, chosen):

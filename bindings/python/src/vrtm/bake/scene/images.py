@@ -6,6 +6,7 @@ import contextlib
 import glob
 import os
 import re
+import unicodedata
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -41,12 +42,12 @@ def find_maps(
             raise SceneError(
                 f"{pattern}: the shape {mesh} has {len(udims)} tiles ({_listed(udims)}): write <UDIM> for the number"
             )
-        found = {udims[0]: named} if os.path.isfile(named) else {}
+        paths = {udims[0]: named}
     else:
         paths = {udim: tokens.tiled(named, udim) for udim in udims}
         if len(set(paths.values())) < len(paths):
             raise SceneError(f"{pattern}: some of the tiles {_listed(udims)} have the same name: write <UDIM>")
-        found = {udim: path for udim, path in sorted(paths.items()) if os.path.isfile(path)}
+    found = {udim: path for udim, name in sorted(paths.items()) if (path := _file(name)) is not None}
     if not found and required and "<mesh>" not in pattern and "<subset>" not in pattern:
         there = sorted(glob.glob(tokens.with_tiles(glob.escape(named), "*")))
         beside = f"; there is {there[0]}" if there else ""
@@ -56,6 +57,16 @@ def find_maps(
             f"{pattern}: no such file{f' for the tiles {_listed(udims)} of {mesh}' if mesh else ''}{beside}"
         )
     return found
+
+
+def _file(path: str) -> str | None:
+    """The file of a name; None if there is none. Letters with marks count as the same however they are put together:
+    some file systems take them apart."""
+    folder, name = os.path.split(path)
+    forms = () if path.isascii() else ("NFC", "NFD")
+    ways = [path, *(unicodedata.normalize(form, path) for form in forms)]
+    ways += [os.path.join(folder, unicodedata.normalize(form, name)) for form in forms]
+    return next(filter(os.path.isfile, ways), None)
 
 
 def _listed(udims: Sequence[int]) -> str:

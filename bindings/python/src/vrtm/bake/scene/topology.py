@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from fnmatch import fnmatchcase
@@ -12,6 +14,9 @@ import numpy as np
 
 from vrtm.bake.frames import MOST
 from vrtm.bake.scene.types import SceneError
+
+TILES = (10, 900)
+"""Up to where in u and v tiles have numbers."""
 
 
 def check_faces(
@@ -115,6 +120,25 @@ def corner_elements(
     return elements[order].astype(np.int32)
 
 
+def outside(uvs: np.ndarray, uv_indices: np.ndarray) -> str:
+    """Where those UVs of a mesh are that lie in no UDIM tile, and where tiles are."""
+    uvs = uvs[np.unique(uv_indices[uv_indices >= 0])].astype(np.float64)
+    uvs = uvs[np.isfinite(uvs).all(axis=-1)]
+    beyond = uvs[((uvs < 0) | (uvs > TILES)).any(axis=-1)]
+    low, high = (found(beyond, axis=0) for found in (np.min, np.max)) if len(beyond) else (np.zeros(2), np.zeros(2))
+    lies = f"u from {low[0]:.4g} to {high[0]:.4g}, v from {low[1]:.4g} to {high[1]:.4g}, and " if len(beyond) else ""
+    reasons = [
+        text
+        for is_so, text in (
+            (high[0] > TILES[0], f"u of {TILES[0]} and more has no number"),
+            (low.min() < 0, "there are none below 0"),
+            (high[1] > TILES[1], f"none is read above a v of {TILES[1]}"),
+        )
+        if is_so
+    ]
+    return lies + ("; ".join(reasons) or f"tiles have numbers where u is 0 to {TILES[0]} and v is 0 to {TILES[1]}")
+
+
 def luminance(colours: np.ndarray) -> np.ndarray:
     """(..., ) of linear colours (..., 3 or more); exactly the value of grey ones."""
     red, green, blue = colours[..., 0], colours[..., 1], colours[..., 2]
@@ -142,27 +166,40 @@ def whole_frames(first: float, last: float, where: str, warnings: list[str], sla
     return frames if len(frames) > MOST else tuple(frames)
 
 
-def unique_names(paths: Sequence[str]) -> list[str]:
+def unique_names(paths: Sequence[str], warnings: list[str] | None = None) -> list[str]:
     """A name per path that is safe in file names and unique whatever the case of its letters: the last part of the path
-    where that is enough, else all parts."""
+    where that is enough, else all parts, and a number where these are not, which is warned of."""
     short = [_safe(path.rsplit("/", 1)[-1]) for path in paths]
-    times = Counter(name.lower() for name in short)
-    often = {name for name, count in times.items() if count > 1}
+    count = Counter(map(_folded, short))
     names: list[str] = []
-    taken: set[str] = set()
+    taken: dict[str, str] = {}
     for path, name in zip(paths, short):
-        if name.lower() in often:
+        if count[_folded(name)] > 1:
             name = _safe(path.strip("/").replace("/", "_"))
         unique, number = name, 2
-        while unique.lower() in taken:
+        while _folded(unique) in taken:
             unique, number = f"{name}_{number}", number + 1
-        taken.add(unique.lower())
+        if unique != name and warnings is not None:
+            other = taken[_folded(name)]
+            warnings.append(f"{path}: <mesh> stands for {unique}, since it stands for {name} of {other}")
+        taken[_folded(unique)] = path
         names.append(unique)
     return names
 
 
 def _safe(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9_-]", "_", name) or "mesh"
+    """With letters, marks and digits of all scripts, as far as file names may have them."""
+    kept = "".join(c if c in "_-" or unicodedata.category(c)[0] in "LMN" else "_" for c in name)
+    try:
+        os.fsencode(kept)
+    except UnicodeEncodeError:
+        kept = re.sub(r"[^\x00-\x7f]", "_", kept)
+    return kept or "mesh"
+
+
+def _folded(name: str) -> str:
+    """Equal for names that a file system may take for one."""
+    return unicodedata.normalize("NFC", name).casefold()
 
 
 def matches(pattern: str, path: str) -> bool:

@@ -54,7 +54,8 @@ class UsdSource:
         prims = self._chosen(options)
         self._meshes: dict[str, UsdMesh] = {}
         shapes = []
-        for name, (prims_of_one, mesh) in zip(unique_names([str(p[0][0].GetPath()) for p in prims]), prims):
+        names = unique_names([str(p[0][0].GetPath()) for p in prims], self.warnings)
+        for name, (prims_of_one, mesh) in zip(names, prims):
             paths = tuple(str(prim.GetPath()) for prim in prims_of_one)
             try:
                 shapes.append(mesh.shape(name, paths))

@@ -1,0 +1,134 @@
+"""What maps and primvars hold, where UVs lie, and which files are those of a mesh: what is odd about them is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import UsdGeom
+
+import scenes
+from bake_scenes import image
+from vrtm.bake.failure import Failure
+from vrtm.bake.scene import SceneOptions
+from vrtm.bake.settings import Settings
+from vrtm.bake.work import Work
+
+
+def shot(folder: Path, uvs: list | None = None, name: str = "cloth") -> Path:
+    stage = scenes.stage(folder / "shot.usda", 1, 2)
+    prim = scenes.mesh(stage, f"/{name}", uvs=uvs or [(0.1 + 0.8 * u, 0.1 + 0.8 * v) for u, v in scenes.UVS])
+    scenes.stretch(prim, (1, 2))
+    stage.Save()
+    return folder / "shot.usda"
+
+
+def opened(scene: Path, options: SceneOptions | None = None, **settings: object) -> Work:
+    return Work(Settings(str(scene), options or SceneOptions(), device="cpu", **settings), 1)
+
+
+def notes(scene: Path, options: SceneOptions | None = None, **settings: object) -> list[str]:
+    with opened(scene, options, **settings) as work:
+        return [note for note in work.notes() if "--rigidity" in note or "--mask" in note]
+
+
+@pytest.mark.parametrize("option", ["rigidity", "mask"])
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        (np.uint8([0, 1]), "has no value above 1 of 255: next to nothing {then}, white is 255"),
+        (np.uint16([0, 255]), "has no value above 255 of 65535: next to nothing {then}, white is 65535"),
+        (np.float32([0, 1 / 255]), "has no value above 0.003922: next to nothing {then}, white is 1"),
+        (np.float32([0, 255]), "has values up to 255: those above 1 count as 1, which is white"),
+        (np.float16([0, 100]), "has values up to 100: those above 1 count as 1, which is white"),
+        # As painted, as filtered, and a rigidity that is meant to be low.
+        (np.uint8([0, 255]), ""),
+        (np.uint16([0, 65535]), ""),
+        (np.float32([-0.1, 1.2]), ""),
+        (np.uint8([0, 40]), ""),
+    ],
+)
+def test_maps_that_seem_to_have_another_white_are_told(
+    tmp_path: Path, option: str, values: np.ndarray, told: str
+) -> None:
+    white = str(image(tmp_path / "white.png", np.full((16, 16, 1), 255, np.uint8)))
+    ending = "exr" if values.dtype.kind == "f" else "png"
+    odd = str(image(tmp_path / f"odd.{ending}", np.tile(values, (16, 8))[..., None]))
+    found = notes(shot(tmp_path), **({"rigidity": white} | {option: odd}))
+    then = "keeps its shape there" if option == "rigidity" else "moves there"
+    assert found == ([f"/cloth: --{option} {odd} {told.format(then=then)}"] if told else [])
+
+
+def test_primvars_are_told_as_maps_are(tmp_path: Path) -> None:
+    scene = shot(tmp_path)
+    with opened(scene, rigidity=str(image(tmp_path / "w.png", np.full((16, 16, 1), 255, np.uint8)))) as work:
+        stage = work.scene.source.stage
+        prim = UsdGeom.Mesh.Get(stage, "/cloth").GetPrim()
+        made = {"zero": [0.0] * 6, "bytes": [0.0, 255.0] * 3, "dim": [0.004] * 6, "good": [0.0, 1.0] * 3}
+        for name, values in made.items():
+            scenes.primvar(prim, name, scenes.TYPES.FloatArray, values, "vertex")
+        stage.Save()
+    for name, told in {
+        "zero": "is black all over: nothing keeps its shape there",
+        "bytes": "has values up to 255: those above 1 count as 1",
+        "dim": "has no value above 0.004: next to nothing keeps its shape there",
+    }.items():
+        (note,) = notes(scene, SceneOptions(rigidity_primvar=name), size=32)
+        assert note.startswith(f"/cloth: --rigidity-primvar {name} {told}")
+    assert notes(scene, SceneOptions(rigidity_primvar="good", mask_primvar="good"), size=32) == []
+    (note,) = notes(scene, SceneOptions(rigidity_primvar="good", mask_primvar="bytes"), size=32)
+    assert note.startswith("/cloth: --mask-primvar bytes has values up to 255")
+
+
+@pytest.mark.parametrize("side", [1, 3, 15])
+def test_a_map_of_a_few_texels_makes_no_grid_of_a_few_cells(tmp_path: Path, side: int) -> None:
+    small = image(tmp_path / "rigid.1001.png", np.full((side, side, 1), 255, np.uint8))
+    with opened(shot(tmp_path), rigidity=str(small)) as work:
+        (tile,) = work.meshes["cloth"].tiles
+        assert (tile.cells, tile.size) == ((512, 512), (512, 512))
+    with opened(shot(tmp_path), rigidity=str(small), size=32) as work:
+        assert work.meshes["cloth"].tiles[0].cells == (32, 32)
+    # As the tiles beside it.
+    image(tmp_path / "rigid.1002.png", np.full((48, 64, 1), 255, np.uint8))
+    scene = shot(tmp_path, [(2 * u, v) for u, v in scenes.UVS])
+    with opened(scene, rigidity=str(tmp_path / "rigid.<UDIM>.png")) as work:
+        assert [tile.cells for tile in work.meshes["cloth"].tiles] == [(64, 48), (64, 48)]
+
+
+@pytest.mark.parametrize(
+    ("u", "v", "told"),
+    [
+        (10.25, 0.25, "u from 10.25 to 10.75, v from 0.25 to 0.75, and u of 10 and more has no number"),
+        (-0.75, 0.25, "u from -0.75 to -0.25, v from 0.25 to 0.75, and there are none below 0"),
+        (0.25, -1.75, "u from 0.25 to 0.75, v from -1.75 to -1.25, and there are none below 0"),
+        (0.25, 900.25, "v from 900.2 to 900.8, and none is read above a v of 900"),
+    ],
+)
+def test_uvs_without_a_tile_are_told_with_their_place(tmp_path: Path, u: float, v: float, told: str) -> None:
+    rigid = str(image(tmp_path / "rigid.png", np.full((16, 16, 1), 255, np.uint8)))
+    scene = shot(tmp_path, [(u + 0.5 * x, v + 0.5 * y) for x, y in scenes.UVS])
+    with pytest.raises(Failure) as caught:
+        opened(scene, rigidity=rigid)
+    assert "/cloth: none of its UVs lies in a UDIM tile: " in str(caught.value) and told in str(caught.value)
+
+
+def test_faces_without_a_tile_are_told_with_their_place(tmp_path: Path) -> None:
+    rigid = str(image(tmp_path / "rigid.png", np.full((16, 16, 1), 255, np.uint8)))
+    # One face in 1010, one beyond.
+    scene = shot(tmp_path, [(9.1 + 1.8 * u, 0.1 + 0.8 * v) for u, v in scenes.UVS])
+    with opened(scene, rigidity=rigid) as work:
+        (note,) = [note for note in work.notes() if "UDIM" in note]
+        assert note.startswith("/cloth: mesh: 1 faces lie in no UDIM tile")
+        assert note.endswith("u from 10.9 to 10.9, v from 0.1 to 0.9, and u of 10 and more has no number")
+
+
+def test_maps_of_a_mesh_whose_name_is_not_ascii(tmp_path: Path) -> None:
+    scene = shot(tmp_path, name="\u00fcber\u76ae")
+    maps = tmp_path / "maps"
+    maps.mkdir()
+    # As file systems that take names apart write it.
+    image(maps / "u\u0308ber\u76ae.1001.png", np.full((16, 16, 1), 255, np.uint8))
+    with opened(scene, rigidity=str(maps / "<mesh>.<UDIM>.png")) as work:
+        assert work.left_out == []
+        assert work.meshes["\u00fcber\u76ae"].names(1, work.pattern) == ["out/redirect.0001.1001.exr"]
