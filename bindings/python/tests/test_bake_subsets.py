@@ -207,3 +207,28 @@ def test_wrong_uses_are_refused(baked: Path, tmp_path: Path) -> None:
     ended = run(*arguments(baked, out, "--frames", 1))
     (tmp_path / "kept.png").rename(baked.parent / "rest.rigid.1002.png")
     assert f"{MESH} subset rest, tile 1002: no map of --rigidity: nothing keeps its shape there" in ended.stderr
+
+
+def test_subsets_that_no_mesh_can_have_are_told(tmp_path: Path) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    prim = scenes.mesh(stage, "/cloth")
+    api = UsdShade.MaterialBindingAPI.Apply(prim.GetPrim())
+    for name, faces in {"skin": [0], "metal": [1], "none": []}.items():
+        api.CreateMaterialBindSubset(name, faces)
+    stage.Save()
+    assert Scene(tmp_path / "a.usda").warnings == []
+    UsdGeom.Subset.Get(stage, "/cloth/metal").GetIndicesAttr().Set([1, 0, -1, 2])
+    points = api.CreateMaterialBindSubset("points", [0, 1], UsdGeom.Tokens.face)
+    points.GetElementTypeAttr().Set(UsdGeom.Tokens.point)
+    stage.Save()
+    scene = Scene(tmp_path / "a.usda")
+    assert scene.warnings == [
+        "/cloth subset metal: indices[2] is -1, but the mesh has 2 faces: 2 are no face",
+        "/cloth subset metal: face 0 is in the subset skin, too (1 is in several): --subsets bakes it with the first",
+        "/cloth subset points: it is of elements of the type point, not face: it is not read",
+    ]
+    assert {name: faces.tolist() for name, faces in scene.shapes[0].subsets.items()} == {
+        "skin": [0],
+        "metal": [0, 1],
+        "none": [],
+    }

@@ -8,6 +8,7 @@ grown along, and the rest is scaled. A factor that changes from frame to frame i
 from __future__ import annotations
 
 import math
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -190,8 +191,7 @@ class Units:
             # Of such a scene all was said before.
             return Finding()
         (before, start), (after, end) = sorted([(self._anchor, start), (frame, here)], key=lambda entry: entry[0])
-        between = [other for other in self._frames if before < other < after]
-        while between:
+        while between := self._frames[bisect_right(self._frames, before) : bisect_left(self._frames, after)]:
             middle = between[len(between) // 2]
             half = self._at(middle)
             if half is None:
@@ -200,7 +200,6 @@ class Units:
                 after, end = middle, half
             else:
                 before, start = middle, half
-            between = [other for other in between if before < other < after]
         change = end.size / start.size if start.size > 1e-6 else math.inf
         # It collapses or grows, by less from frame to frame.
         if _apart(change, 1) < _LARGE or (not gross and (before, after) in self._jumps):

@@ -29,7 +29,11 @@ class Bound:
 
 def bound_parts(mesh: Usd.Prim, shape: Shape, plan: LayerPlan) -> list[Bound]:
     """What materials are bound to in a mesh: itself first, then its subsets."""
-    subsets = UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets()
+    subsets = [
+        subset
+        for subset in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets()
+        if subset.GetElementTypeAttr().Get() == UsdGeom.Tokens.face
+    ]
     names = plan.parts.get(shape.name)
 
     def part_of(name: str) -> str | None:

@@ -147,13 +147,37 @@ class UsdMesh:
         """The faces of each subset that a material may be bound to; of a refined mesh, those of the cage's faces."""
         found = {}
         of_corner = np.repeat(np.arange(len(self._counts)), self._counts)
+        # The number of the subset that has a face first, from 1.
+        taken = np.zeros(len(self._counts), np.int64)
         for subset in UsdShade.MaterialBindingAPI(self._prim).GetMaterialBindSubsets():
-            inside = np.zeros(len(self._counts), bool)
+            name = subset.GetPrim().GetName()
+            where = f"{self._prim.GetPath()} subset {name}"
+            kind = str(subset.GetElementTypeAttr().Get())
+            if kind != UsdGeom.Tokens.face:
+                self._warnings.append(f"{where}: it is of elements of the type {kind}, not face: it is not read")
+                continue
             faces = np.array(subset.GetIndicesAttr().Get(time) or (), np.int64)
-            inside[faces[(faces >= 0) & (faces < len(inside))]] = True
+            is_face = (faces >= 0) & (faces < len(taken))
+            if not is_face.all():
+                entry = int(np.argmin(is_face))
+                self._warnings.append(
+                    f"{where}: indices[{entry}] is {faces[entry]}, but the mesh has {len(taken)} faces: "
+                    f"{_counted(np.count_nonzero(~is_face))} no face"
+                )
+            faces = np.unique(faces[is_face])
+            twice = faces[taken[faces] > 0]
+            if len(twice):
+                other = list(found)[taken[twice[0]] - 1]
+                self._warnings.append(
+                    f"{where}: face {twice[0]} is in the subset {other}, too ({_counted(len(twice))} in several): "
+                    "--subsets bakes it with the first"
+                )
+            taken[faces[taken[faces] == 0]] = len(found) + 1
+            inside = np.zeros(len(taken), bool)
+            inside[faces] = True
             if self._refined:
                 inside = np.repeat(inside[of_corner], 4 ** (self._options.subdivide - 1))
-            found[subset.GetPrim().GetName()] = np.flatnonzero(inside)
+            found[name] = np.flatnonzero(inside)
         return found
 
     @cached_property
@@ -369,6 +393,10 @@ class UsdMesh:
             corner_sharpnesses=read(mesh.GetCornerSharpnessesAttr(), np.float64),
             uv_per_vertex=str(self.uv.GetInterpolation()) == "vertex",
         )
+
+
+def _counted(count: int) -> str:
+    return f"{count} {'is' if count == 1 else 'are'}"
 
 
 def meters(attribute: Usd.Attribute, time: Usd.TimeCode) -> float | None:
