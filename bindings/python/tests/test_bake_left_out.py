@@ -5,10 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom
 
-from bake_scenes import MESH, sheet, sheet_arguments
+from bake_scenes import MESH, files, image, pixels, sheet, sheet_arguments
 from vrtm import cli
 from vrtm.bake import left_out
 from vrtm.bake.left_out import LeftOut
@@ -110,3 +111,45 @@ def test_what_usd_says_is_told_once_and_in_the_list(tmp_path: Path, capfd: pytes
         assert said.out.count(row["why"]) == 1 and said.err.count(row["why"]) == 1
     # Nothing comes from USD itself.
     assert all(line.startswith("vrtm: ") for line in said.err.splitlines()), said.err
+
+
+def _poses(folder: Path) -> list[str]:
+    """A sheet in five poses, of which 2 has NaN and 4 other faces; the arguments that bake it."""
+    side = range(5)
+    uvs = "".join(f"vt {x / 4} {y / 4}\n" for y in side for x in side)
+    corners = [(5 * y + x + 1, 5 * y + x + 2, 5 * y + x + 7, 5 * y + x + 6) for y in range(4) for x in range(4)]
+    faces = "".join("f " + " ".join(f"{c}/{c}" for c in face) + "\n" for face in corners)
+    for frame in range(6):
+        places = "".join(f"v {x * (1 + 0.05 * frame * x)} {y} 0\n" for y in side for x in side)
+        places = places.replace("v 0.0 2 0", "v nan 2 0") if frame == 2 else places
+        (folder / f"pose.{frame}.obj").write_text(places + uvs + (faces if frame != 4 else faces[10:]))
+    image(folder / "rigid.png", np.tile(np.uint8([[0, 255], [255, 0]]), (8, 8))[..., None])
+    given = ["bake", "pose.0.obj", "--rigidity", "rigid.png", "--out", "out", "--device", "cpu", "--jobs", "1"]
+    return [*given, "--poses", "pose.#.obj", "--report", "report.json"]
+
+
+@pytest.mark.parametrize("more", [[], ["--warm"]])
+def test_a_pose_that_cannot_be_used_is_left_out(tmp_path: Path, monkeypatch, capfd, more: list[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    given = [*_poses(tmp_path), *more]
+    names = {f"redirect.{frame:04}.1001.exr" for frame in (1, 3, 5)}
+    assert cli.main([*given, "--frames", "1-5"]) == 0
+    said = capfd.readouterr()
+    assert set(files(tmp_path / "out")) == names
+    (nan, faces) = (row for row in json.loads((tmp_path / "report.json").read_text())["not_baked"] if not row["meant"])
+    assert (nan["mesh"], nan["frames"], faces["frames"]) == ("pose.0.obj", [2], [4])
+    assert "positions[10]: component 0 is NaN" in nan["why"] and "pose.4.obj" in faces["why"]
+    assert "frame 2: not baked" in said.out and said.err.count("pose.0.obj, frame 2: ") == 1
+    # What is there stays up to date; --strict makes an error of the rest, and so does a bake of nothing else.
+    assert cli.main([*given, "--frames", "1-5", "--strict"]) == 2
+    assert "0 files written, 3 up to date" in capfd.readouterr().out or more
+    assert cli.main([*given, "--frames", "2,4"]) == 2
+    assert "pose.0.obj, frame 2: its pose cannot be taken" in capfd.readouterr().err
+
+
+def test_frames_after_a_bad_pose_are_as_without_it(tmp_path: Path, monkeypatch, capfd) -> None:
+    monkeypatch.chdir(tmp_path)
+    given = _poses(tmp_path)
+    assert cli.main([*given, "--frames", "1-3"]) == cli.main([*given, "--frames", "3", "--out", "alone"]) == 0
+    name = "redirect.0003.1001.exr"
+    assert np.array_equal(pixels(tmp_path / "out" / name), pixels(tmp_path / "alone" / name))

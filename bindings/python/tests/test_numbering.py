@@ -8,6 +8,7 @@ import pytest
 
 from vrtm.bake import arguments, frames, tokens, warped
 from vrtm.bake.failure import Failure
+from vrtm.bake.left_out import LeftOut
 from vrtm.bake.names import ONE_MESH, Pattern
 from vrtm.bake.scene import SceneError
 from vrtm.bake.scene.images import find_maps
@@ -109,12 +110,6 @@ def test_two_readings_are_refused(tmp_path: Path, names: str, patterns: str, mes
 @pytest.mark.parametrize(
     ("names", "patterns", "expected", "warning"),
     [
-        (
-            "a.0001.obj a.2.obj a.3.obj",
-            "a.####.obj",
-            {1: "a.0001.obj"},
-            "than ####: it is left out, as are 1 more",
-        ),
         ("a-0001.obj", "a####.obj", {-1: "a-0001.obj"}, "taken for frame -1: write a hyphen before #### if"),
         ("c.obj b7.obj", "c.obj b7.obj", {1: "c.obj", 2: "b7.obj"}, "in the order in which they are listed"),
         ("a1.obj b1.obj", "b1.obj a1.obj", {1: "b1.obj", 2: "a1.obj"}, "in the order in which they are listed"),
@@ -125,6 +120,15 @@ def test_what_is_left_out_or_counted_is_told(tmp_path: Path, names, patterns, ex
     warnings: list[str] = []
     assert found(tmp_path, names, *patterns.split(), warnings=warnings) == expected
     assert len(warnings) == 1 and warning in warnings[0]
+
+
+def test_files_with_other_digits_are_listed(tmp_path: Path) -> None:
+    for name in ("a.0001.obj", "a.1.obj", "a.2.obj", "a.00003.obj"):
+        (tmp_path / name).touch()
+    left_out: list[LeftOut] = []
+    assert list(find_poses((str(tmp_path / "a.####.obj"),), left_out=left_out)) == [1]
+    (entry,) = left_out
+    assert entry.frames == (2, 3) and entry.why.endswith("have numbers with other digits than ####") and not entry.meant
 
 
 def test_tokens_of_a_tile() -> None:

@@ -226,6 +226,65 @@ def test_files_that_are_no_archives(tmp_path: Path) -> None:
         Scene(tmp_path / "a.abc")
 
 
+def test_archives_of_the_older_format_are_named(tmp_path: Path) -> None:
+    (tmp_path / "a.abc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
+    with pytest.raises(SceneError, match=r"a\.abc: an Alembic file in HDF5, .* convert it with 'abcconvert -toOgawa"):
+        Scene(tmp_path / "a.abc")
+
+
+def test_instances_are_one_shape(tmp_path: Path) -> None:
+    def write_instances(path: Path, scale: float) -> Path:
+        archive = abc.OArchive(str(path))
+        group = AbcGeom.OXform(archive.getTop(), "group")
+        mesh = AbcGeom.OPolyMesh(group, "mesh", archive.addTimeSampling(AbcCoreAbstract.TimeSampling(1 / 24, 1 / 24)))
+        for width in (2, 3):
+            points = v3f([(width if x == 2 else x, y, z) for x, y, z in POINTS])
+            sample = AbcGeom.OPolyMeshSchemaSample(points, ints(FACES), ints([4, 4]))
+            values = array(imath.V2fArray, [imath.V2f(*uv) for uv in UVS])
+            sample.setUVs(AbcGeom.OV2fGeomParamSample(values, VERTEX))
+            mesh.getSchema().set(sample)
+        archive.getTop().addChildInstance(group, "again")
+        deep = AbcGeom.OXform(archive.getTop(), "deep")
+        placed = AbcGeom.XformSample()
+        placed.setScale(imath.V3d(scale, 1, 1))
+        deep.getSchema().set(placed)
+        deep.addChildInstance(mesh, "third")
+        return path
+
+    path = write_instances(tmp_path / "a.abc", 1)
+    (shape,) = Scene(path).shapes
+    assert shape.instances == ("/group/mesh", "/again/mesh", "/deep/third") and shape.path == "/group/mesh"
+    assert Scene(path).positions(shape, 2)[2, 0] == 3
+    assert [found.path for found in Scene(path, SceneOptions(meshes=("/again",))).shapes] == ["/again/mesh"]
+    # With their transforms they are one as long as these scale them alike.
+    assert len(Scene(path, SceneOptions(world=True)).shapes) == 1
+    apart = Scene(write_instances(tmp_path / "b.abc", 2), SceneOptions(world=True)).shapes
+    assert [found.instances for found in apart] == [("/group/mesh", "/again/mesh"), ("/deep/third",)]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("import imath_that_is_not_there", "ModuleNotFoundError: No module named 'imath_that_is_not_there'"),
+        ("raise TypeError('no class registered')", "TypeError: no class registered"),
+        ("", "ImportError: cannot import name 'Abc' from 'alembic3d'"),
+    ],
+)
+def test_a_wheel_that_cannot_be_loaded_says_why(tmp_path: Path, monkeypatch, text: str, told: str) -> None:
+    import sys
+
+    path = write(tmp_path / "a.abc")
+    (tmp_path / "alembic3d.py").write_text(text)
+    (tmp_path / "imath.py").touch()
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in [name for name in sys.modules if name.split(".")[0] in ("alembic3d", "imath")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delitem(sys.modules, "vrtm.bake.scene.alembic", raising=False)
+    with pytest.raises(SceneError, match="which cannot be loaded: ") as raised:
+        Scene(path)
+    assert told in str(raised.value) and "pip install" not in str(raised.value)
+
+
 def test_without_the_wheel_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     import sys
 

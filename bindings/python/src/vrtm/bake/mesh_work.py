@@ -13,14 +13,14 @@ import numpy as np
 import vrtm
 from vrtm.bake import dilate, gain, image_file, outputs, rows, warped
 from vrtm.bake.corners import CornerFile, corner_name
-from vrtm.bake.failure import INPUT, Failure, describe
+from vrtm.bake.failure import INPUT, Failure, describe, one_line
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.image_file import Target
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.names import Pattern
 from vrtm.bake.part import Part, TileWork, parts
-from vrtm.bake.scene import Shape
+from vrtm.bake.scene import SceneError, Shape
 from vrtm.bake.scene.topology import outside
 from vrtm.bake.settings import AUTO, Settings
 
@@ -367,6 +367,8 @@ class MeshWork:
                 tiles=part.all_tiles if self.settings.seams == "continue" else [tile.tile for tile in tiles],
                 progress=progress,
             )
+        except vrtm.InvalidArgumentError as error:
+            raise SceneError(f"its pose cannot be taken: {one_line(error)}") from error
         except vrtm.Error as error:
             raise describe(error, f"{part.where}, frame {frame}") from error
 

@@ -111,6 +111,12 @@ def strict(settings: Settings, missing: Sequence[LeftOut]) -> Failure | None:
     return Failure(INPUT, f"--strict: {wrong[0]}{more}") if wrong else None
 
 
+def nothing(results: Sequence[FrameResult]) -> Failure | None:
+    """What is wrong where no pose could be used."""
+    wrong = [result.left_out[0] for result in results if result.left_out and not result.tiles]
+    return Failure(INPUT, wrong[0].line()) if wrong and len(wrong) == len(results) else None
+
+
 def tolerance(settings: Settings, results: Sequence[FrameResult]) -> Failure | None:
     """What is worse than asked for: the worst tile."""
     # In this order, not in that in which they were done: of equals the first one is told.

@@ -103,7 +103,7 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
                 for path in work.remove_idle():
                     warn(f"{path}: is there, although nothing is gained: it shows what it shows")
                 _frames(settings, work, console, stop, results, warn, opening)
-            failure = report.tolerance(settings, results)
+            failure = report.nothing(results) or report.tolerance(settings, results)
             if settings.layer:
                 console.status(f"writing {settings.layer}")
                 notes, idle = layer_file.write(work)
@@ -179,6 +179,7 @@ class _Told:
             self._tile(result, tile)
         written, skipped = result.count("written"), result.count("skipped")
         what = f"{written} files in {result.milliseconds:.0f} ms" if written else f"{skipped} files up to date"
+        what = what if result.tiles else "not baked"
         left = ""
         if self.left is not None:
             self.left.done(result.mesh, result.milliseconds / 1e3)

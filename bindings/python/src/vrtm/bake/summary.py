@@ -78,7 +78,7 @@ def summaries(meshes: dict[str, MeshWork], results: Sequence[FrameResult]) -> It
     for name, mesh in meshes.items():
         found = Summary(mesh.shape.path)
         tiles: dict[tuple, dict] = {}
-        for result in sorted((r for r in results if r.mesh == name), key=lambda r: r.frame):
+        for result in sorted((r for r in results if r.mesh == name and r.tiles), key=lambda r: r.frame):
             found.frames.append(result.frame)
             found.written += result.count("written")
             found.skipped += result.count("skipped")

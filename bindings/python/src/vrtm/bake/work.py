@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import itertools
@@ -21,7 +22,7 @@ from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mesh_work import FrameResult, MeshWork, unknown_tiles
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
 from vrtm.bake.part import Part
-from vrtm.bake.scene import Scene, Shape
+from vrtm.bake.scene import Scene, SceneError, Shape
 from vrtm.bake.scene.topology import outside
 from vrtm.bake.scene.types import frame_number
 from vrtm.bake.settings import Settings
@@ -308,7 +309,9 @@ class Work:
             found = self._found_units.get(mesh.shape.name)
             if found is not None and found.ends:
                 raise Failure(INPUT, f"{self.settings.scene} {mesh.shape.path}: {found.warning}")
-            self._check_units(mesh.shape, self.frames[0], self.scene.positions(mesh.shape, self.frames[0]))
+            with contextlib.suppress(SceneError):
+                # What is wrong with a pose is said when its frame is baked.
+                self._check_units(mesh.shape, self.frames[0], self.scene.positions(mesh.shape, self.frames[0]))
 
     def _check_units(self, shape: Shape, frame: Frame, positions: np.ndarray) -> list[str]:
         if shape.name not in self._units:
@@ -394,7 +397,11 @@ class Work:
             return positions, Fingerprint().array(positions).hex()
         known = self._poses.setdefault(work.shape.name, [])
         for earlier in itertools.islice(self.frames, len(known), self.frames.index(frame) + 1):
-            own = positions if earlier == frame else self.scene.positions(work.shape, earlier)
+            try:
+                own = positions if earlier == frame else self.scene.positions(work.shape, earlier)
+            except SceneError:
+                # It is left out, and the next one starts from the one before it.
+                own = None
             known.append(Fingerprint().text(*known[-1:]).array(own).hex())
         return positions, known[self.frames.index(frame)]
 
@@ -418,17 +425,27 @@ class Work:
         # By the names alone, before the pose is read.
         if not all(map(os.path.isfile, work.names(frame, self.pattern))):
             return None
-        return work.bake(frame, *self._positions(work, frame), self.pattern, lambda: None, write=False)
+        try:
+            return work.bake(frame, *self._positions(work, frame), self.pattern, lambda: None, write=False)
+        except SceneError:
+            # `bake` says what is wrong with the pose.
+            return None
 
     def bake(self, mesh: str, frame: Frame, stop: Callable[[], None]) -> FrameResult:
         """Writes what is not up to date of a mesh in a frame."""
         work = self.meshes[mesh]
         self._subject, self._frame = work.shape.path, f", frame {frame}"
-        positions, pose = self._positions(work, frame)
-        notes = self._check_units(work.shape, frame, positions)
-        _ = self.bytes
-        result = work.bake(frame, positions, pose, self.pattern, stop, measure=frame in self._measured)
-        assert result is not None
+        notes: list[str] = []
+        try:
+            positions, pose = self._positions(work, frame)
+            notes = self._check_units(work.shape, frame, positions)
+            _ = self.bytes
+            result = work.bake(frame, positions, pose, self.pattern, stop, measure=frame in self._measured)
+            assert result is not None
+        except SceneError as error:
+            # One pose that cannot be used is no reason to leave out those after it.
+            why = one_line(error).removeprefix(f"{self.settings.scene} {work.shape.path}: ")
+            result = FrameResult(mesh, frame, left_out=[LeftOut(why, work.shape.path, (frame,))])
         result.warnings += [*notes, *self.heard()]
         for entry in self.scene.said():
             (result.left_out if isinstance(entry, LeftOut) else result.warnings).append(entry)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -29,14 +30,17 @@ from vrtm.bake.scene.topology import (
     whole_frames,
     without_uvs,
 )
-from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number, not_loaded
 from vrtm.bake.scene.world import placed, uneven_scale
 from vrtm.bake.words import near
 
 try:
     from alembic3d import Abc, AbcGeom
-except ImportError as error:
-    raise SceneError("Alembic files need the package alembic3d: pip install 'vrtm[alembic]'") from error
+except Exception as error:
+    # It raises whatever it is not prepared for, such as a TypeError where another module has the name of its imath.
+    failed = not_loaded(error, "Alembic files", "alembic3d", "alembic", "alembic3d")
+    imath = getattr(sys.modules.get("imath"), "__file__", None)
+    raise SceneError(f"{failed}{f' (its imath is {imath})' if imath else ''}") from error
 
 SCOPES = {
     "kFacevaryingScope": "faceVarying",
@@ -48,6 +52,7 @@ SCOPES = {
 # Seconds within which a sample counts as the one of a frame.
 CLOSE = 1e-5
 HIDDEN = 0
+HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 class AlembicFile:
@@ -59,6 +64,12 @@ class AlembicFile:
         try:
             self._archive = Abc.IArchive(path)
         except RuntimeError as error:
+            with open(path, "rb") as file:
+                if file.read(len(HDF5)) == HDF5:
+                    raise SceneError(
+                        f"{path}: an Alembic file in HDF5, the format before Ogawa, which this reader does not have: "
+                        "convert it with 'abcconvert -toOgawa IN.abc OUT.abc', or write it as Ogawa"
+                    ) from error
             raise SceneError(f"{path}: not an Alembic file ({error})") from error
         self.path = path
 
@@ -77,18 +88,22 @@ class AlembicFile:
         """All meshes, in the order of the file."""
         yield from self._below(self._archive.getTop())
 
-    def _below(self, parent: Any, above: tuple[Any, ...] = (), hidden: bool = False) -> Iterator[AlembicMesh]:
+    def _below(
+        self, parent: Any, above: tuple[Any, ...] = (), hidden: bool = False, origin: str = ""
+    ) -> Iterator[AlembicMesh]:
         for number in range(parent.getNumChildren()):
             child = parent.getChild(number)
+            name = child.getName()
             off = hidden or _hidden(child)
+            own = child.instanceSourcePath() if child.isInstanceRoot() else f"{origin}/{name}"
             for kind in (AbcGeom.IPolyMesh, AbcGeom.ISubD):
                 if kind.matches(child.getHeader()):
-                    schema = kind(parent, child.getName()).getSchema()
-                    yield AlembicMesh(self.path, child.getFullName(), schema, above, off)
+                    schema = kind(parent, name).getSchema()
+                    yield AlembicMesh(self.path, child.getFullName(), own, schema, above, off)
             transforms = above
             if AbcGeom.IXform.matches(child.getHeader()):
-                transforms = (*above, AbcGeom.IXform(parent, child.getName()).getSchema())
-            yield from self._below(child, transforms, off)
+                transforms = (*above, AbcGeom.IXform(parent, name).getSchema())
+            yield from self._below(child, transforms, off, own)
 
     def meshes_at_first_frame(self) -> list[tuple[str, np.ndarray, np.ndarray, np.ndarray]]:
         """(path, positions, face counts, indices) of all meshes at their first sample."""
@@ -98,7 +113,9 @@ class AlembicFile:
 class AlembicMesh:
     """One mesh of an archive."""
 
-    def __init__(self, file: str, path: str, schema: Any, above: tuple[Any, ...], hidden: bool) -> None:
+    def __init__(self, file: str, path: str, origin: str, schema: Any, above: tuple[Any, ...], hidden: bool) -> None:
+        self.origin = origin
+        """The path of the mesh that an instance stands for; its own path, if it is none."""
         self.hidden = hidden
         """Whether it, or what it lies below, is hidden in the first sample."""
         self.path, self.where = path, f"{file} {path}"
@@ -169,6 +186,14 @@ class AlembicMesh:
         """Whether the scene has one pose of it alone."""
         return self.samples <= 1 and not (options.world and self.is_moved)
 
+    def identity(self, options: SceneOptions, first: float) -> tuple[str, ...]:
+        """Equal for instances of one mesh that are in the same pose in all frames. `first`: seconds of the first."""
+        if not options.world:
+            return (self.origin,)
+        # As long as they are scaled alike.
+        linear = self.linear(first)
+        return (self.origin, self.path if self.is_moved else str(np.round(linear @ linear.T, 6).tolist()))
+
     def linear(self, seconds: float) -> np.ndarray:
         """(3, 3): the linear part of the transforms above it, by which rows of points are multiplied."""
         total = np.eye(3)
@@ -218,13 +243,17 @@ class AlembicSource:
         # Times are stored as whole numbers of 1 / fps only nearly.
         frame = self.clock.frame
         self.frames = whole_frames(frame(min(times)), frame(max(times)), path, self.warnings, slack=1e-3)
-        names = unique_names([mesh.path for mesh, _ in chosen], self.warnings)
+        groups: dict[tuple[str, ...], list[tuple[AlembicMesh, Any]]] = {}
+        for mesh, uvs in chosen:
+            groups.setdefault(mesh.identity(options, self.clock.time(self.frames[0])), []).append((mesh, uvs))
+        names = unique_names([group[0][0].path for group in groups.values()], self.warnings)
         self._meshes = {}
         shapes = []
-        for name, (mesh, uvs) in zip(names, chosen):
+        for name, group in zip(names, groups.values()):
+            mesh, uvs = group[0]
             try:
                 posed = _Posed(mesh, uvs, options, self.frames[0], self.clock)
-                shapes.append(posed.shape(name))
+                shapes.append(posed.shape(name, tuple(instance.path for instance, _ in group)))
             except SceneError as error:
                 named = any(is_exact(pattern) and matches(pattern, mesh.path) for pattern in options.meshes)
                 if not options.skip_still or not mesh.is_still(options) or len(chosen) == 1 or named:
@@ -330,7 +359,7 @@ class _Posed:
         self._uvs, self._uv_indices = values.reshape(-1, 2), without_uvs(self._faces[0], corners, holes)
         self._holes, self._with_holes = holes, without_uvs(self._faces[0], corners)
 
-    def shape(self, name: str) -> Shape:
+    def shape(self, name: str, instances: tuple[str, ...]) -> Shape:
         counts, indices = self._faces
         rigidity, mask = (self._values(n) for n in (self._options.rigidity_primvar, self._options.mask_primvar))
         rest, rest_from = self._rest()
@@ -353,7 +382,7 @@ class _Posed:
             self._uv_name,
             vertex_rigidity=rigidity,
             vertex_mask=mask,
-            instances=(path,),
+            instances=instances,
             rest_from=rest_from,
             still=self._mesh.is_still(self._options),
             cage_corners=corners,

@@ -13,12 +13,12 @@ import numpy as np
 
 from vrtm.bake import tokens
 from vrtm.bake.scene.topology import luminance
-from vrtm.bake.scene.types import SceneError
+from vrtm.bake.scene.types import SceneError, not_loaded
 
 try:
     import OpenImageIO as oiio
 except ImportError as error:
-    raise SceneError("images need the package OpenImageIO: pip install 'vrtm[bake]'") from error
+    raise not_loaded(error, "images", "OpenImageIO", "bake", "OpenImageIO") from error
 
 MOST = "VRTM_MAX_IMAGE"
 """The environment variable that says how many texels the sides of an image may have, if it is square."""

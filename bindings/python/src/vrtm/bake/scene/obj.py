@@ -197,7 +197,7 @@ class ObjSource:
             )
         if not options.poses:
             self.warnings.append(f"{path}: without --poses, its own shape is the only pose")
-        self._poses = find_poses(options.poses, self.warnings) if options.poses else {1: path}
+        self._poses = find_poses(options.poses, self.warnings, self.left_out) if options.poses else {1: path}
         self.frames = tuple(sorted(self._poses))
         self.files = (path, *self._poses.values())
         self._path = path

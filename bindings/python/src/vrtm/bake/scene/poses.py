@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Iterable
 
+from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.types import SceneError
 from vrtm.bake.tokens import FRAME, FRAMES, digits
 from vrtm.bake.words import near
@@ -18,11 +19,14 @@ _LETTER = re.compile(r"[A-Za-z0-9]")
 """Behind one of these a hyphen may be a minus sign or not."""
 
 
-def find_poses(patterns: tuple[str, ...], warnings: list[str] | None = None) -> dict[int, str]:
+def find_poses(
+    patterns: tuple[str, ...], warnings: list[str] | None = None, left_out: list[LeftOut] | None = None
+) -> dict[int, str]:
     """Files by frame. The frame is what a token (`####`, `%04d`, `$F4`, `<frame>` and the like) stands for; of other
     files it is the only number in which they differ, else the file's place in the list, from 1. Raises SceneError where
     that leaves two readings."""
     warnings = [] if warnings is None else warnings
+    left_out = [] if left_out is None else left_out
     numbered: dict[int, str] = {}
     listed: list[str] = []
     globs: list[str] = []
@@ -32,7 +36,7 @@ def find_poses(patterns: tuple[str, ...], warnings: list[str] | None = None) -> 
             continue
         token = _token(pattern)
         if token is not None:
-            _merge(numbered, _sequence(pattern, token, warnings))
+            _merge(numbered, _sequence(pattern, token, warnings, left_out))
             continue
         found = sorted(glob.glob(pattern))
         if not found:
@@ -76,7 +80,9 @@ def _token(pattern: str) -> re.Match[str] | None:
     return found[0] if found else None
 
 
-def _sequence(pattern: str, token: re.Match[str], warnings: list[str]) -> list[tuple[int, str]]:
+def _sequence(
+    pattern: str, token: re.Match[str], warnings: list[str], left_out: list[LeftOut]
+) -> list[tuple[int, str]]:
     """(frame, file) of the files whose number stands where the pattern has its token."""
     width, start = digits(token), _folders(pattern)
     before, after = pattern[start : token.start()], pattern[token.end() :]
@@ -87,7 +93,7 @@ def _sequence(pattern: str, token: re.Match[str], warnings: list[str]) -> list[t
         before = before.removesuffix("-") if sign else before
     fits = re.compile(f"{_regex(before)}({sign}[0-9]+){_regex(after)}")
     found: list[tuple[int, str]] = []
-    others: list[str] = []
+    others: dict[int, str] = {}
     unclear: list[int] = []
     for path in sorted(glob.glob(f"{glob.escape(pattern[:start])}{before}*{after}")):
         match = fits.fullmatch(path, start)
@@ -96,18 +102,18 @@ def _sequence(pattern: str, token: re.Match[str], warnings: list[str]) -> list[t
         body = match[1].removeprefix("-")
         # A longer number has no zeros in front. To printf and fileseq the minus sign is one of the digits.
         if width > 1 and width not in (len(body), len(match[1])) and (len(body) < width or body[0] == "0"):
-            others.append(path)
+            others[int(match[1])] = path
             continue
         found.append((int(match[1]), path))
         unclear += [match.start(1)] if _is_unclear(path, match.start(1)) else []
+    there = next(iter(others.values()), "")
     if not found:
-        raise SceneError(
-            f"{pattern}: no such files"
-            + (f", but {others[0]}, whose number has other digits than {token[0]}" if others else _hint(pattern))
-        )
-    if others:
-        more = f", as are {len(others) - 1} more" if len(others) > 1 else ""
-        warnings.append(f"{others[0]}: its number has other digits than {token[0]}: it is left out{more}")
+        but = f", but {there}, whose number has other digits than {token[0]}" if there else _hint(pattern)
+        raise SceneError(f"{pattern}: no such files{but}")
+    lost = tuple(sorted(set(others) - {frame for frame, _ in found}))
+    if lost:
+        # A file beside one with the right digits is another sequence's.
+        left_out.append(LeftOut(f"files such as {there} have numbers with other digits than {token[0]}", frames=lost))
     if len(unclear) == len(found):
         frame, path = found[0]
         if re.search(r"[*?\]]$", before):

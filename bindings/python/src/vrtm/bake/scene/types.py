@@ -17,6 +17,13 @@ class SceneError(Exception):
     """Bad input. The message names the file and the prim, and says what is wrong with it."""
 
 
+def not_loaded(error: Exception, what: str, package: str, extra: str, module: str) -> SceneError:
+    """Why files of a kind cannot be read: their package is missing, or something keeps it from being loaded."""
+    if isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] == module:
+        return SceneError(f"{what} need the package {package}: pip install 'vrtm[{extra}]'")
+    return SceneError(f"{what} need the package {package}, which cannot be loaded: {type(error).__name__}: {error}")
+
+
 def frame_number(rest: str) -> float:
     """N of `frame:N`. Raises SceneError."""
     try:

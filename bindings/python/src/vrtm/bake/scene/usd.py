@@ -15,13 +15,13 @@ from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mark import is_marked
 from vrtm.bake.scene.timing import FILE, Clock, is_between, is_whole, rate
 from vrtm.bake.scene.topology import is_exact, matches, unique_names, whole_frames
-from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, not_loaded
 from vrtm.bake.words import near, others
 
 try:
     from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade
 except ImportError as error:
-    raise SceneError("USD files need the package usd-core: pip install 'vrtm[bake]'") from error
+    raise not_loaded(error, "USD files", "usd-core", "bake", "pxr") from error
 
 from vrtm.bake.scene.usd_mesh import UsdMesh, meters
 from vrtm.bake.scene.usd_skel import Skeletons
