@@ -170,7 +170,12 @@ class _Lengths:
         pairs = list(_pairs(shape, faces))
         self._a, self._b = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
         self._shells = np.concatenate([shells[pair[2]] for pair in pairs])
+        # Edges are those of two faces.
+        low, high = np.minimum(self._a, self._b).astype(np.int64), np.maximum(self._a, self._b)
+        once = np.unique(low * len(shape.rest) + high, return_index=True)[1]
+        self._a, self._b, self._shells = self._a[once], self._b[once], self._shells[once]
         self._rest = shape.rest
+        self._lengths = _distances(shape.rest, self._a, self._b)
         step = max(1, len(self._a) // _SAMPLE)
         self._looks = [slice(None, None, step), slice(None)][step == 1 :]
 
@@ -181,8 +186,7 @@ class _Lengths:
             for array in (self._rest, positions)
         )
         for look in self._looks:
-            a, b = self._a[look], self._b[look]
-            rest, now = _distances(self._rest, a, b), _distances(positions, a, b)
+            rest, now = self._lengths[look], _distances(positions, self._a[look], self._b[look])
             allowed = _STRAIN * rest + np.minimum(_ROUNDING * unit, _MOST_ROUNDING * rest)
             # What is no number deforms.
             with np.errstate(invalid="ignore"):
@@ -191,8 +195,10 @@ class _Lengths:
 
 
 def _distances(positions: np.ndarray, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    points = positions.astype(np.float64)
     with np.errstate(invalid="ignore", over="ignore"):
-        return np.linalg.norm(positions[a].astype(np.float64) - positions[b], axis=1)
+        apart = points[a] - points[b]
+        return np.sqrt(np.einsum("ij,ij->i", apart, apart))
 
 
 def _pairs(shape: Shape, faces: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:

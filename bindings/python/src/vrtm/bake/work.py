@@ -188,8 +188,11 @@ class Work:
         for path in still:
             yield LeftOut("nothing deforms there; --meshes can name it", path, meant=True)
         if settings.frames is not None:
-            others = tuple(sorted(set(self.scene.frames) - set(self.frames)))
-            if others:
+            there = self.scene.frames
+            if len(there) > frames.MOST:
+                yield LeftOut(f"all but {len(self.frames)} of {len(there)} frames: not in --frames", meant=True)
+            elif set(there) - set(self.frames):
+                others = tuple(sorted(set(there) - set(self.frames)))
                 yield LeftOut("not in --frames", frames=others, meant=True)
         if self.missing_frames:
             yield LeftOut(f"the scene has {frames.text(self.scene.frames)}", frames=self.missing_frames)
@@ -215,6 +218,9 @@ class Work:
         settings = self.settings
         # Maps of UVs of another set are none of the identity; and between two frames what turns rigidly shrinks.
         if settings.options.texture_uv is not None or not all(isinstance(frame, int) for frame in self.frames):
+            return
+        # Nobody waits for so many.
+        if len(self.scene.frames) > frames.MOST:
             return
         every = sorted({*self.scene.frames, *self.frames})
         for mesh in self.meshes.values():
