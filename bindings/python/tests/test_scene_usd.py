@@ -129,6 +129,11 @@ def test_frames_that_cannot_be_meant_are_told(tmp_path: Path) -> None:
     assert scene.warnings == [
         f"{scene.path}: no frame from 0.25 to 0.75 is a whole number: frame 0 alone is baked",
     ]
+    assert [(entry.frames, entry.meant) for entry in scene.left_out] == [((0.25, 0.75), True)]
+    between.SetStartTimeCode(-0.5)
+    between.SetEndTimeCode(2)
+    scene = Scene(saved(between))
+    assert scene.frames == (0, 1, 2) and scene.warnings == [] and scene.left_out[0].frames == (-0.5,)
     backwards = scenes.stage(tmp_path / "b.usda", 10, 2)
     scenes.stretch(scenes.mesh(backwards, "/mesh"), [3, 5])
     scene = Scene(saved(backwards))

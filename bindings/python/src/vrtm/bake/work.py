@@ -78,7 +78,8 @@ class Work:
             raise Failure(INPUT, f"--subsets: no mesh of {settings.scene} has subsets that materials can be bound to")
         copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
         self.meshes = {shape.name: self._mesh(shape, copies) for shape in self.shapes}
-        self.left_out = [*self.scene.left_out, *self._left_out(still)]
+        unnamed = [entry for entry in self.scene.left_out if not set(entry.frames) & set(self.frames)]
+        self.left_out = [*unnamed, *self._left_out(still)]
         """All that is known not to be baked."""
         self.pattern = self._pattern(copies)
         self.idle: dict[str, dict[gain.Group, str]] = {}

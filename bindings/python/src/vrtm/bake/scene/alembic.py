@@ -242,7 +242,7 @@ class AlembicSource:
         times = [time for mesh in moving for time in (mesh.times()[0], mesh.times()[-1])] or [self.clock.time(1)]
         # Times are stored as whole numbers of 1 / fps only nearly.
         frame = self.clock.frame
-        self.frames = whole_frames(frame(min(times)), frame(max(times)), path, self.warnings, slack=1e-3)
+        self.frames = whole_frames(frame(min(times)), frame(max(times)), path, self.warnings, self.left_out, 1e-3)
         groups: dict[tuple[str, ...], list[tuple[AlembicMesh, Any]]] = {}
         for mesh, uvs in chosen:
             groups.setdefault(mesh.identity(options, self.clock.time(self.frames[0])), []).append((mesh, uvs))

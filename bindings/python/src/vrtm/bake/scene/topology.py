@@ -13,6 +13,7 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from vrtm.bake.frames import MOST
+from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.types import SceneError
 
 TILES = (10, 900)
@@ -150,9 +151,12 @@ FARTHEST = 2**53
 """Up to this number each whole frame is a number of its own in f64."""
 
 
-def whole_frames(first: float, last: float, where: str, warnings: list[str], slack: float = 0.0) -> Sequence[int]:
+def whole_frames(
+    first: float, last: float, where: str, warnings: list[str], left_out: list[LeftOut], slack: float = 0.0
+) -> Sequence[int]:
     """The whole frames of a range, also those that miss it by the slack; of one without any, its first frame, rounded,
-    which is warned of. Very many are not listed. Raises SceneError."""
+    which is warned of. Very many are not listed. Ends of the range that are none go to `left_out`. Raises
+    SceneError."""
     for frame in (first, last):
         # No comparison holds for what is no number.
         if not abs(frame) < FARTHEST:
@@ -162,6 +166,12 @@ def whole_frames(first: float, last: float, where: str, warnings: list[str], sla
         frames = range(round(first), round(first) + 1)
         warnings.append(
             f"{where}: no frame from {first:g} to {last:g} is a whole number: frame {frames[0]} alone is baked"
+        )
+    ends = {end for end, nearest in ((first, frames[0]), (last, frames[-1])) if abs(end - nearest) > max(slack, 1e-6)}
+    if ends:
+        between = tuple(round(end, 6) for end in sorted(ends))
+        left_out.append(
+            LeftOut("an end of the range that is no whole frame; --frames can name it", "", between, meant=True)
         )
     return frames if len(frames) > MOST else tuple(frames)
 

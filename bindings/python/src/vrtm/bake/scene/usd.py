@@ -49,7 +49,7 @@ class UsdSource:
                 self.left_out.append(LeftOut(why, path))
         self.clock = stage_clock(self.stage, path, options.fps)
         self.rate = f"{self.clock.frames:.6g} per second, {self.clock.times:g} time codes" if options.fps else ""
-        self.frames = stage_frames(self.stage, path, self.warnings, self.clock)
+        self.frames = stage_frames(self.stage, path, self.warnings, self.left_out, self.clock)
         self._skeletons = Skeletons(self.stage)
         prims = self._chosen(options)
         self._meshes: dict[str, UsdMesh] = {}
@@ -301,7 +301,9 @@ def sample_times(stage: Usd.Stage) -> list[float]:
     )
 
 
-def stage_frames(stage: Usd.Stage, where: str, warnings: list[str], clock: Clock) -> Sequence[int]:
+def stage_frames(
+    stage: Usd.Stage, where: str, warnings: list[str], left_out: list[LeftOut], clock: Clock
+) -> Sequence[int]:
     """Whole frames from the stage's start to its end; of a stage without these, or with a start after its end, of
     all time samples of its meshes and animations; (1,) where nothing moves."""
     first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
@@ -312,7 +314,7 @@ def stage_frames(stage: Usd.Stage, where: str, warnings: list[str], clock: Clock
         times = sample_times(stage)
         first, last = (times[0], times[-1]) if times else (clock.time(1),) * 2
     slack = 0.0 if clock == Clock() else 1e-3
-    return whole_frames(clock.frame(first), clock.frame(last), where, warnings, slack)
+    return whole_frames(clock.frame(first), clock.frame(last), where, warnings, left_out, slack)
 
 
 def meshes_of(stage: Usd.Stage) -> Iterator[Usd.Prim]:
