@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
 from pxr import Sdf, Usd, UsdShade
 
 from vrtm.bake.layer.plan import PRIMVAR, LayerPlan
@@ -334,7 +335,7 @@ def _set_files(attribute: Usd.Attribute, paths: list[tuple[str, float | None]]) 
 
 def _is_identity(transform: UsdShade.Shader) -> bool:
     """Whether a UsdTransform2d leaves UVs as they are, as exporters write it."""
-    for name, neutral in (("rotation", (0,)), ("scale", (1, 1)), ("translation", (0, 0))):
+    for name, neutral in (("rotation", 0), ("scale", (1, 1)), ("translation", (0, 0))):
         plug = transform.GetInput(name)
         value = _producer(plug)
         if value is None:
@@ -342,7 +343,7 @@ def _is_identity(transform: UsdShade.Shader) -> bool:
         if UsdShade.Utils.GetType(value.GetName()) == UsdShade.AttributeType.Output or value.ValueMightBeTimeVarying():
             return False
         found = value.Get()
-        if found is not None and tuple(found if len(neutral) > 1 else (found,)) != neutral:
+        if found is not None and not np.allclose(found, neutral, atol=1e-6):
             return False
     return True
 

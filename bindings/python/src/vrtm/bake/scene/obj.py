@@ -177,6 +177,7 @@ class ObjSource:
         self.has_subframes = False
         self.clock, self.rate = Clock(), ""
         self._mesh = read_obj(path)
+        self._last: dict[str, np.ndarray] = {}
         if len(self._mesh.counts) == 0:
             raise SceneError(f"{path}: no faces")
         for name in options.meshes:
@@ -243,6 +244,12 @@ class ObjSource:
         if frame not in self._poses:
             raise SceneError(f"{self._path}: there is no pose {frame:g}, only {self.frames[0]} to {self.frames[-1]}")
         path = self._poses[int(frame)]
+        if path not in self._last:
+            # One of them, which is asked for several times before the next: text takes long to read.
+            self._last = {path: self._read_file(path)}
+        return self._last[path]
+
+    def _read_file(self, path: str) -> np.ndarray:
         pose = self._mesh if path == self._path else read_obj(path)
         if len(pose.positions) != len(self._mesh.positions):
             raise SceneError(
