@@ -274,6 +274,11 @@ def _content(group: argparse._ArgumentGroup) -> None:
         help="numbers of 16 bits, for --form delta: the smallest maps, two fifths of the bytes",
     )
     group.add_argument("--alpha", action="store_true", help="RGBA, with 1 in A where a chart covers the texel")
+    group.add_argument(
+        "--sheet",
+        action="store_true",
+        help="also draw a picture per mesh, to judge by: its worst frame at rest, with its own UVs, and redirected",
+    )
     group.add_argument("--exact", action="store_true", help="do not move values next to folds")
     group.add_argument("--warp", action="store_true", help="also write the warp, the redirection's inverse")
     group.add_argument("--jacobian", action="store_true", help="also write the redirection's derivatives")

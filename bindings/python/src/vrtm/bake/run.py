@@ -11,7 +11,7 @@ from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 
-from vrtm.bake import cores, dry_run, layer_file, left_out, report, staging
+from vrtm.bake import cores, dry_run, layer_file, left_out, report, sheet, staging
 from vrtm.bake.console import Console
 from vrtm.bake.failure import DEVICE, DONE, SIGNAL, Failure, describe
 from vrtm.bake.frames import Frame
@@ -103,6 +103,8 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
                 for path in work.remove_idle():
                     warn(f"{path}: is there, although nothing is gained: it shows what it shows")
                 _frames(settings, work, console, stop, results, warn, opening)
+            if settings.sheet:
+                _sheets(work, console, stop, results)
             failure = report.nothing(results) or report.tolerance(settings, results)
             if settings.layer:
                 console.status(f"writing {settings.layer}")
@@ -243,6 +245,19 @@ def _frames(
             _bake(settings, work, list(left), (jobs, threads), stop, told)
     elif left:
         _bake(settings, work, list(left), cores.split(settings, work, len(left)), stop, told)
+
+
+def _sheets(work: Work, console: Console, stop: Stop, results: list[FrameResult]) -> None:
+    """Draws each mesh in its worst frame. Raises Failure."""
+    for name, file in work.sheets().items():
+        own = sorted(
+            (result for result in results if result.mesh == name and result.tiles), key=lambda result: result.frame
+        )
+        if own:
+            worst = sheet.worst(own)
+            positions = work.scene.positions(work.meshes[name].shape, worst.frame)
+            drawn = sheet.write(work.meshes[name], worst.frame, positions, file, stop.check)
+            console.info(f"{file}: frame {worst.frame}{'' if drawn else ', up to date'}")
 
 
 def _left(settings: Settings, tasks: list[Task], current: dict[Task, FrameResult | None]) -> dict[Task, None]:

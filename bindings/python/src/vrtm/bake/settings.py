@@ -90,6 +90,7 @@ class Settings:
     log: str | None = None
     verbose: bool = False
     measure: bool = False
+    sheet: bool = False
     max_strain: float | None = None
     max_error: float | None = None
     texture_size: int = 4096

@@ -14,7 +14,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 import vrtm
-from vrtm.bake import frames, gain, image_file, layer_file, overwrite, staging, units, warped
+from vrtm.bake import frames, gain, image_file, layer_file, overwrite, sheet, staging, units, warped
 from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
@@ -344,6 +344,7 @@ class Work:
         """Raises Conflict if a file cannot be written without the loss of another, Failure if a folder is missing."""
         settings = self.settings
         outputs = [] if settings.only_layer else [(name, "--out") for name in self._names()]
+        outputs += [(path, "--sheet") for path in self.sheets().values()]
         inputs = [(settings.scene, "the scene")]
         for part in self.parts:
             inputs += [(path, f"--{option}") for option, paths in part.maps.items() for path in paths.values()]
@@ -380,6 +381,12 @@ class Work:
         return (
             name for mesh in self.meshes.values() for frame in self.frames for name in mesh.names(frame, self.pattern)
         )
+
+    def sheets(self) -> dict[str, str]:
+        """The file of each mesh's sheet, if sheets are to be drawn."""
+        if not self.settings.sheet or self.settings.only_layer:
+            return {}
+        return {name: sheet.path(self.settings, name, len(self.meshes) > 1) for name in self.meshes}
 
     def folders(self) -> list[str]:
         """The folders that files are written to."""

@@ -1,0 +1,352 @@
+"""A picture of a mesh to judge a bake by: at rest, in a pose with its own UVs and with redirected ones, and the strain
+of what is rigid."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import OpenImageIO as oiio
+
+from vrtm.bake import image_file, rows, warped
+from vrtm.bake.failure import describe
+from vrtm.bake.frames import Frame
+from vrtm.bake.image_file import Target
+from vrtm.bake.mesh_work import FrameResult, MeshWork
+from vrtm.bake.part import TileWork
+from vrtm.bake.raster import Camera, cover
+from vrtm.bake.scene.images import read_colours
+from vrtm.bake.scene.topology import corner_starts
+from vrtm.bake.settings import Settings
+from vrtm.rigidity import blurred
+
+VERSION = 1
+"""Of the way of drawing: a sheet that was drawn in another way is not up to date."""
+
+_WIDTH, _GAP, _BAR, _LABEL = 560, 16, 44, 30
+_SAMPLES = 2
+"""Per pixel, along each axis."""
+_SIDE = 1024
+"""Texels per side at most, of what is looked up in a tile."""
+_SQUARE = 22
+"""Pixels of a square of the checkerboard, about."""
+_PAPER, _QUIET, _WHITE = (0.80, 0.80, 0.78), (0.16, 0.16, 0.165), (0.92, 0.92, 0.92)
+_SKIN, _STUD = ((0.115, 0.042, 0.030), (0.19, 0.08, 0.058)), ((0.90, 0.62, 0.24), (0.74, 0.47, 0.15))
+_STRETCH, _SQUEEZE, _SHEAR = (0.72, 0.015, 0.020), (0.020, 0.085, 0.72), (0.24, 0.015, 0.40)
+_OVER = 2
+"""Texels over which strain is measured, to either side."""
+_FULL = 0.30
+"""The strain whose colour is full."""
+
+
+def path(settings: Settings, mesh: str, several: bool) -> str:
+    """The file of a mesh's sheet."""
+    return os.path.join(settings.out, f"{mesh}.sheet.png" if several else "sheet.png")
+
+
+def worst(results: Sequence[FrameResult]) -> FrameResult:
+    """The frame in which the most strain is left, or the most energy where strain was not measured in all of them."""
+    if all(result.strain is not None and math.isfinite(result.strain.after) for result in results):
+        return max(results, key=lambda result: (result.strain.after, result.strain.before))
+    return max(results, key=lambda result: sum(tile.get("energy", 0.0) for tile in result.tiles))
+
+
+def write(mesh: MeshWork, frame: Frame, positions: np.ndarray, file: str, stop: Callable[[], None]) -> bool:
+    """Draws a frame of a mesh, which is solved again, by itself, unless its sheet is up to date; whether it was drawn.
+    Raises Failure."""
+    settings = mesh.settings
+    inputs = mesh.common.copy().text(VERSION, frame).array(positions)
+    for texture in filter(None, map(_texture, mesh.every_tile)):
+        inputs.text(warped.read(texture).inputs)
+    facts: dict[str, str | int] = {"vrtm:kind": "sheet", "vrtm:mesh": mesh.shape.name, "vrtm:inputs": inputs.hex()}
+    target = Target(file, 0, 0, ("R", "G", "B"), "uint8", facts, format="png")
+    if not settings.force and image_file.up_to_date(target, settings.overwrite) is not None:
+        return False
+    for part in mesh.parts:
+        try:
+            part.asset.solve(
+                positions,
+                quality=settings.quality,
+                release_solvers=mesh.releases,
+                measure=True,
+                tiles=part.all_tiles,
+                progress=lambda _: stop(),
+            )
+        except Exception as error:
+            raise describe(error, f"{part.where}, frame {frame}") from error
+    pixels = _drawn(_Surface(mesh, positions), f"{mesh.shape.path}, frame {frame}", stop)
+    image_file.write(dataclasses.replace(target, width=pixels.shape[1], height=pixels.shape[0]), pixels)
+    return True
+
+
+def _drawn(surface: _Surface, title: str, stop: Callable[[], None]) -> np.ndarray:
+    camera = surface.camera()
+    height = int(_WIDTH * np.clip(camera.aspect, 0.6, 1.15))
+    sheet = np.empty((_BAR + 2 * (_LABEL + height) + _GAP, 3 * _WIDTH + 4 * _GAP, 3), np.float32)
+    sheet[:] = _PAPER
+    texts = [(_GAP, 30, 22, f"{title}: {surface.figures()}")]
+    what = "strain of what is rigid"
+    rest, pose = (surface.view(camera, positions, height) for positions in surface.poses)
+    for number, (label, view, redirected, strain) in enumerate(
+        (
+            ("rest", rest, False, False),
+            ("original UVs", pose, False, False),
+            ("vrtm", pose, True, False),
+            (f"{what}: original UVs", pose, False, True),
+            (f"{what}: vrtm", pose, True, True),
+        )
+    ):
+        stop()
+        x = _GAP + (_WIDTH + _GAP) * (number if number < 3 else number - 2)
+        y = _BAR + _LABEL + (number > 2) * (_LABEL + height)
+        sheet[y : y + height, x : x + _WIDTH] = surface.picture(view, redirected, strain)
+        texts.append((x, y - 9, 18, label))
+    y, ramp = _BAR + 2 * _LABEL + height, np.linspace(-_FULL, _FULL, _WIDTH - 2 * _GAP)
+    bars = (_strain_colour(ramp.clip(0), (-ramp).clip(0)), _SHEAR, _QUIET)
+    for row, colour in enumerate(bars):
+        sheet[y + 56 * row : y + 56 * row + 18, _GAP : _GAP + len(ramp)] = colour
+    for x, row, label in (
+        (0, 0, f"squeezed by {_FULL:.0%}"),
+        (len(ramp) // 2 - 8, 0, "0"),
+        (len(ramp) - 130, 0, f"stretched by {_FULL:.0%}"),
+        (0, 1, "squeezed one way and stretched the other way"),
+        (0, 2, "elastic"),
+    ):
+        texts.append((_GAP + x, y + 56 * row + 38, 16, label))
+    buffer = oiio.ImageBuf(np.where(sheet <= 0.0031308, 12.92 * sheet, 1.055 * sheet ** (1 / 2.4) - 0.055))
+    for x, y, size, text in texts:
+        # Without fonts the pictures speak for themselves.
+        oiio.ImageBufAlgo.render_text(buffer, x, y, text, size, "DroidSans", (0.1, 0.1, 0.12))
+    return np.rint(255 * buffer.get_pixels(oiio.FLOAT).clip(0, 1)).astype(np.uint8)
+
+
+def _texture(tile: TileWork) -> str:
+    """The file of the tile's first texture; empty without one."""
+    files = (paths[tile.udim] for copy, paths in tile.part.textures if not copy.is_normal and tile.udim in paths)
+    return next(files, "")
+
+
+@dataclass(eq=False)
+class _Looked:
+    """What is looked up in a tile: images whose first row is at the top."""
+
+    rigidity: np.ndarray
+    delta: np.ndarray
+    strains: list[np.ndarray]
+    """(height, width, 2), with original and with redirected UVs: how much what is rigid is stretched, and squeezed."""
+    texture: np.ndarray | None
+
+
+@dataclass(eq=False)
+class _View:
+    """What is seen of a pose."""
+
+    seen: np.ndarray
+    """(height, width) of samples: where the mesh is. All others are of these samples."""
+    owner: np.ndarray
+    uv: np.ndarray
+    normal: np.ndarray
+    inside: np.ndarray
+    scale: float
+    """Pixels per unit of length."""
+
+
+class _Surface:
+    """A mesh's triangles at rest and in a pose, and its tiles, which are solved."""
+
+    def __init__(self, mesh: MeshWork, positions: np.ndarray) -> None:
+        shape = self.shape = mesh.shape
+        self.poses = [shape.rest.astype(np.float64), positions.astype(np.float64)]
+        counts = np.maximum(shape.face_counts.astype(np.int64) - 2, 0)
+        face = np.repeat(np.arange(len(counts)), counts)
+        first = corner_starts(shape.face_counts)[face]
+        second = first + 1 + np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts)
+        corners = np.stack([first, second, second + 1], 1)
+        self.vertices, numbers = shape.indices[corners], shape.uv_indices[corners]
+        uvs = shape.uvs[np.maximum(numbers, 0)].astype(np.float64)
+        place = np.floor(uvs.mean(1))
+        udim = np.where((numbers >= 0).all(1), 1001 + place[:, 0] + 10 * place[:, 1], 0)
+        self.uvs = uvs - place[:, None]
+        self.metrics = [_metrics(self.uvs, points[self.vertices]) for points in self.poses]
+        self.tiles = mesh.every_tile
+        self.owner = np.full(len(face), -1)
+        self.looked = []
+        for number, tile in enumerate(mesh.every_tile):
+            own = (udim == tile.udim) & (tile.part.asset.face_layers()[face] == tile.layer)
+            if tile.part.faces is not None:
+                own &= np.isin(face, tile.part.faces)
+            self.owner[own] = number
+            self.looked.append(self._look(tile, np.flatnonzero(own)))
+
+    def _look(self, tile: TileWork, own: np.ndarray) -> _Looked:
+        size = width, height = min(tile.cells[0], _SIDE), min(tile.cells[1], _SIDE)
+        corners = np.concatenate([self.uvs[own] * [width, -height] + [0, height], np.zeros((len(own), 3, 1))], -1)
+        found, weights = cover(corners, size)
+        triangle = np.where(found >= 0, np.append(own, -1)[found], -1)
+        painted, values = tile.part.maps["rigidity"].get(tile.udim), self.shape.vertex_rigidity
+        if painted is not None:
+            rigidity = read_colours(painted) @ np.float32([0.2126, 0.7152, 0.0722])
+        elif values is not None:
+            rigidity = np.where(triangle >= 0, (values[self.vertices[triangle]] * weights).sum(-1), 0)
+        else:
+            rigidity = np.zeros((height, width))
+        file = _texture(tile)
+        # What has 8 or 16 bits is taken for sRGB, as most textures are.
+        encoded = bool(file) and warped.read(file).pixels.dtype.kind == "u"
+        texture = read_colours(file) ** np.float32(2.2 if encoded else 1) if file else None
+        delta, jacobian = (tile.tile.fetch(kind, size) for kind in ("redirection_delta", "jacobian"))
+        # What is painted where the redirection leads to moves along the surface by the inverse Jacobian.
+        at = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), -1) + delta * [width, -height]
+        column, row = at.astype(np.int64).clip(0, [width - 1, height - 1]).transpose(2, 0, 1)
+        target = np.where(triangle[row, column] >= 0, triangle[row, column], triangle)
+        (rest, pose), uv = self.metrics, np.stack([at[..., 0] / width, 1 - at[..., 1] / height], -1)
+        rigid = [_at(rigidity[..., None], of.reshape(-1, 2)).reshape(height, width) for of in (uv - delta, uv)]
+        strains = [
+            _strain(rest[triangle], pose[triangle], rigid[0] * (triangle >= 0)),
+            _strain(rest[target], _moved(pose[triangle], jacobian), rigid[1] * (triangle >= 0)),
+        ]
+        return _Looked(rigidity[..., None], delta, strains, texture)
+
+    def figures(self) -> str:
+        """The strain as the solve has measured it."""
+        measured = (rows.strain(tile.tile.report()) for tile in self.tiles)
+        found = rows.mean(rows.Strain(m["edges"], m["before"]["rms"], m["after"]["rms"]) for m in measured)
+        figures = f"strain {found.before:.3f} with the original UVs, {found.after:.3f} with vrtm (RMS)"
+        return figures if found.edges else "nothing is rigid"
+
+    def camera(self) -> Camera:
+        """From the side, of eight, where most of the original strain is seen; of a flat mesh, from its front."""
+        size = np.ptp(self.poses[0], axis=0)
+        if size.min() < 0.02 * size.max():
+            return Camera(self.poses, *((90, 0), (0, 90), (0, 0))[int(size.argmin())])
+        middle, amount = self.uvs.mean(1), np.zeros(len(self.uvs))
+        for number, looked in enumerate(self.looked):
+            own = np.flatnonzero(self.owner == number)
+            amount[own] = (
+                _at(looked.strains[0], middle[own]).sum(1).clip(0, 1) * _at(looked.rigidity, middle[own])[:, 0]
+            )
+        sides = [Camera(self.poses, yaw, 14) for yaw in (25, -25, 70, -70, 115, -115, 155, -155)]
+        normals = self._normals(self.poses[1])
+        # From the front unless another side shows clearly more.
+        seen = [
+            (amount * (normals @ side.axes[2]).clip(0)).sum() * (1.25 if k < 2 else 1) for k, side in enumerate(sides)
+        ]
+        return sides[int(np.argmax(seen))]
+
+    def _normals(self, positions: np.ndarray) -> np.ndarray:
+        """Of the triangles, as long as twice their area, and outward if the mesh is closed."""
+        a, b, c = (positions[self.vertices[:, k]] - positions.mean(0) for k in range(3))
+        normals = np.cross(b - a, c - a)
+        return normals if (normals * a).sum() >= 0 else -normals
+
+    def view(self, camera: Camera, positions: np.ndarray, height: int) -> _View:
+        """What a camera sees of a pose."""
+        size = (_SAMPLES * _WIDTH, _SAMPLES * height)
+        found, weights = cover(camera.project(positions, size)[self.vertices], size)
+        seen = found >= 0
+        triangle, weights = found[seen], weights[seen][..., None]
+        smooth = np.zeros_like(positions)
+        for k in range(3):
+            np.add.at(smooth, self.vertices[:, k], self._normals(positions))
+        normal = (smooth[self.vertices[triangle]] * weights).sum(1) @ camera.axes.T
+        inside = normal[:, 2:] < 0
+        normal *= np.where(inside, -1, 1) / np.linalg.norm(normal, axis=1, keepdims=True).clip(1e-30)
+        uv = (self.uvs[triangle] * weights).sum(1)
+        return _View(seen, self.owner[triangle], uv, normal, inside, camera.scale((_WIDTH, height)))
+
+    def picture(self, view: _View, redirected: bool, strain: bool) -> np.ndarray:
+        """(height, width, 3), in linear colours."""
+        colours = np.full((len(view.uv), 3), _QUIET)
+        for number, looked in enumerate(self.looked):
+            own = np.flatnonzero(view.owner == number)
+            uv = view.uv[own]
+            target = uv + _at(looked.delta, uv) if redirected else uv
+            rigid = _step(0.25, 0.4, _at(looked.rigidity, target))
+            if strain:
+                colours[own] = _mix(_QUIET, _strain_colour(*_at(looked.strains[redirected], uv).T), rigid)
+            elif looked.texture is not None:
+                colours[own] = _at(looked.texture, target)
+            elif len(own):
+                # The side of the tile in the picture, about, and a checkerboard with squares of one size on all meshes.
+                side = view.scale * np.median(_area(self.metrics[0][self.owner == number])) ** 0.5
+                squares = np.floor(target * 2 ** max(round(np.log2(max(side / _SQUARE, 1))), 2)).sum(1)[:, None] % 2
+                colours[own] = _mix(_mix(*_SKIN, squares), _mix(*_STUD, squares), rigid)
+        key = (view.normal @ [-0.45, 0.55, 0.70])[:, None].clip(0)
+        light = 0.68 + 0.32 * key if strain else 0.2 + 0.8 * key + 0.1 * view.normal[:, 1:2]
+        picture = np.empty((*view.seen.shape, 3), np.float32)
+        picture[:] = _PAPER
+        picture[view.seen] = colours * light * np.where(view.inside, 0.5, 1)
+        return picture.reshape(-1, _SAMPLES, _WIDTH, _SAMPLES, 3).mean((1, 3))
+
+
+def _metrics(uvs: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(triangles, 3): products of the surface's derivatives by u and v: uu, uv, vv."""
+    (du, dv), (eu, ev) = (uvs[:, k].T - uvs[:, 0].T for k in (1, 2))
+    d, e = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
+    area = (du * ev - dv * eu)[:, None]
+    area[area == 0] = np.inf
+    along, up = (d * ev[:, None] - e * dv[:, None]) / area, (e * du[:, None] - d * eu[:, None]) / area
+    return np.stack([(along * along).sum(1), (along * up).sum(1), (up * up).sum(1)], 1)
+
+
+def _moved(metrics: np.ndarray, jacobian: np.ndarray) -> np.ndarray:
+    """The metrics by other coordinates, of which the Jacobian is given."""
+    (a, b, c, d), (xx, xy, yy) = np.moveaxis(jacobian.astype(np.float64), -1, 0), np.moveaxis(metrics, -1, 0)
+    moved = (
+        d * d * xx - 2 * c * d * xy + c * c * yy,
+        (a * d + b * c) * xy - b * d * xx - a * c * yy,
+        b * b * xx - 2 * a * b * xy + a * a * yy,
+    )
+    return np.stack(moved, -1) / ((a * d - b * c) ** 2).clip(1e-12)[..., None]
+
+
+def _strain(rest: np.ndarray, pose: np.ndarray, rigid: np.ndarray) -> np.ndarray:
+    """(height, width, 2): stretch and squeeze between images of metrics, by their means over what is rigid of some
+    texels: the metrics of triangles differ, so that along edges there are bands of strain wherever something moves."""
+    share = blurred(rigid, _OVER)
+    r, p = ([blurred(metrics[..., k] * rigid, _OVER) / share.clip(1e-6) for k in range(3)] for metrics in (rest, pose))
+    # The squares of the largest and the least ratio of lengths solve det(pose - x rest) = 0.
+    det = (r[0] * r[2] - r[1] * r[1]).clip(1e-30)
+    half = (r[2] * p[0] - 2 * r[1] * p[1] + r[0] * p[2]) / (2 * det)
+    root = np.sqrt((half * half - (p[0] * p[2] - p[1] * p[1]) / det).clip(0))
+    found = np.stack([np.sqrt((half + root).clip(0)) - 1, 1 - np.sqrt((half - root).clip(0))], -1).clip(0)
+    return np.where(share[..., None] > 1e-3, found, 0)
+
+
+def _area(metrics: np.ndarray) -> np.ndarray:
+    """Of the surface per area of UV."""
+    return np.sqrt((metrics[:, 0] * metrics[:, 2] - metrics[:, 1] ** 2).clip(0))
+
+
+def _at(image: np.ndarray, uv: np.ndarray) -> np.ndarray:
+    """(points, channels): bilinear."""
+    height, width = image.shape[:2]
+    x, y = (uv[:, 0] * width - 0.5).clip(0, width - 1), ((1 - uv[:, 1]) * height - 0.5).clip(0, height - 1)
+    column, row = x.astype(np.int64), y.astype(np.int64)
+    right, below = np.minimum(column + 1, width - 1), np.minimum(row + 1, height - 1)
+    across, down = (x - column)[:, None], (y - row)[:, None]
+    return _mix(
+        _mix(image[row, column], image[row, right], across),
+        _mix(image[below, column], image[below, right], across),
+        down,
+    )
+
+
+def _strain_colour(stretch: np.ndarray, squeeze: np.ndarray) -> np.ndarray:
+    """White for none, red for stretched, blue for squeezed, violet for both."""
+    a, b = ((value / _FULL).clip(0, 1)[:, None] for value in (stretch, squeeze))
+    return _mix(_mix(_WHITE, _STRETCH, a), _mix(_SQUEEZE, _SHEAR, a), b)
+
+
+def _mix(a: object, b: object, t: np.ndarray) -> np.ndarray:
+    a, b = np.asarray(a), np.asarray(b)
+    return a + (b - a) * t
+
+
+def _step(low: float, high: float, x: np.ndarray) -> np.ndarray:
+    t = ((x - low) / (high - low)).clip(0, 1)
+    return t * t * (3 - 2 * t)

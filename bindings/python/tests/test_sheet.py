@@ -1,0 +1,140 @@
+"""`vrtm bake --sheet`: the rasteriser, the strain that is drawn, and the file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bake_scenes import attributes, files, image, pixels, sheet, sheet_arguments
+from vrtm import cli
+from vrtm.bake import sheet as drawing
+from vrtm.bake.raster import Camera, cover
+from vrtm.bake.settings import Settings
+from vrtm.bake.work import Work
+
+
+@pytest.fixture(autouse=True)
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drawing, "_WIDTH", 96)
+
+
+def test_triangles_cover_what_a_plain_loop_finds() -> None:
+    random = np.random.default_rng(1)
+    width, height = 24, 18
+    # Of all sizes, some beyond the picture's edges, one without an area, one that is no number.
+    corners = random.uniform(-4, 28, (40, 1, 3)) + random.uniform(-1, 1, (40, 3, 3)) * random.choice(
+        [1, 4, 20], (40, 1, 1)
+    )
+    corners[7, 2], corners[9, 1] = corners[7, 1], np.nan
+    found, weights = cover(corners, (width, height))
+    for y in range(height):
+        for x in range(width):
+            best, nearest = -1, -np.inf
+            for k, ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) in enumerate(corners):
+                area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+                if not np.isfinite(area) or area == 0:
+                    continue
+                px, py = x + 0.5, y + 0.5
+                v = ((px - ax) * (cy - ay) - (py - ay) * (cx - ax)) / area
+                w = ((bx - ax) * (py - ay) - (by - ay) * (px - ax)) / area
+                depth = (1 - v - w) * az + v * bz + w * cz
+                if min(v, w, 1 - v - w) >= 0 and depth > nearest:
+                    best, nearest, at = k, depth, (1 - v - w, v, w)
+            assert found[y, x] == best, (x, y)
+            assert best < 0 or np.abs(weights[y, x] - at).max() < 1e-9
+    assert (found >= 0).mean() > 0.5
+
+
+def test_cameras_see_all() -> None:
+    points = np.random.default_rng(2).normal(size=(50, 3)) * [3, 1, 2] + 1000
+    for yaw, pitch in ((25, 14), (-155, 14), (0, 90)):
+        poses = [points, points + np.array([1, 0, 0])]
+        camera = Camera(poses, yaw, pitch)
+        seen = camera.project(np.concatenate(poses), (200, 100))
+        assert (seen[:, :2] > 0).all() and (seen[:, 0] < 200).all() and (seen[:, 1] < 100).all()
+        # As large as fits: it fills one of both.
+        assert max(np.ptp(seen[:, 0]) / 200, np.ptp(seen[:, 1]) / 100) == pytest.approx(1 / 1.06)
+    # Right is x, up is y, and z is nearer.
+    x, y, z = np.diff(
+        Camera([np.eye(3)], 0, 0).project(np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1]]), (9, 9)), axis=0
+    )
+    assert x[0] > 0 and y[1] < 0 and z[2] > 0 and abs(x[1:]).max() + abs(y[[0, 2]]).max() < 1e-12
+
+
+def work_of(folder: Path, pose: str) -> Work:
+    faces = "vt .1 .1\nvt .9 .1\nvt .9 .9\nvt .1 .9\nf 1/1 2/2 3/3 4/4\n"
+    (folder / "rest.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n" + faces)
+    (folder / "pose.1.obj").write_text(pose + faces)
+    image(folder / "rigid.png", np.full((48, 48, 1), 255, np.uint8))
+    parsed = {"poses": (str(folder / "pose.1.obj"),)}
+    options = drawing.dataclasses.replace(Settings("").options, **parsed)
+    return Work(Settings(str(folder / "rest.obj"), options, str(folder / "rigid.png"), device="cpu"), 1)
+
+
+@pytest.mark.parametrize(
+    ("pose", "strain"),
+    [
+        ("v 0 0 0\nv 1.2 0 0\nv 1.2 .9 0\nv 0 .9 0\n", (0.2, 0.1)),
+        ("v 5 0 0\nv 5 0 1\nv 4 0 1\nv 4 0 0\n", (0, 0)),
+        # A shear by s: the ratios of lengths are sqrt(1 + s s / 4) +- s / 2.
+        ("v 0 0 0\nv 1 0 0\nv 1.5 1 0\nv .5 1 0\n", (np.sqrt(1.0625) - 0.75, 1.25 - np.sqrt(1.0625))),
+    ],
+)
+def test_strain_of_known_poses(tmp_path: Path, pose: str, strain: tuple[float, float]) -> None:
+    with work_of(tmp_path, pose) as work:
+        [mesh] = work.meshes.values()
+        positions = work.scene.positions(mesh.shape, 1)
+        mesh.parts[0].asset.solve(positions, measure=True)
+        surface = drawing._Surface(mesh, positions)
+        [looked] = surface.looked
+        assert np.abs(looked.strains[0][8:-8, 8:-8] - strain).max() < 1e-5
+        assert surface.figures().startswith("strain ")
+
+
+def test_what_vrtm_gains_is_seen(tmp_path: Path) -> None:
+    scene = sheet(tmp_path, frames=5, cells=16)
+    settings = Settings(str(scene), rigidity=str(tmp_path / "rigid.<UDIM>.png"), device="cpu")
+    with Work(settings, 1) as work:
+        [mesh] = work.meshes.values()
+        positions = work.scene.positions(mesh.shape, 5)
+        mesh.parts[0].asset.solve(positions, measure=True)
+        surface = drawing._Surface(mesh, positions)
+        for looked, tile in zip(surface.looked, mesh.tiles):
+            rigid = looked.rigidity[..., 0] > 0.5
+            drawn = [np.sqrt((strain**2).sum(-1)[rigid].mean() / 2) for strain in looked.strains]
+            report = tile.tile.report()
+            # The picture's texels weigh otherwise than the lengths that the solve measures.
+            assert drawn[0] == pytest.approx(report.before.rms, rel=0.35)
+            assert drawn[1] < 0.5 * drawn[0] and report.after.rms < 0.5 * report.before.rms
+
+
+def test_the_sheet_of_a_bake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene, out = sheet(tmp_path / "shot", frames=3, cells=4), tmp_path / "out"
+    arguments = [*sheet_arguments(scene, out, "--size", 32, "--sheet", "--texture", scene.parent / "colour.<UDIM>.png")]
+
+    def bake(*more: str, expect: int = 0) -> str:
+        assert cli.main([*map(str, arguments), *more]) == expect
+        said = capsys.readouterr()
+        return said.err if expect else said.out
+
+    path = out / "sheet.png"
+    # The one that is stretched the most.
+    assert f"{path}: frame 3\n" in bake()
+    drawn = pixels(path)
+    assert attributes(path)["vrtm:kind"] == "sheet" and drawn.dtype == np.uint8
+    # Three columns and two rows of pictures: each has something else than paper in it, less the one of the legend.
+    paper = np.abs(drawn.astype(int) - drawn[-1, -1]).max(-1) < 3
+    width = (drawn.shape[1] - 64) // 3
+    for k in range(3):
+        column = paper[80:, 16 + k * (width + 16) :][:, :width]
+        assert (~column).mean() > 0.1
+    before = files(out)
+    assert f"{path}: frame 3, up to date\n" in bake()
+    assert files(out) == before
+    assert f"{path}: frame 2\n" in bake("--frames", "1-2")
+    # One that somebody has drawn on is not replaced.
+    image(path, drawn)
+    assert str(path) in bake(expect=2)
+    assert np.array_equal(pixels(path), drawn)
