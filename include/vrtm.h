@@ -1121,7 +1121,8 @@ typedef struct vrtm_tile_settings {
     // sizeof(vrtm_tile_settings); set by vrtm_tile_settings_init().
     uint32_t struct_size;
     // Cells of the grid in u: the resolution of the solve. 0 = the rigidity map's width, or 1024 without a
-    // map. Rounded up to a multiple of 16, at most 16384.
+    // map. Rounded up to a multiple of 16, at most 16384. Five cells across the smallest rigid feature and three
+    // between two of them suffice.
     uint32_t grid_width;
     // Cells of the grid in v, with the same rules as `grid_width`.
     uint32_t grid_height;

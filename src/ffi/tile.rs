@@ -90,7 +90,8 @@ pub struct vrtm_tile_settings {
     /// sizeof(vrtm_tile_settings); set by vrtm_tile_settings_init().
     pub struct_size: u32,
     /// Cells of the grid in u: the resolution of the solve. 0 = the rigidity map's width, or 1024 without a
-    /// map. Rounded up to a multiple of 16, at most 16384.
+    /// map. Rounded up to a multiple of 16, at most 16384. Five cells across the smallest rigid feature and three
+    /// between two of them suffice.
     pub grid_width: u32,
     /// Cells of the grid in v, with the same rules as `grid_width`.
     pub grid_height: u32,
