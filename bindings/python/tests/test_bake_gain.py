@@ -14,7 +14,7 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 
 import scenes
-from bake_scenes import files, image
+from bake_scenes import files, image, run
 from mirrored import composed
 from vrtm import cli
 from vrtm.bake import gain
@@ -158,6 +158,33 @@ def test_layers_that_gain_nothing_keep_the_material(
     assert all(any(f"layer{name[-1]}" in asset for asset in named[name]) for name in subsets)
     told = list(UsdGeom.PrimvarsAPI(mesh).GetPrimvar("vrtmLayer").Get())
     assert told == [layer for layer in (-1, 1, -1, 3, -1) for _ in range(faces)]
+
+
+def test_subsets_that_gain_nothing_keep_their_material(tmp_path: Path, lines: Callable[[], list[str]]) -> None:
+    scene = toy(tmp_path, (turns, 0, True), (bends, 0, True), make=None)
+    stage = Usd.Stage.Open(str(scene))
+    mesh = stage.GetPrimAtPath(TOY)
+    for number, name in enumerate(("still", "soft")):
+        faces = list(range(number * CELLS * CELLS, (number + 1) * CELLS * CELLS))
+        subset = UsdShade.MaterialBindingAPI.Apply(mesh).CreateMaterialBindSubset(name, faces)
+        scenes.bind(subset.GetPrim(), scenes.materialx_material(stage, f"/model/{name}_skin"))
+    stage.Save()
+    assert bake(scene, "--subsets", "--layer", tmp_path / "over.usda") == 0
+    assert f"{TOY} subset still: {gain.RIGIDLY}" in lines()
+    assert maps(scene) == {"soft.redirect.1001.exr"}
+    composition = composed(scene, tmp_path / "over.usda")
+    bound = [
+        UsdShade.MaterialBindingAPI(composition.GetPrimAtPath(f"{TOY}/{name}")).ComputeBoundMaterial()[0].GetPath()
+        for name in ("still", "soft")
+    ]
+    assert bound == ["/model/still_skin", "/model/soft_skin_toy_soft_redirected"]
+
+
+def test_worker_processes_write_no_more(tmp_path: Path) -> None:
+    scene = toy(tmp_path, (turns, 0, True), (bends, 0, True))
+    options = ("--rigidity", tmp_path / "rigid.<UDIM>.png", "--out", tmp_path / "out", "--device", "cpu")
+    run("bake", scene, *options, "--jobs", 2)
+    assert maps(scene) == {"redirect_layer1.1001.exr"}
 
 
 def test_what_has_nothing_rigid_gets_no_file(tmp_path: Path, lines: Callable[[], list[str]]) -> None:

@@ -75,7 +75,7 @@ def test_names() -> None:
     assert [name.removeprefix("warp.").removesuffix(".1001.exr") for name in found] == [
         "1003.5",
         "0002.25",
-        "-001",
+        "-0001",
         "0000",
     ]
     # What stands for a placeholder is not looked through again.
