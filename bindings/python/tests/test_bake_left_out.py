@@ -13,6 +13,7 @@ from bake_scenes import MESH, files, image, pixels, sheet, sheet_arguments
 from vrtm import cli
 from vrtm.bake import left_out
 from vrtm.bake.left_out import LeftOut
+from vrtm.bake.scene import Scene, SceneError, SceneOptions
 
 
 def test_entries_that_say_the_same_are_told_together() -> None:
@@ -111,6 +112,26 @@ def test_what_usd_says_is_told_once_and_in_the_list(tmp_path: Path, capfd: pytes
         assert said.out.count(row["why"]) == 1 and said.err.count(row["why"]) == 1
     # Nothing comes from USD itself.
     assert all(line.startswith("vrtm: ") for line in said.err.splitlines()), said.err
+    # A stage in which nothing is says what it lacks.
+    empty = Usd.Stage.CreateNew(str(tmp_path / "empty.usda"))
+    empty.DefinePrim("/hair").GetReferences().AddReference("./hair.usda")
+    empty.Save()
+    lacks = r"no mesh to bake \(the scene has none\); /hair: USD: Could not open asset @"
+    with pytest.raises(SceneError, match=lacks):
+        Scene(tmp_path / "empty.usda")
+
+
+def test_surfaces_that_are_not_read_are_told(tmp_path: Path) -> None:
+    path = sheet(tmp_path / "shot", frames=1, cells=4)
+    stage = Usd.Stage.Open(str(path))
+    UsdGeom.NurbsPatch.Define(stage, "/model/lid")
+    UsdGeom.NurbsPatch.Define(stage, "/model/off").MakeInvisible()
+    stage.Save()
+    (lid, off) = Scene(path).left_out
+    assert (lid.mesh, lid.why, lid.meant) == ("/model/lid", "is a NurbsPatch, which is not read", False)
+    assert off.meant and not Scene(path, SceneOptions(meshes=("sheet",))).left_out
+    (outside,) = Scene(path, SceneOptions(population_mask=(MESH,))).left_out
+    assert outside.meant and outside.why.startswith("what lies outside of --population-mask")
 
 
 def _poses(folder: Path) -> list[str]:

@@ -212,6 +212,8 @@ def test_hidden_objects_are_left_out(tmp_path: Path) -> None:
     scene = Scene(path)
     assert [shape.name for shape in scene.shapes] == ["on", "inherits"]
     assert [(entry.mesh, entry.why, entry.meant) for entry in scene.left_out] == [("/off", "is hidden", True)]
+    with pytest.raises(SceneError, match="/off: is hidden"):
+        Scene(path, SceneOptions(meshes=("off",)))
 
 
 def test_subdivision_surfaces_are_refined(tmp_path: Path) -> None:

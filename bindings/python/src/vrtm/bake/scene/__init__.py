@@ -31,8 +31,13 @@ class Scene:
             raise SceneError(f"{self.path}: no such file")
         self._said: list[LeftOut | str] = []
         self._says = any(path.lower().endswith(_USD) for path in (self.path, self.options.rest or ""))
-        with self.listening():
-            self._source = _open(self.path, self.options)
+        try:
+            with self.listening():
+                self._source = _open(self.path, self.options)
+        except SceneError as error:
+            # What a stage lacks may be why nothing is in it.
+            missing = [entry.line() for entry in self._said if isinstance(entry, LeftOut)]
+            raise SceneError("; ".join([str(error), *missing[:3]])) from error
         for entry in self.said():
             (self.left_out if isinstance(entry, LeftOut) else self.warnings).append(entry)
         self._at_rest = {shape.name: shape for shape in self._source.shapes}

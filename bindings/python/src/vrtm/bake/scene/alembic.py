@@ -86,6 +86,7 @@ class AlembicFile:
 
     def meshes(self) -> Iterator[AlembicMesh]:
         """All meshes, in the order of the file."""
+        self.unread: list[str] = []
         yield from self._below(self._archive.getTop())
 
     def _below(
@@ -100,6 +101,8 @@ class AlembicFile:
                 if kind.matches(child.getHeader()):
                     schema = kind(parent, name).getSchema()
                     yield AlembicMesh(self.path, child.getFullName(), own, schema, above, off)
+            if AbcGeom.INuPatch.matches(child.getHeader()) and not off:
+                self.unread.append(child.getFullName())
             transforms = above
             if AbcGeom.IXform.matches(child.getHeader()):
                 transforms = (*above, AbcGeom.IXform(parent, name).getSchema())
@@ -304,10 +307,14 @@ class AlembicSource:
             if options.meshes and not patterns:
                 self.left_out.append(LeftOut("not named by --meshes", mesh.path, meant=True))
                 continue
+            met.update(patterns)
             if mesh.hidden:
                 self.left_out.append(LeftOut("is hidden", mesh.path, meant=True))
+                if any(
+                    is_exact(pattern) and pattern in (mesh.path, mesh.path.rsplit("/", 1)[-1]) for pattern in patterns
+                ):
+                    raise SceneError(f"{mesh.where}: is hidden")
                 continue
-            met.update(patterns)
             sets = (mesh.uvs(name) for name in options.uv_names or (None,))
             uvs = next((found for found in sets if found is not None), None)
             if uvs is None:
@@ -317,6 +324,11 @@ class AlembicSource:
                     raise SceneError(f"{mesh.where}: {why}")
             else:
                 chosen.append((mesh, uvs))
+        self.left_out += [
+            LeftOut("is a NURBS surface, which is not read", path)
+            for path in self._file.unread
+            if not options.meshes or any(matches(pattern, path) for pattern in options.meshes)
+        ]
         for pattern in options.meshes:
             if pattern not in met:
                 raise SceneError(f"{self._path}: '{pattern}' is no mesh of the scene{self._near(pattern)}")

@@ -31,6 +31,9 @@ _LONGEST = 400
 _FEW = 10
 """Fewer time codes per second are no frames."""
 
+_UNREAD = ("NurbsPatch", "TetMesh")
+"""Surfaces with UVs that are no meshes."""
+
 
 class UsdSource:
     """The meshes of a stage. See `vrtm.bake.scene.Scene`."""
@@ -96,8 +99,15 @@ class UsdSource:
         paths: list[str] = []
         taken: dict[Any, tuple[list[Any], UsdMesh]] = {}
         met: set[str] = set()
-        for prim in meshes_of(self.stage):
+        if options.population_mask:
+            self.left_out.append(LeftOut("what lies outside of --population-mask is not loaded", meant=True))
+        for prim in Usd.PrimRange.Stage(self.stage, Usd.TraverseInstanceProxies()):
             path = str(prim.GetPath())
+            if prim.GetTypeName() in _UNREAD and (not options.meshes or any(matches(p, path) for p in options.meshes)):
+                meant = hidden(prim, self.frames, self.clock) is not None
+                self.left_out.append(LeftOut(f"is a {prim.GetTypeName()}, which is not read", path, meant=meant))
+            if not prim.IsA(UsdGeom.Mesh):
+                continue
             paths.append(path)
             patterns = [pattern for pattern in options.meshes if matches(pattern, path)]
             if options.meshes and not patterns:
@@ -129,7 +139,7 @@ class UsdSource:
                 others = "" if prim else near(pattern, [*paths, *(path.rsplit("/", 1)[-1] for path in paths)])
                 raise SceneError(f"{self._path}: '{pattern}' is {what}{others}")
         if not taken:
-            why = "; ".join(f"{entry.mesh} {entry.why}" for entry in self.left_out[:5])
+            why = "; ".join(f"{entry.mesh} {entry.why}" for entry in self.left_out[:5] if entry.mesh)
             raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
         return list(taken.values())
 
