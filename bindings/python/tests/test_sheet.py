@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from bake_scenes import attributes, files, image, pixels, sheet, sheet_arguments
+from mirrored import CELLS, mirrored
 from vrtm import cli
 from vrtm.bake import sheet as drawing
 from vrtm.bake.raster import Camera, cover
@@ -108,6 +109,38 @@ def test_what_vrtm_gains_is_seen(tmp_path: Path) -> None:
             # The picture's texels weigh otherwise than the lengths that the solve measures.
             assert drawn[0] == pytest.approx(report.before.rms, rel=0.35)
             assert drawn[1] < 0.5 * drawn[0] and report.after.rms < 0.5 * report.before.rms
+
+
+def test_each_layer_is_drawn_with_its_own_map(tmp_path: Path) -> None:
+    scene = mirrored(tmp_path)
+    settings = Settings(str(scene), rigidity=str(tmp_path / "rigid.<UDIM>.png"), device="cpu")
+    with Work(settings, 1) as work:
+        [mesh] = work.meshes.values()
+        positions = work.scene.positions(mesh.shape, 2)
+        mesh.parts[0].asset.solve(positions, measure=True)
+        surface = drawing._Surface(mesh, positions)
+        places = [(tile.udim, tile.layer) for tile in mesh.every_tile]
+        assert places == [(1001, 0), (1001, 1), (1002, 0)]
+        # Two triangles for each of the squares of a part, which is all of the surface.
+        assert np.bincount(surface.owner).tolist() == [2 * CELLS * CELLS] * 3
+        first, second = (surface.looked[k] for k in (0, 1))
+        assert np.abs(first.delta - second.delta).max() > 0.01
+        assert np.abs(first.strains[0] - second.strains[0]).max() > 0.05
+
+
+def test_rigidity_of_vertices_is_drawn(tmp_path: Path) -> None:
+    with work_of(tmp_path, "v 0 0 0\nv 1.2 0 0\nv 1.2 .9 0\nv 0 .9 0\n") as work:
+        [mesh] = work.meshes.values()
+        mesh.parts[0].maps["rigidity"].clear()
+        shape = drawing.dataclasses.replace(mesh.shape, vertex_rigidity=np.float32([0, 1, 1, 0]))
+        mesh.shape, positions = shape, work.scene.positions(mesh.shape, 1)
+        mesh.parts[0].asset.solve(positions, measure=True)
+        rigidity = drawing._Surface(mesh, positions).looked[0].rigidity[..., 0]
+    # Along u, from 0 at .1 to 1 at .9; nothing beside the chart.
+    u = (np.arange(48) + 0.5) / 48
+    inside = (u > 0.1) & (u < 0.9)
+    expected = np.where(inside & inside[:, None], (u - 0.1) / 0.8, 0)
+    assert np.abs(rigidity - expected).max() < 1e-6
 
 
 def test_the_sheet_of_a_bake(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
