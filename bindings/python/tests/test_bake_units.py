@@ -111,6 +111,8 @@ def test_wrong_names(text: str) -> None:
         (FileNotFoundError(errno.ENOENT, "No such file", "a.png"), INPUT),
         (OSError(errno.ENOSPC, "No space left on device", "a.exr"), INPUT),
         (ModuleNotFoundError("No module named 'pxr'", name="pxr"), INPUT),
+        (ImportError("libGL.so.1: cannot open shared object file", name="OpenImageIO"), INPUT),
+        (ImportError("cannot import name 'Frame' from 'vrtm.bake.frames'", name="vrtm.bake.frames"), BUG),
         (vrtm.InvalidArgumentError(1, "VRTM_ERROR_INVALID_ARGUMENT", "positions[3]: NaN"), INPUT),
         (vrtm.UnsupportedError(3, "VRTM_ERROR_UNSUPPORTED", "no GPU"), DEVICE),
         (vrtm.OutOfMemoryError(4, "VRTM_ERROR_OUT_OF_MEMORY", "12 bytes"), DEVICE),

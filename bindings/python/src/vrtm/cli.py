@@ -77,7 +77,7 @@ def _run(given: list[str]) -> int:
 
 def _bake(settings, parsed: argparse.Namespace) -> int:
     from vrtm.bake.console import Console
-    from vrtm.bake.failure import Failure, describe
+    from vrtm.bake.failure import describe
     from vrtm.bake.stopping import signals
 
     console = Console(parsed.quiet, not parsed.no_progress, parsed.openjd)
@@ -86,7 +86,7 @@ def _bake(settings, parsed: argparse.Namespace) -> int:
         try:
             console = Console(parsed.quiet, not parsed.no_progress, parsed.openjd, parsed.verbose, parsed.log)
             from vrtm.bake.run import bake
-        except (ModuleNotFoundError, Failure) as error:
+        except Exception as error:
             failure = describe(error)
             console.error(failure.message)
             return failure.code

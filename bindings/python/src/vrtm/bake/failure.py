@@ -54,6 +54,9 @@ def describe(error: BaseException, subject: str = "") -> Failure:
     if isinstance(error, ModuleNotFoundError) and (error.name or "").split(".")[0] in EXTRAS:
         module = (error.name or "").split(".")[0]
         return Failure(INPUT, f"the Python module {module} is missing: pip install 'vrtm[{EXTRAS[module]}]'")
+    if isinstance(error, ImportError) and (error.name or "vrtm").split(".")[0] != "vrtm":
+        # It is there, and lacks something: a library of the system, or a part that another version has.
+        return Failure(INPUT, f"the Python module {error.name} cannot be loaded: {one_line(error)}")
     if isinstance(error, vrtm.InvalidArgumentError):
         return Failure(INPUT, named + one_line(error))
     if isinstance(error, (vrtm.UnsupportedError, vrtm.OutOfMemoryError, vrtm.DeviceLostError)):

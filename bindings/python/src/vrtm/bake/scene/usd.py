@@ -51,7 +51,9 @@ class UsdSource:
             else:
                 self.left_out.append(LeftOut(why, path))
         self.clock = stage_clock(self.stage, path, options.fps)
-        self.rate = f"{self.clock.frames:.6g} per second, {self.clock.times:g} time codes" if options.fps else ""
+        self.rate = (
+            f"{self.clock.frames:.6g} per second (timeCodesPerSecond {self.clock.times:g})" if options.fps else ""
+        )
         self.frames = stage_frames(self.stage, path, self.warnings, self.left_out, self.clock)
         self._skeletons = Skeletons(self.stage)
         prims = self._chosen(options)
