@@ -58,8 +58,8 @@ def rate(seconds: Sequence[float]) -> float | None:
     found = cycle(seconds)
     if found is None:
         return None
-    own, samples = tidy(1 / found[0]), found[1]
-    if own < _FASTEST and (samples > 1 or is_whole(seconds[0] * own)):
+    own = tidy(1 / found[0])
+    if own < _FASTEST and is_whole(seconds[0] * own):
         return own
     # Several samples in each frame, or one of several frames.
     return next((r for r in USUAL if is_whole(max(own / r, r / own)) and is_whole(seconds[0] * r)), own)
