@@ -18,8 +18,8 @@ from vrtm.bake.frames import Frame
 from vrtm.bake.scene import SceneError, Shape
 from vrtm.bake.scene.topology import corner_starts
 
-_ALIKE = 1.01
-"""Ratios up to which factors count as one."""
+_ALIKE, _EXACT = 1.01, 1.0001
+"""Ratios up to which factors count as one, and as one that is known to some digits."""
 _PURE, _RIGID = 0.95, 0.3
 """Shares of the faces that a factor must have, to be that of a mesh which is not deformed otherwise, and of one that
 is."""
@@ -90,10 +90,10 @@ class Ruler:
         most = np.maximum.reduceat(np.where(known, ratios, 0), self._first)
         faces = np.isfinite(least)
         alike = np.sort(least[faces & (least > 1e-6) & (most <= least * _ALIKE)])
-        counts = np.searchsorted(alike, alike * _ALIKE, "right") - np.arange(len(alike))
-        best = int(np.argmax(counts)) if len(alike) else 0
-        factor = float(np.median(alike[best : best + counts[best]])) if len(alike) else 1.0
-        return Lengths(float(np.median(ratios[known])), factor, float(counts.max(initial=0) / np.count_nonzero(faces)))
+        shared = _densest(alike, _ALIKE)
+        # Most of all those that are not bent in the least tell it.
+        factor = float(np.median(_densest(shared, _EXACT))) if len(shared) else 1.0
+        return Lengths(float(np.median(ratios[known])), factor, len(shared) / np.count_nonzero(faces))
 
 
 @dataclass(frozen=True)
@@ -213,6 +213,13 @@ class Units:
             f"one of them were in another unit: {then}",
             ends=ends,
         )
+
+
+def _densest(ascending: np.ndarray, ratio: float) -> np.ndarray:
+    """As many of some numbers as lie together within a ratio."""
+    counts = np.searchsorted(ascending, ascending * ratio, "right") - np.arange(len(ascending))
+    best = int(np.argmax(counts)) if len(ascending) else 0
+    return ascending[best : best + int(counts.max(initial=0))]
 
 
 def _apart(a: float, b: float) -> float:
