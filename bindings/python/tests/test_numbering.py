@@ -98,6 +98,7 @@ def test_tokens_of_a_frame(tmp_path: Path, names: str, pattern: str, expected: l
         ("a-0001.obj a-0002.obj", "*####.obj", "frame -1, or 1"),
         ("a-1.obj b-2.obj", "a-1.obj b-2.obj", "frame -1, or 1"),
         ("a.1.obj", "a.####.obj", r"a\.####\.obj: no such files, but .*a\.1\.obj, whose number has other digits"),
+        ("pose.0001.obj", "posse.<frame>.obj", r"posse\.<frame>\.obj: no such files: did you mean pose\.0001\.obj"),
         ("", "a.{frame}.obj", "no such file; tokens of a frame are ####, @@@@, %04d, "),
         ("pose.0001.obj", "pose..obj", r"pose\.\.obj: no such file: did you mean pose\.0001\.obj"),
     ],

@@ -135,6 +135,24 @@ def test_samples_for_motion_blur_are_no_other_rate(tmp_path: Path, shutter, cycl
     assert scene.frames == tuple(range(1001, 1007)) and not scene.warnings and scene.clock.frames == 25
 
 
+def test_transforms_have_frames_with_world_alone(tmp_path: Path) -> None:
+    archive = abc.OArchive(str(tmp_path / "a.abc"))
+    above = AbcGeom.OXform(archive.getTop(), "above", archive.addTimeSampling(AbcCoreAbstract.TimeSampling(1 / 30, 1)))
+    for scale in (1, 2, 3):
+        sample = AbcGeom.XformSample()
+        sample.setScale(imath.V3d(scale, 1, 1))
+        above.getSchema().set(sample)
+    mesh = AbcGeom.OPolyMesh(above, "mesh")
+    sample = AbcGeom.OPolyMeshSchemaSample(v3f(POINTS), ints(FACES), ints([4, 4]))
+    sample.setUVs(AbcGeom.OV2fGeomParamSample(array(imath.V2fArray, [imath.V2f(*uv) for uv in UVS]), VERTEX))
+    mesh.getSchema().set(sample)
+    del mesh, above, archive
+    assert Scene(tmp_path / "a.abc").frames == (1,)
+    scene = Scene(tmp_path / "a.abc", SceneOptions(world=True))
+    assert scene.frames == (30, 31, 32) and not scene.warnings and not scene.shapes[0].still
+    assert [scene.positions("mesh", frame)[2, 0] for frame in scene.frames] == [2, 4, 6]
+
+
 def test_samples_between_frames_are_told(tmp_path: Path) -> None:
     scene = Scene(write(tmp_path / "a.abc", samples=8, start=10.5), SceneOptions(fps=24))
     (warning,) = scene.warnings

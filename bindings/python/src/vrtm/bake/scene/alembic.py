@@ -127,14 +127,27 @@ class AlembicMesh:
         self._positions = schema.getPositionsProperty()
         self.samples = self._positions.getNumSamples()
         self._sampling = self._positions.getTimeSampling()
+        self._times: dict[bool, list[float]] = {}
 
-    def times(self) -> list[float]:
-        """Seconds of its samples."""
-        return [self._sampling.getSampleTime(index) for index in range(self.samples)]
+    def times(self, world: bool) -> list[float]:
+        """Seconds of its samples, ascending, with `world` also of those of the transforms above it; none if there is
+        one alone."""
+        if world not in self._times:
+            found = {
+                sampling.getSampleTime(index) for sampling, count in self._sampled(world) for index in range(count)
+            }
+            self._times[world] = sorted(found)
+        return self._times[world]
 
-    def rate(self) -> tuple[float | None, bool]:
+    def _sampled(self, world: bool) -> list[tuple[Any, int]]:
+        """Time samplings, and how many samples each has."""
+        above = [t for t in self._above if world and not t.isConstant()]
+        found = [(self._sampling, self.samples), *((t.getTimeSampling(), t.getNumSamples()) for t in above)]
+        return [(sampling, count) for sampling, count in found if count > 1]
+
+    def rate(self, world: bool) -> tuple[float | None, bool]:
         """Frames per second by its samples, and whether others fit as well."""
-        kind, seconds = self._sampling.getTimeSamplingType(), self.times()
+        kind, seconds = self._sampled(world)[0][0].getTimeSamplingType(), self.times(world)
         if kind.isCyclic():
             return tidy(1 / kind.getTimePerCycle()), False
         found, period = rate(seconds), cycle(seconds)
@@ -239,10 +252,11 @@ class AlembicSource:
         self.files = (path,)
         self._file = AlembicFile(path)
         chosen = self._chosen()
-        moving = [mesh for mesh, _ in chosen if mesh.samples > 1]
+        moving = [mesh for mesh, _ in chosen if mesh.times(options.world)]
         self.clock = self._clocked(moving)
         self.rate = f"{self.clock.frames:.6g} per second{', as the file has' if options.fps in (None, FILE) else ''}"
-        times = [time for mesh in moving for time in (mesh.times()[0], mesh.times()[-1])] or [self.clock.time(1)]
+        seconds = [mesh.times(options.world) for mesh in moving]
+        times = [time for own in seconds for time in (own[0], own[-1])] or [self.clock.time(1)]
         # Times are stored as whole numbers of 1 / fps only nearly.
         frame = self.clock.frame
         self.frames = whole_frames(frame(min(times)), frame(max(times)), path, self.warnings, self.left_out, 1e-3)
@@ -278,7 +292,8 @@ class AlembicSource:
 
     def _clocked(self, meshes: list[AlembicMesh]) -> Clock:
         """The clock of the samples of meshes, with warnings of those that it does not fit."""
-        rates = [(mesh, *mesh.rate()) for mesh in meshes]
+        world = self._options.world
+        rates = [(mesh, *mesh.rate(world)) for mesh in meshes]
         own = Counter(found for _, found, _ in rates if found)
         fps = self._options.fps
         if not isinstance(fps, (int, float)):
@@ -288,11 +303,11 @@ class AlembicSource:
             fps = hint if fits else min(own, key=lambda found: (-own[found], found), default=24.0)
             guessed = None if fits else next((mesh for mesh, found, guess in rates if guess and found == fps), None)
             if guessed is not None:
-                start, end = guessed.times()[:2]
+                start, end = guessed.times(world)[:2]
                 told = f"its {1 / (end - start):.4g} samples per second are taken for {fps:g} frames"
                 self.warnings.append(f"{guessed.path}: {told}: --fps says otherwise")
         for mesh, found, _ in rates:
-            path, frames = mesh.path, [second * fps for second in mesh.times()]
+            path, frames = mesh.path, [second * fps for second in mesh.times(world)]
             if found is not None and not is_whole(max(found / fps, fps / found)):
                 self.warnings.append(f"{path}: it has {found:.4g} samples per second, but there are {fps:g} frames")
             elif is_between(frames):

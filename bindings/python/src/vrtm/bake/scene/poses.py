@@ -108,8 +108,8 @@ def _sequence(
         unclear += [match.start(1)] if _is_unclear(path, match.start(1)) else []
     there = next(iter(others.values()), "")
     if not found:
-        but = f", but {there}, whose number has other digits than {token[0]}" if there else _hint(pattern)
-        raise SceneError(f"{pattern}: no such files{but}")
+        but = f", but {there}, whose number has other digits than {token[0]}" if there else ""
+        raise SceneError(f"{pattern}: no such files{but or _hint(pattern[: token.start()] + '0001' + after)}")
     lost = tuple(sorted(set(others) - {frame for frame, _ in found}))
     if lost:
         # A file beside one with the right digits is another sequence's.
