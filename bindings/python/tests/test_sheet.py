@@ -153,6 +153,7 @@ def test_the_sheet_of_a_bake(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         return said.err if expect else said.out
 
     path = out / "sheet.png"
+    assert f"sheet: {path}\n" in bake("--dry-run") and not path.exists()
     # The one that is stretched the most.
     assert f"{path}: frame 3\n" in bake()
     drawn = pixels(path)

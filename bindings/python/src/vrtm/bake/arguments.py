@@ -455,6 +455,8 @@ def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> 
             parser.error(f"--{pattern} and --{primvar.replace('_', '-')} exclude each other")
     if a.only_layer and a.layer is None:
         parser.error("--only-layer needs --layer")
+    if a.only_layer and a.sheet:
+        parser.error("--only-layer and --sheet exclude each other: a sheet shows a frame that was baked")
     for option in ("root", "freeze"):
         if given[option] is not None and not a.layer:
             parser.error(f"--{option} needs --layer")

@@ -84,7 +84,7 @@ def _write(
     for udim, target in targets.items():
         values = maps[udim][..., None]
         image_file.write(
-            target, np.rint(255 * values).astype(np.uint8) if target.dtype == "uint8" else np.float16(values)
+            target, np.rint(255 * values).astype(np.uint8) if target.dtype == "uint8" else values.astype(np.float16)
         )
         console.info(f"{target.path}: {np.mean(values):.1%} rigid")
 

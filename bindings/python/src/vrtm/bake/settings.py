@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import vrtm
 from vrtm.bake.frames import Frame
 from vrtm.bake.scene import SceneOptions
 
@@ -61,7 +62,7 @@ class Settings:
     only_layer: bool = False
     root: str | None = None
     freeze: Frame | None = None
-    quality: str = "normal"
+    quality: vrtm.Quality = "normal"
     warm: bool = False
     temporal_weight: float = 0.0
     seams: str = "shut"
@@ -76,8 +77,8 @@ class Settings:
     room: float | None = None
     room_threshold: float | None = None
     protect: float | None = None
-    weld: str = "index"
-    device: str = "auto"
+    weld: vrtm.Weld = "index"
+    device: vrtm.Backend = "auto"
     adapter: int = 0
     jobs: int = 0
     threads: int = 0

@@ -22,7 +22,7 @@ from vrtm.bake.raster import Camera, cover
 from vrtm.bake.scene.images import read_colours
 from vrtm.bake.scene.topology import corner_starts
 from vrtm.bake.settings import Settings
-from vrtm.rigidity import blurred
+from vrtm.rigidity import blurred, brightness
 
 VERSION = 1
 """Of the way of drawing: a sheet that was drawn in another way is not up to date."""
@@ -50,8 +50,9 @@ def path(settings: Settings, mesh: str, several: bool) -> str:
 
 def worst(results: Sequence[FrameResult]) -> FrameResult:
     """The frame in which the most strain is left, or the most energy where strain was not measured in all of them."""
-    if all(result.strain is not None and math.isfinite(result.strain.after) for result in results):
-        return max(results, key=lambda result: (result.strain.after, result.strain.before))
+    known = [(own.after, own.before) for result in results if (own := result.strain) and math.isfinite(own.after)]
+    if len(known) == len(results):
+        return results[known.index(max(known))]
     return max(results, key=lambda result: sum(tile.get("energy", 0.0) for tile in result.tiles))
 
 
@@ -189,7 +190,7 @@ class _Surface:
         triangle = np.where(found >= 0, np.append(own, -1)[found], -1)
         painted, values = tile.part.maps["rigidity"].get(tile.udim), self.shape.vertex_rigidity
         if painted is not None:
-            rigidity = read_colours(painted) @ np.float32([0.2126, 0.7152, 0.0722])
+            rigidity = brightness(read_colours(painted))
         elif values is not None:
             rigidity = np.where(triangle >= 0, (values[self.vertices[triangle]] * weights).sum(-1), 0)
         else:

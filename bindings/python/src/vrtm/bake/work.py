@@ -384,9 +384,8 @@ class Work:
 
     def sheets(self) -> dict[str, str]:
         """The file of each mesh's sheet, if sheets are to be drawn."""
-        if not self.settings.sheet or self.settings.only_layer:
-            return {}
-        return {name: sheet.path(self.settings, name, len(self.meshes) > 1) for name in self.meshes}
+        several = len(self.meshes) > 1
+        return {name: sheet.path(self.settings, name, several) for name in self.meshes if self.settings.sheet}
 
     def folders(self) -> list[str]:
         """The folders that files are written to."""
