@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import json
 import re
@@ -267,6 +268,19 @@ def test_surfaces_are_what_hangs_together() -> None:
     assert first != second == third
     first, _, second, third = gain._shells(made, "position")
     assert first == second == third
+
+
+def test_charts_end_where_uvs_do() -> None:
+    # A strip of three squares that share their vertices: the UVs of the second go on in the third, nearly.
+    points = [(x, y, 0) for x in range(4) for y in range(2)]
+    faces = [2 * x + corner for x in range(3) for corner in (0, 2, 3, 1)]
+    made = shape(points, [4] * 3, faces)
+    shifts = ((0, 0.5), (1, 0), (2, 3e-4))
+    uvs = [(0.1 * (x + a) + by, 0.1 * b) for x, by in shifts for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    made = dataclasses.replace(made, uvs=np.array(uvs), uv_indices=np.arange(12, dtype=np.int32))
+    assert len(set(gain._shells(made, "index"))) == 1
+    first, second, third = gain._shells(made, "index", charts=True)
+    assert first != second == third
 
 
 def test_poses_that_cannot_be_read_count_as_deformed(tmp_path: Path) -> None:

@@ -1,8 +1,9 @@
 """Which maps would be the identity in all frames: those of surfaces that move rigidly, or on which nothing is rigid.
 
-A surface moves rigidly if all of its edges keep their lengths, and so do the diagonals of its faces: then nothing on it
-is strained. That is looked at for all frames of the scene and not for those of one task, so that a sequence has either
-all of its files or none. All tiles of a layer have files or none: renderers look all of them up by one name.
+A chart, or all that hangs together, moves rigidly if all of its edges and the diagonals of its faces keep their
+lengths: then nothing on it is strained. That is looked at for all frames of the scene and not for those of one task, so
+that a sequence has either all of its files or none. All tiles of a layer have files or none: renderers look all of them
+up by one name.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ _STRAIN = 1e-4
 """Up to that an edge keeps its length: less than a hundredth of a texel on features of a hundred texels."""
 _ROUNDING, _MOST_ROUNDING = 4, 1e-2
 """By so many units in the last place of the largest coordinate a length may be off, but by that share of it at most."""
+_CELLS = 512
+"""Per tile: UVs of one vertex that are less than half a cell apart are one, as for the library, which is stricter."""
 _SAMPLE = 100_000
 """Of so many lengths a look suffices to find most that deforms."""
 _FINEST = 512
@@ -48,7 +51,9 @@ def without_gain(
 ) -> dict[Group, str]:
     """The parts and layers that gain nothing in any of the frames, and why. `stop` is called per frame, and may raise.
     A pose that cannot be read counts as one that deforms."""
-    shells = _shells(shape, parts[0].settings.weld)
+    settings = parts[0].settings
+    # Charts do not see what lies beyond their seams, and sorting them takes time.
+    shells = _shells(shape, settings.weld, charts=settings.seams != "continue" and len(groups(parts)) > 1)
     wanted = _rigid_shells(shape, parts, shells)
     found = {group: NOTHING for group in groups(parts) if not wanted.get(group)}
     left = {group: shells for group, shells in wanted.items() if shells}
@@ -75,25 +80,49 @@ def _spread(frames: Sequence[Frame]) -> Iterator[Frame]:
     yield from (ordered[k] for k in sorted(range(len(ordered)), key=lambda k: f"{k:0{digits}b}"[::-1]))
 
 
-def _shells(shape: Shape, weld: str) -> np.ndarray:
-    """(faces,): a number per connected surface, the same for all of its faces."""
+def _shells(shape: Shape, weld: str, charts: bool = False) -> np.ndarray:
+    """(faces,): a number per connected surface, the same for all of its faces; `charts`: per chart of it, where faces
+    hang together only if they do in UV, too."""
     vertices = shape.indices.astype(np.int64)
     if weld != "index":
         vertices = np.unique(shape.rest, axis=0, return_inverse=True)[1].reshape(-1)[vertices]
+    nodes, links = vertices, [np.zeros((2, 0), np.int64)]
+    if charts:
+        uvs = shape.uvs[shape.uv_indices].astype(np.float64) + 0.0
+        places, nodes = _distinct(vertices, *uvs.T.copy().view(np.int64))
+        # Where a vertex has several UVs, those that are close together are one.
+        several = np.flatnonzero(np.bincount(vertices[places])[vertices[places]] > 1)
+        places, uvs = places[several], np.nan_to_num(uvs[places[several]])
+        for shift in ((0, 0), (0, 0.5), (0.5, 0), (0.5, 0.5)):
+            # One of these grids has both of two in the same cell.
+            cells = np.floor(uvs * _CELLS + shift).astype(np.int64)
+            same, of = _distinct(vertices[places], *cells.T)
+            links.append(np.stack([several[same[of]], several]))
     counts = shape.face_counts
     filled = counts > 0
     first = np.zeros(len(counts), np.int64)
-    first[filled] = vertices[corner_starts(counts)[filled]]
-    one = np.repeat(first, counts)
-    root = np.arange(vertices.max(initial=0) + 1)
+    first[filled] = nodes[corner_starts(counts)[filled]]
+    one, other = np.concatenate([np.stack([np.repeat(first, counts), nodes]), *links], axis=1)
+    root = np.arange(nodes.max(initial=0) + 1)
     while True:
-        a, b = root[one], root[vertices]
+        a, b = root[one], root[other]
         apart = a != b
         if not apart.any():
             return root[first]
         root[np.maximum(a, b)[apart]] = np.minimum(a, b)[apart]
         while (root[root] != root).any():
             root = root[root]
+
+
+def _distinct(*numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where each combination is first, and which of them each is. Hardly ever are two taken for one, which only joins
+    surfaces."""
+    mixed = np.zeros(len(numbers[0]), np.uint64)
+    for number in numbers:
+        mixed = (mixed ^ number.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
+        mixed ^= mixed >> np.uint64(29)
+    _, places, of = np.unique(mixed, return_index=True, return_inverse=True)
+    return places, of.reshape(-1)
 
 
 def _rigid_shells(shape: Shape, parts: Sequence[Part], shells: np.ndarray) -> dict[Group, set[int]]:

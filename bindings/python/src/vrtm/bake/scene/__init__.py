@@ -82,9 +82,8 @@ class Scene:
         """The files that are read for the scene and exist, and the textures that its materials name: what no output
         may replace. Files that vrtm wrote earlier do not count."""
         rest = self.options.rest
-        if rest is None or not os.path.isfile(rest):
-            return self._source.files
-        return (*self._source.files, *_files_of(rest))
+        with self.listening():
+            return (*self._source.files, *(_files_of(rest) if rest is not None and os.path.isfile(rest) else ()))
 
     @property
     def source(self) -> Source:
