@@ -72,6 +72,9 @@ def test_files_by_the_number_in_which_they_differ(tmp_path, names: str, pattern:
         ("v1/a.0001.obj v2/a.0002.obj", "v*/a.####.obj", [1, 2]),
         ("joe@work.0001.obj", "joe@work.####.obj", [1]),
         ("shot#3/[a]/a.0001.obj", "shot#3/[a]/a.####.obj", [1]),
+        ("a[1].0001.obj a[1].0002.obj", "a[1].####.obj", [1, 2]),
+        ("a1.0001.obj b1.0002.obj", "[ab]1.####.obj", [1, 2]),
+        ("a1.0001.obj", "a[!2].####.obj", [1]),
     ],
 )
 def test_tokens_of_a_frame(tmp_path: Path, names: str, pattern: str, expected: list[int]) -> None:

@@ -91,11 +91,14 @@ def _sequence(
         # Behind a letter or a digit a hyphen that is written is one; else it is the minus sign.
         sign = "" if _LETTER.fullmatch(before[-2:-1]) else "-"
         before = before.removesuffix("-") if sign else before
-    fits = re.compile(f"{_regex(before)}({sign}[0-9]+){_regex(after)}")
+    there = sorted(glob.glob(f"{glob.escape(pattern[:start] + before)}*{glob.escape(after)}"))
+    regex = re.escape if there else _regex
+    fits = re.compile(f"{regex(before)}({sign}[0-9]+){regex(after)}")
     found: list[tuple[int, str]] = []
     others: dict[int, str] = {}
     unclear: list[int] = []
-    for path in sorted(glob.glob(f"{glob.escape(pattern[:start])}{before}*{after}")):
+    # Brackets may be letters of a name.
+    for path in there or sorted(glob.glob(f"{glob.escape(pattern[:start])}{before}*{after}")):
         match = fits.fullmatch(path, start)
         if match is None:
             continue
@@ -106,14 +109,14 @@ def _sequence(
             continue
         found.append((int(match[1]), path))
         unclear += [match.start(1)] if _is_unclear(path, match.start(1)) else []
-    there = next(iter(others.values()), "")
+    odd = next(iter(others.values()), "")
     if not found:
-        but = f", but {there}, whose number has other digits than {token[0]}" if there else ""
+        but = f", but {odd}, whose number has other digits than {token[0]}" if odd else ""
         raise SceneError(f"{pattern}: no such files{but or _hint(pattern[: token.start()] + '0001' + after)}")
     lost = tuple(sorted(set(others) - {frame for frame, _ in found}))
     if lost:
         # A file beside one with the right digits is another sequence's.
-        left_out.append(LeftOut(f"files such as {there} have numbers with other digits than {token[0]}", frames=lost))
+        left_out.append(LeftOut(f"files such as {odd} have numbers with other digits than {token[0]}", frames=lost))
     if len(unclear) == len(found):
         frame, path = found[0]
         if re.search(r"[*?\]]$", before):
