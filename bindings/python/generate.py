@@ -254,7 +254,7 @@ def records(header: Header) -> str:
         "from __future__ import annotations",
         "",
         "from dataclasses import dataclass",
-        "from typing import Literal",
+        "from typing import Literal, TypedDict",
         "",
         "from ._table import Table",
         "",
@@ -276,6 +276,11 @@ def records(header: Header) -> str:
                 continue
             lines += ["", f"    {decl.name}: {_hint(header, struct, decl)}"]
             lines += _doc(header, header.field_docs[struct, decl.name])
+    # For type checkers: the settings of a tile as keyword arguments.
+    lines += ["", "", "class TileSettingsFields(TypedDict, total=False):"]
+    for decl in header.structs["vrtm_tile_settings"]:
+        if decl.name != "struct_size":
+            lines += [f"    {decl.name}: {_hint(header, 'vrtm_tile_settings', decl).partition(' = ')[0]}"]
     lines += ["", "", "# Which struct each of them is in the header."]
     lines += ["structs = {", *(f'    {name}: "{struct}",' for struct, name in RECORDS.items()), "}", ""]
     return "\n".join(lines)

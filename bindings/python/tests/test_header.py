@@ -73,9 +73,10 @@ def test_names():
 def test_hints_of_names_are_what_the_library_takes():
     """Each parameter and setting that is a name has a Literal, of the names that are taken there."""
     places = [vrtm.Device.__init__, vrtm.Asset.__init__, vrtm.Fetch.__init__, vrtm.SolveOptions, vrtm.TileSettings]
+    places += [_records.TileSettingsFields]
     places += [function for name, function in vars(vrtm.Tile).items() if callable(function) and name != "_set"]
     # Modules of the package import each other, so that some names are imported for type checkers alone.
-    local, found = {"Asset": vrtm.Asset, "Tile": vrtm.Tile}, set()
+    local, found = {"Asset": vrtm.Asset, "Tile": vrtm.Tile, "Unpack": typing.Unpack}, set()
     for place in places:
         for name, hint in typing.get_type_hints(place, None, local).items():
             assert hint is not str or name == "return", (place, name)

@@ -16,9 +16,11 @@ from ._images import PIXELS, Target, image, image_size, pixel_type
 from ._library import check, library, new
 from ._names import fill, record, value_of
 from ._picture import figure
-from ._records import FetchKind, MapInfo, Origin, TileInfo, TileNeeds, TileReport, TileSettings
+from ._records import FetchKind, MapInfo, Origin, TileInfo, TileNeeds, TileReport, TileSettings, TileSettingsFields
 
 if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
     from ._asset import Asset
 
 
@@ -83,7 +85,7 @@ class Tile:
         check(library.vrtm_tile_get_settings(self._handle, ctypes.byref(struct)))
         return record(TileSettings, struct)
 
-    def set_settings(self, settings: TileSettings | None = None, **fields: Any) -> None:
+    def set_settings(self, settings: TileSettings | None = None, **fields: Unpack[TileSettingsFields]) -> None:
         """Sets all settings: those given, with `fields` changed; without either, the defaults. To change one and keep
         the others: tile.set_settings(tile.settings, smoothness=0.05)."""
         unknown = sorted(set(fields) - set(TileSettings.__annotations__))
