@@ -211,7 +211,7 @@ def test_files_of_an_earlier_bake_are_removed(tmp_path: Path, capfd: pytest.Capt
     capfd.readouterr()
     assert bake(scene) == 0
     assert list(files(out)) == [painted.name]
-    assert f"{painted}: is there, although nothing is gained" in capfd.readouterr().err
+    assert f"{painted} is left there, although nothing is gained" in capfd.readouterr().err
 
 
 def test_corner_uvs_have_all_of_a_mesh(tmp_path: Path) -> None:

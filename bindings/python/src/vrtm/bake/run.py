@@ -100,8 +100,10 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
             for folder in beside + ([] if settings.only_layer else work.folders()):
                 staging.sweep(folder)
             if not settings.only_layer:
-                for path in work.remove_idle():
-                    warn(f"{path}: is there, although nothing is gained: it shows what it shows")
+                kept = work.remove_idle()
+                if kept:
+                    more = f" and {len(kept) - 1} others are" if len(kept) > 1 else " is"
+                    warn(f"{kept[0]}{more} left there, although nothing is gained: not as vrtm wrote it for the mesh")
                 _frames(settings, work, console, stop, results, warn, opening)
             if settings.sheet:
                 _sheets(work, console, stop, results)
