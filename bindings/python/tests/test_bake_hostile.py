@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import OpenImageIO as oiio
@@ -18,7 +19,7 @@ from vrtm.bake.failure import INPUT, Failure, describe
 from vrtm.bake.layer import export
 from vrtm.bake.mark import mark
 from vrtm.bake.scene import Scene, SceneError
-from vrtm.bake.scene.images import read_map
+from vrtm.bake.scene.images import read_map, said
 from vrtm.bake.scene.obj import read_obj
 
 
@@ -185,3 +186,45 @@ def test_images_whose_names_are_no_text(read: Callable) -> None:
         read("a\udcff.png")
     failure = describe(caught.value)
     assert failure.code == INPUT and "no UTF-8" in failure.message
+
+
+def test_a_library_may_fail_anywhere_in_a_damaged_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stage = scenes.stage(tmp_path / "a.usda")
+    scenes.mesh(stage, "/m")
+    stage.Save()
+
+    def fail(*_: object) -> None:
+        raise RuntimeError("read failed\nsomewhere")
+
+    with Scene(tmp_path / "a.usda") as scene:
+        monkeypatch.setattr(scene.source, "positions", fail)
+        with pytest.raises(SceneError, match=r"a\.usda: cannot be read: read failed$"):
+            scene.positions(scene.shapes[0], 1)
+    monkeypatch.setattr("vrtm.bake.scene.usd.stage_frames", fail)
+    with pytest.raises(SceneError, match=r"a\.usda: cannot be read: read failed$"):
+        Scene(tmp_path / "a.usda")
+
+
+def test_what_openimageio_quotes_of_a_file_may_be_no_text() -> None:
+    class Image:
+        def geterror(self) -> str:
+            return b"no attribute type \xb5\n".decode()
+
+    assert said(Image()) == r"no attribute type \xb5"
+
+
+def test_attributes_that_are_no_text_are_not_copied() -> None:
+    told = [("camera", "string", "x"), ("Artist", "string", "\udcff"), ("compression", "string", "zip")]
+    kept = [warped._can_be_kept(SimpleNamespace(name=n, type=t, value=v)) for n, t, v in told]
+    assert kept == [True, False, False]
+
+
+def test_figures_that_were_changed_are_told(tmp_path: Path) -> None:
+    target = image_file.Target(str(tmp_path / "a.exr"), 4, 4, ("R", "G", "B"), "float32", {"vrtm:kind": "redirect"})
+    image_file.write(target, np.ones((4, 4, 3), np.float32), {"movable": 1})
+    assert image_file.up_to_date(target) == {"movable": 1}
+    content = (tmp_path / "a.exr").read_bytes()
+    (tmp_path / "a.exr").write_bytes(content.replace(b"movable", b"mo?able"))
+    with pytest.raises(Failure, match="are not those that vrtm wrote"):
+        image_file.up_to_date(target)
+    assert image_file.up_to_date(target, replace=True) is None

@@ -197,3 +197,33 @@ def test_a_worker_that_is_killed_is_told(scene: Path, reference: dict[str, bytes
         assert len(files(out)) < len(reference)
     run(*sheet_arguments(scene, out, *OPTIONS))
     assert files(out) == reference
+
+
+BUSY = """
+import os, signal, sys, threading
+from vrtm.bake.scene import Shape, usd
+from vrtm.cli import main
+
+def busy(*given, **named):
+    os.kill(os.getpid(), signal.SIGTERM)
+    # As long as a library reads a large file.
+    threading.Event().wait()
+
+owner, name = {"hidden": (usd, "hidden"), "shape": (usd.UsdMesh, "shape"), "asset": (Shape, "asset")}[sys.argv[1]]
+setattr(owner, name, busy)
+main(sys.argv[2:])
+"""
+
+
+@pytest.mark.parametrize(("command", "place"), [("bake", "hidden"), ("bake", "shape"), ("dilate", "asset")])
+def test_a_signal_is_heard_while_meshes_are_looked_through(
+    scene: Path, tmp_path: Path, command: str, place: str
+) -> None:
+    given = ["--texture", scene.parent / "colour.<UDIM>.png", "--out", tmp_path / "out"]
+    arguments = sheet_arguments(scene, tmp_path / "out") if command == "bake" else ["dilate", scene, *given]
+    started, variables = vrtm_command(*arguments)
+    ended = subprocess.run(
+        [started[0], "-c", BUSY, place, *started[3:]], env=variables, capture_output=True, text=True, timeout=60
+    )
+    assert (ended.returncode, ended.stderr) == (143, "vrtm: ended by SIGTERM\n")
+    assert not (tmp_path / "out").exists()

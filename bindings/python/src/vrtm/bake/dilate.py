@@ -7,6 +7,7 @@ of the seam there, in its place, so that both sides show the same on the seam.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -44,23 +45,28 @@ def dilate(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
     """Runs the command, until it is to stop. Raises Failure, and what vrtm.bake.failure.describe knows."""
     # All meshes: what lies in the charts of any of them stays as it is.
     options = SceneOptions(uv=uv_names(parsed.uv), rest=parsed.rest)
-    with Scene(parsed.scene, options) as scene, vrtm.Device("cpu") as device:
-        for warning in [*scene.warnings, *left_out.lines(left_out.unmeant(scene.left_out))]:
-            console.warning(warning)
-        assets = [_asset(device, shape, parsed.weld) for shape in scene.shapes]
-        down = parsed.normal_y == "down"
-        given = [(pattern, False) for pattern in parsed.texture] + [(pattern, True) for pattern in parsed.normal_maps]
-        copies = [warped.Copy(pattern, "", is_normal, down) for pattern, is_normal in dict.fromkeys(given)]
-        if not copies:
-            raise Failure(INPUT, "one of --texture and --normal-map is needed: it says what is copied")
-        groups = [(copy, _meshes(copy, scene.shapes, assets, console)) for copy in copies]
-        inputs = [(parsed.scene, "the scene"), *((path, "a file of the scene") for path in scene.files)]
-        outputs = []
-        for _, meshes in groups:
-            paths = dict.fromkeys(path for mesh in meshes for path in mesh.files.values())
-            inputs += [(path, "a texture") for path in paths]
-            outputs += [(_output(parsed.out, path), f"--out, for {path}") for path in paths]
-        overwrite.check(outputs, inputs, parsed.overwrite)
+    with contextlib.ExitStack() as opened:
+        with stop.at_once(console.error):
+            scene = opened.enter_context(Scene(parsed.scene, options))
+            device = opened.enter_context(vrtm.Device("cpu"))
+            for warning in [*scene.warnings, *left_out.lines(left_out.unmeant(scene.left_out))]:
+                console.warning(warning)
+            assets = [_asset(device, shape, parsed.weld) for shape in scene.shapes]
+            down = parsed.normal_y == "down"
+            given = [(pattern, False) for pattern in parsed.texture] + [
+                (pattern, True) for pattern in parsed.normal_maps
+            ]
+            copies = [warped.Copy(pattern, "", is_normal, down) for pattern, is_normal in dict.fromkeys(given)]
+            if not copies:
+                raise Failure(INPUT, "one of --texture and --normal-map is needed: it says what is copied")
+            groups = [(copy, _meshes(copy, scene.shapes, assets, console)) for copy in copies]
+            inputs = [(parsed.scene, "the scene"), *((path, "a file of the scene") for path in scene.files)]
+            outputs = []
+            for _, meshes in groups:
+                paths = dict.fromkeys(path for mesh in meshes for path in mesh.files.values())
+                inputs += [(path, "a texture") for path in paths]
+                outputs += [(_output(parsed.out, path), f"--out, for {path}") for path in paths]
+            overwrite.check(outputs, inputs, parsed.overwrite)
         staging.sweep(parsed.out)
         # What is up to date, and what somebody has painted on, is found before anything is written.
         left = [_left(copy, meshes, parsed, stop) for copy, meshes in groups]

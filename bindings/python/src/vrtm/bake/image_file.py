@@ -15,6 +15,7 @@ import OpenImageIO as oiio
 from vrtm.bake import overwrite, staging
 from vrtm.bake.failure import INPUT, Failure, one_line
 from vrtm.bake.fingerprint import Fingerprint
+from vrtm.bake.scene.images import said
 
 _PIXELS = "vrtm:pixels"
 _FIGURES = "vrtm:figures"
@@ -48,9 +49,10 @@ def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | No
     """Writes (height, width, channels) pixels, the first row at the top. `figures` is kept for later runs, too. The
     file appears complete or not at all. Raises Failure."""
     spec = _spec(target)
-    facts = dict(target.facts) | {_PIXELS: _digest(pixels)}
+    facts = dict(target.facts)
     if figures is not None:
         facts[_FIGURES] = json.dumps(figures, sort_keys=True)
+    facts[_PIXELS] = _digest(pixels, facts)
     if target.format == "tiff":
         spec.attribute(_DESCRIPTION, json.dumps(facts, sort_keys=True))
     else:
@@ -63,10 +65,10 @@ def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | No
         # By the format's name: the temporary name does not tell it.
         out = oiio.ImageOutput.create(target.format)
         if out is None:
-            raise OSError(oiio.geterror())
+            raise OSError(said(oiio))
         packed = np.ascontiguousarray(pixels)
         if not (out.open(temporary, spec) and out.write_image(packed) and out.close()):
-            raise OSError(out.geterror())
+            raise OSError(said(out))
 
     try:
         # That an image was closed does not tell that its last bytes could be written.
@@ -91,7 +93,7 @@ def up_to_date(target: Target, replace: bool = False) -> dict | None:
     if facts.get(_PIXELS, digest) != digest:
         if replace:
             return None
-        reason = "its pixels are not those that vrtm wrote: --overwrite replaces it"
+        reason = "its pixels, or its figures, are not those that vrtm wrote: --overwrite replaces it"
         raise Failure(INPUT, f"{target.path}: {reason}")
     # One without is another program's, or of another of vrtm's programs.
     if _PIXELS not in facts:
@@ -114,10 +116,13 @@ def told(path: str) -> dict:
     """What an image of vrtm tells of itself, but for a TIFF; its pixels are not read. Empty if there is none."""
     file = oiio.ImageInput.open(path) if os.path.isfile(path) else None
     if file is None:
-        oiio.geterror()
+        said(oiio)
         return {}
     try:
         return {} if file.format_name() == "tiff" else _facts(file.spec(), file.format_name())
+    except ValueError:
+        # Bytes that are no UTF-8.
+        return {}
     finally:
         file.close()
 
@@ -146,23 +151,23 @@ def _is_whole(path: str) -> bool:
 
 
 def _read(path: str) -> tuple[oiio.ImageSpec, dict, str] | None:
-    """The header of an image, what it tells of itself, and the hash of its pixels; None if it is damaged: compressed
-    pixels have checksums in all three formats."""
+    """The header of an image, what it tells of itself, and the hash of its pixels and figures; None if it is damaged:
+    compressed pixels have checksums in all three formats."""
     # As it is stored: not multiplied by what may be alpha.
     config = oiio.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     file = oiio.ImageInput.open(path, config)
     if file is None:
-        oiio.geterror()
+        said(oiio)
         return None
     try:
         spec = file.spec()
         facts = _facts(spec, file.format_name())
         pixels = file.read_image(spec.format)
         if pixels is None:
-            file.geterror()
+            said(file)
             return None
-        digest = _digest(np.asarray(pixels).reshape(spec.height, spec.width, -1))
+        digest = _digest(np.asarray(pixels).reshape(spec.height, spec.width, -1), facts)
         return (spec, facts, digest) if file.format_name() != "png" or _ends(path) else None
     except (OSError, ValueError, TypeError):
         return None
@@ -195,8 +200,9 @@ def _facts(spec: oiio.ImageSpec, form: str) -> dict:
     return {a.name: a.value for a in spec.extra_attribs if a.name.startswith("vrtm:")}
 
 
-def _digest(pixels: np.ndarray) -> str:
-    return Fingerprint().array(pixels).hex()
+def _digest(pixels: np.ndarray, facts: Mapping[str, object]) -> str:
+    """A hash of the pixels, and of the figures that are told of them."""
+    return Fingerprint().array(pixels).text(facts.get(_FIGURES, "")).hex()
 
 
 def _type(dtype: str) -> str:

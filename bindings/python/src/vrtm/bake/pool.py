@@ -151,13 +151,14 @@ def _begin(settings: Settings, threads: int, receiver: Connection, idle: Idle) -
 def _in_process(mesh: str, frame: Frame) -> Outcome:
     worker = _worker
     assert worker is not None
+    if worker.work is None:
+        try:
+            # The process may end meanwhile.
+            worker.work = Work(worker.settings, worker.threads)
+            worker.work.leave_out(worker.idle)
+            # The main process has said the same.
+            worker.work.heard(), worker.work.told()
+        except Exception as error:
+            return Outcome(failure=describe(error))
     with worker.busy:
-        if worker.work is None:
-            try:
-                worker.work = Work(worker.settings, worker.threads)
-                worker.work.leave_out(worker.idle)
-                # The main process has said the same.
-                worker.work.heard(), worker.work.told()
-            except Exception as error:
-                return Outcome(failure=describe(error))
         return _outcome(worker.work, mesh, frame, worker.stop)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
 import re
@@ -58,6 +59,8 @@ def bake(settings: Settings, console: Console, stop: Stop) -> int:
 def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
     start = time.perf_counter()
     console.status(f"opening {settings.scene}")
+    # A library that reads it may crash: then the log names it.
+    console.verbose(f"opening {settings.scene}")
     warnings: list[str] = []
 
     def warn(message: str) -> None:
@@ -66,27 +69,28 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
             warnings.append(message)
             console.warning(message)
 
-    with Work(settings, settings.threads) as work:
-        opening = time.perf_counter() - start
-        stop.check()
-        work.look_for_gain(stop.check)
-        if settings.layer:
-            layer_file.check(work)
-        work.check_files()
-        for note in [*work.notes(), *(layer_file.foretell(work) if settings.layer else ())]:
-            warn(note)
-        for line in left_out.lines(left_out.unmeant(work.left_out)):
-            warn(line)
-        for line in (*work.facts(), *work.hints()):
-            console.info(line)
-        for line in work.told():
-            console.verbose(line)
-        if not settings.only_layer:
-            work.check_units()
-        if settings.dry_run:
-            for line in [*dry_run.lines(work), *left_out.listed(work.left_out)]:
+    with contextlib.ExitStack() as opened:
+        with stop.at_once(console.error):
+            work = opened.enter_context(Work(settings, settings.threads))
+            opening = time.perf_counter() - start
+            work.look_for_gain(stop.check)
+            if settings.layer:
+                layer_file.check(work)
+            work.check_files()
+            for note in [*work.notes(), *(layer_file.foretell(work) if settings.layer else ())]:
+                warn(note)
+            for line in left_out.lines(left_out.unmeant(work.left_out)):
+                warn(line)
+            for line in (*work.facts(), *work.hints()):
                 console.info(line)
-            return report.strict(settings, work.left_out)
+            for line in work.told():
+                console.verbose(line)
+            if not settings.only_layer:
+                work.check_units()
+            if settings.dry_run:
+                for line in [*dry_run.lines(work), *left_out.listed(work.left_out)]:
+                    console.info(line)
+                return report.strict(settings, work.left_out)
         results: list[FrameResult] = []
         # Better known now than after hours.
         failure = report.strict(settings, work.left_out)

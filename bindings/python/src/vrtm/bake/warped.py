@@ -21,7 +21,7 @@ import OpenImageIO as oiio
 from vrtm.bake import tokens
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
-from vrtm.bake.scene.images import opened
+from vrtm.bake.scene.images import opened, said
 from vrtm.resample import MARGIN, interpolated, turned
 
 Fetch = Callable[[str, int, int, int, int], np.ndarray]
@@ -97,11 +97,11 @@ def read(path: str) -> Texture:
         dtype = _KEPT_AS.get(str(spec.format), "float32")
         pixels = file.read_image(0, 0, 0, spec.nchannels, {"float16": "half", "float32": "float"}.get(dtype, dtype))
         if pixels is None:
-            raise Failure(INPUT, f"{path}: {file.geterror().strip() or 'cannot be read'}")
+            raise Failure(INPUT, f"{path}: {said(file) or 'cannot be read'}")
         source = file.format_name()
     pixels = np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
     channels = tuple(spec.channelnames)
-    kept = {a.name: (str(a.type), a.value) for a in spec.extra_attribs if not _FILE_ONLY.fullmatch(a.name)}
+    kept = {a.name: (str(a.type), a.value) for a in spec.extra_attribs if _can_be_kept(a)}
     form = _format(source, dtype, len(channels))
     hashed = Fingerprint().text(VERSION, oiio.__version__, form, channels, spec.alpha_channel).array(pixels)
     for name in sorted(kept):
@@ -109,6 +109,17 @@ def read(path: str) -> Texture:
     if spec.alpha_channel >= 0 and form != "openexr":
         kept["oiio:UnassociatedAlpha"] = ("int", 1)
     return Texture(path, pixels, channels, spec.alpha_channel, kept, form, hashed.hex())
+
+
+def _can_be_kept(attribute: oiio.ParamValue) -> bool:
+    """Whether an attribute means something in a copy, and can be written: one may have bytes that are no UTF-8."""
+    if _FILE_ONLY.fullmatch(attribute.name):
+        return False
+    try:
+        oiio.ImageSpec().attribute(attribute.name, str(attribute.type), attribute.value)
+    except (RuntimeError, ValueError):
+        return False
+    return True
 
 
 @functools.cache

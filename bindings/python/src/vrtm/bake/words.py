@@ -5,6 +5,9 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 
+_LONGEST = 400
+"""Letters of what a library says, which may quote the rest of a file."""
+
 
 def near(name: str, among: Iterable[str]) -> str:
     """The end of a sentence that says that there is no such name: the nearest ones that there are; empty if none is."""
@@ -16,3 +19,15 @@ def near(name: str, among: Iterable[str]) -> str:
 def others(count: int) -> str:
     """What follows the first of several meshes."""
     return "" if count == 0 else " and another mesh" if count == 1 else f" and {count} other meshes"
+
+
+def first_line(error: Exception) -> str:
+    """What an exception of a library says. That of a Tf.ErrorException has a line for each of USD's functions that it
+    passed, of which the first one names the cause, and where in USD's sources it was raised."""
+    try:
+        told = str(error)
+    except UnicodeDecodeError as wrong:
+        # USD quotes the file.
+        told = wrong.object.decode(errors="backslashreplace")
+    text = told.strip().splitlines()
+    return (text[0] if text else type(error).__name__).rsplit(" : '", 1)[-1].rstrip("'").strip()[:_LONGEST]

@@ -16,7 +16,7 @@ from vrtm.bake.layer.plan import PRIMVAR, LayerPlan
 from vrtm.bake.mark import CORNERS, mark
 from vrtm.bake.overwrite import check
 from vrtm.bake.scene.types import Shape
-from vrtm.bake.scene.usd import first_line
+from vrtm.bake.words import first_line
 
 CLIP_PRIM = "/redirected"
 ATTRIBUTE = f"primvars:{PRIMVAR}"

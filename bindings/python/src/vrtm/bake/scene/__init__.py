@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from types import TracebackType
 
 import numpy as np
@@ -12,6 +12,7 @@ import numpy as np
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, Source
+from vrtm.bake.words import first_line
 
 __all__ = ["Scene", "SceneError", "SceneOptions", "Shape"]
 
@@ -32,7 +33,7 @@ class Scene:
         self._said: list[LeftOut | str] = []
         self._says = any(path.lower().endswith(_USD) for path in (self.path, self.options.rest or ""))
         try:
-            with self.listening():
+            with self._reading():
                 self._source = _open(self.path, self.options)
         except SceneError as error:
             # What a stage lacks may be why nothing is in it.
@@ -82,7 +83,7 @@ class Scene:
         """The files that are read for the scene and exist, and the textures that its materials name: what no output
         may replace. Files that vrtm wrote earlier do not count."""
         rest = self.options.rest
-        with self.listening():
+        with self._reading():
             return (*self._source.files, *(_files_of(rest) if rest is not None and os.path.isfile(rest) else ()))
 
     @property
@@ -103,6 +104,15 @@ class Scene:
 
         return collected(self._said)
 
+    @contextmanager
+    def _reading(self) -> Iterator[None]:
+        """What libraries raise that read a damaged file, which may be anywhere, becomes a SceneError."""
+        try:
+            with self.listening():
+                yield
+        except (RuntimeError, UnicodeDecodeError) as error:
+            raise SceneError(f"{self.path}: cannot be read: {first_line(error)}") from error
+
     def shape(self, name: str) -> Shape:
         """The shape of that name. Raises KeyError."""
         return self._at_rest[name]
@@ -111,7 +121,7 @@ class Scene:
         """(vertices, 3), f32 or f64, of a shape at a frame: in the space of the mesh (that of its skeleton, if it has
         one), which is the space of `shape.rest`; without the transforms above the mesh."""
         shape = self._at_rest[shape] if isinstance(shape, str) else shape
-        with self.listening():
+        with self._reading():
             positions = np.ascontiguousarray(self._source.positions(shape, frame))
         if positions.shape != shape.rest.shape:
             raise SceneError(

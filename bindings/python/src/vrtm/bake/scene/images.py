@@ -113,7 +113,7 @@ def opened(path: str) -> Iterator[oiio.ImageInput]:
     config.attribute("oiio:UnassociatedAlpha", 1)
     image = oiio.ImageInput.open(path, config)
     if image is None:
-        raise SceneError(f"{path}: {oiio.geterror().strip() or 'no such image'}")
+        raise SceneError(f"{path}: {said(oiio) or 'no such image'}")
     try:
         spec, most = image.spec(), _most()
         if spec.deep or spec.depth > 1:
@@ -125,8 +125,19 @@ def opened(path: str) -> Iterator[oiio.ImageInput]:
                     f"are not read, unless the environment variable {MOST} is larger"
                 )
         yield image
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{path}: tells of itself in bytes that are no UTF-8") from error
     finally:
         image.close()
+
+
+def said(source: object) -> str:
+    """The last error of OpenImageIO, or of one of its images; none is left then."""
+    try:
+        return " ".join(source.geterror().split())
+    except UnicodeDecodeError as wrong:
+        # It quotes the file.
+        return " ".join(wrong.object.decode(errors="backslashreplace").split())
 
 
 def _most() -> int:
@@ -143,7 +154,7 @@ def _texels(path: str) -> tuple[oiio.ImageSpec, np.ndarray]:
         kept = KEPT.get(str(spec.format))
         texels = image.read_image(0, 0, 0, spec.nchannels, spec.format if kept else oiio.FLOAT)
         if texels is None:
-            raise SceneError(f"{path}: {image.geterror().strip() or 'cannot be read'}")
+            raise SceneError(f"{path}: {said(image) or 'cannot be read'}")
     return spec, np.asarray(texels).reshape(spec.height, spec.width, spec.nchannels)
 
 

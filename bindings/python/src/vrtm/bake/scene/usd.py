@@ -16,7 +16,7 @@ from vrtm.bake.mark import is_marked
 from vrtm.bake.scene.timing import FILE, Clock, is_between, is_whole, rate
 from vrtm.bake.scene.topology import is_exact, matches, unique_names, whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, not_loaded
-from vrtm.bake.words import near, others
+from vrtm.bake.words import first_line, near, others
 
 try:
     from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade
@@ -26,8 +26,6 @@ except ImportError as error:
 from vrtm.bake.scene.usd_mesh import UsdMesh, meters
 from vrtm.bake.scene.usd_skel import Skeletons
 
-_LONGEST = 400
-"""Letters of what USD says."""
 _FEW = 10
 """Fewer time codes per second are no frames."""
 
@@ -270,19 +268,6 @@ def _assets(attribute: Usd.Attribute, ours: set[str]) -> Iterator[str]:
             yield from (path for path, _ in UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layers[0]))
         elif asset.resolvedPath:
             yield asset.resolvedPath
-
-
-def first_line(error: Exception) -> str:
-    """What a Tf.ErrorException says, without where in USD's sources it was raised. It has a line for each of USD's
-    functions that it passed, and the first one names the cause."""
-    try:
-        told = str(error)
-    except UnicodeDecodeError as wrong:
-        # It quotes the file.
-        told = wrong.object.decode(errors="backslashreplace")
-    text = told.strip().splitlines()
-    # It may quote the rest of a file.
-    return (text[0] if text else type(error).__name__).rsplit(" : '", 1)[-1].rstrip("'").strip()[:_LONGEST]
 
 
 def authored_rate(stage: Usd.Stage) -> float | None:
