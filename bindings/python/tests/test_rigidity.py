@@ -79,6 +79,8 @@ def test_smaller_pictures_are_means(random: np.random.Generator) -> None:
     assert np.array_equal(rigidity.smaller(values, 64), values)
     assert rigidity.smaller(values, 40).shape == (32, 16, 4)
     assert rigidity.smaller(values[..., 0], 16).shape == (16, 8)
+    # A strip that is narrower than a block.
+    assert np.abs(rigidity.smaller(values[:3], 8)[0] - values[:3].reshape(3, 8, 4, 4).mean((0, 2))).max() < 1e-6
 
 
 def test_colours() -> None:
@@ -189,6 +191,7 @@ def test_a_map_of_nothing_is_told(skin: Path, capsys: pytest.CaptureFixture[str]
             "--threshold: only with --from brightness or height",
         ),
         (("--from", "colour", "--colour", "gold"), "'gold' is no colour"),
+        (("--from", "colour", "--colour", "1,nan,1"), "'1,nan,1' is no colour"),
         (("--threshold", "2"), "'2' is not a number from 0 to 1"),
         (("--out", "rigid.png"), "--out rigid.png: either it and"),
         (("--out", "rigid.<UDIM>.jpg"), "--out rigid.<UDIM>.jpg: its name must end in .png, .tif or .exr"),

@@ -26,11 +26,10 @@ def brightness(pixels: np.ndarray) -> np.ndarray:
 
 def smaller(pixels: np.ndarray, size: int) -> np.ndarray:
     """A picture with at most `size` texels on its longer side: means of whole blocks."""
-    height, width = pixels.shape[:2]
-    block = -(-max(height, width) // size)
-    height, width = height // block * block, width // block * block
-    blocks = pixels[:height, :width].reshape(height // block, block, width // block, block, -1)
-    return blocks.mean((1, 3), dtype=np.float32).reshape(height // block, width // block, *pixels.shape[2:])
+    block = -(-max(pixels.shape[:2]) // size)
+    (height, rows), (width, columns) = ((n // min(block, n), min(block, n)) for n in pixels.shape[:2])
+    blocks = pixels[: height * rows, : width * columns].reshape(height, rows, width, columns, -1)
+    return blocks.mean((1, 3), dtype=np.float32).reshape(height, width, *pixels.shape[2:])
 
 
 def otsu(*pictures: np.ndarray) -> float:

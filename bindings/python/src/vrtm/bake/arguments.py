@@ -569,9 +569,11 @@ def _colour(text: str) -> tuple[float, ...]:
         return tuple(byte / 255 for byte in bytes.fromhex(text[1:]))
     try:
         red, green, blue = map(float, text.split(","))
-        return red, green, blue
     except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}' is no colour, such as '#cc994d' or 0.8,0.6,0.3") from None
+        red = green = blue = math.nan
+    if not math.isfinite(red + green + blue):
+        raise argparse.ArgumentTypeError(f"'{text}' is no colour, such as '#cc994d' or 0.8,0.6,0.3")
+    return red, green, blue
 
 
 def _whole(first: int, last: int) -> Callable[[str], int]:
