@@ -117,7 +117,7 @@ def _can_be_kept(attribute: oiio.ParamValue) -> bool:
         return False
     try:
         oiio.ImageSpec().attribute(attribute.name, str(attribute.type), attribute.value)
-    except (RuntimeError, ValueError):
+    except (RuntimeError, TypeError, ValueError):
         return False
     return True
 
