@@ -168,6 +168,13 @@ fn the_documents_speak_of_every_function_and_status() {
 }
 
 #[test]
+#[cfg(target_os = "linux")] // A program's own pthread_create is what the library calls.
+fn threads_of_frames() {
+    let program = build(&root().join("tests/host/frame_threads.c"), true);
+    check_cases(&run(&program, &[]), 22);
+}
+
+#[test]
 fn grids_for_features() {
     let host = build_with("tests/host/grid.cpp", "grid", &["-std=c++17"], true);
     check_cases(&run(&host, &[]), 3);
