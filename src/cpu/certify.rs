@@ -258,6 +258,7 @@ mod tests {
 
     /// Vectors find what the corners tell one by one, with numbers that are not numbers, too.
     #[test]
+    #[cfg_attr(miri, ignore = "too long; tests/sound runs the same code")]
     fn the_bounds_are_those_of_all_corners() {
         let mut seed = 7u64;
         let mut random = || {

@@ -96,6 +96,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long, and safe code")]
     fn layouts_meet_where_they_share_a_byte() {
         let mut seed = 1u64;
         let mut random = |below: u64| {

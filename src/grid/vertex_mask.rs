@@ -96,6 +96,7 @@ mod tests {
     }
 
     #[test]
+    #[cfg_attr(miri, ignore = "too long, and safe code")]
     fn it_is_that_of_many_points_of_the_triangle() {
         let mut state = 1u64;
         let mut random = || {

@@ -10,7 +10,7 @@ use super::*;
 fn every_item_runs_once() {
     for threads in [1, 2, 5] {
         Team::with(threads, |team| {
-            for count in [0, 1, 2, 3, 100, 1000] {
+            for count in [0, 1, 2, 3, 100, if cfg!(miri) { 200 } else { 1000 }] {
                 let hits: Vec<AtomicUsize> = (0..count).map(|_| AtomicUsize::new(0)).collect();
                 for _ in 0..20 {
                     team.run(count, |i| {
@@ -134,7 +134,7 @@ fn many_short_jobs_of_several_teams() {
         for seed in 0..4 {
             scope.spawn(move || {
                 let random = &mut Random(seed);
-                for _ in 0..40 {
+                for _ in 0..if cfg!(miri) { 2 } else { 40 } {
                     Team::with(1 + random.below(6), |team| jobs(team, random));
                 }
             });

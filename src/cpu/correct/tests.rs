@@ -37,6 +37,7 @@ fn row_sum(run: &Run, level: usize, i: usize, j: usize) -> ([f64; 3], f64) {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long; tests/sound runs the same code")]
 fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
     // On a flat surface only the fixed border resists a rigid motion of the whole surface. The sum of each row that has
     // no fixed neighbour is therefore 0, on every level.
@@ -82,6 +83,7 @@ fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long; tests/sound runs the same code")]
 fn fractions_fall_off_by_the_slope() {
     let mesh = sheet(4, |u, v| [u, v, 0.0]);
     let maps = maps(GRID, TileSettings::default(), |_, _| 1.0);

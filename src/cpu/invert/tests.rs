@@ -57,6 +57,7 @@ fn random(seed: &mut u64) -> f64 {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long, and safe code")]
 fn a_cell_covers_what_its_triangles_cover() {
     let mut seed = 1;
     let (mut texels, mut folded) = (0, 0);
@@ -86,6 +87,7 @@ fn a_triangle_without_area_covers_nothing() {
 
 /// Slivers through a texel centre have coordinates with few significant digits.
 #[test]
+#[cfg_attr(miri, ignore = "too long, and safe code")]
 fn a_sliver_keeps_its_texels_within_the_cell() {
     let mut count = 0;
     for k in 0..2000 {

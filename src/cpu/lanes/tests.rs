@@ -123,6 +123,7 @@ fn displacements(quality: crate::Quality) -> Vec<[u32; 2]> {
 }
 
 #[test]
+#[cfg_attr(miri, ignore = "too long; tests/sound runs the same code")]
 fn a_solve_has_the_same_bits_at_every_level() {
     for quality in [crate::Quality::Draft, crate::Quality::Normal, crate::Quality::High] {
         let best = displacements(quality);
