@@ -214,6 +214,17 @@ def test_files_of_an_earlier_bake_are_removed(tmp_path: Path, capfd: pytest.Capt
     assert f"{painted} is left there, although nothing is gained" in capfd.readouterr().err
 
 
+def test_an_input_is_never_removed(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    scene = toy(tmp_path, (turns, 0, True))
+    named = ("--frames", 1, "--name", "<kind>.<UDIM>.exr")
+    assert bake(scene, "--meshes", "toy", "--texture", tmp_path / "colour.<UDIM>.png", *named) == 0
+    before = files(tmp_path / "out")
+    assert set(before) == {"redirect.1001.exr", "colour.1001.png"}
+    # A copy of an earlier bake, as a texture.
+    assert bake(scene, "--texture", tmp_path / "out" / "colour.<UDIM>.png", *named) == 2
+    assert "which is read" in capfd.readouterr().err and files(tmp_path / "out") == before
+
+
 def test_corner_uvs_have_all_of_a_mesh(tmp_path: Path) -> None:
     scene = toy(tmp_path, (turns, 0, True), (bends, 0, True))
     assert bake(scene, "--layer", tmp_path / "over.usda", "--layer-mode", "primvar") == 0

@@ -242,14 +242,17 @@ class Work:
 
     def remove_idle(self) -> list[str]:
         """Removes files of earlier bakes of what gains nothing now; returns those that could not be."""
-        names = (
+        return [path for mesh, path in self._idle_names() if not image_file.remove(path, mesh)]
+
+    def _idle_names(self) -> Iterator[tuple[str, str]]:
+        """The mesh and the path of all files that are not written, since nothing is gained."""
+        return (
             (mesh.shape.name, name)
             for mesh in self.meshes.values()
             if mesh.idle
             for frame in self.frames
             for name in mesh.idle_names(frame, self.pattern)
         )
-        return [path for mesh, path in names if not image_file.remove(path, mesh)]
 
     def _without_maps(self) -> list[str]:
         notes = []
@@ -343,7 +346,9 @@ class Work:
     def check_files(self) -> None:
         """Raises Conflict if a file cannot be written without the loss of another, Failure if a folder is missing."""
         settings = self.settings
-        outputs = [] if settings.only_layer else [(name, "--out") for name in self._names()]
+        # What is there where nothing is gained is removed, or wrong.
+        there = [name for _, name in self._idle_names() if os.path.lexists(name)]
+        outputs = [] if settings.only_layer else [(name, "--out") for name in [*self._names(), *there]]
         outputs += [(path, "--sheet") for path in self.sheets().values()]
         inputs = [(settings.scene, "the scene")]
         for part in self.parts:
