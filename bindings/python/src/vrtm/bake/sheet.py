@@ -115,7 +115,7 @@ def _drawn(surface: _Surface, title: str, stop: Callable[[], None]) -> np.ndarra
         (len(ramp) // 2 - 8, 0, "0"),
         (len(ramp) - 130, 0, f"stretched by {_FULL:.0%}"),
         (0, 1, "squeezed one way and stretched the other way"),
-        (0, 2, "elastic"),
+        (0, 2, "elastic, or not baked"),
     ):
         texts.append((_GAP + x, y + 56 * row + 38, 16, label))
     buffer = oiio.ImageBuf(np.where(sheet <= 0.0031308, 12.92 * sheet, 1.055 * sheet ** (1 / 2.4) - 0.055))
