@@ -564,9 +564,10 @@ typedef struct vrtm_mesh_desc {
     // to vertices at the same position.
     double weld_position_tolerance;
     // Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024. It is
-    // smaller at small triangles: at most a quarter of the smallest UV height of the triangles at the vertex. Beside
-    // gaps in the UVs that are closed by this nothing moves, unless they are as narrow as rounding: 2e-5, or a step of
-    // half floats.
+    // smaller at small triangles: at most a quarter of the smallest UV height of the triangles at the vertex. Welded
+    // corners have the mean of their UVs. Beside a slit in the UVs that this closes, one wider than 1/8192 or a step
+    // of half floats, nothing moves (vrtm_tile_data.gap_nodes); where more than a quarter of the edges inside a chart
+    // are apart, that is noise and no slit.
     double weld_uv_tolerance;
     // The largest number of layers of a tile, for meshes whose charts lie over one another: mirrored halves, stacked
     // islands. 0 (the default) or 1: texels that several charts share do not move (see VRTM_OVERLAP_). From 2 on,
@@ -607,9 +608,10 @@ vrtm_status vrtm_asset_find_tile(vrtm_asset asset,
                                  vrtm_tile *tile);
 
 // Sets a tile's rigidity, for all of its layers: 0 is infinitely elastic, 1 as rigid as possible; values outside are
-// clamped. The map may have any size; it is resampled to the grid. Null removes the map: a tile without rigidity does
-// not move at all. The last result stays readable until the next solve. May be called between frames; only data that
-// depends on the map is rebuilt.
+// clamped. The map may have any size; it is resampled to the grid. Null removes the map. A tile without one has the
+// rigidity of the vertices (vrtm_asset_set_vertex_rigidity), and without that, too, does not move at all. The last
+// result stays readable until the next solve. May be called between frames; only data that depends on the map is
+// rebuilt.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a
 // zero size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -659,9 +661,10 @@ typedef struct vrtm_pbd_settings {
 } vrtm_pbd_settings;
 
 // A host's function that receives a solve's predicted progress, 0..1, which never decreases. If it returns a nonzero
-// value, the solve is cancelled. It may call vrtm functions: results of the asset can be read, and calls that would
-// change the asset give VRTM_ERROR_BUSY. On a device with an executor, such calls use only the calling thread, so that
-// they never wait for threads that wait for this function. It must return normally: no exception, no longjmp.
+// value, the solve is cancelled. A solve that succeeds reports 1 at its end, when it can no longer be cancelled. It may
+// call vrtm functions: results of the asset can be read, and calls that would change the asset give VRTM_ERROR_BUSY. On
+// a device with an executor, such calls use only the calling thread, so that they never wait for threads that wait for
+// this function. It must return normally: no exception, no longjmp.
 typedef uint32_t (*vrtm_progress_fn)(void *user, float progress);
 
 // Options of one solve. Start from vrtm_solve_options_init(), which sets the defaults.
@@ -1073,6 +1076,9 @@ typedef struct vrtm_tile_data {
     // How many of these lie under more than one triangle, as those of charts in the same layer that lie over one
     // another.
     uint64_t rigid_overlapped;
+    // Nodes inside charts that cannot move because of a gap in the UVs that welding closes, such as a slit narrower
+    // than vrtm_mesh_desc.weld_uv_tolerance. Noise of the UVs makes none.
+    uint64_t gap_nodes;
 } vrtm_tile_data;
 
 // Which chart moves texels that several charts of a tile share, or that a chart shares with itself. With
@@ -1203,7 +1209,8 @@ vrtm_status vrtm_tile_update_rigidity(vrtm_tile tile,
                                       uint32_t width,
                                       uint32_t height);
 
-// Sets a tile's warp mask: points under a texel below 0.5 do not move. Null: all may move, the default. In other
+// Sets a tile's warp mask: points under a texel below 0.5 do not move. Null removes it. A tile without one has the
+// mask of the vertices (vrtm_asset_set_vertex_mask), and without that, too, all may move: the default. In other
 // respects as vrtm_tile_set_rigidity.
 //
 // Errors: those of vrtm_tile_set_rigidity.
@@ -1211,8 +1218,9 @@ VRTM_API
 vrtm_status vrtm_tile_set_mask(vrtm_tile tile,
                                const vrtm_image *mask);
 
-// Sets the rigidity of all tiles from one value per vertex (1 component, as many as vertices, 0..1), linear over each
-// triangle. Null removes it. Without a rigidity map, a tile's grid has the size in its settings, or 1024 x 1024.
+// Sets the rigidity of the vertices (1 component, as many as vertices, 0..1), linear over each triangle. A tile with
+// a map (vrtm_tile_set_rigidity) has that of its map, in whatever order the two are set. Null removes the values and
+// leaves the maps. Without a map, a tile's grid has the size in its settings, or 1024 x 1024.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null data, a wrong count, a short stride or a
 // value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -1220,8 +1228,9 @@ VRTM_API
 vrtm_status vrtm_asset_set_vertex_rigidity(vrtm_asset asset,
                                            const vrtm_array *rigidity);
 
-// Sets the warp mask of all tiles from one value per vertex (1 component, as many as vertices), linear over each
-// triangle: points below 0.5 do not move. Null: all may move, the default.
+// Sets the warp mask of the vertices (1 component, as many as vertices), linear over each triangle: points below 0.5
+// do not move. A tile with a mask (vrtm_tile_set_mask) has its own, in whatever order the two are set. Null removes
+// the values and leaves the tiles' masks.
 //
 // Errors: those of vrtm_asset_set_vertex_rigidity.
 VRTM_API

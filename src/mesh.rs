@@ -158,6 +158,8 @@ pub(crate) struct Cut {
     pub triangle: u32,
     /// Its ends.
     pub uv: [DVec2; 2],
+    /// True for the outline of a gap.
+    pub is_gap: bool,
 }
 
 /// An edge of the UV plane whose two sides have different vertices and are joined by position alone.
@@ -223,9 +225,9 @@ impl TileMesh {
     }
 
     /// The cuts at a triangle.
-    pub fn cuts_of(&self, triangle: u32) -> impl Iterator<Item = [DVec2; 2]> + '_ {
+    pub fn cuts_of(&self, triangle: u32) -> impl Iterator<Item = &Cut> {
         let first = self.cuts.partition_point(|cut| cut.triangle < triangle);
-        self.cuts[first..].iter().take_while(move |cut| cut.triangle == triangle).map(|cut| cut.uv)
+        self.cuts[first..].iter().take_while(move |cut| cut.triangle == triangle)
     }
 
     /// Number of triangles of charts; those of collars follow.

@@ -140,6 +140,8 @@ pub struct TileInfo {
     pub rigid_nodes: u64,
     /// How many of these lie under several triangles.
     pub rigid_overlapped: u64,
+    /// Nodes inside charts that are fixed because of a gap in the UVs that welding closes ([`crate::Weld::uv_tolerance`]).
+    pub gap_nodes: u64,
 }
 
 /// The memory that a tile needs, estimated before any is allocated.

@@ -156,6 +156,14 @@ impl TileState {
                 ),
             );
         }
+        if grid.at_gaps > 0 {
+            let message = format!(
+                "{}: {} nodes are fixed at gaps in the UVs that welding closes: if they are none, give UVs with less noise",
+                source.name(),
+                grid.at_gaps
+            );
+            device.log(LogLevel::Warning, &message);
+        }
         let message = format!(
             "{}: {} nodes of {} x {} cells may move, {:.1} % of its rigid texels are frozen, {:.1} % overlapped, {:.1} % may move",
             source.name(),
@@ -344,6 +352,7 @@ impl TileState {
             frozen: grid.frozen(),
             rigid_nodes: grid.rigid_sum(|square| square.rigid),
             rigid_overlapped: grid.rigid_sum(|square| square.overlapped),
+            gap_nodes: grid.at_gaps,
             uv_set: source.uv_set,
             border_edges: source.border_edges(),
             welded_edges: source.welds.len() as u64,

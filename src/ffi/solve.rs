@@ -114,9 +114,10 @@ pub struct vrtm_solve_options {
 }
 
 /// A host's function that receives a solve's predicted progress, 0..1, which never decreases. If it returns a nonzero
-/// value, the solve is cancelled. It may call vrtm functions: results of the asset can be read, and calls that would
-/// change the asset give VRTM_ERROR_BUSY. On a device with an executor, such calls use only the calling thread, so that
-/// they never wait for threads that wait for this function. It must return normally: no exception, no longjmp.
+/// value, the solve is cancelled. A solve that succeeds reports 1 at its end, when it can no longer be cancelled. It may
+/// call vrtm functions: results of the asset can be read, and calls that would change the asset give VRTM_ERROR_BUSY. On
+/// a device with an executor, such calls use only the calling thread, so that they never wait for threads that wait for
+/// this function. It must return normally: no exception, no longjmp.
 pub type vrtm_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, progress: f32) -> u32>;
 
 // SAFETY: repr(C), struct_size first, plain numbers.

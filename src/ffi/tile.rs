@@ -47,6 +47,9 @@ pub struct vrtm_tile_data {
     /// How many of these lie under more than one triangle, as those of charts in the same layer that lie over one
     /// another.
     pub rigid_overlapped: u64,
+    /// Nodes inside charts that cannot move because of a gap in the UVs that welding closes, such as a slit narrower
+    /// than vrtm_mesh_desc.weld_uv_tolerance. Noise of the UVs makes none.
+    pub gap_nodes: u64,
 }
 
 /// Which chart moves texels that several charts of a tile share, or that a chart shares with itself. With
@@ -285,15 +288,17 @@ pub unsafe extern "C" fn vrtm_tile_info(tile: vrtm_tile, info: *mut vrtm_tile_da
             layers: info.layers,
             rigid_nodes: info.rigid_nodes,
             rigid_overlapped: info.rigid_overlapped,
+            gap_nodes: info.gap_nodes,
         });
         Ok(())
     })
 }
 
 /// Sets a tile's rigidity, for all of its layers: 0 is infinitely elastic, 1 as rigid as possible; values outside are
-/// clamped. The map may have any size; it is resampled to the grid. Null removes the map: a tile without rigidity does
-/// not move at all. The last result stays readable until the next solve. May be called between frames; only data that
-/// depends on the map is rebuilt.
+/// clamped. The map may have any size; it is resampled to the grid. Null removes the map. A tile without one has the
+/// rigidity of the vertices (vrtm_asset_set_vertex_rigidity), and without that, too, does not move at all. The last
+/// result stays readable until the next solve. May be called between frames; only data that depends on the map is
+/// rebuilt.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a
 /// zero size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -334,7 +339,8 @@ pub unsafe extern "C" fn vrtm_tile_update_rigidity(
     })
 }
 
-/// Sets a tile's warp mask: points under a texel below 0.5 do not move. Null: all may move, the default. In other
+/// Sets a tile's warp mask: points under a texel below 0.5 do not move. Null removes it. A tile without one has the
+/// mask of the vertices (vrtm_asset_set_vertex_mask), and without that, too, all may move: the default. In other
 /// respects as vrtm_tile_set_rigidity.
 ///
 /// Errors: those of vrtm_tile_set_rigidity.
@@ -348,8 +354,9 @@ pub unsafe extern "C" fn vrtm_tile_set_mask(tile: vrtm_tile, mask: *const vrtm_i
     })
 }
 
-/// Sets the rigidity of all tiles from one value per vertex (1 component, as many as vertices, 0..1), linear over each
-/// triangle. Null removes it. Without a rigidity map, a tile's grid has the size in its settings, or 1024 x 1024.
+/// Sets the rigidity of the vertices (1 component, as many as vertices, 0..1), linear over each triangle. A tile with
+/// a map (vrtm_tile_set_rigidity) has that of its map, in whatever order the two are set. Null removes the values and
+/// leaves the maps. Without a map, a tile's grid has the size in its settings, or 1024 x 1024.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null data, a wrong count, a short stride or a
 /// value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -370,8 +377,9 @@ pub unsafe extern "C" fn vrtm_asset_set_vertex_rigidity(
     })
 }
 
-/// Sets the warp mask of all tiles from one value per vertex (1 component, as many as vertices), linear over each
-/// triangle: points below 0.5 do not move. Null: all may move, the default.
+/// Sets the warp mask of the vertices (1 component, as many as vertices), linear over each triangle: points below 0.5
+/// do not move. A tile with a mask (vrtm_tile_set_mask) has its own, in whatever order the two are set. Null removes
+/// the values and leaves the tiles' masks.
 ///
 /// Errors: those of vrtm_asset_set_vertex_rigidity.
 #[unsafe(no_mangle)]

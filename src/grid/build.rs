@@ -47,7 +47,7 @@ pub(crate) fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -
             Gather::new(team, &survey.coverer, &level.blocks.list, [level.nx, level.ny]);
         (gather, level.coverage) = (of_level, Arc::new(coverage));
     }
-    let overlap = survey.overlap();
+    let (overlap, at_gaps) = (survey.overlap(), survey.counts.at_gaps);
     let rest = Arc::new(Pose::new(tile, |v| mesh.rest[v as usize], None));
     let Survey { coverer, triangles, movable, levels: survey, parts, rigid, rigid_nodes, has_extra, .. } =
         survey;
@@ -59,6 +59,7 @@ pub(crate) fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -
         gather: Arc::new(gather),
         movable,
         overlap,
+        at_gaps,
         has_extra,
         rest,
         survey: Arc::new(survey),
@@ -86,7 +87,7 @@ impl Grid {
 pub(crate) fn skeleton(survey: Survey) -> Grid {
     let levels = levels_of(&survey.levels, survey.coverer.tile.charts.len());
     let gather = Gather::empty(levels.get(1).map_or(0, |level| level.blocks.list.len()));
-    let overlap = survey.overlap();
+    let (overlap, at_gaps) = (survey.overlap(), survey.counts.at_gaps);
     let Survey { coverer, triangles, movable, levels: survey, parts, rigid, rigid_nodes, has_extra, .. } =
         survey;
     Grid {
@@ -97,6 +98,7 @@ pub(crate) fn skeleton(survey: Survey) -> Grid {
         gather: Arc::new(gather),
         movable,
         overlap,
+        at_gaps,
         has_extra,
         rest: Arc::default(),
         survey: Arc::new(survey),

@@ -38,6 +38,8 @@ pub struct Cover {
     pub covered: NodeSet,
     /// The square's nodes that more than one layer covers.
     pub layered: NodeSet,
+    /// The square's nodes that would be interior without the gaps in the UVs that welding closed.
+    pub at_gaps: NodeSet,
 }
 
 /// Index of the node (i - 1, j - 1) of a square in its window; i and j run from 0 to 17.
@@ -61,8 +63,8 @@ impl<'a> Coverer<'a> {
         let [x, y] = self.squares.list[square].at.map(|x| x as usize * SIDE);
         let triangles = self.squares.triangles(square);
         let (triangle, layered) = self.fill(x, y, triangles);
-        let mut cover =
-            Cover { triangle, interior: NodeSet::EMPTY, covered: NodeSet::EMPTY, layered: NodeSet::EMPTY };
+        let empty = NodeSet::EMPTY;
+        let mut cover = Cover { triangle, interior: empty, covered: empty, layered: empty, at_gaps: empty };
         for j in 0..SIDE {
             for i in 0..SIDE {
                 if triangle[at(i + 1, j + 1)] < self.tile.own() as u32 {
@@ -74,7 +76,14 @@ impl<'a> Coverer<'a> {
             }
         }
         if triangle.iter().any(|&t| t != NONE) {
-            cover.interior = self.interior(x, y, triangles, &triangle, &layered);
+            let interior = |with_gaps: bool| {
+                let borders = self.borders(x, y, triangles, with_gaps);
+                self.interior(&borders, &triangle, &layered)
+            };
+            cover.interior = interior(true);
+            if triangles.iter().any(|&t| self.tile.cuts_of(t).any(|cut| cut.is_gap)) {
+                cover.at_gaps = interior(false).without(cover.interior);
+            }
         }
         cover
     }
@@ -111,6 +120,19 @@ impl<'a> Coverer<'a> {
                 fill.visit_in(first, end, put);
             }
         }
+        // Borders that lie on a line of the grid but for noise have the nodes of that line.
+        for &t in triangles {
+            for [a, b] in self.sides(t).map(|ends| ends.map(|uv| uv * cells)) {
+                let Some([a, b]) = on_line(a, b) else { continue };
+                nodes_of_segment(a, b, [first[0], first[1]], WIDE, |i, j| {
+                    let node = at(first[0] + i + 1 - x, first[1] + j + 1 - y);
+                    let is_inside = first[0] + i < end[0] && first[1] + j < end[1];
+                    if is_inside && rim[node] == NONE {
+                        rim[node] = t;
+                    }
+                });
+            }
+        }
         for (triangle, rim) in triangle.iter_mut().zip(rim) {
             if *triangle == NONE {
                 *triangle = rim;
@@ -122,13 +144,10 @@ impl<'a> Coverer<'a> {
     /// The square's interior nodes.
     fn interior(
         &self,
-        x: usize,
-        y: usize,
-        triangles: &[u32],
+        borders: &Borders,
         triangle: &[u32; WIDE * WIDE],
         layered: &[bool; WIDE * WIDE],
     ) -> NodeSet {
-        let borders = self.borders(x, y, triangles);
         let chart_of = |node: usize| match triangle[node] {
             NONE => NONE,
             t => self.charts[t as usize],
@@ -167,8 +186,15 @@ impl<'a> Coverer<'a> {
         interior
     }
 
-    /// The borders of charts in a window.
-    fn borders(&self, x: usize, y: usize, triangles: &[u32]) -> Borders {
+    /// The sides of a triangle at which its chart ends.
+    fn sides(&self, t: u32) -> impl Iterator<Item = [DVec2; 2]> + use<'_> {
+        let triangle = &self.tile.triangles[t as usize];
+        let ends = |k: usize| [triangle.uv[(k + 1) % 3], triangle.uv[(k + 2) % 3]];
+        (0..3).filter(|&k| triangle.neighbours[k] == NONE).map(ends)
+    }
+
+    /// The borders of charts in a window, among them the outlines of gaps if that is asked for.
+    fn borders(&self, x: usize, y: usize, triangles: &[u32], with_gaps: bool) -> Borders {
         let size = DVec2::new(self.nx as f64, self.ny as f64);
         let mut borders = Borders { cells: [NONE; CELLS * CELLS], nodes: [NONE; SIDE * SIDE] };
         let mark = |owner: &mut u32, chart: u32| {
@@ -176,16 +202,15 @@ impl<'a> Coverer<'a> {
         };
         let first_cell = [x as i64 - 1, y as i64 - 1];
         for &t in triangles {
-            let triangle = &self.tile.triangles[t as usize];
             let chart = self.charts[t as usize];
-            let whole = (0..3).filter(|&k| triangle.neighbours[k] == NONE);
-            let whole = whole.map(|k| [triangle.uv[(k + 1) % 3], triangle.uv[(k + 2) % 3]]);
-            for ends in whole.chain(self.tile.cuts_of(t)) {
+            let cuts = self.tile.cuts_of(t).filter(|cut| with_gaps || !cut.is_gap).map(|cut| cut.uv);
+            for ends in self.sides(t).chain(cuts) {
                 let [a, b] = ends.map(|uv| uv * size);
+                let [a, b] = on_line(a, b).unwrap_or([a, b]);
                 cells_of_segment(a, b, first_cell, CELLS, |i, j| {
                     mark(&mut borders.cells[j * CELLS + i], chart)
                 });
-                nodes_of_segment(a, b, [x, y], |i, j| mark(&mut borders.nodes[j * SIDE + i], chart));
+                nodes_of_segment(a, b, [x, y], SIDE, |i, j| mark(&mut borders.nodes[j * SIDE + i], chart));
             }
         }
         borders
@@ -201,20 +226,33 @@ struct Borders {
     nodes: [u32; SIDE * SIDE],
 }
 
+/// Cells by which a border may be off a line of the grid and counts as on it: otherwise rounding of its UVs would decide on
+/// whole rows of nodes.
+const OFF_LINE: f64 = 1.0 / 64.0;
+
+/// A segment that lies on a grid line but for noise, moved there; its ends are moved to nodes if they are as near.
+fn on_line(a: DVec2, b: DVec2) -> Option<[DVec2; 2]> {
+    let near = |x: f64| (x - x.round()).abs() <= OFF_LINE;
+    let is_along = |line: usize| near(a[line]) && near(b[line]) && a[line].round() == b[line].round();
+    let moved = |p: DVec2| DVec2::from([0, 1].map(|c| if near(p[c]) { p[c].round() } else { p[c] }));
+    (is_along(0) || is_along(1)).then(|| [moved(a), moved(b)])
+}
+
 /// If the segment from `a` to `b` lies on a grid line, calls `f` for the nodes of each grid edge that it covers at
-/// least partly. Only nodes of the square that begins at the node `first` count; `f` receives their position in it.
-fn nodes_of_segment(a: DVec2, b: DVec2, first: [usize; 2], mut f: impl FnMut(usize, usize)) {
+/// least partly. Only nodes of the square that begins at the node `first`, with `count` nodes on a side, count; `f` receives
+/// their position in it.
+fn nodes_of_segment(a: DVec2, b: DVec2, first: [usize; 2], count: usize, mut f: impl FnMut(usize, usize)) {
     let first = first.map(|x| x as f64);
     for axis in 0..2 {
         let (along, line) = (axis, 1 - axis);
         let at = a[line];
         let on_grid = at == b[line] && at.fract() == 0.0;
-        let inside = (first[line]..first[line] + SIDE as f64).contains(&at);
+        let inside = (first[line]..first[line] + count as f64).contains(&at);
         if !on_grid || !inside || a[along] == b[along] {
             continue;
         }
         let mut k = a[along].min(b[along]).floor().max(first[along]);
-        let last = a[along].max(b[along]).ceil().min(first[along] + SIDE as f64 - 1.0);
+        let last = a[along].max(b[along]).ceil().min(first[along] + count as f64 - 1.0);
         while k <= last {
             let [along_place, line_place] = [k - first[along], at - first[line]].map(|x| x as usize);
             if along == 0 {
@@ -275,7 +313,7 @@ mod tests {
     fn a_border_on_a_line_of_the_grid_meets_the_nodes_of_its_edges() {
         let nodes = |a: [f64; 2], b: [f64; 2]| {
             let mut nodes = Vec::new();
-            nodes_of_segment(a.into(), b.into(), [16, 32], |i, j| nodes.push([i + 16, j + 32]));
+            nodes_of_segment(a.into(), b.into(), [16, 32], SIDE, |i, j| nodes.push([i + 16, j + 32]));
             nodes
         };
         assert_eq!(nodes([17.0, 34.0], [19.0, 34.0]), [[17, 34], [18, 34], [19, 34]]);
@@ -293,5 +331,15 @@ mod tests {
         ] {
             assert_eq!(nodes(a, b), [[0usize; 2]; 0]);
         }
+    }
+
+    #[test]
+    fn a_border_beside_a_line_of_the_grid_by_noise_is_on_it() {
+        let moved =
+            |a: [f64; 2], b: [f64; 2]| on_line(a.into(), b.into()).map(|ends| ends.map(|p| p.to_array()));
+        assert_eq!(moved([3.01, 2.5], [2.99, 7.99]), Some([[3.0, 2.5], [3.0, 8.0]]));
+        assert_eq!(moved([3.01, 2.5], [2.98, 7.99]), None);
+        // Ends that are both near lines, but not near the same one.
+        assert_eq!(moved([3.01, 2.5], [4.0, 7.5]), None);
     }
 }

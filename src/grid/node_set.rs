@@ -31,6 +31,11 @@ impl NodeSet {
         NodeSet(std::array::from_fn(|j| self.0[j] & other.0[j]))
     }
 
+    /// The nodes that are not in the other set.
+    pub fn without(self, other: NodeSet) -> NodeSet {
+        NodeSet(std::array::from_fn(|j| self.0[j] & !other.0[j]))
+    }
+
     /// Number of nodes in the set.
     pub fn count(&self) -> u64 {
         self.0.iter().map(|row| u64::from(row.count_ones())).sum()

@@ -29,11 +29,10 @@ impl NodeRigidity<'_> {
             Rigidity::None => {}
             Rigidity::Map(map) => {
                 let (first, count) = self.nodes(square, 1);
-                let values = at_nodes(map, [self.coverer.nx, self.coverer.ny], first, count);
                 let place = |axis: usize| first[axis] + 1 - square[axis] as usize * SIDE;
-                for (row, line) in values.chunks_exact(count[0]).enumerate() {
-                    rigidity[at(place(0), place(1) + row)..][..count[0]].copy_from_slice(line);
-                }
+                let mut put =
+                    |i: usize, j: usize, value: f32| rigidity[at(place(0) + i, place(1) + j)] = value;
+                at_nodes(map, [self.coverer.nx, self.coverer.ny], first, count, &mut put);
                 for (value, _) in rigidity.iter_mut().zip(cover.triangle).filter(|(_, t)| *t == NONE) {
                     *value = 0.0;
                 }
@@ -84,11 +83,8 @@ impl NodeRigidity<'_> {
 
     fn free_in(&self, mask: &Map, square: [u32; 2]) -> NodeSet {
         let (first, count) = self.nodes(square, 0);
-        let values = free_nodes(mask, [self.coverer.nx, self.coverer.ny], first, count);
         let mut free = NodeSet::EMPTY;
-        for (n, _) in values.iter().enumerate().filter(|(_, free)| **free) {
-            free.insert(n % count[0], n / count[0]);
-        }
+        free_nodes(mask, [self.coverer.nx, self.coverer.ny], first, count, |i, j| free.insert(i, j));
         free
     }
 

@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! header     magic, format, length, key of the inputs, checksum of what follows
-//! sizes      cells along u and v, charts, levels, parts, squares; overlap
+//! sizes      cells along u and v, charts, levels, parts, squares; overlap, nodes at gaps
 //! parts      chart, place, rigid or not, nodes
 //! squares    place, rigid, frozen and overlapped nodes
 //! levels     per level: rigidity, rest lengths, their coding and floors, weights, stiffness, coverage, density
@@ -30,7 +30,7 @@ use write::{Writer, write};
 
 const MAGIC: [u8; 8] = *b"vrtmtile";
 /// Increases with every change of the layout, or of what is computed from the same inputs.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 /// Bytes of the header.
 const HEADER: usize = 8 + 4 + 4 + 8 + 16 + 16;
 /// A hash that identifies the inputs of a grid: the tile's mesh, its maps, and the settings that a grid depends on.

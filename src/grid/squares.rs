@@ -57,7 +57,7 @@ impl Squares {
             each_square(corners, range, window, |x, y| pairs.put((layers[chart as usize], y, x, t as u32)));
         }
         // The outline of a gap that welding closed may leave its triangle.
-        for Cut { triangle, uv } in &tile.cuts {
+        for Cut { triangle, uv, .. } in &tile.cuts {
             let [a, b] = uv.map(|uv| uv * cells);
             let layer = layers[charts[*triangle as usize] as usize];
             each_square([a, b, b], range, window, |x, y| pairs.put((layer, y, x, *triangle)));

@@ -53,6 +53,8 @@ pub(crate) struct Counts {
     pub covered: u64,
     /// Nodes that more than one layer covers.
     pub layered: u64,
+    /// Nodes inside charts that gaps in the UVs fix.
+    pub at_gaps: u64,
 }
 
 /// Squares that a thread surveys at once.
@@ -80,6 +82,7 @@ impl<'a> Survey<'a> {
         for of_chunk in found {
             counts.covered += of_chunk.counts.covered;
             counts.layered += of_chunk.counts.layered;
+            counts.at_gaps += of_chunk.counts.at_gaps;
             rigid_nodes.put_all(of_chunk.rigid_nodes);
             parts.put_all(of_chunk.parts);
             of_features.put_all(of_chunk.of_features);
@@ -230,6 +233,7 @@ impl Found {
         self.rigid_nodes.put(rigid_nodes([x, y], &cover, &free, &rigidity));
         self.counts.covered += cover.covered.count();
         self.counts.layered += cover.layered.count();
+        self.counts.at_gaps += cover.at_gaps.count();
     }
 
     /// Adds a rigid node of a chart in a square, the parts of which begin at `first`.

@@ -2,12 +2,14 @@
 
 use std::sync::Arc;
 
+use glam::DVec2;
+
 use super::charts::{self, Seams, is_seam};
-use super::gaps::Moved;
+use super::gaps::Given;
 use super::layers::layers;
 use super::read::{self, UvSet};
 use super::source::{MeshSource, Weld, WeldBy};
-use super::weld::{Corners, places, reaches};
+use super::weld::{Corners, places, rooms};
 use super::{Mesh, NONE, RawTriangle, TileMesh, check};
 use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
 use crate::error::Result;
@@ -29,8 +31,9 @@ impl Mesh {
         let seams = read::seams(source, &mut info);
         let (mut corners, mut tiles, mut corners_of) = (Vec::new(), Vec::new(), Vec::new());
         for (uv_set, uvs) in (0..).zip(std::iter::once(&source.uvs).chain(source.uv_sets)) {
-            let mut set = read::read(source, uvs, uv_set, &mut info);
-            welding.build(&mut set, &seams, uv_set, &mut tiles);
+            let given = check::corner_uv(uvs);
+            let mut set = welding.read(source, &given, uv_set, &mut info);
+            welding.build(&mut set, &given, &seams, uv_set, &mut tiles);
             if info.uv_sets > 1 {
                 let of = |raw: &Vec<RawTriangle>| raw.iter().map(|triangle| triangle.corners).collected();
                 corners_of.put_all(set.tiles.iter().map(|(_, raw)| of(raw)));
@@ -94,16 +97,99 @@ impl<'a> Welding<'a> {
         Welding { weld: source.weld, rest, tolerance, shortest, place, max_layers: source.max_layers }
     }
 
+    /// Reads a UV set and welds it: corners that are one UV corner have the mean of their UVs, rounded to f32. What follows
+    /// sees nothing of the UVs that the host gave, and so has the bits of a mesh with these means.
+    pub fn read(&self, source: &MeshSource, given: &Given, uv_set: u32, info: &mut AssetInfo) -> UvSet {
+        /// Means may come within reach of one another, and are welded in turn; but not for ever.
+        const ROUNDS: usize = 4;
+        let before = *info;
+        let mut set = read::read(source, given, uv_set, info);
+        for _ in 0..ROUNDS {
+            let Some(welded) = self.means(&set) else { break };
+            *info = before;
+            set = read::read(source, &|corner| given(corner).map(|_| welded[corner]), uv_set, info);
+        }
+        set
+    }
+
+    /// The UVs of a set's corners, each UV corner with its mean; `None` if that changes none.
+    fn means(&self, set: &UvSet) -> Option<Vec<[f32; 2]>> {
+        let (tolerance, place) = (self.weld.of_uvs(), |v: u32| self.place(v));
+        let room = rooms(set.tiles.iter().flat_map(|tile| &tile.1), self.rest.len());
+        let mut welded: Option<Vec<[f32; 2]>> = None;
+        let mut number_of = filled(NONE, if tolerance > 0.0 { set.corners.len() } else { 0 });
+        for (_, raw) in set.tiles.iter().filter(|_| tolerance > 0.0) {
+            let mut corners = Corners::new(&place, &room, tolerance);
+            // Per UV corner: the sum of its corners' UVs, their number, and the first one.
+            let mut sums: Vec<(DVec2, u32, [f32; 2])> = Vec::new();
+            let of_raw =
+                || raw.iter().flat_map(|triangle| triangle.corners.into_iter().zip(triangle.vertices));
+            let uv_of = |corner: u32| set.corners[corner as usize].uv;
+            for (triangle, k) in raw.iter().flat_map(|triangle| (0..3).map(move |k| (triangle, k))) {
+                let corner = triangle.corners[k];
+                if number_of[corner as usize] == NONE {
+                    let number = corners.number(triangle.vertices[k], triangle.uv[k]).0;
+                    if number as usize == sums.len() {
+                        sums.put((DVec2::ZERO, 0, uv_of(corner)));
+                    }
+                    let sum = &mut sums[number as usize];
+                    (sum.0, sum.1) = (sum.0 + DVec2::from(uv_of(corner).map(f64::from)), sum.1 + 1);
+                    number_of[corner as usize] = number;
+                }
+            }
+            let mean =
+                |&(sum, count, _): &(DVec2, u32, _)| (sum / f64::from(count)).to_array().map(|x| x as f32);
+            // The first one of a UV corner is within reach of all others; the mean need not be.
+            let mut target: Vec<[f32; 2]> = sums.iter().map(mean).collected();
+            for (corner, vertex) in of_raw() {
+                let number = number_of[corner as usize] as usize;
+                let away = |c: usize| f64::from(target[number][c]) - f64::from(uv_of(corner)[c]);
+                if away(0).abs().max(away(1).abs()) > room[vertex as usize] {
+                    target[number] = sums[number].2;
+                }
+            }
+            for (corner, _) in of_raw() {
+                let uv = target[number_of[corner as usize] as usize];
+                if uv != uv_of(corner) {
+                    let welded =
+                        welded.get_or_insert_with(|| set.corners.iter().map(|corner| corner.uv).collected());
+                    welded[corner as usize] = uv;
+                }
+            }
+        }
+        welded
+    }
+
+    /// The first vertex at the place of a vertex.
+    fn place(&self, vertex: u32) -> u32 {
+        self.place.get(vertex as usize).copied().unwrap_or(vertex)
+    }
+
     /// Builds the tiles of a UV set and appends them to `tiles`. Sets the tiles and triangles of its corners.
-    pub fn build(&self, set: &mut UvSet, seams: &Seams, uv_set: u32, tiles: &mut Vec<TileMesh>) {
+    pub fn build(
+        &self,
+        set: &mut UvSet,
+        given: &Given,
+        seams: &Seams,
+        uv_set: u32,
+        tiles: &mut Vec<TileMesh>,
+    ) {
         let first = tiles.len();
-        let tolerance = self.weld.of_uvs();
-        let reach = reaches(set.tiles.iter().flat_map(|tile| &tile.1), self.rest.len(), tolerance);
-        let place = |v: u32| self.place.get(v as usize).copied().unwrap_or(v);
+        let room = rooms(set.tiles.iter().flat_map(|tile| &tile.1), self.rest.len());
+        let place = |v: u32| self.place(v);
         let mut triangles = Vec::new();
         for (udim, mut raw) in std::mem::take(&mut set.tiles) {
-            let (numbers, moved) = number(&mut raw, Corners::new(&place, &reach, tolerance));
-            let tile = TileMesh { udim, uv_set, ..charts::build(&raw, &numbers, &moved, seams) };
+            let numbers = number(&mut raw, Corners::new(&place, &room, self.weld.of_uvs()));
+            let (tile, open) = charts::build(udim, &raw, &numbers, given, seams);
+            let tile = TileMesh { uv_set, ..tile };
+            // The sides of a gap keep what the host gave them.
+            for (triangle, numbers) in raw.iter().zip(&numbers).filter(|_| !open.is_empty()) {
+                for (&corner, number) in triangle.corners.iter().zip(numbers) {
+                    if open.binary_search(number).is_ok() {
+                        set.corners[corner as usize].uv = given(corner as usize).unwrap_or_default();
+                    }
+                }
+            }
             let layers =
                 if self.max_layers > 1 { layers(&tile, &raw, self.max_layers) } else { zeroed(raw.len()) };
             let count = 1 + layers.iter().max().copied().unwrap_or(0);
@@ -139,8 +225,8 @@ impl<'a> Welding<'a> {
     /// Counts the edges that coincide but are not connected, as if all vertices were welded by position.
     fn count_apart(&self, set: &UvSet, seams: &Seams, tiles: &mut [TileMesh]) {
         let tolerance = Weld { by: WeldBy::Position, ..self.weld }.of_uvs();
-        // This only counts and moves no UVs, so small triangles need no smaller tolerance.
-        let reach = filled(tolerance, self.rest.len());
+        // This only counts and moves no UVs, so small triangles need no more room.
+        let room = filled(tolerance, self.rest.len());
         let found = self.place.is_empty().then(|| {
             let mut at_border = zeroed(self.rest.len());
             for (tile, (_, raw)) in tiles.iter().zip(&set.tiles) {
@@ -154,29 +240,21 @@ impl<'a> Welding<'a> {
         let place = found.as_ref().unwrap_or(&self.place);
         let place = |v: u32| place[v as usize];
         for (tile, (_, raw)) in tiles.iter_mut().zip(&set.tiles) {
-            tile.edges_apart = edges_apart(tile, raw, seams, &place, &reach, tolerance);
+            tile.edges_apart = edges_apart(tile, raw, seams, &place, &room, tolerance);
         }
     }
 }
 
-/// Numbers the UV corners of triangles, and gives corners that are joined the same UV, so that no crack remains. Also returns
-/// the triangles whose UVs this changed.
-fn number(raw: &mut [RawTriangle], mut corners: Corners) -> (Vec<[u32; 3]>, Moved) {
-    let mut moved = Moved::new();
-    let number = |(t, triangle): (usize, &mut RawTriangle)| {
-        let given = triangle.uv;
-        let numbers = [0, 1, 2].map(|k| {
-            let (id, uv) = corners.number(triangle.vertices[k], given[k]);
+/// Numbers the UV corners of triangles, and gives corners that are joined the same UV, so that no crack remains.
+fn number(raw: &mut [RawTriangle], mut corners: Corners) -> Vec<[u32; 3]> {
+    let number = |triangle: &mut RawTriangle| {
+        [0, 1, 2].map(|k| {
+            let (id, uv) = corners.number(triangle.vertices[k], triangle.uv[k]);
             triangle.uv[k] = uv;
             id
-        });
-        if triangle.uv != given {
-            moved.put((t as u32, given));
-        }
-        numbers
+        })
     };
-    let numbers = raw.iter_mut().enumerate().map(number).collected();
-    (numbers, moved)
+    raw.iter_mut().map(number).collected()
 }
 
 /// Counts edges that coincide but are not connected: intended cuts; edges that a mesh from a game needs welded by
@@ -189,10 +267,10 @@ fn edges_apart(
     raw: &[RawTriangle],
     seams: &Seams,
     place: &dyn Fn(u32) -> u32,
-    reach: &[f64],
+    room: &[f64],
     tolerance: f64,
 ) -> u64 {
-    let mut corners = Corners::new(place, reach, tolerance);
+    let mut corners = Corners::new(place, room, tolerance);
     let mut numbers = filled([NONE; 3], raw.len());
     let mut sides = Vec::new();
     for (t, k) in tile.borders() {

@@ -3,7 +3,7 @@
 
 use glam::DVec2;
 
-use super::gaps::{self, Moved};
+use super::gaps::{self, Given};
 use super::triangle::doubled_area;
 use super::{Chart, Cut, NONE, RawTriangle, TileMesh, Triangle, WeldedEdge};
 use crate::allocation::{Collect, Grow, filled, with_capacity};
@@ -15,12 +15,19 @@ pub(super) type Seams = Vec<[u32; 2]>;
 ///
 /// Two triangles are neighbours if exactly these two share a UV edge, lie on opposite sides of it, and it is not a seam:
 /// a mirrored half folded onto the other one, and an edge of three triangles, are borders. `numbers` holds the numbers of
-/// each triangle's UV corners; `moved`, what welding changed.
-pub(super) fn build(raw: &[RawTriangle], numbers: &[[u32; 3]], moved: &Moved, seams: &Seams) -> TileMesh {
+/// each triangle's UV corners; `given`, the UVs before welding. Also returns the UV corners at gaps that welding closed,
+/// ascending.
+pub(super) fn build(
+    udim: u32,
+    raw: &[RawTriangle],
+    numbers: &[[u32; 3]],
+    given: &Given,
+    seams: &Seams,
+) -> (TileMesh, Vec<u32>) {
     let (neighbours, welds) = neighbours(raw, numbers, seams);
-    let tile = assemble(&neighbours, |t| (raw[t].vertices, raw[t].uv));
-    let gaps = gaps::outlines(raw, moved, &neighbours);
-    TileMesh { welds, ..with_cuts(tile, gaps) }
+    let tile = TileMesh { udim, ..assemble(&neighbours, |t| (raw[t].vertices, raw[t].uv)) };
+    let gaps = gaps::find(&tile, raw, numbers, given, &neighbours);
+    (TileMesh { welds, ..with_cuts(tile, gaps.outlines) }, gaps.corners)
 }
 
 impl TileMesh {

@@ -232,7 +232,7 @@ fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, kept: &Kept, reach: 
         let at = |part: usize| from + (part as f64 / parts) * (to - from);
         for [a, b] in [[0, run.start], [run.end, collar.parts]] {
             if a < b {
-                tile.cuts.put(Cut { triangle: side.0, uv: [at(a), at(b)] });
+                tile.cuts.put(Cut { triangle: side.0, uv: [at(a), at(b)], is_gap: false });
             }
         }
     }

@@ -1,52 +1,91 @@
 //! Gaps that welding closes (method §1). Corners whose UVs differ become one, so that the chart covers what lay between
-//! them and the surface map goes on across it; but the host's triangles do not cover it, so that no node may end there.
+//! them and the surface map goes on across it. Where that is a slit of the host's layout, and not noise of its UVs, no node
+//! may end there, since no triangle of the host covers it.
 
 use glam::DVec2;
 use half::f16;
 
-use super::{Cut, NONE, RawTriangle};
-use crate::allocation::Grow;
+use super::{Cut, NONE, RawTriangle, TileMesh};
+use crate::allocation::{Grow, zeroed};
 
 /// UVs that differ by no more than this differ by rounding: that of five digits, or of integers of 16 bits.
 const ROUNDING: f64 = 2e-5;
+/// No gap is narrower than this: an eighth of a cell on a grid of 1024 by 1024. It is what shells that were sewn by hand
+/// are apart.
+const NARROWEST: f64 = 1.0 / 8192.0;
+/// Where more than this share of the edges inside a chart are apart by more than rounding, the UVs of the chart are noisy,
+/// as those of faces that were written one by one. Gaps are few.
+const NOISY: f64 = 0.25;
 
-/// The triangles of which welding moved a corner, ascending: each with the UVs that the host gave.
-pub(super) type Moved = Vec<(u32, [DVec2; 3])>;
+/// The UV that the host gave a face corner.
+pub(super) type Given<'a> = dyn Fn(usize) -> Option<[f32; 2]> + 'a;
 
-/// The outlines of the gaps: the sides that the host gave where they are apart from those across, or from the border
-/// that welding made of them, and what joins the ends of both. The result has the numbers of `raw`.
-pub(super) fn outlines(raw: &[RawTriangle], moved: &Moved, neighbours: &[[u32; 3]]) -> Vec<Cut> {
-    let find = |t: u32| moved.binary_search_by_key(&t, |(t, _)| *t).ok();
-    let mut cuts = Vec::new();
-    for (t, given) in moved {
-        let welded = &raw[*t as usize].uv;
-        for (k, &next) in neighbours[*t as usize].iter().enumerate() {
+/// The gaps of a tile.
+#[derive(Default)]
+pub(super) struct Gaps {
+    /// The sides that the host gave where they are apart from those across, or from the border that welding made of them,
+    /// and what joins the ends of both. Triangles have the numbers of `raw`.
+    pub outlines: Vec<Cut>,
+    /// The numbers of the UV corners on them, ascending.
+    pub corners: Vec<u32>,
+}
+
+/// Finds the gaps of a tile with charts, but without cuts.
+pub(super) fn find(
+    tile: &TileMesh,
+    raw: &[RawTriangle],
+    numbers: &[[u32; 3]],
+    given: &Given,
+    neighbours: &[[u32; 3]],
+) -> Gaps {
+    let origin = tile.origin();
+    let of_host =
+        |corner: u32| DVec2::from(given(corner as usize).unwrap_or_default().map(f64::from)) - origin;
+    let is_moved = |triangle: &RawTriangle| (0..3).any(|k| of_host(triangle.corners[k]) != triangle.uv[k]);
+    if !raw.iter().any(is_moved) {
+        return Gaps::default();
+    }
+    // Per chart: the edges between faces, and those of them that are apart. Each edge inside is seen from both sides.
+    let mut edges: Vec<[u32; 2]> = zeroed(tile.charts.len());
+    let mut found = Vec::new();
+    for (t, triangle) in raw.iter().enumerate() {
+        for (k, &next) in neighbours[t].iter().enumerate() {
             let ends = [1, 2].map(|d| (k + d) % 3);
-            let here = ends.map(|c| given[c]);
-            let there = match next {
-                NONE => ends.map(|c| welded[c]),
-                _ => {
-                    let of_next = &raw[next as usize].uv;
-                    let given_there = find(next).map_or(of_next, |at| &moved[at].1);
-                    let corner = |c: usize| (0..3).find(|&other| of_next[other] == welded[c]);
-                    ends.map(|c| corner(c).map_or(welded[c], |other| given_there[other]))
-                }
+            let across = |c: usize| {
+                let corner = (0..3).find(|&other| numbers[next as usize][other] == numbers[t][c]);
+                corner.map(|other| raw[next as usize].corners[other])
             };
-            if !(0..2).any(|end| are_apart(here[end], there[end])) {
-                continue;
+            let here = ends.map(|c| of_host(triangle.corners[c]));
+            let there = match next {
+                NONE => ends.map(|c| triangle.uv[c]),
+                _ => ends.map(|c| across(c).map_or(triangle.uv[c], of_host)),
+            };
+            let differ = |by: f64| (0..2).any(|end| are_apart(here[end], there[end], by));
+            let chart = tile.chart_of[t] as usize;
+            if next != NONE && ends.iter().any(|&c| across(c) != Some(triangle.corners[c])) {
+                edges[chart] = [edges[chart][0] + 1, edges[chart][1] + u32::from(differ(ROUNDING))];
             }
-            let sides = [here, there, [here[0], there[0]], [here[1], there[1]]];
-            for uv in sides.into_iter().filter(|[a, b]| a != b) {
-                cuts.put(Cut { triangle: *t, uv });
+            if differ(NARROWEST) {
+                found.put((t as u32, chart, ends.map(|c| numbers[t][c]), [here, there]));
             }
         }
     }
-    cuts
+    let mut gaps = Gaps::default();
+    let is_noisy = |[inside, apart]: [u32; 2]| f64::from(apart) > NOISY * f64::from(inside);
+    for (triangle, _, corners, [here, there]) in found.into_iter().filter(|gap| !is_noisy(edges[gap.1])) {
+        gaps.corners.put_all(corners);
+        let sides = [here, there, [here[0], there[0]], [here[1], there[1]]];
+        let cut = |uv| Cut { triangle, uv, is_gap: true };
+        gaps.outlines.put_all(sides.into_iter().filter(|[a, b]| a != b).map(cut));
+    }
+    gaps.corners.sort_unstable();
+    gaps.corners.dedup();
+    gaps
 }
 
-/// Whether two UVs differ by more than rounding: also by more than one step of half floats, if they are such.
-fn are_apart(a: DVec2, b: DVec2) -> bool {
-    (0..2).any(|c| (a[c] - b[c]).abs() > ROUNDING && !are_adjacent_halves(a[c], b[c]))
+/// Whether two UVs differ by more than `by`, and by more than one step of half floats, if they are such.
+fn are_apart(a: DVec2, b: DVec2, by: f64) -> bool {
+    (0..2).any(|c| (a[c] - b[c]).abs() > by && !are_adjacent_halves(a[c], b[c]))
 }
 
 /// Whether two numbers are half floats that follow one another, or 1 minus such: v may have been turned over.
@@ -64,7 +103,7 @@ mod tests {
 
     #[test]
     fn rounding_is_no_gap() {
-        let apart = |a: f64, b: f64| are_apart(DVec2::new(a, 0.3), DVec2::new(b, 0.3));
+        let apart = |a: f64, b: f64| are_apart(DVec2::new(a, 0.3), DVec2::new(b, 0.3), ROUNDING);
         assert!(!apart(0.7, 0.7 + 1.0 / 65535.0));
         assert!(apart(0.7, 0.7 + 1.0 / 4096.0));
         // Half floats, and 1 minus half floats.

@@ -3,7 +3,7 @@
 use glam::DVec2;
 
 use super::charts::Seams;
-use super::source::{MeshSource, UvSource};
+use super::source::MeshSource;
 use super::triangle::{is_degenerate, triangulate};
 use super::{Corner, NONE, RawTriangle, check};
 use crate::allocation::{Collect, Grow, with_capacity, zeroed};
@@ -17,9 +17,14 @@ pub(super) struct UvSet {
     pub tiles: Vec<(u32, Vec<RawTriangle>)>,
 }
 
-/// Reads a UV set of a checked mesh. Faces are counted for the first set only, properties of UVs for every set.
-pub(super) fn read(source: &MeshSource, uvs: &UvSource, uv_set: u32, info: &mut AssetInfo) -> UvSet {
-    let uv_of = check::corner_uv(uvs);
+/// Reads a UV set of a checked mesh, whose corners have the UVs `uv_of`. Faces are counted for the first set only,
+/// properties of UVs for every set.
+pub(super) fn read(
+    source: &MeshSource,
+    uv_of: &dyn Fn(usize) -> Option<[f32; 2]>,
+    uv_set: u32,
+    info: &mut AssetInfo,
+) -> UvSet {
     let textured = source.textured_faces.map(|chosen| {
         let mut textured = zeroed(check::faces(source).count());
         chosen.iter().for_each(|&face| textured[face as usize] = true);

@@ -104,32 +104,26 @@ fn distance(p: [f64; 3], q: [f64; 3]) -> f64 {
     [0, 1, 2].map(|c| (p[c] - q[c]).powi(2)).iter().sum::<f64>().sqrt()
 }
 
-/// Per vertex, how far a UV of its corners may be moved to that of another corner: at most the tolerance, and a quarter
-/// of the least height of the triangles at it. Even if all three corners of a triangle move, it keeps its orientation and
-/// more than a quarter of its height; and since two of its corners are a height apart, they never merge.
-pub(super) fn reaches<'a>(
-    triangles: impl Iterator<Item = &'a RawTriangle>,
-    vertices: usize,
-    tolerance: f64,
-) -> Vec<f64> {
-    let mut reach = filled(tolerance, vertices);
-    if tolerance > 0.0 {
-        for triangle in triangles {
-            let [a, b, c] = triangle.uv;
-            let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
-            let height = doubled_area(triangle.uv).abs() / longest;
-            for v in triangle.vertices {
-                reach[v as usize] = reach[v as usize].min(0.25 * height);
-            }
+/// Per vertex, how far the UVs of its corners may be moved: a quarter of the least height of the triangles at it. Even if
+/// all three corners of a triangle move, it keeps its orientation and more than a quarter of its height; and since two of
+/// its corners are a height apart, they never merge.
+pub(super) fn rooms<'a>(triangles: impl Iterator<Item = &'a RawTriangle>, vertices: usize) -> Vec<f64> {
+    let mut room = filled(f64::INFINITY, vertices);
+    for triangle in triangles {
+        let [a, b, c] = triangle.uv;
+        let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
+        let height = doubled_area(triangle.uv).abs() / longest;
+        for v in triangle.vertices {
+            room[v as usize] = room[v as usize].min(0.25 * height);
         }
     }
-    reach
+    room
 }
 
 /// Numbers UV corners.
 pub(super) struct Corners<'a> {
     place: &'a dyn Fn(u32) -> u32,
-    reach: &'a [f64],
+    room: &'a [f64],
     tolerance: f64,
     exact: Table<(u32, [u64; 2]), u32>,
     cells: Cells<(u32, [i64; 2])>,
@@ -138,10 +132,10 @@ pub(super) struct Corners<'a> {
 }
 
 impl<'a> Corners<'a> {
-    /// `place` maps a vertex to its place; `reach` is the result of `reaches` for `tolerance`.
-    pub fn new(place: &'a dyn Fn(u32) -> u32, reach: &'a [f64], tolerance: f64) -> Corners<'a> {
+    /// `place` maps a vertex to its place; UVs of a vertex join others within `tolerance`, and within its `room`.
+    pub fn new(place: &'a dyn Fn(u32) -> u32, room: &'a [f64], tolerance: f64) -> Corners<'a> {
         let (exact, cells, firsts) = (Table::default(), Cells::default(), Vec::new());
-        Corners { place, reach, tolerance, exact, cells, firsts }
+        Corners { place, room, tolerance, exact, cells, firsts }
     }
 
     /// The number of a corner with this vertex and UV, and the UV of the first such corner.
@@ -151,7 +145,7 @@ impl<'a> Corners<'a> {
         let id = match self.exact.get(&key) {
             Some(&id) => id,
             None => {
-                let id = self.near(place, uv, self.reach[vertex as usize]);
+                let id = self.near(place, uv, self.room[vertex as usize].min(self.tolerance));
                 enter(&mut self.exact, key, id);
                 id
             }

@@ -15,6 +15,7 @@ mod gaps;
 mod hard_cases;
 mod invariants;
 mod keep;
+mod noise;
 mod open_borders;
 mod pbd;
 mod protect;

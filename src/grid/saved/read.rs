@@ -125,6 +125,7 @@ pub fn grid(
         return Err(refuse("it has sizes that cannot be"));
     }
     let overlap = from.f32()?;
+    let at_gaps = u64::from_le_bytes(from.array()?);
     let (parts, rigid) = read_parts(from, size(4) as usize, cells, tile.charts.len())?;
     let rigid_nodes = read_squares(from, size(5) as usize, cells)?;
     let movable = movable_of_charts(tile.charts.len(), &parts, &rigid);
@@ -169,6 +170,7 @@ pub fn grid(
         gather: Arc::new(gather),
         movable,
         overlap,
+        at_gaps,
         has_extra,
         rest: Arc::new(Pose::new(tile, |v| mesh.rest[v as usize], None)),
         survey: Arc::new(survey),

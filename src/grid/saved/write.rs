@@ -54,6 +54,7 @@ pub fn write(grid: &Grid, to: &mut Writer) {
     ];
     sizes.iter().for_each(|&n| to.u32(n as u32));
     to.f32s(&[grid.overlap]);
+    to.bytes(&grid.at_gaps.to_le_bytes());
     for (part, rigid) in grid.parts.iter().zip(&grid.rigid) {
         to.u32s(&[part.chart, part.x, part.y, u32::from(*rigid)]);
         to.u16s(&part.nodes.0);

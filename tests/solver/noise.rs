@@ -1,0 +1,121 @@
+//! Noise of UVs: the corners of one vertex differ by less than the tolerance, as in polygon soups, or where a program has written
+//! each face by itself. What is welded is one UV, the mean, and nothing else changes but by the noise.
+
+use std::collections::BTreeMap;
+
+use crate::common::{Maps, Model, Warp, bits, options};
+use vrtm::{Quality, RefinementSettings};
+
+/// A sheet of 64 by 32 quads whose UVs lie in low..high, with rigid discs, in a pose that squashes a part of it.
+fn sheet([low, high]: [f64; 2]) -> Model {
+    let size = [64, 32];
+    let vertex = |i: usize, j: usize| (j * (size[0] + 1) + i) as u32;
+    let places = (0..=size[1]).flat_map(|j| (0..=size[0]).map(move |i| [i as f64 / 64.0, j as f64 / 32.0]));
+    let places: Vec<[f64; 2]> = places.collect();
+    let quads = (0..size[1]).flat_map(|j| (0..size[0]).map(move |i| [i, j]));
+    let quad = |[i, j]: [usize; 2]| [vertex(i, j), vertex(i + 1, j), vertex(i + 1, j + 1), vertex(i, j + 1)];
+    let indices: Vec<u32> = quads.flat_map(quad).collect();
+    let pose = |[x, y]: [f64; 2]| {
+        let middle = (-12.0 * ((x - 0.5).powi(2) + (y - 0.5).powi(2))).exp();
+        [x - 0.12 * (std::f64::consts::TAU * x).sin(), y, 0.25 * middle].map(|x| x as f32)
+    };
+    let rigid = |k: usize| {
+        let [x, y] = [k % 128, k / 128].map(|x| (x as f64 / 16.0).fract() - 0.5);
+        if x * x + y * y < 0.09 { 255 } else { 0 }
+    };
+    let rigidity = (0..128 * 128).map(rigid).collect();
+    Model {
+        rest: places.iter().map(|&[x, y]| [x as f32, y as f32, 0.0]).collect(),
+        frames: vec![places.iter().map(|&p| pose(p)).collect()],
+        face_counts: vec![4; size[0] * size[1]],
+        uv_indices: indices.clone(),
+        indices,
+        uvs: places.iter().map(|p| p.map(|x| (low + (high - low) * x) as f32)).collect(),
+        maps: vec![Maps { udim: 1001, width: 128, height: 128, rigidity, mask: None }],
+        ..Model::default()
+    }
+}
+
+/// The model with a UV for each corner, moved by noise of up to `most` in u and in v; that of the corners of a face is the
+/// same if it is `by_face`.
+fn noisy(model: &Model, most: f64, by_face: bool) -> Model {
+    let noise = |k: u64| {
+        let mixed = (k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        let mixed = (mixed ^ mixed >> 31).wrapping_mul(0xd6e8_feb8_6659_fd93);
+        ((mixed >> 40) as f64 / (1u64 << 23) as f64 - 1.0) * most
+    };
+    let uv = |(c, &k): (usize, &u32)| {
+        let of = if by_face { c / 4 } else { c } as u64;
+        let [u, v] = model.uvs[k as usize].map(f64::from);
+        [(u + noise(2 * of)) as f32, (v + noise(2 * of + 1)) as f32]
+    };
+    let uvs: Vec<[f32; 2]> = model.uv_indices.iter().enumerate().map(uv).collect();
+    Model { uv_indices: (0..uvs.len() as u32).collect(), uvs, ..model.clone() }
+}
+
+/// The model with one UV per vertex: the mean of those of its corners.
+fn averaged(model: &Model) -> Model {
+    let mut of_vertices: BTreeMap<u32, Vec<[f32; 2]>> = BTreeMap::new();
+    for (&vertex, &uv) in model.indices.iter().zip(&model.uv_indices) {
+        of_vertices.entry(vertex).or_default().push(model.uvs[uv as usize]);
+    }
+    let mean = |uvs: &Vec<[f32; 2]>| {
+        [0, 1].map(|k| (uvs.iter().map(|uv| f64::from(uv[k])).sum::<f64>() / uvs.len() as f64) as f32)
+    };
+    Model {
+        uvs: of_vertices.values().map(mean).collect(),
+        uv_indices: model.indices.clone(),
+        ..model.clone()
+    }
+}
+
+#[test]
+fn noisy_uvs_have_the_bits_of_their_means() {
+    for (most, by_face) in
+        [(1e-6, false), (1e-5, false), (1e-5, true), (5e-5, false), (1.5e-4, true), (2e-4, false)]
+    {
+        let noisy = noisy(&sheet([0.1, 0.9]), most, by_face);
+        let mean = averaged(&noisy);
+        let [found, expected] = [&noisy, &mean].map(|model| {
+            let mut asset = model.asset(1, 128);
+            asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
+            let info = asset.tile_info(0).unwrap();
+            assert_eq!((info.charts, info.edges_apart, info.gap_nodes), (1, 0, 0), "{most} {by_face}");
+            let mut uvs = vec![[0.0; 2]; model.indices.len()];
+            asset.results().corner_uvs(&mut uvs).unwrap();
+            let refined = asset.refine(&RefinementSettings::default()).unwrap().info();
+            let refined = (refined.vertices, refined.corners, refined.triangles, refined.error.to_bits());
+            (info, bits(&asset), uvs, refined)
+        });
+        assert_eq!(found.0, expected.0, "{most} {by_face}");
+        assert!(found.1 == expected.1, "other warp: {most} {by_face}");
+        assert!(found.2 == expected.2, "other UVs of corners: {most} {by_face}");
+        assert_eq!(found.3, expected.3, "{most} {by_face}");
+    }
+}
+
+#[test]
+fn noise_changes_a_warp_by_little_more_than_itself() {
+    for range in [[0.1, 0.9], [0.0, 1.0], [0.125, 0.875]] {
+        let clean = sheet(range);
+        let warp = |model: &Model| {
+            let mut asset = model.asset(1, 128);
+            asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
+            let info = asset.tile_info(0).unwrap();
+            (Warp::of(&asset, 0), info.movable_nodes)
+        };
+        let (expected, movable) = warp(&clean);
+        for most in [1e-6, 1e-5, 5e-5] {
+            let (found, of_noisy) = warp(&noisy(&clean, most, false));
+            let away = |(a, b): (&[f32; 2], &[f32; 2])| (a[0] - b[0]).hypot(a[1] - b[1]);
+            let away = found.u.iter().zip(&expected.u).map(away).fold(0.0, f32::max);
+            println!("{range:?} {most}: {away} cells, {movable} and {of_noisy} nodes move");
+            // Cells of noise, of which a warp may make some more, and the rounding of f32 where a solve is cut short.
+            let allowed = 0.01 + 4.0 * 128.0 * most as f32;
+            assert!(
+                of_noisy == movable && away < allowed,
+                "{range:?} {most}: {away}, {of_noisy} of {movable}"
+            );
+        }
+    }
+}
