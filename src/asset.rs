@@ -18,6 +18,7 @@ use crate::allocation::Collect;
 use crate::blend::Places;
 use crate::device::Device;
 use crate::error::{Error, ErrorKind, Result};
+use crate::grid::maps::{Mask, Rigidity};
 use crate::image::ImageViewMut;
 use crate::image::external::ExternalImage;
 use crate::map::FetchKind;
@@ -35,11 +36,20 @@ pub struct Asset {
     pub(crate) device: Device,
     pub(crate) mesh: Arc<Mesh>,
     pub(crate) tiles: Vec<TileState>,
+    /// Rigidity and mask per vertex, for the tiles that have no maps of their own.
+    of_vertices: OfVertices,
     pub(crate) results: Results,
     /// Where charts have what lies beyond their seams, if any go on there.
     pub(crate) places: Option<Places>,
     /// The tiles that were last blended together, ascending.
     pub(crate) together: Vec<usize>,
+}
+
+/// What the vertices have, if anything.
+#[derive(Debug, Default)]
+struct OfVertices {
+    rigidity: Rigidity,
+    mask: Mask,
 }
 
 impl Asset {
@@ -58,7 +68,8 @@ impl Asset {
         log::describe(device, &mesh);
         let tiles = mesh.tiles.iter().map(|tile| TileState::new(tile)).collected();
         let results = Results::new(device, &mesh);
-        Ok(Asset { device: device.clone(), mesh, tiles, results, places: None, together: Vec::new() })
+        let (device, of_vertices) = (device.clone(), OfVertices::default());
+        Ok(Asset { device, mesh, tiles, of_vertices, results, places: None, together: Vec::new() })
     }
 
     /// The device that the asset was made on.

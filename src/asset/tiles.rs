@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::Asset;
+use super::{Asset, log};
 use crate::allocation::{Collect, zeroed};
 use crate::error::{Error, Result};
 use crate::grid::maps::{Mask, Rigidity, TileMaps};
@@ -99,8 +99,8 @@ impl Asset {
         })
     }
 
-    /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid), for all of its layers; `None` removes it (the tile is then the
-    /// identity).
+    /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid), for all of its layers; `None` removes it. Where a tile has none, the
+    /// rigidity of the vertices counts ([`Asset::set_vertex_rigidity`]); without that, too, the tile is the identity.
     ///
     /// # Errors
     /// `InvalidArgument` for a value that is not finite.
@@ -108,7 +108,7 @@ impl Asset {
         self.check_tile(tile)?;
         let rigidity = match image {
             Some(image) => Rigidity::Map(self.device.call(|| self.map_of("rigidity", tile, image))?),
-            None => Rigidity::None,
+            None => self.of_vertices.rigidity.clone(),
         };
         for layer in self.mesh.layers(tile) {
             if self.tiles[layer].set_rigidity(rigidity.clone()) {
@@ -118,7 +118,8 @@ impl Asset {
         Ok(())
     }
 
-    /// Sets a tile's warp mask, for all of its layers: texels under 0.5 do not move; `None` = all may move.
+    /// Sets a tile's warp mask, for all of its layers: texels under 0.5 do not move; `None` removes it. Where a tile has none,
+    /// the mask of the vertices counts ([`Asset::set_vertex_mask`]); without that, too, all may move.
     ///
     /// # Errors
     /// `InvalidArgument` for a value that is not finite.
@@ -126,7 +127,7 @@ impl Asset {
         self.check_tile(tile)?;
         let mask = match image {
             Some(image) => Mask::Map(self.device.call(|| self.map_of("mask", tile, image))?),
-            None => Mask::None,
+            None => self.of_vertices.mask.clone(),
         };
         for layer in self.mesh.layers(tile) {
             if self.tiles[layer].set_mask(mask.clone()) {
@@ -223,47 +224,57 @@ impl Asset {
             }
         }
         let columns = size[0].div_ceil(PAGE);
-        image.to_map(name, |rect| near[rect.first[1] / PAGE * columns + rect.first[0] / PAGE]).map(Arc::new)
+        let map = image.to_map(name, |rect| near[rect.first[1] / PAGE * columns + rect.first[0] / PAGE])?;
+        log::doubt(&self.device, &format!("{}: its {name}", self.mesh.tiles[tile].name()), map.largest());
+        Ok(Arc::new(map))
     }
 
-    /// Sets the rigidity of all tiles from one value per vertex (linear over each triangle); `None` removes it.
+    /// Sets the rigidity of all vertices, linear over each triangle, for the tiles that have no map of their own
+    /// ([`Asset::set_rigidity`]), in whatever order both are set; `None` removes it.
     ///
     /// # Errors
     /// `InvalidArgument` for a wrong count or a value that is not finite.
     pub fn set_vertex_rigidity(&mut self, values: Option<Strided>) -> Result<()> {
         let rigidity = match values {
-            Some(values) => Rigidity::Vertices(self.of_vertices("rigidity", &values)?),
+            Some(values) => Rigidity::Vertices(self.values_of_vertices("rigidity", &values)?),
             None => Rigidity::None,
         };
         for tile in 0..self.tiles.len() {
-            if self.tiles[tile].set_rigidity(rigidity.clone()) {
+            let has_map = matches!(self.tiles[tile].maps.rigidity, Rigidity::Map(_));
+            if !has_map && self.tiles[tile].set_rigidity(rigidity.clone()) {
                 self.forget_maps_of(tile);
             }
         }
+        self.of_vertices.rigidity = rigidity;
         Ok(())
     }
 
-    /// Sets the mask of all tiles from one value per vertex (linear over each triangle): nodes within half a cell of a
-    /// value under 0.5 do not move; `None` = all may move.
+    /// Sets the mask of all vertices, linear over each triangle, for the tiles that have no mask of their own
+    /// ([`Asset::set_mask`]), in whatever order both are set: nodes within half a cell of a value under 0.5 do not move;
+    /// `None` removes it.
     ///
     /// # Errors
     /// `InvalidArgument` for a wrong count or a value that is not finite.
     pub fn set_vertex_mask(&mut self, values: Option<Strided>) -> Result<()> {
         let mask = match values {
-            Some(values) => Mask::Vertices(self.of_vertices("mask", &values)?),
+            Some(values) => Mask::Vertices(self.values_of_vertices("mask", &values)?),
             None => Mask::None,
         };
         for tile in 0..self.tiles.len() {
-            if self.tiles[tile].set_mask(mask.clone()) {
+            let has_map = matches!(self.tiles[tile].maps.mask, Mask::Map(_));
+            if !has_map && self.tiles[tile].set_mask(mask.clone()) {
                 self.forget_maps_of(tile);
             }
         }
+        self.of_vertices.mask = mask;
         Ok(())
     }
 
     /// Copies one value per vertex, clamped to 0..1.
-    fn of_vertices(&self, name: &str, values: &Strided) -> Result<Arc<Vec<f32>>> {
+    fn values_of_vertices(&self, name: &str, values: &Strided) -> Result<Arc<Vec<f32>>> {
         self.check_vertices(name, values, 1)?;
+        let largest = (0..values.len()).map(|v| values.get(v, 0)).fold(0.0, f64::max);
+        log::doubt(&self.device, &format!("the {name} of the vertices"), largest as f32);
         let value = |v: usize| (values.get(v, 0) as f32).clamp(0.0, 1.0);
         self.device.call(|| Ok(Arc::new((0..values.len()).map(value).collected())))
     }

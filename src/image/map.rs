@@ -1,8 +1,10 @@
 //! An asset's copy of a host's rigidity map or mask: in its original number format, and only near the tile's charts.
 
+use std::ops::Range;
+
 use xxhash_rust::xxh3::Xxh3;
 
-use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
+use crate::allocation::{Collect, Grow, filled, zeroed};
 use crate::mesh::NONE;
 
 use super::format::{PixelFormat, decode};
@@ -108,6 +110,17 @@ impl Map {
         self.offset(x, y).map_or(0.0, |at| decode(self.format, &self.texels[at..]).clamp(0.0, 1.0))
     }
 
+    /// Texels along u and v.
+    fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// The largest value near the tile's charts, not clamped.
+    pub fn largest(&self) -> f32 {
+        let values = self.texels.chunks_exact(self.format.size()).map(|texel| decode(self.format, texel));
+        values.fold(0.0, f32::max)
+    }
+
     /// Adds the map to a hash: its shape and its texels.
     pub fn hash(&self, hash: &mut Xxh3) {
         let format = self.format.size() as u64 + 8 * u64::from(self.format == PixelFormat::F16);
@@ -141,43 +154,61 @@ impl Map {
     }
 }
 
-/// A map's values at some nodes of a grid: first[0]..first[0] + count[0] along u, and likewise along v.
-///
-/// # Returns
-/// The mean over a box of one cell around each node where the map is finer than the grid, bilinear interpolation between
-/// texel centres where it is coarser (method §1); row by row.
-pub(crate) fn at_nodes(map: &Map, cells: [usize; 2], first: [usize; 2], count: [usize; 2]) -> Vec<f32> {
-    let taps = |axis: usize, texels: usize| -> Vec<Taps> {
-        (first[axis]..first[axis] + count[axis])
-            .map(|node| Taps::new(texels, cells[axis], node as f64))
-            .collected()
-    };
-    let (columns, rows) = (taps(0, map.width), taps(1, map.height));
-    let (Some(west), Some(east)) = (columns.first(), columns.last()) else { return Vec::new() };
-    let texels = west.first..east.first + east.weights.len() as i64;
-    let mut out = with_capacity(count[0] * count[1]);
-    // Per row of nodes: sums over v first, then over u.
-    let mut line = zeroed::<f32>((texels.end - texels.start) as usize);
-    for row in &rows {
+/// Calls `put(i, j, value)` with a map's values at some nodes of a grid: first[0]..first[0] + count[0] along u, and likewise
+/// along v; (i, j) are counted from `first`. A value is the mean over a box of one cell around the node where the map is finer
+/// than the grid, and else interpolates bilinearly between texel centres (method §1).
+pub(crate) fn at_nodes(
+    map: &Map,
+    cells: [usize; 2],
+    first: [usize; 2],
+    count: [usize; 2],
+    mut put: impl FnMut(usize, usize, f32),
+) {
+    if count.contains(&0) {
+        return;
+    }
+    let taps = |axis: usize, k: usize| Taps::new(map.size()[axis], cells[axis], (first[axis] + k) as f64);
+    let texels = taps(0, 0).texels.start..taps(0, count[0] - 1).texels.end;
+    let mut line = Line::new((texels.end - texels.start) as usize, 0.0f32);
+    let line = line.all();
+    for j in 0..count[1] {
+        // Sums over v first, then over u.
         line.fill(0.0);
-        for (y, weight) in row.each() {
+        for (y, weight) in taps(1, j).each() {
             for (sum, x) in line.iter_mut().zip(texels.clone()) {
                 *sum += weight * map.value(clamp(x, map.width), clamp(y, map.height));
             }
         }
-        for column in &columns {
-            let value: f32 =
-                column.each().map(|(x, weight)| weight * line[(x - texels.start) as usize]).sum();
-            out.put(value.clamp(0.0, 1.0));
+        for i in 0..count[0] {
+            let weighted = |(x, weight): (i64, f32)| weight * line[(x - texels.start) as usize];
+            let value: f32 = taps(0, i).each().map(weighted).sum();
+            put(i, j, value.clamp(0.0, 1.0));
         }
     }
-    out
+}
+
+/// A line of texels that mostly fits on the stack: a square's, where a map has up to 16 texels per cell.
+struct Line<T> {
+    small: [T; 320],
+    large: Vec<T>,
+    count: usize,
+}
+
+impl<T: Copy> Line<T> {
+    fn new(count: usize, value: T) -> Line<T> {
+        let large = if count > 320 { filled(value, count) } else { Vec::new() };
+        Line { small: [value; 320], large, count }
+    }
+
+    fn all(&mut self) -> &mut [T] {
+        if self.count > 320 { &mut self.large } else { &mut self.small[..self.count] }
+    }
 }
 
 /// A map's value at a point, as at a node of a grid that lies there.
 pub(crate) fn at_point(map: &Map, cells: [usize; 2], uv: [f64; 2]) -> f32 {
-    let taps = |axis: usize, texels: usize| Taps::new(texels, cells[axis], uv[axis] * cells[axis] as f64);
-    let (columns, rows) = (taps(0, map.width), taps(1, map.height));
+    let taps = |axis: usize| Taps::new(map.size()[axis], cells[axis], uv[axis] * cells[axis] as f64);
+    let (columns, rows) = (taps(0), taps(1));
     let mut sum = 0.0;
     for (y, of_row) in rows.each() {
         for (x, of_column) in columns.each() {
@@ -194,38 +225,46 @@ pub(crate) fn is_free(mask: &Map, cells: [usize; 2], uv: [f64; 2]) -> bool {
     texels(1, mask.height).all(|y| columns.clone().all(|x| mask.value(x, y) >= 0.5))
 }
 
-/// Per node, row by row: true if the mask has no texel under 0.5 within half a cell. A fixed line one texel wide is thus
-/// a barrier, however coarse the grid.
-pub(crate) fn free_nodes(mask: &Map, cells: [usize; 2], first: [usize; 2], count: [usize; 2]) -> Vec<bool> {
-    let spans = |axis: usize, texels: usize| -> Vec<std::ops::Range<usize>> {
-        (first[axis]..first[axis] + count[axis])
-            .map(|node| span(texels, cells[axis], node as f64))
-            .collected()
-    };
-    let (columns, rows) = (spans(0, mask.width), spans(1, mask.height));
-    let (Some(west), Some(east)) = (columns.first(), columns.last()) else { return Vec::new() };
-    let texels = west.start..east.end;
-    let mut out = with_capacity(count[0] * count[1]);
-    let mut line = filled(true, texels.len());
-    for row in &rows {
+/// Calls `put(i, j)` for the nodes, counted from `first`, at which the mask has no texel under 0.5 within half a cell. A fixed
+/// line one texel wide is thus a barrier, however coarse the grid.
+pub(crate) fn free_nodes(
+    mask: &Map,
+    cells: [usize; 2],
+    first: [usize; 2],
+    count: [usize; 2],
+    mut put: impl FnMut(usize, usize),
+) {
+    if count.contains(&0) {
+        return;
+    }
+    let texels = |axis: usize, k: usize| span(mask.size()[axis], cells[axis], (first[axis] + k) as f64);
+    let columns = texels(0, 0).start..texels(0, count[0] - 1).end;
+    let mut line = Line::new(columns.len(), true);
+    let line = line.all();
+    for j in 0..count[1] {
         line.fill(true);
-        for y in row.clone() {
-            for (free, x) in line.iter_mut().zip(texels.clone()) {
+        for y in texels(1, j) {
+            for (free, x) in line.iter_mut().zip(columns.clone()) {
                 *free &= mask.value(x, y) >= 0.5;
             }
         }
-        out.put_all(columns.iter().map(|column| {
-            line[column.start - texels.start..column.end - texels.start].iter().all(|&free| free)
-        }));
+        for i in 0..count[0] {
+            let of_node = texels(0, i);
+            if line[of_node.start - columns.start..of_node.end - columns.start].iter().all(|&free| free) {
+                put(i, j);
+            }
+        }
     }
-    out
 }
 
 /// The texels along one axis that are averaged for a node's value, with weights that sum to 1. Texels beyond the map
 /// repeat its outermost ones.
+#[derive(Clone)]
 struct Taps {
-    first: i64,
-    weights: Vec<f32>,
+    texels: Range<i64>,
+    /// The box around the node, in texels.
+    low: f64,
+    high: f64,
 }
 
 impl Taps {
@@ -235,17 +274,16 @@ impl Taps {
         let centre = node * per_cell;
         // A box one texel wide, sampled between texel centres, equals the bilinear filter.
         let (low, high) = (centre - half, centre + half);
-        let first = low.floor() as i64;
-        let last = high.ceil() as i64;
-        let weight = |texel: i64| {
-            ((high.min(texel as f64 + 1.0) - low.max(texel as f64)).max(0.0) / (high - low)) as f32
-        };
-        Taps { first, weights: (first..last).map(weight).collected() }
+        Taps { texels: low.floor() as i64..high.ceil() as i64, low, high }
     }
 
     /// The contributing texels, as (texel, weight).
     fn each(&self) -> impl Iterator<Item = (i64, f32)> {
-        (self.first..).zip(self.weights.iter().copied()).filter(|&(_, weight)| weight > 0.0)
+        let Taps { texels, low, high } = self.clone();
+        let weight = move |texel: i64| {
+            ((high.min(texel as f64 + 1.0) - low.max(texel as f64)).max(0.0) / (high - low)) as f32
+        };
+        texels.map(move |texel| (texel, weight(texel))).filter(|&(_, weight)| weight > 0.0)
     }
 }
 
@@ -254,7 +292,7 @@ fn clamp(texel: i64, texels: usize) -> usize {
 }
 
 /// The texels along one axis that are within half a cell of a node.
-fn span(texels: usize, cells: usize, node: f64) -> std::ops::Range<usize> {
+fn span(texels: usize, cells: usize, node: f64) -> Range<usize> {
     let per_cell = texels as f64 / cells as f64;
     let centre = node * per_cell;
     let first = (centre - 0.5 * per_cell).floor().max(0.0) as usize;
@@ -265,6 +303,18 @@ fn span(texels: usize, cells: usize, node: f64) -> std::ops::Range<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn at_nodes(map: &Map, cells: [usize; 2], first: [usize; 2], count: [usize; 2]) -> Vec<f32> {
+        let mut values = vec![f32::NAN; count[0] * count[1]];
+        super::at_nodes(map, cells, first, count, |i, j, value| values[j * count[0] + i] = value);
+        values
+    }
+
+    fn free_nodes(mask: &Map, cells: [usize; 2], first: [usize; 2], count: [usize; 2]) -> Vec<bool> {
+        let mut free = vec![false; count[0] * count[1]];
+        super::free_nodes(mask, cells, first, count, |i, j| free[j * count[0] + i] = true);
+        free
+    }
 
     fn map(width: usize, height: usize, f: impl Fn(usize, usize) -> f32) -> Map {
         let values: Vec<f32> = (0..width * height).map(|i| f(i % width, i / width)).collect();

@@ -11,4 +11,5 @@ mod prepare;
 mod refine;
 mod saved;
 mod selection;
+mod set_maps;
 mod uv_sets;

@@ -1,0 +1,133 @@
+//! What is set last does not count, but what is nearer: a tile's maps before the values of the vertices. And values in another
+//! range than 0..1 are told of.
+
+use std::sync::{Arc, Mutex};
+
+use crate::common::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
+use crate::common::{bits, cpu, view};
+use vrtm::{
+    Asset, Device, DeviceSettings, ImageLayout, ImageView, LogLevel, PixelFormat, SolveOptions, Strided,
+};
+
+const SIZE: u32 = 64;
+
+fn values(of: &[f32]) -> Strided<'_> {
+    // SAFETY: any byte of an f32 may be read.
+    let bytes = unsafe { std::slice::from_raw_parts(of.as_ptr().cast::<u8>(), size_of_val(of)) };
+    Strided::new("values", bytes, vrtm::Scalar::F32, 1, of.len(), 0).unwrap()
+}
+
+/// What a host may set, in any order.
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Map(bool),
+    Mask(bool),
+    Vertices(bool),
+    VertexMask(bool),
+}
+
+fn solved(steps: &[Step]) -> Vec<[u32; 2]> {
+    let mut asset = sixteen_asset(&cpu(1), 0.9).unwrap();
+    let settings = vrtm::TileSettings { grid: [Some(SIZE), Some(SIZE)], ..asset.settings(0).unwrap() };
+    asset.set_settings(0, &settings).unwrap();
+    let (rest, ..) = sixteen_charts(0.9);
+    let texels = discs(SIZE as usize, 8);
+    let mask: Vec<u8> = (0..SIZE * SIZE).map(|k| if k % SIZE < SIZE / 2 { 255 } else { 0 }).collect();
+    let rigidity: Vec<f32> = (0..rest.len()).map(|v| (v % 3) as f32 / 2.0).collect();
+    let free: Vec<f32> = (0..rest.len()).map(|v| if v < rest.len() / 3 { 0.0 } else { 1.0 }).collect();
+    for step in steps {
+        match *step {
+            Step::Map(is_set) => asset.set_rigidity(0, is_set.then(|| view(&texels, SIZE, SIZE))),
+            Step::Mask(is_set) => asset.set_mask(0, is_set.then(|| view(&mask, SIZE, SIZE))),
+            Step::Vertices(is_set) => asset.set_vertex_rigidity(is_set.then(|| values(&rigidity))),
+            Step::VertexMask(is_set) => asset.set_vertex_mask(is_set.then(|| values(&free))),
+        }
+        .unwrap();
+    }
+    let pose = bulged(&rest, 1.0);
+    asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
+    bits(&asset)
+}
+
+#[test]
+fn a_tile_s_maps_count_before_the_values_of_vertices_in_any_order() {
+    use Step::{Map, Mask, VertexMask, Vertices};
+    let map = solved(&[Map(true)]);
+    let vertices = solved(&[Vertices(true)]);
+    assert!(map != vertices && map.iter().any(|u| *u != [0, 0]) && vertices.iter().any(|u| *u != [0, 0]));
+    for steps in [
+        &[Map(true), Vertices(true)][..],
+        &[Vertices(true), Map(true)],
+        &[Map(true), Vertices(true), Vertices(false)],
+        &[Map(true), Vertices(false)],
+    ] {
+        assert!(solved(steps) == map, "{steps:?}");
+    }
+    for steps in [&[Map(true), Vertices(true), Map(false)][..], &[Vertices(true), Map(true), Map(false)]] {
+        assert!(solved(steps) == vertices, "{steps:?}");
+    }
+    let masked = solved(&[Map(true), Mask(true)]);
+    let of_vertices = solved(&[Map(true), VertexMask(true)]);
+    assert!(masked != map && of_vertices != map && masked != of_vertices);
+    assert!(solved(&[Mask(true), VertexMask(true), Map(true)]) == masked);
+    assert!(solved(&[VertexMask(true), Mask(true), Map(true), VertexMask(false)]) == masked);
+    assert!(solved(&[Mask(true), VertexMask(true), Map(true), Mask(false)]) == of_vertices);
+}
+
+#[test]
+fn values_in_another_range_are_told_of() {
+    let told = Arc::new(Mutex::new(Vec::new()));
+    let list = told.clone();
+    let log: vrtm::LogFn = Arc::new(move |level, message: &str| {
+        if level == LogLevel::Warning {
+            list.lock().unwrap().push(message.to_owned());
+        }
+    });
+    let settings = DeviceSettings { backend: vrtm::Backend::Cpu, log: Some(log), ..Default::default() };
+    let mut asset = sixteen_asset(&Device::new(&settings).unwrap(), 0.9).unwrap();
+    let mut warnings = |set: &dyn Fn(&mut Asset)| {
+        told.lock().unwrap().clear();
+        set(&mut asset);
+        told.lock().unwrap().clone()
+    };
+    let image = |format: PixelFormat, bytes: Vec<u8>| {
+        move |asset: &mut Asset| {
+            let layout = ImageLayout::packed(SIZE, SIZE, format);
+            asset.set_rigidity(0, Some(ImageView::new("rigidity", &bytes, layout).unwrap())).unwrap();
+            asset.set_mask(0, Some(ImageView::new("mask", &bytes, layout).unwrap())).unwrap();
+        }
+    };
+    let painted = |white: u8| -> Vec<u8> {
+        discs(SIZE as usize, 8).into_iter().map(|x| if x > 0 { white } else { 0 }).collect()
+    };
+    let numbers =
+        |white: f32| painted(1).into_iter().flat_map(|x| (f32::from(x) * white).to_ne_bytes()).collect();
+    let shorts =
+        |white: u16| painted(1).into_iter().flat_map(|x| (u16::from(x) * white).to_ne_bytes()).collect();
+    let cases: [(&str, PixelFormat, Vec<u8>, Option<&str>); 9] = [
+        ("white", PixelFormat::U8, painted(255), None),
+        ("0 and 1", PixelFormat::U8, painted(1), Some("0.003922")),
+        ("dim", PixelFormat::U8, painted(20), None),
+        ("black", PixelFormat::U8, painted(0), None),
+        ("16 bits", PixelFormat::U16, shorts(u16::MAX), None),
+        ("8 bits in 16", PixelFormat::U16, shorts(255), Some("0.003891")),
+        ("floats", PixelFormat::F32, numbers(1.0), None),
+        ("an overshoot", PixelFormat::F32, numbers(1.2), None),
+        ("0..255", PixelFormat::F32, numbers(255.0), Some("255")),
+    ];
+    for (name, format, bytes, largest) in cases {
+        let found = warnings(&image(format, bytes));
+        assert_eq!(found.len(), if largest.is_some() { 2 } else { 0 }, "{name}: {found:?}");
+        for (message, what) in found.iter().zip(["rigidity", "mask"]) {
+            assert!(message.contains("tile 1001") && message.contains(what), "{name}: {message}");
+            assert!(message.contains(largest.unwrap()), "{name}: {message}");
+        }
+    }
+    let count = asset_vertices();
+    let found = warnings(&|asset| asset.set_vertex_rigidity(Some(values(&vec![100.0; count]))).unwrap());
+    assert!(found.len() == 1 && found[0].contains("100"), "{found:?}");
+}
+
+fn asset_vertices() -> usize {
+    sixteen_charts(0.9).0.len()
+}
