@@ -11,7 +11,7 @@ use crate::panics::lock;
 use crate::unwind::{Stop, unwind};
 
 /// A host's function that receives the progress of a call, 0..1, on the thread that does the call's work. Returning true
-/// cancels the call.
+/// cancels the call. A call that succeeds reports 1 at its end; what is returned then has no effect.
 pub type ProgressFn = Arc<dyn Fn(f32) -> bool + Send + Sync>;
 
 /// Control over one call: its progress, and the means to cancel it from any thread. It can serve several calls in turn,
@@ -113,8 +113,7 @@ impl Control {
         self.done.store(0, Ordering::Relaxed);
         self.told.store(0, Ordering::Relaxed);
         *self.stage() = None;
-        self.thread.store(this_thread(), Ordering::Relaxed);
-        Working(self)
+        Working::on(self)
     }
 
     /// True if the calling thread does the call's work. It is then inside one of the host's functions and must not wait
@@ -130,6 +129,14 @@ impl Control {
             unwind(Stop::Cancelled);
         }
         self.done.store(1.0f32.to_bits(), Ordering::Relaxed);
+    }
+
+    /// Tells the host's function that the call is done.
+    pub(crate) fn tell_end(&self) {
+        if let Some(watch) = &self.watch {
+            let _working = Working::on(self);
+            let _ = (watch.call)(1.0);
+        }
     }
 
     /// Adds a fraction of the call's work to the completed part.
@@ -201,6 +208,13 @@ impl std::fmt::Debug for Control {
 /// A call's work on one thread.
 #[derive(Debug)]
 pub(crate) struct Working<'a>(&'a Control);
+
+impl<'a> Working<'a> {
+    fn on(control: &'a Control) -> Working<'a> {
+        control.thread.store(this_thread(), Ordering::Relaxed);
+        Working(control)
+    }
+}
 
 impl Drop for Working<'_> {
     fn drop(&mut self) {

@@ -119,6 +119,8 @@ pub struct Grid {
     pub movable: Vec<u64>,
     /// Fraction of the covered nodes that more than one layer covers.
     pub overlap: f32,
+    /// Nodes inside charts that gaps in the UVs fix.
+    pub at_gaps: u64,
     /// Whether nodes have a density, or something that holds them.
     pub has_extra: bool,
     /// The rest pose, in units of the charts.

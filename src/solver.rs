@@ -65,6 +65,7 @@ fn run_on_cpu(memory: &mut cpu::Memory, solve: &TileSolve) -> Result<TileSolutio
     let summary = solve.run_schedule(&mut run);
     let (charts, node_updates) = (std::mem::take(&mut run.results), run.node_updates());
     let blocks_active = run.blocks_active();
+    run.end();
     Ok(TileSolution { warp: Warp::Host(u), charts, summary, node_updates, blocks_active, work: None })
 }
 

@@ -42,6 +42,7 @@ pub struct Team {
     protocol: Protocol<JobFn>,
     /// Whether a job is running.
     running: AtomicBool,
+    start: Start,
     control: Option<Arc<Control>>,
 }
 
@@ -64,6 +65,15 @@ impl Drop for Turn<'_> {
     }
 }
 
+/// What starts the helpers, until the first job that needs them; `None` where they are running or there are none.
+struct Start(UnsafeCell<Option<*const dyn Fn()>>);
+
+// SAFETY: only the thread whose turn it is to run a job uses it, after it has been set; the function itself is called on the
+// thread that called `Team::of`, as `run_dyn` says.
+unsafe impl Sync for Start {}
+// SAFETY: as above.
+unsafe impl Send for Start {}
+
 /// A job's function with its lifetime erased.
 #[derive(Clone, Copy)]
 struct JobFn(*const (dyn Fn(&Worker, usize) + Sync));
@@ -83,7 +93,8 @@ impl Team {
         let most = if crew.executor.is_some() && is_lent() { 1 } else { Protocol::<JobFn>::MAX_THREADS };
         let threads = crew.threads.clamp(1, most);
         let (protocol, control) = (Protocol::new(threads), crew.control.clone());
-        let team = Team { threads, protocol, running: AtomicBool::new(false), control };
+        let start = Start(UnsafeCell::new(None));
+        let team = Team { threads, protocol, running: AtomicBool::new(false), start, control };
         if team.threads == 1 {
             return if crew.executor.is_some() { lent(|| f(&team)) } else { f(&team) };
         }
@@ -104,7 +115,17 @@ impl Team {
         };
         let result = match &crew.executor {
             Some(executor) => executor::with(&**executor, threads, help, body),
-            None => threads::with(1..threads, help, body),
+            // A call that has little to do starts no thread.
+            None => threads::with(1..threads, help, |start| {
+                // SAFETY: only the lifetime changes. `body` runs all jobs of the team on this thread and has ended them when it
+                // returns.
+                let start = unsafe {
+                    std::mem::transmute::<*const (dyn Fn() + '_), *const (dyn Fn() + 'static)>(start)
+                };
+                // SAFETY: no job is running yet.
+                unsafe { *team.start.0.get() = Some(start) };
+                body()
+            }),
         };
         result.unwrap_or_else(|panic| resume_unwind(panic))
     }
@@ -211,6 +232,13 @@ impl Team {
                 *const (dyn Fn(&Worker, usize) + Sync + 'static),
             >(f)
         });
+        // SAFETY: it is this thread's turn. The function is alive as long as jobs can be run, and all jobs of a team with
+        // helpers of the library are run by the thread that called `Team::of`, which it was made on: `f` of `Team::of` is
+        // called there, and what it starts further threads with is not given the team's jobs to run.
+        if let Some(start) = unsafe { (*self.start.0.get()).take() } {
+            // SAFETY: as above.
+            unsafe { (*start)() };
+        }
         self.protocol.run(job, count, |k| f(caller, k));
     }
 

@@ -113,6 +113,9 @@ impl Asset {
                     let fresh = asset.solve_tiles(team, &crew, request, start)?;
                     asset.write(team, &fresh, fetches)?;
                     asset.publish(fresh);
+                    if let Some(control) = team.control() {
+                        control.tell_end();
+                    }
                     Ok(())
                 })
             })

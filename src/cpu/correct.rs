@@ -54,7 +54,8 @@ impl Run<'_> {
             fraction.fill(1.0);
         }
         // Charts with a step fraction of 0 take no part, on any level.
-        let all_work = copied(&self.work);
+        let mut all_work = std::mem::take(&mut self.spare);
+        all_work.iter_mut().zip(&self.work).for_each(|(to, from)| to.copy_from(from));
         for (work, grid) in self.work.iter_mut().zip(&self.grid.levels) {
             work.retain(|b| fraction[grid.blocks.list[b as usize].chart as usize] > 0.0);
         }
@@ -63,7 +64,7 @@ impl Run<'_> {
         workspace.next_fraction = fraction;
         self.result = result;
         self.memory.workspace = workspace;
-        self.work = all_work;
+        self.spare = std::mem::replace(&mut self.work, all_work);
         go_on(corrected);
     }
 

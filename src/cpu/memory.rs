@@ -11,6 +11,7 @@ use crate::settings::Solver;
 use super::allocate::{Allocate, Count, Heap};
 use super::buffers::Buffers;
 use super::correct::workspace::Workspace;
+use super::run::Lists;
 use super::sampling::record::TriangleRecord;
 
 /// The memory that a level's iterations of the paper's solver need in addition to its state.
@@ -51,6 +52,8 @@ pub(crate) struct Memory {
     pub(super) triangles: Vec<TriangleRecord>,
     /// Per triangle, its metric (E, F, G) in the pose.
     pub(super) metrics: Vec<[f32; 3]>,
+    /// Per level, lists of blocks, twice.
+    pub(super) lists: [Vec<Lists>; 2],
 }
 
 impl Memory {
@@ -83,7 +86,8 @@ impl Memory {
         };
         let triangles = allocator.zeros(grid.triangles.len());
         let metrics = allocator.zeros(grid.triangles.len());
-        Memory { blocks: Weak::new(), purpose, levels, workspace, pbd, triangles, metrics }
+        let (blocks, lists) = (Weak::new(), Default::default());
+        Memory { blocks, purpose, levels, workspace, pbd, triangles, metrics, lists }
     }
 
     /// Whether this is the memory for the given purpose on the given grid. (Grids of different sizes or maps have

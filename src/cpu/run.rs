@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use crate::allocation::{Collect, Grow, copied, filled, zeroed, zeroed_box};
+use crate::allocation::{Collect, Grow, filled, zeroed, zeroed_box};
 use crate::grid::Grid;
 use crate::grid::planes::Plane;
 use crate::grid::pose::Pose;
@@ -32,22 +32,24 @@ pub(super) struct Lists {
     pub(super) stored: Vec<u32>,
 }
 
-impl Clone for Lists {
-    fn clone(&self) -> Lists {
-        Lists {
-            colours: self.colours.each_ref().map(|colour| copied(colour)),
-            active: copied(&self.active),
-            stored: copied(&self.stored),
+impl Lists {
+    fn all(&mut self) -> [&mut Vec<u32>; 6] {
+        let [a, b, c, d] = &mut self.colours;
+        [a, b, c, d, &mut self.active, &mut self.stored]
+    }
+
+    /// Copies another level's lists, in the memory of these.
+    pub fn copy_from(&mut self, other: &Lists) {
+        let others = other.colours.iter().chain([&other.active, &other.stored]);
+        for (list, other) in self.all().into_iter().zip(others) {
+            list.clear();
+            list.put_all(other.iter().copied());
         }
     }
-}
 
-impl Lists {
     /// Keeps the blocks for which `f` is true.
     pub fn retain(&mut self, f: impl Fn(u32) -> bool) {
-        for list in self.colours.iter_mut().chain([&mut self.active, &mut self.stored]) {
-            list.retain(|&b| f(b));
-        }
+        self.all().into_iter().for_each(|list| list.retain(|&b| f(b)));
     }
 }
 
@@ -63,6 +65,8 @@ pub(crate) struct Run<'a> {
     /// See `Input::least_weight`.
     pub(super) least_weight: f32,
     pub(super) work: Vec<Lists>,
+    /// Memory for a copy of these.
+    pub(super) spare: Vec<Lists>,
     /// The charts to solve.
     pub(super) charts: &'a [bool],
     /// Displacements of the result. Where charts are solved it is 0 until certification writes this solve's result;
@@ -98,23 +102,22 @@ impl<'a> Run<'a> {
         anchor: &'a [[Plane; 2]],
     ) -> Run<'a> {
         let Input { grid, mesh, pose, charts, .. } = *input;
-        let work = grid
-            .levels
-            .iter()
-            .map(|level| {
-                let mut work = Lists::default();
-                for (b, block) in level.blocks.list.iter().enumerate() {
-                    if charts[block.chart as usize] {
-                        work.stored.put(b as u32);
-                        if block.active {
-                            work.active.put(b as u32);
-                            work.colours[(block.y % 2 * 2 + block.x % 2) as usize].put(b as u32);
-                        }
+        let [mut work, mut spare] = std::mem::take(&mut memory.lists);
+        for lists in [&mut work, &mut spare] {
+            lists.put_all((lists.len()..grid.levels.len()).map(|_| Lists::default()));
+        }
+        for (work, level) in work.iter_mut().zip(&grid.levels) {
+            work.all().into_iter().for_each(Vec::clear);
+            for (b, block) in level.blocks.list.iter().enumerate() {
+                if charts[block.chart as usize] {
+                    work.stored.put(b as u32);
+                    if block.active {
+                        work.active.put(b as u32);
+                        work.colours[(block.y % 2 * 2 + block.x % 2) as usize].put(b as u32);
                     }
                 }
-                work
-            })
-            .collected();
+            }
+        }
         Run {
             team,
             grid,
@@ -124,6 +127,7 @@ impl<'a> Run<'a> {
             weights: (0..grid.levels.len()).map(|level| Weights::new(input, level)).collected(),
             least_weight: input.least_weight(),
             work,
+            spare,
             charts,
             result,
             result_is_used: false,
@@ -138,6 +142,11 @@ impl<'a> Run<'a> {
             pairs: PerThread::new(team, zeroed_box),
             slopes: PerThread::new(team, zeroed_box),
         }
+    }
+
+    /// Gives the memory of the lists back for the next solve.
+    pub fn end(self) {
+        self.memory.lists = [self.work, self.spare];
     }
 
     /// Node updates of all relaxations, or of all iterations of the paper's solver.

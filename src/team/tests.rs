@@ -181,3 +181,14 @@ fn jobs(team: &Team, random: &mut Random) {
     });
     assert_eq!(total.load(Ordering::Relaxed), expected);
 }
+
+#[test]
+fn threads_start_when_a_job_needs_them() {
+    let started = AtomicUsize::new(0);
+    let help = |_| _ = started.fetch_add(1, Ordering::Relaxed);
+    // Both return when the helpers, if any, have ended.
+    super::threads::with(1..4, help, |_| ());
+    assert_eq!(started.load(Ordering::Relaxed), 0);
+    super::threads::with(1..4, help, |start| start());
+    assert_eq!(started.load(Ordering::Relaxed), 3);
+}

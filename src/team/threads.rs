@@ -1,29 +1,31 @@
 //! Starts threads, and waits for their ends: a host may unload the library right after the call. If a team's helper
 //! cannot be started, that is no error: the others do its work.
 
+#[cfg(not(unix))]
+use std::cell::RefCell;
 use std::ops::Range;
 
 #[cfg(not(unix))]
 use crate::allocation::Collect;
 
-/// Runs `help(number)` on a thread for each of the numbers, and `body` on this one. `body` must make the helpers return;
-/// it does not unwind.
+/// Runs `body` on this thread. Once that calls the function that it is given, `help(number)` runs on a thread for each of the
+/// numbers. `body` must make the helpers return; it does not unwind.
 #[cfg(unix)]
-pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl FnOnce() -> R) -> R {
+pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl FnOnce(&dyn Fn()) -> R) -> R {
     posix::with(numbers, help, body)
 }
 
 /// `with` through std, whose threads leave records on the thread that starts them. On these systems that does no harm.
 #[cfg(not(unix))]
-pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl FnOnce() -> R) -> R {
+pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl FnOnce(&dyn Fn()) -> R) -> R {
     std::thread::scope(|scope| {
         let help = &help;
         let start = |n| std::thread::Builder::new().spawn_scoped(scope, move || help(n)).ok();
-        let helpers: Vec<_> = numbers.filter_map(start).collected();
-        let result = body();
+        let helpers = RefCell::new(Vec::new());
+        let result = body(&|| *helpers.borrow_mut() = numbers.clone().filter_map(start).collected());
         // A scope waits until its threads have run their closures, not until they end, and ending runs code of this
         // library, too.
-        for helper in helpers {
+        for helper in helpers.into_inner() {
             let _ = helper.join();
         }
         result
@@ -55,6 +57,7 @@ impl Thread {
 /// ends, and until then the system keeps the library in memory, even after a host has closed it.
 #[cfg(unix)]
 mod posix {
+    use std::cell::RefCell;
     use std::ffi::c_void;
     use std::mem::MaybeUninit;
     use std::ops::Range;
@@ -92,14 +95,20 @@ mod posix {
         }
     }
 
-    pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl FnOnce() -> R) -> R {
+    pub fn with<R>(
+        numbers: Range<usize>,
+        help: impl Fn(usize) + Sync,
+        body: impl FnOnce(&dyn Fn()) -> R,
+    ) -> R {
         let starts: Vec<Start> = numbers.map(|number| Start { help: &help, number }).collected();
-        let mut helpers = Helpers(with_capacity(starts.len()));
-        for start in &starts {
-            // `start` lives until the thread is joined.
-            helpers.0.put_all(spawn(run, ptr::from_ref(start).cast_mut().cast()));
-        }
-        let result = body();
+        let helpers = RefCell::new(Helpers(with_capacity(starts.len())));
+        let result = body(&|| {
+            for start in &starts {
+                // `start` lives until the thread is joined.
+                let thread = spawn(run, ptr::from_ref(start).cast_mut().cast());
+                helpers.borrow_mut().0.put_all(thread);
+            }
+        });
         drop(helpers);
         result
     }

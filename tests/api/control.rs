@@ -134,7 +134,7 @@ fn progress_is_told_and_changes_nothing() {
         plain.solve(model.frame(1), &options).unwrap();
         let mut asset = model.asset(2, 512);
         let told = Arc::new(Mutex::new(Vec::new()));
-        let list = told.clone();
+        let (list, of_list) = (told.clone(), told.clone());
         let control = Arc::new(Control::with_progress(Arc::new(move |progress| {
             list.lock().unwrap().push(progress);
             false
@@ -154,7 +154,14 @@ fn progress_is_told_and_changes_nothing() {
             told.len(),
             steps.len()
         );
-        assert!(steps.len() >= 4 && *told.last().unwrap() > 0.5, "{told:?}");
+        assert!(steps.len() >= 4, "{told:?}");
+        assert_eq!(*told.last().unwrap(), 1.0);
+        // A call that has nothing to do tells its end, too.
+        let before = told.len();
+        drop(told);
+        solve(&mut asset, &model, 1, options, &control).unwrap();
+        let told = of_list.lock().unwrap();
+        assert!(told.len() > before && *told.last().unwrap() == 1.0, "{:?}", &told[before..]);
     }
 }
 
