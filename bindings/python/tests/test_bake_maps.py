@@ -87,8 +87,10 @@ def test_a_map_of_a_few_texels_makes_no_grid_of_a_few_cells(tmp_path: Path, side
     with opened(shot(tmp_path), rigidity=str(small)) as work:
         (tile,) = work.meshes["cloth"].tiles
         assert (tile.cells, tile.size) == ((512, 512), (512, 512))
+        (hint,) = work.hints()
+        assert hint.startswith(f"/cloth: {small} has {side} x {side} texels: the grid has 512 x 512 cells")
     with opened(shot(tmp_path), rigidity=str(small), size=32) as work:
-        assert work.meshes["cloth"].tiles[0].cells == (32, 32)
+        assert work.meshes["cloth"].tiles[0].cells == (32, 32) and work.hints() == []
     # As the tiles beside it.
     image(tmp_path / "rigid.1002.png", np.full((48, 64, 1), 255, np.uint8))
     scene = shot(tmp_path, [(2 * u, v) for u, v in scenes.UVS])

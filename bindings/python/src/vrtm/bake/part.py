@@ -83,6 +83,8 @@ class Part:
         """Of the rigidity maps by UDIM number, for `gain`."""
         self.notes: list[str] = []
         """What is odd about its maps and primvars, each as a sentence."""
+        self.hints: list[str] = []
+        """What was chosen for it, in the same way."""
         self._look_at_primvars()
         self.tiles = self._tiles(common)
         self.textures = [(copy, self._found(copy.pattern)) for copy in copies]
@@ -138,6 +140,10 @@ class Part:
             small = rigidity is None or min(rigidity.shape) < LEAST_MAP
             own = other if small else (rigidity.shape[1], rigidity.shape[0])
             cells = own if settings.size is None else (settings.size, settings.size)
+            if small and rigidity is not None and settings.size is None and tile.layer == 0:
+                texels = f"{rigidity.shape[1]} x {rigidity.shape[0]} texels"
+                path = self.maps["rigidity"][tile.udim]
+                self.hints.append(f"{path} has {texels}: the grid has {cells[0]} x {cells[1]} cells, as without a map")
             grid = (min(cells[0], LARGEST_GRID), min(cells[1], LARGEST_GRID))
             # What is set for one layer holds for all of its tile.
             if tile.layer == 0:

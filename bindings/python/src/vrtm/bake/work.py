@@ -272,7 +272,7 @@ class Work:
 
     def hints(self) -> list[str]:
         """What may be meant or not, each as a sentence."""
-        hints = []
+        hints = [f"{part.where}: {hint}" for part in self.parts for hint in part.hints]
         for option in ("rigidity", "mask"):
             pattern, users = getattr(self.settings, option), {}
             for part in self.parts if pattern else ():
