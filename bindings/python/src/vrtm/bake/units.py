@@ -157,8 +157,8 @@ class Units:
             return Finding(
                 scale,
                 "by the lengths of its edges",
-                f"all of its edges are {factor:.6g} times as long as {where}, whatever the frame, which is another "
-                "unit or another size, and no deformation: the rest is scaled by that; --allow-units leaves it",
+                f"all of its edges are {factor:.6g} times as long as {where} in all frames: this is another unit, "
+                "or another size, and no deformation, so that the rest is scaled by it; --allow-units leaves it",
             )
         between = f"{least:.4g}" if _apart(least, most) < _ALIKE else f"{least:.4g} to {most:.4g}"
         if all(_apart(entry.median, 1) >= _IMPLAUSIBLE for entry in found) and (least > 1 or most < 1):
