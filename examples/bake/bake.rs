@@ -9,6 +9,7 @@ use xxhash_rust::xxh3::Xxh3;
 use crate::args::Args;
 use crate::failure::{Failure, Result};
 use crate::maps::{Field, Map};
+use crate::mesh::Positions;
 use crate::source::{Frame, Source};
 
 /// The outputs written per frame and tile.
@@ -42,7 +43,7 @@ impl<'a> Bake<'a> {
         let mut asset = Asset::new(
             device,
             &MeshSource {
-                positions: Strided::from_f32x3(&mesh.rest),
+                positions: mesh.rest.view(),
                 face_counts: Some(&mesh.face_counts),
                 indices: &mesh.indices,
                 uvs: UvSource { u: uvs, v: None, indices: Some(&mesh.uv_indices) },
@@ -63,7 +64,8 @@ impl<'a> Bake<'a> {
         let info = device.info();
         let name = (info.backend == Backend::Gpu).then_some(info.name);
         add(&mut common, format!("{} {name:?} {options:?}", env!("CARGO_PKG_VERSION")).bytes());
-        add(&mut common, floats(mesh.rest.as_flattened()).chain(floats(mesh.uvs.as_flattened())));
+        add(&mut common, numbers(&mesh.rest));
+        add(&mut common, floats(mesh.uvs.as_flattened()));
         for list in [&mesh.face_counts, &mesh.indices, &mesh.uv_indices] {
             add(&mut common, list.iter().flat_map(|n| n.to_le_bytes()));
         }
@@ -107,8 +109,8 @@ impl<'a> Bake<'a> {
         if !self.options.warm {
             self.poses = Xxh3::new();
         }
-        add(&mut self.poses, floats(frame.positions.as_flattened()));
-        let solved = self.asset.solve(Strided::from_f32x3(&frame.positions), &self.options);
+        add(&mut self.poses, numbers(&frame.positions));
+        let solved = self.asset.solve(frame.positions.view(), &self.options);
         solved.map_err(|e| Failure::named(&frame.origin, e))
     }
 
@@ -139,6 +141,14 @@ impl<'a> Bake<'a> {
             Ok((self.asset.tile_report(index)?, self.asset.inspect_map(index, &map)?))
         };
         Ok((self.asset.report()?, self.tiles.iter().enumerate().map(of).collect::<vrtm::Result<_>>()?))
+    }
+}
+
+/// The bytes of positions, which also tell their format: a result depends on it.
+fn numbers(positions: &Positions) -> Box<dyn Iterator<Item = u8> + '_> {
+    match positions {
+        Positions::F32(points) => Box::new(floats(points.as_flattened())),
+        Positions::F64(points) => Box::new(points.as_flattened().iter().flat_map(|x| x.to_le_bytes())),
     }
 }
 

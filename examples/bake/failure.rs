@@ -1,7 +1,7 @@
 //! Errors that end the program: one line with the file (or argument) and the reason.
 
 use std::fmt;
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::Path;
 
 #[derive(Debug)]
@@ -26,7 +26,18 @@ pub fn say(line: &str) {
     let _ = writeln!(io::stderr(), "bake: {line}");
 }
 
-/// Reads a whole file.
+/// Reads a whole file. Pipes and devices are refused: some never say anything, others never end.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|e| Failure::file(path, e))
+    let failure = |e: io::Error| Failure::file(path, e);
+    // Before it is opened, as that waits for a pipe's other end.
+    let data = std::fs::metadata(path).map_err(failure)?;
+    if !data.is_file() {
+        return Err(Failure::file(path, if data.is_dir() { "is a folder" } else { "is not a regular file" }));
+    }
+    // No more than there is now, of a file that grows.
+    let mut file = std::fs::File::open(path).map_err(failure)?.take(data.len());
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(data.len() as usize).map_err(|e| Failure::file(path, e))?;
+    file.read_to_end(&mut bytes).map_err(failure)?;
+    Ok(bytes)
 }

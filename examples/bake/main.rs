@@ -20,6 +20,7 @@ mod source;
 
 use std::collections::BTreeSet;
 use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::{Arc, Mutex};
 
@@ -30,6 +31,7 @@ use args::Args;
 use bake::{Bake, OUTPUTS};
 use encode::Facts;
 use failure::{Failure, Result, say};
+use maps::Map;
 use output::Output;
 use sheet::Stage;
 use source::{Frame, Source};
@@ -56,7 +58,9 @@ fn run(args: &Args) -> Result<()> {
     let mut bake = Bake::new(&source, args, &device)?;
     let planned = planned(args, &source, &bake);
     overwrite::check(&args.out, &planned, &source.inputs, args.overwrite)?;
+    warn_of_order(&args.pose);
     warn_of_tiles(args, &bake);
+    warn_of_maps(&source, &bake);
     let stage = (!args.no_sheet).then(|| Stage::new(&source, &bake, args.view));
 
     let failure = |e| Failure::named(&source.origin, e);
@@ -150,6 +154,58 @@ fn warn_of_tiles(args: &Args, bake: &Bake) {
         let pattern = args.rigidity.as_ref().map_or(String::new(), |text| format!("--rigidity {text}: "));
         let list = without.join(", ");
         say(&format!("warning: {pattern}no map for these tiles, which are not warped: {list}"));
+    }
+}
+
+/// Warns of poses that are not in the order of their numbers, as a shell lists `pose.-2.obj`, or `pose.10.obj`.
+fn warn_of_order(poses: &[PathBuf]) {
+    let numbers: Vec<_> = poses.iter().map(|path| number(path)).collect();
+    let is_back = |pair: &[Option<(String, i64)>]| match pair {
+        [Some((name, before)), Some((other, after))] => name == other && before > after,
+        _ => false,
+    };
+    if let Some(k) = numbers.windows(2).position(is_back) {
+        let [before, after] = [&poses[k], &poses[k + 1]].map(|path| path.display());
+        let text = "frames are in the order in which --pose lists them";
+        say(&format!("warning: {before} comes before {after}: {text}"));
+    }
+}
+
+/// The last number of a file's name, and the name without it. A hyphen before it is a minus sign, but for one behind a letter
+/// or a digit.
+fn number(path: &Path) -> Option<(String, i64)> {
+    let name = path.file_stem()?.to_str()?;
+    let is_digit = |c: char| c.is_ascii_digit();
+    let end = name.rfind(is_digit)? + 1;
+    let before = name[..end].trim_end_matches(is_digit);
+    let signed = before.strip_suffix('-').filter(|before| !before.ends_with(|c: char| c.is_alphanumeric()));
+    let start = signed.unwrap_or(before).len();
+    Some((format!("{} {}", &name[..start], &name[end..]), name[start..end].parse().ok()?))
+}
+
+/// Warns of faces that are not baked, and of maps that are hardly meant as they are: of 0 and 1 in the place of 0 and 255, or
+/// of 8 to 12 bits in an image of 16. The limit is that of `vrtm bake`.
+fn warn_of_maps(source: &Source, bake: &Bake) {
+    let without = bake.asset.info().faces_untextured;
+    if without > 0 {
+        say(&format!("warning: {}: faces without UVs (vt), which are not baked: {without}", source.origin));
+    }
+    let all = || bake.tiles.iter().filter_map(|tile| source.maps.get(&tile.udim));
+    let rigidity: Vec<&Map> = all().filter_map(|maps| maps.rigidity.as_ref()).collect();
+    let masks = all().filter_map(|maps| maps.mask.as_ref());
+    // A black map beside others is one of a tile without features.
+    if !rigidity.is_empty() && rigidity.iter().all(|map| map.largest().0 == 0) {
+        let names: Vec<&str> = rigidity.iter().map(|map| map.origin.as_str()).collect();
+        say(&format!("warning: {}: black all over: nothing keeps its shape there", names.join(", ")));
+    }
+    for (maps, then) in [(rigidity, "keeps its shape"), (masks.collect(), "moves")] {
+        for map in maps {
+            let (largest, one) = map.largest();
+            if largest > 0 && largest < one / 10 {
+                let (origin, least) = (&map.origin, format!("no value above {largest} of {one}"));
+                say(&format!("warning: {origin} has {least}: next to nothing {then} there, white is {one}"));
+            }
+        }
     }
 }
 

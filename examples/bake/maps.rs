@@ -1,8 +1,10 @@
 //! Images in memory: the maps that are read, and the outputs of vrtm.
 
+use std::io::Cursor;
 use std::path::Path;
 
-use vrtm::{ImageLayout, ImageView, PixelFormat};
+use image::{DynamicImage, ImageDecoder as _, ImageReader};
+use vrtm::{ImageLayout, ImageView, MAX_GRID, PixelFormat};
 
 use crate::failure::{Failure, Result, read};
 
@@ -20,8 +22,19 @@ pub struct Map {
 impl Map {
     /// Reads a map of 8 or 16 bits; colours are reduced to their luminance.
     pub fn load(path: &Path) -> Result<Map> {
-        let image = image::load_from_memory(&read(path)?).map_err(|e| Failure::file(path, e))?;
-        let size = [image.width(), image.height()];
+        let failure = |e: image::ImageError| Failure::file(path, e);
+        let bytes = read(path)?;
+        let mut reader = ImageReader::new(Cursor::new(&bytes)).with_guessed_format().expect("memory");
+        // Below, before memory is taken for the texels.
+        reader.no_limits();
+        let decoder = reader.into_decoder().map_err(failure)?;
+        let size @ [width, height] = decoder.dimensions().into();
+        if u64::from(width) * u64::from(height) > u64::from(MAX_GRID).pow(2) {
+            let reason =
+                format!("{width} x {height} texels are more than {MAX_GRID} x {MAX_GRID}, the largest grid");
+            return Err(Failure::file(path, reason));
+        }
+        let image = DynamicImage::from_decoder(decoder).map_err(failure)?;
         let (format, bytes) = if image.color().bytes_per_pixel() > image.color().channel_count() {
             let texels = image.into_luma16().into_raw();
             (PixelFormat::U16, texels.into_iter().flat_map(u16::to_ne_bytes).collect())
@@ -35,6 +48,17 @@ impl Map {
     pub fn view(&self) -> Result<ImageView<'_>> {
         let layout = ImageLayout::packed(self.size[0], self.size[1], self.format);
         ImageView::new("map", &self.bytes, layout).map_err(|e| Failure::named(&self.origin, e))
+    }
+
+    /// The largest value, and what stands for 1 in the map's format.
+    pub fn largest(&self) -> (u16, u16) {
+        match self.format {
+            PixelFormat::U8 => (self.bytes.iter().max().map_or(0, |&b| b.into()), 255),
+            _ => {
+                let texels = self.bytes.chunks_exact(2).map(|b| u16::from_ne_bytes([b[0], b[1]]));
+                (texels.max().unwrap_or(0), u16::MAX)
+            }
+        }
     }
 
     /// Values between 0 and 1.

@@ -2,13 +2,75 @@
 
 use std::ops::Range;
 
+use vrtm::Strided;
+
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
-    pub rest: Vec<[f32; 3]>,
+    pub rest: Positions,
     pub face_counts: Vec<u32>,
     pub indices: Vec<u32>,
     pub uvs: Vec<[f32; 2]>,
+    /// [`NO_UV`] at all corners of a face without UVs.
     pub uv_indices: Vec<u32>,
+}
+
+/// The index that stands for no UV.
+pub const NO_UV: u32 = u32::MAX;
+
+/// Positions of vertices, as exact as their file has them: those of an OBJ may lie far from the origin.
+#[derive(Clone, Debug)]
+pub enum Positions {
+    F32(Vec<[f32; 3]>),
+    F64(Vec<[f64; 3]>),
+}
+
+impl Default for Positions {
+    fn default() -> Self {
+        Positions::F32(Vec::new())
+    }
+}
+
+impl Positions {
+    pub fn view(&self) -> Strided<'_> {
+        match self {
+            Positions::F32(points) => Strided::from_f32x3(points),
+            Positions::F64(points) => Strided::from_f64x3(points),
+        }
+    }
+
+    pub fn len(&self) -> usize {
+        self.view().len()
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = [f64; 3]> + '_ {
+        let view = self.view();
+        (0..view.len()).map(move |vertex| view.get3(vertex))
+    }
+
+    /// Rounded to f32, relative to a point.
+    pub fn around(&self, origin: [f64; 3]) -> Vec<[f32; 3]> {
+        self.iter().map(|p| minus(p, origin).map(|x| x as f32)).collect()
+    }
+
+    /// The point to draw this pose of a mesh around: the one that the rest pose is drawn around, which is the origin unless
+    /// that is so far away that f32 would be too coarse. A pose far from there has a point of its own.
+    pub fn origin(&self, rest: &Positions) -> [f64; 3] {
+        let far = |points: &Positions, from: [f64; 3]| {
+            let (centre, radius) = points.ball();
+            let way = minus(centre, from);
+            (dot(way, way).sqrt() > 100.0 * radius).then_some(centre)
+        };
+        let of_rest = far(rest, [0.0; 3]).unwrap_or_default();
+        far(self, of_rest).unwrap_or(of_rest)
+    }
+
+    /// The middle of the box around all points, and half of its diagonal.
+    fn ball(&self) -> ([f64; 3], f64) {
+        let low = self.iter().fold([f64::MAX; 3], |a, p| [0, 1, 2].map(|c| a[c].min(p[c])));
+        let high = self.iter().fold([f64::MIN; 3], |a, p| [0, 1, 2].map(|c| a[c].max(p[c])));
+        let size = minus(high, low);
+        ([0, 1, 2].map(|c| 0.5 * (low[c] + high[c])), 0.5 * dot(size, size).sqrt())
+    }
 }
 
 /// A triangle for the sheet. UVs are relative to its tile.
@@ -34,6 +96,9 @@ impl Mesh {
 
     /// UDIM number of the tile that holds a face's UV centroid.
     pub fn udim(&self, face: Range<usize>) -> Option<u32> {
+        if self.uv_indices[face.start] == NO_UV {
+            return None;
+        }
         let n = face.len() as f64;
         let mut centroid = [0.0; 2];
         for &corner in &self.uv_indices[face] {

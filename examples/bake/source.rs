@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::failure::{Failure, Result, read};
 use crate::maps::Map;
-use crate::mesh::Mesh;
+use crate::mesh::{Mesh, Positions};
 use crate::obj;
 use crate::scenes::{self, Scene};
 
@@ -49,7 +49,7 @@ pub struct Source {
 pub struct Frame {
     /// Number of the frame, counted from 1.
     pub number: usize,
-    pub positions: Vec<[f32; 3]>,
+    pub positions: Positions,
     /// Name of the pose's file, for messages.
     pub origin: String,
     pub note: String,
@@ -75,8 +75,9 @@ impl Source {
             if positions.len() != vertices {
                 return bad(format!("{} vertices, but the rest mesh has {vertices}", positions.len()));
             }
-            if let Some(i) = positions.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
-                return bad(format!("frame {number}: vertex {} is {:?}, not finite", i + 1, positions[i]));
+            if let Some((i, p)) = (1..).zip(positions.iter()).find(|(_, p)| p.iter().any(|x| !x.is_finite()))
+            {
+                return bad(format!("frame {number}: vertex {i} is {p:?}, not finite"));
             }
         }
         Ok(source)
@@ -91,7 +92,7 @@ fn scene(name: &str) -> Result<Source> {
     let Scene { notes, rest, face_counts, indices, uvs, uv_indices, poses, tiles, .. } = scene;
     let frames = poses.into_iter().enumerate().map(|(i, positions)| Frame {
         number: i + 1,
-        positions,
+        positions: Positions::F32(positions),
         origin: name.into(),
         note: notes.get(i).copied().unwrap_or_default().into(),
     });
@@ -103,7 +104,7 @@ fn scene(name: &str) -> Result<Source> {
     Ok(Source {
         name: name.into(),
         origin: name.into(),
-        mesh: Mesh { rest, face_counts, indices, uvs, uv_indices },
+        mesh: Mesh { rest: Positions::F32(rest), face_counts, indices, uvs, uv_indices },
         frames: frames.collect(),
         maps: maps.collect(),
         ..Source::default()
@@ -113,7 +114,9 @@ fn scene(name: &str) -> Result<Source> {
 fn asset(folder: &Path) -> Result<Source> {
     let [path, rest, poses] = ["asset.json", "rest.obj", "frames.f32"].map(|name| folder.join(name));
     let mut json: Value = serde_json::from_slice(&read(&path)?).map_err(|e| Failure::file(&path, e))?;
-    let mesh = obj::load_mesh(&rest)?;
+    let mut mesh = obj::load_mesh(&rest)?;
+    // As the frames are: a frame that is the rest pose is exactly that.
+    mesh.rest = Positions::F32(mesh.rest.around([0.0; 3]));
     let mut frames = Vec::new();
     load_f32(&poses, mesh.rest.len(), &mut frames)?;
     // If a file was truncated between two frames, its size is still a multiple of a frame's.
@@ -183,23 +186,60 @@ fn files(rest: &Path, wanted: &Files) -> Result<Source> {
     })
 }
 
-/// The existing files of a pattern, one per tile; a path without `<UDIM>` serves a mesh with one tile.
+/// The existing files of a pattern, one per tile; a path without a token serves a mesh with one tile.
 fn existing(pattern: &str, mesh: &Mesh) -> Result<BTreeMap<u32, PathBuf>> {
-    let path = |udim: u32| (udim, PathBuf::from(pattern.replace("<UDIM>", &udim.to_string())));
+    let failure = |reason: String| Failure::named(&format!("--rigidity {pattern}"), reason);
+    let path = |udim: u32| (udim, PathBuf::from(tiled(pattern, udim)));
     let mut found: BTreeMap<_, _> = mesh.faces().filter_map(|face| mesh.udim(face)).map(path).collect();
     let count = found.len();
-    if pattern.contains("<UDIM>") {
+    if count == 0 {
+        return Err(failure(
+            "none of the mesh's faces lies in a tile: u begins at 0 and ends at 10, v begins at 0".into(),
+        ));
+    }
+    if found.values().collect::<BTreeSet<_>>().len() < count {
+        return Err(failure(format!("the mesh has {count} tiles: write <UDIM> for the tile's number")));
+    }
+    if count > 1 || pattern.contains(['<', '%', '$', '#']) {
         // Keep paths that cannot be checked; reading them reports the error.
         found.retain(|_, path| path.try_exists().unwrap_or(true));
-    } else if count > 1 {
-        let reason = format!("the mesh has {count} tiles: write <UDIM> for the tile's number");
-        return Err(Failure::named(&format!("--rigidity {pattern}"), reason));
     }
-    if found.is_empty() {
-        let reason = format!("no such file for any of the mesh's {count} tiles");
-        return Err(Failure::named(&format!("--rigidity {pattern}"), reason));
+    match found.is_empty() {
+        true => Err(failure(format!("no such file for any of the mesh's {count} tiles; {TOKENS}"))),
+        false => Ok(found),
     }
-    Ok(found)
+}
+
+const TOKENS: &str = "the tokens of a tile are <UDIM>, <UVTILE>, u<U>_v<V> and %(UDIM)d";
+
+/// A pattern with a tile's number in the place of its tokens, as `vrtm bake` fills them in (docs/bake.md).
+fn tiled(pattern: &str, udim: u32) -> String {
+    let [u, v] = [(udim - 1001) % 10, (udim - 1001) / 10];
+    let (udim, from_1, from_0) = (udim.to_string(), format!("u{}_v{}", u + 1, v + 1), format!("u{u}_v{v}"));
+    let mut text = pattern.to_string();
+    for (token, filled) in [
+        ("<UDIM>", &udim),
+        ("<udim>", &udim),
+        ("%(UDIM)d", &udim),
+        ("<UVTILE>", &from_1),
+        ("%(UVTILE)d", &from_1),
+        ("<uvtile>", &from_0),
+    ] {
+        text = text.replace(token, filled);
+    }
+    for (token, letter, number) in
+        [("<U>", "u", u + 1), ("<u>", "u", u), ("<V>", "v", v + 1), ("<v>", "v", v)]
+    {
+        while let Some(at) = text.find(token) {
+            // Where no letter is written, the token brings one.
+            let mut before = text[..at].chars().rev().map(|c| c.to_ascii_lowercase());
+            let is_written = before.next().is_some_and(|c| "uv".contains(c))
+                && !before.next().is_some_and(|c| c.is_ascii_alphabetic());
+            let filled = format!("{}{number}", if is_written { "" } else { letter });
+            text.replace_range(at..at + token.len(), &filled);
+        }
+    }
+    text
 }
 
 /// Reads little-endian f32, frames x vertices x 3, and appends the frames.
@@ -217,7 +257,7 @@ fn load_f32(path: &Path, vertices: usize, frames: &mut Vec<Frame>) -> Result<()>
         let float = |b: &[u8]| f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
         let positions = frame.chunks_exact(12).map(|p| [float(p), float(&p[4..]), float(&p[8..])]).collect();
         let (number, origin) = (frames.len() + 1, path.display().to_string());
-        frames.push(Frame { number, positions, origin, note: String::new() });
+        frames.push(Frame { number, positions: Positions::F32(positions), origin, note: String::new() });
     }
     Ok(())
 }

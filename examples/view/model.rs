@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::failure::Result;
 use crate::maps::Map;
-use crate::mesh::{Mesh, Triangle};
+use crate::mesh::{Mesh, Positions, Triangle};
 use crate::source::{Files, Frame, Source};
 
 /// A mesh with its poses and maps.
@@ -12,6 +12,9 @@ pub struct Model {
     pub name: String,
     pub mesh: Mesh,
     pub frames: Vec<Frame>,
+    /// The rest pose, and those of the frames, in f32 and near the origin.
+    pub rest: Vec<[f32; 3]>,
+    pub poses: Vec<Vec<[f32; 3]>>,
     /// Sorted by tile.
     pub triangles: Vec<Triangle>,
     pub tiles: Vec<Tile>,
@@ -54,18 +57,31 @@ impl Model {
                 }
             }
         }
-        let poses = frames.iter().flat_map(|frame| &frame.positions);
-        let (centre, radius) = ball(mesh.rest.iter().chain(poses));
-        let (starts, around) = surroundings(&triangles, mesh.rest.len());
-        let inputs = inputs.into_iter().map(|(_, path)| path).collect();
-        let files = files.clone();
-        Ok(Model { name, mesh, frames, triangles, tiles, inputs, files, centre, radius, starts, around })
+        let near = |pose: &Positions| pose.around(pose.origin(&mesh.rest));
+        let rest = near(&mesh.rest);
+        let poses: Vec<_> = frames.iter().map(|frame| near(&frame.positions)).collect();
+        let (centre, radius) = ball(rest.iter().chain(poses.iter().flatten()));
+        let (starts, around) = surroundings(&triangles, rest.len());
+        Ok(Model {
+            name,
+            mesh,
+            frames,
+            rest,
+            poses,
+            triangles,
+            tiles,
+            inputs: inputs.into_iter().map(|(_, path)| path).collect(),
+            files: files.clone(),
+            centre,
+            radius,
+            starts,
+            around,
+        })
     }
 
     /// Rest and all poses: the keys of the timeline.
     pub fn keys(&self) -> Vec<&[[f32; 3]]> {
-        let poses = self.frames.iter().map(|frame| frame.positions.as_slice());
-        std::iter::once(self.mesh.rest.as_slice()).chain(poses).collect()
+        std::iter::once(&self.rest).chain(&self.poses).map(Vec::as_slice).collect()
     }
 
     /// The name of a key.
@@ -87,7 +103,7 @@ impl Model {
     #[cfg(test)]
     pub fn replace_for_test(&mut self, rest: Vec<[f32; 3]>, triangles: Vec<Triangle>) {
         (self.starts, self.around) = surroundings(&triangles, rest.len());
-        (self.mesh.rest, self.triangles) = (rest, triangles);
+        (self.rest, self.triangles) = (rest, triangles);
     }
 
     /// The tile of a triangle.

@@ -9,7 +9,8 @@ use image::{ImageBuffer, Luma};
 use serde_json::Value;
 
 use crate::common::{
-    Files, REST, borrow, floats, folder, layer, names, read_exr, report, succeed, succeed_with_warnings, text,
+    Files, REST, borrow, floats, folder, layer, names, read_exr, refuse, report, succeed,
+    succeed_with_warnings, text,
 };
 
 #[test]
@@ -155,7 +156,7 @@ fn the_hash_of_inputs_follows_what_the_content_depends_on_and_nothing_else() {
     // The size of the map does not change the warp, nor does one tile's map change another tile.
     let other = hash_of(hashes(&["--map-size", "16"]));
     assert!(other[0] != first[0] && other[1] == first[1] && other[2] != first[2]);
-    image::GrayImage::from_pixel(32, 32, Luma([9])).save(files.path("r.1001.png")).unwrap();
+    image::GrayImage::from_pixel(32, 32, Luma([90])).save(files.path("r.1001.png")).unwrap();
     let other = hash_of(hashes(&[]));
     assert!(other[0] != first[0] && other[1] != first[1] && other[2] == first[2]);
 }
@@ -184,6 +185,110 @@ fn a_pose_in_other_units_is_warned_of() {
     for (stretch, factor) in stretch.iter().zip([1.0, 100.0, 2.0, 0.01]) {
         assert!((stretch / factor - 1.0).abs() < 1e-5, "{stretch} {factor}");
     }
+}
+
+/// OBJ files as exact as they are: coordinates of a survey, hundreds of kilometres from the origin.
+#[test]
+fn far_from_the_origin_the_maps_are_those_of_the_same_mesh_near_it() {
+    let files = Files::new("far");
+    let baked = |rest: &str, pose: &str| {
+        let (mut arguments, out) = files.arguments(pose, &["--no-sheet", "--device", "cpu"]);
+        arguments[1] = files.path(rest);
+        succeed(&borrow(&arguments));
+        let strain = &report(&out)["frames"][0]["tiles"][0]["strain"]["after"]["rms"];
+        (read_exr(&out.join("redirect.0001.1001.exr")).2, strain.as_f64().expect("a number"))
+    };
+    let (near, strain) = baked("rest.obj", "pose.obj");
+    for name in ["rest", "pose"] {
+        let text = fs::read_to_string(files.path(&format!("{name}.obj"))).expect("the mesh");
+        let moved = |line: &str| match line.strip_prefix("v ").map(|p| p.split(' ').collect::<Vec<_>>()) {
+            Some(p) => {
+                let [x, y, z] = [0, 1, 2].map(|c| p[c].parse::<f64>().expect("a number"));
+                format!("v {} {} {}\n", x + 448_262.25, y + 5_411_932.5, z + 120.0)
+            }
+            None => format!("{line}\n"),
+        };
+        files.write(&format!("far_{name}.obj"), text.lines().map(moved).collect::<String>().as_bytes());
+    }
+    let (far, strain_far) = baked("far_rest.obj", "far_pose.obj");
+    // The coordinates have 1e-9 there, which the solve amplifies; a hundredth of a texel of 4096 is 2.4e-6.
+    let apart = near.iter().zip(&far).flat_map(|(a, b)| [(a[0] - b[0]).abs(), (a[1] - b[1]).abs()]);
+    let apart = apart.fold(0.0, f32::max);
+    assert!(apart < 2.4e-6, "{apart}");
+    assert!((strain - strain_far).abs() < 1e-4, "{strain} {strain_far}");
+    let centre = |i: usize| [(i % 32) as f32 + 0.5, 31.5 - (i / 32) as f32].map(|x| x / 32.0);
+    assert!(far.iter().enumerate().any(|(i, uv)| (uv[1] - centre(i)[1]).abs() > 1e-3), "not the identity");
+}
+
+#[test]
+fn tiles_have_the_tokens_of_other_programs() {
+    let files = Files::new("tokens");
+    let maps = |pattern: &str, names: [&str; 2]| {
+        for (udim, name) in [1001, 1002].into_iter().zip(names) {
+            fs::copy(files.path(&format!("r.{udim}.png")), files.path(name)).expect("a copy");
+        }
+        let (mut arguments, out) = files.arguments("pose.obj", &["--no-sheet", "--size", "16"]);
+        let at = arguments.iter().position(|a| a == "--rigidity").unwrap();
+        arguments[at + 1] = files.path(pattern);
+        succeed(&borrow(&arguments));
+        let tiles = &report(&out)["tiles"];
+        for (k, name) in names.iter().enumerate() {
+            assert!(
+                tiles[k]["rigidity"].as_str().is_some_and(|file| file.ends_with(name)),
+                "{name}: {tiles}"
+            );
+        }
+    };
+    maps("p%(UDIM)d.png", ["p1001.png", "p1002.png"]);
+    maps("t_<UVTILE>.png", ["t_u1_v1.png", "t_u2_v1.png"]);
+    maps("t_u<U>_v<V>.png", ["t_u1_v1.png", "t_u2_v1.png"]);
+    maps("z_<u>_<v>.png", ["z_u0_v0.png", "z_u1_v0.png"]);
+    maps("z<uvtile>.png", ["zu0_v0.png", "zu1_v0.png"]);
+    for (pattern, reason) in [
+        ("r.1001.png", "write <UDIM>"),
+        ("t_v<V>.png", "write <UDIM>"),
+        ("r.<TILE>.png", "write <UDIM>"),
+        ("r_<UDIM>.png", "no such file"),
+    ] {
+        let (mut arguments, _) = files.arguments("pose.obj", &[]);
+        let at = arguments.iter().position(|a| a == "--rigidity").unwrap();
+        arguments[at + 1] = files.path(pattern);
+        let out = files.folder.join("none");
+        arguments[at + 3] = text(&out).into();
+        refuse(&arguments, &out, pattern, reason);
+    }
+}
+
+#[test]
+fn maps_of_the_wrong_range_and_poses_out_of_order_are_warned_of() {
+    let files = Files::new("ranges");
+    let warned = |more: &[&str]| {
+        let (arguments, _) = files.arguments("pose.obj", &[&["--no-sheet", "--size", "16"], more].concat());
+        succeed_with_warnings(&borrow(&arguments)).1
+    };
+    let path = files.path("r.1001.png");
+    ImageBuffer::from_fn(32, 32, |x, _| Luma([u8::from(x > 9)])).save(&path).expect("a map");
+    assert!(warned(&[]).contains("r.1001.png has no value above 1 of 255: next to nothing keeps"));
+    ImageBuffer::from_fn(32, 32, |x, _| Luma([x as u16 * 8])).save(&path).expect("a map");
+    assert!(warned(&[]).contains("r.1001.png has no value above 248 of 65535"));
+    image::GrayImage::new(32, 32).save(&path).expect("a map");
+    let warnings = warned(&[]);
+    assert!(warnings.contains("r.1001.png") && warnings.contains("r.1002.png: black all over"), "{warnings}");
+    image::GrayImage::from_pixel(32, 32, Luma([26])).save(&path).expect("a map");
+    assert_eq!(warned(&[]), "");
+
+    files.write("rest.obj", REST.replace("1/1", "1").as_bytes());
+    assert!(warned(&[]).contains("rest.obj: faces without UVs (vt), which are not baked: 1"));
+    files.write("rest.obj", REST.as_bytes());
+
+    let poses = ["sim.-0001.obj", "sim.-0002.obj", "sim.0000.obj"].map(|name| {
+        files.write(name, REST.as_bytes());
+        files.path(name)
+    });
+    let [a, b, c] = [0, 1, 2].map(|k| poses[k].as_str());
+    let warnings = warned(&["--pose", a, b, c]);
+    assert!(warnings.contains("sim.-0001.obj comes before ") && warnings.lines().count() == 1, "{warnings}");
+    assert_eq!(warned(&["--pose", b, a, c]), "");
 }
 
 /// A sheet of 20 by 20 squares, as an OBJ, and its vertices.

@@ -4,5 +4,17 @@ mod built_in;
 mod common;
 mod files;
 mod interrupted;
+mod obj_files;
 mod overwrite;
 mod refusals;
+
+// Parts of the program.
+#[allow(dead_code)]
+#[path = "../../examples/bake/failure.rs"]
+mod failure;
+#[allow(dead_code)]
+#[path = "../../examples/bake/mesh.rs"]
+mod mesh;
+#[allow(dead_code)]
+#[path = "../../examples/bake/obj.rs"]
+mod obj;

@@ -17,7 +17,7 @@ fn bad_files_are_refused() {
     files.write("nan.obj", REST.replace("v 2 0 0", "v 2 nan 0").as_bytes());
     check("nan.obj", "nan.obj", "not finite");
     files.write("broken.obj", REST.replace("v 2 0 0", "v 2 zero 0").as_bytes());
-    check("broken.obj", "broken.obj", "line: 4");
+    check("broken.obj", "broken.obj", "line 4: '2 zero 0' is not 3 numbers");
     files.write("cut.f32", &floats(&[0.0; 6 * 3])[..70]);
     check("cut.f32", "cut.f32", "70 bytes");
     files.write("empty.f32", b"");
@@ -42,13 +42,48 @@ fn bad_meshes_are_refused() {
         (REST.replace("v 0 1 0", "v 0 inf 0"), "positions[3]: component 1 is inf"),
         (REST.replace("vt 0.9 0.9", "vt nan 0.9"), "[2]: component 0 is NaN"),
         (REST.replace("6/7", "60/7"), "face 2"),
-        (REST.replace("1/1", "1"), "no texture coordinates"),
+        (REST.replace("1/1", "1").replace("6/7", "6"), "no faces with UVs (vt)"),
         ("v 0 0 0\n".to_string(), "no faces"),
         ("hello\n".to_string(), "no vertices"),
     ] {
         files.write("rest.obj", text.as_bytes());
         let (arguments, out) = files.arguments("pose.obj", &[]);
         refuse(&arguments, &out, "rest.obj", reason);
+    }
+}
+
+/// The header of a PNG of 30,000 by 30,000 texels of 8 bits.
+const HUGE: &[u8] =
+    b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0u0\0\0u0\x08\0\0\0\0CL\xa7f\0\0\0\x0bIDATx\x9cc`\x80\x01\0\0\n\0\x01\
+    \x7f\x80t^\0\0\0\0IEND\xaeB`\x82";
+
+#[test]
+fn maps_that_are_too_large_are_refused_before_they_are_read() {
+    let files = Files::new("huge");
+    files.write("r.1001.png", HUGE);
+    let (arguments, out) = files.arguments("pose.obj", &[]);
+    refuse(&arguments, &out, "r.1001.png", "30000 x 30000 texels are more than 16384 x 16384");
+}
+
+/// A pipe without a writer waits for ever, and a device may have no end.
+#[test]
+#[cfg(unix)]
+fn only_regular_files_are_read() {
+    let files = Files::new("irregular");
+    let pipe = files.path("pipe.obj");
+    assert!(std::process::Command::new("mkfifo").arg(&pipe).status().expect("mkfifo").success());
+    std::os::unix::fs::symlink("/dev/zero", files.path("zero.1001.png")).expect("a link");
+    fs::create_dir(files.path("folder.f32")).expect("a folder");
+    for (option, name, reason) in [
+        ("--rest", "pipe.obj", "not a regular file"),
+        ("--pose", "pipe.obj", "not a regular file"),
+        ("--pose", "folder.f32", "is a folder"),
+        ("--rigidity", "zero.<UDIM>.png", "zero.1001.png: is not a regular file"),
+    ] {
+        let (mut arguments, out) = files.arguments("pose.obj", &[]);
+        let at = arguments.iter().position(|a| a == option).expect("the option");
+        arguments[at + 1] = files.path(name);
+        refuse(&arguments, &out, name.split('<').next().expect("a name"), reason);
     }
 }
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Callable
+import re
 from pathlib import Path
 
 import numpy as np
@@ -44,37 +45,32 @@ def test_negative_indices_and_continued_lines(tmp_path: Path) -> None:
     assert shape.indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 4] and shape.uv_indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 6]
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda text: b"\xef\xbb\xbf" + text.encode(),
-        lambda text: text.replace("\n", "\r").encode(),
-        lambda text: text.replace("\n", "\r\n").replace("/2 5", "/2 \\\r\n5").encode(),
-        lambda text: text.replace(" 4/4\n", " 4/4/\n").replace(" 1/1 ", " 1/1/ ").encode(),
-        lambda text: text.replace("v 2 ", "v\t+2.0e+00 ").replace(" 2/2 ", " +2/02 ").encode(),
-        # A comment may end with a folder's path, and names may be in any encoding.
-        lambda text: b"# C:\\meshes\\\no \xe9t\xe9\n" + text.encode() + b"# the last \\",
-    ],
-    ids=["mark", "CR", "CRLF", "slash", "numbers", "comments"],
-)
-def test_ways_of_writing(tmp_path: Path, change: Callable[[str], bytes]) -> None:
+# The bake program's tests read the same table.
+CASES = json.loads((Path(__file__).parents[3] / "tests" / "bake" / "obj.json").read_text("utf-8"))
+
+
+@pytest.mark.parametrize("name", CASES["same"])
+def test_ways_of_writing(tmp_path: Path, name: str) -> None:
     path = tmp_path / "a.obj"
-    path.write_bytes(change(VERTICES + UVS + FACES))
+    path.write_bytes(CASES["same"][name].encode("latin-1"))
     shape = Scene(path).shapes[0]
-    assert shape.indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 4] and shape.uv_indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 4]
-    assert shape.rest[2].tolist() == [2, 0, 0] and len(shape.rest) == 6
+    assert shape.rest.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0.5]] and shape.face_counts.tolist() == [3]
+    assert shape.uvs.tolist() == [[0, 0], [1, 0], [0, 1]]
+    assert shape.indices.tolist() == shape.uv_indices.tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize("name", CASES["refused"])
+def test_what_is_refused(tmp_path: Path, name: str) -> None:
+    text, message = CASES["refused"][name]
+    path = tmp_path / "a.obj"
+    path.write_bytes(text.encode("latin-1"))
+    with pytest.raises(SceneError, match=rf"a\.obj: .*{re.escape(message)}"):
+        Scene(path)
 
 
 def test_corners_without_uvs(tmp_path: Path) -> None:
     shape = Scene(write(tmp_path / "a.obj", VERTICES + UVS + FACES + "f 1//3 2// 5/\n")).shapes[0]
     assert shape.indices[-3:].tolist() == [0, 1, 4] and shape.uv_indices[-3:].tolist() == [-1, -1, -1]
-
-
-@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
-def test_utf16_is_named(tmp_path: Path, encoding: str) -> None:
-    (tmp_path / "a.obj").write_bytes((VERTICES + UVS + FACES).encode(encoding))
-    with pytest.raises(SceneError, match=r"a\.obj: .*UTF-16: save it as UTF-8"):
-        Scene(tmp_path / "a.obj")
 
 
 def test_colours_are_rigidity(tmp_path: Path) -> None:

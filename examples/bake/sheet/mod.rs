@@ -8,7 +8,7 @@ mod strain;
 
 use crate::bake::Bake;
 use crate::maps::Field;
-use crate::mesh::{Triangle, cross, dot, minus};
+use crate::mesh::{Positions, Triangle, cross, dot, minus};
 use crate::report;
 use crate::source::Source;
 use camera::Camera;
@@ -38,7 +38,8 @@ const FULL: f32 = 0.30;
 
 /// Everything that stays the same from frame to frame.
 pub struct Stage<'a> {
-    rest: &'a [[f32; 3]],
+    source: &'a Source,
+    rest: Vec<[f32; 3]>,
     triangles: Vec<Triangle>,
     /// Index of each triangle's tile.
     owners: Vec<usize>,
@@ -68,13 +69,14 @@ struct Sample {
 
 impl<'a> Stage<'a> {
     pub fn new(source: &'a Source, bake: &Bake, view: Option<[f64; 2]>) -> Stage<'a> {
-        let rest = source.mesh.rest.as_slice();
+        let rest = near(source, &source.mesh.rest);
         let mut triangles = source.mesh.triangles();
         let owner = |t: &Triangle| bake.tiles.iter().position(|tile| tile.udim == t.udim);
         triangles.retain(|t| owner(t).is_some());
         let owners: Vec<usize> = triangles.iter().filter_map(owner).collect();
-        let poses = source.frames.iter().map(|frame| frame.positions.as_slice());
-        let camera = Camera::new(&std::iter::once(rest).chain(poses).collect::<Vec<_>>(), view);
+        let poses: Vec<_> = source.frames.iter().map(|frame| near(source, &frame.positions)).collect();
+        let all: Vec<&[[f32; 3]]> = std::iter::once(&rest).chain(&poses).map(Vec::as_slice).collect();
+        let camera = Camera::new(&all, view);
         let height = (COLUMN as f64 * camera.aspect()).clamp(0.74 * COLUMN as f64, 1.15 * COLUMN as f64);
         let size = [COLUMN, height as usize];
         let of = |tile: usize| {
@@ -96,17 +98,18 @@ impl<'a> Stage<'a> {
         };
         let surfaces = bake.tiles.iter().enumerate().map(surface).collect();
         let charts = strain::charts(&triangles, source.mesh.uvs.len());
-        Stage { rest, owners, materials, surfaces, charts, camera, size, triangles }
+        Stage { source, rest, owners, materials, surfaces, charts, camera, size, triangles }
     }
 
     /// Draws a frame with each tile's redirection, and lines of figures.
     pub fn draw(
         &self,
         title: &str,
-        pose: &[[f32; 3]],
+        pose: &Positions,
         maps: &[Field<3>],
         figures: &[String],
     ) -> image::RgbImage {
+        let pose = near(self.source, pose);
         let [w, h] = self.size;
         let size = [2 * MARGIN + 3 * COLUMN + 2 * GAP, BAR + 2 * (LABEL + h) + GAP + MARGIN];
         let mut canvas = Canvas::new(size, PAPER);
@@ -123,13 +126,13 @@ impl<'a> Stage<'a> {
             canvas.text([x, y - LABEL + 4], HEADING, INK, labels[row][column]);
         }
 
-        let (rest, posed) = (self.view(self.rest), self.view(pose));
+        let (rest, posed) = (self.view(&self.rest), self.view(&pose));
         let painted = |tile: usize, uv: [f32; 2]| self.materials[tile].colour(uv);
         let target = |s: &Sample| redirect(&maps[s.tile], s.uv);
         let strained = |s: &Sample, target: &dyn Fn([f32; 2]) -> [f32; 2]| {
             let rigid = step(0.25, 0.40, self.materials[s.tile].rigidity(target(s.uv)));
             let mesh = (self.triangles.as_slice(), self.charts.as_slice());
-            let strain = || self.surfaces[s.tile].strain(mesh, [self.rest, pose], s.uv, target);
+            let strain = || self.surfaces[s.tile].strain(mesh, [&self.rest, &pose], s.uv, target);
             let colour = if rigid > 0.0 { strain() } else { None }
                 .map_or(QUIET, |strain| mix(QUIET, strain_colour(strain), rigid));
             soft_light(colour, s)
@@ -202,6 +205,11 @@ impl<'a> Stage<'a> {
         let normal = normal.map(|x| (x / length) as f32);
         Some(Sample { tile: self.owners[triangle as usize], uv, normal, inside })
     }
+}
+
+/// A pose in f32, as pictures are drawn.
+fn near(source: &Source, pose: &Positions) -> Vec<[f32; 3]> {
+    pose.around(pose.origin(&source.mesh.rest))
 }
 
 /// The redirected UV. Deltas are interpolated, because they are zero at a chart's border and smooth inside.

@@ -202,7 +202,7 @@ impl App {
             (Some(Wish::Reset), Some(open)) => {
                 open.orbit = Orbit {
                     z_up: open.orbit.z_up,
-                    ..Orbit::of(&open.model.mesh.rest, open.model.centre, open.model.radius)
+                    ..Orbit::of(&open.model.rest, open.model.centre, open.model.radius)
                 };
             }
             (Some(Wish::Up(z_up)), Some(open)) => open.orbit.z_up = z_up,

@@ -38,7 +38,7 @@ impl App {
         self.stroke.moved();
         self.open = Some(Open {
             line: Timeline::new(model.frames.len() + 1),
-            orbit: Orbit::of(&model.mesh.rest, model.centre, model.radius),
+            orbit: Orbit::of(&model.rest, model.centre, model.radius),
             first: self.flow.edit,
             painter,
             scene,

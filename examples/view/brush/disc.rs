@@ -112,7 +112,7 @@ mod tests {
     fn a_disc_hangs_together_and_stays_within_its_radius() {
         let model =
             Model::load(&Files { scene: Some("mug_to_jug".into()), ..Files::default() }).expect("a scene");
-        let rest = &model.mesh.rest;
+        let rest = &model.rest;
         let first = model.triangles.len() / 3;
         let centre = rest[model.triangles[first].vertices[0] as usize];
         let radius = 0.2 * model.radius;
@@ -131,10 +131,10 @@ mod tests {
         // Two sheets, one closely above the other, that share no vertex.
         let mut model =
             Model::load(&Files { scene: Some("squash".into()), ..Files::default() }).expect("a scene");
-        let alone = disc(&model, &model.mesh.rest, 0, model.mesh.rest[0], 0.3 * model.radius).len();
-        let count = model.mesh.rest.len() as u32;
-        let above: Vec<_> = model.mesh.rest.iter().map(|p| [p[0], p[1], p[2] + 1e-4]).collect();
-        let mut rest = model.mesh.rest.clone();
+        let alone = disc(&model, &model.rest, 0, model.rest[0], 0.3 * model.radius).len();
+        let count = model.rest.len() as u32;
+        let above: Vec<_> = model.rest.iter().map(|p| [p[0], p[1], p[2] + 1e-4]).collect();
+        let mut rest = model.rest.clone();
         rest.extend(above);
         let mut triangles = model.triangles.clone();
         triangles.extend(model.triangles.iter().map(|t| {
@@ -143,7 +143,7 @@ mod tests {
             t
         }));
         model.replace_for_test(rest, triangles);
-        let rest = &model.mesh.rest;
+        let rest = &model.rest;
         assert_eq!(disc(&model, rest, 0, rest[0], 0.3 * model.radius).len(), alone);
     }
 }

@@ -244,7 +244,7 @@ mod tests {
         let mut painter = Painter::new(&model);
         painter.canvases[0].texels.fill(0);
         let triangle = model.triangles.len() / 3;
-        let corners = model.triangles[triangle].vertices.map(|v| model.mesh.rest[v as usize]);
+        let corners = model.triangles[triangle].vertices.map(|v| model.rest[v as usize]);
         let position = [0, 1, 2].map(|c| corners.iter().map(|p| p[c]).sum::<f32>() / 3.0);
         (model, painter, Hit { triangle, position, normal: [0.0, 0.0, 1.0], depth: 1.0 })
     }
@@ -256,7 +256,7 @@ mod tests {
         let (model, mut painter, hit) = scene();
         let radius = 0.2 * model.radius;
         painter.begin();
-        let changes = painter.dab(&model, &model.mesh.rest, None, &hit, (&BRUSH, radius));
+        let changes = painter.dab(&model, &model.rest, None, &hit, (&BRUSH, radius));
         painter.end();
         assert_eq!(changes.len(), 1);
         let canvas = &painter.canvases[0];
@@ -272,7 +272,7 @@ mod tests {
                 }
                 let triangle = &model.triangles[ids.at(uv).expect("only charts are painted")];
                 let w = weights(triangle.uvs.map(|uv| uv.map(|x| x as f32)), uv);
-                let corners = triangle.vertices.map(|v| model.mesh.rest[v as usize]);
+                let corners = triangle.vertices.map(|v| model.rest[v as usize]);
                 let place = [0, 1, 2].map(|c| (0..3).map(|k| w[k] * corners[k][c]).sum());
                 let distance = length(minus(place, hit.position));
                 assert!(distance <= 1.001 * radius, "{x} {y}: {distance} of {radius}");
@@ -290,11 +290,11 @@ mod tests {
         let before = painter.canvases.clone();
         painter.begin();
         let radius = 0.2 * model.radius;
-        painter.dab(&model, &model.mesh.rest, None, &hit, (&brush, radius));
+        painter.dab(&model, &model.rest, None, &hit, (&brush, radius));
         let once = painter.canvases.clone();
-        let again = painter.dab(&model, &model.mesh.rest, None, &hit, (&brush, radius));
+        let again = painter.dab(&model, &model.rest, None, &hit, (&brush, radius));
         assert!(again.is_empty() && painter.canvases == once, "soft edges must not harden");
-        let wide = painter.dab(&model, &model.mesh.rest, None, &hit, (&brush, 1.5 * radius));
+        let wide = painter.dab(&model, &model.rest, None, &hit, (&brush, 1.5 * radius));
         assert!(!wide.is_empty());
         painter.end();
         assert!(painter.can_undo());
@@ -308,7 +308,7 @@ mod tests {
         painter.canvases[0].texels.fill(65535);
         painter.begin();
         let brush = Brush { erase: true, ..BRUSH };
-        painter.dab(&model, &model.mesh.rest, None, &hit, (&brush, 0.2 * model.radius));
+        painter.dab(&model, &model.rest, None, &hit, (&brush, 0.2 * model.radius));
         assert!(painter.canvases[0].texels.contains(&0) && painter.canvases[0].texels.contains(&65535));
     }
 
@@ -318,14 +318,14 @@ mod tests {
         let radius = 0.1 * model.radius;
         let mut plain = Painter::new(&model);
         plain.canvases = painter.canvases.clone();
-        plain.dab(&model, &model.mesh.rest, None, &hit, (&BRUSH, radius));
+        plain.dab(&model, &model.rest, None, &hit, (&BRUSH, radius));
         // Everything is seen half a tile's 32th to the right of where it was painted.
         let shift = 1.0 / 32.0;
         let size = [64, 64];
         let nodes = (0..65 * 65).map(|k| [(k % 65) as f32 / 64.0 + shift, (k / 65) as f32 / 64.0]).collect();
         let maps = Maps { size, delta: vec![[-shift, 0.0]; 64 * 64], warp: nodes };
         let seen = [Solved { maps: maps.into(), report: Default::default() }];
-        painter.dab(&model, &model.mesh.rest, Some(&seen), &hit, (&BRUSH, radius));
+        painter.dab(&model, &model.rest, Some(&seen), &hit, (&BRUSH, radius));
         let columns = shift * painter.canvases[0].size[0] as f32;
         let centre = |canvas: &Canvas| {
             let weight = |k: usize| f64::from(canvas.texels[k]);

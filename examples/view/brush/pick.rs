@@ -70,7 +70,7 @@ mod tests {
     fn the_nearest_of_two_sides_is_picked() {
         let model =
             Model::load(&Files { scene: Some("mug_to_jug".into()), ..Files::default() }).expect("a scene");
-        let rest = &model.mesh.rest;
+        let rest = &model.rest;
         let camera = Orbit::of(rest, model.centre, model.radius).camera(1.3);
         let projected = Projected::new(&camera, rest);
         let hit = projected.pick(&model, rest, [0.5, 0.55]).expect("the mug is in the middle");

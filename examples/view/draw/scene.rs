@@ -44,7 +44,7 @@ impl Scene {
             }
         }
         let corners = gpu.buffer(&bytes, wgpu::BufferUsages::VERTEX);
-        let rest = &model.mesh.rest;
+        let rest = &model.rest;
         let storage =
             |points: &[[f32; 3]]| gpu.buffer(bytemuck::cast_slice(points), wgpu::BufferUsages::STORAGE);
         let (positions, rest_buffer) = (storage(rest), storage(rest));

@@ -140,7 +140,7 @@ impl Open {
         let asset = Asset::new(
             device,
             &MeshSource {
-                positions: Strided::from_f32x3(&mesh.rest),
+                positions: Strided::from_f32x3(&model.rest),
                 face_counts: Some(&mesh.face_counts),
                 indices: &mesh.indices,
                 uvs: UvSource { u: Strided::from_f32x2(&mesh.uvs), v: None, indices: Some(&mesh.uv_indices) },
