@@ -21,13 +21,15 @@ def others(count: int) -> str:
     return "" if count == 0 else " and another mesh" if count == 1 else f" and {count} other meshes"
 
 
-def first_line(error: Exception) -> str:
-    """What an exception of a library says. That of a Tf.ErrorException has a line for each of USD's functions that it
-    passed, of which the first one names the cause, and where in USD's sources it was raised."""
+def cause(error: Exception) -> str:
+    """What an exception of a library says, in one line. That of a Tf.ErrorException has a line for each of USD's
+    functions that it passed, of which the first one names the cause, and where in USD's sources it was raised."""
     try:
         told = str(error)
     except UnicodeDecodeError as wrong:
         # USD quotes the file.
         told = wrong.object.decode(errors="backslashreplace")
-    text = told.strip().splitlines()
-    return (text[0] if text else type(error).__name__).rsplit(" : '", 1)[-1].rstrip("'").strip()[:_LONGEST]
+    first = told.strip().split("\n")[0]
+    if " : '" in first:
+        told = first.rsplit(" : '", 1)[-1].rstrip("'")
+    return " ".join(told.split())[:_LONGEST] or type(error).__name__

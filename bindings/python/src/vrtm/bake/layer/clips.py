@@ -16,7 +16,7 @@ from vrtm.bake.layer.plan import PRIMVAR, LayerPlan
 from vrtm.bake.mark import CORNERS, mark
 from vrtm.bake.overwrite import check
 from vrtm.bake.scene.types import Shape
-from vrtm.bake.words import first_line
+from vrtm.bake.words import cause
 
 CLIP_PRIM = "/redirected"
 ATTRIBUTE = f"primvars:{PRIMVAR}"
@@ -93,7 +93,7 @@ def export(layer: Sdf.Layer, path: str | os.PathLike[str], told: Callable[[Sdf.L
                 raise OSError(errno.EIO, "it cannot be written", path)
         except Tf.ErrorException as error:
             # USD raises an exception of its own for what the system reports.
-            raise OSError(errno.EIO, first_line(error), path) from error
+            raise OSError(errno.EIO, cause(error), path) from error
 
     def is_whole(temporary: str) -> bool:
         try:

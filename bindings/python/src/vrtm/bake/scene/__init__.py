@@ -12,7 +12,7 @@ import numpy as np
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, Source
-from vrtm.bake.words import first_line
+from vrtm.bake.words import cause
 
 __all__ = ["Scene", "SceneError", "SceneOptions", "Shape"]
 
@@ -111,7 +111,7 @@ class Scene:
             with self.listening():
                 yield
         except (RuntimeError, UnicodeDecodeError) as error:
-            raise SceneError(f"{self.path}: cannot be read: {first_line(error)}") from error
+            raise SceneError(f"{self.path}: cannot be read: {cause(error)}") from error
 
     def shape(self, name: str) -> Shape:
         """The shape of that name. Raises KeyError."""

@@ -16,7 +16,7 @@ from vrtm.bake.mark import is_marked
 from vrtm.bake.scene.timing import FILE, Clock, is_between, is_whole, rate
 from vrtm.bake.scene.topology import is_exact, matches, unique_names, whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, not_loaded
-from vrtm.bake.words import first_line, near, others
+from vrtm.bake.words import cause, near, others
 
 try:
     from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade
@@ -204,7 +204,7 @@ def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
         else:
             stage = Usd.Stage.Open(path)
     except Tf.ErrorException as error:
-        raise SceneError(f"{path}: {first_line(error)}") from error
+        raise SceneError(f"{path}: {cause(error)}") from error
     if stage is None:
         raise SceneError(f"{path}: cannot be opened as a USD stage")
     with Usd.EditContext(stage, stage.GetSessionLayer()):
