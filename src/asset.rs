@@ -156,6 +156,30 @@ impl Asset {
     ///
     /// # Errors
     /// Those of [`Results::corner_uvs`].
+    ///
+    /// # Example
+    /// ```
+    /// # use vrtm::{Asset, Device, DeviceSettings, ErrorKind, MeshSource, SolveOptions, Strided, UvSource};
+    /// # fn main() -> vrtm::Result<()> {
+    /// # let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    /// # let rest = uvs.map(|[x, y]: [f32; 2]| [x, y, 0.0]);
+    /// # let source = MeshSource {
+    /// #     positions: Strided::from_f32x3(&rest),
+    /// #     face_counts: Some(&[4]),
+    /// #     indices: &[0, 1, 2, 3],
+    /// #     uvs: UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() },
+    /// #     ..MeshSource::default()
+    /// # };
+    /// let mut asset = Asset::new(&Device::new(&DeviceSettings::default())?, &source)?;
+    /// let mut corners = [[0.0; 2]; 4];
+    /// let error = asset.corner_uvs(&mut corners).expect_err("nothing is solved yet");
+    /// assert_eq!(error.kind, ErrorKind::NotSolved);
+    /// asset.solve(Strided::from_f32x3(&rest), &SolveOptions::default())?;
+    /// asset.corner_uvs(&mut corners)?;
+    /// assert_eq!(corners, uvs, "at rest a corner has its own UV");
+    /// # Ok(())
+    /// # }
+    /// ```
     pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
         self.results.corner_uvs(out)
     }

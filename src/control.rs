@@ -16,6 +16,44 @@ pub type ProgressFn = Arc<dyn Fn(f32) -> bool + Send + Sync>;
 
 /// Control over one call: its progress, and the means to cancel it from any thread. It can serve several calls in turn,
 /// but once cancelled it cancels all later ones.
+///
+/// # Example
+/// ```
+/// # use std::sync::Arc;
+/// # use vrtm::{Asset, Control, Device, DeviceSettings, ErrorKind, ImageView, MeshSource, SolveRequest, Strided, UvSource};
+/// # fn main() -> vrtm::Result<()> {
+/// # let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+/// # let rest = uvs.map(|[x, y]: [f32; 2]| [x, y, 0.0]);
+/// # let source = MeshSource {
+/// #     positions: Strided::from_f32x3(&rest),
+/// #     face_counts: Some(&[4]),
+/// #     indices: &[0, 1, 2, 3],
+/// #     uvs: UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() },
+/// #     ..MeshSource::default()
+/// # };
+/// # let spot = |k: usize| [k % 32, k / 32].iter().all(|x| (12..20).contains(x));
+/// # let painted: Vec<u8> = (0..32 * 32).map(|k| if spot(k) { 255 } else { 0 }).collect();
+/// # let pose = rest.map(|[x, y, z]| [2.0 * x, y, z]);
+/// # let mut asset = Asset::new(&Device::new(&DeviceSettings::default())?, &source)?;
+/// # let tile = asset.find_tile(1001).expect("the UVs lie in the first tile");
+/// # asset.set_rigidity(tile, Some(ImageView::from_texels("rigidity", &painted, [32, 32])?))?;
+/// asset.run(&SolveRequest { positions: Strided::from_f32x3(&rest), ..SolveRequest::default() }, &mut [])?;
+/// let energy = asset.tile_report(tile)?.energy;
+///
+/// let control = Arc::new(Control::new());
+/// let request = SolveRequest {
+///     positions: Strided::from_f32x3(&pose),
+///     control: Some(control.clone()),
+///     ..SolveRequest::default()
+/// };
+/// // From any thread, before the call or while it is going on:
+/// control.cancel();
+/// let error = asset.run(&request, &mut []).expect_err("it is cancelled");
+/// assert_eq!(error.kind, ErrorKind::Cancelled);
+/// assert_eq!(asset.tile_report(tile)?.energy, energy, "the last good result stays");
+/// # Ok(())
+/// # }
+/// ```
 #[derive(Default)]
 pub struct Control {
     /// `GOING`, `CANCELLED` or `DONE`.

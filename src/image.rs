@@ -3,6 +3,7 @@
 pub(crate) mod external;
 pub(crate) mod format;
 pub(crate) mod map;
+pub(crate) mod texels;
 
 use std::marker::PhantomData;
 

@@ -21,8 +21,8 @@
 //!
 //! ```
 //! use vrtm::{
-//!     Asset, Device, DeviceSettings, Fetch, FetchKind, ImageLayout, ImageView, ImageViewMut, MeshSource,
-//!     PixelFormat, SolveOptions, Strided, UvSource,
+//!     Asset, Device, DeviceSettings, Fetch, FetchKind, ImageView, ImageViewMut, MeshSource, SolveOptions, Strided,
+//!     UvSource,
 //! };
 //!
 //! # fn main() -> vrtm::Result<()> {
@@ -42,20 +42,21 @@
 //! let tile = asset.find_tile(1001).expect("the UVs lie in the first tile");
 //! let painted: Vec<u8> =
 //!     (0..32 * 32).map(|i| if (12..20).contains(&(i % 32)) && (12..20).contains(&(i / 32)) { 255 } else { 0 }).collect();
-//! asset.set_rigidity(tile, Some(ImageView::new("rigidity", &painted, ImageLayout::packed(32, 32, PixelFormat::U8))?))?;
+//! asset.set_rigidity(tile, Some(ImageView::from_texels("rigidity", &painted, [32, 32])?))?;
 //!
 //! // Every frame: positions in, map out.
 //! let mut pose = rest;
 //! (pose[1][0], pose[4][0]) = (1.3, 1.3);
-//! let layout = ImageLayout::packed(32, 32, PixelFormat::F32);
-//! let mut map = vec![0; 32 * 32 * 8];
-//! let image = ImageViewMut::new("image", &mut map, layout)?;
+//! let mut map = vec![[0.0f32; 2]; 32 * 32];
+//! let image = ImageViewMut::from_texels("image", &mut map, [32, 32])?;
 //! let fetch = Fetch { tile, kind: FetchKind::Redirection, image };
 //! asset.redirect(Strided::from_f32x3(&pose), &SolveOptions::default(), &mut [fetch])?;
 //!
 //! let report = asset.tile_report(tile)?;
 //! assert!(report.energy < report.energy_before);
 //! assert!(report.min_jacobian > 0.0, "the warp is one-to-one");
+//! let [u, v] = map[16 * 32 + 16];
+//! assert!((u - 16.5 / 32.0).abs() > 0.01 && (v - 15.5 / 32.0).abs() < 0.01, "the feature moves to the side");
 //! # Ok(())
 //! # }
 //! ```
@@ -117,8 +118,10 @@ pub use asset::solve::{Fetch, SolveRequest};
 pub use control::{Control, ProgressFn};
 pub use device::{Device, adapters};
 pub use error::{Error, ErrorKind, Result};
+pub use half::f16;
 pub use image::external::{ExternalHandle, ExternalImage};
 pub use image::format::PixelFormat;
+pub use image::texels::{InputTexel, OutputTexel};
 pub use image::{ImageLayout, ImageView, ImageViewMut, Origin};
 #[cfg(feature = "lab")]
 pub use lab::asset::{CollarOfChart, CollarTriangleInSpace, ReferenceMinimum};

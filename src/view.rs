@@ -46,6 +46,21 @@ impl<'a> Strided<'a> {
     ///
     /// # Errors
     /// `InvalidArgument` if the stride is smaller than an element or the bytes do not hold `count` elements.
+    ///
+    /// # Example
+    /// Positions among the other values of a vertex:
+    ///
+    /// ```
+    /// # use vrtm::{Scalar, Strided};
+    /// let vertices: [[f32; 5]; 2] = [[0.0, 1.0, 2.0, 0.25, 0.75], [3.0, 4.0, 5.0, 0.5, 0.5]];
+    /// let bytes: Vec<u8> = vertices.as_flattened().iter().flat_map(|x| x.to_ne_bytes()).collect();
+    /// let positions = Strided::new("positions", &bytes, Scalar::F32, 3, 2, 20)?;
+    /// let uvs = Strided::new("uvs", &bytes[12..], Scalar::F32, 2, 2, 20)?;
+    /// assert_eq!(positions.get3(1), [3.0, 4.0, 5.0]);
+    /// assert_eq!([uvs.get(0, 0), uvs.get(0, 1)], [0.25, 0.75]);
+    /// assert!(Strided::new("positions", &bytes, Scalar::F32, 3, 3, 20).is_err(), "there are two vertices");
+    /// # Ok::<(), vrtm::Error>(())
+    /// ```
     pub fn new(
         name: &str,
         bytes: &'a [u8],
@@ -204,7 +219,7 @@ impl Packed {
 }
 
 /// The bytes of plain numbers.
-fn as_bytes<T: Copy>(values: &[T]) -> &[u8] {
-    // SAFETY: only called with arrays of f32 or f64, which have no padding; any byte may be read as u8.
+pub(crate) fn as_bytes<T: Copy>(values: &[T]) -> &[u8] {
+    // SAFETY: only called with numbers and arrays of them, which have no padding; any byte may be read as u8.
     unsafe { std::slice::from_raw_parts(values.as_ptr().cast(), std::mem::size_of_val(values)) }
 }

@@ -1,8 +1,8 @@
 //! The part of the program that calls vrtm: it creates an asset, sets its maps, solves a pose, and fetches the results.
 
 use vrtm::{
-    Asset, AssetReport, Backend, Device, FetchKind, ImageLayout, ImageViewMut, MapDesc, MapReport,
-    MeshSource, PixelFormat, SolveOptions, Strided, TileReport, UvSource,
+    Asset, AssetReport, Backend, Device, FetchKind, ImageViewMut, MapDesc, MapReport, MeshSource,
+    PixelFormat, SolveOptions, Strided, TileReport, UvSource,
 };
 use xxhash_rust::xxh3::Xxh3;
 
@@ -118,14 +118,9 @@ impl<'a> Bake<'a> {
     pub fn image(&self, tile: usize, kind: FetchKind) -> vrtm::Result<(Field<3>, String)> {
         let Tile { sizes, inputs, .. } = &self.tiles[tile];
         let [width, height] = sizes[usize::from(kind == FetchKind::Warp)];
-        let layout = ImageLayout {
-            one_to_one: true,
-            ..ImageLayout::packed(width, height, PixelFormat::F32).with_channels(3)
-        };
-        let mut bytes = vec![0u8; width as usize * height as usize * 12];
-        self.asset.fetch(tile, kind, &mut ImageViewMut::new("image", &mut bytes, layout)?)?;
-        let float = |b: &[u8]| f32::from_ne_bytes([b[0], b[1], b[2], b[3]]);
-        let data = bytes.chunks_exact(12).map(|b| [float(b), float(&b[4..]), float(&b[8..])]).collect();
+        let mut data = vec![[0.0f32; 3]; width as usize * height as usize];
+        let mut image = ImageViewMut::from_texels("image", &mut data, [width, height])?.one_to_one();
+        self.asset.fetch(tile, kind, &mut image)?;
         let mut inputs = inputs.clone();
         add(&mut inputs, format!("{kind:?} {width} {height} {}", self.poses.digest128()).bytes());
         let size = [width as usize, height as usize];

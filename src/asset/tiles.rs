@@ -46,6 +46,42 @@ impl Asset {
     ///
     /// # Errors
     /// `InvalidArgument` if `tile` is out of range; `OutOfMemory`.
+    ///
+    /// # Example
+    /// ```
+    /// # use vrtm::{Asset, Device, DeviceSettings, ImageView, MeshSource, SolveOptions, Strided, UvSource};
+    /// # fn main() -> vrtm::Result<()> {
+    /// # let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    /// # let rest = uvs.map(|[x, y]: [f32; 2]| [x, y, 0.0]);
+    /// # let source = MeshSource {
+    /// #     positions: Strided::from_f32x3(&rest),
+    /// #     face_counts: Some(&[4]),
+    /// #     indices: &[0, 1, 2, 3],
+    /// #     uvs: UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() },
+    /// #     ..MeshSource::default()
+    /// # };
+    /// # let spot = |k: usize| [k % 32, k / 32].iter().all(|x| (12..20).contains(x));
+    /// # let painted: Vec<u8> = (0..32 * 32).map(|k| if spot(k) { 255 } else { 0 }).collect();
+    /// # let pose = rest.map(|[x, y, z]| [2.0 * x, y, z]);
+    /// # let device = Device::new(&DeviceSettings::default())?;
+    /// let prepared = || {
+    ///     let mut asset = Asset::new(&device, &source)?;
+    ///     let tile = asset.find_tile(1001).expect("the UVs lie in the first tile");
+    ///     asset.set_rigidity(tile, Some(ImageView::from_texels("rigidity", &painted, [32, 32])?))?;
+    ///     vrtm::Result::Ok((asset, tile))
+    /// };
+    /// let (mut asset, tile) = prepared()?;
+    /// let bytes = asset.save_tile(tile)?;
+    /// asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default())?;
+    ///
+    /// // In another process, or on another machine:
+    /// let (mut other, tile) = prepared()?;
+    /// other.load_tile(tile, &bytes)?;
+    /// other.solve(Strided::from_f32x3(&pose), &SolveOptions::default())?;
+    /// assert_eq!(other.tile_report(tile)?.energy, asset.tile_report(tile)?.energy);
+    /// # Ok(())
+    /// # }
+    /// ```
     pub fn save_tile(&mut self, tile: usize) -> Result<Vec<u8>> {
         let size = self.saved_tile_size(tile)?;
         let mut bytes = self.device.call(|| Ok(zeroed(size)))?;

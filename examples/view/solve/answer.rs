@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use vrtm::{Asset, AssetReport, FetchKind, ImageLayout, ImageViewMut, Origin, PixelFormat, TileReport};
+use vrtm::{Asset, AssetReport, FetchKind, ImageViewMut, Origin, TileReport};
 
 use super::inbox::Request;
 
@@ -57,11 +57,10 @@ impl Maps {
     pub fn fetch(asset: &Asset, tile: usize, report: &TileReport) -> vrtm::Result<Maps> {
         let size = report.grid.map(|cells| cells.min(MOST));
         let image = |kind, [width, height]: [u32; 2]| {
-            let mut bytes = vec![0u8; width as usize * height as usize * 8];
-            let layout = ImageLayout::packed(width, height, PixelFormat::F32);
-            let layout = ImageLayout { origin: Origin::Bottom, ..layout };
-            asset.fetch(tile, kind, &mut ImageViewMut::new("image", &mut bytes, layout)?)?;
-            Ok(bytemuck::pod_collect_to_vec::<u8, [f32; 2]>(&bytes))
+            let mut texels = vec![[0.0f32; 2]; width as usize * height as usize];
+            let view = ImageViewMut::from_texels("image", &mut texels, [width, height])?;
+            asset.fetch(tile, kind, &mut view.with_origin(Origin::Bottom))?;
+            vrtm::Result::Ok(texels)
         };
         let delta = image(FetchKind::RedirectionDelta, size)?;
         let warp = image(FetchKind::Warp, size.map(|n| n + 1))?;
