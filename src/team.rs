@@ -203,23 +203,33 @@ impl Team {
 
     /// Calls `f(k, element k)` for all elements, each on any of the threads.
     pub fn fill<T: Send>(&self, elements: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
-        self.fill_on(elements, SMALL, f);
+        self.fill_few_on(elements, SMALL, |_, k, element| f(k, element));
     }
 
     /// Like `fill`, for elements that are each worth a thread.
     pub fn fill_large<T: Send>(&self, elements: &mut [T], f: impl Fn(usize, &mut T) + Sync) {
-        self.fill_on(elements, 1, f);
+        self.fill_few_on(elements, 1, |_, k, element| f(k, element));
     }
 
-    /// Like `fill`, but handles up to `few` elements on the calling thread.
-    fn fill_on<T: Send>(&self, elements: &mut [T], few: usize, f: impl Fn(usize, &mut T) + Sync) {
+    /// Like `fill`, with the thread as the first argument of `f`.
+    pub fn fill_on<T: Send>(&self, elements: &mut [T], f: impl Fn(&Worker, usize, &mut T) + Sync) {
+        self.fill_few_on(elements, SMALL, f);
+    }
+
+    /// Like `fill_on`, but handles up to `few` elements on the calling thread.
+    fn fill_few_on<T: Send>(
+        &self,
+        elements: &mut [T],
+        few: usize,
+        f: impl Fn(&Worker, usize, &mut T) + Sync,
+    ) {
         let count = elements.len();
         let first = Elements(elements.as_mut_ptr());
-        self.run_few_on(few, count, |_, k| {
+        self.run_few_on(few, count, |worker, k| {
             let first = &first;
             // SAFETY: `run` calls each item once, so that references to an element never overlap, and returns before the
             // borrow of `elements` ends.
-            f(k, unsafe { &mut *first.0.add(k) });
+            f(worker, k, unsafe { &mut *first.0.add(k) });
         });
     }
 

@@ -11,12 +11,12 @@ use super::codes::Lengths;
 use super::metric::{restrict_block, restrict_coverage};
 use super::window::{self, WINDOW_NODES, place};
 use super::{FLOOR_FRACTION, Grid, Level};
-use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed, zeroed_box};
+use crate::allocation::{Collect, Grow, boxed, filled, with_capacity, zeroed};
 use crate::grid::planes::EDGES;
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::mesh::triangle::barycentrics;
 use crate::mesh::{Mesh, NONE, TileMesh};
-use crate::team::Team;
+use crate::team::{PerThread, Team};
 
 /// Lengths of at most this fraction of the floor are stored as 0.
 const SHORTEST: f32 = 1.0 / 1024.0;
@@ -29,7 +29,7 @@ pub(super) fn rest_lengths(team: &Team, grid: &mut Grid, mesh: &Mesh, tile: &Til
         // An edge of level k is 2^k times as long.
         level.floor = medians.iter().map(|m| FLOOR_FRACTION * m * (1u32 << k) as f32).collected();
     }
-    let lengths = store(team, &grid.levels[0], |b, out| chords.block(grid, b, out));
+    let lengths = store(team, &grid.levels[0], |b, scratch| chords.block(grid, b, scratch));
     set(&mut grid.levels[0], lengths);
     let triangle = grid.pose_triangles(tile, &grid.rest);
     let triangles: Vec<[f32; 3]> = (0..grid.triangles.len()).map(|t| triangle(t).metric()).collected();
@@ -50,7 +50,10 @@ pub(super) fn rest_lengths(team: &Team, grid: &mut Grid, mesh: &Mesh, tile: &Til
             _ => restrict_block(level, finer, &metrics, b, out),
         });
         metrics = next;
-        let lengths = store(team, level, |b, out| arc_lengths(&level.blocks.neighbours[b], &metrics, out));
+        let neighbours = &level.blocks.neighbours;
+        let lengths = store(team, level, |b, scratch| {
+            arc_lengths(&neighbours[b], &metrics, &mut scratch.lengths);
+        });
         set(level, lengths);
     }
 }
@@ -62,24 +65,34 @@ fn set(level: &mut Level, (codes, lengths): Stored) {
     (level.rest_length, level.lengths) = (Arc::new(codes), lengths);
 }
 
-/// The lengths of the edges that a block's nodes own, on the heap because the stack of a host's thread may be small.
-type BlockLengths = Box<[Plane; 4]>;
+/// What a thread needs to compute a block's lengths, on the heap because the stack of a host's thread may be small.
+struct Scratch {
+    /// The lengths of the edges that the block's nodes own.
+    lengths: [Plane; 4],
+    samples: Vec<Option<Sample>>,
+}
 
-/// Codes a level's rest lengths; `lengths(b, out)` computes those of block b.
-fn store(team: &Team, level: &Level, lengths: impl Fn(usize, &mut [Plane; 4]) + Sync) -> Stored {
+impl Scratch {
+    fn new() -> Box<Scratch> {
+        boxed(Scratch { lengths: [[0.0; NODES]; 4], samples: filled(None, WINDOW_NODES) })
+    }
+}
+
+/// Codes a level's rest lengths; `lengths(b, scratch)` computes those of block b.
+fn store(team: &Team, level: &Level, lengths: impl Fn(usize, &mut Scratch) + Sync) -> Stored {
     let list = &level.blocks.list;
+    let scratch = PerThread::new(team, Scratch::new);
     let least = |b: usize| level.floor[list[b].chart as usize] * SHORTEST;
-    let of_block = |b: usize| {
-        let mut of_block: BlockLengths = zeroed_box();
-        lengths(b, &mut of_block);
-        of_block
-    };
     // Per block and direction, the shortest nonzero length and the longest length.
-    let bounds: Vec<[[f32; 2]; 4]> = team.map(list.len(), |b| {
-        of_block(b).each_ref().map(|plane| {
-            let low = plane.iter().copied().filter(|&x| x > least(b)).fold(f32::INFINITY, f32::min);
-            [low, plane.iter().copied().fold(0.0, f32::max)]
-        })
+    let mut bounds = zeroed::<[[f32; 2]; 4]>(list.len());
+    team.fill_on(&mut bounds, |worker, b, bounds| {
+        scratch.with(worker, |scratch| {
+            lengths(b, scratch);
+            *bounds = scratch.lengths.each_ref().map(|plane| {
+                let low = plane.iter().copied().filter(|&x| x > least(b)).fold(f32::INFINITY, f32::min);
+                [low, plane.iter().copied().fold(0.0, f32::max)]
+            });
+        });
     });
     let of_chart = |range: &std::ops::Range<usize>, e: usize| {
         let of_blocks = || bounds[range.clone()].iter().map(|of_block| of_block[e]);
@@ -89,13 +102,16 @@ fn store(team: &Team, level: &Level, lengths: impl Fn(usize, &mut [Plane; 4]) + 
     let coding: Vec<[Lengths; 4]> =
         level.blocks.of_chart.iter().map(|range| std::array::from_fn(|e| of_chart(range, e))).collected();
     let mut codes = zeroed::<[[u16; NODES]; 4]>(list.len());
-    team.fill(&mut codes, |b, codes| {
+    team.fill_on(&mut codes, |worker, b, codes| {
         let coding = &coding[list[b].chart as usize];
-        for (e, lengths) in of_block(b).iter().enumerate() {
-            for (code, length) in codes[e].iter_mut().zip(lengths) {
-                *code = coding[e].code(*length);
+        scratch.with(worker, |scratch| {
+            lengths(b, scratch);
+            for (e, lengths) in scratch.lengths.iter().enumerate() {
+                for (code, length) in codes[e].iter_mut().zip(lengths) {
+                    *code = coding[e].code(*length);
+                }
             }
-        }
+        });
     });
     (codes, coding)
 }
@@ -151,12 +167,12 @@ impl<'a> Chords<'a> {
     }
 
     /// The lengths of a block's edges. An edge inside one triangle is computed from that triangle's edge vectors.
-    fn block(&self, grid: &Grid, b: usize, out: &mut [Plane; 4]) {
+    fn block(&self, grid: &Grid, b: usize, Scratch { lengths: out, samples }: &mut Scratch) {
         let level = &grid.levels[0];
         let Block { x, y, chart, .. } = level.blocks.list[b];
         let mut triangles = [NONE; WINDOW_NODES];
         window::load(&level.blocks.neighbours[b], NONE, |b| &grid.triangle[b], &mut triangles);
-        let mut samples: Vec<Option<Sample>> = filled(None, WINDOW_NODES);
+        samples.fill(None);
         // Nodes that are neighbours are often on the same triangle.
         let mut present: Option<(u32, TriangleInSpace)> = None;
         for j in 0..SIDE + 2 {
@@ -252,13 +268,15 @@ fn median_lengths(team: &Team, grid: &Grid, chords: &Chords) -> Vec<f32> {
             parts.put((b, of_east, of_north));
         }
     }
-    team.fill(&mut parts, |_, (b, east, north)| {
-        let mut planes: BlockLengths = zeroed_box();
-        chords.block(grid, *b, &mut planes);
-        let movable = (0..NODES).filter(|&s| level.movable[*b][s] != 0);
-        for (k, s) in movable.enumerate() {
-            (east[k], north[k]) = (planes[0][s], planes[1][s]);
-        }
+    let scratch = PerThread::new(team, Scratch::new);
+    team.fill_on(&mut parts, |worker, _, (b, east, north)| {
+        scratch.with(worker, |scratch| {
+            chords.block(grid, *b, scratch);
+            let movable = (0..NODES).filter(|&s| level.movable[*b][s] != 0);
+            for (k, s) in movable.enumerate() {
+                (east[k], north[k]) = (scratch.lengths[0][s], scratch.lengths[1][s]);
+            }
+        });
     });
     drop(parts);
     let charts = level.blocks.of_chart.len();
