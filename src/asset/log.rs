@@ -50,12 +50,12 @@ pub(super) fn describe(device: &Device, mesh: &Mesh) {
 /// Warns of values that are in another range than 0..1, or of integers that are 0 and 1 in the place of 0 and the largest one.
 /// `what` has the largest value.
 pub(super) fn doubt(device: &Device, what: &str, largest: f32) {
-    // A filter overshoots by less. One step of an 8-bit map, also if it is in the low byte of one of 16 bits, is .0039.
+    // A filter overshoots by less; and with less than a tenth everywhere next to nothing is rigid, or free to move.
     let message = if largest > 2.0 {
         format!("{what} goes up to {largest}: values are 0..1, and all over 1 count as 1")
-    } else if largest > 0.0 && largest < 0.0079 {
+    } else if largest > 0.0 && largest < 0.1 {
         format!(
-            "{what} goes up to {largest:.6} only: values are 0..1, and 1 is the largest number of an integer format"
+            "{what} goes up to {largest:.4} only: values are 0..1, and 1 is the largest number of an integer format"
         )
     } else {
         return;

@@ -106,11 +106,11 @@ fn values_in_another_range_are_told_of() {
         |white: u16| painted(1).into_iter().flat_map(|x| (u16::from(x) * white).to_ne_bytes()).collect();
     let cases: [(&str, PixelFormat, Vec<u8>, Option<&str>); 9] = [
         ("white", PixelFormat::U8, painted(255), None),
-        ("0 and 1", PixelFormat::U8, painted(1), Some("0.003922")),
-        ("dim", PixelFormat::U8, painted(20), None),
+        ("0 and 1", PixelFormat::U8, painted(1), Some("0.0039")),
+        ("low", PixelFormat::U8, painted(40), None),
         ("black", PixelFormat::U8, painted(0), None),
         ("16 bits", PixelFormat::U16, shorts(u16::MAX), None),
-        ("8 bits in 16", PixelFormat::U16, shorts(255), Some("0.003891")),
+        ("8 bits in 16", PixelFormat::U16, shorts(255), Some("0.0039")),
         ("floats", PixelFormat::F32, numbers(1.0), None),
         ("an overshoot", PixelFormat::F32, numbers(1.2), None),
         ("0..255", PixelFormat::F32, numbers(255.0), Some("255")),

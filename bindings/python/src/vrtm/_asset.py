@@ -147,12 +147,13 @@ class Asset:
         return layers
 
     def set_vertex_rigidity(self, values: ArrayLike | None) -> None:
-        """The rigidity of all tiles by values per vertex, (vertices,) of 0 (elastic) to 1 (rigid); None removes
-        it."""
+        """The rigidity of the vertices, (vertices,) of 0 (elastic) to 1 (rigid), for the tiles that have no map, in
+        whatever order both are set; None removes it."""
         self._set_vertices(library.vrtm_asset_set_vertex_rigidity, values)
 
     def set_vertex_mask(self, values: ArrayLike | None) -> None:
-        """The warp mask of all tiles by values per vertex, (vertices,): under 0.5 nothing moves. None: all may move."""
+        """The warp mask of the vertices, (vertices,), for the tiles that have no mask: under 0.5 nothing moves. None
+        removes it."""
         self._set_vertices(library.vrtm_asset_set_vertex_mask, values)
 
     def _set_vertices(self, function: Any, values: ArrayLike | None) -> None:

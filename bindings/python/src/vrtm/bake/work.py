@@ -91,6 +91,9 @@ class Work:
 
     def _hear(self, level: str, message: str) -> None:
         """The library's log."""
+        if "values are 0..1" in message:
+            # The notes say it with the name of the file.
+            return
         if self._shape is not None and "lie in no UDIM tile" in message:
             message = f"{message}: {outside(self._shape.uvs, self._shape.uv_indices)}"
         # What it says of a pose is said of a frame.
