@@ -4,6 +4,7 @@
 use std::cell::UnsafeCell;
 use std::marker::PhantomData;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::ptr::without_provenance;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -49,7 +50,7 @@ pub struct Team {
 /// One of a team's threads, passed to each item. Neither `Send` nor `Sync`: it stays on its thread.
 pub struct Worker {
     number: usize,
-    /// The team's address.
+    /// The team's address, which is only compared.
     team: *const (),
 }
 
@@ -98,12 +99,12 @@ impl Team {
         if team.threads == 1 {
             return if crew.executor.is_some() { lent(|| f(&team)) } else { f(&team) };
         }
-        let (protocol, address) = (&team.protocol, team.address() as usize);
+        let (protocol, address) = (&team.protocol, team.address().addr());
         // Items allocate from the caller's allocator on every thread.
         let memory = Current::of_this_thread();
         let help = |number| {
             let _memory = memory.enter();
-            let worker = Worker { number, team: address as *const () };
+            let worker = Worker { number, team: without_provenance(address) };
             // SAFETY: called within a job that this helper has joined; `run_dyn` keeps its function alive.
             protocol.help(|job, k| unsafe { (*job.0)(&worker, k) });
         };

@@ -4,6 +4,7 @@
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ffi::c_void;
 use std::ptr;
+use std::sync::atomic::{AtomicIsize, AtomicPtr, Ordering};
 
 use vrtm::ffi::{
     allocator::*, asset::*, device::*, dilation::*, executor::*, fetch::*, handle::*, job::*, map::*,
@@ -15,7 +16,7 @@ use crate::host::*;
 unsafe extern "C" fn alloc(blocks: *mut c_void, size: usize, alignment: usize) -> *mut c_void {
     // SAFETY: the count outlives the device; the layout is as the header tells.
     unsafe {
-        (*blocks.cast::<std::sync::atomic::AtomicIsize>()).fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+        (*blocks.cast::<AtomicIsize>()).fetch_add(1, Ordering::Relaxed);
         System.alloc(Layout::from_size_align(size, alignment).unwrap()).cast()
     }
 }
@@ -23,18 +24,19 @@ unsafe extern "C" fn alloc(blocks: *mut c_void, size: usize, alignment: usize) -
 unsafe extern "C" fn free(blocks: *mut c_void, pointer: *mut c_void, size: usize, alignment: usize) {
     // SAFETY: as above.
     unsafe {
-        (*blocks.cast::<std::sync::atomic::AtomicIsize>()).fetch_sub(1, std::sync::atomic::Ordering::Relaxed);
+        (*blocks.cast::<AtomicIsize>()).fetch_sub(1, Ordering::Relaxed);
         System.dealloc(pointer.cast(), Layout::from_size_align(size, alignment).unwrap());
     }
 }
 
 /// A host's threads.
 unsafe extern "C" fn parallel_for(_: *mut c_void, count: usize, task: vrtm_task_fn, data: *mut c_void) {
-    let (task, data) = (task.unwrap(), data.expose_provenance());
+    let (task, data) = (task.unwrap(), AtomicPtr::new(data));
+    let data = &data;
     std::thread::scope(|scope| {
         for index in 0..count {
             // SAFETY: the task may be called on any thread before this returns.
-            scope.spawn(move || unsafe { task(ptr::with_exposed_provenance_mut(data), index) });
+            scope.spawn(move || unsafe { task(data.load(Ordering::Relaxed), index) });
         }
     });
 }
@@ -162,7 +164,7 @@ fn tiles_saved_repainted_and_solved_warm() {
 
 #[test]
 fn the_paper_s_solver_with_memory_and_threads_of_a_host() {
-    let blocks = std::sync::atomic::AtomicIsize::new(0);
+    let blocks = AtomicIsize::new(0);
     let allocator = vrtm_allocator {
         alloc: Some(alloc),
         free: Some(free),
