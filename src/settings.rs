@@ -282,9 +282,10 @@ impl TileSettings {
             let message = "charts cannot go on beyond their borders with settings.orientation_density over 0";
             return Err(Error::argument(format!("settings.{name}: {message}")));
         }
-        for n in self.grid.into_iter().flatten() {
-            if !(1..=MAX_GRID).contains(&n) {
-                return Err(Error::argument(format!("settings.grid: {n} cells are not in 1..={MAX_GRID}")));
+        for (side, n) in ["width", "height"].into_iter().zip(self.grid) {
+            if let Some(n) = n.filter(|n| !(1..=MAX_GRID).contains(n)) {
+                let message = format!("settings.grid: a {side} of {n} cells is not in 1..={MAX_GRID}");
+                return Err(Error::argument(message));
             }
         }
         Ok(())

@@ -9,7 +9,7 @@ use crate::control::Control;
 use crate::error::{Error, Result};
 use crate::mesh::Chart;
 use crate::method::plan::Plan;
-use crate::settings::{MAX_THREADS, SolveOptions};
+use crate::settings::{LogLevel, MAX_THREADS, SolveOptions};
 use crate::team::{Crew, Team};
 use crate::unwind::caught;
 use crate::view::Strided;
@@ -18,7 +18,8 @@ use super::Asset;
 use super::results::{Last, TileResult, not_solved};
 use super::side_by_side;
 use super::stretch::Stretch;
-use super::tile::SolveCall;
+use super::tile::{SolveCall, TileState};
+use crate::grid::maps::Rigidity;
 use crate::image::ImageViewMut;
 use crate::map::FetchKind;
 use crate::map::fetch::Output;
@@ -161,6 +162,10 @@ impl Asset {
         let wanted = self.wanted(request, &plan, &asked);
         if request.release_last {
             self.release_results(&wanted);
+        }
+        let is_elastic = |state: &TileState| matches!(state.maps.rigidity, Rigidity::None);
+        if self.tiles.iter().all(is_elastic) && self.tiles.iter().any(|state| state.grid.is_none()) {
+            self.device.log(LogLevel::Warning, "no tile has a rigidity, so that nothing moves");
         }
         let maps = self.maps();
         let Asset { device, mesh, tiles, .. } = &mut *self;

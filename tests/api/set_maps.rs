@@ -123,11 +123,18 @@ fn values_in_another_range_are_told_of() {
             assert!(message.contains(largest.unwrap()), "{name}: {message}");
         }
     }
-    let count = asset_vertices();
-    let found = warnings(&|asset| asset.set_vertex_rigidity(Some(values(&vec![100.0; count]))).unwrap());
+    let (rest, ..) = sixteen_charts(0.9);
+    let pose = bulged(&rest, 1.0);
+    let solve =
+        |asset: &mut Asset| asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default()).unwrap();
+    let without = |asset: &mut Asset| {
+        asset.set_rigidity(0, None).unwrap();
+        solve(asset);
+        // Once is enough.
+        solve(asset);
+    };
+    let found = warnings(&without);
+    assert!(found.len() == 1 && found[0].contains("no tile has a rigidity"), "{found:?}");
+    let found = warnings(&|asset| asset.set_vertex_rigidity(Some(values(&vec![100.0; rest.len()]))).unwrap());
     assert!(found.len() == 1 && found[0].contains("100"), "{found:?}");
-}
-
-fn asset_vertices() -> usize {
-    sixteen_charts(0.9).0.len()
 }
