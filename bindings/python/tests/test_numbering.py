@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from vrtm.bake import arguments, frames, tokens, warped
+from vrtm.bake import arguments, frames, parsing, tokens, warped
 from vrtm.bake.failure import Failure
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.names import ONE_MESH, Pattern
@@ -197,7 +197,7 @@ def test_names_of_negative_frames_have_four_digits() -> None:
     ],
 )
 def test_negative_frames_are_an_argument_of_their_own(text: str, expected: tuple) -> None:
-    parser = arguments.Parser(prog="vrtm")
+    parser = parsing.Parser(prog="vrtm")
     bake = arguments.add_to(parser.add_subparsers(dest="command"))
     for given in (["--frames", text, "--half"], [f"--frames={text}"]):
         parsed = parser.parse_args(["bake", "a.usda", "--rigidity", "r.png", *given])

@@ -13,7 +13,7 @@ pytest.importorskip("pxr")
 from pxr import Sdf, Usd, UsdGeom
 
 import scenes
-from vrtm.bake import arguments
+from vrtm.bake import arguments, parsing
 from vrtm.bake.layer import LayerPlan, write_corner_uvs, write_layer
 from vrtm.bake.scene import Scene, SceneError, SceneOptions, timing
 
@@ -187,7 +187,7 @@ def test_rates_that_cannot_be(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
     with pytest.raises(SceneError, match="have numbers and no times, which --fps asks for"):
         Scene(tmp_path / "a.obj", SceneOptions(fps=24))
-    parser = arguments.Parser(prog="vrtm")
+    parser = parsing.Parser(prog="vrtm")
     arguments.add_to(parser.add_subparsers(dest="command"))
     assert [parser.parse_args(["bake", "a.abc", "--fps", fps]).fps for fps in ("file", "23.976")] == ["file", 23.976]
     with pytest.raises(SystemExit):

@@ -8,7 +8,7 @@ import pytest
 from pxr import Usd, UsdGeom
 
 import scenes
-from vrtm.bake.arguments import uv_names
+from vrtm.bake.parsing import uv_names
 from vrtm.bake.scene import Scene, SceneError, SceneOptions
 
 BAKE = SceneOptions(skip_still=True)

@@ -8,8 +8,12 @@ import shlex
 import sys
 import tempfile
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import vrtm
+
+if TYPE_CHECKING:
+    from vrtm.bake.settings import Settings
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -27,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _run(sys.argv[1:] if arguments is None else list(arguments))
     except KeyboardInterrupt:
         # While the arguments are read; `bake`, `dilate` and `rigidity` handle signals themselves.
-        console.Console(False, False, False).error("ended by SIGINT")
+        console.Console().error("ended by SIGINT")
         return 130
     finally:
         console.leave_streams()
@@ -43,14 +47,15 @@ def _ensure_utf8() -> None:
 
 
 def _run(given: list[str]) -> int:
-    from vrtm.bake import arguments
+    from vrtm.bake import arguments, image_arguments
+    from vrtm.bake.parsing import Parser
 
-    parser = arguments.Parser(prog="vrtm", description=(vrtm.__doc__ or "").splitlines()[0])
+    parser = Parser(prog="vrtm", description=(vrtm.__doc__ or "").splitlines()[0])
     parser.add_argument("--version", action="version", version=f"vrtm {vrtm.version()}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     bake = arguments.add_to(commands)
-    arguments.add_dilate_to(commands)
-    arguments.add_rigidity_to(commands)
+    image_arguments.add_dilate(commands)
+    image_arguments.add_rigidity(commands)
     template = commands.add_parser(
         "farm-template",
         help="write a job template for a render farm",
@@ -70,47 +75,35 @@ def _run(given: list[str]) -> int:
         return _template(parsed.out, not parsed.no_layer, parsed.overwrite)
     if parsed.command == "devices":
         return _devices()
-    if parsed.command in ("dilate", "rigidity"):
-        return _on_images(parsed)
-    return _bake(arguments.settings(bake, parsed), parsed)
+    return _work(parsed, arguments.settings(bake, parsed) if parsed.command == "bake" else None)
 
 
-def _bake(settings, parsed: argparse.Namespace) -> int:
+def _work(parsed: argparse.Namespace, settings: Settings | None) -> int:
+    """Runs a command that reads scenes or images, and heeds signals."""
     from vrtm.bake.console import Console
-    from vrtm.bake.failure import describe
+    from vrtm.bake.failure import DONE, describe
     from vrtm.bake.stopping import signals
 
-    console = Console(parsed.quiet, not parsed.no_progress, parsed.openjd)
+    console = Console(parsed.quiet)
     # USD's modules swallow a Ctrl-C that comes while they are being loaded, and OpenImageIO's ends in a crash.
     with signals() as stop:
         try:
-            console = Console(parsed.quiet, not parsed.no_progress, parsed.openjd, parsed.verbose, parsed.log)
-            from vrtm.bake.run import bake
-        except Exception as error:
-            failure = describe(error)
-            console.error(failure.message)
-            return failure.code
-        return bake(settings, console, stop)
+            if settings is not None:
+                console = Console(parsed.quiet, not parsed.no_progress, parsed.openjd)
+                console = Console(parsed.quiet, not parsed.no_progress, parsed.openjd, parsed.verbose, parsed.log)
+                from vrtm.bake.run import bake
 
-
-def _on_images(parsed: argparse.Namespace) -> int:
-    from vrtm.bake.console import Console
-    from vrtm.bake.failure import describe
-    from vrtm.bake.stopping import signals
-
-    console = Console(parsed.quiet, False, False)
-    with signals() as stop:
-        try:
+                return bake(settings, console, stop)
             if parsed.command == "dilate":
                 from vrtm.bake.dilate import dilate as work
             else:
                 from vrtm.bake.rigidity import make as work
             work(parsed, console, stop)
+            return DONE
         except Exception as error:
             failure = describe(error)
             console.error(failure.message)
             return failure.code
-    return 0
 
 
 def _template(path: str | None, layer: bool, replace: bool) -> int:
@@ -127,7 +120,7 @@ def _template(path: str | None, layer: bool, replace: bool) -> int:
             staging.write_bytes(path, template(layer).encode())
     except (OSError, overwrite.Conflict) as error:
         failure = describe(error, path or "stdout")
-        Console(False, False, False).error(failure.message)
+        Console().error(failure.message)
         return failure.code
     return 0
 
@@ -136,7 +129,7 @@ def _devices() -> int:
     from vrtm.bake import cores
     from vrtm.bake.console import Console
 
-    console = Console(False, False, False)
+    console = Console()
     with vrtm.Device("cpu") as device:
         console.info(f"cpu    {device.info.name or 'CPU'}, {cores.available()} cores")
     for index, adapter in enumerate(vrtm.adapters()):

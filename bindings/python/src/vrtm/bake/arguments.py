@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import math
-import re
-from collections.abc import Callable
-from typing import Any, NoReturn
+from typing import Any
 
 from vrtm.bake import frames
+from vrtm.bake.parsing import (
+    LARGEST,
+    WELDS,
+    flag,
+    listed,
+    normal_maps,
+    not_negative,
+    positive,
+    several,
+    uv_names,
+    whole,
+)
 from vrtm.bake.scene import SceneOptions
 from vrtm.bake.scene.timing import FILE
 from vrtm.bake.settings import AUTO, EACH, OVERLAP, Settings
-from vrtm.bake.words import near
 
 DESCRIPTION = """\
 Bakes redirection maps: where to sample the texture, per frame and tile, so that painted features keep their shape
@@ -23,34 +31,6 @@ EPILOG = """\
 exit codes: 0 done; 2 a file or an option cannot be used; 3 done, but --max-strain or --max-error was exceeded, or the
 layer redirects nothing; 4 the device is missing or lost, or memory is short; 128 + the signal's number if it was ended
 (130 Ctrl-C, 143 SIGTERM); 1 an error of vrtm itself."""
-
-DILATION = """\
-Writes copies of textures that hold, around each chart, what the surface shows beyond the chart's seams, so that seams
-do not show when a renderer filters. What lies in charts, and farther from seams, stays as it is."""
-
-RIGIDITY = """\
-Makes rigidity maps out of pictures: what is bright in a texture, has about a colour, or stands out of its surroundings
-in a height map is rigid. One threshold holds for all tiles. A map that somebody has painted on is not replaced."""
-
-LARGEST = 65536
-WELDS = ("index", "position", "off")
-
-
-class Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong."""
-
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
-        # A list of frames that begins with a minus sign is no option.
-        self._negative_number_matcher = re.compile(r"-\d[\d.,:x\s-]*")
-
-    def error(self, message: str) -> NoReturn:
-        unknown, found = re.match(r"unrecognized arguments: (--[^\s=]+)", message), ""
-        if unknown:
-            commands = (a for a in self._actions if isinstance(a, argparse._SubParsersAction))
-            parsers = [self, *(parser for action in commands for parser in action.choices.values())]
-            found = near(unknown[1], {name for parser in parsers for name in parser._option_string_actions})
-        self.exit(2, f"{self.prog}: {message}{found} (see {self.prog} --help)\n")
 
 
 def add_to(commands: Any) -> argparse.ArgumentParser:
@@ -68,98 +48,21 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     return parser
 
 
-def add_dilate_to(commands: Any) -> None:
-    """Adds the subcommand `dilate`."""
-    parser = commands.add_parser("dilate", help="fill textures around charts, across seams", description=DILATION)
-    parser.add_argument("scene", metavar="SCENE", help="a USD, Alembic or OBJ file")
-    parser.add_argument(
-        "--texture",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="PATTERN",
-        help="images; <UDIM> stands for the tile, <mesh> for the mesh's name",
-    )
-    _normal_maps(parser)
-    parser.add_argument("--out", required=True, metavar="DIR", help="where to write, under the textures' own names")
-    parser.add_argument(
-        "--reach", type=_positive, default=1 / 16, metavar="X", help="how far from seams, in UV, at most 0.5 (0.0625)"
-    )
-    parser.add_argument("--uv", nargs="+", action="extend", default=[], metavar="NAME", help="as for bake")
-    parser.add_argument("--rest", metavar="WHERE", help="as for bake")
-    parser.add_argument("--weld", choices=WELDS, default="index", help="by what faces hang together (index)")
-    parser.add_argument("--overwrite", action="store_true", help="replace files that vrtm has not written, too")
-    parser.add_argument("--quiet", action="store_true", help="print errors and warnings only")
-
-
-def add_rigidity_to(commands: Any) -> None:
-    """Adds the subcommand `rigidity`."""
-    parser = commands.add_parser("rigidity", help="make rigidity maps out of textures", description=RIGIDITY)
-    parser.add_argument("image", metavar="IMAGE", help="a texture or a height map; <UDIM> stands for the tile")
-    parser.add_argument(
-        "--out", required=True, metavar="IMAGE", help="the maps, .png, .tif or .exr, with <UDIM> if IMAGE has it"
-    )
-    parser.add_argument(
-        "--from",
-        dest="source",
-        choices=("brightness", "colour", "height"),
-        default="brightness",
-        help="what is rigid: what is bright (the default), has about a colour, or stands out of its surroundings",
-    )
-    parser.add_argument(
-        "--threshold",
-        type=_fraction,
-        metavar="X",
-        help="the least brightness, or the least height above the surroundings as a part of the largest (default: what "
-        "parts them best)",
-    )
-    parser.add_argument(
-        "--colour", type=_colour, metavar="RGB", help="with --from colour: '#cc994d' or 0.8,0.6,0.3, as stored"
-    )
-    parser.add_argument("--tolerance", type=_positive, metavar="X", help="with --from colour: how far from it (0.2)")
-    parser.add_argument(
-        "--feature", type=_fraction, metavar="UV", help="with --from height: the width of the largest feature (0.06)"
-    )
-    parser.add_argument(
-        "--sunken", action="store_true", default=None, help="with --from height: what lies deeper is rigid"
-    )
-    parser.add_argument("--invert", action="store_true", help="the other part is rigid")
-    parser.add_argument(
-        "--grow", type=_whole(-64, 64), default=0, metavar="N", help="texels by which what is rigid becomes larger (0)"
-    )
-    parser.add_argument(
-        "--size", type=_whole(16, LARGEST), default=1024, metavar="N", help="texels per side at most (1024)"
-    )
-    parser.add_argument("--overwrite", action="store_true", help="replace files that vrtm has not written, too")
-    parser.add_argument("--quiet", action="store_true", help="print errors and warnings only")
-
-
 def _scene(group: argparse._ArgumentGroup) -> None:
     group.add_argument("scene", metavar="SCENE", help="a USD, Alembic or OBJ file")
-    group.add_argument(
+    several(
+        group,
         "--poses",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="FILE",
-        help="OBJ: the poses, as files or patterns (pose.####.obj, pose.%%04d.obj, pose.$F4.obj, pose.<frame>.obj, "
+        "FILE",
+        "OBJ: the poses, as files or patterns (pose.####.obj, pose.%%04d.obj, pose.$F4.obj, pose.<frame>.obj, "
         "pose.*.obj)",
     )
-    group.add_argument(
-        "--meshes",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="NAME",
-        help="names or prim paths, with * wildcards (default: all meshes that have UVs)",
-    )
-    group.add_argument(
+    several(group, "--meshes", "NAME", "names or prim paths, with * wildcards (default: all meshes that have UVs)")
+    several(
+        group,
         "--uv",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="NAME",
-        help="the UV set; of several names, also with commas between them, each mesh takes the first that it has "
+        "NAME",
+        "the UV set; of several names, also with commas between them, each mesh takes the first that it has "
         "(default: st, or the only one)",
     )
     group.add_argument(
@@ -168,10 +71,10 @@ def _scene(group: argparse._ArgumentGroup) -> None:
         help="USD: the UV set that textures are looked up by, where --uv is one without overlaps: the maps then hold "
         "UVs of this set, and are looked up by that of --uv",
     )
-    group.add_argument(
+    flag(
+        group,
         "--subsets",
-        action="store_true",
-        help="USD: bake the subsets of a mesh that materials are bound to each by itself, and the faces in none of "
+        "USD: bake the subsets of a mesh that materials are bound to each by itself, and the faces in none of "
         "them as 'rest': for materials that use the same UVs; give <subset> in --rigidity",
     )
     group.add_argument(
@@ -179,12 +82,11 @@ def _scene(group: argparse._ArgumentGroup) -> None:
         metavar="WHERE",
         help="the rest shape: bind, pref, first, frame:N, or a file with the same faces (default: the scene's own)",
     )
-    group.add_argument("--subdivide", type=_whole(0, 8), default=0, metavar="N", help="levels of subdivision (0)")
-    group.add_argument(
-        "--population-mask", nargs="+", action="extend", default=[], metavar="PRIM", help="USD: load these prims only"
-    )
+    group.add_argument("--subdivide", type=whole(0, 8), default=0, metavar="N", help="levels of subdivision (0)")
+    several(group, "--population-mask", "PRIM", "USD: load these prims only")
     group.add_argument(
         "--variant",
+        dest="variants",
         nargs=3,
         action="append",
         default=[],
@@ -193,21 +95,21 @@ def _scene(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--fps",
-        type=lambda text: text if text == FILE else _positive(text),
+        type=lambda text: text if text == FILE else positive(text),
         metavar="X",
         help="frames per second: frame N is at N / X seconds. file: as the file says, in USD by framesPerSecond "
         "(default: whole time codes of USD are frames; Alembic: file)",
     )
-    group.add_argument(
+    flag(
+        group,
         "--world",
-        action="store_true",
-        help="with the transforms above a mesh: what an animated scale stretches is stretched (the rest has those of "
+        "with the transforms above a mesh: what an animated scale stretches is stretched (the rest has those of "
         "its frame, or of the first)",
     )
-    group.add_argument(
+    flag(
+        group,
         "--allow-units",
-        action="store_true",
-        help="take poses that are larger or smaller than the rest as a whole for deformations: the rest is not "
+        "take poses that are larger or smaller than the rest as a whole for deformations: the rest is not "
         "scaled, and a factor of 10 does not end the bake",
     )
 
@@ -216,10 +118,10 @@ def _maps(group: argparse._ArgumentGroup) -> None:
     where = "<UDIM> stands for the tile, <mesh> for the mesh's name, <subset> for that of --subsets"
     group.add_argument("--rigidity", metavar="PATTERN", help=f"images, white = rigid; {where}")
     group.add_argument("--mask", metavar="PATTERN", help="images; what is dark does not move")
-    group.add_argument(
+    flag(
+        group,
         "--strict",
-        action="store_true",
-        help="exit code 2 if anything is not baked that no option leaves out, and that would not stay as it is",
+        "exit code 2 if anything is not baked that no option leaves out, and that would not stay as it is",
     )
     group.add_argument("--rigidity-primvar", metavar="NAME", help="a primvar in place of images ('colors' in OBJ)")
     group.add_argument("--mask-primvar", metavar="NAME", help="a primvar in place of images")
@@ -235,29 +137,29 @@ def _files(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--frames",
-        type=_numbers,
+        type=listed(frames.parse),
         metavar="LIST",
         help="such as 1-10x2,15 or -3--1, or with parts of frames 1-3x0.5 (default: all whole ones)",
     )
-    group.add_argument("--tiles", type=_whole_numbers, metavar="LIST", help="such as 1001,1011-1013 (default: all)")
-    group.add_argument("--force", action="store_true", help="also write files that are up to date")
     group.add_argument(
-        "--overwrite",
-        action="store_true",
-        help="replace files that vrtm has not written, too; one that the bake reads is never replaced",
+        "--tiles", type=listed(frames.parse_whole), metavar="LIST", help="such as 1001,1011-1013 (default: all)"
+    )
+    flag(group, "--force", "also write files that are up to date")
+    flag(
+        group, "--overwrite", "replace files that vrtm has not written, too; one that the bake reads is never replaced"
     )
 
 
 def _content(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--size",
-        type=_whole(1, LARGEST),
+        type=whole(1, LARGEST),
         metavar="N",
         help="cells of the grid per side (default: the rigidity map's; 1024 with a primvar)",
     )
     group.add_argument(
         "--map-size",
-        type=_size,
+        type=lambda text: text if text == AUTO else whole(1, LARGEST)(text),
         metavar="N",
         help="texels per side (the grid's); auto: per tile and frame the least that keeps --max-error (1 if that is "
         "not given), or what comes closest to it",
@@ -268,31 +170,25 @@ def _content(group: argparse._ArgumentGroup) -> None:
         help="the UVs in the map: within the tile, among all UDIM tiles, or what to add to the mesh's own "
         "(tile; with --layer, udim)",
     )
-    group.add_argument(
-        "--half",
-        action="store_true",
-        help="numbers of 16 bits, for --form delta: the smallest maps, two fifths of the bytes",
-    )
-    group.add_argument("--alpha", action="store_true", help="RGBA, with 1 in A where a chart covers the texel")
-    group.add_argument(
+    flag(group, "--half", "numbers of 16 bits, for --form delta: the smallest maps, two fifths of the bytes")
+    flag(group, "--alpha", "RGBA, with 1 in A where a chart covers the texel")
+    flag(
+        group,
         "--sheet",
-        action="store_true",
-        help="also draw a picture per mesh, to judge by: its worst frame at rest, with its own UVs, and redirected",
+        "also draw a picture per mesh, to judge by: its worst frame at rest, with its own UVs, and redirected",
     )
-    group.add_argument("--exact", action="store_true", help="do not move values next to folds")
-    group.add_argument("--warp", action="store_true", help="also write the warp, the redirection's inverse")
-    group.add_argument("--jacobian", action="store_true", help="also write the redirection's derivatives")
-    group.add_argument("--filter-scale", action="store_true", help="also write how much wider a filter has to be")
-    group.add_argument(
+    flag(group, "--exact", "do not move values next to folds")
+    flag(group, "--warp", "also write the warp, the redirection's inverse")
+    flag(group, "--jacobian", "also write the redirection's derivatives")
+    flag(group, "--filter-scale", "also write how much wider a filter has to be")
+    several(
+        group,
         "--texture",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="PATTERN",
-        dest="textures",
-        help="also write warped copies of these textures, for renderers without dependent lookups",
+        "PATTERN",
+        "also write warped copies of these textures, for renderers without dependent lookups",
+        "textures",
     )
-    _normal_maps(group)
+    normal_maps(group)
 
 
 def _borders(group: argparse._ArgumentGroup) -> None:
@@ -305,7 +201,7 @@ def _borders(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--seam-reach",
-        type=_positive,
+        type=positive,
         default=0.0,
         metavar="UV",
         help="how far charts go on beyond their seams: the radius of the largest feature on one, at most 0.5 (0.03125)",
@@ -327,7 +223,7 @@ def _borders(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--max-layers",
-        type=_whole(2, LARGEST),
+        type=whole(2, LARGEST),
         metavar="N",
         help=f"with --overlap each: the most layers that a tile may have ({Settings.max_layers})",
     )
@@ -343,25 +239,7 @@ def _material(group: argparse._ArgumentGroup) -> None:
         ("room-threshold", "the fraction of a cell's area under which that starts (0.4)"),
         ("protect", "how far features that a pose does not strain come before the others, 0 to 1 (0)"),
     ):
-        group.add_argument(f"--{name}", type=_not_negative, metavar="X", help=text)
-
-
-def _normal_maps(to: argparse._ActionsContainer) -> None:
-    to.add_argument(
-        "--normal-map",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="PATTERN",
-        dest="normal_maps",
-        help="the same for normal maps in tangent space, whose normals are turned along",
-    )
-    to.add_argument(
-        "--normal-y",
-        choices=("up", "down"),
-        default="up",
-        help="whether green grows with v in these (up, as in OpenGL) or against it (down, as in DirectX)",
-    )
+        group.add_argument(f"--{name}", type=not_negative, metavar="X", help=text)
 
 
 def _layer(group: argparse._ArgumentGroup) -> None:
@@ -372,7 +250,7 @@ def _layer(group: argparse._ArgumentGroup) -> None:
         default="texture",
         help="redirect the materials' texture lookups (default), author a primvar st_redirected, or both",
     )
-    group.add_argument("--only-layer", action="store_true", help="write nothing but the layer")
+    flag(group, "--only-layer", "write nothing but the layer")
     group.add_argument(
         "--root",
         metavar="FILE",
@@ -381,7 +259,7 @@ def _layer(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--freeze",
-        type=_number,
+        type=_frame,
         metavar="FRAME",
         help="with --layer: name the files of this frame at all times, for programs that ignore names over time, such "
         "as Blender",
@@ -390,34 +268,30 @@ def _layer(group: argparse._ArgumentGroup) -> None:
 
 def _work(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--quality", choices=("draft", "normal", "high"), default="normal")
-    group.add_argument("--warm", action="store_true", help="start each frame from the one before it in --frames")
+    flag(group, "--warm", "start each frame from the one before it in --frames")
     group.add_argument(
         "--temporal-weight",
-        type=_positive,
+        type=positive,
         default=0.0,
         metavar="X",
         help="with --warm: how strongly each frame is held to the one before it; 0.03 to 0.3 is useful",
     )
     group.add_argument("--weld", choices=WELDS, default="index", help="by what faces hang together (index)")
     group.add_argument("--device", choices=("auto", "cpu", "gpu"), default="auto", help="where to compute (auto)")
-    group.add_argument("--adapter", type=_whole(0, 255), default=0, metavar="N", help="which GPU; see vrtm devices")
-    group.add_argument(
-        "--jobs", type=_whole(0, 1024), default=0, metavar="N", help="frames at a time (0: by the cores)"
-    )
-    group.add_argument("--threads", type=_whole(0, 1024), default=0, metavar="N", help="threads per job (0: the rest)")
-    group.add_argument(
-        "--measure", action="store_true", help="measure strain and the maps' errors, for the report (takes longer)"
-    )
-    group.add_argument("--max-strain", type=_positive, metavar="X", help="exit code 3 if a tile's RMS strain is larger")
+    group.add_argument("--adapter", type=whole(0, 255), default=0, metavar="N", help="which GPU; see vrtm devices")
+    group.add_argument("--jobs", type=whole(0, 1024), default=0, metavar="N", help="frames at a time (0: by the cores)")
+    group.add_argument("--threads", type=whole(0, 1024), default=0, metavar="N", help="threads per job (0: the rest)")
+    flag(group, "--measure", "measure strain and the maps' errors, for the report (takes longer)")
+    group.add_argument("--max-strain", type=positive, metavar="X", help="exit code 3 if a tile's RMS strain is larger")
     group.add_argument(
         "--max-error",
-        type=_positive,
+        type=positive,
         metavar="TEXELS",
         help="exit code 3 if 1 %% of a map is further off than that, in texels of the texture",
     )
     group.add_argument(
         "--texture-size",
-        type=_whole(1, 1 << 20),
+        type=whole(1, 1 << 20),
         default=4096,
         metavar="N",
         help="texels of the texture per side (4096)",
@@ -425,17 +299,13 @@ def _work(group: argparse._ArgumentGroup) -> None:
 
 
 def _messages(group: argparse._ArgumentGroup) -> None:
-    group.add_argument(
-        "--dry-run",
-        action="store_true",
-        help="say what would be baked: meshes, tiles, maps, files, memory; write nothing",
-    )
+    flag(group, "--dry-run", "say what would be baked: meshes, tiles, maps, files, memory; write nothing")
     group.add_argument("--report", metavar="FILE.json", help="write all figures")
     group.add_argument("--log", metavar="FILE", help="also write all messages to a file, each with its time")
-    group.add_argument("--verbose", action="store_true", help="also say what the library says")
-    group.add_argument("--no-progress", action="store_true", help="no progress bar, and no line per frame")
-    group.add_argument("--quiet", action="store_true", help="nothing but warnings and errors")
-    group.add_argument("--openjd", action="store_true", help="progress and status lines of OpenJobDescription")
+    flag(group, "--verbose", "also say what the library says")
+    flag(group, "--no-progress", "no progress bar, and no line per frame")
+    flag(group, "--quiet", "nothing but warnings and errors")
+    flag(group, "--openjd", "progress and status lines of OpenJobDescription")
     group.add_argument(
         "--more",
         metavar="OPTIONS",
@@ -444,156 +314,72 @@ def _messages(group: argparse._ArgumentGroup) -> None:
     )
 
 
-def settings(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> Settings:
+def settings(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Settings:
     """The settings of a command line. What cannot go together ends the program with exit code 2."""
-    given = vars(arguments)
-    a = arguments
-    if not (a.rigidity or a.rigidity_primvar):
-        parser.error("one of --rigidity and --rigidity-primvar is needed: it says what keeps its shape")
-    for pattern, primvar in (("rigidity", "rigidity_primvar"), ("mask", "mask_primvar")):
-        if given[pattern] and given[primvar]:
-            parser.error(f"--{pattern} and --{primvar.replace('_', '-')} exclude each other")
-    if a.only_layer and a.layer is None:
-        parser.error("--only-layer needs --layer")
-    if a.only_layer and a.sheet:
-        parser.error("--only-layer and --sheet exclude each other: a sheet shows a frame that was baked")
-    for option in ("root", "freeze"):
-        if given[option] is not None and not a.layer:
-            parser.error(f"--{option} needs --layer")
-    if a.freeze is not None and a.frames is not None and a.freeze not in a.frames:
-        parser.error(f"--freeze {a.freeze}: it is none of --frames {frames.text(a.frames)}")
-    if a.temporal_weight and not a.warm:
-        parser.error("--temporal-weight needs --warm: there is nothing else to hold a frame to")
-    patterns = [a.rigidity, a.mask, *a.textures, *a.normal_maps]
-    if not a.subsets and any("<subset>" in pattern for pattern in patterns if pattern):
-        parser.error("<subset> needs --subsets")
-    if a.subsets and a.open_borders == "slide":
-        parser.error("--subsets and --open-borders slide exclude each other: textures would slide where subsets meet")
-    if a.max_layers is not None and a.overlap != EACH:
-        parser.error(f"--max-layers needs --overlap {EACH}")
-    for option in ("verbose", "dry_run"):
-        if a.quiet and given[option]:
-            parser.error(f"--quiet and --{option.replace('_', '-')} exclude each other")
-    if a.layer and a.layer_mode != "texture" and a.tiles:
-        parser.error(f"--layer-mode {a.layer_mode} takes all tiles of a mesh, so that --tiles cannot go with it")
-    if a.texture_uv is not None:
-        _check_texture_uv(parser, a)
-    options = SceneOptions(
-        meshes=tuple(a.meshes),
-        uv=uv_names(a.uv),
-        skip_still=True,
-        texture_uv=a.texture_uv,
-        rest=a.rest,
-        rigidity_primvar=a.rigidity_primvar,
-        mask_primvar=a.mask_primvar,
-        subdivide=a.subdivide,
-        population_mask=tuple(a.population_mask),
-        variants=tuple(tuple(v) for v in a.variant),
-        poses=tuple(a.poses),
-        fps=a.fps,
-        world=a.world,
-    )
-    measure = a.measure or a.max_strain is not None or a.max_error is not None
-    own = Settings.__dataclass_fields__
-    same = {name: tuple(v) if isinstance(v, list) else v for name, v in given.items() if name in own}
-    form = a.form or ("udim" if a.layer or a.texture_uv is not None else "tile")
-    layers = a.max_layers or Settings.max_layers
-    return Settings(**same | {"options": options, "measure": measure, "form": form, "max_layers": layers})
+    for message, found in _wrong(a).items():
+        if found:
+            parser.error(message)
+
+    def same(kind: type) -> dict:
+        given = {name: value for name, value in vars(a).items() if name in kind.__dataclass_fields__}
+        return {name: tuple(value) if isinstance(value, list) else value for name, value in given.items()}
+
+    further = {"uv": uv_names(a.uv), "variants": tuple(map(tuple, a.variants)), "skip_still": True}
+    own = {
+        "options": SceneOptions(**same(SceneOptions) | further),
+        "measure": a.measure or a.max_strain is not None or a.max_error is not None,
+        "form": a.form or ("udim" if a.layer or a.texture_uv is not None else "tile"),
+        "max_layers": a.max_layers or Settings.max_layers,
+    }
+    return Settings(**same(Settings) | own)
 
 
-def uv_names(given: list[str]) -> tuple[str, ...] | None:
-    """The UV sets of `--uv`, in order of preference."""
-    return tuple(name for text in given for name in text.split(",") if name) or None
-
-
-def _check_texture_uv(parser: argparse.ArgumentParser, a: argparse.Namespace) -> None:
-    """Ends the program for what is not there in the UV set that textures are looked up by."""
-    other = {
+def _wrong(a: argparse.Namespace) -> dict[str, object]:
+    """What may be wrong with a command line, each with whether it is."""
+    patterns = filter(None, [a.rigidity, a.mask, *a.textures, *a.normal_maps])
+    mode = f"--layer-mode {a.layer_mode}"
+    of_corners = a.layer and a.layer_mode != "texture"
+    # What is not there in the UV set that textures are looked up by.
+    without_texture_uv = {
         "--form tile": a.form == "tile",
         "--texture": a.textures,
         "--normal-map": a.normal_maps,
         "--jacobian": a.jacobian,
         "--filter-scale": a.filter_scale,
         "--subdivide": a.subdivide,
-        f"--layer-mode {a.layer_mode}": a.layer and a.layer_mode != "texture",
+        mode: of_corners,
     }
-    for option, given in other.items():
-        if given:
-            parser.error(f"--texture-uv and {option} exclude each other")
+    both = "exclude each other"
+    return {
+        "one of --rigidity and --rigidity-primvar is needed: it says what keeps its shape": not (
+            a.rigidity or a.rigidity_primvar
+        ),
+        f"--rigidity and --rigidity-primvar {both}": a.rigidity and a.rigidity_primvar,
+        f"--mask and --mask-primvar {both}": a.mask and a.mask_primvar,
+        "--only-layer needs --layer": a.only_layer and a.layer is None,
+        f"--only-layer and --sheet {both}: a sheet shows a frame that was baked": a.only_layer and a.sheet,
+        "--root needs --layer": a.root is not None and not a.layer,
+        "--freeze needs --layer": a.freeze is not None and not a.layer,
+        f"--freeze {a.freeze}: it is none of --frames {frames.text(a.frames or ())}": a.freeze is not None
+        and a.frames is not None
+        and a.freeze not in a.frames,
+        "--temporal-weight needs --warm: there is nothing else to hold a frame to": a.temporal_weight and not a.warm,
+        "<subset> needs --subsets": not a.subsets and any("<subset>" in pattern for pattern in patterns),
+        f"--subsets and --open-borders slide {both}: textures would slide where subsets meet": a.subsets
+        and a.open_borders == "slide",
+        f"--max-layers needs --overlap {EACH}": a.max_layers is not None and a.overlap != EACH,
+        f"--quiet and --verbose {both}": a.quiet and a.verbose,
+        f"--quiet and --dry-run {both}": a.quiet and a.dry_run,
+        f"{mode} takes all tiles of a mesh, so that --tiles cannot go with it": of_corners and a.tiles,
+        **{
+            f"--texture-uv and {option} {both}": a.texture_uv is not None and given
+            for option, given in without_texture_uv.items()
+        },
+    }
 
 
-def _numbers(text: str) -> tuple[frames.Frame, ...]:
-    try:
-        return frames.parse(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _whole_numbers(text: str) -> tuple[int, ...]:
-    try:
-        return frames.parse_whole(text)
-    except ValueError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-
-
-def _number(text: str) -> frames.Frame:
-    found = _numbers(text)
+def _frame(text: str) -> frames.Frame:
+    found = listed(frames.parse)(text)
     if len(found) != 1:
         raise argparse.ArgumentTypeError(f"'{text}' is not one frame")
     return found[0]
-
-
-def _size(text: str) -> int | str:
-    return AUTO if text == AUTO else _whole(1, LARGEST)(text)
-
-
-def _not_negative(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not 0 <= number < math.inf:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number from 0 on")
-    return number
-
-
-def _fraction(text: str) -> float:
-    number = _not_negative(text)
-    if number > 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number from 0 to 1")
-    return number
-
-
-def _colour(text: str) -> tuple[float, ...]:
-    if re.fullmatch("#[0-9a-fA-F]{6}", text):
-        return tuple(byte / 255 for byte in bytes.fromhex(text[1:]))
-    try:
-        red, green, blue = map(float, text.split(","))
-    except ValueError:
-        red = green = blue = math.nan
-    if not math.isfinite(red + green + blue):
-        raise argparse.ArgumentTypeError(f"'{text}' is no colour, such as '#cc994d' or 0.8,0.6,0.3")
-    return red, green, blue
-
-
-def _whole(first: int, last: int) -> Callable[[str], int]:
-    def parse(text: str) -> int:
-        try:
-            number = int(text)
-        except ValueError:
-            number = first - 1
-        if not first <= number <= last:
-            raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from {first} to {last}")
-        return number
-
-    return parse
-
-
-def _positive(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not 0 < number < math.inf:
-        raise argparse.ArgumentTypeError(f"'{text}' is not a number above 0")
-    return number

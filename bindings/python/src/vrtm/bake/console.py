@@ -76,7 +76,12 @@ class Console:
     """Progress and messages."""
 
     def __init__(
-        self, quiet: bool, progress: bool, openjd: bool, verbose: bool = False, log: str | None = None
+        self,
+        quiet: bool = False,
+        progress: bool = False,
+        openjd: bool = False,
+        verbose: bool = False,
+        log: str | None = None,
     ) -> None:
         """`log`: a file that all messages are added to. Raises Failure if that is none that vrtm has begun."""
         self.quiet = quiet

@@ -17,11 +17,11 @@ import numpy as np
 import vrtm
 from vrtm import dilation
 from vrtm.bake import image_file, left_out, overwrite, staging, warped
-from vrtm.bake.arguments import uv_names
 from vrtm.bake.console import Console
 from vrtm.bake.failure import INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.image_file import Target
+from vrtm.bake.parsing import uv_names
 from vrtm.bake.scene import Scene, SceneError, SceneOptions, Shape
 from vrtm.bake.scene.images import find_maps
 from vrtm.bake.stopping import Stop
