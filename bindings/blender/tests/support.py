@@ -156,8 +156,8 @@ class Arm:
         evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
         return np.array([vertex.co[:] for vertex in evaluated.data.vertices], np.float32)
 
-    def asset(self, rest: np.ndarray | None = None):
-        """The same by the Python package alone, with the rigidity as the image of 8 bits has it."""
+    def asset(self, rest: np.ndarray | None = None, painted: bool = True):
+        """The same by the Python package alone; `painted`: with the rigidity as the image of 8 bits has it."""
         import vrtm
 
         asset = vrtm.Asset(
@@ -169,7 +169,8 @@ class Arm:
         )
         for tile in asset.tiles:
             tile.set_settings(grid_width=self.size, grid_height=self.size)
-            tile.set_rigidity(eight_bits(self.painted[tile.udim]), origin="bottom")
+            if painted:
+                tile.set_rigidity(eight_bits(self.painted[tile.udim]), origin="bottom")
         return asset
 
     def delta(self, asset) -> np.ndarray:
@@ -208,8 +209,8 @@ def uv_layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
     return values.reshape(-1, 2)
 
 
-def poll_until(condition, seconds: float = 20.0) -> None:
-    """Calls the timer's function by hand, which nothing else does in background mode."""
+def poll_until(condition, seconds: float = 300.0) -> None:
+    """Calls the timer's function by hand, which nothing else does in background mode. The time is a guard alone."""
     import time
 
     end = time.monotonic() + seconds

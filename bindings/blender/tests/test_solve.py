@@ -104,9 +104,13 @@ class Solve(Case):
         mask = (arm.rest()[:, 0] < 1.2).astype(np.float32)
         arm.mesh.attributes.new("mask", "FLOAT", "POINT").data.foreach_set("value", mask)
         bpy.context.scene.frame_set(5)
-        asset = arm.asset()
+        asset = arm.asset(painted=False)
         asset.set_vertex_rigidity(weights)
         settings = obj.vrtm
+        # An image that was there before leaves nothing behind.
+        arm.paint_image()
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.check(arm, arm.asset())
         for source, name in (("VERTEX_GROUP", "stiff"), ("ATTRIBUTE", "colour")):
             settings.rigidity_source, settings.rigidity_name = source, name
             self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})

@@ -113,19 +113,15 @@ class Prepared:
 
     def _set_mask(self, new: Map) -> None:
         self.asset.set_vertex_mask(new.vertices)
-        if new.vertices is None:
-            for tile in self._tiles():
-                image = new.of(tile.udim)
-                tile.set_mask(image, **_origin(image))
+        for tile in self._tiles():
+            image = new.of(tile.udim)
+            tile.set_mask(image, **_origin(image))
 
     def _set_rigidity(self, new: Map) -> None:
         # Kept again at the end: after a failure all of it is set again.
         before, self.painted = self.painted, {}
         self.vertices = new.vertices
-        if new.vertices is not None or not before:
-            self.asset.set_vertex_rigidity(new.vertices)
-        if new.vertices is not None:
-            return
+        self.asset.set_vertex_rigidity(new.vertices)
         for tile in self._tiles():
             image, old = new.of(tile.udim), before.get(tile.udim)
             if image is None or old is None or image.shape != old.shape:
