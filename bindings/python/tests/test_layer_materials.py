@@ -50,8 +50,7 @@ def test_what_cannot_be_redirected_is_said_and_left(tmp_path: Path) -> None:
     assert not final.GetPrimAtPath("/world/looks/skin_one_redirected")
     _, warnings = bake(tmp_path, scene, ("two", "three"))
     assert (
-        "/world/two: the texture /world/looks/other_two_redirected/colour is looked up by 'second', not by the UVs 'st'"
-        in warnings[0]
+        "/world/two: the texture /world/looks/other/colour is looked up by 'second', not by the UVs 'st'" in warnings[0]
     )
     assert warnings[-1] == "/world/three: no material is bound to it"
 
@@ -148,7 +147,7 @@ def test_materialx_of_another_uv_set_stays(tmp_path: Path) -> None:
     UsdShade.Shader(stage.GetPrimAtPath("/world/looks/mx/graph/uv")).GetInput("geomprop").Set("second")
     stage.Save()
     _, warnings = bake(tmp_path, Scene(tmp_path / "shot.usda"))
-    assert "mx_one_redirected/graph/colour is not looked up by the UVs 'st'" in warnings[0]
+    assert "mx/graph/colour is not looked up by the UVs 'st'" in warnings[0]
 
 
 def test_a_coordinate_that_comes_through_the_interface_of_a_graph(tmp_path: Path) -> None:
@@ -267,7 +266,7 @@ def test_a_texture_that_is_looked_up_by_transformed_uvs_keeps_its_file(
     stage.Save()
     file, warnings = warped_file(tmp_path)
     assert file == "colour.<UDIM>.png"
-    assert f"is looked up through /world/looks/skin_one_redirected/place ({node})" in warnings[0]
+    assert f"is looked up through /world/looks/skin/place ({node})" in warnings[0]
     assert "neither a warped copy" not in "".join(warnings)
     # Redirected corner UVs go through the transform as the mesh's own do.
     _, warnings = bake(

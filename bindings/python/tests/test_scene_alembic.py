@@ -193,7 +193,7 @@ def test_parameters_are_rest_rigidity_and_uvs(tmp_path: Path) -> None:
     assert Scene(path, SceneOptions(rest="frame:3")).shapes[0].rest[2, 0] == pytest.approx(2.2)
     for options, message in (
         (SceneOptions(rest="bind"), "/group/mesh: Alembic has no skeletons"),
-        (SceneOptions(mask_primvar="none"), "no mesh has the parameter 'none' for the mask"),
+        (SceneOptions(mask_primvar="none"), "no mesh has the primvar 'none' for the mask"),
         (SceneOptions(uv="none", meshes=("mesh",)), "/group/mesh: has no UVs 'none'"),
         (SceneOptions(meshes=("hat",)), "'hat' is no mesh of the scene"),
     ):

@@ -108,17 +108,13 @@ class Work:
 
     def _stays(self, shape: Shape) -> bool:
         """Whether a mesh is at rest in all frames, so that its maps would be the identity, and is not named."""
-        if not shape.still or self._is_named(shape):
+        if not shape.still or self.settings.options.names(shape.path):
             return False
         pose = self.scene.positions(shape, self.frames[0])
         if shape.rest is self.scene.shape(shape.name).rest:
             return np.array_equal(pose, shape.rest)
         # A factor is known to some digits.
         return np.allclose(pose, shape.rest, rtol=1e-5, atol=1e-5 * np.ptp(shape.rest, axis=0).max(initial=0))
-
-    def _is_named(self, shape: Shape) -> bool:
-        asked = self.settings.options.meshes
-        return shape.path in asked or shape.path.rsplit("/", 1)[-1] in asked
 
     def _in_units(self, shape: Shape) -> Shape:
         """The shape with its rest in the units of its poses."""
@@ -228,7 +224,7 @@ class Work:
             return
         every = sorted({*self.scene.frames, *self.frames})
         for mesh in self.meshes.values():
-            if self._is_named(mesh.shape):
+            if settings.options.names(mesh.shape.path):
                 continue
             idle = gain.without_gain(
                 mesh.shape, mesh.parts, every, functools.partial(self.scene.positions, mesh.shape), stop

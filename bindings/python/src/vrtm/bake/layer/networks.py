@@ -317,6 +317,8 @@ class Redirector:
 
     def _warn(self, shader: UsdShade.Shader, what: str) -> None:
         warning = f"{self._shape.path}: the texture {shader.GetPath()} {what}"
+        # As the shot names them, and not as the copy of the material does.
+        warning = warning.replace(f"{self._material.GetPath()}/", f"{self._material.GetBaseMaterialPath()}/")
         if warning not in self._warnings:
             self._warnings.append(warning)
 

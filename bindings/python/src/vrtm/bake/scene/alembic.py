@@ -17,16 +17,10 @@ import numpy as np
 
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.alembic_shape import AlembicShape
+from vrtm.bake.scene.posed import shapes, unknown
 from vrtm.bake.scene.timing import FILE, USUAL, Clock, cycle, is_between, is_whole, rate, tidy
-from vrtm.bake.scene.topology import (
-    check_faces,
-    is_exact,
-    matches,
-    unique_names,
-    whole_frames,
-)
+from vrtm.bake.scene.topology import check_faces, matches, whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, not_loaded
-from vrtm.bake.words import near
 
 try:
     from alembic3d import Abc, AbcGeom
@@ -196,14 +190,6 @@ class AlembicMesh:
         """Whether the scene has one pose of it alone."""
         return self.samples <= 1 and not (options.world and self.is_moved)
 
-    def identity(self, options: SceneOptions, first: float) -> tuple[str, ...]:
-        """Equal for instances of one mesh that are in the same pose in all frames. `first`: seconds of the first."""
-        if not options.world:
-            return (self.origin,)
-        # As long as they are scaled alike.
-        linear = self.linear(first)
-        return (self.origin, self.path if self.is_moved else str(np.round(linear @ linear.T, 6).tolist()))
-
     def linear(self, seconds: float) -> np.ndarray:
         """(3, 3): the linear part of the transforms above it, by which rows of points are multiplied."""
         total = np.eye(3)
@@ -223,6 +209,11 @@ class AlembicMesh:
             if made.matches(header):
                 return _param(made(group, name))
         return None
+
+    def params(self) -> list[str]:
+        """The names of its geometry parameters."""
+        group = self.schema.getArbGeomParams()
+        return [group.getPropertyHeader(k).getName() for k in range(group.getNumProperties())] if group.valid() else []
 
     def uvs(self, name: str | None) -> tuple[np.ndarray, np.ndarray, str, str] | None:
         """(values, elements, interpolation, name) of a UV set, None for the mesh's own; None if it has none."""
@@ -254,35 +245,14 @@ class AlembicSource:
         # Times are stored as whole numbers of 1 / fps only nearly.
         frame = self.clock.frame
         self.frames = whole_frames(frame(min(times)), frame(max(times)), path, self.warnings, self.left_out, 1e-3)
-        groups: dict[tuple[str, ...], list[tuple[AlembicMesh, Any]]] = {}
+        groups: dict[tuple[str, ...], list[AlembicShape]] = {}
         for mesh, uvs in chosen:
-            groups.setdefault(mesh.identity(options, self.clock.time(self.frames[0])), []).append((mesh, uvs))
-        names = unique_names([group[0][0].path for group in groups.values()], self.warnings)
-        self._meshes = {}
-        shapes = []
-        for name, group in zip(names, groups.values()):
-            mesh, uvs = group[0]
-            try:
-                posed = AlembicShape(mesh, uvs, options, self.frames[0], self.clock)
-                shapes.append(posed.shape(name, tuple(instance.path for instance, _ in group)))
-            except SceneError as error:
-                named = any(is_exact(pattern) and matches(pattern, mesh.path) for pattern in options.meshes)
-                if not options.skip_still or not mesh.is_still(options) or len(chosen) == 1 or named:
-                    raise
-                why = str(error).removeprefix(f"{mesh.where}: ")
-                self.left_out.append(LeftOut(f"the scene has one pose of it, and it cannot be read: {why}", mesh.path))
-            else:
-                self._meshes[name] = posed
-        if not shapes:
-            raise SceneError(f"{path}: no mesh to bake: {self.left_out[-1].line()}")
-        self.shapes = tuple(shapes)
-        for shape in self.shapes:
-            uneven = self._meshes[shape.name].uneven_scale(self.frames)
-            self.warnings += [f"{shape.path}: {uneven}"] if uneven else []
-        for what, name in (("rigidity", options.rigidity_primvar), ("mask", options.mask_primvar)):
-            values = [getattr(shape, f"vertex_{what}") for shape in self.shapes]
-            if name is not None and all(value is None for value in values):
-                raise SceneError(f"{path}: no mesh has the parameter '{name}' for the {what}")
+            posed = AlembicShape(mesh, uvs, options, self.frames, self.clock)
+            # As long as they are scaled alike.
+            identity = (mesh.origin, posed.scaled_alike() if options.world else "")
+            groups.setdefault(identity, []).append(posed)
+        found = [(group[0], tuple(instance.path for instance in group)) for group in groups.values()]
+        self.shapes, self._meshes = shapes(path, found, options, self.warnings, self.left_out)
 
     def _clocked(self, meshes: list[AlembicMesh]) -> Clock:
         """The clock of the samples of meshes, with warnings of those that it does not fit."""
@@ -319,9 +289,7 @@ class AlembicSource:
             met.update(patterns)
             if mesh.hidden:
                 self.left_out.append(LeftOut("is hidden", mesh.path, meant=True))
-                if any(
-                    is_exact(pattern) and pattern in (mesh.path, mesh.path.rsplit("/", 1)[-1]) for pattern in patterns
-                ):
+                if options.names(mesh.path):
                     raise SceneError(f"{mesh.where}: is hidden")
                 continue
             sets = (mesh.uvs(name) for name in options.uv_names or (None,))
@@ -329,7 +297,7 @@ class AlembicSource:
             if uvs is None:
                 why = f"has no UVs{options.uv_text}"
                 self.left_out.append(LeftOut(why, mesh.path, meant=mesh.is_still(options)))
-                if any(is_exact(pattern) for pattern in patterns):
+                if options.names(mesh.path):
                     raise SceneError(f"{mesh.where}: {why}")
             else:
                 chosen.append((mesh, uvs))
@@ -340,7 +308,7 @@ class AlembicSource:
         ]
         for pattern in options.meshes:
             if pattern not in met:
-                raise SceneError(f"{self._path}: '{pattern}' is no mesh of the scene{self._near(pattern)}")
+                raise unknown(self._path, pattern, [mesh.path for mesh in self._file.meshes()])
         if not chosen:
             why = "; ".join(f"{entry.mesh} {entry.why}" for entry in self.left_out[:5])
             raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
@@ -349,10 +317,6 @@ class AlembicSource:
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) f32 of the shape at a frame."""
         return self._meshes[shape.name].positions(frame)
-
-    def _near(self, name: str) -> str:
-        paths = [mesh.path for mesh in self._file.meshes()]
-        return near(name, [*paths, *(path.rsplit("/", 1)[-1] for path in paths)])
 
     def close(self) -> None:
         """Lets go of the archive."""

@@ -7,97 +7,65 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from vrtm.bake.scene.refine import Cage, Refined
+from vrtm.bake.scene.posed import PosedMesh
+from vrtm.bake.scene.refine import Cage
 from vrtm.bake.scene.rest import rest_from_file
 from vrtm.bake.scene.timing import Clock
-from vrtm.bake.scene.topology import check_mesh, corner_elements, per_vertex, without_uvs
+from vrtm.bake.scene.topology import check_mesh, corner_elements, per_vertex
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
-from vrtm.bake.scene.world import placed, uneven_scale
 
 if TYPE_CHECKING:
     from vrtm.bake.scene.alembic import AlembicMesh
 
 
-class AlembicShape:
+class AlembicShape(PosedMesh):
     """A mesh of an archive as the library takes it, and its poses."""
 
-    def __init__(self, mesh: AlembicMesh, uvs: Any, options: SceneOptions, first: int, clock: Clock) -> None:
-        self._mesh, self._options, self._first, self._clock = mesh, options, first, clock
-        self._faces = mesh.faces(0)
-        self._points = len(mesh.sample(0))
-        self._refined: Refined | None = None
-        check_mesh(mesh.where, *self._faces, self._points)
-        values, elements, self._interpolation, self._uv_name = uvs
-        try:
-            corners = corner_elements(self._interpolation, *self._faces, self._points, elements)
-        except ValueError as error:
-            raise SceneError(f"{mesh.where}: the UV set {self._uv_name} has {error}") from error
-        if corners.max(initial=-1) >= len(values):
-            raise SceneError(f"{mesh.where}: the UV set {self._uv_name} names a UV that it does not have")
-        holes = self._subd("Holes", np.int64)
-        if ((holes < 0) | (holes >= len(self._faces[0]))).any():
-            raise SceneError(f"{mesh.where}: a hole names a face that the mesh does not have")
-        self._uvs, self._uv_indices = values.reshape(-1, 2), without_uvs(self._faces[0], corners, holes)
-        self._holes, self._with_holes = holes, without_uvs(self._faces[0], corners)
+    def __init__(self, mesh: AlembicMesh, uvs: Any, options: SceneOptions, frames: Sequence[int], clock: Clock) -> None:
+        super().__init__(mesh.where, mesh.path, frames, options)
+        self._mesh, self._clock = mesh, clock
+        self._uvs, self._elements, self._interpolation, self._uv_name = uvs
 
     def shape(self, name: str, instances: tuple[str, ...]) -> Shape:
-        counts, indices = self._faces
-        rigidity, mask = (self._values(n) for n in (self._options.rigidity_primvar, self._options.mask_primvar))
-        rest, rest_from = self._rest()
-        uvs, uv_indices, corners = self._uvs, self._uv_indices, None
-        if self._options.subdivide and hasattr(self._mesh.schema, "getCreaseIndicesProperty"):
-            refined = Refined(self._cage(), uvs, self._with_holes, self._options.subdivide, self._holes)
-            counts, indices, uvs, uv_indices = refined.counts, refined.indices, refined.uvs, refined.uv_indices
-            corners, rest = refined.cage_corners, refined.points(rest)
-            rigidity, mask = (None if values is None else refined.points(values) for values in (rigidity, mask))
-            self._refined = refined
-        path = self._mesh.path
-        return Shape(
+        self._faces = self._mesh.faces(0)
+        self._points = len(self._mesh.sample(0))
+        check_mesh(self.where, *self._faces, self._points)
+        try:
+            corners = corner_elements(self._interpolation, *self._faces, self._points, self._elements)
+        except ValueError as error:
+            raise SceneError(f"{self.where}: the UV set {self._uv_name} has {error}") from error
+        if corners.max(initial=-1) >= len(self._uvs):
+            raise SceneError(f"{self.where}: the UV set {self._uv_name} names a UV that it does not have")
+        return self._shape(
             name,
-            path,
-            rest,
-            counts,
-            indices,
-            uvs,
-            uv_indices,
-            self._uv_name,
-            vertex_rigidity=rigidity,
-            vertex_mask=mask,
-            instances=instances,
-            rest_from=rest_from,
-            still=self._mesh.is_still(self._options),
-            cage_corners=corners,
+            instances,
+            self._faces,
+            (self._uvs.reshape(-1, 2), corners),
+            self._subd("Holes", np.int64),
+            [self._values(primvar) for primvar in (self._options.rigidity_primvar, self._options.mask_primvar)],
+            self._cage if hasattr(self._mesh.schema, "getCreaseIndicesProperty") else None,
+            uv_name=self._uv_name,
         )
 
-    def positions(self, frame: float) -> np.ndarray:
-        cage = self._placed(self._posed(frame), frame)
-        return self._refined.points(cage) if self._refined else cage
+    @property
+    def deforms(self) -> bool:
+        return not self._mesh.is_still(self._options)
 
-    def uneven_scale(self, frames: Sequence[int]) -> str | None:
-        """What to warn of where transforms that are not applied stretch the mesh over time."""
-        return uneven_scale(self._linear, frames) if self._mesh.is_moved and not self._options.world else None
+    @property
+    def is_moved(self) -> bool:
+        return self._mesh.is_moved
+
+    def primvars(self) -> list[str]:
+        return self._mesh.params()
 
     def _linear(self, frame: float) -> np.ndarray:
         return self._mesh.linear(self._clock.time(frame))
 
-    def _placed(self, points: np.ndarray, frame: float) -> np.ndarray:
-        return placed(points, self._linear(frame)) if self._options.world else points
-
     def _posed(self, frame: float) -> np.ndarray:
         points = self._mesh.at(self._clock.time(frame), self._faces)
         if len(points) != self._points:
-            raise SceneError(
-                f"{self._mesh.where}: frame {frame:g} has {len(points)} vertices, the first {self._points}"
-            )
+            raise SceneError(f"{self.where}: frame {frame:g} has {len(points)} vertices, the first {self._points}")
         return points
-
-    def _rest(self) -> tuple[np.ndarray, str]:
-        """(points, 3) of the cage at rest, and where it is from."""
-        wanted, frame = self._options.rest, float(self._first)
-        if wanted is not None and wanted.startswith("frame:"):
-            frame = frame_number(wanted)
-        points, rest_from = self._found_rest(wanted)
-        return self._placed(points, frame), rest_from
 
     def _found_rest(self, wanted: str | None) -> tuple[np.ndarray, str]:
         if wanted in (None, "pref"):
@@ -105,15 +73,15 @@ class AlembicShape:
             if found is not None and len(found[1]) == self._points:
                 return found[0][found[1]], "Pref"
             if wanted == "pref":
-                raise SceneError(f"{self._mesh.where}: no parameter Pref holds a rest position per vertex")
+                raise SceneError(f"{self.where}: no parameter Pref holds a rest position per vertex")
         if wanted == "bind":
-            raise SceneError(f"{self._mesh.where}: Alembic has no skeletons, so that there is no bind pose")
+            raise SceneError(f"{self.where}: Alembic has no skeletons, so that there is no bind pose")
         if wanted in (None, "first"):
-            return self._posed(self._first), f"first frame {self._first}"
+            return self._posed(self._frames[0]), f"first frame {self._frames[0]}"
         if wanted.startswith("frame:"):
             return self._posed(frame_number(wanted)), wanted
         # Alembic has no units, to which those of the rest could be compared.
-        return rest_from_file(wanted, self._mesh.path, *self._faces, self._points)[0], wanted
+        return rest_from_file(wanted, self.path, *self._faces, self._points)[0], wanted
 
     def _values(self, name: str | None) -> np.ndarray | None:
         found = name and self._mesh.param(name, ("Float", "Half", "Double", "C3f", "C4f", "V3f"))
@@ -123,7 +91,7 @@ class AlembicShape:
         try:
             return per_vertex(values[elements], interpolation, *self._faces, self._points)
         except ValueError as error:
-            raise SceneError(f"{self._mesh.where}: {name} has {error}") from error
+            raise SceneError(f"{self.where}: {name} has {error}") from error
 
     def _subd(self, what: str, kind: type) -> np.ndarray:
         """Values of a property that subdivision surfaces alone have; empty where it is absent."""
@@ -140,7 +108,7 @@ class AlembicShape:
         name = str(scheme.getValue()) if scheme.valid() and scheme.getNumSamples() else "catmull-clark"
         counts, indices = self._faces
         return Cage(
-            where=self._mesh.where,
+            where=self.where,
             scheme={"catmull-clark": "catmullClark"}.get(name, name),
             counts=counts,
             indices=indices,

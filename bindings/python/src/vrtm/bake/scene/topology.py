@@ -217,8 +217,3 @@ def matches(pattern: str, path: str) -> bool:
     parts = path.split("/")
     above = ["/".join(parts[:end]) for end in range(2, len(parts) + 1)]
     return fnmatchcase(parts[-1], pattern) or any(fnmatchcase(prefix, pattern.rstrip("/")) for prefix in above)
-
-
-def is_exact(pattern: str) -> bool:
-    """True if a pattern has no wildcards."""
-    return not any(letter in pattern for letter in "*?[")

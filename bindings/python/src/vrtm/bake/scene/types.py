@@ -69,6 +69,10 @@ class SceneOptions:
     """Whether the transforms above a mesh are applied, less their translation: to the poses those of their frames, to
     the rest those of the frame that it is taken from, or of the first."""
 
+    def names(self, path: str) -> bool:
+        """Whether a mesh is asked for by its own name or path."""
+        return path in self.meshes or path.rsplit("/", 1)[-1] in self.meshes
+
     @property
     def uv_names(self) -> tuple[str, ...]:
         """The UV sets that are asked for, in order of preference."""

@@ -13,8 +13,9 @@ import numpy as np
 from vrtm.bake import overwrite
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mark import is_marked
+from vrtm.bake.scene.posed import shapes, unknown
 from vrtm.bake.scene.timing import FILE, Clock, is_between, is_whole, rate
-from vrtm.bake.scene.topology import is_exact, matches, unique_names, whole_frames
+from vrtm.bake.scene.topology import matches, whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, not_loaded
 from vrtm.bake.words import cause, near, others
 
@@ -54,30 +55,9 @@ class UsdSource:
         )
         self.frames = stage_frames(self.stage, path, self.warnings, self.left_out, self.clock)
         self._skeletons = Skeletons(self.stage)
-        prims = self._chosen(options)
-        self._meshes: dict[str, UsdMesh] = {}
-        shapes = []
-        names = unique_names([str(p[0][0].GetPath()) for p in prims], self.warnings)
-        for name, (prims_of_one, mesh) in zip(names, prims):
-            paths = tuple(str(prim.GetPath()) for prim in prims_of_one)
-            try:
-                shapes.append(mesh.shape(name, paths))
-            except SceneError as error:
-                if mesh.deforms or not options.skip_still or len(prims) == 1 or _is_named(paths[0], options):
-                    raise
-                why = str(error).removeprefix(f"{mesh.where}: ")
-                self.left_out.append(LeftOut(f"the scene has one pose of it, and it cannot be read: {why}", paths[0]))
-            else:
-                self._meshes[name] = mesh
-        if not shapes:
-            raise SceneError(f"{path}: no mesh to bake: {self.left_out[-1].line()}")
-        self.shapes: tuple[Shape, ...] = tuple(shapes)
-        self.warnings += [
-            f"{shape.path}: {uneven}" for shape in shapes if (uneven := self._meshes[shape.name].uneven_scale())
-        ]
+        groups = [(mesh, tuple(str(prim.GetPath()) for prim in of_one)) for of_one, mesh in self._chosen(options)]
+        self.shapes, self._meshes = shapes(path, groups, options, self.warnings, self.left_out)
         self._check_times()
-        self._check_primvars("rigidity", options.rigidity_primvar, [shape.vertex_rigidity for shape in shapes])
-        self._check_primvars("mask", options.mask_primvar, [shape.vertex_mask for shape in shapes])
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) of the shape at a frame."""
@@ -122,22 +102,23 @@ class UsdSource:
                 try:
                     reason = None if mesh.uv is not None else f"has no UVs{mesh.other_uvs()}"
                 except SceneError:
-                    if not options.skip_still or _is_named(path, options) or not mesh.stays():
+                    if not options.skip_still or options.names(path) or not mesh.stays():
                         raise
                     reason = "nothing deforms there, and it has several UV sets"
                 meant = not mesh.deforms
             if reason is not None:
                 self.left_out.append(LeftOut(reason, path, meant=meant))
-                if _is_named(path, options):
+                if options.names(path):
                     raise SceneError(f"{self._path} {path}: {reason}")
                 continue
             taken.setdefault(mesh.identity(), ([], mesh))[0].append(prim)
         for pattern in options.meshes:
             if pattern not in met:
                 prim = self.stage.GetPrimAtPath(pattern) if Sdf.Path.IsValidPathString(pattern) else None
-                what = f"a {prim.GetTypeName() or 'prim without type'}, not a mesh" if prim else "no mesh of the scene"
-                others = "" if prim else near(pattern, [*paths, *(path.rsplit("/", 1)[-1] for path in paths)])
-                raise SceneError(f"{self._path}: '{pattern}' is {what}{others}")
+                if prim:
+                    kind = prim.GetTypeName() or "prim without type"
+                    raise SceneError(f"{self._path}: '{pattern}' is a {kind}, not a mesh")
+                raise unknown(self._path, pattern, paths)
         if not taken:
             why = "; ".join(f"{entry.mesh} {entry.why}" for entry in self.left_out[:5] if entry.mesh)
             raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
@@ -182,17 +163,6 @@ class UsdSource:
                     f"{between[path][0]:.6g}, and are not baked: a second has {codes:g} time codes; {asked}"
                 )
                 return
-
-    def _check_primvars(self, what: str, name: str | None, values: list[np.ndarray | None]) -> None:
-        if name is not None and all(value is None for value in values):
-            there = {primvar for mesh in self._meshes.values() for primvar in mesh.primvars()}
-            raise SceneError(f"{self._path}: no mesh has the primvar '{name}' for the {what}{near(name, there)}")
-
-
-def _is_named(path: str, options: SceneOptions) -> bool:
-    """Whether a mesh is asked for by its own name or path."""
-    names = (path, path.rsplit("/", 1)[-1])
-    return any(is_exact(pattern) and pattern in names for pattern in options.meshes)
 
 
 def open_stage(path: str, options: SceneOptions) -> Usd.Stage:

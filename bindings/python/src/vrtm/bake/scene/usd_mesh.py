@@ -3,26 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
-from vrtm.bake.scene.refine import Cage, Refined
+from vrtm.bake.scene.posed import PosedMesh
+from vrtm.bake.scene.refine import Cage
 from vrtm.bake.scene.rest import rest_from_file
 from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import check_faces, check_mesh, corner_elements, per_vertex, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 from vrtm.bake.scene.usd_skel import Skeletons
 from vrtm.bake.scene.usd_uvs import find_uv, uv_sets
-from vrtm.bake.scene.world import placed, uneven_scale
 from vrtm.bake.words import near
 
 REST_NAMES = ("primvars:Pref", "primvars:pref", "primvars:rest", "Pref", "rest")
 
 
-class UsdMesh:
+class UsdMesh(PosedMesh):
     """A mesh, or the proxy of one in an instance."""
 
     def __init__(
@@ -35,15 +36,12 @@ class UsdMesh:
         options: SceneOptions,
         warnings: list[str],
     ) -> None:
-        self.where = f"{file} {prim.GetPath()}"
+        super().__init__(f"{file} {prim.GetPath()}", str(prim.GetPath()), frames, options)
         self._prim = prim
         self._mesh = UsdGeom.Mesh(prim)
         self._skin = skeletons.skin(prim, self.where)
-        self._frames = frames
         self._clock = clock
-        self._options = options
         self._warnings = warnings
-        self._refined: Refined | None = None
         self._rest_unit = 1.0
 
     @cached_property
@@ -52,7 +50,6 @@ class UsdMesh:
         return find_uv(self._prim, self._options.uv_names, self.where)
 
     def primvars(self) -> list[str]:
-        """The names of all primvars that the mesh has."""
         api = UsdGeom.PrimvarsAPI(self._prim)
         return [primvar.GetPrimvarName() for primvar in api.FindPrimvarsWithInheritance() if primvar.HasAuthoredValue()]
 
@@ -66,61 +63,34 @@ class UsdMesh:
     def identity(self) -> tuple[Any, ...]:
         """Equal for proxies of one mesh that are in the same pose in all frames and have the same UVs."""
         if not self._prim.IsInstanceProxy():
-            return (str(self._prim.GetPath()),)
+            return (self.path,)
         uv_prim = self.uv.GetAttr().GetPrim()
         uv_prim = uv_prim.GetPrimInPrototype() if uv_prim.IsInstanceProxy() else uv_prim
         moved_by = self._skin.identity() if self._skin else ""
         if self._options.world:
-            # As long as they are scaled alike.
-            linear = self._linear(self._frames[0])
-            moved_by += str(self._prim.GetPath()) if self._is_moved else str(np.round(linear @ linear.T, 6).tolist())
+            moved_by += self.scaled_alike()
         return (str(self._prim.GetPrimInPrototype().GetPath()), str(uv_prim.GetPath()), moved_by)
 
     def shape(self, name: str, instances: tuple[str, ...]) -> Shape:
-        """Reads all that does not change with time. Raises SceneError."""
-        first = self._read_faces()
-        uvs, uv_indices = self._uvs(self.uv, first)
-        texture_uvs = None if self._texture_uv is None else self._uvs(self._texture_uv, first)
-        if texture_uvs is not None:
-            texture_uvs = texture_uvs[0], without_uvs(self._counts, texture_uvs[1])
-        holes = np.array(self._mesh.GetHoleIndicesAttr().Get(first) or (), np.int64)
-        if ((holes < 0) | (holes >= len(self._counts))).any():
-            raise SceneError(f"{self.where}: holeIndices names a face that the mesh does not have")
-        with_holes = without_uvs(self._counts, uv_indices)
-        uv_indices = without_uvs(self._counts, uv_indices, holes)
-        if (uv_indices < 0).all():
-            raise SceneError(f"{self.where}: no face has UVs")
-        rigidity, mask = (
-            self._values(primvar, first) for primvar in (self._options.rigidity_primvar, self._options.mask_primvar)
-        )
-        rest = self._rest(first)
-        counts, indices, corners = self._counts, self._indices, None
-        if self._options.subdivide and self._mesh.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none:
-            refined = Refined(self._cage(first), uvs, with_holes, self._options.subdivide, holes)
-            counts, indices, uvs, uv_indices = refined.counts, refined.indices, refined.uvs, refined.uv_indices
-            corners, rest = refined.cage_corners, refined.points(rest)
-            rigidity, mask = (None if values is None else refined.points(values) for values in (rigidity, mask))
-            self._refined = refined
-        return Shape(
-            name=name,
-            path=str(self._prim.GetPath()),
-            rest=rest,
-            face_counts=counts,
-            indices=indices,
-            uvs=uvs,
-            uv_indices=uv_indices,
+        first, options, further = self._read_faces(), self._options, {}
+        uvs = self._uvs(self.uv, first)
+        if options.texture_uv is not None:
+            texture_uv = self._texture_uv(options.texture_uv)
+            values, elements = self._uvs(texture_uv, first)
+            further["texture_uvs"] = values, without_uvs(self._counts, elements)
+            further["texture_uv_name"] = texture_uv.GetPrimvarName()
+        shape = self._shape(
+            name,
+            instances,
+            (self._counts, self._indices),
+            uvs,
+            np.array(self._mesh.GetHoleIndicesAttr().Get(first) or (), np.int64),
+            [self._values(primvar, first) for primvar in (options.rigidity_primvar, options.mask_primvar)],
+            self._cage if self._mesh.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none else None,
             uv_name=self.uv.GetPrimvarName(),
-            texture_uv_name=self._texture_uv.GetPrimvarName() if self._texture_uv else "",
-            texture_uvs=texture_uvs,
-            vertex_rigidity=rigidity,
-            vertex_mask=mask,
-            instances=instances,
-            rest_from=self._rest_from,
-            rest_unit=self._rest_unit,
-            still=not self.deforms,
-            subsets=self._subsets(first),
-            cage_corners=corners,
+            **further,
         )
+        return replace(shape, rest_unit=self._rest_unit, subsets=self._subsets(first))
 
     def _read_faces(self) -> Usd.TimeCode:
         """Reads them at the first frame, and returns that."""
@@ -135,8 +105,8 @@ class UsdMesh:
         if self.deforms:
             return False
         try:
-            first = self._read_faces()
-            return np.array_equal(self.positions(self._frames[0]), self._rest(first))
+            self._read_faces()
+            return np.array_equal(self.positions(self._frames[0]), self._rest()[0])
         except SceneError:
             return True
 
@@ -148,7 +118,7 @@ class UsdMesh:
         taken = np.zeros(len(self._counts), np.int64)
         for subset in UsdShade.MaterialBindingAPI(self._prim).GetMaterialBindSubsets():
             name = subset.GetPrim().GetName()
-            where = f"{self._prim.GetPath()} subset {name}"
+            where = f"{self.path} subset {name}"
             kind = str(subset.GetElementTypeAttr().Get())
             if kind != UsdGeom.Tokens.face:
                 self._warnings.append(f"{where}: it is of elements of the type {kind}, not face: it is not read")
@@ -179,27 +149,19 @@ class UsdMesh:
 
     @cached_property
     def deforms(self) -> bool:
-        """Whether the scene has more than one pose of it."""
         return bool(
             self._mesh.GetPointsAttr().ValueMightBeTimeVarying()
             or (self._skin and self._skin.moves)
-            or (self._options.world and self._is_moved)
+            or (self._options.world and self.is_moved)
         )
 
-    @cached_property
-    def _texture_uv(self) -> UsdGeom.Primvar | None:
-        name = self._options.texture_uv
-        found = None if name is None else find_uv(self._prim, (name,), self.where)
-        if name is not None and found is None:
+    def _texture_uv(self, name: str) -> UsdGeom.Primvar:
+        found = find_uv(self._prim, (name,), self.where)
+        if found is None:
             raise SceneError(
                 f"{self.where}: has no UVs '{name}' that textures are looked up by{near(name, self.primvars())}"
             )
         return found
-
-    def positions(self, frame: float) -> np.ndarray:
-        """(vertices, 3) at a frame. Raises SceneError where the topology is another than at first."""
-        cage = self._placed(self._posed(self._code(frame)), frame)
-        return self._refined.points(cage) if self._refined else cage
 
     def _code(self, frame: float) -> Usd.TimeCode:
         return Usd.TimeCode(self._clock.time(frame))
@@ -222,13 +184,11 @@ class UsdMesh:
             prim = None if xform and xform.GetResetXformStack() else prim.GetParent()
         return sorted(found)
 
-    def _posed(self, time: Usd.TimeCode) -> np.ndarray:
+    def _posed(self, frame: float) -> np.ndarray:
+        time = self._code(frame)
         if any(attribute.ValueMightBeTimeVarying() for attribute in self._topology()):
-            check_faces(
-                f"{self.where}: time code {time.GetValue():g}: the topology changes",
-                *self._faces(time),
-                *self._faces_first(),
-            )
+            where = f"{self.where}: time code {time.GetValue():g}: the topology changes"
+            check_faces(where, *self._faces(time), self._counts, self._indices)
         points = self._read(self._mesh.GetPointsAttr(), time, "points")
         if len(points) != self._points:
             raise SceneError(
@@ -237,18 +197,13 @@ class UsdMesh:
             )
         return self._skin.posed(points, time) if self._skin else points
 
-    def uneven_scale(self) -> str | None:
-        """What to warn of where transforms that are not applied stretch the mesh over time."""
-        return uneven_scale(self._linear, self._frames) if self._is_moved and not self._options.world else None
-
     @cached_property
     def _space(self) -> Usd.Prim:
         """The prim in whose space positions are."""
         return (self._skin.space if self._skin else None) or self._prim
 
     @cached_property
-    def _is_moved(self) -> bool:
-        """Whether the transforms to the world change over time."""
+    def is_moved(self) -> bool:
         prim = self._space
         while prim and not prim.IsPseudoRoot():
             xform = UsdGeom.Xformable(prim)
@@ -263,14 +218,8 @@ class UsdMesh:
         matrix = UsdGeom.Imageable(self._space).ComputeLocalToWorldTransform(self._code(frame))
         return np.array(matrix)[:3, :3]
 
-    def _placed(self, points: np.ndarray, frame: float) -> np.ndarray:
-        return placed(points, self._linear(frame)) if self._options.world else points
-
     def _topology(self) -> tuple[Usd.Attribute, Usd.Attribute]:
         return self._mesh.GetFaceVertexCountsAttr(), self._mesh.GetFaceVertexIndicesAttr()
-
-    def _faces_first(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._counts, self._indices
 
     def _faces(self, time: Usd.TimeCode) -> tuple[np.ndarray, np.ndarray]:
         counts, indices = self._topology()
@@ -288,9 +237,7 @@ class UsdMesh:
     def _uvs(self, uv: UsdGeom.Primvar, time: Usd.TimeCode) -> tuple[np.ndarray, np.ndarray]:
         name = uv.GetName()
         if uv.ValueMightBeTimeVarying():
-            self._warnings.append(
-                f"{self._prim.GetPath()}: {name} changes over time; it is read at time code {time.GetValue():g}"
-            )
+            self._warnings.append(f"{self.path}: {name} changes over time; it is read at time code {time.GetValue():g}")
         values = np.array(uv.Get(time) or (), np.float64 if "2d" in str(uv.GetTypeName()) else np.float32)
         values = values.reshape(-1, 2)
         if uv.GetElementSize() != 1:
@@ -323,16 +270,8 @@ class UsdMesh:
         except ValueError as error:
             raise SceneError(f"{self.where}: {primvar.GetName()} has {error}") from error
 
-    def _rest(self, first: Usd.TimeCode) -> np.ndarray:
-        """(points, 3) of the cage at rest, in the space of the poses."""
-        wanted, frame = self._options.rest, self._frames[0]
-        if wanted is not None and wanted.startswith("frame:"):
-            frame = frame_number(wanted)
-        points, self._rest_from = self._found_rest(wanted, first)
-        return self._placed(points, frame)
-
-    def _found_rest(self, wanted: str | None, first: Usd.TimeCode) -> tuple[np.ndarray, str]:
-        """(points, 3) without the transforms above the mesh, and where they are from."""
+    def _found_rest(self, wanted: str | None) -> tuple[np.ndarray, str]:
+        first = self._code(self._frames[0])
         if wanted in (None, "pref"):
             pref, name = self._pref(first)
             if pref is not None:
@@ -344,10 +283,10 @@ class UsdMesh:
         if wanted == "bind" or (wanted is None and self._skin):
             return self._skin.bound(self._read(self._mesh.GetPointsAttr(), first, "points")), "bind pose"
         if wanted in (None, "first"):
-            return self._posed(first), f"first frame {self._frames[0]}"
+            return self._posed(self._frames[0]), f"first frame {self._frames[0]}"
         if wanted.startswith("frame:"):
-            return self._posed(self._code(frame_number(wanted))), wanted
-        rest, unit = rest_from_file(wanted, str(self._prim.GetPath()), self._counts, self._indices, self._points)
+            return self._posed(frame_number(wanted)), wanted
+        rest, unit = rest_from_file(wanted, self.path, self._counts, self._indices, self._points)
         self._compare_units(unit, first)
         return rest, wanted
 
@@ -370,7 +309,9 @@ class UsdMesh:
             return values, name.removeprefix("primvars:")
         return None, ""
 
-    def _cage(self, time: Usd.TimeCode) -> Cage:
+    def _cage(self) -> Cage:
+        time = self._code(self._frames[0])
+
         def read(attribute: Usd.Attribute, kind: type) -> np.ndarray:
             return np.array(attribute.Get(time) or (), kind)
 
