@@ -19,7 +19,7 @@ use tile_solve::{TileSolution, TileSolve, Warp};
 /// A tile's solver: the memory that a backend keeps from one solve to the next.
 #[derive(Debug)]
 pub(crate) enum TileSolver {
-    Cpu(cpu::Memory),
+    Cpu(Box<cpu::Memory>),
     Gpu(Box<gpu::Memory>),
 }
 
@@ -30,7 +30,7 @@ impl TileSolver {
             Some(context) => {
                 gpu::Memory::new(context, grid, tile).map(|memory| TileSolver::Gpu(boxed(memory)))
             }
-            None => Ok(TileSolver::Cpu(cpu::Memory::new(grid, purpose))),
+            None => Ok(TileSolver::Cpu(boxed(cpu::Memory::new(grid, purpose)))),
         }
     }
 
