@@ -11,7 +11,6 @@ use crate::settings::Solver;
 use super::allocate::{Allocate, Count, Heap};
 use super::buffers::Buffers;
 use super::correct::workspace::Workspace;
-use super::run::Lists;
 use super::sampling::record::TriangleRecord;
 
 /// The memory that a level's iterations of the paper's solver need in addition to its state.
@@ -33,6 +32,38 @@ impl PbdBuffers {
             all.put(PbdBuffers { next, previous: allocator.zeros(blocks) });
         }
         all
+    }
+}
+
+/// The blocks of one level that take part in a solve: those of the charts that are solved.
+#[derive(Debug, Default)]
+pub(super) struct Lists {
+    /// Active blocks (those with movable nodes), by block colour.
+    pub(super) colours: [Vec<u32>; 4],
+    /// Active blocks in storage order.
+    pub(super) active: Vec<u32>,
+    /// All stored blocks: active ones, and inactive ones that hold neighbours of movable nodes.
+    pub(super) stored: Vec<u32>,
+}
+
+impl Lists {
+    pub(super) fn all(&mut self) -> [&mut Vec<u32>; 6] {
+        let [a, b, c, d] = &mut self.colours;
+        [a, b, c, d, &mut self.active, &mut self.stored]
+    }
+
+    /// Copies another level's lists, in the memory of these.
+    pub fn copy_from(&mut self, other: &Lists) {
+        let others = other.colours.iter().chain([&other.active, &other.stored]);
+        for (list, other) in self.all().into_iter().zip(others) {
+            list.clear();
+            list.put_all(other.iter().copied());
+        }
+    }
+
+    /// Keeps the blocks for which `f` is true.
+    pub fn retain(&mut self, f: impl Fn(u32) -> bool) {
+        self.all().into_iter().for_each(|list| list.retain(|&b| f(b)));
     }
 }
 

@@ -15,43 +15,11 @@ use crate::unwind::{go_on, hold_back};
 
 use super::buffers::State;
 use super::correct::rows::Pairs;
-use super::memory::Memory;
+use super::memory::{Lists, Memory};
 use super::patch::{Patch, Weights};
 use super::sampling::Surface;
 use super::sampling::chords::Chords;
 use super::sampling::metrics::Metrics;
-
-/// The blocks of one level that take part in a solve: those of the charts that are solved.
-#[derive(Debug, Default)]
-pub(super) struct Lists {
-    /// Active blocks (those with movable nodes), by block colour.
-    pub(super) colours: [Vec<u32>; 4],
-    /// Active blocks in storage order.
-    pub(super) active: Vec<u32>,
-    /// All stored blocks: active ones, and inactive ones that hold neighbours of movable nodes.
-    pub(super) stored: Vec<u32>,
-}
-
-impl Lists {
-    fn all(&mut self) -> [&mut Vec<u32>; 6] {
-        let [a, b, c, d] = &mut self.colours;
-        [a, b, c, d, &mut self.active, &mut self.stored]
-    }
-
-    /// Copies another level's lists, in the memory of these.
-    pub fn copy_from(&mut self, other: &Lists) {
-        let others = other.colours.iter().chain([&other.active, &other.stored]);
-        for (list, other) in self.all().into_iter().zip(others) {
-            list.clear();
-            list.put_all(other.iter().copied());
-        }
-    }
-
-    /// Keeps the blocks for which `f` is true.
-    pub fn retain(&mut self, f: impl Fn(u32) -> bool) {
-        self.all().into_iter().for_each(|list| list.retain(|&b| f(b)));
-    }
-}
 
 /// One solve of one tile.
 pub(crate) struct Run<'a> {
