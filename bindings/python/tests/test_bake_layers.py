@@ -77,7 +77,7 @@ def test_a_second_bake_is_up_to_date(baked: Path) -> None:
     ended = run(*arguments(baked, out), "--tiles", 1001, "--max-layers", 3)
     assert "0 files written, 8 up to date" in ended.stdout
     (out / "redirect_layer1.0002.1001.exr").unlink()
-    assert "1 files written, 11 up to date" in run(*arguments(baked, out)).stdout and files(out) == before
+    assert "1 file written, 11 up to date" in run(*arguments(baked, out)).stdout and files(out) == before
 
 
 def test_both_halves_keep_their_features(baked: Path, tmp_path: Path) -> None:

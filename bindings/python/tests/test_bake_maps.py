@@ -10,6 +10,7 @@ from pxr import UsdGeom
 
 import scenes
 from bake_scenes import image
+from vrtm.bake import remarks
 from vrtm.bake.failure import Failure
 from vrtm.bake.scene import SceneOptions
 from vrtm.bake.settings import Settings
@@ -30,7 +31,7 @@ def opened(scene: Path, options: SceneOptions | None = None, **settings: object)
 
 def notes(scene: Path, options: SceneOptions | None = None, **settings: object) -> list[str]:
     with opened(scene, options, **settings) as work:
-        return [note for note in work.notes() if "--rigidity" in note or "--mask" in note]
+        return [note for note in remarks.notes(work) if "--rigidity" in note or "--mask" in note]
 
 
 @pytest.mark.parametrize("option", ["rigidity", "mask"])
@@ -56,7 +57,7 @@ def test_maps_that_seem_to_have_another_white_are_told(
     ending = "exr" if values.dtype.kind == "f" else "png"
     odd = str(image(tmp_path / f"odd.{ending}", np.tile(values, (16, 8))[..., None]))
     with opened(shot(tmp_path), **({"rigidity": white} | {option: odd})) as work:
-        found = [note for note in work.notes() if "--rigidity" in note or "--mask" in note]
+        found = [note for note in remarks.notes(work) if "--rigidity" in note or "--mask" in note]
         # The library says it of a tile, which does not name the file.
         assert [line for line in work.heard() if "goes up to" in line] == []
     then = "keeps its shape there" if option == "rigidity" else "moves there"
@@ -90,10 +91,10 @@ def test_a_map_of_a_few_texels_makes_no_grid_of_a_few_cells(tmp_path: Path, side
     with opened(shot(tmp_path), rigidity=str(small)) as work:
         (tile,) = work.meshes["cloth"].tiles
         assert (tile.cells, tile.size) == ((512, 512), (512, 512))
-        (hint,) = work.hints()
+        (hint,) = remarks.hints(work)
         assert hint.startswith(f"/cloth: {small} has {side} x {side} texels: the grid has 512 x 512 cells")
     with opened(shot(tmp_path), rigidity=str(small), size=32) as work:
-        assert work.meshes["cloth"].tiles[0].cells == (32, 32) and work.hints() == []
+        assert work.meshes["cloth"].tiles[0].cells == (32, 32) and remarks.hints(work) == []
     # As the tiles beside it.
     image(tmp_path / "rigid.1002.png", np.full((48, 64, 1), 255, np.uint8))
     scene = shot(tmp_path, [(2 * u, v) for u, v in scenes.UVS])
@@ -123,7 +124,7 @@ def test_faces_without_a_tile_are_told_with_their_place(tmp_path: Path) -> None:
     # One face in 1010, one beyond.
     scene = shot(tmp_path, [(9.1 + 1.8 * u, 0.1 + 0.8 * v) for u, v in scenes.UVS])
     with opened(scene, rigidity=rigid) as work:
-        (note,) = [note for note in work.notes() if "UDIM" in note]
+        (note,) = [note for note in remarks.notes(work) if "UDIM" in note]
         assert note.startswith("/cloth: mesh: 1 faces lie in no UDIM tile")
         assert note.endswith("u from 10.9 to 10.9, v from 0.1 to 0.9, and u of 10 and more has no number")
 

@@ -54,7 +54,7 @@ def test_what_seems_meant_otherwise_is_said(scene: Path, tmp_path: Path) -> None
     for more, words in (
         (("--rest", "frame:99"), "--rest frame:99: "),
         (("--half",), "--half: numbers of 16 bits are off"),
-        (("--texture", scene.parent / "only.<UDIM>.png"), "only.<UDIM>.png has no file of the tiles 1002"),
+        (("--texture", scene.parent / "only.<UDIM>.png"), "only.<UDIM>.png has no file of tile 1002"),
     ):
         if "only" in words:
             (scene.parent / "only.1001.png").write_bytes((scene.parent / "colour.1001.png").read_bytes())

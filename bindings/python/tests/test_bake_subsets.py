@@ -87,7 +87,7 @@ def test_each_subset_has_maps_of_its_own(baked: Path) -> None:
     assert "0 files written, 6 up to date" in run(*arguments(baked, out)).stdout
     assert "0 files written, 4 up to date" in run(*arguments(baked, out), "--tiles", 1001).stdout
     (out / "right.redirect.0001.1001.exr").unlink()
-    assert "1 files written, 5 up to date" in run(*arguments(baked, out)).stdout and files(out) == before
+    assert "1 file written, 5 up to date" in run(*arguments(baked, out)).stdout and files(out) == before
 
 
 def test_subsets_do_not_freeze_one_another(baked: Path, tmp_path: Path) -> None:

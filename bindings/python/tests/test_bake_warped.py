@@ -185,7 +185,7 @@ def test_copies_keep_what_their_textures_are(tmp_path: Path) -> None:
     assert ended.stdout.splitlines()[-1].startswith(f"0 files written, {len(before)} up to date"), ended.stdout
     image(tmp_path / "grey8.1001.png", np.zeros((80, 72, 1), np.uint8))
     ended = run(*sheet_arguments(scene, out, "--texture", *patterns))
-    assert ended.stdout.splitlines()[-1].startswith("1 files written"), ended.stdout
+    assert ended.stdout.splitlines()[-1].startswith("1 file written"), ended.stdout
     assert {p.name for p in out.iterdir() if p.read_bytes() != before[p.name]} == {"grey8.0001.1001.png"}
 
 
@@ -198,7 +198,7 @@ def test_wrong_textures(tmp_path: Path) -> None:
     assert kinds == ["skin", "b", "c.x"]
     two = image(tmp_path / "two.png", np.zeros((SIZE, SIZE, 2), np.uint8))
     with pytest.raises(Failure, match="three channels"):
-        warp(read(str(two)), Copy("", "", True, False), fetched(moved(0.1)))
+        Copy("", "", True, False).read(str(two))
     broken = tmp_path / "broken.png"
     broken.write_bytes(two.read_bytes()[:60])
     with pytest.raises(SceneError, match=r"broken\.png"):

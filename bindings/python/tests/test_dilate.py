@@ -159,7 +159,7 @@ def test_a_mesh_without_a_texture_is_told(tmp_path: Path) -> None:
     scene.write_text("#usda 1.0\n" + square % ("first", 0, 0, 0, 0) + square % ("second", 1, 1, 1, 1))
     image(tmp_path / "skin.1001.png", np.zeros((32, 32, 3), np.uint8))
     said = dilate(scene)
-    assert "1 files written" in said.stdout
+    assert "1 file written" in said.stdout
     assert "/second: left out, with its charts" in said.stderr and "1002" in said.stderr
 
 

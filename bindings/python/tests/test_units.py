@@ -12,6 +12,7 @@ from pxr import Sdf, Usd, UsdGeom
 from bake_scenes import image
 from conftest import sheet
 from scenes import POINTS, TYPES, mesh, primvar, stage, stretch
+from vrtm.bake import remarks
 from vrtm.bake.scene import Scene, SceneOptions, Shape
 from vrtm.bake.settings import Settings
 from vrtm.bake.units import Finding, Units
@@ -166,12 +167,12 @@ def test_units_of_pref_and_of_rest_files(tmp_path: Path) -> None:
     primvar(made.GetPrimAtPath("/cloth"), "Pref", TYPES.Point3fArray, POINTS, "vertex")
     made.Save()
     with work(tmp_path / "inches.usda") as opened:
-        (told,) = [note for note in opened.notes() if "another unit" in note]
+        (told,) = [note for note in remarks.notes(opened) if "another unit" in note]
         assert told.startswith("/cloth: all of its edges are 2.54 times as long as at rest (the rest is from Pref)")
         assert opened.shapes[0].rest[2, 0] == pytest.approx(5.08)
         opened.check_units()
     with work(tmp_path / "inches.usda", allow_units=True) as opened:
-        assert opened.shapes[0].rest[2, 0] == 2 and not [note for note in opened.notes() if "unit" in note]
+        assert opened.shapes[0].rest[2, 0] == 2 and not [note for note in remarks.notes(opened) if "unit" in note]
     # The layers say it: Pref is from one in meters, the poses from one in centimeters.
     shot(tmp_path / "shot.usda", 100, 0.01).Save()
     model = stage(tmp_path / "model.usda")
@@ -183,13 +184,13 @@ def test_units_of_pref_and_of_rest_files(tmp_path: Path) -> None:
     layer.Save()
     for options in ({}, {"rest": str(tmp_path / "model.usda")}):
         with work(tmp_path / "shot.usda", **options) as opened:
-            assert not [note for note in opened.notes() if "unit" in note]
+            assert not [note for note in remarks.notes(opened) if "unit" in note]
             assert opened.shapes[0].rest[2, 0] == pytest.approx(200)
-            assert "100 times as large as metersPerUnit says: /cloth" in opened.facts()[-1]
+            assert "100 times as large as metersPerUnit says: /cloth" in remarks.facts(opened)[-1]
     # One that says nothing is known by its edges.
     model.GetRootLayer().pseudoRoot.ClearInfo("metersPerUnit")
     model.Save()
     assert Scene(tmp_path / "shot.usda", SceneOptions(rest=str(tmp_path / "model.usda"))).shapes[0].rest_unit == 1
     with work(tmp_path / "shot.usda", rest=str(tmp_path / "model.usda")) as opened:
         assert opened.shapes[0].rest[2, 0] == pytest.approx(200)
-        assert [note for note in opened.notes() if "100 times as long" in note]
+        assert [note for note in remarks.notes(opened) if "100 times as long" in note]

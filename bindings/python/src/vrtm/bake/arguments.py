@@ -118,11 +118,6 @@ def _maps(group: argparse._ArgumentGroup) -> None:
     where = "<UDIM> stands for the tile, <mesh> for the mesh's name, <subset> for that of --subsets"
     group.add_argument("--rigidity", metavar="PATTERN", help=f"images, white = rigid; {where}")
     group.add_argument("--mask", metavar="PATTERN", help="images; what is dark does not move")
-    flag(
-        group,
-        "--strict",
-        "exit code 2 if anything is not baked that no option leaves out, and that would not stay as it is",
-    )
     group.add_argument("--rigidity-primvar", metavar="NAME", help="a primvar in place of images ('colors' in OBJ)")
     group.add_argument("--mask-primvar", metavar="NAME", help="a primvar in place of images")
 
@@ -155,7 +150,8 @@ def _content(group: argparse._ArgumentGroup) -> None:
         "--size",
         type=whole(1, LARGEST),
         metavar="N",
-        help="cells of the grid per side (default: the rigidity map's; 1024 with a primvar)",
+        help="cells of the grid per side (default: the rigidity map's texels, 512 if it has fewer than 16 per side; "
+        "1024 with a primvar)",
     )
     group.add_argument(
         "--map-size",
@@ -288,6 +284,11 @@ def _work(group: argparse._ArgumentGroup) -> None:
         type=positive,
         metavar="TEXELS",
         help="exit code 3 if 1 %% of a map is further off than that, in texels of the texture",
+    )
+    flag(
+        group,
+        "--strict",
+        "exit code 2 if anything is not baked that no option leaves out, and that would not stay as it is",
     )
     group.add_argument(
         "--texture-size",

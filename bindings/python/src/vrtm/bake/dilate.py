@@ -23,8 +23,9 @@ from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.image_file import Target
 from vrtm.bake.parsing import uv_names
 from vrtm.bake.scene import Scene, SceneError, SceneOptions, Shape
-from vrtm.bake.scene.images import find_maps
+from vrtm.bake.scene.images import find_maps, white
 from vrtm.bake.stopping import Stop
+from vrtm.bake.words import counted
 
 VERSION = 3
 """Of the way of copying: a file that was made in another way is not up to date."""
@@ -53,10 +54,8 @@ def dilate(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
                 console.warning(warning)
             assets = [_asset(device, shape, parsed.weld) for shape in scene.shapes]
             down = parsed.normal_y == "down"
-            given = [(pattern, False) for pattern in parsed.texture] + [
-                (pattern, True) for pattern in parsed.normal_maps
-            ]
-            copies = [warped.Copy(pattern, "", is_normal, down) for pattern, is_normal in dict.fromkeys(given)]
+            given = dict.fromkeys([*((p, False) for p in parsed.texture), *((p, True) for p in parsed.normal_maps)])
+            copies = [warped.Copy(pattern, "", is_normal, down) for pattern, is_normal in given]
             if not copies:
                 raise Failure(INPUT, "one of --texture and --normal-map is needed: it says what is copied")
             groups = [(copy, _meshes(copy, scene.shapes, assets, console)) for copy in copies]
@@ -74,7 +73,7 @@ def dilate(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
             if targets:
                 _dilate(copy, meshes, targets, parsed.reach, console, stop)
     written = sum(map(len, left))
-    console.info(f"{written} files written, {len(outputs) - written} up to date: {parsed.out}")
+    console.info(f"{counted(written, 'file')} written, {len(outputs) - written} up to date: {parsed.out}")
 
 
 def _meshes(copy: warped.Copy, shapes: Sequence[Shape], assets: Sequence[vrtm.Asset], console: Console) -> list[Mesh]:
@@ -108,30 +107,25 @@ def _asset(device: vrtm.Device, shape: Shape, weld: str) -> vrtm.Asset:
 def _left(copy: warped.Copy, meshes: Sequence[Mesh], parsed: argparse.Namespace, stop: Stop) -> dict[str, Target]:
     """What is not up to date of the textures of one pattern. Raises Failure."""
     paths = list(dict.fromkeys(path for mesh in meshes for path in mesh.files.values()))
-    first = warped.read(paths[0])
+    first = copy.read(paths[0])
     common = Fingerprint().text(VERSION, vrtm.version(), parsed.reach, parsed.weld, copy.is_normal, copy.down)
     for mesh in meshes:
         shape = mesh.shape
-        for array in (shape.rest, shape.face_counts, shape.indices, shape.uvs, shape.uv_indices):
+        for array in shape.arrays:
             common.array(array)
         common.text(sorted(mesh.files))
     targets = {}
     for path in paths:
         stop.check()
-        texture = warped.read(path)
+        texture = copy.read(path)
         if (texture.pixels.dtype, texture.channels) != (first.pixels.dtype, first.channels):
             raise Failure(INPUT, f"{path}: other channels or numbers than those of {paths[0]}")
         common.text(texture.inputs)
-        height, width, _ = texture.pixels.shape
-        named = (texture.channels, str(texture.pixels.dtype), texture.attributes, texture.format, texture.alpha)
-        if copy.is_normal and len(texture.channels) < 3:
-            raise Failure(INPUT, f"{path}: a normal map needs three channels, it has {len(texture.channels)}")
-        targets[path] = (_output(parsed.out, path), width, height, *named)
+        targets[path] = texture.target(_output(parsed.out, path), {"vrtm:kind": "dilated"})
     left = {}
-    for path, (output, width, height, channels, dtype, attributes, form, alpha) in targets.items():
+    for path, target in targets.items():
         inputs = common.copy().text(os.path.basename(path)).hex()
-        facts: dict[str, str | int] = {"vrtm:kind": "dilated", "vrtm:inputs": inputs}
-        target = Target(output, width, height, channels, dtype, facts, attributes, form, alpha)
+        target = replace(target, facts={**target.facts, "vrtm:inputs": inputs})
         if image_file.up_to_date(target, parsed.overwrite) is None:
             left[path] = target
     return left
@@ -158,19 +152,18 @@ def _dilate(
 def dilated(copy: warped.Copy, meshes: Sequence[Mesh], reach: float) -> dict[str, warped.Texture]:
     """The textures of one pattern with what lies beyond the seams of the meshes, by their files."""
     paths = dict.fromkeys(path for mesh in meshes for path in mesh.files.values())
-    textures = {path: warped.read(path) for path in paths}
-    for path, texture in textures.items():
-        if copy.is_normal and len(texture.channels) < 3:
-            raise Failure(INPUT, f"{path}: a normal map needs three channels, it has {len(texture.channels)}")
+    textures = {path: copy.read(path) for path in paths}
     normals = None if not copy.is_normal else "down" if copy.down else "up"
     lookups = [
         dilation.Lookups(mesh.files, lambda udim, size, m=mesh: _dilation(m, udim, size, reach)) for mesh in meshes
     ]
-    images = {path: texture.pixels.astype(np.float32) / _top(texture) for path, texture in textures.items()}
+    images = {
+        path: texture.pixels.astype(np.float32) / white(texture.pixels.dtype) for path, texture in textures.items()
+    }
     done = {}
     for path, (found, changed) in dilation.dilated(images, lookups, normals).items():
         texture = textures[path]
-        pixels = found * np.float32(_top(texture))
+        pixels = found * np.float32(white(texture.pixels.dtype))
         pixels = np.rint(pixels) if texture.pixels.dtype.kind == "u" else pixels
         # What is not copied stays as it was, bit by bit.
         pixels = np.where(changed[..., None], pixels.astype(texture.pixels.dtype), texture.pixels)
@@ -184,8 +177,3 @@ def _dilation(mesh: Mesh, udim: int, size: tuple[int, int], reach: float) -> np.
         return mesh.asset.tile(udim, layer=layer).dilation(size, reach=reach, channels=4)
     except vrtm.Error as error:
         raise describe(error, f"{mesh.shape.path}, tile {udim}") from error
-
-
-def _top(texture: warped.Texture) -> float:
-    """The number that stands for 1."""
-    return float(np.iinfo(texture.pixels.dtype).max) if texture.pixels.dtype.kind == "u" else 1.0

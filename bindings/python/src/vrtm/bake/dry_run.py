@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 
-from vrtm.bake import cores, frames, layer_file
+from vrtm.bake import cores, frames, layer_file, rows
 from vrtm.bake.part import Part
+from vrtm.bake.words import counted
 from vrtm.bake.work import Work
 
 
@@ -25,9 +26,8 @@ def lines(work: Work) -> Iterator[str]:
             maps = ", ".join(_maps(tile.part, tile.udim))
             share = needs.movable_nodes / ((tile.cells[0] + 1) * (tile.cells[1] + 1))
             needed = _mb(needs.solving_bytes)
-            layer = f" layer {tile.layer}" if tile.tile.layers > 1 else ""
-            subset = f" of {tile.part.subset}" if tile.part.subset else ""
-            yield f"  tile {tile.udim}{layer}{subset}: grid {grid}, maps {size}, {maps}; {share:.1%} may move; {needed}"
+            name = rows.tile_name(rows.place(tile))
+            yield f"  tile {name}: grid {grid}, maps {size}, {maps}; {share:.1%} may move; {needed}"
     names = [name for mesh in work.meshes.values() for frame in work.frames for name in mesh.names(frame, work.pattern)]
     there = sum(map(os.path.exists, names))
     if names and not settings.only_layer:
@@ -39,7 +39,8 @@ def lines(work: Work) -> Iterator[str]:
         path = getattr(settings, what)
         yield from [f"{what}: {path}"] if path else []
     jobs, threads = cores.split(settings, work, len(work.frames) * len(work.meshes))
-    yield f"memory: {_mb(work.bytes)} per job, besides the scene; at most {jobs} jobs of {threads} threads"
+    most = f"{counted(jobs, 'job')} of {counted(threads, 'thread')}"
+    yield f"memory: {_mb(work.bytes)} per job, besides the scene; at most {most}"
 
 
 def _maps(part: Part, udim: int) -> Iterator[str]:

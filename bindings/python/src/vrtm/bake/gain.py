@@ -128,8 +128,9 @@ def _distinct(*numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _rigid_shells(shape: Shape, parts: Sequence[Part], shells: np.ndarray) -> dict[Group, set[int]]:
     """The surfaces of each part and layer on which something is rigid."""
     found: dict[Group, set[int]] = {}
+    textured = shape.textured
     for part in parts:
-        faces = np.flatnonzero(_textured(shape)) if part.faces is None else part.faces[_textured(shape)[part.faces]]
+        faces = np.flatnonzero(textured) if part.faces is None else part.faces[textured[part.faces]]
         rigid = _rigid(shape, part, faces)
         layers = part.asset.face_layers()[faces]
         for layer in {tile.layer for tile in part.all_tiles}:
@@ -140,12 +141,6 @@ def _rigid_shells(shape: Shape, parts: Sequence[Part], shells: np.ndarray) -> di
             else:
                 found[part.subset, layer] = set(shells[faces[own & rigid]].tolist())
     return found
-
-
-def _textured(shape: Shape) -> np.ndarray:
-    """(faces,): whether each has UVs."""
-    starts = np.minimum(corner_starts(shape.face_counts), len(shape.uv_indices) - 1)
-    return (shape.face_counts > 0) & (shape.uv_indices[starts] >= 0)
 
 
 def _rigid(shape: Shape, part: Part, faces: np.ndarray) -> np.ndarray:
@@ -195,7 +190,7 @@ class _Lengths:
     """The edges and diagonals of the faces of some surfaces."""
 
     def __init__(self, shape: Shape, shells: np.ndarray, wanted: set[int]) -> None:
-        faces = np.flatnonzero(_textured(shape) & np.isin(shells, list(wanted)))
+        faces = np.flatnonzero(shape.textured & np.isin(shells, list(wanted)))
         pairs = list(_pairs(shape, faces))
         self._a, self._b = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
         self._shells = np.concatenate([shells[pair[2]] for pair in pairs])

@@ -12,12 +12,11 @@ Nothing that depends on a frame or names the mesh belongs into `why`: entries wi
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
-from vrtm.bake import frames
 from vrtm.bake.frames import Frame
-from vrtm.bake.words import others
+from vrtm.bake.words import numbered, others
 
 _TOLD = 50
 """Lines on the screen; the log and the report have all."""
@@ -43,8 +42,8 @@ class LeftOut:
 
     def line(self, more: int = 0) -> str:
         """A sentence; `more`: how many other meshes it is said of."""
-        parts = [self.mesh + others(more), _numbers("tile", self.tiles), _numbers("layer", self.layers)]
-        parts.append(_numbers("frame", self.frames))
+        numbers = {"tile": self.tiles, "layer": self.layers, "frame": self.frames}
+        parts = [self.mesh + others(more), *(numbered(noun, of) for noun, of in numbers.items())]
         return ": ".join(filter(None, [", ".join(filter(None, parts)), self.why]))
 
     def row(self) -> dict:
@@ -94,7 +93,3 @@ def listed(entries: Iterable[LeftOut]) -> list[str]:
 def unmeant(entries: Iterable[LeftOut]) -> list[LeftOut]:
     """Those that `--strict` makes an error."""
     return [entry for entry in entries if not entry.meant]
-
-
-def _numbers(what: str, numbers: Sequence[Frame]) -> str:
-    return f"{what}{'s'[: len(set(numbers)) > 1]} {frames.text(numbers)}" if numbers else ""

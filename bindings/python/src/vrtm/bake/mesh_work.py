@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -86,10 +86,7 @@ class MeshWork:
         if device.info.backend == "gpu":
             # The CPU gives the same bits on every machine.
             common.text(device.info.name)
-        for array in (shape.rest, shape.face_counts, shape.indices, shape.uvs, shape.uv_indices):
-            common.array(array)
-        common.array(shape.vertex_rigidity).array(shape.vertex_mask)
-        for array in shape.texture_uvs or ():
+        for array in (*shape.arrays, shape.vertex_rigidity, shape.vertex_mask, *(shape.texture_uvs or ())):
             common.array(array)
         self.left_out: list[LeftOut] = []
         """Parts without maps."""
@@ -138,27 +135,26 @@ class MeshWork:
             names.append(os.path.join(self.settings.out, corner_name(pattern, self.shape.name, frame)))
         return names
 
-    def _image_names(self, tiles: Sequence[TileWork], frame: Frame, pattern: Pattern) -> list[str]:
-        names = []
-        for tile in tiles:
-            names += [self._name(pattern, output.kind, frame, tile) for output in self.listed]
-            for copy, paths in tile.part.textures:
-                if tile.udim in paths:
-                    names.append(self._name(pattern, copy.kind, frame, tile, warped.extension(paths[tile.udim])))
-        return [os.path.join(self.settings.out, name) for name in names]
+    def _images(self, tile: TileWork) -> Iterator[tuple[outputs.Output | warped.Copy, str]]:
+        """What is written of a tile, and the texture that a copy is made of."""
+        yield from ((output, "") for output in self.listed)
+        yield from ((copy, paths[tile.udim]) for copy, paths in tile.part.textures if tile.udim in paths)
 
-    def _name(self, pattern: Pattern, kind: str, frame: Frame, tile: TileWork, ending: str = ".exr") -> str:
-        return pattern.name(self.shape.name, kind, frame, tile.udim, ending, tile.layer, tile.part.subset)
+    def _image_names(self, tiles: Sequence[TileWork], frame: Frame, pattern: Pattern) -> list[str]:
+        return [self._name(pattern, of.kind, frame, tile, path) for tile in tiles for of, path in self._images(tile)]
+
+    def _name(self, pattern: Pattern, kind: str, frame: Frame, tile: TileWork, texture: str = "") -> str:
+        ending = warped.extension(texture) if texture else ".exr"
+        name = pattern.name(self.shape.name, kind, frame, tile.udim, ending, tile.layer, tile.part.subset)
+        return os.path.join(self.settings.out, name)
 
     def pieces(self, frame: Frame, pose: str, pattern: Pattern) -> list[Piece]:
         """The images of a frame. `pose`: a hash of the positions, and of what was before them where that counts."""
-        pieces = []
-        for tile in self.tiles:
-            pieces += [self._map(frame, tile, output, pose, pattern) for output in self.listed]
-            for copy, paths in tile.part.textures:
-                if tile.udim in paths:
-                    pieces.append(self._copy(frame, tile, copy, paths[tile.udim], pose, pattern))
-        return pieces
+        return [
+            self._copy(frame, tile, of, path, pose, pattern) if path else self._map(frame, tile, of, pose, pattern)
+            for tile in self.tiles
+            for of, path in self._images(tile)
+        ]
 
     def _map(self, frame: Frame, tile: TileWork, output: outputs.Output, pose: str, pattern: Pattern) -> Piece:
         size = (tile.cells[0] + 1, tile.cells[1] + 1) if output.kind == "warp" else tile.size
@@ -175,26 +171,14 @@ class MeshWork:
         said["Software"] = f"vrtm {vrtm.version()}"
         attributes = {name: ("string", value) for name, value in said.items()}
         alpha = 3 if output.kind == "redirect" and len(output.channels) == 4 else -1
-        path = os.path.join(self.settings.out, name)
-        target = Target(path, *size, output.channels, output.dtype, facts, attributes, alpha=alpha)
+        target = Target(name, *size, output.channels, output.dtype, facts, attributes, alpha=alpha)
         return Piece(tile, target, output=output)
 
     def _copy(self, frame: Frame, tile: TileWork, copy: warped.Copy, path: str, pose: str, pattern: Pattern) -> Piece:
-        texture = warped.read(path)
-        height, width, _ = texture.pixels.shape
+        texture = copy.read(path)
         inputs = tile.inputs.copy().text(pose, texture.inputs, copy.is_normal, copy.down)
-        name = self._name(pattern, copy.kind, frame, tile, warped.extension(path))
-        target = Target(
-            os.path.join(self.settings.out, name),
-            width,
-            height,
-            texture.channels,
-            str(texture.pixels.dtype),
-            self._facts(copy.kind, frame, tile, inputs),
-            texture.attributes,
-            texture.format,
-            texture.alpha,
-        )
+        name, facts = self._name(pattern, copy.kind, frame, tile, path), self._facts(copy.kind, frame, tile, inputs)
+        target = texture.target(name, facts)
         return Piece(tile, target, copy=copy, texture=path)
 
     def _most_error(self) -> float:
@@ -284,7 +268,7 @@ class MeshWork:
         if measure and all(tile in figures for tile in self.tiles):
             told = [rows.strain(tile.tile.report()) for tile in self.tiles]
         if told and all(told):
-            result.strain = rows.mean(rows.Strain(t["edges"], t["before"]["rms"], t["after"]["rms"]) for t in told)
+            result.strain = rows.mean(map(rows.Strain.of, told))
         result.milliseconds = 1e3 * (time.perf_counter() - start)
         return result
 
@@ -410,7 +394,7 @@ class MeshWork:
     def _texture(self, path: str, copy: warped.Copy, part: Part, layer: int) -> warped.Texture:
         """A texture as it is looked up: if features go on over seams, with what lies beyond those of the layer."""
         if self.settings.seams != "continue":
-            return warped.read(path)
+            return copy.read(path)
         if (part, path, layer) not in self.dilated:
             files = next(paths for other, paths in part.textures if other is copy)
             meshes = [dilate.Mesh(self.shape, part.asset, files, layer)]

@@ -14,8 +14,7 @@ from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.gain import rigid_sums
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene import Shape
-from vrtm.bake.scene.images import find_maps, read_map
-from vrtm.bake.scene.topology import corner_starts
+from vrtm.bake.scene.images import find_maps, read_map, white
 from vrtm.bake.settings import AUTO, Settings
 
 LARGEST_GRID = 16384
@@ -108,7 +107,7 @@ class Part:
     def _look_at(self, option: str, name: str, values: np.ndarray) -> None:
         """Notes values that do not seem to be meant as they count."""
         largest = float(values.max(initial=0))
-        whole = float(np.iinfo(values.dtype).max) if values.dtype.kind == "u" else 1.0
+        whole = white(values.dtype)
         of = f" of {whole:g}" if whole != 1 else ""
         then = "keeps its shape there" if option == "rigidity" else "moves there"
         if largest <= 0 and option == "rigidity":
@@ -200,8 +199,7 @@ def parts(
     while name in shape.subsets:
         name += "_"
     chosen.append((name, np.flatnonzero(rest)))
-    starts = corner_starts(shape.face_counts)
-    with_uvs = (shape.face_counts > 0) & (shape.uv_indices[np.minimum(starts, len(shape.uv_indices) - 1)] >= 0)
+    with_uvs = shape.textured
     left_out += [
         LeftOut("has no UVs", f"{shape.path} subset {n}") for n, f in chosen if len(f) and not with_uvs[f].any()
     ]

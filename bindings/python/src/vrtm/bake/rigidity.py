@@ -17,6 +17,7 @@ from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.image_file import Target
 from vrtm.bake.scene.images import read_colours
 from vrtm.bake.stopping import Stop
+from vrtm.bake.words import counted
 
 VERSION = 1
 """Of the way of making maps: a file that was made in another way is not up to date."""
@@ -64,7 +65,7 @@ def make(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
     if targets:
         staging.sweep(os.path.dirname(parsed.out))
         _write(parsed, options, pictures, targets, console, stop)
-    console.info(f"{len(targets)} files written, {len(outputs) - len(targets)} up to date: {parsed.out}")
+    console.info(f"{counted(len(targets), 'file')} written, {len(outputs) - len(targets)} up to date: {parsed.out}")
 
 
 def _write(

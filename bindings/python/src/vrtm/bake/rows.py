@@ -25,6 +25,11 @@ class Strain:
     before: float
     after: float
 
+    @staticmethod
+    def of(told: dict) -> Strain:
+        """That of a tile, from its row."""
+        return Strain(told["edges"], told["before"]["rms"], told["after"]["rms"])
+
 
 def mean(strains: Iterable[Strain]) -> Strain:
     """That of all of their edges."""
@@ -59,16 +64,19 @@ def strain(report: vrtm.TileReport) -> dict:
     }
 
 
+def place(tile: TileWork) -> dict:
+    """What tells a tile from the others of its mesh, in its row."""
+    subset = {"subset": tile.part.subset} if tile.part.subset else {}
+    return {"udim": tile.udim, "layer": tile.layer, "layers": tile.tile.layers} | subset
+
+
 def row(tile: TileWork, own: list[tuple[Piece, dict | None]], figures: dict, settings: Settings) -> dict:
     """A tile's row of the report."""
     states = [(piece.target.path, "written" if record is None else "skipped") for piece, record in own]
     files = [file(path, state, settings) for path, state in states]
     written = any(entry["state"] == "written" for entry in files)
     found = {name: value for name, value in figures.items() if name not in ("strain", "map")}
-    place = {"udim": tile.udim, "layer": tile.layer, "layers": tile.tile.layers}
-    if tile.part.subset:
-        place["subset"] = tile.part.subset
-    line: dict = place | {"state": "written" if written else "skipped", "grid": list(tile.cells)} | found
+    line: dict = place(tile) | {"state": "written" if written else "skipped", "grid": list(tile.cells)} | found
     line["strain"] = figures.get("strain")
     line["map"] = None
     if "map" in figures:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 
-from vrtm.bake import cores, dry_run, layer_file, left_out, report, sheet, staging
+from vrtm.bake import cores, dry_run, layer_file, left_out, remarks, report, sheet, staging
 from vrtm.bake.console import Console
 from vrtm.bake.failure import DEVICE, DONE, SIGNAL, Failure, describe
 from vrtm.bake.frames import Frame
@@ -24,6 +24,7 @@ from vrtm.bake.settings import Settings
 from vrtm.bake.stopping import Stop
 from vrtm.bake.summary import summaries
 from vrtm.bake.time_left import TimeLeft
+from vrtm.bake.words import counted
 from vrtm.bake.work import Work
 
 # A number in a warning, but for a tile's, a layer's and for digits within a name.
@@ -77,11 +78,11 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
             if settings.layer:
                 layer_file.check(work)
             work.check_files()
-            for note in [*work.notes(), *(layer_file.foretell(work) if settings.layer else ())]:
+            for note in [*remarks.notes(work), *(layer_file.foretell(work) if settings.layer else ())]:
                 warn(note)
             for line in left_out.lines(left_out.unmeant(work.left_out)):
                 warn(line)
-            for line in (*work.facts(), *work.hints()):
+            for line in (*remarks.facts(work), *remarks.hints(work)):
                 console.info(line)
             for line in work.told():
                 console.verbose(line)
@@ -99,8 +100,7 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
         try:
             if failure is not None:
                 raise failure
-            places = filter(None, (settings.layer, settings.root))
-            beside = [os.path.dirname(path) or "." for path in places]
+            beside = [os.path.dirname(path) or "." for path in settings.beside.values()]
             for folder in beside + ([] if settings.only_layer else work.folders()):
                 staging.sweep(folder)
             if not settings.only_layer:
@@ -141,12 +141,15 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
     console.close()
     for _, mesh in summaries(work.meshes, results):
         console.info(mesh.line())
-    for entry in missing:
-        console.verbose(f"not baked: {entry.line()}")
-    for line in left_out.listed(missing):
+    shown = left_out.listed(missing)
+    for line in shown:
         console.info(line)
+    if len(missing) >= len(shown):
+        # Some are told together, or not at all.
+        for entry in missing:
+            console.verbose(f"not baked: {entry.line()}")
     if results or failure is None:
-        console.info(f"{written} files written, {skipped} up to date, in {seconds:.1f} s: {settings.out}")
+        console.info(f"{counted(written, 'file')} written, {skipped} up to date, in {seconds:.1f} s: {settings.out}")
     console.status("done" if failure is None else failure.message.splitlines()[-1])
     return failure
 
@@ -186,8 +189,8 @@ class _Told:
         for tile in result.tiles:
             self._tile(result, tile)
         written, skipped = result.count("written"), result.count("skipped")
-        what = f"{written} files in {result.milliseconds:.0f} ms" if written else f"{skipped} files up to date"
-        what = what if result.tiles else "not baked"
+        what = f"{counted(skipped, 'file')} up to date" if result.tiles else "not baked"
+        what = f"{counted(written, 'file')} in {result.milliseconds:.0f} ms" if written else what
         left = ""
         if self.left is not None:
             self.left.done(result.mesh, result.milliseconds / 1e3)
@@ -226,7 +229,7 @@ def _frames(
         tasks = [(mesh, frame) for mesh in meshes for frame in work.frames]
     else:
         tasks = [(mesh, frame) for frame in work.frames for mesh in meshes]
-    console.start(len(tasks), f"baking {len(tasks)} frames")
+    console.start(len(tasks), f"baking {counted(len(tasks), 'frame')}")
     told = _Told(work, console, results, warn)
     current = {}
     for task in tasks:
@@ -280,7 +283,8 @@ def _bake(settings: Settings, work: Work, tasks: list[Task], split: tuple[int, i
     """Does tasks with so many jobs and threads. Raises Failure."""
     jobs, threads = split
     told.begin(tasks)
-    told.console.verbose(f"{len(tasks)} frames, {jobs} at a time, on {threads or 'all'} threads each")
+    each = counted(threads, "thread") if threads else "all threads"
+    told.console.verbose(f"{counted(len(tasks), 'frame')}, {jobs} at a time, on {each} each")
     with Jobs(settings, work, jobs, threads, stop) as running:
         waiting = running.submit(tasks)
         failure: Failure | None = None

@@ -109,6 +109,12 @@ class Settings:
         return self.max_layers if self.overlap == EACH else 0
 
     @property
+    def beside(self) -> dict[str, str]:
+        """The files besides those below `out`, by their options."""
+        files = {"--layer": self.layer or None, "--root": self.root, "--report": self.report}
+        return {option: path for option, path in files.items() if path is not None}
+
+    @property
     def corner_uvs(self) -> bool:
         """Whether the corner UVs of each frame are written, for the layer."""
         return bool(self.layer) and self.layer_mode in ("primvar", "both")

@@ -214,8 +214,7 @@ class _Surface:
 
     def figures(self) -> str:
         """The strain as the solve has measured it."""
-        measured = (rows.strain(tile.tile.report()) for tile in self.tiles)
-        found = rows.mean(rows.Strain(m["edges"], m["before"]["rms"], m["after"]["rms"]) for m in measured)
+        found = rows.mean(rows.Strain.of(rows.strain(tile.tile.report())) for tile in self.tiles)
         figures = f"strain {found.before:.3f} with the original UVs, {found.after:.3f} with vrtm (RMS)"
         return figures if found.edges else "nothing is rigid"
 

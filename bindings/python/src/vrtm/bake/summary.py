@@ -10,6 +10,7 @@ from vrtm.bake import frames, gain
 from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import FrameResult, MeshWork
 from vrtm.bake.rows import Strain, mean
+from vrtm.bake.words import counted
 
 _NONE = 1e-5
 """RMS strain that rounding makes where there is none."""
@@ -34,8 +35,8 @@ class Summary:
 
     def line(self) -> str:
         """A sentence."""
-        count = f"{len(self.frames)} frame{'s'[: len(self.frames) > 1]} ({frames.text(self.frames)})"
-        done = f"{self.written} files written" + (f", {self.skipped} up to date" if self.skipped else "")
+        count = f"{counted(len(self.frames), 'frame')} ({frames.text(self.frames)})"
+        done = f"{counted(self.written, 'file')} written" + (f", {self.skipped} up to date" if self.skipped else "")
         parts = [
             count,
             self._strain(),
@@ -53,9 +54,11 @@ class Summary:
         total, worst = mean(self.measured.values()), self._worst
         if total.before < _NONE:
             return gain.RIGIDLY
+        change = f"strain {total.before:.3g} -> {total.after:.3g} RMS"
+        if len(self.frames) == 1:
+            return change
         part = "" if len(self.measured) == len(self.frames) else f" of {len(self.measured)} measured"
         at = self.measured[worst]
-        change = f"strain {total.before:.3g} -> {total.after:.3g} RMS"
         return f"{change} (frame {worst}, the worst{part}: {at.before:.3g} -> {at.after:.3g})"
 
     @property

@@ -11,7 +11,7 @@ from __future__ import annotations
 import functools
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -21,7 +21,8 @@ import OpenImageIO as oiio
 from vrtm.bake import tokens
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
-from vrtm.bake.scene.images import opened, said
+from vrtm.bake.image_file import Target
+from vrtm.bake.scene.images import opened, said, white
 from vrtm.resample import MARGIN, interpolated, turned
 
 Fetch = Callable[[str, int, int, int, int], np.ndarray]
@@ -55,6 +56,13 @@ class Copy:
     down: bool
     """Whether green grows against v."""
 
+    def read(self, path: str) -> Texture:
+        """Reads a texture. Raises SceneError, Failure."""
+        texture = read(path)
+        if self.is_normal and len(texture.channels) < 3:
+            raise Failure(INPUT, f"{path}: a normal map needs three channels, it has {len(texture.channels)}")
+        return texture
+
 
 @dataclass(frozen=True, eq=False)
 class Texture:
@@ -71,11 +79,16 @@ class Texture:
     inputs: str
     """A hash of all these but the path."""
 
+    def target(self, path: str, facts: Mapping[str, str | int]) -> Target:
+        """The file of a copy."""
+        (height, width, _), dtype = self.pixels.shape, str(self.pixels.dtype)
+        return Target(path, width, height, self.channels, dtype, facts, self.attributes, self.format, self.alpha)
+
 
 def listed(textures: tuple[str, ...], normal_maps: tuple[str, ...], down: bool) -> tuple[Copy, ...]:
     """The textures of a command line, each with a name of its own. Raises Failure."""
     copies: list[Copy] = []
-    for given, is_normal in [(p, False) for p in textures] + [(p, True) for p in normal_maps]:
+    for given, is_normal in [*((p, False) for p in textures), *((p, True) for p in normal_maps)]:
         pattern = re.sub("<udim>", "<UDIM>", given, flags=re.IGNORECASE)
         option = "--normal-map" if is_normal else "--texture"
         kind = tokens.bare(os.path.splitext(os.path.basename(pattern))[0]).strip("._- ") or "texture"
@@ -144,9 +157,7 @@ def warp(
     """The copy: (height, width, channels) as the texture. `stop` is called now and then, and may raise. `fetch` and
     `stop` are called on several threads at once."""
     height, width, channels = texture.pixels.shape
-    if copy.is_normal and channels < 3:
-        raise Failure(INPUT, f"{texture.path}: a normal map needs three channels, it has {channels}")
-    top = float(np.iinfo(texture.pixels.dtype).max) if texture.pixels.dtype.kind == "u" else 1.0
+    top = white(texture.pixels.dtype)
     source = texture.pixels.astype(np.float32) / np.float32(top)
     # What overshoots beside an edge must not leave the range that the texture has.
     low, high = source.min(axis=(0, 1)), source.max(axis=(0, 1))

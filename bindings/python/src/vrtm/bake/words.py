@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+
+from vrtm.bake import frames
+from vrtm.bake.frames import Frame
 
 _LONGEST = 400
 """Letters of what a library says, which may quote the rest of a file."""
@@ -14,6 +17,16 @@ def near(name: str, among: Iterable[str]) -> str:
     known = {other.lower(): other for other in among}
     found = [known[other] for other in difflib.get_close_matches(name.lower(), known, 2, 0.75)]
     return f": did you mean {' or '.join(found)}?" if found else ""
+
+
+def counted(count: int, noun: str) -> str:
+    """So many of something: `1 file`, `2 files`."""
+    return f"{count} {noun}{'s' if count != 1 else ''}"
+
+
+def numbered(noun: str, numbers: Collection[Frame]) -> str:
+    """Frames or tiles by their numbers: `frame 3`, `frames 1-3,7`; empty without any."""
+    return f"{noun}{'s'[: len(set(numbers)) > 1]} {frames.text(numbers)}" if numbers else ""
 
 
 def others(count: int) -> str:

@@ -14,17 +14,16 @@ import numpy as np
 import OpenImageIO as oiio
 
 import vrtm
-from vrtm.bake import frames, gain, image_file, layer_file, overwrite, sheet, staging, units, warped
+from vrtm.bake import frames, gain, image_file, layer_file, overwrite, remarks, sheet, staging, units, warped
 from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.left_out import LeftOut
-from vrtm.bake.mesh_work import FrameResult, MeshWork, unknown_tiles
+from vrtm.bake.mesh_work import FrameResult, MeshWork
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
 from vrtm.bake.part import Part
 from vrtm.bake.scene import Scene, SceneError, Shape
 from vrtm.bake.scene.topology import outside
-from vrtm.bake.scene.types import frame_number
 from vrtm.bake.settings import Settings
 from vrtm.bake.words import others
 
@@ -63,8 +62,8 @@ class Work:
             raise Failure(INPUT, f"--frames: none of these is in {settings.scene}, which has {there or 'none'}")
         if settings.freeze is not None and settings.freeze not in self.frames:
             raise Failure(INPUT, f"--freeze {settings.freeze}: it is none of {frames.text(self.frames)}")
-        self._units: dict[str, units.Units] = {}
-        self._found_units: dict[str, units.Finding] = {}
+        self.units: dict[str, tuple[units.Units, units.Finding]] = {}
+        """Of the meshes, by name, with what was found of all of their frames."""
         shapes = [self._in_units(shape) for shape in self.scene.shapes]
         self.shapes = [shape for shape in shapes if not self._stays(shape)]
         """The meshes to bake: those that deform, and those that are named."""
@@ -79,7 +78,7 @@ class Work:
         copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
         self.meshes = {shape.name: self._mesh(shape, copies) for shape in self.shapes}
         unnamed = [entry for entry in self.scene.left_out if not set(entry.frames) & set(self.frames)]
-        self.left_out = [*unnamed, *self._left_out(still)]
+        self.left_out = [*unnamed, *remarks.left_out(self, still)]
         """All that is known not to be baked."""
         self.pattern = self._pattern(copies)
         self.idle: dict[str, dict[gain.Group, str]] = {}
@@ -121,8 +120,8 @@ class Work:
         if self.settings.allow_units:
             return shape
         ruler = units.Units(shape, self.scene.frames, lambda frame: self.scene.positions(shape, frame))
-        self._units[shape.name], finding = ruler, ruler.finding()
-        self._found_units[shape.name] = finding
+        finding = ruler.finding()
+        self.units[shape.name] = ruler, finding
         if finding.factor == 1:
             return shape
         rest_from = f"{shape.rest_from}, {finding.factor:.6g} times as large {finding.reason}"
@@ -155,64 +154,6 @@ class Work:
             text = text.replace("<kind>", "<subset>.<kind>")
         return Pattern(self.settings.name or text, counts)
 
-    def notes(self) -> list[str]:
-        """What is odd about the scene and the options, each as a sentence."""
-        notes = [*self.heard(), *self.scene.warnings, *self._without_maps()]
-        notes += [
-            f"{shape.path}: {found.warning}"
-            for shape in self.shapes
-            if (found := self._found_units.get(shape.name)) and found.warning and not found.ends
-        ]
-        settings, there = self.settings, self.scene.frames
-        rest = settings.options.rest or ""
-        if rest.startswith("frame:") and not there[0] <= frame_number(rest) <= there[-1]:
-            notes.append(f"--rest {rest}: {settings.scene} has the frames {frames.text(there)}")
-        if settings.half and settings.form != "delta":
-            notes.append("--half: numbers of 16 bits are off by a texel of a texture of 4096, but for --form delta")
-        for part in self.parts:
-            for copy, paths in part.textures:
-                lacking = [udim for udim in part.udims if udim not in paths]
-                if paths and lacking:
-                    notes.append(f"{part.where}: {copy.pattern} has no file of the tiles {frames.text(lacking)}")
-        other = [path for path, form in self._replaced("vrtm:form") if form != settings.form]
-        if other:
-            notes.append(
-                f"{len(other)} maps of another form, such as {other[0]}, are replaced by ones of form {settings.form}: "
-                "layers that name them have to be written again"
-            )
-        return notes
-
-    def _left_out(self, still: list[str]) -> Iterator[LeftOut]:
-        """What options, maps and the range leave out; `still`: the meshes that do not deform."""
-        settings = self.settings
-        for path in still:
-            yield LeftOut("nothing deforms there; --meshes can name it", path, meant=True)
-        if settings.frames is not None:
-            there = self.scene.frames
-            if len(there) > frames.MOST:
-                yield LeftOut(f"all but {len(self.frames)} of {len(there)} frames: not in --frames", meant=True)
-            elif set(there) - set(self.frames):
-                others = tuple(sorted(set(there) - set(self.frames)))
-                yield LeftOut("not in --frames", frames=others, meant=True)
-        if self.missing_frames:
-            yield LeftOut(f"the scene has {frames.text(self.scene.frames)}", frames=self.missing_frames)
-        for mesh in self.meshes.values():
-            yield from mesh.left_out
-            without = tuple(udim for udim in mesh.all_udims if udim not in (settings.tiles or mesh.all_udims))
-            if without:
-                yield LeftOut("not in --tiles", mesh.shape.path, tiles=without, meant=True)
-        missing = unknown_tiles(settings, list(self.meshes.values()))
-        if missing:
-            yield LeftOut("no mesh has UVs there, which --tiles names", tiles=tuple(missing))
-        what = "no map of --rigidity" if settings.rigidity else "no values of --rigidity-primvar"
-        for part in self.parts:
-            udims = part.without("rigidity")
-            if udims:
-                name = part.shape.name
-                other = "<mesh>" in (settings.rigidity or "") and name != part.shape.path.rsplit("/", 1)[-1]
-                called = f" (<mesh> stands for {name})" if other else ""
-                yield LeftOut(f"{what}{called}: nothing keeps its shape there", part.where, tiles=tuple(udims))
-
     def look_for_gain(self, stop: Callable[[], None]) -> None:
         """Looks at all poses for what gains nothing, which is left out, unless --meshes names it."""
         settings = self.settings
@@ -231,7 +172,7 @@ class Work:
             )
             if idle:
                 self.idle[mesh.shape.name] = idle
-                self.left_out += _without_gain(mesh, idle)
+                self.left_out += remarks.without_gain(mesh, idle)
         self.leave_out(self.idle)
 
     def leave_out(self, idle: dict[str, dict[gain.Group, str]]) -> None:
@@ -253,84 +194,30 @@ class Work:
             for name in mesh.idle_names(frame, self.pattern)
         )
 
-    def _without_maps(self) -> list[str]:
-        notes = []
-        what = "no map of --mask" if self.settings.mask else "no values of --mask-primvar"
-        for part in self.parts:
-            udims = part.without("mask")
-            if udims:
-                tiles = f"tile{'s'[: len(udims) > 1]} {frames.text(udims)}"
-                notes.append(f"{part.where}: {what} for {tiles}: all may move there")
-            notes += [f"{part.where}: {note}" for note in part.notes]
-        return notes
-
     @property
     def parts(self) -> list[Part]:
         """What is baked by itself, of all meshes."""
         return [part for mesh in self.meshes.values() for part in mesh.parts]
 
-    def hints(self) -> list[str]:
-        """What may be meant or not, each as a sentence."""
-        hints = [f"{part.where}: {hint}" for part in self.parts for hint in part.hints]
-        for option in ("rigidity", "mask"):
-            pattern, users = getattr(self.settings, option), {}
-            for part in self.parts if pattern else ():
-                for path in part.maps[option].values():
-                    users.setdefault(path, []).append(part.where)
-            shared = next(((path, meshes) for path, meshes in users.items() if len(meshes) > 1), None)
-            if shared:
-                path, (first, second, *more) = shared
-                placeholder = "<subset>" if self.settings.subsets and "<subset>" not in pattern else "<mesh>"
-                hints.append(
-                    f"{first}, {second}{others(len(more))} share {path}: with {placeholder} in --{option} each has its "
-                    "own"
-                )
-        for mesh in self.meshes.values() if not self.settings.layer else ():
-            most = max((tile.tile.layers for tile in mesh.tiles), default=1)
-            if most > 1:
-                hints.append(
-                    f"{mesh.shape.path}: its UVs lie over one another in {most} layers, each of which has maps of its "
-                    "own: --layer writes which faces take which"
-                )
-        return hints
-
-    def facts(self) -> list[str]:
-        """What was chosen for the user: the device, and rest poses."""
-        info = self.device.info
-        threads = f", {info.threads} threads" if info.backend == "cpu" else ""
-        lines = [f"device: {info.backend}, {info.name}{threads}{f' ({info.reason})' if info.reason else ''}"]
-        lines += [f"frames: {self.scene.rate}"] if self.scene.rate else []
-        of: dict[str, list[str]] = {}
-        for shape in self.shapes:
-            of.setdefault(shape.rest_from, []).append(shape.path)
-        sets: dict[str, list[str]] = {}
-        for shape in self.shapes:
-            sets.setdefault(shape.uv_name, []).append(shape.path)
-        for uv, (first, *more) in sets.items() if len(sets) > 1 else ():
-            lines.append(f"UV set: {uv}: {first}{others(len(more))}")
-        for rest, (first, *more) in of.items():
-            lines.append(f"rest: {rest}: {first}{others(len(more))}")
-        return lines
-
     def check_units(self) -> None:
         """Raises Failure if a mesh has other units in the first frame than at rest, and nothing tells which."""
         for mesh in self.meshes.values():
-            found = self._found_units.get(mesh.shape.name)
-            if found is not None and found.ends:
+            _, found = self.units.get(mesh.shape.name, (None, units.Finding()))
+            if found.ends:
                 raise Failure(INPUT, f"{self.settings.scene} {mesh.shape.path}: {found.warning}")
             with contextlib.suppress(SceneError):
                 # What is wrong with a pose is said when its frame is baked.
                 self._check_units(mesh.shape, self.frames[0], self.scene.positions(mesh.shape, self.frames[0]))
 
     def _check_units(self, shape: Shape, frame: Frame, positions: np.ndarray) -> list[str]:
-        if shape.name not in self._units:
+        if shape.name not in self.units:
             return []
-        found = self._units[shape.name].jump(frame, positions)
+        found = self.units[shape.name][0].jump(frame, positions)
         if found.ends:
             raise Failure(INPUT, f"{self.settings.scene} {shape.path}, frame {frame}: {found.warning}")
         return [f"{shape.path}, frame {frame}: {found.warning}"] if found.warning else []
 
-    def _replaced(self, fact: str) -> Iterator[tuple[str, object]]:
+    def replaced(self, fact: str) -> Iterator[tuple[str, object]]:
         """The redirection maps that are there, and what each tells of itself."""
         for mesh in self.meshes.values() if not self.settings.only_layer else ():
             for tile in mesh.tiles:
@@ -358,22 +245,19 @@ class Work:
             # It is open.
             inputs.append((settings.log, "--log"))
         if settings.layer:
-            outputs += [(path, "--layer") for path in layer_file.names(settings)]
-        if settings.root is not None:
-            outputs.append((settings.root, "--root"))
-        if settings.report is not None:
-            outputs.append((settings.report, "--report"))
-        for name in (settings.out, settings.layer, settings.root, settings.report):
+            outputs += [(path, "--layer") for path in layer_file.names(settings)[1:]]
+        outputs += [(path, option) for option, path in settings.beside.items()]
+        for name in (settings.out, *settings.beside.values()):
             # Raises UnicodeEncodeError for what is no UTF-8.
-            (name or "").encode()
+            name.encode()
         out = os.path.join(os.path.abspath(settings.out), "")
-        for option, path in (("--layer", settings.layer), ("--root", settings.root), ("--report", settings.report)):
-            folder = os.path.dirname(os.path.abspath(path)) if path else out
+        for option, path in settings.beside.items():
+            folder = os.path.dirname(os.path.abspath(path))
             if not os.path.exists(folder) and not os.path.join(folder, "").startswith(out):
                 raise Failure(INPUT, f"{option} {path}: there is no folder {folder}")
         overwrite.check(outputs, inputs, settings.overwrite)
         names = {mesh.shape.name for mesh in self.meshes.values()}
-        for path, mesh in self._replaced("vrtm:mesh"):
+        for path, mesh in self.replaced("vrtm:mesh"):
             if mesh not in names and not settings.overwrite:
                 raise Failure(
                     INPUT,
@@ -399,8 +283,7 @@ class Work:
         """Raises Failure if a folder cannot be written to. Missing ones are made."""
         settings = self.settings
         places = [] if settings.only_layer else [("--out", name) for name in self.folders()]
-        for option, path in (("--layer", settings.layer), ("--root", settings.root), ("--report", settings.report)):
-            places += [(option, os.path.dirname(path) or ".")] if path else []
+        places += [(option, os.path.dirname(path) or ".") for option, path in settings.beside.items()]
         for option, folder in places:
             try:
                 staging.try_folder(folder)
@@ -483,18 +366,3 @@ class Work:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
-
-
-def _without_gain(mesh: MeshWork, idle: dict[gain.Group, str]) -> Iterator[LeftOut]:
-    """The list's entries of what gains nothing. A part without any map has one that says so."""
-    if not mesh.parts[0].subset and len(set(idle.values())) == 1 and len(idle) == len(gain.groups(mesh.parts)):
-        (why,) = set(idle.values())
-        if why == gain.RIGIDLY or not mesh.parts[0].without("rigidity"):
-            yield LeftOut(why, mesh.shape.path, meant=True)
-        return
-    for part in mesh.parts:
-        for why in (gain.RIGIDLY, gain.NOTHING):
-            layers = tuple(layer for (subset, layer), reason in idle.items() if (subset, reason) == (part.subset, why))
-            every = len(layers) == len({tile.layer for tile in part.all_tiles})
-            if layers and not (every and why == gain.NOTHING and part.without("rigidity")):
-                yield LeftOut(why, part.where, layers=() if every else layers, meant=True)

@@ -275,8 +275,10 @@ def _material(
     material.SetBaseMaterial(UsdShade.Material(stage.GetPrimAtPath(original.GetPath())))
     if material.GetPrim().IsInstanceable():
         material.GetPrim().SetInstanceable(False)
+    said = len(warnings)
     if Redirector(material, shape, plan.of(subset, layer), warnings).redirect() == 0:
-        warnings.append(f"{shape.path}: no texture of {original.GetPath()} could be redirected")
+        if len(warnings) == said:
+            warnings.append(f"{shape.path}: no texture of {original.GetPath()} could be redirected")
         edited = stage.GetEditTarget().GetLayer()
         del edited.GetPrimAtPath(path.GetParentPath()).nameChildren[path.name]
         material = None

@@ -93,11 +93,16 @@ def read_colours(path: str) -> np.ndarray:
     channels = [texels[..., short.index(c)] for c in "RGB" if c in short]
     if len(channels) < 3:
         channels = [_one_channel(list(spec.channelnames), texels)] * 3
-    scale = np.iinfo(texels.dtype).max if texels.dtype.kind == "u" else 1
+    scale = white(texels.dtype)
     colours = np.stack([_whole(spec, channel) for channel in channels], -1).astype(np.float32) / np.float32(scale)
     if not np.isfinite(colours).all():
         raise SceneError(f"{path}: holds texels that are no numbers")
     return colours
+
+
+def white(dtype: np.dtype) -> float:
+    """The number that stands for 1."""
+    return float(np.iinfo(dtype).max) if dtype.kind == "u" else 1.0
 
 
 @contextlib.contextmanager
@@ -172,8 +177,7 @@ def _one_channel(names: list[str], texels: np.ndarray) -> np.ndarray:
         red = colours[..., 0]
         if all(np.array_equal(red, colours[..., other], equal_nan=red.dtype.kind == "f") for other in (1, 2)):
             return red
-        scale = np.iinfo(red.dtype).max if red.dtype.kind == "u" else 1
-        return (luminance(colours.astype(np.float64)) / scale).astype(np.float32)
+        return (luminance(colours.astype(np.float64)) / white(red.dtype)).astype(np.float32)
     return texels[..., short.index("R") if "R" in short else 0]
 
 

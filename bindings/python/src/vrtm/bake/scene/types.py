@@ -125,6 +125,19 @@ class Shape:
     cage_corners: np.ndarray | None = None
     """(corners of the control cage,) int32: the refined corner that lies at each; None where nothing was refined."""
 
+    @property
+    def arrays(self) -> tuple[np.ndarray, ...]:
+        """What a solve without maps depends on, poses excepted."""
+        return self.rest, self.face_counts, self.indices, self.uvs, self.uv_indices
+
+    @property
+    def textured(self) -> np.ndarray:
+        """(faces,): whether each has UVs."""
+        if len(self.uv_indices) == 0:
+            return np.zeros(len(self.face_counts), bool)
+        first = np.cumsum(self.face_counts, dtype=np.int64) - self.face_counts
+        return (self.face_counts > 0) & (self.uv_indices[np.minimum(first, len(self.uv_indices) - 1)] >= 0)
+
     def asset(self, device: vrtm.Device, weld: str, max_layers: int = 0, faces: np.ndarray | None = None) -> vrtm.Asset:
         """The library's asset of the mesh, without maps; `faces`: those that are baked. Raises vrtm.Error."""
         return vrtm.Asset(

@@ -1,0 +1,142 @@
+"""What is to be said of an open scene: what is odd about it, what was chosen for the user, and what is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from vrtm.bake import frames, gain
+from vrtm.bake.left_out import LeftOut
+from vrtm.bake.mesh_work import MeshWork, unknown_tiles
+from vrtm.bake.scene.types import frame_number
+from vrtm.bake.words import numbered, others
+
+if TYPE_CHECKING:
+    from vrtm.bake.work import Work
+
+
+def notes(work: Work) -> list[str]:
+    """What is odd about the scene and the options, each as a sentence."""
+    notes = [*work.heard(), *work.scene.warnings, *_without_maps(work)]
+    found = [(shape.path, work.units[shape.name][1]) for shape in work.shapes if shape.name in work.units]
+    notes += [f"{path}: {finding.warning}" for path, finding in found if finding.warning and not finding.ends]
+    settings, there = work.settings, work.scene.frames
+    rest = settings.options.rest or ""
+    if rest.startswith("frame:") and not there[0] <= frame_number(rest) <= there[-1]:
+        notes.append(f"--rest {rest}: {settings.scene} has the frames {frames.text(there)}")
+    if settings.half and settings.form != "delta":
+        notes.append("--half: numbers of 16 bits are off by a texel of a texture of 4096, but for --form delta")
+    for part in work.parts:
+        for copy, paths in part.textures:
+            lacking = [udim for udim in part.udims if udim not in paths]
+            if paths and lacking:
+                notes.append(f"{part.where}: {copy.pattern} has no file of {numbered('tile', lacking)}")
+    other = [path for path, form in work.replaced("vrtm:form") if form != settings.form]
+    if other:
+        notes.append(
+            f"{len(other)} maps of another form, such as {other[0]}, are replaced by ones of form {settings.form}: "
+            "layers that name them have to be written again"
+        )
+    return notes
+
+
+def _without_maps(work: Work) -> list[str]:
+    notes = []
+    what = "no map of --mask" if work.settings.mask else "no values of --mask-primvar"
+    for part in work.parts:
+        udims = part.without("mask")
+        if udims:
+            notes.append(f"{part.where}: {what} for {numbered('tile', udims)}: all may move there")
+        notes += [f"{part.where}: {note}" for note in part.notes]
+    return notes
+
+
+def hints(work: Work) -> list[str]:
+    """What may be meant or not, each as a sentence."""
+    hints = [f"{part.where}: {hint}" for part in work.parts for hint in part.hints]
+    for option in ("rigidity", "mask"):
+        pattern, users = getattr(work.settings, option), {}
+        for part in work.parts if pattern else ():
+            for path in part.maps[option].values():
+                users.setdefault(path, []).append(part.where)
+        shared = next(((path, meshes) for path, meshes in users.items() if len(meshes) > 1), None)
+        if shared:
+            path, (first, second, *more) = shared
+            placeholder = "<subset>" if work.settings.subsets and "<subset>" not in pattern else "<mesh>"
+            hints.append(
+                f"{first}, {second}{others(len(more))} share {path}: with {placeholder} in --{option} each has its own"
+            )
+    for mesh in work.meshes.values() if not work.settings.layer else ():
+        most = max((tile.tile.layers for tile in mesh.tiles), default=1)
+        if most > 1:
+            hints.append(
+                f"{mesh.shape.path}: its UVs lie over one another in {most} layers, each of which has maps of its "
+                "own: --layer writes which faces take which"
+            )
+    return hints
+
+
+def facts(work: Work) -> list[str]:
+    """What was chosen for the user: the device, and rest poses."""
+    info = work.device.info
+    threads = f", {info.threads} threads" if info.backend == "cpu" else ""
+    lines = [f"device: {info.backend}, {info.name}{threads}{f' ({info.reason})' if info.reason else ''}"]
+    lines += [f"frames: {work.scene.rate}"] if work.scene.rate else []
+    of: dict[str, list[str]] = {}
+    for shape in work.shapes:
+        of.setdefault(shape.rest_from, []).append(shape.path)
+    sets: dict[str, list[str]] = {}
+    for shape in work.shapes:
+        sets.setdefault(shape.uv_name, []).append(shape.path)
+    for uv, (first, *more) in sets.items() if len(sets) > 1 else ():
+        lines.append(f"UV set: {uv}: {first}{others(len(more))}")
+    for rest, (first, *more) in of.items():
+        lines.append(f"rest: {rest}" if rest == first else f"rest: {rest}: {first}{others(len(more))}")
+    return lines
+
+
+def left_out(work: Work, still: list[str]) -> Iterator[LeftOut]:
+    """What options, maps and the range leave out; `still`: the meshes that do not deform."""
+    settings = work.settings
+    for path in still:
+        yield LeftOut("nothing deforms there; --meshes can name it", path, meant=True)
+    if settings.frames is not None:
+        there = work.scene.frames
+        if len(there) > frames.MOST:
+            yield LeftOut(f"all but {len(work.frames)} of {len(there)} frames: not in --frames", meant=True)
+        elif set(there) - set(work.frames):
+            others = tuple(sorted(set(there) - set(work.frames)))
+            yield LeftOut("not in --frames", frames=others, meant=True)
+    if work.missing_frames:
+        yield LeftOut(f"the scene has {frames.text(work.scene.frames)}", frames=work.missing_frames)
+    for mesh in work.meshes.values():
+        yield from mesh.left_out
+        without = tuple(udim for udim in mesh.all_udims if udim not in (settings.tiles or mesh.all_udims))
+        if without:
+            yield LeftOut("not in --tiles", mesh.shape.path, tiles=without, meant=True)
+    missing = unknown_tiles(settings, list(work.meshes.values()))
+    if missing:
+        yield LeftOut("no mesh has UVs there, which --tiles names", tiles=tuple(missing))
+    what = "no map of --rigidity" if settings.rigidity else "no values of --rigidity-primvar"
+    for part in work.parts:
+        udims = part.without("rigidity")
+        if udims:
+            name = part.shape.name
+            other = "<mesh>" in (settings.rigidity or "") and name != part.shape.path.rsplit("/", 1)[-1]
+            called = f" (<mesh> stands for {name})" if other else ""
+            yield LeftOut(f"{what}{called}: nothing keeps its shape there", part.where, tiles=tuple(udims))
+
+
+def without_gain(mesh: MeshWork, idle: dict[gain.Group, str]) -> Iterator[LeftOut]:
+    """The list's entries of what gains nothing. A part without any map has one that says so."""
+    if not mesh.parts[0].subset and len(set(idle.values())) == 1 and len(idle) == len(gain.groups(mesh.parts)):
+        (why,) = set(idle.values())
+        if why == gain.RIGIDLY or not mesh.parts[0].without("rigidity"):
+            yield LeftOut(why, mesh.shape.path, meant=True)
+        return
+    for part in mesh.parts:
+        for why in (gain.RIGIDLY, gain.NOTHING):
+            layers = tuple(layer for (subset, layer), reason in idle.items() if (subset, reason) == (part.subset, why))
+            every = len(layers) == len({tile.layer for tile in part.all_tiles})
+            if layers and not (every and why == gain.NOTHING and part.without("rigidity")):
+                yield LeftOut(why, part.where, layers=() if every else layers, meant=True)
