@@ -13,14 +13,14 @@ import numpy as np
 import vrtm
 from vrtm.bake import dilate, gain, image_file, outputs, rows, warped
 from vrtm.bake.corners import CornerFile, corner_name
-from vrtm.bake.failure import INPUT, Failure, describe, one_line
+from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.image_file import Target
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.names import Pattern
 from vrtm.bake.part import Part, TileWork, parts
-from vrtm.bake.scene import SceneError, Shape
+from vrtm.bake.scene import Shape
 from vrtm.bake.scene.topology import outside
 from vrtm.bake.settings import AUTO, Settings
 
@@ -252,7 +252,8 @@ class MeshWork:
             for part in self.parts:
                 own = [tile for tile in tiles if tile.part is part]
                 if own:
-                    self._solve(frame, positions, part, own, measure or self.settings.measure, stop)
+                    measured = measure or self.settings.measure
+                    part.solve(frame, positions, own, measured, self.releases, self.settings.warm, stop)
                 for tile in own:
                     figures[tile] = self._write(tile, [piece for piece in stale if piece.tile is tile], stop)
         if corners is not None:
@@ -289,7 +290,9 @@ class MeshWork:
         if not pieces:
             return {}
         size, found = self._size(tile, stop)
-        figures = self._figures(tile, size, found)
+        if self.settings.measure:
+            found = found or self._inspected(tile, size)
+        figures = rows.figures(tile, size, found, self.settings)
         for piece in pieces:
             stop()
             target = piece.target
@@ -305,8 +308,8 @@ class MeshWork:
         return figures
 
     def _size(self, tile: TileWork, stop: Callable[[], None]) -> tuple[tuple[int, int], vrtm.MapInfo | None]:
-        """The size of a tile's maps, and what was found about it. If the map is to choose: the smallest of a quarter of
-        the grid, half of it and so on to twice the grid that is near enough, or the one that is nearest."""
+        """The size of a tile's maps, and what was found about it. If the map is to choose: the smallest of an eighth of
+        the grid, a quarter of it and so on to twice the grid that is near enough, or the one that is nearest."""
         if tile.size[0]:
             return tile.size, None
         sizes = [tuple(max(16, int(n * scale)) for n in tile.cells) for scale in (1 / 8, 1 / 4, 1 / 2, 1, 2)]
@@ -326,58 +329,6 @@ class MeshWork:
         return tile.tile.inspect_map(
             outputs.FETCH[self.settings.form], size, dtype=np.dtype(output.dtype).type, one_to_one=output.one_to_one
         )
-
-    def _solve(
-        self,
-        frame: Frame,
-        positions: np.ndarray,
-        part: Part,
-        tiles: list[TileWork],
-        measure: bool,
-        stop: Callable[[], None],
-    ) -> None:
-        def progress(_fraction: float) -> None:
-            stop()
-
-        try:
-            part.asset.solve(
-                positions,
-                quality=self.settings.quality,
-                warm=self.settings.warm,
-                temporal_weight=self.settings.temporal_weight,
-                release_solvers=self.releases,
-                measure=measure,
-                # At seams, tiles are brought together with those that are solved with them.
-                tiles=part.all_tiles if self.settings.seams == "continue" else [tile.tile for tile in tiles],
-                progress=progress,
-            )
-        except vrtm.InvalidArgumentError as error:
-            raise SceneError(f"its pose cannot be taken: {one_line(error)}") from error
-        except vrtm.Error as error:
-            raise describe(error, f"{part.where}, frame {frame}") from error
-
-    def _figures(self, tile: TileWork, size: tuple[int, int], found: vrtm.MapInfo | None) -> dict:
-        """What a file keeps of its solve: nothing that changes from run to run, such as times. `found`: what is known
-        about maps of the size."""
-        report = tile.tile.report()
-        names = ("energy_before", "energy", "min_jacobian", "folds", "max_displacement")
-        counts = ("charts", "charts_fallback", "charts_apart")
-        figures: dict = {name: getattr(report, name) for name in (*names, *counts)}
-        facts = tile.tile.info
-        nodes = (facts.grid_width + 1) * (facts.grid_height + 1)
-        figures |= {"overlap": facts.overlap, "frozen": facts.frozen, "movable": facts.movable_nodes / nodes}
-        overlapped = facts.rigid_overlapped / max(facts.rigid_nodes, 1)
-        figures["rigid"] = {
-            "texels": facts.rigid_nodes,
-            "overlapped": overlapped,
-            "frozen": facts.frozen,
-            "movable": 1 - facts.frozen if facts.rigid_nodes else 0.0,
-        }
-        if self.settings.measure:
-            figures["strain"] = rows.strain(report)
-        if self.settings.measure or found is not None:
-            figures["map"] = dataclasses.asdict(found or self._inspected(tile, size)) | {"size": list(size)}
-        return figures
 
     def _pixels(self, piece: Piece, size: tuple[int, int], stop: Callable[[], None]) -> np.ndarray:
         tile = piece.tile.tile
@@ -401,14 +352,3 @@ class MeshWork:
             found = dilate.dilated(copy, meshes, part.all_tiles[0].settings.seam_reach)
             self.dilated |= {(part, file, layer): texture for file, texture in found.items()}
         return self.dilated[part, path, layer]
-
-
-def unknown_tiles(settings: Settings, meshes: Sequence[MeshWork]) -> list[int]:
-    """Tiles that were asked for and that no mesh has. Raises Failure if that leaves none."""
-    if settings.tiles is None:
-        return []
-    present = {udim for mesh in meshes for udim in mesh.all_udims}
-    if not present & set(settings.tiles):
-        there = ", ".join(map(str, sorted(present)))
-        raise Failure(INPUT, f"--tiles: the scene has none of these; it has {there}")
-    return sorted(set(settings.tiles) - present)

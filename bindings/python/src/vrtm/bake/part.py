@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 import vrtm
 from vrtm.bake import warped
+from vrtm.bake.failure import describe, one_line
 from vrtm.bake.fingerprint import Fingerprint
+from vrtm.bake.frames import Frame
 from vrtm.bake.gain import rigid_sums
 from vrtm.bake.left_out import LeftOut
-from vrtm.bake.scene import Shape
+from vrtm.bake.scene import SceneError, Shape
 from vrtm.bake.scene.images import find_maps, read_map, white
 from vrtm.bake.settings import AUTO, Settings
 
@@ -163,6 +165,39 @@ class Part:
             if settings.tiles is None or tile.udim in settings.tiles:
                 tiles.append(TileWork(self, tile, tile.udim, tile.layer, grid, size, inputs))
         return tiles
+
+    def solve(
+        self,
+        frame: Frame,
+        positions: np.ndarray,
+        tiles: Sequence[TileWork],
+        measure: bool,
+        release: bool,
+        warm: bool,
+        stop: Callable[[], None],
+    ) -> None:
+        """Solves a pose. `stop` is called often, and raises to cancel. Raises SceneError, Failure."""
+        settings = self.settings
+
+        def progress(_fraction: float) -> None:
+            stop()
+
+        try:
+            self.asset.solve(
+                positions,
+                quality=settings.quality,
+                warm=warm,
+                temporal_weight=settings.temporal_weight if warm else 0.0,
+                release_solvers=release,
+                measure=measure,
+                # At seams, tiles are brought together with those that are solved with them.
+                tiles=self.all_tiles if settings.seams == "continue" else [tile.tile for tile in tiles],
+                progress=progress,
+            )
+        except vrtm.InvalidArgumentError as error:
+            raise SceneError(f"its pose cannot be taken: {one_line(error)}") from error
+        except vrtm.Error as error:
+            raise describe(error, f"{self.where}, frame {frame}") from error
 
     @property
     def udims(self) -> list[int]:

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from vrtm.bake import frames, gain
+from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.left_out import LeftOut
-from vrtm.bake.mesh_work import MeshWork, unknown_tiles
+from vrtm.bake.mesh_work import MeshWork
 from vrtm.bake.scene.types import frame_number
 from vrtm.bake.words import numbered, others
 
@@ -114,7 +115,11 @@ def left_out(work: Work, still: list[str]) -> Iterator[LeftOut]:
         without = tuple(udim for udim in mesh.all_udims if udim not in (settings.tiles or mesh.all_udims))
         if without:
             yield LeftOut("not in --tiles", mesh.shape.path, tiles=without, meant=True)
-    missing = unknown_tiles(settings, list(work.meshes.values()))
+    present = {udim for mesh in work.meshes.values() for udim in mesh.all_udims}
+    if settings.tiles is not None and not present & set(settings.tiles):
+        there = ", ".join(map(str, sorted(present)))
+        raise Failure(INPUT, f"--tiles: the scene has none of these; it has {there}")
+    missing = sorted(set(settings.tiles or ()) - present)
     if missing:
         yield LeftOut("no mesh has UVs there, which --tiles names", tiles=tuple(missing))
     what = "no map of --rigidity" if settings.rigidity else "no values of --rigidity-primvar"

@@ -64,6 +64,30 @@ def strain(report: vrtm.TileReport) -> dict:
     }
 
 
+def figures(tile: TileWork, size: tuple[int, int], found: vrtm.MapInfo | None, settings: Settings) -> dict:
+    """What a file keeps of its solve: nothing that changes from run to run, such as times. `found`: what is known about
+    maps of the size."""
+    report = tile.tile.report()
+    names = ("energy_before", "energy", "min_jacobian", "folds", "max_displacement")
+    counts = ("charts", "charts_fallback", "charts_apart")
+    kept: dict = {name: getattr(report, name) for name in (*names, *counts)}
+    facts = tile.tile.info
+    nodes = (facts.grid_width + 1) * (facts.grid_height + 1)
+    kept |= {"overlap": facts.overlap, "frozen": facts.frozen, "movable": facts.movable_nodes / nodes}
+    overlapped = facts.rigid_overlapped / max(facts.rigid_nodes, 1)
+    kept["rigid"] = {
+        "texels": facts.rigid_nodes,
+        "overlapped": overlapped,
+        "frozen": facts.frozen,
+        "movable": 1 - facts.frozen if facts.rigid_nodes else 0.0,
+    }
+    if settings.measure:
+        kept["strain"] = strain(report)
+    if found is not None:
+        kept["map"] = dataclasses.asdict(found) | {"size": list(size)}
+    return kept
+
+
 def place(tile: TileWork) -> dict:
     """What tells a tile from the others of its mesh, in its row."""
     subset = {"subset": tile.part.subset} if tile.part.subset else {}

@@ -13,7 +13,6 @@ import numpy as np
 import OpenImageIO as oiio
 
 from vrtm.bake import image_file, rows, warped
-from vrtm.bake.failure import describe
 from vrtm.bake.frames import Frame
 from vrtm.bake.image_file import Target
 from vrtm.bake.mesh_work import FrameResult, MeshWork
@@ -68,17 +67,7 @@ def write(mesh: MeshWork, frame: Frame, positions: np.ndarray, file: str, stop: 
     if not settings.force and image_file.up_to_date(target, settings.overwrite) is not None:
         return False
     for part in mesh.parts:
-        try:
-            part.asset.solve(
-                positions,
-                quality=settings.quality,
-                release_solvers=mesh.releases,
-                measure=True,
-                tiles=part.all_tiles,
-                progress=lambda _: stop(),
-            )
-        except Exception as error:
-            raise describe(error, f"{part.where}, frame {frame}") from error
+        part.solve(frame, positions, part.tiles, True, mesh.releases, False, stop)
     pixels = _drawn(_Surface(mesh, positions), f"{mesh.shape.path}, frame {frame}", stop)
     image_file.write(dataclasses.replace(target, width=pixels.shape[1], height=pixels.shape[0]), pixels)
     return True
