@@ -48,11 +48,6 @@ unsafe extern "C" fn progress(calls: *mut c_void, done: f32) -> u32 {
     0
 }
 
-/// The least work, on one grid of 16 x 16 per tile.
-fn draft() -> vrtm_solve_options {
-    vrtm_solve_options { quality: VRTM_QUALITY_DRAFT, max_corrections: 1, ..vrtm_solve_options::default() }
-}
-
 fn device(threads: u32) -> vrtm_device {
     let desc = vrtm_device_desc { backend: VRTM_BACKEND_CPU, threads, ..vrtm_device_desc::default() };
     let mut device = vrtm_device { id: 0 };
@@ -106,7 +101,7 @@ fn a_solve_and_its_outputs() {
             image.check();
         }
         let image = Image::new(VRTM_PIXEL_F32, 2);
-        done(vrtm_tile_fetch_part(tiles[1], VRTM_FETCH_REDIRECTION, &image.c, 2, 1, 3, 4));
+        done(vrtm_tile_fetch_part(tiles[1], VRTM_FETCH_REDIRECTION, &image.c, 2, 1, 16, 16));
         image.check();
         let image = Image::new(VRTM_PIXEL_F32, 2);
         done(vrtm_tile_fetch_dilation(tiles[0], 0.1, &image.c));

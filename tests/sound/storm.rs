@@ -51,13 +51,11 @@ impl Shared {
         let job = vrtm_job { id: self.jobs[k].load(Ordering::Relaxed) };
         let mut bent = pose(0.1 * random.below(6) as f32);
         let options = vrtm_solve_options {
-            quality: VRTM_QUALITY_DRAFT,
-            max_corrections: 1,
             solver: [VRTM_SOLVER_DESCENT, VRTM_SOLVER_PBD][random.below(2)],
             warm: random.below(2) as u32,
             measure: random.below(2) as u32,
             release_last: random.below(2) as u32,
-            ..vrtm_solve_options::default()
+            ..draft()
         };
         let image = Image::new(VRTM_PIXEL_F32, 2);
         // SAFETY: all pointers point to memory of the size that the structs tell; any handle may be given.
@@ -140,19 +138,26 @@ fn threads_that_share_assets() {
             });
         }
     });
-    let count = |status: vrtm_status| shared.statuses[status as usize].load(Ordering::Relaxed);
+    // How many calls meet a busy or destroyed asset depends on the machine.
     println!("calls by status: {:?}", shared.statuses);
-    assert_eq!(count(VRTM_ERROR_INTERNAL) + count(VRTM_ERROR_INVALID_ARGUMENT), 0);
-    // If nearly all calls failed, or none did, the test would check little.
-    if !cfg!(miri) {
-        let all = THREADS * CALLS;
-        assert!(count(VRTM_OK) > all / 4 && count(VRTM_ERROR_BUSY) > all / 50, "{:?}", shared.statuses);
-    }
+    let count = |status: vrtm_status| shared.statuses[status as usize].load(Ordering::Relaxed);
+    let expected = [
+        VRTM_OK,
+        VRTM_ERROR_INVALID_HANDLE,
+        VRTM_ERROR_NOT_SOLVED,
+        VRTM_ERROR_BUSY,
+        VRTM_ERROR_CANCELLED,
+        VRTM_ERROR_TIMEOUT,
+    ];
+    assert_eq!(expected.map(count).iter().sum::<usize>(), THREADS * CALLS, "{:?}", shared.statuses);
+    assert!(count(VRTM_OK) > 0);
     for k in 0..ASSETS {
-        // SAFETY: any handle may be given.
+        let asset = vrtm_asset { id: shared.assets[k].load(Ordering::Relaxed) };
+        // SAFETY: any handle may be given; all pointers point to memory of the size that the structs tell.
         unsafe {
             vrtm_job_destroy(vrtm_job { id: shared.jobs[k].load(Ordering::Relaxed) });
-            done(vrtm_asset_destroy(vrtm_asset { id: shared.assets[k].load(Ordering::Relaxed) }));
+            done(vrtm_asset_solve(asset, &pose(0.5).c(), &draft()));
+            done(vrtm_asset_destroy(asset));
         }
     }
     // SAFETY: as above.
