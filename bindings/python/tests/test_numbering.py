@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from vrtm.bake import arguments, frames, parsing, tokens, warped
+from vrtm.bake import arguments, frames, parsing, tokens, warped, words
 from vrtm.bake.failure import Failure
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.names import ONE_MESH, Pattern
@@ -203,3 +203,9 @@ def test_negative_frames_are_an_argument_of_their_own(text: str, expected: tuple
         parsed = parser.parse_args(["bake", "a.usda", "--rigidity", "r.png", *given])
         assert arguments.settings(bake, parsed).frames == expected
     assert parser.parse_args(["bake", "a.usda", "--layer", "l.usda", "--freeze", "-2"]).freeze == -2
+
+
+def test_numbers_in_sentences() -> None:
+    assert [words.counted(count, "file") for count in (0, 1, 2)] == ["0 files", "1 file", "2 files"]
+    listed = [words.numbered("tile", tiles) for tiles in ((), (1001,), (1001, 1001), (1002, 1001, 1011))]
+    assert listed == ["", "tile 1001", "tile 1001", "tiles 1001-1002,1011"]
