@@ -17,10 +17,10 @@ mod sealed {
     }
 }
 
-/// A texel of a map to be read: [`u8`] or [`u16`], whose largest value stands for 1, [`f16`] or [`f32`].
+/// A texel of a map to be read: [`u8`] or [`u16`], whose largest value stands for 1, [`struct@f16`] or [`f32`].
 pub trait InputTexel: sealed::Texel {}
 
-/// A texel of an image to be written: [`f16`] or [`f32`], or an array of two to four of them, one for each channel.
+/// A texel of an image to be written: [`struct@f16`] or [`f32`], or an array of two to four of them, one for each channel.
 pub trait OutputTexel: sealed::Texel {}
 
 macro_rules! texels {

@@ -14,8 +14,8 @@ const ROUNDING: f64 = 2e-5;
 /// are apart.
 const NARROWEST: f64 = 1.0 / 8192.0;
 /// Where more than this share of the edges inside a chart are apart by more than rounding, the UVs of the chart are noisy,
-/// as those of faces that were written one by one. Gaps are few.
-const NOISY: f64 = 0.25;
+/// as those of faces that were written one by one. Beside a gap there are edges that are not apart.
+const NOISY: f64 = 0.6;
 
 /// The UV that the host gave a face corner.
 pub(super) type Given<'a> = dyn Fn(usize) -> Option<[f32; 2]> + 'a;
@@ -47,6 +47,9 @@ pub(super) fn find(
     }
     // Per chart: the edges between faces, and those of them that are apart. Each edge inside is seen from both sides.
     let mut edges: Vec<[u32; 2]> = zeroed(tile.charts.len());
+    // Per UV corner, whether an edge at it is not apart. Where all are, that is noise, too.
+    let corners = numbers.iter().flatten().max().map_or(0, |last| *last as usize + 1);
+    let mut joined: Vec<bool> = zeroed(corners);
     let mut found = Vec::new();
     for (t, triangle) in raw.iter().enumerate() {
         for (k, &next) in neighbours[t].iter().enumerate() {
@@ -60,19 +63,23 @@ pub(super) fn find(
                 NONE => ends.map(|c| triangle.uv[c]),
                 _ => ends.map(|c| across(c).map_or(triangle.uv[c], of_host)),
             };
-            let differ = |by: f64| (0..2).any(|end| are_apart(here[end], there[end], by));
             let chart = tile.chart_of[t] as usize;
             if next != NONE && ends.iter().any(|&c| across(c) != Some(triangle.corners[c])) {
-                edges[chart] = [edges[chart][0] + 1, edges[chart][1] + u32::from(differ(ROUNDING))];
+                let is_apart = (0..2).any(|end| (here[end] - there[end]).abs().max_element() > ROUNDING);
+                edges[chart] = [edges[chart][0] + 1, edges[chart][1] + u32::from(is_apart)];
+                ends.iter().for_each(|&c| joined[numbers[t][c] as usize] |= !is_apart);
             }
-            if differ(NARROWEST) {
+            if (0..2).any(|end| are_apart(here[end], there[end])) {
                 found.put((t as u32, chart, ends.map(|c| numbers[t][c]), [here, there]));
             }
         }
     }
     let mut gaps = Gaps::default();
     let is_noisy = |[inside, apart]: [u32; 2]| f64::from(apart) > NOISY * f64::from(inside);
-    for (triangle, _, corners, [here, there]) in found.into_iter().filter(|gap| !is_noisy(edges[gap.1])) {
+    for (triangle, chart, corners, [here, there]) in found {
+        if is_noisy(edges[chart]) || !corners.iter().any(|&corner| joined[corner as usize]) {
+            continue;
+        }
         gaps.corners.put_all(corners);
         let sides = [here, there, [here[0], there[0]], [here[1], there[1]]];
         let cut = |uv| Cut { triangle, uv, is_gap: true };
@@ -83,9 +90,9 @@ pub(super) fn find(
     gaps
 }
 
-/// Whether two UVs differ by more than `by`, and by more than one step of half floats, if they are such.
-fn are_apart(a: DVec2, b: DVec2, by: f64) -> bool {
-    (0..2).any(|c| (a[c] - b[c]).abs() > by && !are_adjacent_halves(a[c], b[c]))
+/// Whether two UVs differ as much as those at a gap, and by more than one step of half floats, if they are such.
+fn are_apart(a: DVec2, b: DVec2) -> bool {
+    (0..2).any(|c| (a[c] - b[c]).abs() > NARROWEST && !are_adjacent_halves(a[c], b[c]))
 }
 
 /// Whether two numbers are half floats that follow one another, or 1 minus such: v may have been turned over.
@@ -103,7 +110,7 @@ mod tests {
 
     #[test]
     fn rounding_is_no_gap() {
-        let apart = |a: f64, b: f64| are_apart(DVec2::new(a, 0.3), DVec2::new(b, 0.3), ROUNDING);
+        let apart = |a: f64, b: f64| are_apart(DVec2::new(a, 0.3), DVec2::new(b, 0.3));
         assert!(!apart(0.7, 0.7 + 1.0 / 65535.0));
         assert!(apart(0.7, 0.7 + 1.0 / 4096.0));
         // Half floats, and 1 minus half floats.

@@ -104,15 +104,21 @@ fn distance(p: [f64; 3], q: [f64; 3]) -> f64 {
     [0, 1, 2].map(|c| (p[c] - q[c]).powi(2)).iter().sum::<f64>().sqrt()
 }
 
-/// Per vertex, how far the UVs of its corners may be moved: a quarter of the least height of the triangles at it. Even if
-/// all three corners of a triangle move, it keeps its orientation and more than a quarter of its height; and since two of
-/// its corners are a height apart, they never merge.
+/// Per vertex, how far the UVs of its corners may be moved: a quarter of the least height of the triangles at it, slivers left
+/// out. Even if all three corners of a triangle move, it keeps its orientation and more than a quarter of its height; and
+/// since two of its corners are a height apart, they never merge.
 pub(super) fn rooms<'a>(triangles: impl Iterator<Item = &'a RawTriangle>, vertices: usize) -> Vec<f64> {
+    /// A triangle whose height is under this share of its longest side is a sliver, as at a corner in the middle of a
+    /// polygon's side: it would be as thin as the noise, and keep all corners there apart.
+    const SLIVER: f64 = 0.01;
     let mut room = filled(f64::INFINITY, vertices);
     for triangle in triangles {
         let [a, b, c] = triangle.uv;
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
         let height = doubled_area(triangle.uv).abs() / longest;
+        if height < SLIVER * longest {
+            continue;
+        }
         for v in triangle.vertices {
             room[v as usize] = room[v as usize].min(0.25 * height);
         }
