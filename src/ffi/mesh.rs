@@ -100,8 +100,8 @@ pub struct vrtm_mesh_desc {
     /// Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024. It is
     /// smaller at small triangles: at most a quarter of the smallest UV height of the triangles at the vertex. Welded
     /// corners have the mean of their UVs. Beside a slit in the UVs that this closes, one wider than 1/8192 or a step
-    /// of half floats, nothing moves (vrtm_tile_data.gap_nodes); where more than a quarter of the edges inside a chart
-    /// are apart, that is noise and no slit.
+    /// of half floats, nothing moves (vrtm_tile_data.gap_nodes); where all edges around are apart, that is noise
+    /// and no slit.
     pub weld_uv_tolerance: f64,
     /// The largest number of layers of a tile, for meshes whose charts lie over one another: mirrored halves, stacked
     /// islands. 0 (the default) or 1: texels that several charts share do not move (see VRTM_OVERLAP_). From 2 on,

@@ -76,8 +76,8 @@ pub struct Weld {
     /// Largest difference of welded UVs in u and in v, 0..1; `None` = 1/2048, half a texel of a map of 1024, and the step
     /// of half floats under 1. For corners of small triangles it is limited to a quarter of the least height in UV of the
     /// triangles at the vertex. Welded corners have the mean of their UVs. Nodes do not move beside a slit that this closes: one
-    /// wider than 1/8192 (or a step of half floats), unless more than a quarter of the edges inside the chart are apart, by
-    /// noise of their UVs.
+    /// wider than 1/8192 (or a step of half floats), unless all edges beside it are apart,
+    /// by noise of the UVs.
     pub uv_tolerance: Option<f64>,
 }
 

@@ -43,11 +43,11 @@ enum Sides {
 }
 
 #[derive(Clone, Copy, Debug)]
-struct Case {
+struct Case<'a> {
     /// Quads on a side of the sheet, and cells on a side of the grid.
     quads: usize,
     grid: usize,
-    gaps: &'static [Gap],
+    gaps: &'a [Gap],
     /// In cells.
     width: f64,
     /// In degrees.
@@ -348,4 +348,31 @@ fn half_floats_fix_no_node() {
     // A third of the corners, moved by as much as a step, but to no half floats.
     let other = movable(&uvs(&|x, c| if c % 3 == 0 { x + 4e-4 } else { x }));
     assert!((other / movable(&whole) - 1.0).abs() < 0.02, "{other}");
+}
+
+/// In a small chart a slit has a large share of the edges.
+#[test]
+fn a_slit_of_a_small_chart_is_no_noise() {
+    let notches = [1, 2, 3, 4, 5, 6, 7].map(|k| across(f64::from(k) / 8.0, 0.0, 0.875));
+    let case = Case {
+        quads: 8,
+        grid: 256,
+        gaps: &notches,
+        width: 4e-4 * 256.0,
+        angle: 0.0,
+        sides: Sides::SameVertex,
+        pose: 0,
+        quality: Quality::Normal,
+        tolerance: None,
+    };
+    let triangles = sheet(&case);
+    // The same as quads, without the diagonals that dilute the share.
+    let quads = |of: &[u32]| of.chunks_exact(6).flat_map(|t| [t[0], t[1], t[2], t[5]]).collect();
+    let model = Model {
+        face_counts: vec![4; 64],
+        indices: quads(&triangles.indices),
+        uv_indices: quads(&triangles.uv_indices),
+        ..triangles
+    };
+    assert!(model.asset(1, 256).tile_info(0).unwrap().gap_nodes > 0);
 }
