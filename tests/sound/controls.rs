@@ -1,16 +1,28 @@
 //! Programs with a defect that a tool must find, each run by its name. Without a tool they may do anything.
 
 use std::cell::UnsafeCell;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-struct Shared(UnsafeCell<u32>);
+#[derive(Default)]
+struct Shared {
+    number: UnsafeCell<u32>,
+    /// Threads that have begun.
+    begun: AtomicUsize,
+}
 
 // SAFETY: none. That is the defect.
 unsafe impl Sync for Shared {}
 
 impl Shared {
+    /// The threads wait for each other in a way that orders nothing. If the second one began after the end of the first one,
+    /// something in std could order them.
     fn add(&self) {
+        self.begun.fetch_add(1, Ordering::Relaxed);
+        while self.begun.load(Ordering::Relaxed) < 2 {
+            std::thread::yield_now();
+        }
         // SAFETY: none. That is the defect.
-        (0..1000).for_each(|_| unsafe { *self.0.get() += 1 });
+        (0..1000).for_each(|_| unsafe { *self.number.get() += 1 });
     }
 }
 
@@ -18,7 +30,7 @@ impl Shared {
 #[test]
 #[ignore = "a race, which a tool must find"]
 fn race() {
-    let shared = Shared(UnsafeCell::new(0));
+    let shared = Shared::default();
     std::thread::scope(|scope| {
         scope.spawn(|| shared.add());
         scope.spawn(|| shared.add());
