@@ -1,5 +1,5 @@
-//! The C functions, called as a host does that keeps to their contract by a byte: every array and image is as large as its
-//! struct says, at an odd address where that is allowed, and freed after the call.
+//! The C functions, called as a host does that keeps to their contract by a byte: every array and image is as large as
+//! its struct says, at an odd address where that is allowed, and freed after the call.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ffi::c_void;
@@ -179,9 +179,7 @@ fn the_paper_s_solver_with_memory_and_threads_of_a_host() {
     unsafe {
         done(vrtm_device_create(&desc, &mut device));
         let (asset, [tile, _]) = asset(device);
-        let mut options =
-            vrtm_solve_options { solver: VRTM_SOLVER_PBD, tiles: &tile, tile_count: 1, ..draft() };
-        options.pbd.iterations = 1;
+        let options = vrtm_solve_options { solver: VRTM_SOLVER_PBD, tiles: &tile, tile_count: 1, ..draft() };
         let image = Image::new(VRTM_PIXEL_F32, 2);
         let fetch = vrtm_fetch { tile, image: &image.c, ..sized() };
         done(vrtm_asset_redirect(asset, &pose(0.5).c(), &options, &fetch, 1));

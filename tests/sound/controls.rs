@@ -14,8 +14,8 @@ struct Shared {
 unsafe impl Sync for Shared {}
 
 impl Shared {
-    /// The threads wait for each other in a way that orders nothing. If the second one began after the end of the first one,
-    /// something in std could order them.
+    /// The threads wait for each other in a way that orders nothing. If the second one began after the end of the first
+    /// one, something in std could order them.
     fn add(&self) {
         self.begun.fetch_add(1, Ordering::Relaxed);
         while self.begun.load(Ordering::Relaxed) < 2 {
