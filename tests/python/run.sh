@@ -13,7 +13,7 @@ repository=$(cd "$here/../.." && pwd)
 target=${CARGO_TARGET_DIR:-$repository/target}
 venv=${VRTM_VENV:-$target/venv}
 # The longest that all tests of one folder may take, in seconds.
-seconds=${VRTM_PYTHON_SECONDS:-1200}
+seconds=${VRTM_PYTHON_SECONDS:-2400}
 
 end() { # PASSED FAILED SKIPPED
     result=ok
