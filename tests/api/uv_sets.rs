@@ -143,8 +143,9 @@ fn a_mirrored_set() {
     let second = |[x, y]: [f64; 2]| [x.abs() * 0.9, 0.5 + 0.4 * y];
     let mut asset = Sheet::new(second).solved(&TileSettings::default());
     check(&mut asset, second, |_| false);
-    // In the mirrored set itself all is overlapped.
-    assert_eq!(asset.tile_info(1).unwrap().overlap, 1.0);
+    // In the mirrored set itself all is overlapped; its border lies beside a line of the grid, whose nodes count once.
+    let overlap = asset.tile_info(1).unwrap().overlap;
+    assert!((0.98..=1.0).contains(&overlap), "{overlap}");
 }
 
 /// Where the other set has a border in the middle of a chart, each texel has the UVs of one of its sides.
