@@ -263,8 +263,10 @@ pub(crate) struct Corner {
     pub tile: u32,
     /// A triangle at this corner, by its number in `TileMesh::chart_of`, or `NONE` if no triangle was kept.
     pub triangle: u32,
-    /// The host's UV; 0, 0 for a face without UVs.
+    /// Its UV, that of all corners that are welded to it; 0, 0 for a face without UVs.
     pub uv: [f32; 2],
+    /// The UV that the host gave.
+    pub given: [f32; 2],
 }
 
 /// A validated mesh.

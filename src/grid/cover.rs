@@ -122,12 +122,16 @@ impl<'a> Coverer<'a> {
         }
         // Borders that lie on a line of the grid but for noise have the nodes of that line.
         for &t in triangles {
-            for [a, b] in self.sides(t).map(|ends| ends.map(|uv| uv * cells)) {
-                let Some([a, b]) = on_line(a, b) else { continue };
-                nodes_of_segment(a, b, [first[0], first[1]], WIDE, |i, j| {
-                    let node = at(first[0] + i + 1 - x, first[1] + j + 1 - y);
-                    let is_inside = first[0] + i < end[0] && first[1] + j < end[1];
-                    if is_inside && rim[node] == NONE {
+            for side in self.sides(t).map(|side| side.map(|uv| uv * cells)) {
+                let Some([a, b]) = on_line(side) else { continue };
+                let (low, high) = (a.min(b), a.max(b));
+                nodes_of_segment(a, b, first, WIDE, |i, j| {
+                    let [i, j] = [first[0] + i, first[1] + j];
+                    // Not those beyond its ends.
+                    let place = DVec2::new(i as f64, j as f64);
+                    let is_on_it = place.cmpge(low).all() && place.cmple(high).all();
+                    let node = at(i + 1 - x, j + 1 - y);
+                    if is_on_it && i < end[0] && j < end[1] && rim[node] == NONE {
                         rim[node] = t;
                     }
                 });
@@ -186,11 +190,11 @@ impl<'a> Coverer<'a> {
         interior
     }
 
-    /// The sides of a triangle at which its chart ends.
-    fn sides(&self, t: u32) -> impl Iterator<Item = [DVec2; 2]> + use<'_> {
+    /// The sides of a triangle at which its chart ends: each side's ends, and the corner opposite to it.
+    fn sides(&self, t: u32) -> impl Iterator<Item = [DVec2; 3]> + use<'_> {
         let triangle = &self.tile.triangles[t as usize];
-        let ends = |k: usize| [triangle.uv[(k + 1) % 3], triangle.uv[(k + 2) % 3]];
-        (0..3).filter(|&k| triangle.neighbours[k] == NONE).map(ends)
+        let side = |k: usize| [1, 2, 0].map(|d| triangle.uv[(k + d) % 3]);
+        (0..3).filter(|&k| triangle.neighbours[k] == NONE).map(side)
     }
 
     /// The borders of charts in a window, among them the outlines of gaps if that is asked for.
@@ -204,9 +208,9 @@ impl<'a> Coverer<'a> {
         for &t in triangles {
             let chart = self.charts[t as usize];
             let cuts = self.tile.cuts_of(t).filter(|cut| with_gaps || !cut.is_gap).map(|cut| cut.uv);
-            for ends in self.sides(t).chain(cuts) {
-                let [a, b] = ends.map(|uv| uv * size);
-                let [a, b] = on_line(a, b).unwrap_or([a, b]);
+            let sides = self.sides(t).map(|side| side.map(|uv| uv * size));
+            let sides = sides.map(|side| on_line(side).unwrap_or([side[0], side[1]]));
+            for [a, b] in sides.chain(cuts.map(|ends| ends.map(|uv| uv * size))) {
                 cells_of_segment(a, b, first_cell, CELLS, |i, j| {
                     mark(&mut borders.cells[j * CELLS + i], chart)
                 });
@@ -228,12 +232,19 @@ struct Borders {
 
 /// Cells by which a border may be off a line of the grid and counts as on it: otherwise rounding of its UVs would decide on
 /// whole rows of nodes.
-const OFF_LINE: f64 = 1.0 / 64.0;
+const OFF_LINE: f64 = 1e-3;
 
-/// A segment that lies on a grid line but for noise, moved there; its ends are moved to nodes if they are as near.
-fn on_line(a: DVec2, b: DVec2) -> Option<[DVec2; 2]> {
+/// A triangle's side that lies on a grid line but for noise, moved there; its ends are moved to nodes if they are as near.
+/// `None` for other sides, and for those of slivers beside the line.
+fn on_line([a, b, opposite]: [DVec2; 3]) -> Option<[DVec2; 2]> {
     let near = |x: f64| (x - x.round()).abs() <= OFF_LINE;
-    let is_along = |line: usize| near(a[line]) && near(b[line]) && a[line].round() == b[line].round();
+    let is_along = |line: usize| {
+        let at = a[line].round();
+        near(a[line])
+            && near(b[line])
+            && at == b[line].round()
+            && (opposite[line] - at).abs() > 100.0 * OFF_LINE
+    };
     let moved = |p: DVec2| DVec2::from([0, 1].map(|c| if near(p[c]) { p[c].round() } else { p[c] }));
     (is_along(0) || is_along(1)).then(|| [moved(a), moved(b)])
 }
@@ -335,11 +346,12 @@ mod tests {
 
     #[test]
     fn a_border_beside_a_line_of_the_grid_by_noise_is_on_it() {
-        let moved =
-            |a: [f64; 2], b: [f64; 2]| on_line(a.into(), b.into()).map(|ends| ends.map(|p| p.to_array()));
-        assert_eq!(moved([3.01, 2.5], [2.99, 7.99]), Some([[3.0, 2.5], [3.0, 8.0]]));
-        assert_eq!(moved([3.01, 2.5], [2.98, 7.99]), None);
+        let of = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| on_line([a, b, c].map(DVec2::from));
+        let moved = |a, b| of(a, b, [5.0, 5.0]).map(|ends| ends.map(|p| p.to_array()));
+        assert_eq!(of([3.0, 2.5], [3.0, 7.5], [3.05, 5.0]), None);
+        assert_eq!(moved([3.0008, 2.5], [2.9991, 7.9992]), Some([[3.0, 2.5], [3.0, 8.0]]));
+        assert_eq!(moved([3.0008, 2.5], [2.998, 7.9992]), None);
         // Ends that are both near lines, but not near the same one.
-        assert_eq!(moved([3.01, 2.5], [4.0, 7.5]), None);
+        assert_eq!(moved([3.0008, 2.5], [4.0, 7.5]), None);
     }
 }

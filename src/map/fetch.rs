@@ -174,12 +174,12 @@ pub(crate) fn corner_uvs(
     let count = out.len().min(corners.len());
     team.run(count.div_ceil(CHUNK), |k| {
         for (c, corner) in corners.iter().enumerate().take(((k + 1) * CHUNK).min(count)).skip(k * CHUNK) {
-            let mut uv = corner.uv;
+            let mut uv = corner.given;
             if corner.tile != NONE
                 && corner.triangle != NONE
                 && let (Some(solved), Some(u)) = (tiles[corner.tile as usize], warps[corner.tile as usize])
             {
-                let redirected = solved.redirected(u, corner.triangle, corner.uv.map(f64::from));
+                let redirected = solved.redirected(u, corner.triangle, uv.map(f64::from));
                 uv = redirected.map_or(uv, |uv| uv.map(|x| x as f32));
             }
             // SAFETY: each item writes its own corners, all within `out`.

@@ -108,6 +108,9 @@ impl<'a> Welding<'a> {
             let Some(welded) = self.means(&set) else { break };
             *info = before;
             set = read::read(source, &|corner| given(corner).map(|_| welded[corner]), uv_set, info);
+            for (c, corner) in set.corners.iter_mut().enumerate() {
+                corner.given = given(c).unwrap_or_default();
+            }
         }
         set
     }
@@ -186,7 +189,8 @@ impl<'a> Welding<'a> {
             for (triangle, numbers) in raw.iter().zip(&numbers).filter(|_| !open.is_empty()) {
                 for (&corner, number) in triangle.corners.iter().zip(numbers) {
                     if open.binary_search(number).is_ok() {
-                        set.corners[corner as usize].uv = given(corner as usize).unwrap_or_default();
+                        let corner = &mut set.corners[corner as usize];
+                        corner.uv = corner.given;
                     }
                 }
             }

@@ -34,7 +34,7 @@ pub(super) fn read(
     let mut tiles: Vec<(u32, Vec<RawTriangle>)> = Vec::new();
     for (f, face) in check::faces(source).enumerate() {
         let uv = |c: usize| uv_of(c).unwrap_or_default();
-        let corner = |tile: u32| move |c: usize| Corner { tile, triangle: NONE, uv: uv(c) };
+        let corner = |tile: u32| move |c: usize| Corner { tile, triangle: NONE, uv: uv(c), given: uv(c) };
         let is_face = face.len() >= 3;
         if uv_set == 0 {
             info.faces += 1;

@@ -79,7 +79,7 @@ fn uv_points(mesh: &Mesh, corners: &[Corner]) -> (Vec<UvPoint>, Vec<u32>) {
     let mut points = Vec::new();
     let mut of_corner = with_capacity(corners.len());
     for (corner, &vertex) in corners.iter().zip(&mesh.indices) {
-        let Corner { tile, triangle, uv } = *corner;
+        let Corner { tile, triangle, uv, .. } = *corner;
         let in_chart = tile != NONE && triangle != NONE;
         let chart = if in_chart { charts[tile as usize][triangle as usize] } else { NONE };
         let key = [vertex, uv[0].to_bits(), uv[1].to_bits(), tile, chart];

@@ -89,7 +89,10 @@ fn noisy_uvs_have_the_bits_of_their_means() {
         });
         assert_eq!(found.0, expected.0, "{most} {by_face}");
         assert!(found.1 == expected.1, "other warp: {most} {by_face}");
-        assert!(found.2 == expected.2, "other UVs of corners: {most} {by_face}");
+        // Each corner keeps its own UV, so that a chart that does not move has those that the host gave.
+        let away = |(a, b): (&[f32; 2], &[f32; 2])| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
+        let away = found.2.iter().zip(&expected.2).map(away).fold(0.0, f32::max);
+        assert!(away < 8.0 * most as f32 + 1e-6, "UVs of corners: {most} {by_face}: {away}");
         assert_eq!(found.3, expected.3, "{most} {by_face}");
     }
 }
@@ -105,7 +108,9 @@ fn noise_changes_a_warp_by_little_more_than_itself() {
             (Warp::of(&asset, 0), info.movable_nodes)
         };
         let (expected, movable) = warp(&clean);
-        for most in [1e-6, 1e-5, 5e-5] {
+        // A border on a line of the grid is on it up to 0.001 cell. (By more noise, part of a row of nodes is fixed beside it.)
+        let noises: &[f64] = if range == [0.1, 0.9] { &[1e-6, 1e-5, 5e-5] } else { &[1e-6, 5e-6] };
+        for &most in noises {
             let (found, of_noisy) = warp(&noisy(&clean, most, false));
             let away = |(a, b): (&[f32; 2], &[f32; 2])| (a[0] - b[0]).hypot(a[1] - b[1]);
             let away = found.u.iter().zip(&expected.u).map(away).fold(0.0, f32::max);

@@ -9,6 +9,17 @@ use crate::common::Model;
 /// grid of 1024.
 const SLACK: f64 = 1e-4;
 
+/// Distance in cells from a grid line up to which a border along it counts as on it (method §1).
+const OFF_LINE: f64 = 1e-3;
+
+/// True for an edge along a grid line: it is on the line, if it is the border of a chart.
+fn is_along_a_line([a, b]: [[f64; 2]; 2]) -> bool {
+    let near = |x: f64, y: f64| {
+        x.round() == y.round() && (x - x.round()).abs().max((y - y.round()).abs()) <= OFF_LINE
+    };
+    near(a[0], b[0]) || near(a[1], b[1])
+}
+
 /// True for each node of a tile's n by n grid that must be fixed.
 pub fn fixed_nodes(model: &Model, udim: u32, n: usize) -> Vec<bool> {
     let width = n + 1;
@@ -38,7 +49,7 @@ pub fn fixed_nodes(model: &Model, udim: u32, n: usize) -> Vec<bool> {
         }
     }
     let mut cells = vec![false; n * n];
-    for (_, [a, b]) in edges.values().filter(|(count, _)| *count == 1) {
+    for (_, [a, b]) in edges.values().filter(|(count, ends)| *count == 1 && !is_along_a_line(*ends)) {
         cross(*a, *b, n, &mut cells);
     }
     let at = |i: usize, j: usize| layers[j * width + i];
@@ -78,7 +89,8 @@ fn cover(polygon: &[[f64; 2]], width: usize, layers: &mut [u8]) {
 fn near(a: [f64; 2], b: [f64; 2], p: [f64; 2]) -> bool {
     let (d, q) = ([b[0] - a[0], b[1] - a[1]], [p[0] - a[0], p[1] - a[1]]);
     let along = ((d[0] * q[0] + d[1] * q[1]) / (d[0] * d[0] + d[1] * d[1]).max(1e-30)).clamp(0.0, 1.0);
-    (q[0] - along * d[0]).hypot(q[1] - along * d[1]) < SLACK
+    let slack = if is_along_a_line([a, b]) { 1.5 * OFF_LINE } else { SLACK };
+    (q[0] - along * d[0]).hypot(q[1] - along * d[1]) < slack
 }
 
 /// True if the point is inside, by the number of edges that a ray toward +x crosses.

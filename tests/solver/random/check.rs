@@ -214,12 +214,22 @@ fn held(recipe: &Recipe, model: &Model, pose: &[[f64; 3]], udim: u32, n: [usize;
     if recipe.settings.overlap == Overlap::Fixed {
         for (f, edge) in borders(recipe, model, pose, solid) {
             let of_face: Vec<[f64; 2]> = model.faces[f].iter().map(|&v| uv(v)).collect();
-            if origin_of(&of_face) == origin {
-                hold(edge.map(|v| [0, 1].map(|c| (uv(v)[c] - origin[c]) * n[c] as f64)), n, &mut held);
+            let ends = edge.map(|v| [0, 1].map(|c| (uv(v)[c] - origin[c]) * n[c] as f64));
+            if origin_of(&of_face) == origin && !is_along_a_line(ends) {
+                hold(ends, n, &mut held);
             }
         }
     }
     held
+}
+
+/// Cells from a grid line up to which a border along it counts as on it (method §1).
+const OFF_LINE: f64 = 1e-3;
+
+/// True for an edge along a grid line: it is on the line, if it is the border of a chart.
+fn is_along_a_line([a, b]: [[f64; 2]; 2]) -> bool {
+    let off = |c: usize| (a[c] - a[c].round()).abs().max((b[c] - b[c].round()).abs());
+    (0..2).any(|c| a[c].round() == b[c].round() && off(c) > 0.0 && off(c) <= OFF_LINE)
 }
 
 /// Marks the nodes inside a triangle.
@@ -227,8 +237,8 @@ fn cover(p: [[f64; 2]; 3], n: [usize; 2], covered: &mut [bool]) {
     // UVs are f32, so that a node on an edge may lie outside by rounding.
     const SLACK: f64 = 1e-4;
     let span = |c: usize| {
-        let low = p.iter().fold(f64::INFINITY, |m, p| m.min(p[c])) - SLACK;
-        let high = p.iter().fold(f64::NEG_INFINITY, |m, p| m.max(p[c])) + SLACK;
+        let low = p.iter().fold(f64::INFINITY, |m, p| m.min(p[c])) - 1.5 * OFF_LINE;
+        let high = p.iter().fold(f64::NEG_INFINITY, |m, p| m.max(p[c])) + 1.5 * OFF_LINE;
         low.ceil().max(0.0) as usize..=high.floor().min(n[c] as f64) as usize
     };
     let cross =
@@ -242,7 +252,8 @@ fn cover(p: [[f64; 2]; 3], n: [usize; 2], covered: &mut [bool]) {
             let q = [i as f64, j as f64];
             let inside = (0..3).all(|k| {
                 let (a, b) = (p[k], p[(k + 1) % 3]);
-                sign * cross(a, b, q) >= -SLACK * (b[0] - a[0]).hypot(b[1] - a[1])
+                let slack = if is_along_a_line([a, b]) { 1.5 * OFF_LINE } else { SLACK };
+                sign * cross(a, b, q) >= -slack * (b[0] - a[0]).hypot(b[1] - a[1])
             });
             covered[j * (n[0] + 1) + i] |= inside;
         }
