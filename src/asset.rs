@@ -45,7 +45,7 @@ pub struct Asset {
     pub(crate) together: Vec<usize>,
 }
 
-/// What the vertices have, if anything.
+/// Rigidity and mask per vertex, if the host has set any.
 #[derive(Debug, Default)]
 struct OfVertices {
     rigidity: Rigidity,

@@ -243,9 +243,8 @@ impl Team {
                 *const (dyn Fn(&Worker, usize) + Sync + 'static),
             >(f)
         });
-        // SAFETY: it is this thread's turn. The function is alive as long as jobs can be run, and all jobs of a team with
-        // helpers of the library are run by the thread that called `Team::of`, which it was made on: `f` of `Team::of` is
-        // called there, and what it starts further threads with is not given the team's jobs to run.
+        // SAFETY: it is this thread's turn, and the function is alive as long as jobs can be run. With threads of the library,
+        // only the thread that called `Team::of` runs jobs, so the function is called where it was made.
         if let Some(start) = unsafe { (*self.start.0.get()).take() } {
             // SAFETY: as above.
             unsafe { (*start)() };

@@ -96,7 +96,8 @@ impl Record {
     pub unsafe fn release(record: *const Record) {
         // SAFETY: the caller's use kept the record alive until now.
         if unsafe { (*record).needed_by.fetch_sub(1, Ordering::Release) } == 1 {
-            // What other threads did with the record happened before. Not a fence, which ThreadSanitizer does not follow.
+            // Orders what other threads did with the record before its end. A fence would do, but ThreadSanitizer does not
+            // follow fences.
             // SAFETY: only this thread still uses the record.
             unsafe { (*record).needed_by.load(Ordering::Acquire) };
             // SAFETY: the record was made by `Box::leak`, and nothing else needs it.

@@ -47,8 +47,8 @@ pub(super) fn describe(device: &Device, mesh: &Mesh) {
     }
 }
 
-/// Warns of values that are in another range than 0..1, or of integers that are 0 and 1 in the place of 0 and the largest one.
-/// `what` has the largest value.
+/// Warns of values in another range than 0..1, and of integers whose white is 1 instead of their largest number. `what`
+/// names the values, `largest` is the largest of them.
 pub(super) fn doubt(device: &Device, what: &str, largest: f32) {
     // A filter overshoots by less; and with less than a tenth everywhere next to nothing is rigid, or free to move.
     let message = if largest > 2.0 {
