@@ -80,7 +80,7 @@ fn rounding_loss(a: vec4f) -> vec3f {
     return vec3f(rest.x, 0.5 * (rest.y + rest.z), rest.w);
 }
 
-/// `code` / 65535, rounded to nearest as on the host (src/grid/codes.rs), although WGSL's division need not be. In
+/// `code` / 65535, rounded to nearest as on the host (crates/core/src/grid/codes.rs), although WGSL's division need not be. In
 /// binary the digits of the quotient repeat the code's digits, so rounding never meets a tie.
 fn decode_rigidity(code: u32) -> f32 {
     let zeros = countLeadingZeros(code) - 16u;
@@ -115,7 +115,7 @@ fn interpolation_weight_at(b: u32, s: u32) -> f32 {
     return weight_in_word(blocks[b].weights[s / 4u], s);
 }
 
-/// Decodes a length: its code has the leading bits of the f32 (src/grid/codes.rs).
+/// Decodes a length: its code has the leading bits of the f32 (crates/core/src/grid/codes.rs).
 fn decode_length(code: u32, base: u32, shift: u32) -> f32 {
     return bitcast<f32>(select((code << shift) + base, 0u, code == 0u));
 }

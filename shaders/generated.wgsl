@@ -1,4 +1,4 @@
-// Written from src/method/law.rs, src/gpu/layout.rs and src/gpu/external.rs. Change those, then
+// Written from crates/core/src/method/law.rs, crates/gpu/src/layout.rs and crates/gpu/src/external.rs. Change those, then
 // VRTM_UPDATE_SHADERS=1 cargo test --lib generated
 
 /// ε: every corner Jacobian of a descent's warp is at least this (method §6).

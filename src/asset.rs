@@ -1,5 +1,6 @@
 //! An asset: a mesh with its tiles, their maps, settings and results. The public entry to everything.
 
+mod inside;
 mod log;
 pub(crate) mod measure;
 mod prepare;
@@ -14,20 +15,20 @@ pub(crate) mod torn;
 
 use std::sync::Arc;
 
-use crate::allocation::Collect;
 use crate::blend::Places;
 use crate::device::Device;
-use crate::error::{Error, ErrorKind, Result};
-use crate::grid::maps::{Mask, Rigidity};
-use crate::image::ImageViewMut;
-use crate::image::external::ExternalImage;
 use crate::map::FetchKind;
 use crate::map::certificate::desc::{MapDesc, MapReport};
-use crate::mesh::{Mesh, MeshSource};
-use crate::report::{AssetInfo, AssetReport, GpuWork, TileReport};
-use crate::view::Strided;
 use results::Results;
 use tile::TileState;
+use vrtm_core::allocation::Collect;
+use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::grid::maps::{Mask, Rigidity};
+use vrtm_core::image::ImageViewMut;
+use vrtm_core::image::external::ExternalImage;
+use vrtm_core::mesh::{Mesh, MeshSource};
+use vrtm_core::report::{AssetInfo, AssetReport, GpuWork, TileReport};
+use vrtm_core::view::Strided;
 
 /// One mesh with its tiles, on a device. If the device's GPU is lost, everything that uses or reads the tiles returns
 /// `DeviceLost`.

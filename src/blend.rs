@@ -14,11 +14,6 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use crate::grid::planes::{NODES, Plane, SIDE, node_at, slot};
-use crate::grid::{Grid, Level};
-use crate::mesh::triangle::barycentrics;
-use crate::mesh::{NONE, TileMesh};
-use crate::team::Team;
 pub(crate) use copies::{Blends, Copies};
 use copies::{Copy, Node};
 pub(crate) use depths::Depths;
@@ -26,6 +21,11 @@ use depths::smooth;
 use lattice::{cells, point};
 pub(crate) use limit::Limited;
 pub(crate) use places::Places;
+use vrtm_core::grid::planes::{NODES, Plane, SIDE, node_at, slot};
+use vrtm_core::grid::{Grid, Level};
+use vrtm_core::mesh::triangle::barycentrics;
+use vrtm_core::mesh::{NONE, TileMesh};
+use vrtm_core::team::Team;
 
 /// A tile's result, as it was solved.
 pub(crate) struct Side<'a> {

@@ -4,16 +4,16 @@ use std::num::NonZeroU32;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use crate::allocation::Current;
-use crate::control::Control;
-use crate::error::{Error, ErrorKind, Result};
 use crate::gpu::adapters::{Adapters, interfaces};
 use crate::gpu::context::{self, Context};
-use crate::panics::lock;
-use crate::report::{AdapterInfo, DeviceInfo};
-use crate::settings::{AdapterId, Backend, DeviceSettings, LogLevel, MAX_THREADS};
-use crate::team::{Crew, Executor, Team};
-use crate::unwind::caught;
+use vrtm_core::allocation::{self, Current};
+use vrtm_core::control::Control;
+use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::panics::lock;
+use vrtm_core::report::{AdapterInfo, DeviceInfo, report};
+use vrtm_core::settings::{AdapterId, Backend, DeviceSettings, LogLevel, MAX_THREADS};
+use vrtm_core::team::{Crew, Executor, Team};
+use vrtm_core::unwind::caught;
 
 /// Where assets are solved. Cloning gives another handle to the same device.
 #[derive(Clone, Debug)]
@@ -137,7 +137,7 @@ impl Device {
 
     /// Makes a device with the given overrides instead of the environment's, and with GPU buffers of at most `band`
     /// blocks.
-    #[cfg(feature = "lab")]
+    #[doc(hidden)]
     pub fn with_variables(
         settings: &DeviceSettings,
         variables: &[(&str, &str)],
@@ -151,7 +151,7 @@ impl Device {
     }
 
     fn with(settings: &DeviceSettings, overrides: Overrides) -> Result<Device> {
-        if settings.allocator.is_some() && !cfg!(feature = "allocator") {
+        if settings.allocator.is_some() && !allocation::is_installed() {
             let why = "allocator: this build of the library lacks the feature for it";
             return Err(Error::new(ErrorKind::Unsupported, why));
         }
@@ -203,25 +203,27 @@ impl Device {
         if let Err(error) = self.alive() {
             reason = format!("{}; {reason}", error.message);
         }
-        DeviceInfo {
+        report!(DeviceInfo {
             backend: if self.0.gpu.is_some() { Backend::Gpu } else { Backend::Cpu },
             name: match &self.0.gpu {
                 Some(gpu) => gpu.describe().name,
                 None => format!("CPU ({})", std::env::consts::ARCH),
             },
-            reason,
+            reason: reason,
             threads: self.0.threads,
             bytes_held: self.0.bytes_held.load(Ordering::Relaxed),
-        }
+        })
     }
 
     /// Calls `f` with the device's allocator; missing memory becomes an error.
-    pub(crate) fn call<R>(&self, f: impl FnOnce() -> Result<R>) -> Result<R> {
+    #[doc(hidden)]
+    pub fn call<R>(&self, f: impl FnOnce() -> Result<R>) -> Result<R> {
         in_memory_of(&self.0.settings, f)
     }
 
     /// The open GPU of a GPU device.
-    pub(crate) fn gpu(&self) -> Option<&Arc<Context>> {
+    #[doc(hidden)]
+    pub fn gpu(&self) -> Option<&Arc<Context>> {
         self.0.gpu.as_ref()
     }
 
@@ -231,14 +233,14 @@ impl Device {
     }
 
     /// For tests: destroys the GPU, as if it were lost. True if this device has one.
-    #[cfg(feature = "lab")]
+    #[doc(hidden)]
     pub fn lose_for_tests(&self) -> bool {
         self.gpu().map(|gpu| gpu.lose()).is_some()
     }
 
     /// On a GPU, times each kernel separately from now on ([`crate::GpuKernel::ms`]). For benchmarks, since it costs
     /// time.
-    #[cfg(feature = "lab")]
+    #[doc(hidden)]
     pub fn time_kernels(&self, yes: bool) {
         if let Some(gpu) = self.gpu() {
             gpu.time_kernels(yes);
@@ -252,12 +254,14 @@ impl Device {
     }
 
     /// The host's executor, if it supplied one.
-    pub(crate) fn executor(&self) -> Option<&Arc<dyn Executor>> {
+    #[doc(hidden)]
+    pub fn executor(&self) -> Option<&Arc<dyn Executor>> {
         self.0.settings.executor.as_ref()
     }
 
     /// Calls `f` with the device's threads.
-    pub(crate) fn team<R: Send>(&self, f: impl FnOnce(&Team) -> R + Send) -> R {
+    #[doc(hidden)]
+    pub fn team<R: Send>(&self, f: impl FnOnce(&Team) -> R + Send) -> R {
         Team::of(&self.crew(None, None), f)
     }
 

@@ -3,10 +3,10 @@
 
 use std::sync::Arc;
 
-use crate::error::Result;
-use crate::grid::Grid;
-use crate::grid::planes::Plane;
-use crate::mesh::TileMesh;
+use vrtm_core::error::Result;
+use vrtm_core::grid::Grid;
+use vrtm_core::grid::planes::Plane;
+use vrtm_core::mesh::TileMesh;
 
 /// An uninhabited type.
 #[derive(Clone, Copy, Debug)]
@@ -14,8 +14,8 @@ enum Absent {}
 
 pub(crate) mod adapters {
     use super::context::{Context, Options};
-    use crate::error::Result;
-    use crate::report::AdapterInfo;
+    use vrtm_core::error::Result;
+    use vrtm_core::report::AdapterInfo;
 
     pub(crate) struct Adapters;
 
@@ -44,13 +44,13 @@ pub(crate) mod adapters {
 
 pub(crate) mod context {
     use super::Absent;
-    use crate::error::Result;
-    use crate::report::AdapterInfo;
+    use vrtm_core::error::Result;
+    use vrtm_core::report::AdapterInfo;
 
     #[derive(Clone, Copy, Debug, Default)]
     pub(crate) struct Options {
         pub webgpu_limits: bool,
-        #[cfg_attr(not(feature = "lab"), allow(dead_code))]
+        #[allow(dead_code)]
         pub band: Option<usize>,
     }
 
@@ -69,7 +69,6 @@ pub(crate) mod context {
             match self.absent {}
         }
 
-        #[cfg(feature = "lab")]
         pub fn lose(&self) {
             match self.absent {}
         }
@@ -78,7 +77,6 @@ pub(crate) mod context {
             match self.absent {}
         }
 
-        #[cfg(feature = "lab")]
         pub fn time_kernels(&self, _: bool) {
             match self.absent {}
         }
@@ -92,8 +90,8 @@ pub(crate) mod context {
 pub(crate) mod external {
     use super::Displacements;
     use super::context::Context;
-    use crate::error::Result;
-    use crate::image::external::ExternalTexels;
+    use vrtm_core::error::Result;
+    use vrtm_core::image::external::ExternalTexels;
 
     #[allow(dead_code)]
     pub(crate) enum Values {

@@ -63,82 +63,47 @@
 
 // Allocations sized by user input must be fallible: clippy.toml lists the infallible ones.
 #![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods))]
-// Some code serves the C functions alone: copies of a host's arrays, threads of jobs.
-#![cfg_attr(not(feature = "capi"), allow(dead_code, unused_imports))]
 
 // Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
-mod line;
-mod local;
-mod error;
-mod unwind;
-mod float_mode;
-mod allocation;
-mod panics;
-mod control;
-mod team;
-mod view;
-mod settings;
-mod report;
-mod mesh;
-mod image;
-mod grid;
-mod method;
-mod cpu;
-#[cfg(feature = "gpu")]
-mod gpu;
 #[cfg(not(feature = "gpu"))]
 #[path = "gpu_absent.rs"]
 mod gpu;
 mod device;
-mod strain;
 mod solver;
 mod blend;
 mod map;
 mod asset;
 mod refine;
-#[cfg(feature = "lab")]
-#[allow(clippy::disallowed_macros, clippy::disallowed_methods, reason = "absent from shipped libraries")]
-mod lab;
-#[cfg(all(feature = "capi", not(feature = "lab")))]
-mod ffi;
-/// The C API, for tests that call it from Rust.
-#[cfg(all(feature = "capi", feature = "lab"))]
-#[doc(hidden)]
-pub mod ffi;
 
-/// The global allocator of the whole program.
-#[cfg(feature = "allocator")]
-#[global_allocator]
-static ALLOCATOR: allocation::Allocator = allocation::Allocator;
+#[cfg(feature = "gpu")]
+use vrtm_gpu as gpu;
 
-pub use allocation::HostAllocator;
 pub use asset::Asset;
 pub use asset::results::Results;
 pub use asset::solve::{Fetch, SolveRequest};
-pub use control::{Control, ProgressFn};
 pub use device::{Device, adapters};
-pub use error::{Error, ErrorKind, Result};
 pub use half::f16;
-pub use image::external::{ExternalHandle, ExternalImage};
-pub use image::format::PixelFormat;
-pub use image::texels::{InputTexel, OutputTexel};
-pub use image::{ImageLayout, ImageView, ImageViewMut, Origin};
-#[cfg(feature = "lab")]
-pub use lab::asset::{CollarOfChart, CollarTriangleInSpace, ReferenceMinimum};
-#[cfg(all(feature = "lab", feature = "gpu"))]
-pub use lab::parity::StageDifference;
 pub use map::FetchKind;
 pub use map::certificate::desc::{MapDesc, MapReport};
-pub use mesh::{MeshSource, UvSource, Weld, WeldBy};
+#[doc(hidden)]
+pub use refine::TOLERANCE;
 pub use refine::pattern::RefinementPattern;
 pub use refine::{Refinement, RefinementInfo, RefinementSettings};
-pub use report::{
+pub use vrtm_core::allocation::HostAllocator;
+pub use vrtm_core::control::{Control, ProgressFn};
+pub use vrtm_core::error::{Error, ErrorKind, Result};
+pub use vrtm_core::image::external::{ExternalHandle, ExternalImage};
+pub use vrtm_core::image::format::PixelFormat;
+pub use vrtm_core::image::texels::{InputTexel, OutputTexel};
+pub use vrtm_core::image::{ImageLayout, ImageView, ImageViewMut, Origin};
+pub use vrtm_core::mesh::{MeshSource, UvSource, Weld, WeldBy};
+pub use vrtm_core::report::{
     AdapterInfo, AssetInfo, AssetReport, DeviceInfo, GpuKernel, GpuWork, StageTimes, Strain, StrainReport,
     TileEstimate, TileInfo, TileReport,
 };
-pub use settings::{
+pub use vrtm_core::settings::{
     AdapterId, Backend, DeviceSettings, LogFn, LogLevel, MAX_GRID, OpenBorders, Overlap, PbdSettings,
     Quality, Seams, SolveOptions, Solver, TileSettings,
 };
-pub use team::{Executor, Task};
-pub use view::{Scalar, Strided};
+pub use vrtm_core::team::{Executor, Task};
+pub use vrtm_core::view::{Scalar, Strided};

@@ -18,8 +18,8 @@ use std::ops::RangeInclusive;
 
 use glam::DVec2;
 
-use crate::error::{Error, Result};
-use crate::mesh::TileMesh;
+use vrtm_core::error::{Error, Result};
+use vrtm_core::mesh::TileMesh;
 
 /// The content of a fetched image, f32 or f16. UVs have two channels (u, v); an image may have a third channel, which is
 /// 0, and a redirection a fourth, which is 1 where a chart covers the texel's centre and 0 elsewhere. (Image programs
@@ -71,7 +71,8 @@ impl FetchKind {
 
     /// # Errors
     /// `InvalidArgument` naming `name` if an image of this kind cannot have this many channels.
-    pub(crate) fn check_channels(self, name: impl Display, channels: u32) -> Result<()> {
+    #[doc(hidden)]
+    pub fn check_channels(self, name: impl Display, channels: u32) -> Result<()> {
         let all = self.all_channels();
         if all.contains(&channels) {
             return Ok(());

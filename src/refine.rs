@@ -9,19 +9,20 @@ mod split;
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::allocation::{Collect, zeroed};
-use crate::error::{Error, Result};
+use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::error::{Error, Result};
 
 use crate::asset::Asset;
 use crate::asset::results::{Results, TileResult};
 use crate::solver::solved::Solved;
-use crate::team::Team;
 use base::Base;
 use passes::Outcome;
 use split::{Pieces, Splitter};
+use vrtm_core::team::Team;
 
 /// Half a texel of a texture of 1024 x 1024.
-pub(crate) const TOLERANCE: f64 = 1.0 / 2048.0;
+#[doc(hidden)]
+pub const TOLERANCE: f64 = 1.0 / 2048.0;
 /// Default number of triangles that a refinement may add.
 const ADDED: u64 = 1_000_000;
 /// Most triangles: beyond this, 32 bits cannot count their corners.

@@ -7,14 +7,15 @@ pub(crate) mod tile_solve;
 
 use std::sync::Arc;
 
-use crate::allocation::boxed;
 use crate::device::Device;
-use crate::error::Result;
-use crate::grid::Grid;
-use crate::mesh::TileMesh;
-use crate::method::plan::Purpose;
-use crate::{cpu, gpu};
+use crate::gpu;
 use tile_solve::{TileSolution, TileSolve, Warp};
+use vrtm_core::allocation::boxed;
+use vrtm_core::cpu;
+use vrtm_core::error::Result;
+use vrtm_core::grid::Grid;
+use vrtm_core::mesh::TileMesh;
+use vrtm_core::method::plan::Purpose;
 
 /// A tile's solver: the memory that a backend keeps from one solve to the next.
 #[derive(Debug)]

@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 use clap::Parser;
 use common::{Model, scenes};
 use vrtm::{Asset, Backend, Device, DeviceSettings, SolveOptions};
+use vrtm_lab::Lab as _;
 
 /// Measures solves with a time budget.
 #[derive(Parser)]

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use vrtm::{Asset, OpenBorders, Quality, Seams, Strided, TileSettings};
+use vrtm_lab::Lab as _;
 
 use crate::common::features::{of_asset, rms};
 use crate::common::roughness::second_difference;

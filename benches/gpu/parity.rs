@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use vrtm::{Device, Quality, SolveOptions};
+use vrtm_lab::Lab as _;
 
 use crate::common::{Model, scenes};
 

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 use vrtm::{Quality, SolveOptions, TileSettings};
+use vrtm_lab::Lab as _;
 
 use crate::common::{Model, cpu, scenes};
 use crate::machine::paired;

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 use vrtm::{SolveOptions, Strided};
+use vrtm_lab::Lab as _;
 
 use crate::common::{cpu, obj};
 use crate::rows::{Times, median};

@@ -4,6 +4,7 @@
 use std::time::Instant;
 
 use vrtm::TileReport;
+use vrtm_lab::Lab as _;
 
 use crate::common::{cpu, on_all_cores};
 use crate::rows::Row;

@@ -2,6 +2,7 @@
 //! affects all efforts alike and ratios can be taken within a round.
 
 use vrtm::{Asset, Device, SolveOptions, Strided};
+use vrtm_lab::Lab as _;
 
 use crate::common::on_all_cores;
 use crate::efforts::{Effort, NORMAL, Who};

@@ -6,7 +6,7 @@ use std::mem::{size_of, zeroed};
 use std::ptr;
 
 use libfuzzer_sys::arbitrary::Unstructured;
-use vrtm::ffi::{asset::*, device::*, handle::*, mesh::*, solve::*, status::*, tile::*, types::*};
+use vrtm_capi::{asset::*, device::*, handle::*, mesh::*, solve::*, status::*, tile::*, types::*};
 
 /// The fuzzer's bytes as choices; when they end, each choice is the first one.
 pub struct Input<'a>(Unstructured<'a>);

@@ -7,7 +7,7 @@ use std::ptr;
 use std::sync::Mutex;
 
 use libfuzzer_sys::fuzz_target;
-use vrtm::ffi::{
+use vrtm_capi::{
     asset::*, device::*, fetch::*, handle::*, job::*, prepare::*, report::*, solve::*, status::*, tile::*,
     types::*,
 };

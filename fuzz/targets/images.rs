@@ -7,7 +7,7 @@ use std::ptr;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use vrtm::ffi::{asset::*, fetch::*, handle::*, map::*, solve::*, tile::*, types::*};
+use vrtm_capi::{asset::*, fetch::*, handle::*, map::*, solve::*, tile::*, types::*};
 use vrtm_fuzz::{Input, Memory, Sheet, check, device, nowhere, options, sized};
 
 static DEVICE: LazyLock<vrtm_device> = LazyLock::new(|| device(1));

@@ -6,7 +6,7 @@ use std::ptr;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use vrtm::ffi::{
+use vrtm_capi::{
     asset::*, fetch::*, handle::*, mesh::*, refine::*, report::*, solve::*, status::*, tile::*, types::*,
 };
 use vrtm_fuzz::{Array, Input, array, check, device, nowhere, options, sized, small_grids};

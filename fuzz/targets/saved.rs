@@ -7,10 +7,10 @@ use std::ptr;
 use std::sync::LazyLock;
 
 use libfuzzer_sys::fuzz_target;
-use vrtm::ffi::{asset::*, fetch::*, handle::*, prepare::*, solve::*, tile::*, types::*};
+use vrtm_capi::{asset::*, fetch::*, handle::*, prepare::*, solve::*, tile::*, types::*};
 use vrtm_fuzz::{Input, Sheet, check, device, options, sized};
 
-/// Where the length, the checksum and what it is taken of begin (src/grid/saved.rs).
+/// Where the length, the checksum and what it is taken of begin (crates/core/src/grid/saved.rs).
 const LENGTH: usize = 16;
 const CHECKSUM: usize = 40;
 const PAYLOAD: usize = 56;

@@ -42,7 +42,7 @@ fn ramp(x: f32, ends: vec2f) -> f32 {
 }
 
 /// A chart's energies before and after a correction, and the values with which acceptance compares them. This struct
-/// and the two functions below are the counterparts of `Gain` in src/method/acceptance.rs.
+/// and the two functions below are the counterparts of `Gain` in crates/core/src/method/acceptance.rs.
 struct Gain {
     before: f32,
     after: f32,

@@ -1,5 +1,5 @@
 // correct: the coarser level's system, the Galerkin product P' A P (method §7.4), with nine points per node and
-// symmetric again. P has the weights of method §7.5 (src/grid/interpolation.rs). A coarse node reads from the rows of
+// symmetric again. P has the weights of method §7.5 (crates/core/src/grid/interpolation.rs). A coarse node reads from the rows of
 // up to 25 finer nodes (44 bytes each, and 1 of weights; counting each finer node once, 180 bytes per coarse node) and
 // writes 52 bytes.
 

@@ -1,5 +1,5 @@
 // pbd: access to the two copies of a level's state in the paper's solver (method §10). Each pass reads one copy and
-// writes the other one, so no pass reads data that it writes. The counterpart is `src/cpu/pbd.rs`.
+// writes the other one, so no pass reads data that it writes. The counterpart is `crates/core/src/cpu/pbd.rs`.
 
 /// The second copy, in the memory of the vectors, which this solver does not need: the planes of the state, and the
 /// displacement at the last integration (2).

@@ -1,8 +1,8 @@
 //! Log messages about a new mesh.
 
 use crate::device::Device;
-use crate::mesh::Mesh;
-use crate::settings::LogLevel;
+use vrtm_core::mesh::Mesh;
+use vrtm_core::settings::LogLevel;
 
 /// Describes a mesh and its tiles, and warns of possible mistakes of the host.
 pub(super) fn describe(device: &Device, mesh: &Mesh) {

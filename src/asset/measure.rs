@@ -3,15 +3,15 @@
 use std::sync::Arc;
 
 use super::Asset;
-use crate::allocation::Collect;
-use crate::error::Result;
-use crate::grid::coverage::{Coverage, NodeMaps, node_maps};
-use crate::grid::planes::{NODES, SIDE, slot};
 use crate::map::nodes;
 use crate::solver::solved::Solved;
-use crate::strain::measure;
-use crate::team::Team;
-use crate::view::Strided;
+use vrtm_core::allocation::Collect;
+use vrtm_core::error::Result;
+use vrtm_core::grid::coverage::{Coverage, NodeMaps, node_maps};
+use vrtm_core::grid::planes::{NODES, SIDE, slot};
+use vrtm_core::strain::measure;
+use vrtm_core::team::Team;
+use vrtm_core::view::Strided;
 
 impl Asset {
     /// Fills in the strain of the reports of solved tiles.

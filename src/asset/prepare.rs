@@ -4,20 +4,20 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::device::Device;
-use crate::error::Result;
-use crate::grid::gutter::Gutter;
-use crate::grid::maps::{MapsOfTile, Mask, Rigidity, TileMaps};
-use crate::grid::repaint::{Repainted, repaint};
-use crate::grid::survey::Survey;
-use crate::grid::{Grid, build, saved};
-use crate::image::map::TexelRect;
-use crate::mesh::extended::extended;
-use crate::mesh::{Mesh, TileMesh};
-use crate::method::plan::Purpose;
-use crate::report::{TileEstimate, TileInfo};
-use crate::settings::{LogLevel, Seams, Solver, TileSettings};
-use crate::team::Team;
-use crate::unwind::caught;
+use vrtm_core::error::Result;
+use vrtm_core::grid::gutter::Gutter;
+use vrtm_core::grid::maps::{MapsOfTile, Mask, Rigidity, TileMaps};
+use vrtm_core::grid::repaint::{Repainted, repaint};
+use vrtm_core::grid::survey::Survey;
+use vrtm_core::grid::{Grid, build, saved};
+use vrtm_core::image::map::TexelRect;
+use vrtm_core::mesh::extended::extended;
+use vrtm_core::mesh::{Mesh, TileMesh};
+use vrtm_core::method::plan::Purpose;
+use vrtm_core::report::{TileEstimate, TileInfo, report};
+use vrtm_core::settings::{LogLevel, Seams, Solver, TileSettings};
+use vrtm_core::team::Team;
+use vrtm_core::unwind::caught;
 
 use super::tile::{Prepared, SolveCall, TileState};
 use super::torn::{self, Torn};
@@ -319,14 +319,14 @@ impl TileState {
         let prepared = self.map_bytes() + grid_bytes;
         // What is published is a result of its own.
         let beyond = if source.sources.is_empty() { 0 } else { Gutter::BYTES + result };
-        Ok(TileEstimate {
+        Ok(report!(TileEstimate {
             movable_nodes: grid.movable.iter().sum(),
             prepared_bytes: prepared,
             // Level 1 needs temporary metrics and edge lengths while the grid is built.
             preparing_bytes: prepared + parts + grid_bytes / 5,
             // The last result is kept until the next one exists.
             solving_bytes: prepared + solver + 2 * result + beyond,
-        })
+        }))
     }
 
     /// Facts about the tile that need no solve.
@@ -340,7 +340,7 @@ impl TileState {
     ) -> Result<TileInfo> {
         let grid = self.grid(team, device, mesh, tile, maps)?;
         let source = &mesh.tiles[tile];
-        Ok(TileInfo {
+        Ok(report!(TileInfo {
             udim: source.udim,
             layer: source.layer,
             layers: mesh.layers(tile).len() as u32,
@@ -357,6 +357,6 @@ impl TileState {
             border_edges: source.border_edges(),
             welded_edges: source.welds.len() as u64,
             edges_apart: source.edges_apart,
-        })
+        }))
     }
 }

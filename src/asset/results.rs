@@ -6,17 +6,17 @@ mod tests;
 use std::sync::{Arc, Mutex, TryLockError};
 use std::time::Instant;
 
-use crate::allocation::Collect;
 use crate::device::{Device, LiveAsset};
-use crate::error::{Error, ErrorKind, Result};
-use crate::image::external::ExternalImage;
-use crate::image::{ImagePart, ImageViewMut};
-use crate::mesh::Mesh;
-use crate::panics::lock;
-use crate::report::{AssetReport, GpuWork, TileReport};
-use crate::settings::LogLevel;
-use crate::team::Team;
-use crate::unwind::caught;
+use vrtm_core::allocation::Collect;
+use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::image::external::ExternalImage;
+use vrtm_core::image::{ImagePart, ImageViewMut};
+use vrtm_core::mesh::Mesh;
+use vrtm_core::panics::lock;
+use vrtm_core::report::{AssetReport, GpuWork, TileReport, report};
+use vrtm_core::settings::LogLevel;
+use vrtm_core::team::Team;
+use vrtm_core::unwind::caught;
 
 use super::stretch::Stretch;
 use crate::map::canvas::Canvas;
@@ -313,7 +313,7 @@ impl Results {
     /// # Errors
     /// `NotSolved` before the first solve.
     pub fn tile_report(&self, tile: usize) -> Result<TileReport> {
-        self.solved(tile).map(|result| TileReport { kept: result.kept, ..result.solved.report() })
+        self.solved(tile).map(|result| report!(result.solved.report(), { kept: result.kept }))
     }
 
     /// The dispatches, submissions and transfers of a tile's last solve; `None` on the CPU, or if no chart needed
@@ -331,14 +331,13 @@ impl Results {
     /// `NotSolved` before the first solve.
     pub fn report(&self) -> Result<AssetReport> {
         let last = self.solved_asset()?;
-        let mut report = AssetReport {
+        let mut report = report!(AssetReport {
             tiles: last.tiles.len() as u32,
             min_jacobian: 1.0,
             total_ms: last.solved_ms.unwrap_or_default(),
             median_stretch: last.stretch.median as f32,
             stretched_share: last.stretch.share as f32,
-            ..Default::default()
-        };
+        });
         for result in last.tiles.iter().flatten() {
             let tile = result.solved.report();
             if result.kept {

@@ -6,17 +6,17 @@ use std::sync::atomic::AtomicU32;
 use std::time::Instant;
 
 use super::Asset;
-use crate::allocation::{Collect, copied};
 use crate::blend::{Blends, Copies, Depths, Limited, Places, Side, blend};
-use crate::error::Result;
-use crate::grid::Grid;
-use crate::grid::gutter::LimitedTexels;
-use crate::mesh::TileMesh;
-use crate::method::plan::ChartResult;
-use crate::report::TileReport;
 use crate::solver::solved::Solved;
 use crate::solver::tile_solve::Warp;
-use crate::team::Team;
+use vrtm_core::allocation::{Collect, copied};
+use vrtm_core::error::Result;
+use vrtm_core::grid::Grid;
+use vrtm_core::grid::gutter::LimitedTexels;
+use vrtm_core::mesh::TileMesh;
+use vrtm_core::method::plan::ChartResult;
+use vrtm_core::report::report;
+use vrtm_core::team::Team;
 
 impl Asset {
     /// Blends the results of a call with one another; returns what is to be published instead of them, where that is something
@@ -126,13 +126,12 @@ fn with(solved: &Solved, blended: Limited) -> Solved {
             result.max_displacement = certificate.max_displacement;
         }
     }
-    let report = TileReport {
+    let report = report!(solved.report, {
         min_jacobian: results.iter().map(|r| r.min_jacobian).fold(1.0, f64::min),
         max_displacement: results.iter().map(|r| r.max_displacement).fold(0.0, f32::max),
         folds: results.iter().map(|r| r.folds).sum(),
         charts_apart: charts,
-        ..solved.report
-    };
+    });
     Solved {
         mesh: solved.mesh.clone(),
         extended: solved.extended.clone(),

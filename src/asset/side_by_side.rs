@@ -4,9 +4,9 @@
 use std::cmp::Reverse;
 use std::time::Duration;
 
-use crate::allocation::{Collect, Grow, with_capacity, zeroed};
-use crate::error::Result;
-use crate::team::{Crew, Team};
+use vrtm_core::allocation::{Collect, Grow, with_capacity, zeroed};
+use vrtm_core::error::Result;
+use vrtm_core::team::{Crew, Team};
 
 use super::tile::{Prepared, SolveCall, SolveShare, TileState};
 use crate::solver::solved::Solved;

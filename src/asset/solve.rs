@@ -4,26 +4,26 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::allocation::{Collect, Grow, copied, filled, zeroed};
-use crate::control::Control;
-use crate::error::{Error, Result};
-use crate::mesh::Chart;
-use crate::method::plan::Plan;
-use crate::settings::{LogLevel, MAX_THREADS, SolveOptions};
-use crate::team::{Crew, Team};
-use crate::unwind::caught;
-use crate::view::Strided;
+use vrtm_core::allocation::{Collect, Grow, copied, filled, zeroed};
+use vrtm_core::control::Control;
+use vrtm_core::error::{Error, Result};
+use vrtm_core::mesh::Chart;
+use vrtm_core::method::plan::Plan;
+use vrtm_core::settings::{LogLevel, MAX_THREADS, SolveOptions};
+use vrtm_core::team::{Crew, Team};
+use vrtm_core::unwind::caught;
+use vrtm_core::view::Strided;
 
 use super::Asset;
 use super::results::{Last, TileResult, not_solved};
 use super::side_by_side;
 use super::stretch::Stretch;
 use super::tile::{SolveCall, TileState};
-use crate::grid::maps::Rigidity;
-use crate::image::ImageViewMut;
 use crate::map::FetchKind;
 use crate::map::fetch::Output;
 use crate::solver::solved::{ChartInput, Solved};
+use vrtm_core::grid::maps::Rigidity;
+use vrtm_core::image::ImageViewMut;
 
 /// One output of [`Asset::redirect`].
 #[derive(Debug)]
@@ -124,7 +124,8 @@ impl Asset {
     }
 
     /// Checks a request without side effects.
-    pub(crate) fn check_request(&self, request: &SolveRequest) -> Result<()> {
+    #[doc(hidden)]
+    pub fn check_request(&self, request: &SolveRequest) -> Result<()> {
         self.check_vertices("positions", &request.positions, 3)?;
         request.options.check()?;
         if let Some(threads) = request.threads.filter(|threads| threads.get() > MAX_THREADS) {

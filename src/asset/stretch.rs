@@ -3,11 +3,11 @@
 
 use glam::DVec3;
 
-use crate::allocation::{Grow, with_capacity};
 use crate::device::Device;
-use crate::mesh::Mesh;
-use crate::settings::LogLevel;
-use crate::view::Strided;
+use vrtm_core::allocation::{Grow, with_capacity};
+use vrtm_core::mesh::Mesh;
+use vrtm_core::settings::LogLevel;
+use vrtm_core::view::Strided;
 
 /// Most edges that are measured: enough for a median, and cheap compared to a solve.
 const SAMPLES: usize = 4096;

@@ -4,23 +4,23 @@ use std::sync::atomic::AtomicU32;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-use crate::allocation::{Collect, copied, filled, zeroed};
 use crate::device::Device;
-use crate::error::{Error, ErrorKind, Result};
-use crate::grid::Grid;
-use crate::grid::gutter::{Gutter, LimitedTexels};
-use crate::grid::maps::{Mask, Rigidity, TileMaps};
-use crate::grid::planes::SIDE;
-use crate::grid::pose::Pose;
-use crate::mesh::{Mesh, TileMesh};
-use crate::method::deadline::Deadline;
-use crate::method::plan::{ChartResult, Input, Plan, Purpose, Summary};
-use crate::method::progress::Progress;
-use crate::report::{GpuWork, TileReport};
-use crate::settings::Solver;
-use crate::team::Team;
-use crate::unwind::caught;
-use crate::view::Strided;
+use vrtm_core::allocation::{Collect, copied, filled, zeroed};
+use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::grid::Grid;
+use vrtm_core::grid::gutter::{Gutter, LimitedTexels};
+use vrtm_core::grid::maps::{Mask, Rigidity, TileMaps};
+use vrtm_core::grid::planes::SIDE;
+use vrtm_core::grid::pose::Pose;
+use vrtm_core::mesh::{Mesh, TileMesh};
+use vrtm_core::method::deadline::Deadline;
+use vrtm_core::method::plan::{ChartResult, Input, Plan, Purpose, Summary};
+use vrtm_core::method::progress::Progress;
+use vrtm_core::report::{GpuWork, TileReport, report};
+use vrtm_core::settings::Solver;
+use vrtm_core::team::Team;
+use vrtm_core::unwind::caught;
+use vrtm_core::view::Strided;
 
 use super::torn::Torn;
 use crate::blend::Copies;
@@ -272,16 +272,15 @@ impl TileState {
             results[c] = solution.charts[c];
         }
         let Summary { times, sweeps, corrections, truncated } = solution.summary;
-        let report = TileReport {
-            times,
-            sweeps,
-            corrections,
-            truncated,
+        let report = report!(report, {
+            times: times,
+            sweeps: sweeps,
+            corrections: corrections,
+            truncated: truncated,
             node_updates: solution.node_updates,
             blocks_active: solution.blocks_active,
             levels: grid.levels.len() as u32,
-            ..report
-        };
+        });
         Ok(WarpResult { warp: Arc::new(solution.warp), results, report, work: solution.work })
     }
 

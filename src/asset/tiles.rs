@@ -5,16 +5,16 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::{Asset, log};
-use crate::allocation::{Collect, zeroed};
-use crate::error::{Error, Result};
-use crate::grid::maps::{Mask, Rigidity, TileMaps};
-use crate::grid::squares::pages_near;
-use crate::image::ImageView;
-use crate::image::map::{Map, PAGE};
-use crate::report::{TileEstimate, TileInfo};
-use crate::settings::TileSettings;
-use crate::team::Team;
-use crate::view::Strided;
+use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::error::{Error, Result};
+use vrtm_core::grid::maps::{Mask, Rigidity, TileMaps};
+use vrtm_core::grid::squares::pages_near;
+use vrtm_core::image::ImageView;
+use vrtm_core::image::map::{Map, PAGE};
+use vrtm_core::report::{TileEstimate, TileInfo};
+use vrtm_core::settings::TileSettings;
+use vrtm_core::team::Team;
+use vrtm_core::view::Strided;
 
 impl Asset {
     /// Facts about a tile that need no solve. Builds its grid if a map or setting changed.

@@ -3,10 +3,10 @@
 
 use std::sync::Arc;
 
-use crate::allocation::{Collect, copied};
-use crate::grid::Grid;
-use crate::mesh::{Mesh, TileMesh};
-use crate::view::Strided;
+use vrtm_core::allocation::{Collect, copied};
+use vrtm_core::grid::Grid;
+use vrtm_core::mesh::{Mesh, TileMesh};
+use vrtm_core::view::Strided;
 
 /// A tile torn by a pose.
 #[derive(Debug)]
@@ -36,7 +36,6 @@ pub(super) fn welds(mesh: &Mesh, tile: &TileMesh, positions: &Strided) -> Vec<u3
 }
 
 /// The tile with the connectivity of a pose.
-#[cfg(feature = "lab")]
 pub(crate) fn in_pose(mesh: &Mesh, tile: usize, positions: &Strided) -> Arc<TileMesh> {
     let whole = &mesh.tiles[tile];
     match welds(mesh, whole, positions) {

@@ -5,12 +5,12 @@ use glam::DVec2;
 use super::depths::{Depths, depth_of, sheets, smooth};
 use super::lattice::cells;
 use super::places::{Places, on_surface};
-use crate::allocation::{Collect, Grow};
-use crate::grid::Grid;
-use crate::grid::planes::{NODES, SIDE, node_at};
-use crate::mesh::NONE;
-use crate::mesh::triangle::barycentrics;
-use crate::team::Team;
+use vrtm_core::allocation::{Collect, Grow};
+use vrtm_core::grid::Grid;
+use vrtm_core::grid::planes::{NODES, SIDE, node_at};
+use vrtm_core::mesh::NONE;
+use vrtm_core::mesh::triangle::barycentrics;
+use vrtm_core::team::Team;
 
 /// A node that is blended.
 #[derive(Clone, Copy, Debug)]

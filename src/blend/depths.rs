@@ -6,13 +6,13 @@ use glam::DVec2;
 
 use super::lattice::cells;
 use super::places::{OUTSIDE, OnChart, Place, Places, on_surface, seen_by};
-use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
-use crate::grid::Grid;
-use crate::grid::codes::decode_rigidity;
-use crate::grid::planes::{NODES, SIDE, node_at};
-use crate::mesh::NONE;
-use crate::mesh::hash::{Table, enter};
-use crate::mesh::triangle::barycentrics;
+use vrtm_core::allocation::{Collect, Grow, filled, with_capacity, zeroed};
+use vrtm_core::grid::Grid;
+use vrtm_core::grid::codes::decode_rigidity;
+use vrtm_core::grid::planes::{NODES, SIDE, node_at};
+use vrtm_core::mesh::NONE;
+use vrtm_core::mesh::hash::{Table, enter};
+use vrtm_core::mesh::triangle::barycentrics;
 
 /// The rigidity of a node of a feature.
 const RIGID: f32 = 0.5;
@@ -150,7 +150,7 @@ impl Depths {
                 if b == NONE || x < 0 || y < 0 {
                     continue;
                 }
-                let s = crate::grid::planes::slot((x & 15) as usize, (y & 15) as usize);
+                let s = vrtm_core::grid::planes::slot((x & 15) as usize, (y & 15) as usize);
                 let triangle = grid.triangle[b as usize][s];
                 if triangle != NONE && triangle as usize >= tile.own() && !tile.is_image(triangle) {
                     let uv = DVec2::new(x as f64, y as f64) / cells(level);

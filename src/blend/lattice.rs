@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use crate::grid::Level;
+use vrtm_core::grid::Level;
 
 /// Cells along u and v.
 pub(super) fn cells(level: &Level) -> DVec2 {

@@ -1,12 +1,12 @@
 //! How much of the blend each node takes: the whole of it, but less around cells that it would crush, falling off smoothly.
 
-use crate::allocation::{Collect, copied, filled, zeroed};
-use crate::cpu::certify::{Certificate, certify_block, corner_jacobians};
-use crate::grid::Level;
-use crate::grid::planes::{NODES, Plane, SIDE, slot};
-use crate::grid::window::{self, WINDOW_NODES, Window, place};
-use crate::method::law::STEP_MIN_JACOBIAN;
-use crate::team::Team;
+use vrtm_core::allocation::{Collect, copied, filled, zeroed};
+use vrtm_core::cpu::certify::{Certificate, certify_block, corner_jacobians};
+use vrtm_core::grid::Level;
+use vrtm_core::grid::planes::{NODES, Plane, SIDE, slot};
+use vrtm_core::grid::window::{self, WINDOW_NODES, Window, place};
+use vrtm_core::method::law::STEP_MIN_JACOBIAN;
+use vrtm_core::team::Team;
 
 /// Rounds in which fractions are lowered around cells that are crushed; then the charts that still have one give the blend up.
 const ROUNDS: usize = 24;

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use super::lattice::point;
-use crate::allocation::{Collect, filled, zeroed};
-use crate::mesh::TileMesh;
-use crate::mesh::triangle::barycentrics;
+use vrtm_core::allocation::{Collect, filled, zeroed};
+use vrtm_core::mesh::TileMesh;
+use vrtm_core::mesh::triangle::barycentrics;
 
 /// A point of the surface: a triangle of a chart, by its tile and its number there, and a UV within the tile; or the mirror
 /// image of such a point beyond an open border.

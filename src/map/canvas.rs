@@ -4,8 +4,8 @@ use std::sync::atomic::{AtomicPtr, Ordering};
 
 use half::f16;
 
-use crate::image::format::PixelFormat;
-use crate::image::{ImageViewMut, TexelLayout};
+use vrtm_core::image::format::PixelFormat;
+use vrtm_core::image::{ImageViewMut, TexelLayout};
 
 /// Texels of an image that several threads write, each texel by one thread.
 pub(crate) struct Canvas {

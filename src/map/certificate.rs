@@ -5,19 +5,19 @@ pub(crate) mod desc;
 mod error;
 mod strip;
 
-use crate::allocation::filled;
 use crate::device::Device;
-use crate::error::Result;
-use crate::mesh::Mesh;
-use crate::team::Team;
-use crate::unwind::caught;
+use vrtm_core::allocation::filled;
+use vrtm_core::error::Result;
+use vrtm_core::mesh::Mesh;
+use vrtm_core::team::Team;
+use vrtm_core::unwind::caught;
 
 use super::inverse::Outputs;
 use super::smallest_jacobian;
-use crate::settings::MAX_GRID;
 use crate::solver::solved::Solved;
 use desc::{MapDesc, MapReport};
 use strip::{Reader, bands};
+use vrtm_core::settings::MAX_GRID;
 
 /// Texels on a side of the smallest map that is inspected.
 const SMALLEST: u32 = 16;

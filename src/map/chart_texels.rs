@@ -2,11 +2,11 @@
 
 use glam::DVec2;
 
-use crate::allocation::{Collect, zeroed};
-use crate::grid::fill::Fill;
-use crate::image::ImagePart;
-use crate::mesh::TileMesh;
-use crate::team::Team;
+use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::grid::fill::Fill;
+use vrtm_core::image::ImagePart;
+use vrtm_core::mesh::TileMesh;
+use vrtm_core::team::Team;
 
 /// Rows that one item of work draws.
 pub(crate) const BAND: usize = 64;

@@ -5,14 +5,14 @@ use glam::DVec2;
 
 use super::canvas::Canvas;
 use super::chart_texels::{BAND, ChartTexels};
-use crate::allocation::{Collect, filled};
-use crate::grid::fill::Fill;
-use crate::image::ImagePart;
-use crate::mesh::collar::{Collar, collars};
-use crate::mesh::triangle::barycentrics;
-use crate::mesh::{Mesh, TileMesh};
-use crate::settings::Beyond;
-use crate::team::Team;
+use vrtm_core::allocation::{Collect, filled};
+use vrtm_core::grid::fill::Fill;
+use vrtm_core::image::ImagePart;
+use vrtm_core::mesh::collar::{Collar, collars};
+use vrtm_core::mesh::triangle::barycentrics;
+use vrtm_core::mesh::{Mesh, TileMesh};
+use vrtm_core::settings::Beyond;
+use vrtm_core::team::Team;
 
 /// What a texel beside the charts shows.
 #[derive(Clone, Copy)]

@@ -3,12 +3,12 @@
 use std::time::Instant;
 
 use crate::device::Device;
-use crate::error::{Error, ErrorKind, Result};
 use crate::gpu;
 use crate::gpu::external::Values;
-use crate::image::external::{ExternalImage, ExternalTexels};
 use crate::solver::solved::Solved;
 use crate::solver::tile_solve::Warp;
+use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::image::external::{ExternalImage, ExternalTexels};
 
 use super::{FetchKind, Form};
 

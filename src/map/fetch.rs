@@ -2,14 +2,14 @@
 
 use std::sync::atomic::{AtomicPtr, Ordering};
 
-use crate::allocation::{Collect, boxed};
 use crate::device::Device;
-use crate::error::{Error, ErrorKind, Result};
-use crate::grid::planes::Plane;
-use crate::image::ImagePart;
-use crate::image::{ImageViewMut, TexelLayout};
-use crate::mesh::{Corner, Mesh, NONE};
-use crate::team::Team;
+use vrtm_core::allocation::{Collect, boxed};
+use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::grid::planes::Plane;
+use vrtm_core::image::ImagePart;
+use vrtm_core::image::{ImageViewMut, TexelLayout};
+use vrtm_core::mesh::{Corner, Mesh, NONE};
+use vrtm_core::team::Team;
 
 use super::FetchKind;
 use super::Form;
@@ -20,9 +20,9 @@ use super::nodes::{self, NodeRows};
 use super::untangle::Untangler;
 use super::untangle::written::WrittenMap;
 use super::uv_set::OtherSet;
-use crate::grid::gutter::LimitedTexels;
-use crate::grid::owners::Owners;
 use crate::solver::solved::Solved;
+use vrtm_core::grid::gutter::LimitedTexels;
+use vrtm_core::grid::owners::Owners;
 
 /// The channel that marks the texels covered by charts.
 const ALPHA: usize = 3;

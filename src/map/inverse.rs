@@ -1,17 +1,17 @@
 //! W⁻¹ of a tile's result at texel centres, on the backend that holds the result.
 
-use crate::allocation::Collect;
-use crate::cpu::invert::{self, Inverse};
 use crate::device::Device;
-use crate::error::Result;
 use crate::gpu::{self, Displacements};
-use crate::image::ImagePart;
-use crate::team::Team;
+use vrtm_core::allocation::Collect;
+use vrtm_core::cpu::invert::{self, Inverse};
+use vrtm_core::error::Result;
+use vrtm_core::image::ImagePart;
+use vrtm_core::team::Team;
 
-use crate::grid::gutter::{Gutter, LimitedTexels};
-use crate::grid::owners::Owners;
 use crate::solver::solved::Solved;
 use crate::solver::tile_solve::Warp;
+use vrtm_core::grid::gutter::{Gutter, LimitedTexels};
+use vrtm_core::grid::owners::Owners;
 
 /// A redirection that is limited by less, in texels, does not count.
 const LEAST: f32 = 1e-5;

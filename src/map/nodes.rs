@@ -2,17 +2,17 @@
 
 use std::sync::Arc;
 
-use crate::allocation::{Collect, zeroed};
-use crate::error::Result;
-use crate::grid::Level;
-use crate::grid::planes::{Plane, SIDE, slot};
-use crate::image::ImagePart;
-use crate::mesh::TileMesh;
-use crate::team::Team;
+use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::error::Result;
+use vrtm_core::grid::Level;
+use vrtm_core::grid::planes::{Plane, SIDE, slot};
+use vrtm_core::image::ImagePart;
+use vrtm_core::mesh::TileMesh;
+use vrtm_core::team::Team;
 
 use super::canvas::Canvas;
-use crate::grid::owners::Owners;
 use crate::solver::solved::Solved;
+use vrtm_core::grid::owners::Owners;
 
 /// Most items of work into which writing a warp is divided.
 const ITEMS: usize = 64;

@@ -8,8 +8,8 @@ mod lattice;
 mod levels;
 pub(crate) mod written;
 
-use crate::allocation::{Grow, with_capacity, zeroed};
-use crate::team::Team;
+use vrtm_core::allocation::{Grow, with_capacity, zeroed};
+use vrtm_core::team::Team;
 
 use levels::Levels;
 use written::{LEAST, TARGET, WrittenMap, cross};

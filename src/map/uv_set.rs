@@ -5,14 +5,14 @@ use glam::DVec2;
 
 use super::canvas::Canvas;
 use super::chart_texels::BAND;
-use crate::allocation::{Collect, Grow, filled};
-use crate::grid::fill::Fill;
-use crate::image::ImagePart;
-use crate::mesh::triangle::barycentrics;
-use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::solver::solved::Solved;
-use crate::strain::exact::Locator;
-use crate::team::Team;
+use vrtm_core::allocation::{Collect, Grow, filled};
+use vrtm_core::grid::fill::Fill;
+use vrtm_core::image::ImagePart;
+use vrtm_core::mesh::triangle::barycentrics;
+use vrtm_core::mesh::{Mesh, NONE, TileMesh};
+use vrtm_core::strain::exact::Locator;
+use vrtm_core::team::Team;
 
 /// Texels beside a chart up to this far from it go on with the UVs of the chart's nearest triangle, so that a renderer that
 /// interpolates between texels reads the chart's own UVs at its border.

@@ -2,10 +2,10 @@
 
 use glam::DVec2;
 
-use crate::allocation::{Collect, Grow, with_capacity};
-use crate::mesh::hash::{Table, enter};
-use crate::mesh::triangle::triangulate;
-use crate::mesh::{Corner, Mesh, NONE, TileMesh};
+use vrtm_core::allocation::{Collect, Grow, with_capacity};
+use vrtm_core::mesh::hash::{Table, enter};
+use vrtm_core::mesh::triangle::triangulate;
+use vrtm_core::mesh::{Corner, Mesh, NONE, TileMesh};
 
 /// A UV shared by corners of one vertex and one chart, which are redirected alike.
 #[derive(Clone, Copy, Debug)]

@@ -7,10 +7,10 @@
 
 use glam::DVec2;
 
-use crate::allocation::{Collect, zeroed};
-use crate::error::Result;
-use crate::mesh::triangle::doubled_area;
-use crate::team::Team;
+use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::error::Result;
+use vrtm_core::mesh::triangle::doubled_area;
+use vrtm_core::team::Team;
 
 use crate::map::nodes;
 use crate::solver::solved::Solved;

@@ -3,11 +3,11 @@
 
 use glam::DVec2;
 
-use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
-use crate::error::Result;
-use crate::grid::planes::Plane;
-use crate::mesh::{Mesh, NONE};
-use crate::team::Team;
+use vrtm_core::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use vrtm_core::error::Result;
+use vrtm_core::grid::planes::Plane;
+use vrtm_core::mesh::{Mesh, NONE};
+use vrtm_core::team::Team;
 
 use super::base::{Base, UvPoint};
 use super::error::Warped;

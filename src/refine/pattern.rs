@@ -1,6 +1,6 @@
 //! Describes a refined mesh in terms of the original mesh.
 
-use crate::error::Result;
+use vrtm_core::error::Result;
 
 use super::Refinement;
 use super::split::{PieceCorner, Source};

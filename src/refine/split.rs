@@ -2,9 +2,9 @@
 //! before the longest edge of each of these triangles. The surface thus stays free of cracks, and no angle becomes
 //! smaller than about half of the smallest original angle (Rivara's longest-edge partition).
 
-use crate::allocation::{Collect, Grow, copied, zeroed};
-use crate::mesh::hash::{Table, enter};
-use crate::mesh::{Mesh, NONE};
+use vrtm_core::allocation::{Collect, Grow, copied, zeroed};
+use vrtm_core::mesh::hash::{Table, enter};
+use vrtm_core::mesh::{Mesh, NONE};
 
 use super::base::{Base, UvPoint};
 
@@ -155,7 +155,7 @@ impl<'a> Splitter<'a> {
             ..Pieces::default()
         };
         let mut splitter = Splitter::go_on(mesh, base, pieces);
-        let mut list = crate::allocation::with_capacity(base.triangles.len());
+        let mut list = vrtm_core::allocation::with_capacity(base.triangles.len());
         for (t, triangle) in base.triangles.iter().enumerate() {
             let corner = |k: usize| PieceCorner {
                 vertex: mesh.indices[triangle.corners[k] as usize],
@@ -233,8 +233,8 @@ impl<'a> Splitter<'a> {
     /// Splits the marked edges. `values` has one value per piece; new parts get `new`.
     pub fn split(&mut self, marked: &[bool], values: &mut Vec<f64>, new: f64) {
         let old = std::mem::take(&mut self.pieces.list);
-        let mut list = crate::allocation::with_capacity(old.len());
-        let mut kept = crate::allocation::with_capacity(old.len());
+        let mut list = vrtm_core::allocation::with_capacity(old.len());
+        let mut kept = vrtm_core::allocation::with_capacity(old.len());
         for (piece, value) in old.iter().zip(values.iter()) {
             let before = list.len();
             self.split_piece(piece, marked, &mut list);

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::error::Result;
 use crate::gpu;
 use crate::gpu::context::Context;
-use crate::method::plan::Summary;
-use crate::unwind::caught;
+use vrtm_core::error::Result;
+use vrtm_core::method::plan::Summary;
+use vrtm_core::unwind::caught;
 
 use super::tile_solve::{TileSolution, TileSolve, Warp};
 

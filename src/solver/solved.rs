@@ -5,15 +5,15 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::DVec2;
 
-use crate::cpu::invert;
-use crate::grid::Grid;
-use crate::grid::gutter::{Gutter, LimitedTexels};
-use crate::grid::planes::{Plane, slot};
-use crate::grid::pose::ChartPose;
-use crate::mesh::{NONE, TileMesh};
-use crate::method::plan::{ChartResult, Plan};
-use crate::report::{GpuWork, TileReport};
-use crate::settings::Overlap;
+use vrtm_core::cpu::invert;
+use vrtm_core::grid::Grid;
+use vrtm_core::grid::gutter::{Gutter, LimitedTexels};
+use vrtm_core::grid::planes::{Plane, slot};
+use vrtm_core::grid::pose::ChartPose;
+use vrtm_core::mesh::{NONE, TileMesh};
+use vrtm_core::method::plan::{ChartResult, Plan};
+use vrtm_core::report::{GpuWork, TileReport};
+use vrtm_core::settings::Overlap;
 
 use super::tile_solve::Warp;
 

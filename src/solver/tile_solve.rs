@@ -3,18 +3,18 @@
 use std::cell::RefCell;
 use std::sync::Arc;
 
-use crate::allocation::zeroed;
-use crate::error::Result;
 use crate::gpu;
-use crate::grid::Grid;
-use crate::grid::planes::Plane;
-use crate::method::deadline::Deadline;
-use crate::method::plan::{ChartResult, Input, Plan, Summary};
-use crate::method::progress::Progress;
-use crate::method::schedule;
-use crate::method::stage::Stages;
-use crate::report::GpuWork;
-use crate::team::Team;
+use vrtm_core::allocation::zeroed;
+use vrtm_core::error::Result;
+use vrtm_core::grid::Grid;
+use vrtm_core::grid::planes::Plane;
+use vrtm_core::method::deadline::Deadline;
+use vrtm_core::method::plan::{ChartResult, Input, Plan, Summary};
+use vrtm_core::method::progress::Progress;
+use vrtm_core::method::schedule;
+use vrtm_core::method::stage::Stages;
+use vrtm_core::report::GpuWork;
+use vrtm_core::team::Team;
 
 /// Displacements in cells, per block of the finest level.
 #[derive(Debug)]

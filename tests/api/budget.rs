@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use crate::common::{self, Model, bits, scenes};
 use vrtm::{Asset, Device, DeviceSettings, PbdSettings, SolveOptions, Solver, TileReport};
+use vrtm_lab::Lab as _;
 
 fn with_budget(ms: f64) -> SolveOptions {
     SolveOptions { time_budget: Some(Duration::from_secs_f64(ms / 1000.0)), ..SolveOptions::default() }

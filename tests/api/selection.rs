@@ -3,6 +3,7 @@
 
 use crate::common::{self, Model, bits, scenes};
 use vrtm::{Asset, ErrorKind, Quality, SolveOptions, SolveRequest};
+use vrtm_lab::Lab as _;
 
 /// The arm has two tiles.
 fn arm() -> (Model, Asset) {

@@ -9,7 +9,7 @@ use std::ptr;
 
 use crate::{gpu, long};
 
-use vrtm::ffi::{
+use vrtm_capi::{
     asset::*, device::*, fetch::*, handle::*, mesh::*, report::*, solve::*, status::*, tile::*, types::*,
 };
 

@@ -12,7 +12,7 @@ mod generate;
 
 use crate::tools::{compiler, library, root, scratch};
 
-/// The header as `src/ffi` has it now; `include/vrtm.h` is a committed copy.
+/// The header as `crates/capi/src` has it now; `include/vrtm.h` is a committed copy.
 static GENERATED: LazyLock<String> = LazyLock::new(|| generate::header(root()).unwrap());
 
 fn committed() -> PathBuf {
@@ -28,7 +28,7 @@ fn the_committed_header_is_the_generated_one() {
     let line = text.lines().zip(GENERATED.lines()).position(|(a, b)| a != b);
     assert!(
         text == *GENERATED,
-        "include/vrtm.h differs from src/ffi (first in line {:?}): VRTM_UPDATE_HEADER=1 cargo test --test c_api header::",
+        "include/vrtm.h differs from crates/capi/src (first in line {:?}): VRTM_UPDATE_HEADER=1 cargo test --test c_api header::",
         line.map(|n| n + 1)
     );
 }
@@ -99,8 +99,8 @@ fn every_struct_with_a_size_has_an_initialiser() {
 /// The defaults that initialisers set are those of the library, and the fields' comments tell them.
 #[test]
 fn initialisers_set_the_defaults() {
-    use vrtm::ffi::{mesh::vrtm_mesh_desc, refine::vrtm_refinement_desc};
-    use vrtm::ffi::{solve::vrtm_solve_options, tile::vrtm_tile_settings};
+    use vrtm_capi::{mesh::vrtm_mesh_desc, refine::vrtm_refinement_desc};
+    use vrtm_capi::{solve::vrtm_solve_options, tile::vrtm_tile_settings};
     let (mesh, tile) = (vrtm_mesh_desc::default(), vrtm_tile_settings::default());
     let (pbd, refinement) = (vrtm_solve_options::default().pbd, vrtm_refinement_desc::default());
     let single = f64::from;

@@ -11,7 +11,9 @@ mod gaps;
 
 use std::collections::HashMap;
 
-use vrtm::{Asset, CollarOfChart, OpenBorders, Seams, SolveOptions, Strided, TileSettings};
+use vrtm::{Asset, OpenBorders, Seams, SolveOptions, Strided, TileSettings};
+use vrtm_lab::CollarOfChart;
+use vrtm_lab::Lab as _;
 
 use super::{Maps, Model, Warp, assets, scenes};
 use beyond::Beyond;

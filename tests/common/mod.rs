@@ -23,6 +23,7 @@ use vrtm::{
     Asset, Backend, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, ImageViewMut, MeshSource,
     Origin, PixelFormat, Quality, SolveOptions, Strided, TileSettings, UvSource, Weld, WeldBy,
 };
+use vrtm_lab::Lab as _;
 
 pub use files::{assets, obj, save};
 pub use gpu::{gpu, has_gpu};

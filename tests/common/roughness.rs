@@ -3,6 +3,7 @@
 //! size of a rounding of f32 in the pose tells how much the solve magnifies it.
 
 use vrtm::{Asset, SolveOptions, Strided};
+use vrtm_lab::Lab as _;
 
 use super::Model;
 use super::motion::Spread;

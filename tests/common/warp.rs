@@ -2,6 +2,7 @@
 //! (method §9).
 
 use vrtm::Asset;
+use vrtm_lab::Lab as _;
 
 /// The warp of one tile.
 #[derive(Clone, Debug)]

@@ -6,6 +6,7 @@ use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, PbdSettings, Quality, SolveOptions, Solver,
     TileSettings,
 };
+use vrtm_lab::Lab as _;
 
 /// A device with WebGPU's default limits, whose buffers hold at most `blocks` blocks.
 fn limited(band: Option<usize>) -> Device {

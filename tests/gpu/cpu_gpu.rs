@@ -7,6 +7,7 @@ use std::fmt;
 use crate::common::motion::Spread;
 use crate::common::{self, Model, bits, cpu, long, options};
 use vrtm::{Asset, Device, DeviceSettings, Quality, Strided, TileReport};
+use vrtm_lab::Lab as _;
 
 /// A solve that is done on both backends.
 struct Case<'a> {

@@ -6,13 +6,13 @@
 use std::ffi::CStr;
 use std::os::fd::{FromRawFd, OwnedFd};
 
-use vrtm::ffi::{
-    adapter::*, asset::*, device::*, external::*, fetch::*, handle::*, mesh::*, solve::*, status::*, tile::*,
-    types::*,
-};
 use vrtm::{
     AdapterId, Asset, Backend, Device, DeviceSettings, ErrorKind, ExternalHandle, ExternalImage, FetchKind,
     ImageLayout, ImageViewMut, Origin, PixelFormat, Quality, adapters,
+};
+use vrtm_capi::{
+    adapter::*, asset::*, device::*, external::*, fetch::*, handle::*, mesh::*, solve::*, status::*, tile::*,
+    types::*,
 };
 
 use crate::child::in_a_child;

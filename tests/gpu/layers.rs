@@ -2,6 +2,7 @@
 
 use crate::common::{Model, bits, cpu, gpu, scenes};
 use vrtm::{Asset, Device, DeviceSettings, SolveOptions};
+use vrtm_lab::Lab as _;
 
 /// The model twice over itself: the second time, it takes another pose.
 fn twice(model: &Model) -> Model {

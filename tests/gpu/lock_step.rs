@@ -4,7 +4,9 @@
 use std::collections::BTreeMap;
 
 use crate::common::{self, Model, long, options};
-use vrtm::{DeviceSettings, ErrorKind, Quality, SolveOptions, StageDifference, TileSettings};
+use vrtm::{DeviceSettings, ErrorKind, Quality, SolveOptions, TileSettings};
+use vrtm_lab::Lab as _;
+use vrtm_lab::StageDifference;
 
 /// Bounds of the difference of a quantity after one stage: for the maximum and for the RMS, the factor of the largest
 /// magnitude on the CPU, and an absolute part. Both backends evaluate the same expressions in f32. A GPU may fuse
@@ -173,7 +175,7 @@ fn stages_from_the_same_state() {
 
 #[test]
 fn backends_are_compared_on_a_gpu_alone() {
-    let mut asset = Model::from(common::scenes::analytic::bulge()).asset(1, 32);
+    let asset = Model::from(common::scenes::analytic::bulge()).asset(1, 32);
     let positions = common::scenes::analytic::bulge().poses[0].clone();
     let compared =
         asset.compare_backends(0, vrtm::Strided::from_f32x3(&positions), &SolveOptions::default(), true);

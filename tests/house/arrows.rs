@@ -1,11 +1,19 @@
-//! The order of the house: a module of `src` imports only modules below it, which `src/lib.rs` lists from the ground up;
-//! and no files import one another in a circle.
+//! The order of the house. Between crates the compiler holds it. Within a crate a module imports only modules below it, which
+//! `lib.rs` lists from the ground up; and no files import one another in a circle.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The modules of `src/lib.rs` in their order, each with its rank.
+/// The source folders of the crates.
+fn crates() -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).canonicalize().unwrap();
+    let mut folders = vec![root.join("src")];
+    folders.extend(fs::read_dir(root.join("crates")).unwrap().map(|entry| entry.unwrap().path().join("src")));
+    folders
+}
+
+/// The modules of a `lib.rs` in their order, each with its rank.
 fn ranks(root: &Path) -> BTreeMap<String, usize> {
     let lib = fs::read_to_string(root.join("lib.rs")).unwrap();
     let mut ranks = BTreeMap::new();
@@ -74,29 +82,31 @@ fn imported(code: &str) -> Vec<String> {
 
 #[test]
 fn imports_point_down_and_name_the_defining_module() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let ranks = ranks(&root);
-    assert!(ranks.len() > 20 && ranks["line"] < ranks["ffi"], "{ranks:?}");
-    let mut files = Vec::new();
-    sources(&root, &mut files);
     let (mut arrows, mut wrong) = (0, Vec::new());
-    for path in files {
-        let place = path.strip_prefix(&root).unwrap();
-        let first = place.components().next().unwrap().as_os_str().to_str().unwrap();
-        let own = match first.strip_suffix(".rs").unwrap_or(first) {
-            "lib" => continue,
-            "gpu_absent" => "gpu",
-            own => own,
-        };
-        for name in imported(&code(&path)) {
-            match ranks.get(&name) {
-                Some(rank) if *rank > ranks[own] => wrong.push(format!("{}: up to {name}", place.display())),
-                Some(_) => arrows += 1,
-                None => wrong.push(format!("{}: crate::{name} is defined elsewhere", place.display())),
+    for root in crates() {
+        let ranks = ranks(&root);
+        let mut files = Vec::new();
+        sources(&root, &mut files);
+        for path in files {
+            let place = path.strip_prefix(&root).unwrap();
+            let first = place.components().next().unwrap().as_os_str().to_str().unwrap();
+            let own = match first.strip_suffix(".rs").unwrap_or(first) {
+                "lib" => continue,
+                "gpu_absent" => "gpu",
+                own => own,
+            };
+            for name in imported(&code(&path)) {
+                match ranks.get(&name) {
+                    Some(rank) if *rank > ranks[own] => {
+                        wrong.push(format!("{}: up to {name}", path.display()))
+                    }
+                    Some(_) => arrows += 1,
+                    None => wrong.push(format!("{}: crate::{name} is defined elsewhere", path.display())),
+                }
             }
         }
     }
-    assert!(arrows > 500, "only {arrows} imports were found");
+    assert!(arrows > 300, "only {arrows} imports were found");
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
 }
 
@@ -180,22 +190,25 @@ fn module<'a>(own: &str, path: &str, modules: &'a BTreeMap<String, PathBuf>) -> 
 
 #[test]
 fn no_files_import_one_another_in_a_circle() {
-    let modules = modules(&Path::new(env!("CARGO_MANIFEST_DIR")).canonicalize().unwrap().join("src"));
-    let mut arrows: BTreeMap<&String, BTreeSet<&String>> = BTreeMap::new();
-    for (own, file) in &modules {
-        let paths = paths(&code(file));
-        let named = paths.iter().filter_map(|path| module(own, path, &modules));
-        arrows.insert(own, named.filter(|name| *name != own).collect());
-    }
-    let mut circles = Vec::new();
-    for own in modules.keys() {
-        let (mut reached, mut open) = (BTreeMap::new(), vec![own]);
-        while let Some(from) = open.pop() {
-            open.extend(arrows[from].iter().filter(|to| reached.insert(**to, from).is_none()));
+    let (mut files, mut count, mut circles) = (0, 0, Vec::new());
+    for root in crates() {
+        let modules = modules(&root);
+        let mut arrows: BTreeMap<&String, BTreeSet<&String>> = BTreeMap::new();
+        for (own, file) in &modules {
+            let paths = paths(&code(file));
+            let named = paths.iter().filter_map(|path| module(own, path, &modules));
+            arrows.insert(own, named.filter(|name| *name != own).collect());
         }
-        circles.extend(reached.get(own).map(|from| format!("{from} -> {own}")));
+        for own in modules.keys() {
+            let (mut reached, mut open) = (BTreeMap::new(), vec![own]);
+            while let Some(from) = open.pop() {
+                open.extend(arrows[from].iter().filter(|to| reached.insert(**to, from).is_none()));
+            }
+            circles.extend(reached.get(own).map(|from| format!("{}: {from} -> {own}", root.display())));
+        }
+        files += modules.len();
+        count += arrows.values().map(BTreeSet::len).sum::<usize>();
     }
-    let count: usize = arrows.values().map(BTreeSet::len).sum();
-    assert!(modules.len() > 200 && count > 700, "only {count} arrows between {} files", modules.len());
+    assert!(files > 200 && count > 600, "only {count} arrows between {files} files");
     assert!(circles.is_empty(), "files import one another:\n{}", circles.join("\n"));
 }

@@ -1,4 +1,4 @@
-//! Model checks of the protocol between a team's threads, `src/team/protocol.rs`. Loom runs each model in all
+//! Model checks of the protocol between a team's threads, `crates/core/src/team/protocol.rs`. Loom runs each model in all
 //! interleavings, and with all values that the memory model lets a load return. It reports a lost wakeup as a deadlock,
 //! and an access to a job that is not ordered before the job's end as a race.
 //!
@@ -15,7 +15,7 @@ use Job::{Bad, Good};
 use loom::cell::UnsafeCell;
 use protocol::Protocol;
 
-#[path = "../../src/team/protocol.rs"]
+#[path = "../../crates/core/src/team/protocol.rs"]
 #[allow(dead_code)]
 mod protocol;
 

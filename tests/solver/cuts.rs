@@ -4,6 +4,7 @@
 
 use crate::common::{Maps, Model, cpu, gpu, options};
 use vrtm::{Device, DeviceSettings, Quality};
+use vrtm_lab::Lab as _;
 
 /// Quads on a side of the sheet; two triangles each.
 const QUADS: usize = 32;

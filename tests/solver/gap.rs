@@ -9,6 +9,7 @@ use std::time::Instant;
 
 use crate::common::{self, Model, long, on_all_cores, options, scenes};
 use vrtm::Quality;
+use vrtm_lab::Lab as _;
 
 const GRID: u32 = 256;
 

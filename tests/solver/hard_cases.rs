@@ -10,6 +10,7 @@ use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageView, ImageViewMut,
     MeshSource, Origin, PixelFormat, Quality, SolveOptions, Strided, TileReport, TileSettings, UvSource,
 };
+use vrtm_lab::Lab as _;
 
 mod table;
 

@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use vrtm::{
     Asset, Device, DeviceSettings, OpenBorders, Quality, Seams, SolveOptions, Solver, Strided, TileSettings,
 };
+use vrtm_lab::Lab as _;
 
 use crate::common::features::{Borders, CASES, Kind, STILL, Summary, models, of_asset, solve};
 use crate::common::{self, Maps, Model, bits, cpu, on_all_cores, options};

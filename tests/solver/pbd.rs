@@ -6,6 +6,7 @@ use vrtm::{
     Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PbdSettings, PixelFormat, Quality,
     SolveOptions, Solver, Strided, TileReport, TileSettings,
 };
+use vrtm_lab::Lab as _;
 
 fn pbd(iterations: u32) -> SolveOptions {
     let pbd = PbdSettings { iterations: Some(iterations), ..PbdSettings::default() };
@@ -170,7 +171,7 @@ fn backends_can_be_compared() {
     }
     let model = Model::from(scenes::analytic::torus());
     let settings = DeviceSettings { backend: vrtm::Backend::Gpu, ..DeviceSettings::default() };
-    let mut asset = model.asset_on(&Device::new(&settings).unwrap(), 64);
+    let asset = model.asset_on(&Device::new(&settings).unwrap(), 64);
     let differences = asset.compare_backends(0, model.frame(1), &pbd(5), true).unwrap();
     assert!(differences.iter().filter(|d| d.stage.starts_with("relax@")).count() >= 5);
     for d in differences.iter().filter(|d| d.quantity == "displacement (cells)") {

@@ -1,6 +1,7 @@
 //! The setting `protect`: features that a pose does not strain come before those that it strains.
 
 use vrtm::{Asset, Quality, SolveOptions, Strided, TileSettings};
+use vrtm_lab::Lab as _;
 
 use crate::common::features::dense::dense;
 use crate::common::features::{Feature, of_asset};

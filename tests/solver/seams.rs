@@ -6,6 +6,7 @@ use vrtm::{
     Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, OpenBorders, Origin, PixelFormat,
     Quality, Seams, SolveOptions, Strided, TileSettings,
 };
+use vrtm_lab::Lab as _;
 
 use crate::common::features::{CASES, Kind, Summary, gaps, models, of_asset, solve};
 use crate::common::{self, Maps, Model, Warp, bits, cpu, on_all_cores, options};

@@ -6,6 +6,7 @@ use crate::common::motion::{Spread, length};
 use crate::common::scenes::{analytic, arm, creature};
 use crate::common::{self, Model, bits, gpu, long, on_all_cores};
 use vrtm::{Asset, DeviceSettings, SolveOptions, Strided};
+use vrtm_lab::Lab as _;
 
 type Warp = Vec<[f32; 2]>;
 

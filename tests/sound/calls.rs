@@ -6,7 +6,7 @@ use std::ffi::c_void;
 use std::ptr;
 use std::sync::atomic::{AtomicIsize, AtomicPtr, Ordering};
 
-use vrtm::ffi::{
+use vrtm_capi::{
     allocator::*, asset::*, device::*, dilation::*, executor::*, fetch::*, handle::*, job::*, map::*,
     prepare::*, refine::*, report::*, solve::*, tile::*, types::*,
 };

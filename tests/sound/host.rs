@@ -4,7 +4,7 @@ use std::ffi::{CStr, c_void};
 use std::mem::{size_of, zeroed};
 use std::ptr;
 
-use vrtm::ffi::{asset::*, handle::*, mesh::*, solve::*, status::*, tile::*, types::*};
+use vrtm_capi::{asset::*, handle::*, mesh::*, solve::*, status::*, tile::*, types::*};
 
 /// A struct of the C API with its size field set and all else zero.
 pub fn sized<T: Copy>() -> T {

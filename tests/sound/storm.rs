@@ -4,7 +4,7 @@
 
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 
-use vrtm::ffi::{
+use vrtm_capi::{
     asset::*, device::*, fetch::*, handle::*, job::*, map::*, prepare::*, refine::*, report::*, solve::*,
     status::*, tile::*, types::*,
 };

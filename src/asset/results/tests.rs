@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use super::*;
 use crate::device::Device;
-use crate::mesh::{MeshSource, UvSource};
-use crate::settings::{Backend, DeviceSettings, Quality, SolveOptions, TileSettings};
 use crate::solver::tile_solve::Warp;
-use crate::view::Strided;
 use crate::{Asset, FetchKind, ImageLayout, ImageView, ImageViewMut, PixelFormat};
+use vrtm_core::mesh::{MeshSource, UvSource};
+use vrtm_core::settings::{Backend, DeviceSettings, Quality, SolveOptions, TileSettings};
+use vrtm_core::view::Strided;
 
 /// Inverts a GPU's result on the GPU and on the CPU.
 #[test]

@@ -1,10 +1,10 @@
 //! The description of a map that a host asks about, and the report on it.
 
-use crate::error::{Error, ErrorKind, Result};
-use crate::image::format::PixelFormat;
 use crate::map::{FetchKind, Form};
-use crate::settings::MAX_GRID;
 use crate::solver::solved::Solved;
+use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::image::format::PixelFormat;
+use vrtm_core::settings::MAX_GRID;
 
 /// A redirection map that a host could fetch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,9 +1,9 @@
 //! Measures how far the interpolated map is from the redirection.
 
-use crate::allocation::{Collect, zeroed};
-use crate::error::Result;
-use crate::image::ImagePart;
-use crate::image::format::PixelFormat;
+use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::error::Result;
+use vrtm_core::image::ImagePart;
+use vrtm_core::image::format::PixelFormat;
 
 use super::desc::MapDesc;
 use super::strip::{Reader, bands};

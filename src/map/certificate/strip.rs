@@ -4,18 +4,18 @@ use std::ops::Range;
 
 use half::f16;
 
-use crate::allocation::{Collect, zeroed};
 use crate::device::Device;
-use crate::error::Result;
-use crate::image::format::PixelFormat;
-use crate::image::{ImageLayout, ImagePart, ImageViewMut, Origin};
-use crate::team::Team;
+use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::error::Result;
+use vrtm_core::image::format::PixelFormat;
+use vrtm_core::image::{ImageLayout, ImagePart, ImageViewMut, Origin};
+use vrtm_core::team::Team;
 
 use super::desc::MapDesc;
 use crate::map::fetch::Output;
 use crate::map::inverse::Outputs;
-use crate::mesh::Mesh;
 use crate::solver::solved::Solved;
+use vrtm_core::mesh::Mesh;
 
 /// Writes rows of maps of a result.
 pub struct Reader<'a> {

@@ -5,8 +5,8 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU8, AtomicUsize, Ordering};
 
-use crate::allocation::{Grow, with_capacity, zeroed};
-use crate::team::{SharedSlice, Team};
+use vrtm_core::allocation::{Grow, with_capacity, zeroed};
+use vrtm_core::team::{SharedSlice, Team};
 
 use super::lattice::{Bound, Lattice, advance, slack, way};
 use super::written::{LEAST, WrittenMap, cross};

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use vrtm::{CollarOfChart, CollarTriangleInSpace};
+use vrtm_lab::{CollarOfChart, CollarTriangleInSpace};
 
 use super::charts::{Charts, barycentric, interpolate, least};
 use crate::common::Warp;

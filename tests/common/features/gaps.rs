@@ -3,6 +3,7 @@
 use std::collections::HashMap;
 
 use vrtm::Asset;
+use vrtm_lab::Lab as _;
 
 use super::beyond::Beyond;
 use super::charts::{Charts, distance};

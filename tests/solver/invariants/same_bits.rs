@@ -4,6 +4,7 @@ use vrtm::{
     Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions,
     Strided,
 };
+use vrtm_lab::Lab as _;
 
 use crate::common::{self, Model, bits, fetch, options};
 

@@ -5,6 +5,7 @@ use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageView, ImageViewMut,
     OpenBorders, Origin, Overlap, PixelFormat, Seams, SolveOptions, TileSettings,
 };
+use vrtm_lab::Lab as _;
 
 use super::borders::{borders, hold};
 use super::build::Model;

@@ -1,6 +1,7 @@
 //! Cuts that are closed at rest, and welds that a pose tears.
 
 use vrtm::{Asset, Quality, SolveOptions, Strided, TileSettings, WeldBy};
+use vrtm_lab::Lab as _;
 
 use super::{GRID, QUADS, by, devices, sheet, slit, solved};
 use crate::common::{Model, bits, options, view};

@@ -1,0 +1,323 @@
+//! Devices.
+
+use std::ffi::{CString, c_char, c_void};
+use std::num::NonZeroU32;
+use std::sync::Arc;
+
+use super::adapter::{adapter_id, vrtm_adapter_by};
+use super::allocator::{self, vrtm_allocator};
+use super::desc::{self, Out, Place, Sized32};
+use super::executor::{HostExecutor, vrtm_executor};
+use super::guard::guard;
+use super::handle::{self, vrtm_device};
+use super::status::{Failure, Outcome, chars, vrtm_status};
+use vrtm::Device;
+use vrtm_core::settings::{Backend, DeviceSettings, LogFn, LogLevel};
+
+/// Where assets are solved.
+pub type vrtm_backend = i32;
+/// A hardware GPU, discrete before integrated; the CPU if no such GPU was found or it cannot be opened; the default. A
+/// software driver does not count as a GPU. vrtm_device_info says what was chosen and why.
+pub const VRTM_BACKEND_AUTO: vrtm_backend = 0;
+/// The CPU.
+pub const VRTM_BACKEND_CPU: vrtm_backend = 1;
+/// The GPU that vrtm_device_desc selects, even a software driver; never falls back to the CPU.
+pub const VRTM_BACKEND_GPU: vrtm_backend = 2;
+
+/// How important a log line is.
+pub type vrtm_log_level = i32;
+/// Something to show to the artist: clipped faces, overlapping charts.
+pub const VRTM_LOG_WARNING: vrtm_log_level = 1;
+/// The chosen backend and device, and the reason.
+pub const VRTM_LOG_INFO: vrtm_log_level = 2;
+
+/// A host's log function. It is called on the thread that called into vrtm, during that call (on one of a host's
+/// threads, if the device has an executor, and on a job's thread); several threads may call it at once. `message` is
+/// one UTF-8 line without a line break, valid during the call. It may call vrtm functions; calls that use the asset of
+/// the current call give VRTM_ERROR_BUSY, as does waiting for the current job. It must return normally: no exception,
+/// no longjmp.
+pub type vrtm_log_fn =
+    Option<unsafe extern "C" fn(user: *mut c_void, level: vrtm_log_level, message: *const c_char)>;
+
+/// Settings of a new device. Start from vrtm_device_desc_init(), whose defaults are: automatic backend, all cores, no
+/// memory budget, no log.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_device_desc {
+    /// sizeof(vrtm_device_desc); set by vrtm_device_desc_init().
+    pub struct_size: u32,
+    /// One of VRTM_BACKEND_: AUTO (0, the default), CPU, GPU. The environment variable VRTM_DEVICE (auto, cpu, gpu, or
+    /// gpu:UUID with the UUID of an adapter) overrides it, for support.
+    pub backend: vrtm_backend,
+    /// One of VRTM_ADAPTER_BY_: NUMBER (0, the default), UUID, LUID, REGISTRY_ID. With the last three, `adapter_id` is
+    /// used instead of `adapter`, so that vrtm can compute on the GPU that the host draws with. With `backend` GPU, the
+    /// adapter must exist; AUTO uses it if it is a usable hardware GPU, and the CPU otherwise.
+    pub adapter_by: vrtm_adapter_by,
+    /// Which GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU and `adapter_by` is NUMBER; ignored otherwise.
+    pub adapter: u32,
+    /// The identity of the adapter, in memory order; unused bytes are zero.
+    pub adapter_id: [u8; 16],
+    /// CPU threads that one solve uses, at most 1024; 0 = one per core. The result is the same bit for bit. The
+    /// environment variable VRTM_THREADS overrides it.
+    pub threads: u32,
+    /// Maximum bytes that all assets of the device may hold together; 0 = no limit. A call that would exceed it gives
+    /// VRTM_ERROR_OUT_OF_MEMORY.
+    pub memory_budget: u64,
+    /// Receives log messages; null (the default) = no log. The function and `log_user` must stay valid until the device
+    /// and all of its assets are destroyed.
+    pub log: vrtm_log_fn,
+    /// Passed to `log` unchanged.
+    pub log_user: *mut c_void,
+    /// The host's threads; null (the default) = the library starts threads for each solve or fetch, which end with the
+    /// call. The struct is copied.
+    pub executor: *const vrtm_executor,
+    /// The host's allocator; null (the default) = the system's. The struct is copied.
+    pub allocator: *const vrtm_allocator,
+}
+
+/// Description of a device. Start from vrtm_device_data_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_device_data {
+    /// sizeof(vrtm_device_data); set by vrtm_device_data_init().
+    pub struct_size: u32,
+    /// The backend in use: VRTM_BACKEND_CPU or VRTM_BACKEND_GPU.
+    pub backend: vrtm_backend,
+    /// The processor's or adapter's name, UTF-8.
+    pub name: [c_char; 128],
+    /// Why this backend was chosen, in a sentence, UTF-8. If the GPU was lost, the cause comes first.
+    pub reason: [c_char; 256],
+    /// CPU threads per solve.
+    pub threads: u32,
+    /// Bytes that all assets of the device currently hold.
+    pub bytes_held: u64,
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers, raw pointers and an optional function, as in the next
+// struct.
+unsafe impl Sized32 for vrtm_device_desc {
+    const NAME: &'static str = "vrtm_device_desc";
+}
+
+impl Default for vrtm_device_desc {
+    fn default() -> vrtm_device_desc {
+        Sized32::zeroed()
+    }
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for vrtm_device_data {
+    const NAME: &'static str = "vrtm_device_data";
+}
+
+/// A host's log function and its user data.
+struct HostLog {
+    call: unsafe extern "C" fn(*mut c_void, vrtm_log_level, *const c_char),
+    user: *mut c_void,
+}
+
+// SAFETY: the header tells the host that its function is called from any thread that calls into vrtm.
+unsafe impl Send for HostLog {}
+// SAFETY: as above.
+unsafe impl Sync for HostLog {}
+
+impl HostLog {
+    fn write(&self, level: LogLevel, message: &str) {
+        #[expect(clippy::disallowed_methods, reason = "one line")]
+        let line: String =
+            message.chars().map(|c| if matches!(c, '\0' | '\n' | '\r') { ' ' } else { c }).collect();
+        let level = match level {
+            LogLevel::Warning => VRTM_LOG_WARNING,
+            _ => VRTM_LOG_INFO,
+        };
+        if let Ok(line) = CString::new(line) {
+            // SAFETY: the host vouches for the function and for its user data.
+            unsafe { (self.call)(self.user, level, line.as_ptr()) }
+        }
+    }
+}
+
+unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
+    let backend = match desc.backend {
+        VRTM_BACKEND_AUTO => Backend::Auto,
+        VRTM_BACKEND_CPU => Backend::Cpu,
+        VRTM_BACKEND_GPU => Backend::Gpu,
+        other => return Err(Failure::argument(format!("desc.backend is {other}, no VRTM_BACKEND_ value"))),
+    };
+    let log = desc.log.map(|call| {
+        let host = HostLog { call, user: desc.log_user };
+        Arc::new(move |level: LogLevel, message: &str| host.write(level, message)) as LogFn
+    });
+    // SAFETY: the host's pointer.
+    let executor = unsafe { HostExecutor::read(desc.executor, "desc.executor") }?;
+    Ok(DeviceSettings {
+        backend,
+        adapter: desc.adapter,
+        adapter_id: adapter_id(desc.adapter_by, desc.adapter_id)?,
+        threads: NonZeroU32::new(desc.threads),
+        memory_budget: (desc.memory_budget != 0).then_some(desc.memory_budget),
+        log,
+        executor: executor.map(|executor| Arc::new(executor) as _),
+        // SAFETY: the host's pointer.
+        allocator: unsafe { allocator::read(desc.allocator, "desc.allocator") }?,
+    })
+}
+
+/// Makes a device. `desc` may be null, which means all defaults. The caller destroys `*device`.
+///
+/// Looking for GPUs and opening one loads drivers, which takes tens of milliseconds, the first time more; an open GPU
+/// keeps threads of its driver alive until the device and all of its assets are destroyed. So make one device and keep
+/// it. The library prints nothing, but a driver may: Mesa's writes a line to stderr where XDG_RUNTIME_DIR is not set.
+///
+/// The environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's default limits (bindings of 128 MiB,
+/// buffers of 256 MiB) and without optional features, for support.
+///
+/// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range or an identity that no adapter
+/// has (VRTM_BACKEND_GPU; the message lists the available ones), more than 1024 threads, an allocator without a
+/// function, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
+/// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if no GPU was found or it cannot be opened, and for an allocator if the
+/// library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_device_create(
+    desc: *const vrtm_device_desc,
+    device: *mut vrtm_device,
+) -> vrtm_status {
+    guard("vrtm_device_create", || {
+        let out = Place::new(device, "device")?;
+        // SAFETY: the host's pointer.
+        let desc = unsafe { desc::read_or_default(desc, "desc") }?;
+        // SAFETY: as above.
+        let device = Device::new(&unsafe { settings(&desc) }?)?;
+        out.write(handle::add_device(device)?);
+        Ok(())
+    })
+}
+
+/// Describes a device: its backend, why it was chosen, and how much memory its assets hold. Works even after the GPU
+/// was lost.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_device_info(device: vrtm_device, info: *mut vrtm_device_data) -> vrtm_status {
+    guard("vrtm_device_info", || {
+        let out = Out::new(info, "info")?;
+        let info = handle::device(device)?.info();
+        out.write(vrtm_device_data {
+            struct_size: 0,
+            backend: match info.backend {
+                Backend::Auto => VRTM_BACKEND_AUTO,
+                Backend::Cpu => VRTM_BACKEND_CPU,
+                Backend::Gpu => VRTM_BACKEND_GPU,
+            },
+            threads: info.threads,
+            bytes_held: info.bytes_held,
+            name: chars(&info.name),
+            reason: chars(&info.reason),
+        });
+        Ok(())
+    })
+}
+
+/// Destroys a device's handle. Assets that were made on it, and the log function, remain in use until the assets are
+/// destroyed, in any order.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_device_destroy(device: vrtm_device) -> vrtm_status {
+    guard("vrtm_device_destroy", || handle::remove_device(device))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ffi::CStr;
+
+    use super::super::asset::{
+        vrtm_asset_create, vrtm_asset_destroy, vrtm_asset_tile, vrtm_asset_tile_count,
+    };
+    use super::super::fetch::vrtm_asset_fetch_corner_uvs;
+    use super::super::handle::{vrtm_asset, vrtm_tile};
+    use super::super::report::vrtm_asset_report;
+    use super::super::solve::vrtm_asset_solve;
+    use super::super::status::{VRTM_ERROR_DEVICE_LOST, VRTM_ERROR_INVALID_HANDLE, VRTM_OK, vrtm_last_error};
+    use super::super::tile::vrtm_tile_set_mask;
+    use super::super::types::{VRTM_SCALAR_F32, vrtm_array};
+    use super::*;
+    use vrtm::{Asset, MeshSource, Strided, UvSource};
+
+    /// A device on the first GPU, software or not. `None`, with a printed note, if no GPU was found; VRTM_REQUIRE_GPU=1
+    /// makes that a failure.
+    fn gpu() -> Option<Device> {
+        let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
+        let device = Device::new(&settings);
+        let required = std::env::var_os("VRTM_REQUIRE_GPU").is_some_and(|value| value == "1");
+        assert!(device.is_ok() || !required, "VRTM_REQUIRE_GPU is set, but there is no GPU: {device:?}");
+        device.inspect_err(|_| println!("skipped: no GPU adapter")).ok()
+    }
+
+    /// Two triangles of six vertices.
+    fn asset(device: &Device) -> Asset {
+        let rest = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [2.0, 0.0], [3.0, 0.0], [2.0, 1.0]];
+        let uvs = rest.map(|[x, y]: [f32; 2]| [x / 3.0, y]);
+        let rest = rest.map(|[x, y]| [x, y, 0.0]);
+        let positions = Strided::from_f32x3(&rest);
+        let uvs = UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() };
+        let indices = &[0, 1, 2, 3, 4, 5];
+        Asset::new(device, &MeshSource { positions, indices, uvs, ..MeshSource::default() }).unwrap()
+    }
+
+    #[test]
+    fn a_lost_gpu_is_a_status_of_its_own_and_handles_still_end() {
+        let Some(lost) = gpu() else { return };
+        let made = handle::add_asset(asset(&lost)).unwrap();
+        let device = handle::add_device(lost.clone()).unwrap();
+        assert!(lost.lose_for_tests());
+        drop(lost);
+        let said = |status: vrtm_status, function: &str| {
+            assert_eq!(status, VRTM_ERROR_DEVICE_LOST, "{function}");
+            // SAFETY: the function returns this thread's zero-terminated line.
+            let message = unsafe { CStr::from_ptr(vrtm_last_error()) }.to_str().unwrap();
+            assert!(message.starts_with(&format!("{function}: the GPU ")), "{message}");
+            assert!(
+                message.ends_with(" is lost: it was destroyed; make a new device and new assets"),
+                "{message}"
+            );
+        };
+        // SAFETY: all pointers are null or point to living memory.
+        unsafe {
+            let mut tile = vrtm_tile { id: 0 };
+            let mut count = 0;
+            assert_eq!(vrtm_asset_tile_count(made, &mut count), VRTM_OK);
+            assert_eq!(vrtm_asset_tile(made, 0, &mut tile), VRTM_OK);
+            said(vrtm_tile_set_mask(tile, std::ptr::null()), "vrtm_tile_set_mask");
+            let points = [0.0f32; 18];
+            let mut positions: vrtm_array = Sized32::zeroed();
+            positions.data = points.as_ptr().cast();
+            positions.count = 6;
+            positions.format = VRTM_SCALAR_F32;
+            said(vrtm_asset_solve(made, &positions, std::ptr::null()), "vrtm_asset_solve");
+            said(
+                vrtm_asset_fetch_corner_uvs(made, [0.0f32; 12].as_mut_ptr(), 6),
+                "vrtm_asset_fetch_corner_uvs",
+            );
+            let mut uvs: vrtm_array = positions;
+            uvs.count = 3;
+            let indices = [0u32, 1, 2];
+            let mut mesh: super::super::mesh::vrtm_mesh_desc = Sized32::zeroed();
+            (mesh.positions, mesh.uvs) = (&positions, &uvs);
+            (mesh.indices, mesh.index_count) = (indices.as_ptr(), 3);
+            let mut other = vrtm_asset { id: 77 };
+            said(vrtm_asset_create(device, &mesh, &mut other), "vrtm_asset_create");
+            assert_eq!(other.id, 77);
+
+            let mut info: vrtm_device_data = Sized32::zeroed();
+            assert_eq!(vrtm_device_info(device, &mut info), VRTM_OK);
+            assert_eq!(info.backend, VRTM_BACKEND_GPU);
+            assert!(CStr::from_ptr(info.reason.as_ptr()).to_str().unwrap().contains(" is lost: "));
+            // In any order.
+            assert_eq!(vrtm_device_destroy(device), VRTM_OK);
+            said(vrtm_asset_solve(made, &positions, std::ptr::null()), "vrtm_asset_solve");
+            assert_eq!(vrtm_asset_destroy(made), VRTM_OK);
+            assert_eq!(vrtm_asset_report(made, &mut Sized32::zeroed()), VRTM_ERROR_INVALID_HANDLE);
+        }
+    }
+}

@@ -1,0 +1,325 @@
+//! Reading results into the host's memory.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::desc::{self, Sized32};
+use super::guard::guard;
+use super::handle::{self, vrtm_asset, vrtm_tile};
+use super::shared::SharedAsset;
+use super::status::{Failure, Outcome, vrtm_status};
+use super::types::{Target, vrtm_image_out};
+use vrtm::FetchKind;
+use vrtm_core::allocation::{Collect, Grow};
+
+/// Content of a fetched image: two channels (u, v) per texel, unless stated otherwise.
+pub type vrtm_fetch_kind = i32;
+/// The redirection map, the default: for a surface point's UV, the UV at which to sample the texture. Absolute within
+/// the tile (0..1, v up), at texel centres: where nothing moves, texel (x, y) from the corner (0, 0) holds ((x + 0.5) /
+/// width, (y + 0.5) / height). Use f32: from 1024 texels on, f16 cannot distinguish neighbouring texels.
+pub const VRTM_FETCH_REDIRECTION: vrtm_fetch_kind = 0;
+/// The redirection minus the texel's own centre: the offset to add to a UV; 0 where nothing moves. f16 is sufficient.
+pub const VRTM_FETCH_REDIRECTION_DELTA: vrtm_fetch_kind = 1;
+/// The warp, the inverse of the redirection: for a UV of the texture, the UV of the surface point that shows it,
+/// absolute within the tile (nodes of VRTM_SOLVER_PBD may lie a little outside of it). The first and last texels of a
+/// row or column lie on the tile's border; with the grid's size plus one in both directions the texels are the grid's
+/// nodes. Between the nodes the warp is affine on two triangles per cell, split by the diagonal from the cell's corner
+/// of least u and v to the corner of greatest u and v. All outputs of a result use this split, so that at any size the
+/// warp maps a redirected UV back to the UV. Use f32.
+pub const VRTM_FETCH_WARP: vrtm_fetch_kind = 2;
+/// The redirection plus the offset (U, V) of the UDIM tile: UVs in the mesh's own range, for lookups in a texture of
+/// several tiles. Use f32.
+pub const VRTM_FETCH_REDIRECTION_UDIM: vrtm_fetch_kind = 3;
+/// Derivatives of the redirection (u', v') by the UV at texel centres, four channels: du'/du, du'/dv, dv'/du, dv'/dv;
+/// 1, 0, 0, 1 where nothing moves. Use them to rotate texture values that turn with a feature, such as tangent-space
+/// normals. f16 is sufficient.
+pub const VRTM_FETCH_JACOBIAN: vrtm_fetch_kind = 4;
+/// One channel: the largest singular value of the Jacobian. The footprint of a lookup is at most this factor wider in
+/// the texture than on the surface: for renderers that derive their filter width from the mesh's own UVs. f16 is
+/// sufficient.
+pub const VRTM_FETCH_FILTER_SCALE: vrtm_fetch_kind = 5;
+/// UVs of another UV set, vrtm_fetch.uv_set, for meshes whose textures use another set than the warp is solved in (one
+/// without overlaps, say): where the redirection leads to a point of the surface, the UV of that point in the other
+/// set, as the mesh has it, whatever its range. The map is looked up by the UVs of the tile's own set. 0 beside charts,
+/// but for a margin of two texels that goes on with the nearest triangle's UVs. Where the other set has a border inside
+/// a chart, texels on both sides of it differ: look the map up without interpolation there, or use the delta. Use f32.
+/// With 4 channels, the fourth is 1 where a chart covers the texel's centre. By vrtm_tile_fetch_output or
+/// vrtm_asset_redirect.
+pub const VRTM_FETCH_UV_SET: vrtm_fetch_kind = 6;
+/// As VRTM_FETCH_UV_SET, minus the UV in that set of the texel's own point of the surface: the offset to add to the UV
+/// that the textures use; 0 where nothing moves. f16 is sufficient. Works with textures that repeat.
+pub const VRTM_FETCH_UV_SET_DELTA: vrtm_fetch_kind = 7;
+
+/// One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_fetch {
+    /// sizeof(vrtm_fetch); set by vrtm_fetch_init(). All elements of an array must have the same value.
+    pub struct_size: u32,
+    /// One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP, REDIRECTION_UDIM, JACOBIAN,
+    /// FILTER_SCALE, UV_SET, UV_SET_DELTA.
+    pub kind: vrtm_fetch_kind,
+    /// A tile of the asset. Required.
+    pub tile: vrtm_tile,
+    /// Where to write. Required.
+    pub image: *const vrtm_image_out,
+    /// The layer to read, counted from that of `tile`: 0 (the default) = `tile` itself.
+    pub layer: u32,
+    /// For VRTM_FETCH_UV_SET and VRTM_FETCH_UV_SET_DELTA: the UV set that the values are UVs of, 0 <= uv_set <
+    /// vrtm_asset_data.uv_sets. 0 (the default) for all other kinds.
+    pub uv_set: u32,
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers and a raw pointer.
+unsafe impl Sized32 for vrtm_fetch {
+    // It ended with `image`.
+    const FIRST: usize = std::mem::offset_of!(vrtm_fetch, layer);
+    const NAME: &'static str = "vrtm_fetch";
+}
+
+pub(super) fn fetch_kind(kind: vrtm_fetch_kind, name: &str) -> Outcome<FetchKind> {
+    match kind {
+        VRTM_FETCH_REDIRECTION => Ok(FetchKind::Redirection),
+        VRTM_FETCH_REDIRECTION_DELTA => Ok(FetchKind::RedirectionDelta),
+        VRTM_FETCH_WARP => Ok(FetchKind::Warp),
+        VRTM_FETCH_REDIRECTION_UDIM => Ok(FetchKind::RedirectionUdim),
+        VRTM_FETCH_JACOBIAN => Ok(FetchKind::Jacobian),
+        VRTM_FETCH_FILTER_SCALE => Ok(FetchKind::FilterScale),
+        VRTM_FETCH_UV_SET | VRTM_FETCH_UV_SET_DELTA => {
+            let message = format!("{name}: the UV set is a field of vrtm_fetch: use vrtm_tile_fetch_output");
+            Err(Failure::argument(message))
+        }
+        other => Err(Failure::argument(format!("{name} is {other}, no VRTM_FETCH_ value"))),
+    }
+}
+
+impl vrtm_fetch {
+    /// What messages call a field of the fetch `name`, its asset, the index of the tile, the kind of output and its
+    /// destination.
+    unsafe fn wanted(&self, name: &str) -> Outcome<(Arc<SharedAsset>, Wanted)> {
+        let (asset, first) = handle::tile(&format!("{name}.tile"), self.tile)?;
+        let (own, layers) = asset.results.tile_layer(first);
+        if self.layer >= layers - own {
+            let left = layers - own;
+            let message = format!("{name}.layer is {}, but the tile has {left} from its own on", self.layer);
+            return Err(Failure::argument(message));
+        }
+        let sets = asset.info.uv_sets;
+        let kind = match self.kind {
+            VRTM_FETCH_UV_SET | VRTM_FETCH_UV_SET_DELTA if self.uv_set >= sets => {
+                let message = format!("{name}.uv_set is {}, but the mesh has {sets} UV sets", self.uv_set);
+                return Err(Failure::argument(message));
+            }
+            VRTM_FETCH_UV_SET => FetchKind::UvSet(self.uv_set),
+            VRTM_FETCH_UV_SET_DELTA => FetchKind::UvSetDelta(self.uv_set),
+            _ if self.uv_set != 0 => {
+                let message = format!("{name}.uv_set is {}, but the kind is not of a UV set", self.uv_set);
+                return Err(Failure::argument(message));
+            }
+            kind => fetch_kind(kind, &format!("{name}.kind"))?,
+        };
+        let image = format!("{name}.image");
+        // SAFETY: the host's pointer.
+        let target = unsafe { Target::read(self.image, &image, kind) }?;
+        Ok((asset, (image, first + self.layer as usize, kind, target)))
+    }
+}
+
+/// A checked fetch: the image's name for messages, the tile's index, the kind of output and its destination.
+pub(super) type Wanted = (String, usize, FetchKind, Target);
+
+/// Reads a host's array of fetches for `asset`, and checks that no two outputs write the same byte, and that none
+/// overlaps `input`.
+pub(super) unsafe fn targets(
+    asset: vrtm_asset,
+    fetches: *const vrtm_fetch,
+    count: usize,
+    input: Range<usize>,
+) -> Outcome<Vec<Wanted>> {
+    let mut all = Vec::new();
+    if count == 0 {
+        return Ok(all);
+    }
+    // SAFETY: the host vouches for `count` structs, spaced by the first one's struct_size.
+    let stride = unsafe { desc::read(fetches, "fetches") }?.struct_size;
+    for index in 0..count {
+        let name = format!("fetches[{index}]");
+        let at = index.checked_mul(stride as usize).and_then(|n| fetches.addr().checked_add(n));
+        let at =
+            at.ok_or_else(|| Failure::argument(format!("count is {count}: exceeds the address space")))?;
+        // SAFETY: as above.
+        let fetch = unsafe { desc::read(fetches.with_addr(at), &name) }?;
+        if fetch.struct_size != stride {
+            return Err(Failure::argument(format!(
+                "{name}.struct_size is {}, but that of fetches[0] is {stride}",
+                fetch.struct_size
+            )));
+        }
+        // SAFETY: the host's pointers, valid during the call.
+        let (_, wanted) = unsafe { fetch.wanted(&name) }?;
+        if !handle::is_tile_of(fetch.tile, asset) {
+            return Err(Failure::argument(format!("{name}.tile belongs to another asset")));
+        }
+        all.put(wanted);
+    }
+    check_apart(&all, input)?;
+    Ok(all)
+}
+
+/// Rejects outputs that write the same byte, which would be undefined behaviour. Images may be interleaved, such as two
+/// pairs of channels of one image. Positions are read as one slice of all bytes that they span, so no output may write
+/// there.
+fn check_apart(all: &[Wanted], input: Range<usize>) -> Outcome<()> {
+    let overlap = |a: &str, b: &str| Err(Failure::argument(format!("{a} and {b} overlap in memory")));
+    let mut sorted: Vec<_> = all.iter().map(|(name, _, _, target)| (target, name.as_str())).collected();
+    sorted.sort_unstable_by_key(|(target, name)| (target.span().start, *name));
+    for (k, (target, name)) in sorted.iter().enumerate() {
+        let span = target.span();
+        if span.start < input.end && input.start < span.end {
+            return overlap(name, "positions");
+        }
+        for (other, other_name) in
+            sorted[k + 1..].iter().take_while(|(other, _)| other.span().start < span.end)
+        {
+            if target.written().meet(&other.written()) {
+                return overlap(name, other_name);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Writes one output of the last solve into the caller's memory. Any size is allowed; the result does not depend on
+/// other fetches.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
+/// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride, channels that
+/// the kind does not have or an unknown value; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never
+/// busy.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_fetch(
+    tile: vrtm_tile,
+    kind: vrtm_fetch_kind,
+    image: *const vrtm_image_out,
+) -> vrtm_status {
+    guard("vrtm_tile_fetch", || {
+        let (asset, tile) = handle::tile("tile", tile)?;
+        let kind = fetch_kind(kind, "kind")?;
+        // SAFETY: the host's pointer, valid during the call.
+        let target = unsafe { Target::read(image, "image", kind) }?;
+        // SAFETY: the host vouches for the memory, and this is the only view of it.
+        let mut view = unsafe { target.view("image") }?;
+        Ok(asset.results.fetch(tile, kind, &mut view)?)
+    })
+}
+
+/// Writes one output of the last solve, as a vrtm_fetch describes it: any layer of a tile, and UVs of another set.
+///
+/// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a layer or a UV set out of range.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_fetch_output(fetch: *const vrtm_fetch) -> vrtm_status {
+    guard("vrtm_tile_fetch_output", || {
+        // SAFETY: the host's struct and its pointers, valid during the call.
+        let (asset, (name, tile, kind, target)) = unsafe { desc::read(fetch, "fetch")?.wanted("fetch") }?;
+        // SAFETY: the host vouches for the memory, and this is the only view of it.
+        let mut view = unsafe { target.view(&name) }?;
+        Ok(asset.results.fetch(tile, kind, &mut view)?)
+    })
+}
+
+/// Writes the layer of every face in a UV set: which of the tiles with the face's UDIM number has its redirection (see
+/// vrtm_mesh_desc.max_layers); 0 for faces in no tile. `count` is the number of faces, vrtm_asset_data.faces. All
+/// corners of a face are in its layer. It depends on the mesh alone: no solve is needed, and once per mesh is enough.
+/// Make it an attribute of faces, by which a shader picks the layer's map. Never busy.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for an unknown UV set, if `layers` is null or `count`
+/// is not the number of faces. On any error nothing is written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_asset_fetch_face_layers(
+    asset: vrtm_asset,
+    uv_set: u32,
+    layers: *mut u32,
+    count: usize,
+) -> vrtm_status {
+    guard("vrtm_asset_fetch_face_layers", || {
+        let asset = handle::asset(asset)?;
+        let faces = asset.info.faces;
+        if count as u64 != faces {
+            return Err(Failure::argument(format!("count is {count}, but the mesh has {faces} faces")));
+        }
+        // SAFETY: the host vouches for `count` numbers during the call.
+        let out = unsafe { desc::slice_mut(layers, count, "layers") }?;
+        Ok(asset.results.face_layers(uv_set, out)?)
+    })
+}
+
+/// Writes a part of one output of the last solve, for images that are too large to be held in memory at once: of an
+/// image of `width` x `height` texels, the rectangle of `image`'s size that starts at the column `x` and the row `y`.
+/// Rows are counted in the order of image->origin. On the CPU, parts equal those of the whole image bit for bit. A
+/// redirection with one_to_one depends on the whole map and must be fetched whole.
+///
+/// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside the whole image;
+/// VRTM_ERROR_UNSUPPORTED for a redirection with image->one_to_one, unless the part is the whole.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_fetch_part(
+    tile: vrtm_tile,
+    kind: vrtm_fetch_kind,
+    image: *const vrtm_image_out,
+    x: u32,
+    y: u32,
+    width: u32,
+    height: u32,
+) -> vrtm_status {
+    guard("vrtm_tile_fetch_part", || {
+        let (asset, tile) = handle::tile("tile", tile)?;
+        let kind = fetch_kind(kind, "kind")?;
+        // SAFETY: the host's pointer, valid during the call.
+        let target = unsafe { Target::read(image, "image", kind) }?;
+        // SAFETY: the host vouches for the memory, and this is the only view of it.
+        let mut view = unsafe { target.view("image") }?;
+        Ok(asset.results.fetch_part(tile, kind, &mut view, [width, height], [x, y])?)
+    })
+}
+
+/// Writes the redirected UV of every face corner of the mesh in UV set 0: `count` pairs (u, v), in corner order, with
+/// the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. For hosts that set UVs
+/// instead of reading a map. `count` is the number of corners, vrtm_asset_data.corners; `uvs` has room for 2 * count
+/// floats.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
+/// `uvs` is null or `count` is not the number of corners. On any error nothing is written. Never busy. In tiles that
+/// have not been solved yet, the UVs are the mesh's own.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_asset_fetch_corner_uvs(
+    asset: vrtm_asset,
+    uvs: *mut f32,
+    count: usize,
+) -> vrtm_status {
+    // SAFETY: passed on.
+    guard("vrtm_asset_fetch_corner_uvs", || unsafe { corner_uvs(asset, 0, uvs, count) })
+}
+
+/// As vrtm_asset_fetch_corner_uvs, for any UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
+///
+/// Errors: those of vrtm_asset_fetch_corner_uvs; VRTM_ERROR_INVALID_ARGUMENT for an unknown UV set.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_asset_fetch_corner_uvs_of_set(
+    asset: vrtm_asset,
+    uv_set: u32,
+    uvs: *mut f32,
+    count: usize,
+) -> vrtm_status {
+    // SAFETY: passed on.
+    guard("vrtm_asset_fetch_corner_uvs_of_set", || unsafe { corner_uvs(asset, uv_set, uvs, count) })
+}
+
+unsafe fn corner_uvs(asset: vrtm_asset, uv_set: u32, uvs: *mut f32, count: usize) -> Outcome<()> {
+    let asset = handle::asset(asset)?;
+    let corners = asset.info.corners;
+    if count as u64 != corners {
+        return Err(Failure::argument(format!("count is {count}, but the mesh has {corners} corners")));
+    }
+    // SAFETY: the host vouches for `count` pairs during the call.
+    let out = unsafe { desc::slice_mut(uvs.cast::<[f32; 2]>(), count, "uvs") }?;
+    Ok(asset.results.corner_uvs_of_set(uv_set, out)?)
+}

@@ -1,0 +1,275 @@
+//! Handles: plain numbers that are checked on every use, so that a wrong handle is an error and never a wild pointer.
+//!
+//! An object's serial number is never given out twice, which makes a stale handle impossible to mistake for a
+//! living one. Serials start at a random number, so that handles of another copy of the library fail as well.
+//!
+//! ```text
+//! bit 63..60  kind
+//!     59..40  index of the tile, in tile handles
+//!     39..0   serial number of the device, asset, job or refinement
+//! ```
+
+use std::collections::BTreeMap;
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::sync::{Arc, Mutex, MutexGuard};
+
+use super::shared::SharedAsset;
+use super::status::{Failure, Outcome, VRTM_ERROR_OUT_OF_MEMORY};
+use vrtm::Asset;
+use vrtm::Device;
+use vrtm_core::panics::lock;
+
+/// A device: where assets are solved. Created by vrtm_device_create, destroyed by vrtm_device_destroy. Zero = no
+/// device.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct vrtm_device {
+    /// Opaque.
+    pub id: u64,
+}
+
+/// An asset: one mesh with its tiles, their maps, settings and results. Created by vrtm_asset_create, destroyed by
+/// vrtm_asset_destroy. Zero = no asset.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct vrtm_asset {
+    /// Opaque.
+    pub id: u64,
+}
+
+/// A tile: one UDIM unit square of an asset, or one layer of it (vrtm_mesh_desc.max_layers). It belongs to the asset
+/// and is destroyed with it. Handles of the same tile are equal. Zero = no tile.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct vrtm_tile {
+    /// Opaque.
+    pub id: u64,
+}
+
+/// A job: one solve that runs beside the host's own work. Created by vrtm_asset_submit, destroyed by vrtm_job_destroy.
+/// Zero = no job.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct vrtm_job {
+    /// Opaque.
+    pub id: u64,
+}
+
+/// A refinement: an asset's mesh with its triangles split, for hosts that support only UV sets. Created by
+/// vrtm_refinement_create, destroyed by vrtm_refinement_destroy. Zero = no refinement.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct vrtm_refinement {
+    /// Opaque.
+    pub id: u64,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Device = 1,
+    Asset = 2,
+    Tile = 3,
+    Job = 4,
+    Refinement = 5,
+}
+
+const SERIAL_BITS: u32 = 40;
+const TILE_BITS: u32 = 20;
+/// Number of tiles that a handle can distinguish.
+const MAX_TILES: usize = 1 << TILE_BITS;
+
+pub(super) fn pack(kind: Kind, serial: u64, tile: usize) -> u64 {
+    (kind as u64) << (SERIAL_BITS + TILE_BITS) | (tile as u64) << SERIAL_BITS | serial
+}
+
+/// Serial number and tile index, if the handle has this kind.
+pub(super) fn unpack(kind: Kind, id: u64) -> Option<(u64, usize)> {
+    let serial = id & ((1 << SERIAL_BITS) - 1);
+    let tile = (id >> SERIAL_BITS) as usize & (MAX_TILES - 1);
+    (pack(kind, serial, tile) == id && (kind == Kind::Tile || tile == 0)).then_some((serial, tile))
+}
+
+/// All living objects of one kind. The lock is held only for look-ups, never while an object works or is dropped.
+pub(super) struct Table<T> {
+    entries: Mutex<Entries<T>>,
+}
+
+struct Entries<T> {
+    next: u64,
+    live: BTreeMap<u64, Arc<T>>,
+}
+
+impl<T> Table<T> {
+    pub const fn new() -> Table<T> {
+        Table { entries: Mutex::new(Entries { next: 0, live: BTreeMap::new() }) }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Entries<T>> {
+        lock(&self.entries)
+    }
+
+    pub fn insert(&self, value: T) -> Outcome<u64> {
+        let value = Arc::new(value);
+        let mut entries = self.lock();
+        if entries.next == 0 {
+            let random = RandomState::new().build_hasher().finish();
+            entries.next = 1 + (random & ((1 << (SERIAL_BITS - 2)) - 1));
+        }
+        let serial = entries.next;
+        if serial >> SERIAL_BITS != 0 {
+            let message = "all handles of this process are used up".to_owned();
+            return Err(Failure { status: VRTM_ERROR_OUT_OF_MEMORY, message });
+        }
+        entries.next += 1;
+        #[expect(clippy::disallowed_methods, reason = "a few bytes for each object")]
+        entries.live.insert(serial, value);
+        Ok(serial)
+    }
+
+    pub fn get(&self, serial: u64) -> Option<Arc<T>> {
+        self.lock().live.get(&serial).cloned()
+    }
+
+    pub fn remove(&self, serial: u64) -> Option<Arc<T>> {
+        let mut entries = self.lock();
+        let removed = entries.live.remove(&serial);
+        if entries.live.is_empty() {
+            // An emptied tree keeps its root, which unloading the library would leave behind.
+            entries.live = BTreeMap::new();
+        }
+        removed
+    }
+}
+
+static DEVICES: Table<Device> = Table::new();
+static ASSETS: Table<SharedAsset> = Table::new();
+
+pub(super) fn gone(argument: &str, kind: &str, id: u64) -> Failure {
+    Failure::handle(match id {
+        0 => format!("{argument}: the handle is zero"),
+        _ => format!("{argument}: the handle {id:#x} is no living {kind}"),
+    })
+}
+
+pub(super) fn add_device(device: Device) -> Outcome<vrtm_device> {
+    Ok(vrtm_device { id: pack(Kind::Device, DEVICES.insert(device)?, 0) })
+}
+
+pub(super) fn device(handle: vrtm_device) -> Outcome<Arc<Device>> {
+    unpack(Kind::Device, handle.id)
+        .and_then(|(serial, _)| DEVICES.get(serial))
+        .ok_or_else(|| gone("device", "device", handle.id))
+}
+
+pub(super) fn remove_device(handle: vrtm_device) -> Outcome<()> {
+    unpack(Kind::Device, handle.id)
+        .and_then(|(serial, _)| DEVICES.remove(serial))
+        .map(drop)
+        .ok_or_else(|| gone("device", "device", handle.id))
+}
+
+pub(super) fn add_asset(asset: Asset) -> Outcome<vrtm_asset> {
+    let shared = SharedAsset::new(asset);
+    let tiles = shared.tile_count();
+    if tiles > MAX_TILES {
+        return Err(Failure::unsupported(format!("desc.uvs: {tiles} tiles are over {MAX_TILES}")));
+    }
+    Ok(vrtm_asset { id: pack(Kind::Asset, ASSETS.insert(shared)?, 0) })
+}
+
+pub(super) fn asset(handle: vrtm_asset) -> Outcome<Arc<SharedAsset>> {
+    unpack(Kind::Asset, handle.id)
+        .and_then(|(serial, _)| ASSETS.get(serial))
+        .ok_or_else(|| gone("asset", "asset", handle.id))
+}
+
+/// Removes an asset's handle and cancels a solve in progress.
+pub(super) fn remove_asset(handle: vrtm_asset) -> Outcome<()> {
+    unpack(Kind::Asset, handle.id)
+        .and_then(|(serial, _)| ASSETS.remove(serial))
+        .map(|asset| asset.end())
+        .ok_or_else(|| gone("asset", "asset", handle.id))
+}
+
+/// The handle of a tile of a living asset.
+pub(super) fn tile_handle(asset: vrtm_asset, tile: usize) -> vrtm_tile {
+    let serial = asset.id & ((1 << SERIAL_BITS) - 1);
+    vrtm_tile { id: pack(Kind::Tile, serial, tile) }
+}
+
+/// A tile's asset and its index in it. `argument` is the C argument's name.
+pub(super) fn tile(argument: &str, handle: vrtm_tile) -> Outcome<(Arc<SharedAsset>, usize)> {
+    unpack(Kind::Tile, handle.id)
+        .and_then(|(serial, tile)| Some((ASSETS.get(serial)?, tile)))
+        .filter(|(asset, tile)| *tile < asset.tile_count())
+        .ok_or_else(|| gone(argument, "tile", handle.id))
+}
+
+/// True if both belong to the same asset.
+pub(super) fn is_tile_of(tile: vrtm_tile, asset: vrtm_asset) -> bool {
+    let mask = (1 << SERIAL_BITS) - 1;
+    tile.id & mask == asset.id & mask
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vrtm_core::settings::DeviceSettings;
+
+    fn new_device() -> vrtm_device {
+        add_device(Device::new(&DeviceSettings::default()).unwrap()).unwrap()
+    }
+
+    #[test]
+    fn a_handle_lives_from_insert_to_remove() {
+        let handle = new_device();
+        assert!(device(handle).is_ok());
+        assert!(remove_device(handle).is_ok());
+        assert!(device(handle).is_err());
+        assert!(remove_device(handle).is_err());
+        // A new handle never equals an old one.
+        let next = new_device();
+        assert_ne!(next, handle);
+        assert!(device(handle).is_err());
+        assert!(remove_device(next).is_ok());
+    }
+
+    #[test]
+    fn zero_foreign_and_garbage_handles_are_refused_by_name() {
+        let living = new_device();
+        for id in [0, 1, living.id + 1, living.id ^ (1 << 63), living.id | (1 << SERIAL_BITS), u64::MAX] {
+            let failure = device(vrtm_device { id }).unwrap_err();
+            assert!(failure.message.starts_with("device: the handle"), "{}", failure.message);
+        }
+        // A device's number is not a valid asset or tile.
+        assert!(asset(vrtm_asset { id: living.id }).is_err());
+        assert!(tile("tile", vrtm_tile { id: living.id }).is_err());
+        assert!(remove_device(living).is_ok());
+    }
+
+    #[test]
+    fn handles_are_given_out_once_by_many_threads() {
+        let table: Table<u32> = Table::new();
+        let serials = std::thread::scope(|scope| {
+            let workers: Vec<_> = (0..4)
+                .map(|_| {
+                    scope.spawn(|| {
+                        let mut mine = Vec::new();
+                        for i in 0..1000 {
+                            let serial = table.insert(i).unwrap();
+                            if i % 2 == 0 {
+                                assert_eq!(*table.remove(serial).unwrap(), i);
+                            }
+                            mine.push(serial);
+                        }
+                        mine
+                    })
+                })
+                .collect();
+            workers.into_iter().flat_map(|worker| worker.join().unwrap()).collect::<Vec<_>>()
+        });
+        let distinct: std::collections::BTreeSet<_> = serials.iter().collect();
+        assert_eq!(distinct.len(), serials.len());
+        assert_eq!(table.lock().live.len(), 2000);
+    }
+}

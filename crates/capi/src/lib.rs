@@ -1,0 +1,41 @@
+//! The C API: it guards against panics, checks arguments and delegates to the core. It computes nothing itself.
+//!
+//! Every exported function runs in `guard::guard`, which catches panics and turns a failure into a status and a message
+//! for the calling thread. `handle` looks up handles; `desc` reads and writes structs that may grow. The types and doc
+//! comments of these files are the C header (`include/vrtm.h`), so they address a C programmer. Functions must not come
+//! from macros, which cbindgen does not expand.
+
+#![allow(non_camel_case_types)] // The names are those of the C header.
+#![allow(clippy::missing_safety_doc)] // The contract of all pointers stands once, at the head of the header.
+#![allow(rustdoc::broken_intra_doc_links)] // The comments are C: `indices[k]` there is an array's element.
+
+// Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
+pub mod status;
+mod desc;
+mod hook;
+mod guard;
+pub mod adapter;
+pub mod allocator;
+mod shared;
+pub mod handle;
+mod strips;
+pub mod types;
+pub mod mesh;
+pub mod asset;
+pub mod executor;
+pub mod device;
+pub mod dilation;
+pub mod fetch;
+pub mod external;
+pub mod solve;
+pub mod job;
+pub mod map;
+pub mod prepare;
+pub mod refine;
+pub mod report;
+pub mod tile;
+
+/// The global allocator of the whole program, through which memory comes from a host's allocator, and which keeps a process
+/// alive whose memory is short.
+#[global_allocator]
+static ALLOCATOR: vrtm_core::allocation::Allocator = vrtm_core::allocation::Allocator;

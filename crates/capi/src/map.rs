@@ -1,0 +1,116 @@
+//! The certificate of a redirection map.
+
+use super::desc::{self, Out, Sized32};
+use super::fetch::{fetch_kind, vrtm_fetch_kind};
+use super::guard::guard;
+use super::handle::{self, vrtm_tile};
+use super::status::{Outcome, vrtm_status};
+use super::types::{flag, pixel_format, vrtm_pixel_format};
+use vrtm::{MapDesc, MapReport};
+
+/// The kind, format and size of a redirection map to inspect. Start from vrtm_map_desc_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_map_desc {
+    /// sizeof(vrtm_map_desc); set by vrtm_map_desc_init().
+    pub struct_size: u32,
+    /// VRTM_FETCH_REDIRECTION (0, the default), REDIRECTION_DELTA or REDIRECTION_UDIM.
+    pub kind: vrtm_fetch_kind,
+    /// VRTM_PIXEL_F32 (0, the default) or VRTM_PIXEL_F16.
+    pub format: vrtm_pixel_format,
+    /// Texels in u, 1 to 16384.
+    pub width: u32,
+    /// Texels in v, 1 to 16384.
+    pub height: u32,
+    /// As vrtm_image_out.one_to_one.
+    pub one_to_one: u32,
+}
+
+/// How accurate a redirection map is when it is read with bilinear interpolation. Errors are lengths in UV; multiply
+/// them by a texture's size to get its texels. Start from vrtm_map_data_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_map_data {
+    /// sizeof(vrtm_map_data); set by vrtm_map_data_init().
+    pub struct_size: u32,
+    /// Quads of four neighbouring texel centres on which the interpolated map, in the numbers that a fetch writes, is
+    /// not one-to-one: 0 certifies that the map is one-to-one everywhere between the centres of the tile's outermost
+    /// texels. If a map with one_to_one has more than 0, its format is too coarse for its size, and no value was moved.
+    pub folds: u64,
+    /// Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves).
+    pub min_jacobian: f64,
+    /// Root mean square error over the tile's charts, relative to the exact redirection.
+    pub error_rms: f64,
+    /// 99th percentile of the error over the charts, rounded up by at most one percent.
+    pub error_p99: f64,
+    /// Largest error in the charts.
+    pub error_max: f64,
+    /// Width at which the map has no folds: the given size, or the first that works of two and four times that size,
+    /// then a half, a quarter and so on; 0 if no size was found. Larger maps often have more folds; one_to_one removes
+    /// all folds at any size if the format is precise enough: f32, or f16 for REDIRECTION_DELTA unless a region moves
+    /// far and is squeezed.
+    pub sufficient_width: u32,
+    /// Height at which the map has no folds; see `sufficient_width`.
+    pub sufficient_height: u32,
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers.
+unsafe impl Sized32 for vrtm_map_desc {
+    const NAME: &'static str = "vrtm_map_desc";
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for vrtm_map_data {
+    const NAME: &'static str = "vrtm_map_data";
+}
+
+/// Inspects the map that a vrtm_tile_fetch of this kind, size and format would write for the last result. A warp
+/// without folds has an inverse without folds, but a map samples the inverse at texel centres only, and a renderer's
+/// interpolation between them may fold where the warp squeezes. This function reports whether it folds, how far it is
+/// from the exact redirection, and which size suffices. It takes about as long as fetching the map and a second map of
+/// twice its size or the grid's, and longer if it has to search for another size. With one_to_one, the map is inspected
+/// exactly as it would be written. Other maps are computed on the CPU: if a GPU writes them, single quads that almost
+/// fold may be counted differently.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
+/// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is not a redirection, or a size
+/// out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_inspect_map(
+    tile: vrtm_tile,
+    desc: *const vrtm_map_desc,
+    data: *mut vrtm_map_data,
+) -> vrtm_status {
+    guard("vrtm_tile_inspect_map", || {
+        let out = Out::new(data, "data")?;
+        let (asset, tile) = handle::tile("tile", tile)?;
+        // SAFETY: the host's pointer.
+        let desc = read(unsafe { desc::read(desc, "desc") }?)?;
+        let report = asset.results.inspect_map(tile, &desc)?;
+        out.write(data_of(&report));
+        Ok(())
+    })
+}
+
+fn read(desc: vrtm_map_desc) -> Outcome<MapDesc> {
+    Ok(MapDesc {
+        kind: fetch_kind(desc.kind, "desc.kind")?,
+        format: pixel_format(desc.format, "desc")?,
+        size: [desc.width, desc.height],
+        one_to_one: flag(desc.one_to_one, "desc.one_to_one")?,
+    })
+}
+
+fn data_of(report: &MapReport) -> vrtm_map_data {
+    let [sufficient_width, sufficient_height] = report.sufficient_size.unwrap_or_default();
+    vrtm_map_data {
+        struct_size: 0,
+        folds: report.folds,
+        min_jacobian: report.min_jacobian,
+        error_rms: report.error_rms,
+        error_p99: report.error_p99,
+        error_max: report.error_max,
+        sufficient_width,
+        sufficient_height,
+    }
+}

@@ -1,0 +1,353 @@
+//! Refinements: meshes split until interpolated corner UVs are accurate.
+
+use std::ops::Range;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+
+use super::desc::{self, Out, Place, Sized32};
+use super::guard::guard;
+use super::handle::{self, Kind, Table, gone, pack, unpack, vrtm_asset, vrtm_refinement};
+use super::status::{Failure, Outcome, VRTM_ERROR_BUSY, vrtm_status};
+use vrtm::RefinementPattern;
+use vrtm::{Refinement, RefinementSettings, TOLERANCE};
+use vrtm_core::panics::lock;
+
+/// How a mesh is refined. Start from vrtm_refinement_desc_init(), which sets the defaults.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_refinement_desc {
+    /// sizeof(vrtm_refinement_desc); set by vrtm_refinement_desc_init().
+    pub struct_size: u32,
+    /// The UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
+    pub uv_set: u32,
+    /// Largest error of linear interpolation on a triangle, in UV of a tile, over 0 and at most 1; default 1/2048, half
+    /// a texel of a texture of 1024. Halving it needs up to three times as many triangles.
+    pub tolerance: f64,
+    /// Maximum number of triangles of the refined mesh, where a polygon of n corners counts as n - 2; 0 = a million
+    /// more than the mesh has. If the limit is reached, the largest errors are split first.
+    pub max_triangles: u64,
+}
+
+/// Sizes and accuracy of a refinement. Start from vrtm_refinement_data_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_refinement_data {
+    /// sizeof(vrtm_refinement_data); set by vrtm_refinement_data_init().
+    pub struct_size: u32,
+    /// The UV set.
+    pub uv_set: u32,
+    /// Vertices: those of the mesh, then the new ones.
+    pub vertices: u64,
+    /// Faces: triangles, and those polygons of the mesh that need no split.
+    pub faces: u64,
+    /// Corners of all faces: the length of its array of corner UVs.
+    pub corners: u64,
+    /// Triangles, a polygon of n corners counting as n - 2.
+    pub triangles: u64,
+    /// Bytes held by the refinement, excluding the mesh and the results.
+    pub bytes: u64,
+    /// The tolerance, in UV of a tile.
+    pub tolerance: f64,
+    /// Largest remaining error, in UV of a tile, for the result that the refinement was created or last extended for.
+    pub error: f64,
+    /// 1 if `error` is within the tolerance; 0 if max_triangles was reached before.
+    pub reached: u32,
+    /// Milliseconds that the creation or the last extension took.
+    pub ms: f32,
+}
+
+/// Where to write the pattern of a refinement: the caller's arrays; null arrays are skipped. From the pattern a host
+/// interpolates positions and all other values per vertex or corner. Start from vrtm_refinement_pattern_init().
+///
+/// Each vertex and corner has three sources, with weights that add up to 1. If fewer are needed, the others repeat the
+/// first source with weight 0.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_refinement_pattern {
+    /// sizeof(vrtm_refinement_pattern); set by vrtm_refinement_pattern_init().
+    pub struct_size: u32,
+    /// vrtm_refinement_data.vertices: the room in the arrays by vertex.
+    pub vertex_count: usize,
+    /// vrtm_refinement_data.faces: the room in the arrays by face.
+    pub face_count: usize,
+    /// vrtm_refinement_data.corners: the room in the arrays by corner.
+    pub corner_count: usize,
+    /// Three per vertex: vertices of the mesh. The mesh's own vertices come first, in their original order, each its
+    /// own source.
+    pub vertex_sources: *mut u32,
+    /// Three per vertex: the weights of `vertex_sources`.
+    pub vertex_weights: *mut f32,
+    /// One per face: the face of the mesh that contains it. Faces are sorted by the mesh's faces.
+    pub face_sources: *mut u32,
+    /// One per face: its number of corners. 3 for a part of a face; an unsplit face keeps its number of corners.
+    pub face_corners: *mut u32,
+    /// One per corner: the index of its vertex.
+    pub corner_vertices: *mut u32,
+    /// Three per corner: corners of the mesh that form the triangle containing it.
+    pub corner_sources: *mut u32,
+    /// Three per corner: the weights of `corner_sources`.
+    pub corner_weights: *mut f32,
+    /// Two per corner: its original UV in the set, with the tile's offset: the weighted sum of its sources' UVs.
+    pub corner_uvs: *mut f32,
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers.
+unsafe impl Sized32 for vrtm_refinement_desc {
+    const NAME: &'static str = "vrtm_refinement_desc";
+}
+
+impl Default for vrtm_refinement_desc {
+    fn default() -> vrtm_refinement_desc {
+        vrtm_refinement_desc { tolerance: TOLERANCE, ..Sized32::zeroed() }
+    }
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for vrtm_refinement_data {
+    const NAME: &'static str = "vrtm_refinement_data";
+}
+
+// SAFETY: as above, with raw pointers.
+unsafe impl Sized32 for vrtm_refinement_pattern {
+    const NAME: &'static str = "vrtm_refinement_pattern";
+}
+
+/// A refinement shared by threads: readers get the present version, even while another thread extends it.
+#[derive(Debug)]
+pub(super) struct SharedRefinement {
+    present: Mutex<Arc<Refinement>>,
+    extending: AtomicBool,
+}
+
+impl SharedRefinement {
+    fn present(&self) -> Arc<Refinement> {
+        lock(&self.present).clone()
+    }
+
+    fn extend(&self) -> Outcome<()> {
+        struct Turn<'a>(&'a AtomicBool);
+        impl Drop for Turn<'_> {
+            fn drop(&mut self) {
+                self.0.store(false, Ordering::Release);
+            }
+        }
+        if self.extending.swap(true, Ordering::Acquire) {
+            let message = "refinement: another call is extending it".to_owned();
+            return Err(Failure { status: VRTM_ERROR_BUSY, message });
+        }
+        let _turn = Turn(&self.extending);
+        let mut next = (*self.present()).clone();
+        next.extend()?;
+        let next = Arc::new(next);
+        // The old version is dropped after the lock is released.
+        let _old = std::mem::replace(&mut *lock(&self.present), next);
+        Ok(())
+    }
+}
+
+static REFINEMENTS: Table<SharedRefinement> = Table::new();
+
+fn add(refinement: SharedRefinement) -> Outcome<vrtm_refinement> {
+    Ok(vrtm_refinement { id: pack(Kind::Refinement, REFINEMENTS.insert(refinement)?, 0) })
+}
+
+fn living(handle: vrtm_refinement) -> Outcome<Arc<SharedRefinement>> {
+    unpack(Kind::Refinement, handle.id)
+        .and_then(|(serial, _)| REFINEMENTS.get(serial))
+        .ok_or_else(|| gone("refinement", "refinement", handle.id))
+}
+
+fn remove(handle: vrtm_refinement) -> Outcome<()> {
+    unpack(Kind::Refinement, handle.id)
+        .and_then(|(serial, _)| REFINEMENTS.remove(serial))
+        .map(drop)
+        .ok_or_else(|| gone("refinement", "refinement", handle.id))
+}
+
+/// Refines the mesh of an asset for its last result, for hosts that support only UV sets. Where the mesh is coarser
+/// than the painted detail, its own corner UVs recover less than the map, since a renderer interpolates linearly
+/// between corners. Here triangles are split until the interpolated UV is nowhere farther from the redirection than the
+/// tolerance.
+///
+/// Edges are split at their midpoints, in all faces that share them, also across seams and chart borders: no cracks
+/// open, and no angle gets much smaller than half of the mesh's smallest one. A face that needs no split stays
+/// unchanged; a quadrilateral stays whole only if it keeps the tolerance along either diagonal. Where nothing moves,
+/// nothing is split. The pattern depends only on the result and on `desc`. `desc` may be null: the defaults.
+///
+/// The caller destroys `*refinement`. It keeps the data that it needs alive, including the mesh and the last result,
+/// and may be used after the asset is destroyed. Never busy: it reads the last good result, even during a solve.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT for
+/// a UV set or a tolerance out of range, or if `refinement` is null; VRTM_ERROR_OUT_OF_MEMORY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_refinement_create(
+    asset: vrtm_asset,
+    desc: *const vrtm_refinement_desc,
+    refinement: *mut vrtm_refinement,
+) -> vrtm_status {
+    guard("vrtm_refinement_create", || {
+        let out = Place::new(refinement, "refinement")?;
+        let asset = handle::asset(asset)?;
+        // SAFETY: the host's pointer.
+        let desc = unsafe { desc::read_or_default(desc, "desc") }?;
+        let settings = RefinementSettings {
+            uv_set: desc.uv_set,
+            tolerance: Some(desc.tolerance),
+            max_triangles: (desc.max_triangles != 0).then_some(desc.max_triangles),
+        };
+        let present = Mutex::new(Arc::new(asset.results.refine(&settings)?));
+        let shared = SharedRefinement { present, extending: AtomicBool::new(false) };
+        out.write(add(shared)?);
+        Ok(())
+    })
+}
+
+/// Refines further, for the asset's last result. Existing splits stay: a refinement that was extended for each frame of
+/// a shot has one topology for all frames. Vertices keep their numbers, and new ones are appended; faces and corners
+/// are renumbered. vrtm_refinement_info gives the new sizes. To keep the tolerance in all frames, repeat the pass over
+/// the frames until the number of triangles no longer changes: a split for one frame may push another slightly over the
+/// tolerance.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY while another call extends the same refinement;
+/// VRTM_ERROR_OUT_OF_MEMORY. On any error the refinement is as it was.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_refinement_extend(refinement: vrtm_refinement) -> vrtm_status {
+    guard("vrtm_refinement_extend", || living(refinement)?.extend())
+}
+
+/// Gets the sizes and the accuracy of a refinement. Never busy.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_refinement_info(
+    refinement: vrtm_refinement,
+    data: *mut vrtm_refinement_data,
+) -> vrtm_status {
+    guard("vrtm_refinement_info", || {
+        let out = Out::new(data, "data")?;
+        let info = living(refinement)?.present().info();
+        out.write(vrtm_refinement_data {
+            struct_size: 0,
+            uv_set: info.uv_set,
+            vertices: info.vertices,
+            faces: info.faces,
+            corners: info.corners,
+            triangles: info.triangles,
+            bytes: info.bytes,
+            tolerance: info.tolerance,
+            error: info.error,
+            reached: u32::from(info.reached),
+            ms: info.ms,
+        });
+        Ok(())
+    })
+}
+
+/// Writes the pattern into the caller's arrays. It changes only when the refinement is extended. Never busy.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `pattern` is null, a count
+/// differs from vrtm_refinement_info, or two arrays overlap. On any error nothing is written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_refinement_fetch_pattern(
+    refinement: vrtm_refinement,
+    pattern: *const vrtm_refinement_pattern,
+) -> vrtm_status {
+    guard("vrtm_refinement_fetch_pattern", || {
+        let refinement = living(refinement)?.present();
+        // SAFETY: the host's pointer.
+        let p = unsafe { desc::read(pattern, "pattern") }?;
+        let info = refinement.info();
+        let counts = [
+            ("vertex_count", p.vertex_count, info.vertices, "vertices"),
+            ("face_count", p.face_count, info.faces, "faces"),
+            ("corner_count", p.corner_count, info.corners, "corners"),
+        ];
+        for (name, given, needed, of) in counts {
+            if given as u64 != needed {
+                let message = format!("pattern.{name} is {given}, but the refinement has {needed} {of}");
+                return Err(Failure::argument(message));
+            }
+        }
+        let (vertices, faces, corners) = (p.vertex_count, p.face_count, p.corner_count);
+        let mut spans = Spans::default();
+        // SAFETY: the host vouches for arrays of these sizes; `Spans` checks that they are apart.
+        let mut pattern = unsafe {
+            RefinementPattern {
+                vertex_sources: spans.array(p.vertex_sources.cast(), vertices, "vertex_sources")?,
+                vertex_weights: spans.array(p.vertex_weights.cast(), vertices, "vertex_weights")?,
+                face_sources: spans.array(p.face_sources, faces, "face_sources")?,
+                face_counts: spans.array(p.face_corners, faces, "face_corners")?,
+                corner_vertices: spans.array(p.corner_vertices, corners, "corner_vertices")?,
+                corner_sources: spans.array(p.corner_sources.cast(), corners, "corner_sources")?,
+                corner_weights: spans.array(p.corner_weights.cast(), corners, "corner_weights")?,
+                corner_uvs: spans.array(p.corner_uvs.cast(), corners, "corner_uvs")?,
+            }
+        };
+        Ok(refinement.pattern(&mut pattern)?)
+    })
+}
+
+/// Names and addresses of the output arrays, which must not overlap.
+#[derive(Default)]
+struct Spans([(&'static str, Range<usize>); 8], usize);
+
+impl Spans {
+    /// An array of the host's, unless it is null.
+    unsafe fn array<'a, T: Copy>(
+        &mut self,
+        pointer: *mut T,
+        count: usize,
+        name: &'static str,
+    ) -> Outcome<Option<&'a mut [T]>> {
+        if pointer.is_null() {
+            return Ok(None);
+        }
+        let bytes = count.saturating_mul(size_of::<T>());
+        let span = pointer.addr()..pointer.addr().saturating_add(bytes);
+        for (other, taken) in &self.0[..self.1] {
+            if span.start < taken.end && taken.start < span.end {
+                let message = format!("pattern.{other} and pattern.{name} overlap in memory");
+                return Err(Failure::argument(message));
+            }
+        }
+        (self.0[self.1], self.1) = ((name, span), self.1 + 1);
+        // SAFETY: passed on; no other array of this call overlaps this one.
+        unsafe { desc::slice_mut(pointer, count, &format!("pattern.{name}")) }.map(Some)
+    }
+}
+
+/// Writes the redirected UV of every corner of the refined mesh in the asset's last result: `count` pairs (u, v), with
+/// the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. Call it after each frame's
+/// solve. At corners of the mesh the UVs equal those of vrtm_asset_fetch_corner_uvs_of_set bit for bit. `count` is the
+/// number of corners, vrtm_refinement_data.corners; `uvs` has room for 2 * count floats. Never busy.
+///
+/// For a pose that the refinement was not created or extended for, the error may exceed the tolerance.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `uvs` is null or `count` is not the number of
+/// corners; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_refinement_fetch_corner_uvs(
+    refinement: vrtm_refinement,
+    uvs: *mut f32,
+    count: usize,
+) -> vrtm_status {
+    guard("vrtm_refinement_fetch_corner_uvs", || {
+        let refinement = living(refinement)?.present();
+        let corners = refinement.info().corners;
+        if count as u64 != corners {
+            let message = format!("count is {count}, but the refinement has {corners} corners");
+            return Err(Failure::argument(message));
+        }
+        // SAFETY: the host vouches for `count` pairs during the call.
+        let out = unsafe { desc::slice_mut(uvs.cast::<[f32; 2]>(), count, "uvs") }?;
+        Ok(refinement.corner_uvs(out)?)
+    })
+}
+
+/// Destroys a refinement. Calls that are using it run to their end; the memory is freed afterwards.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_refinement_destroy(refinement: vrtm_refinement) -> vrtm_status {
+    guard("vrtm_refinement_destroy", || remove(refinement))
+}

@@ -1,0 +1,241 @@
+//! An asset shared by several threads. Constant data and results can be read at any time; other data is used either by
+//! one call that changes it or by any number of calls that read it. Calls fail as busy instead of waiting, since a
+//! callback that calls into the asset would wait for itself.
+
+use std::cell::UnsafeCell;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard};
+
+use super::status::{Failure, Outcome, VRTM_ERROR_BUSY};
+use vrtm::Asset;
+use vrtm::Results;
+use vrtm_core::control::Control;
+use vrtm_core::panics::lock;
+use vrtm_core::report::AssetInfo;
+
+/// An asset shared by threads.
+#[derive(Debug)]
+pub(super) struct SharedAsset {
+    /// Facts about the mesh.
+    pub info: AssetInfo,
+    pub results: Results,
+    tiles: usize,
+    /// Number of calls that read the asset; `WRITER` while one call changes it.
+    users: AtomicUsize,
+    asset: UnsafeCell<Asset>,
+    /// Control of the solve in progress.
+    solving: Mutex<Option<Arc<Control>>>,
+    /// Whether the handle was destroyed.
+    ended: AtomicBool,
+}
+
+// SAFETY: `asset` is reached through `read` and `Claim` alone, which `users` keeps apart.
+unsafe impl Sync for SharedAsset {}
+
+const WRITER: usize = usize::MAX;
+
+impl SharedAsset {
+    pub fn new(asset: Asset) -> SharedAsset {
+        SharedAsset {
+            info: asset.info(),
+            results: asset.results().clone(),
+            tiles: asset.tile_count(),
+            users: AtomicUsize::new(0),
+            asset: UnsafeCell::new(asset),
+            solving: Mutex::default(),
+            ended: AtomicBool::new(false),
+        }
+    }
+
+    pub fn tile_count(&self) -> usize {
+        self.tiles
+    }
+
+    /// For calls that only read; any number may run at once.
+    pub fn read<R>(&self, body: impl FnOnce(&Asset) -> Outcome<R>) -> Outcome<R> {
+        struct Reading<'a>(&'a AtomicUsize);
+        impl Drop for Reading<'_> {
+            fn drop(&mut self) {
+                self.0.fetch_sub(1, Ordering::Release);
+            }
+        }
+        let enter = |users: usize| (users < WRITER - 1).then(|| users + 1);
+        self.users.fetch_update(Ordering::Acquire, Ordering::Relaxed, enter).map_err(|_| busy())?;
+        let _reading = Reading(&self.users);
+        // SAFETY: no call changes the asset while readers are counted.
+        body(unsafe { &*self.asset.get() })
+    }
+
+    /// For calls that change or build anything.
+    pub fn write<R>(self: &Arc<Self>, body: impl FnOnce(&mut Asset) -> Outcome<R>) -> Outcome<R> {
+        body(self.claim()?.asset())
+    }
+
+    /// Claims the asset for exclusive use by one call or job.
+    pub fn claim(self: &Arc<Self>) -> Outcome<Claim> {
+        self.users
+            .compare_exchange(0, WRITER, Ordering::Acquire, Ordering::Relaxed)
+            .map(|_| Claim(self.clone()))
+            .map_err(|_| busy())
+    }
+
+    /// Cancels the solve in progress, if any.
+    pub fn cancel(&self) {
+        if let Some(control) = &*self.solving() {
+            control.cancel();
+        }
+    }
+
+    /// Called when the handle is destroyed: cancels the solve in progress and all later ones.
+    pub fn end(&self) {
+        self.ended.store(true, Ordering::SeqCst);
+        self.cancel();
+    }
+
+    fn solving(&self) -> MutexGuard<'_, Option<Arc<Control>>> {
+        lock(&self.solving)
+    }
+}
+
+/// Exclusive use of an asset by one call or job until it is dropped. Keeps the asset alive.
+#[derive(Debug)]
+pub(super) struct Claim(Arc<SharedAsset>);
+
+impl Claim {
+    pub fn asset(&mut self) -> &mut Asset {
+        // SAFETY: only one claim exists at a time, without readers, and the asset is borrowed as long as the claim.
+        unsafe { &mut *self.0.asset.get() }
+    }
+
+    /// Registers the solve that the claim is for, so that the asset's owner can cancel it, even before it begins.
+    pub fn announce(&self, control: &Arc<Control>) {
+        *self.0.solving() = Some(control.clone());
+        if self.0.ended.load(Ordering::SeqCst) {
+            control.cancel();
+        }
+    }
+
+    /// Calls `body` with the asset; the asset's owner can cancel it by `control`.
+    pub fn solve<R>(&mut self, control: &Arc<Control>, body: impl FnOnce(&mut Asset) -> R) -> R {
+        self.announce(control);
+        body(self.asset())
+    }
+}
+
+impl Drop for Claim {
+    fn drop(&mut self) {
+        // Clear this first: once the asset is released, another claim may announce its own solve.
+        *self.0.solving() = None;
+        self.0.users.store(0, Ordering::Release);
+    }
+}
+
+fn busy() -> Failure {
+    let message = "another call is using the asset".to_owned();
+    Failure { status: VRTM_ERROR_BUSY, message }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::guard::guard;
+    use super::super::status::{VRTM_ERROR_CANCELLED, VRTM_ERROR_INTERNAL};
+    use super::*;
+    use vrtm::Device;
+    use vrtm_core::mesh::{MeshSource, UvSource};
+    use vrtm_core::settings::DeviceSettings;
+    use vrtm_core::view::{Scalar, Strided};
+
+    fn triangle() -> Arc<SharedAsset> {
+        let device = Device::new(&DeviceSettings::default()).unwrap();
+        let uvs = [0.0f32, 0.0, 1.0, 0.0, 0.0, 1.0].map(f32::to_ne_bytes);
+        let uvs = Strided::new("uvs", uvs.as_flattened(), Scalar::F32, 2, 3, 0).unwrap();
+        let mesh = MeshSource {
+            positions: Strided::from_f32x3(&[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+            indices: &[0, 1, 2],
+            uvs: UvSource { u: uvs, v: None, indices: None },
+            ..MeshSource::default()
+        };
+        Arc::new(SharedAsset::new(Asset::new(&device, &mesh).unwrap()))
+    }
+
+    #[test]
+    fn an_asset_in_use_is_busy_and_never_waits() {
+        let asset = triangle();
+        let inner = asset.write(|_| {
+            assert_eq!(asset.read(|_| Ok(())).unwrap_err().status, VRTM_ERROR_BUSY);
+            Ok(asset.write(|_| Ok(())).unwrap_err().status)
+        });
+        assert_eq!(inner.unwrap(), VRTM_ERROR_BUSY);
+        // Readers do not block each other, and a writer fails instead of waiting for them.
+        let inner = asset.read(|_| {
+            assert!(asset.read(|_| Ok(())).is_ok());
+            Ok(asset.write(|_| Ok(())).unwrap_err().status)
+        });
+        assert_eq!(inner.unwrap(), VRTM_ERROR_BUSY);
+        assert!(asset.write(|_| Ok(())).is_ok());
+    }
+
+    #[test]
+    fn an_asset_survives_a_panic() {
+        let asset = triangle();
+        let status = guard("vrtm_test", || asset.write(|_| -> Outcome<()> { panic!("in the middle") }));
+        assert_eq!(status, VRTM_ERROR_INTERNAL);
+        assert_eq!(asset.read(|asset| Ok(asset.tile_count())).unwrap(), 1);
+        assert!(asset.write(|asset| Ok(asset.set_rigidity(0, None)?)).is_ok());
+    }
+
+    #[test]
+    fn a_claim_is_the_only_one_and_ends_with_its_owner() {
+        let asset = triangle();
+        let claim = asset.claim().unwrap();
+        assert_eq!(asset.claim().unwrap_err().status, VRTM_ERROR_BUSY);
+        assert_eq!(asset.read(|_| Ok(())).unwrap_err().status, VRTM_ERROR_BUSY);
+        // Results can be read meanwhile; this asset is not solved yet.
+        assert_eq!(asset.results.report().unwrap_err().kind, vrtm::ErrorKind::NotSolved);
+        std::thread::scope(|scope| scope.spawn(move || drop(claim)).join().unwrap());
+        assert!(asset.claim().is_ok());
+    }
+
+    /// A job's thread, or a host's queue, may take its time to begin.
+    #[test]
+    fn what_has_not_begun_can_be_cancelled() {
+        let asset = triangle();
+        let controls: Vec<_> = (0..3).map(|_| Arc::new(Control::new())).collect();
+        let claim = asset.claim().unwrap();
+        claim.announce(&controls[0]);
+        asset.cancel();
+        assert!(controls[0].is_cancelled());
+        drop(claim);
+        asset.claim().unwrap().announce(&controls[1]);
+        asset.cancel();
+        assert!(!controls[1].is_cancelled(), "its claim has ended");
+        asset.end();
+        asset.claim().unwrap().announce(&controls[2]);
+        assert!(controls[2].is_cancelled());
+    }
+
+    #[test]
+    fn the_end_of_a_handle_cancels_solves() {
+        let rest = [[0.0f32, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let asset = triangle();
+        let solve = |cancel: fn(&SharedAsset)| {
+            let control = Arc::new(Control::new());
+            let positions = Strided::from_f32x3(&rest);
+            let request = vrtm::SolveRequest {
+                positions,
+                control: Some(control.clone()),
+                ..vrtm::SolveRequest::default()
+            };
+            asset.claim().unwrap().solve(&control, |own| {
+                cancel(&asset);
+                own.run(&request, &mut []).map_err(Failure::from)
+            })
+        };
+        assert!(solve(|_| ()).is_ok());
+        assert_eq!(solve(|asset| asset.cancel()).unwrap_err().status, VRTM_ERROR_CANCELLED);
+        assert!(solve(|_| ()).is_ok());
+        assert_eq!(solve(|asset| asset.end()).unwrap_err().status, VRTM_ERROR_CANCELLED);
+        // An ended asset stays ended.
+        assert_eq!(solve(|_| ()).unwrap_err().status, VRTM_ERROR_CANCELLED);
+    }
+}

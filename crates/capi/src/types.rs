@@ -1,0 +1,305 @@
+//! Structs and constants that several functions share.
+
+use std::ffi::c_void;
+use std::ops::Range;
+
+use super::desc::{self, Sized32};
+use super::status::{Failure, Outcome};
+use super::strips::Strips;
+use vrtm::FetchKind;
+use vrtm_core::image::format::PixelFormat;
+use vrtm_core::image::{ImageLayout, ImageView, ImageViewMut, Origin, TexelLayout};
+use vrtm_core::view::{Scalar, Strided};
+
+/// The number format of an array's components.
+pub type vrtm_scalar = i32;
+/// 32-bit float; the default.
+pub const VRTM_SCALAR_F32: vrtm_scalar = 0;
+/// 64-bit float.
+pub const VRTM_SCALAR_F64: vrtm_scalar = 1;
+
+/// A host's array of vectors or numbers, such as vertex positions. Start from vrtm_array_init(). The function or field
+/// that takes the array determines the number of components per element: 3 for positions (a fourth, as in Maya's
+/// double4, is skipped by the stride), 2 for UV pairs, 1 for single values. The data need not be aligned. It is read
+/// during the call only.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_array {
+    /// sizeof(vrtm_array); set by vrtm_array_init().
+    pub struct_size: u32,
+    /// VRTM_SCALAR_F32 (0, the default) or VRTM_SCALAR_F64.
+    pub format: vrtm_scalar,
+    /// The first component of the first element.
+    pub data: *const c_void,
+    /// Number of elements (not of components or bytes).
+    pub count: usize,
+    /// Bytes from one element to the next; 0 = tightly packed. At least the size of an element.
+    pub stride: usize,
+}
+
+/// The number format of an image's channels.
+pub type vrtm_pixel_format = i32;
+/// 32-bit float; the default.
+pub const VRTM_PIXEL_F32: vrtm_pixel_format = 0;
+/// 16-bit float (IEEE half).
+pub const VRTM_PIXEL_F16: vrtm_pixel_format = 1;
+/// 16-bit integer, 0..65535 for 0..1. Inputs only.
+pub const VRTM_PIXEL_U16: vrtm_pixel_format = 2;
+/// 8-bit integer, 0..255 for 0..1. Inputs only.
+pub const VRTM_PIXEL_U8: vrtm_pixel_format = 3;
+
+/// Where in the tile the first row of an image lies.
+pub type vrtm_origin = i32;
+/// The first row is at v = 1, as in image files; the default.
+pub const VRTM_ORIGIN_TOP: vrtm_origin = 0;
+/// The first row is at v = 0, as in OpenGL textures.
+pub const VRTM_ORIGIN_BOTTOM: vrtm_origin = 1;
+
+/// An input image with one channel: a rigidity map or a warp mask. It covers the whole tile; texel (x, y) from the
+/// corner (0, 0) has its centre at u = (x + 0.5) / width, v = (y + 0.5) / height. Start from vrtm_image_init(). To use
+/// one channel of several, point `data` at it and set `pixel_stride`. The data is copied before the call returns.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_image {
+    /// sizeof(vrtm_image); set by vrtm_image_init().
+    pub struct_size: u32,
+    /// One of VRTM_PIXEL_: F32 (0, the default), F16, U16, U8.
+    pub format: vrtm_pixel_format,
+    /// Texels in u, at least 1.
+    pub width: u32,
+    /// Texels in v, at least 1.
+    pub height: u32,
+    /// VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
+    pub origin: vrtm_origin,
+    /// The first texel of the first row. Need not be aligned.
+    pub data: *const c_void,
+    /// Bytes from one texel to the next; 0 = tightly packed.
+    pub pixel_stride: usize,
+    /// Bytes from one row to the next; 0 = tightly packed.
+    pub row_stride: usize,
+}
+
+/// An output image in the caller's memory. Start from vrtm_image_out_init(). Any size is allowed; the first `channels`
+/// channels of each texel are written, and bytes that a stride skips are left unchanged.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_image_out {
+    /// sizeof(vrtm_image_out); set by vrtm_image_out_init().
+    pub struct_size: u32,
+    /// VRTM_PIXEL_F32 (0, the default) or VRTM_PIXEL_F16.
+    pub format: vrtm_pixel_format,
+    /// Texels in u, at least 1.
+    pub width: u32,
+    /// Texels in v, at least 1.
+    pub height: u32,
+    /// VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
+    pub origin: vrtm_origin,
+    /// Channels to write per texel; 0 (the default) = as many as the kind of output has: two for UVs. With 3, the third
+    /// channel is 0; with 4, for a redirection, the fourth is 1 where a chart covers the texel's centre and 0
+    /// elsewhere.
+    pub channels: u32,
+    /// 1 = make a redirection one-to-one even when a renderer interpolates between its texels: values around folds of
+    /// the interpolated map are moved, by less than a texel in most maps, and by several where a warp is crumpled or
+    /// the format is f16 (vrtm_tile_inspect_map reports the error). No f32 map is known that keeps folds. f16 may be
+    /// too coarse for the map's size: the call then succeeds, writes the values as without one_to_one, the log warns,
+    /// and vrtm_tile_inspect_map with the same settings counts the `folds`. The call needs 9 bytes per texel and up to
+    /// 11 MB of additional memory. It takes little longer than without one_to_one for most maps, and up to two hundred
+    /// times as long for crumpled ones. Not available for a part of an image (vrtm_tile_fetch_part). 0 (the default) =
+    /// every value is that of the redirection at the texel's centre. Ignored for other kinds.
+    pub one_to_one: u32,
+    /// Where to write the first texel of the first row. Need not be aligned.
+    pub data: *mut c_void,
+    /// Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
+    pub pixel_stride: usize,
+    /// Bytes from one row to the next; 0 = tightly packed.
+    pub row_stride: usize,
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers and raw pointers, as in the two structs below.
+unsafe impl Sized32 for vrtm_array {
+    const NAME: &'static str = "vrtm_array";
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for vrtm_image {
+    const NAME: &'static str = "vrtm_image";
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for vrtm_image_out {
+    const NAME: &'static str = "vrtm_image_out";
+}
+
+/// Reads a field of a struct that must be 0 or 1.
+pub(super) fn flag(value: u32, name: &str) -> Outcome<bool> {
+    match value {
+        0 => Ok(false),
+        1 => Ok(true),
+        _ => Err(Failure::argument(format!("{name} is {value}, neither 0 nor 1"))),
+    }
+}
+
+/// A view of a host's array; the host guarantees that the memory it spans is valid.
+pub(super) unsafe fn strided<'a>(
+    array: *const vrtm_array,
+    components: usize,
+    name: &str,
+) -> Outcome<Strided<'a>> {
+    // SAFETY: passed on.
+    unsafe { strided_and_span(array, components, name) }.map(|(view, _)| view)
+}
+
+/// A view of a host's array, and the range of addresses that it spans.
+pub(super) unsafe fn strided_and_span<'a>(
+    array: *const vrtm_array,
+    components: usize,
+    name: &str,
+) -> Outcome<(Strided<'a>, Range<usize>)> {
+    // SAFETY: the host's pointer.
+    let array = unsafe { desc::read(array, name) }?;
+    let scalar = match array.format {
+        VRTM_SCALAR_F32 => Scalar::F32,
+        VRTM_SCALAR_F64 => Scalar::F64,
+        other => return Err(Failure::argument(format!("{name}.format is {other}, no VRTM_SCALAR_ value"))),
+    };
+    if array.data.is_null() {
+        return Err(Failure::argument(format!("{name}.data is null")));
+    }
+    if array.count == 0 {
+        return Err(Failure::argument(format!("{name}.count is 0")));
+    }
+    let element = scalar.size() * components;
+    let stride = if array.stride == 0 { element } else { array.stride };
+    if stride < element {
+        return Err(Failure::argument(format!(
+            "{name}.stride is {stride} bytes, smaller than an element ({element} bytes)"
+        )));
+    }
+    let most = (usize::MAX - array.data.addr()).min(isize::MAX as usize);
+    let span = |stride: usize| {
+        let bytes = (array.count - 1).checked_mul(stride).and_then(|n| n.checked_add(element));
+        bytes.filter(|&n| n <= most)
+    };
+    // Blame the stride if the elements would fit when tightly packed.
+    let bytes = span(stride).ok_or_else(|| {
+        let (count, far) = (array.count, "exceed the address space");
+        Failure::argument(match span(element) {
+            Some(_) => format!("{name}.stride is {stride} bytes: {count} elements that far apart {far}"),
+            None => format!("{name}.count: {count} elements {far}"),
+        })
+    })?;
+    // SAFETY: the host vouches for `count` elements.
+    let bytes = unsafe { desc::slice(array.data.cast::<u8>(), bytes, name) }?;
+    let start = bytes.as_ptr().addr();
+    let view = Strided::new(name, bytes, scalar, components, array.count, stride)?;
+    Ok((view, start..start + bytes.len()))
+}
+
+/// Checks the pixel format of the struct that messages call `name`.
+pub(super) fn pixel_format(format: vrtm_pixel_format, name: &str) -> Outcome<PixelFormat> {
+    match format {
+        VRTM_PIXEL_F32 => Ok(PixelFormat::F32),
+        VRTM_PIXEL_F16 => Ok(PixelFormat::F16),
+        VRTM_PIXEL_U16 => Ok(PixelFormat::U16),
+        VRTM_PIXEL_U8 => Ok(PixelFormat::U8),
+        other => Err(Failure::argument(format!("{name}.format is {other}, no VRTM_PIXEL_ value"))),
+    }
+}
+
+/// Checks the origin of the struct that messages call `name`.
+pub(super) fn origin(origin: vrtm_origin, name: &str) -> Outcome<Origin> {
+    match origin {
+        VRTM_ORIGIN_TOP => Ok(Origin::Top),
+        VRTM_ORIGIN_BOTTOM => Ok(Origin::Bottom),
+        other => Err(Failure::argument(format!("{name}.origin is {other}, no VRTM_ORIGIN_ value"))),
+    }
+}
+
+fn layout(
+    format: vrtm_pixel_format,
+    size: [u32; 2],
+    strides: [usize; 2],
+    origin: vrtm_origin,
+    name: &str,
+) -> Outcome<ImageLayout> {
+    let format = pixel_format(format, name)?;
+    let origin = self::origin(origin, name)?;
+    let [width, height] = size;
+    // In C, a stride of 0 means packed.
+    let [pixel_stride, row_stride] = strides.map(|stride| (stride != 0).then_some(stride));
+    let packed = ImageLayout::packed(width, height, format);
+    Ok(ImageLayout { pixel_stride, row_stride, origin, ..packed })
+}
+
+/// A view of a host's map; null gives `None`.
+pub(super) unsafe fn image_or_none<'a>(
+    image: *const vrtm_image,
+    name: &str,
+) -> Outcome<Option<ImageView<'a>>> {
+    if image.is_null() {
+        return Ok(None);
+    }
+    // SAFETY: the host's pointer.
+    let image = unsafe { desc::read(image, name) }?;
+    if image.data.is_null() {
+        return Err(Failure::argument(format!("{name}.data is null")));
+    }
+    let size = [image.width, image.height];
+    let layout = layout(image.format, size, [image.pixel_stride, image.row_stride], image.origin, name)?;
+    let bytes = layout.resolve_within(name, 1, usize::MAX - image.data.addr())?.bytes;
+    // SAFETY: the host vouches for the memory that the layout spans.
+    let bytes = unsafe { desc::slice(image.data.cast::<u8>(), bytes, name) }?;
+    Ok(Some(ImageView::new(name, bytes, layout)?))
+}
+
+/// A checked output image that is not a view yet, so that several may exist at once.
+pub(super) struct Target {
+    data: *mut u8,
+    layout: ImageLayout,
+    texels: TexelLayout,
+}
+
+impl Target {
+    /// Reads and checks the description of an output of this kind.
+    pub unsafe fn read(image: *const vrtm_image_out, name: &str, kind: FetchKind) -> Outcome<Target> {
+        // SAFETY: the host's pointer.
+        let image = unsafe { desc::read(image, name) }?;
+        if image.data.is_null() {
+            return Err(Failure::argument(format!("{name}.data is null")));
+        }
+        let size = [image.width, image.height];
+        let strides = [image.pixel_stride, image.row_stride];
+        let layout = layout(image.format, size, strides, image.origin, name)?;
+        if !matches!(layout.format, PixelFormat::F32 | PixelFormat::F16) {
+            return Err(Failure::unsupported(format!("{name}.format must be f32 or f16 for an output")));
+        }
+        let channels = if image.channels == 0 { kind.channels() } else { image.channels };
+        kind.check_channels(name, channels)?;
+        let one_to_one = flag(image.one_to_one, &format!("{name}.one_to_one"))?;
+        let layout = ImageLayout { channels: Some(channels), one_to_one, ..layout };
+        let data = image.data.cast::<u8>();
+        let texels = layout.resolve_output(name, data)?;
+        Ok(Target { data, layout, texels })
+    }
+
+    /// Addresses from the first byte to the one after the last.
+    pub fn span(&self) -> Range<usize> {
+        self.data.addr()..self.data.addr() + self.texels.bytes
+    }
+
+    /// The bytes that are written.
+    pub fn written(&self) -> Strips {
+        let TexelLayout { width, height, pixel_stride, row_stride, .. } = self.texels;
+        Strips {
+            start: self.data.addr(),
+            size: self.texels.format.size() * self.texels.channels as usize,
+            steps: [(width as usize, pixel_stride), (height as usize, row_stride)],
+        }
+    }
+
+    /// The image to write to. Nothing else may touch its texels while it is in use.
+    pub unsafe fn view<'a>(&self, name: &str) -> Outcome<ImageViewMut<'a>> {
+        // SAFETY: the host vouches for the memory that the layout spans.
+        Ok(unsafe { ImageViewMut::from_raw(name, self.data, self.layout) }?)
+    }
+}

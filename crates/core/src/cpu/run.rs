@@ -1,0 +1,209 @@
+//! One solve of one tile on the CPU: the data that all of its stages share.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Instant;
+
+use crate::allocation::{Collect, Grow, filled, zeroed, zeroed_box};
+use crate::grid::Grid;
+use crate::grid::planes::Plane;
+use crate::grid::pose::Pose;
+use crate::grid::window::Window;
+use crate::mesh::TileMesh;
+use crate::method::plan::{ChartResult, Input};
+use crate::team::{PerThread, Team, Worker};
+use crate::unwind::{go_on, hold_back};
+
+use super::buffers::State;
+use super::correct::rows::Pairs;
+use super::memory::{Lists, Memory};
+use super::patch::{Patch, Weights};
+use super::sampling::Surface;
+use super::sampling::chords::Chords;
+use super::sampling::metrics::Metrics;
+
+/// One solve of one tile.
+pub struct Run<'a> {
+    pub(super) team: &'a Team,
+    pub(super) grid: &'a Grid,
+    pub(super) mesh: &'a TileMesh,
+    pub(super) pose: &'a Pose,
+    pub(super) memory: &'a mut Memory,
+    /// Weights of the energy per level.
+    pub(super) weights: Vec<Weights>,
+    /// See `Input::least_weight`.
+    pub(super) least_weight: f32,
+    pub(super) work: Vec<Lists>,
+    /// Memory for a copy of these.
+    pub(super) spare: Vec<Lists>,
+    /// The charts to solve.
+    pub(super) charts: &'a [bool],
+    /// Displacements of the result. Where charts are solved it is 0 until certification writes this solve's result;
+    /// corrections of the finest level keep their step in it meanwhile.
+    pub(super) result: &'a mut [[Plane; 2]],
+    /// True once a correction of the finest level has put its step into `result`.
+    pub(super) result_is_used: bool,
+    /// Displacements of the previous result if the solve starts from them or is pulled towards them; otherwise empty.
+    pub(super) anchor: &'a [[Plane; 2]],
+    /// Result per chart; the default for charts that are not solved.
+    pub results: Vec<ChartResult>,
+    /// Per chart, the energy of the present state of the level that is worked on, if it is known.
+    pub(super) known_energies: Vec<Option<f64>>,
+    pub(super) node_updates: AtomicU64,
+    /// The time by which corrections have to end, if there is a time budget, and whether one was stopped for it.
+    pub(super) stop: Option<Instant>,
+    pub(super) stopped: bool,
+    /// When the last correction began.
+    pub(super) began: Instant,
+    pub(super) patches: PerThread<'a, Patch>,
+    pub(super) pairs: PerThread<'a, Pairs>,
+    pub(super) slopes: PerThread<'a, [Window; 6]>,
+}
+
+impl<'a> Run<'a> {
+    /// Begins a solve. `result` must be 0 where charts are solved. `anchor` is the previous result, if the solve starts
+    /// from it or the input's pull is not 0.
+    pub fn new(
+        team: &'a Team,
+        input: &Input<'a>,
+        memory: &'a mut Memory,
+        result: &'a mut [[Plane; 2]],
+        anchor: &'a [[Plane; 2]],
+    ) -> Run<'a> {
+        let Input { grid, mesh, pose, charts, .. } = *input;
+        let [mut work, mut spare] = std::mem::take(&mut memory.lists);
+        for lists in [&mut work, &mut spare] {
+            lists.put_all((lists.len()..grid.levels.len()).map(|_| Lists::default()));
+        }
+        for (work, level) in work.iter_mut().zip(&grid.levels) {
+            work.all().into_iter().for_each(Vec::clear);
+            for (b, block) in level.blocks.list.iter().enumerate() {
+                if charts[block.chart as usize] {
+                    work.stored.put(b as u32);
+                    if block.active {
+                        work.active.put(b as u32);
+                        work.colours[(block.y % 2 * 2 + block.x % 2) as usize].put(b as u32);
+                    }
+                }
+            }
+        }
+        Run {
+            team,
+            grid,
+            mesh,
+            pose,
+            memory,
+            weights: (0..grid.levels.len()).map(|level| Weights::new(input, level)).collected(),
+            least_weight: input.least_weight(),
+            work,
+            spare,
+            charts,
+            result,
+            result_is_used: false,
+            anchor,
+            results: filled(ChartResult::default(), charts.len()),
+            known_energies: filled(None, charts.len()),
+            node_updates: AtomicU64::new(0),
+            stop: None,
+            stopped: false,
+            began: Instant::now(),
+            patches: PerThread::new(team, Patch::zeroed),
+            pairs: PerThread::new(team, zeroed_box),
+            slopes: PerThread::new(team, zeroed_box),
+        }
+    }
+
+    /// Gives the memory of the lists back for the next solve.
+    pub fn end(self) {
+        self.memory.lists = [self.work, self.spare];
+    }
+
+    /// Node updates of all relaxations, or of all iterations of the paper's solver.
+    pub fn node_updates(&self) -> u64 {
+        self.node_updates.load(Ordering::Relaxed)
+    }
+
+    /// Number of active blocks on the finest level.
+    pub fn blocks_active(&self) -> u64 {
+        self.work[0].active.len() as u64
+    }
+
+    /// Calls `f(worker, k, block)` for the `k`-th of the blocks, for all of them. Before that, `next` is called with the
+    /// block that is probably this thread's next one, to prefetch it.
+    pub(super) fn each_of(
+        &self,
+        blocks: &[u32],
+        next: impl Fn(usize) + Sync,
+        f: impl Fn(&Worker, usize, usize) + Sync,
+    ) {
+        self.team.run_on(blocks.len(), |worker, k| {
+            if let Some(&b) = blocks.get(k + self.team.threads()) {
+                next(b as usize);
+            }
+            f(worker, k, blocks[k] as usize);
+        });
+    }
+
+    /// Calls `f(worker, block)` for all active blocks of a level, block colour by block colour; `next` as in `each_of`.
+    pub(super) fn each_colour(
+        &self,
+        level: usize,
+        backwards: bool,
+        next: impl Fn(usize) + Sync,
+        f: impl Fn(&Worker, usize) + Sync,
+    ) {
+        for k in 0..4 {
+            let blocks = &self.work[level].colours[if backwards { 3 - k } else { k }];
+            self.each_of(blocks, &next, |worker, _, b| f(worker, b));
+        }
+    }
+
+    /// Calls `f(worker, block, chart)` for all active blocks of a level; `next` as in `each_of`.
+    pub(super) fn each_block(
+        &self,
+        level: usize,
+        next: impl Fn(usize) + Sync,
+        f: impl Fn(&Worker, usize, usize) + Sync,
+    ) {
+        let list = &self.grid.levels[level].blocks.list;
+        self.each_of(&self.work[level].active, next, |worker, _, b| f(worker, b, list[b].chart as usize));
+    }
+
+    /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks.
+    pub(super) fn sum_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
+        let list = &self.grid.levels[level].blocks.list;
+        let mut sums = zeroed(self.charts.len());
+        for (x, &b) in values.iter().zip(&self.work[level].active) {
+            sums[list[b as usize].chart as usize] += x;
+        }
+        sums
+    }
+
+    /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks. `values` has one
+    /// value for each stored block.
+    pub(super) fn sum_active_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
+        let active: Vec<f64> = self.work[level].active.iter().map(|&b| values[b as usize]).collected();
+        self.sum_per_chart(level, &active)
+    }
+
+    /// Calls `f` with a level's state and with the level's surface: chords on level 0, metrics on the others.
+    pub(super) fn with_surface<R>(&mut self, level: usize, f: impl SurfaceFn<R>) -> R {
+        let metric = std::mem::take(&mut self.memory.levels[level].metric);
+        let triangles = std::mem::take(&mut self.memory.triangles);
+        let state = self.memory.levels[level].state();
+        let result = hold_back(|| {
+            if level == 0 {
+                f.call(self, state, Chords { grid: self.grid, triangles: &triangles })
+            } else {
+                f.call(self, state, Metrics { level: &self.grid.levels[level], metric: &metric })
+            }
+        });
+        self.memory.triangles = triangles;
+        self.memory.levels[level].metric = metric;
+        go_on(result)
+    }
+}
+
+/// A function that is generic in the surface.
+pub(super) trait SurfaceFn<R> {
+    fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) -> R;
+}

@@ -1,0 +1,232 @@
+//! Builds the grid of a surveyed tile, with everything that its blocks hold.
+
+use std::sync::Arc;
+
+use super::blocks::Block;
+use super::codes::Lengths;
+use super::gather::Gather;
+use super::interpolation::{self, Source, StiffnessPlanes};
+use super::node_set::NodeSet;
+use super::pose::Pose;
+use super::pyramid::{self, Held};
+use super::rigidity::NodeRigidity;
+use super::survey::{Survey, SurveyLevel};
+use super::{Grid, Level, cover, coverage, density, mirrors, rest};
+use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
+use crate::grid::maps::MapsOfTile;
+use crate::grid::maps::TileMaps;
+use crate::grid::planes::{NODES, Plane, SIDE, slot};
+use crate::mesh::{Mesh, NONE};
+use crate::settings::TileSettings;
+use crate::team::Team;
+
+/// Builds the grid of a surveyed tile.
+pub fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -> Grid {
+    let tile = survey.coverer.tile;
+    let charts = tile.charts.len();
+    let mut levels = levels_of(&survey.levels, charts);
+    let rigidity = NodeRigidity { maps, coverer: &survey.coverer, triangles: &survey.triangles };
+    set_rigidity(team, &rigidity, &survey, &mut levels);
+    if maps.own.settings.orientation_density > 0.0 {
+        let density = density::density(&coverage::node_maps_of(&rigidity, &survey));
+        let width = survey.coverer.nx + 1;
+        for (k, level) in levels.iter_mut().enumerate() {
+            level.density = Arc::new(planes(level, |i, j| density[(j << k) * width + (i << k)]));
+        }
+    }
+    set_interpolation(team, &survey, &mut levels, &maps.own.settings);
+    let cells = [survey.coverer.nx, survey.coverer.ny];
+    for (k, level) in levels.iter_mut().enumerate() {
+        level.held = Arc::new(mirrors::held(tile, &survey.coverer.charts, &level.blocks, k, cells));
+    }
+    let triangle = Arc::new(triangles_of_nodes(team, &survey));
+    let mut gather = Gather::default();
+    if let Some(level) = levels.get_mut(1) {
+        let (of_level, coverage) =
+            Gather::new(team, &survey.coverer, &level.blocks.list, [level.nx, level.ny]);
+        (gather, level.coverage) = (of_level, Arc::new(coverage));
+    }
+    let (overlap, at_gaps) = (survey.overlap(), survey.counts.at_gaps);
+    let rest = Arc::new(Pose::new(tile, |v| mesh.rest[v as usize], None));
+    let Survey { coverer, triangles, movable, levels: survey, parts, rigid, rigid_nodes, has_extra, .. } =
+        survey;
+    let mut grid = Grid {
+        levels,
+        triangles: Arc::new(triangles),
+        chart_of: Arc::new(coverer.charts.into_owned()),
+        triangle,
+        gather: Arc::new(gather),
+        movable,
+        overlap,
+        at_gaps,
+        has_extra,
+        rest,
+        survey: Arc::new(survey),
+        parts: Arc::new(parts),
+        rigid,
+        rigid_nodes,
+    };
+    rest::rest_lengths(team, &mut grid, mesh, tile);
+    grid
+}
+
+#[doc(hidden)]
+impl Grid {
+    /// Builds a tile's grid.
+    pub fn new(mesh: &Mesh, tile: &crate::mesh::TileMesh, maps: &TileMaps) -> Grid {
+        Team::with(2, |team| {
+            let survey = Survey::new(team, tile, MapsOfTile::alone(maps), maps.grid_size());
+            grid(team, mesh, MapsOfTile::alone(maps), survey)
+        })
+    }
+}
+
+/// A surveyed tile's grid with empty blocks. Its sizes are those of the complete grid, except for the triangles
+/// gathered at the nodes of level 1.
+pub fn skeleton(survey: Survey) -> Grid {
+    let levels = levels_of(&survey.levels, survey.coverer.tile.charts.len());
+    let gather = Gather::empty(levels.get(1).map_or(0, |level| level.blocks.list.len()));
+    let (overlap, at_gaps) = (survey.overlap(), survey.counts.at_gaps);
+    let Survey { coverer, triangles, movable, levels: survey, parts, rigid, rigid_nodes, has_extra, .. } =
+        survey;
+    Grid {
+        levels,
+        triangles: Arc::new(triangles),
+        chart_of: Arc::new(coverer.charts.into_owned()),
+        triangle: Arc::default(),
+        gather: Arc::new(gather),
+        movable,
+        overlap,
+        at_gaps,
+        has_extra,
+        rest: Arc::default(),
+        survey: Arc::new(survey),
+        parts: Arc::new(parts),
+        rigid,
+        rigid_nodes,
+    }
+}
+
+/// The levels of a grid with their blocks and mobility; their other fields are empty.
+pub(super) fn levels_of(survey: &[SurveyLevel], charts: usize) -> Vec<Level> {
+    let mut levels: Vec<Level> = with_capacity(survey.len());
+    for SurveyLevel { size, blocks, movable } in survey {
+        let mut children = filled([NONE; 4], blocks.list.len());
+        if let Some(finer) = levels.last_mut() {
+            let mut parents = filled(NONE, finer.blocks.list.len());
+            for (b, block) in finer.blocks.list.iter().enumerate() {
+                let parent = blocks.find(block.chart, i64::from(block.x / 2), i64::from(block.y / 2));
+                parents[b] = parent;
+                if parent != NONE {
+                    children[parent as usize][(block.y % 2 * 2 + block.x % 2) as usize] = b as u32;
+                }
+            }
+            finer.parent = Arc::new(parents);
+        }
+        levels.put(Level {
+            nx: size[0],
+            ny: size[1],
+            rigidity: Vec::new(),
+            density: Arc::default(),
+            held: Arc::default(),
+            interpolation: Vec::new(),
+            stiffness: Vec::new(),
+            movable: Arc::new(movable.iter().map(mobility).collected()),
+            rest_length: Arc::default(),
+            lengths: filled([Lengths::default(); 4], charts),
+            floor: zeroed(charts),
+            coverage: Arc::default(),
+            children: Arc::new(children),
+            parent: Arc::new(filled(NONE, blocks.list.len())),
+            blocks: blocks.clone(),
+        });
+    }
+    levels
+}
+
+/// 1 for the nodes of a set, 0 for the others.
+fn mobility(nodes: &NodeSet) -> Plane<u8> {
+    let mut plane = [0; NODES];
+    for n in (0..NODES).filter(|n| nodes.contains(n % SIDE, n / SIDE)) {
+        plane[slot(n % SIDE, n / SIDE)] = 1;
+    }
+    plane
+}
+
+/// Sets the rigidity of all levels.
+fn set_rigidity(team: &Team, rigidity: &NodeRigidity, survey: &Survey, levels: &mut [Level]) {
+    let mut held = pyramid::held(&survey.levels[0]);
+    levels[0].rigidity = pyramid::finest(team, rigidity, &survey.levels[0], &held);
+    for k in 1..levels.len() {
+        let (finer, coarser) = (&survey.levels[k - 1], &survey.levels[k]);
+        let held_coarser = pyramid::held(coarser);
+        let (of_finer, of_coarser) =
+            (Held { level: finer, held: &held }, Held { level: coarser, held: &held_coarser });
+        let codes = team.map(coarser.blocks.list.len(), |b| {
+            let children = &levels[k].children[b];
+            pyramid::coarser_block(&of_finer, &levels[k - 1].rigidity, &of_coarser, children, b)
+        });
+        levels[k].rigidity = codes;
+        held = held_coarser;
+    }
+}
+
+/// Sets the weights of interpolation of all levels but the coarsest, and keeps the stiffness of level 2 and above.
+fn set_interpolation(team: &Team, survey: &Survey, levels: &mut [Level], settings: &TileSettings) {
+    let mut stiffness: Vec<StiffnessPlanes> = Vec::new();
+    for k in 0..levels.len() - 1 {
+        let (finer, coarser) = (&survey.levels[k], &survey.levels[k + 1]);
+        let mut parents: Vec<(u32, u32, u32)> =
+            finer.blocks.list.iter().map(|b| (b.chart, b.y / 2, b.x / 2)).collected();
+        parents.sort_unstable();
+        parents.dedup();
+        let source = match k {
+            0 => Source::Rigidity(&levels[0].rigidity, settings),
+            _ => Source::Stiffness(&stiffness),
+        };
+        let mut weights = zeroed::<[u8; NODES]>(finer.blocks.list.len());
+        let mut next: Vec<StiffnessPlanes> = zeroed(coarser.blocks.list.len());
+        interpolation::patches(team, [finer, coarser], source, &parents, Some(&mut weights), &mut next);
+        levels[k].interpolation = weights;
+        if k > 1 {
+            levels[k].stiffness = stiffness;
+        }
+        stiffness = next;
+    }
+    if let Some(coarsest) = levels.get_mut(2..).and_then(<[Level]>::last_mut) {
+        coarsest.stiffness = stiffness;
+    }
+}
+
+/// The triangle under each node of the blocks of level 0.
+fn triangles_of_nodes(team: &Team, survey: &Survey) -> Vec<Plane<u32>> {
+    let blocks = &survey.levels[0].blocks.list;
+    let mut triangles = filled([NONE; NODES], blocks.len());
+    team.fill(&mut triangles, |b, plane| {
+        let block = &blocks[b];
+        if let Some(square) = survey.coverer.squares.find(block.chart, block.x, block.y) {
+            let cover = survey.coverer.cover(square);
+            for j in 0..SIDE {
+                for i in 0..SIDE {
+                    plane[slot(i, j)] = cover.triangle[cover::at(i + 1, j + 1)];
+                }
+            }
+        }
+    });
+    triangles
+}
+
+/// A plane per block of a level, with the values of `f` at its nodes (i, j); 0 at nodes beyond the level.
+fn planes(level: &Level, f: impl Fn(usize, usize) -> f32) -> Vec<Plane> {
+    let plane = |block: &Block| {
+        let mut plane = [0.0; NODES];
+        let (x, y) = (block.x as usize * SIDE, block.y as usize * SIDE);
+        for j in 0..SIDE.min(level.ny + 1 - y) {
+            for i in 0..SIDE.min(level.nx + 1 - x) {
+                plane[slot(i, j)] = f(x + i, y + j);
+            }
+        }
+        plane
+    };
+    level.blocks.list.iter().map(plane).collected()
+}

@@ -1,0 +1,39 @@
+//! Number formats of a host's images.
+
+use half::f16;
+
+/// The number format of one channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum PixelFormat {
+    /// 8-bit, 0..255 for 0..1. Input only.
+    U8,
+    /// 16-bit, 0..65535 for 0..1. Input only.
+    U16,
+    /// 16-bit float.
+    F16,
+    /// 32-bit float.
+    F32,
+}
+
+impl PixelFormat {
+    /// Bytes of one channel.
+    #[must_use]
+    pub fn size(self) -> usize {
+        match self {
+            PixelFormat::U8 => 1,
+            PixelFormat::U16 | PixelFormat::F16 => 2,
+            PixelFormat::F32 => 4,
+        }
+    }
+}
+
+/// The value of a channel.
+pub fn decode(format: PixelFormat, b: &[u8]) -> f32 {
+    match format {
+        PixelFormat::U8 => f32::from(b[0]) / 255.0,
+        PixelFormat::U16 => f32::from(u16::from_ne_bytes([b[0], b[1]])) / 65535.0,
+        PixelFormat::F16 => f16::from_ne_bytes([b[0], b[1]]).to_f32(),
+        PixelFormat::F32 => f32::from_ne_bytes([b[0], b[1], b[2], b[3]]),
+    }
+}

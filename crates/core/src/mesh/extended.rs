@@ -1,0 +1,330 @@
+//! A tile whose charts go on beyond their borders: each chart with its collar, as far as it lies over nothing else of the same
+//! chart. What is left out of a collar is beyond a border, as everything is without collars.
+
+#[cfg(test)]
+mod tests;
+
+use std::ops::Range;
+
+use glam::DVec2;
+
+use super::collar::{Across, Collar, collars};
+use super::hash::{Table, enter};
+use super::overlaps::Overlaps;
+use super::{Chart, Cut, FacePoint, Mesh, NONE, Source, TileMesh, Triangle};
+use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use crate::settings::Beyond;
+use crate::team::Team;
+
+/// A tile with collars. Triangles of charts keep their numbers. Charts that lie over others get no collars: what they share
+/// must stay where it is.
+pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -> TileMesh {
+    let source = &mesh.tiles[tile];
+    let mut collars = collars(team, mesh, tile, beyond);
+    let stacked = stacked(source);
+    for (collar, _) in collars.iter_mut().zip(&stacked).filter(|(_, stacked)| **stacked) {
+        *collar = Collar::default();
+    }
+    // Where a stacked chart of the tile lies beyond the seam, which stays, the seam is shut.
+    let stays =
+        |of: &Source| of.tile as usize == tile && stacked[source.chart_of_triangle(of.triangle) as usize];
+    let kept = team.map(collars.len(), |c| Kept::new(source, c, &collars[c], stays));
+    let mut extended = TileMesh {
+        udim: source.udim,
+        uv_set: source.uv_set,
+        layer: source.layer,
+        triangles: source.triangles.iter().map(|triangle| Triangle { ..*triangle }).collected(),
+        sources: Vec::new(),
+        charts: with_capacity(source.charts.len()),
+        cuts: copied(&source.cuts),
+        chart_of: copied(&source.chart_of),
+        welds: Vec::new(),
+        edges_apart: source.edges_apart,
+    };
+    for ((chart, collar), kept) in source.charts.iter().zip(&collars).zip(&kept) {
+        let chart = add(&mut extended, chart, collar, kept, beyond.reach);
+        extended.charts.put(chart);
+    }
+    extended.cuts.sort_unstable_by_key(|cut| cut.triangle);
+    extended
+}
+
+/// Per chart, whether it lies over another chart.
+fn stacked(tile: &TileMesh) -> Vec<bool> {
+    let charts = tile.chart_of_triangles();
+    let mut stacked = zeroed(tile.charts.len());
+    let all = Overlaps::of(tile.triangles.iter().map(|t| t.uv).collected());
+    for (t, triangle) in tile.triangles.iter().enumerate() {
+        let chart = charts[t] as usize;
+        let is_other = |other: usize| charts[other] as usize != chart;
+        stacked[chart] = stacked[chart] || all.any(triangle.uv, is_other);
+    }
+    stacked
+}
+
+/// A side of a chart's triangle: the triangle, and the corner opposite to the side.
+type Side = (u32, u8);
+
+/// What is kept of a collar.
+struct Kept {
+    /// Per triangle.
+    triangles: Vec<bool>,
+    /// The sides of the chart beyond which it goes on, ascending.
+    open: Vec<Open>,
+}
+
+/// A side of a chart beyond which the chart goes on: beyond these of its equal parts, counted from the corner that follows
+/// the opposite one.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Open {
+    side: Side,
+    parts: Range<usize>,
+}
+
+/// A triangle of a collar at a part of a chart's side.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct AtSide {
+    side: Side,
+    part: usize,
+    triangle: u32,
+}
+
+impl Kept {
+    /// Keeps the triangles that lie over nothing else of the chart, nearer ones first, as far as they hang together with it.
+    fn new(tile: &TileMesh, chart: usize, collar: &Collar, stays: impl Fn(&Source) -> bool) -> Kept {
+        let own = tile.charts[chart].triangles.clone();
+        let list = &collar.triangles;
+        if list.is_empty() {
+            return Kept { triangles: Vec::new(), open: Vec::new() };
+        }
+        let first = own.len();
+        let all = tile.triangles[own].iter().map(|t| t.uv).chain(list.iter().map(|t| t.uv));
+        let all = Overlaps::of(all.collected());
+        let rims = rims(tile, collar);
+        let mut triangles: Vec<bool> = zeroed(list.len());
+        for (k, triangle) in list.iter().enumerate() {
+            let lies = |other: usize| other < first || triangles[other - first];
+            triangles[k] = in_tile(triangle.uv) && !stays(&triangle.source) && !all.any(triangle.uv, lies);
+        }
+        loop {
+            let open = open_sides(&rims, &triangles);
+            let reached = reached(collar, &triangles, &rims, &open);
+            if reached == triangles {
+                return Kept { triangles, open };
+            }
+            triangles = reached;
+        }
+    }
+}
+
+fn in_tile(uv: [DVec2; 3]) -> bool {
+    let [low, high] = [uv[0].min(uv[1]).min(uv[2]), uv[0].max(uv[1]).max(uv[2])];
+    high.min_element() > 0.0 && low.max_element() < 1.0
+}
+
+/// The triangles at the sides of the chart, ascending.
+fn rims(tile: &TileMesh, collar: &Collar) -> Vec<AtSide> {
+    let mut rims = Vec::new();
+    for (k, triangle) in collar.triangles.iter().enumerate() {
+        for (corner, across) in triangle.across.into_iter().enumerate() {
+            if let Across::Chart(side) = across {
+                let part = part_of(tile, collar, side, triangle.uv, corner);
+                rims.put(AtSide { side, part, triangle: k as u32 });
+            }
+        }
+    }
+    rims.sort_unstable();
+    rims
+}
+
+/// At which of the parts of a chart's side a triangle of its collar lies.
+fn part_of(tile: &TileMesh, collar: &Collar, side: Side, uv: [DVec2; 3], corner: usize) -> usize {
+    let middle = 0.5 * (uv[(corner + 1) % 3] + uv[(corner + 2) % 3]);
+    let [from, to] = ends(tile, side);
+    let along = (middle - from).dot(to - from) / (to - from).length_squared();
+    (along * collar.parts as f64) as usize
+}
+
+/// The ends of a side.
+fn ends(tile: &TileMesh, (t, k): Side) -> [DVec2; 2] {
+    let uv = &tile.triangles[t as usize].uv;
+    [1, 2].map(|d| uv[(k as usize + d) % 3])
+}
+
+/// The sides of the chart at which triangles are kept, ascending: of each side the longest run of parts, since whoever
+/// crosses the side goes on from one of its parts.
+fn open_sides(rims: &[AtSide], kept: &[bool]) -> Vec<Open> {
+    let list: Vec<AtSide> = rims.iter().copied().filter(|rim| kept[rim.triangle as usize]).collected();
+    let of_side = |rims: &[AtSide]| {
+        let runs = rims.chunk_by(|a, b| a.part + 1 == b.part);
+        let run = runs.reduce(|longest, run| if run.len() > longest.len() { run } else { longest })?;
+        Some(Open { side: run[0].side, parts: run[0].part..run[run.len() - 1].part + 1 })
+    };
+    list.chunk_by(|a, b| a.side == b.side).filter_map(of_side).collected()
+}
+
+/// The run of a side's parts beyond which the chart goes on.
+fn run_of(open: &[Open], side: Side) -> Option<&Open> {
+    open.binary_search_by_key(&side, |open| open.side).ok().map(|k| &open[k])
+}
+
+/// The triangles that hang together with the chart.
+fn reached(collar: &Collar, kept: &[bool], rims: &[AtSide], open: &[Open]) -> Vec<bool> {
+    let list = &collar.triangles;
+    let mut reached: Vec<bool> = zeroed(list.len());
+    let mut stack: Vec<u32> = Vec::new();
+    let is_open = |rim: &&AtSide| run_of(open, rim.side).is_some_and(|open| open.parts.contains(&rim.part));
+    for rim in rims.iter().filter(|rim| kept[rim.triangle as usize]).filter(is_open) {
+        if !std::mem::replace(&mut reached[rim.triangle as usize], true) {
+            stack.put(rim.triangle);
+        }
+    }
+    while let Some(k) = stack.pop() {
+        for across in list[k as usize].across {
+            if let Across::Collar(next) = across
+                && kept[next as usize]
+                && !std::mem::replace(&mut reached[next as usize], true)
+            {
+                stack.put(next);
+            }
+        }
+    }
+    reached
+}
+
+/// Adds what is kept of a collar to a tile; returns the extended chart.
+fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, kept: &Kept, reach: f64) -> Chart {
+    let first = tile.triangles.len() as u32;
+    let list = &collar.triangles;
+    let mut numbers = filled(NONE, list.len());
+    let kept_ones: Vec<usize> = (0..list.len()).filter(|&k| kept.triangles[k]).collected();
+    for (number, &k) in kept_ones.iter().enumerate() {
+        numbers[k] = first + number as u32;
+    }
+    let mut vertices = copied(&chart.vertices);
+    let mut local_of: Table<u32, u32> = Table::default();
+    let mut with_vertex = |vertices: &mut Vec<u32>, v: u32| match local_of.get(&v) {
+        Some(&local) => local,
+        None => {
+            let local = vertices.len() as u32;
+            vertices.put(v);
+            enter(&mut local_of, v, local);
+            local
+        }
+    };
+    // Points are numbered after all vertices.
+    let mut points: Vec<FacePoint> = Vec::new();
+    let locals: Vec<[Result<u32, u32>; 3]> = kept_ones
+        .iter()
+        .map(|&k| {
+            list[k].points.each_ref().map(|point| match point.vertex() {
+                Some(v) => Ok(with_vertex(&mut vertices, v)),
+                None => {
+                    points.put(*point);
+                    Err(points.len() as u32 - 1)
+                }
+            })
+        })
+        .collected();
+    let parts = collar.parts as f64;
+    for Open { side, parts: run } in &kept.open {
+        let [from, to] = ends(tile, *side);
+        let at = |part: usize| from + (part as f64 / parts) * (to - from);
+        for [a, b] in [[0, run.start], [run.end, collar.parts]] {
+            if a < b {
+                tile.cuts.put(Cut { triangle: side.0, uv: [at(a), at(b)], is_gap: false });
+            }
+        }
+    }
+    let across = |tile: &TileMesh, k: usize, corner: usize| match list[k].across[corner] {
+        Across::Nothing => (NONE, None),
+        Across::Collar(other) => (numbers[other as usize], None),
+        Across::Chart(side) => {
+            let part = part_of(tile, collar, side, list[k].uv, corner);
+            match run_of(&kept.open, side).filter(|open| open.parts.contains(&part)) {
+                None => (NONE, None),
+                // From the chart, walks go on from the part in the middle.
+                Some(Open { parts, .. }) => {
+                    (side.0, Some(side).filter(|_| part == (parts.start + parts.end - 1) / 2))
+                }
+            }
+        }
+    };
+    for (&k, local) in kept_ones.iter().zip(locals) {
+        let number = tile.triangles.len() as u32;
+        let neighbours = [0, 1, 2].map(|corner| {
+            let (neighbour, entered) = across(tile, k, corner);
+            if let Some((t, side)) = entered {
+                tile.triangles[t as usize].neighbours[side as usize] = number;
+            }
+            neighbour
+        });
+        let local = local.map(|local| local.unwrap_or_else(|point| vertices.len() as u32 + point));
+        tile.triangles.put(Triangle { local, uv: list[k].uv, neighbours });
+        tile.sources.put(Source { distance: list[k].distance.map(|x| x as f32), ..list[k].source });
+    }
+    let collar = first as usize..tile.triangles.len();
+    set_depths(tile, collar.clone(), reach);
+    Chart { triangles: chart.triangles.clone(), collar, vertices, points }
+}
+
+/// Sets the depths of a collar's corners: the distance to where the collar ends, in the plane, over the reach; and at most what
+/// is left of the reach.
+fn set_depths(tile: &mut TileMesh, collar: Range<usize>, reach: f64) {
+    let own = tile.own() as u32;
+    let mut numbers: Table<[u64; 2], u32> = Table::default();
+    let mut depths: Vec<f64> = Vec::new();
+    let corners: Vec<[u32; 3]> = collar
+        .clone()
+        .map(|t| {
+            let left = tile.sources[t - own as usize].distance.map(|d| 1.0 - f64::from(d) / reach);
+            [0, 1, 2].map(|k| {
+                let key = tile.triangles[t].uv[k].to_array().map(f64::to_bits);
+                match numbers.get(&key) {
+                    Some(&number) => {
+                        let depth = &mut depths[number as usize];
+                        *depth = depth.min(left[k].max(0.0));
+                        number
+                    }
+                    None => {
+                        enter(&mut numbers, key, depths.len() as u32);
+                        depths.put(left[k].max(0.0));
+                        depths.len() as u32 - 1
+                    }
+                }
+            })
+        })
+        .collected();
+    // Ends first: a corner at which the collar both begins and ends counts as its beginning.
+    for is_end in [true, false] {
+        for (of, t) in corners.iter().zip(collar.clone()) {
+            for k in 0..3 {
+                let next = tile.triangles[t].neighbours[k];
+                if if is_end { next == NONE } else { next < own } {
+                    let depth = if is_end { 0.0 } else { 1.0 };
+                    [1, 2].into_iter().for_each(|d| depths[of[(k + d) % 3] as usize] = depth);
+                }
+            }
+        }
+    }
+    let mut is_known = false;
+    while !is_known {
+        is_known = true;
+        for (of, t) in corners.iter().zip(collar.clone()) {
+            let uv = tile.triangles[t].uv;
+            for k in 0..3 {
+                for other in [(k + 1) % 3, (k + 2) % 3] {
+                    let along = depths[of[other] as usize] + uv[k].distance(uv[other]) / reach;
+                    let depth = &mut depths[of[k] as usize];
+                    // The beginning keeps its depth.
+                    if *depth < 1.0 && along < *depth {
+                        (*depth, is_known) = (along, false);
+                    }
+                }
+            }
+        }
+    }
+    for (of, t) in corners.iter().zip(collar) {
+        tile.sources[t - own as usize].depth = of.map(|c| depths[c as usize] as f32);
+    }
+}

@@ -1,0 +1,71 @@
+//! Declares the constants shared by Rust and WGSL: once, in Rust, with their comments.
+
+/// A constant's type and value in WGSL.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Constant {
+    U32(u32),
+    F32(f32),
+    Vec2([f32; 2]),
+}
+
+/// A constant: the lines of its comment, its name, its value.
+pub type Declaration = (&'static [&'static str], &'static str, Constant);
+
+impl From<u32> for Constant {
+    fn from(x: u32) -> Constant {
+        Constant::U32(x)
+    }
+}
+
+/// Sizes and counts, which are u32 in WGSL.
+impl From<usize> for Constant {
+    fn from(x: usize) -> Constant {
+        Constant::U32(x as u32)
+    }
+}
+
+impl From<f32> for Constant {
+    fn from(x: f32) -> Constant {
+        Constant::F32(x)
+    }
+}
+
+/// A constant that the CPU uses in f64, and a GPU as the nearest f32.
+impl From<f64> for Constant {
+    fn from(x: f64) -> Constant {
+        Constant::F32(x as f32)
+    }
+}
+
+impl From<[f64; 2]> for Constant {
+    fn from(ends: [f64; 2]) -> Constant {
+        Constant::Vec2(ends.map(|x| x as f32))
+    }
+}
+
+impl Constant {
+    /// Its type and value in the notation of WGSL.
+    pub fn wgsl(self) -> (&'static str, String) {
+        match self {
+            Constant::U32(x) if x > 1 << 16 => ("u32", format!("{x:#x}u")),
+            Constant::U32(x) => ("u32", format!("{x}u")),
+            Constant::F32(x) => ("f32", format!("{x:?}")),
+            Constant::Vec2([x, y]) => ("vec2f", format!("vec2f({x:?}, {y:?})")),
+        }
+    }
+}
+
+/// Declares public constants, and, for tests, a function `declarations` that lists them in the same order.
+#[macro_export]
+#[doc(hidden)]
+macro_rules! constants {
+    ($($(#[doc = $doc:literal])+ $name:ident: $ty:ty = $value:expr;)+) => {
+        // Some are used by only one backend, or only by the shaders.
+        $($(#[doc = $doc])+ #[allow(dead_code)] pub const $name: $ty = $value;)+
+
+        /// All of these constants, in order.
+        pub fn declarations() -> Vec<$crate::method::constants::Declaration> {
+            vec![$((&[$($doc),+], stringify!($name), $name.into())),+]
+        }
+    };
+}

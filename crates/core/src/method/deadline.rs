@@ -1,0 +1,187 @@
+//! Time budgets: the actual time of stages of known cost (`cost`), and what still fits into a solve's budget. Without a
+//! budget nothing depends on a clock.
+
+use std::time::{Duration, Instant};
+
+/// Minimum seconds of any stage, for waking threads and lists of charts.
+const LEAST: f64 = 50e-6;
+/// Weight of the pace of earlier solves against this solve's measurements, in seconds of cost.
+const PRIOR: f64 = 500e-6;
+/// Factor for the first use of memory, which also allocates its pages.
+const FRESH: f64 = 1.5;
+/// Safety factor on predictions, since charts and poses differ.
+const MARGIN: f64 = 1.1;
+
+/// How many times slower or quicker than before the machine may have become from one solve to the next,
+const SLOWER: f64 = 2.0;
+/// and how many times quicker, before a solve is not even begun for lack of time.
+const QUICKER: f64 = 8.0;
+
+/// The time that a solve may take, and its pace.
+#[derive(Clone, Debug)]
+pub struct Deadline {
+    /// The end of the time limit, and the end of its grace period, by which a result that takes longer is abandoned.
+    ends: Option<[Instant; 2]>,
+    /// Seconds per second of cost, as measured by the device's earlier solves.
+    prior: f64,
+    /// Seconds of this solve's stages: first by their cost, then as measured.
+    cost: f64,
+    measured: f64,
+    fresh: f64,
+}
+
+impl Deadline {
+    /// The deadline of a solve that is to end `budget` after `start`, the start of a call with the budget `whole`, on a
+    /// device of this pace; `fresh` if its memory has never been used.
+    pub fn new(start: Instant, [budget, whole]: [Option<Duration>; 2], pace: f64, fresh: bool) -> Deadline {
+        let ends = budget.and_then(|budget| {
+            // The API allows a fifth more plus 5 ms for the whole call; the rest of that is for work after the solves.
+            let most = budget.min(whole.unwrap_or(budget));
+            let over = most.mul_f64(1.17).saturating_add(Duration::from_millis(3));
+            Some([start.checked_add(budget)?, start.checked_add(over)?])
+        });
+        let fresh = if fresh { FRESH } else { 1.0 };
+        Deadline { ends, prior: pace, cost: 0.0, measured: 0.0, fresh }
+    }
+
+    /// A deadline without a budget.
+    pub fn unlimited() -> Deadline {
+        Deadline::new(Instant::now(), [None; 2], 1.0, false)
+    }
+
+    pub fn is_limited(&self) -> bool {
+        self.ends.is_some()
+    }
+
+    /// Seconds per second of cost.
+    fn pace(&self) -> f64 {
+        (self.prior * self.fresh * PRIOR + self.measured) / (PRIOR + self.cost)
+    }
+
+    /// The pace for the device's next solves: this solve's, but at most `SLOWER` times the one before or as much quicker. One
+    /// moment in which the machine was busy must not spoil all later solves.
+    pub fn learnt(&self) -> f64 {
+        if self.cost == 0.0 {
+            return self.prior;
+        }
+        (self.pace() / self.fresh).clamp(self.prior / SLOWER, self.prior * SLOWER)
+    }
+
+    fn seconds(&self, cost: f64) -> f64 {
+        LEAST + cost * 1e-6 * self.pace()
+    }
+
+    /// True if stages of this cost fit into the remaining budget.
+    pub fn fits(&self, cost: f64) -> bool {
+        self.ends.is_none_or(|[end, _]| within(end, self.seconds(cost) * MARGIN))
+    }
+
+    /// True if stages of this cost cannot finish even within the grace period.
+    pub fn is_over(&self, cost: f64) -> bool {
+        self.ends.is_some_and(|[_, end]| !within(end, self.seconds(cost)))
+    }
+
+    /// True if a solve of at least this cost is worth starting, at a pace far quicker than that of earlier solves: the solve's
+    /// own first stages tell more. If not, and the machine is taken for a slow one, it is then taken for a little quicker,
+    /// since nothing was measured.
+    pub fn may_begin(&mut self, least: f64) -> bool {
+        let begins = !self.is_over(least / QUICKER);
+        if !begins && self.prior > 1.0 {
+            self.prior = (self.prior * 0.8).max(1.0);
+        }
+        begins
+    }
+
+    /// The time at which a stage must stop if stages of this cost follow it.
+    pub fn stop_before(&self, cost: f64) -> Option<Instant> {
+        let [end, _] = self.ends?;
+        let seconds = Duration::from_secs_f64(self.seconds(cost));
+        Some(end.checked_sub(seconds).unwrap_or_else(Instant::now))
+    }
+
+    /// Records that a stage of this cost took this many seconds.
+    pub fn learn(&mut self, cost: f64, seconds: f64) {
+        if self.is_limited() {
+            self.cost += cost * 1e-6;
+            self.measured += (seconds - LEAST).max(0.0);
+        }
+    }
+}
+
+fn within(end: Instant, seconds: f64) -> bool {
+    seconds <= end.saturating_duration_since(Instant::now()).as_secs_f64()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A second of cost, in the unit of costs.
+    const SECOND: f64 = 1e6;
+
+    /// A budget so long that the test's own time does not matter.
+    fn hundred_seconds(pace: f64) -> Deadline {
+        Deadline::new(Instant::now(), [Some(Duration::from_secs(100)); 2], pace, false)
+    }
+
+    #[test]
+    fn a_prediction_needs_a_margin_to_fit_and_has_grace_before_it_is_over() {
+        let deadline = hundred_seconds(2.0);
+        assert!(deadline.fits(44.0 * SECOND));
+        // 96 seconds are less than the budget, but not by the margin.
+        assert!(!deadline.fits(48.0 * SECOND));
+        assert!(!deadline.is_over(58.0 * SECOND));
+        assert!(deadline.is_over(60.0 * SECOND));
+        let unlimited = Deadline::new(Instant::now(), [None; 2], 2.0, false);
+        assert!(unlimited.fits(f64::MAX) && !unlimited.is_over(f64::MAX));
+        assert!(unlimited.stop_before(1.0).is_none());
+    }
+
+    #[test]
+    fn measured_stages_replace_the_pace_of_earlier_solves() {
+        let mut deadline = hundred_seconds(1.0);
+        assert_eq!(deadline.learnt(), 1.0);
+        deadline.learn(SECOND, 1.5);
+        assert!((deadline.pace() - 1.5).abs() < 0.01, "{}", deadline.pace());
+        assert!(deadline.fits(60.0 * SECOND) && !deadline.fits(62.0 * SECOND));
+        assert!((deadline.learnt() - 1.5).abs() < 0.01, "{}", deadline.learnt());
+        let mut quick = hundred_seconds(4.0);
+        quick.learn(SECOND, 1.0);
+        assert_eq!(quick.learnt(), 2.0);
+    }
+
+    #[test]
+    fn all_tiles_of_a_call_share_its_grace() {
+        let start = Instant::now() - Duration::from_millis(100);
+        let budget = |ms| Some(Duration::from_millis(ms));
+        // What is left for the last of many tiles, once the call's own time is over.
+        let last = Deadline::new(start, [budget(101), budget(30)], 1.0, false);
+        assert!(last.is_over(0.0));
+        assert!(!Deadline::new(start, [budget(101), budget(101)], 1.0, false).is_over(0.0));
+    }
+
+    #[test]
+    fn a_machine_that_was_slow_once_is_tried_again() {
+        // A moment in which everything took a thousand times as long.
+        let mut slow = hundred_seconds(1.0);
+        slow.learn(SECOND, 1000.0);
+        let mut next = hundred_seconds(slow.learnt());
+        assert!(next.may_begin(90.0 * SECOND));
+        next.learn(SECOND, 1.0);
+        assert!(next.fits(90.0 * SECOND));
+        assert!((next.learnt() - 1.0).abs() < 0.01, "{}", next.learnt());
+        // However slow it has been, a solve is begun after some calls.
+        let mut pace = 1e6;
+        let refused = (0..100).position(|_| {
+            let mut deadline = hundred_seconds(pace);
+            let begins = deadline.may_begin(SECOND);
+            pace = deadline.learnt();
+            begins
+        });
+        assert!(refused.is_some_and(|calls| calls < 40), "{refused:?}");
+        // A budget that no machine could keep says nothing about this one.
+        let mut hopeless = hundred_seconds(1.0);
+        assert!(!hopeless.may_begin(1000.0 * SECOND));
+        assert_eq!(hopeless.learnt(), 1.0);
+    }
+}

@@ -1,0 +1,182 @@
+//! The plan of a solve: its input, and the stages of each level that follow from its options (method §5).
+
+use std::time::Duration;
+
+use super::acceptance::Correction;
+use super::law::{CG_ITERATIONS, PROTECTION};
+use super::stage::{Stage, Start};
+use crate::grid::Grid;
+use crate::grid::pose::Pose;
+use crate::mesh::TileMesh;
+use crate::report::StageTimes;
+use crate::settings::{PbdValues, Quality, SolveOptions, Solver, TileSettings};
+
+/// The input of a backend: one tile, one pose.
+pub struct Input<'a> {
+    pub grid: &'a Grid,
+    pub mesh: &'a TileMesh,
+    pub pose: &'a Pose,
+    pub settings: &'a TileSettings,
+    /// The setting `protect`; 0 for the paper's solver.
+    pub protect: f32,
+    /// Per chart, true if it is to be solved.
+    pub charts: &'a [bool],
+    /// λ(level + 1) / λ(level); see `Plan`.
+    pub continuation: f32,
+    /// Weight θ of the pull towards the last result, on level 0 (method §5); 0 for no pull.
+    pub pull: f32,
+}
+
+impl Input<'_> {
+    /// λ on a level (method §4).
+    pub fn smoothness(&self, level: usize) -> f32 {
+        self.settings.smoothness * self.continuation.powi(level as i32)
+    }
+
+    /// The weight of rigid material that the pose strains most, relative to what it does not strain (method §4,
+    /// Protection). All other weights of the energy are multiplied by it.
+    pub fn least_weight(&self) -> f32 {
+        1.0 / (1.0 + PROTECTION * self.protect)
+    }
+}
+
+/// What a solver's memory is used for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Purpose {
+    pub solver: Solver,
+    /// Whether rigid material loses weight where the pose strains it (method §4, Protection).
+    pub protects: bool,
+}
+
+impl Purpose {
+    pub fn new(solver: Solver, settings: &TileSettings) -> Purpose {
+        Purpose { solver, protects: solver == Solver::Descent && settings.protect > 0.0 }
+    }
+}
+
+/// The result of a chart's solve, in numbers.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct ChartResult {
+    pub energy_before: f64,
+    pub energy: f64,
+    pub min_jacobian: f64,
+    pub folds: u64,
+    pub max_displacement: f32,
+    /// True if the identity replaced the solver's warp (method §8).
+    pub fallback: bool,
+}
+
+/// The work to be done by a solve, derived from its options.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plan {
+    /// Sweeps after each correction, on the finest level and on the others; on a level without corrections, all of its
+    /// sweeps.
+    pub sweeps: [u32; 2],
+    /// The finest level that is worked on, unless the solve starts from the last result: its result is interpolated to level 0.
+    pub finest: usize,
+    /// Iterations of conjugate gradients in each correction, on the finest level and on the others.
+    pub iterations: [u32; 2],
+    /// Greatest number of corrections, on the finest level and on each of the others.
+    pub corrections: [u32; 2],
+    /// See `Correction`.
+    pub tolerance: f32,
+    /// See `Correction`.
+    pub trusts_model: bool,
+    /// λ(level + 1) / λ(level). A smoother warp on the coarser levels leaves to the finer ones the decision which of
+    /// two features gives way: with 2, the energy of the squash to 40 % ends 2 % lower, that of strips 1.6 %, that of
+    /// scenes with room 0.1 to 0.4 %.
+    pub continuation: f32,
+    /// The settings of the paper's solver, if it replaces the descent.
+    pub pbd: Option<PbdValues>,
+    pub warm: bool,
+    /// `SolveOptions::temporal_weight`, if it has an effect.
+    pub temporal_weight: f32,
+    pub budget: Option<Duration>,
+}
+
+impl Plan {
+    pub fn new(options: &SolveOptions) -> Plan {
+        let pbd = (options.solver == Solver::Pbd).then(|| options.pbd.resolved());
+        // The coarser levels together cost a third of the finest one, and their corrections move features as far as
+        // hundreds of sweeps alone would. A chart with room is done after one correction on the finest level; the
+        // further ones go to crowded charts. `high` reaches the finest level in the same way as `normal` and continues
+        // from there: it is never to end with a higher energy.
+        let (sweeps, corrections, tolerance, trusts_model, continuation) = match options.quality {
+            // No correction follows on the finest level: the coarser levels have to be solved with the λ of the finest. The
+            // sweeps of level 0 are those of a solve that starts from the last result.
+            Quality::Draft => ([3, 1], [0, 1], 0.0, true, 1.0),
+            Quality::Normal => ([2, 2], [4, 1], 3e-3, true, 2.0),
+            // More corrections gain hardly any energy, and let rounding decide where crowded charts end. A third sweep
+            // makes the warp of crowded charts smoother in the pose.
+            Quality::High => ([3, 2], [7, 1], 1e-4, false, 2.0),
+        };
+        // A second iteration on the coarser levels lowers the strain of a draft by a tenth, for a fifth of its time, and
+        // makes crowded charts rougher. `normal` needs it: where charts are crowded, it is rougher without.
+        let iterations =
+            if options.quality == Quality::Draft { [CG_ITERATIONS, 1] } else { [CG_ITERATIONS; 2] };
+        let cap = |n: u32| options.max_corrections.unwrap_or(n);
+        // Options that the solver ignores must not make two plans differ.
+        let descent = pbd.is_none();
+        // Where features have room, level 1 leaves 1.1 to 1.8 times the strain that a whole solve leaves, in a third of the
+        // time (method §5). Who asks for a number of corrections gets them on all levels.
+        let draft = options.quality == Quality::Draft && options.max_corrections.is_none();
+        Plan {
+            finest: usize::from(descent && draft),
+            sweeps: if descent { sweeps } else { [0; 2] },
+            iterations: if descent { iterations } else { [0; 2] },
+            corrections: if descent { corrections.map(cap) } else { [0; 2] },
+            tolerance: if descent { options.tolerance.unwrap_or(tolerance) } else { 0.0 },
+            trusts_model: descent && trusts_model,
+            continuation: if descent { continuation } else { 1.0 },
+            pbd,
+            warm: options.warm,
+            temporal_weight: if descent && options.warm { options.temporal_weight } else { 0.0 },
+            budget: options.time_budget,
+        }
+    }
+
+    /// The setting `protect`, which only the descent has.
+    pub fn protect(&self, settings: &TileSettings) -> f32 {
+        if self.pbd.is_some() { 0.0 } else { settings.protect }
+    }
+
+    pub fn solver(&self) -> Solver {
+        if self.pbd.is_some() { Solver::Pbd } else { Solver::Descent }
+    }
+
+    /// The start of a level, unless it is the coarsest level of the solve.
+    pub fn start(&self, level: usize) -> Stage {
+        let from = self.pbd.map_or(Start::Coarser, |settings| Start::Smoothed(settings.smoothing));
+        Stage::Start { level, from }
+    }
+
+    /// The `n`-th stage after a level's start, from 0; `None` after the last. Corrections include their sweeps; no sweeps
+    /// come before the first correction: a prolonged state is as good a start as a relaxed one (the gaps of scenes with
+    /// room are the same or smaller without). `warm` on level 0 of a warm solve: the last frame's result is relaxed for
+    /// this pose first.
+    pub fn step(&self, level: usize, n: u32, warm: bool) -> Option<Stage> {
+        let coarser = usize::from(level > 0);
+        let (corrections, sweeps) = (self.corrections[coarser], self.sweeps[coarser]);
+        if let Some(settings) = self.pbd {
+            let iteration = settings.iteration(level, n, false);
+            return (n < settings.iterations).then_some(Stage::Iterate { level, iteration });
+        }
+        let Some(n) = n.checked_sub(u32::from(warm)) else { return Some(Stage::Relax { level, sweeps }) };
+        if corrections == 0 {
+            return (n == 0 && !warm).then_some(Stage::Relax { level, sweeps });
+        }
+        let Plan { tolerance, trusts_model, .. } = *self;
+        let iterations = self.iterations[coarser];
+        let correction = Correction { first: n == 0, iterations, sweeps, tolerance, trusts_model };
+        (n < corrections).then_some(Stage::Correct { level, correction, stop: None })
+    }
+}
+
+/// The work that a solve did.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    pub times: StageTimes,
+    pub sweeps: u32,
+    pub corrections: u32,
+    pub truncated: bool,
+}

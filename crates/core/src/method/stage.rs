@@ -1,0 +1,109 @@
+//! The stages that both backends implement, as the schedule calls them (method §5).
+
+use std::time::Instant;
+
+use super::acceptance::Correction;
+use super::pbd::Iteration;
+use crate::report::StageTimes;
+
+/// A stage of a solve, with its arguments. Level 0 is the finest.
+#[derive(Clone, Copy, Debug)]
+pub enum Stage {
+    /// Computes the pose's triangles and their metrics.
+    Surface,
+    /// Computes the pose's metrics on all coarser levels.
+    Pyramid,
+    /// Sets the displacements that a level starts from.
+    Start { level: usize, from: Start },
+    /// Relaxes a level node by node (method §6).
+    Relax { level: usize, sweeps: u32 },
+    /// Does one Gauss-Newton step for all nodes of a level, relaxes, and accepts or rejects it for each chart (method
+    /// §7). On a backend that can tell, it ends early if it would not be done at `stop`: the level is then unchanged.
+    Correct { level: usize, correction: Correction, stop: Option<Instant> },
+    /// Does one iteration of the paper's solver on a level (method §10).
+    Iterate { level: usize, iteration: Iteration },
+    /// Computes the energies of the identity and of the present state on a level on which work ends before level 0.
+    Energies { level: usize, allow_folds: bool },
+    /// Computes corner Jacobians, and energies unless `Energies` has, and applies the fallback (method §8): a chart that
+    /// is folded, or whose energy is not finite or above that of the identity, becomes the identity; with `allow_folds`,
+    /// only one whose energy is not finite.
+    Certify { allow_folds: bool },
+    /// Makes the identity the result instead of certifying one, with as little work as possible.
+    GiveUp,
+}
+
+/// The start of a level.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Start {
+    Identity,
+    /// The previous result. On level 0 only.
+    Previous,
+    /// The next coarser level, interpolated (method §3).
+    Coarser,
+    /// The next coarser level, interpolated and then smoothed with this weight, as the paper does (method §10).
+    Smoothed(f32),
+    /// The next coarser level, for a level on which no other work is done.
+    Passing,
+}
+
+/// The categories in which stages are timed.
+#[derive(Clone, Copy, Debug)]
+pub enum Kind {
+    Surface,
+    Pyramid,
+    Prolong,
+    Relax,
+    Correct,
+    Pbd,
+    Certify,
+}
+
+impl Kind {
+    /// The milliseconds of this category.
+    pub fn of(self, times: &mut StageTimes) -> &mut f32 {
+        match self {
+            Kind::Surface => &mut times.surface,
+            Kind::Pyramid => &mut times.pyramid,
+            Kind::Prolong => &mut times.prolong,
+            Kind::Relax => &mut times.relax,
+            Kind::Correct => &mut times.correct,
+            Kind::Pbd => &mut times.pbd,
+            Kind::Certify => &mut times.certify,
+        }
+    }
+}
+
+impl Stage {
+    pub fn kind(&self) -> Kind {
+        match self {
+            Stage::Surface => Kind::Surface,
+            Stage::Pyramid => Kind::Pyramid,
+            Stage::Start { .. } => Kind::Prolong,
+            Stage::Relax { .. } => Kind::Relax,
+            Stage::Correct { .. } => Kind::Correct,
+            Stage::Iterate { .. } => Kind::Pbd,
+            Stage::Energies { .. } | Stage::Certify { .. } | Stage::GiveUp => Kind::Certify,
+        }
+    }
+
+    /// The level that the stage works on; the finest for stages without a level.
+    pub fn level(&self) -> usize {
+        match *self {
+            Stage::Start { level, .. }
+            | Stage::Relax { level, .. }
+            | Stage::Energies { level, .. }
+            | Stage::Correct { level, .. }
+            | Stage::Iterate { level, .. } => level,
+            Stage::Surface | Stage::Pyramid | Stage::Certify { .. } | Stage::GiveUp => 0,
+        }
+    }
+}
+
+/// A backend, for the charts of one tile that are to be solved.
+pub trait Stages {
+    /// Does a stage. Returns false if a correction ended early. The schedule depends on no other outcome: a GPU records a
+    /// solve in advance.
+    fn run(&mut self, stage: &Stage) -> bool;
+    /// Waits until all stages called so far are done. Called before the clock is read, if there is a time budget.
+    fn wait(&mut self) {}
+}

@@ -1,0 +1,225 @@
+//! Views of a host's vertex arrays: any byte stride, f32 or f64, read without alignment.
+
+use crate::allocation::{Grow, with_capacity};
+use crate::error::{Error, Result};
+
+/// The number format of one component of a host's array.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Scalar {
+    /// 32-bit float.
+    F32,
+    /// 64-bit float.
+    F64,
+}
+
+impl Scalar {
+    /// Bytes of one component.
+    #[must_use]
+    pub fn size(self) -> usize {
+        match self {
+            Scalar::F32 => 4,
+            Scalar::F64 => 8,
+        }
+    }
+}
+
+/// `count` elements of `components` scalars, each `stride` bytes after the one before it.
+#[derive(Clone, Copy, Debug)]
+pub struct Strided<'a> {
+    bytes: &'a [u8],
+    scalar: Scalar,
+    components: usize,
+    count: usize,
+    stride: usize,
+}
+
+impl Default for Strided<'_> {
+    /// No elements.
+    fn default() -> Self {
+        Strided { bytes: &[], scalar: Scalar::F32, components: 0, count: 0, stride: 0 }
+    }
+}
+
+impl<'a> Strided<'a> {
+    /// A view of raw bytes. `name` is the argument's name in error messages. `stride` 0 means tightly packed.
+    ///
+    /// # Errors
+    /// `InvalidArgument` if the stride is smaller than an element or the bytes do not hold `count` elements.
+    ///
+    /// # Example
+    /// Positions among the other values of a vertex:
+    ///
+    /// ```
+    /// # use vrtm::{Scalar, Strided};
+    /// let vertices: [[f32; 5]; 2] = [[0.0, 1.0, 2.0, 0.25, 0.75], [3.0, 4.0, 5.0, 0.5, 0.5]];
+    /// let bytes: Vec<u8> = vertices.as_flattened().iter().flat_map(|x| x.to_ne_bytes()).collect();
+    /// let positions = Strided::new("positions", &bytes, Scalar::F32, 3, 2, 20)?;
+    /// let uvs = Strided::new("uvs", &bytes[12..], Scalar::F32, 2, 2, 20)?;
+    /// assert_eq!(positions.get3(1), [3.0, 4.0, 5.0]);
+    /// assert_eq!([uvs.get(0, 0), uvs.get(0, 1)], [0.25, 0.75]);
+    /// assert!(Strided::new("positions", &bytes, Scalar::F32, 3, 3, 20).is_err(), "there are two vertices");
+    /// # Ok::<(), vrtm::Error>(())
+    /// ```
+    pub fn new(
+        name: &str,
+        bytes: &'a [u8],
+        scalar: Scalar,
+        components: usize,
+        count: usize,
+        stride: usize,
+    ) -> Result<Strided<'a>> {
+        let element = scalar.size() * components;
+        let stride = if stride == 0 { element } else { stride };
+        if stride < element {
+            return Err(Error::argument(format!(
+                "{name}: stride is {stride} bytes, smaller than an element ({element} bytes)"
+            )));
+        }
+        let needed = count.checked_sub(1).map_or(Some(0), |n| n.checked_mul(stride)?.checked_add(element));
+        match needed {
+            Some(needed) if needed <= bytes.len() => {}
+            _ => {
+                return Err(Error::argument(format!(
+                    "{name}: {count} elements with stride {stride} do not fit into {} bytes",
+                    bytes.len()
+                )));
+            }
+        }
+        Ok(Strided { bytes, scalar, components, count, stride })
+    }
+
+    /// Packed f32 triples: positions.
+    #[must_use]
+    pub fn from_f32x3(values: &'a [[f32; 3]]) -> Strided<'a> {
+        let bytes = as_bytes(values);
+        Strided { bytes, scalar: Scalar::F32, components: 3, count: values.len(), stride: 12 }
+    }
+
+    /// Packed f64 triples: positions.
+    #[must_use]
+    pub fn from_f64x3(values: &'a [[f64; 3]]) -> Strided<'a> {
+        let bytes = as_bytes(values);
+        Strided { bytes, scalar: Scalar::F64, components: 3, count: values.len(), stride: 24 }
+    }
+
+    /// Packed f32 pairs: UVs.
+    #[must_use]
+    pub fn from_f32x2(values: &'a [[f32; 2]]) -> Strided<'a> {
+        let bytes = as_bytes(values);
+        Strided { bytes, scalar: Scalar::F32, components: 2, count: values.len(), stride: 8 }
+    }
+
+    /// Packed f32 values.
+    #[must_use]
+    pub fn from_f32(values: &'a [f32]) -> Strided<'a> {
+        Strided {
+            bytes: as_bytes(values),
+            scalar: Scalar::F32,
+            components: 1,
+            count: values.len(),
+            stride: 4,
+        }
+    }
+
+    /// Number of elements.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// True if the view has no elements.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Components per element.
+    #[must_use]
+    pub fn components(&self) -> usize {
+        self.components
+    }
+
+    /// The machine epsilon of its number format.
+    pub fn epsilon(&self) -> f64 {
+        match self.scalar {
+            Scalar::F32 => f32::EPSILON.into(),
+            Scalar::F64 => f64::EPSILON,
+        }
+    }
+
+    /// Component `c` of element `i`, as f64 (exact for f32).
+    ///
+    /// # Panics
+    /// If `i` or `c` is out of range.
+    #[must_use]
+    pub fn get(&self, i: usize, c: usize) -> f64 {
+        assert!(i < self.count && c < self.components);
+        let at = i * self.stride + c * self.scalar.size();
+        match self.scalar {
+            Scalar::F32 => f32::from_ne_bytes(self.bytes[at..at + 4].try_into().unwrap()).into(),
+            Scalar::F64 => f64::from_ne_bytes(self.bytes[at..at + 8].try_into().unwrap()),
+        }
+    }
+
+    /// The first three components of element `i`.
+    #[must_use]
+    pub fn get3(&self, i: usize) -> [f64; 3] {
+        [self.get(i, 0), self.get(i, 1), self.get(i, 2)]
+    }
+
+    /// Errors with the index of the first component that is not finite.
+    pub fn check_finite(&self, name: &str) -> Result<()> {
+        self.check(name, f64::is_finite)
+    }
+
+    /// Errors with the index of the first component that is not finite as f32.
+    pub fn check_f32(&self, name: &str) -> Result<()> {
+        self.check(name, |value| (value as f32).is_finite())
+    }
+
+    /// Errors with the index of the first component that is not `good`.
+    fn check(&self, name: &str, good: impl Fn(f64) -> bool) -> Result<()> {
+        for i in 0..self.count {
+            for c in 0..self.components {
+                let value = self.get(i, c);
+                if !good(value) {
+                    return Err(Error::argument(format!("{name}[{i}]: component {c} is {value}")));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A copy of a host's array, tightly packed.
+#[derive(Clone, Debug)]
+pub struct Packed {
+    bytes: Vec<u8>,
+    scalar: Scalar,
+    components: usize,
+    count: usize,
+}
+
+impl Packed {
+    pub fn copy(from: &Strided) -> Packed {
+        let Strided { scalar, components, count, .. } = *from;
+        let element = scalar.size() * components;
+        let mut bytes = with_capacity(count * element);
+        for i in 0..count {
+            bytes.put_all(from.bytes[i * from.stride..][..element].iter().copied());
+        }
+        Packed { bytes, scalar, components, count }
+    }
+
+    pub fn view(&self) -> Strided<'_> {
+        let Packed { scalar, components, count, .. } = *self;
+        Strided { bytes: &self.bytes, scalar, components, count, stride: scalar.size() * components }
+    }
+}
+
+/// The bytes of plain numbers.
+pub fn as_bytes<T: Copy>(values: &[T]) -> &[u8] {
+    // SAFETY: only called with numbers and arrays of them, which have no padding; any byte may be read as u8.
+    unsafe { std::slice::from_raw_parts(values.as_ptr().cast(), std::mem::size_of_val(values)) }
+}

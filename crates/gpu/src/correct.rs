@@ -1,0 +1,303 @@
+//! correct: one Gauss-Newton step for all nodes of a level at once (method §7); the counterpart of `cpu/correct.rs`.
+
+pub(super) mod coarse_levels;
+#[cfg(test)]
+mod tests;
+
+use super::dispatch::BandBuffer;
+use super::kernels::Kernel;
+use super::layout::{
+    COARSE_CYCLE, COARSE_SOLVE, COARSE_SOLVE_ONCE, Chart, DECIDE_BEFORE, DECIDE_FIRST_STEP,
+    DECIDE_LAST_TRIAL, DECIDE_SECOND_STEP, DECIDE_TRIAL, DOWN_FROM_RESIDUAL, DOWN_GATHER, Params,
+    RELAX_FRACTION, SELECT_FIRST_CORRECTION, SELECT_LATER_CORRECTION, STEP_FIRST_TRIAL, STEP_LATER_TRIAL,
+    UP_COARSE, UP_FIRST, UP_SECOND, VECTOR_PLANES,
+};
+use super::lists::{GateSet, List, active_blocks};
+use super::run::Run;
+use vrtm_core::allocation::Collect;
+use vrtm_core::error::Result;
+use vrtm_core::method::acceptance::Correction;
+use vrtm_core::method::law::{SMOOTHER_SWEEPS, kept_margin, limit_rounds, trial_fractions};
+
+/// The rounds of the step limit on level 0 that are preceded by a gate: one or two rounds are common, more are rare.
+const LATER_GATES: [u32; 2] = [2, 6];
+
+impl Run<'_> {
+    pub(super) fn correct_level(&mut self, level: usize, correction: &Correction) {
+        self.share = [1, 1];
+        if correction.first {
+            self.settled = false;
+        } else if self.settled || !self.is_wanted() {
+            self.settled = true;
+            self.share = [1, 1];
+            return;
+        }
+        self.params.in_correction = 1;
+        self.select(if correction.first { SELECT_FIRST_CORRECTION } else { SELECT_LATER_CORRECTION });
+        // Assembly computes the energy without a pull.
+        let params = self.with_pull(level);
+        if params.pull > 0.0 {
+            self.energy_sums(params, level);
+        }
+        self.assemble(level);
+        // Further corrections reuse the coarser systems of the first one, which precondition well enough.
+        if correction.first {
+            for k in level + 1..self.grid.levels.len() {
+                self.galerkin(k);
+            }
+        }
+        self.params.has_last_step = u32::from(level == 0 && !correction.first);
+        self.conjugate_gradients(level, correction.iterations);
+        self.params.has_last_step = 0;
+        self.limit_step(level);
+        let trials = trial_fractions(level);
+        for (n, &factor) in trials.iter().chain(&[0.0]).enumerate() {
+            let kernel = if level == 0 { Kernel::StepChords } else { Kernel::StepMetrics };
+            let mode = if n == 0 { STEP_FIRST_TRIAL } else { STEP_LATER_TRIAL };
+            let params = Params { factor, mode, ..self.at_level(level) };
+            self.dispatch_active(kernel, level, params, Some(BandBuffer::State));
+            self.relax_level(level, correction.sweeps, RELAX_FRACTION);
+            // The last trial has a fraction of 0: it is relaxation alone.
+            let last = n == trials.len();
+            let decision = if last { DECIDE_LAST_TRIAL } else { DECIDE_TRIAL };
+            let Correction { tolerance, trusts_model, .. } = *correction;
+            let trusts_model = u32::from(trusts_model);
+            self.energy(Params { tolerance, trusts_model, ..self.with_pull(level) }, level, decision);
+            if n == 0 {
+                // Nearly always, all charts accept the whole step.
+                self.open_gate(GateSet::Trial, 0);
+            }
+        }
+        self.gate = None;
+        self.params.in_correction = 0;
+        self.share = [1, 1];
+        self.energy_is_known = level > 0 || self.pull == 0.0;
+    }
+
+    /// Whether a chart takes part in a further correction of the level, from the records of the charts after the work
+    /// so far. Reading them takes one wait but saves about seventy dispatches, which would turn out empty for charts
+    /// with room.
+    fn is_wanted(&mut self) -> bool {
+        if self.error.is_some() {
+            return false;
+        }
+        match self.waited_records() {
+            Ok(records) => {
+                let wanted = |chart: &Chart| chart.solved == 1 && chart.finished == 0;
+                let wants: Vec<bool> = records.iter().map(wanted).collected();
+                let blocks = |charts: &[bool]| {
+                    let bands = self.memory.bands[0].iter();
+                    bands.map(|band| active_blocks(&self.grid.levels[0], band, charts).count() as u64).sum()
+                };
+                self.share = [blocks(&wants), blocks(self.charts)];
+                wants.contains(&true)
+            }
+            Err(error) => {
+                self.error = Some(error);
+                false
+            }
+        }
+    }
+
+    /// Submits the recorded commands, waits for them unless the call is cancelled, and reads the records of the charts.
+    fn waited_records(&mut self) -> Result<Vec<Chart>> {
+        let (charts, bytes) = (self.memory.charts.clone(), self.charts.len() * size_of::<Chart>());
+        let readback = self.recorder.read(&[(&charts, 0..bytes as u64)], false)?;
+        if let Some(control) = &self.control {
+            self.context.wait_for(control)?;
+        }
+        let parts = self.context.taken(&readback)?;
+        let records = parts.iter().flat_map(|part| part.chunks_exact(size_of::<Chart>()));
+        Ok(records.map(bytemuck::pod_read_unaligned).collected())
+    }
+
+    /// Assembles the system of a level from its state.
+    pub(super) fn assemble(&mut self, level: usize) {
+        let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
+        let params = self.with_pull(level);
+        self.dispatch_active(kernel, level, params, None);
+        if params.pull > 0.0 {
+            for band in 0..self.memory.bands[level].len() {
+                let active = self.memory.lists[level][band].active;
+                let extra = [self.anchor(level, band)];
+                self.dispatch_list(Kernel::Pull, [level, band], &extra, active, params);
+            }
+        }
+        self.exchange(level, BandBuffer::Rows);
+    }
+
+    /// Forms the system of level `k` from that of the next finer level (method §7.4).
+    fn galerkin(&mut self, k: usize) {
+        let together = self.memory.buffers[k - 1][0].base.is_some();
+        for band in 0..self.memory.bands[k].len() {
+            for (n, finer_band) in self.memory.bands[k][band].finer.clone().enumerate() {
+                let fine = &self.memory.buffers[k - 1][finer_band];
+                let params = Params { other_base: fine.base.unwrap_or(0), ..self.params };
+                let extra = [fine.blocks.clone(), fine.rows.clone()];
+                let (kernel, extra) = if together {
+                    (Kernel::GalerkinTogether, &extra[..1])
+                } else {
+                    (Kernel::Galerkin, &extra[..])
+                };
+                let active = self.memory.lists[k][band].active_by_finer_band[n];
+                self.dispatch_list(kernel, [k, band], extra, active, params);
+            }
+        }
+        self.exchange(k, BandBuffer::Rows);
+    }
+
+    /// Solves a level's system for the step, a combination of two preconditioned residuals and perhaps the last step
+    /// (method §7.3). Its factors, the predicted gain and the energy before the step are stored in the records of the
+    /// charts.
+    fn conjugate_gradients(&mut self, level: usize, iterations: u32) {
+        let params = self.with_pull(level);
+        if let Some(top) =
+            self.memory.coarse.as_ref().and_then(|coarse| level.checked_sub(coarse.levels.first))
+        {
+            self.multigrid_coarse(top, if iterations > 1 { COARSE_SOLVE } else { COARSE_SOLVE_ONCE });
+            if params.pull > 0.0 {
+                self.decide(level, params, DECIDE_BEFORE);
+            }
+            return;
+        }
+        self.multigrid_down(level, DOWN_FROM_RESIDUAL);
+        self.coarse_cycle(level);
+        self.multigrid_up(level, UP_FIRST, params.pull);
+        for band in 0..self.memory.bands[level].len() {
+            let lists = &self.memory.lists[level][band];
+            let (active, partial) = (lists.active, lists.partial);
+            let params = Params { partial, sweeps: SMOOTHER_SWEEPS, ..self.params };
+            self.dispatch_to_coarser(Kernel::Product, level, band, None, active, params);
+        }
+        self.exchange(level, BandBuffer::Vectors);
+        self.exchange(level + 1, BandBuffer::Contributions);
+        self.decide(level, self.params, DECIDE_FIRST_STEP);
+        if iterations == 1 {
+            return;
+        }
+        self.coarse_cycle(level);
+        self.multigrid_up(level, UP_SECOND, params.pull);
+        self.reduce(Kernel::Curvature, level, self.params, DECIDE_SECOND_STEP);
+    }
+
+    /// The part of a V-cycle on the levels coarser than `level` (method §7.4).
+    fn coarse_cycle(&mut self, level: usize) {
+        let coarsest = self.grid.levels.len() - 1;
+        let first = self.memory.coarse.as_ref().map_or(coarsest + 1, |coarse| coarse.levels.first);
+        for k in level + 1..first {
+            self.multigrid_down(k, DOWN_GATHER);
+        }
+        if first <= coarsest {
+            self.multigrid_coarse(0, COARSE_CYCLE);
+        }
+        for k in (level + 1..first).rev() {
+            self.multigrid_up(k, UP_COARSE, 0.0);
+        }
+    }
+
+    /// Smooths level `k` from 0, and forms its contributions to the coarser level.
+    fn multigrid_down(&mut self, k: usize, mode: u32) {
+        for band in 0..self.memory.bands[k].len() {
+            let active = self.memory.lists[k][band].active;
+            let contributed = self.memory.buffers[k][band].contributions.clone();
+            let params = Params { mode, sweeps: SMOOTHER_SWEEPS, ..self.params };
+            self.dispatch_to_coarser(Kernel::MultigridDown, k, band, Some(contributed), active, params);
+        }
+        self.exchange(k, BandBuffer::Vectors);
+        self.exchange(k + 1, BandBuffer::Contributions);
+    }
+
+    /// Dispatches a kernel whose blocks contribute to the right-hand side of the next coarser level.
+    fn dispatch_to_coarser(
+        &mut self,
+        kernel: Kernel,
+        k: usize,
+        band: usize,
+        contributed: Option<wgpu::Buffer>,
+        list: List,
+        params: Params,
+    ) {
+        let own = &self.memory.buffers[k][band].contributions;
+        // The coarsest level has no coarser level to contribute to.
+        let (leaving, other_base) = match self.memory.buffers.get(k + 1) {
+            Some(coarser) => {
+                let coarse = &coarser[self.memory.bands[k][band].coarser];
+                (coarse.contributions.clone(), coarse.base.unwrap_or(0))
+            }
+            None => (self.memory.no_contributions.clone(), 0),
+        };
+        let extra = [contributed.unwrap_or_else(|| own.clone()), leaving];
+        self.dispatch_list(kernel, [k, band], &extra, list, Params { other_base, ..params });
+    }
+
+    /// Adds the interpolated direction of level `k + 1` to that of level `k`, and smooths it.
+    fn multigrid_up(&mut self, k: usize, mode: u32, pull: f32) {
+        for band in 0..self.memory.bands[k].len() {
+            let lists = &self.memory.lists[k][band];
+            let (active, partial) = (lists.active, lists.partial);
+            let (vectors, other_base) = match self.memory.buffers.get(k + 1) {
+                Some(coarser) => {
+                    let coarse = &coarser[self.memory.bands[k][band].coarser];
+                    (coarse.vectors.clone(), coarse.base.unwrap_or(0))
+                }
+                None => (self.memory.no_contributions.clone(), 0),
+            };
+            let params = Params { mode, partial, sweeps: SMOOTHER_SWEEPS, other_base, pull, ..self.params };
+            self.dispatch_list(Kernel::MultigridUp, [k, band], &[vectors], active, params);
+        }
+        self.exchange(k, BandBuffer::Vectors);
+    }
+
+    /// Dispatches the work on the coarse levels from index `top` on: a V-cycle, or the solution of that level's system.
+    fn multigrid_coarse(&mut self, top: usize, mode: u32) {
+        let Some(coarse) = &self.memory.coarse else { return };
+        let (first, bases) = (coarse.levels.first, &coarse.levels.bases);
+        let params = Params {
+            mode,
+            first: top as u32,
+            count: bases.len() as u32,
+            sweeps: SMOOTHER_SWEEPS,
+            base: 0,
+            scratch: (coarse.levels.blocks * VECTOR_PLANES) as u32,
+            ..self.params
+        };
+        let cycles = if mode == COARSE_SOLVE { 2 } else { 1 };
+        let bytes = cycles * coarse.levels.bytes_moved(self.grid, first + top);
+        let contributed = self.memory.buffers[first][0].contributions.clone();
+        let extra = [coarse.blocks.clone(), coarse.lists.clone(), contributed];
+        // Any of these levels would do: they share the buffers of rows and vectors.
+        let size = self.dispatch_size(0, params.items);
+        self.dispatch(Kernel::MultigridCoarse, [first, 0], &extra, &params, size, bytes);
+    }
+
+    /// Computes the step fraction of each node (method §7.6).
+    fn limit_step(&mut self, level: usize) {
+        self.dispatch_active(Kernel::FirstFractions, level, self.params, Some(BandBuffer::Vectors));
+        self.open_gate(GateSet::StepLimit, 1);
+        self.fall_off(level, 0);
+        for round in 0..limit_rounds(level) {
+            if level == 0 && LATER_GATES.contains(&round) {
+                self.open_gate(GateSet::StepLimit, round + 1);
+            }
+            let params =
+                Params { mode: round + 1, factor: kept_margin(round).unwrap_or(-1.0), ..self.params };
+            self.dispatch_active(Kernel::Shrink, level, params, Some(BandBuffer::Vectors));
+            self.fall_off(level, round + 1);
+        }
+        self.gate = None;
+    }
+
+    /// Lets the fractions fall off after `rounds` rounds: along the rows of nodes, then along the columns. Bands own whole
+    /// rows of blocks; along columns the falloff goes from the first to the last band and back.
+    fn fall_off(&mut self, level: usize, rounds: u32) {
+        let params = Params { mode: 2 * rounds, ..self.params };
+        self.dispatch_active(Kernel::Falloff, level, params, Some(BandBuffer::Vectors));
+        let bands = self.memory.bands[level].len();
+        for band in (0..bands).chain((0..bands - 1).rev()) {
+            let active = self.memory.lists[level][band].active;
+            let params = Params { mode: 2 * rounds + 1, ..self.params };
+            self.dispatch_list(Kernel::Falloff, [level, band], &[], active, params);
+            self.exchange(level, BandBuffer::Vectors);
+        }
+    }
+}

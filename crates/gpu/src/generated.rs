@@ -1,0 +1,129 @@
+//! Generates `shaders/generated.wgsl`: the constants and structs that Rust and WGSL share, from their declarations in
+//! Rust. The file is committed, so that the shaders can be read and checked on their own; a test compares it with the
+//! declarations.
+
+/// Declares structs with public fields that also exist in WGSL and, for tests, a function `struct_declarations` that
+/// lists them. `as` precedes the name of a field's type in WGSL if it differs.
+macro_rules! structs {
+    ($($(#[doc = $doc:literal])+ $(#[derive($derive:ident)])? pub struct $struct:ident {
+        $($(#[doc = $field_doc:literal])* $field:ident: $ty:ty $(as $wgsl:literal)?,)+
+    })+) => {
+        $(
+            $(#[doc = $doc])+
+            #[repr(C)]
+            #[derive(Clone, Copy, Debug, Pod, Zeroable $(, $derive)?)]
+            pub struct $struct {
+                $($(#[doc = $field_doc])* pub $field: $ty,)+
+            }
+        )+
+
+        /// All structs declared here.
+        #[cfg(test)]
+        pub fn struct_declarations() -> Vec<$crate::generated::Struct> {
+            vec![$((
+                &[$($doc),+],
+                stringify!($struct),
+                vec![$((
+                    &[$($field_doc),*],
+                    stringify!($field),
+                    // The name after `as`, if present, comes first and takes precedence.
+                    [$($wgsl.to_owned(),)? <$ty as WgslType>::name()].into_iter().next().unwrap_or_default(),
+                )),+],
+            )),+]
+        }
+    };
+}
+pub(crate) use structs;
+
+#[cfg(test)]
+pub use text::{Struct, WgslType};
+
+#[cfg(test)]
+mod text {
+    use std::fmt::Write;
+
+    use super::super::{external, layout};
+    use vrtm_core::method::constants::Declaration;
+    use vrtm_core::method::law;
+
+    /// The WGSL name of a field's type.
+    pub trait WgslType {
+        fn name() -> String;
+    }
+
+    impl WgslType for u32 {
+        fn name() -> String {
+            "u32".to_owned()
+        }
+    }
+
+    impl WgslType for f32 {
+        fn name() -> String {
+            "f32".to_owned()
+        }
+    }
+
+    impl<T: WgslType, const N: usize> WgslType for [T; N] {
+        fn name() -> String {
+            format!("array<{}, {N}>", T::name())
+        }
+    }
+
+    /// A field: the lines of its comment, its name, its WGSL type.
+    pub type Field = (&'static [&'static str], &'static str, String);
+
+    /// A struct: the lines of its comment, its name, its fields.
+    pub type Struct = (&'static [&'static str], &'static str, Vec<Field>);
+
+    /// The text of `shaders/generated.wgsl`.
+    pub fn text() -> String {
+        let mut text = String::from(
+            "// Written from crates/core/src/method/law.rs, crates/gpu/src/layout.rs and crates/gpu/src/external.rs. Change those, then\n",
+        );
+        text += "// VRTM_UPDATE_SHADERS=1 cargo test --lib generated\n";
+        // Writing to a string cannot fail.
+        let _ = constants(&mut text, &law::declarations());
+        let _ = constants(&mut text, &layout::shared::declarations());
+        let _ = structs(&mut text, &layout::struct_declarations());
+        let _ = structs(&mut text, &external::struct_declarations());
+        text
+    }
+
+    fn comment(text: &mut String, indent: &str, lines: &[&str]) -> std::fmt::Result {
+        lines.iter().try_for_each(|line| writeln!(text, "{indent}///{line}"))
+    }
+
+    fn constants(text: &mut String, all: &[Declaration]) -> std::fmt::Result {
+        writeln!(text)?;
+        for (lines, name, value) in all {
+            comment(text, "", lines)?;
+            let (ty, value) = value.wgsl();
+            writeln!(text, "const {name}: {ty} = {value};")?;
+        }
+        Ok(())
+    }
+
+    fn structs(text: &mut String, all: &[Struct]) -> std::fmt::Result {
+        for (lines, name, fields) in all {
+            writeln!(text)?;
+            comment(text, "", lines)?;
+            writeln!(text, "struct {name} {{")?;
+            for (lines, name, ty) in fields {
+                comment(text, "    ", lines)?;
+                writeln!(text, "    {name}: {ty},")?;
+            }
+            writeln!(text, "}}")?;
+        }
+        Ok(())
+    }
+
+    #[test]
+    fn the_committed_file_is_the_generated_one() {
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders/generated.wgsl");
+        if std::env::var_os("VRTM_UPDATE_SHADERS").is_some_and(|value| value == "1") {
+            std::fs::write(file, text()).unwrap();
+        }
+        let differs = "shaders/generated.wgsl differs: VRTM_UPDATE_SHADERS=1 cargo test --lib generated";
+        assert!(std::fs::read_to_string(file).unwrap() == text(), "{differs}");
+    }
+}

@@ -1,0 +1,251 @@
+//! invert: computes W⁻¹ at texel centres (method §9) from a result's buffers into host memory. All steps that can fail
+//! precede the first texel that is handed out, except for mapping the staging buffers.
+
+use std::num::NonZeroU64;
+use std::ops::Range;
+use std::sync::Arc;
+
+use super::context::Context;
+use super::kernels::{Binding, Kernel, slot};
+use super::layout::{Request, SPREAD};
+use super::pipelines::Pipeline;
+use super::results::Displacements;
+use vrtm_core::allocation::Collect;
+use vrtm_core::error::Result;
+
+/// Bytes of a texel on the device: two f32.
+pub(super) const TEXEL_BYTES: u64 = 8;
+/// The maximum number of bytes of an image bound at once: larger bindings would only take memory from other programs.
+const MAX_BINDING: u64 = 1 << 28;
+/// Bytes between two requests: WebGPU's largest alignment of storage bindings.
+const STRIDE: usize = 256;
+/// The maximum number of workgroups per block, which is enough for images far finer than the grid.
+const MAX_WORKGROUPS_PER_BLOCK: usize = 64;
+
+/// Buffers through which images reach the host, kept from one fetch to the next.
+#[derive(Debug)]
+pub struct Output {
+    context: Arc<Context>,
+    /// The maximum number of bytes of the image bound at once.
+    max_binding: u64,
+    /// One band of texel rows, which the device writes.
+    image: wgpu::Buffer,
+    /// All bands of texel rows, in buffers that the host can map.
+    staging: Vec<wgpu::Buffer>,
+}
+
+pub(super) fn max_binding(context: &Context) -> u64 {
+    let limits = &context.limits;
+    limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(MAX_BINDING)
+}
+
+/// Divides the texel rows of an image into bands.
+fn bands(max_binding: u64, size: [usize; 2]) -> impl Iterator<Item = Range<usize>> {
+    let rows = ((max_binding / TEXEL_BYTES) as usize / size[0]).clamp(1, size[1]);
+    (0..size[1]).step_by(rows).map(move |row| row..(row + rows).min(size[1]))
+}
+
+fn band_bytes(rows: &Range<usize>, size: [usize; 2]) -> u64 {
+    (rows.len() * size[0]) as u64 * TEXEL_BYTES
+}
+
+impl Output {
+    /// Whether images of this size can be written: a row must fit into a binding, and no side may exceed 2^20 texels,
+    /// so that f32 resolves texels.
+    pub fn suits(context: &Context, size: [usize; 2]) -> bool {
+        size[0] as u64 * TEXEL_BYTES <= max_binding(context) && size.iter().all(|&n| n <= 1 << 20)
+    }
+
+    /// Bytes that `new` allocates for an image size.
+    pub fn bytes_for(context: &Context, size: [usize; 2]) -> u64 {
+        let largest = bands(max_binding(context), size).next().map_or(0, |rows| band_bytes(&rows, size));
+        largest + (size[0] * size[1]) as u64 * TEXEL_BYTES
+    }
+
+    /// Allocates the buffers for an image size.
+    pub fn new(context: &Arc<Context>, size: [usize; 2]) -> Result<Output> {
+        Output::with_max_binding(context, size, max_binding(context))
+    }
+
+    /// Allocates the buffers for an image size, with bands of at most `max_binding` bytes.
+    fn with_max_binding(context: &Arc<Context>, size: [usize; 2], max_binding: u64) -> Result<Output> {
+        use wgpu::BufferUsages as Usage;
+        let all: Vec<u64> = bands(max_binding, size).map(|rows| band_bytes(&rows, size)).collected();
+        let usage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
+        let image = context.buffer("image", all[0], usage)?;
+        let staging =
+            all.iter().map(|&bytes| context.staging("image for the host", bytes)).try_collected()?;
+        Ok(Output { context: context.clone(), max_binding, image, staging })
+    }
+
+    /// True if the buffers can hold an image of this size.
+    pub fn holds(&self, size: [usize; 2]) -> bool {
+        let mut staging = self.staging.iter();
+        bands(self.max_binding, size).all(|rows| {
+            let bytes = band_bytes(&rows, size);
+            bytes <= self.image.size() && staging.next().is_some_and(|staging| bytes <= staging.size())
+        })
+    }
+
+    /// Calls `read(row, texels)` for bands of texel rows, from v = 0 upward; `row` is the band's first row. Texels are
+    /// W⁻¹(c) - c in cells, exactly 0 where nothing moved.
+    pub fn invert(
+        &self,
+        u: &Displacements,
+        size: [usize; 2],
+        mut read: impl FnMut(usize, &[[f32; 2]]),
+    ) -> Result<()> {
+        let pipeline = self.context.pipeline(Kernel::Invert)?;
+        self.run(pipeline, u, size, |row, bytes| read(row, bytemuck::cast_slice(bytes)))
+    }
+
+    fn run(
+        &self,
+        pipeline: &Pipeline,
+        u: &Displacements,
+        size: [usize; 2],
+        mut read: impl FnMut(usize, &[u8]),
+    ) -> Result<()> {
+        debug_assert!(self.holds(size));
+        let context = &self.context;
+        let bands: Vec<_> = bands(self.max_binding, size).collected();
+        let inversion = Inversion::new(context, pipeline, u, size, &bands)?;
+        let mut encoder = context.contain(|| {
+            let label = wgpu::CommandEncoderDescriptor { label: Some("invert") };
+            context.device.create_command_encoder(&label)
+        })?;
+        context.contain(|| {
+            for (k, rows) in bands.iter().enumerate() {
+                let bytes = band_bytes(rows, size);
+                encoder.clear_buffer(&self.image, 0, Some(bytes));
+                inversion.record(&mut encoder, k, &self.image);
+                encoder.copy_buffer_to_buffer(&self.image, 0, &self.staging[k], 0, bytes);
+            }
+        })?;
+        context.submit([encoder])?;
+        for (rows, staging) in bands.iter().zip(&self.staging) {
+            context.mapped(staging, band_bytes(rows, size), |bytes| read(rows.start, bytes))?;
+        }
+        Ok(())
+    }
+}
+
+/// The dispatches that invert a result, band by band of texel rows.
+pub(super) struct Inversion<'a> {
+    context: &'a Context,
+    pipeline: &'a Pipeline,
+    u: &'a Displacements,
+    /// Per band of texel rows, the requests for the bands of the result.
+    requests: Vec<Vec<Request>>,
+    records: wgpu::Buffer,
+    centres: wgpu::Buffer,
+}
+
+impl<'a> Inversion<'a> {
+    /// Prepares the dispatches for an image of `size` texels in the given bands. `pipeline` is the one of
+    /// `Kernel::Invert`.
+    pub fn new(
+        context: &'a Context,
+        pipeline: &'a Pipeline,
+        u: &'a Displacements,
+        size: [usize; 2],
+        bands: &[Range<usize>],
+    ) -> Result<Inversion<'a>> {
+        let level = &u.grid.levels[0];
+        let cells = [level.nx, level.ny];
+        let requests = requests(u, size, bands);
+        let bytes: Vec<u8> = requests
+            .iter()
+            .flatten()
+            .flat_map(|request| {
+                let mut record = [0; STRIDE];
+                record[..size_of::<Request>()].copy_from_slice(bytemuck::bytes_of(request));
+                record
+            })
+            .collected();
+        let records = context.filled("requests", &bytes, wgpu::BufferUsages::STORAGE)?;
+        let centres: Vec<i32> =
+            (0..2).flat_map(|axis| centres(size[axis], cells[axis], bits(cells))).collected();
+        let centres =
+            context.filled("centres", bytemuck::cast_slice(&centres), wgpu::BufferUsages::STORAGE)?;
+        Ok(Inversion { context, pipeline, u, requests, records, centres })
+    }
+
+    /// Records the dispatches of band `k` of texel rows into an image that must be 0.
+    pub fn record(&self, encoder: &mut wgpu::CommandEncoder, k: usize, image: &wgpu::Buffer) {
+        let (requests, buffers) = (&self.requests[k], &self.u.buffers);
+        for (n, request) in requests.iter().enumerate().filter(|(_, request)| request.count > 0) {
+            let offset = ((k * requests.len() + n) * STRIDE) as u64;
+            let extra = [&self.records, &self.centres, &buffers.bands[n].1, image];
+            let bind_group = bind_group(self.context, self.pipeline, &buffers.blocks[n], extra, offset);
+            let workgroups = request.count * request.workgroups_per_block;
+            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+            pass.set_pipeline(&self.pipeline.pipeline);
+            pass.set_bind_group(0, &bind_group, &[]);
+            pass.dispatch_workgroups(workgroups.min(SPREAD), workgroups.div_ceil(SPREAD), 1);
+        }
+    }
+}
+
+/// Number of bits b of the lattice of `shaders/invert.wgsl`: a cell has 2^b steps.
+fn bits(cells: [usize; 2]) -> u32 {
+    30 - cells[0].max(cells[1]).next_power_of_two().ilog2()
+}
+
+/// Lattice coordinates of the texel centres along one axis.
+fn centres(texels: usize, cells: usize, bits: u32) -> impl Iterator<Item = i32> {
+    let (texels, side) = (texels as u64, (cells as u64) << bits);
+    (0..texels).map(move |x| (((2 * x + 1) * side + texels) / (2 * texels)) as i32)
+}
+
+/// Per band of texel rows, the requests for the bands of the result.
+fn requests(u: &Displacements, size: [usize; 2], bands: &[Range<usize>]) -> Vec<Vec<Request>> {
+    let level = &u.grid.levels[0];
+    let cells = [level.nx, level.ny];
+    let bits = bits(cells);
+    let of = |rows: &Range<usize>| {
+        let request = |(band, _): &(super::bands::Band, wgpu::Buffer)| Request {
+            first: (band.owned.start - band.held.start) as u32,
+            count: band.owned.len() as u32,
+            workgroups_per_block: size[1].div_ceil(level.ny).min(MAX_WORKGROUPS_PER_BLOCK) as u32,
+            bits,
+            width: size[0] as u32,
+            height: size[1] as u32,
+            row: rows.start as u32,
+            rows: rows.len() as u32,
+            texels_per_step: [0, 1]
+                .map(|axis| (size[axis] as f64 / ((cells[axis] as u64) << bits) as f64) as f32),
+        };
+        u.buffers.bands.iter().map(request).collected()
+    };
+    bands.iter().map(of).collected()
+}
+
+fn bind_group(
+    context: &Context,
+    pipeline: &Pipeline,
+    blocks: &wgpu::Buffer,
+    extra: [&wgpu::Buffer; 4],
+    offset: u64,
+) -> wgpu::BindGroup {
+    let entries = Kernel::Invert.source().bindings.iter().map(|binding| {
+        let resource = match *binding {
+            Binding::Read(slot::EXTRA) => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                buffer: extra[0],
+                offset,
+                size: NonZeroU64::new(size_of::<Request>() as u64),
+            }),
+            Binding::Read(slot::BLOCKS) => blocks.as_entire_binding(),
+            other => extra[(other.number() - slot::EXTRA) as usize].as_entire_binding(),
+        };
+        wgpu::BindGroupEntry { binding: binding.number(), resource }
+    });
+    context.device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: Some("invert"),
+        layout: &pipeline.layout,
+        entries: &entries.collected(),
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,35 @@
+//! The GPU backend: the stages of `cpu`, under the same names, as compute shaders on wgpu.
+
+#![allow(missing_docs, reason = "for the crates of vrtm alone")]
+
+// Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
+mod identity;
+mod kernels;
+mod generated;
+pub mod layout;
+mod pipelines;
+pub mod context;
+pub mod adapters;
+mod bands;
+mod records;
+mod correct;
+mod lists;
+mod timestamps;
+mod transfer;
+mod recorder;
+mod results;
+mod sizes;
+mod upload;
+mod memory;
+mod run;
+mod dispatch;
+mod invert;
+pub mod external;
+pub mod state;
+mod pbd;
+mod stages;
+
+pub use invert::Output;
+pub use memory::Memory;
+pub use results::{Displacements, ResultBuffers};
+pub use run::{Run, Solution};

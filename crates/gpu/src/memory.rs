@@ -1,0 +1,350 @@
+//! The memory of one tile's solver on the GPU: constants, which are uploaded once per grid, and the state of a solve.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Weak};
+
+use super::bands::{Band, bands};
+use super::context::Context;
+use super::correct::coarse_levels::CoarseLevels;
+use super::kernels::{Binding, Kernel, slot};
+use super::layout::{PLANE, Params, ROW_PLANES};
+use super::lists::{Lists, active_blocks, band_lists};
+use super::recorder::{Bound, RecorderResources};
+use super::records::{band_blocks, band_nodes, corners, triangles};
+use super::results::ResultBuffers;
+use super::sizes::BufferSizes;
+use super::upload::Uploader;
+use vrtm_core::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use vrtm_core::error::{Error, Result};
+use vrtm_core::grid::{Grid, Level};
+use vrtm_core::mesh::TileMesh;
+
+/// One band's buffers.
+#[derive(Debug)]
+pub struct BandBuffers {
+    pub blocks: wgpu::Buffer,
+    pub lists: wgpu::Buffer,
+    pub nodes: wgpu::Buffer,
+    /// The state on coarser levels; `None` on level 0, whose state is the result that the solve writes.
+    pub state: Option<wgpu::Buffer>,
+    /// The metric on coarser levels; `None` on level 0.
+    pub metric: Option<wgpu::Buffer>,
+    pub rows: wgpu::Buffer,
+    pub vectors: wgpu::Buffer,
+    /// Contributions of the finer level's blocks to this level's right-hand side in a V-cycle; on coarser levels only.
+    pub contributions: wgpu::Buffer,
+    /// On level 1, the triangles of the dual cells (method §3): first entries per node, and the entries.
+    pub gather: Option<[wgpu::Buffer; 2]>,
+    /// Index of the band's first block in `rows` and `vectors` if coarse levels share these buffers; otherwise `None`.
+    pub base: Option<u32>,
+}
+
+/// Additional buffers of the coarse levels that `multigrid_coarse` works on.
+#[derive(Debug)]
+pub struct Coarse {
+    pub levels: CoarseLevels,
+    pub blocks: wgpu::Buffer,
+    pub lists: wgpu::Buffer,
+}
+
+/// The memory of one tile's solver, kept between solves.
+#[derive(Debug)]
+pub struct Memory {
+    grid: Weak<Grid>,
+    pub context: Arc<Context>,
+    pub bands: Vec<Vec<Band>>,
+    pub coarse: Option<Coarse>,
+    pub buffers: Vec<Vec<BandBuffers>>,
+    /// Per level, the number of active blocks of all charts.
+    pub active_blocks: Vec<u64>,
+    /// Lists per level and band, for the charts in `listed_charts`.
+    pub lists: Vec<Vec<Lists>>,
+    listed_charts: Option<Vec<bool>>,
+    pub triangles: wgpu::Buffer,
+    pub corners: wgpu::Buffer,
+    pub positions: wgpu::Buffer,
+    pub charts: wgpu::Buffer,
+    pub ranges: wgpu::Buffer,
+    pub partials: wgpu::Buffer,
+    /// Dispatch sizes (the number of charts first, then the lengths of all lists), the indirect arguments that the
+    /// gates derive from them, and a record of which gates were open.
+    pub dispatch_sizes: wgpu::Buffer,
+    pub indirect_arguments: wgpu::Buffer,
+    pub gate_open: wgpu::Buffer,
+    /// A placeholder bound for contributions that do not exist: from a level finer than the finest, or to one coarser
+    /// than the coarsest.
+    pub no_contributions: wgpu::Buffer,
+    /// Number of dispatch sizes.
+    pub dispatch_size_count: u32,
+    pub recording: RecorderResources,
+    /// Bytes of all these buffers, and of two results.
+    pub bytes: u64,
+    /// Two results: the last one and the next. There are more while older ones are being read.
+    results: Vec<Arc<ResultBuffers>>,
+    /// Bind groups created so far, by kernel, band (level, index), the band's state and the kernel's extra buffers.
+    pub bind_groups: HashMap<(Kernel, [usize; 2], wgpu::Buffer, Vec<wgpu::Buffer>), Bound>,
+}
+
+/// The maximum number of bytes of a block in one buffer.
+const MAX_BYTES_PER_BLOCK: u64 = ROW_PLANES as u64 * PLANE;
+
+/// The maximum number of blocks in a band.
+fn capacity(context: &Context) -> usize {
+    let limits = &context.limits;
+    // Indices in shaders are 32 bits wide.
+    let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(i32::MAX as u64);
+    (bytes / MAX_BYTES_PER_BLOCK) as usize
+}
+
+/// The bands of all levels, and the coarse levels, which are not divided.
+fn divided(context: &Context, grid: &Grid) -> Result<(Vec<Vec<Band>>, Option<CoarseLevels>)> {
+    let capacity = capacity(context);
+    let coarse = CoarseLevels::new(grid, capacity);
+    let first = coarse.as_ref().map_or(grid.levels.len(), |coarse| coarse.first);
+    // Tests may request smaller bands.
+    let smaller = context.options.band.map_or(capacity, |band| band.min(capacity));
+    let bands = bands(&grid.levels, |k| if k < first { smaller } else { capacity })?;
+    Ok((bands, coarse))
+}
+
+impl Memory {
+    /// Allocates the memory for a grid, and uploads its constants.
+    pub fn new(context: &Arc<Context>, grid: &Arc<Grid>, tile: &TileMesh) -> Result<Memory> {
+        let (bands, coarse) = divided(context, grid)?;
+        let sizes = BufferSizes::new(grid, tile, &bands, coarse.as_ref());
+        let uploader = Uploader::new(context);
+        let storage = |label: &str, bytes: u64| uploader.storage(label, bytes);
+        let coarse_rows = storage("rows", sizes.coarse_rows)?;
+        let coarse_vectors = storage("vectors", sizes.coarse_vectors)?;
+        let coarse_contributions = storage("contributions", sizes.coarse_contributions)?;
+        let no_contributions = storage("contributions", sizes.no_contributions)?;
+        let mut buffers = with_capacity(bands.len());
+        for (k, level) in grid.levels.iter().enumerate() {
+            let base = coarse.as_ref().and_then(|coarse| coarse.base(k));
+            let mut of_level = with_capacity(bands[k].len());
+            for (band, sizes) in bands[k].iter().zip(&sizes.bands[k]) {
+                let gather = match sizes.gather {
+                    Some([starts_size, entries_size]) => {
+                        let (starts, entries) = grid.gather.of_blocks(band.held.clone());
+                        let entries: Vec<[u32; 2]> =
+                            entries.iter().map(|&(t, fraction)| [t, fraction.to_bits()]).collected();
+                        Some([
+                            uploader.upload("gather", starts_size, bytemuck::cast_slice(&starts))?,
+                            uploader.upload("gather", entries_size, bytemuck::cast_slice(&entries))?,
+                        ])
+                    }
+                    None => None,
+                };
+                let rows =
+                    sizes.rows.map_or_else(|| Ok(coarse_rows.clone()), |bytes| storage("rows", bytes))?;
+                let vectors = sizes.vectors;
+                let blocks = band_blocks(grid, &bands, k, band);
+                let nodes = band_nodes(grid, level, k, band);
+                of_level.put(BandBuffers {
+                    blocks: uploader.upload("blocks", sizes.blocks, bytemuck::cast_slice(&blocks))?,
+                    lists: storage("lists", sizes.lists)?,
+                    nodes: uploader.upload("nodes", sizes.nodes, bytemuck::cast_slice(&nodes))?,
+                    state: sizes.state.map(|bytes| storage("state", bytes)).transpose()?,
+                    metric: sizes.metric.map(|bytes| storage("metric", bytes)).transpose()?,
+                    rows,
+                    contributions: match sizes.contributions {
+                        _ if k == 0 => no_contributions.clone(),
+                        Some(bytes) => storage("contributions", bytes)?,
+                        None => coarse_contributions.clone(),
+                    },
+                    vectors: vectors
+                        .map_or_else(|| Ok(coarse_vectors.clone()), |bytes| storage("vectors", bytes))?,
+                    gather,
+                    base,
+                });
+            }
+            buffers.put(of_level);
+        }
+        let coarse = coarse
+            .map(|levels| {
+                let (blocks, lists) = (levels.blocks(grid), levels.lists(grid));
+                let blocks: &[u8] = bytemuck::cast_slice(&blocks);
+                let blocks = uploader.upload("coarse levels", sizes.coarse_blocks, blocks)?;
+                let lists = bytemuck::cast_slice(&lists);
+                let lists = uploader.upload("coarse levels", sizes.coarse_lists, lists)?;
+                Ok::<_, Error>(Coarse { levels, blocks, lists })
+            })
+            .transpose()?;
+        let blocks: Vec<_> = buffers[0].iter().map(|band: &BandBuffers| band.blocks.clone()).collected();
+        let result = || ResultBuffers::new(&bands[0], blocks.clone(), &storage).map(Arc::new);
+        let indirect = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT;
+        let (triangles, corners) = (triangles(grid), corners(grid, tile));
+        let active = |level: &Level| level.blocks.list.iter().filter(|block| block.active).count() as u64;
+        let memory = Memory {
+            grid: Arc::downgrade(grid),
+            active_blocks: grid.levels.iter().map(active).collected(),
+            triangles: uploader.upload("triangles", sizes.triangles, bytemuck::cast_slice(&triangles))?,
+            corners: uploader.upload("corners", sizes.corners, bytemuck::cast_slice(&corners))?,
+            positions: storage("positions", sizes.positions)?,
+            charts: storage("charts", sizes.charts)?,
+            ranges: storage("ranges", sizes.ranges)?,
+            partials: storage("partials", sizes.partials)?,
+            dispatch_sizes: storage("sizes", sizes.dispatch_sizes)?,
+            indirect_arguments: context.buffer("gates", sizes.indirect_arguments, indirect)?,
+            gate_open: storage("gates", sizes.gate_open)?,
+            no_contributions,
+            dispatch_size_count: 0,
+            bytes: sizes.total(),
+            recording: RecorderResources::new(context)?,
+            results: [result()?, result()?].into_iter().collected(),
+            lists: Vec::new(),
+            listed_charts: None,
+            bind_groups: HashMap::new(),
+            context: context.clone(),
+            coarse,
+            bands,
+            buffers,
+        };
+        context.check()?;
+        Ok(memory)
+    }
+
+    /// Bytes that `new` allocates for a grid.
+    pub fn bytes_for(context: &Context, grid: &Grid, tile: &TileMesh) -> Result<u64> {
+        let (bands, coarse) = divided(context, grid)?;
+        Ok(BufferSizes::new(grid, tile, &bands, coarse.as_ref()).total())
+    }
+
+    /// Whether this memory was allocated for `grid`.
+    pub fn is_for(&self, grid: &Arc<Grid>) -> bool {
+        self.grid.upgrade().is_some_and(|grid_of_memory| Arc::ptr_eq(&grid_of_memory, grid))
+    }
+
+    /// Returns the buffers of a result that nothing else is using.
+    pub fn free_result(&mut self) -> Result<Arc<ResultBuffers>> {
+        let is_free = |result: &Arc<ResultBuffers>| Arc::strong_count(result) == 1;
+        while self.results.len() > 2
+            && let Some(free) = self.results.iter().rposition(is_free)
+        {
+            self.results.remove(free);
+            // Bind groups keep the result's buffers alive.
+            self.bind_groups.clear();
+        }
+        if let Some(free) = self.results.iter().find(|result| is_free(result)) {
+            return Ok(free.clone());
+        }
+        let uploader = Uploader::new(&self.context);
+        let blocks = self.buffers[0].iter().map(|band| band.blocks.clone()).collected();
+        let storage = |label: &str, bytes: u64| uploader.storage(label, bytes);
+        let result = Arc::new(ResultBuffers::new(&self.bands[0], blocks, &storage)?);
+        self.context.check()?;
+        self.results.put(result.clone());
+        Ok(result)
+    }
+
+    /// Builds the lists of blocks for the charts that a solve works on, unless they are the same as in the last solve.
+    pub fn update_lists(&mut self, grid: &Grid, charts: &[bool]) {
+        if self.listed_charts.as_deref() == Some(charts) {
+            return;
+        }
+        self.listed_charts = None;
+        self.lists.clear();
+        let mut ranges: Vec<[u32; 2]> = Vec::new();
+        let mut sizes = filled(charts.len() as u32, 1);
+        for (k, level) in grid.levels.iter().enumerate() {
+            let mut of_level = with_capacity(self.bands[k].len());
+            let mut sums = 0;
+            let mut of_chart = zeroed::<[u32; 2]>(charts.len());
+            for (band, buffers) in self.bands[k].iter().zip(&self.buffers[k]) {
+                let finer = k.checked_sub(1).map(|k| (&grid.levels[k], &self.bands[k][band.finer.clone()]));
+                let (lists, all) = band_lists(level, band, finer, charts, &mut sizes, sums);
+                for b in active_blocks(level, band, charts) {
+                    let range = &mut of_chart[level.blocks.list[b].chart as usize];
+                    range[0] = if range[1] == 0 { sums } else { range[0] };
+                    range[1] += 1;
+                    sums += 1;
+                }
+                self.context.queue.write_buffer(&buffers.lists, 0, bytemuck::cast_slice(&all));
+                of_level.put(lists);
+            }
+            ranges.put_all(of_chart);
+            self.lists.put(of_level);
+        }
+        self.dispatch_size_count = sizes.len() as u32;
+        self.context.queue.write_buffer(&self.dispatch_sizes, 0, bytemuck::cast_slice(&sizes));
+        self.context.queue.write_buffer(&self.ranges, 0, bytemuck::cast_slice(&ranges));
+        self.listed_charts = Some(copied(charts));
+    }
+
+    /// Creates the bind group of a kernel: `at` is the band (level, index), `state` the band's state, `extra` the
+    /// kernel's extra buffers.
+    pub fn bind_group(
+        &self,
+        kernel: Kernel,
+        layout: &wgpu::BindGroupLayout,
+        at: [usize; 2],
+        state: &wgpu::Buffer,
+        extra: &[wgpu::Buffer],
+    ) -> Bound {
+        let band = &self.buffers[at[0]][at[1]];
+        let buffer = |number: u32| match number {
+            slot::CHARTS => &self.charts,
+            slot::BLOCKS => &band.blocks,
+            slot::LISTS => &band.lists,
+            slot::NODES => &band.nodes,
+            slot::STATE => state,
+            // Level 1 of the pyramid gathers from triangles.
+            slot::SURFACE if kernel == Kernel::PyramidGather => &self.triangles,
+            slot::SURFACE => band.metric.as_ref().unwrap_or(&self.triangles),
+            slot::ROWS => &band.rows,
+            slot::VECTORS => &band.vectors,
+            slot::PARTIALS => &self.partials,
+            0 => &self.recording.params,
+            n => &extra[(n - slot::EXTRA) as usize],
+        };
+        let bindings = kernel.source().bindings;
+        let entry = |binding: &Binding| {
+            let buffer = buffer(binding.number());
+            let resource = match binding {
+                Binding::Params => wgpu::BindingResource::Buffer(wgpu::BufferBinding {
+                    buffer,
+                    offset: 0,
+                    size: std::num::NonZeroU64::new(size_of::<Params>() as u64),
+                }),
+                _ => buffer.as_entire_binding(),
+            };
+            wgpu::BindGroupEntry { binding: binding.number(), resource }
+        };
+        let entries: Vec<_> = bindings.iter().map(entry).collected();
+        let group = self.context.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(kernel.source().entry),
+            layout,
+            entries: &entries,
+        });
+        let stored = bindings.iter().filter(|binding| **binding != Binding::Params);
+        let uses =
+            stored.map(|binding| (buffer(binding.number()).clone(), matches!(binding, Binding::Write(_))));
+        Bound { group, uses: Arc::new(uses.collected()) }
+    }
+
+    /// All buffers, each of them once.
+    #[cfg(test)]
+    #[allow(clippy::mutable_key_type, reason = "a buffer is compared by its identity")]
+    pub fn all_buffers(&self) -> std::collections::HashSet<wgpu::Buffer> {
+        let bands = self.buffers.iter().flatten().flat_map(|band| {
+            let solver = [&band.rows, &band.vectors, &band.contributions];
+            let always = [&band.blocks, &band.lists, &band.nodes].into_iter().chain(solver);
+            always.chain(&band.state).chain(&band.metric).chain(band.gather.iter().flatten())
+        });
+        let coarse = self.coarse.iter().flat_map(|coarse| [&coarse.blocks, &coarse.lists]);
+        let results = self.results.iter().flat_map(|result| result.bands.iter().map(|(_, buffer)| buffer));
+        let single = [
+            &self.triangles,
+            &self.corners,
+            &self.positions,
+            &self.charts,
+            &self.ranges,
+            &self.partials,
+            &self.dispatch_sizes,
+            &self.indirect_arguments,
+            &self.gate_open,
+            &self.recording.params,
+        ];
+        bands.chain(coarse).chain(results).chain(single).cloned().collect()
+    }
+}

@@ -1,0 +1,131 @@
+//! A grid's records in the layout of the shaders: the data of its blocks, nodes and triangles that do not depend on the
+//! pose.
+
+use super::bands::Band;
+use super::layout::{BlockRecord, Triangle, node_planes};
+use vrtm_core::allocation::{Collect, Grow, with_capacity};
+use vrtm_core::grid::blocks::{Block, Blocks};
+use vrtm_core::grid::planes::NODES;
+use vrtm_core::grid::{Grid, Level};
+use vrtm_core::mesh::{NONE, TileMesh};
+
+/// Records of the blocks in the buffers of a band of level `k`.
+pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<BlockRecord> {
+    let level = &grid.levels[k];
+    let list = &level.blocks.list;
+    let coarser = bands.get(k + 1).map(|bands| (&grid.levels[k + 1].blocks, &bands[band.coarser]));
+    let finer = k.checked_sub(1).map(|k| &bands[k][band.finer.clone()]);
+    band.held
+        .clone()
+        .map(|b| {
+            let block = &list[b];
+            let neighbours = level.blocks.neighbours[b];
+            let active = neighbours.map(|b| if b != NONE && list[b as usize].active { b } else { NONE });
+            let children = level.children[b].map(|child| {
+                let band =
+                    finer.and_then(|bands| bands.iter().find(|band| band.owned.contains(&(child as usize))));
+                band.map_or(NONE, |band| band.place(child))
+            });
+            let (parents, active_parents) = match coarser {
+                Some((blocks, band)) => parents(blocks, band, level.parent[b], block),
+                None => ([NONE; 4], 0),
+            };
+            let chart = level.blocks.of_chart[block.chart as usize].clone();
+            let lengths = level.lengths[block.chart as usize];
+            let (first, end) = (chart.start.max(band.held.start), chart.end.min(band.held.end));
+            BlockRecord {
+                neighbours: neighbours.map(|b| band.place(b)),
+                active_neighbours: active.map(|b| band.place(b)),
+                chart: block.chart,
+                x: block.x,
+                y: block.y,
+                is_active: u32::from(block.active),
+                parents,
+                active_parents,
+                children,
+                chart_first: (first - band.held.start) as u32,
+                chart_count: (end - first) as u32,
+                continues: u32::from(chart.start < first) + 2 * u32::from(chart.end > end),
+                length_base: lengths.map(|of_edge| of_edge.base),
+                length_shift: lengths.map(|of_edge| of_edge.shift),
+                weights: packed_weights(level, b),
+            }
+        })
+        .collected()
+}
+
+/// The parents of `block` in the order of `BlockRecord`, and which of them are active: the coarser block over it, with
+/// the index `own`, and that block's neighbours on the side of the quarter that `block` covers.
+fn parents(blocks: &Blocks, band: &Band, own: u32, block: &Block) -> ([u32; 4], u32) {
+    let (x, y) = ([3, 5][(block.x % 2) as usize], [1, 7][(block.y % 2) as usize]);
+    let all = match blocks.neighbours.get(own as usize) {
+        Some(neighbours) => [own, neighbours[x], neighbours[y], neighbours[x + y - 4]],
+        None => [NONE; 4],
+    };
+    let active = |k: usize| all[k] != NONE && blocks.list[all[k] as usize].active;
+    (all.map(|b| band.place(b)), (0..4).map(|k| u32::from(active(k)) << k).sum())
+}
+
+/// The codes of a block's interpolation weights, four to a word; 0 on the coarsest level, which has no weights.
+pub fn packed_weights(level: &Level, b: usize) -> [u32; NODES / 4] {
+    let codes = level.interpolation.get(b).unwrap_or(&[0; NODES]);
+    std::array::from_fn(|k| u32::from_le_bytes(std::array::from_fn(|n| codes[4 * k + n])))
+}
+
+/// The constants of the nodes of the blocks in a band's buffers: `node_planes` planes per block.
+pub fn band_nodes(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> {
+    let mut all = with_capacity(band.held.len() * node_planes(grid) * NODES);
+    for b in band.held.clone() {
+        let rigidity = level.rigidity[b].iter().zip(&level.movable[b]);
+        all.put_all(rigidity.map(|(&code, &movable)| u32::from(code) | u32::from(movable == 0) << 31));
+        for pair in level.rest_length[b].chunks(2) {
+            all.put_all(pair[0].iter().zip(&pair[1]).map(|(&a, &b)| u32::from(a) | u32::from(b) << 16));
+        }
+        if k == 0 {
+            all.put_all(grid.triangle[b]);
+        } else {
+            all.put_all(level.coverage[b].iter().map(|coverage| coverage.to_bits()));
+        }
+        if let Some(plane) = level.density.get(b) {
+            all.put_all(plane.iter().map(|density| density.to_bits()));
+        }
+        all.put_all(level.held.get(b).into_iter().flatten().copied());
+    }
+    all
+}
+
+/// The triangles, with poses of 0.
+pub fn triangles(grid: &Grid) -> Vec<Triangle> {
+    grid.triangles
+        .iter()
+        .zip(grid.chart_of.iter())
+        .map(|(t, &chart)| {
+            let [[a, b], [c, d]] = t.barycentric;
+            Triangle {
+                corner: t.origin,
+                barycentric: [a, b, c, d],
+                neighbours: t.neighbours,
+                chart,
+                pose: [0.0; 9],
+            }
+        })
+        .collected()
+}
+
+/// Per triangle, the indices of its three vertices among the vertices of all charts.
+pub fn corners(grid: &Grid, tile: &TileMesh) -> Vec<u32> {
+    let mut first_vertex = with_capacity(tile.charts.len());
+    let mut vertices = 0u32;
+    for chart in &tile.charts {
+        first_vertex.put(vertices);
+        vertices += chart.count() as u32;
+    }
+    tile.triangles
+        .iter()
+        .zip(grid.chart_of.iter())
+        .flat_map(|(triangle, &chart)| triangle.local.map(|v| first_vertex[chart as usize] + v))
+        .collected()
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,89 @@
+//! Tests the decoding of constants in the shaders, which must give the same bits as the host's decoding.
+
+use wgpu::BufferUsages as Usage;
+
+use crate::context::{Options, tests::gpu};
+use crate::kernels::Kernel;
+use vrtm_core::grid::codes::{Lengths, decode_rigidity, decode_weight};
+
+/// Decodes each 16-bit code as a rigidity, as a weight (its lower 8 bits), and as a length in each coding.
+const ENTRY: &str = "
+@group(0) @binding(20) var<storage, read> codings: array<vec2u>;
+@group(0) @binding(21) var<storage, read_write> decoded: array<u32>;
+
+@compute @workgroup_size(64)
+fn decode_all(@builtin(global_invocation_id) id: vec3u) {
+    let code = id.x;
+    let each = 2u + arrayLength(&codings);
+    decoded[code * each] = bitcast<u32>(decode_rigidity(code));
+    decoded[code * each + 1u] = bitcast<u32>(decode_weight(code & 0xffu));
+    for (var k = 0u; k < arrayLength(&codings); k++) {
+        decoded[code * each + 2u + k] = bitcast<u32>(decode_length(code, codings[k].x, codings[k].y));
+    }
+}
+";
+
+const CODES: usize = 1 << 16;
+
+/// Codings of a single length, of common ranges of lengths, and of nearly the whole range of f32.
+fn codings() -> [Lengths; 5] {
+    [(0.5, 0.5), (0.013, 0.021), (1e-4, 0.7), (1e-30, 1e30), (1e-37, 1e37)]
+        .map(|(low, high)| Lengths::between(low, high))
+}
+
+#[test]
+fn shaders_decode_to_the_host_s_bits() {
+    let Some(context) = gpu(Options::default()) else { return };
+    let device = &context.device;
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
+        label: None,
+        source: wgpu::ShaderSource::Wgsl((Kernel::SelectCharts.source().text() + ENTRY).into()),
+    });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: None,
+        module: &module,
+        entry_point: Some("decode_all"),
+        compilation_options: Default::default(),
+        cache: None,
+    });
+    let codings = codings();
+    let words: Vec<u32> = codings.iter().flat_map(|coding| [coding.base, coding.shift]).collect();
+    let each = 2 + codings.len();
+    let bytes = (CODES * each * 4) as u64;
+    let input = context.filled("codings", bytemuck::cast_slice(&words), Usage::STORAGE).unwrap();
+    let output = context.buffer("decoded", bytes, Usage::STORAGE | Usage::COPY_SRC).unwrap();
+    // Buffers may be larger than requested; the shader derives the number of codings from the size of the binding.
+    let size = std::num::NonZeroU64::new(words.len() as u64 * 4);
+    let codes = wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: &input, offset: 0, size });
+    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+        label: None,
+        layout: &pipeline.get_bind_group_layout(0),
+        entries: &[
+            wgpu::BindGroupEntry { binding: 20, resource: codes },
+            wgpu::BindGroupEntry { binding: 21, resource: output.as_entire_binding() },
+        ],
+    });
+    let mut encoder = device.create_command_encoder(&Default::default());
+    let mut pass = encoder.begin_compute_pass(&Default::default());
+    pass.set_pipeline(&pipeline);
+    pass.set_bind_group(0, &group, &[]);
+    pass.dispatch_workgroups(CODES as u32 / 64, 1, 1);
+    drop(pass);
+    context.submit([encoder]).unwrap();
+    let found: Vec<u32> = bytemuck::pod_collect_to_vec(&context.read(&output, 0..bytes).unwrap());
+    for (code, found) in (0..=u16::MAX).zip(found.chunks(each)) {
+        assert_eq!(found[0], decode_rigidity(code).to_bits(), "rigidity {code}");
+        // 255 is not the code of a weight.
+        if code as u8 != 255 {
+            assert_eq!(found[1], decode_weight(code as u8).to_bits(), "weight {code}");
+        }
+        for (coding, &found) in codings.iter().zip(&found[2..]) {
+            // Codes greater than that of the longest length may decode to NaN.
+            let length = coding.length(code);
+            if code == 0 || length.is_normal() {
+                assert_eq!(found, length.to_bits(), "length {code} in {coding:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,269 @@
+//! One solve of one tile on the GPU, from its start to the reading of its results.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::context::Context;
+use super::layout::{Chart, Params, node_planes};
+use super::lists::{Gate, MAX_GATES};
+use super::memory::Memory;
+use super::recorder::{Recorder, Statistics};
+use super::results::{RESULT_BLOCK, ResultBuffers};
+use vrtm_core::allocation::{Collect, Grow};
+use vrtm_core::control::Control;
+use vrtm_core::error::{Error, Result};
+use vrtm_core::grid::Grid;
+use vrtm_core::method::law::{HOLD, LOST_STEPS};
+use vrtm_core::method::plan::{ChartResult, Input};
+
+/// One solve of one tile.
+pub struct Run<'a> {
+    pub(super) context: Arc<Context>,
+    pub(super) grid: &'a Grid,
+    pub(super) memory: &'a mut Memory,
+    pub(super) recorder: Recorder,
+    /// Per chart, whether it is solved.
+    pub(super) charts: &'a [bool],
+    /// λ_k of each level.
+    pub(super) smoothness: Vec<f32>,
+    /// The weights from the settings; the parameters of every dispatch are derived from these.
+    pub(super) params: Params,
+    /// What rigidity loses at most in this pose, in multiples of 1 / `LOST_STEPS`.
+    pub(super) most_lost: f32,
+    /// Weight of the pull towards the last result, on level 0.
+    pub(super) pull: f32,
+    pub(super) last_result: Option<Arc<ResultBuffers>>,
+    pub(super) result: Arc<ResultBuffers>,
+    pub(super) node_updates: u64,
+    pub(super) gate: Option<Gate>,
+    /// Number of gates so far in this solve.
+    pub(super) gates: u32,
+    /// True while the present state of the paper's solver is the copy in the memory of the vectors.
+    pub(super) state_in_vectors: bool,
+    /// Nodes that an iteration of the paper's solver updates on the present level.
+    pub(super) nodes_of_level: u64,
+    upload_ms: f32,
+    /// The time when recording began.
+    recording: Instant,
+    /// Whether the result is the identity because time ran out.
+    pub(super) gave_up: bool,
+    /// Whether no chart takes part in further corrections of the present level.
+    pub(super) settled: bool,
+    /// The active blocks on level 0 of the charts that take part in the present correction, and of all charts that are
+    /// solved; equal unless some charts are known to take no part.
+    pub(super) share: [u64; 2],
+    /// Whether the records of the charts hold the energies of the present state.
+    pub(super) energy_is_known: bool,
+    /// The control of the call, by which it may be cancelled while it waits for the GPU.
+    pub(super) control: Option<Arc<Control>>,
+    /// The first error. After it, stages record no dispatches, and `finish` returns it.
+    pub(super) error: Option<Error>,
+}
+
+/// The results of a solve.
+#[derive(Debug)]
+pub struct Solution {
+    /// Result per chart; meaningful only for charts that were solved.
+    pub charts: Vec<ChartResult>,
+    pub result: Arc<ResultBuffers>,
+    pub node_updates: u64,
+    pub statistics: Statistics,
+}
+
+impl<'a> Run<'a> {
+    /// Begins a solve. `last_result` is the tile's last result on the same grid; charts in `keep` keep it, and other
+    /// charts that are not solved become the identity.
+    pub fn new(
+        input: &Input<'a>,
+        memory: &'a mut Memory,
+        last_result: Option<Arc<ResultBuffers>>,
+        keep: &[bool],
+        control: Option<&Arc<Control>>,
+    ) -> Result<Run<'a>> {
+        let start = Instant::now();
+        let Input { grid, pose, settings, charts, .. } = *input;
+        let context = memory.context.clone();
+        memory.update_lists(grid, charts);
+        let positions: Vec<f32> =
+            pose.charts.iter().flat_map(|chart| chart.positions.as_flattened()).copied().collected();
+        context.queue.write_buffer(&memory.positions, 0, bytemuck::cast_slice(&positions));
+        let records: Vec<Chart> = charts
+            .iter()
+            .zip(&grid.levels[0].floor)
+            .map(|(&solve, &floor)| Chart {
+                solved: u32::from(solve),
+                length_floor: floor,
+                ..Chart::default()
+            })
+            .collected();
+        context.queue.write_buffer(&memory.charts, 0, bytemuck::cast_slice(&records));
+        let scale = input.least_weight();
+        let params = Params {
+            smoothness_floor: scale * settings.smoothness_floor,
+            orientation: scale * settings.orientation,
+            // A grid without densities is treated as having a density of 0.
+            orientation_density: match grid.levels[0].density.is_empty() {
+                true => 0.0,
+                false => scale * settings.orientation_density,
+            },
+            hold: if grid.levels[0].held.is_empty() { 0.0 } else { HOLD },
+            node_planes: node_planes(grid) as u32,
+            room: scale * settings.room,
+            room_threshold: settings.room_threshold,
+            items: charts.len() as u32,
+            lost: if scale < 1.0 { 1.0 / LOST_STEPS } else { 0.0 },
+            ..Params::default()
+        };
+        let result = memory.free_result()?;
+        let recorder = Recorder::new(context.clone(), memory.recording.clone());
+        let mut run = Run {
+            context,
+            grid,
+            memory,
+            recorder,
+            charts,
+            smoothness: (0..grid.levels.len()).map(|level| scale * input.smoothness(level)).collected(),
+            params,
+            most_lost: (1.0 - scale) * LOST_STEPS,
+            pull: scale * input.pull,
+            last_result,
+            result,
+            node_updates: 0,
+            gate: None,
+            gates: 0,
+            state_in_vectors: false,
+            nodes_of_level: 0,
+            upload_ms: 0.0,
+            recording: start,
+            gave_up: false,
+            settled: false,
+            share: [1, 1],
+            energy_is_known: false,
+            control: control.cloned(),
+            error: None,
+        };
+        run.start_result(keep);
+        run.upload_ms = milliseconds(start);
+        run.recording = Instant::now();
+        Ok(run)
+    }
+
+    /// Writes the result of charts that are not solved: the last one for those in `keep`, the identity for the others.
+    /// In charts that are solved, each active block will be written, and inactive blocks are always 0.
+    fn start_result(&mut self, keep: &[bool]) {
+        let kept = |c: usize| keep[c] && self.last_result.is_some();
+        let others: Vec<bool> =
+            self.charts.iter().enumerate().map(|(c, &solve)| !solve && !kept(c)).collected();
+        self.clear(&others);
+        let Some(last_result) = self.last_result.clone() else { return };
+        for (n, (_, from)) in last_result.bands.iter().enumerate() {
+            let ranges = self.ranges_of(n, |c| keep[c] && !self.charts[c]);
+            let to = &self.result.bands[n].1;
+            ranges.iter().for_each(|&[at, bytes]| self.recorder.copy(from, at, to, at, bytes));
+        }
+    }
+
+    /// Makes the result of these charts the identity.
+    pub(super) fn clear(&mut self, charts: &[bool]) {
+        for n in 0..self.result.bands.len() {
+            let ranges = self.ranges_of(n, |c| charts[c]);
+            let to = &self.result.bands[n].1;
+            ranges.iter().for_each(|&[at, bytes]| self.recorder.clear(to, at, bytes));
+        }
+    }
+
+    /// Offsets and lengths in bytes of the blocks of some charts in a band of the result.
+    fn ranges_of(&self, band: usize, of: impl Fn(usize) -> bool) -> Vec<[u64; 2]> {
+        let held = &self.result.bands[band].0.held;
+        let charts = self.grid.levels[0].blocks.of_chart.iter().enumerate().filter(|(c, _)| of(*c));
+        let mut ranges: Vec<[u64; 2]> = Vec::new();
+        for (_, blocks) in charts {
+            let (first, end) = (blocks.start.max(held.start), blocks.end.min(held.end));
+            if first < end {
+                let [at, bytes] = [first - held.start, end - first].map(|n| n as u64 * RESULT_BLOCK);
+                // Charts with consecutive blocks share one range.
+                match ranges.last_mut() {
+                    Some(last) if last[0] + last[1] == at => last[1] += bytes,
+                    _ => ranges.put([at, bytes]),
+                }
+            }
+        }
+        ranges
+    }
+
+    /// Submits the remaining commands, waits for the GPU, and reads the results. If the control is cancelled, it stops
+    /// waiting; commands already submitted still finish before any that are submitted later.
+    pub fn finish(mut self) -> Result<Solution> {
+        if let Some(error) = self.error {
+            return Err(error);
+        }
+        let charts = self.memory.charts.clone();
+        let size = (self.charts.len() * size_of::<Chart>()) as u64;
+        let gate_open = self.memory.gate_open.clone();
+        let gates = u64::from(self.gates.min(MAX_GATES)) * 4;
+        let readback = self.recorder.read(&[(&charts, 0..size), (&gate_open, 0..gates)], true)?;
+        let record_ms = milliseconds(self.recording);
+        let waiting = Instant::now();
+        if let Some(control) = &self.control {
+            self.context.wait_for(control)?;
+        }
+        let parts = self.context.taken(&readback)?;
+        let wait_ms = milliseconds(waiting);
+        let gates: Vec<u32> = parts[1].chunks_exact(4).map(bytemuck::pod_read_unaligned).collected();
+        let times: Vec<u8> = parts[2..].iter().flatten().copied().collected();
+        let (statistics, recording) = self.recorder.close(&gates, &times);
+        self.memory.recording = recording;
+        let records = parts[0].chunks_exact(size_of::<Chart>());
+        let identity = ChartResult { min_jacobian: 1.0, fallback: true, ..ChartResult::default() };
+        let read = |bytes: &[u8]| match self.gave_up {
+            true => identity,
+            false => chart_result(&bytemuck::pod_read_unaligned(bytes)),
+        };
+        Ok(Solution {
+            charts: records.map(read).collected(),
+            result: self.result,
+            node_updates: self.node_updates,
+            statistics: Statistics {
+                upload_ms: self.upload_ms,
+                record_ms,
+                wait_ms,
+                bytes_held: self.memory.bytes,
+                ..statistics
+            },
+        })
+    }
+
+    /// Number of active blocks of the solved charts on level 0.
+    pub fn blocks_active(&self) -> u64 {
+        self.memory.lists[0].iter().map(|lists| u64::from(lists.active.count)).sum()
+    }
+
+    pub(super) fn at_level(&self, level: usize) -> Params {
+        Params { scale: (1u32 << level) as f32, smoothness: self.smoothness[level], ..self.params }
+    }
+
+    /// The parameters of kernels that pull level 0 towards the previous result.
+    pub(super) fn with_pull(&self, level: usize) -> Params {
+        Params {
+            pull: if level == 0 { self.pull } else { 0.0 },
+            anchor_is_identity: u32::from(self.last_result.is_none()),
+            ..self.at_level(level)
+        }
+    }
+}
+
+fn milliseconds(since: Instant) -> f32 {
+    since.elapsed().as_secs_f32() * 1000.0
+}
+
+fn chart_result(chart: &Chart) -> ChartResult {
+    let fallback = chart.fallback != 0;
+    ChartResult {
+        energy_before: f64::from(chart.identity),
+        energy: f64::from(if fallback { chart.identity } else { chart.energy }),
+        min_jacobian: if fallback { 1.0 } else { f64::from(chart.min_jacobian) },
+        folds: if fallback { 0 } else { u64::from(chart.folds) },
+        max_displacement: if fallback { 0.0 } else { chart.max_displacement },
+        fallback,
+    }
+}

@@ -1,0 +1,174 @@
+//! The sizes of a tile's buffers in bytes, used both to count and to allocate its memory.
+
+use super::bands::Band;
+use super::context::padded;
+use super::correct::coarse_levels::CoarseLevels;
+use super::layout::{
+    BlockRecord, Chart, CoarseBlock, METRIC_PLANES, PLANE, ROW_PLANES, SCRATCH_PLANES, SUMS, Triangle,
+    VECTOR_PLANES, node_planes, state_planes,
+};
+use super::lists::{GATE_SETS, MAX_GATES, dispatch_size_bytes, list_bytes};
+use super::recorder::RecorderResources;
+use vrtm_core::allocation::Collect;
+use vrtm_core::grid::Grid;
+use vrtm_core::mesh::TileMesh;
+
+/// Bytes of the finer level's contributions to one block: 10x10 sums of two components for each quarter.
+pub const CONTRIBUTIONS: u64 = 4 * 100 * 8;
+
+/// Sizes of one band's buffers in bytes.
+#[derive(Clone, Copy, Debug)]
+pub struct BandBufferSizes {
+    pub blocks: u64,
+    pub lists: u64,
+    pub nodes: u64,
+    /// The state on coarser levels; `None` on level 0, whose state is one of the results.
+    pub state: Option<u64>,
+    /// The metric on coarser levels; `None` on level 0.
+    pub metric: Option<u64>,
+    /// `None` on the coarse levels, which share one buffer of rows.
+    pub rows: Option<u64>,
+    /// `None` on the coarse levels, which share one buffer of vectors.
+    pub vectors: Option<u64>,
+    /// `None` on level 0, and on the coarse levels that share one buffer of contributions.
+    pub contributions: Option<u64>,
+    /// On level 1: first entries per node, and entries, of the gathered metrics.
+    pub gather: Option<[u64; 2]>,
+    /// The size of each of the two results; 0 on coarser levels.
+    result: u64,
+}
+
+/// Sizes of all buffers of a tile in bytes.
+#[derive(Clone, Debug)]
+pub struct BufferSizes {
+    /// Per level and band.
+    pub bands: Vec<Vec<BandBufferSizes>>,
+    pub coarse_rows: u64,
+    pub coarse_vectors: u64,
+    pub coarse_contributions: u64,
+    pub no_contributions: u64,
+    pub coarse_blocks: u64,
+    pub coarse_lists: u64,
+    pub triangles: u64,
+    pub corners: u64,
+    pub positions: u64,
+    pub charts: u64,
+    pub ranges: u64,
+    pub partials: u64,
+    pub dispatch_sizes: u64,
+    pub indirect_arguments: u64,
+    pub gate_open: u64,
+}
+
+fn bytes_of<T>(count: usize) -> u64 {
+    (count * size_of::<T>()) as u64
+}
+
+impl BufferSizes {
+    pub fn new(
+        grid: &Grid,
+        tile: &TileMesh,
+        bands: &[Vec<Band>],
+        coarse: Option<&CoarseLevels>,
+    ) -> BufferSizes {
+        let band = |k: usize, band: &Band| {
+            let blocks = band.held.len();
+            let planes = |n: usize| blocks as u64 * n as u64 * PLANE;
+            let apart = coarse.is_none_or(|coarse| coarse.base(k).is_none());
+            BandBufferSizes {
+                blocks: bytes_of::<BlockRecord>(blocks),
+                lists: list_bytes(blocks as u64),
+                nodes: planes(node_planes(grid)),
+                state: (k > 0).then(|| planes(state_planes(k))),
+                metric: (k > 0).then(|| planes(METRIC_PLANES)),
+                rows: apart.then(|| planes(ROW_PLANES)),
+                vectors: apart.then(|| planes(VECTOR_PLANES)),
+                contributions: (apart && k > 0).then(|| blocks as u64 * CONTRIBUTIONS),
+                gather: (k == 1).then(|| grid.gather.bytes_of(band.held.clone())),
+                result: if k == 0 { planes(state_planes(k)) } else { 0 },
+            }
+        };
+        let common = |planes: usize| coarse.map_or(0, |coarse| coarse.blocks as u64 * planes as u64 * PLANE);
+        let vertices = tile.charts.iter().map(|chart| chart.count()).sum();
+        BufferSizes {
+            bands: bands
+                .iter()
+                .enumerate()
+                .map(|(k, bands)| bands.iter().map(|of| band(k, of)).collected())
+                .collected(),
+            coarse_rows: common(ROW_PLANES),
+            coarse_vectors: common(VECTOR_PLANES + SCRATCH_PLANES),
+            coarse_contributions: coarse.map_or(0, |coarse| coarse.blocks as u64 * CONTRIBUTIONS),
+            no_contributions: CONTRIBUTIONS,
+            coarse_blocks: coarse.map_or(0, |coarse| bytes_of::<CoarseBlock>(coarse.blocks)),
+            coarse_lists: coarse.map_or(0, |coarse| bytes_of::<u32>(coarse.list_length(grid))),
+            triangles: bytes_of::<Triangle>(tile.triangles.len()),
+            corners: bytes_of::<[u32; 3]>(tile.triangles.len()),
+            positions: bytes_of::<[f32; 3]>(vertices),
+            charts: bytes_of::<Chart>(tile.charts.len()),
+            ranges: bytes_of::<[u32; 2]>(tile.charts.len() * grid.levels.len()),
+            partials: bytes_of::<[f32; SUMS as usize]>(grid.levels[0].blocks.list.len()),
+            dispatch_sizes: dispatch_size_bytes(bands),
+            indirect_arguments: GATE_SETS as u64 * 4 * dispatch_size_bytes(bands),
+            gate_open: bytes_of::<u32>(MAX_GATES as usize),
+        }
+    }
+
+    /// Bytes of all buffers, including those of the recorder.
+    pub fn total(&self) -> u64 {
+        let band = |band: &BandBufferSizes| {
+            let gather = band.gather.unwrap_or_default();
+            let always = [band.blocks, band.lists, band.nodes];
+            let optional = [band.state, band.metric, band.rows, band.vectors, band.contributions];
+            let optional = optional.into_iter().flatten();
+            let gather = gather.into_iter().filter(|_| band.gather.is_some());
+            let results = [band.result; 2].into_iter().filter(|&bytes| bytes > 0);
+            always.into_iter().chain(optional).chain(gather).chain(results).map(padded).sum::<u64>()
+        };
+        let bands: u64 = self.bands.iter().flatten().map(band).sum();
+        let coarse = [self.coarse_blocks, self.coarse_lists].into_iter().filter(|&bytes| bytes > 0);
+        let single = [
+            self.coarse_rows,
+            self.coarse_vectors,
+            self.coarse_contributions,
+            self.no_contributions,
+            self.triangles,
+            self.corners,
+            self.positions,
+            self.charts,
+            self.ranges,
+            self.partials,
+            self.dispatch_sizes,
+            self.indirect_arguments,
+            self.gate_open,
+        ];
+        bands + coarse.chain(single).map(padded).sum::<u64>() + RecorderResources::BYTES
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use crate::Memory;
+    use crate::context::{Options, tests::gpu};
+    use vrtm_core::fixtures::{maps, sheet};
+    use vrtm_core::grid::Grid;
+    use vrtm_core::settings::TileSettings;
+
+    #[test]
+    fn what_is_counted_is_what_is_allocated() {
+        let mesh = sheet(4, |u, v| [u, v, 0.0]);
+        let tile = &mesh.tiles[0];
+        let maps = maps(96, TileSettings::default(), |u, _| u);
+        let grid = Arc::new(Grid::new(&mesh, tile, &maps));
+        // With one buffer per level, then with several.
+        for band in [None, Some(32)] {
+            let Some(context) = gpu(Options { band, ..Options::default() }) else { return };
+            let context = Arc::new(context);
+            let memory = Memory::new(&context, &grid, tile).unwrap();
+            let allocated: u64 = memory.all_buffers().iter().map(wgpu::Buffer::size).sum();
+            assert_eq!(allocated, Memory::bytes_for(&context, &grid, tile).unwrap(), "{band:?}");
+        }
+    }
+}

@@ -1,0 +1,73 @@
+//! Tests how certification turns level 0's state into the result.
+
+use std::sync::Arc;
+
+use super::*;
+use crate::context::{Options, tests::gpu};
+use crate::state::STATE_PLANES;
+use crate::{Displacements, Memory, Solution};
+use vrtm_core::fixtures::{discs, maps, sheet};
+use vrtm_core::grid::Grid;
+use vrtm_core::grid::planes::NODES;
+use vrtm_core::grid::pose::Pose;
+use vrtm_core::method::acceptance::Correction;
+use vrtm_core::method::plan::Input;
+use vrtm_core::method::stage::{Stage, Stages, Start};
+use vrtm_core::settings::TileSettings;
+
+/// Solves level 0 of a stretched sheet, lets `change` alter its state, and certifies it. Returns the outcome, and whether
+/// any node moved.
+fn certified(context: &Arc<crate::context::Context>, change: impl Fn(&mut [u32])) -> (Solution, bool) {
+    let mesh = sheet(8, |u, v| [u, v, 0.0]);
+    let tile = &mesh.tiles[0];
+    let maps = maps(64, TileSettings::default(), discs);
+    let grid = Arc::new(Grid::new(&mesh, tile, &maps));
+    let mut memory = Memory::new(context, &grid, tile).unwrap();
+    let moved = |v: u32| {
+        let p = [f64::from(v % 9) / 8.0, f64::from(v / 9) / 8.0];
+        [p[0] + 0.4 * p[0] * p[0], p[1], 0.1 * p[0] * p[1]]
+    };
+    let pose = Pose::new(tile, moved, Some(&grid.rest));
+    let settings = &maps.settings;
+    let input = Input {
+        grid: &grid,
+        mesh: tile,
+        pose: &pose,
+        settings,
+        protect: 0.0,
+        charts: &[true],
+        continuation: 1.0,
+        pull: 0.0,
+    };
+    let mut run = Run::new(&input, &mut memory, None, &[false], None).unwrap();
+    run.run(&Stage::Surface);
+    run.run(&Stage::Pyramid);
+    run.run(&Stage::Start { level: 0, from: Start::Identity });
+    let first = Correction { first: true, iterations: 2, sweeps: 2, tolerance: 3e-3, trusts_model: true };
+    run.run(&Stage::Correct { level: 0, correction: first, stop: None });
+    let mut state = run.state(0).unwrap();
+    change(&mut state);
+    run.set_state(0, &state).unwrap();
+    run.run(&Stage::Certify { allow_folds: false });
+    let solution = run.finish().unwrap();
+    let result = Displacements::new(context.clone(), grid.clone(), solution.result.clone());
+    let moves = result.host().unwrap().as_flattened().as_flattened().iter().any(|&u| u != 0.0);
+    (solution, moves)
+}
+
+#[test]
+fn a_chart_that_does_not_pass_is_the_identity() {
+    let Some(context) = gpu(Options::default()) else { return };
+    let context = Arc::new(context);
+    let (solution, moves) = certified(&context, |_| {});
+    let chart = solution.charts[0];
+    assert!(moves && !chart.fallback && chart.energy < chart.energy_before, "{chart:?}");
+    // Moves a node in the middle of the sheet across its neighbours.
+    let fold = |state: &mut [u32]| {
+        let block = &mut state[5 * STATE_PLANES * NODES..][..STATE_PLANES * NODES];
+        block[17] = (f32::from_bits(block[17]) + 3.0).to_bits();
+    };
+    let (solution, moves) = certified(&context, fold);
+    let chart = solution.charts[0];
+    assert!(!moves && chart.fallback && chart.energy == chart.energy_before, "{chart:?}");
+}

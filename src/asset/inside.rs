@@ -1,0 +1,73 @@
+//! What tests and benches read of an asset (crate `vrtm-lab`).
+
+use std::sync::Arc;
+
+use crate::asset::{Asset, torn};
+use crate::map::nodes;
+use crate::solver::solved::Solved;
+use vrtm_core::error::Result;
+use vrtm_core::grid::maps::TileMaps;
+use vrtm_core::grid::{Grid, planes::Plane};
+use vrtm_core::mesh::{Mesh, TileMesh};
+use vrtm_core::view::Strided;
+
+/// A tile in a pose.
+#[derive(Debug)]
+pub struct TileInside<'a> {
+    pub mesh: &'a Mesh,
+    /// The tile as it hangs together in the pose.
+    pub tile: Arc<TileMesh>,
+    /// The same, with collars if its charts go on beyond their borders.
+    pub extended: Arc<TileMesh>,
+    pub maps: &'a TileMaps,
+    /// The maps of all tiles; empty unless charts of some go on beyond their borders.
+    pub all_maps: Vec<TileMaps>,
+}
+
+/// The last result of a tile.
+#[derive(Debug)]
+pub struct ResultInside(Arc<Solved>);
+
+impl ResultInside {
+    pub fn grid(&self) -> &Arc<Grid> {
+        &self.0.grid
+    }
+
+    /// The tile with collars, if it was solved with them.
+    pub fn extended(&self) -> Option<&Arc<TileMesh>> {
+        self.0.extended.as_ref()
+    }
+
+    /// Displacements in cells, per block.
+    pub fn displacements(&self) -> Result<&[[Plane; 2]]> {
+        self.0.warp.host()
+    }
+
+    /// Displacements in cells, row by row from v = 0, (nx + 1) x (ny + 1).
+    pub fn dense_displacements(&self) -> Result<Vec<[f32; 2]>> {
+        nodes::dense(&self.0)
+    }
+}
+
+impl Asset {
+    /// A tile in a pose, as a solve sees it.
+    #[doc(hidden)]
+    pub fn tile_inside(&self, tile: usize, positions: &Strided) -> Result<TileInside<'_>> {
+        self.check_tile(tile)?;
+        self.check_vertices("positions", positions, 3)?;
+        let whole = torn::in_pose(&self.mesh, tile, positions);
+        let extended = match Arc::ptr_eq(&whole, &self.mesh.tiles[tile]) {
+            true => self.device.team(|team| self.tiles[tile].source(team, &self.mesh, tile)),
+            false => whole.clone(),
+        };
+        let maps = &self.tiles[tile].maps;
+        Ok(TileInside { mesh: &self.mesh, tile: whole, extended, maps, all_maps: self.maps() })
+    }
+
+    /// The last result of a tile.
+    #[doc(hidden)]
+    pub fn result_inside(&self, tile: usize) -> Result<ResultInside> {
+        self.check_tile(tile)?;
+        self.results.solved(tile).map(|result| ResultInside(result.solved))
+    }
+}
