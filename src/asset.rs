@@ -15,12 +15,12 @@ pub(crate) mod torn;
 
 use std::sync::Arc;
 
-use crate::blend::Places;
 use crate::device::Device;
 use crate::map::FetchKind;
 use crate::map::certificate::desc::{MapDesc, MapReport};
 use results::Results;
 use tile::TileState;
+use vrtm_beyond::Places;
 use vrtm_core::allocation::Collect;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::maps::{Mask, Rigidity};

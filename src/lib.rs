@@ -70,7 +70,6 @@
 mod gpu;
 mod device;
 mod solver;
-mod blend;
 mod map;
 mod asset;
 mod refine;

@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crate::device::Device;
+use vrtm_beyond::extended;
 use vrtm_core::error::Result;
 use vrtm_core::grid::gutter::Gutter;
 use vrtm_core::grid::maps::{MapsOfTile, Mask, Rigidity, TileMaps};
@@ -11,7 +12,6 @@ use vrtm_core::grid::repaint::{Repainted, repaint};
 use vrtm_core::grid::survey::Survey;
 use vrtm_core::grid::{Grid, build, saved};
 use vrtm_core::image::map::TexelRect;
-use vrtm_core::mesh::extended::extended;
 use vrtm_core::mesh::{Mesh, TileMesh};
 use vrtm_core::method::plan::Purpose;
 use vrtm_core::report::{TileEstimate, TileInfo, report};

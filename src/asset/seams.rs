@@ -6,9 +6,9 @@ use std::sync::atomic::AtomicU32;
 use std::time::Instant;
 
 use super::Asset;
-use crate::blend::{Blends, Copies, Depths, Limited, Places, Side, blend};
 use crate::solver::solved::Solved;
 use crate::solver::tile_solve::Warp;
+use vrtm_beyond::{Blends, Copies, Depths, Limited, Places, Side, blend};
 use vrtm_core::allocation::{Collect, copied};
 use vrtm_core::error::Result;
 use vrtm_core::grid::Grid;

@@ -23,10 +23,10 @@ use vrtm_core::unwind::caught;
 use vrtm_core::view::Strided;
 
 use super::torn::Torn;
-use crate::blend::Copies;
 use crate::solver::TileSolver;
 use crate::solver::solved::{ChartInput, Solved};
 use crate::solver::tile_solve::{TileSolution, TileSolve, Warp};
+use vrtm_beyond::Copies;
 
 /// A call that solves tiles of an asset.
 pub(crate) struct SolveCall<'a> {

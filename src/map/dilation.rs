@@ -5,10 +5,10 @@ use glam::DVec2;
 
 use super::canvas::Canvas;
 use super::chart_texels::{BAND, ChartTexels};
+use vrtm_beyond::{Collar, collars};
 use vrtm_core::allocation::{Collect, filled};
 use vrtm_core::grid::fill::Fill;
 use vrtm_core::image::ImagePart;
-use vrtm_core::mesh::collar::{Collar, collars};
 use vrtm_core::mesh::triangle::barycentrics;
 use vrtm_core::mesh::{Mesh, TileMesh};
 use vrtm_core::settings::Beyond;

@@ -3,12 +3,10 @@
 mod build;
 mod charts;
 mod check;
-pub mod collar;
-pub mod extended;
 mod gaps;
 pub mod hash;
 mod layers;
-mod overlaps;
+pub mod overlaps;
 mod read;
 mod source;
 pub mod triangle;
@@ -63,12 +61,12 @@ pub struct FacePoint {
 
 impl FacePoint {
     /// The vertex of the mesh that the point is, if it is one.
-    fn vertex(&self) -> Option<u32> {
+    pub fn vertex(&self) -> Option<u32> {
         let k = (0..3).find(|&k| self.weights[k] == 1.0)?;
         self.mirror.is_none().then_some(self.vertices[k])
     }
 
-    fn of_mesh(&self) -> impl Iterator<Item = u32> + use<> {
+    pub fn of_mesh(&self) -> impl Iterator<Item = u32> + use<> {
         let of_mirror = |mirror: Mirror| mirror.edge.into_iter().chain([mirror.inner]);
         self.vertices.into_iter().chain(self.mirror.into_iter().flat_map(of_mirror))
     }

@@ -12,7 +12,7 @@ const MOST_BINS: usize = 1024;
 const MOST_ENTRIES: f64 = 8.0;
 
 /// Triangles, sorted into square bins.
-pub(super) struct Overlaps {
+pub struct Overlaps {
     triangles: Vec<[DVec2; 3]>,
     bins: usize,
     low: DVec2,

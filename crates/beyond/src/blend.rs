@@ -14,13 +14,13 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-pub(crate) use copies::{Blends, Copies};
+pub use copies::{Blends, Copies};
 use copies::{Copy, Node};
-pub(crate) use depths::Depths;
+pub use depths::Depths;
 use depths::smooth;
 use lattice::{cells, point};
-pub(crate) use limit::Limited;
-pub(crate) use places::Places;
+pub use limit::Limited;
+pub use places::Places;
 use vrtm_core::grid::planes::{NODES, Plane, SIDE, node_at, slot};
 use vrtm_core::grid::{Grid, Level};
 use vrtm_core::mesh::triangle::barycentrics;
@@ -28,7 +28,7 @@ use vrtm_core::mesh::{NONE, TileMesh};
 use vrtm_core::team::Team;
 
 /// A tile's result, as it was solved.
-pub(crate) struct Side<'a> {
+pub struct Side<'a> {
     pub tile: &'a Arc<TileMesh>,
     pub grid: &'a Grid,
     pub u: &'a [[Plane; 2]],
@@ -36,7 +36,7 @@ pub(crate) struct Side<'a> {
 
 /// Blends the warp of a tile with those of what its charts have in common with others. `sides` are the results of all tiles of
 /// the mesh, if they are there. Places of one point that are `farthest` apart, in UV, are no longer brought together.
-pub(crate) fn blend(
+pub fn blend(
     team: &Team,
     places: &Places,
     copies: &Copies,

@@ -6,11 +6,11 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
-use crate::allocation::{Collect, Grow, with_capacity, zeroed};
-use crate::mesh::hash::{Table, enter};
-use crate::mesh::triangle::doubled_area;
-use crate::mesh::{Mesh, Mirror, NONE, Source, TileMesh, Triangle};
-use crate::settings::Beyond;
+use vrtm_core::allocation::{Collect, Grow, with_capacity, zeroed};
+use vrtm_core::mesh::hash::{Table, enter};
+use vrtm_core::mesh::triangle::doubled_area;
+use vrtm_core::mesh::{Mesh, Mirror, NONE, Source, TileMesh, Triangle};
+use vrtm_core::settings::Beyond;
 
 /// Most triangles of the mesh in a region.
 const MOST_OF_MESH: usize = 1 << 18;

@@ -47,7 +47,7 @@ struct Nodes {
 
 /// The depths at the nodes of charts.
 #[derive(Debug)]
-pub(crate) struct Depths {
+pub struct Depths {
     tiles: Vec<Nodes>,
     /// Per tile, the number of its first chart.
     first_chart: Vec<u32>,

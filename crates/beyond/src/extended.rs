@@ -8,13 +8,13 @@ use std::ops::Range;
 
 use glam::DVec2;
 
-use super::collar::{Across, Collar, collars};
-use super::hash::{Table, enter};
-use super::overlaps::Overlaps;
-use super::{Chart, Cut, FacePoint, Mesh, NONE, Source, TileMesh, Triangle};
-use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
-use crate::settings::Beyond;
-use crate::team::Team;
+use crate::collar::{Across, Collar, collars};
+use vrtm_core::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use vrtm_core::mesh::hash::{Table, enter};
+use vrtm_core::mesh::overlaps::Overlaps;
+use vrtm_core::mesh::{Chart, Cut, FacePoint, Mesh, NONE, Source, TileMesh, Triangle};
+use vrtm_core::settings::Beyond;
+use vrtm_core::team::Team;
 
 /// A tile with collars. Triangles of charts keep their numbers. Charts that lie over others get no collars: what they share
 /// must stay where it is.

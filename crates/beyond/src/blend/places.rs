@@ -21,7 +21,7 @@ pub(super) struct Place {
 
 /// The triangles of collars at each triangle of the mesh.
 #[derive(Debug)]
-pub(crate) struct Places {
+pub struct Places {
     /// The tiles with collars, or without where charts do not go on.
     pub tiles: Vec<Arc<TileMesh>>,
     /// Per tile, the number of its first triangle among those of all tiles.

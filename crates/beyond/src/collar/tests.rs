@@ -1,13 +1,13 @@
 use glam::{DMat2, DVec2};
 
 use super::*;
-use crate::mesh::{MeshSource, UvSource};
-use crate::settings::Beyond;
-use crate::team::Team;
-use crate::view::{Scalar, Strided};
+use vrtm_core::mesh::{MeshSource, UvSource};
+use vrtm_core::settings::Beyond;
+use vrtm_core::team::Team;
+use vrtm_core::view::{Scalar, Strided};
 
 /// A sheet of `n` by `n` quads whose columns from `cut` on lie elsewhere in the UV plane.
-pub(in crate::mesh) struct Sheet {
+pub(crate) struct Sheet {
     pub n: usize,
     pub cut: usize,
     /// Where the point (i, j) of the sheet is on the surface.
@@ -69,7 +69,7 @@ impl Sheet {
     }
 }
 
-pub(in crate::mesh) fn flat(x: f64, y: f64) -> [f32; 3] {
+pub(crate) fn flat(x: f64, y: f64) -> [f32; 3] {
     [x as f32, y as f32, 0.0]
 }
 
@@ -120,7 +120,7 @@ fn a_cut_sheet_goes_on_as_if_it_were_whole() {
                 }
                 let middle = (triangle.uv[0] + triangle.uv[1] + triangle.uv[2]) / 3.0;
                 farthest = farthest.max(middle.x - 0.35);
-                area += 0.5 * crate::mesh::triangle::doubled_area(triangle.uv).abs();
+                area += 0.5 * vrtm_core::mesh::triangle::doubled_area(triangle.uv).abs();
             }
             // What lies within the reach is there, also where the mesh's triangles are larger than that.
             assert!(area > 0.5 * 0.9 * reach, "{n}: {area}");
@@ -177,7 +177,7 @@ fn a_dome_keeps_shapes_and_sizes_near_the_seam() {
     let areas: Vec<f64> = collar
         .iter()
         .map(|t| {
-            let of = |corners: [DVec2; 3]| crate::mesh::triangle::doubled_area(corners);
+            let of = |corners: [DVec2; 3]| vrtm_core::mesh::triangle::doubled_area(corners);
             // The second chart is turned by half a turn, not mirrored.
             of(t.uv) / of(source(&mesh, t))
         })

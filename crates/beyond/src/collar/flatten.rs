@@ -14,9 +14,9 @@ use glam::{DMat2, DVec2, DVec3};
 
 use super::patch::{Patch, PatchTriangle};
 use super::surface::{Side, Surface};
-use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
-use crate::mesh::triangle::doubled_area;
-use crate::mesh::{FacePoint, Mirror, NONE, Source};
+use vrtm_core::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use vrtm_core::mesh::triangle::doubled_area;
+use vrtm_core::mesh::{FacePoint, Mirror, NONE, Source};
 
 /// The collar of a chart has this many bands of equal width, each laid out after the ones nearer to the border: what is far
 /// away must not bend what is near.

@@ -4,8 +4,8 @@
 use glam::DVec3;
 
 use super::surface::{Region, Rim, Side, Surface};
-use crate::allocation::{Grow, filled};
-use crate::mesh::NONE;
+use vrtm_core::allocation::{Grow, filled};
+use vrtm_core::mesh::NONE;
 
 /// Most parts into which a side is divided.
 const MOST_PARTS: usize = 8;

@@ -27,7 +27,7 @@ const STEP: f32 = 0.25;
 const PASSES: usize = 8;
 
 /// A blend as far as it was taken.
-pub(crate) struct Limited {
+pub struct Limited {
     pub u: Vec<[Plane; 2]>,
     /// Per chart that has a change.
     pub certificates: Vec<Option<Certificate>>,

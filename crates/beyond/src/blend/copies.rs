@@ -40,7 +40,7 @@ pub(super) struct Copy {
 
 /// What a tile's nodes are blended of. It depends on the mesh, on the grid's size and on which nodes may move.
 #[derive(Debug)]
-pub(crate) struct Copies {
+pub struct Copies {
     /// The blocks with nodes that are blended, ascending, and the index of each one's first node, followed by the number of
     /// all nodes.
     blocks: Vec<u32>,
@@ -51,7 +51,7 @@ pub(crate) struct Copies {
 
 /// The surface that charts have in common, and how deep each is there.
 #[derive(Clone, Copy)]
-pub(crate) struct Blends<'a> {
+pub struct Blends<'a> {
     pub places: &'a Places,
     pub depths: &'a Depths,
 }

@@ -7,14 +7,14 @@ mod flatten;
 mod patch;
 mod surface;
 
-use crate::mesh::Mesh;
-use crate::settings::Beyond;
-use crate::team::Team;
 use flatten::BANDS;
 #[cfg(test)]
 use flatten::CollarTriangle;
 pub use flatten::{Across, Collar};
 use surface::Surface;
+use vrtm_core::mesh::Mesh;
+use vrtm_core::settings::Beyond;
+use vrtm_core::team::Team;
 
 /// The largest reach of a chart's collar on the surface, in sides of a square of the chart's area.
 const WIDEST: f64 = 4.0;
@@ -38,4 +38,4 @@ fn collar(surface: &Surface, chart: usize, reach: f64) -> Collar {
 }
 
 #[cfg(test)]
-pub(in crate::mesh) mod tests;
+pub(crate) mod tests;

@@ -3,10 +3,10 @@
 use glam::{DMat2, DVec2};
 
 use super::extended;
-use crate::mesh::collar::tests::{Sheet, flat};
-use crate::mesh::{NONE, TileMesh};
-use crate::settings::Beyond;
-use crate::team::Team;
+use crate::collar::tests::{Sheet, flat};
+use vrtm_core::mesh::{NONE, TileMesh};
+use vrtm_core::settings::Beyond;
+use vrtm_core::team::Team;
 
 const REACH: f64 = 0.06;
 const SEAMS: Beyond = Beyond { seams: true, open_borders: false, reach: REACH };
