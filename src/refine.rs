@@ -1,24 +1,21 @@
 //! Refines the mesh so that corner UVs approximate the redirection closely: for hosts that support UV sets only.
 
-mod base;
-mod error;
-mod passes;
 pub(crate) mod pattern;
-mod split;
 
 use std::sync::Arc;
 use std::time::Instant;
 
-use vrtm_core::allocation::{Collect, zeroed};
+use glam::DVec2;
+use vrtm_core::allocation::Collect;
 use vrtm_core::error::{Error, Result};
+use vrtm_core::grid::planes::Plane;
 
 use crate::asset::Asset;
 use crate::asset::results::{Results, TileResult};
+use crate::map::nodes;
 use crate::solver::solved::Solved;
-use base::Base;
-use passes::Outcome;
-use split::{Pieces, Splitter};
 use vrtm_core::team::Team;
+use vrtm_refine::{Redirection, Redirections, RefinedMesh};
 
 /// Half a texel of a texture of 1024 x 1024.
 #[doc(hidden)]
@@ -74,8 +71,7 @@ pub struct RefinementInfo {
 #[derive(Clone, Debug)]
 pub struct Refinement {
     results: Results,
-    base: Arc<Base>,
-    pieces: Arc<Pieces>,
+    mesh: RefinedMesh,
     most: u64,
     info: RefinementInfo,
 }
@@ -104,17 +100,15 @@ impl Results {
         self.solved_asset()?;
         device.call(|| {
             let start = Instant::now();
-            let base = Base::new(mesh, uv_set as usize);
-            let most = max_triangles.unwrap_or(base.triangles.len() as u64 + ADDED).min(MOST);
-            let splitter = Splitter::new(mesh, &base);
+            let mesh = RefinedMesh::new(mesh, uv_set as usize);
+            let most = max_triangles.unwrap_or(mesh.base_triangles() as u64 + ADDED).min(MOST);
             let mut refinement = Refinement {
                 results: self.clone(),
-                base: Arc::new(base),
-                pieces: Arc::default(),
+                mesh,
                 most,
                 info: RefinementInfo { uv_set, tolerance, ..RefinementInfo::default() },
             };
-            refinement.finish(splitter, start)?;
+            refinement.refine(start)?;
             Ok(refinement)
         })
     }
@@ -142,8 +136,7 @@ impl Refinement {
         device.call(|| {
             let start = Instant::now();
             let mut next = self.clone();
-            let mesh = self.results.mesh();
-            next.finish(Splitter::go_on(mesh, &self.base, self.pieces.copy()), start)?;
+            next.refine(start)?;
             *self = next;
             Ok(())
         })
@@ -164,14 +157,10 @@ impl Refinement {
     pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
         self.check("uvs", out.len(), self.info.corners, "corners")?;
         self.results.device().call(|| {
-            let points = &self.pieces.uv_points;
-            let mut uvs = zeroed(points.len());
-            self.with_results(false, |team, results| {
-                results.redirect(team, points, &mut uvs);
-                Ok(())
-            })?;
+            let uvs = self.with_results(false, |team, results| Ok(self.mesh.redirected(team, results)))?;
             let mut at = 0;
-            self.visit(
+            self.mesh.visit(
+                self.results.mesh(),
                 |_, _| (),
                 |corner| {
                     out[at] = uvs[corner.uv_point as usize].map(|x| x as f32);
@@ -183,19 +172,15 @@ impl Refinement {
     }
 
     /// Splits for the present results, and records the sizes and the error.
-    fn finish(&mut self, mut splitter: Splitter, start: Instant) -> Result<()> {
-        let most = self.most as usize;
+    fn refine(&mut self, start: Instant) -> Result<()> {
+        let (most, tolerance) = (self.most as usize, self.info.tolerance);
+        let mut refined = self.mesh.clone();
         let mesh = self.results.mesh();
-        let (base, tolerance) = (&*self.base, self.info.tolerance);
-        let Outcome { error, reached } = self.with_results(true, |team, results| {
-            Ok(passes::refine(team, mesh, base, &mut splitter, results, tolerance, most))
-        })?;
-        let pieces = splitter.pieces;
-        let (vertices, triangles) = (mesh.rest.len() + pieces.vertices.len(), pieces.list.len());
-        let bytes = pieces.bytes() + base.bytes();
-        self.pieces = Arc::new(pieces);
+        let (error, reached) = self
+            .with_results(true, |team, results| Ok(refined.refine(team, mesh, results, tolerance, most)))?;
         let (mut faces, mut corners) = (0, 0);
-        self.visit(
+        refined.visit(
+            mesh,
             |_, count| {
                 faces += 1;
                 corners += u64::from(count);
@@ -203,16 +188,17 @@ impl Refinement {
             |_| (),
         );
         self.info = RefinementInfo {
-            vertices: vertices as u64,
+            vertices: (mesh.rest.len() + refined.new_vertices().len()) as u64,
             faces,
             corners,
-            triangles: triangles as u64,
+            triangles: refined.triangles() as u64,
             error,
             reached,
-            bytes: bytes as u64,
+            bytes: refined.bytes() as u64,
             ms: start.elapsed().as_secs_f32() * 1000.0,
             ..self.info
         };
+        self.mesh = refined;
         Ok(())
     }
 
@@ -220,19 +206,20 @@ impl Refinement {
     fn with_results<R: Send>(
         &self,
         with_edges: bool,
-        f: impl FnOnce(&Team, &passes::Redirections) -> Result<R> + Send,
+        f: impl FnOnce(&Team, &Redirections) -> Result<R> + Send,
     ) -> Result<R> {
         let last = self.results.solved_asset()?;
         let of = |tile: &Option<TileResult>| tile.as_ref().map(|tile| tile.solved.clone());
         let kept: Vec<Option<Arc<Solved>>> = last.tiles.iter().map(of).collected();
-        let tiles: Vec<_> = kept.iter().map(Option::as_deref).collected();
-        let set = self.info.uv_set;
+        // Tiles of other UV sets are not needed.
+        let of_set = |solved: &&Solved| solved.mesh.uv_set == self.info.uv_set;
         self.results.device().team(|team| {
-            // Tiles of other UV sets are not needed.
+            let of_tile = kept.iter().map(|solved| solved.as_deref().filter(of_set));
+            let tiles: Vec<Option<TileRedirection>> =
+                of_tile.map(|solved| solved.map(TileRedirection::new).transpose()).try_collected()?;
             let tiles: Vec<_> =
-                tiles.iter().map(|tile| tile.filter(|solved| solved.mesh.uv_set == set)).collected();
-            let results = passes::Redirections::new(team, &tiles, with_edges)?;
-            f(team, &results)
+                tiles.iter().map(|tile| tile.as_ref().map(|t| t as &dyn Redirection)).collected();
+            f(team, &Redirections::new(team, &tiles, with_edges)?)
         })
     }
 
@@ -241,5 +228,36 @@ impl Refinement {
             return Ok(());
         }
         Err(Error::argument(format!("{name}: {given} elements, but the refinement has {needed} {of}")))
+    }
+}
+
+/// The result of a tile, with its displacements in host memory.
+struct TileRedirection<'a> {
+    solved: &'a Solved,
+    u: &'a [[Plane; 2]],
+}
+
+impl TileRedirection<'_> {
+    fn new(solved: &Solved) -> Result<TileRedirection<'_>> {
+        Ok(TileRedirection { solved, u: solved.warp.host()? })
+    }
+}
+
+impl Redirection for TileRedirection<'_> {
+    fn cells(&self) -> [usize; 2] {
+        let level = &self.solved.grid.levels[0];
+        [level.nx, level.ny]
+    }
+
+    fn origin(&self) -> DVec2 {
+        self.solved.mesh.origin()
+    }
+
+    fn displacements(&self) -> Result<Vec<[f32; 2]>> {
+        nodes::dense(self.solved)
+    }
+
+    fn redirected(&self, triangle: u32, uv: [f64; 2]) -> Option<[f64; 2]> {
+        self.solved.redirected(self.u, triangle, uv)
     }
 }

@@ -3,7 +3,7 @@
 use vrtm_core::error::Result;
 
 use super::Refinement;
-use super::split::{PieceCorner, Source};
+use vrtm_refine::Source;
 
 /// Destination of a refinement's pattern; fields that are `None` are skipped. A host uses the pattern to interpolate
 /// positions and all other attributes of its vertices and corners.
@@ -31,43 +31,7 @@ pub struct RefinementPattern<'a> {
     pub corner_uvs: Option<&'a mut [[f32; 2]]>,
 }
 
-/// A corner of the refined mesh.
-pub(super) struct RefinedCorner {
-    pub vertex: u32,
-    pub uv_point: u32,
-    /// Corners of the mesh.
-    pub source: Source,
-}
-
 impl Refinement {
-    /// Calls `face(face of the mesh, corners)` for each face, and then `corner` for each of its corners.
-    pub(super) fn visit(&self, mut face: impl FnMut(u32, u32), mut corner: impl FnMut(&RefinedCorner)) {
-        let (mesh, base) = (self.results.mesh(), &*self.base);
-        let mut rest = &*self.pieces.list;
-        for (f, &whole) in self.pieces.whole.iter().enumerate() {
-            let is_of = |base_triangle: u32| base.triangles[base_triangle as usize].face as usize == f;
-            let count = rest.iter().take_while(|piece| is_of(piece.base)).count();
-            let (own, others) = rest.split_at(count);
-            rest = others;
-            if whole {
-                let corners = mesh.face(f);
-                face(f as u32, corners.len() as u32);
-                for c in corners {
-                    let (vertex, uv_point) = (mesh.indices[c], base.uv_point[c]);
-                    corner(&RefinedCorner { vertex, uv_point, source: Source::one(c as u32) });
-                }
-                continue;
-            }
-            for piece in own {
-                face(f as u32, 3);
-                let of = base.triangles[piece.base as usize].corners;
-                for PieceCorner { vertex, uv_point, weights } in piece.corners {
-                    corner(&RefinedCorner { vertex, uv_point, source: Source::weighed(of, weights) });
-                }
-            }
-        }
-    }
-
     /// Writes the pattern.
     ///
     /// # Errors
@@ -98,7 +62,7 @@ impl Refinement {
             corner_uvs: corners
         );
         let old = self.results.mesh().rest.len() as u32;
-        let sources = || (0..old).map(Source::one).chain(self.pieces.vertices.iter().map(|new| new.source));
+        let sources = || (0..old).map(Source::one).chain(self.mesh.new_vertices());
         write(&mut pattern.vertex_sources, sources().map(|source| source.of));
         write(&mut pattern.vertex_weights, sources().map(|source| source.weights));
         let mut put_face = next(&mut pattern.face_sources);
@@ -107,7 +71,8 @@ impl Refinement {
         let mut put_source = next(&mut pattern.corner_sources);
         let mut put_weights = next(&mut pattern.corner_weights);
         let mut put_uv = next(&mut pattern.corner_uvs);
-        self.visit(
+        self.mesh.visit(
+            self.results.mesh(),
             |face, count| {
                 put_face(face);
                 put_count(count);
@@ -116,7 +81,7 @@ impl Refinement {
                 put_vertex(corner.vertex);
                 put_source(corner.source.of);
                 put_weights(corner.source.weights);
-                put_uv(self.pieces.uv_points[corner.uv_point as usize].uv.map(|x| x as f32));
+                put_uv(self.mesh.uv(corner.uv_point).map(|x| x as f32));
             },
         );
         Ok(())

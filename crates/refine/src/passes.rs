@@ -5,14 +5,12 @@ use glam::DVec2;
 
 use vrtm_core::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
 use vrtm_core::error::Result;
-use vrtm_core::grid::planes::Plane;
 use vrtm_core::mesh::{Mesh, NONE};
 use vrtm_core::team::Team;
 
-use super::base::{Base, UvPoint};
-use super::error::Warped;
-use super::split::{Piece, Pieces, Splitter};
-use crate::solver::solved::Solved;
+use crate::base::{Base, UvPoint};
+use crate::error::Warped;
+use crate::split::{Piece, Pieces, Splitter};
 
 /// Number of elements per item of work.
 const CHUNK: usize = 64;
@@ -25,30 +23,41 @@ const SHORT: f64 = 1.0 / 1024.0;
 const FOURFOLD: f64 = 4.0;
 
 /// The result of a tile.
-struct Redirected<'a> {
-    solved: &'a Solved,
-    u: &'a [[Plane; 2]],
+pub trait Redirection: Sync {
+    /// Cells of its grid.
+    fn cells(&self) -> [usize; 2];
+    /// The tile's lower corner in the UV plane of all tiles.
+    fn origin(&self) -> DVec2;
+    /// Displacements of all nodes in cells, row by row from v = 0.
+    fn displacements(&self) -> Result<Vec<[f32; 2]>>;
+    /// The redirected UV of a point of a triangle, computed like a corner UV, by its chart's own warp; input and output
+    /// include the tile's offset. `None` where nothing moves. `triangle` is a number in `TileMesh::chart_of`.
+    fn redirected(&self, triangle: u32, uv: [f64; 2]) -> Option<[f64; 2]>;
+}
+
+/// The result of a tile, prepared.
+struct Prepared<'a> {
+    tile: &'a dyn Redirection,
     origin: DVec2,
     cells: DVec2,
     warped: Option<Warped>,
 }
 
 /// The results that redirect a UV set.
-pub(super) struct Redirections<'a>(Vec<Option<Redirected<'a>>>);
+pub struct Redirections<'a>(Vec<Option<Prepared<'a>>>);
 
 impl<'a> Redirections<'a> {
     /// `with_edges`: also prepare what computing errors needs.
-    pub fn new(team: &Team, tiles: &[Option<&'a Solved>], with_edges: bool) -> Result<Redirections<'a>> {
-        let of = |solved: &'a Solved| -> Result<Redirected<'a>> {
-            let level = &solved.grid.levels[0];
-            let warped = if with_edges { Warped::new(team, solved)? } else { None };
-            Ok(Redirected {
-                solved,
-                u: solved.warp.host()?,
-                origin: solved.mesh.origin(),
-                cells: DVec2::new(level.nx as f64, level.ny as f64),
-                warped,
-            })
+    pub fn new(
+        team: &Team,
+        tiles: &[Option<&'a dyn Redirection>],
+        with_edges: bool,
+    ) -> Result<Redirections<'a>> {
+        let of = |tile: &'a dyn Redirection| -> Result<Prepared<'a>> {
+            let cells = tile.cells();
+            let warped = if with_edges { Warped::new(team, cells, tile.displacements()?) } else { None };
+            let cells = DVec2::from(cells.map(|n| n as f64));
+            Ok(Prepared { tile, origin: tile.origin(), cells, warped })
         };
         tiles.iter().map(|tile| tile.map(of).transpose()).try_collected().map(Redirections)
     }
@@ -61,13 +70,13 @@ impl<'a> Redirections<'a> {
         });
     }
 
-    fn tile(&self, tile: u32) -> Option<&Redirected<'a>> {
+    fn tile(&self, tile: u32) -> Option<&Prepared<'a>> {
         self.0.get(tile as usize)?.as_ref()
     }
 
     fn place(&self, point: &UvPoint) -> [f64; 2] {
         let Some(tile) = self.tile(point.tile).filter(|_| point.triangle != NONE) else { return point.uv };
-        tile.solved.redirected(tile.u, point.triangle, point.uv).unwrap_or(point.uv)
+        tile.tile.redirected(point.triangle, point.uv).unwrap_or(point.uv)
     }
 
     /// The error of a triangle with these UV points, and whether it is too small to be split.
@@ -86,7 +95,7 @@ impl<'a> Redirections<'a> {
 
 /// The outcome of a refinement.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Outcome {
+pub struct Outcome {
     /// The largest error left, in UV.
     pub error: f64,
     pub reached: bool,
@@ -97,7 +106,7 @@ const UNKNOWN: f64 = f64::NAN;
 
 /// Splits pieces until no error is above the tolerance, or there would be more than `most` pieces. The largest errors
 /// come first, so that the limit affects only the smallest.
-pub(super) fn refine(
+pub fn refine(
     team: &Team,
     mesh: &Mesh,
     base: &Base,

@@ -6,11 +6,11 @@ use vrtm_core::allocation::{Collect, Grow, copied, zeroed};
 use vrtm_core::mesh::hash::{Table, enter};
 use vrtm_core::mesh::{Mesh, NONE};
 
-use super::base::{Base, UvPoint};
+use crate::base::{Base, UvPoint};
 
 /// A vertex that splits an edge.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct NewVertex {
+pub struct NewVertex {
     /// The edge's ends.
     parents: [u32; 2],
     pub source: Source,
@@ -19,7 +19,7 @@ pub(super) struct NewVertex {
 
 /// Up to three vertices or corners of the mesh with their weights; a weight of 0 repeats the first.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Source {
+pub struct Source {
     pub of: [u32; 3],
     pub weights: [f32; 3],
 }
@@ -78,7 +78,7 @@ struct Edge {
 
 /// A corner of a piece.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PieceCorner {
+pub struct PieceCorner {
     pub vertex: u32,
     pub uv_point: u32,
     /// Barycentric coordinates in the base triangle.
@@ -87,7 +87,7 @@ pub(super) struct PieceCorner {
 
 /// A triangle of the refined mesh.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Piece {
+pub struct Piece {
     /// The triangle of the mesh that it is a part of.
     pub base: u32,
     pub corners: [PieceCorner; 3],
@@ -97,7 +97,7 @@ pub(super) struct Piece {
 
 /// A refined mesh.
 #[derive(Debug, Default)]
-pub(super) struct Pieces {
+pub struct Pieces {
     /// The new vertices, which follow those of the mesh.
     pub vertices: Vec<NewVertex>,
     pub uv_points: Vec<UvPoint>,
@@ -138,7 +138,7 @@ impl Pieces {
 }
 
 /// Pieces that are being split, with look-up tables.
-pub(super) struct Splitter<'a> {
+pub struct Splitter<'a> {
     mesh: &'a Mesh,
     pub pieces: Pieces,
     edges: Table<[u32; 2], u32>,

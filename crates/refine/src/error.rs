@@ -8,19 +8,15 @@
 use glam::DVec2;
 
 use vrtm_core::allocation::{Collect, zeroed};
-use vrtm_core::error::Result;
 use vrtm_core::mesh::triangle::doubled_area;
 use vrtm_core::team::Team;
-
-use crate::map::nodes;
-use crate::solver::solved::Solved;
 
 /// Barycentric coordinates and places on edges of at least minus this count as inside.
 const SLACK: f64 = 1e-9;
 
 /// The warped edges of a tile's grid, indexed by location. Lengths are in cells.
 #[derive(Debug)]
-pub(super) struct Warped {
+pub struct Warped {
     nx: usize,
     ny: usize,
     /// Displacements of the nodes, row by row.
@@ -35,12 +31,9 @@ pub(super) struct Warped {
 
 impl Warped {
     /// `None` if nothing moves.
-    pub fn new(team: &Team, solved: &Solved) -> Result<Option<Warped>> {
-        let level = &solved.grid.levels[0];
-        let (nx, ny) = (level.nx, level.ny);
-        let u = nodes::dense(solved)?;
+    pub fn new(team: &Team, [nx, ny]: [usize; 2], u: Vec<[f32; 2]>) -> Option<Warped> {
         if u.as_flattened().iter().all(|&x| x == 0.0) {
-            return Ok(None);
+            return None;
         }
         let mut warped = Warped { nx, ny, u, first: Vec::new(), cells: Vec::new() };
         // Cells beyond the last column and row consist of the tile's border only.
@@ -59,7 +52,7 @@ impl Warped {
             next[square] += 1;
         });
         (warped.first, warped.cells) = (first, cells);
-        Ok(Some(warped))
+        Some(warped)
     }
 
     /// True if one of the four cells around a node is moved.

@@ -9,7 +9,7 @@ use vrtm_core::mesh::{Corner, Mesh, NONE, TileMesh};
 
 /// A UV shared by corners of one vertex and one chart, which are redirected alike.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct UvPoint {
+pub struct UvPoint {
     /// The set's UV, with the tile's offset.
     pub uv: [f64; 2],
     /// Its tile in `Mesh::tiles`, or `NONE`.
@@ -20,7 +20,7 @@ pub(super) struct UvPoint {
 
 /// A triangle of a face of the mesh.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct BaseTriangle {
+pub struct BaseTriangle {
     pub face: u32,
     /// Corners of the mesh.
     pub corners: [u32; 3],
@@ -28,7 +28,7 @@ pub(super) struct BaseTriangle {
 
 /// The common starting point of all refinements of one UV set.
 #[derive(Debug)]
-pub(super) struct Base {
+pub struct Base {
     /// Ordered by face.
     pub triangles: Vec<BaseTriangle>,
     pub uv_points: Vec<UvPoint>,
