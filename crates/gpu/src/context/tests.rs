@@ -101,7 +101,7 @@ fn memory_that_is_short_is_named_and_the_gpu_stays() {
             // The limit of this process does not apply to a driver with its own memory.
             return;
         }
-        let name = "gpu::context::tests::memory_that_is_short_is_named_and_the_gpu_stays";
+        let name = "context::tests::memory_that_is_short_is_named_and_the_gpu_stays";
         let output = std::process::Command::new("sh")
             .args(["-c", "ulimit -v 6000000; exec \"$0\" \"$@\""])
             .arg(std::env::current_exe().unwrap())
