@@ -10,6 +10,7 @@ pub struct Line<const N: usize> {
     length: usize,
 }
 
+#[allow(clippy::new_without_default, reason = "a default cannot be constant")]
 impl<const N: usize> Line<N> {
     /// An empty line.
     pub const fn new() -> Line<N> {

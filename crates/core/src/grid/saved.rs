@@ -80,7 +80,7 @@ pub fn key(mesh: &Mesh, tile: &TileMesh, MapsOfTile { own: maps, all }: MapsOfTi
 fn hash_maps(hash: &mut Xxh3, tile: &TileMesh, maps: &TileMaps) {
     match &maps.rigidity {
         Rigidity::None => hash.update(&[0]),
-        Rigidity::Map(map) => map.hash(hash),
+        Rigidity::Map(map) => map.add_to(hash),
         Rigidity::Vertices(values) => {
             let of_tile = tile.charts.iter().flat_map(Chart::of_mesh);
             of_tile.for_each(|v| hash.update(&values[v as usize].to_le_bytes()));
@@ -88,7 +88,7 @@ fn hash_maps(hash: &mut Xxh3, tile: &TileMesh, maps: &TileMaps) {
     }
     match &maps.mask {
         Mask::None => hash.update(&[0]),
-        Mask::Map(map) => map.hash(hash),
+        Mask::Map(map) => map.add_to(hash),
         Mask::Vertices(values) => {
             hash.update(b"vertices");
             let of_tile = tile.charts.iter().flat_map(Chart::of_mesh);

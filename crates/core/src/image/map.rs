@@ -122,7 +122,7 @@ impl Map {
     }
 
     /// Adds the map to a hash: its shape and its texels.
-    pub fn hash(&self, hash: &mut Xxh3) {
+    pub fn add_to(&self, hash: &mut Xxh3) {
         let format = self.format.size() as u64 + 8 * u64::from(self.format == PixelFormat::F16);
         for number in [self.width as u64, self.height as u64, format] {
             hash.update(&number.to_le_bytes());
