@@ -42,7 +42,7 @@ class Case(unittest.TestCase):
     def tearDown(self) -> None:
         part("session").live_in_background = False
         part("live").stop_timer()
-        part("session").clear()
+        part("states").clear()
 
     def assertSame(self, one: np.ndarray, other: np.ndarray) -> None:
         """The same bits."""

@@ -162,7 +162,7 @@ class Keep(Case):
         self.assertNotEqual(copy.vrtm.image, obj.vrtm.image)
         self.assertEqual(self.read(tree), obj.vrtm.image)
         bpy.data.images.remove(obj.vrtm.image)
-        part("session").state_of(copy).shown = b""
+        part("states").state_of(copy).shown = b""
         part("solve").run(copy, depsgraph)
         self.assertIsNone(part("nodes").image_of(tree))
         part("solve").run(obj, depsgraph)

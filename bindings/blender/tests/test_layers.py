@@ -82,7 +82,7 @@ def halves(*layers):
 
 def strains(obj):
     """Before and after, of each layer."""
-    reports = [tile.report() for tile in part("session").state_of(obj).asset.tiles]
+    reports = [tile.report() for tile in part("states").state_of(obj).asset.tiles]
     return [(report.before.rms, report.after.rms) for report in reports]
 
 
@@ -97,7 +97,7 @@ class Layers(Case):
         obj = Sheets().object
         self.assertEqual(obj.vrtm.overlaps, "each")
         self.update()
-        state = part("session").state_of(obj)
+        state = part("states").state_of(obj)
         self.assertEqual([image.name for image in images_of(obj)], ["vrtm sheets", "vrtm sheets layer 1"])
         self.assertSame(attribute(obj), halves(0, 1))
         found = strains(obj)
@@ -186,12 +186,12 @@ class Layers(Case):
         for values, there in ((first[:, :SIZE], True), (first[:, SIZE:], True), (second[:, :SIZE], True)):
             self.assertEqual(np.abs(values).max() > 0.01, there)
         self.assertEqual(np.abs(second[:, SIZE:]).max(), 0)
-        self.assertEqual(dict(part("session").state_of(obj).figures)["Tiles"], "2")
+        self.assertEqual(dict(part("states").state_of(obj).figures)["Tiles"], "2")
 
     def test_a_setting_is_a_change_that_is_followed(self):
         part("session").live_in_background = True
         obj = Sheets().object
-        states = part("session").states
+        states = part("states").known
 
         def headline():
             poll_until(lambda: not any(s.wanted or s.doubted or s.job for s in states.values()))

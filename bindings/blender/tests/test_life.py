@@ -34,7 +34,7 @@ class Life(Case):
 
     def test_undo_and_redo(self):
         arm = self.solved()
-        session, live = part("session"), part("live")
+        session, states, live = part("session"), part("states"), part("live")
         session.live_in_background = True
         arm.object.vrtm.live = True
         bpy.ops.ed.undo_push(message="solved")
@@ -46,7 +46,7 @@ class Life(Case):
         obj = bpy.data.objects["arm"]
         self.assertEqual(session.uid_of(obj), uid)
         arm.object, arm.mesh, arm.rig = obj, obj.data, bpy.data.objects["arm rig"]
-        states = session.states
+        states = states.known
         poll_until(lambda: not any(state.wanted or state.job for state in states.values()))
         self.check(arm)
         bpy.context.scene.frame_set(3)
@@ -74,13 +74,13 @@ class Life(Case):
 
     def test_undo_to_before_a_result_was_written(self):
         arm = self.solved()
-        session = part("session")
+        session, states = part("session"), part("states")
         session.live_in_background = True
         arm.object.vrtm.live = True
         bpy.context.scene.frame_set(3)
         # The result of this pose is written after the undo step, as it is beside an artist's work.
         bpy.ops.ed.undo_push(message="posed")
-        states = session.states
+        states = states.known
         poll_until(lambda: not any(state.wanted or state.job for state in states.values()))
         self.check(arm)
         arm.rig.name = "renamed"
@@ -100,10 +100,10 @@ class Life(Case):
         with tempfile.TemporaryDirectory() as folder:
             path = os.path.join(folder, "file.blend")
             bpy.ops.wm.save_as_mainfile(filepath=path)
-            state = part("session").find_state(arm.object)
+            state = part("states").find_state(arm.object)
             asset = state.asset
             bpy.ops.wm.open_mainfile(filepath=path)
-            self.assertEqual(part("session").states, {})
+            self.assertEqual(part("states").known, {})
             self.assertTrue(asset.closed)
             obj = bpy.data.objects["arm"]
             self.assertEqual((obj.vrtm.live, obj.vrtm.rigidity_image.name), (True, "arm rigidity"))
@@ -117,41 +117,41 @@ class Life(Case):
     def test_a_file_is_loaded_while_a_job_runs(self):
         arm = Arm(size=640)
         arm.paint_image()
-        session = part("session")
+        session, states = part("session"), part("states")
         session.live_in_background = True
         arm.object.vrtm.live = True
         bpy.context.scene.frame_set(5)
-        state = session.find_state(arm.object)
+        state = states.find_state(arm.object)
         poll_until(lambda: state.job is not None)
         job = state.job
         bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
         self.assertTrue(job.done())
-        self.assertEqual((session.states, session.devices), ({}, {}))
+        self.assertEqual((states.known, session.devices), ({}, {}))
         self.assertFalse(bpy.app.timers.is_registered(part("live").poll))
 
     def test_an_object_is_deleted_while_its_job_runs(self):
         arm = Arm(size=640)
         arm.paint_image()
-        session = part("session")
+        session, states = part("session"), part("states")
         session.live_in_background = True
         arm.object.vrtm.live = True
         bpy.context.scene.frame_set(5)
-        state = session.find_state(arm.object)
+        state = states.find_state(arm.object)
         poll_until(lambda: state.job is not None)
         bpy.data.objects.remove(arm.object)
         bpy.data.meshes.remove(arm.mesh)
         part("live").poll()
-        self.assertEqual(session.states, {})
+        self.assertEqual(states.known, {})
         self.assertIsNone(state.job)
 
     def test_a_renamed_object_keeps_its_asset(self):
         arm = self.solved()
-        asset = part("session").find_state(arm.object).asset
+        asset = part("states").find_state(arm.object).asset
         arm.object.name, arm.mesh.name = "tentacle", "skin"
         arm.object.vrtm.live = True
         bpy.context.scene.frame_set(2)
         self.check(arm)
-        self.assertIs(part("session").find_state(arm.object).asset, asset)
+        self.assertIs(part("states").find_state(arm.object).asset, asset)
 
     def test_linked_duplicates(self):
         arm = self.solved()
@@ -177,16 +177,16 @@ class Life(Case):
     def test_a_mesh_edit_makes_a_new_asset(self):
         arm = self.solved()
         arm.object.vrtm.live = True
-        before = part("session").find_state(arm.object).asset
+        before = part("states").find_state(arm.object).asset
         bpy.ops.object.mode_set(mode="EDIT")
         self.refused("Edit Mode")
         bpy.ops.mesh.select_all(action="SELECT")
         bpy.ops.mesh.quads_convert_to_tris()
         bpy.context.scene.frame_set(4)
-        self.assertIn("Edit Mode", part("session").find_state(arm.object).message)
+        self.assertIn("Edit Mode", part("states").find_state(arm.object).message)
         bpy.ops.object.mode_set(mode="OBJECT")
         bpy.context.scene.frame_set(5)
-        state = part("session").find_state(arm.object)
+        state = part("states").find_state(arm.object)
         self.assertIsNot(state.asset, before)
         self.assertEqual(state.asset.info.faces, 2 * len(arm.faces))
         # A vertex that is moved at rest changes no count.
@@ -201,7 +201,7 @@ class Life(Case):
         arm = self.solved()
         arm.object.shape_key_clear()
         bpy.ops.vrtm.update()
-        state = part("session").find_state(arm.object)
+        state = part("states").find_state(arm.object)
         before = state.asset
         arm.mesh.vertices.add(1)
         arm.mesh.update()
@@ -252,7 +252,7 @@ class Life(Case):
         bpy.ops.vrtm.insert_tap()
         modifiers.new("late", "CAST")
         bpy.ops.vrtm.update()
-        self.assertIn("'late' deforms behind", " ".join(part("session").find_state(obj).notes))
+        self.assertIn("'late' deforms behind", " ".join(part("states").find_state(obj).notes))
         self.assertEqual(len([tree for tree in bpy.data.node_groups if "vrtm" in tree.name]), 1)
 
     def test_multiresolution_has_to_be_hidden(self):
@@ -295,7 +295,7 @@ class Life(Case):
         self.refused("eight UV maps already")
         mesh.uv_layers.remove(mesh.uv_layers[7])
         self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-        self.assertFalse(part("session").find_state(arm.object).error)
+        self.assertFalse(part("states").find_state(arm.object).error)
         bpy.context.view_layer.objects.active = arm.rig
         self.assertFalse(bpy.ops.vrtm.update.poll())
 
@@ -304,14 +304,15 @@ class Life(Case):
 
         arm = Arm(size=640)
         arm.paint_image()
-        session, live = part("session"), part("live")
+        session, states, live = part("session"), part("states"), part("live")
         session.live_in_background = True
         arm.object.vrtm.live = True
         bpy.context.scene.frame_set(5)
-        state = session.find_state(arm.object)
+        state = states.find_state(arm.object)
         poll_until(lambda: state.job is not None)
         job, prepared = state.job, state.prepared
         for again in (False, True):
+            session, states, live = part("session"), part("states"), part("live")
             names = [name for name in dir(bpy.app.handlers) if isinstance(getattr(bpy.app.handlers, name), list)]
 
             def ours(names=names):
@@ -326,7 +327,7 @@ class Life(Case):
             addon_utils.disable(EXTENSION)
             self.assertEqual(ours(), [])
             self.assertFalse(bpy.app.timers.is_registered(live.poll))
-            self.assertEqual((session.states, session.devices), ({}, {}))
+            self.assertEqual((states.known, session.devices), ({}, {}))
             self.assertFalse(hasattr(bpy.types.Object, "vrtm"))
             self.assertFalse(hasattr(bpy.types, "VRTM_PT_main"))
             if not again:
@@ -340,7 +341,7 @@ class Life(Case):
             # this, without any add-on, too.)
             bpy.ops.script.reload()
             self.assertEqual(len(ours()), len(part("handlers").HANDLERS))
-            self.assertIsNot(part("session").State, type(state))
+            self.assertIsNot(part("states").State, type(state))
         part("session").live_in_background = False
         bpy.context.scene.frame_set(3)
         self.check(arm)

@@ -12,11 +12,12 @@ class Live(Case):
     def setUp(self):
         super().setUp()
         self.live, self.session = part("live"), part("session")
+        self.states = part("states")
         self.session.live_in_background = True
 
     def idle(self):
         """Until nothing is wanted and no job is under way."""
-        states = self.session.states.values()
+        states = self.states.known.values()
         poll_until(lambda: not any(state.wanted or state.doubted or state.job for state in states))
 
     def check(self, arm, asset=None):
@@ -55,13 +56,13 @@ class Live(Case):
         for frame in (2, 5):
             bpy.context.scene.frame_set(frame)
             # Nothing is written by the handler itself.
-            self.assertTrue(self.session.find_state(arm.object).wanted)
+            self.assertTrue(self.states.find_state(arm.object).wanted)
             self.idle()
             self.check(arm, asset)
         # A pose that is edited, without a key.
         arm.rig.pose.bones["lower"].rotation_euler[2] = 0.7
         bpy.context.view_layer.update()
-        self.assertTrue(self.session.find_state(arm.object).wanted)
+        self.assertTrue(self.states.find_state(arm.object).wanted)
         self.idle()
         self.check(arm, asset)
 
@@ -71,7 +72,7 @@ class Live(Case):
         arm.object.vrtm.live = True
         bpy.context.scene.frame_set(3)
         self.idle()
-        state = self.session.find_state(arm.object)
+        state = self.states.find_state(arm.object)
         written = state.shown
         read, reads = self.live.solve.read, []
         self.live.solve.read = lambda *a: reads.append(a) or read(*a)
@@ -99,7 +100,7 @@ class Live(Case):
         self.addCleanup(setattr, self.live, "PATIENCE", patience)
         for frame in (3, 4, 5):
             bpy.context.scene.frame_set(frame)
-            state = self.session.find_state(arm.object)
+            state = self.states.find_state(arm.object)
             poll_until(lambda state=state: not state.wanted)
             jobs.append(state.job)
         gate.set()
@@ -112,7 +113,7 @@ class Live(Case):
         patience, self.live.PATIENCE = self.live.PATIENCE, -1.0
         self.addCleanup(setattr, self.live, "PATIENCE", patience)
         bpy.context.scene.frame_set(3)
-        state = self.session.find_state(arm.object)
+        state = self.states.find_state(arm.object)
         poll_until(lambda: state.job is not None)
         third, job = state.job.request.stamp, state.job
         bpy.context.scene.frame_set(4)
@@ -127,7 +128,7 @@ class Live(Case):
         arm, gate = self.followed()
         bpy.context.scene.frame_set(5)
         self.live.poll()
-        state = self.session.find_state(arm.object)
+        state = self.states.find_state(arm.object)
         # While the solve cannot go on.
         self.assertFalse(state.job.done())
         gate.set()
@@ -148,7 +149,7 @@ class Live(Case):
         prepared.apply = fail
         arm.object.vrtm.live = True
         self.idle()
-        state = self.session.find_state(arm.object)
+        state = self.states.find_state(arm.object)
         self.assertEqual((state.message, state.asset), ("MemoryError: once", None))
         # Another pose, and nothing that has mesh or maps read again.
         bpy.context.scene.frame_set(5)
@@ -159,7 +160,7 @@ class Live(Case):
     def test_an_edit_that_is_taken_back_while_its_job_is_cancelled(self):
         arm, gate = self.followed()
         image, settings = arm.object.vrtm.rigidity_image, arm.object.vrtm
-        state = self.session.find_state(arm.object)
+        state = self.states.find_state(arm.object)
         self.assertEqual((state.inputs.mesh, state.inputs.maps), (None, None))
         shown, painted = state.shown, pixels(image)
         # The job has other maps in the asset when it is cancelled; and then the maps are those of what is shown.
@@ -259,7 +260,7 @@ class Live(Case):
         self.assertSame(found, asset.tiles[0].fetch("redirection_delta", channels=2, origin="bottom"))
         settings.live = False
         bpy.context.scene.frame_set(2)
-        self.assertFalse(any(state.wanted for state in self.session.states.values()))
+        self.assertFalse(any(state.wanted for state in self.states.known.values()))
         self.assertIsNone(self.live.poll())
 
     def test_problems_are_told_and_do_not_end_the_timer(self):
@@ -272,7 +273,7 @@ class Live(Case):
         settings.rigidity_source, settings.rigidity_name = "VERTEX_GROUP", "nobody"
         settings.live = True
         self.idle()
-        state = self.session.find_state(arm.object)
+        state = self.states.find_state(arm.object)
         self.assertTrue(state.error)
         self.assertIn("no vertex group 'nobody'", state.message)
         self.assertEqual(shown, [f"vrtm: {state.message}"])

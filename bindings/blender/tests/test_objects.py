@@ -154,9 +154,9 @@ class Objects(Case):
         self.assertEqual(found, kept)
         self.assertEqual([n.name for n in obj.active_material.node_tree.nodes if n.bl_idname == "ShaderNodeUVMap"], [])
         self.assertEqual([tree.name for tree in bpy.data.node_groups if tree.get("vrtm_kind")], [])
-        self.assertFalse(part("results").is_set_up(obj))
+        self.assertFalse(obj.vrtm.is_set_up)
         self.assertIn(image.name, bpy.data.images)
-        self.assertEqual(part("session").states, {})
+        self.assertEqual(part("states").known, {})
 
     def test_objects_with_one_mesh_have_an_attribute_each(self):
         arm = self.arm()

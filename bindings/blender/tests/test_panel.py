@@ -60,14 +60,14 @@ class Layout:
 class Panel(Case):
     def draw(self, obj):
         shown, context = [], types.SimpleNamespace(object=obj, scene=bpy.context.scene)
-        states = set(part("session").states)
+        states = set(part("states").known)
         for name in PANELS:
             panel = getattr(bpy.types, f"VRTM_PT_{name}")
             self.assertTrue(panel.poll(context))
             panel.draw(types.SimpleNamespace(layout=Layout(shown)), context)
         for name in MENUS:
             getattr(bpy.types, f"VRTM_MT_{name}").draw(types.SimpleNamespace(layout=Layout(shown)), context)
-        self.assertEqual(set(part("session").states), states)
+        self.assertEqual(set(part("states").known), states)
         return shown
 
     def test_all_that_the_panels_name_is_there(self):

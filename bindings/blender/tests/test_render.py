@@ -175,7 +175,7 @@ class Render(Scene):
                 mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.ravel(corners).astype(np.float32))
                 obj = bpy.data.objects.new("plane", mesh)
                 bpy.context.collection.objects.link(obj)
-                layout = part("results").Layout.of(udims, size)
+                layout = part("result_image").Layout.of(udims, size)
                 self.assertEqual(layout.numbers(), [*first, columns, rows, size])
                 values = np.zeros((layout.height, layout.width, 4), np.float32)
                 for udim in udims:

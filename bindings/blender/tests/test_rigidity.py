@@ -69,7 +69,7 @@ class Rigidity(Case):
         # And it is solved for.
         bpy.context.scene.frame_set(5)
         self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-        self.assertEqual(part("session").find_state(arm.object).notes, [])
+        self.assertEqual(part("states").find_state(arm.object).notes, [])
 
     def test_from_heights(self):
         arm = self.arm()

@@ -21,7 +21,7 @@ class Scene(Case):
             self.assertGreater((np.abs(pictures[0] - pictures[1]).max(-1) > 0.1).mean(), 0.05)
             # The background, at the top, is no part of it.
             self.assertEqual(np.abs(pictures[0] - pictures[1])[-5:].max(), 0)
-            tiles = [tile.report() for tile in part("session").find_state(obj).asset.tiles]
+            tiles = [tile.report() for tile in part("states").find_state(obj).asset.tiles]
             self.assertEqual([tile.udim for tile in tiles], [1001, 1002])
             for tile in tiles:
                 self.assertLess(tile.after.rms, 0.5 * tile.before.rms)

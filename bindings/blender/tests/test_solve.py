@@ -164,7 +164,7 @@ class Solve(Case):
         asset.solve(arm.pose(), quality="high", measure=True)
         delta = asset.tiles[0].fetch("redirection_delta", 64, channels=2, origin="bottom")
         self.assertSame(np.ascontiguousarray(pixels(settings.image)[..., :2]), delta)
-        figures = dict(part("session").find_state(arm.object).figures)
+        figures = dict(part("states").find_state(arm.object).figures)
         strain = asset.tiles[0].report()
         self.assertLess(strain.after.rms, 0.5 * strain.before.rms)
         edges, fixed = strain.edges + strain.edges_fixed, strain.edges_fixed * strain.strain_fixed**2
@@ -181,7 +181,7 @@ class Solve(Case):
         bpy.ops.vrtm.update()
         asset = arm.asset()
         self.check(arm, asset)
-        state = part("session").find_state(arm.object)
+        state = part("states").find_state(arm.object)
         kept, parts = state.asset, []
         update = type(kept.tiles[0]).update_rigidity
         type(kept.tiles[0]).update_rigidity = lambda tile, *at, **how: parts.append(at[1:]) or update(tile, *at, **how)

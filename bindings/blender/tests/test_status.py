@@ -13,6 +13,7 @@ class Status(Case):
     def setUp(self):
         super().setUp()
         self.status, self.session = part("status"), part("session")
+        self.states = part("states")
 
     def headline(self, arm):
         if self.session.live_in_background:
@@ -23,7 +24,7 @@ class Status(Case):
         return " ".join(line.text for line in self.status.notes(arm.object, bpy.context.scene))
 
     def idle(self):
-        states = self.session.states.values()
+        states = self.states.known.values()
         poll_until(lambda: not any(state.wanted or state.doubted or state.job for state in states))
 
     def test_frames(self):
@@ -92,7 +93,7 @@ class Status(Case):
 
     def test_what_is_rigid(self):
         arm = Arm()
-        image, state = arm.paint_image(), self.session.state_of(arm.object)
+        image, state = arm.paint_image(), self.states.state_of(arm.object)
         for values, rigid, note in (
             (0, "0 %", "Nothing is rigid"),
             (1, "100 %", "All is rigid"),
@@ -142,7 +143,7 @@ class Status(Case):
         arm.object.vrtm.rigidity_source, arm.object.vrtm.rigidity_name = "VERTEX_GROUP", "half"
         bpy.ops.vrtm.update()
         self.assertEqual(dict(state.figures)["Rigid"], "50 %")
-        percent = part("results").percent
+        percent = part("outcome").percent
         words = {1e-6: "under 0.1 %", 0.012: "1.2 %", 0.5: "50 %", 0.996: "99.6 %", 0.99999: "over 99.9 %"}
         self.assertEqual({share: percent(share) for share in words}, words)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from . import exr, geometry, layers, reads, results, session, solve
+from . import exr, geometry, layers, reads, result_image, session, solve, states
 from .messages import Problem
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def sequence(obj: bpy.types.Object, scene: bpy.types.Scene) -> tuple[list[str], 
     image = obj.vrtm.image
     if image is None:
         raise Problem(f"{obj.name} has no result image: press Update Now with the Image output on")
-    layout = list(image[results.LAYOUT])
+    layout = list(image[result_image.LAYOUT])
     place = "tiles" if layout[2:4] != [1, 1] else 1001 + layout[0] + 10 * layout[1]
     parts = [part_of(place, layer) for layer in range(image.get(layers.NUMBER, 1))]
     folder = Path(bpy.path.abspath(settings.directory))
@@ -85,7 +85,7 @@ class Bake:
         self.kept = scene.frame_current
         # Mesh and maps are read once.
         for obj in objects:
-            state = session.state_of(obj)
+            state = states.state_of(obj)
             state.mesh_changed = state.maps_changed = True
 
     def steps(self) -> Iterator[tuple[int, list[Path]]]:
@@ -114,13 +114,13 @@ class Bake:
             found.append(obj)
         return found
 
-    def _prepared(self, obj: bpy.types.Object) -> tuple[vrtm.Asset, results.Layout, list[tuple[int | str, int]]]:
+    def _prepared(self, obj: bpy.types.Object) -> tuple[vrtm.Asset, result_image.Layout, list[tuple[int | str, int]]]:
         """The object's asset, the layout of its tiles, and of what there are files: tiles by their numbers, or all of
         them, and the layer of each."""
-        state = session.state_of(obj)
+        state = states.state_of(obj)
         state.end_job()
         solve.prepare(obj, state)
-        layout = results.layout_of(state.asset, obj.name, obj.vrtm.map_size)
+        layout = result_image.layout_of(state.asset, obj.name, obj.vrtm.map_size)
         parts: list[tuple[int | str, int]] = [(tile.udim, tile.layer) for tile in state.asset.tiles]
         if self.form == "delta" and (layout.columns, layout.rows) != (1, 1):
             parts += [("tiles", layer) for layer in range(layers.number_of(state.asset))]
@@ -135,7 +135,7 @@ class Bake:
         for obj in objects:
             name = file_name(obj, "", 0).casefold()
             for other in bpy.data.objects:
-                if other != obj and other.library is None and results.is_set_up(other):
+                if other != obj and other.library is None and other.vrtm.is_set_up:
                     if file_name(other, "", 0).casefold() == name:
                         raise Problem(f"{obj.name}: its files have the names of those of {other.name}: rename one")
             parts = self._prepared(obj)[2]
@@ -170,7 +170,7 @@ class Bake:
             if str(path) not in self.planned:
                 raise Problem(f"{obj.name} has other tiles at frame {frame} than at first")
             if place == "tiles":
-                pixels = results.redirection(asset, layout, layer)
+                pixels = result_image.redirection(asset, layout, layer)
             else:
                 pixels = np.zeros((layout.size, layout.size, 4), np.float32)
                 pixels[..., 3] = 1

@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from . import keep, live, results, session, solve
+from . import keep, live, results, session, solve, states
 from .messages import text_of
 
 PAINT_MODES = frozenset({"TEXTURE_PAINT", "VERTEX_PAINT", "WEIGHT_PAINT"})
@@ -34,14 +34,14 @@ def frame_changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None 
 
 def look_again(obj: bpy.types.Object) -> None:
     """Has mesh and maps read again before the next solve; what has not changed stays prepared."""
-    state = session.find_state(obj)
+    state = states.find_state(obj)
     if state is not None:
         state.mesh_changed = state.maps_changed = True
 
 
 def in_renders(obj: bpy.types.Object) -> bool:
     settings = obj.vrtm
-    wanted = results.is_set_up(obj) and (settings.live or settings.in_renders)
+    wanted = settings.is_set_up and (settings.live or settings.in_renders)
     return wanted and not settings.shows_baked and not obj.hide_render
 
 
@@ -51,7 +51,7 @@ def solve_now(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> None:
     try:
         solve.run(obj, depsgraph)
     except Exception as error:  # a render must not end here.
-        session.state_of(obj).say(text_of(error), error=True)
+        states.state_of(obj).say(text_of(error), error=True)
         # Blender shows neither panel nor status bar while it renders on a farm: its log does.
         session.log.error(
             "frame %d of %s keeps its last redirection: %s", frame_of(depsgraph), obj.name, text_of(error)
@@ -74,10 +74,10 @@ def updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     meshes = {changed for changed, _ in ids if isinstance(changed, bpy.types.Mesh)}
     images = {changed for changed, _ in ids if isinstance(changed, bpy.types.Image)}
     for changed, geometry in ids:
-        if isinstance(changed, bpy.types.Object) and geometry and results.is_followed(changed):
+        if isinstance(changed, bpy.types.Object) and geometry and changed.vrtm.is_followed:
             live.touch(changed, mesh=changed.data in meshes, maps=changed.mode in PAINT_MODES)
     if images or bpy.context.mode == "PAINT_TEXTURE":
-        for obj in filter(results.is_set_up, scene.objects):
+        for obj in (obj for obj in scene.objects if obj.vrtm.is_set_up):
             if painted(obj) or {obj.vrtm.rigidity_image, obj.vrtm.mask_image} & images:
                 live.touch(obj, mesh=False, maps=True)
 
@@ -99,7 +99,7 @@ def render_begins(scene: bpy.types.Scene, *_) -> None:
         # While nothing is drawn yet: materials must not change between the frame's evaluation and its drawing.
         results.separate(obj)
         look_again(obj)
-        state = session.find_state(obj)
+        state = states.find_state(obj)
         if state is not None and state.shown:
             _shown.add(state.uid)
     session.rendering = True
@@ -119,8 +119,8 @@ def render_ends(scene: bpy.types.Scene, *_) -> None:
 def undone(*_) -> None:
     """undo_post and redo_post: the file's data is another now. Objects are found again by their session_uid; what was
     written last may not be there any more."""
-    session.forget_gone()
-    for state in session.states.values():
+    states.forget_gone()
+    for state in states.known.values():
         state.mesh_changed = state.maps_changed = state.rewrite = True
     live.doubt()
     want_all()
@@ -131,7 +131,7 @@ def file_closes(*_) -> None:
     """load_pre: nothing of the old file is needed any more."""
     live.stop_timer()
     session.rendering = False
-    session.clear()
+    states.clear()
 
 
 @persistent
@@ -150,7 +150,7 @@ def imported(*_) -> None:
 @persistent
 def file_saves(*_) -> None:
     """save_pre"""
-    session.forget_gone()
+    states.forget_gone()
     # Before Blender 4.3 nothing tells of what was appended.
     keep.mend_groups()
     keep.keep_results()
@@ -193,4 +193,4 @@ def unregister() -> None:
             handlers.remove(handler)
     live.stop_timer()
     session.rendering = session.baking = session.writing = False
-    session.clear()
+    states.clear()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import messages, nodes, results, session
+from . import messages, nodes, result_image, session
 
 
 def mend_groups() -> None:
@@ -23,7 +23,9 @@ def mend_groups() -> None:
                 continue
             # The copy that is drawn has it until the tree is evaluated again.
             tree.update_tag()
-        images = [image for image in held.values() if isinstance(image, bpy.types.Image) and results.is_result(image)]
+        images = [
+            image for image in held.values() if isinstance(image, bpy.types.Image) and result_image.is_result(image)
+        ]
         if images and tree.library is None and nodes.image_of(tree) is None:
             nodes.remember(tree, images[0])
 
@@ -41,7 +43,7 @@ def keep_results() -> None:
     """Packs the images of results, which exist in memory only: so they are there again when the file is opened, with or
     without this add-on."""
     for image in bpy.data.images:
-        if not results.is_result(image) or image.library is not None:
+        if not result_image.is_result(image) or image.library is not None:
             continue
         if not image.users:
             _count_again(image)
@@ -100,6 +102,6 @@ def _is_black(image: bpy.types.Image) -> bool:
 def tell_unsaved() -> None:
     """Tells, as a file is saved, which painted maps are not in it."""
     for obj in bpy.data.objects:
-        for text in unsaved_maps(obj) if results.is_set_up(obj) else []:
+        for text in unsaved_maps(obj) if obj.vrtm.is_set_up else []:
             session.log.warning("%s: %s", obj.name, text)
             messages.status(f"vrtm: {obj.name}: {text}")

@@ -8,9 +8,9 @@ import concurrent.futures
 
 import bpy
 
-from . import messages, results, session, solve
+from . import messages, results, session, solve, states
 from .messages import Problem, text_of
-from .session import State
+from .states import State
 from .work import Work
 
 # Seconds between two looks at jobs that are under way, and until a pose is collected.
@@ -24,7 +24,7 @@ def touch(obj: bpy.types.Object, mesh: bool = True, maps: bool = True) -> None:
     """Something that the object's result depends on may have changed."""
     if session.writing:
         return
-    state = session.find_state(obj)
+    state = states.find_state(obj)
     if state is not None:
         state.mesh_changed |= mesh
         state.maps_changed |= maps
@@ -39,7 +39,7 @@ def is_live(obj: bpy.types.Object) -> bool:
 
 def want(obj: bpy.types.Object) -> None:
     """Has the object's pose collected by the timer."""
-    session.state_of(obj).wanted = True
+    states.state_of(obj).wanted = True
     _start_timer()
 
 
@@ -47,7 +47,7 @@ def doubt() -> None:
     """Something has changed: has it looked at which of the results that are shown are those of the present pose."""
     if session.synchronous():
         return
-    for state in session.states.values():
+    for state in states.known.values():
         if state.shown:
             state.doubted = True
             _start_timer()
@@ -59,7 +59,7 @@ def _start_timer() -> None:
 
 
 def stop(obj: bpy.types.Object) -> None:
-    state = session.find_state(obj)
+    state = states.find_state(obj)
     if state is not None:
         if state.job is not None:
             state.job.cancel()
@@ -79,9 +79,9 @@ def poll() -> float | None:
         session.rendering = False
     if session.synchronous():
         return INTERVAL if session.rendering or session.baking else None
-    for state in list(session.states.values()):
+    for state in list(states.known.values()):
         step(state)
-    busy = [state for state in session.states.values() if state.wanted or state.doubted or state.job is not None]
+    busy = [state for state in states.known.values() if state.wanted or state.doubted or state.job is not None]
     return INTERVAL if busy else None
 
 
@@ -89,9 +89,9 @@ def step(state: State) -> None:
     """What there is to do for one object now."""
     if not (state.wanted or state.doubted) and state.job is None:
         return
-    obj = session.object_of(state)
+    obj = states.object_of(state)
     if obj is None:
-        session.drop(state.uid)
+        states.drop(state.uid)
         return
     try:
         if state.job is not None and state.job.done():
@@ -161,7 +161,7 @@ def look(obj: bpy.types.Object, state: State) -> None:
     begun, before = session.now(), state.fresh
     state.doubted = state.fresh = False
     layer = bpy.context.view_layer
-    if obj.mode != "EDIT" and results.is_followed(obj) and layer is not None and obj.name in layer.objects:
+    if obj.mode != "EDIT" and obj.vrtm.is_followed and layer is not None and obj.name in layer.objects:
         try:
             solve.read(obj, state)
             request = solve.request(obj, state, bpy.context.evaluated_depsgraph_get())

@@ -3,12 +3,8 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
 
 import bpy
-
-if TYPE_CHECKING:
-    from .session import State
 
 
 class Problem(Exception):
@@ -24,12 +20,6 @@ def text_of(error: BaseException) -> str:
     if hasattr(error, "status_name"):
         return re.sub(r"^vrtm_\w+: ", "", line)
     return f"{type(error).__name__}: {line}"
-
-
-def progress_of(state: State) -> str:
-    """What a job is at."""
-    done = state.job.progress if state.job is not None else None
-    return "Preparing ..." if done is None else f"Solving ... {100 * done:.0f} %"
 
 
 # Whether the status bar shows a line of this add-on.

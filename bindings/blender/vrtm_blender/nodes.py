@@ -7,7 +7,7 @@ import re
 
 import bpy
 
-from . import layers, results, session
+from . import layers, result_image, session
 from .messages import Problem
 
 # The custom property that tells the kind of a node group of this add-on. No tree may hold a data-block in a custom
@@ -21,7 +21,7 @@ def image_of(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
     """The result image that a group is for, also while it shows baked files: that of one of its nodes. So it stays the
     same one whatever it is called."""
     images = [node.image for node in _textures(tree) if node.image is not None]
-    return next((image for image in images if results.LAYOUT in image and layers.is_first(image)), None)
+    return next((image for image in images if result_image.LAYOUT in image and layers.is_first(image)), None)
 
 
 def baked_images() -> set[bpy.types.Image]:
@@ -114,11 +114,11 @@ def _images_in(tree: bpy.types.NodeTree) -> set[bpy.types.Image]:
 
 
 def _baked_of(tree: bpy.types.NodeTree) -> set[bpy.types.Image]:
-    return {image for image in _images_in(tree) if results.LAYOUT not in image}
+    return {image for image in _images_in(tree) if result_image.LAYOUT not in image}
 
 
 def _results_in(tree: bpy.types.NodeTree) -> set[bpy.types.Image]:
-    return {image for image in _images_in(tree) if results.LAYOUT in image}
+    return {image for image in _images_in(tree) if result_image.LAYOUT in image}
 
 
 def _attributes_in(tree: bpy.types.NodeTree) -> set[str]:
@@ -127,9 +127,7 @@ def _attributes_in(tree: bpy.types.NodeTree) -> set[str]:
 
 def _owner(tree: bpy.types.NodeTree) -> bpy.types.Object | None:
     """The object that a group without a result is for: the first that writes an image and has a material with it."""
-    owners = [
-        obj for obj in bpy.data.objects if results.is_set_up(obj) and obj.vrtm.write_image and tree in _used_by(obj)
-    ]
+    owners = [obj for obj in bpy.data.objects if obj.vrtm.is_set_up and obj.vrtm.write_image and tree in _used_by(obj)]
     return min(owners, key=session.uid_of, default=None)
 
 
@@ -265,7 +263,7 @@ def build_by_image(
     _sockets(tree)
     tree.nodes.clear()
     images = layers.images_of(obj.vrtm.image)
-    first_u, first_v, columns, rows, size = images[0][results.LAYOUT]
+    first_u, first_v, columns, rows, size = images[0][result_image.LAYOUT]
     link = tree.links.new
     begin = tree.nodes.new("NodeGroupInput")
     uv = begin.outputs["UV"]
@@ -352,7 +350,7 @@ def remove_unused_groups() -> None:
 
 def own_textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     """The artist's Image Texture nodes of a material's tree."""
-    return [node for node in _textures(tree) if node.image is None or results.LAYOUT not in node.image]
+    return [node for node in _textures(tree) if node.image is None or result_image.LAYOUT not in node.image]
 
 
 def is_ours(node: bpy.types.Node) -> bool:

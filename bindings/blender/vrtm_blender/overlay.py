@@ -3,15 +3,11 @@ where it is squeezed."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import bpy
 import numpy as np
 
 from . import geometry, strain
-
-if TYPE_CHECKING:
-    from .prepared import Prepared
+from .prepared import Prepared
 
 NAME = "vrtm strain"
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import geometry, keep, results, status, tap
+from . import geometry, keep, status, tap
 from .operators.objects import PRESETS, preset_of
 
 
@@ -27,7 +27,7 @@ class VRTM_PT_main(_Panel, bpy.types.Panel):
         layout, obj = self.layout, context.object
         settings = obj.vrtm
         layout.use_property_split, layout.use_property_decorate = True, False
-        if not results.is_set_up(obj):
+        if not obj.vrtm.is_set_up:
             layout.operator("vrtm.set_up", icon="PLAY")
         draw_map(layout, obj, "rigidity")
         layout.menu("VRTM_MT_rigidity", icon="TPAINT_HLT")
@@ -143,7 +143,7 @@ class VRTM_PT_status(_Panel, bpy.types.Panel):
         notes = status.notes(obj, context.scene)
         for line in notes:
             status.draw(layout, context, line)
-        if results.is_set_up(obj) and keep.unsaved_maps(obj):
+        if obj.vrtm.is_set_up and keep.unsaved_maps(obj):
             layout.operator("vrtm.pack_maps", icon="PACKAGE")
         if not notes:
             layout.label(text="Nothing to be mended", icon="CHECKMARK")

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import session
+from .geometry import Topology
 from .layers import number_of
 from .maps import ORIGIN, Map
 
 if TYPE_CHECKING:
     import vrtm
-
-    from .geometry import Topology
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
+from . import live, overlay, session
+
 SOURCES = [
     ("NONE", "None", "No map"),
     ("IMAGE", "Image", "An image over the UV map, UDIM tiles too, as it is painted at present, saved or not"),
@@ -19,14 +21,10 @@ PATH_OPTIONS = {"options": {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"}} if bp
 
 def _changed(settings: VrtmSettings, context: bpy.types.Context) -> None:
     """A setting that a solve depends on was changed by hand: if the object is live, its result follows."""
-    from . import live
-
     live.touch(settings.id_data)
 
 
 def _live_changed(settings: VrtmSettings, context: bpy.types.Context) -> None:
-    from . import live
-
     if settings.live:
         live.touch(settings.id_data)
     else:
@@ -34,8 +32,6 @@ def _live_changed(settings: VrtmSettings, context: bpy.types.Context) -> None:
 
 
 def _strain_changed(settings: VrtmSettings, context: bpy.types.Context) -> None:
-    from . import live, overlay, session
-
     obj = settings.id_data
     on = settings.strain != "NONE"
     overlay.show(on)
@@ -205,6 +201,16 @@ class VrtmSettings(bpy.types.PropertyGroup):
     uv_name: StringProperty(name="Redirected UV Map", default="vrtm")
     # Set by the operators that switch between the result image and baked files.
     shows_baked: BoolProperty(name="Shows Baked Files")
+
+    @property
+    def is_set_up(self) -> bool:
+        """Whether there is something to be redirected."""
+        return self.id_data.type == "MESH" and self.rigidity_source != "NONE"
+
+    @property
+    def is_followed(self) -> bool:
+        """Whether there is something to be computed for the object's poses: a redirection, or strain alone."""
+        return self.id_data.type == "MESH" and (self.is_set_up or self.strain != "NONE")
 
 
 def _range_changed(settings: VrtmBakeSettings, context: bpy.types.Context) -> None:

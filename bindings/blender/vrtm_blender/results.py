@@ -2,112 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
-
 import bpy
 import numpy as np
 
-from . import geometry, layers, overlay, session
+from . import geometry, layers, materials, nodes, overlay, session
 from .messages import Problem
-from .session import Request, State
-
-if TYPE_CHECKING:
-    import vrtm
-
-    from .prepared import Prepared
-    from .work import Outcome
-
-# Where the layout of a result's image is kept: in the image, for the node group and for bakes.
-LAYOUT = "vrtm_layout"
-
-
-@dataclass(frozen=True)
-class Layout:
-    """How tiles lie in the image: side by side, as in the UV editor, each of `size` x `size` texels.
-
-    Blender lets scripts write the first tile of a tiled image only. So a result of several tiles is one image without
-    tiles, and the node group finds a UV's place in it.
-    """
-
-    first_u: int
-    first_v: int
-    columns: int
-    rows: int
-    size: int
-
-    @staticmethod
-    def of(udims: list[int], size: int) -> Layout:
-        us, vs = [(udim - 1001) % 10 for udim in udims], [(udim - 1001) // 10 for udim in udims]
-        return Layout(min(us), min(vs), max(us) - min(us) + 1, max(vs) - min(vs) + 1, size)
-
-    @property
-    def width(self) -> int:
-        return self.columns * self.size
-
-    @property
-    def height(self) -> int:
-        return self.rows * self.size
-
-    def place(self, udim: int) -> tuple[slice, slice]:
-        """Rows and columns of a tile in the image's array, whose first row is the bottom one."""
-        x, y = (udim - 1001) % 10 - self.first_u, (udim - 1001) // 10 - self.first_v
-        return slice(y * self.size, (y + 1) * self.size), slice(x * self.size, (x + 1) * self.size)
-
-    def numbers(self) -> list[int]:
-        return [self.first_u, self.first_v, self.columns, self.rows, self.size]
-
-
-@dataclass(frozen=True)
-class Outputs:
-    """What is written of a result; None for what was not asked for."""
-
-    layout: Layout | None
-    images: list[np.ndarray] | None  # of each layer, (height, width, 4) float32
-    layers: np.ndarray | None  # (faces,) uint32; None also where there is one layer alone
-    uvs: np.ndarray | None  # (corners, 2) float32
-    delta: np.ndarray | None  # (corners, 3) float32: what to add to u and v, and 0
-    strain: np.ndarray | None  # (vertices, 4) float32: colours
-
-
-def fetch(prepared: Prepared, request: Request) -> Outputs:
-    """Fetches the asset's last result. It may be called on any thread, while no solve is under way."""
-    asset = prepared.asset
-    layout = layout_of(asset, request.name, request.map_size) if request.write_image else None
-    images = None
-    if layout is not None:
-        images = [redirection(asset, layout, layer) for layer in range(layers.number_of(asset))]
-    uvs = asset.corner_uvs() if request.write_uvs or request.write_delta else None
-    delta = strain = None
-    if request.write_delta:
-        delta = np.pad(uvs - prepared.mesh.topology.uvs, ((0, 0), (0, 1)))
-    if request.strain != "NONE":
-        strain = overlay.colours(prepared, request.positions, request.strain == "AFTER")
-    return Outputs(layout, images, prepared.layers, uvs if request.write_uvs else None, delta, strain)
-
-
-def layout_of(asset: vrtm.Asset, name: str, map_size: int) -> Layout:
-    """The layout of an object's image; `map_size` 0 is as many texels as the largest grid has cells."""
-    tiles = asset.tiles
-    if not tiles:
-        raise Problem(f"{name} has no faces in any UDIM tile (u from 0 to 10, v from 0)")
-    size = map_size or max(max(tile.info.grid_width, tile.info.grid_height) for tile in tiles)
-    layout = Layout.of([tile.udim for tile in tiles], size)
-    if max(layout.width, layout.height) > 65536:
-        raise Problem(f"{name}: an image of {layout.width} x {layout.height} texels is too large: lower Map Size")
-    return layout
-
-
-def redirection(asset: vrtm.Asset, layout: Layout, layer: int) -> np.ndarray:
-    """The image of a layer of the last result: (height, width, 4) float32, bottom row first; what to add to u and v in
-    the first two channels, and 1 in the last one, so that no alpha mode changes the others."""
-    image = np.zeros((layout.height, layout.width, 4), np.float32)
-    image[..., 3] = 1
-    for tile in [tile for tile in asset.tiles if tile.layer == layer]:
-        rows, columns = layout.place(tile.udim)
-        part = tile.fetch("redirection_delta", (layout.size, layout.size), channels=2, origin="bottom")
-        image[rows, columns, :2] = part
-    return image
+from .outcome import Outcome, Request
+from .result_image import LAYOUT, Layout, has_pixels, is_result
+from .states import State
 
 
 def are_there(obj: bpy.types.Object) -> bool:
@@ -117,10 +19,8 @@ def are_there(obj: bpy.types.Object) -> bool:
 
 def missing(obj: bpy.types.Object) -> str | None:
     """What of the object's results is not there, in words."""
-    from . import nodes
-
     settings = obj.vrtm
-    if not is_set_up(obj):
+    if not obj.vrtm.is_set_up:
         return None
     if settings.write_image:
         if not is_result(settings.image):
@@ -140,20 +40,6 @@ def missing(obj: bpy.types.Object) -> str | None:
     if settings.write_delta and delta_name(settings) not in obj.data.attributes:
         return "The result attribute is not there"
     return None
-
-
-def is_result(image: bpy.types.Image | None) -> bool:
-    """Whether an image was made for a result. The artist may choose another one in the panel, which is not written
-    to."""
-    return image is not None and LAYOUT in image
-
-
-def has_pixels(image: bpy.types.Image) -> bool:
-    """Whether an image holds anything. One that existed in memory only is there again when the file is opened, but
-    empty: so it is with files that Blender saved on a timer, or without this add-on."""
-    if image.is_dirty or image.packed_file is not None:
-        return True
-    return image.source != "GENERATED" and image.size[0] > 0
 
 
 def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outcome) -> None:
@@ -177,14 +63,14 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
     finally:
         session.writing = before
     state.shown, state.figures, state.uvs, state.rewrite = request.stamp, outcome.figures, outputs.uvs, False
-    state.notes = list(outcome.notes) if is_set_up(obj) else []
+    state.notes = list(outcome.notes) if obj.vrtm.is_set_up else []
     still_right(state, request)
     behind = geometry.deforms_after_tap(obj)
     if behind is not None and geometry.has_tap(obj):
         state.notes.append(
             f"Modifier {behind.name!r} deforms behind the one that changes the topology: it is not in the pose"
         )
-    if is_set_up(obj) and all(output is None for output in (outputs.images, outputs.uvs, outputs.delta)):
+    if obj.vrtm.is_set_up and all(output is None for output in (outputs.images, outputs.uvs, outputs.delta)):
         state.notes.append("No output is switched on: see Quality and Outputs")
     state.say("")
 
@@ -236,8 +122,6 @@ def owner_of_image(obj: bpy.types.Object) -> bpy.types.Object | None:
 
 def separate(obj: bpy.types.Object) -> None:
     """Gives a duplicate images of its own, and materials that look them up."""
-    from . import materials, nodes
-
     if owner_of_image(obj) is not None:
         before = obj.vrtm.image
         size, layout, number = before.size, list(before[LAYOUT]), before.get(layers.NUMBER, 1)
@@ -257,8 +141,6 @@ def _new_image(obj: bpy.types.Object, width: int, height: int, layer: int = 0) -
 
 def own_images(obj: bpy.types.Object, layout: Layout, number: int) -> list[bpy.types.Image]:
     """The object's result images, one for each layer, in the layout's size."""
-    from . import nodes
-
     settings = obj.vrtm
     separate(obj)
     size = layout.width, layout.height
@@ -314,11 +196,9 @@ def write_delta(obj: bpy.types.Object, values: np.ndarray) -> None:
 
 def own_name(obj: bpy.types.Object) -> None:
     """Sees to the name of what is written to the mesh: objects that share a mesh have one each."""
-    from . import materials, nodes
-
     mesh, settings, uid = obj.data, obj.vrtm, session.uid_of(obj)
     before = settings.uv_name
-    others = [other for other in bpy.data.objects if other != obj and other.data == mesh and is_set_up(other)]
+    others = [other for other in bpy.data.objects if other != obj and other.data == mesh and other.vrtm.is_set_up]
     if any(other.vrtm.uv_name == before and session.uid_of(other) < uid for other in others):
         settings.uv_name = f"vrtm {obj.name}"[:60]
         if settings.write_uvs:
@@ -338,77 +218,3 @@ def own_layer(obj: bpy.types.Object) -> bpy.types.MeshUVLoopLayer:
         settings.uv_name = layer.name
         mesh.uv_layers.active_index = active
     return layer
-
-
-def is_set_up(obj: bpy.types.Object) -> bool:
-    return obj.type == "MESH" and obj.vrtm.rigidity_source != "NONE"
-
-
-def is_followed(obj: bpy.types.Object) -> bool:
-    """Whether there is something to be computed for its poses: a redirection, or strain alone."""
-    return obj.type == "MESH" and (is_set_up(obj) or obj.vrtm.strain != "NONE")
-
-
-def figures(prepared: Prepared) -> list[tuple[str, str]]:
-    """What the panel shows of the last solve, as labels and values."""
-    report = prepared.asset.report()
-    tiles = [tile.report() for tile in prepared.asset.tiles]
-    number = layers.number_of(prepared.asset)
-    shown = [
-        ("Time", f"{report.ms_total:.0f} ms"),
-        ("Folds", str(report.folds)),
-        ("Rigid", percent(prepared.rigid_share()[0])),
-        ("Tiles", str(len({tile.udim for tile in prepared.asset.tiles}))),
-    ]
-    if number > 1:
-        shown.append(("Layers", str(number)))
-    edges = sum(tile.edges + tile.edges_fixed for tile in tiles)
-    if edges:
-        # Of all that is rigid, what cannot move too.
-        fixed = sum(tile.edges_fixed * tile.strain_fixed**2 for tile in tiles)
-        before, after = (
-            ((sum(tile.edges * getattr(tile, side).rms ** 2 for tile in tiles) + fixed) / edges) ** 0.5
-            for side in ("before", "after")
-        )
-        shown.append(("Strain", f"{before:.3f} before, {after:.3f} after"))
-    return shown
-
-
-def percent(share: float) -> str:
-    """A share in words that are never 0 or 100 % unless it is."""
-    if 0 < share < 0.001:
-        return "under 0.1 %"
-    if 0.999 < share < 1:
-        return "over 99.9 %"
-    return f"{100 * share:.{1 if 0 < share < 0.1 or 0.9 < share < 1 else 0}f} %"
-
-
-def notes(prepared: Prepared) -> list[str]:
-    """What is likely not as it is meant, in sentences."""
-    found = _of_rigidity(*prepared.rigid_share())
-    return found or _of_overlaps(prepared)
-
-
-def _of_overlaps(prepared: Prepared) -> list[str]:
-    """Whether most of what is rigid does not move because islands share the texture there. All layers count."""
-    tiles = prepared.asset.tiles
-    rigid, overlapped = (sum(getattr(tile.info, f"rigid_{of}") for tile in tiles) for of in ("nodes", "overlapped"))
-    if 2 * overlapped <= rigid or tiles[0].settings.overlap == "first_face":
-        return []
-    found = f"{percent(overlapped / rigid)} of what is rigid does not move, since islands share the texture there"
-    if prepared.mesh.max_layers:
-        return [f"{found}: there are over {layers.MOST} of them, or one lies over itself. Unwrap them side by side"]
-    return [f"{found}: set Overlaps, in Quality and Outputs, to Each"]
-
-
-def _of_rigidity(share: float, least: float, most: float) -> list[str]:
-    # Half a step of 8 bits.
-    if most < 0.5 / 255:
-        return ["Nothing is rigid: the map is 0 everywhere. Is it the right image, channel or group?"]
-    if least > 1 - 0.5 / 255:
-        return ["All is rigid: the map is 1 everywhere, so that nothing can give way. Paint black between features"]
-    if share == 0:
-        return [f"The map is {most:.2f} at most: what is to keep its shape as well as it can is 1, white"]
-    if share == 1:
-        return [f"The map is {least:.2f} at least: what is to give way is 0, black"]
-    return []

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import bpy
 
-from . import geometry, layers, maps, results, session
+from . import geometry, layers, maps, results, states
 from .messages import Problem
+from .outcome import Request
 from .prepared import MapsInput, MeshInput
-from .session import Request, State
+from .states import State
 from .work import Work
 
 
@@ -15,7 +16,7 @@ def read(obj: bpy.types.Object, state: State) -> None:
     """Reads what has changed of what the object's asset depends on, into the state's inputs. Raises a Problem."""
     if obj.mode == "EDIT":
         raise Problem(f"{obj.name} is in Edit Mode: results are computed when you leave it")
-    if not results.is_followed(obj):
+    if not obj.vrtm.is_followed:
         raise Problem(f"{obj.name}: choose where the rigidity is painted")
     if geometry.counts(obj.data) != state.counts:
         state.mesh_changed = True
@@ -81,7 +82,7 @@ def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph)
     positions, options = geometry.pose(obj, depsgraph), options_of(obj)
     settings = obj.vrtm
     # Without a rigidity there is strain to be shown, and nothing to be redirected.
-    written = (results.is_set_up(obj) and getattr(settings, f"write_{name}") for name in ("image", "uvs", "delta"))
+    written = (obj.vrtm.is_set_up and getattr(settings, f"write_{name}") for name in ("image", "uvs", "delta"))
     outputs = (settings.map_size, *written, settings.strain)
     inputs = repr((sorted(options.items()), outputs, sorted(state.stamps.items()))).encode()
     stamp = geometry.stamp_of(positions) + inputs
@@ -90,7 +91,7 @@ def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph)
 
 def run(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> State:
     """Solves for the object's pose and writes the results, before it returns. Raises a Problem or vrtm.Error."""
-    state = session.state_of(obj)
+    state = states.state_of(obj)
     state.end_job()
     state.wanted = False
     read(obj, state)

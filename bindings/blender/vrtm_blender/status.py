@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import blf
 import bpy
 
-from . import dilate, keep, messages, nodes, results, session
+from . import dilate, keep, nodes, result_image, results, states
 
 
 @dataclass(frozen=True)
@@ -21,12 +21,12 @@ class Line:
 
 def headline(obj: bpy.types.Object, scene: bpy.types.Scene) -> Line:
     """One short line, which is always there: whether what is shown is this frame's result."""
-    state, settings = session.find_state(obj), obj.vrtm
+    state, settings = states.find_state(obj), obj.vrtm
     if state is not None and (state.job is not None or state.wanted):
-        return Line(messages.progress_of(state), "SORTTIME")
+        return Line(state.progress, "SORTTIME")
     if state is not None and state.error:
         return Line("Not solved: see Status", "ERROR")
-    if not results.is_set_up(obj):
+    if not obj.vrtm.is_set_up:
         return Line("Nothing is rigid yet", "INFO")
     if settings.shows_baked:
         frames = nodes.baked_frames(obj)
@@ -36,7 +36,7 @@ def headline(obj: bpy.types.Object, scene: bpy.types.Scene) -> Line:
         return Line("Shows baked files" if inside else "Frame is not baked: see Status", "FILE" if inside else "ERROR")
     if state is None or not (state.shown or state.figures):
         # A file that was just opened shows what was saved.
-        kept = results.is_result(settings.image) and results.has_pixels(settings.image)
+        kept = result_image.is_result(settings.image) and result_image.has_pixels(settings.image)
         return Line("As it was saved" if kept else "Not solved yet: press Update Now", "INFO")
     if results.missing(obj) is not None:
         return Line("Result is missing: see Status", "ERROR")
@@ -59,20 +59,20 @@ def summary(obj: bpy.types.Object) -> str:
 
 def figures(obj: bpy.types.Object) -> list[tuple[str, str]]:
     """Labels and values of the result that is shown, if there is one."""
-    state = session.find_state(obj)
-    return [] if state is None or state.error or not results.is_set_up(obj) else state.figures
+    state = states.find_state(obj)
+    return [] if state is None or state.error or not obj.vrtm.is_set_up else state.figures
 
 
 def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
     """What is to be known or to be mended, in sentences."""
-    state, settings = session.find_state(obj), obj.vrtm
+    state, settings = states.find_state(obj), obj.vrtm
     found = []
     if state is not None and state.message:
         found.append(Line(state.message, "ERROR" if state.error else "INFO"))
     scale = obj.scale
     if max(map(abs, scale)) > 1.001 * min(map(abs, scale)):
         found.append(Line("Scaled unevenly: apply the scale, which vrtm does not see", "INFO"))
-    if not results.is_set_up(obj):
+    if not obj.vrtm.is_set_up:
         return found
     # Also of a file that was just opened, in which nothing was solved yet.
     expected = (state is not None and state.shown) or settings.image is not None or nodes.groups_of(obj)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from . import materials, nodes, results, session
+from . import materials, nodes, result_image, session
 
 HEIGHTS = ("ShaderNodeBump", "ShaderNodeDisplacement")
 
@@ -44,7 +44,7 @@ def _behind(socket: bpy.types.NodeSocket, down: bool, seen: set) -> tuple[bpy.ty
     for link in socket.links:
         node = link.from_node
         if node.bl_idname == "ShaderNodeTexImage":
-            if node.image is not None and not results.is_result(node.image):
+            if node.image is not None and not result_image.is_result(node.image):
                 return node.image, down
         elif node not in seen:
             seen.add(node)

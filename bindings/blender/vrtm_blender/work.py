@@ -5,20 +5,10 @@ from __future__ import annotations
 
 import concurrent.futures
 import threading
-from dataclasses import dataclass
 
-from . import results, session
+from . import outcome, session
+from .outcome import Outcome, Request
 from .prepared import Inputs, Prepared
-from .session import Request
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What there is to be written and told of a solve."""
-
-    outputs: results.Outputs
-    figures: list[tuple[str, str]]
-    notes: list[str]
 
 
 class Work:
@@ -52,8 +42,8 @@ class Work:
         if self._tell(0.0):
             raise concurrent.futures.CancelledError
         prepared.asset.solve(request.positions, progress=self._tell, **request.options)
-        outputs = results.fetch(prepared, request)
-        return Outcome(outputs, results.figures(prepared), notes + results.notes(prepared))
+        outputs = outcome.fetch(prepared, request)
+        return Outcome(outputs, outcome.figures(prepared), notes + outcome.notes(prepared))
 
     def _tell(self, fraction: float) -> bool:
         """Hears what has been done of the solve; True ends it."""

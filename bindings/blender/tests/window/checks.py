@@ -292,7 +292,7 @@ def check_large():
     group.data.foreach_set("value", values)
     obj.vrtm.rigidity_source, obj.vrtm.rigidity_name = "ATTRIBUTE", "stiff"
     yield 2
-    state = part("session").state_of(obj)
+    state = part("states").state_of(obj)
 
     def spin():
         area("VIEW_3D").spaces.active.region_3d.view_rotation.rotate(Quaternion((0, 0, 1), 0.02))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .. import bake, layers, live, messages, nodes, results, session
+from .. import bake, layers, live, messages, nodes, session, states
 from ..messages import Problem, text_of
 from .base import OnObject
 
@@ -18,7 +18,7 @@ class VRTM_OT_use_baked(OnObject, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         paths, first, number = bake.sequence(obj, context.scene)
-        asset = session.state_of(obj).asset
+        asset = states.state_of(obj).asset
         if asset is not None and layers.number_of(asset) != len(paths):
             raise Problem(f"{obj.name}: the result has other layers than what was baked: press Update Now")
         nodes.show_baked(obj, paths, first, number)
@@ -36,7 +36,7 @@ class VRTM_OT_use_live(OnObject, bpy.types.Operator):
         nodes.show_live(obj)
         obj.vrtm.shows_baked = False
         # Whatever became of the image meanwhile.
-        session.state_of(obj).rewrite = True
+        states.state_of(obj).rewrite = True
         live.touch(obj)
         return f"{obj.name}: the material reads the result image"
 
@@ -65,7 +65,7 @@ class VRTM_OT_bake(bpy.types.Operator):
         chosen = list(context.selected_objects)
         if context.object is not None and context.object not in chosen:
             chosen.append(context.object)
-        return [obj for obj in chosen if results.is_set_up(obj)]
+        return [obj for obj in chosen if obj.vrtm.is_set_up]
 
     def begin(self, context: bpy.types.Context) -> bool:
         try:

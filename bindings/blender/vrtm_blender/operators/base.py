@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .. import live, session
+from .. import live, session, states
 from ..messages import Problem, text_of
 
 
@@ -29,7 +29,7 @@ class OnObject:
         try:
             text = self.work(context, obj)
         except Exception as error:  # told to the artist, and not as a traceback.
-            session.state_of(obj).say(text_of(error), error=True)
+            states.state_of(obj).say(text_of(error), error=True)
             if not isinstance(error, Problem) and not hasattr(error, "status_name"):
                 session.log.exception("%s", obj.name)
             self.report({"ERROR"}, text_of(error))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from .. import dilate, geometry, live, materials, nodes, results, session, solve
+from .. import dilate, geometry, live, materials, nodes, results, solve, states
 from ..messages import Problem
 from .base import OnObject
 
@@ -61,7 +61,7 @@ class VRTM_OT_dilate(OnObject, bpy.types.Operator):
     bl_label = "Dilate Textures"
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        state = session.state_of(obj)
+        state = states.state_of(obj)
         state.end_job()
         state.mesh_changed = state.maps_changed = True
         solve.prepare(obj, state)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import EnumProperty
 
-from .. import dilate, geometry, keep, layers, materials, nodes, overlay, results, session, tap
+from .. import dilate, geometry, keep, layers, materials, nodes, overlay, result_image, results, session, states, tap
 from .base import OnObject
 from .material import kept_text, redirect
 from .rigidity import new_image
@@ -48,7 +48,7 @@ class VRTM_OT_set_up(OnObject, bpy.types.Operator):
 
 def rigidity_like() -> bpy.types.Image | None:
     """An image that is most likely the rigidity, by its name: if there is one alone."""
-    found = [image for image in bpy.data.images if "rigid" in image.name.lower() and not results.is_result(image)]
+    found = [image for image in bpy.data.images if "rigid" in image.name.lower() and not result_image.is_result(image)]
     return found[0] if len(found) == 1 and found[0].size[0] else None
 
 
@@ -87,19 +87,19 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         settings, mesh = obj.vrtm, obj.data
-        session.drop(session.uid_of(obj))
+        states.drop(session.uid_of(obj))
         painted = dilate.restore(obj)
         for material in {slot.material for slot in obj.material_slots if slot.material is not None}:
             if material.library is None:
                 materials.remove(material)
         nodes.remove_unused_groups()
         others, image = [other for other in bpy.data.objects if other != obj], settings.image
-        if results.is_result(image) and image.library is None and not any(o.vrtm.image == image for o in others):
+        if result_image.is_result(image) and image.library is None and not any(o.vrtm.image == image for o in others):
             bpy.data.images.remove(image)
         layers.remove_unused()
         settings.strain = "NONE"
         overlay.remove(obj)
-        sharing = [other for other in others if other.data == mesh and results.is_set_up(other)]
+        sharing = [other for other in others if other.data == mesh and other.vrtm.is_set_up]
         names = results.names_of(settings) | {geometry.REST_NAME}
         for other in sharing:
             names -= results.names_of(other.vrtm) | {geometry.REST_NAME}
@@ -116,7 +116,7 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
                 settings.property_unset(name)
         for one in maps:
             keep.keep_image(one)
-        session.drop(session.uid_of(obj))
+        states.drop(session.uid_of(obj))
         return f"{obj.name}: nothing of vrtm is left" + kept_text(painted)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from .. import geometry, live, messages, session, solve, tap
+from .. import geometry, live, messages, session, solve, states, tap
 from ..messages import Problem
 from .base import OnObject
 
@@ -34,18 +34,18 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
         return self.told(state)
 
     @staticmethod
-    def begin(context: bpy.types.Context, obj: bpy.types.Object) -> session.State:
+    def begin(context: bpy.types.Context, obj: bpy.types.Object) -> states.State:
         if obj.mode == "EDIT":
             raise Problem(f"{obj.name} is in Edit Mode: leave it first")
         settings = obj.vrtm
         if settings.rest_source == "FRAME" and obj.data.get(geometry.REST_FRAME_NAME) != settings.rest_frame:
             capture(context, obj, settings.rest_frame)
-        state = session.state_of(obj)
+        state = states.state_of(obj)
         state.mesh_changed = state.maps_changed = state.rewrite = True
         return state
 
     @staticmethod
-    def told(state: session.State) -> str:
+    def told(state: states.State) -> str:
         return f"{state.name}: " + ", ".join(f"{label} {value}" for label, value in state.figures)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
@@ -66,7 +66,7 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        state = session.states.get(self._uid)
+        state = states.known.get(self._uid)
         if state is None:
             # The object was deleted, or another file was opened.
             self.end(context)
@@ -82,7 +82,7 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
         if state.wanted or state.job is not None:
-            messages.status(f"vrtm: {state.name}: {messages.progress_of(state)}; Esc ends it")
+            messages.status(f"vrtm: {state.name}: {state.progress}; Esc ends it")
             live.redraw()
             return {"PASS_THROUGH"}
         self.end(context)

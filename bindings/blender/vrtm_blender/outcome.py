@@ -1,0 +1,131 @@
+"""What is asked of a solve, and what it came to: fetched on any thread, and not written anywhere yet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from . import layers, overlay
+from .prepared import Prepared
+from .result_image import Layout, layout_of, redirection
+
+
+@dataclass
+class Request:
+    """A pose to be solved."""
+
+    positions: np.ndarray  # (vertices, 3) float32
+    options: dict[str, Any]
+    stamp: bytes  # of all that the result depends on
+    # What is to be fetched of the result; the object's name is for messages.
+    name: str
+    map_size: int
+    write_image: bool
+    write_uvs: bool
+    write_delta: bool
+    strain: str  # "NONE", "BEFORE" or "AFTER"
+    frame: int = 0
+
+
+@dataclass(frozen=True)
+class Outputs:
+    """What is written of a result; None for what was not asked for."""
+
+    layout: Layout | None
+    images: list[np.ndarray] | None  # of each layer, (height, width, 4) float32
+    layers: np.ndarray | None  # (faces,) uint32; None also where there is one layer alone
+    uvs: np.ndarray | None  # (corners, 2) float32
+    delta: np.ndarray | None  # (corners, 3) float32: what to add to u and v, and 0
+    strain: np.ndarray | None  # (vertices, 4) float32: colours
+
+
+def fetch(prepared: Prepared, request: Request) -> Outputs:
+    """Fetches the asset's last result. It may be called on any thread, while no solve is under way."""
+    asset = prepared.asset
+    layout = layout_of(asset, request.name, request.map_size) if request.write_image else None
+    images = None
+    if layout is not None:
+        images = [redirection(asset, layout, layer) for layer in range(layers.number_of(asset))]
+    uvs = asset.corner_uvs() if request.write_uvs or request.write_delta else None
+    delta = strain = None
+    if request.write_delta:
+        delta = np.pad(uvs - prepared.mesh.topology.uvs, ((0, 0), (0, 1)))
+    if request.strain != "NONE":
+        strain = overlay.colours(prepared, request.positions, request.strain == "AFTER")
+    return Outputs(layout, images, prepared.layers, uvs if request.write_uvs else None, delta, strain)
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What there is to be written and told of a solve."""
+
+    outputs: Outputs
+    figures: list[tuple[str, str]]
+    notes: list[str]
+
+
+def figures(prepared: Prepared) -> list[tuple[str, str]]:
+    """What the panel shows of the last solve, as labels and values."""
+    report = prepared.asset.report()
+    tiles = [tile.report() for tile in prepared.asset.tiles]
+    number = layers.number_of(prepared.asset)
+    shown = [
+        ("Time", f"{report.ms_total:.0f} ms"),
+        ("Folds", str(report.folds)),
+        ("Rigid", percent(prepared.rigid_share()[0])),
+        ("Tiles", str(len({tile.udim for tile in prepared.asset.tiles}))),
+    ]
+    if number > 1:
+        shown.append(("Layers", str(number)))
+    edges = sum(tile.edges + tile.edges_fixed for tile in tiles)
+    if edges:
+        # Of all that is rigid, what cannot move too.
+        fixed = sum(tile.edges_fixed * tile.strain_fixed**2 for tile in tiles)
+        before, after = (
+            ((sum(tile.edges * getattr(tile, side).rms ** 2 for tile in tiles) + fixed) / edges) ** 0.5
+            for side in ("before", "after")
+        )
+        shown.append(("Strain", f"{before:.3f} before, {after:.3f} after"))
+    return shown
+
+
+def percent(share: float) -> str:
+    """A share in words that are never 0 or 100 % unless it is."""
+    if 0 < share < 0.001:
+        return "under 0.1 %"
+    if 0.999 < share < 1:
+        return "over 99.9 %"
+    return f"{100 * share:.{1 if 0 < share < 0.1 or 0.9 < share < 1 else 0}f} %"
+
+
+def notes(prepared: Prepared) -> list[str]:
+    """What is likely not as it is meant, in sentences."""
+    found = _of_rigidity(*prepared.rigid_share())
+    return found or _of_overlaps(prepared)
+
+
+def _of_overlaps(prepared: Prepared) -> list[str]:
+    """Whether most of what is rigid does not move because islands share the texture there. All layers count."""
+    tiles = prepared.asset.tiles
+    rigid, overlapped = (sum(getattr(tile.info, f"rigid_{of}") for tile in tiles) for of in ("nodes", "overlapped"))
+    if 2 * overlapped <= rigid or tiles[0].settings.overlap == "first_face":
+        return []
+    found = f"{percent(overlapped / rigid)} of what is rigid does not move, since islands share the texture there"
+    if prepared.mesh.max_layers:
+        return [f"{found}: there are over {layers.MOST} of them, or one lies over itself. Unwrap them side by side"]
+    return [f"{found}: set Overlaps, in Quality and Outputs, to Each"]
+
+
+def _of_rigidity(share: float, least: float, most: float) -> list[str]:
+    # Half a step of 8 bits.
+    if most < 0.5 / 255:
+        return ["Nothing is rigid: the map is 0 everywhere. Is it the right image, channel or group?"]
+    if least > 1 - 0.5 / 255:
+        return ["All is rigid: the map is 1 everywhere, so that nothing can give way. Paint black between features"]
+    if share == 0:
+        return [f"The map is {most:.2f} at most: what is to keep its shape as well as it can is 1, white"]
+    if share == 1:
+        return [f"The map is {least:.2f} at least: what is to give way is 0, black"]
+    return []

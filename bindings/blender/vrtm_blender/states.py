@@ -1,0 +1,135 @@
+"""What is known of each object: its asset, its job and what was last heard of it.
+
+All of it is a cache. Nothing here refers to Blender's data: objects are known by their session_uid, which survives
+renaming and undo, so that an undo, a deletion or another file cannot leave a dead pointer behind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import numpy as np
+
+from . import session
+from .prepared import Inputs, Prepared
+from .work import Work
+
+if TYPE_CHECKING:
+    import vrtm
+
+
+@dataclass
+class State:
+    """One object's."""
+
+    uid: int
+    name: str
+    prepared: Prepared
+    inputs: Inputs
+    counts: tuple[int, int, int] = (0, 0, 0)
+    # What the inputs that were read last depend on.
+    stamps: dict[str, Any] = field(default_factory=dict)
+    # What has to be read again before the next solve.
+    mesh_changed: bool = True
+    maps_changed: bool = True
+    # A pose is to be collected by the timer.
+    wanted: bool = False
+    job: Work | None = None
+    # The request whose result was written, its frame, and its corner UVs.
+    shown: bytes = b""
+    frame: int = 0
+    uvs: np.ndarray | None = None
+    # Whether that is the result of the present pose, as far as is known; whether it is to be looked at, and not before.
+    fresh: bool = False
+    doubted: bool = False
+    next_look: float = 0.0
+    # Results are to be written again, also if nothing has changed: an undo may have taken back what was written, or the
+    # artist asks for it.
+    rewrite: bool = False
+    waiting_since: float = 0.0
+    message: str = ""
+    error: bool = False
+    # What the library, or this add-on, has to say of the result that is shown.
+    notes: list[str] = field(default_factory=list)
+    figures: list[tuple[str, str]] = field(default_factory=list)
+
+    @property
+    def asset(self) -> vrtm.Asset | None:
+        return self.prepared.asset
+
+    def take_job(self) -> Work | None:
+        """The job, which is none any more. What it has not used of what was read is kept for the next."""
+        job, self.job = self.job, None
+        if job is not None and not job.applied:
+            self.inputs.give_back(job.inputs)
+        return job
+
+    def end_job(self) -> None:
+        """Cancels the job, if there is one, and waits for its end: milliseconds, but while a mesh is prepared."""
+        if self.job is not None:
+            self.job.close()
+            self.take_job()
+
+    def end_asset(self) -> None:
+        self.end_job()
+        self.prepared.close()
+        self.inputs.take()
+        self.stamps.clear()
+        self.shown = b""
+
+    @property
+    def progress(self) -> str:
+        """What the job is at, in words."""
+        done = self.job.progress if self.job is not None else None
+        return "Preparing ..." if done is None else f"Solving ... {100 * done:.0f} %"
+
+    def say(self, message: str, error: bool = False) -> None:
+        self.message, self.error = message, error
+
+
+known: dict[int, State] = {}
+
+
+def state_of(obj: bpy.types.Object) -> State:
+    uid = session.uid_of(obj)
+    state = known.get(uid)
+    if state is None:
+        state = known[uid] = State(uid, obj.name, Prepared(), Inputs())
+    state.name = obj.name
+    return state
+
+
+def find_state(obj: bpy.types.Object) -> State | None:
+    """The object's state if it has one: for drawing, which must not change anything."""
+    return known.get(session.uid_of(obj))
+
+
+def object_of(state: State) -> bpy.types.Object | None:
+    """The object as it is now, or None if it is gone."""
+    obj = bpy.data.objects.get(state.name)
+    if obj is not None and session.uid_of(obj) == state.uid:
+        return obj
+    return next((obj for obj in bpy.data.objects if session.uid_of(obj) == state.uid), None)
+
+
+def drop(uid: int) -> None:
+    state = known.pop(uid, None)
+    if state is not None:
+        state.end_asset()
+
+
+def forget_gone() -> None:
+    """Drops the states of objects that are gone."""
+    alive = {session.uid_of(obj) for obj in bpy.data.objects}
+    for uid in [uid for uid in known if uid not in alive]:
+        drop(uid)
+
+
+def clear() -> None:
+    """Ends all jobs, assets and devices: nothing of the library is left."""
+    for uid in list(known):
+        drop(uid)
+    for name in list(session.devices):
+        session.devices.pop(name).close()
