@@ -11,23 +11,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _abi, _mesh, _options
+from . import _abi, _mesh
 from ._arrays import Pinned, Pixels, output
 from ._call import interruptible
-from ._device import Device, natural
+from ._device import Device
 from ._errors import InvalidArgumentError
 from ._fetch import Fetch
 from ._job import Job
 from ._library import check, library, new
-from ._names import record
+from ._names import natural, record
+from ._options import SolveOptions, build
 from ._records import AssetInfo, AssetReport, Weld
 from ._refinement import Refinement
 from ._tile import Tile
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
-
-    from ._options import SolveOptions
 
 
 _NAMED = 20
@@ -178,7 +177,7 @@ class Asset:
     def _run(self, positions: ArrayLike, fetches: list[Fetch], options: SolveOptions) -> list[Pixels]:
         pinned = Pinned()
         points = pinned.vectors("positions", positions, 3, more=1)
-        struct, progress = _options.build(pinned, options)
+        struct, progress = build(pinned, options)
         targets = [fetch.target(pinned) for fetch in fetches]
         structs = (_abi.vrtm_fetch * max(len(fetches), 1))()
         for element, fetch, target in zip(structs, fetches, targets):
@@ -198,7 +197,7 @@ class Asset:
     def submit(self, positions: ArrayLike, **options: Unpack[SolveOptions]) -> Job:
         """Begins to solve for a pose and returns at once: a job is a future, and can be awaited. Until it is done,
         calls that solve or change the asset raise BusyError, and results are those of the last solve."""
-        return Job(self, positions, options)
+        return Job(self._handle, self.report, positions, options)
 
     def cancel(self) -> None:
         """Cancels the solve in progress, on another thread or in a job. Does nothing if no solve is in progress."""
@@ -225,7 +224,7 @@ class Asset:
         """The mesh with its triangles split where linear interpolation of the last result's UVs would err by more than
         `tolerance`, in UV of a tile, into at most `max_triangles` (0 = a million more than the mesh
         has)."""
-        return Refinement(self, uv_set, tolerance, max_triangles)
+        return Refinement(self._handle, uv_set, tolerance, max_triangles)
 
     def close(self) -> None:
         """Ends the asset and all of its tiles, and cancels a solve in progress. Refinements stay usable."""

@@ -10,7 +10,7 @@ from typing import Any, cast
 
 from . import _abi
 from ._library import check, library, new
-from ._names import name_of, record, value_of
+from ._names import name_of, natural, record, value_of
 from ._records import Adapter, Backend, DeviceInfo, LogLevel
 
 Log = Callable[[LogLevel, str], Any]
@@ -121,14 +121,3 @@ def _set_id(desc: ctypes.Structure, uuid: bytes | None, luid: bytes | None) -> N
             raise ValueError(f"{name}: {len(identity)} bytes, not {size}")
         desc.adapter_by = value_of("adapter_by", by)
         desc.adapter_id[:size] = identity
-
-
-def natural(name: str, value: Any, bits: int) -> int:
-    """Checks an unsigned number, which ctypes would silently truncate to its number of bits."""
-    try:
-        number = value.__index__()
-    except AttributeError:
-        raise TypeError(f"{name}: {value!r} is no whole number") from None
-    if not 0 <= number < 1 << bits:
-        raise ValueError(f"{name}: {number} is not in 0..{(1 << bits) - 1}")
-    return number

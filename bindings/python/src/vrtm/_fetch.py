@@ -10,10 +10,9 @@ from numpy.typing import DTypeLike
 
 from . import _abi
 from ._arrays import Pinned, Pixels
-from ._device import natural
 from ._images import Target, image_size
 from ._library import new
-from ._names import value_of
+from ._names import natural, value_of
 from ._records import FetchKind, Origin
 from ._tile import Tile
 

@@ -8,20 +8,17 @@ import concurrent.futures
 import ctypes
 import threading
 import weakref
-from collections.abc import Generator
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Generator
+from typing import Any
 
 from numpy.typing import ArrayLike
 
-from . import _abi, _options
+from . import _abi
 from ._arrays import Pinned
 from ._errors import CancelledError, TimeoutError
 from ._library import check, library, new
-
-if TYPE_CHECKING:
-    from ._asset import Asset
-    from ._options import SolveOptions
-    from ._records import AssetReport
+from ._options import SolveOptions, build
+from ._records import AssetReport
 
 
 class Job(concurrent.futures.Future):
@@ -31,16 +28,17 @@ class Job(concurrent.futures.Future):
     milliseconds; result() then raises CancelledError. Callbacks run on a thread of the job.
     """
 
-    def __init__(self, asset: Asset, positions: ArrayLike, options: SolveOptions) -> None:
+    def __init__(
+        self, asset: _abi.vrtm_asset, report: Callable[[], AssetReport], positions: ArrayLike, options: SolveOptions
+    ) -> None:
         super().__init__()
         pinned = Pinned()
         points = pinned.vectors("positions", positions, 3, more=1)
-        struct, self._progress = _options.build(pinned, options)
+        struct, self._progress = build(pinned, options)
         handle = _abi.vrtm_job()
-        check(
-            library.vrtm_asset_submit(asset._handle, ctypes.byref(points), ctypes.byref(struct), ctypes.byref(handle))
-        )
-        self._asset = asset
+        check(library.vrtm_asset_submit(asset, ctypes.byref(points), ctypes.byref(struct), ctypes.byref(handle)))
+        # A method of the asset, which it keeps alive.
+        self._report = report
         self._handle = handle
         # Handles are numbers that are never reused: cancelling a job that has ended does nothing.
         self._final_progress: float | None = None
@@ -56,7 +54,7 @@ class Job(concurrent.futures.Future):
             report = None
             try:
                 check(status)
-                report = self._asset.report()
+                report = self._report()
             except Exception as raised:
                 error = raised
             self._final_progress = self.progress

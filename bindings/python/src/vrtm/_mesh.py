@@ -9,9 +9,8 @@ import numpy as np
 
 from . import _abi
 from ._arrays import Pinned, array_of
-from ._device import natural
 from ._library import new
-from ._names import value_of
+from ._names import natural, value_of
 from ._records import Weld
 
 

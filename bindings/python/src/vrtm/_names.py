@@ -1,4 +1,4 @@
-"""Names instead of the header's constants, and the library's structs as dataclasses."""
+"""Values as the library has them: checked numbers, names for the header's constants, dataclasses for its structs."""
 
 from __future__ import annotations
 
@@ -61,3 +61,14 @@ def fill(struct: ctypes.Structure, settings: Any) -> None:
             setattr(struct, name, value)
         except TypeError:
             raise TypeError(f"{name}: {value!r} is no number") from None
+
+
+def natural(name: str, value: Any, bits: int) -> int:
+    """Checks an unsigned number, which ctypes would silently truncate to its number of bits."""
+    try:
+        number = value.__index__()
+    except AttributeError:
+        raise TypeError(f"{name}: {value!r} is no whole number") from None
+    if not 0 <= number < 1 << bits:
+        raise ValueError(f"{name}: {number} is not in 0..{(1 << bits) - 1}")
+    return number

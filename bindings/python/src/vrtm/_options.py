@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, TypedDict
+from typing import Any, TypedDict
 
 from numpy.typing import ArrayLike
 
 from . import _abi
 from ._arrays import Pinned
-from ._device import natural
 from ._library import new
-from ._names import fill, value_of
+from ._names import fill, natural, value_of
 from ._records import PbdSettings, Quality, Solver
-
-if TYPE_CHECKING:
-    from ._tile import Tile
+from ._tile import Tile
 
 
 class SolveOptions(TypedDict, total=False):

@@ -6,38 +6,34 @@ import base64
 import html
 import struct
 import zlib
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ._errors import Error
-
-if TYPE_CHECKING:
-    from ._tile import Tile
-
-_SIDE = 256
 _SQUARES = 16
 
 
-def figure(tile: Tile) -> str:
-    """The tile's last result as HTML: a checkerboard as the redirection looks it up, the redder the farther away."""
-    title = html.escape(repr(tile))
-    try:
-        report, found = tile.report(), tile.fetch("redirection", _SIDE, channels=4)
-    except Error as error:
-        return f"<figure><figcaption>{title}: {html.escape(error.message)}</figcaption></figure>"
-    at = (np.arange(_SIDE) + 0.5) / _SIDE
-    shift = np.hypot(found[..., 0] - at, found[..., 1] - at[::-1, None])
-    light = 0.75 + 0.2 * (np.floor(found[..., :2] * _SQUARES).sum(-1) % 2)
-    shift = np.where(found[..., 3] > 0, shift, 0)
+def figure(title: str, redirection: np.ndarray, least: float) -> str:
+    """A redirection of four channels as HTML: a checkerboard as it is looked up, the redder the farther away; `least`:
+    the least Jacobian."""
+    rows, columns = redirection.shape[:2]
+    across, up = (np.arange(columns) + 0.5) / columns, 1 - (np.arange(rows) + 0.5) / rows
+    shift = np.hypot(redirection[..., 0] - across, redirection[..., 1] - up[:, None])
+    light = 0.75 + 0.2 * (np.floor(redirection[..., :2] * _SQUARES).sum(-1) % 2)
+    covered = redirection[..., 3]
+    shift = np.where(covered > 0, shift, 0)
     red = shift / max(shift.max(), 1e-9)
-    colours = np.stack([light, light * (1 - 0.6 * red), light * (1 - 0.9 * red), found[..., 3]], -1)
+    colours = np.stack([light, light * (1 - 0.6 * red), light * (1 - 0.9 * red), covered], -1)
     data = base64.b64encode(png(np.rint(255 * colours.clip(0, 1)).astype(np.uint8))).decode()
-    text = f"looked up at most {shift.max():.3g} UV away; least Jacobian {report.min_jacobian:.3g}"
+    text = f"looked up at most {shift.max():.3g} UV away; least Jacobian {least:.3g}"
     return (
         f'<figure style="display: inline-block"><img src="data:image/png;base64,{data}" alt="redirection">'
-        f"<figcaption>{title}<br>{text}</figcaption></figure>"
+        f"<figcaption>{html.escape(title)}<br>{text}</figcaption></figure>"
     )
+
+
+def without_picture(title: str, why: str) -> str:
+    """In the place of a figure: why there is none."""
+    return f"<figure><figcaption>{html.escape(f'{title}: {why}')}</figcaption></figure>"
 
 
 def png(pixels: np.ndarray) -> bytes:

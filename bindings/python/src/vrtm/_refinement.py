@@ -5,20 +5,16 @@ from __future__ import annotations
 import ctypes
 import weakref
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import _abi
 from ._arrays import output
-from ._device import natural
 from ._library import check, library, new
-from ._names import record
+from ._names import natural, record
 from ._records import RefinementInfo
-
-if TYPE_CHECKING:
-    from ._asset import Asset
 
 
 @dataclass(frozen=True)
@@ -48,13 +44,13 @@ class Refinement:
     """The mesh of an asset, its triangles split where interpolated UVs would err; made by Asset.refine. It keeps the
     data that it needs, and may be used after the asset is closed."""
 
-    def __init__(self, asset: Asset, uv_set: int, tolerance: float, max_triangles: int) -> None:
+    def __init__(self, asset: _abi.vrtm_asset, uv_set: int, tolerance: float, max_triangles: int) -> None:
         desc = new(_abi.vrtm_refinement_desc)
         desc.uv_set = natural("uv_set", uv_set, 32)
         desc.tolerance = tolerance
         desc.max_triangles = natural("max_triangles", max_triangles, 64)
         handle = _abi.vrtm_refinement()
-        check(library.vrtm_refinement_create(asset._handle, ctypes.byref(desc), ctypes.byref(handle)))
+        check(library.vrtm_refinement_create(asset, ctypes.byref(desc), ctypes.byref(handle)))
         self._handle = handle
         self._end = weakref.finalize(self, library.vrtm_refinement_destroy, handle)
 

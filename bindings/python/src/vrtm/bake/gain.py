@@ -9,16 +9,13 @@ up by one name.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from vrtm.bake.frames import Frame
+from vrtm.bake.part import Part
 from vrtm.bake.scene import SceneError, Shape
 from vrtm.bake.scene.topology import corner_starts
-
-if TYPE_CHECKING:
-    from vrtm.bake.part import Part
 
 Group = tuple[str, int]
 """The name of a part, and one of its layers."""
@@ -33,8 +30,6 @@ _CELLS = 512
 """Per tile: UVs of one vertex that are less than half a cell apart are one, as for the library, which is stricter."""
 _SAMPLE = 100_000
 """Of so many lengths a look suffices to find most that deforms."""
-_FINEST = 512
-"""Texels per side of what is looked up of a rigidity map."""
 
 
 def groups(parts: Sequence[Part]) -> list[Group]:
@@ -169,21 +164,6 @@ def _rigid(shape: Shape, part: Part, faces: np.ndarray) -> np.ndarray:
         (x0, y0), (x1, y1) = first.T, last.T
         found |= ~outside & (sums[y1, x1] - sums[y0, x1] - sums[y1, x0] + sums[y0, x0] > 0)
     return found
-
-
-def rigid_sums(rigidity: np.ndarray) -> np.ndarray:
-    """(height + 1, width + 1): how many blocks of texels that are not black lie below and to the left of each corner of
-    a map's blocks, from v = 0 on. `rigidity`: (height, width), the first row at the top."""
-    rigid = rigidity.reshape(rigidity.shape[0], rigidity.shape[1], -1).max(axis=2) > 0
-    for axis in (0, 1):
-        size = rigid.shape[axis]
-        # Blocks of one size, the last of which may be cut: a face's share of them is taken for a share of the map.
-        if size > _FINEST:
-            cuts = np.arange(_FINEST) * size // _FINEST
-            rigid = np.maximum.reduceat(rigid, cuts, axis=axis)
-    sums = np.zeros((rigid.shape[0] + 1, rigid.shape[1] + 1), np.int32)
-    sums[1:, 1:] = rigid[::-1].cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)
-    return sums
 
 
 class _Lengths:

@@ -11,13 +11,13 @@ from vrtm.bake.corners import corner_name
 from vrtm.bake.failure import INPUT, TOLERANCE, Failure, one_line
 from vrtm.bake.frames import Frame
 from vrtm.bake.mark import meshes_of
+from vrtm.bake.part import Part
 from vrtm.bake.settings import Settings
 from vrtm.bake.words import others
+from vrtm.bake.work import Work
 
 if TYPE_CHECKING:
     from vrtm.bake.layer import LayerPlan
-    from vrtm.bake.part import Part
-    from vrtm.bake.work import Work
 
 _SCENES = (".usda", ".usdc", ".usd", ".usdz")
 

@@ -260,11 +260,12 @@ class MeshWork:
             if whole:
                 stop()
                 corners.write(self.shape, frame, self._corner_uvs())
-            result.files.append(rows.file(corners.path, "written" if whole else "skipped", self.settings))
+            result.files.append(rows.file(corners.path, whole, self.settings))
         for tile in self.tiles:
             own = [(piece, record) for piece, record in zip(pieces, records) if piece.tile is tile]
             kept = next((record for piece, record in own if piece.is_redirection), None)
-            result.tiles.append(rows.row(tile, own, (kept or {}) | figures.get(tile, {}), self.settings))
+            files = [rows.file(piece.target.path, record is None, self.settings) for piece, record in own]
+            result.tiles.append(rows.row(tile, files, (kept or {}) | figures.get(tile, {}), self.settings))
         told = [tile["strain"] for tile in result.tiles]
         if measure and all(tile in figures for tile in self.tiles):
             told = [rows.strain(tile.tile.report()) for tile in self.tiles]

@@ -13,7 +13,6 @@ from vrtm.bake import warped
 from vrtm.bake.failure import describe, one_line
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
-from vrtm.bake.gain import rigid_sums
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene import SceneError, Shape
 from vrtm.bake.scene.images import find_maps, read_map, white
@@ -26,6 +25,8 @@ LEAST_MAP = 16
 """Texels per side; a rigidity map of fewer is no measure for a grid."""
 _DIM, _BEYOND = 0.1, 2.0
 """The largest value of a map that makes next to nothing white, and one beyond white that no filter leaves."""
+_FINEST = 512
+"""Texels per side of what is looked up of a rigidity map."""
 REST = "rest"
 """The name of the part that has the faces in no subset."""
 
@@ -150,7 +151,7 @@ class Part:
             if tile.layer == 0:
                 if rigidity is not None:
                     tile.set_rigidity(rigidity)
-                    self.rigid_sums[tile.udim] = rigid_sums(rigidity)
+                    self.rigid_sums[tile.udim] = _rigid_sums(rigidity)
                     self._look_at("rigidity", f"--rigidity {self.maps['rigidity'][tile.udim]}", rigidity)
                 if mask is not None:
                     tile.set_mask(mask)
@@ -246,3 +247,18 @@ def parts(
         if pattern is not None and not any(maps):
             find_maps(pattern, shape.name, sorted({udim for part in found for udim in part.all_udims}))
     return found
+
+
+def _rigid_sums(rigidity: np.ndarray) -> np.ndarray:
+    """(height + 1, width + 1): how many blocks of texels that are not black lie below and to the left of each corner of
+    a map's blocks, from v = 0 on. `rigidity`: (height, width), the first row at the top."""
+    rigid = rigidity.reshape(rigidity.shape[0], rigidity.shape[1], -1).max(axis=2) > 0
+    for axis in (0, 1):
+        size = rigid.shape[axis]
+        # Blocks of one size, the last of which may be cut: a face's share of them is taken for a share of the map.
+        if size > _FINEST:
+            cuts = np.arange(_FINEST) * size // _FINEST
+            rigid = np.maximum.reduceat(rigid, cuts, axis=axis)
+    sums = np.zeros((rigid.shape[0] + 1, rigid.shape[1] + 1), np.int32)
+    sums[1:, 1:] = rigid[::-1].cumsum(axis=0, dtype=np.int32).cumsum(axis=1, dtype=np.int32)
+    return sums

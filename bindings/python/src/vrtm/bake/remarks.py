@@ -1,19 +1,11 @@
-"""What is to be said of an open scene: what is odd about it, what was chosen for the user, and what is left out."""
+"""What is to be said of an open scene: what is odd about it, and what was chosen for the user."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
-
-from vrtm.bake import frames, gain
-from vrtm.bake.failure import INPUT, Failure
-from vrtm.bake.left_out import LeftOut
-from vrtm.bake.mesh_work import MeshWork
+from vrtm.bake import frames
 from vrtm.bake.scene.types import frame_number
 from vrtm.bake.words import numbered, others
-
-if TYPE_CHECKING:
-    from vrtm.bake.work import Work
+from vrtm.bake.work import Work
 
 
 def notes(work: Work) -> list[str]:
@@ -94,54 +86,3 @@ def facts(work: Work) -> list[str]:
     for rest, (first, *more) in of.items():
         lines.append(f"rest: {rest}" if rest == first else f"rest: {rest}: {first}{others(len(more))}")
     return lines
-
-
-def left_out(work: Work, still: list[str]) -> Iterator[LeftOut]:
-    """What options, maps and the range leave out; `still`: the meshes that do not deform."""
-    settings = work.settings
-    for path in still:
-        yield LeftOut("nothing deforms there; --meshes can name it", path, meant=True)
-    if settings.frames is not None:
-        there = work.scene.frames
-        if len(there) > frames.MOST:
-            yield LeftOut(f"all but {len(work.frames)} of {len(there)} frames: not in --frames", meant=True)
-        elif set(there) - set(work.frames):
-            others = tuple(sorted(set(there) - set(work.frames)))
-            yield LeftOut("not in --frames", frames=others, meant=True)
-    if work.missing_frames:
-        yield LeftOut(f"the scene has {frames.text(work.scene.frames)}", frames=work.missing_frames)
-    for mesh in work.meshes.values():
-        yield from mesh.left_out
-        without = tuple(udim for udim in mesh.all_udims if udim not in (settings.tiles or mesh.all_udims))
-        if without:
-            yield LeftOut("not in --tiles", mesh.shape.path, tiles=without, meant=True)
-    present = {udim for mesh in work.meshes.values() for udim in mesh.all_udims}
-    if settings.tiles is not None and not present & set(settings.tiles):
-        there = ", ".join(map(str, sorted(present)))
-        raise Failure(INPUT, f"--tiles: the scene has none of these; it has {there}")
-    missing = sorted(set(settings.tiles or ()) - present)
-    if missing:
-        yield LeftOut("no mesh has UVs there, which --tiles names", tiles=tuple(missing))
-    what = "no map of --rigidity" if settings.rigidity else "no values of --rigidity-primvar"
-    for part in work.parts:
-        udims = part.without("rigidity")
-        if udims:
-            name = part.shape.name
-            other = "<mesh>" in (settings.rigidity or "") and name != part.shape.path.rsplit("/", 1)[-1]
-            called = f" (<mesh> stands for {name})" if other else ""
-            yield LeftOut(f"{what}{called}: nothing keeps its shape there", part.where, tiles=tuple(udims))
-
-
-def without_gain(mesh: MeshWork, idle: dict[gain.Group, str]) -> Iterator[LeftOut]:
-    """The list's entries of what gains nothing. A part without any map has one that says so."""
-    if not mesh.parts[0].subset and len(set(idle.values())) == 1 and len(idle) == len(gain.groups(mesh.parts)):
-        (why,) = set(idle.values())
-        if why == gain.RIGIDLY or not mesh.parts[0].without("rigidity"):
-            yield LeftOut(why, mesh.shape.path, meant=True)
-        return
-    for part in mesh.parts:
-        for why in (gain.RIGIDLY, gain.NOTHING):
-            layers = tuple(layer for (subset, layer), reason in idle.items() if (subset, reason) == (part.subset, why))
-            every = len(layers) == len({tile.layer for tile in part.all_tiles})
-            if layers and not (every and why == gain.NOTHING and part.without("rigidity")):
-                yield LeftOut(why, part.where, layers=() if every else layers, meant=True)

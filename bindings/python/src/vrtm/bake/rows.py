@@ -7,14 +7,10 @@ import math
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import vrtm
+from vrtm.bake.part import TileWork
 from vrtm.bake.settings import Settings
-
-if TYPE_CHECKING:
-    from vrtm.bake.mesh_work import Piece
-    from vrtm.bake.part import TileWork
 
 
 @dataclass(frozen=True)
@@ -94,10 +90,8 @@ def place(tile: TileWork) -> dict:
     return {"udim": tile.udim, "layer": tile.layer, "layers": tile.tile.layers} | subset
 
 
-def row(tile: TileWork, own: list[tuple[Piece, dict | None]], figures: dict, settings: Settings) -> dict:
-    """A tile's row of the report."""
-    states = [(piece.target.path, "written" if record is None else "skipped") for piece, record in own]
-    files = [file(path, state, settings) for path, state in states]
+def row(tile: TileWork, files: list[dict], figures: dict, settings: Settings) -> dict:
+    """A tile's row of the report; `files`: those of its files."""
     written = any(entry["state"] == "written" for entry in files)
     found = {name: value for name, value in figures.items() if name not in ("strain", "map")}
     line: dict = place(tile) | {"state": "written" if written else "skipped", "grid": list(tile.cells)} | found
@@ -123,6 +117,7 @@ def tile_name(row: dict) -> str:
     return f"{row['udim']}{layer}" + (f" of {row['subset']}" if "subset" in row else "")
 
 
-def file(path: str, state: str, settings: Settings) -> dict:
+def file(path: str, is_new: bool, settings: Settings) -> dict:
     """A file's row of the report."""
+    state = "written" if is_new else "skipped"
     return {"path": os.path.relpath(path, settings.out).replace(os.sep, "/"), "state": state}

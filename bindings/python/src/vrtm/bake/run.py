@@ -77,7 +77,7 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
             work.look_for_gain(stop.check)
             if settings.layer:
                 layer_file.check(work)
-            work.check_files()
+            work.check_files(layer_file.names(settings)[1:] if settings.layer else ())
             for note in [*remarks.notes(work), *(layer_file.foretell(work) if settings.layer else ())]:
                 warn(note)
             for line in left_out.lines(left_out.unmeant(work.left_out)):

@@ -7,14 +7,14 @@ import dataclasses
 import functools
 import itertools
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from types import TracebackType
 
 import numpy as np
 import OpenImageIO as oiio
 
 import vrtm
-from vrtm.bake import frames, gain, image_file, layer_file, overwrite, remarks, sheet, staging, units, warped
+from vrtm.bake import frames, gain, image_file, not_baked, overwrite, sheet, staging, units, warped
 from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
@@ -78,7 +78,12 @@ class Work:
         copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
         self.meshes = {shape.name: self._mesh(shape, copies) for shape in self.shapes}
         unnamed = [entry for entry in self.scene.left_out if not set(entry.frames) & set(self.frames)]
-        self.left_out = [*unnamed, *remarks.left_out(self, still)]
+        self.left_out = [
+            *unnamed,
+            *(LeftOut("nothing deforms there; --meshes can name it", path, meant=True) for path in still),
+            *not_baked.of_frames(settings, self.scene.frames, self.frames, self.missing_frames),
+            *not_baked.of_meshes(settings, self.meshes.values()),
+        ]
         """All that is known not to be baked."""
         self.pattern = self._pattern(copies)
         self.idle: dict[str, dict[gain.Group, str]] = {}
@@ -172,7 +177,7 @@ class Work:
             )
             if idle:
                 self.idle[mesh.shape.name] = idle
-                self.left_out += remarks.without_gain(mesh, idle)
+                self.left_out += not_baked.without_gain(mesh, idle)
         self.leave_out(self.idle)
 
     def leave_out(self, idle: dict[str, dict[gain.Group, str]]) -> None:
@@ -229,8 +234,9 @@ class Work:
                     if fact in found:
                         yield os.path.join(self.settings.out, name), found[fact]
 
-    def check_files(self) -> None:
-        """Raises Conflict if a file cannot be written without the loss of another, Failure if a folder is missing."""
+    def check_files(self, of_layer: Sequence[str] = ()) -> None:
+        """Raises Conflict if a file cannot be written without the loss of another, Failure if a folder is missing.
+        `of_layer`: what is written beside the layer."""
         settings = self.settings
         # What is there where nothing is gained is removed, or wrong.
         there = [name for _, name in self._idle_names() if os.path.lexists(name)]
@@ -244,8 +250,7 @@ class Work:
         if settings.log is not None:
             # It is open.
             inputs.append((settings.log, "--log"))
-        if settings.layer:
-            outputs += [(path, "--layer") for path in layer_file.names(settings)[1:]]
+        outputs += [(path, "--layer") for path in of_layer]
         outputs += [(path, option) for option, path in settings.beside.items()]
         for name in (settings.out, *settings.beside.values()):
             # Raises UnicodeEncodeError for what is no UTF-8.

@@ -146,7 +146,7 @@ class Scene:
 def _files_of(path: str) -> tuple[str, ...]:
     if os.path.splitext(path)[1].lower() not in _USD:
         return (path,)
-    from vrtm.bake.scene.usd import open_stage, stage_files
+    from vrtm.bake.scene.usd_stage import open_stage, stage_files
 
     return (path, *stage_files(open_stage(path, SceneOptions())))
 

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from vrtm.bake.scene.alembic_file import AlembicMesh
 from vrtm.bake.scene.posed import PosedMesh
 from vrtm.bake.scene.refine import Cage
 from vrtm.bake.scene.rest import rest_from_file
 from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import check_mesh, corner_elements, per_vertex
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
-
-if TYPE_CHECKING:
-    from vrtm.bake.scene.alembic import AlembicMesh
 
 
 class AlembicShape(PosedMesh):

@@ -6,6 +6,7 @@ import os
 
 import numpy as np
 
+from vrtm.bake.scene.obj_file import read_obj
 from vrtm.bake.scene.topology import check_faces
 from vrtm.bake.scene.types import SceneError
 
@@ -16,8 +17,6 @@ def rest_from_file(
     """(vertices, 3) of the mesh of `file` that has the same path, else the same name, else is its only one; at the
     file's first frame; and how many meters its unit is, None if the file does not say it. Raises SceneError if no mesh
     fits, or its faces are not those of the mesh."""
-    from vrtm.bake.scene.obj import read_obj
-
     meters: dict[str, float | None] = {}
     if not os.path.isfile(file):
         raise SceneError(f"--rest {file}: no such file, and none of bind, pref, first and frame:N")
@@ -25,11 +24,11 @@ def rest_from_file(
         mesh = read_obj(file)
         found = [("", mesh.positions, mesh.counts, mesh.indices)]
     elif file.lower().endswith(".abc"):
-        from vrtm.bake.scene.alembic import AlembicFile
+        from vrtm.bake.scene.alembic_file import AlembicFile
 
         found = AlembicFile(file).meshes_at_first_frame()
     else:
-        from vrtm.bake.scene.usd import meshes_at_first_frame
+        from vrtm.bake.scene.usd_stage import meshes_at_first_frame
 
         found, meters = meshes_at_first_frame(file)
     same = [mesh for mesh in found if mesh[0] == path]

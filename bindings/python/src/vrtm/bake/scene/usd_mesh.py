@@ -17,6 +17,7 @@ from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import check_faces, check_mesh, corner_elements, per_vertex, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 from vrtm.bake.scene.usd_skel import Skeletons
+from vrtm.bake.scene.usd_stage import meters
 from vrtm.bake.scene.usd_uvs import find_uv, uv_sets
 from vrtm.bake.words import near
 
@@ -335,13 +336,3 @@ class UsdMesh(PosedMesh):
 
 def _counted(count: int) -> str:
     return f"{count} {'is' if count == 1 else 'are'}"
-
-
-def meters(attribute: Usd.Attribute, time: Usd.TimeCode) -> float | None:
-    """How many meters the unit of an attribute is: as the layer says that it is from, else the stage's own; None if
-    neither says it."""
-    layers = [spec.layer for spec in attribute.GetPropertyStack(time)[:1]]
-    for layer in (*layers, attribute.GetStage().GetRootLayer()):
-        if layer.pseudoRoot.HasInfo(UsdGeom.Tokens.metersPerUnit):
-            return float(layer.pseudoRoot.GetInfo(UsdGeom.Tokens.metersPerUnit))
-    return None

@@ -1,0 +1,193 @@
+"""USD stages: opened, their files, frames and units, and which of their meshes a renderer shows."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade
+
+from vrtm.bake import overwrite
+from vrtm.bake.left_out import LeftOut
+from vrtm.bake.mark import is_marked
+from vrtm.bake.scene.timing import FILE, Clock, rate
+from vrtm.bake.scene.topology import whole_frames
+from vrtm.bake.scene.types import SceneError, SceneOptions
+from vrtm.bake.words import cause, near
+
+
+def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
+    """Opens a stage, with variants selected in its session layer. Raises SceneError."""
+    try:
+        if options.population_mask:
+            stage = Usd.Stage.OpenMasked(path, Usd.StagePopulationMask(list(options.population_mask)))
+            stage.ExpandPopulationMask()
+        else:
+            stage = Usd.Stage.Open(path)
+    except Tf.ErrorException as error:
+        raise SceneError(f"{path}: {cause(error)}") from error
+    if stage is None:
+        raise SceneError(f"{path}: cannot be opened as a USD stage")
+    with Usd.EditContext(stage, stage.GetSessionLayer()):
+        for prim_path, name, variant in options.variants:
+            prim = stage.GetPrimAtPath(prim_path) if Sdf.Path.IsValidPathString(prim_path) else None
+            if not prim:
+                raise SceneError(f"{path}: variant {name}={variant}: there is no prim {prim_path}")
+            sets = prim.GetVariantSets()
+            if not sets.HasVariantSet(name):
+                other = near(name, sets.GetNames())
+                raise SceneError(f"{path} {prim_path}: no variant set '{name}' among {sets.GetNames()}{other}")
+            chosen = sets.GetVariantSet(name)
+            if variant not in chosen.GetVariantNames():
+                names = chosen.GetVariantNames()
+                raise SceneError(
+                    f"{path} {prim_path}: no variant '{variant}' of '{name}' among {names}{near(variant, names)}"
+                )
+            chosen.SetVariantSelection(variant)
+    return stage
+
+
+def unreadable(stage: Usd.Stage) -> list[tuple[str, str]]:
+    """What the stage's layers refer to and this build of USD cannot open, each with a sentence's end."""
+    found = {}
+    for layer in stage.GetUsedLayers():
+        for asset in layer.GetCompositionAssetDependencies():
+            kind = Sdf.FileFormat.GetFileExtension(asset)
+            if kind and not Sdf.FileFormat.FindByExtension(kind):
+                reason = f"this build of USD ({'.'.join(map(str, Usd.GetVersion()[1:]))}) opens no .{kind} files"
+                found[asset] = f"what it takes from {asset} is missing: {reason}"
+    return sorted(found.items())
+
+
+def stage_files(stage: Usd.Stage) -> tuple[str, ...]:
+    """The files of all layers and value clips that a stage uses, and the textures that its shaders and materials name.
+    Those that vrtm wrote are left out: a shot may have the layer of an earlier bake below it, which the next one
+    replaces."""
+    layers = [layer for layer in stage.GetUsedLayers() if layer.realPath]
+    found = {layer.realPath for layer in layers}
+    ours = {layer.identifier for layer in layers if is_marked(layer)}
+    for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()):
+        for name in prim.GetMetadata("clips") or ():
+            found.update(asset.resolvedPath for asset in Usd.ClipsAPI(prim).ComputeClipAssetPaths(name))
+        if prim.IsA(UsdShade.Shader) or prim.IsA(UsdShade.NodeGraph):
+            for attribute in prim.GetAuthoredAttributes():
+                if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset:
+                    found.update(_assets(attribute, ours))
+    files = sorted({Ar.SplitPackageRelativePathOuter(path)[0] for path in found})
+    return tuple(path for path in files if os.path.isfile(path) and not overwrite.is_ours(path))
+
+
+def _assets(attribute: Usd.Attribute, ours: set[str]) -> Iterator[str]:
+    """The files that an attribute names at any time, those of all tiles where it names a pattern. `ours`: layers of
+    earlier bakes, which name files of their own in every frame."""
+    for time in (Usd.TimeCode.Default(), *attribute.GetTimeSamples()):
+        layers = [spec.layer for spec in attribute.GetPropertyStack(time)]
+        asset = attribute.Get(time) if layers and layers[0].identifier not in ours else None
+        if not asset:
+            continue
+        if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
+            yield from (path for path, _ in UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layers[0]))
+        elif asset.resolvedPath:
+            yield asset.resolvedPath
+
+
+def authored_rate(stage: Usd.Stage) -> float | None:
+    """framesPerSecond, where a stage says it."""
+    return stage.GetFramesPerSecond() if stage.HasAuthoredMetadata("framesPerSecond") else None
+
+
+def stage_clock(stage: Usd.Stage, where: str, fps: float | str | None) -> Clock:
+    """The clock of a stage. Raises SceneError for rates that cannot be."""
+    if fps is None:
+        return Clock()
+    codes = stage.GetTimeCodesPerSecond()
+    if fps == FILE:
+        fps = authored_rate(stage)
+    if fps is None:
+        fps = (rate([time / codes for time in sample_times(stage)]) if codes > 0 else None) or codes
+    if not (0 < codes < math.inf and 0 < fps < math.inf):
+        raise SceneError(f"{where}: --fps cannot count {fps:g} frames and {codes:g} time codes per second")
+    return Clock(codes, fps)
+
+
+def sample_times(stage: Usd.Stage) -> list[float]:
+    """Of all time samples of meshes and animations."""
+    prims = Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())
+    found = (prim for prim in prims if prim.IsA(UsdGeom.PointBased) or prim.GetTypeName() == "SkelAnimation")
+    return sorted(
+        {t for prim in found for attribute in prim.GetAuthoredAttributes() for t in attribute.GetTimeSamples()}
+    )
+
+
+def stage_frames(
+    stage: Usd.Stage, where: str, warnings: list[str], left_out: list[LeftOut], clock: Clock
+) -> Sequence[int]:
+    """Whole frames from the stage's start to its end; of a stage without these, or with a start after its end, of
+    all time samples of its meshes and animations; (1,) where nothing moves."""
+    first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+    backwards = first > last
+    if backwards:
+        warnings.append(f"{where}: its start time code, {first:g}, is after its end, {last:g}: its time samples count")
+    if backwards or not stage.HasAuthoredTimeCodeRange():
+        times = sample_times(stage)
+        first, last = (times[0], times[-1]) if times else (clock.time(1),) * 2
+    slack = 0.0 if clock == Clock() else 1e-3
+    return whole_frames(clock.frame(first), clock.frame(last), where, warnings, left_out, slack)
+
+
+def meshes_of(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    """All meshes that are active, loaded and defined, those of instances as proxies."""
+    return (prim for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()) if prim.IsA(UsdGeom.Mesh))
+
+
+def hidden(prim: Usd.Prim, frames: Sequence[int], clock: Clock) -> str | None:
+    """Why a renderer does not show a mesh, as the end of a sentence; None if it shows it."""
+    imageable = UsdGeom.Imageable(prim)
+    purpose = imageable.ComputePurpose()
+    if purpose in (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy):
+        return f"has the purpose '{purpose}'"
+    codes = map(clock.time, _turns(prim, frames, clock))
+    if all(imageable.ComputeVisibility(code) == UsdGeom.Tokens.invisible for code in codes):
+        return "is invisible in all frames"
+    return None
+
+
+def _turns(prim: Usd.Prim, frames: Sequence[int], clock: Clock) -> set[int]:
+    """The frames from which a mesh may be visible or not: there are few of them, however many frames there are."""
+    turns = {frames[0]}
+    while prim:
+        visibility = prim.GetAttribute(UsdGeom.Tokens.visibility)
+        times = visibility.GetTimeSamples() if visibility else ()
+        turns.update(math.ceil(min(max(clock.frame(time), frames[0]), frames[-1])) for time in times)
+        prim = prim.GetParent()
+    return turns
+
+
+def meshes_at_first_frame(
+    file: str,
+) -> tuple[list[tuple[str, np.ndarray, np.ndarray, np.ndarray]], dict[str, float | None]]:
+    """(path, positions, face counts, indices) of all meshes of a file, at rest: skinned ones in their bind pose,
+    others at their first time sample; and by their paths how many meters their units are. Raises SceneError."""
+    stage = open_stage(file, SceneOptions())
+    found, units = [], {}
+    for prim in meshes_of(stage):
+        mesh = UsdGeom.Mesh(prim)
+        time = Usd.TimeCode.EarliestTime()
+        arrays = [mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()]
+        points, counts, indices = (np.array(attribute.Get(time) or ()) for attribute in arrays)
+        path = str(prim.GetPath())
+        units[path] = meters(mesh.GetPointsAttr(), time)
+        found.append((path, points.reshape(-1, 3), counts.astype(np.int32), indices.astype(np.int32)))
+    return found, units
+
+
+def meters(attribute: Usd.Attribute, time: Usd.TimeCode) -> float | None:
+    """How many meters the unit of an attribute is: as the layer says that it is from, else the stage's own; None if
+    neither says it."""
+    layers = [spec.layer for spec in attribute.GetPropertyStack(time)[:1]]
+    for layer in (*layers, attribute.GetStage().GetRootLayer()):
+        if layer.pseudoRoot.HasInfo(UsdGeom.Tokens.metersPerUnit):
+            return float(layer.pseudoRoot.GetInfo(UsdGeom.Tokens.metersPerUnit))
+    return None
