@@ -64,7 +64,7 @@ case $system in
         ;;
 esac
 python=
-for candidate in "${VRTM_VENV:-$target/venv}/bin/python" python3; do
+for candidate in "${VRTM_VENV:-$target/venv}/bin/python" "$target/venv-short/bin/python" python3; do
     [ -n "$python" ] || ! "$candidate" -c 'import hatchling, pip, pycparser, tomllib' 2>/dev/null || python=$candidate
 done
 if [ -z "$python" ]; then

@@ -19,12 +19,29 @@ if [ -z "${VRTM_LIBRARY:-}" ]; then
     VRTM_LIBRARY=$(ls "$target"/debug/libvrtm.so "$target"/debug/libvrtm.dylib 2>/dev/null | head -n 1)
 fi
 export VRTM_LIBRARY PYTHONDONTWRITEBYTECODE=1
-# A wheel, built without looking for anything outside of the environment.
 wheels=$target/python
-rm -rf "$wheels"
-"$venv/bin/pip" wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir "$wheels" \
-    "$repository/bindings/python" &&
-    "$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --no-index --force-reinstall "$wheels"/*.whl || {
+built=$target/python-built
+mkdir -p "$wheels"
+# Several may install it at the same time.
+exec 9>"$wheels/lock"
+! command -v flock >/dev/null || flock 9
+# A wheel, built without looking for anything outside of the environment. The same files make the same wheel: what uses an
+# installed one is then not disturbed.
+rm -rf "$built"
+"$venv/bin/pip" wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir "$built" \
+    "$repository/bindings/python" || {
+    echo "FAILED python: the wheel cannot be built"
+    exit 1
+}
+wheel=$(basename "$built"/*.whl)
+cmp -s "$built/$wheel" "$wheels/$wheel" || {
+    rm -f "$wheels"/*.whl
+    mv "$built/$wheel" "$wheels/"
+}
+cmp -s "$wheels/$wheel" "$venv/$wheel" || {
+    "$venv/bin/pip" install --quiet --disable-pip-version-check --no-deps --no-index --force-reinstall "$wheels/$wheel" &&
+        cp "$wheels/$wheel" "$venv/"
+} || {
     echo "FAILED python: the package cannot be installed"
     exit 1
 }

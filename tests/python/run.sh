@@ -2,7 +2,11 @@
 # Installs the Python package with pip, as a user would, and runs its tests and those of the Blender add-on; ends with how
 # many passed, as cargo's tests do. The exit code is 0 if none failed.
 #
-#     tests/python/run.sh [PYTEST OPTION...]
+#     tests/python/run.sh [python|blender|short] [PYTEST OPTION...]
+#
+# python, blender: the package's tests, or the add-on's; without a word both, beside each other. short: the style of all
+# code, and tests that the package solves, bakes, tells errors, and does what its documents show, in an environment that is
+# quick to make.
 #
 # Variables: VRTM_VENV, the folder of the virtual environment (target/venv), which setup.sh makes; VRTM_LIBRARY, a shared
 # library that is built already (else cargo builds one with the tests' profile); VRTM_REQUIRE_PYTHON=1: what would be
@@ -12,6 +16,12 @@ here=$(cd "$(dirname "$0")" && pwd)
 repository=$(cd "$here/../.." && pwd)
 target=${CARGO_TARGET_DIR:-$repository/target}
 venv=${VRTM_VENV:-$target/venv}
+word=
+case ${1:-} in python | blender | short) word=$1 && shift ;; esac
+requirements=requirements.txt
+if [ "$word" = short ] && ! [ -f "$venv/requirements.txt" ]; then
+    venv=${VRTM_VENV:-$target/venv-short} requirements=short.txt
+fi
 # The longest that all tests of one folder may take, in seconds.
 seconds=${VRTM_PYTHON_SECONDS:-2400}
 
@@ -23,7 +33,7 @@ end() { # PASSED FAILED SKIPPED
     exit
 }
 
-why=$(sh "$here/setup.sh" "$venv") || {
+why=$(sh "$here/setup.sh" "$venv" $requirements) || {
     if [ "${VRTM_REQUIRE_PYTHON:-0}" = 1 ]; then
         echo "FAILED python: $why"
         end 0 1 0
@@ -38,17 +48,27 @@ export PYTHONDONTWRITEBYTECODE=1
 
 passed=0 failed=0 skipped=0
 # Style and likely mistakes; the settings stand in bindings/ruff.toml.
-if (cd "$repository/bindings" && "$venv/bin/ruff" check --quiet --no-cache . &&
-    "$venv/bin/ruff" format --check --quiet --no-cache .); then
-    passed=1
-else
-    echo "FAILED ruff: see above (ruff check --fix, ruff format)"
-    failed=1
-fi
-# Both folders at once, so that one uses the processors while the other one reads files or compiles.
-folders="bindings/python bindings/blender"
+case $word in '' | short)
+    if (cd "$repository/bindings" && "$venv/bin/ruff" check --quiet --no-cache . &&
+        "$venv/bin/ruff" format --check --quiet --no-cache .); then
+        passed=1
+    else
+        echo "FAILED ruff: see above (ruff check --fix, ruff format)"
+        failed=1
+    fi
+    ;;
+esac
+case $word in
+    '') folders="bindings/python bindings/blender" ;;
+    short)
+        folders=bindings/python
+        set -- tests/test_arrays.py tests/test_errors.py tests/test_header.py tests/test_readme.py tests/test_results.py "$@"
+        ;;
+    *) folders=bindings/$word ;;
+esac
 for folder in $folders; do
-    report=$target/python/$(basename $folder)
+    report=$target/python/${word:-$(basename $folder)}
+    rm -f "$report.code" "$report.xml"
     (
         cd "$repository/$folder" || exit 1
         limit=
@@ -60,7 +80,7 @@ for folder in $folders; do
 done
 wait
 for folder in $folders; do
-    report=$target/python/$(basename $folder).xml
+    report=$target/python/${word:-$(basename $folder)}.xml
     cat "${report%.xml}.log"
     code=$(cat "${report%.xml}.code" 2>/dev/null || echo 1)
     # What pytest counted; a run that ended without a report counts as one failure.

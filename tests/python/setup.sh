@@ -1,21 +1,30 @@
 #!/bin/sh
 # Makes the virtual environment that tests in Python run in: Blender as a Python module, OpenImageIO, MaterialX, USD and
-# what is small beside these; about 450 MB to load and 1.5 GB on disk.
+# what is small beside these; about 450 MB to load and 1.5 GB on disk. The short one has what the package itself needs.
 #
-#     tests/python/setup.sh FOLDER
+#     tests/python/setup.sh FOLDER [requirements.txt|short.txt]
 #
 # Prints nothing if it is there. Where it cannot be made, prints one line that says why, and ends with exit code 3.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 folder=${1:?setup.sh FOLDER}
-stamp=$folder/requirements.txt
+requirements=${2:-requirements.txt}
+stamp=$folder/$requirements
 
 cannot() {
     echo "$1"
     exit 3
 }
 
-if cmp -s "$here/requirements.txt" "$stamp"; then
+# Several may want it at the same time.
+mkdir -p "$folder"
+exec 9>"$folder/lock"
+! command -v flock >/dev/null || flock 9
+asked() {
+    cat "$here/short.txt"
+    [ "$requirements" = short.txt ] || cat "$here/$requirements"
+}
+if asked | cmp -s - "$stamp"; then
     exit 0
 fi
 python=${PYTHON:-python3.11}
@@ -32,6 +41,6 @@ trap 'rm -f "$log"' EXIT
 limit=
 ! command -v timeout >/dev/null || limit="timeout ${VRTM_SETUP_SECONDS:-900}"
 $limit "$folder/bin/pip" install --quiet --disable-pip-version-check --retries 1 --timeout 15 --no-deps \
-    -r "$here/requirements.txt" >"$log" 2>&1 || cannot "the packages cannot be had: $(tail -n 1 "$log" | cut -c1-200)"
-"$folder/bin/python" -c 'import bpy' >"$log" 2>&1 || cannot "Blender's Python module does not load: $(tail -n 1 "$log")"
-cp "$here/requirements.txt" "$stamp"
+    -r "$here/$requirements" >"$log" 2>&1 || cannot "the packages cannot be had: $(tail -n 1 "$log" | cut -c1-200)"
+[ "$requirements" = short.txt ] || "$folder/bin/python" -c 'import bpy' >"$log" 2>&1 || cannot "Blender's Python module does not load: $(tail -n 1 "$log")"
+asked >"$stamp"

@@ -52,12 +52,10 @@ end_wine() {
     [ ! -d "$hosts/wine" ] || { "$wineserver" -k; rm -rf "$hosts/wine"; } 2>/dev/null
 }
 
-found=$(sh "$here/setup.sh" "$target") || {
-    skip "$(echo "$found" | tail -n 1)"
+why=$(sh "$here/setup.sh" "$target") || {
+    skip "$(echo "$why" | tail -n 1)"
     finish
 }
-eval "$found"
-export RUSTC
 
 # ---- What differs between targets
 
@@ -94,20 +92,25 @@ esac
 
 # ---- The libraries
 
+cd "$repository" || exit 1
+native=${VRTM_LIBRARY:-}
+if [ -z "$native" ]; then
+    cargo build --package vrtm-c >"$hosts/log" 2>&1 || {
+        bad "this machine's library is built" "$hosts/log"
+        finish
+    }
+    native=${CARGO_TARGET_DIR:-target}/debug/libvrtm.so
+fi
+native=$(cd "$(dirname "$native")" && pwd)/$(basename "$native")
+
 # The hosts are small, and the bits are the same at any level: what counts is the time to build.
 export CARGO_INCREMENTAL=0 CARGO_PROFILE_RELEASE_OPT_LEVEL=1
 export CARGO_TARGET_DIR="$folder"
 cross() {
-    if [ "$STD" = sources ]; then
-        # A release builds std from its sources as a nightly compiler does, if it is taken for one.
-        RUSTC_BOOTSTRAP=1 CARGO_UNSTABLE_BUILD_STD=std,panic_unwind "$CARGO" "$@" --target "$triple"
-    else
-        "$CARGO" "$@" --target "$triple"
-    fi
+    cargo "$@" --target "$triple"
 }
 export CARGO_TARGET_X86_64_PC_WINDOWS_GNU_LINKER=x86_64-w64-mingw32-gcc-posix
 export CARGO_TARGET_AARCH64_UNKNOWN_LINUX_GNU_LINKER=aarch64-linux-gnu-gcc
-cd "$repository" || exit 1
 start=$(date +%s)
 if ! cross fetch >"$hosts/log" 2>&1; then
     tail -n 3 "$hosts/log"
@@ -125,14 +128,6 @@ cp "$folder/$triple/release/$library" "$hosts/"
 
 here_folder=$hosts/this-machine
 mkdir -p "$here_folder"
-native=${VRTM_LIBRARY:-}
-if [ -z "$native" ]; then
-    "$CARGO" build --release --package vrtm-c --no-default-features >"$hosts/log" 2>&1 || {
-        bad "this machine's library is built" "$hosts/log"
-        finish
-    }
-    native=$folder/release/libvrtm.so
-fi
 cp "$native" "$here_folder/libvrtm.so" && ln -sf libvrtm.so "$here_folder/libvrtm.so.0"
 
 # ---- Hosts
