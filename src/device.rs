@@ -130,7 +130,7 @@ impl Device {
     /// # Errors
     /// For [`Backend::Gpu`], `Unsupported` if no GPU was found or it cannot be opened, and `InvalidArgument` for an
     /// unknown number or identity; `InvalidArgument` for more than 1024 threads or an unreadable environment variable;
-    /// `Unsupported` for an allocator without the cargo feature `allocator`; `OutOfMemory`.
+    /// `Unsupported` for an allocator unless [`crate::Allocator`] is the global one; `OutOfMemory`.
     pub fn new(settings: &DeviceSettings) -> Result<Device> {
         Device::with(settings, Overrides::read(variable)?)
     }
@@ -152,7 +152,7 @@ impl Device {
 
     fn with(settings: &DeviceSettings, overrides: Overrides) -> Result<Device> {
         if settings.allocator.is_some() && !allocation::is_installed() {
-            let why = "allocator: this build of the library lacks the feature for it";
+            let why = "allocator: the program's global allocator is not vrtm::Allocator";
             return Err(Error::new(ErrorKind::Unsupported, why));
         }
         in_memory_of(settings, || Device::make(settings, overrides))

@@ -12,8 +12,7 @@
 //! arrays sized by user input. Small allocations such as messages abort the process when memory is exhausted, as
 //! everywhere in Rust.
 //!
-//! The cargo feature `allocator` installs a global allocator for the whole program. With it, the process survives that
-//! too, and [`DeviceSettings::allocator`] is supported.
+//! A program whose global allocator is [`Allocator`] survives that too, and [`DeviceSettings::allocator`] is supported in it.
 //!
 //! # Example
 //!
@@ -88,7 +87,7 @@ pub use map::certificate::desc::{MapDesc, MapReport};
 pub use refine::TOLERANCE;
 pub use refine::pattern::RefinementPattern;
 pub use refine::{Refinement, RefinementInfo, RefinementSettings};
-pub use vrtm_core::allocation::HostAllocator;
+pub use vrtm_core::allocation::{Allocator, HostAllocator};
 pub use vrtm_core::control::{Control, ProgressFn};
 pub use vrtm_core::error::{Error, ErrorKind, Result};
 pub use vrtm_core::image::external::{ExternalHandle, ExternalImage};

@@ -27,7 +27,11 @@ struct Header {
     whole: usize,
 }
 
-/// See the module's documentation.
+/// A global allocator, which a program may have for itself:
+/// `#[global_allocator] static ALLOCATOR: vrtm::Allocator = vrtm::Allocator;`. Large blocks come from a host's allocator if
+/// the calling thread works for a device that has one, all others from the system; small blocks that the system refuses come
+/// from a reserve. The shared library brings it along.
+#[derive(Debug)]
 pub struct Allocator;
 
 impl Record {

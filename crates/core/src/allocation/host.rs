@@ -22,7 +22,7 @@ pub(super) struct Record {
 /// Memory from a host, for everything sized by user input: meshes, maps, grids, results, a solve's arrays. Blocks of at
 /// least 4 KiB come from it; smaller ones, such as messages, from the system. Clones are handles to the same allocator.
 ///
-/// It needs the cargo feature `allocator`; without it, making a device with an allocator fails.
+/// It needs the program's global allocator to be `Allocator`; otherwise making a device with one fails.
 #[derive(PartialEq, Eq)]
 pub struct HostAllocator(NonNull<Record>);
 
