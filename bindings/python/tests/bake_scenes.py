@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TextIO
+from unittest import mock
 
 import numpy as np
 import OpenImageIO as oiio
@@ -15,8 +20,10 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 import scenes
 import vrtm
+from vrtm.bake import warped
 from vrtm.bake.scene import Scene
 from vrtm.bake.scene.images import read_map
+from vrtm.cli import main
 
 PACKAGE = Path(__file__).resolve().parents[1]
 REPOSITORY = PACKAGE.parents[1]
@@ -33,13 +40,56 @@ def vrtm_command(*arguments: object, **environment: str) -> tuple[list[str], dic
     return [sys.executable, "-m", "vrtm.cli", *map(str, arguments)], kept | {"PYTHONPATH": path} | environment
 
 
+@contextlib.contextmanager
+def _caught(name: str) -> Iterator[TextIO]:
+    """A file that gets what is written to a standard stream in the block, by Python and by libraries."""
+    before = getattr(sys, name)
+    before.flush()
+    descriptor = {"stdout": 1, "stderr": 2}[name]
+    kept = os.dup(descriptor)
+    with tempfile.TemporaryFile("w+", encoding="utf-8", errors="backslashreplace") as file:
+        os.dup2(file.fileno(), descriptor)
+        setattr(sys, name, file)
+        try:
+            yield file
+        finally:
+            setattr(sys, name, before)
+            os.dup2(kept, descriptor)
+            os.close(kept)
+
+
 def run(*arguments: object, expect: int | None = 0, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Runs the console command to its end, and expects an exit code."""
+    """Runs the console command to its end, and expects an exit code: in this process, which saves the start of Python
+    and its modules, unless it is to have variables of its own."""
     command, variables = vrtm_command(*arguments, **environment)
-    ended = subprocess.run(command, env=variables, capture_output=True, text=True, timeout=300)
+    if environment:
+        ended = subprocess.run(command, env=variables, capture_output=True, text=True, timeout=300)
+    else:
+        ended = _run_here(command[3:], variables)
     if expect is not None:
         assert ended.returncode == expect, f"{ended.returncode}: {ended.stdout[-2000:]}{ended.stderr[-2000:]}"
     return ended
+
+
+def _run_here(arguments: list[str], variables: dict[str, str]) -> subprocess.CompletedProcess[str]:
+    # A process of its own would know no textures yet.
+    warped.read.cache_clear()
+    warped.extension.cache_clear()
+    with (
+        _caught("stdout") as out,
+        _caught("stderr") as err,
+        mock.patch.object(sys, "argv", ["vrtm", *arguments]),
+        mock.patch.dict(os.environ, variables, clear=True),
+    ):
+        try:
+            code = main()
+        except SystemExit as ended:
+            code = ended.code
+        told = []
+        for file in (out, err):
+            file.seek(0)
+            told.append(file.read())
+    return subprocess.CompletedProcess(arguments, code, *told)
 
 
 def files(folder: Path) -> dict[str, bytes]:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
 import resource
-import subprocess
 from pathlib import Path
 
 import pytest
 from pxr import Sdf, Usd
 
-from bake_scenes import files, image, pixels, run, sheet, sheet_arguments, vrtm_command
+from bake_scenes import files, image, pixels, run, sheet, sheet_arguments
 from scenes import bind, preview_material
 from vrtm.bake import staging
+from vrtm.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -36,14 +38,17 @@ def all_kinds(scene: Path, folder: Path) -> list[object]:
     return sheet_arguments(scene, folder / "out", *more, "--report", folder / "report.json")
 
 
-def limited(arguments: list[object], largest: int) -> subprocess.CompletedProcess[str]:
-    """Runs the command where no file can be larger than so many bytes: writes beyond that fail, as on a full disk."""
-    command, variables = vrtm_command(*arguments)
-
-    def limit() -> None:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
-
-    return subprocess.run(command, env=variables, preexec_fn=limit, capture_output=True, text=True, timeout=300)
+def limited(arguments: list[object], largest: int) -> tuple[int, str]:
+    """Runs the command where no file can be larger than so many bytes: writes beyond that fail, as on a full disk. The
+    exit code, and what it says of that."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as told:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (largest, hard))
+        try:
+            code = main([str(argument) for argument in arguments])
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    return code, told.getvalue()
 
 
 def test_files_are_whole_or_not_there(scene: Path, tmp_path: Path) -> None:
@@ -58,18 +63,18 @@ def test_files_are_whole_or_not_there(scene: Path, tmp_path: Path) -> None:
     for largest in sorted({size - less for size in kinds.values() for less in (1, 200)} | {min(sizes.values()) // 2}):
         folder = tmp_path / str(largest)
         folder.mkdir()
-        ended = limited(all_kinds(scene, folder), largest)
+        code, told = limited(all_kinds(scene, folder), largest)
         found = files(folder)
         fits = all(size <= largest for size in sizes.values())
-        assert ended.returncode == (0 if fits else 2), f"{largest}: {ended.returncode} {ended.stderr}"
+        assert code == (0 if fits else 2), f"{largest}: {code} {told}"
         # One line names the file.
-        assert fits or any(name in ended.stderr.splitlines()[-1] for name in sizes), ended.stderr
-        assert "Traceback" not in ended.stderr
+        assert fits or any(name in told.splitlines()[-1] for name in sizes), told
+        assert "Traceback" not in told
         for name, content in found.items():
             # Times stand in the report.
             assert name == "report.json" or content == expected[name], f"{name} at {largest} bytes"
         if "report.json" in found:
-            assert json.loads(found["report.json"])["exit_code"] == ended.returncode
+            assert json.loads(found["report.json"])["exit_code"] == code
 
 
 def test_a_damaged_file_is_not_left_on_a_full_disk(scene: Path, tmp_path: Path) -> None:
@@ -79,8 +84,8 @@ def test_a_damaged_file_is_not_left_on_a_full_disk(scene: Path, tmp_path: Path) 
         path = tmp_path / name
         for damage in (expected[name][: len(expected[name]) // 2], expected[name][:-3]):
             path.write_bytes(damage)
-            ended = limited(all_kinds(scene, tmp_path), 100)
-            assert ended.returncode == 2 and name in ended.stderr, ended.stderr
+            code, told = limited(all_kinds(scene, tmp_path), 100)
+            assert code == 2 and name in told, told
             # The report, too, is too large; but it is whole, and of an earlier run.
             left = files(tmp_path)
             assert name not in left and all(left[other] == expected[other] for other in left if other != "report.json")
@@ -88,8 +93,8 @@ def test_a_damaged_file_is_not_left_on_a_full_disk(scene: Path, tmp_path: Path) 
             assert path.read_bytes() == expected[name]
     # One that is whole, and only out of date, stays until another is there.
     name = "out/redirect.0001.1001.exr"
-    ended = limited([*all_kinds(scene, tmp_path), "--quality", "draft"], 1000)
-    assert ended.returncode == 2 and files(tmp_path)[name] == expected[name]
+    code, _ = limited([*all_kinds(scene, tmp_path), "--quality", "draft"], 1000)
+    assert code == 2 and files(tmp_path)[name] == expected[name]
 
 
 def test_files_reach_the_disk_before_they_get_their_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -122,6 +127,6 @@ def test_a_layer_that_cannot_be_written_leaves_the_one_before(scene: Path, tmp_p
     run(*all_kinds(scene, tmp_path))
     layer = tmp_path / "over.usda"
     before = layer.read_bytes()
-    ended = limited([*all_kinds(scene, tmp_path), "--only-layer"], 300)
-    assert ended.returncode == 2 and "over" in ended.stderr.splitlines()[-1]
+    code, told = limited([*all_kinds(scene, tmp_path), "--only-layer"], 300)
+    assert code == 2 and "over" in told.splitlines()[-1]
     assert layer.read_bytes() == before and Sdf.Layer.FindOrOpen(str(layer))

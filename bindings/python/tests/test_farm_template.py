@@ -20,7 +20,7 @@ from bake_scenes import INSTALLED, files, run, sheet, sheet_arguments
 from scenes import bind, materialx_material
 from vrtm.farm import template
 
-FRAMES = 12
+FRAMES = 8
 OPTIONS = "--size 256 --jacobian"
 
 
@@ -111,8 +111,8 @@ def test_a_job_writes_what_a_local_run_does(farm: Farm, local: dict[str, bytes],
     assert ended.returncode == 0, told[-3000:]
     assert files(tmp_path / "out") == local
     assert "openjd_progress: 100.0" in told and "openjd_status: writing" in told
-    # Three chunks of two tiles, and the layer.
-    assert told.count("Running Task") == 7
+    # Two chunks of two tiles, and the layer.
+    assert told.count("Running Task") == 5
 
 
 @pytest.mark.parametrize("way", ["SIGTERM", "SIGKILL to all"])
@@ -180,9 +180,9 @@ def test_paths_are_mapped(farm: Farm, local: dict[str, bytes], tmp_path: Path) -
     shutil.copytree(farm.scene.parent, tmp_path / "there" / "scene")
     command = farm.command("run", Path("/artist/out"), "--path-mapping-rules", f"file://{rules}")
     command = [word.replace(str(farm.scene.parent), "/artist/scene") for word in command]
+    # One chunk of them will do.
+    command[command.index(f"Frames=1-{FRAMES}")] = "Frames=1-2"
     ended = subprocess.run(command, env=farm.environment, capture_output=True, text=True, timeout=280)
     assert ended.returncode == 0, ended.stdout[-3000:]
-    found = files(tmp_path / "there" / "out")
-    assert {name: found[name] for name in found if name.endswith(".exr")} == {
-        name: local[name] for name in local if name.endswith(".exr")
-    }
+    maps = {name: content for name, content in files(tmp_path / "there" / "out").items() if name.endswith(".exr")}
+    assert len(maps) == 2 * 2 * 2 and maps.items() <= local.items()

@@ -99,7 +99,7 @@ def test_await(device, model):
 
 def test_progress(slow):
     seen = []
-    slow.tile(1001).set_settings(grid_width=1024, grid_height=1024)
+    slow.tile(1001).set_settings(grid_width=512, grid_height=512)
     slow.solve(slow.pose, progress=seen.append)
     assert len(seen) > 3 and seen == sorted(seen) and 0 <= seen[0] and seen[-1] <= 1
     with pytest.raises(vrtm.CancelledError):
@@ -115,10 +115,11 @@ def test_progress(slow):
 def test_the_gil_is_released(slow):
     counted = 0
     job = slow.submit(slow.pose)
-    thread = threading.Thread(target=job.result)
+    thread = threading.Thread(target=concurrent.futures.wait, args=([job],))
     thread.start()
-    while not job.done():
+    while not job.done() and counted <= 1000:
         counted += 1
+    job.cancel()
     thread.join()
     assert counted > 1000
 
@@ -168,7 +169,7 @@ PRELUDE = """
     model = sheet(33)
     device = vrtm.Device("cpu")
     asset = vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces)
-    asset.tile(1001).set_settings(grid_width=4096, grid_height=4096)
+    asset.tile(1001).set_settings(grid_width=2048, grid_height=2048)
     asset.tile(1001).set_rigidity(studs(1024, 64))
 """
 
@@ -184,13 +185,18 @@ def run(code, **how):
 def test_ctrl_c():
     """Ctrl-C in the middle of a solve ends it, and the asset goes on."""
     done = run("""
-        threading.Timer(0.3, lambda: signal.raise_signal(signal.SIGINT)).start()
-        start = time.perf_counter()
+        seen = []
+
+        def tell(fraction):
+            seen.append(fraction)
+            if len(seen) == 2:
+                signal.raise_signal(signal.SIGINT)
+
         try:
-            asset.solve(model.pose, quality="high")
+            asset.solve(model.pose, quality="high", progress=tell)
             print("not interrupted")
         except KeyboardInterrupt:
-            print("interrupted" if time.perf_counter() - start < 2 else "late")
+            print("interrupted" if seen[-1] < 0.9 else "late")
         asset.tile(1001).set_settings(grid_width=64, grid_height=64)
         print(asset.solve(model.pose).charts_active)
     """)
@@ -201,7 +207,7 @@ def test_the_end_of_a_process():
     """A process may end while jobs run that call Python functions, and with everything left open."""
     done = run("""
         other = vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces)
-        job = asset.submit(model.pose, quality="high", progress=lambda fraction: None)
+        job = asset.submit(model.pose, quality="high", progress=lambda fraction: time.sleep(0.01))
         time.sleep(0.1)
         print(job.running())
     """)
