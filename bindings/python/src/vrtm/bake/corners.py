@@ -62,16 +62,10 @@ class CornerFile:
 
 def _recorded(path: str) -> dict | None:
     """What a file tells of itself; None if it cannot be read, or its values are not those that it tells of."""
-    from pxr import Sdf, Tf
-
     from vrtm.bake.layer import values_hash
+    from vrtm.bake.mark import found_in
 
     if not os.path.isfile(path):
         return None
-    try:
-        # Anonymous: USD would hand out what it read of an earlier file of that name.
-        layer = Sdf.Layer.OpenAsAnonymous(path)
-        recorded = dict(layer.customLayerData)
-        return recorded if recorded.get(_VALUES) == values_hash(layer) else None
-    except (Tf.ErrorException, AttributeError, RuntimeError, ValueError, TypeError):
-        return None
+    told, values = found_in(path, lambda layer: (dict(layer.customLayerData), values_hash(layer)), ({}, ""))
+    return told if told.get(_VALUES) == values else None

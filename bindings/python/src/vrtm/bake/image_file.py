@@ -15,8 +15,9 @@ import OpenImageIO as oiio
 from vrtm.bake import overwrite, staging
 from vrtm.bake.failure import INPUT, Failure, one_line
 from vrtm.bake.fingerprint import Fingerprint
-from vrtm.bake.scene.images import said
+from vrtm.bake.scene.images import KEPT, said
 
+_TYPES = {ours: theirs for theirs, ours in KEPT.items()}
 _PIXELS = "vrtm:pixels"
 _FIGURES = "vrtm:figures"
 # TIFF has no attributes of one's own: there they are JSON in the description.
@@ -100,7 +101,7 @@ def up_to_date(target: Target, replace: bool = False) -> dict | None:
         return None
     if target.width and (spec.width, spec.height) != (target.width, target.height):
         return None
-    if (spec.nchannels, str(spec.format)) != (len(target.channels), _type(target.dtype)):
+    if (spec.nchannels, str(spec.format)) != (len(target.channels), _TYPES[target.dtype]):
         return None
     if target.format == "openexr" and tuple(spec.channelnames) != target.channels:
         return None
@@ -183,7 +184,7 @@ def _ends(path: str) -> bool:
 
 
 def _spec(target: Target) -> oiio.ImageSpec:
-    spec = oiio.ImageSpec(target.width, target.height, len(target.channels), _type(target.dtype))
+    spec = oiio.ImageSpec(target.width, target.height, len(target.channels), _TYPES[target.dtype])
     spec.channelnames = target.channels
     spec.alpha_channel = target.alpha
     spec.attribute("compression", "zip")
@@ -203,7 +204,3 @@ def _facts(spec: oiio.ImageSpec, form: str) -> dict:
 def _digest(pixels: np.ndarray, facts: Mapping[str, object]) -> str:
     """A hash of the pixels, and of the figures that are told of them."""
     return Fingerprint().array(pixels).text(facts.get(_FIGURES, "")).hex()
-
-
-def _type(dtype: str) -> str:
-    return {"float16": "half", "float32": "float"}.get(dtype, dtype)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
-from pxr import Sdf, Tf, Vt
+from pxr import Sdf, Vt
 
 from vrtm.bake.fingerprint import Fingerprint
+
+Found = TypeVar("Found")
 
 _KIND, _CONTENT, _MESHES = "vrtm_kind", "vrtm_content", "vrtm_meshes"
 CORNERS = "corners"
@@ -21,15 +24,24 @@ def mark(layer: Sdf.Layer, kind: str, meshes: Sequence[str] = ()) -> None:
 
 def meshes_of(path: str) -> list[str]:
     """The meshes that a layer of vrtm redirects; none if it is none."""
+    return found_in(path, lambda layer: list(layer.customLayerData.get(_MESHES, ())), [], values=False)
+
+
+def found_in(path: str, look: Callable[[Sdf.Layer], Found], otherwise: Found, values: bool = True) -> Found:
+    """What there is in a layer's file, be its values read or not; `otherwise` if it cannot be read."""
     try:
-        return list(Sdf.Layer.OpenAsAnonymous(path, metadataOnly=True).customLayerData.get(_MESHES, ()))
-    except (Tf.ErrorException, AttributeError, RuntimeError):
-        return []
+        # Anonymous: USD would hand out what it read of an earlier file of that name.
+        return look(Sdf.Layer.OpenAsAnonymous(path, metadataOnly=not values))
+    except (AttributeError, RuntimeError, ValueError, TypeError):
+        # There is no layer, or something of it is damaged.
+        return otherwise
 
 
-def has_mark(told: dict) -> bool:
-    """Whether what a layer tells of itself has a mark, be it right or not."""
-    return _KIND in told
+def is_marked_file(path: str) -> bool:
+    """The same as `is_marked` of a file."""
+    # Most have no mark, which takes no reading of all their values.
+    has_mark = found_in(path, lambda layer: _KIND in layer.customLayerData, False, values=False)
+    return has_mark and found_in(path, is_marked, False)
 
 
 def is_marked(layer: Sdf.Layer) -> bool:

@@ -92,10 +92,12 @@ def is_ours(path: str) -> bool:
         return False
     if size == 0:
         return True
-    if start == _CRATE:
-        return _is_cut_short(path, size) or _is_marked_layer(path)
-    if start.startswith(_LAYER):
-        return _is_marked_layer(path)
+    if start == _CRATE and _is_cut_short(path, size):
+        return True
+    if start == _CRATE or start.startswith(_LAYER):
+        from vrtm.bake.mark import is_marked_file
+
+        return is_marked_file(path)
     return b"".join(text[: 1 << 10].split()).startswith((_REPORT, _TEMPLATE))
 
 
@@ -109,19 +111,6 @@ def _is_cut_short(path: str, size: int) -> bool:
             return True
         file.seek(place)
         return size < place + 8 + 32 * int.from_bytes(file.read(8), "little")
-
-
-def _is_marked_layer(path: str) -> bool:
-    from pxr import Sdf, Tf
-
-    from vrtm.bake.mark import has_mark, is_marked
-
-    try:
-        # Most have no mark, which takes no reading of all their values.
-        told = Sdf.Layer.OpenAsAnonymous(path, metadataOnly=True).customLayerData
-        return has_mark(told) and is_marked(Sdf.Layer.OpenAsAnonymous(path))
-    except (Tf.ErrorException, AttributeError, RuntimeError, ValueError):
-        return False
 
 
 def _keys(path: str, folders: dict[str, str]) -> list[object]:

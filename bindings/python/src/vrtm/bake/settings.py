@@ -14,20 +14,6 @@ OVERLAP = EACH
 """What is done with such charts unless something else is asked for."""
 AUTO = "auto"
 """A size of maps that follows from what they hold."""
-TILE_SETTINGS = (
-    "seams",
-    "seam_reach",
-    "open_borders",
-    "overlap",
-    "smoothness",
-    "smoothness_floor",
-    "orientation",
-    "orientation_density",
-    "room",
-    "room_threshold",
-    "protect",
-)
-"""Settings that are the library's settings of a tile, by its names."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +84,9 @@ class Settings:
 
     @property
     def tile_settings(self) -> dict[str, object]:
-        """The library's settings of a tile, as far as they are given."""
-        given = {name: value for name in TILE_SETTINGS if (value := getattr(self, name)) is not None}
+        """The library's settings of a tile, by its names, as far as they are given."""
+        names = vrtm.TileSettings.__annotations__
+        given = {name: value for name in names if (value := getattr(self, name, None)) is not None}
         # Layers do not overlap, and what is left of overlaps in them does not move.
         return given | {"overlap": "first_face" if self.overlap == "first" else "fixed"}
 

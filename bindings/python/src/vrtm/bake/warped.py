@@ -22,7 +22,7 @@ from vrtm.bake import tokens
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.image_file import Target
-from vrtm.bake.scene.images import opened, said, white
+from vrtm.bake.scene.images import KEPT, opened, texels_of, white
 from vrtm.resample import MARGIN, interpolated, turned
 
 Fetch = Callable[[str, int, int, int, int], np.ndarray]
@@ -33,7 +33,6 @@ VERSION = 1
 
 _KINDS = ("redirect", "warp", "jacobian", "filter")
 _FORMATS = {"openexr": ".exr", "png": ".png", "tiff": ".tif"}
-_KEPT_AS = {"uint8": "uint8", "uint16": "uint16", "half": "float16", "float": "float32"}
 # Attributes that say how pixels are stored in one file, or when and by what it was made, and not what they mean.
 _FILE_ONLY = re.compile(
     r"(compression|DateTime|Software|textureformat|oiio:(?!ColorSpace$|UnassociatedAlpha$).*|openexr:.*|tiff:.*|png:.*"
@@ -103,19 +102,12 @@ def listed(textures: tuple[str, ...], normal_maps: tuple[str, ...], down: bool) 
 def read(path: str) -> Texture:
     """Reads a texture. Its channels are independent values: neither is alpha multiplied in, nor are colours converted.
     Raises SceneError, Failure."""
-    with opened(path) as file:
-        spec = file.spec()
-        if (spec.width, spec.height, spec.x, spec.y) != (spec.full_width, spec.full_height, spec.full_x, spec.full_y):
-            raise Failure(INPUT, f"{path}: its data window is not the whole image")
-        dtype = _KEPT_AS.get(str(spec.format), "float32")
-        pixels = file.read_image(0, 0, 0, spec.nchannels, {"float16": "half", "float32": "float"}.get(dtype, dtype))
-        if pixels is None:
-            raise Failure(INPUT, f"{path}: {said(file) or 'cannot be read'}")
-        source = file.format_name()
-    pixels = np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
+    spec, pixels, source = texels_of(path)
+    if (spec.width, spec.height, spec.x, spec.y) != (spec.full_width, spec.full_height, spec.full_x, spec.full_y):
+        raise Failure(INPUT, f"{path}: its data window is not the whole image")
     channels = tuple(spec.channelnames)
     kept = {a.name: (str(a.type), a.value) for a in spec.extra_attribs if _can_be_kept(a)}
-    form = _format(source, dtype, len(channels))
+    form = _format(source, str(pixels.dtype), len(channels))
     hashed = Fingerprint().text(VERSION, oiio.__version__, form, channels, spec.alpha_channel).array(pixels)
     for name in sorted(kept):
         hashed.text(name, kept[name])
@@ -140,7 +132,7 @@ def extension(path: str) -> str:
     """Of the names of a texture's copies. Only the texture's header is read. Raises SceneError."""
     with opened(path) as file:
         spec = file.spec()
-        return _FORMATS[_format(file.format_name(), _KEPT_AS.get(str(spec.format), "float32"), spec.nchannels)]
+        return _FORMATS[_format(file.format_name(), KEPT.get(str(spec.format), "float32"), spec.nchannels)]
 
 
 def _format(source: str, dtype: str, channels: int) -> str:

@@ -13,7 +13,7 @@ from pxr import Sdf, Tf, UsdGeom, Vt
 from vrtm.bake import staging
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.layer.plan import PRIMVAR, LayerPlan
-from vrtm.bake.mark import CORNERS, mark
+from vrtm.bake.mark import CORNERS, found_in, mark
 from vrtm.bake.overwrite import check
 from vrtm.bake.scene.types import Shape
 from vrtm.bake.words import cause
@@ -96,10 +96,7 @@ def export(layer: Sdf.Layer, path: str | os.PathLike[str], told: Callable[[Sdf.L
             raise OSError(errno.EIO, cause(error), path) from error
 
     def is_whole(temporary: str) -> bool:
-        try:
-            return told(Sdf.Layer.OpenAsAnonymous(temporary)) == expected
-        except (Tf.ErrorException, AttributeError, RuntimeError):
-            return False
+        return found_in(temporary, lambda found: told(found) == expected, False)
 
     # USD's writers put a file of their own in the place of what is there: they get a name with an ending.
     staging.write(path, body, os.path.splitext(path)[1], is_whole)

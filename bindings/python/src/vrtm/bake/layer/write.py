@@ -15,6 +15,7 @@ from vrtm.bake.layer.plan import LayerError, LayerPlan
 from vrtm.bake.mark import mark
 from vrtm.bake.overwrite import Conflict, check
 from vrtm.bake.scene import Scene, SceneOptions, Shape
+from vrtm.bake.scene.usd_stage import populated
 from vrtm.bake.words import others
 
 # What a root layer says of a whole stage. Layers with other time codes per second would be scaled in time.
@@ -156,11 +157,7 @@ def compose(layer: Sdf.Layer, shot: str, options: SceneOptions, muted: str | Non
     for prim_path, name, variant in options.variants:
         Sdf.CreatePrimInLayer(layer, prim_path).variantSelections[name] = variant
     root.subLayerPaths = [layer.identifier, below.identifier]
-    if options.population_mask:
-        stage = Usd.Stage.OpenMasked(root, Usd.StagePopulationMask(list(options.population_mask)))
-        stage.ExpandPopulationMask()
-    else:
-        stage = Usd.Stage.Open(root)
+    stage = populated(root, options)
     # A shot that has the layer of an earlier bake below it is taken without.
     for earlier in same_file(stage.GetUsedLayers(), muted) if muted else ():
         stage.MuteLayer(earlier.identifier)

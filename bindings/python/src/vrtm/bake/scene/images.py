@@ -22,8 +22,8 @@ except ImportError as error:
 
 MOST = "VRTM_MAX_IMAGE"
 """The environment variable that says how many texels the sides of an image may have, if it is square."""
-# What vrtm takes as it is; all others become f32.
-KEPT = {"uint8": np.uint8, "uint16": np.uint16, "half": np.float16, "float": np.float32}
+# The formats that vrtm takes as they are, and what numpy calls them; all others become f32.
+KEPT = {"uint8": "uint8", "uint16": "uint16", "half": "float16", "float": "float32"}
 
 
 def find_maps(
@@ -80,7 +80,7 @@ def read_map(path: str) -> np.ndarray:
     grey all over), else R, else the first. Alpha does not count, values are not converted as colours, and what lies
     outside of the data window is 0. Raises SceneError.
     """
-    spec, texels = _texels(path)
+    spec, texels, _ = texels_of(path)
     return _whole(spec, _one_channel(list(spec.channelnames), texels))
 
 
@@ -88,7 +88,7 @@ def read_colours(path: str) -> np.ndarray:
     """(height, width, 3) f32 of an image's first part, first row at the top: its R, G and B as they are stored, but for
     integers, which are divided by their largest value; or three times the channel that read_map would take. Raises
     SceneError."""
-    spec, texels = _texels(path)
+    spec, texels, _ = texels_of(path)
     short = _short(list(spec.channelnames))
     channels = [texels[..., short.index(c)] for c in "RGB" if c in short]
     if len(channels) < 3:
@@ -152,15 +152,16 @@ def _most() -> int:
     return int(given)
 
 
-def _texels(path: str) -> tuple[oiio.ImageSpec, np.ndarray]:
-    """(height, width, channels) of the data window, as it is stored."""
+def texels_of(path: str) -> tuple[oiio.ImageSpec, np.ndarray, str]:
+    """The header, (height, width, channels) of the data window as it is stored, and the file's format. Raises
+    SceneError."""
     with opened(path) as image:
-        spec = image.spec()
+        spec, form = image.spec(), image.format_name()
         kept = KEPT.get(str(spec.format))
         texels = image.read_image(0, 0, 0, spec.nchannels, spec.format if kept else oiio.FLOAT)
         if texels is None:
             raise SceneError(f"{path}: {said(image) or 'cannot be read'}")
-    return spec, np.asarray(texels).reshape(spec.height, spec.width, spec.nchannels)
+    return spec, np.asarray(texels).reshape(spec.height, spec.width, spec.nchannels), form
 
 
 def _short(names: list[str]) -> list[str]:

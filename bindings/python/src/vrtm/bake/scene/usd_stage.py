@@ -18,14 +18,19 @@ from vrtm.bake.scene.types import SceneError, SceneOptions
 from vrtm.bake.words import cause, near
 
 
+def populated(root: str | Sdf.Layer, options: SceneOptions) -> Usd.Stage:
+    """A stage of a file or a layer, with the prims that the options name."""
+    if not options.population_mask:
+        return Usd.Stage.Open(root)
+    stage = Usd.Stage.OpenMasked(root, Usd.StagePopulationMask(list(options.population_mask)))
+    stage.ExpandPopulationMask()
+    return stage
+
+
 def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
     """Opens a stage, with variants selected in its session layer. Raises SceneError."""
     try:
-        if options.population_mask:
-            stage = Usd.Stage.OpenMasked(path, Usd.StagePopulationMask(list(options.population_mask)))
-            stage.ExpandPopulationMask()
-        else:
-            stage = Usd.Stage.Open(path)
+        stage = populated(path, options)
     except Tf.ErrorException as error:
         raise SceneError(f"{path}: {cause(error)}") from error
     if stage is None:
