@@ -48,14 +48,14 @@ pub(crate) mod context {
     use vrtm_core::report::AdapterInfo;
 
     #[derive(Clone, Copy, Debug, Default)]
-    pub(crate) struct Options {
+    pub struct Options {
         pub webgpu_limits: bool,
         #[allow(dead_code)]
         pub band: Option<usize>,
     }
 
     #[derive(Debug)]
-    pub(crate) struct Context {
+    pub struct Context {
         pub options: Options,
         absent: Absent,
     }
