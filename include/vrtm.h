@@ -345,14 +345,7 @@ typedef struct vrtm_image_out {
     // channel is 0; with 4, for a redirection, the fourth is 1 where a chart covers the texel's centre and 0
     // elsewhere.
     uint32_t channels;
-    // 1 = make a redirection one-to-one even when a renderer interpolates between its texels: values around folds of
-    // the interpolated map are moved, by less than a texel in most maps, and by several where a warp is crumpled or
-    // the format is f16 (vrtm_tile_inspect_map reports the error). No f32 map is known that keeps folds. f16 may be
-    // too coarse for the map's size: the call then succeeds, writes the values as without one_to_one, the log warns,
-    // and vrtm_tile_inspect_map with the same settings counts the `folds`. The call needs 9 bytes per texel and up to
-    // 11 MB of additional memory. It takes little longer than without one_to_one for most maps, and up to two hundred
-    // times as long for crumpled ones. Not available for a part of an image (vrtm_tile_fetch_part). 0 (the default) =
-    // every value is that of the redirection at the texel's centre. Ignored for other kinds.
+    // Has no function any more: 0. Another value is refused with VRTM_ERROR_UNSUPPORTED.
     uint32_t one_to_one;
     // Where to write the first texel of the first row. Need not be aligned.
     void *data;
@@ -1331,11 +1324,9 @@ vrtm_status vrtm_asset_fetch_face_layers(vrtm_asset asset,
 
 // Writes a part of one output of the last solve, for images that are too large to be held in memory at once: of an
 // image of `width` x `height` texels, the rectangle of `image`'s size that starts at the column `x` and the row `y`.
-// Rows are counted in the order of image->origin. On the CPU, parts equal those of the whole image bit for bit. A
-// redirection with one_to_one depends on the whole map and must be fetched whole.
+// Rows are counted in the order of image->origin. On the CPU, parts equal those of the whole image bit for bit.
 //
-// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside the whole image;
-// VRTM_ERROR_UNSUPPORTED for a redirection with image->one_to_one, unless the part is the whole.
+// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside the whole image.
 VRTM_API
 vrtm_status vrtm_tile_fetch_part(vrtm_tile tile,
                                  vrtm_fetch_kind kind,
@@ -1366,7 +1357,7 @@ typedef struct vrtm_map_desc {
     uint32_t width;
     // Texels in v, 1 to 16384.
     uint32_t height;
-    // As vrtm_image_out.one_to_one.
+    // Has no function any more: 0. Another value is refused with VRTM_ERROR_UNSUPPORTED.
     uint32_t one_to_one;
 } vrtm_map_desc;
 
@@ -1377,7 +1368,7 @@ typedef struct vrtm_map_data {
     uint32_t struct_size;
     // Quads of four neighbouring texel centres on which the interpolated map, in the numbers that a fetch writes, is
     // not one-to-one: 0 certifies that the map is one-to-one everywhere between the centres of the tile's outermost
-    // texels. If a map with one_to_one has more than 0, its format is too coarse for its size, and no value was moved.
+    // texels.
     uint64_t folds;
     // Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves).
     double min_jacobian;
@@ -1388,9 +1379,7 @@ typedef struct vrtm_map_data {
     // Largest error in the charts.
     double error_max;
     // Width at which the map has no folds: the given size, or the first that works of two and four times that size,
-    // then a half, a quarter and so on; 0 if no size was found. Larger maps often have more folds; one_to_one removes
-    // all folds at any size if the format is precise enough: f32, or f16 for REDIRECTION_DELTA unless a region moves
-    // far and is squeezed.
+    // then a half, a quarter and so on; 0 if no size was found. Larger maps often have more folds.
     uint32_t sufficient_width;
     // Height at which the map has no folds; see `sufficient_width`.
     uint32_t sufficient_height;
@@ -1400,13 +1389,12 @@ typedef struct vrtm_map_data {
 // without folds has an inverse without folds, but a map samples the inverse at texel centres only, and a renderer's
 // interpolation between them may fold where the warp squeezes. This function reports whether it folds, how far it is
 // from the exact redirection, and which size suffices. It takes about as long as fetching the map and a second map of
-// twice its size or the grid's, and longer if it has to search for another size. With one_to_one, the map is inspected
-// exactly as it would be written. Other maps are computed on the CPU: if a GPU writes them, single quads that almost
-// fold may be counted differently.
+// twice its size or the grid's, and longer if it has to search for another size. The map is computed on the
+// CPU: if a GPU writes it, single quads that almost fold may be counted differently.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
-// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is not a redirection, or a size
-// out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
+// integer format or a one_to_one that is not 0; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that
+// is not a redirection, or a size out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_inspect_map(vrtm_tile tile,
                                   const vrtm_map_desc *desc,
@@ -1766,7 +1754,7 @@ typedef struct vrtm_external_image {
 // bit.
 //
 // Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM. Other kinds are computed on the CPU and not supported
-// here; nor are f16, a third or fourth channel, one_to_one, parts of an image, VkImage, memory dedicated to a
+// here; nor are f16, a third or fourth channel, parts of an image, VkImage, memory dedicated to a
 // resource, D3D12 resources or semaphores. Use vrtm_tile_fetch for these.
 //
 // Synchronisation: nothing on the host's device may use the texels during the call. The call returns when the GPU has

@@ -340,12 +340,6 @@ public:
         c_.channels = count;
         return *this;
     }
-    // Makes a redirection one-to-one even where a renderer interpolates between its texels.
-    ImageOut &one_to_one(bool wanted = true) noexcept
-    {
-        c_.one_to_one = wanted;
-        return *this;
-    }
 };
 
 // An output image in memory of the host's own Vulkan device: the fields of vrtm_external_image.
@@ -382,11 +376,6 @@ public:
         c_.height = height;
         c_.kind = vrtm::value(kind);
         c_.format = vrtm::value(format);
-    }
-    MapDesc &one_to_one(bool wanted = true) noexcept
-    {
-        c_.one_to_one = wanted;
-        return *this;
     }
     const vrtm_map_desc &c() const noexcept { return c_; }
 

@@ -1,6 +1,5 @@
 //! The images that a host fetches: the redirection and other images of a tile (`fetch`), W⁻¹ at texel centres
-//! (`inverse`), the map made one-to-one under bilinear interpolation (`untangle`), and a map's certificate
-//! (`certificate`).
+//! (`inverse`), and a map's certificate (`certificate`).
 
 pub(crate) mod canvas;
 pub(crate) mod certificate;
@@ -10,7 +9,6 @@ pub(crate) mod external;
 pub(crate) mod fetch;
 pub(crate) mod inverse;
 pub(crate) mod nodes;
-mod untangle;
 mod uv_set;
 
 use std::fmt::Display;

@@ -83,9 +83,9 @@ fn main() {
     }
     println!("\n## Outputs, of a result at `normal`\n");
     println!(
-        "| scene | grid | texels | map | nanoseconds per texel | one-to-one | derivatives | f16, 4 channels | corner UVs |"
+        "| scene | grid | texels | map | nanoseconds per texel | derivatives | f16, 4 channels | corner UVs |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|");
     for model in &models {
         for &grid in &args.grids {
             outputs(&args, &device, model, grid);
@@ -146,7 +146,7 @@ fn solves(args: &Args, device: &Device, model: &Model, grid: u32, quality: Quali
         }
     }
     let mut image = Image::new(grid, 2, PixelFormat::F32);
-    let map = shortest(args.repeats, || image.fetch(&asset, FetchKind::Redirection, false));
+    let map = shortest(args.repeats, || image.fetch(&asset, FetchKind::Redirection));
     asset.solve(model.frame(1), &SolveOptions { measure: true, ..options }).expect("a solve");
     let report = asset.tile_report(0).expect("a report");
     println!(
@@ -178,9 +178,8 @@ impl Image {
         Image { bytes: vec![0; (size * size * texel) as usize], layout }
     }
 
-    fn fetch(&mut self, asset: &Asset, kind: FetchKind, one_to_one: bool) {
-        let layout = ImageLayout { one_to_one, ..self.layout };
-        let mut image = ImageViewMut::new("image", &mut self.bytes, layout).expect("an image");
+    fn fetch(&mut self, asset: &Asset, kind: FetchKind) {
+        let mut image = ImageViewMut::new("image", &mut self.bytes, self.layout).expect("an image");
         asset.fetch(0, kind, &mut image).expect("an output");
     }
 }
@@ -195,15 +194,14 @@ fn outputs(args: &Args, device: &Device, model: &Model, grid: u32) {
         let mut floats = Image::new(texels, 2, PixelFormat::F32);
         let mut halves = Image::new(texels, 4, PixelFormat::F16);
         let mut matrices = Image::new(texels, 4, PixelFormat::F32);
-        let map = shortest(args.repeats, || floats.fetch(&asset, FetchKind::Redirection, false));
-        let one = shortest(args.repeats, || floats.fetch(&asset, FetchKind::Redirection, true));
-        let jacobian = shortest(args.repeats, || matrices.fetch(&asset, FetchKind::Jacobian, false));
-        let half = shortest(args.repeats, || halves.fetch(&asset, FetchKind::RedirectionDelta, false));
+        let map = shortest(args.repeats, || floats.fetch(&asset, FetchKind::Redirection));
+        let jacobian = shortest(args.repeats, || matrices.fetch(&asset, FetchKind::Jacobian));
+        let half = shortest(args.repeats, || halves.fetch(&asset, FetchKind::RedirectionDelta));
         let corner = shortest(args.repeats, || {
             asset.corner_uvs(&mut uvs).expect("corner UVs");
         });
         println!(
-            "| {} | {grid} | {texels} | {map:.2} | {:.1} | {one:.2} | {jacobian:.2} | {half:.2} | {corner:.2} |",
+            "| {} | {grid} | {texels} | {map:.2} | {:.1} | {jacobian:.2} | {half:.2} | {corner:.2} |",
             model.name,
             map * 1e6 / f64::from(texels * texels),
         );

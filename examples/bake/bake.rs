@@ -119,7 +119,7 @@ impl<'a> Bake<'a> {
         let Tile { sizes, inputs, .. } = &self.tiles[tile];
         let [width, height] = sizes[usize::from(kind == FetchKind::Warp)];
         let mut data = vec![[0.0f32; 3]; width as usize * height as usize];
-        let mut image = ImageViewMut::from_texels("image", &mut data, [width, height])?.one_to_one();
+        let mut image = ImageViewMut::from_texels("image", &mut data, [width, height])?;
         self.asset.fetch(tile, kind, &mut image)?;
         let mut inputs = inputs.clone();
         add(&mut inputs, format!("{kind:?} {width} {height} {}", self.poses.digest128()).bytes());
@@ -132,7 +132,7 @@ impl<'a> Bake<'a> {
     pub fn reports(&self) -> vrtm::Result<(AssetReport, Vec<(TileReport, MapReport)>)> {
         let of = |(index, tile): (usize, &Tile)| {
             let (kind, format) = (FetchKind::Redirection, PixelFormat::F32);
-            let map = MapDesc { kind, format, size: tile.sizes[0], one_to_one: true };
+            let map = MapDesc { kind, format, size: tile.sizes[0] };
             Ok((self.asset.tile_report(index)?, self.asset.inspect_map(index, &map)?))
         };
         Ok((self.asset.report()?, self.tiles.iter().enumerate().map(of).collect::<vrtm::Result<_>>()?))

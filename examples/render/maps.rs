@@ -110,7 +110,7 @@ impl Solved {
             true => (FetchKind::RedirectionDelta, PixelFormat::F16),
             false => (FetchKind::Redirection, PixelFormat::F32),
         };
-        let desc = MapDesc { kind, format, size: [side; 2], one_to_one: false };
+        let desc = MapDesc { kind, format, size: [side; 2] };
         self.asset.inspect_map(tile, &desc).map_err(|error| format!("tile {}: {error}", self.udims[tile]))
     }
 

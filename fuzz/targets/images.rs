@@ -124,7 +124,7 @@ impl Target {
         let bytes = layout.span(channels)?;
         let mut memory = Memory::new(if bytes > LARGEST { 0 } else { bytes as usize }, input.below(2));
         let mut c = sized::<vrtm_image_out>();
-        (c.format, c.channels, c.one_to_one) = (layout.format, channels as u32, input.below(2) as u32);
+        (c.format, c.channels) = (layout.format, channels as u32);
         [c.width, c.height] = layout.size;
         (c.pixel_stride, c.row_stride, c.origin) = (layout.pixel, layout.row, layout.origin);
         c.data = if bytes > LARGEST { nowhere() } else { memory.pointer() };
@@ -235,7 +235,6 @@ unsafe fn step(input: &mut Input, sheet: &Sheet, asset: vrtm_asset, tile: vrtm_t
                 [desc.width, desc.height] = [(); 2].map(|()| input.odd(33, &[0, 1, 2, 200, 20_000]));
                 desc.kind = input.pick(&kinds);
                 desc.format = input.pick(&[VRTM_PIXEL_F32, VRTM_PIXEL_F16, VRTM_PIXEL_U8, -1]);
-                desc.one_to_one = input.below(3) as u32;
                 let mut data = sized::<vrtm_map_data>();
                 if check(vrtm_tile_inspect_map(tile, &desc, &mut data)) {
                     assert!(data.error_rms <= data.error_max && data.error_p99 <= data.error_max);

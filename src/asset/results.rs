@@ -14,7 +14,6 @@ use vrtm_core::image::{ImagePart, ImageViewMut};
 use vrtm_core::mesh::Mesh;
 use vrtm_core::panics::lock;
 use vrtm_core::report::{AssetReport, GpuWork, TileReport, report};
-use vrtm_core::settings::LogLevel;
 use vrtm_core::team::Team;
 use vrtm_core::unwind::caught;
 
@@ -22,7 +21,7 @@ use super::stretch::Stretch;
 use crate::map::canvas::Canvas;
 use crate::map::certificate::desc::{MapDesc, MapReport};
 use crate::map::dilation::Dilation;
-use crate::map::fetch::{self, Output, Written};
+use crate::map::fetch::{self, Output};
 use crate::map::inverse::Outputs;
 use crate::map::{FetchKind, certificate, external};
 use crate::solver::solved::Solved;
@@ -147,8 +146,7 @@ impl Results {
     /// bands; on the CPU the parts are bit-identical to the whole image.
     ///
     /// # Errors
-    /// Those of [`Results::fetch`]; `InvalidArgument` if the part is not inside of the whole; `Unsupported` for a part of
-    /// a redirection with [`crate::ImageLayout::one_to_one`], which depends on the whole map.
+    /// Those of [`Results::fetch`]; `InvalidArgument` if the part is not inside of the whole.
     pub fn fetch_part(
         &self,
         tile: usize,
@@ -216,7 +214,7 @@ impl Results {
             }
             result
         };
-        let Written { folds, limited } = match self.0.outputs.try_lock() {
+        let limited = match self.0.outputs.try_lock() {
             Ok(mut outputs) => write(&mut outputs)?,
             Err(TryLockError::Poisoned(poisoned)) => write(&mut poisoned.into_inner())?,
             // Another thread is fetching: calls never wait for each other, so this one uses its own memory.
@@ -227,13 +225,6 @@ impl Results {
                 result?
             }
         };
-        if folds > 0 {
-            let message = format!(
-                "{}: {folds} quads of a map fold that was to be one-to-one: its numbers are too coarse for its size",
-                solved.mesh.name()
-            );
-            device.log(LogLevel::Warning, &message);
-        }
         if let Some(limited) = limited {
             solved.limited.set(&limited);
         }

@@ -18,36 +18,6 @@ impl Canvas {
         Canvas { pixels: AtomicPtr::new(image.as_mut_ptr()), layout: image.layout }
     }
 
-    /// The first two channels of a texel that has been written; row 0 is at v = 0.
-    #[inline(always)]
-    pub fn get(&self, x: usize, y: usize) -> [f64; 2] {
-        let TexelLayout { width, height, channels, format, .. } = self.layout;
-        assert!(x < width as usize && y < height as usize && channels >= 2);
-        let at = self.layout.offset(x, y);
-        // SAFETY: as in `put_from`, and the texel has been written.
-        unsafe {
-            let from = self.pixels.load(Ordering::Relaxed).add(at);
-            match format {
-                PixelFormat::F16 => {
-                    let [x, y] = from.cast::<[f16; 2]>().read_unaligned();
-                    [x.into(), y.into()]
-                }
-                _ => {
-                    let [x, y] = from.cast::<[f32; 2]>().read_unaligned();
-                    [x.into(), y.into()]
-                }
-            }
-        }
-    }
-
-    /// The largest relative rounding error of a written number.
-    pub fn epsilon(&self) -> f64 {
-        match self.layout.format {
-            PixelFormat::F16 => f64::from(f16::EPSILON) / 2.0,
-            _ => f64::from(f32::EPSILON) / 2.0,
-        }
-    }
-
     /// Writes the first channels of a texel; row 0 is at v = 0.
     #[inline(always)]
     pub fn put<const N: usize>(&self, x: usize, y: usize, values: [f64; N]) {

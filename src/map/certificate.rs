@@ -31,7 +31,7 @@ pub(crate) fn inspect(
     desc: &MapDesc,
 ) -> Result<MapReport> {
     let mut outputs = Outputs::default();
-    let mut reader = Reader { device, team, mesh, solved, outputs: &mut outputs, whole: None };
+    let mut reader = Reader { device, team, mesh, solved, outputs: &mut outputs };
     // If memory runs short, the outputs' memory must not stay on the device's account.
     let report = caught(|| inspect_with(&mut reader, desc));
     outputs.release(device);

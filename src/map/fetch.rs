@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicPtr, Ordering};
 
 use crate::device::Device;
-use vrtm_core::allocation::{Collect, boxed};
+use vrtm_core::allocation::Collect;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::planes::Plane;
 use vrtm_core::image::ImagePart;
@@ -17,8 +17,6 @@ use super::canvas::Canvas;
 use super::chart_texels::ChartTexels;
 use super::inverse::{self, Area, Centres, Outputs, Room};
 use super::nodes::{self, NodeRows};
-use super::untangle::Untangler;
-use super::untangle::written::WrittenMap;
 use super::uv_set::OtherSet;
 use crate::solver::solved::Solved;
 use vrtm_core::grid::gutter::LimitedTexels;
@@ -39,16 +37,8 @@ pub(crate) struct Output<'a> {
     content: Content<'a>,
 }
 
-/// What was found while an output was written.
-pub(crate) struct Written {
-    /// Quads that still fold in a map that was to be one-to-one.
-    pub folds: u64,
-    /// Of a redirection, what was limited.
-    pub limited: Option<LimitedTexels>,
-}
-
 enum Content<'a> {
-    Inverse { form: Form, centres: Centres, coverage: Option<ChartTexels>, untangler: Option<Box<Untangler>> },
+    Inverse { form: Form, centres: Centres, coverage: Option<ChartTexels> },
     Jacobian { is_scale: bool },
     Warp { nodes: NodeRows<'a>, rows: Vec<Vec<[f32; 2]>> },
     OtherSet { centres: Centres, set: OtherSet<'a> },
@@ -63,17 +53,12 @@ impl<'a> Output<'a> {
         part: &ImagePart,
         image: &TexelLayout,
     ) -> Result<Output<'a>> {
-        if image.one_to_one && kind.is_redirection() && part.extent() != part.size {
-            let message = "image.one_to_one: takes the whole image, as values depend on the whole map";
-            return Err(Error::new(ErrorKind::Unsupported, message));
-        }
         let content = match kind {
             FetchKind::Redirection | FetchKind::RedirectionDelta | FetchKind::RedirectionUdim => {
                 Content::Inverse {
                     form: Form::new(kind, &solved.mesh),
                     centres: Centres::new(part),
                     coverage: (image.channels as usize > ALPHA).then(|| ChartTexels::new(part)),
-                    untangler: image.one_to_one.then(|| boxed(Untangler::new(part.size))),
                 }
             }
             FetchKind::UvSet(uv_set) | FetchKind::UvSetDelta(uv_set) => {
@@ -97,14 +82,14 @@ impl<'a> Output<'a> {
         Ok(Output { solved, part: *part, owners, limited: LimitedTexels::default(), content })
     }
 
-    /// Writes the output to `image`, which has the size of the part.
+    /// Writes the output to `image`, which has the size of the part. Returns what was limited of a redirection.
     pub fn write(
         self,
         device: &Device,
         team: &Team,
         outputs: &mut Outputs,
         image: &mut ImageViewMut,
-    ) -> Result<Written> {
+    ) -> Result<Option<LimitedTexels>> {
         let Output { solved, part, mut owners, limited, content } = self;
         if let (Some(owners), Some(tile)) = (&mut owners, &solved.extended) {
             owners.draw(team, tile, &part);
@@ -114,16 +99,12 @@ impl<'a> Output<'a> {
         let room = gutter.map(|gutter| Room { gutter, limited: &limited });
         let area = Area { part: &part, owners: owners.as_ref(), room };
         let canvas = Canvas::new(image);
-        let mut folds = 0;
         match content {
-            Content::Inverse { form, centres, coverage, untangler } => {
+            Content::Inverse { form, centres, coverage } => {
                 outputs.invert(device, team, solved, &area, &centres, |x, y, uv, delta| {
                     let [u, v] = form.value(uv, delta);
                     canvas.put(x, y, [u, v, 0.0]);
                 })?;
-                if let Some(untangler) = untangler {
-                    folds = untangler.untangle(team, &WrittenMap::new(&canvas, form, part.size));
-                }
                 if let Some(mut coverage) = coverage {
                     coverage.draw(team, &solved.mesh, &part);
                     team.run(part.extent()[1], |y| {
@@ -148,7 +129,7 @@ impl<'a> Output<'a> {
             }
             Content::Warp { nodes, rows } => nodes::write(team, solved, &part, &nodes, rows, &canvas),
         }
-        Ok(Written { folds, limited: is_redirection.then_some(limited) })
+        Ok(is_redirection.then_some(limited))
     }
 }
 

@@ -294,7 +294,6 @@ fn what_cannot_be_is_refused() {
     assert_eq!(error.message, "uv_set: 2 is out of range, there are 2");
     let error = asset.fetch_part(0, FetchKind::UvSet(1), &mut image, [32, 32], [0, 0]).unwrap_err();
     assert_eq!(error.kind, ErrorKind::Unsupported);
-    let desc =
-        MapDesc { kind: FetchKind::UvSet(1), format: PixelFormat::F32, size: [64; 2], one_to_one: false };
+    let desc = MapDesc { kind: FetchKind::UvSet(1), format: PixelFormat::F32, size: [64; 2] };
     assert_eq!(asset.inspect_map(0, &desc).unwrap_err().kind, ErrorKind::InvalidArgument);
 }

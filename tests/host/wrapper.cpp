@@ -206,15 +206,15 @@ void images(const vrtm::Device &device)
                          vrtm::ImageOut(wide.data() + 2, MAP, MAP).pixel_stride(16).row_stride(16 * MAP)));
     works("fetch the delta", tile.fetch(vrtm::FetchKind::redirection_delta, {delta.data(), MAP, MAP}));
     Map with_coverage(4 * MAP * MAP);
-    works("fetch four channels, one-to-one",
+    works("fetch four channels",
           tile.fetch(vrtm::FetchKind::redirection_udim,
-                         vrtm::ImageOut(with_coverage.data(), MAP, MAP).channels(4).one_to_one()));
+                         vrtm::ImageOut(with_coverage.data(), MAP, MAP).channels(4)));
     vrtm::ImageOut back(with_coverage.data(), MAP, MAP);
-    back.one_to_one().one_to_one(false).channels(3);
-    check_that(back.c().one_to_one == 0 && back.c().channels == 3, "an image's settings", "");
+    back.channels(3);
+    check_that(back.c().channels == 3, "an image's settings", "");
     check_that(with_coverage[4 * (MAP / 2 * MAP + MAP / 2) + 3] == 1 && with_coverage[3] == 0, "coverage", "");
     const vrtm::Result<vrtm_map_data> looked_at =
-        tile.inspect_map(vrtm::MapDesc(MAP, MAP, vrtm::FetchKind::redirection_delta, vrtm::PixelFormat::f16).one_to_one());
+        tile.inspect_map(vrtm::MapDesc(MAP, MAP, vrtm::FetchKind::redirection_delta, vrtm::PixelFormat::f16));
     works("looks at a map", looked_at);
     check_that(looked_at->folds == 0 && looked_at->error_rms > 0, "its figures", "");
     refuses("no map", tile.inspect_map({0, 1}), vrtm::Code::invalid_argument, "size");

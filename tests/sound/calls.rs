@@ -85,17 +85,16 @@ fn a_solve_and_its_outputs() {
         done(vrtm_asset_solve(asset, &bent, &options));
         assert!(calls > 0);
         let outputs = [
-            (VRTM_FETCH_REDIRECTION, VRTM_PIXEL_F32, 4, 1),
-            (VRTM_FETCH_REDIRECTION_DELTA, VRTM_PIXEL_F16, 2, 0),
-            (VRTM_FETCH_WARP, VRTM_PIXEL_F32, 3, 0),
-            (VRTM_FETCH_REDIRECTION_UDIM, VRTM_PIXEL_F32, 3, 0),
-            (VRTM_FETCH_JACOBIAN, VRTM_PIXEL_F16, 4, 0),
-            (VRTM_FETCH_FILTER_SCALE, VRTM_PIXEL_F32, 1, 0),
-            (VRTM_FETCH_UV_SET_DELTA, VRTM_PIXEL_F32, 2, 0),
+            (VRTM_FETCH_REDIRECTION, VRTM_PIXEL_F32, 4),
+            (VRTM_FETCH_REDIRECTION_DELTA, VRTM_PIXEL_F16, 2),
+            (VRTM_FETCH_WARP, VRTM_PIXEL_F32, 3),
+            (VRTM_FETCH_REDIRECTION_UDIM, VRTM_PIXEL_F32, 3),
+            (VRTM_FETCH_JACOBIAN, VRTM_PIXEL_F16, 4),
+            (VRTM_FETCH_FILTER_SCALE, VRTM_PIXEL_F32, 1),
+            (VRTM_FETCH_UV_SET_DELTA, VRTM_PIXEL_F32, 2),
         ];
-        for (kind, format, channels, one_to_one) in outputs {
-            let mut image = Image::new(format, channels);
-            image.c.one_to_one = one_to_one;
+        for (kind, format, channels) in outputs {
+            let image = Image::new(format, channels);
             let fetch = vrtm_fetch { kind, tile: tiles[0], image: &image.c, ..sized() };
             done(vrtm_tile_fetch_output(&fetch));
             image.check();

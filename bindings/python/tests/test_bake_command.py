@@ -31,14 +31,14 @@ def test_the_files_hold_what_the_library_hands_out(scene: Path, solved: vrtm.Ass
     extra = ("--warp", "--jacobian", "--filter-scale", "--map-size", 48)
     run(*sheet_arguments(scene, tmp_path / "f32", "--frames", 3, *extra))
     run(*sheet_arguments(scene, tmp_path / "f16", "--frames", 3, "--half", "--form", "delta", "--alpha"))
-    run(*sheet_arguments(scene, tmp_path / "udim", "--frames", 3, "--form", "udim", "--exact"))
+    run(*sheet_arguments(scene, tmp_path / "udim", "--frames", 3, "--form", "udim"))
     assert sorted(files(tmp_path / "f32")) == [
         f"{kind}.0003.{udim}.exr" for kind in ("filter", "jacobian", "redirect", "warp") for udim in (1001, 1002)
     ]
     for tile in solved.tiles:
         end = f"0003.{tile.udim}.exr"
         size = (48, 48)
-        redirect = tile.fetch("redirection", size, channels=3, one_to_one=True)
+        redirect = tile.fetch("redirection", size, channels=3)
         assert np.abs(redirect[..., :2] - tile.fetch("redirection_delta", size) - redirect[..., :2]).max() > 0.005
         found = pixels(tmp_path / "f32" / f"redirect.{end}")
         assert found.dtype == np.float32 and np.array_equal(found, redirect)
@@ -46,7 +46,7 @@ def test_the_files_hold_what_the_library_hands_out(scene: Path, solved: vrtm.Ass
         assert np.array_equal(pixels(tmp_path / "f32" / f"jacobian.{end}"), tile.fetch("jacobian", size))
         scale = pixels(tmp_path / "f32" / f"filter.{end}")
         assert np.array_equal(scale, np.repeat(tile.fetch("filter_scale", size), 3, axis=-1))
-        delta = tile.fetch("redirection_delta", (64, 64), dtype=np.float16, channels=4, one_to_one=True)
+        delta = tile.fetch("redirection_delta", (64, 64), dtype=np.float16, channels=4)
         found = pixels(tmp_path / "f16" / f"redirect.{end}")
         assert found.dtype == np.float16 and np.array_equal(found, delta)
         among = tile.fetch("redirection_udim", (64, 64), channels=3)
@@ -105,7 +105,6 @@ def test_what_is_up_to_date_is_left_alone(scene: Path, tmp_path: Path) -> None:
     for change in (
         ("--quality", "draft"),
         ("--half",),
-        ("--exact",),
         ("--map-size", 32),
         ("--size", 32),
         ("--mask", scene.parent / "rigid.<UDIM>.png"),

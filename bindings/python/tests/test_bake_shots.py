@@ -103,7 +103,7 @@ def test_parts_of_frames(scene: Path, tmp_path: Path) -> None:
     for name, frame in frames.items():
         path = tmp_path / "out" / f"redirect.{name}.1001.exr"
         expected = solved_alone(scene, frame, scene.parent / "rigid.<UDIM>.png", 64).tile(1001)
-        assert np.array_equal(pixels(path), expected.fetch("redirection", (64, 64), channels=3, one_to_one=True))
+        assert np.array_equal(pixels(path), expected.fetch("redirection", (64, 64), channels=3))
         assert attributes(path)["vrtm:frame"] == (frame if isinstance(frame, int) else str(frame))
     assert written(run(*sheet_arguments(scene, tmp_path / "out", "--frames", "1-2x0.5", "--tiles", 1001))) == (0, 3)
 
@@ -118,7 +118,7 @@ def warm(scene: Path, weight: float) -> list[dict[int, np.ndarray]]:
             tile.set_rigidity(read_map(str(scene.parent / f"rigid.{tile.udim}.png")))
         for frame in opened.frames:
             asset.solve(opened.positions(shape, frame), warm=True, temporal_weight=weight)
-            found.append({t.udim: t.fetch("redirection", (64, 64), channels=3, one_to_one=True) for t in asset.tiles})
+            found.append({t.udim: t.fetch("redirection", (64, 64), channels=3) for t in asset.tiles})
     return found
 
 
@@ -156,7 +156,7 @@ def test_settings_of_tiles_reach_the_library(scene: Path, tmp_path: Path) -> Non
             tile.set_rigidity(read_map(str(scene.parent / f"rigid.{tile.udim}.png")))
             tile.set_settings(tile.settings, **given)
         asset.solve(opened.positions(shape, 3))
-        expected = asset.tile(1001).fetch("redirection", (64, 64), channels=3, one_to_one=True)
+        expected = asset.tile(1001).fetch("redirection", (64, 64), channels=3)
     found = pixels(tmp_path / "out" / "redirect.0003.1001.exr")
     assert np.array_equal(found, expected)
     assert written(run(*arguments)) == (1, 0)
@@ -167,7 +167,7 @@ def test_settings_of_tiles_reach_the_library(scene: Path, tmp_path: Path) -> Non
 
 def off(tile: vrtm.Tile, width: int) -> float:
     """By how many texels of a texture of 1024 one percent of a map is off."""
-    return 1024 * tile.inspect_map("redirection", (width, width), one_to_one=True).error_p99
+    return 1024 * tile.inspect_map("redirection", (width, width)).error_p99
 
 
 def test_maps_choose_their_size(scene: Path, tmp_path: Path) -> None:

@@ -116,13 +116,10 @@ def test_parts(solved):
     whole = solved.fetch(size=(40, 30))
     part = solved.fetch_part("redirection", (40, 30), (5, 7, 20, 11))
     assert np.array_equal(part, whole[7:18, 5:25])
-    # What one_to_one changes depends on the whole map.
-    with pytest.raises(TypeError, match="one_to_one"):
-        solved.fetch_part("redirection", (40, 30), (5, 7, 20, 11), one_to_one=True)
 
 
 def test_inspect(solved):
-    info = solved.inspect_map(size=64, one_to_one=True)
+    info = solved.inspect_map(size=64)
     assert info.folds == 0 and info.min_jacobian > 0
     assert 0 < info.error_p99 <= info.error_max < 0.05
     assert solved.inspect_map("redirection_delta", 32, dtype=np.float16).error_rms > info.error_rms

@@ -57,7 +57,7 @@ def test_order_and_threads_do_not_matter(asset, model):
 def test_redirect_is_solve_and_fetch(asset, model):
     tile = asset.tile(1001)
     out = np.empty((64, 64, 4), np.float16)
-    kinds = [vrtm.Fetch(tile, "jacobian", out=out), vrtm.Fetch(tile, "warp"), vrtm.Fetch(tile, size=8, one_to_one=True)]
+    kinds = [vrtm.Fetch(tile, "jacobian", out=out), vrtm.Fetch(tile, "warp"), vrtm.Fetch(tile, size=8)]
     jacobian, warp, small = asset.redirect(model.pose, kinds)
     assert jacobian is out and warp.shape == (129, 129, 2) and small.shape == (8, 8, 2)
     assert np.array_equal(jacobian, tile.fetch("jacobian", 64, dtype=np.float16))

@@ -84,7 +84,7 @@ unsafe fn read(image: *const vrtm_external_image, name: &str) -> Outcome<Externa
 /// bit.
 ///
 /// Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM. Other kinds are computed on the CPU and not supported
-/// here; nor are f16, a third or fourth channel, one_to_one, parts of an image, VkImage, memory dedicated to a
+/// here; nor are f16, a third or fourth channel, parts of an image, VkImage, memory dedicated to a
 /// resource, D3D12 resources or semaphores. Use vrtm_tile_fetch for these.
 ///
 /// Synchronisation: nothing on the host's device may use the texels during the call. The call returns when the GPU has

@@ -255,11 +255,9 @@ pub unsafe extern "C" fn vrtm_asset_fetch_face_layers(
 
 /// Writes a part of one output of the last solve, for images that are too large to be held in memory at once: of an
 /// image of `width` x `height` texels, the rectangle of `image`'s size that starts at the column `x` and the row `y`.
-/// Rows are counted in the order of image->origin. On the CPU, parts equal those of the whole image bit for bit. A
-/// redirection with one_to_one depends on the whole map and must be fetched whole.
+/// Rows are counted in the order of image->origin. On the CPU, parts equal those of the whole image bit for bit.
 ///
-/// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside the whole image;
-/// VRTM_ERROR_UNSUPPORTED for a redirection with image->one_to_one, unless the part is the whole.
+/// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside the whole image.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_fetch_part(
     tile: vrtm_tile,

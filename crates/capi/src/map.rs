@@ -5,7 +5,7 @@ use super::fetch::{fetch_kind, vrtm_fetch_kind};
 use super::guard::guard;
 use super::handle::{self, vrtm_tile};
 use super::status::{Outcome, vrtm_status};
-use super::types::{flag, pixel_format, vrtm_pixel_format};
+use super::types::{gone, pixel_format, vrtm_pixel_format};
 use vrtm::{MapDesc, MapReport};
 
 /// The kind, format and size of a redirection map to inspect. Start from vrtm_map_desc_init().
@@ -22,7 +22,7 @@ pub struct vrtm_map_desc {
     pub width: u32,
     /// Texels in v, 1 to 16384.
     pub height: u32,
-    /// As vrtm_image_out.one_to_one.
+    /// Has no function any more: 0. Another value is refused with VRTM_ERROR_UNSUPPORTED.
     pub one_to_one: u32,
 }
 
@@ -35,7 +35,7 @@ pub struct vrtm_map_data {
     pub struct_size: u32,
     /// Quads of four neighbouring texel centres on which the interpolated map, in the numbers that a fetch writes, is
     /// not one-to-one: 0 certifies that the map is one-to-one everywhere between the centres of the tile's outermost
-    /// texels. If a map with one_to_one has more than 0, its format is too coarse for its size, and no value was moved.
+    /// texels.
     pub folds: u64,
     /// Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves).
     pub min_jacobian: f64,
@@ -46,9 +46,7 @@ pub struct vrtm_map_data {
     /// Largest error in the charts.
     pub error_max: f64,
     /// Width at which the map has no folds: the given size, or the first that works of two and four times that size,
-    /// then a half, a quarter and so on; 0 if no size was found. Larger maps often have more folds; one_to_one removes
-    /// all folds at any size if the format is precise enough: f32, or f16 for REDIRECTION_DELTA unless a region moves
-    /// far and is squeezed.
+    /// then a half, a quarter and so on; 0 if no size was found. Larger maps often have more folds.
     pub sufficient_width: u32,
     /// Height at which the map has no folds; see `sufficient_width`.
     pub sufficient_height: u32,
@@ -68,13 +66,12 @@ unsafe impl Sized32 for vrtm_map_data {
 /// without folds has an inverse without folds, but a map samples the inverse at texel centres only, and a renderer's
 /// interpolation between them may fold where the warp squeezes. This function reports whether it folds, how far it is
 /// from the exact redirection, and which size suffices. It takes about as long as fetching the map and a second map of
-/// twice its size or the grid's, and longer if it has to search for another size. With one_to_one, the map is inspected
-/// exactly as it would be written. Other maps are computed on the CPU: if a GPU writes them, single quads that almost
-/// fold may be counted differently.
+/// twice its size or the grid's, and longer if it has to search for another size. The map is computed on the
+/// CPU: if a GPU writes it, single quads that almost fold may be counted differently.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
-/// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is not a redirection, or a size
-/// out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
+/// integer format or a one_to_one that is not 0; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that
+/// is not a redirection, or a size out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_inspect_map(
     tile: vrtm_tile,
@@ -93,11 +90,11 @@ pub unsafe extern "C" fn vrtm_tile_inspect_map(
 }
 
 fn read(desc: vrtm_map_desc) -> Outcome<MapDesc> {
+    gone(desc.one_to_one, "desc.one_to_one")?;
     Ok(MapDesc {
         kind: fetch_kind(desc.kind, "desc.kind")?,
         format: pixel_format(desc.format, "desc")?,
         size: [desc.width, desc.height],
-        one_to_one: flag(desc.one_to_one, "desc.one_to_one")?,
     })
 }
 

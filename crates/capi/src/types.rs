@@ -98,14 +98,7 @@ pub struct vrtm_image_out {
     /// channel is 0; with 4, for a redirection, the fourth is 1 where a chart covers the texel's centre and 0
     /// elsewhere.
     pub channels: u32,
-    /// 1 = make a redirection one-to-one even when a renderer interpolates between its texels: values around folds of
-    /// the interpolated map are moved, by less than a texel in most maps, and by several where a warp is crumpled or
-    /// the format is f16 (vrtm_tile_inspect_map reports the error). No f32 map is known that keeps folds. f16 may be
-    /// too coarse for the map's size: the call then succeeds, writes the values as without one_to_one, the log warns,
-    /// and vrtm_tile_inspect_map with the same settings counts the `folds`. The call needs 9 bytes per texel and up to
-    /// 11 MB of additional memory. It takes little longer than without one_to_one for most maps, and up to two hundred
-    /// times as long for crumpled ones. Not available for a part of an image (vrtm_tile_fetch_part). 0 (the default) =
-    /// every value is that of the redirection at the texel's centre. Ignored for other kinds.
+    /// Has no function any more: 0. Another value is refused with VRTM_ERROR_UNSUPPORTED.
     pub one_to_one: u32,
     /// Where to write the first texel of the first row. Need not be aligned.
     pub data: *mut c_void,
@@ -136,6 +129,16 @@ pub(super) fn flag(value: u32, name: &str) -> Outcome<bool> {
         0 => Ok(false),
         1 => Ok(true),
         _ => Err(Failure::argument(format!("{name} is {value}, neither 0 nor 1"))),
+    }
+}
+
+/// Checks a field that once chose something which is no longer offered, and stays for the struct's layout.
+pub(super) fn gone(value: u32, name: &str) -> Outcome<()> {
+    match value {
+        0 => Ok(()),
+        _ => {
+            Err(Failure::unsupported(format!("{name} is {value}, but it is no longer offered: it must be 0")))
+        }
     }
 }
 
@@ -275,8 +278,8 @@ impl Target {
         }
         let channels = if image.channels == 0 { kind.channels() } else { image.channels };
         kind.check_channels(name, channels)?;
-        let one_to_one = flag(image.one_to_one, &format!("{name}.one_to_one"))?;
-        let layout = ImageLayout { channels: Some(channels), one_to_one, ..layout };
+        gone(image.one_to_one, &format!("{name}.one_to_one"))?;
+        let layout = ImageLayout { channels: Some(channels), ..layout };
         let data = image.data.cast::<u8>();
         let texels = layout.resolve_output(name, data)?;
         Ok(Target { data, layout, texels })

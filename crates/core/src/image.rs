@@ -40,11 +40,6 @@ pub struct ImageLayout {
     pub origin: Origin,
     /// Channels to write per texel of an output, 1 to 4; `None` = two. Inputs have one.
     pub channels: Option<u32>,
-    /// If true, values of a redirection next to a fold of the interpolated map may differ from the inverse warp, so that
-    /// the map is one-to-one when read with bilinear interpolation; if false, each value is the inverse warp's. No f32
-    /// map is known that keeps folds. Where 16-bit numbers are too coarse for a map's size, the values are the inverse
-    /// warp's, the log warns, and [`crate::MapReport::folds`] counts the folds.
-    pub one_to_one: bool,
 }
 
 impl ImageLayout {
@@ -59,7 +54,6 @@ impl ImageLayout {
             row_stride: None,
             origin: Origin::Top,
             channels: None,
-            one_to_one: false,
         }
     }
 
@@ -131,17 +125,7 @@ impl ImageLayout {
             Some(stride) => too_far("row_stride", stride, height, "rows"),
             None => wide(),
         })?;
-        Ok(TexelLayout {
-            width,
-            height,
-            format,
-            channels,
-            pixel_stride,
-            row_stride,
-            origin,
-            bytes,
-            one_to_one: self.one_to_one,
-        })
+        Ok(TexelLayout { width, height, format, channels, pixel_stride, row_stride, origin, bytes })
     }
 }
 
@@ -157,7 +141,6 @@ pub struct TexelLayout {
     origin: Origin,
     /// Bytes that the image spans.
     pub bytes: usize,
-    pub one_to_one: bool,
 }
 
 impl TexelLayout {

@@ -15,8 +15,6 @@ pub struct MapDesc {
     pub format: PixelFormat,
     /// Texels along u and v.
     pub size: [u32; 2],
-    /// As in [`crate::ImageLayout::one_to_one`].
-    pub one_to_one: bool,
 }
 
 /// Properties of a redirection map that is read with bilinear interpolation. Errors are lengths in UV; multiplied by a
@@ -27,8 +25,7 @@ pub struct MapReport {
     /// Texels along u and v.
     pub size: [u32; 2],
     /// Quads of four neighbouring texel centres on which the interpolated map is not one-to-one. 0 certifies that it is
-    /// one-to-one on the whole tile, except for the half texel along its border that interpolation does not reach. More
-    /// than 0 with `one_to_one` means that the numbers are too coarse for the map's size, and that no value was moved.
+    /// one-to-one on the whole tile, except for the half texel along its border that interpolation does not reach.
     pub folds: u64,
     /// Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves): greater than 0 if there are
     /// no folds.
@@ -40,9 +37,7 @@ pub struct MapReport {
     /// Largest error in the charts.
     pub error_max: f64,
     /// A size at which the map has no folds: this one, or else the first such size among twice, four times, a half, a
-    /// quarter and so on of it; `None` if all of them fold. Larger maps often have more folds:
-    /// [`crate::ImageLayout::one_to_one`] removes them at any size if the numbers are fine enough: f32, or f16 of the
-    /// delta unless regions that move far are squeezed.
+    /// quarter and so on of it; `None` if all of them fold. Larger maps often have more folds.
     pub sufficient_size: Option<[u32; 2]>,
 }
 

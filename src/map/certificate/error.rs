@@ -40,7 +40,6 @@ pub fn measure(reader: &mut Reader, desc: &MapDesc) -> Result<Errors> {
         kind: FetchKind::RedirectionDelta,
         format: PixelFormat::F32,
         size: samples.map(|n| n as u32),
-        one_to_one: false,
     };
     let mut all: Vec<Found> = (0..ITEMS).map(|_| Found::new()).collected();
     // The range in which interpolation has four texels around it: from the first texel's centre to the last one's.

@@ -24,8 +24,6 @@ pub struct Reader<'a> {
     pub mesh: &'a Mesh,
     pub solved: &'a Solved,
     pub outputs: &'a mut Outputs,
-    /// The last map that can only be written as a whole.
-    pub whole: Option<(MapDesc, Vec<u8>)>,
 }
 
 /// Some rows of a map, from v = 0 upward.
@@ -38,19 +36,8 @@ pub struct Strip {
 impl Reader<'_> {
     /// The rows of a map.
     pub fn read(&mut self, desc: &MapDesc, rows: Range<usize>) -> Result<Strip> {
-        if !desc.one_to_one {
-            let bytes = self.write(desc, rows.clone())?;
-            return Ok(self.decode(desc, rows, &bytes));
-        }
-        let size = desc.sizes();
-        let bytes = match self.whole.take().filter(|(of, _)| of == desc) {
-            Some((_, bytes)) => bytes,
-            None => self.write(desc, 0..size[1])?,
-        };
-        let row = bytes.len() / size[1];
-        let strip = self.decode(desc, rows.clone(), &bytes[rows.start * row..]);
-        self.whole = Some((*desc, bytes));
-        Ok(strip)
+        let bytes = self.write(desc, rows.clone())?;
+        Ok(self.decode(desc, rows, &bytes))
     }
 
     /// Writes rows of a map as for a host.
@@ -58,7 +45,7 @@ impl Reader<'_> {
         let size = desc.sizes();
         let mut bytes = zeroed(rows.len() * size[0] * 2 * desc.format.size());
         let layout = ImageLayout::packed(desc.size[0], rows.len() as u32, desc.format);
-        let layout = ImageLayout { origin: Origin::Bottom, one_to_one: desc.one_to_one, ..layout };
+        let layout = ImageLayout { origin: Origin::Bottom, ..layout };
         let part = ImagePart { size, first: [0, rows.start], end: [size[0], rows.end] };
         let mut image = ImageViewMut::new("map", &mut bytes, layout)?;
         let output = Output::new(self.mesh, self.solved, desc.kind, &part, &image.layout)?;

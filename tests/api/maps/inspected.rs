@@ -6,7 +6,7 @@ use super::{folds, map, pairs, solved};
 use crate::common::{Model, cpu, scenes};
 
 fn desc(size: [u32; 2]) -> MapDesc {
-    MapDesc { kind: FetchKind::Redirection, format: PixelFormat::F32, size, one_to_one: false }
+    MapDesc { kind: FetchKind::Redirection, format: PixelFormat::F32, size }
 }
 
 fn inspect(asset: &Asset, desc: MapDesc) -> MapReport {
@@ -18,8 +18,7 @@ fn folds_are_counted_and_a_size_without_them_is_named() {
     let asset = solved(&Model::from(scenes::analytic::squash(0.1)), &cpu(0));
     let mut all = 0;
     for size in [[64, 64], [256, 128], [512, 512], [1500, 700]] {
-        let own =
-            folds(&pairs(&map(&asset, 0, FetchKind::Redirection, size, 2, false)), size.map(|n| n as usize));
+        let own = folds(&pairs(&map(&asset, 0, FetchKind::Redirection, size, 2)), size.map(|n| n as usize));
         let report = inspect(&asset, desc(size));
         assert_eq!(report.folds, own as u64, "{size:?}");
         assert_eq!(report.folds == 0, report.min_jacobian > 0.0, "{size:?}");
@@ -31,13 +30,6 @@ fn folds_are_counted_and_a_size_without_them_is_named() {
             assert_eq!(report.sufficient_size, Some(size));
         }
         all += own;
-        let fixed = inspect(&asset, MapDesc { one_to_one: true, ..desc(size) });
-        assert!(
-            fixed.folds == 0 && fixed.min_jacobian > 0.0 && fixed.sufficient_size == Some(size),
-            "{fixed:?}"
-        );
-        // It costs next to nothing in accuracy.
-        assert!(fixed.error_rms < 1.02 * report.error_rms, "{size:?}: {fixed:?} {report:?}");
     }
     assert!(all > 0, "nothing folds: nothing was tested");
 }
@@ -51,9 +43,9 @@ fn errors_are_those_of_bilinear_interpolation() {
     // multiple of the size.
     let (n, fine) = (96usize, 96 * 7);
     let size = |n: usize| [n as u32; 2];
-    let coarse = pairs(&map(&asset, 0, FetchKind::RedirectionDelta, size(n), 2, false));
-    let exact = pairs(&map(&asset, 0, FetchKind::RedirectionDelta, size(fine), 2, false));
-    let charts = map(&asset, 0, FetchKind::RedirectionDelta, size(fine), 4, false);
+    let coarse = pairs(&map(&asset, 0, FetchKind::RedirectionDelta, size(n), 2));
+    let exact = pairs(&map(&asset, 0, FetchKind::RedirectionDelta, size(fine), 2));
+    let charts = map(&asset, 0, FetchKind::RedirectionDelta, size(fine), 4);
     let mut errors = Vec::new();
     for y in 4..fine - 4 {
         for x in (4..fine - 4).filter(|x| charts[4 * (y * fine + x) + 3] == 1.0) {

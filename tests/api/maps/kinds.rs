@@ -19,7 +19,7 @@ fn the_forms_tell_the_same_in_each_tile() {
     let mut moved = 0;
     for (udim, origin) in [(1001, [0.0, 0.0]), (1002, [1.0, 0.0])] {
         let tile = asset.find_tile(udim).unwrap();
-        let of = |kind| pairs(&map(&asset, tile, kind, SIZE, 2, false));
+        let of = |kind| pairs(&map(&asset, tile, kind, SIZE, 2));
         let (within, delta) = (of(FetchKind::Redirection), of(FetchKind::RedirectionDelta));
         for (k, among) in of(FetchKind::RedirectionUdim).into_iter().enumerate() {
             for c in 0..2 {
@@ -40,9 +40,9 @@ fn further_channels_are_zero_and_the_coverage_of_charts() {
     let faces = faces(&model);
     let inside: Vec<f64> = (0..(SIZE[0] * SIZE[1]) as usize).map(|k| depth(&faces, centre(k))).collect();
     for kind in [FetchKind::Redirection, FetchKind::RedirectionDelta, FetchKind::RedirectionUdim] {
-        let two = map(&asset, 0, kind, SIZE, 2, false);
-        let three = map(&asset, 0, kind, SIZE, 3, false);
-        let four = map(&asset, 0, kind, SIZE, 4, false);
+        let two = map(&asset, 0, kind, SIZE, 2);
+        let three = map(&asset, 0, kind, SIZE, 3);
+        let four = map(&asset, 0, kind, SIZE, 4);
         for (k, uv) in two.chunks_exact(2).enumerate() {
             assert_eq!([three[3 * k], three[3 * k + 1], three[3 * k + 2]], [uv[0], uv[1], 0.0]);
             assert_eq!([four[4 * k], four[4 * k + 1], four[4 * k + 2]], [uv[0], uv[1], 0.0]);
@@ -59,8 +59,8 @@ fn further_channels_are_zero_and_the_coverage_of_charts() {
         }
         assert!((5000..55000).contains(&covered), "{covered}");
     }
-    let nodes = map(&asset, 0, FetchKind::Warp, [257, 257], 3, false);
-    let plain = map(&asset, 0, FetchKind::Warp, [257, 257], 2, false);
+    let nodes = map(&asset, 0, FetchKind::Warp, [257, 257], 3);
+    let plain = map(&asset, 0, FetchKind::Warp, [257, 257], 2);
     assert!(nodes.chunks_exact(3).zip(plain.chunks_exact(2)).all(|(a, b)| a == [b[0], b[1], 0.0]));
 }
 
@@ -127,9 +127,9 @@ fn the_jacobian_inverts_that_of_the_warp() {
     asset.set_settings(0, &settings).unwrap();
     asset.solve(model.frame(5), &vrtm::SolveOptions::default()).unwrap();
     let warp = Warp::of(&asset, 0);
-    let redirected = pairs(&map(&asset, 0, FetchKind::Redirection, SIZE, 2, false));
-    let jacobians = map(&asset, 0, FetchKind::Jacobian, SIZE, 4, false);
-    let scales = map(&asset, 0, FetchKind::FilterScale, SIZE, 1, false);
+    let redirected = pairs(&map(&asset, 0, FetchKind::Redirection, SIZE, 2));
+    let jacobians = map(&asset, 0, FetchKind::Jacobian, SIZE, 4);
+    let scales = map(&asset, 0, FetchKind::FilterScale, SIZE, 1);
     let (mut checked, mut turned) = (0, 0);
     for (k, j) in jacobians.chunks_exact(4).enumerate() {
         let j = [[j[0], j[1]], [j[2], j[3]]].map(|row| row.map(f64::from));
@@ -158,8 +158,8 @@ fn a_map_between_its_texels_follows_the_jacobian() {
     let asset = solved(&Model::from(scenes::analytic::bulge()), &cpu(0));
     // As fine as the grid eight times: two texels in a row mostly lie in one triangle.
     let size = [2048u32; 2];
-    let redirected = pairs(&map(&asset, 0, FetchKind::Redirection, size, 2, false));
-    let jacobians = map(&asset, 0, FetchKind::Jacobian, size, 4, false);
+    let redirected = pairs(&map(&asset, 0, FetchKind::Redirection, size, 2));
+    let jacobians = map(&asset, 0, FetchKind::Jacobian, size, 4);
     let n = size[0] as usize;
     let (mut near, mut all) = (0, 0);
     for y in (n / 4..3 * n / 4).step_by(7) {
@@ -183,7 +183,7 @@ fn a_gpu_gives_the_same_kinds() {
     };
     let asset = solved(&Model::from(scenes::arm()), &device);
     let tile = asset.find_tile(1002).unwrap();
-    let of = |kind, channels| map(&asset, tile, kind, SIZE, channels, false);
+    let of = |kind, channels| map(&asset, tile, kind, SIZE, channels);
     let (two, four) = (of(FetchKind::Redirection, 2), of(FetchKind::RedirectionUdim, 4));
     for (k, uv) in two.chunks_exact(2).enumerate() {
         let texel = &four[4 * k..4 * k + 4];

@@ -1,10 +1,8 @@
-//! What renderers read: forms of the redirection, further channels, derivatives, and maps that stay one-to-one when they are
-//! interpolated. Everything is checked by code that shares nothing with the library but the nodes of the warp.
+//! What renderers read: forms of the redirection, further channels, derivatives, and what is said of maps that are interpolated. Everything is checked by code that shares nothing with the library but the nodes of the warp.
 
 mod dilation;
 mod inspected;
 mod kinds;
-mod one_to_one;
 
 use crate::common::Model;
 use vrtm::{Asset, Device, FetchKind, ImageLayout, ImageViewMut, Origin, PixelFormat, SolveOptions};
@@ -17,18 +15,11 @@ fn solved(model: &Model, device: &Device) -> Asset {
 }
 
 /// Fetches a packed map of a tile of f32, first row at v = 0; what the library does not write is NaN.
-fn map(
-    asset: &Asset,
-    tile: usize,
-    kind: FetchKind,
-    size: [u32; 2],
-    channels: u32,
-    one_to_one: bool,
-) -> Vec<f32> {
+fn map(asset: &Asset, tile: usize, kind: FetchKind, size: [u32; 2], channels: u32) -> Vec<f32> {
     let texels = (size[0] * size[1] * channels) as usize;
     let mut bytes: Vec<u8> = f32::NAN.to_ne_bytes().into_iter().cycle().take(4 * texels).collect();
     let layout = ImageLayout::packed(size[0], size[1], PixelFormat::F32).with_channels(channels);
-    let layout = ImageLayout { origin: Origin::Bottom, one_to_one, ..layout };
+    let layout = ImageLayout { origin: Origin::Bottom, ..layout };
     asset.fetch(tile, kind, &mut ImageViewMut::new("image", &mut bytes, layout).unwrap()).unwrap();
     bytes.chunks_exact(4).map(|b| f32::from_ne_bytes([b[0], b[1], b[2], b[3]])).collect()
 }

@@ -29,7 +29,6 @@ class Fetch:
         dtype: DTypeLike = np.float32,
         channels: int = 0,
         origin: Origin = "top",
-        one_to_one: bool = False,
         uv_set: int = 0,
         out: Pixels | None = None,
     ) -> None:
@@ -39,8 +38,7 @@ class Fetch:
         self._kind = value_of("fetch_kind", kind, "kind")
         self._uv_set = natural("uv_set", uv_set, 32)
         self._size = None if size is None else image_size(size)
-        self._more: dict[str, Any] = {"dtype": dtype, "channels": channels, "origin": origin}
-        self._more |= {"one_to_one": one_to_one, "out": out}
+        self._more: dict[str, Any] = {"dtype": dtype, "channels": channels, "origin": origin, "out": out}
 
     def target(self, pinned: Pinned) -> Target:
         """The array that the output is written to."""

@@ -78,7 +78,6 @@ class Target:
         dtype: DTypeLike = np.float32,
         channels: int = 0,
         origin: Origin = "top",
-        one_to_one: bool = False,
         out: Pixels | None = None,
     ) -> None:
         dtype = pixel_type(dtype if out is None else getattr(out, "dtype", dtype))
@@ -96,7 +95,6 @@ class Target:
         struct.row_stride, struct.pixel_stride = _strides(self._written)
         struct.origin = value_of("origin", origin)
         struct.channels = channels
-        struct.one_to_one = int(one_to_one)
         self.struct = pinned.keep(struct)
 
     def done(self) -> Pixels:

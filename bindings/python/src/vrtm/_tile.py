@@ -132,7 +132,6 @@ class Tile:
         dtype: DTypeLike = np.float32,
         channels: int = 0,
         origin: Origin = "top",
-        one_to_one: bool = False,
         uv_set: int = 0,
         out: Pixels | None = None,
     ) -> Pixels:
@@ -150,8 +149,6 @@ class Tile:
         dtype       float32 or float16
         channels    0 = as many as the kind has; 3 = a third that is 0; 4 = a fourth that is 1 where charts are
         origin      "top": the first row is at v = 1; or "bottom"
-        one_to_one  the redirection is one-to-one also when it is interpolated between its texels; where float16 is too
-                    coarse for that, nothing is changed, the log warns, and inspect_map counts the folds
         uv_set      for "uv_set" and "uv_set_delta": the UV set of the values
         out         an array to write into, of the right shape, of any strides
 
@@ -160,7 +157,7 @@ class Tile:
         number = value_of("fetch_kind", kind, "kind")
         size = self._size(kind, None if size is None else image_size(size), out)
         target = Target(
-            Pinned(), kind, size, dtype=dtype, channels=channels, origin=origin, one_to_one=one_to_one, out=out
+            Pinned(), kind, size, dtype=dtype, channels=channels, origin=origin, out=out
         )
         fetch = new(_abi.vrtm_fetch)
         fetch.kind, fetch.tile, fetch.uv_set = number, self._handle, natural("uv_set", uv_set, 32)
@@ -180,8 +177,7 @@ class Tile:
         out: Pixels | None = None,
     ) -> Pixels:
         """A part of an output, for images that are too large to be held in memory: of an image of `whole` texels
-        (width, height), those of `part`: (x, y, width, height), rows counted in the order of `origin`. one_to_one is
-        not available, since it depends on the whole map; use fetch for it."""
+        (width, height), those of `part`: (x, y, width, height), rows counted in the order of `origin`."""
         number = value_of("fetch_kind", kind, "kind")
         x, y, width, height = part
         target = Target(
@@ -258,7 +254,6 @@ class Tile:
         size: int | tuple[int, int] | None = None,
         *,
         dtype: DTypeLike = np.float32,
-        one_to_one: bool = False,
     ) -> MapInfo:
         """What a redirection map of this kind, size and format gives when a renderer interpolates in it: where it
         folds, how far it is from the redirection itself (lengths in UV), and which size suffices."""
@@ -266,7 +261,6 @@ class Tile:
         desc.kind = value_of("fetch_kind", kind, "kind")
         desc.format = PIXELS[pixel_type(dtype)]
         desc.width, desc.height = self._size(kind, None if size is None else image_size(size), None)
-        desc.one_to_one = int(one_to_one)
         struct = new(_abi.vrtm_map_data)
         check(library.vrtm_tile_inspect_map(self._handle, ctypes.byref(desc), ctypes.byref(struct)))
         return record(MapInfo, struct)

@@ -117,13 +117,6 @@ impl<'a> ImageViewMut<'a> {
         self.layout.origin = origin;
         self
     }
-
-    /// The same view, for a map that is one-to-one also when it is interpolated ([`ImageLayout::one_to_one`]).
-    #[must_use]
-    pub fn one_to_one(mut self) -> ImageViewMut<'a> {
-        self.layout.one_to_one = true;
-        self
-    }
 }
 
 #[cfg(test)]
@@ -133,10 +126,10 @@ mod tests {
     #[test]
     fn texels_have_their_layout() {
         let mut texels = [[f16::ZERO; 3]; 6];
-        let view = ImageViewMut::from_texels("map", &mut texels, [3, 2]).unwrap().one_to_one();
+        let view = ImageViewMut::from_texels("map", &mut texels, [3, 2]).unwrap();
         let layout = &view.layout;
         assert_eq!((layout.format, layout.channels, layout.bytes), (PixelFormat::F16, 3, 36));
-        assert!(layout.one_to_one && layout.offset(0, 0) == 18);
+        assert_eq!(layout.offset(0, 0), 18);
         assert_eq!(view.with_origin(Origin::Bottom).layout.offset(0, 0), 0);
         let view = ImageView::from_texels("map", &[0u16; 6], [3, 2]).unwrap();
         assert_eq!((view.shape(), view.layout.offset(0, 0)), (([3, 2], PixelFormat::U16), 6));

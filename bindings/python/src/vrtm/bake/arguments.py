@@ -173,7 +173,6 @@ def _content(group: argparse._ArgumentGroup) -> None:
         "--sheet",
         "also draw a picture per mesh, to judge by: its worst frame at rest, with its own UVs, and redirected",
     )
-    flag(group, "--exact", "do not move values next to folds")
     flag(group, "--warp", "also write the warp, the redirection's inverse")
     flag(group, "--jacobian", "also write the redirection's derivatives")
     flag(group, "--filter-scale", "also write how much wider a filter has to be")

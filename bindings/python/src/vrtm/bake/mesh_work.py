@@ -318,17 +318,17 @@ class MeshWork:
         for size in sizes:
             stop()
             found = self._inspected(tile, size)
-            if found.error_p99 <= self._most_error() and found.folds == 0:
+            if found.error_p99 <= self._most_error():
                 return size, found
-            tried.append((found.folds > 0, found.error_p99, size, found))
-        best = min(tried, key=lambda entry: entry[:3])
-        return best[2], best[3]
+            tried.append((found.error_p99, size, found))
+        _, size, found = min(tried, key=lambda entry: entry[:2])
+        return size, found
 
     def _inspected(self, tile: TileWork, size: tuple[int, int]) -> vrtm.MapInfo:
         output = self.listed[0]
         # A map of UVs of another set is as good as one of its own.
         return tile.tile.inspect_map(
-            outputs.FETCH[self.settings.form], size, dtype=np.dtype(output.dtype).type, one_to_one=output.one_to_one
+            outputs.FETCH[self.settings.form], size, dtype=np.dtype(output.dtype).type
         )
 
     def _pixels(self, piece: Piece, size: tuple[int, int], stop: Callable[[], None]) -> np.ndarray:

@@ -31,8 +31,6 @@ class Output:
     channels: tuple[str, ...]
     """Channels of the file: as many, or all alike."""
     dtype: str
-    one_to_one: bool
-    """Whether values next to a fold of the interpolated map are moved, so that the map has no folds."""
 
     def image(self, tile, size: tuple[int, int]) -> np.ndarray:
         """(height, width, channels) of a tile that is solved, the first row at the top."""
@@ -41,7 +39,6 @@ class Output:
             size,
             dtype=np.dtype(self.dtype).type,
             channels=self.fetched,
-            one_to_one=self.one_to_one,
             uv_set=int(self.fetch in _OF_SET.values()),
         )
         return np.broadcast_to(pixels, (*pixels.shape[:2], len(self.channels))) if self.fetched == 1 else pixels
@@ -52,7 +49,7 @@ def listed(settings: Settings) -> tuple[Output, ...]:
     dtype = "float16" if settings.half else "float32"
 
     def of(kind: str, form: str | None, fetch: str, fetched: int, channels: tuple[str, ...]) -> Output:
-        return Output(kind, form, fetch, fetched, channels, dtype, not settings.exact)
+        return Output(kind, form, fetch, fetched, channels, dtype)
 
     channels = _RGBA if settings.alpha else _RGB
     fetch = (FETCH if settings.options.texture_uv is None else _OF_SET)[settings.form]

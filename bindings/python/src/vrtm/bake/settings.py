@@ -35,7 +35,6 @@ class Settings:
     form: str = "tile"
     half: bool = False
     alpha: bool = False
-    exact: bool = False
     warp: bool = False
     jacobian: bool = False
     filter_scale: bool = False
