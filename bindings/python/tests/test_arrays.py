@@ -136,6 +136,7 @@ def test_seams(device, model):
 def test_vertex_maps(device, model, asset):
     tile = asset.tile(1001)
     tile.set_rigidity(None)
+    tile.set_settings(grid_width=128, grid_height=128)
     values = (np.hypot(*(model.uvs - 0.5).T) < 0.2).astype(np.float32)
     results = []
     for given in (values, values.astype(np.float64), values.astype(bool), values.astype(np.int8), values[:, None]):

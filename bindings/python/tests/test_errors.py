@@ -118,7 +118,7 @@ def test_device():
 def test_memory_budget(model):
     with vrtm.Device("cpu", memory_budget=2_000_000) as device:
         with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as asset:
-            asset.tile(1001).set_settings(grid_width=4096, grid_height=4096)
+            asset.tile(1001).set_settings(grid_width=1024, grid_height=1024)
             asset.tile(1001).set_rigidity(studs())
             with pytest.raises(vrtm.OutOfMemoryError) as caught:
                 asset.solve(model.pose)
