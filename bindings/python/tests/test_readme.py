@@ -47,6 +47,8 @@ def test_the_bake_to_try(tmp_path):
         next(shlex.split(line, comments=True) for line in text.splitlines() if line.startswith(f"    {start}"))
         for start in ("python bindings/python/examples/scene.py", "vrtm bake shot/arm.usda")
     )
+    # Two of its five frames will do.
+    baked[baked.index("1-24x6,24")] = "1,24"
     environment = os.environ | {"PYTHONPATH": str(Path(vrtm.__file__).parents[1]), "PYTHONDONTWRITEBYTECODE": "1"}
     script = [sys.executable, str(REPOSITORY / made[1]), *made[2:]]
     command = [sys.executable, "-m", "vrtm.cli", *baked[1:]]
@@ -55,11 +57,11 @@ def test_the_bake_to_try(tmp_path):
         done = subprocess.run(line, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=200)
         assert done.returncode == 0, done.stderr[-500:]
         told.append(done.stdout)
-    frames = (1, 7, 13, 19, 24)
+    frames = (1, 24)
     names = [
         f"{kind}.{frame:04}.1001.{end}" for kind, end in (("colour", "png"), ("redirect", "exr")) for frame in frames
     ]
     assert sorted(os.listdir(tmp_path / "shot" / "maps")) == sorted(names)
-    assert "10 files written" in told[1] and "0 files written, 10 up to date" in told[2]
+    assert "4 files written" in told[1] and "0 files written, 4 up to date" in told[2]
     layer = usd.Stage.Open(str(tmp_path / "shot" / "arm_vrtm.usda"))
     assert layer.GetEndTimeCode() == 24
