@@ -9,6 +9,7 @@ mod files;
 mod gpu;
 pub mod long;
 pub mod motion;
+pub mod passed;
 pub mod roughness;
 #[path = "../../examples/scenes/mod.rs"]
 pub mod scenes;
@@ -26,7 +27,8 @@ use vrtm::{
 use vrtm_lab::Lab as _;
 
 pub use files::{assets, obj, save};
-pub use gpu::{gpu, has_gpu};
+pub use gpu::{backend, gpu, has_gpu};
+pub use passed::unless_passed;
 use scenes::Scene;
 pub use scenes::TileMaps as Maps;
 pub use warp::Warp;
@@ -122,6 +124,24 @@ impl Model {
             }
         }
         chosen
+    }
+
+    /// The model twice over itself, in layers: the second time, it takes the last pose.
+    #[must_use]
+    pub fn twice(&self) -> Model {
+        let vertices = self.rest.len() as u32;
+        let both =
+            |list: &[u32], more: u32| list.iter().copied().chain(list.iter().map(|i| i + more)).collect();
+        let pose = [&self.frames[0][..], &self.frames[self.frames.len() - 1][..]].concat();
+        Model {
+            rest: [&self.rest[..], &self.rest[..]].concat(),
+            face_counts: both(&self.face_counts, 0),
+            indices: both(&self.indices, vertices),
+            uv_indices: both(&self.uv_indices, 0),
+            frames: vec![pose],
+            max_layers: 8,
+            ..self.clone()
+        }
     }
 
     /// The range of corners of each face.

@@ -4,23 +4,6 @@ use crate::common::{Model, bits, cpu, gpu, scenes};
 use vrtm::{Asset, Device, DeviceSettings, SolveOptions};
 use vrtm_lab::Lab as _;
 
-/// The model twice over itself: the second time, it takes another pose.
-fn twice(model: &Model) -> Model {
-    let vertices = model.rest.len() as u32;
-    let both = |list: &[u32], more: u32| list.iter().copied().chain(list.iter().map(|i| i + more)).collect();
-    let second = &model.frames[model.frames.len() - 1];
-    let pose = [&model.frames[0][..], &second[..]].concat();
-    Model {
-        rest: [&model.rest[..], &model.rest[..]].concat(),
-        face_counts: both(&model.face_counts, 0),
-        indices: both(&model.indices, vertices),
-        uv_indices: both(&model.uv_indices, 0),
-        frames: vec![pose],
-        max_layers: 8,
-        ..model.clone()
-    }
-}
-
 fn solved(model: &Model, device: &Device, frame: usize) -> Asset {
     let mut asset = model.asset_on(device, 64);
     asset.solve(model.frame(frame), &SolveOptions::default()).unwrap();
@@ -32,7 +15,7 @@ fn a_layer_has_the_bits_of_its_charts_alone() {
     let Some(device) = gpu(&DeviceSettings::default()) else { return };
     let model = Model::from(scenes::by_name("mug_to_jug").unwrap());
     assert!(model.frames.len() > 1);
-    let layered = twice(&model);
+    let layered = model.twice();
     let both = solved(&layered, &device, 1);
     let on_cpu = solved(&layered, &cpu(2), 1);
     assert_eq!(both.tile_count(), 2);

@@ -5,11 +5,17 @@
 //! The CPU's bits are the same on every machine. A GPU's bits are the same on one device with one driver: for an
 //! adapter that the file does not list nothing is compared, and a message says so.
 
+mod outputs;
+mod small;
+
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
 
-use crate::common::{self, Model, bits, cpu, fetch, options};
+use crate::common::passed::Hash;
+use crate::common::{self, Model, bits, cpu, fetch, on_all_cores, options};
+use small::{Small, drawn, hard, outputs, small};
 use vrtm::{
     Device, DeviceSettings, FetchKind, PbdSettings, Quality, SolveOptions, Solver, TileSettings, adapters,
 };
@@ -52,17 +58,6 @@ fn models() -> Vec<Model> {
     models
 }
 
-/// 64-bit FNV-1a.
-struct Hash(u64);
-
-impl Hash {
-    fn add(&mut self, x: u64) {
-        for byte in x.to_le_bytes() {
-            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-        }
-    }
-}
-
 /// Solves a model's first frame (warm: its first two) and hashes displacements, maps and reports of all tiles.
 fn hash(model: &Model, device: &Device, grid: u32, effort: &Effort) -> u64 {
     let mut asset = model.asset_on(device, grid);
@@ -75,7 +70,7 @@ fn hash(model: &Model, device: &Device, grid: u32, effort: &Effort) -> u64 {
         asset.solve(model.frame(model.frames.len()), &options(Quality::Draft)).unwrap();
     }
     asset.solve(model.frame(1), &effort.options).unwrap();
-    let mut hash = Hash(0xcbf2_9ce4_8422_2325);
+    let mut hash = Hash::new();
     bits(&asset).into_iter().flatten().for_each(|bits| hash.add(bits.into()));
     for tile in 0..asset.tile_count() {
         for kind in [FetchKind::Redirection, FetchKind::RedirectionDelta] {
@@ -98,7 +93,8 @@ fn file() -> PathBuf {
 }
 
 /// Hashes by backend, scene and effort.
-type Hashes = BTreeMap<(String, String, String), u64>;
+type Hashes = BTreeMap<Key, u64>;
+type Key = (String, String, String);
 
 fn stored() -> Hashes {
     let text = std::fs::read_to_string(file()).unwrap_or_default();
@@ -111,8 +107,12 @@ fn stored() -> Hashes {
     text.lines().filter(|line| !line.starts_with('#')).map(line).collect()
 }
 
+/// All tests write the same file.
+static WRITING: Mutex<()> = Mutex::new(());
+
 /// Compares the hashes found on a backend with the file, or writes them into it.
 fn compare(backend: &str, found: &Hashes) {
+    let _alone = WRITING.lock().unwrap_or_else(PoisonError::into_inner);
     let mut all = stored();
     if std::env::var_os("VRTM_UPDATE_BITS").is_some_and(|value| value == "1") {
         all.extend(found.clone());
@@ -129,42 +129,68 @@ fn compare(backend: &str, found: &Hashes) {
         println!("skipped: {} has no hashes of {backend}", file().display());
         return;
     }
-    let differs = |key: &&(String, String, String)| all.get(*key) != found.get(*key);
+    let differs = |key: &&Key| all.get(*key) != found.get(*key);
     let wrong: Vec<_> =
         found.keys().filter(differs).map(|(_, scene, effort)| format!("{scene}, {effort}")).collect();
     assert!(wrong.is_empty(), "{backend}: other bits than in tests/bits.txt: {}", wrong.join("; "));
 }
 
-/// A single test, because both backends write the same file.
+fn key(backend: &str, scene: &str, what: &str) -> Key {
+    (backend.to_owned(), scene.to_owned(), what.to_owned())
+}
+
 #[test]
 fn results_have_the_bits_that_they_had() {
-    let (models, efforts) = (models(), efforts());
-    let key = |backend: &str, model: &Model, effort: &Effort| {
-        (backend.to_owned(), model.name.clone(), effort.name.to_owned())
-    };
-    let mut found = Hashes::new();
-    let device = cpu(0);
-    for model in &models {
-        for effort in &efforts {
-            found.insert(key("cpu", model, effort), hash(model, &device, 128, effort));
+    let (mut found, device) = (Hashes::new(), cpu(0));
+    for model in &models() {
+        for effort in &efforts() {
+            found.insert(key("cpu", &model.name, effort.name), hash(model, &device, 128, effort));
         }
     }
     compare("cpu", &found);
+}
+
+#[test]
+fn results_have_the_bits_that_they_had_on_a_gpu() {
     let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
-    let adapter = &adapters()[0];
-    let backend = format!("{}, {}", adapter.name, adapter.driver);
-    let mut found = Hashes::new();
+    let (models, efforts) = (models(), efforts());
+    let (mut found, backend) = (Hashes::new(), common::backend(&adapters()[0]));
     for (n, model) in models.iter().enumerate() {
         // A software driver is slow: all efforts run on every fourth scene only.
         for effort in efforts.iter().take(if n % 4 == 0 { efforts.len() } else { 1 }) {
-            found.insert(key(&backend, model, effort), hash(model, &device, 64, effort));
+            found.insert(key(&backend, &model.name, effort.name), hash(model, &device, 64, effort));
         }
     }
     // The same grid, laid over several buffers.
     let settings = DeviceSettings { backend: vrtm::Backend::Gpu, ..DeviceSettings::default() };
     let banded = Device::with_variables(&settings, &[], Some(12)).unwrap();
     let model = models.iter().find(|model| model.name == "torus").unwrap();
-    let name = "normal in bands".to_owned();
-    found.insert((backend.clone(), model.name.clone(), name), hash(model, &banded, 64, &efforts[0]));
+    found.insert(key(&backend, &model.name, "normal in bands"), hash(model, &banded, 64, &efforts[0]));
     compare(&backend, &found);
+}
+
+/// The small scenes, and the outputs of one.
+fn of_small(backend: &str, scenes: &[Small], device: &Device) -> Hashes {
+    let hashes = on_all_cores(scenes, |small| small.hash(device).0);
+    let keys = scenes.iter().map(|small| key(backend, small.scene(), &small.what));
+    let outputs = outputs(device).into_iter().map(|(what, hash)| (key(backend, "outputs", what), hash.0));
+    keys.zip(hashes).chain(outputs).collect()
+}
+
+#[test]
+fn small_scenes_have_the_bits_that_they_had() {
+    let device = cpu(1);
+    let mut found = of_small("cpu", &small(), &device);
+    let drawn = drawn(&device, &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9]);
+    let all = hard().into_iter().map(|(what, hash)| (key("cpu", "hard", &what), hash.0));
+    found.extend(all.chain(drawn.into_iter().map(|(what, hash)| (key("cpu", "random", &what), hash.0))));
+    compare("cpu", &found);
+}
+
+#[test]
+fn small_scenes_have_the_bits_that_they_had_on_a_gpu() {
+    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let scenes: Vec<Small> = small().into_iter().filter(|small| small.on_gpu).collect();
+    let backend = common::backend(&adapters()[0]);
+    compare(&backend, &of_small(&backend, &scenes, &device));
 }

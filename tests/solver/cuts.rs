@@ -109,6 +109,12 @@ fn sheet(cuts: &[Cut], shift: f64) -> Model {
     }
 }
 
+/// A sheet with two cuts between lines of the grid, which meet.
+pub fn small() -> Model {
+    let cut = |from: [usize; 2], to: [usize; 2]| Cut { from, to };
+    sheet(&[cut([8, 16], [24, 16]), cut([16, 16], [16, 28])], 6.3)
+}
+
 /// The nodes that move, and those that cross a cut or lie on one and move.
 fn moved_and_crossing(device: &Device, cuts: &[Cut], shift: f64) -> (usize, usize) {
     let model = sheet(cuts, shift);

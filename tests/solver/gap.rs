@@ -7,6 +7,7 @@
 
 use std::time::Instant;
 
+use crate::common::unless_passed;
 use crate::common::{self, Model, long, on_all_cores, options, scenes};
 use vrtm::Quality;
 use vrtm_lab::Lab as _;
@@ -170,6 +171,7 @@ fn check(cases: &[Case]) {
 
 #[test]
 fn scenes() {
+    let Some(_run) = unless_passed(scenes) else { return };
     let mut squash = Model::from(scenes::analytic::squash(0.4));
     squash.name = "squash to 40 %".into();
     let mut models = vec![squash, Model::from(scenes::mug_to_jug())];
@@ -179,5 +181,6 @@ fn scenes() {
 
 #[test]
 fn assets() {
+    let Some(_run) = unless_passed(assets) else { return };
     check(&long::share(cases(&common::assets(), false), 3, "assets"));
 }

@@ -290,6 +290,19 @@ fn no_node_ends_in_a_gap_thinner_than_a_cell() {
     assert_none_outside(&cases);
 }
 
+/// Sheets with gaps of each kind, for a grid of 96 by 96 cells.
+pub fn small() -> Vec<(String, Model)> {
+    let all =
+        [Sides::Apart, Sides::SameVertex, Sides::SamePlace].into_iter().zip([0.3, 0.5, 0.7]).zip([3, 4, 5]);
+    all.map(|((sides, width), shape)| {
+        let gaps = SHAPES[shape];
+        let (angle, pose, quality, tolerance) = (20.0, 2, Quality::Normal, Some(1.0 / 96.0));
+        let case = Case { quads: 12, grid: 96, gaps, width, angle, sides, pose, quality, tolerance };
+        (format!("{sides:?}, shape {shape}, {width} cells wide"), sheet(&case))
+    })
+    .collect()
+}
+
 /// The default tolerance is a quarter of a cell on a grid of 512, and half a cell on one of 1024.
 #[test]
 fn no_node_ends_in_a_gap_that_the_default_tolerance_closes() {

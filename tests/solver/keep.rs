@@ -1,33 +1,25 @@
 //! Features at borders that are kept whole (`Seams::Keep`).
 
-use vrtm::{
-    Asset, ImageLayout, ImageView, OpenBorders, PixelFormat, Quality, Seams, SolveOptions, TileSettings,
-};
+use vrtm::{Asset, ImageLayout, ImageView, OpenBorders, PixelFormat, Seams, SolveOptions, TileSettings};
 
-use crate::common::features::{CASES, Kind, Summary, models, of_asset, solve};
-use crate::common::{Model, bits, cpu, on_all_cores, options};
+use crate::common::features::Kind;
+use crate::common::unless_passed;
+use crate::common::{Model, bits, cpu, on_all_cores};
+use crate::table::{self, judge};
 
 /// At borders features are what they are without a warp; the others keep their shapes as they do with shut seams.
 #[test]
 fn features_at_borders_are_kept_and_others_keep_their_shape() {
-    let models = models();
-    let cases: Vec<_> = ["creature", "mh_face", "spot", "cesium_man", "fox", "ict_inner", "strips"]
-        .iter()
-        .filter_map(|name| {
-            let model = models.iter().find(|model| model.name == *name)?;
-            Some((model, CASES.iter().find(|case| case.0 == *name)?.1))
-        })
-        .collect();
-    assert!(!cases.is_empty());
+    let Some(_run) = unless_passed(features_at_borders_are_kept_and_others_keep_their_shape) else { return };
+    let names = ["creature", "mh_face", "spot", "cesium_man", "fox", "ict_inner", "strips"];
+    let cases: Vec<_> =
+        names.iter().filter_map(|name| Some((table::model(name)?, table::frame(name)))).collect();
     let lines = on_all_cores(&cases, |&(model, frame)| {
-        let pose = &model.frames[frame - 1];
-        let [kept, shut] = [Seams::Keep, Seams::Shut].map(|seams| {
-            let asset = solve(model, pose, 1, 512, (seams, OpenBorders::Fixed), &options(Quality::Normal));
-            of_asset(model, pose, &asset)
-        });
-        let at_borders = || kept.iter().filter(|feature| feature.kind != Kind::Inner);
+        let [kept, shut] =
+            [Seams::Keep, Seams::Shut].map(|seams| judge(model, frame, (seams, OpenBorders::Fixed)));
+        let at_borders = || kept.features.iter().filter(|feature| feature.kind != Kind::Inner);
         let change = at_borders().map(|feature| (feature.after - feature.before).abs()).fold(0.0, f64::max);
-        let [of_kept, of_shut] = [&kept, &shut].map(|features| Summary::of(features, Kind::Inner));
+        let [of_kept, of_shut] = [&kept, &shut].map(|judged| judged.of(Kind::Inner));
         let line = format!(
             "{} {frame}: {} change {change:.4}, {of_kept:?}, {of_shut:?}",
             model.name,

@@ -25,5 +25,6 @@ mod scenes;
 mod seams;
 mod smooth;
 mod strips;
+mod table;
 mod temporal;
 mod welds;

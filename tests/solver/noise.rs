@@ -7,7 +7,7 @@ use crate::common::{Maps, Model, Warp, bits, options};
 use vrtm::{Quality, RefinementSettings};
 
 /// A sheet of 64 by 32 quads whose UVs lie in low..high, with rigid discs, in a pose that squashes a part of it.
-fn sheet([low, high]: [f64; 2]) -> Model {
+pub fn sheet([low, high]: [f64; 2]) -> Model {
     let size = [64, 32];
     let vertex = |i: usize, j: usize| (j * (size[0] + 1) + i) as u32;
     let places = (0..=size[1]).flat_map(|j| (0..=size[0]).map(move |i| [i as f64 / 64.0, j as f64 / 32.0]));
@@ -38,7 +38,7 @@ fn sheet([low, high]: [f64; 2]) -> Model {
 
 /// The model with a UV for each corner, moved by noise of up to `most` in u and in v; that of the corners of a face is the
 /// same if it is `by_face`.
-fn noisy(model: &Model, most: f64, by_face: bool) -> Model {
+pub fn noisy(model: &Model, most: f64, by_face: bool) -> Model {
     let noise = |k: u64| {
         let mixed = (k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         let mixed = (mixed ^ mixed >> 31).wrapping_mul(0xd6e8_feb8_6659_fd93);

@@ -9,6 +9,7 @@ mod scenes;
 
 use crate::common::features::{Borders, STILL};
 use crate::common::roughness::Roughness;
+use crate::common::unless_passed;
 use crate::common::{cpu, gpu, long, options};
 use scenes::Case;
 use vrtm::{Asset, Device, DeviceSettings, OpenBorders, Quality, Seams, TileSettings};
@@ -113,11 +114,13 @@ fn check(backend: &str, grid: u32, qualities: &[Quality], borders: Borders, devi
 
 #[test]
 fn smooth_motions_give_smooth_warps_on_the_cpu() {
+    let Some(_run) = unless_passed(smooth_motions_give_smooth_warps_on_the_cpu) else { return };
     check("cpu", 256, &[Quality::Draft, Quality::Normal, Quality::High], STILL, &cpu(0));
 }
 
 #[test]
 fn smooth_motions_give_smooth_warps_on_a_gpu() {
+    let Some(_run) = unless_passed(smooth_motions_give_smooth_warps_on_a_gpu) else { return };
     if let Some(device) = gpu(&DeviceSettings::default()) {
         // A software driver takes minutes for the other qualities.
         check("gpu", 128, &[Quality::Normal], STILL, &device);
@@ -126,5 +129,6 @@ fn smooth_motions_give_smooth_warps_on_a_gpu() {
 
 #[test]
 fn smooth_motions_give_smooth_warps_where_charts_go_on() {
+    let Some(_run) = unless_passed(smooth_motions_give_smooth_warps_where_charts_go_on) else { return };
     check("seams", 256, &[Quality::Normal], (Seams::Continue, OpenBorders::Slide), &cpu(0));
 }

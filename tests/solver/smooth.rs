@@ -4,6 +4,7 @@
 
 use crate::common::motion::{self, Points, Spread, length};
 use crate::common::scenes::{analytic, arm, creature, mug_to_jug};
+use crate::common::unless_passed;
 use crate::common::{self, Model, Warp, cpu, long, on_all_cores};
 use vrtm::{Quality, SolveOptions, Strided};
 
@@ -151,6 +152,7 @@ fn motions() -> Vec<Motion> {
 
 #[test]
 fn smooth_motions_give_smooth_warps() {
+    let Some(_run) = unless_passed(smooth_motions_give_smooth_warps) else { return };
     let motions = motions();
     let mut cases: Vec<(&Motion, Quality, bool)> = Vec::new();
     for motion in &motions {

@@ -18,6 +18,7 @@ use std::time::{Duration, Instant};
 
 use crate::common::{gpu, long};
 use check::Seen;
+use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::{Config, RngAlgorithm, TestError, TestRng, TestRunner};
 use recipe::Recipe;
 use vrtm::{Device, DeviceSettings};
@@ -59,6 +60,19 @@ fn as_rust(recipe: &Recipe) -> String {
     format!("{head}frames: vec![{frames}], output{rest}")
 }
 
+/// The first models of a seed.
+pub fn recipes(seed: u64, count: usize) -> Vec<Recipe> {
+    let mut runner = runner(seed, 0);
+    (0..count).map(|_| strategy::recipe().new_tree(&mut runner).unwrap().current()).collect()
+}
+
+fn runner(seed: u64, cases: u32) -> TestRunner {
+    let mut bytes = [0; 32];
+    bytes[..8].copy_from_slice(&seed.to_le_bytes());
+    let config = Config { cases, failure_persistence: None, max_shrink_iters: 2000, ..Config::default() };
+    TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &bytes))
+}
+
 /// The state of one thread, which the other threads watch.
 #[derive(Default)]
 struct Worker {
@@ -71,16 +85,7 @@ struct Worker {
 impl Worker {
     /// Draws a batch and checks it. Returns the first failure, shrunk.
     fn batch(&self, seed: u64, cases: u64, device: Option<&Device>) -> Option<String> {
-        let mut bytes = [0; 32];
-        bytes[..8].copy_from_slice(&seed.to_le_bytes());
-        let config = Config {
-            cases: cases as u32,
-            failure_persistence: None,
-            max_shrink_iters: 2000,
-            ..Config::default()
-        };
-        let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &bytes));
-        let result = runner.run(&strategy::recipe(), |recipe| {
+        let result = runner(seed, cases as u32).run(&strategy::recipe(), |recipe| {
             *self.running.lock().unwrap() = Some((Instant::now(), recipe.clone()));
             let Seen { solved, moved, crushed, fell_back } = check::check(&recipe, device);
             for (count, seen) in self.seen.iter().zip([solved, moved, crushed, fell_back]) {

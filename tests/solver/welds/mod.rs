@@ -48,7 +48,7 @@ fn sheet(quads: usize) -> Model {
 
 /// The same with a slit along v = 0.5 from u = 0.25 to u = 0.75: its vertices are doubled, at equal positions with equal
 /// UVs, and the pose opens it. `two_vt`: the UVs are doubled, too. Returns the doubled vertices, as (below, above).
-fn slit(two_vt: bool) -> (Model, Vec<[u32; 2]>) {
+pub fn slit(two_vt: bool) -> (Model, Vec<[u32; 2]>) {
     let mut model = sheet(QUADS);
     let at = |i: usize| (QUADS / 2 * (QUADS + 1) + i) as u32;
     let mut doubled = Vec::new();
