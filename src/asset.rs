@@ -1,32 +1,36 @@
 //! An asset: a mesh with its tiles, their maps, settings and results. The public entry to everything.
 
+mod derived;
+mod given;
 mod inside;
 mod log;
 pub(crate) mod measure;
 mod prepare;
+pub(crate) mod request;
 pub(crate) mod results;
 mod seams;
+mod shape;
 mod side_by_side;
 pub(crate) mod solve;
 mod stretch;
 pub(crate) mod tile;
 mod tiles;
-pub(crate) mod torn;
 
 use std::sync::Arc;
 
 use crate::device::Device;
 use crate::map::FetchKind;
 use crate::map::certificate::desc::{MapDesc, MapReport};
+use derived::{Derived, Same};
+use given::Given;
 use results::Results;
 use tile::TileState;
 use vrtm_beyond::Places;
 use vrtm_core::allocation::Collect;
-use vrtm_core::error::{Error, ErrorKind, Result};
-use vrtm_core::grid::maps::{Mask, Rigidity};
+use vrtm_core::error::{Error, Result};
 use vrtm_core::image::ImageViewMut;
 use vrtm_core::image::external::ExternalImage;
-use vrtm_core::mesh::{Mesh, MeshSource};
+use vrtm_core::mesh::{Mesh, MeshSource, TileMesh};
 use vrtm_core::report::{AssetInfo, AssetReport, GpuWork, TileReport};
 use vrtm_core::view::Strided;
 
@@ -36,21 +40,13 @@ use vrtm_core::view::Strided;
 pub struct Asset {
     pub(crate) device: Device,
     pub(crate) mesh: Arc<Mesh>,
-    pub(crate) tiles: Vec<TileState>,
-    /// Rigidity and mask per vertex, for the tiles that have no maps of their own.
-    of_vertices: OfVertices,
+    /// What the host has set.
+    given: Given,
+    /// What follows from that.
+    tiles: Vec<TileState>,
     pub(crate) results: Results,
     /// Where charts have what lies beyond their seams, if any go on there.
-    pub(crate) places: Option<Places>,
-    /// The tiles that were last blended together, ascending.
-    pub(crate) together: Vec<usize>,
-}
-
-/// Rigidity and mask per vertex, if the host has set any.
-#[derive(Debug, Default)]
-struct OfVertices {
-    rigidity: Rigidity,
-    mask: Mask,
+    places: Derived<Vec<Same<TileMesh>>, Places>,
 }
 
 impl Asset {
@@ -67,10 +63,10 @@ impl Asset {
     fn make(device: &Device, source: &MeshSource) -> Result<Asset> {
         let mesh = Arc::new(Mesh::new(source)?);
         log::describe(device, &mesh);
-        let tiles = mesh.tiles.iter().map(|tile| TileState::new(tile)).collected();
+        let given = Given::new(mesh.tiles.len());
+        let tiles = (0..mesh.tiles.len()).map(|tile| TileState::new(tile, device)).collected();
         let results = Results::new(device, &mesh);
-        let (device, of_vertices) = (device.clone(), OfVertices::default());
-        Ok(Asset { device, mesh, tiles, of_vertices, results, places: None, together: Vec::new() })
+        Ok(Asset { device: device.clone(), mesh, given, tiles, results, places: Derived::default() })
     }
 
     /// The device that the asset was made on.
@@ -217,17 +213,6 @@ impl Asset {
         self.results.report()
     }
 
-    /// Calls `f` with the device's memory. If memory runs short, this is an error: every tile keeps what it has, and the
-    /// memory booked beyond that is released.
-    fn call<R>(&mut self, f: impl FnOnce(&mut Asset) -> Result<R>) -> Result<R> {
-        let device = self.device.clone();
-        let result = device.call(|| f(self));
-        if result.as_ref().is_err_and(|error| error.kind == ErrorKind::OutOfMemory) {
-            self.tiles.iter_mut().for_each(|tile| tile.settle(&device));
-        }
-        result
-    }
-
     pub(crate) fn check_tile(&self, tile: usize) -> Result<()> {
         self.device.alive()?;
         if tile < self.tiles.len() {
@@ -254,9 +239,6 @@ impl Asset {
 
 impl Drop for Asset {
     fn drop(&mut self) {
-        for tile in &mut self.tiles {
-            tile.release(&self.device);
-        }
         self.tiles.clear();
         if let Some(gpu) = self.device.gpu() {
             gpu.reclaim();

@@ -276,6 +276,11 @@ impl Device {
         }
     }
 
+    /// An entry of the device's account, still of no bytes.
+    pub(crate) fn booking(&self) -> Booked {
+        Booked { device: self.clone(), bytes: 0 }
+    }
+
     /// Books a change of an asset's bytes against the budget; the error names `what` if the budget is exceeded.
     pub(crate) fn rebook(&self, before: u64, after: u64, what: &str) -> Result<()> {
         let budget = self.0.settings.memory_budget;
@@ -296,6 +301,40 @@ impl Device {
                     ),
                 )
             })
+    }
+}
+
+/// Bytes on a device's account, until this is dropped.
+#[derive(Debug)]
+pub(crate) struct Booked {
+    device: Device,
+    bytes: u64,
+}
+
+impl Booked {
+    pub fn bytes(&self) -> u64 {
+        self.bytes
+    }
+
+    /// Books this many bytes in place of those before: as many or fewer always, more if the budget allows; the error names
+    /// `what` if it does not.
+    pub fn set(&mut self, bytes: u64, what: &str) -> Result<()> {
+        self.device.rebook(self.bytes, bytes, what)?;
+        self.bytes = bytes;
+        Ok(())
+    }
+}
+
+/// What the bytes were booked for is to be dropped before: a GPU then frees it.
+impl Drop for Booked {
+    fn drop(&mut self) {
+        if self.bytes > 0 {
+            // Booking less always succeeds.
+            let _ = self.set(0, "");
+            if let Some(gpu) = self.device.gpu() {
+                gpu.reclaim();
+            }
+        }
     }
 }
 

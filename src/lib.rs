@@ -77,8 +77,8 @@ mod refine;
 use vrtm_gpu as gpu;
 
 pub use asset::Asset;
+pub use asset::request::{Fetch, SolveRequest};
 pub use asset::results::Results;
-pub use asset::solve::{Fetch, SolveRequest};
 pub use device::{Device, adapters};
 pub use half::f16;
 pub use map::FetchKind;

@@ -2,7 +2,8 @@
 
 use std::sync::Arc;
 
-use crate::asset::{Asset, torn};
+use super::Asset;
+use super::shape::{Call, torn_welds};
 use crate::map::nodes;
 use crate::solver::solved::Solved;
 use vrtm_core::error::Result;
@@ -20,8 +21,8 @@ pub struct TileInside<'a> {
     /// The same, with collars if its charts go on beyond their borders.
     pub extended: Arc<TileMesh>,
     pub maps: &'a TileMaps,
-    /// The maps of all tiles; empty unless charts of some go on beyond their borders.
-    pub all_maps: Vec<TileMaps>,
+    /// The maps of all tiles.
+    pub all_maps: &'a [TileMaps],
 }
 
 /// The last result of a tile.
@@ -55,13 +56,11 @@ impl Asset {
     pub fn tile_inside(&self, tile: usize, positions: &Strided) -> Result<TileInside<'_>> {
         self.check_tile(tile)?;
         self.check_vertices("positions", positions, 3)?;
-        let whole = torn::in_pose(&self.mesh, tile, positions);
-        let extended = match Arc::ptr_eq(&whole, &self.mesh.tiles[tile]) {
-            true => self.device.team(|team| self.tiles[tile].source(team, &self.mesh, tile)),
-            false => whole.clone(),
-        };
-        let maps = &self.tiles[tile].maps;
-        Ok(TileInside { mesh: &self.mesh, tile: whole, extended, maps, all_maps: self.maps() })
+        let Asset { device, mesh, given, tiles, .. } = self;
+        let welds = torn_welds(mesh, &mesh.tiles[tile], positions);
+        let extended = device.team(|team| tiles[tile].mesh(&Call { team, device, mesh, given }, &welds));
+        let whole = if welds.is_empty() { mesh.tiles[tile].clone() } else { extended.clone() };
+        Ok(TileInside { mesh, tile: whole, extended, maps: &given.maps[tile], all_maps: &given.maps })
     }
 
     /// The last result of a tile.

@@ -26,11 +26,11 @@ impl Asset {
         for ((tile, result), published) in tiles.iter().zip(published) {
             let solved = published.get_or_insert_with(|| result.with_warp(result.warp.clone()));
             team.check_or_unwind();
-            let state = &self.tiles[*tile];
+            let given = &self.given.maps[*tile];
             let mesh = &*solved.mesh;
             let level = &solved.grid.levels[0];
-            let coverage = Coverage::new(mesh, level.nx, level.ny, state.maps.settings.overlap);
-            let mut maps = node_maps(mesh, &state.maps, [level.nx, level.ny]);
+            let coverage = Coverage::new(mesh, level.nx, level.ny, given.settings.overlap);
+            let mut maps = node_maps(mesh, given, [level.nx, level.ny]);
             if solved.extended.is_some() {
                 set_movable(&mut maps, solved);
             }

@@ -1,324 +1,128 @@
-//! Prepares a tile: its maps and settings, the grid that follows from them, its estimate, and saved grids.
+//! Prepares a tile before it is solved; its estimate, facts, and saved grids.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use crate::device::Device;
-use vrtm_beyond::extended;
+use vrtm_core::allocation::copied;
 use vrtm_core::error::Result;
 use vrtm_core::grid::gutter::Gutter;
-use vrtm_core::grid::maps::{MapsOfTile, Mask, Rigidity, TileMaps};
-use vrtm_core::grid::repaint::{Repainted, repaint};
 use vrtm_core::grid::survey::Survey;
 use vrtm_core::grid::{Grid, build, saved};
-use vrtm_core::image::map::TexelRect;
-use vrtm_core::mesh::{Mesh, TileMesh};
+use vrtm_core::mesh::TileMesh;
 use vrtm_core::method::plan::Purpose;
 use vrtm_core::report::{TileEstimate, TileInfo, report};
-use vrtm_core::settings::{LogLevel, Seams, Solver, TileSettings};
-use vrtm_core::team::Team;
-use vrtm_core::unwind::caught;
+use vrtm_core::settings::{LogLevel, Solver};
 
-use super::tile::{Prepared, SolveCall, TileState};
-use super::torn::{self, Torn};
+use super::given::Given;
+use super::shape::{Built, Call, Prepared, Shape, ShapeKey, new_mesh};
+use super::tile::TileState;
 use crate::solver::TileSolver;
 use crate::solver::solved::Solved;
 
 impl TileState {
-    /// Sets the rigidity. The grid is rebuilt at the next solve if the rigidity differs, which is returned.
-    pub fn set_rigidity(&mut self, rigidity: Rigidity) -> bool {
-        let differs = self.maps.rigidity != rigidity;
-        if differs {
-            self.maps.rigidity = rigidity;
-            self.grid = None;
-            self.solved_with = None;
-            self.torn.iter_mut().for_each(Torn::forget_grid);
-        }
-        differs
+    /// What the tile's triangles follow from.
+    fn shape_key(&self, given: &Given, welds: &[u32]) -> ShapeKey {
+        let beyond = given.maps[self.tile].settings.beyond();
+        // Charts of a tile that a pose tears do not go on.
+        (beyond.filter(|_| welds.is_empty()), copied(welds))
     }
 
-    /// The tile's grid after some texels of the rigidity map have changed; `None` if there is no grid, or if other nodes may
-    /// move than before.
-    pub fn repainted(&self, team: &Team, tile: &TileMesh, texels: &TexelRect) -> Result<Option<Repainted>> {
-        let tile = self.extended.get().map_or(tile, |extended| extended);
-        caught(|| match (&self.maps.rigidity, &self.grid) {
-            (Rigidity::Map(map), Some(grid)) => Ok(repaint(team, grid, tile, &self.maps, map, texels)),
-            _ => Ok(None),
-        })
+    /// The tile with these welds torn, with collars if its charts go on beyond their borders. Nothing is kept.
+    pub fn mesh(&self, call: &Call, welds: &[u32]) -> Arc<TileMesh> {
+        let key = self.shape_key(call.given, welds);
+        let known = self.whole.known(&key).or(self.torn.known(&key));
+        known.map_or_else(|| new_mesh(call, self.tile, &key), |shape| shape.mesh.clone())
     }
 
-    /// Takes over what `repainted` found. `start` is when the map was changed.
-    pub fn take_repainted(&mut self, device: &Device, repainted: Option<Repainted>, start: Instant) {
-        self.solved_with = None;
-        self.torn.iter_mut().for_each(Torn::forget_grid);
-        if self.grid.take().is_none() {
-            return;
-        }
-        if let Some(repainted) = repainted {
-            let inputs = self.inputs.iter_mut().zip(&repainted.charts);
-            inputs.filter(|(_, changed)| **changed).for_each(|(input, _)| *input = None);
-            self.grid = Some(Arc::new(repainted.grid));
-            if device.gpu().is_some() {
-                // A GPU's memory holds the rigidity of the grid that it was made for.
-                self.forget(device);
+    /// The tile with these welds torn, and what is made for that.
+    fn shape(&mut self, call: &Call, welds: &[u32]) -> Result<&mut Shape> {
+        let (tile, key) = (self.tile, self.shape_key(call.given, welds));
+        let shape = if welds.is_empty() { &mut self.whole } else { &mut self.torn };
+        shape.get(call.device, key, |key, _| Ok(Shape::new(new_mesh(call, tile, key), call.mesh.tiles.len())))
+    }
+
+    /// The tile with these welds torn, and its grid; builds it if it is not there.
+    pub fn prepared(&mut self, call: &Call, welds: &[u32]) -> Result<Prepared> {
+        let (tile, name, is_whole) = (self.tile, call.mesh.tiles[self.tile].name(), welds.is_empty());
+        self.maps.set(call.given.bytes(call.mesh, tile), &name)?;
+        let shape = self.shape(call, welds)?;
+        shape.repaint(call);
+        let key = call.given.grid_key(tile, shape.beyond.iter().copied());
+        if shape.grid.known(&key).is_none() {
+            // Memory for another grid is of no more use.
+            self.solver = None;
+            if is_whole {
+                self.copies.free();
             }
         }
-        self.build_ms += start.elapsed().as_secs_f32() * 1000.0;
+        let Shape { mesh, grid, .. } = self.shape(call, welds)?;
+        let built = grid.get(call.device, key.clone(), |key, booked| {
+            let built = Built::new(call, key, mesh, booked)?;
+            if is_whole {
+                describe(call.device, &name, &built.grid);
+            }
+            Ok(built)
+        })?;
+        Ok(Prepared { mesh: mesh.clone(), grid: built.grid.clone(), key, since: copied(&built.since) })
     }
 
-    /// Sets the mask. The grid is rebuilt at the next solve if the mask differs, which is returned.
-    pub fn set_mask(&mut self, mask: Mask) -> bool {
-        let differs = self.maps.mask != mask;
-        if differs {
-            self.maps.mask = mask;
-            self.grid = None;
-            self.solved_with = None;
-            self.torn.iter_mut().for_each(Torn::forget_grid);
-        }
-        differs
+    /// The tile's grid, if it need not be built anew.
+    pub fn grid(&self, given: &Given) -> Option<&Grid> {
+        let (key, built) = self.whole.known(&self.shape_key(given, &[]))?.grid.last()?;
+        given.strokes_since(key).map(|_| &*built.grid)
     }
 
-    /// Changes the settings. The grid is rebuilt at the next solve if it depends on the change. Returns whether the grid's
-    /// size has changed, at which others read this tile's maps.
-    pub fn set_settings(&mut self, settings: &TileSettings) -> bool {
-        let of_grid = |maps: &TileMaps| {
-            let TileSettings { overlap, seams, smoothness, smoothness_floor, orientation_density, .. } =
-                maps.settings;
-            let keeps = seams == Seams::Keep;
-            (maps.grid_size(), overlap, keeps, smoothness, smoothness_floor, orientation_density > 0.0)
-        };
-        let grid_before = of_grid(&self.maps);
-        let before = std::mem::replace(&mut self.maps.settings, *settings);
-        if before != *settings {
-            self.solved_with = None;
-        }
-        let goes_on = before.beyond() != settings.beyond();
-        if goes_on {
-            self.extended.take();
-            self.gutter = None;
-        }
-        if goes_on || of_grid(&self.maps) != grid_before {
-            self.grid = None;
-            self.torn.iter_mut().for_each(Torn::forget_grid);
-        } else if before != *settings {
-            // The grid is the same but the weights differ: no result can be reused.
-            self.inputs.fill(None);
-        }
-        self.maps.grid_size() != grid_before.0
-    }
-
-    /// The tile as it is solved: with collars, if charts go on beyond their borders.
-    pub(crate) fn source(&self, team: &Team, mesh: &Mesh, tile: usize) -> Arc<TileMesh> {
-        if self.maps.settings.beyond().is_none() {
-            return mesh.tiles[tile].clone();
-        }
-        self.extended.get_or_init(|| self.new_source(team, mesh, tile)).clone()
-    }
-
-    fn new_source(&self, team: &Team, mesh: &Mesh, tile: usize) -> Arc<TileMesh> {
-        match self.maps.settings.beyond() {
-            None => mesh.tiles[tile].clone(),
-            Some(beyond) => Arc::new(extended(team, mesh, tile, &beyond)),
-        }
-    }
-
-    /// Drops what depends on the maps of another tile, if the tile's collars lie there.
-    pub fn forget_maps_of(&mut self, tile: usize) {
-        let is_there = |mesh: &Arc<TileMesh>| mesh.sources.iter().any(|source| source.tile as usize == tile);
-        if self.extended.get().is_some_and(is_there) {
-            self.copies = None;
-            self.grid = None;
-            self.solved_with = None;
-        }
-    }
-
-    /// The tile's grid; builds it if necessary.
-    pub fn grid(
-        &mut self,
-        team: &Team,
-        device: &Device,
-        mesh: &Mesh,
-        tile: usize,
-        maps: &[TileMaps],
-    ) -> Result<Arc<Grid>> {
-        if let Some(grid) = &self.grid {
-            return Ok(grid.clone());
-        }
-        let source = &self.source(team, mesh, tile);
-        let grid = self.build(team, device, mesh, source, maps)?;
-        if grid.overlap > 0.0 {
-            let percent = 100.0 * grid.overlap;
-            device.log(
-                LogLevel::Warning,
-                &format!(
-                    "{}: {percent:.2} % of it is overlapped, and what charts share does not move in one map",
-                    source.name()
-                ),
-            );
-        }
-        if grid.at_gaps > 0 {
-            let message = format!(
-                "{}: {} nodes are fixed at gaps in the UVs that welding closes: if they are none, give UVs with less noise",
-                source.name(),
-                grid.at_gaps
-            );
-            device.log(LogLevel::Warning, &message);
-        }
-        let message = format!(
-            "{}: {} nodes of {} x {} cells may move, {:.1} % of its rigid texels are frozen, {:.1} % overlapped, {:.1} % may move",
-            source.name(),
-            grid.movable.iter().sum::<u64>(),
-            grid.levels[0].nx,
-            grid.levels[0].ny,
-            100.0 * grid.frozen(),
-            100.0 * grid.rigid_sum(|of| of.overlapped) as f32 / grid.rigid_sum(|of| of.rigid).max(1) as f32,
-            100.0 * (1.0 - grid.frozen())
-        );
-        device.log(LogLevel::Info, &message);
-        self.grid = Some(grid.clone());
-        self.copies = None;
-        if let Err(error) = self.book(device, 0, source) {
-            self.grid = None;
-            return Err(error);
-        }
-        Ok(grid)
-    }
-
-    /// Builds a grid. Its memory is booked before it is allocated.
-    fn build(
-        &mut self,
-        team: &Team,
-        device: &Device,
-        mesh: &Mesh,
-        source: &TileMesh,
-        maps: &[TileMaps],
-    ) -> Result<Arc<Grid>> {
-        let start = Instant::now();
-        // The solver's memory is for another grid and no longer useful.
-        self.forget(device);
-        let of_tile = MapsOfTile { own: &self.maps, all: maps };
-        let survey = Survey::new(team, source, of_tile, self.maps.grid_size());
-        self.book(device, survey.grid_bytes(), source)?;
-        if survey.has_rigid_nodes() && survey.movable.iter().all(|&count| count == 0) {
-            let message = format!("{}: it has rigid texels, but nothing that may move", source.name());
-            device.log(LogLevel::Warning, &message);
-        }
-        let grid = Arc::new(build::grid(team, mesh, MapsOfTile { own: &self.maps, all: maps }, survey));
-        self.build_ms = start.elapsed().as_secs_f32() * 1000.0;
-        Ok(grid)
-    }
-
-    /// The tile with the connectivity of a pose, and its grid; builds the grid if necessary.
-    pub(super) fn prepare(&mut self, call: &SolveCall, tile: usize) -> Result<Prepared> {
-        let whole = &call.mesh.tiles[tile];
-        let torn = torn::welds(call.mesh, whole, &call.positions);
-        if torn != self.torn_now {
-            let (count, of) = (torn.len(), whole.welds.len());
-            let message = format!("{}: the pose tears {count} of {of} welded edges", whole.name());
-            let level = if count > 0 { LogLevel::Warning } else { LogLevel::Info };
-            call.device.log(level, &message);
-        }
-        self.torn_now = torn;
-        if self.torn_now.is_empty() {
-            let grid = self.grid(call.team, call.device, call.mesh, tile, call.maps)?;
-            let mesh = self.source(call.team, call.mesh, tile);
-            return Ok(Prepared { mesh, own: whole.clone(), grid });
-        }
-        let kept = self.torn.take().filter(|kept| kept.is(&self.torn_now));
-        let mut torn = kept.unwrap_or_else(|| Torn::new(whole, &self.torn_now));
-        let source = torn.mesh.clone();
-        if let Some(grid) = torn.grid.clone() {
-            self.torn = Some(torn);
-            return Ok(Prepared { mesh: source.clone(), own: source, grid });
-        }
-        let grid = self.build(call.team, call.device, call.mesh, &source, &[])?;
-        torn.grid = Some(grid.clone());
-        self.torn = Some(torn);
-        if let Err(error) = self.book(call.device, Solved::bytes_for(&grid), &source) {
-            self.torn = None;
-            return Err(error);
-        }
-        Ok(Prepared { mesh: source.clone(), own: source, grid })
+    /// The room for redirections beside charts, and the time for the grid that was not yet reported, of the tile that was prepared
+    /// last.
+    pub fn gutter_and_ms(&mut self, call: &Call, is_torn: bool) -> Result<(Option<Arc<Gutter>>, f32)> {
+        let shape = if is_torn { &mut self.torn } else { &mut self.whole };
+        let Some(shape) = shape.last_mut() else { return Ok((None, 0.0)) };
+        let gutter = shape.gutter(call)?;
+        Ok((gutter, shape.grid.last_mut().map_or(0.0, |built| std::mem::take(&mut built.ms))))
     }
 
     /// Bytes that `save` writes for the prepared tile; prepares it if necessary.
-    pub fn saved_size(
-        &mut self,
-        team: &Team,
-        device: &Device,
-        mesh: &Mesh,
-        tile: usize,
-        maps: &[TileMaps],
-    ) -> Result<usize> {
-        self.grid(team, device, mesh, tile, maps).map(|grid| saved::size(&grid))
+    pub fn saved_size(&mut self, call: &Call) -> Result<usize> {
+        self.prepared(call, &[]).map(|prepared| saved::size(&prepared.grid))
     }
 
     /// Writes the prepared tile to a buffer of `saved_size` bytes.
-    pub fn save(
-        &mut self,
-        team: &Team,
-        device: &Device,
-        mesh: &Mesh,
-        tile: usize,
-        maps: &[TileMaps],
-        out: &mut [u8],
-    ) -> Result<()> {
-        let grid = self.grid(team, device, mesh, tile, maps)?;
-        let of_tile = MapsOfTile { own: &self.maps, all: maps };
-        saved::save(&grid, saved::key(mesh, &self.source(team, mesh, tile), of_tile), out);
+    pub fn save(&mut self, call: &Call, out: &mut [u8]) -> Result<()> {
+        let Prepared { mesh, grid, .. } = self.prepared(call, &[])?;
+        saved::save(&grid, saved::key(call.mesh, &mesh, call.given.of(self.tile)), out);
         Ok(())
     }
 
     /// Loads a prepared tile that was saved with the same mesh, maps and settings.
-    pub fn load(
-        &mut self,
-        team: &Team,
-        device: &Device,
-        mesh: &Mesh,
-        tile: usize,
-        maps: &[TileMaps],
-        data: &[u8],
-    ) -> Result<()> {
-        let source = &self.source(team, mesh, tile);
-        let key = saved::key(mesh, source, MapsOfTile { own: &self.maps, all: maps });
-        let grid = saved::load(team, data, key, mesh, source, |bytes| self.book(device, bytes, source));
-        let loaded = grid.and_then(|grid| {
-            self.forget(device);
-            self.copies = None;
-            let before = self.grid.replace(Arc::new(grid));
-            self.book(device, 0, source).inspect_err(|_| self.grid = before)
-        });
-        if loaded.is_err() {
-            // Releases the booked memory of the old grid: booking less always succeeds.
-            let _ = self.book(device, 0, source);
-        }
-        loaded
+    pub fn load(&mut self, call: &Call, data: &[u8]) -> Result<()> {
+        let tile = self.tile;
+        let name = call.mesh.tiles[tile].name();
+        self.maps.set(call.given.bytes(call.mesh, tile), &name)?;
+        let shape = self.shape(call, &[])?;
+        let hash = saved::key(call.mesh, &shape.mesh, call.given.of(tile));
+        let mut booked = call.device.booking();
+        let book = |bytes: u64| booked.set(bytes, &name);
+        let grid = saved::load(call.team, data, hash, call.mesh, &shape.mesh, book)?;
+        let key = call.given.grid_key(tile, shape.beyond.iter().copied());
+        let built = Built::of(grid, key.generation, 0.0);
+        built.book(&mut booked, &name)?;
+        shape.grid.put(key, built, booked);
+        Ok(())
     }
 
     /// The memory for preparing and solving the tile, estimated from a survey alone.
-    pub fn estimate(
-        &self,
-        team: &Team,
-        device: &Device,
-        mesh: &Mesh,
-        tile: usize,
-        maps: &[TileMaps],
-    ) -> Result<TileEstimate> {
-        // Nothing is kept.
-        let source = &match self.extended.get() {
-            Some(extended) => extended.clone(),
-            None => self.new_source(team, mesh, tile),
-        };
-        let of_tile = MapsOfTile { own: &self.maps, all: maps };
-        let survey = Survey::new(team, source, of_tile, self.maps.grid_size());
+    pub fn estimate(&self, call: &Call) -> Result<TileEstimate> {
+        let (mesh, given) = (&self.mesh(call, &[]), call.given);
+        let maps = &given.maps[self.tile];
+        let survey = Survey::new(call.team, mesh, given.of(self.tile), maps.grid_size());
         let (grid_bytes, parts) = (survey.grid_bytes(), survey.bytes());
         let grid = build::skeleton(survey);
         let result = Solved::bytes_for(&grid);
-        let solver =
-            TileSolver::bytes_for(device, &grid, source, Purpose::new(Solver::Descent, &self.maps.settings))?;
-        let prepared = self.map_bytes() + grid_bytes;
+        let purpose = Purpose::new(Solver::Descent, &maps.settings);
+        let solver = TileSolver::bytes_for(call.device, &grid, mesh, purpose)?;
+        let prepared = given.bytes(call.mesh, self.tile) + grid_bytes;
         // What is published is a result of its own.
-        let beyond = if source.sources.is_empty() { 0 } else { Gutter::BYTES + result };
+        let beyond = if mesh.sources.is_empty() { 0 } else { Gutter::BYTES + result };
         Ok(report!(TileEstimate {
             movable_nodes: grid.movable.iter().sum(),
             prepared_bytes: prepared,
@@ -330,22 +134,14 @@ impl TileState {
     }
 
     /// Facts about the tile that need no solve.
-    pub fn info(
-        &mut self,
-        team: &Team,
-        device: &Device,
-        mesh: &Mesh,
-        tile: usize,
-        maps: &[TileMaps],
-    ) -> Result<TileInfo> {
-        let grid = self.grid(team, device, mesh, tile, maps)?;
-        let source = &mesh.tiles[tile];
+    pub fn info(&mut self, call: &Call) -> Result<TileInfo> {
+        let (own, grid) = (&call.mesh.tiles[self.tile], self.prepared(call, &[])?.grid);
         Ok(report!(TileInfo {
-            udim: source.udim,
-            layer: source.layer,
-            layers: mesh.layers(tile).len() as u32,
-            charts: source.charts.len() as u32,
-            triangles: source.triangles.len() as u64,
+            udim: own.udim,
+            layer: own.layer,
+            layers: call.mesh.layers(self.tile).len() as u32,
+            charts: own.charts.len() as u32,
+            triangles: own.triangles.len() as u64,
             grid: [grid.levels[0].nx as u32, grid.levels[0].ny as u32],
             movable_nodes: grid.movable.iter().sum(),
             overlap: grid.overlap,
@@ -353,10 +149,38 @@ impl TileState {
             rigid_nodes: grid.rigid_sum(|square| square.rigid),
             rigid_overlapped: grid.rigid_sum(|square| square.overlapped),
             gap_nodes: grid.at_gaps,
-            uv_set: source.uv_set,
-            border_edges: source.border_edges(),
-            welded_edges: source.welds.len() as u64,
-            edges_apart: source.edges_apart,
+            uv_set: own.uv_set,
+            border_edges: own.border_edges(),
+            welded_edges: own.welds.len() as u64,
+            edges_apart: own.edges_apart,
         }))
     }
+}
+
+/// Tells of a new grid.
+fn describe(device: &Device, name: &str, grid: &Grid) {
+    if grid.overlap > 0.0 {
+        let percent = 100.0 * grid.overlap;
+        let message = format!(
+            "{name}: {percent:.2} % of it is overlapped, and what charts share does not move in one map"
+        );
+        device.log(LogLevel::Warning, &message);
+    }
+    if grid.at_gaps > 0 {
+        let message = format!(
+            "{name}: {} nodes are fixed at gaps in the UVs that welding closes: if they are none, give UVs with less noise",
+            grid.at_gaps
+        );
+        device.log(LogLevel::Warning, &message);
+    }
+    let message = format!(
+        "{name}: {} nodes of {} x {} cells may move, {:.1} % of its rigid texels are frozen, {:.1} % overlapped, {:.1} % may move",
+        grid.movable.iter().sum::<u64>(),
+        grid.levels[0].nx,
+        grid.levels[0].ny,
+        100.0 * grid.frozen(),
+        100.0 * grid.rigid_sum(|of| of.overlapped) as f32 / grid.rigid_sum(|of| of.rigid).max(1) as f32,
+        100.0 * (1.0 - grid.frozen())
+    );
+    device.log(LogLevel::Info, &message);
 }

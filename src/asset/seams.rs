@@ -2,19 +2,19 @@
 //! starts from.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicU32;
 use std::time::Instant;
 
 use super::Asset;
+use super::derived::{Derived, Same};
+use super::tile::{CopiesKey, TileState};
+use crate::device::Device;
 use crate::solver::solved::Solved;
 use crate::solver::tile_solve::Warp;
 use vrtm_beyond::{Blends, Copies, Depths, Limited, Places, Side, blend};
-use vrtm_core::allocation::{Collect, copied};
+use vrtm_core::allocation::Collect;
 use vrtm_core::error::Result;
 use vrtm_core::grid::Grid;
-use vrtm_core::grid::gutter::LimitedTexels;
-use vrtm_core::mesh::TileMesh;
-use vrtm_core::method::plan::ChartResult;
+use vrtm_core::mesh::{Mesh, TileMesh};
 use vrtm_core::report::report;
 use vrtm_core::team::Team;
 
@@ -29,19 +29,21 @@ impl Asset {
         if results.iter().all(|(_, solved)| solved.extended.is_none()) {
             return Ok(results.iter().map(|_| None).collected());
         }
-        self.find_places(results);
-        self.find_copies(team, results)?;
-        let Some(places) = &self.places else { return Ok(Vec::new()) };
+        let Asset { device, mesh, given, tiles, places, .. } = self;
+        let places = &*find_places(device, mesh, places, results)?;
+        let solved: Vec<Option<&Arc<Solved>>> =
+            (0..tiles.len()).map(|tile| taking_part(places, results, tile)).collected();
+        let reaches = given.maps.iter().map(|maps| f64::from(maps.settings.seam_reach)).collected();
+        find_copies(team, device, places, &solved, reaches, tiles)?;
         let side = |tile: usize| -> Result<Option<Side>> {
-            let Some(solved) = taking_part(places, results, tile) else { return Ok(None) };
+            let Some(solved) = solved[tile] else { return Ok(None) };
             Ok(Some(Side { tile: &places.tiles[tile], grid: &solved.grid, u: solved.warp.host()? }))
         };
-        let sides: Vec<Option<Side>> = (0..self.tiles.len()).map(side).try_collected()?;
+        let sides: Vec<Option<Side>> = (0..tiles.len()).map(side).try_collected()?;
         let published = |(tile, solved): &(usize, Arc<Solved>)| {
             let start = Instant::now();
-            let state = &self.tiles[*tile];
-            let copies = state.copies.as_ref().filter(|_| solved.extended.is_some())?;
-            let farthest = f64::from(state.maps.settings.seam_reach);
+            let (_, copies) = tiles[*tile].copies.last().filter(|_| solved.extended.is_some())?;
+            let farthest = f64::from(given.maps[*tile].settings.seam_reach);
             let blended = blend(team, places, copies, &sides, *tile, farthest)?;
             let mut published = with(solved, blended);
             published.report.times.blend = start.elapsed().as_secs_f32() * 1000.0;
@@ -51,57 +53,56 @@ impl Asset {
         Ok(results.iter().map(published).collected())
     }
 
-    /// Finds what nodes are blended of, unless that is known.
-    fn find_copies(&mut self, team: &Team, results: &[(usize, Arc<Solved>)]) -> Result<()> {
-        let Some(places) = &self.places else { return Ok(()) };
-        let extended = || results.iter().filter(|(_, solved)| solved.extended.is_some());
-        let grid = |tile: usize| taking_part(places, results, tile).map(|solved| &*solved.grid);
-        let tiles: Vec<usize> = (0..self.tiles.len()).filter(|&tile| grid(tile).is_some()).collected();
-        if extended().all(|(tile, _)| self.tiles[*tile].copies.is_some()) && tiles == self.together {
-            return Ok(());
-        }
-        // Those of all tiles depend on the grids of all tiles.
-        self.tiles.iter_mut().for_each(|state| state.copies = None);
-        self.together = tiles;
-        let grids: Vec<Option<&Grid>> = (0..self.tiles.len()).map(grid).collected();
-        let reaches: Vec<f64> =
-            self.tiles.iter().map(|state| f64::from(state.maps.settings.seam_reach)).collected();
-        let blends = Blends { places, depths: &Depths::new(places, &grids, &reaches) };
-        let copies =
-            |(tile, solved): &(usize, Arc<Solved>)| (*tile, Copies::new(team, &blends, &solved.grid, *tile));
-        let found: Vec<(usize, Copies)> = extended().map(copies).collected();
-        for (tile, copies) in found {
-            let state = &mut self.tiles[tile];
-            state.copies = Some(copies);
-            if let Err(error) = state.book(&self.device, 0, &self.mesh.tiles[tile]) {
-                self.tiles.iter_mut().for_each(|state| state.copies = None);
-                return Err(error);
-            }
-        }
-        Ok(())
-    }
-
     /// The results of tiles that were asked for and need no solve, since nothing in them has moved, but whose neighbours may
     /// say something else at their seams.
     pub(super) fn beside(&self, asked: &[bool], wanted: &[bool]) -> Vec<(usize, Arc<Solved>)> {
         let tiles = (0..self.tiles.len()).filter(|&tile| asked[tile] && !wanted[tile]);
-        tiles.filter_map(|tile| Some((tile, self.tiles[tile].solved.clone()?))).collected()
+        tiles.filter_map(|tile| Some((tile, self.tiles[tile].last.as_ref()?.solved.clone()))).collected()
     }
+}
 
-    /// Finds where charts have what lies beyond their seams, unless that is known.
-    fn find_places(&mut self, results: &[(usize, Arc<Solved>)]) {
-        let tile = |tile: usize| {
-            let found = results.iter().find(|(k, _)| *k == tile);
-            let extended = found.and_then(|(_, solved)| solved.extended.as_ref());
-            extended.unwrap_or(&self.mesh.tiles[tile]).clone()
-        };
-        let tiles: Vec<Arc<TileMesh>> = (0..self.tiles.len()).map(tile).collected();
-        let is_known = |places: &Places| tiles.iter().zip(&places.tiles).all(|(a, b)| Arc::ptr_eq(a, b));
-        if !self.places.as_ref().is_some_and(is_known) {
-            self.places = Some(Places::new(tiles));
-            self.tiles.iter_mut().for_each(|state| state.copies = None);
-        }
+/// Where charts have what lies beyond their seams.
+fn find_places<'a>(
+    device: &Device,
+    mesh: &Mesh,
+    places: &'a mut Derived<Vec<Same<TileMesh>>, Places>,
+    results: &[(usize, Arc<Solved>)],
+) -> Result<&'a mut Places> {
+    let tile = |tile: usize| {
+        let found = results.iter().find(|(k, _)| *k == tile);
+        let extended = found.and_then(|(_, solved)| solved.extended.as_ref());
+        extended.unwrap_or(&mesh.tiles[tile]).clone()
+    };
+    let tiles: Vec<Arc<TileMesh>> = (0..mesh.tiles.len()).map(tile).collected();
+    places.get(device, tiles.iter().map(Same::of).collected(), |_, _| Ok(Places::new(tiles)))
+}
+
+/// Finds what the nodes of tiles with collars are blended of: it depends on the grids of all tiles.
+fn find_copies(
+    team: &Team,
+    device: &Device,
+    places: &Places,
+    solved: &[Option<&Arc<Solved>>],
+    reaches: Vec<f64>,
+    tiles: &mut [TileState],
+) -> Result<()> {
+    let same = |solved: &Option<&Arc<Solved>>| solved.map(|solved| Same::of(&solved.grid));
+    let key = Arc::new(CopiesKey { grids: solved.iter().map(same).collected(), reaches });
+    let grids: Vec<Option<&Grid>> =
+        solved.iter().map(|solved| solved.map(|solved| &*solved.grid)).collected();
+    let mut depths = None;
+    let of_tiles = tiles.iter_mut().zip(solved).enumerate();
+    for (tile, (state, solved)) in of_tiles {
+        let Some(solved) = solved.filter(|solved| solved.extended.is_some()) else { continue };
+        state.copies.get(device, key.clone(), |key, booked| {
+            let depths = depths.get_or_insert_with(|| Depths::new(places, &grids, &key.reaches));
+            let copies = Copies::new(team, &Blends { places, depths }, &solved.grid, tile);
+            // The blend is a result of its own.
+            booked.set(copies.bytes() as u64 + Solved::bytes_for(&solved.grid), &solved.mesh.name())?;
+            Ok(copies)
+        })?;
     }
+    Ok(())
 }
 
 /// The result of a tile, if it is one of the mesh that the places are of: not of a tile that the pose tears.
@@ -118,32 +119,20 @@ fn taking_part<'a>(
 /// A result with the warp of a blend.
 fn with(solved: &Solved, blended: Limited) -> Solved {
     let Limited { u, certificates, charts } = blended;
-    let mut results: Vec<ChartResult> = copied(&solved.results);
-    for (result, certificate) in results.iter_mut().zip(certificates) {
+    let mut solved = solved.with_warp(Arc::new(Warp::Host(u)));
+    for (result, certificate) in solved.results.iter_mut().zip(certificates) {
         if let Some(certificate) = certificate {
             result.min_jacobian = certificate.min_jacobian;
             result.folds = certificate.folds;
             result.max_displacement = certificate.max_displacement;
         }
     }
-    let report = report!(solved.report, {
+    let results = &solved.results;
+    solved.report = report!(solved.report, {
         min_jacobian: results.iter().map(|r| r.min_jacobian).fold(1.0, f64::min),
         max_displacement: results.iter().map(|r| r.max_displacement).fold(0.0, f32::max),
         folds: results.iter().map(|r| r.folds).sum(),
         charts_apart: charts,
     });
-    Solved {
-        mesh: solved.mesh.clone(),
-        extended: solved.extended.clone(),
-        grid: solved.grid.clone(),
-        warp: Arc::new(Warp::Host(u)),
-        inputs: Vec::new(),
-        results,
-        overlap: solved.overlap,
-        report,
-        invert_ms: AtomicU32::new(0),
-        gutter: solved.gutter.clone(),
-        limited: LimitedTexels::default(),
-        work: solved.work.clone(),
-    }
+    solved
 }

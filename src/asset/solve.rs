@@ -1,72 +1,48 @@
-//! A solve: the host's request, the tiles that it includes, and the publication of all results at once.
+//! A solve: the tiles that a request includes, all threads on large ones and one thread on each of the others, and the publication
+//! of all results at once.
 
-use std::num::NonZeroU32;
+use std::cmp::Reverse;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
-use vrtm_core::allocation::{Collect, Grow, copied, filled, zeroed};
-use vrtm_core::control::Control;
-use vrtm_core::error::{Error, Result};
+use vrtm_core::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use vrtm_core::error::Result;
+use vrtm_core::grid::maps::{TileMaps, Values};
 use vrtm_core::mesh::Chart;
 use vrtm_core::method::plan::Plan;
-use vrtm_core::settings::{LogLevel, MAX_THREADS, SolveOptions};
+use vrtm_core::settings::{LogLevel, SolveOptions};
 use vrtm_core::team::{Crew, Team};
 use vrtm_core::unwind::caught;
 use vrtm_core::view::Strided;
 
 use super::Asset;
+use super::request::{Fetch, SolveRequest};
 use super::results::{Last, TileResult, not_solved};
-use super::side_by_side;
+use super::shape::{Call, Prepared};
+use super::side_by_side::together;
 use super::stretch::Stretch;
-use super::tile::{SolveCall, TileState};
-use crate::map::FetchKind;
+use super::tile::{SolveCall, TileSolved, TileState};
 use crate::map::fetch::Output;
-use crate::solver::solved::{ChartInput, Solved};
-use vrtm_core::grid::maps::Rigidity;
-use vrtm_core::image::ImageViewMut;
+use crate::solver::solved::Solved;
 
-/// One output of [`Asset::redirect`].
-#[derive(Debug)]
-pub struct Fetch<'a> {
-    /// Index of the tile.
-    pub tile: usize,
-    /// The kind of image.
-    pub kind: FetchKind,
-    /// The destination.
-    pub image: ImageViewMut<'a>,
-}
+/// The share of a call's progress for preparing its tiles, if any tile needs it.
+const PREPARING: f32 = 0.3;
 
-/// The request for a solve: pose, options and threads. The default solves every tile, on the device's threads.
-#[derive(Clone, Debug, Default)]
-pub struct SolveRequest<'a> {
-    /// The pose: the positions of all vertices.
-    pub positions: Strided<'a>,
-    /// Quality, limits and solver of this solve.
-    pub options: SolveOptions,
-    /// CPU threads, at most 1024; `None` = the device's. The result is bit-identical for any number.
-    pub threads: Option<NonZeroU32>,
-    /// The tiles to solve, in any order; `None` = all. The others keep their results.
-    pub tiles: Option<&'a [usize]>,
-    /// The vertices that have moved since the last solve, in any order; `None` = any may have. Tiles without a moved
-    /// vertex keep their results, unless their maps, settings or the options have changed since, or they have no result.
-    pub dirty_vertices: Option<&'a [u32]>,
-    /// Drop the results of the tiles to be solved before solving them, which saves their memory, 8 bytes per node of the
-    /// blocks in use. They cannot be read until the solve succeeds, and no part of them can be reused.
-    pub release_last: bool,
-    /// Free the memory of each tile's solver once the tile is solved, about 110 bytes per node of the blocks in use: tiles
-    /// that are solved one after the other then need that of one. The next solve has to allocate it again.
-    pub release_solvers: bool,
-    /// Cancels the call and reports its progress.
-    pub control: Option<Arc<Control>>,
+/// A tile to solve, and its result.
+struct Queued<'a> {
+    state: &'a mut TileState,
+    prepared: Prepared,
+    /// Nodes that may move.
+    nodes: u64,
+    /// This tile's share of the call's progress.
+    progress: f32,
+    result: Option<Result<TileSolved>>,
 }
 
 /// The results of a solve before they are published: the requested outputs are written first, since that can fail.
 struct Fresh {
-    plan: Plan,
-    /// The inputs of the charts' results, for each solved tile.
-    inputs: Vec<(usize, Vec<Option<ChartInput>>)>,
-    /// The solved tiles' results before the blend at seams.
-    solved: Vec<(usize, Arc<Solved>)>,
+    /// Of the solved tiles.
+    solved: Vec<TileSolved>,
     /// The results of all tiles.
     last: Last,
 }
@@ -108,12 +84,12 @@ impl Asset {
             fetch.kind.check_channels(format_args!("fetches[{k}].image"), channels)?;
         }
         let crew = self.device.crew(request.threads, request.control.clone());
-        self.call(|asset| {
+        self.device.clone().call(|| {
             caught(|| {
                 Team::of(&crew, |team| {
-                    let fresh = asset.solve_tiles(team, &crew, request, start)?;
-                    asset.write(team, &fresh, fetches)?;
-                    asset.publish(fresh);
+                    let fresh = self.solve_tiles(team, &crew, request, start)?;
+                    self.write(team, &fresh, fetches)?;
+                    self.publish(fresh);
                     if let Some(control) = team.control() {
                         control.tell_end();
                     }
@@ -121,32 +97,6 @@ impl Asset {
                 })
             })
         })
-    }
-
-    /// Checks a request without side effects.
-    #[doc(hidden)]
-    pub fn check_request(&self, request: &SolveRequest) -> Result<()> {
-        self.check_vertices("positions", &request.positions, 3)?;
-        request.options.check()?;
-        if let Some(threads) = request.threads.filter(|threads| threads.get() > MAX_THREADS) {
-            return Err(Error::argument(format!("options.threads: {threads} is over {MAX_THREADS}")));
-        }
-        for (k, &tile) in request.tiles.unwrap_or_default().iter().enumerate() {
-            if tile >= self.tiles.len() {
-                let count = self.tiles.len();
-                let message = format!("options.tiles[{k}]: {tile} is out of range, there are {count}");
-                return Err(Error::argument(message));
-            }
-        }
-        let vertices = self.mesh.rest.len();
-        for (k, &vertex) in request.dirty_vertices.unwrap_or_default().iter().enumerate() {
-            if vertex as usize >= vertices {
-                return Err(Error::argument(format!(
-                    "options.dirty_vertices[{k}]: {vertex} is out of range, the mesh has {vertices} vertices"
-                )));
-            }
-        }
-        Ok(())
     }
 
     fn solve_tiles(
@@ -164,49 +114,49 @@ impl Asset {
         if request.release_last {
             self.release_results(&wanted);
         }
-        let is_elastic = |state: &TileState| matches!(state.maps.rigidity, Rigidity::None);
-        if self.tiles.iter().all(is_elastic) && self.tiles.iter().any(|state| state.grid.is_none()) {
-            self.device.log(LogLevel::Warning, "no tile has a rigidity, so that nothing moves");
+        let Asset { device, mesh, given, tiles, .. } = &mut *self;
+        let is_elastic = |maps: &TileMaps| matches!(maps.rigidity, Values::None);
+        if given.maps.iter().all(is_elastic) && tiles.iter().any(|state| state.grid(given).is_none()) {
+            device.log(LogLevel::Warning, "no tile has a rigidity, so that nothing moves");
         }
-        let maps = self.maps();
-        let Asset { device, mesh, tiles, .. } = &mut *self;
-        let maps = &maps;
-        let (positions, release_solvers) = (request.positions, request.release_solvers);
-        let call = SolveCall { team, device, mesh, maps, positions, plan: &plan, start, release_solvers };
-        let states = tiles.iter_mut().enumerate().filter(|(tile, _)| wanted[*tile]).collected();
-        let mut solved = match request.options.time_budget {
-            Some(budget) => side_by_side::in_turn(&call, budget, states)?,
-            None => side_by_side::solve(&call, crew, states)?,
+        let call = SolveCall {
+            on: Call { team, device, mesh, given },
+            positions: request.positions,
+            plan: &plan,
+            start,
+            release_solvers: request.release_solvers,
+            budget: None,
+            progress: 1.0,
+            learns: true,
         };
-        let inputs =
-            solved.iter_mut().map(|(tile, solved)| (*tile, std::mem::take(&mut solved.inputs))).collected();
-        let mut solved: Vec<(usize, Arc<Solved>)> =
-            solved.into_iter().map(|(tile, solved)| (tile, Arc::new(solved))).collected();
-        let new = solved.len();
-        solved.put_all(self.beside(&asked, &wanted));
-        let mut published = self.blend(team, &solved)?;
+        let states = tiles.iter_mut().filter(|state| wanted[state.tile]).collected();
+        let solved = match request.options.time_budget {
+            Some(budget) => in_turn(&call, budget, states)?,
+            None => solve(&call, crew, states)?,
+        };
+        let of = |new: &TileSolved| (new.tile(), new.solved.clone());
+        let mut results: Vec<(usize, Arc<Solved>)> = solved.iter().map(of).collected();
+        results.put_all(self.beside(&asked, &wanted));
+        let (new, mut published) = (solved.len(), self.blend(team, &results)?);
         if request.options.measure {
-            self.measure(team, request.positions, &solved[..new], &mut published)?;
+            self.measure(team, request.positions, &results[..new], &mut published)?;
         }
-        let each = solved.iter().zip(published).enumerate();
-        // What is beside the new results was blended again, where it changes.
-        let results = each.filter(|(k, (_, published))| *k < new || published.is_some());
-        let published = results
-            .map(|(k, ((tile, solved), published))| {
-                let solved = published.map_or_else(|| solved.clone(), Arc::new);
-                (*tile, TileResult { solved, kept: k >= new })
-            })
-            .collected();
-        solved.truncate(new);
         let solved_ms = start.elapsed().as_secs_f32() * 1000.0;
         let stretch = Stretch::new(&self.mesh, &request.positions);
         stretch.warn(&self.device);
-        let fresh = self.fresh(solved, published, inputs, plan, solved_ms, stretch);
+        let mut last = Last { tiles: self.kept(), solved_ms: Some(solved_ms), stretch };
+        for (k, ((tile, solved), published)) in results.into_iter().zip(published).enumerate() {
+            let kept = k >= new;
+            // What is beside the new results was blended again, where it changes.
+            if let Some(solved) = published.map(Arc::new).or((!kept).then_some(solved)) {
+                last.tiles[tile] = Some(TileResult { solved, kept });
+            }
+        }
         // From here on the call has a result and can no longer be cancelled.
         if let Some(control) = team.control() {
             control.seal_or_unwind();
         }
-        Ok(fresh)
+        Ok(Fresh { solved, last })
     }
 
     /// Per tile, whether its result may change.
@@ -215,7 +165,7 @@ impl Asset {
         for &tile in request.tiles.unwrap_or_default() {
             asked[tile] = true;
         }
-        self.tiles.iter().zip(&mut asked).for_each(|(state, asked)| *asked &= !state.frozen);
+        self.given.frozen.iter().zip(&mut asked).for_each(|(frozen, asked)| *asked &= !frozen);
         asked
     }
 
@@ -227,10 +177,12 @@ impl Asset {
             for &vertex in dirty {
                 is_dirty[vertex as usize] = true;
             }
-            for ((state, tile), wanted) in self.tiles.iter().zip(&self.mesh.tiles).zip(&mut wanted) {
-                let tile = state.extended.get().unwrap_or(tile);
-                let mut vertices = tile.charts.iter().flat_map(Chart::of_mesh);
-                *wanted &= !state.is_solved_with(plan) || vertices.any(|vertex| is_dirty[vertex as usize]);
+            for (state, wanted) in self.tiles.iter().zip(&mut wanted) {
+                let last = state.last.as_ref().filter(|last| last.is_of(plan, &self.given));
+                *wanted &= last.is_none_or(|TileSolved { solved, .. }| {
+                    let charts = &solved.extended.as_ref().unwrap_or(&solved.mesh).charts;
+                    charts.iter().flat_map(Chart::of_mesh).any(|vertex| is_dirty[vertex as usize])
+                });
             }
         }
         wanted
@@ -243,29 +195,15 @@ impl Asset {
         let rest = last.tiles.iter().enumerate().map(stays).collected();
         self.results.replace(Last { tiles: rest, solved_ms: last.solved_ms, stretch: last.stretch });
         for (state, _) in self.tiles.iter_mut().zip(tiles).filter(|(_, of)| **of) {
-            state.solved = None;
+            state.last = None;
         }
     }
 
-    /// The results of a solve, ready to replace the last ones.
-    fn fresh(
-        &self,
-        solved: Vec<(usize, Arc<Solved>)>,
-        published: Vec<(usize, TileResult)>,
-        inputs: Vec<(usize, Vec<Option<ChartInput>>)>,
-        plan: Plan,
-        solved_ms: f32,
-        stretch: Stretch,
-    ) -> Fresh {
+    /// The last results, as those of tiles that a solve skips.
+    fn kept(&self) -> Vec<Option<TileResult>> {
         let last = self.results.last();
-        let mut all = filled(None, self.tiles.len());
-        for (result, last) in all.iter_mut().zip(&last.tiles) {
-            *result = last.as_ref().map(|last| TileResult { solved: last.solved.clone(), kept: true });
-        }
-        for (tile, result) in published {
-            all[tile] = Some(result);
-        }
-        Fresh { plan, inputs, solved, last: Last { tiles: all, solved_ms: Some(solved_ms), stretch } }
+        let kept = |tile: usize| Some(TileResult { kept: true, ..last.tiles.get(tile)?.clone()? });
+        (0..self.tiles.len()).map(kept).collected()
     }
 
     /// Writes outputs of results that are not yet published.
@@ -284,9 +222,80 @@ impl Asset {
 
     /// Replaces the last results, all at once. Cannot fail.
     fn publish(&mut self, fresh: Fresh) {
-        for ((tile, inputs), (_, solved)) in fresh.inputs.into_iter().zip(fresh.solved) {
-            self.tiles[tile].take(solved, inputs, &fresh.plan);
+        for solved in fresh.solved {
+            let tile = solved.tile();
+            self.tiles[tile].last = Some(solved);
         }
         self.results.replace(fresh.last);
     }
+}
+
+/// Solves tiles.
+fn solve(call: &SolveCall, crew: &Crew, tiles: Vec<&mut TileState>) -> Result<Vec<TileSolved>> {
+    let mut queue = prepare(call, tiles)?;
+    // Longest first, so that no long tile is left for a single thread at the end.
+    queue.sort_unstable_by_key(|queued| (Reverse(queued.nodes), queued.state.tile));
+    let nodes: Vec<u64> = queue.iter().map(|queued| queued.nodes).collected();
+    // A GPU executes submissions in order, so its threads would only submit work.
+    let together = if call.on.device.gpu().is_some() { 0 } else { together(&nodes, call.on.team.threads()) };
+    let (large, small) = queue.split_at_mut(together);
+    for queued in large {
+        let call = SolveCall { progress: queued.progress, ..*call };
+        queued.result = Some(queued.state.solve(&call, &queued.prepared));
+        if let Some(Err(error)) = &queued.result {
+            return Err(error.clone());
+        }
+    }
+    let alone = crew.alone();
+    call.on.team.fill_large(small, |_, queued| {
+        queued.result = Some(Team::of(&alone, |team| {
+            let on = Call { team, ..call.on };
+            let call = SolveCall { on, progress: queued.progress, learns: false, ..*call };
+            queued.state.solve(&call, &queued.prepared)
+        }));
+    });
+    queue.sort_unstable_by_key(|queued| queued.state.tile);
+    queue.into_iter().filter_map(|queued| queued.result).try_collected()
+}
+
+/// Solves tiles one after the other within a time budget, dividing the remaining time among the remaining tiles.
+fn in_turn(call: &SolveCall, budget: Duration, tiles: Vec<&mut TileState>) -> Result<Vec<TileSolved>> {
+    // Nothing is known yet of a tile without a grid.
+    let movable = |state: &TileState| state.grid(call.on.given).map_or(0, |grid| grid.movable.iter().sum());
+    let mut nodes: u64 = tiles.iter().map(|state| movable(state)).sum();
+    let progress = 1.0 / tiles.len() as f32;
+    let mut solved = with_capacity(tiles.len());
+    for state in tiles {
+        let own: u64 = movable(state);
+        let spent = call.start.elapsed();
+        let part = if own < nodes { own as f64 / nodes as f64 } else { 1.0 };
+        let budget = Some(spent.saturating_add(budget.saturating_sub(spent).mul_f64(part)));
+        nodes -= own;
+        let prepared = state.prepare(call)?;
+        let call = SolveCall { budget, progress, ..*call };
+        solved.put(state.solve(&call, &prepared)?);
+    }
+    Ok(solved)
+}
+
+/// Prepares the tiles one after the other, so that the host's log is called on the thread that does the call's work.
+fn prepare<'a>(call: &SolveCall, tiles: Vec<&'a mut TileState>) -> Result<Vec<Queued<'a>>> {
+    let fresh = tiles.iter().any(|state| state.grid(call.on.given).is_none());
+    let (preparing, count) = (if fresh { PREPARING } else { 0.0 }, tiles.len() as f32);
+    let mut queue = with_capacity(tiles.len());
+    for state in tiles {
+        let prepared = state.prepare(call)?;
+        let nodes = prepared.grid.movable.iter().sum();
+        queue.put(Queued { state, prepared, nodes, progress: 0.0, result: None });
+        if let Some(control) = call.on.team.control() {
+            control.advance(preparing / count);
+        }
+    }
+    // Even an empty tile has a fixed cost.
+    let weight = |queued: &Queued| (queued.nodes + 1000) as f32;
+    let all: f32 = queue.iter().map(weight).sum();
+    for queued in &mut queue {
+        queued.progress = (1.0 - preparing) * weight(queued) / all;
+    }
+    Ok(queue)
 }

@@ -1,253 +1,231 @@
-//! One tile of an asset: its maps, its grid (built when needed), its solver's memory, and its last good result.
+//! One tile of an asset: what is made for it, and its solve.
 
+use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
-use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
-use crate::device::Device;
+use crate::device::{Booked, Device};
+use vrtm_beyond::Copies;
 use vrtm_core::allocation::{Collect, copied, filled, zeroed};
-use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::error::{ErrorKind, Result};
 use vrtm_core::grid::Grid;
-use vrtm_core::grid::gutter::{Gutter, LimitedTexels};
-use vrtm_core::grid::maps::{Mask, Rigidity, TileMaps};
+use vrtm_core::grid::gutter::LimitedTexels;
 use vrtm_core::grid::planes::SIDE;
-use vrtm_core::grid::pose::Pose;
-use vrtm_core::mesh::{Mesh, TileMesh};
+use vrtm_core::grid::pose::{ChartPose, Pose};
+use vrtm_core::mesh::TileMesh;
 use vrtm_core::method::deadline::Deadline;
 use vrtm_core::method::plan::{ChartResult, Input, Plan, Purpose, Summary};
 use vrtm_core::method::progress::Progress;
 use vrtm_core::report::{GpuWork, TileReport, report};
-use vrtm_core::settings::Solver;
-use vrtm_core::team::Team;
+use vrtm_core::settings::{LogLevel, TileSettings};
 use vrtm_core::unwind::caught;
 use vrtm_core::view::Strided;
 
-use super::torn::Torn;
+use super::derived::{Derived, Same};
+use super::given::{Given, GridKey};
+use super::shape::{Call, Prepared, Shape, ShapeKey, torn_welds};
 use crate::solver::TileSolver;
-use crate::solver::solved::{ChartInput, Solved};
+use crate::solver::solved::Solved;
 use crate::solver::tile_solve::{TileSolution, TileSolve, Warp};
-use vrtm_beyond::Copies;
 
-/// A call that solves tiles of an asset.
+/// A call that solves a tile of an asset, or several.
+#[derive(Clone, Copy)]
 pub(crate) struct SolveCall<'a> {
-    pub team: &'a Team,
-    pub device: &'a Device,
-    pub mesh: &'a Mesh,
-    /// The maps of all tiles, if charts of any go on beyond seams.
-    pub maps: &'a [TileMaps],
+    pub on: Call<'a>,
     pub positions: Strided<'a>,
     pub plan: &'a Plan,
     /// When it began.
     pub start: Instant,
     /// Whether tiles free their solver's memory once they are solved.
     pub release_solvers: bool,
-}
-
-impl SolveCall<'_> {
-    /// Adds a fraction of the call's work to the completed part.
-    pub fn advance(&self, fraction: f32) {
-        if let Some(control) = self.team.control() {
-            control.advance(fraction);
-        }
-    }
-}
-
-/// A tile's share of a call that solves several tiles.
-pub(crate) struct SolveShare {
-    /// The tile's time limit, from the call's start.
+    /// A tile's time limit, from the start.
     pub budget: Option<Duration>,
-    /// The tile's share of the call's progress.
+    /// A tile's share of the progress.
     pub progress: f32,
     /// True if the measured times of stages are typical of the device.
     pub learns: bool,
 }
 
-impl SolveShare {
-    /// The share of a tile that uses all threads of the call.
-    pub fn of_all_threads() -> SolveShare {
-        SolveShare { budget: None, progress: 1.0, learns: true }
-    }
-}
-
-/// The tile with the connectivity of a pose, and its grid.
-pub(crate) struct Prepared {
-    /// As it is solved: with collars, if charts go on beyond seams.
-    pub mesh: Arc<TileMesh>,
-    /// Without collars.
-    pub own: Arc<TileMesh>,
-    pub grid: Arc<Grid>,
-}
-
-/// One tile of an asset.
-#[derive(Debug, Default)]
+/// What is made for one tile of an asset from the mesh, from what the host has set, and from poses. Each part knows what it was
+/// made from.
+#[derive(Debug)]
 pub(crate) struct TileState {
-    pub maps: TileMaps,
-    /// Whether the maps count as memory of the tile; of layers, those of the first.
-    counts_maps: bool,
-    pub(super) grid: Option<Arc<Grid>>,
-    /// The tile with collars, once it is needed.
-    pub(super) extended: OnceLock<Arc<TileMesh>>,
-    /// The tile as torn by the last pose that tore it.
-    pub(super) torn: Option<Torn>,
+    /// Its number in the mesh.
+    pub(super) tile: usize,
+    /// The bytes of its maps, and that they have a place on the device's account.
+    pub(super) maps: Booked,
+    /// The whole tile, and the tile as torn by the last pose that tore it.
+    pub(super) whole: Derived<ShapeKey, Shape>,
+    pub(super) torn: Derived<ShapeKey, Shape>,
+    /// What the blend at seams needs.
+    pub(super) copies: Derived<Arc<CopiesKey>, Copies>,
+    pub(super) solver: Option<BookedSolver>,
+    pub(super) last: Option<TileSolved>,
     /// The welds that the last pose tore.
-    pub(super) torn_now: Vec<u32>,
-    /// What the blend at seams needs for the grid.
-    pub(super) copies: Option<Copies>,
-    /// A tile with collars, and the room for redirections beside its charts.
-    pub(super) gutter: Option<(Arc<TileMesh>, Arc<Gutter>)>,
-    solver: Option<TileSolver>,
-    /// Bytes of the solver's memory.
-    solver_bytes: u64,
-    /// True if the solver's memory has never been used.
-    solver_is_fresh: bool,
-    /// The last good result; at seams as it was before the blend.
-    pub solved: Option<Arc<Solved>>,
-    /// The inputs of each chart's result; `None` if the result also depends on time or on earlier frames.
-    pub(super) inputs: Vec<Option<ChartInput>>,
-    /// The plan of the result, unless maps or settings have changed since.
-    pub(super) solved_with: Option<Plan>,
-    /// True if solves skip the tile.
-    pub frozen: bool,
-    /// Bytes booked on the device's account for this tile.
-    booked: u64,
-    /// Milliseconds of the last grid build that was not yet reported.
-    pub(super) build_ms: f32,
+    welds_torn: Vec<u32>,
+}
+
+/// What the copies of all tiles follow from.
+#[derive(Debug, PartialEq)]
+pub(super) struct CopiesKey {
+    /// Of the tiles that are blended together. A grid is of one mesh alone, and those of the others are always the same.
+    pub grids: Vec<Option<Same<Grid>>>,
+    pub reaches: Vec<f64>,
+}
+
+/// A solver, which knows the grid that it is for, and its memory.
+#[derive(Debug)]
+pub(super) struct BookedSolver {
+    solver: TileSolver,
+    /// True if the memory has never been used.
+    is_fresh: bool,
+    booked: Booked,
+}
+
+/// A tile's last good result, and what it follows from.
+#[derive(Debug)]
+pub(crate) struct TileSolved {
+    /// At seams as it was before the blend.
+    pub solved: Arc<Solved>,
+    plan: Plan,
+    settings: TileSettings,
+    grid: GridKey,
+    /// Per chart; `None` if its result also depends on time or on earlier frames.
+    inputs: Vec<Option<ChartInput>>,
+}
+
+/// What tells the input of a chart's result from that of another with the same blocks, plan and settings.
+#[derive(Debug, PartialEq)]
+struct ChartInput {
+    pose: ChartPose,
+    /// The generation of the maps from which on its rigidity is this.
+    since: u64,
+}
+
+impl TileSolved {
+    pub fn tile(&self) -> usize {
+        self.grid.tile
+    }
+
+    /// True if it was solved with this plan and the present maps and settings.
+    pub fn is_of(&self, plan: &Plan, given: &Given) -> bool {
+        let has_maps = given.strokes_since(&self.grid).is_some_and(<[_]>::is_empty);
+        has_maps && self.plan == *plan && self.settings == given.maps[self.tile()].settings
+    }
 }
 
 impl TileState {
-    pub fn new(tile: &TileMesh) -> TileState {
-        TileState { counts_maps: tile.layer == 0, ..TileState::default() }
-    }
-
-    /// Books the memory that is held, and `more` that is about to be allocated, on the device's account.
-    pub(super) fn book(&mut self, device: &Device, more: u64, tile: &TileMesh) -> Result<()> {
-        let held = self.held() + more;
-        device.rebook(self.booked, held, &tile.name())?;
-        self.booked = held;
-        Ok(())
-    }
-
-    /// Bytes of maps, grid, solver and result.
-    pub(super) fn held(&self) -> u64 {
-        let grid = self.grid.as_ref().map_or(0, |grid| grid.bytes() + Solved::bytes_for(grid));
-        let torn = self.torn.as_ref().map_or(0, Torn::bytes);
-        // The blend is a result of its own.
-        let blended = self.copies.as_ref().map_or(0, |copies| copies.bytes() as u64)
-            + self.grid.as_ref().filter(|_| self.copies.is_some()).map_or(0, |grid| Solved::bytes_for(grid));
-        let gutter = self.gutter.as_ref().map_or(0, |_| Gutter::BYTES);
-        self.map_bytes() + grid + torn + blended + gutter + self.solver_bytes
-    }
-
-    /// Bytes of the maps.
-    pub(super) fn map_bytes(&self) -> u64 {
-        if !self.counts_maps {
-            return 0;
+    pub fn new(tile: usize, device: &Device) -> TileState {
+        TileState {
+            tile,
+            maps: device.booking(),
+            whole: Derived::default(),
+            torn: Derived::default(),
+            copies: Derived::default(),
+            solver: None,
+            last: None,
+            welds_torn: Vec::new(),
         }
-        let rigidity = match &self.maps.rigidity {
-            Rigidity::None => 0,
-            Rigidity::Map(map) => map.bytes(),
-            Rigidity::Vertices(values) => values.len() as u64 * 4,
-        };
-        let mask = match &self.maps.mask {
-            Mask::None => 0,
-            Mask::Map(map) => map.bytes(),
-            Mask::Vertices(values) => values.len() as u64 * 4,
-        };
-        rigidity + mask
     }
 
-    /// Solves the tile for a pose. The last result is unchanged: the caller passes the new one to `take` when all tiles
-    /// are solved.
-    pub fn solve(&mut self, call: &SolveCall, share: &SolveShare, prepared: &Prepared) -> Result<Solved> {
+    /// Bytes of maps, grids, solver and result.
+    fn bytes(&self) -> u64 {
+        let of_shape = |(_, shape): (_, &Shape)| shape.bytes();
+        let shapes: u64 = [&self.whole, &self.torn].into_iter().filter_map(Derived::last).map(of_shape).sum();
+        let solver = self.solver.as_ref().map_or(0, |solver| solver.booked.bytes());
+        self.maps.bytes() + shapes + self.copies.bytes() + solver
+    }
+
+    /// The tile with the connectivity of a pose, and its grid; builds the grid if necessary.
+    pub fn prepare(&mut self, call: &SolveCall) -> Result<Prepared> {
+        let whole = &call.on.mesh.tiles[self.tile];
+        let torn = torn_welds(call.on.mesh, whole, &call.positions);
+        if torn != self.welds_torn {
+            let (count, of) = (torn.len(), whole.welds.len());
+            let message = format!("{}: the pose tears {count} of {of} welded edges", whole.name());
+            let level = if count > 0 { LogLevel::Warning } else { LogLevel::Info };
+            call.on.device.log(level, &message);
+        }
+        let prepared = self.prepared(&call.on, &torn);
+        self.welds_torn = torn;
+        prepared
+    }
+
+    /// Solves the prepared tile. The last result is unchanged: the caller replaces it when all tiles are solved.
+    pub fn solve(&mut self, call: &SolveCall, prepared: &Prepared) -> Result<TileSolved> {
         let start = Instant::now();
-        let Prepared { mesh, own, grid } = prepared;
+        let Prepared { mesh, grid, .. } = prepared;
+        let is_torn = !self.welds_torn.is_empty();
+        let own = if is_torn { mesh } else { &call.on.mesh.tiles[self.tile] };
+        let settings = call.on.given.maps[self.tile].settings;
         let pose = Pose::new(mesh, |v| call.positions.get3(v as usize), Some(&grid.rest));
-        let tasks = self.tasks(grid, mesh, &pose, call.plan);
-        let WarpResult { warp, results, mut report, work } =
-            self.warp(call, share, prepared, &pose, &tasks)?;
-        let gutter = self.gutter_of(call, mesh)?;
+        let tasks = self.tasks(prepared, &pose, call.plan, &settings);
+        let WarpResult { warp, results, mut report, work } = self.warp(call, prepared, &pose, &tasks)?;
+        let (gutter, build_ms) = self.gutter_and_ms(&call.on, is_torn)?;
         self.fill_report(&mut report, grid, mesh, &tasks, &results);
-        let inputs = self.inputs_of(grid, pose, &tasks, call.plan, report.truncated);
-        report.welds_torn = self.torn_now.len() as u32;
-        report.times.total = start.elapsed().as_secs_f32() * 1000.0 + report.times.maps;
-        Ok(Solved {
+        report.times.maps = build_ms;
+        report.times.total = start.elapsed().as_secs_f32() * 1000.0 + build_ms;
+        // A warm or truncated result depends on more than its inputs.
+        let depends_on_more = call.plan.warm || report.truncated;
+        let charts = pose.charts.into_iter().zip(&prepared.since).zip(&tasks);
+        let input = |((pose, &since), task): ((ChartPose, &u64), &ChartTask)| {
+            (*task == ChartTask::Reuse || !depends_on_more).then_some(ChartInput { pose, since })
+        };
+        let inputs = charts.map(input).collected();
+        let solved = Solved {
             mesh: own.clone(),
             extended: (!mesh.sources.is_empty()).then(|| mesh.clone()),
             grid: grid.clone(),
             warp,
-            inputs,
             results,
-            overlap: self.maps.settings.overlap,
+            overlap: settings.overlap,
             report,
             invert_ms: AtomicU32::new(0),
             gutter,
             limited: LimitedTexels::default(),
             work,
-        })
-    }
-
-    /// The room for redirections beside the charts of a tile, if it has collars.
-    fn gutter_of(&mut self, call: &SolveCall, tile: &Arc<TileMesh>) -> Result<Option<Arc<Gutter>>> {
-        if tile.sources.is_empty() {
-            return Ok(None);
-        }
-        if !self.gutter.as_ref().is_some_and(|(of, _)| Arc::ptr_eq(of, tile)) {
-            self.gutter = None;
-            self.book(call.device, Gutter::BYTES, tile)?;
-            let others = call.mesh.other_layers(tile);
-            self.gutter = Some((tile.clone(), Arc::new(Gutter::new(call.team, tile, others))));
-        }
-        Ok(self.gutter.as_ref().map(|(_, gutter)| gutter.clone()))
-    }
-
-    /// Stores a new result.
-    pub fn take(&mut self, solved: Arc<Solved>, inputs: Vec<Option<ChartInput>>, plan: &Plan) {
-        self.inputs = inputs;
-        self.solved_with = Some(*plan);
-        self.solved = Some(solved);
-    }
-
-    /// True if the last result was solved with this plan and the present maps and settings.
-    pub fn is_solved_with(&self, plan: &Plan) -> bool {
-        self.solved.is_some() && self.solved_with == Some(*plan)
-    }
-
-    /// Nodes of the present grid that a solve may have to move; 0 without a grid.
-    pub fn movable_nodes(&self) -> u64 {
-        self.grid.as_ref().map_or(0, |grid| grid.movable.iter().sum())
+        };
+        let (solved, plan, grid) = (Arc::new(solved), *call.plan, prepared.key.clone());
+        Ok(TileSolved { solved, plan, settings, grid, inputs })
     }
 
     /// The last result, if it was solved on a grid with the same blocks.
-    fn last(&self, grid: &Arc<Grid>) -> Option<&Solved> {
-        self.solved.as_deref().filter(|solved| solved.grid.has_blocks_of(grid))
+    fn last_on(&self, grid: &Grid) -> Option<&TileSolved> {
+        self.last.as_ref().filter(|last| last.solved.grid.has_blocks_of(grid))
     }
 
     /// The task for each chart.
-    fn tasks(&self, grid: &Arc<Grid>, tile: &TileMesh, pose: &Pose, plan: &Plan) -> Vec<ChartTask> {
-        let last = self.last(grid);
+    fn tasks(
+        &self,
+        prepared: &Prepared,
+        pose: &Pose,
+        plan: &Plan,
+        settings: &TileSettings,
+    ) -> Vec<ChartTask> {
+        let Prepared { mesh, grid, since, .. } = prepared;
+        let last = self.last_on(grid).filter(|last| last.plan == *plan && last.settings == *settings);
         let same = |c: usize| {
-            let input = last.and_then(|_| self.inputs[c].as_ref());
-            input.is_some_and(|input| input.plan == *plan && input.pose == pose.charts[c])
+            let input = last.and_then(|last| last.inputs[c].as_ref());
+            input.is_some_and(|input| input.since == since[c] && input.pose == pose.charts[c])
         };
         let task = |c: usize| match () {
-            () if grid.is_still(tile, pose, c) => ChartTask::Identity,
+            () if grid.is_still(mesh, pose, c) => ChartTask::Identity,
             () if same(c) => ChartTask::Reuse,
             () => ChartTask::Solve,
         };
-        (0..tile.charts.len()).map(task).collected()
+        (0..mesh.charts.len()).map(task).collected()
     }
 
     /// The warp, solved if necessary, with its report.
     fn warp(
         &mut self,
         call: &SolveCall,
-        share: &SolveShare,
         prepared: &Prepared,
         pose: &Pose,
         tasks: &[ChartTask],
     ) -> Result<WarpResult> {
         let grid = &prepared.grid;
-        let last = self.last(grid);
+        let last = self.last_on(grid).map(|last| &last.solved);
         let mut results =
             last.map_or_else(|| filled(ChartResult::default(), tasks.len()), |l| copied(&l.results));
         let solves = tasks.contains(&ChartTask::Solve);
@@ -267,7 +245,7 @@ impl TileState {
             let warp = Arc::new(Warp::Host(identity));
             return Ok(WarpResult { warp, results, report, work: None });
         }
-        let solution = self.run_solver(call, share, prepared, pose, last.as_deref(), tasks)?;
+        let solution = self.run_solver(call, prepared, pose, last.as_deref(), tasks)?;
         for c in (0..tasks.len()).filter(|&c| tasks[c] == ChartTask::Solve) {
             results[c] = solution.charts[c];
         }
@@ -288,53 +266,52 @@ impl TileState {
     fn run_solver(
         &mut self,
         call: &SolveCall,
-        share: &SolveShare,
         prepared: &Prepared,
         pose: &Pose,
         last: Option<&Warp>,
         tasks: &[ChartTask],
     ) -> Result<TileSolution> {
-        let Prepared { mesh: tile, grid, .. } = prepared;
+        let Call { team, device, given, .. } = call.on;
+        let (Prepared { mesh, grid, .. }, plan) = (prepared, call.plan);
         let charts: Vec<bool> = tasks.iter().map(|&task| task == ChartTask::Solve).collected();
         let keep: Vec<bool> = tasks.iter().map(|&task| task != ChartTask::Identity).collected();
-        self.allocate(call.device, grid, tile, call.plan.solver())?;
+        let settings = &given.maps[self.tile].settings;
         // Taken out during the run: if a stage panics, the memory is dropped.
-        let missing = || Error::new(ErrorKind::Internal, "the tile has no solver");
-        let mut solver = self.solver.take().ok_or_else(missing)?;
-        let settings = &self.maps.settings;
-        let continuation = call.plan.continuation;
-        let pull = if last.is_some() { call.plan.temporal_weight } else { 0.0 };
-        let protect = call.plan.protect(settings);
-        let input = Input { grid, mesh: tile, pose, settings, protect, charts: &charts, continuation, pull };
-        let (team, plan) = (call.team, call.plan);
-        let fresh = std::mem::replace(&mut self.solver_is_fresh, false);
-        let deadline =
-            Deadline::new(call.start, [share.budget, plan.budget], *call.device.pace(), fresh).into();
-        let progress = Progress::new(team.control(), share.progress).into();
+        let mut solver = self.take_solver(device, prepared, Purpose::new(plan.solver(), settings))?;
+        let (continuation, protect) = (plan.continuation, plan.protect(settings));
+        let pull = if last.is_some() { plan.temporal_weight } else { 0.0 };
+        let input = Input { grid, mesh, pose, settings, protect, charts: &charts, continuation, pull };
+        let fresh = std::mem::replace(&mut solver.is_fresh, false);
+        let deadline = Deadline::new(call.start, [call.budget, plan.budget], *device.pace(), fresh).into();
+        let progress = Progress::new(team.control(), call.progress).into();
         let solve = TileSolve { team, input, grid, plan, deadline, progress, last, keep: &keep };
+        let solution = caught(|| solver.solver.run(&solve));
+        if call.learns {
+            *device.pace() = solve.deadline.into_inner().learnt();
+        }
         // A cancelled solve leaves its memory usable: each solve writes what it reads.
-        let solution = caught(|| solver.run(&solve));
-        if share.learns {
-            *call.device.pace() = solve.deadline.into_inner().learnt();
-        }
-        match &solution {
-            Err(error) if error.kind != ErrorKind::Cancelled => {
-                drop(solver);
-                return Err(self.give_up(call.device, tile, error.clone()));
-            }
-            _ => self.solver = Some(solver),
-        }
-        if call.release_solvers {
-            self.forget(call.device);
-            // Booking less always succeeds.
-            let _ = self.book(call.device, 0, tile);
+        let is_usable = solution.as_ref().err().is_none_or(|error| error.kind == ErrorKind::Cancelled);
+        if is_usable && !call.release_solvers {
+            self.solver = Some(solver);
         }
         solution
     }
 
+    /// Takes the solver for a grid out; makes it unless it exists. Its memory is booked before it is allocated.
+    fn take_solver(&mut self, device: &Device, on: &Prepared, purpose: Purpose) -> Result<BookedSolver> {
+        // The old memory is freed before the new memory is allocated.
+        if let Some(solver) = self.solver.take().filter(|of| of.solver.is_for(&on.grid, purpose)) {
+            return Ok(solver);
+        }
+        let mut booked = device.booking();
+        booked.set(TileSolver::bytes_for(device, &on.grid, &on.mesh, purpose)?, &on.mesh.name())?;
+        let solver = caught(|| TileSolver::new(device, &on.grid, &on.mesh, purpose))?;
+        Ok(BookedSolver { solver, is_fresh: true, booked })
+    }
+
     /// Fills in what follows from the charts' results.
     fn fill_report(
-        &mut self,
+        &self,
         report: &mut TileReport,
         grid: &Grid,
         tile: &TileMesh,
@@ -359,87 +336,8 @@ impl TileState {
         report.blocks = report.grid.map(|n| (n as usize + 1).div_ceil(SIDE) as u64).iter().product();
         let solved = tasks.iter().zip(&grid.movable).filter(|(task, _)| **task == ChartTask::Solve);
         report.nodes_active = solved.map(|(_, movable)| movable).sum();
-        report.times.maps = std::mem::take(&mut self.build_ms);
-        report.bytes = self.held();
-    }
-
-    /// The inputs of each chart's result.
-    fn inputs_of(
-        &self,
-        grid: &Arc<Grid>,
-        pose: Pose,
-        tasks: &[ChartTask],
-        plan: &Plan,
-        truncated: bool,
-    ) -> Vec<Option<ChartInput>> {
-        let last = self.last(grid);
-        let reused = |c: usize| {
-            last.filter(|_| tasks[c] == ChartTask::Reuse)?;
-            self.inputs[c].clone()
-        };
-        // A warm or truncated result depends on more than its inputs.
-        let depends_on_more = plan.warm || truncated;
-        let input = |pose| (!depends_on_more).then_some(ChartInput { pose, plan: *plan });
-        pose.charts.into_iter().enumerate().map(|(c, pose)| reused(c).or_else(|| input(pose))).collected()
-    }
-
-    /// Frees the solver's remaining memory after a failure, and removes it from the device's account.
-    fn give_up(&mut self, device: &Device, tile: &TileMesh, error: Error) -> Error {
-        self.solver = None;
-        self.solver_bytes = 0;
-        if let Some(gpu) = device.gpu() {
-            gpu.reclaim();
-        }
-        // Booking less always succeeds.
-        let _ = self.book(device, 0, tile);
-        error
-    }
-
-    /// Corrects the account after a call ran out of memory: the solver may be gone, and too much may be booked.
-    pub(super) fn settle(&mut self, device: &Device) {
-        if self.solver.is_none() {
-            self.forget(device);
-        }
-        let held = self.held().min(self.booked);
-        let _ = device.rebook(self.booked, held, "");
-        self.booked = held;
-    }
-
-    /// Drops the solver.
-    pub(super) fn forget(&mut self, device: &Device) {
-        self.solver_bytes = 0;
-        if self.solver.take().is_some()
-            && let Some(gpu) = device.gpu()
-        {
-            gpu.reclaim();
-        }
-    }
-
-    /// Makes the solver for a grid unless it exists. Its memory is booked before it is allocated.
-    fn allocate(&mut self, device: &Device, grid: &Arc<Grid>, tile: &TileMesh, solver: Solver) -> Result<()> {
-        let purpose = Purpose::new(solver, &self.maps.settings);
-        let fits = self.solver.as_ref().is_some_and(|solver| solver.is_for(grid, purpose));
-        if !fits {
-            // The old memory is freed before the new memory is allocated.
-            self.forget(device);
-            let bytes = TileSolver::bytes_for(device, grid, tile, purpose)?;
-            self.book(device, bytes, tile)?;
-            match caught(|| TileSolver::new(device, grid, tile, purpose)) {
-                Ok(solver) => self.solver = Some(solver),
-                Err(error) => return Err(self.give_up(device, tile, error)),
-            }
-            (self.solver_bytes, self.solver_is_fresh) = (bytes, true);
-        }
-        Ok(())
-    }
-
-    /// Removes the memory from the device's account.
-    pub fn release(&mut self, device: &Device) {
-        self.solved = None;
-        self.torn = None;
-        self.forget(device);
-        let _ = device.rebook(self.booked, 0, "");
-        self.booked = 0;
+        report.welds_torn = self.welds_torn.len() as u32;
+        report.bytes = self.bytes();
     }
 }
 

@@ -1,19 +1,19 @@
 //! The tiles of an asset: facts, maps and settings, and prepared tiles as bytes.
 
-use std::ops::Range;
 use std::sync::Arc;
-use std::time::Instant;
 
+use super::given::{MASK, RIGIDITY, Which};
+use super::shape::Call;
+use super::tile::TileState;
 use super::{Asset, log};
 use vrtm_core::allocation::{Collect, zeroed};
 use vrtm_core::error::{Error, Result};
-use vrtm_core::grid::maps::{Mask, Rigidity, TileMaps};
+use vrtm_core::grid::maps::Values;
 use vrtm_core::grid::squares::pages_near;
 use vrtm_core::image::ImageView;
 use vrtm_core::image::map::{Map, PAGE};
 use vrtm_core::report::{TileEstimate, TileInfo};
 use vrtm_core::settings::TileSettings;
-use vrtm_core::team::Team;
 use vrtm_core::view::Strided;
 
 impl Asset {
@@ -23,11 +23,7 @@ impl Asset {
     /// `InvalidArgument` if `tile` is out of range; this holds for every function that takes a tile.
     pub fn tile_info(&mut self, tile: usize) -> Result<TileInfo> {
         self.check_tile(tile)?;
-        self.call(|asset| {
-            let maps = &asset.maps();
-            let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh);
-            device.team(|team| state.info(team, device, mesh, tile, maps))
-        })
+        self.on_tile(tile, TileState::info)
     }
 
     /// The memory for preparing and solving a tile with its present maps and settings. It counts the movable nodes, which
@@ -37,9 +33,8 @@ impl Asset {
     /// `InvalidArgument` if `tile` is out of range.
     pub fn tile_estimate(&self, tile: usize) -> Result<TileEstimate> {
         self.check_tile(tile)?;
-        let (state, device) = (&self.tiles[tile], &self.device);
-        let maps = &self.maps();
-        device.call(|| device.team(|team| state.estimate(team, device, &self.mesh, tile, maps)))
+        let Asset { device, mesh, given, tiles, .. } = self;
+        device.call(|| device.team(|team| tiles[tile].estimate(&Call { team, device, mesh, given })))
     }
 
     /// A tile, prepared with its present maps and settings, as bytes that [`Asset::load_tile`] takes on another machine.
@@ -95,11 +90,7 @@ impl Asset {
     /// Those of [`Asset::save_tile`].
     pub fn saved_tile_size(&mut self, tile: usize) -> Result<usize> {
         self.check_tile(tile)?;
-        self.call(|asset| {
-            let maps = &asset.maps();
-            let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh);
-            device.team(|team| state.saved_size(team, device, mesh, tile, maps))
-        })
+        self.on_tile(tile, TileState::saved_size)
     }
 
     /// Writes the bytes of [`Asset::save_tile`] to the start of `out`; returns their number.
@@ -112,11 +103,7 @@ impl Asset {
         let out = out
             .get_mut(..size)
             .ok_or_else(|| Error::argument(format!("data: {given} bytes given, {size} needed")))?;
-        self.call(|asset| {
-            let maps = &asset.maps();
-            let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh);
-            device.team(|team| state.save(team, device, mesh, tile, maps, out))
-        })?;
+        self.on_tile(tile, |state, call| state.save(call, out))?;
         Ok(size)
     }
 
@@ -128,11 +115,17 @@ impl Asset {
     /// `OutOfMemory`. The tile is then unchanged.
     pub fn load_tile(&mut self, tile: usize, data: &[u8]) -> Result<()> {
         self.check_tile(tile)?;
-        self.call(|asset| {
-            let maps = &asset.maps();
-            let (state, device, mesh) = (&mut asset.tiles[tile], &asset.device, &asset.mesh);
-            device.team(|team| state.load(team, device, mesh, tile, maps, data))
-        })
+        self.on_tile(tile, |state, call| state.load(call, data))
+    }
+
+    /// Calls `f` with a tile.
+    fn on_tile<R: Send>(
+        &mut self,
+        tile: usize,
+        f: impl FnOnce(&mut TileState, &Call) -> Result<R> + Send,
+    ) -> Result<R> {
+        let Asset { device, mesh, given, tiles, .. } = self;
+        device.call(|| device.team(|team| f(&mut tiles[tile], &Call { team, device, mesh, given })))
     }
 
     /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid), for all of its layers; `None` removes it. Where a tile has none, the
@@ -141,17 +134,7 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` for a value that is not finite.
     pub fn set_rigidity(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
-        self.check_tile(tile)?;
-        let rigidity = match image {
-            Some(image) => Rigidity::Map(self.device.call(|| self.map_of("rigidity", tile, image))?),
-            None => self.of_vertices.rigidity.clone(),
-        };
-        for layer in self.mesh.layers(tile) {
-            if self.tiles[layer].set_rigidity(rigidity.clone()) {
-                self.forget_maps_of(layer);
-            }
-        }
-        Ok(())
+        self.set_map("rigidity", RIGIDITY, tile, image)
     }
 
     /// Sets a tile's warp mask, for all of its layers: texels under 0.5 do not move; `None` removes it. Where a tile has none,
@@ -160,16 +143,13 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` for a value that is not finite.
     pub fn set_mask(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
+        self.set_map("mask", MASK, tile, image)
+    }
+
+    fn set_map(&mut self, name: &str, which: Which, tile: usize, image: Option<ImageView>) -> Result<()> {
         self.check_tile(tile)?;
-        let mask = match image {
-            Some(image) => Mask::Map(self.device.call(|| self.map_of("mask", tile, image))?),
-            None => self.of_vertices.mask.clone(),
-        };
-        for layer in self.mesh.layers(tile) {
-            if self.tiles[layer].set_mask(mask.clone()) {
-                self.forget_maps_of(layer);
-            }
-        }
+        let map = image.map(|image| self.device.call(|| self.map_of(name, tile, image))).transpose()?;
+        self.given.set(self.mesh.layers(tile), which, map);
         Ok(())
     }
 
@@ -189,62 +169,21 @@ impl Asset {
     ) -> Result<()> {
         self.check_tile(tile)?;
         let texels = image.rect("rigidity", first, size)?;
-        let layers = self.mesh.layers(tile);
-        layers.clone().for_each(|layer| self.forget_maps_of(layer));
-        self.call(|asset| {
-            let Rigidity::Map(map) = &asset.tiles[tile].maps.rigidity else {
-                return Err(Error::argument("rigidity: the tile has no map, a part of which could change"));
-            };
-            let (shape, [width, height]) = (map.shape(), map.shape().0);
-            if image.shape() != shape {
-                return Err(Error::argument(format!(
-                    "rigidity: the map that was set has {width}x{height} texels of another format or size"
-                )));
-            }
-            image.check_finite("rigidity", texels)?;
-            let start = Instant::now();
-            let before = map.part(&texels);
-            asset.change_rigidity(layers.clone(), |map| image.copy_to(map, texels));
-            let (tiles, mesh) = (&asset.tiles, &asset.mesh);
-            let repainted = |team: &Team| {
-                let of = |layer: usize| tiles[layer].repainted(team, &mesh.tiles[layer], &texels);
-                layers.clone().map(of).try_collected()
-            };
-            let repainted: Result<Vec<_>> = asset.device.team(repainted);
-            // A failed call leaves the map as it was.
-            if repainted.is_err() {
-                asset.change_rigidity(layers.clone(), |map| map.set_part(&texels, &before));
-            }
-            for (layer, repainted) in layers.zip(repainted?) {
-                asset.tiles[layer].take_repainted(&asset.device, repainted, start);
-            }
+        let Values::Map(map) = &self.given.maps[tile].rigidity else {
+            return Err(Error::argument("rigidity: the tile has no map, a part of which could change"));
+        };
+        let (shape, [width, height]) = (map.shape(), map.shape().0);
+        if image.shape() != shape {
+            return Err(Error::argument(format!(
+                "rigidity: the map that was set has {width}x{height} texels of another format or size"
+            )));
+        }
+        image.check_finite("rigidity", texels)?;
+        let Asset { device, mesh, given, .. } = self;
+        device.call(|| {
+            given.stroke(mesh.layers(tile), texels, |map| image.copy_to(map, texels));
             Ok(())
         })
-    }
-
-    /// Changes the rigidity map that layers share.
-    fn change_rigidity(&mut self, layers: Range<usize>, change: impl FnOnce(&mut Map)) {
-        let mut shared = Rigidity::None;
-        for layer in layers.clone() {
-            shared = std::mem::replace(&mut self.tiles[layer].maps.rigidity, Rigidity::None);
-        }
-        if let Rigidity::Map(map) = &mut shared {
-            change(Arc::make_mut(map));
-        }
-        layers.for_each(|layer| self.tiles[layer].maps.rigidity = shared.clone());
-    }
-
-    /// The maps of all tiles, if charts of any go on beyond their borders.
-    pub(crate) fn maps(&self) -> Vec<TileMaps> {
-        if self.tiles.iter().all(|state| state.maps.settings.beyond().is_none()) {
-            return Vec::new();
-        }
-        self.tiles.iter().map(|state| state.maps.clone()).collected()
-    }
-
-    /// Drops what other tiles have of a tile's maps.
-    fn forget_maps_of(&mut self, tile: usize) {
-        self.tiles.iter_mut().for_each(|state| state.forget_maps_of(tile));
     }
 
     /// Copies the part of an image near the charts of all layers of a tile.
@@ -271,18 +210,7 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` for a wrong count or a value that is not finite.
     pub fn set_vertex_rigidity(&mut self, values: Option<Strided>) -> Result<()> {
-        let rigidity = match values {
-            Some(values) => Rigidity::Vertices(self.values_of_vertices("rigidity", &values)?),
-            None => Rigidity::None,
-        };
-        for tile in 0..self.tiles.len() {
-            let has_map = matches!(self.tiles[tile].maps.rigidity, Rigidity::Map(_));
-            if !has_map && self.tiles[tile].set_rigidity(rigidity.clone()) {
-                self.forget_maps_of(tile);
-            }
-        }
-        self.of_vertices.rigidity = rigidity;
-        Ok(())
+        self.set_of_vertices("rigidity", RIGIDITY, values)
     }
 
     /// Sets the mask of all vertices, linear over each triangle, for the tiles that have no mask of their own
@@ -292,27 +220,22 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` for a wrong count or a value that is not finite.
     pub fn set_vertex_mask(&mut self, values: Option<Strided>) -> Result<()> {
-        let mask = match values {
-            Some(values) => Mask::Vertices(self.values_of_vertices("mask", &values)?),
-            None => Mask::None,
-        };
-        for tile in 0..self.tiles.len() {
-            let has_map = matches!(self.tiles[tile].maps.mask, Mask::Map(_));
-            if !has_map && self.tiles[tile].set_mask(mask.clone()) {
-                self.forget_maps_of(tile);
-            }
-        }
-        self.of_vertices.mask = mask;
-        Ok(())
+        self.set_of_vertices("mask", MASK, values)
     }
 
     /// Copies one value per vertex, clamped to 0..1.
-    fn values_of_vertices(&self, name: &str, values: &Strided) -> Result<Arc<Vec<f32>>> {
-        self.check_vertices(name, values, 1)?;
-        let largest = (0..values.len()).map(|v| values.get(v, 0)).fold(0.0, f64::max);
-        log::doubt(&self.device, &format!("the {name} of the vertices"), largest as f32);
-        let value = |v: usize| (values.get(v, 0) as f32).clamp(0.0, 1.0);
-        self.device.call(|| Ok(Arc::new((0..values.len()).map(value).collected())))
+    fn set_of_vertices(&mut self, name: &str, which: Which, values: Option<Strided>) -> Result<()> {
+        let mut copy = Values::None;
+        if let Some(values) = values {
+            self.check_vertices(name, &values, 1)?;
+            let largest = (0..values.len()).map(|v| values.get(v, 0)).fold(0.0, f64::max);
+            log::doubt(&self.device, &format!("the {name} of the vertices"), largest as f32);
+            let value = |v: usize| (values.get(v, 0) as f32).clamp(0.0, 1.0);
+            let values = self.device.call(|| Ok((0..values.len()).map(value).collected()))?;
+            copy = Values::Vertices(Arc::new(values));
+        }
+        self.given.set_of_vertices(which, copy);
+        Ok(())
     }
 
     /// Sets the settings of a tile and of all of its layers.
@@ -323,9 +246,7 @@ impl Asset {
         self.check_tile(tile)?;
         settings.check()?;
         for layer in self.mesh.layers(tile) {
-            if self.tiles[layer].set_settings(settings) {
-                self.forget_maps_of(layer);
-            }
+            self.given.maps[layer].settings = *settings;
         }
         Ok(())
     }
@@ -336,7 +257,7 @@ impl Asset {
     /// `InvalidArgument` if `tile` is out of range.
     pub fn freeze(&mut self, tile: usize, frozen: bool) -> Result<()> {
         self.check_tile(tile)?;
-        self.tiles[tile].frozen = frozen;
+        self.given.frozen[tile] = frozen;
         Ok(())
     }
 
@@ -346,6 +267,6 @@ impl Asset {
     /// `InvalidArgument` if `tile` is out of range.
     pub fn settings(&self, tile: usize) -> Result<TileSettings> {
         self.check_tile(tile)?;
-        Ok(self.tiles[tile].maps.settings)
+        Ok(self.given.maps[tile].settings)
     }
 }

@@ -1,17 +1,17 @@
-//! The last good solve of a tile, and the inputs it depends on.
+//! A good solve of a tile.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::DVec2;
 
+use vrtm_core::allocation::copied;
 use vrtm_core::cpu::invert;
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::gutter::{Gutter, LimitedTexels};
 use vrtm_core::grid::planes::{Plane, slot};
-use vrtm_core::grid::pose::ChartPose;
 use vrtm_core::mesh::{NONE, TileMesh};
-use vrtm_core::method::plan::{ChartResult, Plan};
+use vrtm_core::method::plan::ChartResult;
 use vrtm_core::report::{GpuWork, TileReport};
 use vrtm_core::settings::Overlap;
 
@@ -27,9 +27,6 @@ pub(crate) struct Solved {
     /// The grid it was solved on, which may be older than the maps.
     pub grid: Arc<Grid>,
     pub warp: Arc<Warp>,
-    /// The inputs of each chart's result, until they move to the tile; `None` if the result also depends on time or on
-    /// earlier frames.
-    pub inputs: Vec<Option<ChartInput>>,
     pub results: Vec<ChartResult>,
     /// The overlap setting of the solve.
     pub overlap: Overlap,
@@ -58,8 +55,7 @@ impl Solved {
             extended: self.extended.clone(),
             grid: self.grid.clone(),
             warp,
-            inputs: Vec::new(),
-            results: self.results.clone(),
+            results: copied(&self.results),
             overlap: self.overlap,
             report: self.report,
             invert_ms: AtomicU32::new(0),
@@ -127,11 +123,4 @@ impl Solved {
         let others = if any { self.results.len() as u32 } else { 0 };
         std::iter::once(chart).chain((0..others).filter(move |&other| other != chart && shares(other)))
     }
-}
-
-/// The inputs of a chart's result.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct ChartInput {
-    pub pose: ChartPose,
-    pub plan: Plan,
 }

@@ -6,6 +6,7 @@ mod common;
 mod allocations;
 mod budget;
 mod control;
+mod fresh;
 mod layers;
 mod maps;
 mod prepare;

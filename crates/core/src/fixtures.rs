@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::grid::maps::{Rigidity, TileMaps};
+use crate::grid::maps::{TileMaps, Values};
 use crate::image::map::Map;
 use crate::mesh::{Mesh, MeshSource, UvSource};
 use crate::settings::TileSettings;
@@ -43,7 +43,7 @@ pub fn posed(n: u32, pose: impl Fn(f64, f64) -> [f64; 3]) -> Vec<[f64; 3]> {
 pub fn maps(size: usize, settings: TileSettings, rigidity: impl Fn(f64, f64) -> f64) -> TileMaps {
     let at = |k: usize| (k as f64 + 0.5) / size as f64;
     let values: Vec<f32> = (0..size * size).map(|k| rigidity(at(k % size), at(k / size)) as f32).collect();
-    let rigidity = Rigidity::Map(Arc::new(Map::from_values(size, size, &values)));
+    let rigidity = Values::Map(Arc::new(Map::from_values(size, size, &values)));
     TileMaps { rigidity, settings, ..TileMaps::default() }
 }
 

@@ -233,7 +233,7 @@ impl Lab for Asset {
         };
         let (mesh, maps) = (&*inside.extended, inside.maps);
         let grid = self.device().team(|team| {
-            let of_tile = MapsOfTile { own: maps, all: &inside.all_maps };
+            let of_tile = MapsOfTile { own: maps, all: inside.all_maps };
             let survey = Survey::new(team, mesh, of_tile, maps.grid_size());
             Arc::new(build::grid(team, inside.mesh, of_tile, survey))
         });

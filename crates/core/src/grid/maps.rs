@@ -7,10 +7,9 @@ use crate::settings::{MAX_GRID, TileSettings};
 
 use crate::grid::planes::SIDE;
 
-/// The source of a tile's rigidity.
+/// A tile's rigidity or mask, 0 to 1.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Rigidity {
-    /// No rigidity anywhere.
+pub enum Values {
     #[default]
     None,
     /// An image.
@@ -19,23 +18,24 @@ pub enum Rigidity {
     Vertices(Arc<Vec<f32>>),
 }
 
-/// The source of a tile's mask.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub enum Mask {
-    /// All nodes may move.
-    #[default]
-    None,
-    /// An image.
-    Map(Arc<Map>),
-    /// One value per vertex of the mesh.
-    Vertices(Arc<Vec<f32>>),
+impl Values {
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        match self {
+            Values::None => 0,
+            Values::Map(map) => map.bytes(),
+            Values::Vertices(values) => values.len() as u64 * 4,
+        }
+    }
 }
 
 /// A tile's maps and settings, as set by the host.
 #[derive(Clone, Debug, Default)]
 pub struct TileMaps {
-    pub rigidity: Rigidity,
-    pub mask: Mask,
+    /// Without values there is none anywhere.
+    pub rigidity: Values,
+    /// Without values all nodes may move.
+    pub mask: Values,
     pub settings: TileSettings,
 }
 
@@ -67,10 +67,10 @@ impl TileMaps {
     /// 16.
     pub fn grid_size(&self) -> [usize; 2] {
         let default = match &self.rigidity {
-            Rigidity::Map(map) => [map.width, map.height],
-            Rigidity::Vertices(_) => [VERTEX_GRID; 2],
+            Values::Map(map) => [map.width, map.height],
+            Values::Vertices(_) => [VERTEX_GRID; 2],
             // No node will be movable: the smallest grid is enough.
-            Rigidity::None => [SIDE; 2],
+            Values::None => [SIDE; 2],
         };
         std::array::from_fn(|axis| {
             let n = self.settings.grid[axis].map_or(default[axis], |n| n as usize);

@@ -6,7 +6,7 @@ use glam::DVec2;
 use super::cover::{Cover, Coverer, WIDE, at};
 use super::node_set::NodeSet;
 use super::vertex_mask;
-use crate::grid::maps::{MapsOfTile, Mask, Rigidity, TileMaps};
+use crate::grid::maps::{MapsOfTile, TileMaps, Values};
 use crate::grid::planes::SIDE;
 use crate::grid::uv_triangle::UvTriangle;
 use crate::image::map::{Map, at_nodes, at_point, free_nodes, is_free};
@@ -26,8 +26,8 @@ impl NodeRigidity<'_> {
         let place = |k: usize, axis: usize| (square[axis] as usize * SIDE + k) as f32 - 1.0;
         let node = |n: usize| [place(n % WIDE, 0), place(n / WIDE, 1)];
         match &self.maps.own.rigidity {
-            Rigidity::None => {}
-            Rigidity::Map(map) => {
+            Values::None => {}
+            Values::Map(map) => {
                 let (first, count) = self.nodes(square, 1);
                 let place = |axis: usize| first[axis] + 1 - square[axis] as usize * SIDE;
                 let mut put =
@@ -37,7 +37,7 @@ impl NodeRigidity<'_> {
                     *value = 0.0;
                 }
             }
-            Rigidity::Vertices(values) => {
+            Values::Vertices(values) => {
                 for (n, (value, t)) in rigidity.iter_mut().zip(cover.triangle).enumerate() {
                     if t != NONE {
                         *value = self.on_triangle(values, t as usize, node(n));
@@ -53,9 +53,9 @@ impl NodeRigidity<'_> {
         for (n, (value, t)) in rigidity.iter_mut().zip(cover.triangle).enumerate() {
             if let Some((maps, uv)) = self.beyond(t, node(n)) {
                 *value = match &maps.rigidity {
-                    Rigidity::None => 0.0,
-                    Rigidity::Map(map) => at_point(map, maps.grid_size(), uv),
-                    Rigidity::Vertices(values) => self.on_triangle(values, t as usize, node(n)),
+                    Values::None => 0.0,
+                    Values::Map(map) => at_point(map, maps.grid_size(), uv),
+                    Values::Vertices(values) => self.on_triangle(values, t as usize, node(n)),
                 };
             }
         }
@@ -66,15 +66,15 @@ impl NodeRigidity<'_> {
     pub fn free(&self, square: usize, cover: &Cover) -> NodeSet {
         let at_square = self.coverer.squares.list[square].at;
         let mut free = match &self.maps.own.mask {
-            Mask::None => NodeSet([u16::MAX; SIDE]),
-            Mask::Map(map) => self.free_in(map, at_square),
-            Mask::Vertices(values) => return vertex_mask::free(self.coverer, values, square),
+            Values::None => NodeSet([u16::MAX; SIDE]),
+            Values::Map(map) => self.free_in(map, at_square),
+            Values::Vertices(values) => return vertex_mask::free(self.coverer, values, square),
         };
         let place = |k: usize, axis: usize| (at_square[axis] as usize * SIDE + k) as f32;
         for (i, j) in (0..SIDE * SIDE).map(|n| (n % SIDE, n / SIDE)) {
             let triangle = cover.triangle[at(i + 1, j + 1)];
             if let Some((maps, uv)) = self.beyond(triangle, [place(i, 0), place(j, 1)]) {
-                let is_fixed = matches!(&maps.mask, Mask::Map(map) if !is_free(map, maps.grid_size(), uv));
+                let is_fixed = matches!(&maps.mask, Values::Map(map) if !is_free(map, maps.grid_size(), uv));
                 if is_fixed { free.remove(i, j) } else { free.insert(i, j) }
             }
         }

@@ -21,7 +21,7 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 
 use super::Grid;
 use crate::error::Result;
-use crate::grid::maps::{MapsOfTile, Mask, Rigidity, TileMaps};
+use crate::grid::maps::{MapsOfTile, TileMaps, Values};
 use crate::mesh::{Chart, Mesh, TileMesh};
 use crate::settings::Seams;
 use crate::team::Team;
@@ -79,17 +79,17 @@ pub fn key(mesh: &Mesh, tile: &TileMesh, MapsOfTile { own: maps, all }: MapsOfTi
 
 fn hash_maps(hash: &mut Xxh3, tile: &TileMesh, maps: &TileMaps) {
     match &maps.rigidity {
-        Rigidity::None => hash.update(&[0]),
-        Rigidity::Map(map) => map.add_to(hash),
-        Rigidity::Vertices(values) => {
+        Values::None => hash.update(&[0]),
+        Values::Map(map) => map.add_to(hash),
+        Values::Vertices(values) => {
             let of_tile = tile.charts.iter().flat_map(Chart::of_mesh);
             of_tile.for_each(|v| hash.update(&values[v as usize].to_le_bytes()));
         }
     }
     match &maps.mask {
-        Mask::None => hash.update(&[0]),
-        Mask::Map(map) => map.add_to(hash),
-        Mask::Vertices(values) => {
+        Values::None => hash.update(&[0]),
+        Values::Map(map) => map.add_to(hash),
+        Values::Vertices(values) => {
             hash.update(b"vertices");
             let of_tile = tile.charts.iter().flat_map(Chart::of_mesh);
             of_tile.for_each(|v| hash.update(&values[v as usize].to_le_bytes()));

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use xxhash_rust::xxh3::Xxh3;
 
-use crate::allocation::{Collect, Grow, filled, zeroed};
+use crate::allocation::{Grow, filled, zeroed};
 use crate::mesh::NONE;
 
 use super::format::{PixelFormat, decode};
@@ -17,14 +17,6 @@ pub const PAGE: usize = 64;
 pub struct TexelRect {
     pub first: [usize; 2],
     pub end: [usize; 2],
-}
-
-impl TexelRect {
-    /// All of its texels, row by row.
-    fn texels(&self) -> impl Iterator<Item = [usize; 2]> + use<> {
-        let TexelRect { first, end } = *self;
-        (first[1]..end[1]).flat_map(move |y| (first[0]..end[0]).map(move |x| [x, y]))
-    }
 }
 
 /// A copied map, with values from 0 to 1 and rows from v = 0 upward. Pages far from all charts are not stored; their
@@ -82,26 +74,6 @@ impl Map {
         if let Some(at) = self.offset(x, y) {
             let size = self.format.size();
             self.texels[at..at + size].copy_from_slice(&bytes[..size]);
-        }
-    }
-
-    /// The bytes of the stored texels of a rectangle, row by row.
-    pub fn part(&self, rect: &TexelRect) -> Vec<u8> {
-        let size = self.format.size();
-        let texels = rect.texels().filter_map(|[x, y]| self.offset(x, y));
-        texels.flat_map(|at| &self.texels[at..at + size]).copied().collected()
-    }
-
-    /// Restores what `part` returned.
-    pub fn set_part(&mut self, rect: &TexelRect, bytes: &[u8]) {
-        let size = self.format.size();
-        let mut texels = bytes.chunks_exact(size);
-        for [x, y] in rect.texels() {
-            if let Some(at) = self.offset(x, y)
-                && let Some(texel) = texels.next()
-            {
-                self.texels[at..at + size].copy_from_slice(texel);
-            }
         }
     }
 

@@ -8,7 +8,7 @@ use crate::records::band_blocks;
 use crate::results::{RESULT_BLOCK, ResultBuffers};
 use vrtm_core::cpu::invert as twin;
 use vrtm_core::grid::Grid;
-use vrtm_core::grid::maps::{Rigidity, TileMaps};
+use vrtm_core::grid::maps::{TileMaps, Values};
 use vrtm_core::grid::planes::{NODES, Plane, SIDE, node_at};
 use vrtm_core::image::map::Map;
 use vrtm_core::mesh::{Mesh, MeshSource, UvSource};
@@ -32,7 +32,7 @@ fn grid(cells: [u32; 2], charts: &[[u32; 4]]) -> Arc<Grid> {
     });
     let mesh = mesh.unwrap();
     let maps = TileMaps {
-        rigidity: Rigidity::Map(std::sync::Arc::new(Map::from_values(1, 1, &[1.0]))),
+        rigidity: Values::Map(std::sync::Arc::new(Map::from_values(1, 1, &[1.0]))),
         settings: TileSettings { grid: cells.map(Some), ..TileSettings::default() },
         ..TileMaps::default()
     };

@@ -1,0 +1,179 @@
+//! What the host has set for the tiles of an asset: maps and settings. The functions that set them know nothing of what follows
+//! from them; what does stores a key (`derived`) in which each state of a tile's maps has a number, its generation.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use vrtm_core::allocation::{Collect, Grow, filled};
+use vrtm_core::grid::maps::{MapsOfTile, TileMaps, Values};
+use vrtm_core::image::map::{Map, TexelRect};
+use vrtm_core::mesh::Mesh;
+use vrtm_core::settings::{Overlap, Seams};
+
+/// What the host has set.
+#[derive(Debug)]
+pub(crate) struct Given {
+    /// Per tile. The layers of a UDIM number share theirs.
+    pub maps: Vec<TileMaps>,
+    /// Per tile, true if solves skip it.
+    pub frozen: Vec<bool>,
+    /// Per tile, the states that its rigidity and mask have had.
+    history: Vec<History>,
+    /// The rigidity and the mask of the vertices.
+    of_vertices: TileMaps,
+}
+
+/// A tile's rigidity or its mask.
+pub(super) type Which = fn(&mut TileMaps) -> &mut Values;
+pub(super) const RIGIDITY: Which = |maps| &mut maps.rigidity;
+pub(super) const MASK: Which = |maps| &mut maps.mask;
+
+/// The states of a tile's rigidity and mask.
+#[derive(Debug, Default)]
+struct History {
+    /// The number of the present one.
+    generation: u64,
+    /// The number of the first one that strokes lead from to the present one.
+    start: u64,
+    /// These strokes, each with a generation of its own.
+    strokes: Vec<Stroke>,
+}
+
+/// A change of some texels of a rigidity map.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stroke {
+    /// The generation that it led to.
+    pub generation: u64,
+    pub texels: TexelRect,
+}
+
+/// Most strokes that are kept: a grid from before takes no longer to build than to follow as many.
+const MOST_STROKES: usize = 256;
+
+/// What a tile's grid depends on, but for the mesh.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct GridKey {
+    pub tile: usize,
+    /// That of the tile's rigidity and mask.
+    pub generation: u64,
+    /// Of the settings, what a grid depends on.
+    size: [usize; 2],
+    overlap: Overlap,
+    keeps: bool,
+    smoothness: [f32; 2],
+    has_density: bool,
+    /// The tiles that its collars lie in, each with the generation of its maps and the size of its grid, at which they are read.
+    beyond: Vec<(u32, u64, [usize; 2])>,
+}
+
+impl Given {
+    /// Nothing is set yet.
+    pub fn new(tiles: usize) -> Given {
+        Given {
+            maps: (0..tiles).map(|_| TileMaps::default()).collected(),
+            frozen: filled(false, tiles),
+            history: (0..tiles).map(|_| History::default()).collected(),
+            of_vertices: TileMaps::default(),
+        }
+    }
+
+    /// The maps that a tile's grid depends on.
+    pub fn of(&self, tile: usize) -> MapsOfTile<'_> {
+        MapsOfTile { own: &self.maps[tile], all: &self.maps }
+    }
+
+    /// Bytes of a tile's maps. Those that layers share count for the first layer.
+    pub fn bytes(&self, mesh: &Mesh, tile: usize) -> u64 {
+        if mesh.tiles[tile].layer > 0 {
+            return 0;
+        }
+        self.maps[tile].rigidity.bytes() + self.maps[tile].mask.bytes()
+    }
+
+    /// Sets the rigidity or the mask of tiles; without a map it is that of the vertices.
+    pub fn set(&mut self, tiles: Range<usize>, which: Which, map: Option<Arc<Map>>) {
+        let values = map.map_or_else(|| which(&mut self.of_vertices).clone(), Values::Map);
+        tiles.for_each(|tile| self.replace(tile, which, &values));
+    }
+
+    /// Sets the rigidity or the mask of the vertices, for tiles that have no map of their own.
+    pub fn set_of_vertices(&mut self, which: Which, values: Values) {
+        for tile in 0..self.maps.len() {
+            if !matches!(which(&mut self.maps[tile]), Values::Map(_)) {
+                self.replace(tile, which, &values);
+            }
+        }
+        *which(&mut self.of_vertices) = values;
+    }
+
+    fn replace(&mut self, tile: usize, which: Which, by: &Values) {
+        let values = which(&mut self.maps[tile]);
+        if values != by {
+            *values = by.clone();
+            self.history[tile].begin();
+        }
+    }
+
+    /// Changes texels of the rigidity map that some tiles share.
+    pub fn stroke(&mut self, tiles: Range<usize>, texels: TexelRect, change: impl FnOnce(&mut Map)) {
+        tiles.clone().for_each(|tile| self.history[tile].add(texels));
+        let mut shared = Values::None;
+        for tile in tiles.clone() {
+            shared = std::mem::take(&mut self.maps[tile].rigidity);
+        }
+        if let Values::Map(map) = &mut shared {
+            // Nobody else has it: nothing is copied.
+            change(Arc::make_mut(map));
+        }
+        tiles.for_each(|tile| self.maps[tile].rigidity = shared.clone());
+    }
+
+    /// The present key of a tile's grid. `beyond` are the tiles that its collars lie in.
+    pub fn grid_key(&self, tile: usize, beyond: impl Iterator<Item = u32>) -> GridKey {
+        let (maps, history) = (&self.maps, &self.history);
+        let settings = &maps[tile].settings;
+        let there = |t: u32| (t, history[t as usize].generation, maps[t as usize].grid_size());
+        GridKey {
+            tile,
+            generation: history[tile].generation,
+            size: maps[tile].grid_size(),
+            overlap: settings.overlap,
+            keeps: settings.seams == Seams::Keep,
+            smoothness: [settings.smoothness, settings.smoothness_floor],
+            has_density: settings.orientation_density > 0.0,
+            beyond: beyond.map(there).collected(),
+        }
+    }
+
+    /// The strokes that have changed a grid's inputs since it had this key: none if nothing has changed, `None` if other things
+    /// have.
+    pub fn strokes_since(&self, key: &GridKey) -> Option<&[Stroke]> {
+        let mut now = self.grid_key(key.tile, key.beyond.iter().map(|there| there.0));
+        now.generation = key.generation;
+        let History { generation, start, strokes } = &self.history[key.tile];
+        match () {
+            () if now != *key => None,
+            () if key.generation == *generation => Some(&[]),
+            () if key.generation < *start => None,
+            () => Some(&strokes[strokes.partition_point(|stroke| stroke.generation <= key.generation)..]),
+        }
+    }
+}
+
+impl History {
+    /// Begins anew, with other maps.
+    fn begin(&mut self) {
+        self.generation += 1;
+        self.start = self.generation;
+        self.strokes.clear();
+    }
+
+    /// Goes on by a stroke.
+    fn add(&mut self, texels: TexelRect) {
+        if self.strokes.len() == MOST_STROKES {
+            self.start = self.strokes.remove(0).generation;
+        }
+        self.strokes.put(Stroke { generation: self.generation + 1, texels });
+        self.generation += 1;
+    }
+}

@@ -1,0 +1,75 @@
+//! A host's request for a solve.
+
+use std::num::NonZeroU32;
+use std::sync::Arc;
+
+use super::Asset;
+use crate::map::FetchKind;
+use vrtm_core::control::Control;
+use vrtm_core::error::{Error, Result};
+use vrtm_core::image::ImageViewMut;
+use vrtm_core::settings::{MAX_THREADS, SolveOptions};
+use vrtm_core::view::Strided;
+
+/// One output of [`Asset::redirect`].
+#[derive(Debug)]
+pub struct Fetch<'a> {
+    /// Index of the tile.
+    pub tile: usize,
+    /// The kind of image.
+    pub kind: FetchKind,
+    /// The destination.
+    pub image: ImageViewMut<'a>,
+}
+
+/// The request for a solve: pose, options and threads. The default solves every tile, on the device's threads.
+#[derive(Clone, Debug, Default)]
+pub struct SolveRequest<'a> {
+    /// The pose: the positions of all vertices.
+    pub positions: Strided<'a>,
+    /// Quality, limits and solver of this solve.
+    pub options: SolveOptions,
+    /// CPU threads, at most 1024; `None` = the device's. The result is bit-identical for any number.
+    pub threads: Option<NonZeroU32>,
+    /// The tiles to solve, in any order; `None` = all. The others keep their results.
+    pub tiles: Option<&'a [usize]>,
+    /// The vertices that have moved since the last solve, in any order; `None` = any may have. Tiles without a moved
+    /// vertex keep their results, unless their maps, settings or the options have changed since, or they have no result.
+    pub dirty_vertices: Option<&'a [u32]>,
+    /// Drop the results of the tiles to be solved before solving them, which saves their memory, 8 bytes per node of the
+    /// blocks in use. They cannot be read until the solve succeeds, and no part of them can be reused.
+    pub release_last: bool,
+    /// Free the memory of each tile's solver once the tile is solved, about 110 bytes per node of the blocks in use: tiles
+    /// that are solved one after the other then need that of one. The next solve has to allocate it again.
+    pub release_solvers: bool,
+    /// Cancels the call and reports its progress.
+    pub control: Option<Arc<Control>>,
+}
+
+impl Asset {
+    /// Checks a request without side effects.
+    #[doc(hidden)]
+    pub fn check_request(&self, request: &SolveRequest) -> Result<()> {
+        self.check_vertices("positions", &request.positions, 3)?;
+        request.options.check()?;
+        if let Some(threads) = request.threads.filter(|threads| threads.get() > MAX_THREADS) {
+            return Err(Error::argument(format!("options.threads: {threads} is over {MAX_THREADS}")));
+        }
+        for (k, &tile) in request.tiles.unwrap_or_default().iter().enumerate() {
+            if tile >= self.tiles.len() {
+                let count = self.tiles.len();
+                let message = format!("options.tiles[{k}]: {tile} is out of range, there are {count}");
+                return Err(Error::argument(message));
+            }
+        }
+        let vertices = self.mesh.rest.len();
+        for (k, &vertex) in request.dirty_vertices.unwrap_or_default().iter().enumerate() {
+            if vertex as usize >= vertices {
+                return Err(Error::argument(format!(
+                    "options.dirty_vertices[{k}]: {vertex} is out of range, the mesh has {vertices} vertices"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
