@@ -59,10 +59,18 @@ RECORDS = {
 TABLES = {name for name in RECORDS if name.endswith("report_data")}
 
 # Of these the caller sets fields, so that all of them have a default.
-SETTINGS = {"vrtm_tile_settings", "vrtm_pbd_settings"}
+SETTINGS = {"vrtm_tile_settings", "vrtm_pbd_settings", "vrtm_solve_options"}
+
+TILE = "vrtm_tile_settings"
+
+# Those that are given as keyword arguments, as a TypedDict for type checkers, and the fields that Python has otherwise.
+KEYWORDS = {
+    "TileSettingsFields": ("vrtm_tile_settings", set()),
+    "SolveFields": ("vrtm_solve_options", {"release_last", "tile_count", "dirty_vertex_count", "progress"}),
+}
 
 # Integers that say yes or no.
-FLAGS = {"software", "has_uuid", "has_luid", "truncated", "measured", "kept", "reached"}
+FLAGS = {"software", "has_uuid", "has_luid", "truncated", "measured", "kept", "reached", "warm", "measure"}
 
 
 class Header:
@@ -204,7 +212,7 @@ def _field_docs(text: str) -> dict[tuple[str, str], str]:
 def _check_known(header: Header) -> None:
     """What is named above has to be in the header: a table that names something else is out of date."""
     unknown = (set(RECORDS) | SETTINGS) - set(header.structs)
-    fields = {field.name for struct in RECORDS for field in header.structs.get(struct, [])}
+    fields = {field.name for struct in {*RECORDS, *SETTINGS} for field in header.structs.get(struct, [])}
     if unknown or FLAGS - fields:
         raise SystemExit(f"generate.py: not in the header: {sorted(unknown | (FLAGS - fields))}")
 
@@ -276,11 +284,15 @@ def records(header: Header) -> str:
                 continue
             lines += ["", f"    {decl.name}: {_hint(header, struct, decl)}"]
             lines += _doc(header, header.field_docs[struct, decl.name])
-    # For type checkers: the settings of a tile as keyword arguments.
-    lines += ["", "", "class TileSettingsFields(TypedDict, total=False):"]
-    for decl in header.structs["vrtm_tile_settings"]:
-        if decl.name != "struct_size":
-            lines += [f"    {decl.name}: {_hint(header, 'vrtm_tile_settings', decl).partition(' = ')[0]}"]
+    for name, (struct, others) in KEYWORDS.items():
+        lines += ["", "", f"class {name}(TypedDict, total=False):"]
+        for decl in header.structs[struct]:
+            if decl.name in others | {"struct_size"} or isinstance(decl.type, c_ast.PtrDecl):
+                continue
+            lines += [f"    {decl.name}: {_hint(header, struct, decl).partition(' = ')[0]}"]
+            lines += _doc(header, header.field_docs[struct, decl.name])
+    about = {d.name: _words(header, header.field_docs[TILE, d.name]) for d in header.structs[TILE][1:]}
+    lines += ["", "", "# What the settings of a tile are for.", f"about_settings = {about!r}"]
     lines += ["", "", "# Which struct each of them is in the header."]
     lines += ["structs = {", *(f'    {name}: "{struct}",' for struct, name in RECORDS.items()), "}", ""]
     return "\n".join(lines)
@@ -314,12 +326,17 @@ def _default(header: Header, struct: str, field: str) -> float:
     return header.defaults[struct].get(field, 0)
 
 
-def _doc(header: Header, text: str) -> list[str]:
-    """A comment of the header as the documentation of a class or a field, with the names that it has in Python."""
+def _words(header: Header, text: str) -> str:
+    """A comment of the header with the names that its constants have in Python."""
     text = re.sub(r" ?Start from vrtm_\w+\(\)[^.]*\.", "", text)
     for constant, name in header.names.items():
         text = re.sub(rf"\b{constant}\b", f"'{name}'", text)
-    text = text.replace("\\", "\\\\").strip()
+    return text.strip()
+
+
+def _doc(header: Header, text: str) -> list[str]:
+    """A comment of the header as the documentation of a class or a field."""
+    text = _words(header, text).replace("\\", "\\\\")
     return textwrap.wrap(f'"""{text}"""', 120, initial_indent="    ", subsequent_indent="    ")
 
 

@@ -29,8 +29,9 @@ def name_of(argument: str, value: int) -> str:
     return next((n for n, v in values(argument).items() if v == value), str(value))
 
 
-# The fields whose numbers have names.
-_NAMED = {"backend", "overlap", "seams", "open_borders"}
+def _named(field: str) -> bool:
+    """Whether the numbers of a field have names."""
+    return hasattr(_abi, f"vrtm_{field}_values")
 
 
 def record(cls: type[Record], struct: ctypes.Structure) -> Record:
@@ -44,7 +45,7 @@ def record(cls: type[Record], struct: ctypes.Structure) -> Record:
             value = bytes(value)
         elif isinstance(value, ctypes.Structure):
             value = record(getattr(_records, hint), value)
-        elif name in _NAMED and isinstance(value, int):
+        elif isinstance(value, int) and _named(name):
             value = name_of(name, value)
         elif hint == "bool":
             value = bool(value)
@@ -56,11 +57,15 @@ def fill(struct: ctypes.Structure, settings: Any) -> None:
     """Copies the fields of a dataclass of settings into its struct."""
     for name in type(settings).__annotations__:
         value = getattr(settings, name)
-        value = value_of(name, value) if name in _NAMED else value
-        try:
-            setattr(struct, name, value)
-        except TypeError:
-            raise TypeError(f"{name}: {value!r} is no number") from None
+        put(struct, name, value_of(name, value) if _named(name) else value)
+
+
+def put(struct: ctypes.Structure, name: str, value: Any) -> None:
+    """Sets a number of a struct."""
+    try:
+        setattr(struct, name, value)
+    except TypeError:
+        raise TypeError(f"{name}: {value!r} is no number") from None
 
 
 def natural(name: str, value: Any, bits: int) -> int:

@@ -4,41 +4,21 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable, Sequence
-from typing import Any, TypedDict
+from typing import Any, get_type_hints
 
 from numpy.typing import ArrayLike
 
 from . import _abi
 from ._arrays import Pinned
 from ._library import new
-from ._names import fill, natural, value_of
-from ._records import PbdSettings, Quality, Solver
+from ._names import fill, natural, put, value_of
+from ._records import PbdSettings, SolveFields
 from ._tile import Tile
 
 
-class SolveOptions(TypedDict, total=False):
+class SolveOptions(SolveFields, total=False):
     """Keyword arguments of Asset.solve, redirect and submit; omitted options have the library's defaults."""
 
-    quality: Quality
-    """"normal" (the default), "draft" or "high"."""
-    warm: bool
-    """Start from the last result: faster on small changes, but the result depends on the order of the frames."""
-    temporal_weight: float
-    """With `warm`, how strongly the warp is pulled towards the last result; 0.03 to 0.3 is a useful range."""
-    max_corrections: int
-    """Maximum corrections per level, 0..64; 0 = the quality's own."""
-    tolerance: float
-    """A chart is done when a correction gains less than this fraction of its energy; 0 = the quality's own."""
-    time_budget_ms: float
-    """Milliseconds that the solve may take; 0 = no limit."""
-    measure: bool
-    """Also measure the strain on the mesh, for the tiles' reports. Slow."""
-    solver: Solver
-    """"descent" (the default) or "pbd", the paper's own, for comparison."""
-    pbd: PbdSettings | None
-    """Settings of the solver "pbd"."""
-    threads: int
-    """CPU threads of this solve; 0 = the device's."""
     release_last: bool
     """Drop the last results before solving, which saves their memory."""
     release_solvers: bool
@@ -72,28 +52,29 @@ class Progress:
         self.function = _abi.vrtm_progress_fn(tell)
 
 
+_HINTS = get_type_hints(SolveFields)
+
+
+def _value(name: str, hint: type, value: Any) -> Any:
+    if hint in (int, float):
+        return natural(name, value, 32) if hint is int else value
+    return int(bool(value)) if hint is bool else value_of(name, value)
+
+
 def build(pinned: Pinned, options: SolveOptions) -> tuple[Any, Progress | None]:
     """The library's struct, and the progress function if there is one."""
     unknown = set(options) - set(SolveOptions.__annotations__)
     if unknown:
         raise TypeError(f"{sorted(unknown)[0]}: there is no such option of a solve")
     struct = pinned.keep(new(_abi.vrtm_solve_options))
-    struct.quality = value_of("quality", options.get("quality", "normal"))
-    struct.solver = value_of("solver", options.get("solver", "descent"))
-    for name in ("warm", "measure"):
-        setattr(struct, name, int(bool(options.get(name))))
-    struct.release_last = bool(options.get("release_last")) + 2 * bool(options.get("release_solvers"))
-    for name in ("max_corrections", "threads"):
-        setattr(struct, name, natural(name, options.get(name, 0), 32))
-    for name in ("temporal_weight", "tolerance", "time_budget_ms"):
-        try:
-            setattr(struct, name, options.get(name, 0.0))
-        except TypeError:
-            raise TypeError(f"{name}: {options.get(name)!r} is no number") from None
+    for name, hint in _HINTS.items():
+        if name != "pbd" and name in options:
+            put(struct, name, _value(name, hint, options[name]))
     if (pbd := options.get("pbd")) is not None:
         if not isinstance(pbd, PbdSettings):
             raise TypeError(f"pbd: {pbd!r} is no vrtm.PbdSettings")
         fill(struct.pbd, pbd)
+    struct.release_last = bool(options.get("release_last")) + 2 * bool(options.get("release_solvers"))
     if (tiles := options.get("tiles")) is not None:
         handles = pinned.keep((_abi.vrtm_tile * max(len(tiles), 1))(*(tile._handle for tile in tiles)))
         struct.tiles, struct.tile_count = ctypes.cast(handles, ctypes.POINTER(_abi.vrtm_tile)), len(tiles)

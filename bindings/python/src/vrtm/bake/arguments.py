@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from vrtm._records import about_settings
 from vrtm.bake import frames
 from vrtm.bake.parsing import (
     LARGEST,
@@ -20,7 +21,7 @@ from vrtm.bake.parsing import (
 )
 from vrtm.bake.scene import SceneOptions
 from vrtm.bake.scene.timing import FILE
-from vrtm.bake.settings import AUTO, EACH, OVERLAP, Settings
+from vrtm.bake.settings import AUTO, EACH, NUMBERS, OVERLAP, Settings
 
 DESCRIPTION = """\
 Bakes redirection maps: where to sample the texture, per frame and tile, so that painted features keep their shape
@@ -225,16 +226,11 @@ def _borders(group: argparse._ArgumentGroup) -> None:
 
 
 def _material(group: argparse._ArgumentGroup) -> None:
-    for name, text in (
-        ("smoothness", "how stiff elastic material is, against 1 for rigid material (0.02)"),
-        ("smoothness-floor", "how stiff all material is in addition (0.0005)"),
-        ("orientation", "how strongly rigid features are kept from turning (0)"),
-        ("orientation-density", "an addition to that where they are dense (0)"),
-        ("room", "how strongly cells are kept from losing their area (0.3)"),
-        ("room-threshold", "the fraction of a cell's area under which that starts (0.4)"),
-        ("protect", "how far features that a pose does not strain come before the others, 0 to 1 (0)"),
-    ):
-        group.add_argument(f"--{name}", type=not_negative, metavar="X", help=text)
+    for name in NUMBERS:
+        # The first sentence says what it is, the last one its limits.
+        first, *_, limits = about_settings[name].removesuffix(".").split(". ")
+        text = f"{first[0].lower()}{first[1:]}; {limits}".replace("%", "%%")
+        group.add_argument(f"--{name.replace('_', '-')}", type=not_negative, metavar="X", help=text)
 
 
 def _layer(group: argparse._ArgumentGroup) -> None:
@@ -330,6 +326,7 @@ def settings(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Settings
         "measure": a.measure or a.max_strain is not None or a.max_error is not None,
         "form": a.form or ("udim" if a.layer or a.texture_uv is not None else "tile"),
         "max_layers": a.max_layers or Settings.max_layers,
+        "numbers": {name: value for name in NUMBERS if (value := getattr(a, name)) is not None},
     }
     return Settings(**same(Settings) | own)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 
 import vrtm
 from vrtm.bake.frames import Frame
@@ -14,6 +14,8 @@ OVERLAP = EACH
 """What is done with such charts unless something else is asked for."""
 AUTO = "auto"
 """A size of maps that follows from what they hold."""
+NUMBERS = tuple(f.name for f in fields(vrtm.TileSettings) if f.type == "float" and f.name != "seam_reach")
+"""The numbers among the library's settings of a tile, by its names."""
 
 
 @dataclass(frozen=True)
@@ -55,13 +57,8 @@ class Settings:
     open_borders: str = "fixed"
     overlap: str = OVERLAP
     max_layers: int = 32
-    smoothness: float | None = None
-    smoothness_floor: float | None = None
-    orientation: float | None = None
-    orientation_density: float | None = None
-    room: float | None = None
-    room_threshold: float | None = None
-    protect: float | None = None
+    numbers: dict[str, float] = field(default_factory=dict)
+    """Those of `NUMBERS` that are given."""
     weld: vrtm.Weld = "index"
     device: vrtm.Backend = "auto"
     adapter: int = 0
@@ -83,11 +80,10 @@ class Settings:
 
     @property
     def tile_settings(self) -> dict[str, object]:
-        """The library's settings of a tile, by its names, as far as they are given."""
-        names = vrtm.TileSettings.__annotations__
-        given = {name: value for name in names if (value := getattr(self, name, None)) is not None}
+        """The library's settings of a tile, as far as they are given."""
+        borders = {name: getattr(self, name) for name in ("seams", "seam_reach", "open_borders")}
         # Layers do not overlap, and what is left of overlaps in them does not move.
-        return given | {"overlap": "first_face" if self.overlap == "first" else "fixed"}
+        return self.numbers | borders | {"overlap": "first_face" if self.overlap == "first" else "fixed"}
 
     @property
     def layers(self) -> int:
