@@ -363,8 +363,8 @@ struct vrtm_allocator;
 // Where assets are solved.
 typedef int32_t vrtm_backend;
 
-// A hardware GPU, discrete before integrated; the CPU if no such GPU was found or it cannot be opened; the default. A
-// software driver does not count as a GPU. vrtm_device_info says what was chosen and why.
+// A hardware GPU, discrete before integrated; the CPU if no such GPU was found or it cannot be opened. A software
+// driver does not count as a GPU. vrtm_device_info says what was chosen and why. The default.
 #define VRTM_BACKEND_AUTO 0
 
 // The CPU.
@@ -617,39 +617,43 @@ vrtm_status vrtm_tile_set_rigidity(vrtm_tile tile,
 // How much work a solve does on each level of its grid.
 typedef int32_t vrtm_quality;
 
-// One correction on each level, and more on the finest level in crowded charts; the default.
+// One correction on each level; on the finest, up to four for crowded charts, while they gain 0.3 % of the chart's
+// energy. The default.
 #define VRTM_QUALITY_NORMAL 0
 
-// As VRTM_QUALITY_NORMAL, but with relaxation only on the finest level: a preview.
+// A preview: one correction on each level up to the one before the finest, so that the warp has half as many cells
+// along each axis. With vrtm_solve_options.warm, relaxation of the last result on the finest level.
 #define VRTM_QUALITY_DRAFT 1
 
-// More sweeps, and corrections until they gain little.
+// As VRTM_QUALITY_NORMAL on coarser levels; on the finest, up to seven corrections, with a sweep more after each,
+// while they gain 0.01 %.
 #define VRTM_QUALITY_HIGH 2
 
 // How a solve finds its warp.
 typedef int32_t vrtm_solver;
 
-// Gauss-Newton corrections and relaxation, which never folds; the default.
+// Gauss-Newton corrections and relaxation, which never folds. The default.
 #define VRTM_SOLVER_DESCENT 0
 
-// The solver of the paper that the library follows: position-based dynamics on a hierarchy of grids. For comparison:
-// its result is returned unchecked, and may fold (the report's `folds`) or be worse than the mesh's own UVs. Where it
-// folds, a texel has several possible lookups and gets one of them. Nodes may leave their charts, and even the tile,
-// by 0.08 of its side in the worst pose tested. Redirections stay within the tile.
+// The solver of the paper that the library follows: position-based dynamics on a hierarchy of grids (its section 4).
+// For comparison: its result is returned unchecked, and may fold (vrtm_tile_report_data.folds) or be worse than the
+// mesh's own UVs. Where it folds, a texel has several possible lookups and gets one of them. Nodes may leave their
+// charts, and even the tile, by 0.08 of its side in the worst pose tested. Redirections stay within the tile.
 #define VRTM_SOLVER_PBD 1
 
-// Settings of VRTM_SOLVER_PBD; vrtm_solve_options_init() sets the defaults. A plain value that never grows.
+// Settings of VRTM_SOLVER_PBD, with the paper's names. A plain value that never grows.
 typedef struct vrtm_pbd_settings {
-    // Iterations on each level of the grid, 1..1024; default 16. Each projects all constraints once; every fourth is
-    // followed by a regularisation.
+    // Iterations on each level of the grid. Each projects all constraints once; every fourth is followed by a
+    // regularisation. 1 to 1024; default 16.
     uint32_t iterations;
-    // Fraction (0..1) of its velocity that a node loses from one regularisation to the next; default 0.
+    // Fraction of its velocity that a node loses from one regularisation to the next. Without forces the time step
+    // cancels out, so it is not a setting. 0 to 1; default 0.
     float damping;
-    // Fraction (0..1) of its turn that a segment takes back after its projection; default 0.
+    // Fraction of its turn that a segment takes back after its projection. 0 to 1; default 0.
     float orientation_preservation;
-    // How much (0..1) as-rigid-as-possible material is smoothed; default 0.8.
+    // How much as-rigid-as-possible material is smoothed (eq. 4). 0 to 1; default 0.8.
     float smoothing;
-    // Factor (0..1) on the corrections of each level over those of the next finer one; default 0.7.
+    // Factor on the corrections of each level over those of the next finer one. 0 to 1; default 0.7.
     float coarse_correction;
 } vrtm_pbd_settings;
 
@@ -664,40 +668,42 @@ typedef uint32_t (*vrtm_progress_fn)(void *user, float progress);
 typedef struct vrtm_solve_options {
     // sizeof(vrtm_solve_options); set by vrtm_solve_options_init().
     uint32_t struct_size;
-    // VRTM_QUALITY_NORMAL (0, the default), DRAFT (a preview: unless it is `warm`, solved on half as many cells along
-    // each axis) or HIGH. This and the two limits below apply to VRTM_SOLVER_DESCENT only.
+    // How much work a solve does. This and the two limits below apply to VRTM_SOLVER_DESCENT only. VRTM_QUALITY_NORMAL
+    // (0, the default), VRTM_QUALITY_DRAFT or VRTM_QUALITY_HIGH.
     vrtm_quality quality;
-    // Maximum corrections per level, 0..64, overriding the quality's limit; 0 = the quality's own.
+    // Maximum corrections per level, 1..64, in place of the quality's limit; 0 = the quality's own.
     uint32_t max_corrections;
     // A chart is done when a correction gains less than this fraction of its energy (to which 6 % of the energy of the
     // original UVs is added), or when the gain of a level's first correction matches the prediction of its quadratic
-    // model to a quarter of that fraction; 0 <= tolerance < 1; 0 = the quality's own.
+    // model to a quarter of that fraction; over 0 and under 1. Up to four times the former and eight times the latter,
+    // the next correction is applied in part. 0 = the quality's own.
     float tolerance;
-    // Milliseconds that the call may take, excluding fetches, measuring and rebuilding after a change of maps or
-    // settings; 0 = no limit. The result comes from the finest level of the grid that the time allows, interpolated to
-    // the finest level and certified: never worse than the identity, and the identity itself if no level fits (the
-    // report is then `truncated`, with energies of 0). Costs are predicted from the last solves: the call returns
-    // within 1.2 times the budget plus 5 ms, unless the machine is suddenly busier than before. On a GPU this holds up
-    // to delays of the driver. With a limit the result depends on the speed of the machine.
+    // The time that the call may take, excluding fetches, measuring and rebuilding after a change of maps or settings;
+    // 0 = no limit. The result comes from the finest level of the grid that the time allows, interpolated to the
+    // finest level and certified: never worse than the identity, and the identity itself if no level fits (the report
+    // is then `truncated`, with energies of 0). Costs are predicted from the last solves: the call returns within 1.2
+    // times the budget plus 5 ms, unless the machine is suddenly busier than before. On a GPU this holds up to delays
+    // of the driver. With a limit the result depends on the speed of the machine. In milliseconds.
     float time_budget_ms;
     // 0 (the default): start from the identity, so that a frame's result depends on its inputs alone. 1: start from
     // the last result, for interactive use: faster on small changes, but it depends on the order of the frames.
     uint32_t warm;
-    // With `warm` and VRTM_SOLVER_DESCENT: how strongly the warp is pulled towards the last result, 0..1e6, in the
-    // unit of the tile settings' smoothness; 0 = not at all. 0.03 to 0.3 is a useful range: 0.1 reduces jumps between
-    // frames to between three quarters and a fifth, and delays the warp of a steady motion by one to two frames.
-    // Without `warm` it has no effect.
+    // With `warm` and VRTM_SOLVER_DESCENT: how strongly the warp is pulled towards the last result, in the unit of the
+    // tile settings' smoothness; 0 = not at all. 0.03 to 0.3 is a useful range: 0.1 reduces jumps between frames to
+    // between three quarters and a fifth, and delays the warp of a steady motion by one to two frames. Without `warm`
+    // it has no effect. 0 to 1e6; default 0.
     float temporal_weight;
     // CPU threads of this solve, at most 1024; 0 = the device's. The result is the same bit for bit.
     uint32_t threads;
-    // 1: also measure the strain on the mesh, for vrtm_tile_report. Slow.
+    // 1: also measure the strain on the mesh (in f64), for the tiles' reports. Slow.
     uint32_t measure;
     // What is released to save memory, as a sum. 1: the last results of the solved tiles before solving, 8 bytes per
-    // node of the blocks in use; they cannot be read until the solve succeeds. 2: the memory of each tile's solver once
-    // the tile is solved, about 110 bytes per node, so that tiles which are solved one after the other need that of
-    // one; the next solve takes longer, as a first one does. 0 (the default): nothing; results can be read at any time.
+    // node of the blocks in use; they cannot be read until the solve succeeds. 2: the memory of each tile's solver
+    // once the tile is solved, about 110 bytes per node, so that tiles which are solved one after the other need that
+    // of one; the next solve takes longer, as a first one does. 0 (the default): nothing; results can be read at any
+    // time.
     uint32_t release_last;
-    // VRTM_SOLVER_DESCENT (0, the default) or PBD.
+    // How the warp is found. VRTM_SOLVER_DESCENT (0, the default) or VRTM_SOLVER_PBD.
     vrtm_solver solver;
     // Settings of VRTM_SOLVER_PBD.
     vrtm_pbd_settings pbd;
@@ -952,7 +958,7 @@ typedef struct vrtm_executor {
 typedef struct vrtm_asset_data {
     // sizeof(vrtm_asset_data); set by vrtm_asset_data_init().
     uint32_t struct_size;
-    // UV sets, 1 or more.
+    // UV sets, 1 or more. All counts that concern UVs are sums over the sets.
     uint32_t uv_sets;
     // Tiles with at least one triangle; each layer of a tile counts.
     uint32_t tiles;
@@ -966,8 +972,7 @@ typedef struct vrtm_asset_data {
     uint64_t corners;
     // Triangles kept, over all tiles.
     uint64_t triangles;
-    // Untextured faces: without UVs, or not among the textured faces. Like the other counts that concern UVs, a sum
-    // over all UV sets.
+    // Untextured faces: without UVs, or not among the textured faces.
     uint64_t faces_untextured;
     // Faces skipped because they have fewer than 3 corners.
     uint64_t faces_skipped;
@@ -1031,7 +1036,7 @@ vrtm_status vrtm_asset_find_tile_of_layer(vrtm_asset asset,
 
 /* ---- Tile ---- */
 
-// Facts of a tile that need no solve. Start from vrtm_tile_data_init().
+// Facts about a tile that need no solve. Start from vrtm_tile_data_init().
 typedef struct vrtm_tile_data {
     // sizeof(vrtm_tile_data); set by vrtm_tile_data_init().
     uint32_t struct_size;
@@ -1078,7 +1083,7 @@ typedef struct vrtm_tile_data {
 // vrtm_mesh_desc.max_layers over 1, charts share texels only where these layers do not suffice.
 typedef int32_t vrtm_overlap;
 
-// Shared texels do not move, so that nothing gets worse; the default.
+// Shared texels do not move, so that nothing gets worse. The default.
 #define VRTM_OVERLAP_FIXED 0
 
 // The chart with the first face moves them: for mirrored halves that deform alike.
@@ -1087,13 +1092,14 @@ typedef int32_t vrtm_overlap;
 // What happens where the surface goes on beyond a chart's border, elsewhere in the UV plane.
 typedef int32_t vrtm_seams;
 
-// Nothing moves at a border, and any texture will do; the default.
+// Nothing moves at a border, and any texture will do. The default.
 #define VRTM_SEAMS_SHUT 0
 
-// Each chart is solved together with what lies beyond its seams, laid out in its own plane up to `seam_reach`.
-// Redirections near a seam then lead over the border of the chart: the texture must show there what lies beyond it, as
-// vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and charts that lie over one another in a
-// layer, stay as they are with VRTM_SEAMS_SHUT. Experimental.
+// Each chart is solved together with what lies beyond its seams, laid out in its own plane up to
+// vrtm_tile_settings.seam_reach. Redirections near a seam then lead over the border of the chart: the texture must
+// show there what lies beyond it, as vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and
+// charts that lie over one another in a layer, stay as they are with VRTM_SEAMS_SHUT. Tiles that are solved in one
+// call are brought together at their seams. Experimental.
 #define VRTM_SEAMS_CONTINUE 1
 
 // As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart (with VRTM_OPEN_BORDERS_SLIDE: a seam)
@@ -1105,8 +1111,8 @@ typedef int32_t vrtm_seams;
 // has.
 typedef int32_t vrtm_open_borders;
 
-// Nothing moves at an open border; the default. The surface may go on in a mesh that is not known here, as a head's
-// neck does.
+// Nothing moves at an open border. The surface may go on in a mesh that is not known here, as a head's neck does. The
+// default.
 #define VRTM_OPEN_BORDERS_FIXED 0
 
 // Texture slides along open borders, as if the surface were mirrored there, so that a feature at a border keeps its
@@ -1115,45 +1121,49 @@ typedef int32_t vrtm_open_borders;
 // sizes meet, or beyond which faces have no texture. Experimental.
 #define VRTM_OPEN_BORDERS_SLIDE 1
 
-// A tile's settings. Start from vrtm_tile_settings_init(), which sets the defaults.
+// A tile's settings. All have a working default; a change rebuilds only what depends on it. Start from
+// vrtm_tile_settings_init(), which sets the defaults.
 typedef struct vrtm_tile_settings {
     // sizeof(vrtm_tile_settings); set by vrtm_tile_settings_init().
     uint32_t struct_size;
-    // Cells of the grid in u: the resolution of the solve. 0 = the rigidity map's width, or 1024 without a
-    // map. Rounded up to a multiple of 16, at most 16384. Five cells across the smallest rigid feature and three
-    // between two of them suffice.
+    // Cells of the grid in u: the resolution of the solve. 0 = the rigidity map's size, or 1024 without a map. Rounded
+    // up to a multiple of 16, at most 16384. Five cells across the smallest rigid feature and three between two of
+    // them suffice.
     uint32_t grid_width;
-    // Cells of the grid in v, with the same rules as `grid_width`.
+    // Cells of the grid in v: the resolution of the solve.
     uint32_t grid_height;
-    // VRTM_OVERLAP_FIXED (0, the default) or VRTM_OVERLAP_FIRST_FACE.
+    // Who owns overlapped texels. VRTM_OVERLAP_FIXED (0, the default) or VRTM_OVERLAP_FIRST_FACE.
     vrtm_overlap overlap;
-    // Smoothness of elastic material against the stiffness 1 of rigid material, 0 to 1e6; default 0.02. Lower values
-    // keep the shape of rigid features better, and make material of low rigidity more rigid.
+    // Smoothness of elastic material against the stiffness 1 of rigid material. Lower values keep the shape of rigid
+    // features better, and make material of low rigidity more rigid. 0 to 1e6; default 0.02.
     float smoothness;
-    // Smoothness of all material, 1e-6 to 1e6; default 0.0005.
+    // Smoothness of all material, which keeps every node's problem well-posed. 1e-6 to 1e6; default 0.0005.
     float smoothness_floor;
-    // Weight that keeps rigid features from turning, 0 (the default) to 1e6.
+    // Weight that keeps rigid features from turning (the paper's section 4.2). 0 to 1e6; default 0.
     float orientation;
     // Addition to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over a
-    // tent of half of the tile), 0 (the default) to 1e6. Sparse features then turn to keep their shape, and dense ones
-    // keep their orientation. VRTM_SOLVER_PBD adds it to the fraction of its turn that a segment takes back.
+    // tent of half of the tile; the heuristic of the paper's figure 5). Sparse features then turn to keep their shape,
+    // and dense ones keep their orientation. VRTM_SOLVER_PBD adds it to the fraction of its turn that a segment takes
+    // back. 0 to 1e6; default 0.
     float orientation_density;
-    // Weight of the penalty on cells that lose their area, 0 to 1e6; default 0.3.
+    // Weight of the penalty on cells that lose their area. 0 to 1e6; default 0.3.
     float room;
-    // Fraction of a cell's area, 0 to 1, under which that penalty starts; default 0.4.
+    // Fraction of a cell's area under which that penalty starts: a threshold of its corner Jacobians. 0 to 1; default
+    // 0.4.
     float room_threshold;
-    // VRTM_SEAMS_SHUT (0, the default), VRTM_SEAMS_KEEP, or VRTM_SEAMS_CONTINUE; the latter only with an
-    // `orientation_density` of 0.
+    // What happens at seams. VRTM_SEAMS_CONTINUE goes only with an `orientation_density` of 0. VRTM_SEAMS_SHUT (0, the
+    // default), VRTM_SEAMS_CONTINUE or VRTM_SEAMS_KEEP.
     vrtm_seams seams;
     // How far charts go on beyond their seams with VRTM_SEAMS_CONTINUE, and beyond their open borders with
-    // VRTM_OPEN_BORDERS_SLIDE, in UV: about the size of a large rigid feature. At most 0.5; 0 (the default) = 0.03125.
+    // VRTM_OPEN_BORDERS_SLIDE, in UV: about the size of a large rigid feature. Over 0, at most 0.5. 0 (the default) =
+    // 0.03125.
     float seam_reach;
-    // VRTM_OPEN_BORDERS_FIXED (0, the default) or VRTM_OPEN_BORDERS_SLIDE; the latter only with an
-    // `orientation_density` of 0.
+    // What happens at open borders. VRTM_OPEN_BORDERS_SLIDE goes only with an `orientation_density` of 0.
+    // VRTM_OPEN_BORDERS_FIXED (0, the default) or VRTM_OPEN_BORDERS_SLIDE.
     vrtm_open_borders open_borders;
-    // How far rigid features that the pose does not strain come before those that it strains, 0 (the default) to 1. At
-    // 0 each gives way alike, and in a crowd a feature may come out worse than without the warp; the higher this is,
-    // the fewer do, and the others keep a little more strain. For VRTM_SOLVER_DESCENT. Experimental.
+    // How far rigid features that the pose does not strain come before those that it strains. At 0 each gives way
+    // alike, and in a crowd a feature may come out worse than without the warp; the higher this is, the fewer do, and
+    // the others keep a little more strain. For VRTM_SOLVER_DESCENT. Experimental. 0 to 1; default 0.
     float protect;
 } vrtm_tile_settings;
 
@@ -1520,8 +1530,8 @@ typedef struct vrtm_tile_report_data {
     // Cells of the grid in v.
     uint32_t grid_height;
     // Energy of the identity, summed over the charts that were solved or reused, on the finest level that was worked
-    // on: level 1 for a draft, a coarser one if time was up there. It and `energy` are 0 if a time budget left no
-    // time to compute them.
+    // on: level 1 for a draft, a coarser one if time was up there. It and `energy` are 0 if a time budget left no time
+    // to compute them.
     double energy_before;
     // Energy of the result, on the same level.
     double energy;
@@ -1546,7 +1556,8 @@ typedef struct vrtm_tile_report_data {
     uint32_t charts_active;
     // Charts that kept their last result because none of their inputs changed.
     uint32_t charts_reused;
-    // Charts whose warp is the identity: nothing rigid, nothing movable, or deformed without strain.
+    // Charts whose warp is the identity: nothing rigid, nothing movable, no extent at rest, or deformed without
+    // strain.
     uint32_t charts_identity;
     // Charts that fell back to the identity because nothing better was found.
     uint32_t charts_fallback;
@@ -1558,11 +1569,13 @@ typedef struct vrtm_tile_report_data {
     uint64_t blocks;
     // Movable nodes of the solved charts on the finest level.
     uint64_t nodes_active;
-    // Relaxation sweeps, or iterations of VRTM_SOLVER_PBD, over all levels.
+    // Relaxation sweeps of the schedule, or iterations of VRTM_SOLVER_PBD, over all levels (without those after a
+    // partial step that was rejected).
     uint32_t sweeps;
-    // Gauss-Newton corrections, over all levels.
+    // Gauss-Newton corrections of the schedule, over all levels; charts that gain too little skip the last ones.
     uint32_t corrections;
-    // Node updates by relaxation sweeps or iterations, over all levels.
+    // Node updates by relaxation sweeps or iterations, over all levels. On a GPU this assumes that the whole schedule
+    // ran, and that each level has a quarter of the next finer one's nodes.
     uint64_t node_updates;
     // Bytes held for this tile: maps, state, result.
     uint64_t bytes;
@@ -1599,9 +1612,8 @@ typedef struct vrtm_tile_report_data {
     float harm;
     // Fraction of the segments whose strain fell by more than 0.10.
     float help;
-    // RMS strain of the segments that are fixed at both ends; the warp does not change it. The RMS strain of all rigid
-    // segments is the root of (edges * rms^2 + edges_fixed * strain_fixed^2) / (edges + edges_fixed), with before.rms
-    // or after.rms.
+    // RMS strain of the segments that are fixed at both ends; the warp does not change it. The mean square over all
+    // rigid segments is that of both kinds, weighted by `edges` and `edges_fixed`.
     float strain_fixed;
     // Segments that are not fixed at both ends.
     uint64_t edges;
@@ -1612,8 +1624,9 @@ typedef struct vrtm_tile_report_data {
     uint32_t charts_apart;
     // Milliseconds: bringing charts together at seams.
     float ms_blend;
-    // With VRTM_SEAMS_CONTINUE or VRTM_OPEN_BORDERS_SLIDE: texels in charts whose redirection was limited in the latest
-    // image, or part of one, since it would have led over the border of the chart into texture of another chart.
+    // With VRTM_SEAMS_CONTINUE or VRTM_OPEN_BORDERS_SLIDE: texels in charts whose redirection was limited in the
+    // latest image, or part of one, since it would have led over the border of the chart into texture of another
+    // chart.
     uint64_t texels_limited;
     // By how much at most, in texels of that image.
     float max_limit;
@@ -1828,7 +1841,7 @@ typedef struct vrtm_refinement_data {
     double tolerance;
     // Largest remaining error, in UV of a tile, for the result that the refinement was created or last extended for.
     double error;
-    // 1 if `error` is within the tolerance; 0 if max_triangles was reached before.
+    // 1 if `error` is within the tolerance; otherwise there were too many triangles.
     uint32_t reached;
     // Milliseconds that the creation or the last extension took.
     float ms;

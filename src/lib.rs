@@ -89,6 +89,7 @@ pub use refine::pattern::RefinementPattern;
 pub use refine::{Refinement, RefinementInfo, RefinementSettings};
 pub use vrtm_core::allocation::{Allocator, HostAllocator};
 pub use vrtm_core::control::{Control, ProgressFn};
+pub use vrtm_core::declare::Setting;
 pub use vrtm_core::error::{Error, ErrorKind, Result};
 pub use vrtm_core::image::external::{ExternalHandle, ExternalImage};
 pub use vrtm_core::image::format::PixelFormat;

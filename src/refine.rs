@@ -33,41 +33,41 @@ pub struct RefinementSettings {
     /// Largest error of linear interpolation on a triangle, in UV of a tile, > 0 and at most 1; `None` = 1/2048, half a
     /// texel of a texture of 1024.
     pub tolerance: Option<f64>,
-    /// Most triangles of the refined mesh, where a polygon of n corners counts as n - 2; `None` = a million more than the
-    /// mesh has.
+    /// Most triangles of the refined mesh, where a polygon of n corners counts as n - 2; `None` = a million more than
+    /// the mesh has.
     pub max_triangles: Option<u64>,
 }
 
-/// Sizes of a refinement, and the error it reached.
+/// Sizes and accuracy of a refinement.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct RefinementInfo {
     /// The UV set.
     pub uv_set: u32,
-    /// The tolerance that was requested.
+    /// The tolerance, in UV of a tile.
     pub tolerance: f64,
     /// Vertices: those of the mesh, then the new ones.
     pub vertices: u64,
     /// Faces: triangles, and those polygons of the mesh that need no split.
     pub faces: u64,
-    /// Corners of all faces.
+    /// Corners of all faces: the length of its array of corner UVs.
     pub corners: u64,
     /// Triangles, a polygon of n corners counting as n - 2.
     pub triangles: u64,
-    /// Largest error left, in UV of a tile, in the result for which it was last made or extended.
+    /// Largest remaining error, in UV of a tile, for the result that the refinement was created or last extended for.
     pub error: f64,
-    /// True if `error` is within the tolerance.
+    /// True if `error` is within the tolerance; otherwise there were too many triangles.
     pub reached: bool,
-    /// Bytes held, besides the mesh and the results.
+    /// Bytes held by the refinement, excluding the mesh and the results.
     pub bytes: u64,
-    /// Milliseconds taken by the last call that made or extended it.
+    /// Milliseconds that the creation or the last extension took.
     pub ms: f32,
 }
 
 /// The mesh with its triangles split where linear interpolation of redirected corner UVs errs by more than a tolerance.
 ///
-/// It keeps the mesh and the results that it needs alive: it may be used while the asset exists and after it is dropped.
-/// A clone can be extended separately.
+/// It keeps the mesh and the results that it needs alive: it may be used while the asset exists and after it is
+/// dropped. A clone can be extended separately.
 #[derive(Clone, Debug)]
 pub struct Refinement {
     results: Results,
@@ -77,11 +77,11 @@ pub struct Refinement {
 }
 
 impl Results {
-    /// Refines the mesh for the present results, so that linear interpolation of the redirected corner UVs is within the
-    /// tolerance of the redirection everywhere on each triangle.
+    /// Refines the mesh for the present results, so that linear interpolation of the redirected corner UVs is within
+    /// the tolerance of the redirection everywhere on each triangle.
     ///
-    /// Edges are split at their middle for all faces that share them, also across seams and borders of charts, so that no
-    /// cracks open. Faces that need no split stay as they are. Where the warp is the identity, nothing is split. The
+    /// Edges are split at their middle for all faces that share them, also across seams and borders of charts, so that
+    /// no cracks open. Faces that need no split stay as they are. Where the warp is the identity, nothing is split. The
     /// refinement depends on the results and the settings alone.
     ///
     /// # Errors
@@ -125,9 +125,9 @@ impl Asset {
 }
 
 impl Refinement {
-    /// Refines further, for the present results. Existing splits remain: a refinement that was extended for each frame of
-    /// a shot has one topology for all of them. Vertices keep their numbers, and new ones follow; faces and corners are
-    /// renumbered.
+    /// Refines further, for the present results. Existing splits remain: a refinement that was extended for each frame
+    /// of a shot has one topology for all of them. Vertices keep their numbers, and new ones follow; faces and corners
+    /// are renumbered.
     ///
     /// # Errors
     /// `OutOfMemory`, `DeviceLost`; the refinement is then unchanged.
@@ -148,8 +148,8 @@ impl Refinement {
         self.info
     }
 
-    /// The redirected UV of each corner of the refined mesh in the present results, with the tile's offset added; 0, 0 at
-    /// corners of faces without UVs. At corners of the mesh they are bit-identical to those of
+    /// The redirected UV of each corner of the refined mesh in the present results, with the tile's offset added; 0, 0
+    /// at corners of faces without UVs. At corners of the mesh they are bit-identical to those of
     /// [`Results::corner_uvs_of_set`].
     ///
     /// # Errors

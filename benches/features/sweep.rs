@@ -19,19 +19,11 @@ pub fn change(settings: &mut TileSettings, word: &str) -> Result<(), String> {
     let Some((name, text)) = word.split_once('=') else {
         return if word == "default" { Ok(()) } else { Err(bad()) };
     };
-    let number = || text.parse().map_err(|_| bad());
     match name {
         "open_borders" if text == "slide" => settings.open_borders = OpenBorders::Slide,
         "seams" if text == "continue" => settings.seams = Seams::Continue,
         "seams" if text == "keep" => settings.seams = Seams::Keep,
-        "protect" => settings.protect = number()?,
-        "orientation" => settings.orientation = number()?,
-        "orientation_density" => settings.orientation_density = number()?,
-        "room" => settings.room = number()?,
-        "room_threshold" => settings.room_threshold = number()?,
-        "smoothness" => settings.smoothness = number()?,
-        "smoothness_floor" => settings.smoothness_floor = number()?,
-        _ => return Err(bad()),
+        _ => *settings.number(name).ok_or_else(bad)? = text.parse().map_err(|_| bad())?,
     }
     Ok(())
 }

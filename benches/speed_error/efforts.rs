@@ -64,7 +64,7 @@ pub fn efforts(quick: bool) -> Vec<Effort> {
 
 /// The paper's solver with this number of iterations per level.
 fn pbd(iterations: u32) -> Effort {
-    let pbd = PbdSettings { iterations: Some(iterations), ..PbdSettings::default() };
+    let pbd = PbdSettings { iterations, ..PbdSettings::default() };
     let name = format!("{iterations} iteration{}", if iterations == 1 { "" } else { "s" });
     let options = SolveOptions { solver: Solver::Pbd, pbd, ..SolveOptions::default() };
     Effort { who: Who::Pbd, name, iterations, options }

@@ -114,7 +114,7 @@ fn no_time_at_all_is_the_identity_at_once() {
                 if after.is_some() {
                     let whole = SolveOptions {
                         solver,
-                        pbd: PbdSettings { iterations: Some(2), ..PbdSettings::default() },
+                        pbd: PbdSettings { iterations: 2, ..PbdSettings::default() },
                         ..SolveOptions::default()
                     };
                     asset.solve(model.frame(1), &whole).unwrap();

@@ -25,7 +25,7 @@ fn solve(
 
 /// The ways of solving that differ in what they keep in memory.
 fn ways() -> Vec<SolveOptions> {
-    let pbd = PbdSettings { iterations: Some(8), ..PbdSettings::default() };
+    let pbd = PbdSettings { iterations: 8, ..PbdSettings::default() };
     vec![
         options(Quality::Normal),
         options(Quality::High),

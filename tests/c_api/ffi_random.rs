@@ -8,6 +8,7 @@ use std::mem::{size_of, zeroed};
 use std::ptr;
 
 use crate::{gpu, long};
+use vrtm::TileSettings;
 
 use vrtm_capi::{
     asset::*, device::*, fetch::*, handle::*, mesh::*, report::*, solve::*, status::*, tile::*, types::*,
@@ -329,20 +330,21 @@ impl Host {
                     }
                 }
                 17 | 18 => {
-                    let mut settings = vrtm_tile_settings::default();
+                    let mut numbers = TileSettings::default();
+                    for setting in TileSettings::SETTINGS {
+                        if let (Some([least, most]), Some(value)) =
+                            (setting.limits, numbers.number(setting.name))
+                        {
+                            *value = self.odd(*value, &[least, most.min(0.1), 2.0 * most, f32::NAN]);
+                        }
+                    }
+                    let mut settings = vrtm_tile_settings::from(&numbers);
                     settings.overlap = self.odd(0, &[1, 2, -1]);
                     settings.grid_width = self.odd(16, &[1, 16, 33, 20000]);
                     settings.grid_height = self.odd(16, &[1, 16, 33, 20000]);
-                    settings.smoothness = self.odd(0.02, &[0.0, 1.0, f32::NAN]);
-                    settings.smoothness_floor = self.odd(0.0005, &[0.0, 1.0, f32::NAN]);
-                    settings.orientation = self.odd(0.0, &[0.1, -3.0]);
-                    settings.orientation_density = self.odd(0.0, &[0.1, -3.0]);
-                    settings.room = self.odd(0.3, &[0.0, 1.0, f32::INFINITY]);
-                    settings.room_threshold = self.odd(0.4, &[0.0, 1.0, 1.5]);
                     settings.seams = self.odd(0, &[1, 1, 2]);
                     settings.seam_reach = self.odd(0.03125, &[0.3, 0.0, f32::NAN]);
                     settings.open_borders = self.odd(0, &[1, 1, 2]);
-                    settings.protect = self.odd(0.0, &[0.5, 1.0, 2.0]);
                     vrtm_tile_set_settings(self.tile(), &settings)
                 }
                 19 => {

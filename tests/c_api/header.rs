@@ -9,6 +9,7 @@ use std::sync::LazyLock;
 use object::{Object, ObjectSymbol};
 
 mod generate;
+mod mirrored;
 
 use crate::tools::{compiler, library, root, scratch};
 
@@ -30,6 +31,20 @@ fn the_committed_header_is_the_generated_one() {
         text == *GENERATED,
         "include/vrtm.h differs from crates/capi/src (first in line {:?}): VRTM_UPDATE_HEADER=1 cargo test --test c_api header::",
         line.map(|n| n + 1)
+    );
+}
+
+#[test]
+fn the_page_of_settings_is_the_generated_one() {
+    let page = mirrored::Words::read(root()).unwrap().page().unwrap();
+    let path = root().join("docs/settings.md");
+    if std::env::var_os("VRTM_UPDATE_HEADER").is_some() {
+        std::fs::write(&path, &page).unwrap();
+    }
+    let text = std::fs::read_to_string(&path).unwrap_or_default();
+    assert!(
+        text == page,
+        "docs/settings.md is out of date: VRTM_UPDATE_HEADER=1 cargo test --test c_api header::"
     );
 }
 

@@ -116,7 +116,7 @@ fn iterations_in_bands_give_the_same_bits() {
     if !common::has_gpu() {
         return;
     }
-    let pbd = PbdSettings { iterations: Some(5), ..PbdSettings::default() };
+    let pbd = PbdSettings { iterations: 5, ..PbdSettings::default() };
     let options = SolveOptions { solver: Solver::Pbd, pbd, ..SolveOptions::default() };
     for (scene, blocks) in [(common::scenes::mug_to_jug(), 30), (common::scenes::arm(), 36)] {
         let model = Model::from(scene);

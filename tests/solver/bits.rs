@@ -30,11 +30,7 @@ struct Effort {
 fn efforts() -> Vec<Effort> {
     let pbd = SolveOptions {
         solver: Solver::Pbd,
-        pbd: PbdSettings {
-            iterations: Some(6),
-            orientation_preservation: Some(0.01),
-            ..PbdSettings::default()
-        },
+        pbd: PbdSettings { iterations: 6, orientation_preservation: 0.01, ..PbdSettings::default() },
         ..SolveOptions::default()
     };
     let effort = |name, options| Effort { name, options, orientation_density: 0.0 };

@@ -10,7 +10,7 @@ use vrtm::{
 use vrtm_lab::Lab as _;
 
 fn pbd(iterations: u32) -> SolveOptions {
-    let pbd = PbdSettings { iterations: Some(iterations), ..PbdSettings::default() };
+    let pbd = PbdSettings { iterations, ..PbdSettings::default() };
     SolveOptions { solver: Solver::Pbd, pbd, ..SolveOptions::default() }
 }
 
@@ -189,9 +189,9 @@ fn a_folded_result_is_reported_and_returned() {
     let model = Model::from(scenes::analytic::squash(0.1));
     // Neither turning back nor smoothing hinders folds.
     let settings = PbdSettings {
-        iterations: Some(1),
-        orientation_preservation: Some(0.0),
-        smoothing: Some(0.0),
+        iterations: 1,
+        orientation_preservation: 0.0,
+        smoothing: 0.0,
         ..PbdSettings::default()
     };
     let options = SolveOptions { solver: Solver::Pbd, pbd: settings, ..SolveOptions::default() };
@@ -261,19 +261,16 @@ fn solvers_take_turns_on_one_asset() {
 fn settings_out_of_range_are_refused_by_name() {
     let model = Model::from(scenes::analytic::bulge());
     let mut asset = model.asset(1, 32);
-    let half = PbdSettings { damping: Some(0.5), ..PbdSettings::default() };
+    let half = PbdSettings { damping: 0.5, ..PbdSettings::default() };
     for (pbd, culprit) in [
-        (PbdSettings { iterations: Some(1025), ..half }, "options.pbd.iterations: 1025 is not in 1..=1024"),
-        (PbdSettings { damping: Some(1.5), ..half }, "options.pbd.damping: 1.5 is not in 0..=1"),
+        (PbdSettings { iterations: 1025, ..half }, "options.pbd.iterations: 1025 is not in 1..=1024"),
+        (PbdSettings { damping: 1.5, ..half }, "options.pbd.damping: 1.5 is not in 0..=1"),
         (
-            PbdSettings { orientation_preservation: Some(-0.5), ..half },
+            PbdSettings { orientation_preservation: -0.5, ..half },
             "options.pbd.orientation_preservation: -0.5",
         ),
-        (PbdSettings { smoothing: Some(f32::NAN), ..half }, "options.pbd.smoothing: NaN"),
-        (
-            PbdSettings { coarse_correction: Some(f32::INFINITY), ..half },
-            "options.pbd.coarse_correction: inf",
-        ),
+        (PbdSettings { smoothing: f32::NAN, ..half }, "options.pbd.smoothing: NaN"),
+        (PbdSettings { coarse_correction: f32::INFINITY, ..half }, "options.pbd.coarse_correction: inf"),
     ] {
         let options = SolveOptions { solver: Solver::Pbd, pbd, ..SolveOptions::default() };
         let error = asset.solve(model.frame(1), &options).unwrap_err();
@@ -333,7 +330,7 @@ fn sparse_features_keep_their_shape_if_dense_ones_keep_their_orientation() {
     for solver in [Solver::Pbd, Solver::Descent] {
         // Mean strain of the sparse features and of the dense ones; the rows of the map count from v = 1.
         let strains = |orientation: f32, density: f32| {
-            let pbd = PbdSettings { orientation_preservation: Some(orientation), ..PbdSettings::default() };
+            let pbd = PbdSettings { orientation_preservation: orientation, ..PbdSettings::default() };
             let options = SolveOptions { solver, pbd, ..SolveOptions::default() };
             let warp = compressed(&map, &options, |settings| {
                 (settings.orientation, settings.orientation_density) = (orientation, density);

@@ -1,58 +1,21 @@
 //! Assets and the look-up of their tiles.
 
-use super::desc::{self, Out, Place, Sized32};
+use super::desc::{self, Out, Place};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_device, vrtm_tile};
 use super::mesh::{in_c_words, mesh, more_uvs, vrtm_mesh_desc};
+use super::mirror::mirror;
 use super::status::{Failure, Outcome, vrtm_status};
 use vrtm::Asset;
+use vrtm_core::report::AssetInfo;
 
-/// Description of a mesh. Start from vrtm_asset_data_init().
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct vrtm_asset_data {
-    /// sizeof(vrtm_asset_data); set by vrtm_asset_data_init().
-    pub struct_size: u32,
-    /// UV sets, 1 or more.
-    pub uv_sets: u32,
-    /// Tiles with at least one triangle; each layer of a tile counts.
-    pub tiles: u32,
-    /// Charts, over all tiles.
-    pub charts: u32,
-    /// Vertices: the length of every array of positions.
-    pub vertices: u64,
-    /// Faces as given.
-    pub faces: u64,
-    /// Corners as given: the length of an array of corner UVs.
-    pub corners: u64,
-    /// Triangles kept, over all tiles.
-    pub triangles: u64,
-    /// Untextured faces: without UVs, or not among the textured faces. Like the other counts that concern UVs, a sum
-    /// over all UV sets.
-    pub faces_untextured: u64,
-    /// Faces skipped because they have fewer than 3 corners.
-    pub faces_skipped: u64,
-    /// Faces left out because their UV centroid lies in no UDIM tile (u < 0, u >= 10 or v < 0).
-    pub faces_outside: u64,
-    /// Faces with UVs outside their tile; the map is clipped to the tile.
-    pub clipped_faces: u64,
-    /// Triangles dropped because their UVs have no area.
-    pub degenerate_triangles: u64,
-    /// Sides of triangles at which a chart ends.
-    pub border_edges: u64,
-    /// Edges inside charts whose two sides have different vertices: welded by position.
-    pub welded_edges: u64,
-    /// Edges whose two sides have the same positions and UVs, within the tolerances, but are not connected: charts end
-    /// there. Either they are deliberate cuts, or the mesh needs VRTM_WELD_POSITION, or its UVs are noisy compared with
-    /// the size of its triangles.
-    pub edges_apart: u64,
-    /// Seams that are not an edge of any face.
-    pub seams_unused: u64,
-}
-
-// SAFETY: repr(C), struct_size first, plain numbers.
-unsafe impl Sized32 for vrtm_asset_data {
-    const NAME: &'static str = "vrtm_asset_data";
+mirror! {
+    report vrtm_asset_data of r: AssetInfo {
+        uv_sets: u32, tiles: u32, charts: u32,
+        vertices: u64, faces: u64, corners: u64, triangles: u64,
+        faces_untextured: u64, faces_skipped: u64, faces_outside: u64, clipped_faces: u64, degenerate_triangles: u64,
+        border_edges: u64, welded_edges: u64, edges_apart: u64, seams_unused: u64,
+    }
 }
 
 /// Makes an asset from a mesh. The caller destroys `*asset`; it may outlive `device`.
@@ -89,26 +52,7 @@ pub unsafe extern "C" fn vrtm_asset_create(
 pub unsafe extern "C" fn vrtm_asset_info(asset: vrtm_asset, info: *mut vrtm_asset_data) -> vrtm_status {
     guard("vrtm_asset_info", || {
         let out = Out::new(info, "info")?;
-        let info = handle::asset(asset)?.info;
-        out.write(vrtm_asset_data {
-            struct_size: 0,
-            tiles: info.tiles,
-            vertices: info.vertices,
-            faces: info.faces,
-            corners: info.corners,
-            triangles: info.triangles,
-            degenerate_triangles: info.degenerate_triangles,
-            clipped_faces: info.clipped_faces,
-            faces_outside: info.faces_outside,
-            charts: info.charts,
-            faces_untextured: info.faces_untextured,
-            faces_skipped: info.faces_skipped,
-            border_edges: info.border_edges,
-            welded_edges: info.welded_edges,
-            edges_apart: info.edges_apart,
-            seams_unused: info.seams_unused,
-            uv_sets: info.uv_sets,
-        });
+        out.write(handle::asset(asset)?.info.into());
         Ok(())
     })
 }

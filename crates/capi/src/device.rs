@@ -10,19 +10,16 @@ use super::desc::{self, Out, Place, Sized32};
 use super::executor::{HostExecutor, vrtm_executor};
 use super::guard::guard;
 use super::handle::{self, vrtm_device};
-use super::status::{Failure, Outcome, chars, vrtm_status};
+use super::mirror::{Mirror, choice};
+use super::status::{Outcome, chars, vrtm_status};
 use vrtm::Device;
 use vrtm_core::settings::{Backend, DeviceSettings, LogFn, LogLevel};
 
-/// Where assets are solved.
-pub type vrtm_backend = i32;
-/// A hardware GPU, discrete before integrated; the CPU if no such GPU was found or it cannot be opened; the default. A
-/// software driver does not count as a GPU. vrtm_device_info says what was chosen and why.
-pub const VRTM_BACKEND_AUTO: vrtm_backend = 0;
-/// The CPU.
-pub const VRTM_BACKEND_CPU: vrtm_backend = 1;
-/// The GPU that vrtm_device_desc selects, even a software driver; never falls back to the CPU.
-pub const VRTM_BACKEND_GPU: vrtm_backend = 2;
+choice! {
+    BACKENDS: vrtm_backend of Backend {
+        VRTM_BACKEND_AUTO = 0: Auto, VRTM_BACKEND_CPU = 1: Cpu, VRTM_BACKEND_GPU = 2: Gpu,
+    }
+}
 
 /// How important a log line is.
 pub type vrtm_log_level = i32;
@@ -138,12 +135,7 @@ impl HostLog {
 }
 
 unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
-    let backend = match desc.backend {
-        VRTM_BACKEND_AUTO => Backend::Auto,
-        VRTM_BACKEND_CPU => Backend::Cpu,
-        VRTM_BACKEND_GPU => Backend::Gpu,
-        other => return Err(Failure::argument(format!("desc.backend is {other}, no VRTM_BACKEND_ value"))),
-    };
+    let backend = Backend::from_c(desc.backend, "desc.backend")?;
     let log = desc.log.map(|call| {
         let host = HostLog { call, user: desc.log_user };
         Arc::new(move |level: LogLevel, message: &str| host.write(level, message)) as LogFn
@@ -204,11 +196,7 @@ pub unsafe extern "C" fn vrtm_device_info(device: vrtm_device, info: *mut vrtm_d
         let info = handle::device(device)?.info();
         out.write(vrtm_device_data {
             struct_size: 0,
-            backend: match info.backend {
-                Backend::Auto => VRTM_BACKEND_AUTO,
-                Backend::Cpu => VRTM_BACKEND_CPU,
-                Backend::Gpu => VRTM_BACKEND_GPU,
-            },
+            backend: info.backend.to_c(),
             threads: info.threads,
             bytes_held: info.bytes_held,
             name: chars(&info.name),

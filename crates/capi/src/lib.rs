@@ -22,6 +22,7 @@ mod shared;
 pub mod handle;
 mod strips;
 pub mod types;
+pub mod mirror;
 pub mod mesh;
 pub mod asset;
 pub mod executor;
@@ -41,3 +42,21 @@ pub mod tile;
 /// alive whose memory is short.
 #[global_allocator]
 static ALLOCATOR: vrtm_core::allocation::Allocator = vrtm_core::allocation::Allocator;
+
+/// The structs that mirror those of the Rust API, for the header.
+pub const MIRRORED: &[mirror::Struct] = &[
+    asset::vrtm_asset_data::MIRROR,
+    solve::vrtm_pbd_settings::MIRROR,
+    solve::vrtm_solve_options::MIRROR,
+    prepare::vrtm_tile_needs::MIRROR,
+    refine::vrtm_refinement_data::MIRROR,
+    report::vrtm_strain::MIRROR,
+    report::vrtm_tile_report_data::MIRROR,
+    report::vrtm_asset_report_data::MIRROR,
+    tile::vrtm_tile_data::MIRROR,
+    tile::vrtm_tile_settings::MIRROR,
+];
+
+/// Their constants.
+pub const CHOICES: &[mirror::Choice] =
+    &[device::BACKENDS, solve::QUALITIES, solve::SOLVERS, tile::OVERLAPS, tile::SEAMS, tile::OPEN_BORDERS];

@@ -2,30 +2,17 @@
 
 use std::ffi::c_void;
 
-use super::desc::{self, Out, Sized32};
+use super::desc::{self, Out};
 use super::guard::guard;
 use super::handle::{self, vrtm_tile};
+use super::mirror::mirror;
 use super::status::{Failure, vrtm_status};
+use vrtm_core::report::TileEstimate;
 
-/// The predicted cost of preparing and solving a tile. Start from vrtm_tile_needs_init().
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct vrtm_tile_needs {
-    /// sizeof(vrtm_tile_needs); set by vrtm_tile_needs_init().
-    pub struct_size: u32,
-    /// Nodes of the grid that may move: time and memory grow with their number.
-    pub movable_nodes: u64,
-    /// Bytes held once the tile is prepared: maps and grid.
-    pub prepared_bytes: u64,
-    /// Bytes at the peak of preparing it.
-    pub preparing_bytes: u64,
-    /// Bytes at the peak of a solve with VRTM_SOLVER_DESCENT. With a GPU this counts its memory and the host's.
-    pub solving_bytes: u64,
-}
-
-// SAFETY: repr(C), struct_size first, plain numbers.
-unsafe impl Sized32 for vrtm_tile_needs {
-    const NAME: &'static str = "vrtm_tile_needs";
+mirror! {
+    report vrtm_tile_needs of r: TileEstimate {
+        movable_nodes: u64, prepared_bytes: u64, preparing_bytes: u64, solving_bytes: u64,
+    }
 }
 
 /// Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings. Takes
@@ -39,14 +26,7 @@ pub unsafe extern "C" fn vrtm_tile_estimate(tile: vrtm_tile, needs: *mut vrtm_ti
     guard("vrtm_tile_estimate", || {
         let out = Out::new(needs, "needs")?;
         let (asset, tile) = handle::tile("tile", tile)?;
-        let estimate = asset.read(|asset| Ok(asset.tile_estimate(tile)?))?;
-        out.write(vrtm_tile_needs {
-            struct_size: 0,
-            movable_nodes: estimate.movable_nodes,
-            prepared_bytes: estimate.prepared_bytes,
-            preparing_bytes: estimate.preparing_bytes,
-            solving_bytes: estimate.solving_bytes,
-        });
+        out.write(asset.read(|asset| Ok(asset.tile_estimate(tile)?))?.into());
         Ok(())
     })
 }

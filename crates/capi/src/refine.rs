@@ -7,9 +7,10 @@ use std::sync::{Arc, Mutex};
 use super::desc::{self, Out, Place, Sized32};
 use super::guard::guard;
 use super::handle::{self, Kind, Table, gone, pack, unpack, vrtm_asset, vrtm_refinement};
+use super::mirror::mirror;
 use super::status::{Failure, Outcome, VRTM_ERROR_BUSY, vrtm_status};
 use vrtm::RefinementPattern;
-use vrtm::{Refinement, RefinementSettings, TOLERANCE};
+use vrtm::{Refinement, RefinementInfo, RefinementSettings, TOLERANCE};
 use vrtm_core::panics::lock;
 
 /// How a mesh is refined. Start from vrtm_refinement_desc_init(), which sets the defaults.
@@ -28,32 +29,11 @@ pub struct vrtm_refinement_desc {
     pub max_triangles: u64,
 }
 
-/// Sizes and accuracy of a refinement. Start from vrtm_refinement_data_init().
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct vrtm_refinement_data {
-    /// sizeof(vrtm_refinement_data); set by vrtm_refinement_data_init().
-    pub struct_size: u32,
-    /// The UV set.
-    pub uv_set: u32,
-    /// Vertices: those of the mesh, then the new ones.
-    pub vertices: u64,
-    /// Faces: triangles, and those polygons of the mesh that need no split.
-    pub faces: u64,
-    /// Corners of all faces: the length of its array of corner UVs.
-    pub corners: u64,
-    /// Triangles, a polygon of n corners counting as n - 2.
-    pub triangles: u64,
-    /// Bytes held by the refinement, excluding the mesh and the results.
-    pub bytes: u64,
-    /// The tolerance, in UV of a tile.
-    pub tolerance: f64,
-    /// Largest remaining error, in UV of a tile, for the result that the refinement was created or last extended for.
-    pub error: f64,
-    /// 1 if `error` is within the tolerance; 0 if max_triangles was reached before.
-    pub reached: u32,
-    /// Milliseconds that the creation or the last extension took.
-    pub ms: f32,
+mirror! {
+    report vrtm_refinement_data of r: RefinementInfo {
+        uv_set: u32, vertices: u64, faces: u64, corners: u64, triangles: u64, bytes: u64,
+        tolerance: f64, error: f64, reached: u32, ms: f32,
+    }
 }
 
 /// Where to write the pattern of a refinement: the caller's arrays; null arrays are skipped. From the pattern a host
@@ -100,11 +80,6 @@ impl Default for vrtm_refinement_desc {
     fn default() -> vrtm_refinement_desc {
         vrtm_refinement_desc { tolerance: TOLERANCE, ..Sized32::zeroed() }
     }
-}
-
-// SAFETY: as above.
-unsafe impl Sized32 for vrtm_refinement_data {
-    const NAME: &'static str = "vrtm_refinement_data";
 }
 
 // SAFETY: as above, with raw pointers.
@@ -225,20 +200,7 @@ pub unsafe extern "C" fn vrtm_refinement_info(
 ) -> vrtm_status {
     guard("vrtm_refinement_info", || {
         let out = Out::new(data, "data")?;
-        let info = living(refinement)?.present().info();
-        out.write(vrtm_refinement_data {
-            struct_size: 0,
-            uv_set: info.uv_set,
-            vertices: info.vertices,
-            faces: info.faces,
-            corners: info.corners,
-            triangles: info.triangles,
-            bytes: info.bytes,
-            tolerance: info.tolerance,
-            error: info.error,
-            reached: u32::from(info.reached),
-            ms: info.ms,
-        });
+        out.write(living(refinement)?.present().info().into());
         Ok(())
     })
 }

@@ -12,6 +12,7 @@
 pub mod line;
 pub mod local;
 pub mod error;
+pub mod declare;
 pub mod unwind;
 pub mod float_mode;
 pub mod allocation;

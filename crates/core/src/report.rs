@@ -2,8 +2,8 @@
 
 use crate::settings::{AdapterId, Backend};
 
-/// A report with these fields, and the others of another report or of `Default`. Outside of this crate a struct that may
-/// grow has no expression.
+/// A report with these fields, and the others of another report or of `Default`. Outside of this crate a struct that
+/// may grow has no expression.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! report {
@@ -85,13 +85,13 @@ impl AdapterInfo {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct AssetInfo {
-    /// Vertices in the position arrays.
+    /// Vertices: the length of every array of positions.
     pub vertices: u64,
     /// Faces as given.
     pub faces: u64,
-    /// Face corners as given: the length of a corner UV array.
+    /// Corners as given: the length of an array of corner UVs.
     pub corners: u64,
-    /// Number of UV sets. All following fields are totals over the sets.
+    /// UV sets, 1 or more. All counts that concern UVs are sums over the sets.
     pub uv_sets: u32,
     /// Triangles kept, over all tiles.
     pub triangles: u64,
@@ -101,23 +101,23 @@ pub struct AssetInfo {
     pub charts: u32,
     /// Triangles dropped because their UVs have no area.
     pub degenerate_triangles: u64,
-    /// Faces kept although some of their UVs lie outside their tile; the map is clipped to the tile.
+    /// Faces with UVs outside their tile; the map is clipped to the tile.
     pub clipped_faces: u64,
     /// Faces left out because their UV centroid lies in no UDIM tile (u < 0, u >= 10 or v < 0).
     pub faces_outside: u64,
-    /// Faces without texture: without UVs, or not among the textured faces.
+    /// Untextured faces: without UVs, or not among the textured faces.
     pub faces_untextured: u64,
-    /// Faces with fewer than three corners.
+    /// Faces skipped because they have fewer than 3 corners.
     pub faces_skipped: u64,
-    /// Triangle sides at which a chart ends.
+    /// Sides of triangles at which a chart ends.
     pub border_edges: u64,
-    /// Edges inside charts whose two sides have different vertices, welded by position.
+    /// Edges inside charts whose two sides have different vertices: welded by position.
     pub welded_edges: u64,
-    /// Edges whose two sides coincide in position and UV, within the tolerances, but are not connected, so that charts
-    /// end there. They are intended cuts; or the mesh needs [`crate::WeldBy::Position`]; or the noise of its UVs is large
-    /// compared to its triangles.
+    /// Edges whose two sides have the same positions and UVs, within the tolerances, but are not connected: charts end
+    /// there. Either they are deliberate cuts, or the mesh needs [`crate::mesh::WeldBy::Position`], or its UVs are
+    /// noisy compared with the size of its triangles.
     pub edges_apart: u64,
-    /// Seams that are not an edge of any face and have no effect.
+    /// Seams that are not an edge of any face.
     pub seams_unused: u64,
 }
 
@@ -127,83 +127,86 @@ pub struct AssetInfo {
 pub struct TileInfo {
     /// UDIM number: 1001 + U + 10 V.
     pub udim: u32,
-    /// Charts in the tile.
+    /// Charts in the tile: connected pieces of UV triangles.
     pub charts: u32,
     /// Triangles in the tile.
     pub triangles: u64,
-    /// Cells of the grid in u and v.
+    /// Cells of the grid in u and v. A grid of w x h cells has (w + 1) x (h + 1) nodes.
     pub grid: [u32; 2],
-    /// Nodes that may move.
+    /// Nodes of the grid that may move.
     pub movable_nodes: u64,
-    /// Fraction of the covered nodes that more than one layer covers.
+    /// Fraction (0..1) of the covered nodes that more than one layer of triangles covers.
     pub overlap: f32,
-    /// The tile's UV set.
+    /// The UV set that the tile belongs to.
     pub uv_set: u32,
-    /// Triangle sides at which a chart ends.
+    /// Sides of triangles at which a chart ends.
     pub border_edges: u64,
-    /// Edges inside charts whose two sides have different vertices, welded by position.
+    /// Edges inside charts whose two sides have different vertices: welded by position.
     pub welded_edges: u64,
     /// Edges whose two sides coincide but are not connected: see [`AssetInfo::edges_apart`].
     pub edges_apart: u64,
-    /// Fraction of the rigid texels that do not move: of the nodes under a triangle with a rigidity of at least 0.5, those
-    /// that are fixed by a border, an overlap or the mask.
+    /// Fraction (0..1) of the rigid nodes that cannot move: of the covered nodes with a rigidity of at least 0.5, those
+    /// that a border, an overlap or the mask fixes. Near 1, the rigidity map can have almost no effect.
     pub frozen: f32,
-    /// Which layer of its UDIM number the tile is ([`crate::MeshSource::max_layers`]).
+    /// Which layer of its UDIM number the tile is: 0 unless [`crate::mesh::MeshSource::max_layers`] is over 1.
     pub layer: u32,
-    /// Number of layers of its UDIM number.
+    /// Layers of its UDIM number: 1 or more.
     pub layers: u32,
-    /// Nodes under a triangle with a rigidity of at least 0.5.
+    /// Rigid nodes: covered nodes with a rigidity of at least 0.5.
     pub rigid_nodes: u64,
-    /// How many of these lie under several triangles.
+    /// How many of these lie under more than one triangle, as those of charts in the same layer that lie over one
+    /// another.
     pub rigid_overlapped: u64,
-    /// Nodes inside charts that are fixed because of a gap in the UVs that welding closes ([`crate::Weld::uv_tolerance`]).
+    /// Nodes inside charts that cannot move because of a gap in the UVs that welding closes, such as a slit narrower
+    /// than [`crate::mesh::Weld::uv_tolerance`]. Noise of the UVs makes none.
     pub gap_nodes: u64,
 }
 
-/// The memory that a tile needs, estimated before any is allocated.
+/// The predicted cost of preparing and solving a tile.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct TileEstimate {
-    /// Nodes that may move.
+    /// Nodes of the grid that may move: time and memory grow with their number.
     pub movable_nodes: u64,
     /// Bytes held once the tile is prepared: maps and grid.
     pub prepared_bytes: u64,
     /// Bytes at the peak of preparing it.
     pub preparing_bytes: u64,
-    /// Bytes at the peak of a solve with [`crate::Solver::Descent`]. With a GPU this counts its memory and the host's.
+    /// Bytes at the peak of a solve with [`crate::settings::Solver::Descent`]. With a GPU this counts its memory and
+    /// the host's.
     pub solving_bytes: u64,
 }
 
-/// Milliseconds per stage of one solve. On a GPU, the stages from surface to certify are measured on the GPU, and are 0
-/// if it has no timestamps.
+/// Milliseconds per stage of one solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct StageTimes {
-    /// Positions to triangles and their metrics.
+    /// Milliseconds: positions to triangles and their metrics. The times of stages are measured on the device; on a GPU
+    /// without timestamps they are 0, and only the total is known.
     pub surface: f32,
-    /// Maps to grids (0 unless a map or setting changed).
+    /// Milliseconds: maps to grids; 0 unless a map or a setting changed.
     pub maps: f32,
-    /// Pose metrics to all levels.
+    /// Milliseconds: pose metrics to all levels.
     pub pyramid: f32,
-    /// Displacements to the next finer level.
+    /// Milliseconds: displacements to the next finer level.
     pub prolong: f32,
-    /// Relaxation, node by node.
+    /// Milliseconds: relaxation, node by node.
     pub relax: f32,
-    /// Gauss-Newton corrections.
+    /// Milliseconds: Gauss-Newton corrections.
     pub correct: f32,
-    /// The paper's solver.
+    /// Milliseconds: iterations of [`crate::settings::Solver::Pbd`].
     pub pbd: f32,
-    /// The f64 certificate.
+    /// Milliseconds: the certificate.
     pub certify: f32,
-    /// Bringing charts together at seams.
+    /// Milliseconds: bringing charts together at seams.
     pub blend: f32,
-    /// The latest inversion; not included in `total`.
+    /// Milliseconds: the latest inversion of the warp; not part of the total.
     pub invert: f32,
-    /// The whole solve of this tile, excluding measuring.
+    /// Milliseconds: the whole solve of this tile, without measuring strain.
     pub total: f32,
 }
 
-/// Statistics of |strain|.
+/// Statistics of strain: deformed length over rest length, minus 1, of segments that are fixed in the texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Strain {
@@ -211,59 +214,62 @@ pub struct Strain {
     pub rms: f32,
     /// Median of the magnitudes.
     pub median: f32,
-    /// 95th percentile.
+    /// 95th percentile of the magnitudes.
     pub p95: f32,
-    /// 99th percentile.
+    /// 99th percentile of the magnitudes.
     pub p99: f32,
-    /// Maximum.
+    /// Largest magnitude.
     pub max: f32,
-    /// RMS over edges within 10 cells of a chart border.
+    /// RMS over segments within 10 cells of a chart's border, which cannot move.
     pub border_rms: f32,
-    /// RMS over the other edges.
+    /// RMS over the other segments.
     pub interior_rms: f32,
-    /// RMS over the edges with two movable ends.
+    /// RMS over the segments with two movable ends.
     pub free_rms: f32,
 }
 
-/// Strain on the mesh itself, over grid edges with rigidity over 0.5 at both ends. Edges with both ends fixed, by a
-/// border, an overlap or the mask, are reported separately.
+/// Strain on the mesh itself, of segments between neighbouring nodes whose rigidity is over 0.5 at both ends. `fixed`
+/// and `edges_fixed` cover the segments that a border, an overlap or the mask fixes at both ends, and the other fields
+/// the rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct StrainReport {
-    /// Number of measured edges with at least one movable end: the fields down to `help` describe these.
+    /// Segments that are not fixed at both ends.
     pub edges: u64,
-    /// With the original UVs.
+    /// Strain with the mesh's own UVs.
     pub before: Strain,
-    /// With the warp.
+    /// Strain with the warp.
     pub after: Strain,
-    /// Fraction of edges whose |strain| rose by more than 0.25.
+    /// Fraction (0..1) of the segments whose strain rose by more than 0.25.
     pub harm: f32,
-    /// Fraction of edges whose |strain| fell by more than 0.10.
+    /// Fraction of the segments whose strain fell by more than 0.10.
     pub help: f32,
-    /// Number of edges with both ends fixed.
+    /// Segments that are fixed at both ends.
     pub edges_fixed: u64,
-    /// RMS of the |strain| of edges with both ends fixed, with and without the warp: no warp changes it.
+    /// RMS strain of the segments that are fixed at both ends; the warp does not change it. The mean square over
+    /// all rigid segments is that of both kinds, weighted by `edges` and `edges_fixed`.
     pub fixed: f32,
 }
 
-/// Report of a tile's last solve.
+/// A tile's last solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct TileReport {
-    /// UDIM number.
+    /// UDIM number: 1001 + U + 10 V.
     pub udim: u32,
     /// Cells of the grid in u and v.
     pub grid: [u32; 2],
-    /// Energy of the identity, summed over the charts that were solved or reused, on the finest level that was worked on:
-    /// level 1 for a draft, a coarser one if time was up there. It is 0, as is that of the result, if a time budget left no
-    /// time to compute it.
+    /// Energy of the identity, summed over the charts that were solved or reused, on the finest level that was worked
+    /// on: level 1 for a draft, a coarser one if time was up there. It and `energy` are 0 if a time budget left no time
+    /// to compute them.
     pub energy_before: f64,
     /// Energy of the result, on the same level.
     pub energy: f64,
-    /// Smallest corner Jacobian of the result: > 0 certifies that the warp is one-to-one and onto. Computed in f64 on the
-    /// CPU; on a GPU in f32 minus a bound of the rounding error, so that it never exceeds the true value.
+    /// Smallest corner Jacobian of the result (1 at rest), computed in double precision (on a GPU in single precision
+    /// minus a bound of the rounding error, so never too large): greater than 0 certifies that the warp is one-to-one
+    /// and onto.
     pub min_jacobian: f64,
-    /// Corner Jacobians <= 0: always 0 from [`crate::Solver::Descent`].
+    /// Corner Jacobians that are not greater than 0: always 0 from [`crate::settings::Solver::Descent`].
     pub folds: u64,
     /// Length of the longest displacement, in cells.
     pub max_displacement: f32,
@@ -273,33 +279,35 @@ pub struct TileReport {
     pub charts_active: u32,
     /// Charts that kept their last result because none of their inputs changed.
     pub charts_reused: u32,
-    /// Charts that are the identity: nothing rigid, nothing movable, no extent at rest, or a pose isometric to rest.
+    /// Charts whose warp is the identity: nothing rigid, nothing movable, no extent at rest, or deformed without
+    /// strain.
     pub charts_identity: u32,
     /// Charts that fell back to the identity because nothing better was found.
     pub charts_fallback: u32,
-    /// Charts that go on beyond seams and could not be brought together there with what their neighbours say, or not wholly,
-    /// without crushing a cell.
+    /// With [`crate::settings::Seams::Continue`]: charts that could not be brought together at their seams with what
+    /// their neighbours say, or not wholly, without crushing a cell.
     pub charts_apart: u32,
-    /// Texels in charts whose redirection was limited in the latest image, or part of one: it would have led over the border of the chart into
-    /// texture of another chart. 0 if charts do not go on beyond their borders.
+    /// With [`crate::settings::Seams::Continue`] or [`crate::settings::OpenBorders::Slide`]: texels in charts whose
+    /// redirection was limited in the latest image, or part of one, since it would have led over the border of the
+    /// chart into texture of another chart.
     pub texels_limited: u64,
     /// By how much at most, in texels of that image.
     pub max_limit: f32,
-    /// 16x16 blocks visited on the finest level.
+    /// Blocks of 16 x 16 nodes that were visited on the finest level.
     pub blocks_active: u64,
-    /// 16x16 blocks of the whole tile.
+    /// All blocks of the tile.
     pub blocks: u64,
-    /// Movable nodes of the solved charts, finest level.
+    /// Movable nodes of the solved charts on the finest level.
     pub nodes_active: u64,
-    /// Grid levels.
+    /// Levels of the grid.
     pub levels: u32,
-    /// Relaxation sweeps of the schedule, over all levels (excluding those after a partial step that was rejected);
-    /// iterations of [`crate::Solver::Pbd`].
+    /// Relaxation sweeps of the schedule, or iterations of [`crate::settings::Solver::Pbd`], over all levels (without
+    /// those after a partial step that was rejected).
     pub sweeps: u32,
-    /// Corrections of the schedule, over all levels; charts that gain too little skip the last ones.
+    /// Gauss-Newton corrections of the schedule, over all levels; charts that gain too little skip the last ones.
     pub corrections: u32,
-    /// Node updates by relaxation or iterations, over all levels. On a GPU this assumes that the whole schedule ran, and
-    /// that each level has a quarter of the next finer one's nodes.
+    /// Node updates by relaxation sweeps or iterations, over all levels. On a GPU this assumes that the whole schedule
+    /// ran, and that each level has a quarter of the next finer one's nodes.
     pub node_updates: u64,
     /// Bytes held for this tile: maps, state, result.
     pub bytes: u64,
@@ -307,8 +315,8 @@ pub struct TileReport {
     pub truncated: bool,
     /// Edges welded by position whose sides the pose pulls apart: charts end there in this result.
     pub welds_torn: u32,
-    /// True if the last solve skipped the tile: it was frozen, not requested, or nothing in it had moved. The rest of the
-    /// report then describes an earlier solve.
+    /// True if the asset's last solve skipped the tile: it was frozen, not requested, or touched by no dirty vertex.
+    /// The other fields then describe the tile's own last solve.
     pub kept: bool,
     /// Milliseconds per stage.
     pub times: StageTimes,
@@ -316,7 +324,7 @@ pub struct TileReport {
     pub strain: Option<StrainReport>,
 }
 
-/// Report of an asset's last solve, over all tiles.
+/// An asset's last solve, over all tiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct AssetReport {
@@ -324,31 +332,32 @@ pub struct AssetReport {
     pub tiles: u32,
     /// Tiles with at least one chart solved in the last call.
     pub tiles_active: u32,
-    /// Charts solved, over all tiles.
+    /// Charts solved.
     pub charts_active: u32,
-    /// Charts reused, over all tiles.
+    /// Charts that kept their last result because none of their inputs changed.
     pub charts_reused: u32,
-    /// Charts that are the identity, over all tiles.
+    /// Charts whose warp is the identity.
     pub charts_identity: u32,
     /// Movable nodes of the solved charts.
     pub nodes_active: u64,
-    /// Smallest corner Jacobian over all tiles.
+    /// Smallest corner Jacobian over all tiles: greater than 0 certifies that no warp folds.
     pub min_jacobian: f64,
-    /// Corner Jacobians <= 0 over all tiles.
+    /// Corner Jacobians that are not greater than 0: always 0 from [`crate::settings::Solver::Descent`].
     pub folds: u64,
     /// Bytes held for the asset.
     pub bytes: u64,
-    /// Wall-clock milliseconds of the last solve, excluding measuring.
+    /// Wall-clock milliseconds of the last solve, without measuring strain.
     pub total_ms: f32,
     /// True if the time budget ended a tile's solve early.
     pub truncated: bool,
-    /// Tiles that the last call skipped.
+    /// Tiles that the last call skipped: frozen, not requested, or touched by no dirty vertex. Their charts count as
+    /// reused.
     pub tiles_kept: u32,
-    /// The median stretch, length in the last pose as a multiple of the length at rest, of some thousand edges. Above 3
-    /// or below 1/3, the log warns: the pose is most likely in other units, or its vertices in another order.
+    /// Median ratio of posed length to rest length, over a few thousand edges. If it is over 3 or under 1/3, the log
+    /// warns: the pose probably has other units, or its vertices are in another order.
     pub median_stretch: f32,
-    /// The share of these edges, 0..1, that are more than 3 times as long as at rest. Above 0.05, the log warns: the
-    /// pose's vertices are most likely in another order than the mesh's.
+    /// Share (0..1) of these edges that are more than 3 times as long as at rest. If it is over 0.05, the log warns:
+    /// the pose's vertices are probably in another order than the mesh's.
     pub stretched_share: f32,
 }
 

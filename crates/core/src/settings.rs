@@ -6,21 +6,23 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::allocation::HostAllocator;
+use crate::declare::settings;
 use crate::error::{Error, Result};
 use crate::team::Executor;
 
 /// Most CPU threads per solve.
 pub const MAX_THREADS: u32 = 1024;
 
-/// Which backend a device runs on.
+/// Where assets are solved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backend {
-    /// A hardware GPU if one is available, the CPU otherwise; [`crate::DeviceInfo::reason`] says why.
+    /// A hardware GPU, discrete before integrated; the CPU if no such GPU was found or it cannot be opened. A software
+    /// driver does not count as a GPU. [`crate::report::DeviceInfo::reason`] says what was chosen and why.
     #[default]
     Auto,
     /// The CPU.
     Cpu,
-    /// A GPU; never falls back.
+    /// The GPU that [`DeviceSettings`] selects, even a software driver; never falls back to the CPU.
     Gpu,
 }
 
@@ -38,7 +40,8 @@ pub enum LogLevel {
 /// meanwhile.
 pub type LogFn = Arc<dyn Fn(LogLevel, &str) + Send + Sync>;
 
-/// An identity of a GPU that is unique in the machine and the same in every program: see [`crate::AdapterInfo`].
+/// An identity of a GPU that is unique in the machine and the same in every program: see
+/// [`crate::report::AdapterInfo`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum AdapterId {
@@ -94,7 +97,7 @@ impl fmt::Display for AdapterId {
 pub struct DeviceSettings {
     /// Which backend.
     pub backend: Backend,
-    /// Which adapter, for [`Backend::Gpu`]: its place in [`crate::adapters`].
+    /// Which adapter, for [`Backend::Gpu`]: its place in `adapters`.
     pub adapter: u32,
     /// The adapter's identity instead of its number, such as that of the GPU that the host draws with. [`Backend::Gpu`]
     /// requires it to exist; [`Backend::Auto`] uses it if it is usable hardware, and the CPU otherwise. `None` = by
@@ -129,45 +132,46 @@ impl fmt::Debug for DeviceSettings {
     }
 }
 
-/// Ownership of texels shared by faces of different charts, or by two layers of one chart.
+/// Which chart moves texels that several charts of a tile share, or that a chart shares with itself. With
+/// [`crate::mesh::MeshSource::max_layers`] over 1, charts share texels only where these layers do not suffice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Overlap {
-    /// Shared texels do not move, so nothing gets worse.
+    /// Shared texels do not move, so that nothing gets worse.
     #[default]
     Fixed,
-    /// The chart with the first face owns them: for mirrored halves that deform alike.
+    /// The chart with the first face moves them: for mirrored halves that deform alike.
     FirstFace,
 }
 
 /// What happens where the surface goes on beyond a chart's border, elsewhere in the UV plane.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Seams {
-    /// Nothing moves at a border. Any texture will do.
+    /// Nothing moves at a border, and any texture will do.
     #[default]
     Shut,
     /// Each chart is solved together with what lies beyond its seams, laid out in its own plane up to
-    /// [`TileSettings::seam_reach`]. Redirections near a seam then lead over the border of the chart: the texture must show
-    /// there what lies beyond it, as [`crate::Results::fetch_dilation`] of at least the same reach says. Open borders, and
-    /// charts that lie over one another, stay as they are with [`Seams::Shut`]. Tiles that are solved in one call are brought
-    /// together at their seams.
+    /// [`TileSettings::seam_reach`]. Redirections near a seam then lead over the border of the chart: the texture must
+    /// show there what lies beyond it, as `Results::fetch_dilation` of at least the same reach says. Open borders, and
+    /// charts that lie over one another in a layer, stay as they are with [`Seams::Shut`]. Tiles that are solved in one
+    /// call are brought together at their seams. Experimental.
     Continue,
-    /// As `Shut`, but rigid features that touch a border of their chart (with [`OpenBorders::Slide`]: a seam) stay as they were,
-    /// whole, and their elastic surroundings give way: never half of a feature. A feature is what hangs together of nodes with a rigidity of at least 0.5. Any
-    /// texture will do.
+    /// As [`Seams::Shut`], but rigid features that touch a border of their chart (with [`OpenBorders::Slide`]: a seam)
+    /// stay as they were, whole, and their elastic surroundings give way: never half of a feature. A feature is what
+    /// hangs together of nodes with a rigidity of at least 0.5. Any texture will do. Experimental.
     Keep,
 }
 
-/// What happens at a border of a chart beyond which the surface ends: along an edge that only one face with
-/// texture has.
+/// What happens at a border of a chart beyond which the surface ends: along an edge that only one face with texture
+/// has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OpenBorders {
     /// Nothing moves at an open border. The surface may go on in a mesh that is not known here, as a head's neck does.
     #[default]
     Fixed,
-    /// Texture slides along open borders, as if the surface were mirrored there, so that a feature at a border keeps its shape.
-    /// Corners of more than 50 degrees stay where they are, and so do ends of a chart's seam with itself. Edges whose
-    /// vertices are not welded, those at which faces of other sizes meet, and those beyond which faces have no texture, look
-    /// like open borders.
+    /// Texture slides along open borders, as if the surface were mirrored there, so that a feature at a border keeps
+    /// its shape; any texture will do. Corners of more than 50 degrees stay where they are, and so do ends of a chart's
+    /// seam with itself. Edges whose vertices are not welded look like open borders, and so do those at which faces of
+    /// other sizes meet, or beyond which faces have no texture. Experimental.
     Slide,
 }
 
@@ -179,58 +183,42 @@ pub struct Beyond {
     pub reach: f64,
 }
 
-/// A tile's settings. All have a working default; a change rebuilds only what depends on it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TileSettings {
-    /// Cells of the grid in u and v, 1..=16384, rounded up to a multiple of 16; `None` = the rigidity map's size.
-    pub grid: [Option<u32>; 2],
-    /// Smoothness λ of elastic material against the stiffness 1 of rigid material, >= 0. A lower value lets rigid
-    /// features keep their shape better where elastic material has to give way, and makes material of low rigidity more
-    /// rigid: the ratio of R to λ (1 - R) matters.
-    pub smoothness: f32,
-    /// Smoothness λ0 of all material, > 0: keeps every node's problem well-posed.
-    pub smoothness_floor: f32,
-    /// Orientation preservation κ, >= 0 (the paper's section 4.2).
-    pub orientation: f32,
-    /// Extra orientation preservation where rigid material is dense, >= 0 (the heuristic of the paper's figure 5): a node
-    /// has κ = `orientation` + this times the density around it, 0..1, which is the mean rigidity over a tent of half of
-    /// the tile. For [`Solver::Pbd`] it is added to the fraction that a segment turns back.
-    pub orientation_density: f32,
-    /// Room β, >= 0: weight of the penalty on cells that lose their area.
-    pub room: f32,
-    /// Room threshold τ, 0..1: the corner Jacobian under which the penalty starts.
-    pub room_threshold: f32,
-    /// Protection, 0..1: how far features that the pose does not strain come before those that it strains. At 0 each gives
-    /// way alike, and a feature beside much strained ones may come out worse than without the warp; the higher this is, the
-    /// fewer do, and the others keep a little more strain. For [`Solver::Descent`].
-    pub protect: f32,
-    /// Who owns overlapped texels.
-    pub overlap: Overlap,
-    /// What happens at seams.
-    pub seams: Seams,
-    /// How far charts go on beyond their seams and open borders, in UV, over 0 and at most 0.5; about the size of a large
-    /// rigid feature. For [`Seams::Continue`] and [`OpenBorders::Slide`].
-    pub seam_reach: f32,
-    /// What happens at open borders.
-    pub open_borders: OpenBorders,
-}
-
-impl Default for TileSettings {
-    fn default() -> Self {
-        TileSettings {
-            grid: [None; 2],
-            smoothness: 0.02,
-            smoothness_floor: 0.0005,
-            orientation: 0.0,
-            orientation_density: 0.0,
-            room: 0.3,
-            room_threshold: 0.4,
-            protect: 0.0,
-            overlap: Overlap::Fixed,
-            seams: Seams::Shut,
-            seam_reach: 1.0 / 32.0,
-            open_borders: OpenBorders::Fixed,
-        }
+settings! {
+    /// A tile's settings. All have a working default; a change rebuilds only what depends on it.
+    pub struct TileSettings in "settings" {
+        /// Cells of the grid in u and v: the resolution of the solve. `None` = the rigidity map's size, or 1024 without
+        /// a map. Rounded up to a multiple of 16, at most 16384. Five cells across the smallest rigid feature and three
+        /// between two of them suffice.
+        pub grid: [Option<u32>; 2] = [None; 2];
+        /// Who owns overlapped texels.
+        pub overlap: Overlap = Overlap::Fixed;
+        /// Smoothness of elastic material against the stiffness 1 of rigid material. Lower values keep the shape of
+        /// rigid features better, and make material of low rigidity more rigid.
+        pub smoothness: f32 = 0.02, 0.0 to 1e6;
+        /// Smoothness of all material, which keeps every node's problem well-posed.
+        pub smoothness_floor: f32 = 0.0005, 1e-6 to 1e6;
+        /// Weight that keeps rigid features from turning (the paper's section 4.2).
+        pub orientation: f32 = 0.0, 0.0 to 1e6;
+        /// Addition to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over
+        /// a tent of half of the tile; the heuristic of the paper's figure 5). Sparse features then turn to keep their
+        /// shape, and dense ones keep their orientation. [`Solver::Pbd`] adds it to the fraction of its turn that a
+        /// segment takes back.
+        pub orientation_density: f32 = 0.0, 0.0 to 1e6;
+        /// Weight of the penalty on cells that lose their area.
+        pub room: f32 = 0.3, 0.0 to 1e6;
+        /// Fraction of a cell's area under which that penalty starts: a threshold of its corner Jacobians.
+        pub room_threshold: f32 = 0.4, 0.0 to 1.0;
+        /// What happens at seams. [`Seams::Continue`] goes only with an `orientation_density` of 0.
+        pub seams: Seams = Seams::Shut;
+        /// How far charts go on beyond their seams with [`Seams::Continue`], and beyond their open borders with
+        /// [`OpenBorders::Slide`], in UV: about the size of a large rigid feature. Over 0, at most 0.5.
+        pub seam_reach: f32 = 0.03125;
+        /// What happens at open borders. [`OpenBorders::Slide`] goes only with an `orientation_density` of 0.
+        pub open_borders: OpenBorders = OpenBorders::Fixed;
+        /// How far rigid features that the pose does not strain come before those that it strains. At 0 each gives way
+        /// alike, and in a crowd a feature may come out worse than without the warp; the higher this is, the fewer do,
+        /// and the others keep a little more strain. For [`Solver::Descent`]. Experimental.
+        pub protect: f32 = 0.0, 0.0 to 1.0;
     }
 }
 
@@ -243,33 +231,10 @@ impl TileSettings {
     }
 
     pub fn check(&self) -> Result<()> {
-        let bad = |name: &str, value: f32, range: &str| {
-            Err(Error::argument(format!("settings.{name}: {value} is not {range}")))
-        };
-        let not_negative = |v: f32| (0.0..=1e6).contains(&v);
-        if !not_negative(self.smoothness) {
-            return bad("smoothness", self.smoothness, "in 0..1e6");
-        }
-        if !(1e-6..=1e6).contains(&self.smoothness_floor) {
-            return bad("smoothness_floor", self.smoothness_floor, "in 1e-6..1e6");
-        }
-        if !not_negative(self.orientation) {
-            return bad("orientation", self.orientation, "in 0..1e6");
-        }
-        if !not_negative(self.orientation_density) {
-            return bad("orientation_density", self.orientation_density, "in 0..1e6");
-        }
-        if !not_negative(self.room) {
-            return bad("room", self.room, "in 0..1e6");
-        }
-        if !(0.0..=1.0).contains(&self.room_threshold) {
-            return bad("room_threshold", self.room_threshold, "in 0..1");
-        }
-        if !(0.0..=1.0).contains(&self.protect) {
-            return bad("protect", self.protect, "in 0..1");
-        }
+        self.check_limits()?;
         if !(self.seam_reach > 0.0 && self.seam_reach <= MAX_SEAM_REACH) {
-            return bad("seam_reach", self.seam_reach, "over 0 and at most 0.5");
+            let message = format!("settings.seam_reach: {} is not over 0 and at most 0.5", self.seam_reach);
+            return Err(Error::argument(message));
         }
         if let Some(beyond) = self.beyond()
             && self.orientation_density > 0.0
@@ -294,19 +259,19 @@ pub const MAX_SEAM_REACH: f32 = 0.5;
 /// Most cells on a side of a tile's grid.
 pub const MAX_GRID: u32 = 16384;
 
-/// The amount of work per level of a solve.
+/// How much work a solve does on each level of its grid.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Quality {
-    /// A preview: one correction per level, up to the one before the finest. With [`SolveOptions::warm`], relaxation of the
-    /// last result on the finest.
+    /// A preview: one correction on each level up to the one before the finest, so that the warp has half as many cells
+    /// along each axis. With [`SolveOptions::warm`], relaxation of the last result on the finest level.
     Draft,
-    /// One correction per level; on the finest, up to four for crowded charts, while they gain 0.3 % of the chart's
+    /// One correction on each level; on the finest, up to four for crowded charts, while they gain 0.3 % of the chart's
     /// energy.
     #[default]
     Normal,
-    /// As `Normal` on coarser levels; on the finest, up to seven corrections, with a sweep more after each, while
-    /// they gain 0.01 %.
+    /// As [`Quality::Normal`] on coarser levels; on the finest, up to seven corrections, with a sweep more after each,
+    /// while they gain 0.01 %.
     High,
 }
 
@@ -314,138 +279,79 @@ pub enum Quality {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Solver {
-    /// Gauss-Newton corrections and relaxation: never folds.
+    /// Gauss-Newton corrections and relaxation, which never folds.
     #[default]
     Descent,
-    /// The paper's solver: position-based dynamics on a hierarchy of grids (its section 4), as a baseline. It may fold,
-    /// and its result is not repaired: [`crate::TileReport::folds`] and [`crate::TileReport::min_jacobian`] report it.
-    /// Nodes may leave their charts, and the tile.
+    /// The solver of the paper that the library follows: position-based dynamics on a hierarchy of grids (its section
+    /// 4). For comparison: its result is returned unchecked, and may fold ([`crate::report::TileReport::folds`]) or be
+    /// worse than the mesh's own UVs. Where it folds, a texel has several possible lookups and gets one of them. Nodes
+    /// may leave their charts, and even the tile, by 0.08 of its side in the worst pose tested. Redirections stay
+    /// within the tile.
     Pbd,
 }
 
-/// Settings of [`Solver::Pbd`], with the paper's names. `None` means the default.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct PbdSettings {
-    /// Iterations per level, 1..=1024: projections of all constraints, every fourth one followed by a regularisation.
-    pub iterations: Option<u32>,
-    /// Velocity damping, 0..=1: the fraction of its velocity that a node loses from one regularisation to the next.
-    /// Without forces the time step cancels out, so it is not a setting.
-    pub damping: Option<f32>,
-    /// Orientation preservation, 0..=1: the fraction of its rotation that is undone after a segment's projection.
-    pub orientation_preservation: Option<f32>,
-    /// Smoothing s of eq. 4, 0..=1: how much as-rigid-as-possible material is smoothed.
-    pub smoothing: Option<f32>,
-    /// Ratio of the corrections of each level to those of the next finer one, 0..=1.
-    pub coarse_correction: Option<f32>,
-}
-
-/// [`PbdSettings`] with every field resolved to a value.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct PbdValues {
-    pub iterations: u32,
-    pub damping: f32,
-    pub orientation_preservation: f32,
-    pub smoothing: f32,
-    pub coarse_correction: f32,
-}
-
-impl PbdValues {
-    /// The defaults; method §10 gives the measurements behind them.
-    const DEFAULTS: PbdValues = PbdValues {
-        iterations: 16,
-        damping: 0.0,
-        orientation_preservation: 0.0,
-        smoothing: 0.8,
-        coarse_correction: 0.7,
-    };
-}
-
-impl PbdSettings {
-    /// The settings, with defaults for absent fields.
-    pub fn resolved(&self) -> PbdValues {
-        let default = PbdValues::DEFAULTS;
-        let orientation_preservation = self.orientation_preservation;
-        PbdValues {
-            iterations: self.iterations.unwrap_or(default.iterations),
-            damping: self.damping.unwrap_or(default.damping),
-            orientation_preservation: orientation_preservation.unwrap_or(default.orientation_preservation),
-            smoothing: self.smoothing.unwrap_or(default.smoothing),
-            coarse_correction: self.coarse_correction.unwrap_or(default.coarse_correction),
-        }
-    }
-
-    fn check(&self) -> Result<()> {
-        if let Some(n) = self.iterations.filter(|n| !(1..=MAX_ITERATIONS).contains(n)) {
-            return Err(Error::argument(format!(
-                "options.pbd.iterations: {n} is not in 1..={MAX_ITERATIONS}"
-            )));
-        }
-        for (name, value) in [
-            ("damping", self.damping),
-            ("orientation_preservation", self.orientation_preservation),
-            ("smoothing", self.smoothing),
-            ("coarse_correction", self.coarse_correction),
-        ] {
-            if let Some(value) = value.filter(|value| !(0.0..=1.0).contains(value)) {
-                return Err(Error::argument(format!("options.pbd.{name}: {value} is not in 0..=1")));
-            }
-        }
-        Ok(())
+// Method §10 gives the measurements behind the defaults, method §5 those of `temporal_weight`.
+settings! {
+    /// Settings of [`Solver::Pbd`], with the paper's names.
+    pub struct PbdSettings in "options.pbd" {
+        /// Iterations on each level of the grid. Each projects all constraints once; every fourth is followed by a
+        /// regularisation.
+        pub iterations: u32 = 16, 1 to 1024;
+        /// Fraction of its velocity that a node loses from one regularisation to the next. Without forces the time step
+        /// cancels out, so it is not a setting.
+        pub damping: f32 = 0.0, 0.0 to 1.0;
+        /// Fraction of its turn that a segment takes back after its projection.
+        pub orientation_preservation: f32 = 0.0, 0.0 to 1.0;
+        /// How much as-rigid-as-possible material is smoothed (eq. 4).
+        pub smoothing: f32 = 0.8, 0.0 to 1.0;
+        /// Factor on the corrections of each level over those of the next finer one.
+        pub coarse_correction: f32 = 0.7, 0.0 to 1.0;
     }
 }
 
-/// Most iterations per level, to bound the work.
-const MAX_ITERATIONS: u32 = 1024;
-
-/// Options of one solve.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct SolveOptions {
-    /// The amount of work.
-    pub quality: Quality,
-    /// Start from the previous result instead of the identity: faster for small changes, but the result then depends on
-    /// the order of frames.
-    pub warm: bool,
-    /// With `warm`: how strongly the warp is pulled towards the last result, 0..=1e6, in the unit of
-    /// [`TileSettings::smoothness`]; 0 = not at all. 0.03 to 0.3 is a useful range: at 0.1, jumps from frame to frame
-    /// shrink to between three quarters and a fifth, and the warp of a steady motion lags by one to two frames (method
-    /// §5). Without `warm` it has no effect.
-    pub temporal_weight: f32,
-    /// Stop correcting a chart when a correction gains less than this fraction of its energy (to which 6 % of the energy
-    /// with the original UVs is added), or when the gain of a level's first correction matches its quadratic model's
-    /// prediction to within a quarter of that fraction; over 0 and under 1. Up to four times the former and eight times
-    /// the latter, the next correction is applied in part. `None` = the quality's own.
-    pub tolerance: Option<f32>,
-    /// Maximum corrections per level instead of the quality's own, 1..=64; `None` = the quality's own.
-    pub max_corrections: Option<u32>,
-    /// The time that a call may take, not counting its fetches, measuring and the building of grids; `None` = no limit.
-    /// The result is the certified result of the best level reached, or the identity if there was no time for any level.
-    /// The time of the remaining work is predicted from the last solves, so that calls end within 1.2 times the budget
-    /// plus 5 ms, unless the machine suddenly becomes busier. With a limit the result depends on the speed of the
-    /// machine.
-    pub time_budget: Option<Duration>,
-    /// Also measure the strain on the mesh (slow, f64): fills [`crate::TileReport::strain`].
-    pub measure: bool,
-    /// How the warp is found. `quality`, `tolerance` and `max_corrections` apply to [`Solver::Descent`] only, `pbd` to
-    /// [`Solver::Pbd`].
-    pub solver: Solver,
-    /// Settings of [`Solver::Pbd`].
-    pub pbd: PbdSettings,
+settings! {
+    /// Options of one solve.
+    pub struct SolveOptions in "options" {
+        /// How much work a solve does. This and the two limits below apply to [`Solver::Descent`] only.
+        pub quality: Quality = Quality::Normal;
+        /// Maximum corrections per level, 1..64, in place of the quality's limit; `None` = the quality's own.
+        pub max_corrections: Option<u32> = None;
+        /// A chart is done when a correction gains less than this fraction of its energy (to which 6 % of the energy of
+        /// the original UVs is added), or when the gain of a level's first correction matches the prediction of its
+        /// quadratic model to a quarter of that fraction; over 0 and under 1. Up to four times the former and eight
+        /// times the latter, the next correction is applied in part. `None` = the quality's own.
+        pub tolerance: Option<f32> = None;
+        /// The time that the call may take, excluding fetches, measuring and rebuilding after a change of maps or
+        /// settings; `None` = no limit. The result comes from the finest level of the grid that the time allows,
+        /// interpolated to the finest level and certified: never worse than the identity, and the identity itself if no
+        /// level fits (the report is then `truncated`, with energies of 0). Costs are predicted from the last solves:
+        /// the call returns within 1.2 times the budget plus 5 ms, unless the machine is suddenly busier than before.
+        /// On a GPU this holds up to delays of the driver. With a limit the result depends on the speed of the machine.
+        pub time_budget: Option<Duration> = None;
+        /// False (the default): start from the identity, so that a frame's result depends on its inputs alone. True:
+        /// start from the last result, for interactive use: faster on small changes, but it depends on the order of the
+        /// frames.
+        pub warm: bool = false;
+        /// With `warm` and [`Solver::Descent`]: how strongly the warp is pulled towards the last result, in the unit of
+        /// the tile settings' smoothness; 0 = not at all. 0.03 to 0.3 is a useful range: 0.1 reduces jumps between
+        /// frames to between three quarters and a fifth, and delays the warp of a steady motion by one to two frames.
+        /// Without `warm` it has no effect.
+        pub temporal_weight: f32 = 0.0, 0.0 to 1e6;
+        /// True: also measure the strain on the mesh (in f64), for the tiles' reports. Slow.
+        pub measure: bool = false;
+        /// How the warp is found.
+        pub solver: Solver = Solver::Descent;
+        /// Settings of [`Solver::Pbd`].
+        pub pbd: PbdSettings = PbdSettings::default();
+    }
 }
 
 /// Most corrections per level, to bound the work.
 const MAX_CORRECTIONS: u32 = 64;
 
-/// With a larger weight, f32 has no digits left for the other terms.
-const MAX_TEMPORAL_WEIGHT: f32 = 1e6;
-
 impl SolveOptions {
     pub fn check(&self) -> Result<()> {
-        if !(0.0..=MAX_TEMPORAL_WEIGHT).contains(&self.temporal_weight) {
-            return Err(Error::argument(format!(
-                "options.temporal_weight: {} is not in 0..=1e6",
-                self.temporal_weight
-            )));
-        }
+        self.check_limits()?;
         if let Some(tolerance) = self.tolerance.filter(|x| !(*x > 0.0 && *x < 1.0)) {
             return Err(Error::argument(format!("options.tolerance: {tolerance} is not in 0..1")));
         }
@@ -454,19 +360,6 @@ impl SolveOptions {
                 "options.max_corrections: {n} is not in 1..={MAX_CORRECTIONS}"
             )));
         }
-        self.pbd.check()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn none_means_the_default() {
-        assert_eq!(PbdSettings::default().resolved(), PbdValues::DEFAULTS);
-        let given = PbdSettings { smoothing: Some(0.0), damping: Some(0.25), ..PbdSettings::default() };
-        let resolved = PbdValues { smoothing: 0.0, damping: 0.25, ..PbdValues::DEFAULTS };
-        assert_eq!(given.resolved(), resolved);
+        self.pbd.check_limits()
     }
 }

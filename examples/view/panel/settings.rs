@@ -12,62 +12,6 @@ pub struct Settings {
     pub tile: TileSettings,
 }
 
-/// A slider for a number of the tile's settings.
-struct Number {
-    name: &'static str,
-    about: &'static str,
-    least: f32,
-    most: f32,
-}
-
-const SMOOTHNESS: Number = Number {
-    name: "smoothness",
-    about: "Smoothness of elastic material against the stiffness 1 of rigid material, 0 to 1e6; default 0.02. Lower values \
-            keep the shape of rigid features better, and make material of low rigidity more rigid.",
-    least: 0.0,
-    most: 1.0,
-};
-const FLOOR: Number = Number {
-    name: "smoothness_floor",
-    about: "Smoothness of all material, 1e-6 to 1e6; default 0.0005.",
-    least: 1e-6,
-    most: 0.1,
-};
-const ROOM: Number = Number {
-    name: "room",
-    about: "Weight of the penalty on cells that lose their area, 0 to 1e6; default 0.3.",
-    least: 0.0,
-    most: 10.0,
-};
-const THRESHOLD: Number = Number {
-    name: "room_threshold",
-    about: "Fraction of a cell's area, 0 to 1, under which that penalty starts; default 0.4.",
-    least: 0.0,
-    most: 1.0,
-};
-const ORIENTATION: Number = Number {
-    name: "orientation",
-    about: "Orientation preservation: weight that keeps rigid features from turning, 0 (the default) to 1e6.",
-    least: 0.0,
-    most: 10.0,
-};
-const DENSITY: Number = Number {
-    name: "orientation_density",
-    about: "Addition to orientation where rigid features are dense, times that density (the mean rigidity, 0..1, over a \
-            tent of half of the tile), 0 (the default) to 1e6. Sparse features then turn to keep their shape, and dense \
-            ones keep their orientation.",
-    least: 0.0,
-    most: 10.0,
-};
-
-const PROTECT: Number = Number {
-    name: "protect",
-    about: "How far rigid features that the pose does not strain come before those that it strains, 0 (the default) to 1: \
-            the higher, the fewer come out worse than without the warp.",
-    least: 0.0,
-    most: 1.0,
-};
-
 const QUALITIES: [(Quality, &str, &str); 3] = [
     (Quality::Draft, "draft", "A preview: solved on half as many cells along each axis."),
     (
@@ -108,21 +52,18 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, mut noted: impl FnMut(&str, eg
     if response.changed() {
         tile.grid = [cells(step); 2];
     }
-    for (number, value) in [
-        (&SMOOTHNESS, &mut tile.smoothness),
-        (&FLOOR, &mut tile.smoothness_floor),
-        (&ROOM, &mut tile.room),
-        (&THRESHOLD, &mut tile.room_threshold),
-        (&ORIENTATION, &mut tile.orientation),
-        (&DENSITY, &mut tile.orientation_density),
-        (&PROTECT, &mut tile.protect),
-    ] {
-        let slider = Slider::new(value, number.least..=number.most)
-            .logarithmic(!["room_threshold", "protect"].contains(&number.name))
+    for setting in TileSettings::SETTINGS {
+        let (Some([least, most]), Some(value)) = (setting.limits, tile.number(setting.name)) else {
+            continue;
+        };
+        // Nothing useful lies beyond 10.
+        let slider = Slider::new(value, least..=most.min(10.0))
+            .logarithmic(most > 1.0)
             .smallest_positive(1e-6)
             .clamping(SliderClamping::Always);
-        let response = row(ui, number.name, number.about, |ui| ui.add(slider));
-        noted(number.name, response.rect);
+        let about = setting.about.replace(['[', ']', '`'], "");
+        let response = row(ui, setting.name, about.trim(), |ui| ui.add(slider));
+        noted(setting.name, response.rect);
         dragged |= response.dragged();
     }
     choice(

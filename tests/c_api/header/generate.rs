@@ -1,8 +1,13 @@
-//! Writes the C header from `crates/capi/src` into the template `crates/capi/src/vrtm.h.in`. `@name@` in the template is the type, with its
+//! Writes the C header from `crates/capi/src` into the template `crates/capi/src/vrtm.h.in`: what `mirrored` writes, and
+//! the rest by cbindgen. `@name@` in the template is the type, with its
 //! constants, or the function of that name; or, if it is the name of a file, all of it that has no place of its own.
 
 use std::collections::HashMap;
 use std::path::Path;
+
+use vrtm_capi::{CHOICES, MIRRORED};
+
+use super::mirrored::{Words, initialiser};
 
 const SECTIONS: [&str; 19] = [
     "status",
@@ -40,6 +45,13 @@ pub fn header(root: &Path) -> Result<String, String> {
         header = header.replace(&place, text);
         Ok(())
     };
+    let words = Words::read(root)?;
+    for choice in CHOICES {
+        place(choice.name, &words.choice(choice)?)?;
+    }
+    for mirrored in MIRRORED {
+        place(mirrored.name, &words.item(mirrored)?)?;
+    }
     for name in SECTIONS {
         let source = root.join(format!("crates/capi/src/{name}.rs"));
         let mut config = config.clone();
@@ -60,6 +72,13 @@ pub fn header(root: &Path) -> Result<String, String> {
             }
         }
         place(name, &rest.join("\n\n"))?;
+    }
+    for mirrored in MIRRORED {
+        let (name, lines) = (mirrored.name, initialiser(mirrored, ""));
+        if !lines.is_empty() {
+            let with = format!("VRTM_DEFINE_INIT_WITH_({name},\n{})", lines.join("\n"));
+            header = header.replace(&format!("VRTM_DEFINE_INIT_({name})"), &with);
+        }
     }
     // A struct that is defined further down is declared by a line of the template.
     let declared: Vec<_> =

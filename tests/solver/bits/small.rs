@@ -89,15 +89,15 @@ fn solves(list: &mut Vec<Small>) {
     let crowded = named("squash to 40 %", analytic::squash(0.4));
     let default = SolveOptions::default();
     let pbd = |pbd: PbdSettings| SolveOptions { solver: Solver::Pbd, pbd, ..default };
-    let few = PbdSettings { iterations: Some(5), ..PbdSettings::default() };
+    let few = PbdSettings { iterations: 5, ..PbdSettings::default() };
     for (what, options) in [
         ("tolerance", SolveOptions { tolerance: Some(0.1), ..default }),
         ("one correction", SolveOptions { max_corrections: Some(1), ..default }),
         ("twelve corrections", SolveOptions { max_corrections: Some(12), tolerance: Some(1e-6), ..default }),
         ("measured", SolveOptions { measure: true, ..default }),
-        ("pbd, damping", pbd(PbdSettings { damping: Some(0.4), ..few })),
-        ("pbd, smoothing", pbd(PbdSettings { smoothing: Some(0.2), ..few })),
-        ("pbd, coarse correction", pbd(PbdSettings { coarse_correction: Some(0.2), ..few })),
+        ("pbd, damping", pbd(PbdSettings { damping: 0.4, ..few })),
+        ("pbd, smoothing", pbd(PbdSettings { smoothing: 0.2, ..few })),
+        ("pbd, coarse correction", pbd(PbdSettings { coarse_correction: 0.2, ..few })),
     ] {
         list.push(Small { options, ..Small::new(&crowded, what) });
     }

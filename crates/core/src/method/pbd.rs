@@ -18,7 +18,7 @@
 //! What the paper leaves open, what was chosen, and the figures that chose it, stand in method §10.
 
 use crate::grid::planes::EDGES;
-use crate::settings::PbdValues;
+use crate::settings::PbdSettings;
 
 /// Iterations to a regularisation.
 const PROJECTIONS: u32 = 4;
@@ -73,7 +73,7 @@ impl Set {
     }
 }
 
-impl PbdValues {
+impl PbdSettings {
     /// The `n`-th iteration on a level, counted from 0. `stop` makes it the last one.
     pub fn iteration(&self, level: usize, n: u32, stop: bool) -> Iteration {
         let last = n + 1 == self.iterations || stop;

@@ -9,7 +9,7 @@ use crate::grid::Grid;
 use crate::grid::pose::Pose;
 use crate::mesh::TileMesh;
 use crate::report::StageTimes;
-use crate::settings::{PbdValues, Quality, SolveOptions, Solver, TileSettings};
+use crate::settings::{PbdSettings, Quality, SolveOptions, Solver, TileSettings};
 
 /// The input of a backend: one tile, one pose.
 pub struct Input<'a> {
@@ -87,7 +87,7 @@ pub struct Plan {
     /// scenes with room 0.1 to 0.4 %.
     pub continuation: f32,
     /// The settings of the paper's solver, if it replaces the descent.
-    pub pbd: Option<PbdValues>,
+    pub pbd: Option<PbdSettings>,
     pub warm: bool,
     /// `SolveOptions::temporal_weight`, if it has an effect.
     pub temporal_weight: f32,
@@ -96,7 +96,7 @@ pub struct Plan {
 
 impl Plan {
     pub fn new(options: &SolveOptions) -> Plan {
-        let pbd = (options.solver == Solver::Pbd).then(|| options.pbd.resolved());
+        let pbd = (options.solver == Solver::Pbd).then_some(options.pbd);
         // The coarser levels together cost a third of the finest one, and their corrections move features as far as
         // hundreds of sweeps alone would. A chart with room is done after one correction on the finest level; the
         // further ones go to crowded charts. `high` reaches the finest level in the same way as `normal` and continues
