@@ -16,6 +16,7 @@ pub mod scenes;
 #[path = "../../examples/scenes/save.rs"]
 mod write;
 pub mod sixteen;
+pub mod table;
 mod warp;
 
 use std::panic::resume_unwind;

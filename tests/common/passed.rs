@@ -11,8 +11,13 @@ use std::path::{Path, PathBuf};
 use super::{files, gpu, long};
 
 /// What all such tests judge with, beside their own file and its folder.
-const JUDGES: [&str; 4] =
-    ["benches/speed_error/scenes.rs", "crates/lab/src", "examples/scenes", "tests/common"];
+const JUDGES: [&str; 5] = [
+    "benches/speed_error/scenes.rs",
+    "crates/lab/src/reference",
+    "crates/lab/src/reference.rs",
+    "examples/scenes",
+    "tests/common",
+];
 
 /// 64-bit FNV-1a.
 pub struct Hash(pub u64);

@@ -4,9 +4,9 @@
 
 use crate::common::features::STILL;
 use crate::common::long::long;
+use crate::common::table::judge;
 use crate::common::unless_passed;
 use crate::common::{self, Model, on_all_cores};
-use crate::table::judge;
 use vrtm::{StrainReport, TileReport};
 
 /// Strain before and after in the study, by asset, frame and tile.

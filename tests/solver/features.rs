@@ -3,9 +3,9 @@
 use vrtm::{SolveOptions, Strided};
 
 use crate::common::features::{CASES, Feature, Kind, STILL, of_asset, solve};
+use crate::common::table::{self, judge};
 use crate::common::unless_passed;
 use crate::common::{Maps, Model, on_all_cores};
-use crate::table::{self, judge};
 
 /// The features of a model in a pose, with the original UVs.
 fn still(model: &Model, pose: &[[f32; 3]], grid: u32) -> Vec<Feature> {

@@ -3,9 +3,9 @@
 use vrtm::{Asset, ImageLayout, ImageView, OpenBorders, PixelFormat, Seams, SolveOptions, TileSettings};
 
 use crate::common::features::Kind;
+use crate::common::table::{self, judge};
 use crate::common::unless_passed;
 use crate::common::{Model, bits, cpu, on_all_cores};
-use crate::table::{self, judge};
 
 /// At borders features are what they are without a warp; the others keep their shapes as they do with shut seams.
 #[test]

@@ -25,6 +25,5 @@ mod scenes;
 mod seams;
 mod smooth;
 mod strips;
-mod table;
 mod temporal;
 mod welds;

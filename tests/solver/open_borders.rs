@@ -8,9 +8,9 @@ use vrtm::{
 use vrtm_lab::Lab as _;
 
 use crate::common::features::{Borders, Kind, STILL};
+use crate::common::table::{self, judge};
 use crate::common::unless_passed;
 use crate::common::{self, Maps, Model, bits, cpu, on_all_cores, options};
-use crate::table::{self, judge};
 
 const SLIDE: Borders = (Seams::Shut, OpenBorders::Slide);
 

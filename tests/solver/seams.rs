@@ -9,9 +9,9 @@ use vrtm::{
 use vrtm_lab::Lab as _;
 
 use crate::common::features::{Kind, Summary};
+use crate::common::table::{self, judge};
 use crate::common::unless_passed;
 use crate::common::{self, Maps, Model, Warp, bits, cpu, on_all_cores, options};
-use crate::table::{self, judge};
 
 /// Where the second half of a cut sheet lies in the UV plane: turned by an angle, mirrored or not, scaled, and moved.
 #[derive(Clone, Copy)]

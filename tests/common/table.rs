@@ -6,8 +6,8 @@ use std::sync::{Arc, LazyLock, Mutex, OnceLock};
 
 use vrtm::{Quality, Seams, SolveOptions, TileReport};
 
-use crate::common::features::{Borders, CASES, Feature, Kind, Summary, gaps, models, of_asset, solve};
-use crate::common::{Model, options};
+use super::features::{Borders, CASES, Feature, Kind, Summary, gaps, models, of_asset, solve};
+use super::{Model, options};
 
 /// What one result is judged by.
 pub struct Judged {
