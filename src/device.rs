@@ -1,14 +1,19 @@
 //! A device: which backend, how many threads, how much memory, where the log goes.
 
+mod choice;
+
 use std::num::NonZeroU32;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard};
 
-use crate::gpu::adapters::{Adapters, interfaces};
-use crate::gpu::context::{self, Context};
-use vrtm_core::allocation::{self, Current};
+use vrtm_core::allocation::{self, Current, boxed};
+use vrtm_core::backend::{Gpu, Options, TileSolver};
 use vrtm_core::control::Control;
+use vrtm_core::cpu;
 use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::grid::Grid;
+use vrtm_core::mesh::TileMesh;
+use vrtm_core::method::plan::Purpose;
 use vrtm_core::panics::lock;
 use vrtm_core::report::{AdapterInfo, DeviceInfo, report};
 use vrtm_core::settings::{AdapterId, Backend, DeviceSettings, LogLevel, MAX_THREADS};
@@ -27,7 +32,7 @@ struct Inner {
     bytes_held: AtomicU64,
     /// The measured pace of the device's solves, for time budgets; see `Deadline`.
     pace: Mutex<f64>,
-    gpu: Option<Arc<Context>>,
+    gpu: Option<Arc<dyn Gpu>>,
     /// Number of live assets.
     assets: AtomicUsize,
 }
@@ -67,7 +72,7 @@ struct Overrides {
     backend: Option<Backend>,
     adapter_id: Option<AdapterId>,
     threads: Option<Option<NonZeroU32>>,
-    gpu: context::Options,
+    gpu: Options,
 }
 
 impl Overrides {
@@ -118,7 +123,7 @@ fn variable(name: &str) -> Option<String> {
 /// but a driver may: Mesa's on Linux prints a line about XDG_RUNTIME_DIR if it is not set.
 #[must_use]
 pub fn adapters() -> Vec<AdapterInfo> {
-    Adapters::new().infos()
+    choice::find().infos()
 }
 
 impl Device {
@@ -170,17 +175,16 @@ impl Device {
         let (gpu, reason) = match settings.backend {
             Backend::Cpu => (None, format!("cpu was asked for{origin}")),
             Backend::Gpu => {
-                let (gpu, which) = open(&settings, origin, overrides)?;
+                let (gpu, which) = choice::open(&settings, origin, overrides.gpu)?;
                 (Some(gpu), format!("gpu was asked for{origin}: {which}"))
             }
             Backend::Auto => {
-                let (gpu, why) = choose(settings.adapter_id, overrides);
+                let (gpu, why) = choice::choose(settings.adapter_id, overrides.gpu);
                 (gpu, format!("auto{origin}: {why}"))
             }
         };
         let cores = std::thread::available_parallelism().map_or(1, |n| n.get() as u32);
         let threads = settings.threads.map_or(cores.min(MAX_THREADS), NonZeroU32::get);
-        let gpu = gpu.map(Arc::new);
         let (bytes_held, pace) = (AtomicU64::new(0), Mutex::new(1.0));
         let device = Device(Arc::new(Inner {
             settings,
@@ -206,7 +210,7 @@ impl Device {
         report!(DeviceInfo {
             backend: if self.0.gpu.is_some() { Backend::Gpu } else { Backend::Cpu },
             name: match &self.0.gpu {
-                Some(gpu) => gpu.describe().name,
+                Some(gpu) => gpu.info().name.clone(),
                 None => format!("CPU ({})", std::env::consts::ARCH),
             },
             reason: reason,
@@ -223,8 +227,27 @@ impl Device {
 
     /// The open GPU of a GPU device.
     #[doc(hidden)]
-    pub fn gpu(&self) -> Option<&Arc<Context>> {
+    pub fn gpu(&self) -> Option<&Arc<dyn Gpu>> {
         self.0.gpu.as_ref()
+    }
+
+    /// Allocates a tile's solver.
+    pub(crate) fn solver(
+        &self,
+        grid: &Arc<Grid>,
+        tile: &TileMesh,
+        purpose: Purpose,
+    ) -> Result<Box<dyn TileSolver>> {
+        match self.gpu() {
+            Some(gpu) => gpu.clone().solver(grid, tile),
+            None => Ok(boxed(cpu::Memory::new(grid, purpose))),
+        }
+    }
+
+    /// Bytes that `solver` allocates.
+    pub(crate) fn solver_bytes(&self, grid: &Grid, tile: &TileMesh, purpose: Purpose) -> Result<u64> {
+        self.gpu()
+            .map_or_else(|| Ok(cpu::Memory::bytes_for(grid, purpose)), |gpu| gpu.solver_bytes(grid, tile))
     }
 
     /// `DeviceLost` if the GPU was lost.
@@ -344,85 +367,5 @@ fn in_memory_of<R>(settings: &DeviceSettings, f: impl FnOnce() -> Result<R>) -> 
     caught(f)
 }
 
-/// Opens the GPU requested by number or identity; also describes which one it is.
-fn open(settings: &DeviceSettings, origin: &str, overrides: Overrides) -> Result<(Context, String)> {
-    let unsupported = |why: &str| {
-        Error::new(ErrorKind::Unsupported, format!("backend: gpu was asked for{origin}, but {why}"))
-    };
-    let found = Adapters::new();
-    let adapters = found.infos();
-    let count = adapters.len();
-    if count == 0 {
-        return Err(unsupported(&format!(
-            "there is no GPU that runs compute shaders with WebGPU's default limits (looked through {}; found: {})",
-            interfaces(),
-            found.listed()
-        )));
-    }
-    let index = match settings.adapter_id {
-        Some(id) => place(&adapters, id).ok_or_else(|| nowhere(&adapters, id))?,
-        None => settings.adapter as usize,
-    };
-    let gpu = found.open(index, overrides.gpu).ok_or_else(|| {
-        let s = if count == 1 { "" } else { "s" };
-        Error::argument(format!("adapter: {index} is out of range, there is {count} adapter{s}"))
-    })??;
-    let by = settings.adapter_id.map_or(String::new(), |id| format!(", by its {id}"));
-    let which = format!("adapter {index} of {count}{by}, {}", through(&gpu));
-    Ok((gpu, which))
-}
-
-/// The number of the adapter with this identity.
-fn place(adapters: &[AdapterInfo], id: AdapterId) -> Option<usize> {
-    adapters.iter().position(|adapter| adapter.has_id(id))
-}
-
-fn nowhere(adapters: &[AdapterInfo], id: AdapterId) -> Error {
-    let mut message = format!("adapter_id: no adapter has the {id}; there are");
-    for (index, adapter) in adapters.iter().enumerate() {
-        let comma = if index == 0 { ":" } else { ";" };
-        message += &format!("{comma} {index}: {} through {}", adapter.name, adapter.api);
-        adapter.ids().for_each(|id| message += &format!(", {id}"));
-    }
-    Error::argument(message)
-}
-
-/// The choice of `auto`: the GPU with this identity if one is given, otherwise the first suitable one, or the CPU; and
-/// the reason.
-fn choose(id: Option<AdapterId>, overrides: Overrides) -> (Option<Context>, String) {
-    let found = Adapters::new();
-    let adapters = found.infos();
-    let index = match id.map(|id| (id, place(&adapters, id))) {
-        None => 0,
-        Some((_, Some(index))) => index,
-        Some((id, None)) => {
-            return (None, format!("the CPU, as no GPU has the {id} (found: {})", found.listed()));
-        }
-    };
-    let hardware = adapters.get(index).is_some_and(|adapter| !adapter.software);
-    match hardware.then(|| found.open(index, overrides.gpu)).flatten() {
-        Some(opened) => or_the_cpu(opened),
-        None => (None, format!("no hardware GPU (found: {})", found.listed())),
-    }
-}
-
-/// The chosen GPU if it could be opened, otherwise the CPU.
-fn or_the_cpu(opened: Result<Context>) -> (Option<Context>, String) {
-    match opened {
-        Ok(gpu) => {
-            let why = format!("a hardware GPU, {}", through(&gpu));
-            (Some(gpu), why)
-        }
-        Err(error) => (None, format!("the CPU, as the GPU cannot be used: {}", error.message)),
-    }
-}
-
-fn through(gpu: &Context) -> String {
-    let info = gpu.describe();
-    let software = if info.software { ", a software driver" } else { "" };
-    let limits = if gpu.options.webgpu_limits { ", with WebGPU's default limits" } else { "" };
-    format!("through {} ({}){software}{limits}", info.api, info.driver)
-}
-
-#[cfg(all(test, feature = "gpu"))]
+#[cfg(test)]
 pub(crate) mod tests;

@@ -1,10 +1,10 @@
 //! vrtm keeps painted features rigid while the surface under them deforms.
 //!
-//! The data flows through the modules in this order: a host's arrays (`view`, `image`) become a validated mesh with tiles
-//! and charts (`mesh`); each tile's maps become a grid with movable nodes and active blocks (`grid`); for each pose,
-//! `method::schedule` calls the stages of a backend (`cpu`, `gpu`) level by level (`solver`); `map` makes images of the
-//! results, and [`Asset`] keeps all of it. `strain` measures results in double precision; `lab` is what tests compare them
-//! with. `docs/method.md` is the mathematics, `docs/architecture.md` the map of the source.
+//! The data flows in this order: a host's arrays become a validated mesh with tiles and charts; each tile's maps become a
+//! grid with movable nodes and active blocks; for each pose, a schedule calls the stages of a backend level by level. All
+//! this is in the crate `vrtm-core`, but for the backend for GPUs, which is a crate of its own. Here `device` chooses the
+//! backend, `map` makes images of the results, and [`Asset`] keeps all of it. `docs/method.md` is the mathematics,
+//! `docs/architecture.md` the map of the source.
 //!
 //! # Memory
 //!
@@ -64,17 +64,11 @@
 #![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods))]
 
 // Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
-#[cfg(not(feature = "gpu"))]
-#[path = "gpu_absent.rs"]
-mod gpu;
 mod device;
-mod solver;
+mod solved;
 mod map;
 mod asset;
 mod refine;
-
-#[cfg(feature = "gpu")]
-use vrtm_gpu as gpu;
 
 pub use asset::Asset;
 pub use asset::request::{Fetch, SolveRequest};

@@ -13,7 +13,7 @@ use vrtm_core::grid::planes::Plane;
 use crate::asset::Asset;
 use crate::asset::results::{Results, TileResult};
 use crate::map::nodes;
-use crate::solver::solved::Solved;
+use crate::solved::Solved;
 use vrtm_core::team::Team;
 use vrtm_refine::{Redirection, Redirections, RefinedMesh};
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::Asset;
 use super::shape::{Call, torn_welds};
 use crate::map::nodes;
-use crate::solver::solved::Solved;
+use crate::solved::Solved;
 use vrtm_core::error::Result;
 use vrtm_core::grid::maps::TileMaps;
 use vrtm_core::grid::{Grid, planes::Plane};

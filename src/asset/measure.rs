@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::Asset;
 use crate::map::nodes;
-use crate::solver::solved::Solved;
+use crate::solved::Solved;
 use vrtm_core::allocation::Collect;
 use vrtm_core::error::Result;
 use vrtm_core::grid::coverage::{Coverage, NodeMaps, node_maps};

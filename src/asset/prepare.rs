@@ -16,8 +16,7 @@ use vrtm_core::settings::{LogLevel, Solver};
 use super::given::Given;
 use super::shape::{Built, Call, Prepared, Shape, ShapeKey, new_mesh};
 use super::tile::TileState;
-use crate::solver::TileSolver;
-use crate::solver::solved::Solved;
+use crate::solved::Solved;
 
 impl TileState {
     /// What the tile's triangles follow from.
@@ -119,7 +118,7 @@ impl TileState {
         let grid = build::skeleton(survey);
         let result = Solved::bytes_for(&grid);
         let purpose = Purpose::new(Solver::Descent, &maps.settings);
-        let solver = TileSolver::bytes_for(call.device, &grid, mesh, purpose)?;
+        let solver = call.device.solver_bytes(&grid, mesh, purpose)?;
         let prepared = given.bytes(call.mesh, self.tile) + grid_bytes;
         // What is published is a result of its own.
         let beyond = if mesh.sources.is_empty() { 0 } else { Gutter::BYTES + result };

@@ -1,6 +1,6 @@
 //! The last good results of an asset, which any thread may read at any time, even while the next ones are computed.
 
-#[cfg(all(test, feature = "gpu"))]
+#[cfg(test)]
 mod tests;
 
 use std::sync::{Arc, Mutex, TryLockError};
@@ -24,7 +24,7 @@ use crate::map::dilation::Dilation;
 use crate::map::fetch::{self, Output};
 use crate::map::inverse::Outputs;
 use crate::map::{FetchKind, certificate, external};
-use crate::solver::solved::Solved;
+use crate::solved::Solved;
 
 /// The last good results of an asset. A clone is another handle to the same results; any thread may keep and read it
 /// while the asset is in use, and after it is dropped. A read sees the complete results of one solve: a solve that

@@ -19,7 +19,7 @@ use vrtm_core::view::Strided;
 
 use super::derived::Derived;
 use super::given::{Given, GridKey, Stroke};
-use crate::solver::solved::Solved;
+use crate::solved::Solved;
 
 /// A call on tiles of an asset, and all that what is made for them follows from.
 #[derive(Clone, Copy)]

@@ -23,7 +23,7 @@ use super::side_by_side::together;
 use super::stretch::Stretch;
 use super::tile::{SolveCall, TileSolved, TileState};
 use crate::map::fetch::Output;
-use crate::solver::solved::Solved;
+use crate::solved::Solved;
 
 /// The share of a call's progress for preparing its tiles, if any tile needs it.
 const PREPARING: f32 = 0.3;

@@ -24,9 +24,8 @@ use vrtm_core::view::Strided;
 use super::derived::{Derived, Same};
 use super::given::{Given, GridKey};
 use super::shape::{Call, Prepared, Shape, ShapeKey, torn_welds};
-use crate::solver::TileSolver;
-use crate::solver::solved::Solved;
-use crate::solver::tile_solve::{TileSolution, TileSolve, Warp};
+use crate::solved::Solved;
+use vrtm_core::backend::{TileSolution, TileSolve, TileSolver, Warp};
 
 /// A call that solves a tile of an asset, or several.
 #[derive(Clone, Copy)]
@@ -76,7 +75,7 @@ pub(super) struct CopiesKey {
 /// A solver, which knows the grid that it is for, and its memory.
 #[derive(Debug)]
 pub(super) struct BookedSolver {
-    solver: TileSolver,
+    solver: Box<dyn TileSolver>,
     /// True if the memory has never been used.
     is_fresh: bool,
     booked: Booked,
@@ -282,12 +281,12 @@ impl TileState {
         let pull = if last.is_some() { plan.temporal_weight } else { 0.0 };
         let input = Input { grid, mesh, pose, settings, protect, charts: &charts, continuation, pull };
         let fresh = std::mem::replace(&mut solver.is_fresh, false);
-        let deadline = Deadline::new(call.start, [call.budget, plan.budget], *device.pace(), fresh).into();
-        let progress = Progress::new(team.control(), call.progress).into();
-        let solve = TileSolve { team, input, grid, plan, deadline, progress, last, keep: &keep };
-        let solution = caught(|| solver.solver.run(&solve));
+        let deadline = Deadline::new(call.start, [call.budget, plan.budget], *device.pace(), fresh);
+        let progress = Progress::new(team.control(), call.progress);
+        let mut solve = TileSolve { team, input, plan, deadline, progress, last, keep: &keep };
+        let solution = caught(|| solver.solver.run(&mut solve));
         if call.learns {
-            *device.pace() = solve.deadline.into_inner().learnt();
+            *device.pace() = solve.deadline.learnt();
         }
         // A cancelled solve leaves its memory usable: each solve writes what it reads.
         let is_usable = solution.as_ref().err().is_none_or(|error| error.kind == ErrorKind::Cancelled);
@@ -304,8 +303,8 @@ impl TileState {
             return Ok(solver);
         }
         let mut booked = device.booking();
-        booked.set(TileSolver::bytes_for(device, &on.grid, &on.mesh, purpose)?, &on.mesh.name())?;
-        let solver = caught(|| TileSolver::new(device, &on.grid, &on.mesh, purpose))?;
+        booked.set(device.solver_bytes(&on.grid, &on.mesh, purpose)?, &on.mesh.name())?;
+        let solver = caught(|| device.solver(&on.grid, &on.mesh, purpose))?;
         Ok(BookedSolver { solver, is_fresh: true, booked })
     }
 

@@ -14,7 +14,7 @@ use vrtm_core::unwind::caught;
 
 use super::inverse::Outputs;
 use super::smallest_jacobian;
-use crate::solver::solved::Solved;
+use crate::solved::Solved;
 use desc::{MapDesc, MapReport};
 use strip::{Reader, bands};
 use vrtm_core::settings::MAX_GRID;

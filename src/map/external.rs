@@ -3,10 +3,8 @@
 use std::time::Instant;
 
 use crate::device::Device;
-use crate::gpu;
-use crate::gpu::external::Values;
-use crate::solver::solved::Solved;
-use crate::solver::tile_solve::Warp;
+use crate::solved::Solved;
+use vrtm_core::backend::Warp;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::image::external::{ExternalImage, ExternalTexels};
 
@@ -31,7 +29,7 @@ pub(crate) fn write(
     texels: &ExternalTexels,
 ) -> Result<()> {
     let start = Instant::now();
-    let Some(context) = device.gpu() else {
+    let Some(gpu) = device.gpu() else {
         let message = "tile: its device is the CPU, which does not write to memory of a GPU";
         return Err(Error::new(ErrorKind::Unsupported, message));
     };
@@ -40,24 +38,24 @@ pub(crate) fn write(
                        is not written with";
         return Err(Error::new(ErrorKind::Unsupported, message));
     }
-    let values = match Form::new(kind, &solved.mesh) {
-        Form::Delta => Values::Delta,
-        Form::Tile => Values::Absolute([0; 2]),
-        Form::Udim(origin) => Values::Absolute(origin.to_array().map(|x| x as u32)),
+    let origin = match Form::new(kind, &solved.mesh) {
+        Form::Delta => None,
+        Form::Tile => Some([0; 2]),
+        Form::Udim(origin) => Some(origin.to_array().map(|x| x as u32)),
     };
     let u = match &*solved.warp {
-        Warp::Gpu(u) => Some(u),
+        Warp::Gpu(u) => Some(&**u),
         // On a GPU device only the identity is in host memory.
         Warp::Host(_) => None,
     };
     let level = &solved.grid.levels[0];
-    let bytes = gpu::external::bytes_for(context, texels)?;
+    let bytes = gpu.external_bytes(texels)?;
     let what = format!("an image of {}x{} texels", texels.size[0], texels.size[1]);
     device.rebook(0, bytes, &what)?;
-    let result = gpu::external::write(context, u, [level.nx, level.ny], values, texels);
+    let result = gpu.write_external(u, [level.nx, level.ny], origin, texels);
     let _ = device.rebook(bytes, 0, "");
     // The buffers have been dropped: this frees their memory and releases the host's memory.
-    context.reclaim();
+    gpu.reclaim();
     result?;
     solved.set_invert_ms(start.elapsed().as_secs_f32() * 1000.0);
     Ok(())

@@ -18,7 +18,7 @@ use super::chart_texels::ChartTexels;
 use super::inverse::{self, Area, Centres, Outputs, Room};
 use super::nodes::{self, NodeRows};
 use super::uv_set::OtherSet;
-use crate::solver::solved::Solved;
+use crate::solved::Solved;
 use vrtm_core::grid::gutter::LimitedTexels;
 use vrtm_core::grid::owners::Owners;
 

@@ -1,15 +1,16 @@
 //! W⁻¹ of a tile's result at texel centres, on the backend that holds the result.
 
+use std::sync::Arc;
+
 use crate::device::Device;
-use crate::gpu::{self, Displacements};
 use vrtm_core::allocation::Collect;
 use vrtm_core::cpu::invert::{self, Inverse};
 use vrtm_core::error::Result;
 use vrtm_core::image::ImagePart;
 use vrtm_core::team::Team;
 
-use crate::solver::solved::Solved;
-use crate::solver::tile_solve::Warp;
+use crate::solved::Solved;
+use vrtm_core::backend::{Gpu, GpuOutput, Warp};
 use vrtm_core::grid::gutter::{Gutter, LimitedTexels};
 use vrtm_core::grid::owners::Owners;
 
@@ -20,7 +21,7 @@ const LEAST: f32 = 1e-5;
 /// same size.
 #[derive(Debug, Default)]
 pub(crate) struct Outputs {
-    gpu: Option<gpu::Output>,
+    gpu: Option<Box<dyn GpuOutput>>,
     /// Bytes booked on the device's account for this output.
     booked: u64,
 }
@@ -76,9 +77,11 @@ impl Outputs {
         if let Warp::Gpu(u) = &*solved.warp
             && solved.extended.is_none()
             && extent == size
-            && gpu::Output::suits(&u.context, size)
+            && let Some(gpu) = device.gpu()
+            && let Some(bytes) = gpu.output_bytes(size)
         {
-            return self.on_gpu(device, u, size, |first, texels| {
+            let output = self.output(device, gpu, size, bytes)?;
+            let result = output.invert(&**u, size, &mut |first, texels| {
                 team.run(texels.len() / size[0], |row| {
                     let y = first + row;
                     for (x, d) in texels[row * size[0]..][..size[0]].iter().enumerate() {
@@ -88,6 +91,11 @@ impl Outputs {
                     }
                 });
             });
+            self.gpu = Some(output);
+            if self.booked > KEPT || result.is_err() {
+                self.release(device);
+            }
+            return result;
         }
         let still = |x: usize, y: usize| put(x, y, centre(x, y), [0.0; 2]);
         visit(team, solved, area, still, |x, y, inverse| {
@@ -112,30 +120,22 @@ impl Outputs {
         })
     }
 
-    fn on_gpu(
+    /// Takes the output out, if images of this size fit into it, and otherwise makes one.
+    fn output(
         &mut self,
         device: &Device,
-        u: &Displacements,
+        gpu: &Arc<dyn Gpu>,
         size: [usize; 2],
-        read: impl FnMut(usize, &[[f32; 2]]),
-    ) -> Result<()> {
-        let output = match self.gpu.take().filter(|output| output.holds(size)) {
-            Some(output) => output,
-            None => {
-                // The old output is freed before the new one is allocated.
-                self.release(device);
-                let bytes = gpu::Output::bytes_for(&u.context, size);
-                device.rebook(0, bytes, &format!("an image of {}x{} texels", size[0], size[1]))?;
-                self.booked = bytes;
-                gpu::Output::new(&u.context, size).inspect_err(|_| self.release(device))?
-            }
-        };
-        let result = output.invert(u, size, read);
-        self.gpu = Some(output);
-        if self.booked > KEPT || result.is_err() {
-            self.release(device);
+        bytes: u64,
+    ) -> Result<Box<dyn GpuOutput>> {
+        if let Some(output) = self.gpu.take().filter(|output| output.holds(size)) {
+            return Ok(output);
         }
-        result
+        // The old output is freed before the new one is allocated.
+        self.release(device);
+        device.rebook(0, bytes, &format!("an image of {}x{} texels", size[0], size[1]))?;
+        self.booked = bytes;
+        gpu.clone().output(size).inspect_err(|_| self.release(device))
     }
 
     /// Corrects the account after a call ran out of memory: the output may be gone.

@@ -11,7 +11,7 @@ use vrtm_core::mesh::TileMesh;
 use vrtm_core::team::Team;
 
 use super::canvas::Canvas;
-use crate::solver::solved::Solved;
+use crate::solved::Solved;
 use vrtm_core::grid::owners::Owners;
 
 /// Most items of work into which writing a warp is divided.

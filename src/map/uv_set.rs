@@ -5,7 +5,7 @@ use glam::DVec2;
 
 use super::canvas::Canvas;
 use super::chart_texels::BAND;
-use crate::solver::solved::Solved;
+use crate::solved::Solved;
 use vrtm_core::allocation::{Collect, Grow, filled};
 use vrtm_core::grid::fill::Fill;
 use vrtm_core::image::ImagePart;

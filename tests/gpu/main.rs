@@ -18,16 +18,12 @@ mod layers;
 mod shaders;
 
 // What needs a library with the GPU backend, or the crates that come with it.
-#[cfg(feature = "gpu")]
 mod draw;
-#[cfg(all(feature = "gpu", target_os = "linux"))]
+#[cfg(target_os = "linux")]
 mod external;
-#[cfg(feature = "gpu")]
 mod film;
-#[cfg(feature = "gpu")]
 mod lock_step;
-#[cfg(feature = "gpu")]
 #[path = "../../examples/render/mod.rs"]
 mod render;
-#[cfg(all(feature = "gpu", target_os = "linux"))]
+#[cfg(target_os = "linux")]
 mod vulkan;

@@ -92,7 +92,6 @@ fn imports_point_down_and_name_the_defining_module() {
             let first = place.components().next().unwrap().as_os_str().to_str().unwrap();
             let own = match first.strip_suffix(".rs").unwrap_or(first) {
                 "lib" => continue,
-                "gpu_absent" => "gpu",
                 own => own,
             };
             for name in imported(&code(&path)) {
@@ -110,8 +109,7 @@ fn imports_point_down_and_name_the_defining_module() {
     assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
 }
 
-/// The files by the paths of their modules, such as `cpu::correct::rows`. Without `lib`, which hands on, and `gpu_absent`,
-/// which stands in for `gpu`.
+/// The files by the paths of their modules, such as `cpu::correct::rows`. Without `lib`, which hands on.
 fn modules(root: &Path) -> BTreeMap<String, PathBuf> {
     let mut files = Vec::new();
     sources(root, &mut files);
@@ -120,7 +118,7 @@ fn modules(root: &Path) -> BTreeMap<String, PathBuf> {
         place.to_str().unwrap().replace(std::path::MAIN_SEPARATOR, "::").replace("::mod", "")
     };
     let mut modules: BTreeMap<_, _> = files.iter().map(|file| (name(file), file.clone())).collect();
-    modules.retain(|name, _| name != "lib" && name != "gpu_absent");
+    modules.retain(|name, _| name != "lib");
     for (own, file) in modules.clone() {
         // `#[path = "..."]`, and `mod name;` in the next line.
         for attribute in fs::read_to_string(&file).unwrap().split("#[path = \"").skip(1) {

@@ -167,7 +167,6 @@ fn nodes_leave_the_tile_by_no_more_than_the_header_says() {
 }
 
 /// Compares the backends stage by stage from the same state.
-#[cfg(feature = "gpu")]
 #[test]
 fn backends_can_be_compared() {
     if !common::has_gpu() {

@@ -4,7 +4,6 @@
 #![allow(clippy::needless_range_loop, reason = "index loops over several planes at once are what vectorises")]
 #![allow(clippy::neg_cmp_op_on_partial_ord, reason = "a NaN must fail a check, not pass it")]
 
-mod stages;
 mod surface;
 mod pyramid;
 mod prolong;

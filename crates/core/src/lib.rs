@@ -26,6 +26,7 @@ pub mod mesh;
 pub mod image;
 pub mod grid;
 pub mod method;
+pub mod backend;
 pub mod cpu;
 pub mod strain;
 #[doc(hidden)]

@@ -1,12 +1,13 @@
 //! The GPUs of this machine, as found through Vulkan, Direct3D 12 and Metal. GL is left out: its drivers are not fit
 //! for render threads.
 
-use super::context::{Context, Options};
-use super::identity::{api, describe, is_software, rank};
-use vrtm_core::allocation::{Collect, Grow};
-use vrtm_core::error::Result;
+use std::sync::Arc;
+
+use super::context::Context;
+use super::identity::{api, describe, rank};
+use vrtm_core::allocation::{Grow, boxed};
+use vrtm_core::backend::{Adapter, Adapters, Gpu};
 use vrtm_core::panics::contain;
-use vrtm_core::report::AdapterInfo;
 
 const BACKENDS: wgpu::Backends =
     wgpu::Backends::VULKAN.union(wgpu::Backends::DX12).union(wgpu::Backends::METAL);
@@ -15,54 +16,14 @@ const BACKENDS: wgpu::Backends =
 /// percentage of the driver's budget fails with `OutOfMemory`, before the driver starts to page.
 const MEMORY_BUDGET_PERCENT: u8 = 95;
 
-/// The adapters found: the usable ones, and the reasons why the others were rejected.
-#[derive(Debug, Default)]
-pub struct Adapters {
-    /// Hardware before software, discrete before integrated; otherwise in the order of the drivers.
-    pub usable: Vec<wgpu::Adapter>,
-    /// Name of each adapter that cannot be used, with the reason.
-    pub rejected: Vec<String>,
-}
-
-impl Adapters {
-    /// Enumerates the adapters. Both lists are empty if no driver is installed, or if it is broken.
-    pub fn new() -> Adapters {
-        let all = contain(|| pollster::block_on(instance().enumerate_adapters(BACKENDS)));
-        let mut found = Adapters::default();
-        for adapter in all.unwrap_or_default() {
-            match rejected(&adapter) {
-                Some(why) => found.rejected.put(format!("{}, {why}", adapter.get_info().name)),
-                None => found.usable.put(adapter),
-            }
-        }
-        #[expect(clippy::disallowed_methods, reason = "a machine has only a few adapters")]
-        found.usable.sort_by_key(|adapter| rank(adapter.get_info().device_type));
-        found
-    }
-
-    /// Describes the GPUs that can be used.
-    pub fn infos(&self) -> Vec<AdapterInfo> {
-        self.usable.iter().map(describe).collected()
-    }
-
-    /// Opens the usable adapter `index`; `None` if the index is out of range.
-    pub fn open(&self, index: usize, options: Options) -> Option<Result<Context>> {
-        self.usable.get(index).map(|adapter| Context::open(adapter, options))
-    }
-
-    /// Lists the adapters found, for an error message.
-    pub fn listed(&self) -> String {
-        let usable = self.usable.iter().map(|adapter| {
-            let info = adapter.get_info();
-            if is_software(&info) { format!("{}, a software driver", info.name) } else { info.name }
-        });
-        let all: Vec<String> = usable.chain(self.rejected.iter().cloned()).collected();
-        if all.is_empty() { "none".to_owned() } else { all.join("; ") }
-    }
-}
-
-/// Names of the graphics interfaces that this build supports.
-pub fn interfaces() -> String {
+/// Looks for adapters. It adds none if no driver is installed, or if it is broken.
+pub fn find(found: &mut Adapters) {
+    let (usable, rejected) = all();
+    found.usable.put_all(usable.into_iter().map(|adapter| Adapter {
+        info: describe(&adapter),
+        open: boxed(move |options| Ok(Arc::new(Context::open(&adapter, options)?) as Arc<dyn Gpu>)),
+    }));
+    found.rejected.put_all(rejected);
     let built = BACKENDS & wgpu::Instance::enabled_backend_features();
     let named = [
         (wgpu::Backends::VULKAN, wgpu::Backend::Vulkan),
@@ -70,7 +31,22 @@ pub fn interfaces() -> String {
         (wgpu::Backends::METAL, wgpu::Backend::Metal),
     ];
     let names = named.into_iter().filter(|(bit, _)| built.contains(*bit)).map(|(_, backend)| api(backend));
-    names.collected().join(", ")
+    found.interfaces.put_all(names);
+}
+
+/// The adapters that can be used, in the order of `Adapters`; and of each other one the name, with the reason.
+pub(super) fn all() -> (Vec<wgpu::Adapter>, Vec<String>) {
+    let all = contain(|| pollster::block_on(instance().enumerate_adapters(BACKENDS)));
+    let (mut usable, mut others) = (Vec::new(), Vec::new());
+    for adapter in all.unwrap_or_default() {
+        match rejected(&adapter) {
+            Some(why) => others.put(format!("{}, {why}", adapter.get_info().name)),
+            None => usable.put(adapter),
+        }
+    }
+    #[expect(clippy::disallowed_methods, reason = "a machine has only a few adapters")]
+    usable.sort_by_key(|adapter| rank(adapter.get_info().device_type));
+    (usable, others)
 }
 
 fn instance() -> wgpu::Instance {

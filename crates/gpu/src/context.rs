@@ -13,21 +13,12 @@ use std::time::Duration;
 use super::identity::describe;
 use super::kernels::Kernel;
 use super::pipelines::{Pipeline, Pipelines};
+use vrtm_core::backend::Options;
 use vrtm_core::control::Control;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::panics::{contain, lock};
 use vrtm_core::report::AdapterInfo;
 use vrtm_core::unwind::caught;
-
-/// How a GPU is opened.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Options {
-    /// Whether to open with WebGPU's default limits (bindings of 128 MiB, buffers of 256 MiB) and no optional feature
-    /// instead of the adapter's capabilities: for tests, and to tell a driver's defect from one of this library.
-    pub webgpu_limits: bool,
-    /// The maximum number of blocks of a band, if it is to be lower than what fits into a binding: for tests of bands.
-    pub band: Option<usize>,
-}
 
 /// An open GPU.
 #[derive(Debug)]
@@ -37,13 +28,13 @@ pub struct Context {
     pub queue: ManuallyDrop<wgpu::Queue>,
     pub adapter: wgpu::AdapterInfo,
     /// The description of the adapter for the host.
-    about: AdapterInfo,
+    pub about: AdapterInfo,
     pub limits: wgpu::Limits,
     pub options: Options,
     /// True if the device can time passes.
     pub timestamps: bool,
     pipelines: Pipelines,
-    time_kernels: AtomicBool,
+    pub time_kernels: AtomicBool,
     error_log: Arc<ErrorLog>,
 }
 
@@ -162,19 +153,9 @@ impl Context {
         })
     }
 
-    /// The description of the adapter for the host.
-    pub fn describe(&self) -> AdapterInfo {
-        self.about.clone()
-    }
-
     /// True if each dispatch has its own pass, so that each kernel is timed.
     pub fn times_kernels(&self) -> bool {
         self.time_kernels.load(Ordering::Relaxed)
-    }
-
-    /// Sets whether each kernel is timed separately from now on, which costs some time.
-    pub fn time_kernels(&self, yes: bool) {
-        self.time_kernels.store(yes, Ordering::Relaxed);
     }
 
     /// Returns `DeviceLost` if the device was lost.
@@ -257,13 +238,6 @@ impl Context {
         }
     }
 
-    /// Releases the memory of dropped buffers that only finished work used, without waiting. Call it after the buffers
-    /// of a tile or an asset are dropped.
-    pub fn reclaim(&self) {
-        // An error here occurs again in the next call that returns a result.
-        let _ = contain(|| self.device.poll(wgpu::PollType::Poll));
-    }
-
     /// Creates a buffer of at least `size` bytes, all zero.
     ///
     /// # Errors
@@ -289,13 +263,6 @@ impl Context {
                 make()
             })
             .map_err(|error| if short_of_memory(&error) { short("out of memory") } else { error })
-    }
-
-    /// Destroys the GPU's device, as if it were lost: for tests.
-    pub fn lose(&self) {
-        self.device.destroy();
-        // The loss is reported once the queue is empty.
-        let _ = contain(|| self.device.poll(wgpu::PollType::wait_indefinitely()));
     }
 }
 

@@ -43,15 +43,6 @@ structs! {
     }
 }
 
-/// The reference from which a redirection's values are measured.
-#[derive(Clone, Copy, Debug)]
-pub enum Values {
-    /// The texel's centre.
-    Delta,
-    /// The corner (0, 0) of a tile; the value is the UV tile's position relative to it.
-    Absolute([u32; 2]),
-}
-
 /// Bytes between two requests, and alignment of bindings: WebGPU's largest alignment of storage bindings.
 const ALIGNMENT: u64 = 256;
 /// The maximum number of texels on a side, so that f32 resolves texels.
@@ -84,7 +75,12 @@ fn bands(texels: &ExternalTexels, most: u64) -> Result<Vec<RowBand>> {
     Ok((0..size[1]).step_by(rows).map(of).collected())
 }
 
-fn request(texels: &ExternalTexels, band: &RowBand, cells: [usize; 2], values: Values) -> RedirectRequest {
+fn request(
+    texels: &ExternalTexels,
+    band: &RowBand,
+    cells: [usize; 2],
+    origin: Option<[u32; 2]>,
+) -> RedirectRequest {
     let &ExternalTexels { size, row_stride, offset, is_top_first, .. } = texels;
     let step = (row_stride / TEXEL_BYTES) as u32;
     // The index in memory of the band's first row.
@@ -95,31 +91,28 @@ fn request(texels: &ExternalTexels, band: &RowBand, cells: [usize; 2], values: V
         rows: band.rows.len() as u32,
         first: ((offset + at as u64 * row_stride - band.bytes.start) / TEXEL_BYTES) as u32,
         step: if is_top_first { step.wrapping_neg() } else { step },
-        is_delta: u32::from(matches!(values, Values::Delta)),
+        is_delta: u32::from(origin.is_none()),
         cells: cells.map(|n| n as u32),
-        origin: match values {
-            Values::Delta => [0; 2],
-            Values::Absolute(origin) => origin,
-        },
+        origin: origin.unwrap_or_default(),
     }
 }
 
-/// Bytes of GPU memory that `write` needs in addition to the host's memory.
+/// See `Gpu::external_bytes`.
 pub fn bytes_for(context: &Context, texels: &ExternalTexels) -> Result<u64> {
     let bands = bands(texels, max_binding(context))?;
     let rows = bands.iter().map(|band| band.rows.len()).max().unwrap_or_default();
     Ok((rows * texels.size[0]) as u64 * TEXEL_BYTES)
 }
 
-/// Writes a redirection to the host's memory, and waits until it is complete. `u` is `None` for the identity.
+/// See `Gpu::write_external`.
 pub fn write(
     context: &Context,
     u: Option<&Displacements>,
     cells: [usize; 2],
-    values: Values,
+    origin: Option<[u32; 2]>,
     texels: &ExternalTexels,
 ) -> Result<()> {
-    let redirection = Redirection::new(context, cells, values, texels, max_binding(context))?;
+    let redirection = Redirection::new(context, cells, origin, texels, max_binding(context))?;
     let inversion = redirection.inversion(u)?;
     let image = redirection.image()?;
     // This comes last, after everything else that can fail for lack of a resource.
@@ -146,7 +139,7 @@ impl<'a> Redirection<'a> {
     fn new(
         context: &'a Context,
         cells: [usize; 2],
-        values: Values,
+        origin: Option<[u32; 2]>,
         texels: &ExternalTexels,
         most: u64,
     ) -> Result<Redirection<'a>> {
@@ -155,7 +148,7 @@ impl<'a> Redirection<'a> {
         let pipeline = context.pipeline(Kernel::Redirect)?;
         let mut requests = zeroed::<u8>(bands.len() * ALIGNMENT as usize);
         for (band, record) in bands.iter().zip(requests.chunks_exact_mut(ALIGNMENT as usize)) {
-            let request = request(texels, band, cells, values);
+            let request = request(texels, band, cells, origin);
             record[..size_of::<RedirectRequest>()].copy_from_slice(bytemuck::bytes_of(&request));
         }
         let requests = context.filled("requests", &requests, wgpu::BufferUsages::STORAGE)?;

@@ -11,6 +11,7 @@ use super::layout::{Request, SPREAD};
 use super::pipelines::Pipeline;
 use super::results::Displacements;
 use vrtm_core::allocation::Collect;
+use vrtm_core::backend::{GpuOutput, GpuWarp};
 use vrtm_core::error::Result;
 
 /// Bytes of a texel on the device: two f32.
@@ -50,16 +51,15 @@ fn band_bytes(rows: &Range<usize>, size: [usize; 2]) -> u64 {
 }
 
 impl Output {
-    /// Whether images of this size can be written: a row must fit into a binding, and no side may exceed 2^20 texels,
-    /// so that f32 resolves texels.
-    pub fn suits(context: &Context, size: [usize; 2]) -> bool {
-        size[0] as u64 * TEXEL_BYTES <= max_binding(context) && size.iter().all(|&n| n <= 1 << 20)
-    }
-
-    /// Bytes that `new` allocates for an image size.
-    pub fn bytes_for(context: &Context, size: [usize; 2]) -> u64 {
-        let largest = bands(max_binding(context), size).next().map_or(0, |rows| band_bytes(&rows, size));
-        largest + (size[0] * size[1]) as u64 * TEXEL_BYTES
+    /// Bytes that `new` allocates for an image size. `None` if such images cannot be written: a row must fit into a binding,
+    /// and no side may exceed 2^20 texels, so that f32 resolves texels.
+    pub fn bytes_for(context: &Context, size: [usize; 2]) -> Option<u64> {
+        let most = max_binding(context);
+        let fits = size[0] as u64 * TEXEL_BYTES <= most && size.iter().all(|&n| n <= 1 << 20);
+        fits.then(|| {
+            let largest = bands(most, size).next().map_or(0, |rows| band_bytes(&rows, size));
+            largest + (size[0] * size[1]) as u64 * TEXEL_BYTES
+        })
     }
 
     /// Allocates the buffers for an image size.
@@ -76,27 +76,6 @@ impl Output {
         let staging =
             all.iter().map(|&bytes| context.staging("image for the host", bytes)).try_collected()?;
         Ok(Output { context: context.clone(), max_binding, image, staging })
-    }
-
-    /// True if the buffers can hold an image of this size.
-    pub fn holds(&self, size: [usize; 2]) -> bool {
-        let mut staging = self.staging.iter();
-        bands(self.max_binding, size).all(|rows| {
-            let bytes = band_bytes(&rows, size);
-            bytes <= self.image.size() && staging.next().is_some_and(|staging| bytes <= staging.size())
-        })
-    }
-
-    /// Calls `read(row, texels)` for bands of texel rows, from v = 0 upward; `row` is the band's first row. Texels are
-    /// W⁻¹(c) - c in cells, exactly 0 where nothing moved.
-    pub fn invert(
-        &self,
-        u: &Displacements,
-        size: [usize; 2],
-        mut read: impl FnMut(usize, &[[f32; 2]]),
-    ) -> Result<()> {
-        let pipeline = self.context.pipeline(Kernel::Invert)?;
-        self.run(pipeline, u, size, |row, bytes| read(row, bytemuck::cast_slice(bytes)))
     }
 
     fn run(
@@ -127,6 +106,26 @@ impl Output {
             context.mapped(staging, band_bytes(rows, size), |bytes| read(rows.start, bytes))?;
         }
         Ok(())
+    }
+}
+
+impl GpuOutput for Output {
+    fn holds(&self, size: [usize; 2]) -> bool {
+        let mut staging = self.staging.iter();
+        bands(self.max_binding, size).all(|rows| {
+            let bytes = band_bytes(&rows, size);
+            bytes <= self.image.size() && staging.next().is_some_and(|staging| bytes <= staging.size())
+        })
+    }
+
+    fn invert(
+        &self,
+        u: &dyn GpuWarp,
+        size: [usize; 2],
+        read: &mut dyn FnMut(usize, &[[f32; 2]]),
+    ) -> Result<()> {
+        let pipeline = self.context.pipeline(Kernel::Invert)?;
+        self.run(pipeline, Displacements::of(u)?, size, |row, bytes| read(row, bytemuck::cast_slice(bytes)))
     }
 }
 

@@ -26,12 +26,11 @@ mod memory;
 mod run;
 mod dispatch;
 mod invert;
-pub mod external;
+mod external;
 pub mod state;
 mod pbd;
 mod stages;
+mod backend;
 
-pub use invert::Output;
 pub use memory::Memory;
-pub use results::{Displacements, ResultBuffers};
-pub use run::{Run, Solution};
+pub use run::Run;

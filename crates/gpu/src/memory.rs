@@ -50,7 +50,7 @@ pub struct Coarse {
 /// The memory of one tile's solver, kept between solves.
 #[derive(Debug)]
 pub struct Memory {
-    grid: Weak<Grid>,
+    pub grid: Weak<Grid>,
     pub context: Arc<Context>,
     pub bands: Vec<Vec<Band>>,
     pub coarse: Option<Coarse>,
@@ -204,15 +204,10 @@ impl Memory {
         Ok(memory)
     }
 
-    /// Bytes that `new` allocates for a grid.
+    /// See `Gpu::solver_bytes`.
     pub fn bytes_for(context: &Context, grid: &Grid, tile: &TileMesh) -> Result<u64> {
         let (bands, coarse) = divided(context, grid)?;
         Ok(BufferSizes::new(grid, tile, &bands, coarse.as_ref()).total())
-    }
-
-    /// Whether this memory was allocated for `grid`.
-    pub fn is_for(&self, grid: &Arc<Grid>) -> bool {
-        self.grid.upgrade().is_some_and(|grid_of_memory| Arc::ptr_eq(&grid_of_memory, grid))
     }
 
     /// Returns the buffers of a result that nothing else is using.

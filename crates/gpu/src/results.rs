@@ -1,12 +1,14 @@
 //! A result on the GPU: the state of level 0, whose displacements are read into host memory on demand.
 
+use std::any::Any;
 use std::sync::{Arc, OnceLock};
 
 use super::bands::Band;
 use super::context::Context;
 use super::layout::{FINEST_STATE_PLANES, PLANE};
 use vrtm_core::allocation::{Collect, Grow, with_capacity};
-use vrtm_core::error::Result;
+use vrtm_core::backend::GpuWarp;
+use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::{NODES, Plane};
 
@@ -50,8 +52,15 @@ impl Displacements {
         Displacements { context, grid, buffers, host: OnceLock::new() }
     }
 
-    /// Returns the displacements per block of level 0; the first call reads them from the GPU.
-    pub fn host(&self) -> Result<&[[Plane; 2]]> {
+    /// Those that this backend has made.
+    pub fn of(u: &dyn GpuWarp) -> Result<&Displacements> {
+        let other = || Error::new(ErrorKind::Internal, "the result of another backend");
+        (u as &dyn Any).downcast_ref().ok_or_else(other)
+    }
+}
+
+impl GpuWarp for Displacements {
+    fn host(&self) -> Result<&[[Plane; 2]]> {
         if let Some(host) = self.host.get() {
             return Ok(host);
         }

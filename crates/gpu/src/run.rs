@@ -8,18 +8,20 @@ use super::layout::{Chart, Params, node_planes};
 use super::lists::{Gate, MAX_GATES};
 use super::memory::Memory;
 use super::recorder::{Recorder, Statistics};
-use super::results::{RESULT_BLOCK, ResultBuffers};
-use vrtm_core::allocation::{Collect, Grow};
+use super::results::{Displacements, RESULT_BLOCK, ResultBuffers};
+use vrtm_core::allocation::{Collect, Grow, boxed};
+use vrtm_core::backend::{TileSolution, TileSolve, TileSolver, Warp};
 use vrtm_core::control::Control;
 use vrtm_core::error::{Error, Result};
 use vrtm_core::grid::Grid;
 use vrtm_core::method::law::{HOLD, LOST_STEPS};
-use vrtm_core::method::plan::{ChartResult, Input};
+use vrtm_core::method::plan::{ChartResult, Input, Purpose, Summary};
+use vrtm_core::unwind::caught;
 
 /// One solve of one tile.
 pub struct Run<'a> {
     pub(super) context: Arc<Context>,
-    pub(super) grid: &'a Grid,
+    pub(super) grid: &'a Arc<Grid>,
     pub(super) memory: &'a mut Memory,
     pub(super) recorder: Recorder,
     /// Per chart, whether it is solved.
@@ -60,14 +62,24 @@ pub struct Run<'a> {
     pub(super) error: Option<Error>,
 }
 
-/// The results of a solve.
-#[derive(Debug)]
-pub struct Solution {
-    /// Result per chart; meaningful only for charts that were solved.
-    pub charts: Vec<ChartResult>,
-    pub result: Arc<ResultBuffers>,
-    pub node_updates: u64,
-    pub statistics: Statistics,
+impl TileSolver for Memory {
+    fn is_for(&self, grid: &Arc<Grid>, _: Purpose) -> bool {
+        self.grid.upgrade().is_some_and(|own| Arc::ptr_eq(&own, grid))
+    }
+
+    fn run(&mut self, solve: &mut TileSolve) -> Result<TileSolution> {
+        let last = match solve.last {
+            Some(Warp::Gpu(last)) => Some(Displacements::of(&**last)?.buffers.clone()),
+            _ => None,
+        };
+        let context = self.context.clone();
+        let run = || {
+            let mut run = Run::new(&solve.input, self, last, solve.keep, solve.team.control())?;
+            let summary = solve.run_schedule(&mut run);
+            run.finish(summary)
+        };
+        context.contain(|| caught(run))?
+    }
 }
 
 impl<'a> Run<'a> {
@@ -193,7 +205,7 @@ impl<'a> Run<'a> {
 
     /// Submits the remaining commands, waits for the GPU, and reads the results. If the control is cancelled, it stops
     /// waiting; commands already submitted still finish before any that are submitted later.
-    pub fn finish(mut self) -> Result<Solution> {
+    pub fn finish(mut self, summary: Summary) -> Result<TileSolution> {
         if let Some(error) = self.error {
             return Err(error);
         }
@@ -219,23 +231,21 @@ impl<'a> Run<'a> {
             true => identity,
             false => chart_result(&bytemuck::pod_read_unaligned(bytes)),
         };
-        Ok(Solution {
+        let statistics = Statistics {
+            upload_ms: self.upload_ms,
+            record_ms,
+            wait_ms,
+            bytes_held: self.memory.bytes,
+            ..statistics
+        };
+        Ok(TileSolution {
             charts: records.map(read).collected(),
-            result: self.result,
+            warp: Warp::Gpu(boxed(Displacements::new(self.context, self.grid.clone(), self.result))),
+            summary: Summary { times: statistics.times(), ..summary },
             node_updates: self.node_updates,
-            statistics: Statistics {
-                upload_ms: self.upload_ms,
-                record_ms,
-                wait_ms,
-                bytes_held: self.memory.bytes,
-                ..statistics
-            },
+            blocks_active: self.memory.lists[0].iter().map(|lists| u64::from(lists.active.count)).sum(),
+            work: Some(statistics.work()),
         })
-    }
-
-    /// Number of active blocks of the solved charts on level 0.
-    pub fn blocks_active(&self) -> u64 {
-        self.memory.lists[0].iter().map(|lists| u64::from(lists.active.count)).sum()
     }
 
     pub(super) fn at_level(&self, level: usize) -> Params {

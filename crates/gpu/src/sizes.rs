@@ -151,7 +151,8 @@ mod tests {
     use std::sync::Arc;
 
     use crate::Memory;
-    use crate::context::{Options, tests::gpu};
+    use crate::context::tests::gpu;
+    use vrtm_core::backend::Options;
     use vrtm_core::fixtures::{maps, sheet};
     use vrtm_core::grid::Grid;
     use vrtm_core::settings::TileSettings;

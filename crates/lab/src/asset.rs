@@ -1,5 +1,6 @@
 //! Results read and judged independently of the solver, for tests and benches.
 
+use std::any::Any;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -19,6 +20,7 @@ use vrtm_core::method::progress::Progress;
 use vrtm_core::method::schedule;
 use vrtm_core::method::stage::{Stage, Stages, Start};
 use vrtm_core::view::Strided;
+use vrtm_gpu::context::Context;
 
 use crate::parity::StageDifference;
 use crate::parity::pair::Pair;
@@ -228,7 +230,8 @@ impl Lab for Asset {
     ) -> Result<Vec<StageDifference>> {
         options.check()?;
         let inside = self.tile_inside(tile, &positions)?;
-        let Some(context) = self.device().gpu() else {
+        let gpu = self.device().gpu().map(|gpu| gpu.clone() as Arc<dyn Any + Send + Sync>);
+        let Some(Ok(context)) = gpu.map(Arc::downcast::<Context>) else {
             return Err(Error::new(ErrorKind::Unsupported, "the asset is not on a GPU"));
         };
         let (mesh, maps) = (&*inside.extended, inside.maps);
@@ -250,7 +253,7 @@ impl Lab for Asset {
             Input { grid: &grid, mesh, pose: &pose, settings, protect, charts: &charts, continuation, pull };
         self.device().team(|team| {
             let mut of_cpu = cpu::Memory::new(&grid, Purpose::new(plan.solver(), settings));
-            let mut of_gpu = vrtm_gpu::Memory::new(context, &grid, mesh)?;
+            let mut of_gpu = vrtm_gpu::Memory::new(&context, &grid, mesh)?;
             let mut u = zeroed(grid.levels[0].blocks.list.len());
             let cpu = cpu::Run::new(team, &input, &mut of_cpu, &mut u, &[]);
             context.contain(|| {

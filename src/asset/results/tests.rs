@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use super::*;
 use crate::device::Device;
-use crate::solver::tile_solve::Warp;
 use crate::{Asset, FetchKind, ImageLayout, ImageView, ImageViewMut, PixelFormat};
+use vrtm_core::backend::Warp;
 use vrtm_core::mesh::{MeshSource, UvSource};
 use vrtm_core::settings::{Backend, DeviceSettings, Quality, SolveOptions, TileSettings};
 use vrtm_core::view::Strided;

@@ -1,7 +1,7 @@
 //! The description of a map that a host asks about, and the report on it.
 
 use crate::map::{FetchKind, Form};
-use crate::solver::solved::Solved;
+use crate::solved::Solved;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::image::format::PixelFormat;
 use vrtm_core::settings::MAX_GRID;

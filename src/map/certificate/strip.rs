@@ -14,7 +14,7 @@ use vrtm_core::team::Team;
 use super::desc::MapDesc;
 use crate::map::fetch::Output;
 use crate::map::inverse::Outputs;
-use crate::solver::solved::Solved;
+use crate::solved::Solved;
 use vrtm_core::mesh::Mesh;
 
 /// Writes rows of maps of a result.

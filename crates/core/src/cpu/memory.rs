@@ -71,8 +71,8 @@ impl Lists {
 #[derive(Debug, Default)]
 pub struct Memory {
     /// The node planes of the grid that the memory is for, which identify that grid.
-    blocks: Weak<Vec<Plane<u32>>>,
-    purpose: Purpose,
+    pub(super) blocks: Weak<Vec<Plane<u32>>>,
+    pub(super) purpose: Purpose,
     /// State and pose metrics per level.
     pub(super) levels: Vec<Buffers>,
     /// Memory of corrections; empty for the paper's solver.
@@ -119,11 +119,5 @@ impl Memory {
         let metrics = allocator.zeros(grid.triangles.len());
         let (blocks, lists) = (Weak::new(), Default::default());
         Memory { blocks, purpose, levels, workspace, pbd, triangles, metrics, lists }
-    }
-
-    /// Whether this is the memory for the given purpose on the given grid. (Grids of different sizes or maps have
-    /// different blocks.)
-    pub fn is_for(&self, grid: &Arc<Grid>, purpose: Purpose) -> bool {
-        self.purpose == purpose && self.blocks.upgrade().is_some_and(|own| Arc::ptr_eq(&own, &grid.triangle))
     }
 }

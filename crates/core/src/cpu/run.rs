@@ -1,15 +1,20 @@
-//! One solve of one tile on the CPU: the data that all of its stages share.
+//! One solve of one tile on the CPU: the data that all of its stages share, and the stages that the schedule calls
+//! (method §5).
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
 use crate::allocation::{Collect, Grow, filled, zeroed, zeroed_box};
+use crate::backend::{TileSolution, TileSolve, TileSolver, Warp};
+use crate::error::Result;
 use crate::grid::Grid;
 use crate::grid::planes::Plane;
 use crate::grid::pose::Pose;
 use crate::grid::window::Window;
 use crate::mesh::TileMesh;
-use crate::method::plan::{ChartResult, Input};
+use crate::method::plan::{ChartResult, Input, Purpose};
+use crate::method::stage::{Stage, Stages, Start};
 use crate::team::{PerThread, Team, Worker};
 use crate::unwind::{go_on, hold_back};
 
@@ -20,6 +25,24 @@ use super::patch::{Patch, Weights};
 use super::sampling::Surface;
 use super::sampling::chords::Chords;
 use super::sampling::metrics::Metrics;
+
+impl TileSolver for Memory {
+    fn is_for(&self, grid: &Arc<Grid>, purpose: Purpose) -> bool {
+        self.purpose == purpose && self.blocks.upgrade().is_some_and(|own| Arc::ptr_eq(&own, &grid.triangle))
+    }
+
+    fn run(&mut self, solve: &mut TileSolve) -> Result<TileSolution> {
+        let mut u = solve.initial_displacements()?;
+        let mut run = Run::new(solve.team, &solve.input, self, &mut u, solve.anchor()?);
+        let summary = solve.run_schedule(&mut run);
+        let charts = std::mem::take(&mut run.results);
+        let node_updates = run.node_updates.load(Ordering::Relaxed);
+        let blocks_active = run.work[0].active.len() as u64;
+        // For the next solve.
+        run.memory.lists = [run.work, run.spare];
+        Ok(TileSolution { warp: Warp::Host(u), charts, summary, node_updates, blocks_active, work: None })
+    }
+}
 
 /// One solve of one tile.
 pub struct Run<'a> {
@@ -112,21 +135,6 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Gives the memory of the lists back for the next solve.
-    pub fn end(self) {
-        self.memory.lists = [self.work, self.spare];
-    }
-
-    /// Node updates of all relaxations, or of all iterations of the paper's solver.
-    pub fn node_updates(&self) -> u64 {
-        self.node_updates.load(Ordering::Relaxed)
-    }
-
-    /// Number of active blocks on the finest level.
-    pub fn blocks_active(&self) -> u64 {
-        self.work[0].active.len() as u64
-    }
-
     /// Calls `f(worker, k, block)` for the `k`-th of the blocks, for all of them. Before that, `next` is called with the
     /// block that is probably this thread's next one, to prefetch it.
     pub(super) fn each_of(
@@ -200,6 +208,51 @@ impl<'a> Run<'a> {
         self.memory.triangles = triangles;
         self.memory.levels[level].metric = metric;
         go_on(result)
+    }
+}
+
+/// `Start` delegates to `prolong`, `Iterate` to `pbd`, and each other stage to the file of its name.
+impl Stages for Run<'_> {
+    fn run(&mut self, stage: &Stage) -> bool {
+        if let Stage::Start { from, .. } = *stage
+            && from != Start::Passing
+        {
+            self.known_energies.fill(None);
+        }
+        match *stage {
+            Stage::Surface => self.pose_triangles(),
+            Stage::Pyramid => {
+                self.pose_metrics();
+                self.protect();
+            }
+            Stage::Start { level, from } => match from {
+                Start::Identity => self.start_from_identity(level),
+                Start::Previous => self.start_from_previous(),
+                Start::Coarser => self.prolong_level(level),
+                Start::Smoothed(smoothing) => {
+                    self.prolong_level(level);
+                    self.regularise_level(level, smoothing);
+                }
+                Start::Passing => self.interpolate_level(level),
+            },
+            Stage::Relax { level, sweeps } => {
+                self.known_energies.fill(None);
+                self.relax_level(level, sweeps, None);
+            }
+            Stage::Correct { level, ref correction, stop } => {
+                (self.stop, self.stopped) = (stop, false);
+                self.correct_level(level, correction);
+                return !self.stopped;
+            }
+            Stage::Iterate { level, ref iteration } => self.iterate_level(level, iteration),
+            Stage::Energies { level, allow_folds } => {
+                self.store_identity_energy(level);
+                self.complete_energies(level, allow_folds);
+            }
+            Stage::Certify { allow_folds } => self.certify_result(allow_folds),
+            Stage::GiveUp => self.fall_back_everywhere(),
+        }
+        true
     }
 }
 

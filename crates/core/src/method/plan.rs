@@ -1,5 +1,6 @@
 //! The plan of a solve: its input, and the stages of each level that follow from its options (method §5).
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use super::acceptance::Correction;
@@ -13,7 +14,7 @@ use crate::settings::{PbdSettings, Quality, SolveOptions, Solver, TileSettings};
 
 /// The input of a backend: one tile, one pose.
 pub struct Input<'a> {
-    pub grid: &'a Grid,
+    pub grid: &'a Arc<Grid>,
     pub mesh: &'a TileMesh,
     pub pose: &'a Pose,
     pub settings: &'a TileSettings,

@@ -4,14 +4,15 @@
 use wgpu::BufferUsages;
 
 use super::*;
-use crate::adapters::Adapters;
+use crate::adapters;
+use vrtm_core::backend::Gpu;
 
 /// The first GPU, hardware or software.
 pub fn gpu(options: Options) -> Option<Context> {
-    let found = Adapters::new();
-    let Some(adapter) = found.usable.first() else {
+    let (usable, rejected) = adapters::all();
+    let Some(adapter) = usable.first() else {
         let required = std::env::var_os("VRTM_REQUIRE_GPU").is_some_and(|value| value == "1");
-        assert!(!required, "VRTM_REQUIRE_GPU is set, but there is no GPU adapter: {}", found.listed());
+        assert!(!required, "VRTM_REQUIRE_GPU is set, but there is no GPU adapter: {rejected:?}");
         println!("skipped: no GPU adapter");
         return None;
     };

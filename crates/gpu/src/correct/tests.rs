@@ -4,9 +4,10 @@
 use bytemuck::{Pod, Zeroable};
 use wgpu::BufferUsages as Usage;
 
-use crate::context::{Context, Options, tests::gpu};
+use crate::context::{Context, tests::gpu};
 use crate::identity::is_software;
 use crate::kernels::Kernel;
+use vrtm_core::backend::Options;
 use vrtm_core::method::acceptance::{Correction, Gain};
 
 /// A row of the table; `Case` in WGSL.

@@ -2,7 +2,8 @@
 //! memory is tested in `tests/gpu/external.rs`.
 
 use super::*;
-use crate::context::{Options, tests::gpu};
+use crate::context::tests::gpu;
+use vrtm_core::backend::Options;
 use vrtm_core::image::external::ExternalHandle;
 
 fn texels(size: [usize; 2], offset: u64, row_stride: u64, is_top_first: bool) -> ExternalTexels {
@@ -70,10 +71,8 @@ fn values_are_those_of_f64_bit_by_bit() {
     let texels = texels(size, 0, 8 * size[0] as u64, false);
     let input = inputs(2 * count);
     for cells in [[1, 16], [96, 128], [1000, 1008], [16384, 12368], [2048, 4096]] {
-        for values in
-            [Values::Delta, Values::Absolute([0, 0]), Values::Absolute([7, 0]), Values::Absolute([3, 219])]
-        {
-            let redirection = Redirection::new(&gpu, cells, values, &texels, 1 << 27).unwrap();
+        for origin in [None, Some([0, 0]), Some([7, 0]), Some([3, 219])] {
+            let redirection = Redirection::new(&gpu, cells, origin, &texels, 1 << 27).unwrap();
             let image = redirection.image().unwrap();
             gpu.queue.write_buffer(&image, 0, bytemuck::cast_slice(&input));
             let memory = memory(&gpu, texels.end);
@@ -86,16 +85,16 @@ fn values_are_those_of_f64_bit_by_bit() {
                 let at = [texel % size[0], texel / size[0]][axis];
                 let delta = f64::from(f32::from_bits(bits)) / cells[axis] as f64;
                 let centre = (at as f64 + 0.5) / size[axis] as f64;
-                let expected = match values {
-                    Values::Delta => delta,
-                    Values::Absolute([0, 0]) => centre + delta,
-                    Values::Absolute(origin) => (centre + delta) + f64::from(origin[axis]),
+                let expected = match origin {
+                    None => delta,
+                    Some([0, 0]) => centre + delta,
+                    Some(origin) => (centre + delta) + f64::from(origin[axis]),
                 };
                 let expected = expected as f32;
                 assert_eq!(
                     found,
                     expected.to_bits(),
-                    "{values:?} {cells:?}: {:e} at {centre}: {:e}, not {expected:e}",
+                    "{origin:?} {cells:?}: {:e} at {centre}: {:e}, not {expected:e}",
                     f32::from_bits(bits),
                     f32::from_bits(found)
                 );
@@ -115,8 +114,8 @@ fn texels_lie_where_the_layout_says() {
             for is_top_first in [false, true] {
                 for most in [ALIGNMENT + row, ALIGNMENT + 3 * row, 1 << 27] {
                     let texels = texels(size, offset, row_stride, is_top_first);
-                    let values = Values::Absolute([0; 2]);
-                    let redirection = Redirection::new(&gpu, [16, 16], values, &texels, most).unwrap();
+                    let origin = Some([0; 2]);
+                    let redirection = Redirection::new(&gpu, [16, 16], origin, &texels, most).unwrap();
                     assert!(
                         redirection.bands.iter().all(|band| band.bytes.end - band.bytes.start <= most
                             && band.bytes.start.is_multiple_of(ALIGNMENT)),

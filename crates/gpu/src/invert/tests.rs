@@ -3,9 +3,10 @@
 
 use super::*;
 use crate::bands;
-use crate::context::{Options, tests::gpu};
+use crate::context::tests::gpu;
 use crate::records::band_blocks;
 use crate::results::{RESULT_BLOCK, ResultBuffers};
+use vrtm_core::backend::Options;
 use vrtm_core::cpu::invert as twin;
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::maps::{TileMaps, Values};
@@ -99,11 +100,11 @@ fn upload(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]], most: usiz
 
 fn inverse(output: &Output, u: &Displacements, size: [usize; 2]) -> Vec<[f32; 2]> {
     let mut all = Vec::new();
-    let read = |row: usize, texels: &[[f32; 2]]| {
+    let mut read = |row: usize, texels: &[[f32; 2]]| {
         assert_eq!(all.len(), row * size[0]);
         all.extend_from_slice(texels);
     };
-    output.invert(u, size, read).unwrap();
+    output.invert(u, size, &mut read).unwrap();
     assert_eq!(all.len(), size[0] * size[1]);
     all
 }

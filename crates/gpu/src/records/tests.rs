@@ -2,8 +2,9 @@
 
 use wgpu::BufferUsages as Usage;
 
-use crate::context::{Options, tests::gpu};
+use crate::context::tests::gpu;
 use crate::kernels::Kernel;
+use vrtm_core::backend::Options;
 use vrtm_core::grid::codes::{Lengths, decode_rigidity, decode_weight};
 
 /// Decodes each 16-bit code as a rigidity, as a weight (its lower 8 bits), and as a length in each coding.

@@ -3,21 +3,23 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::context::{Options, tests::gpu};
+use crate::Memory;
+use crate::context::tests::gpu;
 use crate::state::STATE_PLANES;
-use crate::{Displacements, Memory, Solution};
+use vrtm_core::backend::Options;
+use vrtm_core::backend::TileSolution;
 use vrtm_core::fixtures::{discs, maps, sheet};
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::NODES;
 use vrtm_core::grid::pose::Pose;
 use vrtm_core::method::acceptance::Correction;
-use vrtm_core::method::plan::Input;
+use vrtm_core::method::plan::{Input, Summary};
 use vrtm_core::method::stage::{Stage, Stages, Start};
 use vrtm_core::settings::TileSettings;
 
 /// Solves level 0 of a stretched sheet, lets `change` alter its state, and certifies it. Returns the outcome, and whether
 /// any node moved.
-fn certified(context: &Arc<crate::context::Context>, change: impl Fn(&mut [u32])) -> (Solution, bool) {
+fn certified(context: &Arc<crate::context::Context>, change: impl Fn(&mut [u32])) -> (TileSolution, bool) {
     let mesh = sheet(8, |u, v| [u, v, 0.0]);
     let tile = &mesh.tiles[0];
     let maps = maps(64, TileSettings::default(), discs);
@@ -49,9 +51,8 @@ fn certified(context: &Arc<crate::context::Context>, change: impl Fn(&mut [u32])
     change(&mut state);
     run.set_state(0, &state).unwrap();
     run.run(&Stage::Certify { allow_folds: false });
-    let solution = run.finish().unwrap();
-    let result = Displacements::new(context.clone(), grid.clone(), solution.result.clone());
-    let moves = result.host().unwrap().as_flattened().as_flattened().iter().any(|&u| u != 0.0);
+    let solution = run.finish(Summary::default()).unwrap();
+    let moves = solution.warp.host().unwrap().as_flattened().as_flattened().iter().any(|&u| u != 0.0);
     (solution, moves)
 }
 

@@ -8,6 +8,7 @@ use vrtm_core::grid::Grid;
 use vrtm_core::grid::codes::unpack_bfloat16;
 use vrtm_core::grid::planes::NODES;
 use vrtm_core::method::acceptance::Correction;
+use vrtm_core::method::plan::Summary;
 use vrtm_core::method::stage::{Stage, Stages, Start};
 use vrtm_gpu as gpu;
 use vrtm_gpu::layout::{METRIC_PLANES, ROW_PLANES};
@@ -94,7 +95,7 @@ impl<'a> Pair<'a> {
         if let Some(error) = self.error {
             return Err(error);
         }
-        let done = self.gpu.finish()?;
+        let done = self.gpu.finish(Summary::default())?;
         let mut add = |quantity, of: &dyn Fn(&vrtm_core::method::plan::ChartResult) -> f64| {
             let solved = |c: &usize| self.charts[*c];
             let pairs = (0..self.charts.len()).filter(solved).map(|c| {

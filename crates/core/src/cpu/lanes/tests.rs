@@ -120,7 +120,6 @@ fn displacements(quality: Quality) -> Vec<u32> {
         let mut run = Run::new(team, &input, &mut memory, &mut u, &[]);
         let (mut deadline, mut progress) = (Deadline::unlimited(), Progress::new(None, 1.0));
         schedule::run(&mut run, &input, &plan, false, &mut deadline, &mut progress);
-        run.end();
     });
     let u = u.as_flattened().as_flattened();
     assert!(u.iter().any(|u| u.abs() > 0.5), "something moved");

@@ -114,8 +114,7 @@ fn import(context: &Context, texels: &ExternalTexels) -> Result<Imported> {
     let device = unsafe { context.device.as_hal::<Vulkan>() }.ok_or_else(|| {
         unsupported(format!(
             "image.handle: memory is imported through Vulkan alone, but {} is driven through {}",
-            adapter.name,
-            context.describe().api
+            adapter.name, context.about.api
         ))
     })?;
     let (types, extension) = kind(texels.handle);

@@ -6,6 +6,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use glam::DVec2;
 
 use vrtm_core::allocation::copied;
+use vrtm_core::backend::Warp;
 use vrtm_core::cpu::invert;
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::gutter::{Gutter, LimitedTexels};
@@ -14,8 +15,6 @@ use vrtm_core::mesh::{NONE, TileMesh};
 use vrtm_core::method::plan::ChartResult;
 use vrtm_core::report::{GpuWork, TileReport};
 use vrtm_core::settings::Overlap;
-
-use super::tile_solve::Warp;
 
 /// A tile's last good solve.
 #[derive(Debug)]
