@@ -97,7 +97,9 @@ impl Words {
             match (setting.limits, default) {
                 (Some(limits), Ok(default)) => {
                     let [least, most] = limits.map(number);
-                    text.push(format!("{least} to {most}; default {}.", number(default)));
+                    let zero =
+                        if later(of, field) && default != 0.0 { "0 (the default) =" } else { "default" };
+                    text.push(format!("{least} to {most}; {zero} {}.", number(default)));
                 }
                 (None, Ok(default)) if later(of, field) => {
                     text.push(format!("0 (the default) = {}.", number(default)));
