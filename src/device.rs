@@ -339,8 +339,8 @@ impl Booked {
         self.bytes
     }
 
-    /// Books this many bytes in place of those before: as many or fewer always, more if the budget allows; the error names
-    /// `what` if it does not.
+    /// Books this many bytes in place of those before: as many or fewer always, more if the budget allows; the error
+    /// names `what` if it does not.
     pub fn set(&mut self, bytes: u64, what: &str) -> Result<()> {
         self.device.rebook(self.bytes, bytes, what)?;
         self.bytes = bytes;

@@ -1,5 +1,6 @@
-//! What follows from a mesh, maps and settings is made when it is first needed, and stored with the key that it was made from.
-//! It is got through one function, which compares the keys: nobody has to tell it that something has changed.
+//! What follows from a mesh, maps and settings is made when it is first needed, and stored with the key that it was
+//! made from. It is got through one function, which compares the keys: nobody has to tell it that something has
+//! changed.
 
 use std::sync::{Arc, Weak};
 
@@ -25,8 +26,8 @@ impl<K, T> Default for Derived<K, T> {
 }
 
 impl<K: PartialEq, T> Derived<K, T> {
-    /// What follows from the key; `make` makes it, and books its bytes, unless it is there. What follows from another key is
-    /// gone by then.
+    /// What follows from the key; `make` makes it, and books its bytes, unless it is there. What follows from another
+    /// key is gone by then.
     pub fn get(
         &mut self,
         device: &Device,

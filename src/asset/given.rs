@@ -1,5 +1,6 @@
-//! What the host has set for the tiles of an asset: maps and settings. The functions that set them know nothing of what follows
-//! from them; what does stores a key (`derived`) in which each state of a tile's maps has a number, its generation.
+//! What the host has set for the tiles of an asset: maps and settings. The functions that set them know nothing of what
+//! follows from them; what does stores a key (`derived`) in which each state of a tile's maps has a number, its
+//! generation.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -62,7 +63,8 @@ pub(crate) struct GridKey {
     keeps: bool,
     smoothness: [f32; 2],
     has_density: bool,
-    /// The tiles that its collars lie in, each with the generation of its maps and the size of its grid, at which they are read.
+    /// The tiles that its collars lie in, each with the generation of its maps and the size of its grid, at which they
+    /// are read.
     beyond: Vec<(u32, u64, [usize; 2])>,
 }
 
@@ -145,8 +147,8 @@ impl Given {
         }
     }
 
-    /// The strokes that have changed a grid's inputs since it had this key: none if nothing has changed, `None` if other things
-    /// have.
+    /// The strokes that have changed a grid's inputs since it had this key: none if nothing has changed, `None` if
+    /// other things have.
     pub fn strokes_since(&self, key: &GridKey) -> Option<&[Stroke]> {
         let mut now = self.grid_key(key.tile, key.beyond.iter().map(|there| there.0));
         now.generation = key.generation;

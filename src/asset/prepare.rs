@@ -71,8 +71,8 @@ impl TileState {
         given.strokes_since(key).map(|_| &*built.grid)
     }
 
-    /// The room for redirections beside charts, and the time for the grid that was not yet reported, of the tile that was prepared
-    /// last.
+    /// The room for redirections beside charts, and the time for the grid that was not yet reported, of the tile that
+    /// was prepared last.
     pub fn gutter_and_ms(&mut self, call: &Call, is_torn: bool) -> Result<(Option<Arc<Gutter>>, f32)> {
         let shape = if is_torn { &mut self.torn } else { &mut self.whole };
         let Some(shape) = shape.last_mut() else { return Ok((None, 0.0)) };

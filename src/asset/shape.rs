@@ -162,8 +162,9 @@ pub(super) fn new_mesh(call: &Call, tile: usize, (beyond, welds): &ShapeKey) -> 
 }
 
 /// The welds that a pose tears, ascending, as indices into the tile's welds: edges joined by position alone
-/// (`WeldBy::Position`), where at one of the ends the vertices of both sides are farther apart than `Mesh::torn` plus the
-/// rounding of their coordinates. Charts end there in this pose. It depends on the pose alone, never on earlier frames.
+/// (`WeldBy::Position`), where at one of the ends the vertices of both sides are farther apart than `Mesh::torn` plus
+/// the rounding of their coordinates. Charts end there in this pose. It depends on the pose alone, never on earlier
+/// frames.
 pub(super) fn torn_welds(mesh: &Mesh, tile: &TileMesh, positions: &Strided) -> Vec<u32> {
     let is_torn = |[a, b]: [u32; 2]| {
         if a == b {

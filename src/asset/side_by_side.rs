@@ -1,5 +1,5 @@
-//! Which tiles of a solve all threads solve together, one after the other; the others are solved side by side, on one thread each,
-//! which avoids waiting. The results are bit-identical either way.
+//! Which tiles of a solve all threads solve together, one after the other; the others are solved side by side, on one
+//! thread each, which avoids waiting. The results are bit-identical either way.
 
 use vrtm_core::allocation::zeroed;
 

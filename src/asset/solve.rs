@@ -1,5 +1,5 @@
-//! A solve: the tiles that a request includes, all threads on large ones and one thread on each of the others, and the publication
-//! of all results at once.
+//! A solve: the tiles that a request includes, all threads on large ones and one thread on each of the others, and the
+//! publication of all results at once.
 
 use std::cmp::Reverse;
 use std::sync::Arc;

@@ -45,8 +45,8 @@ pub(crate) struct SolveCall<'a> {
     pub learns: bool,
 }
 
-/// What is made for one tile of an asset from the mesh, from what the host has set, and from poses. Each part knows what it was
-/// made from.
+/// What is made for one tile of an asset from the mesh, from what the host has set, and from poses. Each part knows
+/// what it was made from.
 #[derive(Debug)]
 pub(crate) struct TileState {
     /// Its number in the mesh.

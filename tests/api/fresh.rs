@@ -1,5 +1,6 @@
-//! Results depend on the mesh, the maps, the settings and the pose alone, whatever was set, painted, torn, solved, cancelled and
-//! released before: random histories of an asset, in which each result is compared with that of a fresh asset, bit for bit.
+//! Results depend on the mesh, the maps, the settings and the pose alone, whatever was set, painted, torn, solved,
+//! cancelled and released before: random histories of an asset, in which each result is compared with that of a fresh
+//! asset, bit for bit.
 //!
 //! Left out is what depends on the past by intention: a warm start, a time budget, and reports of times, memory and work.
 
@@ -21,8 +22,8 @@ const STEPS: usize = 18;
 /// The asset has two tiles.
 const TILES: usize = 2;
 
-/// Five sheets, each a chart. The first three hang together at seams, which lie within the first tile and between both; the
-/// fourth is beside them, and the last lies over it.
+/// Five sheets, each a chart. The first three hang together at seams, which lie within the first tile and between both;
+/// the fourth is beside them, and the last lies over it.
 const SHEETS: [[f32; 2]; 5] = [[0.08, 0.1], [0.55, 0.15], [1.1, 0.1], [1.55, 0.1], [1.6, 0.4]];
 const SIDE: f32 = 0.36;
 
@@ -43,8 +44,8 @@ impl Random {
     }
 }
 
-/// The sheets, with a slit in the middle of each that is closed at rest, and poses. The last two open slits: of all sheets, and
-/// of the first one alone.
+/// The sheets, with a slit in the middle of each that is closed at rest, and poses. The last two open slits: of all
+/// sheets, and of the first one alone.
 fn model() -> Model {
     let row = QUADS + 1;
     let mut model = Model {
@@ -117,7 +118,7 @@ fn painted(random: &mut Random) -> Vec<u8> {
 
 impl Given {
     fn new(random: &mut Random) -> Given {
-        let settings = TileSettings { grid: [Some(48); 2], seam_reach: 0.06, ..TileSettings::default() };
+        let settings = TileSettings { grid: [Some(32); 2], seam_reach: 0.06, ..TileSettings::default() };
         Given {
             rigidity: [0; TILES].map(|_| Some(painted(random))),
             mask: [const { None }; TILES],
@@ -170,23 +171,23 @@ impl Given {
             }
             4..=8 => {
                 let settings = &mut self.settings[tile];
-                match random.below(9) {
-                    0 => settings.room = random.one(&[0.3, 0.1]),
-                    1 => settings.protect = random.one(&[0.0, 0.5]),
-                    2 => settings.smoothness = random.one(&[0.02, 0.1]),
-                    3 => settings.grid = random.one(&[[Some(48); 2], [Some(32), Some(64)], [None; 2]]),
-                    4 => settings.overlap = random.one(&[Overlap::Fixed, Overlap::FirstFace]),
-                    5 => settings.seam_reach = random.one(&[0.06, 0.1]),
-                    6 => settings.open_borders = random.one(&[OpenBorders::Fixed, OpenBorders::Slide]),
+                match random.below(12) {
+                    0..=2 => settings.room = random.one(&[0.3, 0.1]),
+                    3 | 4 => settings.protect = random.one(&[0.0, 0.5]),
+                    5 => settings.smoothness = random.one(&[0.02, 0.1]),
+                    6 => settings.grid = random.one(&[[Some(32); 2], [Some(16), Some(48)], [None; 2]]),
+                    7 => settings.overlap = random.one(&[Overlap::Fixed, Overlap::FirstFace]),
+                    8 => settings.seam_reach = random.one(&[0.06, 0.1]),
+                    9 => settings.open_borders = random.one(&[OpenBorders::Fixed, OpenBorders::Slide]),
                     _ => {
-                        settings.seams =
-                            random.one(&[Seams::Shut, Seams::Keep, Seams::Continue, Seams::Continue])
+                        let all = [Seams::Shut, Seams::Keep, Seams::Continue, Seams::Continue];
+                        settings.seams = random.one(&all);
                     }
                 }
                 let goes_on =
                     settings.seams == Seams::Continue || settings.open_borders == OpenBorders::Slide;
-                settings.orientation_density = if !goes_on && random.chance(20) { 0.5 } else { 0.0 };
-                settings.smoothness_floor = random.one(&[5e-4, 5e-4, 5e-4, 2e-3]);
+                settings.orientation_density = if !goes_on && random.chance(15) { 0.5 } else { 0.0 };
+                settings.smoothness_floor = if random.chance(85) { 5e-4 } else { 2e-3 };
                 asset.set_settings(tile, settings).unwrap();
                 format!("{tile}: {settings:?}")
             }
@@ -281,7 +282,7 @@ fn history(model: &Model, seed: u64, steps: usize) -> Counts {
         };
         let some = [random.below(TILES)];
         let tiles = random.chance(25).then_some(&some[..]);
-        let dirty = random.chance(55).then(|| dirty(model, &poses, pose));
+        let dirty = random.chance(65).then(|| dirty(model, &poses, pose));
         let request = SolveRequest {
             positions: Strided::from_f32x3(&model.frames[pose]),
             options,
@@ -352,11 +353,11 @@ fn results_are_those_of_fresh_assets() {
     let all = sum(|c| c.compared);
     let shares = [
         ("moved", sum(|c| c.moved), 2),
-        ("with reused charts", sum(|c| c.reused), 20),
+        ("with reused charts", sum(|c| c.reused), 30),
         ("kept", sum(|c| c.kept), 30),
         ("torn", sum(|c| c.torn), 8),
         ("with collars", sum(|c| c.extended), 4),
-        ("cancelled", sum(|c| c.cancelled), 20),
+        ("cancelled", sum(|c| c.cancelled), 40),
     ];
     println!("{all} results; {shares:?}");
     for (what, count, least) in shares {
