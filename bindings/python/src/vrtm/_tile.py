@@ -156,9 +156,7 @@ class Tile:
         """
         number = value_of("fetch_kind", kind, "kind")
         size = self._size(kind, None if size is None else image_size(size), out)
-        target = Target(
-            Pinned(), kind, size, dtype=dtype, channels=channels, origin=origin, out=out
-        )
+        target = Target(Pinned(), kind, size, dtype=dtype, channels=channels, origin=origin, out=out)
         fetch = new(_abi.vrtm_fetch)
         fetch.kind, fetch.tile, fetch.uv_set = number, self._handle, natural("uv_set", uv_set, 32)
         fetch.image = ctypes.pointer(target.struct)

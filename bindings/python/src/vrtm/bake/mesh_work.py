@@ -327,9 +327,7 @@ class MeshWork:
     def _inspected(self, tile: TileWork, size: tuple[int, int]) -> vrtm.MapInfo:
         output = self.listed[0]
         # A map of UVs of another set is as good as one of its own.
-        return tile.tile.inspect_map(
-            outputs.FETCH[self.settings.form], size, dtype=np.dtype(output.dtype).type
-        )
+        return tile.tile.inspect_map(outputs.FETCH[self.settings.form], size, dtype=np.dtype(output.dtype).type)
 
     def _pixels(self, piece: Piece, size: tuple[int, int], stop: Callable[[], None]) -> np.ndarray:
         tile = piece.tile.tile
