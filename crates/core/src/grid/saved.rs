@@ -4,9 +4,9 @@
 //!
 //! ```text
 //! header     magic, format, length, key of the inputs, checksum of what follows
-//! sizes      cells along u and v, charts, levels, parts, squares; overlap, nodes at gaps
-//! parts      chart, place, rigid or not, nodes
-//! squares    place, rigid, frozen and overlapped nodes
+//! sizes      cells along u and v, charts, levels, parts, squares, density or not; overlap, nodes at gaps
+//! parts      of all, chart, place, rigid or not; of all, nodes
+//! squares    of all, place; of all, rigid, frozen and overlapped nodes
 //! levels     per level: rigidity, rest lengths, their coding and floors, weights, stiffness, coverage, density
 //! level 0    the triangle under each node
 //! level 1    what metrics are gathered from
@@ -14,23 +14,24 @@
 //!
 //! All numbers are little-endian.
 
+mod numbers;
 mod read;
 mod write;
 
 use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 
 use super::Grid;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::grid::maps::{MapsOfTile, TileMaps, Values};
 use crate::mesh::{Chart, Mesh, TileMesh};
 use crate::settings::Seams;
 use crate::team::Team;
-use read::{Reader, refuse};
-use write::{Writer, write};
+use numbers::{Reader, Writer};
+use write::write;
 
 const MAGIC: [u8; 8] = *b"vrtmtile";
 /// Increases with every change of the layout, or of what is computed from the same inputs.
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 /// Bytes of the header.
 const HEADER: usize = 8 + 4 + 4 + 8 + 16 + 16;
 /// A hash that identifies the inputs of a grid: the tile's mesh, its maps, and the settings that a grid depends on.
@@ -109,14 +110,16 @@ pub fn save(grid: &Grid, key: u128, out: &mut [u8]) {
     let length = out.len() as u64;
     let (header, payload) = out.split_at_mut(HEADER);
     write(grid, &mut Writer { out: Some(payload), at: 0 });
-    let checksum = xxh3_128(payload);
     let mut header = Writer { out: Some(header), at: 0 };
-    header.bytes(&MAGIC);
-    header.u32(FORMAT);
-    header.u32(0);
-    header.bytes(&length.to_le_bytes());
-    header.bytes(&key.to_le_bytes());
-    header.bytes(&checksum.to_le_bytes());
+    header.one(MAGIC);
+    header.one([FORMAT, 0]);
+    header.one(length);
+    header.one([key, xxh3_128(payload)]);
+}
+
+/// The error of bytes that cannot be a saved grid.
+fn refuse(why: &str) -> Error {
+    Error::argument(format!("data: {why}"))
 }
 
 /// Loads a grid for a tile whose inputs have the given key. `book(bytes)` is called before the memory is allocated.
@@ -131,27 +134,26 @@ pub fn load(
     tile: &TileMesh,
     book: impl FnOnce(u64) -> Result<()>,
 ) -> Result<Grid> {
-    let mut from = Reader { left: data };
-    if from.bytes(MAGIC.len()).ok() != Some(&MAGIC) {
+    let mut from = Reader(data);
+    if from.one().ok() != Some(MAGIC) {
         return Err(refuse("it is no saved tile"));
     }
-    let format = from.u32()?;
+    // The reserved word may be used by a later version.
+    let (format, reserved, length) = (from.one::<u32>()?, from.one::<u32>()?, from.one::<u64>()?);
+    let [its_key, checksum] = from.one()?;
     if format != FORMAT {
         return Err(refuse(&format!("it has the format {format}, this version reads {FORMAT}")));
     }
-    // A reserved word, which a later version may use.
-    if from.u32()? != 0 {
+    if reserved != 0 {
         return Err(refuse("its reserved word is not 0"));
     }
-    let length = from.array().map(u64::from_le_bytes)?;
     if length != data.len() as u64 {
         return Err(refuse(&format!("it has {} bytes, but {length} were saved", data.len())));
     }
-    if from.array().map(u128::from_le_bytes)? != key {
+    if key != its_key {
         return Err(refuse("it was saved with another mesh, map or setting"));
     }
-    let checksum = from.array().map(u128::from_le_bytes)?;
-    if checksum != xxh3_128(from.left) {
+    if checksum != xxh3_128(from.0) {
         return Err(refuse("it is damaged"));
     }
     read::grid(team, &mut from, mesh, tile, book)

@@ -1,14 +1,15 @@
-//! Reads a grid from untrusted bytes.
+//! Reads a grid from untrusted bytes: takes each array by the length that it must have, then checks its values.
 
 use std::sync::Arc;
 
-use crate::allocation::{Collect, Grow, with_capacity};
-use crate::error::{Error, Result};
+use super::numbers::Reader;
+use super::refuse;
+use crate::allocation::Collect;
+use crate::error::Result;
 use crate::grid::blocks::Part;
 use crate::grid::build::levels_of;
 use crate::grid::codes::Lengths;
 use crate::grid::gather::Gather;
-use crate::grid::interpolation::StiffnessPlanes;
 use crate::grid::node_set::NodeSet;
 use crate::grid::planes::{NODES, Plane, SIDE};
 use crate::grid::pose::Pose;
@@ -20,92 +21,9 @@ use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::settings::MAX_GRID;
 use crate::team::Team;
 
-/// Bytes of a part.
-const PART_BYTES: usize = 4 * 4 + 2 * SIDE;
-/// Bytes of a square's rigid nodes.
-const SQUARE_BYTES: usize = 2 * 4 + 3 * 2;
-
-/// Reads numbers in sequence.
-pub struct Reader<'a> {
-    pub left: &'a [u8],
-}
-
-/// The error of bytes that cannot be a saved grid.
-pub fn refuse(why: &str) -> Error {
-    Error::argument(format!("data: {why}"))
-}
-
-impl<'a> Reader<'a> {
-    pub fn bytes(&mut self, count: usize) -> Result<&'a [u8]> {
-        let (bytes, left) = self.left.split_at_checked(count).ok_or_else(|| refuse("it is cut short"))?;
-        self.left = left;
-        Ok(bytes)
-    }
-
-    pub fn array<const N: usize>(&mut self) -> Result<[u8; N]> {
-        let mut array = [0; N];
-        array.copy_from_slice(self.bytes(N)?);
-        Ok(array)
-    }
-
-    pub fn u32(&mut self) -> Result<u32> {
-        self.array().map(u32::from_le_bytes)
-    }
-
-    fn f32(&mut self) -> Result<f32> {
-        self.array().map(f32::from_le_bytes)
-    }
-
-    /// Reads values of `size` bytes each, and checks each with `is_valid`.
-    fn values<T: Copy>(
-        &mut self,
-        count: usize,
-        size: usize,
-        read: impl Fn(&[u8]) -> T,
-        is_valid: impl Fn(T) -> bool,
-        what: &str,
-    ) -> Result<Vec<T>> {
-        let bytes = count.checked_mul(size).ok_or_else(|| refuse("it is cut short"))?;
-        let values: Vec<T> = self.bytes(bytes)?.chunks_exact(size).map(read).collected();
-        match values.iter().all(|&x| is_valid(x)) {
-            true => Ok(values),
-            false => Err(refuse(&format!("it has {what} that cannot be"))),
-        }
-    }
-
-    fn u32s(&mut self, count: usize, is_valid: impl Fn(u32) -> bool, what: &str) -> Result<Vec<u32>> {
-        self.values(count, 4, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]), is_valid, what)
-    }
-
-    fn f32s(&mut self, count: usize, is_valid: impl Fn(f32) -> bool, what: &str) -> Result<Vec<f32>> {
-        self.values(count, 4, |b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]), is_valid, what)
-    }
-
-    /// Reads planes of values in sequence.
-    fn planes<T: Copy + Default, const SIZE: usize>(
-        &mut self,
-        count: usize,
-        read: impl Fn([u8; SIZE]) -> T,
-        is_valid: impl Fn(usize, T) -> bool,
-        what: &str,
-    ) -> Result<Vec<Plane<T>>> {
-        let bytes = count.checked_mul(NODES * SIZE).ok_or_else(|| refuse("it is cut short"))?;
-        let bytes = self.bytes(bytes)?;
-        let mut planes = with_capacity(count);
-        for (n, of_plane) in bytes.chunks_exact(NODES * SIZE).enumerate() {
-            let mut plane = [T::default(); NODES];
-            for (value, bytes) in plane.iter_mut().zip(of_plane.chunks_exact(SIZE)) {
-                let mut array = [0; SIZE];
-                array.copy_from_slice(bytes);
-                *value = read(array);
-                if !is_valid(n, *value) {
-                    return Err(refuse(&format!("it has {what} that cannot be")));
-                }
-            }
-            planes.put(plane);
-        }
-        Ok(planes)
-    }
+/// Refuses what cannot be.
+fn check(can_be: bool, what: &str) -> Result<()> {
+    if can_be { Ok(()) } else { Err(refuse(&format!("it has {what} that cannot be"))) }
 }
 
 /// Reads everything but the header, and checks it.
@@ -116,49 +34,59 @@ pub fn grid(
     tile: &TileMesh,
     book: impl FnOnce(u64) -> Result<()>,
 ) -> Result<Grid> {
-    let sizes = from.array::<24>()?;
-    let size =
-        |k: usize| u32::from_le_bytes([sizes[4 * k], sizes[4 * k + 1], sizes[4 * k + 2], sizes[4 * k + 3]]);
-    let cells = [size(0), size(1)].map(|n| n as usize);
-    let is_grid = |&n: &usize| n > 0 && n.is_multiple_of(SIDE) && n <= MAX_GRID as usize;
-    if !cells.iter().all(is_grid) || size(2) as usize != tile.charts.len() {
-        return Err(refuse("it has sizes that cannot be"));
-    }
-    let overlap = from.f32()?;
-    let at_gaps = u64::from_le_bytes(from.array()?);
-    let (parts, rigid) = read_parts(from, size(4) as usize, cells, tile.charts.len())?;
-    let rigid_nodes = read_squares(from, size(5) as usize, cells)?;
-    let movable = movable_of_charts(tile.charts.len(), &parts, &rigid);
+    let sizes = from.one::<[u32; 7]>()?.map(|n| n as usize);
+    let [nx, ny, charts, level_count, part_count, square_count, density] = sizes;
+    let cells = [nx, ny];
+    let overlap: f32 = from.one()?;
+    let at_gaps = from.one()?;
+    let is_side = |n: &usize| *n > 0 && n.is_multiple_of(SIDE) && *n <= MAX_GRID as usize;
+    check(
+        cells.iter().all(is_side)
+            && charts == tile.charts.len()
+            && density <= 1
+            && (0.0..=1.0).contains(&overlap),
+        "sizes",
+    )?;
+    let (heads, nodes) = (from.all(part_count)?, from.all(part_count)?);
+    let part = |([chart, x, y, _], nodes): (&[u32; 4], &_)| Part {
+        chart: *chart,
+        x: *x,
+        y: *y,
+        nodes: NodeSet(*nodes),
+    };
+    let parts = heads.iter().zip(&nodes).map(part).collected();
+    check(heads.iter().all(|head| head[3] <= 1) && are_parts(&parts, cells, charts), "nodes")?;
+    let rigid = heads.iter().map(|head| head[3] == 1).collected();
+    let (squares, counts) = (from.all(square_count)?, from.all(square_count)?);
+    let square = |(&square, &[rigid, frozen, overlapped]): (&[u32; 2], &[u16; 3])| RigidNodes {
+        square,
+        rigid,
+        frozen,
+        overlapped,
+    };
+    let rigid_nodes = squares.iter().zip(&counts).map(square).collected();
+    check(are_squares(&rigid_nodes, cells), "squares")?;
+    let movable = movable_of_charts(charts, &parts, &rigid);
     let survey = levels(team, cells, &movable, &parts);
-    if survey.len() != size(3) as usize || !(0.0..=1.0).contains(&overlap) {
-        return Err(refuse("it has sizes that cannot be"));
-    }
+    check(survey.len() == level_count, "sizes")?;
     let triangles = tile.triangles.len();
     book(survey_bytes(&survey, triangles, tile.has_images()))?;
-    let mut levels = levels_of(&survey, tile.charts.len());
-    let count = levels.len();
+    let mut levels = levels_of(&survey, charts);
     for (k, level) in levels.iter_mut().enumerate() {
-        read_level(from, level, k, count)?;
+        take_level(from, level, [k > 0, k > 1, k + 1 < level_count, density == 1])?;
+        check_level(level)?;
     }
     let chart_of = tile.chart_of_triangles();
     for (k, level) in levels.iter_mut().enumerate() {
         level.held = Arc::new(mirrors::held(tile, &chart_of, &level.blocks, k, cells));
     }
-    let list = &levels[0].blocks.list;
-    let is_triangle = |t: u32| t == NONE || (t as usize) < triangles;
-    let triangle = from.planes(list.len(), u32::from_le_bytes, |_, t| is_triangle(t), "triangles")?;
-    for (b, (plane, block)) in triangle.iter().zip(list).enumerate() {
-        let of_chart = |t: u32| t != NONE && chart_of[t as usize] == block.chart;
-        let movable = &levels[0].movable[b];
-        if plane.iter().zip(movable).any(|(&t, &movable)| movable != 0 && !of_chart(t)) {
-            return Err(refuse("it has triangles that cannot be"));
-        }
-    }
+    let triangle = from.all(levels[0].blocks.list.len())?;
+    check(are_triangles(&triangle, &levels[0], &chart_of), "triangles")?;
     let gather = match levels.get(1) {
-        Some(level) => read_gather(from, level.blocks.list.len(), triangles)?,
+        Some(level) => gather(from, level.blocks.list.len(), triangles)?,
         None => Gather::default(),
     };
-    if !from.left.is_empty() {
+    if !from.0.is_empty() {
         return Err(refuse("it is too long"));
     }
     let has_extra = !levels[0].density.is_empty() || !levels[0].held.is_empty();
@@ -180,121 +108,83 @@ pub fn grid(
     })
 }
 
-/// Reads the parts: they must be sorted and nonempty, with all nodes inside the grid.
-fn read_parts(
-    from: &mut Reader,
-    count: usize,
-    cells: [usize; 2],
-    charts: usize,
-) -> Result<(Vec<Part>, Vec<bool>)> {
-    if from.left.len() / PART_BYTES < count {
-        return Err(refuse("it is cut short"));
-    }
-    let (mut parts, mut rigid) = (with_capacity::<Part>(count), with_capacity(count));
-    for _ in 0..count {
-        let [chart, x, y, is_rigid] = [from.u32()?, from.u32()?, from.u32()?, from.u32()?];
-        let mut nodes = NodeSet::EMPTY;
-        for row in &mut nodes.0 {
-            *row = from.array().map(u16::from_le_bytes)?;
-        }
-        let part = Part { chart, x, y, nodes };
-        let inside = |n: usize| {
-            let place = |at: u32, k: usize| u64::from(at) * SIDE as u64 + k as u64;
-            let (i, j) = (place(x, n % SIDE), place(y, n / SIDE));
-            (1..cells[0] as u64).contains(&i) && (1..cells[1] as u64).contains(&j)
-        };
-        let is_good = (chart as usize) < charts
-            && is_rigid <= 1
-            && !nodes.is_empty()
-            && parts.last().is_none_or(|last| last.key() < part.key())
-            && (0..NODES).filter(|n| nodes.contains(n % SIDE, n / SIDE)).all(inside);
-        if !is_good {
-            return Err(refuse("it has nodes that cannot be"));
-        }
-        parts.put(part);
-        rigid.put(is_rigid == 1);
-    }
-    Ok((parts, rigid))
+/// True if parts are sorted and nonempty, of one of the charts, with all nodes inside the grid.
+fn are_parts(parts: &[Part], cells: [usize; 2], charts: usize) -> bool {
+    let inside = |part: &Part, n: usize| {
+        let place = |at: u32, k: usize| u64::from(at) * SIDE as u64 + k as u64;
+        let (i, j) = (place(part.x, n % SIDE), place(part.y, n / SIDE));
+        (1..cells[0] as u64).contains(&i) && (1..cells[1] as u64).contains(&j)
+    };
+    let is_good = |part: &Part| {
+        let mut nodes = (0..NODES).filter(|n| part.nodes.contains(n % SIDE, n / SIDE));
+        (part.chart as usize) < charts && !part.nodes.is_empty() && nodes.all(|n| inside(part, n))
+    };
+    parts.iter().all(is_good) && parts.is_sorted_by(|a, b| a.key() < b.key())
 }
 
-/// Reads the rigid nodes of squares, which must be sorted and inside the grid.
-fn read_squares(from: &mut Reader, count: usize, cells: [usize; 2]) -> Result<Vec<RigidNodes>> {
-    if from.left.len() / SQUARE_BYTES < count {
-        return Err(refuse("it is cut short"));
-    }
-    let mut squares = with_capacity::<RigidNodes>(count);
-    for _ in 0..count {
-        let square = [from.u32()?, from.u32()?];
-        let counts = [from.array()?, from.array()?, from.array()?];
-        let [rigid, frozen, overlapped] = counts.map(u16::from_le_bytes);
-        let is_inside = square.iter().zip(cells).all(|(&at, cells)| at as usize <= cells / SIDE);
-        let is_next = squares.last().is_none_or(|last| {
-            let [x, y] = last.square;
-            (y, x) < (square[1], square[0])
-        });
-        if !is_inside || !is_next || usize::from(rigid) > NODES || frozen.max(overlapped) > rigid {
-            return Err(refuse("it has squares that cannot be"));
-        }
-        squares.put(RigidNodes { square, rigid, frozen, overlapped });
-    }
-    Ok(squares)
+/// True if squares are sorted and inside the grid, with counts that can be.
+fn are_squares(squares: &[RigidNodes], cells: [usize; 2]) -> bool {
+    let is_good = |&RigidNodes { square, rigid, frozen, overlapped }: &RigidNodes| {
+        square.iter().zip(cells).all(|(&at, cells)| at as usize <= cells / SIDE)
+            && usize::from(rigid) <= NODES
+            && frozen.max(overlapped) <= rigid
+    };
+    let key = |nodes: &RigidNodes| (nodes.square[1], nodes.square[0]);
+    squares.iter().all(is_good) && squares.is_sorted_by(|a, b| key(a) < key(b))
 }
 
-fn read_level(from: &mut Reader, level: &mut Level, k: usize, levels: usize) -> Result<()> {
+/// Takes a level's arrays; `has` says which of them it has: coverage, stiffness, interpolation, density.
+fn take_level(from: &mut Reader, level: &mut Level, has: [bool; 4]) -> Result<()> {
     let blocks = level.blocks.list.len();
-    let is_share = |x: f32| (0.0..=1.0).contains(&x);
-    level.rigidity = from.planes(blocks, u16::from_le_bytes, |_, _| true, "rigidities")?;
-    let codes = from.planes(4 * blocks, u16::from_le_bytes, |_, _| true, "lengths")?;
-    let numbers = from.u32s(level.lengths.len() * 8, |_| true, "lengths")?;
-    for (lengths, pairs) in level.lengths.iter_mut().zip(numbers.chunks_exact(8)) {
-        *lengths = std::array::from_fn(|e| Lengths { base: pairs[2 * e], shift: pairs[2 * e + 1] });
-    }
-    if level.lengths.iter().flatten().any(|lengths| lengths.shift > 31) {
-        return Err(refuse("it has lengths that cannot be"));
-    }
-    for (n, plane) in codes.iter().enumerate() {
-        let lengths = level.lengths[level.blocks.list[n / 4].chart as usize][n % 4];
-        let is_length = |&code: &u16| {
-            let length = lengths.length(code);
-            length.is_finite() && length.is_sign_positive()
-        };
-        if !plane.iter().all(is_length) {
-            return Err(refuse("it has lengths that cannot be"));
-        }
-    }
-    level.rest_length = Arc::new(codes.chunks_exact(4).map(|c| [c[0], c[1], c[2], c[3]]).collected());
-    level.floor = from.f32s(level.floor.len(), |x| x.is_finite() && x >= 0.0, "floors")?;
-    if k + 1 < levels {
-        level.interpolation = from.planes(blocks, u8::from_le_bytes, |_, w| w <= 254, "weights")?;
-    }
-    if k > 1 {
-        let planes = from.planes(4 * blocks, f32::from_le_bytes, |_, x| x.is_finite(), "stiffnesses")?;
-        level.stiffness =
-            planes.chunks_exact(4).map(|p| [p[0], p[1], p[2], p[3]] as StiffnessPlanes).collected();
-    }
-    if k > 0 {
-        let coverage = from.planes(blocks, f32::from_le_bytes, |_, x| is_share(x), "coverages")?;
-        level.coverage = Arc::new(coverage);
-    }
-    let density = from.u32()? as usize;
-    if density != 0 && density != blocks {
-        return Err(refuse("it has densities that cannot be"));
-    }
-    level.density = Arc::new(from.planes(density, f32::from_le_bytes, |_, x| is_share(x), "densities")?);
+    let [coverage, stiffness, interpolation, density] = has.map(|has| if has { blocks } else { 0 });
+    level.rigidity = from.all(blocks)?;
+    level.rest_length = Arc::new(from.all(blocks)?);
+    let lengths = from.all::<[[u32; 2]; 4]>(level.lengths.len())?;
+    let of_chart = |chart: &[[u32; 2]; 4]| chart.map(|[base, shift]| Lengths { base, shift });
+    level.lengths = lengths.iter().map(of_chart).collected();
+    level.floor = from.all(level.floor.len())?;
+    level.interpolation = from.all(interpolation)?;
+    level.stiffness = from.all(stiffness)?;
+    level.coverage = Arc::new(from.all(coverage)?);
+    level.density = Arc::new(from.all(density)?);
     Ok(())
 }
 
-fn read_gather(from: &mut Reader, blocks: usize, triangles: usize) -> Result<Gather> {
-    let starts = from.u32s(blocks * NODES + 1, |_| true, "entries")?;
-    if starts[0] != 0 || starts.windows(2).any(|pair| pair[0] > pair[1]) {
-        return Err(refuse("it has entries that cannot be"));
-    }
-    let count = starts[starts.len() - 1] as usize;
-    let read = |b: &[u8]| {
-        let word = |k: usize| [b[k], b[k + 1], b[k + 2], b[k + 3]];
-        (u32::from_le_bytes(word(0)), f32::from_le_bytes(word(4)))
+fn check_level(level: &Level) -> Result<()> {
+    let are_shares = |planes: &[Plane<f32>]| planes.as_flattened().iter().all(|x| (0.0..=1.0).contains(x));
+    check(level.lengths.iter().flatten().all(|lengths| lengths.shift <= 31), "lengths")?;
+    let are_lengths = |(codes, lengths): (&Plane<u16>, &Lengths)| {
+        codes.iter().map(|&code| lengths.length(code)).all(|x| x.is_finite() && x.is_sign_positive())
     };
-    let is_entry = |(t, fraction): (u32, f32)| (t as usize) < triangles && (0.0..=1.0).contains(&fraction);
-    let entries = from.values(count, 8, read, is_entry, "entries")?;
+    let mut blocks = level.rest_length.iter().zip(&level.blocks.list);
+    let of_block = |chart: u32| &level.lengths[chart as usize];
+    check(blocks.all(|(codes, block)| codes.iter().zip(of_block(block.chart)).all(are_lengths)), "lengths")?;
+    check(level.floor.iter().all(|x| x.is_finite() && *x >= 0.0), "floors")?;
+    check(level.interpolation.as_flattened().iter().all(|w| *w <= 254), "weights")?;
+    let mut stiffness = level.stiffness.as_flattened().as_flattened().iter();
+    check(stiffness.all(|x| x.is_finite()), "stiffnesses")?;
+    check(are_shares(&level.coverage), "coverages")?;
+    check(are_shares(&level.density), "densities")
+}
+
+/// True if there are such triangles, and movable nodes have one of their chart.
+fn are_triangles(planes: &[Plane<u32>], level: &Level, chart_of: &[u32]) -> bool {
+    let mut blocks = planes.iter().zip(&*level.movable).zip(&level.blocks.list);
+    blocks.all(|((plane, movable), block)| {
+        plane.iter().zip(movable).all(|(&t, &movable)| match chart_of.get(t as usize) {
+            Some(&chart) => movable == 0 || chart == block.chart,
+            None => movable == 0 && t == NONE,
+        })
+    })
+}
+
+fn gather(from: &mut Reader, blocks: usize, triangles: usize) -> Result<Gather> {
+    let starts: Vec<u32> = from.all(blocks * NODES + 1)?;
+    check(starts[0] == 0 && starts.is_sorted(), "entries")?;
+    let entries = from.all::<[u32; 2]>(starts[starts.len() - 1] as usize)?;
+    let entries: Vec<(u32, f32)> =
+        entries.iter().map(|&[t, fraction]| (t, f32::from_bits(fraction))).collected();
+    let is_entry = |(t, fraction): &(u32, f32)| (*t as usize) < triangles && (0.0..=1.0).contains(fraction);
+    check(entries.iter().all(is_entry), "entries")?;
     Ok(Gather::from_parts(starts, entries))
 }
