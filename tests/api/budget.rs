@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::common::{self, Model, bits, scenes};
-use vrtm::{Asset, Device, DeviceSettings, PbdSettings, SolveOptions, Solver, TileReport};
+use vrtm::{Asset, Backend, Device, DeviceSettings, PbdSettings, SolveOptions, Solver, TileReport};
 use vrtm_lab::Lab as _;
 
 fn with_budget(ms: f64) -> SolveOptions {
@@ -35,46 +35,12 @@ fn check(report: &TileReport, what: &str) {
     assert!(report.folds == 0 && report.min_jacobian > 0.0, "{what}");
 }
 
-/// Other programs may hold a solve up: the best of several tries counts.
+/// Other programs may hold a solve up: the best of several tries counts. What fits is tested on a clock of its own
+/// (crates/core/src/method/schedule/tests.rs); here it is that of the machine.
 const TRIES: usize = 4;
 
 #[test]
-fn a_budget_holds_from_the_first_solve_on() {
-    let model = Model::from(scenes::analytic::squash(0.7));
-    let device = common::cpu(0);
-    let all = [2.0, 10.0, 50.0, 200.0, 800.0];
-    // The paper's solver takes no account of time within an iteration: what does not fit must not begin.
-    let cases =
-        [(Solver::Descent, 512, &all[..]), (Solver::Descent, 1024, &all), (Solver::Pbd, 512, &all[2..4])];
-    for (solver, grid, budgets) in cases {
-        let with_budget = |ms| SolveOptions { solver, ..with_budget(ms) };
-        let mut used = prepared(&model, &device, grid);
-        for &budget in budgets {
-            let bound = 1.2 * budget + 5.0;
-            let mut best = [f64::INFINITY; 2];
-            for _ in 0..TRIES {
-                let mut first = prepared(&model, &device, grid);
-                for (best, asset) in best.iter_mut().zip([&mut first, &mut used]) {
-                    // A result that was not cut short would be kept.
-                    asset.solve(model.frame(1), &SolveOptions { warm: true, ..with_budget(1e-6) }).unwrap();
-                    let (ms, report) = solve(asset, &model, &with_budget(budget));
-                    if solver == Solver::Descent {
-                        check(&report, &format!("{grid}, {budget} ms"));
-                    }
-                    *best = best.min(ms);
-                }
-                if best.iter().all(|ms| *ms <= bound) {
-                    break;
-                }
-            }
-            println!("{solver:?} {grid}: {budget} ms: first {:.1}, later {:.1}", best[0], best[1]);
-            assert!(best.iter().all(|ms| *ms <= bound), "{solver:?} {grid}: {budget} ms took {best:?}");
-        }
-    }
-}
-
-#[test]
-fn half_of_the_time_gives_most_of_the_gain() {
+fn a_part_of_the_time_gives_most_of_the_gain() {
     let model = Model::from(scenes::analytic::squash(0.7));
     // On the CPU 0.99 of the gain is usual. Predictions for a software GPU are rough, and its grid has few levels.
     for (device, (grid, part, least)) in devices().into_iter().zip([(512, 0.5, 0.9), (64, 0.8, 0.2)]) {
@@ -91,15 +57,26 @@ fn half_of_the_time_gives_most_of_the_gain() {
             let (ms, _) = solve(&mut asset, &model, &SolveOptions::default());
             (all, whole) = (all.min(ms), gain(&asset));
         }
-        let mut best = 0.0f64;
-        for _ in 0..TRIES {
-            let (_, report) = solve(&mut asset, &model, &with_budget(part * all));
+        let (mut best, mut shortest) = (0.0f64, [f64::INFINITY; 2]);
+        for n in 0..2 * TRIES {
+            // The budget holds for a tile's first solve, too.
+            let mut first = (n % 2 == 0).then(|| prepared(&model, &device, grid));
+            let asset = first.as_mut().unwrap_or(&mut asset);
+            let (ms, report) = solve(asset, &model, &with_budget(part * all));
             check(&report, "most of the time");
-            best = best.max(gain(&asset) / whole);
+            best = best.max(gain(asset) / whole);
+            shortest[n % 2] = shortest[n % 2].min(ms);
         }
         let backend = device.info().backend;
-        println!("{backend:?}: {all:.1} ms in all; {part} of it gives {best:.3} of the gain");
+        println!(
+            "{backend:?}: {all:.1} ms in all; {part} of it gives {best:.3} of the gain in {shortest:?} ms"
+        );
         assert!(best > least, "{backend:?}: {best}");
+        let bound = 1.2 * part * all + 5.0;
+        assert!(
+            backend != Backend::Cpu || shortest.iter().all(|ms| *ms <= bound),
+            "{shortest:?} of {all} ms"
+        );
     }
 }
 

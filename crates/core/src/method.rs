@@ -11,4 +11,5 @@ pub mod plan;
 pub mod cost;
 pub mod deadline;
 pub mod progress;
+pub mod timed;
 pub mod schedule;

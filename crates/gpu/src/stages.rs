@@ -9,14 +9,14 @@ use super::layout::{
 use super::recorder::DispatchSize;
 use super::run::Run;
 use vrtm_core::allocation::{Collect, copied};
-use vrtm_core::method::schedule::passes;
+use vrtm_core::method::law::passes;
 use vrtm_core::method::stage::{Stage, Stages, Start};
 
 #[cfg(test)]
 mod tests;
 
 impl Stages for Run<'_> {
-    fn run(&mut self, stage: &Stage) -> bool {
+    fn run(&mut self, stage: &Stage) {
         self.recorder.stage(stage.kind() as usize);
         match *stage {
             Stage::Surface => self.surface(),
@@ -38,7 +38,7 @@ impl Stages for Run<'_> {
                 self.energy_is_known = false;
                 self.relax_level(level, sweeps, RELAX_WHOLE);
             }
-            Stage::Correct { level, ref correction, .. } => self.correct_level(level, correction),
+            Stage::Correct { level, ref correction } => self.correct_level(level, correction),
             Stage::Iterate { level, ref iteration } => self.iterate_level(level, iteration),
             Stage::Energies { level, allow_folds } => {
                 self.energy_of_identity(level);
@@ -50,7 +50,6 @@ impl Stages for Run<'_> {
                 self.gave_up = true;
             }
         }
-        true
     }
 
     fn wait(&mut self) {

@@ -17,8 +17,6 @@ mod tests;
 mod transfer;
 pub(super) mod workspace;
 
-use std::time::Instant;
-
 use crate::allocation::{Collect, copied};
 use crate::grid::planes::NODES;
 use crate::method::acceptance::{Correction, Gain};
@@ -30,18 +28,9 @@ use crate::team::SharedSlice;
 use crate::unwind::{go_on, hold_back};
 use workspace::{Assembling, SolvingLevel, Stepping};
 
-/// The time of a correction's remainder up to its first trial, relative to the time that it has taken so far, after
-/// each of its phases; measured on level 0.
-const AFTER_ASSEMBLY: f64 = 1.8;
-const AFTER_SYSTEMS: f64 = 1.2;
-const AFTER_SOLUTION: f64 = 0.35;
-/// The relative time of a further trial.
-const AFTER_TRIAL: f64 = 0.25;
-
 impl Run<'_> {
     /// Corrects the state of `level`, and stores the step fractions of its next correction.
     pub(super) fn correct_level(&mut self, level: usize, correction: &Correction) {
-        self.began = Instant::now();
         let mut workspace = std::mem::take(&mut self.memory.workspace);
         // A warm start has already read the last result, so its memory can hold the step until certification writes the
         // new result.
@@ -77,43 +66,17 @@ impl Run<'_> {
     ) {
         let (rows, residual) = assembling.system();
         let before = self.with_surface(level, assemble::Assemble { rows, residual, level });
-        if self.stops_now(level, &before, AFTER_ASSEMBLY) {
-            return;
-        }
         let mut buffers = std::mem::take(&mut self.memory.levels);
         let mut solving = assembling.solving(&mut buffers[level..]);
         let solved = hold_back(|| {
             self.complete_systems(level, &mut solving.levels, correction.first);
-            let solve = !self.stops_now(level, &before, AFTER_SYSTEMS);
-            solve.then(|| self.conjugate_gradients(level, correction, &mut solving))
+            self.conjugate_gradients(level, correction, &mut solving)
         });
         let limiting = solving.limiting();
         self.memory.levels = buffers;
-        let Some(predicted) = go_on(solved) else { return };
-        if !self.stops_now(level, &before, AFTER_SOLUTION) {
-            let stepping = step_limit::limit(self, level, limiting);
-            self.try_fractions(level, stepping, correction, &before, &predicted, fraction);
-        }
-    }
-
-    /// Ends the correction if its remainder would exceed the time budget; the remainder takes `rest` times as long as
-    /// the correction has taken so far. Displacements and energy are then still those from before the correction, but
-    /// the memory of the samples may hold other quantities.
-    fn stops_now(&mut self, level: usize, before: &[f64], rest: f64) -> bool {
-        // With a pull, certification needs the samples of level 0.
-        if level == 0 && self.weights[0].pull > 0.0 {
-            return false;
-        }
-        let Some(stop) = self.stop else { return false };
-        self.stopped |= Instant::now() + self.began.elapsed().mul_f64(rest) > stop;
-        if self.stopped {
-            let list = &self.grid.levels[level].blocks.list;
-            for &b in &self.work[level].active {
-                let c = list[b as usize].chart as usize;
-                self.known_energies[c] = Some(before[c]);
-            }
-        }
-        self.stopped
+        let predicted = go_on(solved);
+        let stepping = step_limit::limit(self, level, limiting);
+        self.try_fractions(level, stepping, correction, &before, &predicted, fraction);
     }
 
     /// Completes the matrix of `level`, and forms those of all coarser levels from it if this is the level's first
@@ -154,16 +117,6 @@ impl Run<'_> {
             self.work[level].retain(|b| open[list[b as usize].chart as usize]);
             let blocks = copied(&self.work[level].active);
             if blocks.is_empty() {
-                break;
-            }
-            if trial > 0 && self.stops_now(level, before, AFTER_TRIAL) {
-                // Undo trials that were not accepted.
-                let u = SharedSlice::new(&mut self.memory.levels[level].u);
-                self.team.run(blocks.len(), |k| {
-                    let b = blocks[k] as usize;
-                    // SAFETY: each item has its own block.
-                    unsafe { *u.get_mut(b) = *displacement.get(b) };
-                });
                 break;
             }
             self.move_and_resample(level, &blocks, Start::Present, |b, u| {

@@ -9,8 +9,8 @@ use std::sync::atomic::Ordering;
 
 use crate::grid::Level;
 use crate::grid::planes::Plane;
+use crate::method::law::passes;
 use crate::method::law::{MAX_NODE_STEP, MIN_JACOBIAN, MIN_RELATIVE_GAIN, SWEPT_MARGIN};
-use crate::method::schedule::passes;
 
 use super::buffers::State;
 use super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};

@@ -3,7 +3,6 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
 
 use crate::allocation::{Collect, Grow, filled, zeroed, zeroed_box};
 use crate::backend::{TileSolution, TileSolve, TileSolver, Warp};
@@ -72,11 +71,6 @@ pub struct Run<'a> {
     /// Per chart, the energy of the present state of the level that is worked on, if it is known.
     pub(super) known_energies: Vec<Option<f64>>,
     pub(super) node_updates: AtomicU64,
-    /// The time by which corrections have to end, if there is a time budget, and whether one was stopped for it.
-    pub(super) stop: Option<Instant>,
-    pub(super) stopped: bool,
-    /// When the last correction began.
-    pub(super) began: Instant,
     pub(super) patches: PerThread<'a, Patch>,
     pub(super) pairs: PerThread<'a, Pairs>,
     pub(super) slopes: PerThread<'a, [Window; 6]>,
@@ -126,9 +120,6 @@ impl<'a> Run<'a> {
             results: filled(ChartResult::default(), charts.len()),
             known_energies: filled(None, charts.len()),
             node_updates: AtomicU64::new(0),
-            stop: None,
-            stopped: false,
-            began: Instant::now(),
             patches: PerThread::new(team, Patch::zeroed),
             pairs: PerThread::new(team, zeroed_box),
             slopes: PerThread::new(team, zeroed_box),
@@ -213,7 +204,7 @@ impl<'a> Run<'a> {
 
 /// `Start` delegates to `prolong`, `Iterate` to `pbd`, and each other stage to the file of its name.
 impl Stages for Run<'_> {
-    fn run(&mut self, stage: &Stage) -> bool {
+    fn run(&mut self, stage: &Stage) {
         if let Stage::Start { from, .. } = *stage
             && from != Start::Passing
         {
@@ -239,11 +230,7 @@ impl Stages for Run<'_> {
                 self.known_energies.fill(None);
                 self.relax_level(level, sweeps, None);
             }
-            Stage::Correct { level, ref correction, stop } => {
-                (self.stop, self.stopped) = (stop, false);
-                self.correct_level(level, correction);
-                return !self.stopped;
-            }
+            Stage::Correct { level, ref correction } => self.correct_level(level, correction),
             Stage::Iterate { level, ref iteration } => self.iterate_level(level, iteration),
             Stage::Energies { level, allow_folds } => {
                 self.store_identity_energy(level);
@@ -252,7 +239,6 @@ impl Stages for Run<'_> {
             Stage::Certify { allow_folds } => self.certify_result(allow_folds),
             Stage::GiveUp => self.fall_back_everywhere(),
         }
-        true
     }
 }
 

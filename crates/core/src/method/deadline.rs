@@ -3,7 +3,7 @@
 
 use std::time::{Duration, Instant};
 
-/// Minimum seconds of any stage, for waking threads and lists of charts.
+/// Seconds that a stage takes at least, for waking threads and lists of charts.
 const LEAST: f64 = 50e-6;
 /// Weight of the pace of earlier solves against this solve's measurements, in seconds of cost.
 const PRIOR: f64 = 500e-6;
@@ -11,11 +11,8 @@ const PRIOR: f64 = 500e-6;
 const FRESH: f64 = 1.5;
 /// Safety factor on predictions, since charts and poses differ.
 const MARGIN: f64 = 1.1;
-
-/// How many times slower or quicker than before the machine may have become from one solve to the next,
-const SLOWER: f64 = 2.0;
-/// and how many times quicker, before a solve is not even begun for lack of time.
-const QUICKER: f64 = 8.0;
+/// How many times slower or quicker than before a machine may be taken for from one solve to the next.
+const CHANGE: f64 = 2.0;
 
 /// The time that a solve may take, and its pace.
 #[derive(Clone, Debug)]
@@ -28,6 +25,8 @@ pub struct Deadline {
     cost: f64,
     measured: f64,
     fresh: f64,
+    /// The clock; tests have one of their own.
+    pub(super) clock: fn() -> Instant,
 }
 
 impl Deadline {
@@ -41,7 +40,7 @@ impl Deadline {
             Some([start.checked_add(budget)?, start.checked_add(over)?])
         });
         let fresh = if fresh { FRESH } else { 1.0 };
-        Deadline { ends, prior: pace, cost: 0.0, measured: 0.0, fresh }
+        Deadline { ends, prior: pace, cost: 0.0, measured: 0.0, fresh, clock: Instant::now }
     }
 
     /// A deadline without a budget.
@@ -53,50 +52,53 @@ impl Deadline {
         self.ends.is_some()
     }
 
+    pub fn now(&self) -> Instant {
+        (self.clock)()
+    }
+
     /// Seconds per second of cost.
     fn pace(&self) -> f64 {
         (self.prior * self.fresh * PRIOR + self.measured) / (PRIOR + self.cost)
     }
 
-    /// The pace for the device's next solves: this solve's, but at most `SLOWER` times the one before or as much quicker. One
-    /// moment in which the machine was busy must not spoil all later solves.
+    /// The pace for the device's next solves: this solve's, or as near to it as may be. One moment in which the machine was
+    /// busy must not spoil all later solves.
     pub fn learnt(&self) -> f64 {
         if self.cost == 0.0 {
             return self.prior;
         }
-        (self.pace() / self.fresh).clamp(self.prior / SLOWER, self.prior * SLOWER)
+        (self.pace() / self.fresh).clamp(self.prior / CHANGE, self.prior * CHANGE)
     }
 
-    fn seconds(&self, cost: f64) -> f64 {
-        LEAST + cost * 1e-6 * self.pace()
+    /// The cost of work that took this many seconds.
+    pub fn cost_of(&self, seconds: f64) -> f64 {
+        (seconds - LEAST).max(0.0) * 1e6 / self.pace()
+    }
+
+    /// True if stages of this cost, `margin` times slower than predicted, end before this time.
+    fn within(&self, end: Instant, cost: f64, margin: f64) -> bool {
+        let seconds = (LEAST + cost * 1e-6 * self.pace()) * margin;
+        seconds <= end.saturating_duration_since(self.now()).as_secs_f64()
     }
 
     /// True if stages of this cost fit into the remaining budget.
     pub fn fits(&self, cost: f64) -> bool {
-        self.ends.is_none_or(|[end, _]| within(end, self.seconds(cost) * MARGIN))
+        self.ends.is_none_or(|[end, _]| self.within(end, cost, MARGIN))
     }
 
-    /// True if stages of this cost cannot finish even within the grace period.
+    /// True if stages of this cost cannot end even within the grace period.
     pub fn is_over(&self, cost: f64) -> bool {
-        self.ends.is_some_and(|[_, end]| !within(end, self.seconds(cost)))
+        self.ends.is_some_and(|[_, end]| !self.within(end, cost, 1.0))
     }
 
-    /// True if a solve of at least this cost is worth starting, at a pace far quicker than that of earlier solves: the solve's
-    /// own first stages tell more. If not, and the machine is taken for a slow one, it is then taken for a little quicker,
-    /// since nothing was measured.
+    /// True if a solve of at least this cost can end within the grace period. If not, a machine that is taken for a slow one
+    /// is then taken for a quicker one, since nothing was measured.
     pub fn may_begin(&mut self, least: f64) -> bool {
-        let begins = !self.is_over(least / QUICKER);
+        let begins = !self.is_over(least);
         if !begins && self.prior > 1.0 {
-            self.prior = (self.prior * 0.8).max(1.0);
+            self.prior = (self.prior / CHANGE).max(1.0);
         }
         begins
-    }
-
-    /// The time at which a stage must stop if stages of this cost follow it.
-    pub fn stop_before(&self, cost: f64) -> Option<Instant> {
-        let [end, _] = self.ends?;
-        let seconds = Duration::from_secs_f64(self.seconds(cost));
-        Some(end.checked_sub(seconds).unwrap_or_else(Instant::now))
     }
 
     /// Records that a stage of this cost took this many seconds.
@@ -106,10 +108,6 @@ impl Deadline {
             self.measured += (seconds - LEAST).max(0.0);
         }
     }
-}
-
-fn within(end: Instant, seconds: f64) -> bool {
-    seconds <= end.saturating_duration_since(Instant::now()).as_secs_f64()
 }
 
 #[cfg(test)]
@@ -134,7 +132,6 @@ mod tests {
         assert!(deadline.is_over(60.0 * SECOND));
         let unlimited = Deadline::new(Instant::now(), [None; 2], 2.0, false);
         assert!(unlimited.fits(f64::MAX) && !unlimited.is_over(f64::MAX));
-        assert!(unlimited.stop_before(1.0).is_none());
     }
 
     #[test]
@@ -166,7 +163,7 @@ mod tests {
         let mut slow = hundred_seconds(1.0);
         slow.learn(SECOND, 1000.0);
         let mut next = hundred_seconds(slow.learnt());
-        assert!(next.may_begin(90.0 * SECOND));
+        assert!(next.may_begin(45.0 * SECOND));
         next.learn(SECOND, 1.0);
         assert!(next.fits(90.0 * SECOND));
         assert!((next.learnt() - 1.0).abs() < 0.01, "{}", next.learnt());

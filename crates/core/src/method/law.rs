@@ -107,6 +107,11 @@ constants! {
     MODEL_ERROR_RAMP: [f64; 2] = [0.25, 2.0];
 }
 
+/// The number of sweeps of each pass over a level.
+pub fn passes(sweeps: u32) -> impl Iterator<Item = u32> {
+    (0..sweeps).step_by(SWEEPS_PER_PASS as usize).map(move |done| (sweeps - done).min(SWEEPS_PER_PASS))
+}
+
 /// The fraction of a corner's margin that round `round` of the step limit leaves: a little less than the round before, so
 /// that corners which kept enough then are not limited again. `None` in the rounds after the shrinking ones.
 pub fn kept_margin(round: u32) -> Option<f32> {

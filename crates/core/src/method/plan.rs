@@ -169,7 +169,7 @@ impl Plan {
         let Plan { tolerance, trusts_model, .. } = *self;
         let iterations = self.iterations[coarser];
         let correction = Correction { first: n == 0, iterations, sweeps, tolerance, trusts_model };
-        (n < corrections).then_some(Stage::Correct { level, correction, stop: None })
+        (n < corrections).then_some(Stage::Correct { level, correction })
     }
 }
 
@@ -180,4 +180,20 @@ pub struct Summary {
     pub sweeps: u32,
     pub corrections: u32,
     pub truncated: bool,
+}
+
+impl Summary {
+    /// Counts a stage that took this many seconds.
+    pub fn count(&mut self, stage: &Stage, seconds: f64) {
+        *stage.kind().of(&mut self.times) += seconds as f32 * 1000.0;
+        match *stage {
+            Stage::Relax { sweeps, .. } => self.sweeps += sweeps,
+            Stage::Iterate { .. } => self.sweeps += 1,
+            Stage::Correct { ref correction, .. } => {
+                self.sweeps += correction.sweeps;
+                self.corrections += 1;
+            }
+            _ => {}
+        }
+    }
 }

@@ -1,7 +1,5 @@
 //! The stages that both backends implement, as the schedule calls them (method §5).
 
-use std::time::Instant;
-
 use super::acceptance::Correction;
 use super::pbd::Iteration;
 use crate::report::StageTimes;
@@ -18,8 +16,8 @@ pub enum Stage {
     /// Relaxes a level node by node (method §6).
     Relax { level: usize, sweeps: u32 },
     /// Does one Gauss-Newton step for all nodes of a level, relaxes, and accepts or rejects it for each chart (method
-    /// §7). On a backend that can tell, it ends early if it would not be done at `stop`: the level is then unchanged.
-    Correct { level: usize, correction: Correction, stop: Option<Instant> },
+    /// §7).
+    Correct { level: usize, correction: Correction },
     /// Does one iteration of the paper's solver on a level (method §10).
     Iterate { level: usize, iteration: Iteration },
     /// Computes the energies of the identity and of the present state on a level on which work ends before level 0.
@@ -86,6 +84,16 @@ impl Stage {
         }
     }
 
+    /// The relaxation that can be done in the place of a level's first correction.
+    pub fn instead(&self) -> Option<Stage> {
+        match *self {
+            Stage::Correct { level, correction: Correction { first: true, sweeps, .. } } => {
+                Some(Stage::Relax { level, sweeps })
+            }
+            _ => None,
+        }
+    }
+
     /// The level that the stage works on; the finest for stages without a level.
     pub fn level(&self) -> usize {
         match *self {
@@ -101,9 +109,8 @@ impl Stage {
 
 /// A backend, for the charts of one tile that are to be solved.
 pub trait Stages {
-    /// Does a stage. Returns false if a correction ended early. The schedule depends on no other outcome: a GPU records a
-    /// solve in advance.
-    fn run(&mut self, stage: &Stage) -> bool;
+    /// Does a stage. The schedule depends on no outcome: a GPU records a solve in advance.
+    fn run(&mut self, stage: &Stage);
     /// Waits until all stages called so far are done. Called before the clock is read, if there is a time budget.
     fn wait(&mut self) {}
 }

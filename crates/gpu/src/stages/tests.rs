@@ -46,7 +46,7 @@ fn certified(context: &Arc<crate::context::Context>, change: impl Fn(&mut [u32])
     run.run(&Stage::Pyramid);
     run.run(&Stage::Start { level: 0, from: Start::Identity });
     let first = Correction { first: true, iterations: 2, sweeps: 2, tolerance: 3e-3, trusts_model: true };
-    run.run(&Stage::Correct { level: 0, correction: first, stop: None });
+    run.run(&Stage::Correct { level: 0, correction: first });
     let mut state = run.state(0).unwrap();
     change(&mut state);
     run.set_state(0, &state).unwrap();

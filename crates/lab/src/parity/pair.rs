@@ -263,9 +263,9 @@ fn relative(cpu: f64, gpu: f64) -> (f64, f64) {
 }
 
 impl Stages for Pair<'_> {
-    fn run(&mut self, stage: &Stage) -> bool {
+    fn run(&mut self, stage: &Stage) {
         match stage {
-            Stage::Correct { level, correction, .. } => self.correct(stage, *level, correction),
+            Stage::Correct { level, correction } => self.correct(stage, *level, correction),
             _ => self.run_both(stage),
         }
         match *stage {
@@ -281,7 +281,6 @@ impl Stages for Pair<'_> {
             Stage::Energies { level, .. } => self.energies_of_identity(Point::level(level, 2)),
             Stage::Correct { .. } | Stage::Certify { .. } | Stage::GiveUp => {}
         }
-        true
     }
 }
 

@@ -68,7 +68,7 @@ fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
         run.run(&Stage::Start { level: 0, from: Start::Identity });
         let correction =
             Correction { first: true, iterations: 2, sweeps: 0, tolerance: 1e-3, trusts_model: true };
-        run.run(&Stage::Correct { level: 0, correction, stop: None });
+        run.run(&Stage::Correct { level: 0, correction });
         for level in 0..3 {
             let nodes = GRID >> level;
             // All nodes in these rows are movable: the fixed nodes are at least two nodes away.
