@@ -15,7 +15,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 pub use copies::{Blends, Copies};
-use copies::{Copy, Node};
+use copies::{Node, NodeCopy};
 pub use depths::Depths;
 use depths::smooth;
 use lattice::{cells, point};
@@ -69,7 +69,7 @@ struct Blending<'a> {
 
 impl Blending<'_> {
     /// By how much the blend moves a node further, in cells.
-    fn change(&self, side: &Side, block: u32, node: &Node, copies: &[Copy]) -> DVec2 {
+    fn change(&self, side: &Side, block: u32, node: &Node, copies: &[NodeCopy]) -> DVec2 {
         let level = &side.grid.levels[0];
         let of_block = &level.blocks.list[block as usize];
         let s = node.slot as usize;
@@ -92,7 +92,7 @@ impl Blending<'_> {
 
     /// Where the chart of a copy sends it, as a UV in the plane of the chart of the node, which lies at `at` on the triangle
     /// `home`.
-    fn through(&self, copy: &Copy, chart: u32, home: u32, at: DVec2) -> Option<DVec2> {
+    fn through(&self, copy: &NodeCopy, chart: u32, home: u32, at: DVec2) -> Option<DVec2> {
         let there = self.sides[copy.tile as usize].as_ref()?;
         let triangle = &there.tile.triangles[copy.triangle as usize];
         let from = point(triangle.uv, copy.at.map(f64::from));

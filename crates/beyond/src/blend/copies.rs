@@ -26,7 +26,7 @@ pub(super) struct Node {
 
 /// A node's place in another chart, or beyond another seam or an open border of its own.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Copy {
+pub(super) struct NodeCopy {
     /// The tile in the mesh, and the triangle there.
     pub tile: u32,
     pub triangle: u32,
@@ -46,7 +46,7 @@ pub struct Copies {
     blocks: Vec<u32>,
     starts: Vec<u32>,
     nodes: Vec<Node>,
-    copies: Vec<Copy>,
+    copies: Vec<NodeCopy>,
 }
 
 /// The surface that charts have in common, and how deep each is there.
@@ -109,7 +109,7 @@ impl Copies {
         &self.nodes[self.starts[k] as usize..self.starts[k + 1] as usize]
     }
 
-    pub(super) fn of_node(&self, node: &Node) -> &[Copy] {
+    pub(super) fn of_node(&self, node: &Node) -> &[NodeCopy] {
         &self.copies[node.first as usize..][..node.count as usize]
     }
 }
@@ -117,7 +117,7 @@ impl Copies {
 #[derive(Default)]
 struct OfBlock {
     nodes: Vec<Node>,
-    copies: Vec<Copy>,
+    copies: Vec<NodeCopy>,
 }
 
 impl OfBlock {
@@ -137,7 +137,7 @@ impl OfBlock {
             let at = barycentrics(places.tiles[on.tile as usize].triangles[on.triangle as usize].uv, on.uv);
             let at = at.map(|x| x as f32);
             let mirrored = on.image != place.image;
-            self.copies.put(Copy { tile: on.tile, triangle: on.triangle, at, part, mirrored });
+            self.copies.put(NodeCopy { tile: on.tile, triangle: on.triangle, at, part, mirrored });
         }
         let count = self.copies.len() - first;
         if count > 0 && fade > SMALLEST {
