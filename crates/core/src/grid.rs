@@ -40,7 +40,7 @@ use blocks::{Blocks, Part};
 use codes::Lengths;
 use gather::Gather;
 use interpolation::StiffnessPlanes;
-use mirrors::Held;
+use mirrors::Hold;
 use planes::{NODES, Plane};
 use pose::{Pose, PoseTriangle};
 use rigid_nodes::RigidNodes;
@@ -61,7 +61,7 @@ pub struct Level {
     /// Per block: density ρ of rigid material around each node, 0..1 (method §4). Empty unless a setting asks for it.
     pub density: Arc<Vec<Plane>>,
     /// Per block: what holds nodes near open borders along which texture slides. Empty where it does not.
-    pub held: Arc<Vec<Plane<Held>>>,
+    pub hold: Arc<Vec<Plane<Hold>>>,
     /// Per block: weight of each node's lower neighbour where corrections are interpolated from the next coarser level
     /// (method §7.5; the upper neighbour has the rest), as codes of `codes::encode_weight`. Empty on the coarsest
     /// level.
@@ -90,7 +90,7 @@ impl Clone for Level {
             blocks: self.blocks.clone(),
             rigidity: copied(&self.rigidity),
             density: self.density.clone(),
-            held: self.held.clone(),
+            hold: self.hold.clone(),
             interpolation: copied(&self.interpolation),
             stiffness: copied(&self.stiffness),
             movable: self.movable.clone(),

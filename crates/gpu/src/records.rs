@@ -89,7 +89,7 @@ pub fn band_nodes(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32>
         if let Some(plane) = level.density.get(b) {
             all.put_all(plane.iter().map(|density| density.to_bits()));
         }
-        all.put_all(level.held.get(b).into_iter().flatten().copied());
+        all.put_all(level.hold.get(b).into_iter().flatten().copied());
     }
     all
 }

@@ -118,7 +118,7 @@ impl<'a> Run<'a> {
                 true => 0.0,
                 false => scale * settings.orientation_density,
             },
-            hold: if grid.levels[0].held.is_empty() { 0.0 } else { HOLD },
+            hold: if grid.levels[0].hold.is_empty() { 0.0 } else { HOLD },
             node_planes: node_planes(grid) as u32,
             room: scale * settings.room,
             room_threshold: settings.room_threshold,

@@ -91,8 +91,8 @@ pub struct Patch {
     /// Density ρ of rigid material; 0 if the level stores none, because no setting needs it.
     pub density: Window,
     /// √`HOLD` times what holds the nodes of the block, without the halo, and whether anything does.
-    pub held: [Plane; 2],
-    pub is_held: bool,
+    pub hold: [Plane; 2],
+    pub has_hold: bool,
     /// Whether the level stores densities.
     pub has_density: bool,
     /// Displacements of the previous result; loaded only if there is a pull.
@@ -188,10 +188,10 @@ impl Patch {
 
     /// Gathers what holds the nodes of block `b`.
     fn load_held(&mut self, level: &Level, b: usize) {
-        self.is_held = level.held.get(b).is_some_and(|plane| plane.iter().any(|&held| held != 0));
-        if self.is_held {
-            for (s, &held) in level.held[b].iter().enumerate() {
-                [self.held[0][s], self.held[1][s]] = mirrors::decode(held).map(|x| x * HOLD.sqrt());
+        self.has_hold = level.hold.get(b).is_some_and(|plane| plane.iter().any(|&hold| hold != 0));
+        if self.has_hold {
+            for (s, &hold) in level.hold[b].iter().enumerate() {
+                [self.hold[0][s], self.hold[1][s]] = mirrors::decode(hold).map(|x| x * HOLD.sqrt());
             }
         }
     }

@@ -143,7 +143,7 @@ impl Patch {
             energy += edge;
         }
         let mut hold = V::zero();
-        if self.is_held {
+        if self.has_hold {
             let (_, moved) = self.moved_across(row, p);
             hold = moved * moved;
         }
@@ -249,7 +249,7 @@ impl Patch {
     /// The direction across the border at a row's nodes, with the root of the hold's weight, and the displacement along it.
     #[inline(always)]
     fn moved_across<V: Lanes>(&self, row: Row, p: &NodeState<V>) -> ([V; 2], V) {
-        let across = each!([0, 1], |c| V::load(&self.held[c], row.slot()));
+        let across = each!([0, 1], |c| V::load(&self.hold[c], row.slot()));
         (across, across[0] * p.u[0] + across[1] * p.u[1])
     }
 
@@ -265,7 +265,7 @@ impl Patch {
         weights: &Weights,
     ) -> QuadraticModel<V> {
         let terms = self.with_corners(row, p, edges, weights);
-        if self.is_held {
+        if self.has_hold {
             let ([x, y], moved) = self.moved_across(row, p);
             gradient[0] += x * moved;
             gradient[1] += y * moved;

@@ -37,7 +37,7 @@ pub fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -> Grid 
     set_interpolation(team, &survey, &mut levels, &maps.own.settings);
     let cells = [survey.coverer.nx, survey.coverer.ny];
     for (k, level) in levels.iter_mut().enumerate() {
-        level.held = Arc::new(mirrors::held(tile, &survey.coverer.charts, &level.blocks, k, cells));
+        level.hold = Arc::new(mirrors::hold(tile, &survey.coverer.charts, &level.blocks, k, cells));
     }
     let triangle = Arc::new(triangles_of_nodes(team, &survey));
     let mut gather = Gather::default();
@@ -128,7 +128,7 @@ pub(super) fn levels_of(survey: &[SurveyLevel], charts: usize) -> Vec<Level> {
             ny: size[1],
             rigidity: Vec::new(),
             density: Arc::default(),
-            held: Arc::default(),
+            hold: Arc::default(),
             interpolation: Vec::new(),
             stiffness: Vec::new(),
             movable: Arc::new(movable.iter().map(mobility).collected()),

@@ -10,38 +10,38 @@ use crate::mesh::{NONE, TileMesh};
 
 /// The direction across the border with the length 1 - distance in cells, as two 16-bit fractions of 32767, the first one in
 /// the lower half; 0 for nodes that nothing holds.
-pub type Held = u32;
+pub type Hold = u32;
 
 const STEPS: f64 = 32767.0;
 
-fn encode(across: DVec2) -> Held {
+fn encode(across: DVec2) -> Hold {
     let [x, y] = across.to_array().map(|x| (x * STEPS).round() as i16 as u16);
     u32::from(y) << 16 | u32::from(x)
 }
 
 /// The components of what `encode` was given.
 #[inline(always)]
-pub fn decode(held: Held) -> [f32; 2] {
-    [held as u16, (held >> 16) as u16].map(|x| f32::from(x as i16) / STEPS as f32)
+pub fn decode(hold: Hold) -> [f32; 2] {
+    [hold as u16, (hold >> 16) as u16].map(|x| f32::from(x as i16) / STEPS as f32)
 }
 
 /// What holds the nodes of the blocks of level `level` of a grid of `cells` on level 0; empty if no chart has an image. `charts` are those of the
 /// tile's triangles.
-pub(super) fn held(
+pub(super) fn hold(
     tile: &TileMesh,
     charts: &[u32],
     blocks: &Blocks,
     level: usize,
     cells: [usize; 2],
-) -> Vec<Plane<Held>> {
+) -> Vec<Plane<Hold>> {
     let images = || (tile.own()..tile.triangles.len()).filter(|&t| tile.is_image(t as u32));
     if images().next().is_none() {
         return Vec::new();
     }
     // A level's own size is rounded down.
     let size = DVec2::new(cells[0] as f64, cells[1] as f64) / (1u64 << level) as f64;
-    let mut held: Vec<Plane<Held>> = filled([0; NODES], blocks.list.len());
-    let mut nearest: Vec<Plane> = filled([1.0; NODES], held.len());
+    let mut hold: Vec<Plane<Hold>> = filled([0; NODES], blocks.list.len());
+    let mut nearest: Vec<Plane> = filled([1.0; NODES], hold.len());
     for t in images() {
         let triangle = &tile.triangles[t];
         for k in 0..3 {
@@ -59,12 +59,12 @@ pub(super) fn held(
                 let nearest = &mut nearest[b as usize][s];
                 if (distance as f32) < *nearest {
                     *nearest = distance as f32;
-                    held[b as usize][s] = encode(across * (1.0 - distance));
+                    hold[b as usize][s] = encode(across * (1.0 - distance));
                 }
             });
         }
     }
-    held
+    hold
 }
 
 /// Calls `f` for the nodes that are less than a cell away from a segment: with the node, the distance, and the direction across.

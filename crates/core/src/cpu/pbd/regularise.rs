@@ -114,10 +114,10 @@ impl<S: Surface> Vectorised for RegulariseBlock<'_, S> {
                     lanes.select(integrated[c], V::zero()).store(&mut previous[c], s);
                 }
             }
-            if let Some(held) = level.held.get(b) {
+            if let Some(hold) = level.hold.get(b) {
                 let mut across = [[0.0; LANES]; 2];
-                for (lane, &held) in held[s..s + LANES].iter().enumerate() {
-                    [across[0][lane], across[1][lane]] = mirrors::decode(held);
+                for (lane, &hold) in hold[s..s + LANES].iter().enumerate() {
+                    [across[0][lane], across[1][lane]] = mirrors::decode(hold);
                 }
                 // At an open border along which texture slides, nothing moves across it.
                 let across = across.map(|across| V::load(&across, 0));

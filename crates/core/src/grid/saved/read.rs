@@ -78,7 +78,7 @@ pub fn grid(
     }
     let chart_of = tile.chart_of_triangles();
     for (k, level) in levels.iter_mut().enumerate() {
-        level.held = Arc::new(mirrors::held(tile, &chart_of, &level.blocks, k, cells));
+        level.hold = Arc::new(mirrors::hold(tile, &chart_of, &level.blocks, k, cells));
     }
     let triangle = from.all(levels[0].blocks.list.len())?;
     check(are_triangles(&triangle, &levels[0], &chart_of), "triangles")?;
@@ -89,7 +89,7 @@ pub fn grid(
     if !from.0.is_empty() {
         return Err(refuse("it is too long"));
     }
-    let has_extra = !levels[0].density.is_empty() || !levels[0].held.is_empty();
+    let has_extra = !levels[0].density.is_empty() || !levels[0].hold.is_empty();
     Ok(Grid {
         levels,
         triangles: Arc::new(uv_triangles(tile, cells[0], cells[1])),
