@@ -8,7 +8,7 @@ use super::gather::Gather;
 use super::interpolation::{self, Source, StiffnessPlanes};
 use super::node_set::NodeSet;
 use super::pose::Pose;
-use super::pyramid::{self, Held};
+use super::pyramid::{self, Relevant};
 use super::rigidity::NodeRigidity;
 use super::survey::{Survey, SurveyLevel};
 use super::{Grid, Level, cover, coverage, density, mirrors, rest};
@@ -155,19 +155,19 @@ fn mobility(nodes: &NodeSet) -> Plane<u8> {
 
 /// Sets the rigidity of all levels.
 fn set_rigidity(team: &Team, rigidity: &NodeRigidity, survey: &Survey, levels: &mut [Level]) {
-    let mut held = pyramid::held(&survey.levels[0]);
-    levels[0].rigidity = pyramid::finest(team, rigidity, &survey.levels[0], &held);
+    let mut relevant = pyramid::relevant(&survey.levels[0]);
+    levels[0].rigidity = pyramid::finest(team, rigidity, &survey.levels[0], &relevant);
     for k in 1..levels.len() {
         let (finer, coarser) = (&survey.levels[k - 1], &survey.levels[k]);
-        let held_coarser = pyramid::held(coarser);
+        let relevant_coarser = pyramid::relevant(coarser);
         let (of_finer, of_coarser) =
-            (Held { level: finer, held: &held }, Held { level: coarser, held: &held_coarser });
+            (Relevant { level: finer, relevant: &relevant }, Relevant { level: coarser, relevant: &relevant_coarser });
         let codes = team.map(coarser.blocks.list.len(), |b| {
             let children = &levels[k].children[b];
             pyramid::coarser_block(&of_finer, &levels[k - 1].rigidity, &of_coarser, children, b)
         });
         levels[k].rigidity = codes;
-        held = held_coarser;
+        relevant = relevant_coarser;
     }
 }
 

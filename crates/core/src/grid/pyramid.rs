@@ -1,4 +1,4 @@
-//! Rigidity on all levels (method §3), in the blocks of a survey. It is stored at the nodes that are *held*, which are
+//! Rigidity on all levels (method §3), in the blocks of a survey. It is stored at the nodes that are *relevant*, which are
 //! the movable nodes and their neighbours; edges between other nodes have no effect.
 
 use super::codes::{decode_rigidity, encode_rigidity};
@@ -12,28 +12,28 @@ use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::mesh::NONE;
 use crate::team::Team;
 
-/// The held nodes of each block: movable nodes and their neighbours.
-pub fn held(level: &SurveyLevel) -> Vec<NodeSet> {
+/// The relevant nodes of each block: movable nodes and their neighbours.
+pub fn relevant(level: &SurveyLevel) -> Vec<NodeSet> {
     (0..level.movable.len()).map(|b| level.blocks.window(&level.movable, b).dilated()).collected()
 }
 
-/// Rigidity on level 0, per block, as codes of `encode_rigidity`; 0 at nodes that are not held.
+/// Rigidity on level 0, per block, as codes of `encode_rigidity`; 0 at nodes that are not relevant.
 pub fn finest(
     team: &Team,
     rigidity: &NodeRigidity,
     level: &SurveyLevel,
-    held: &[NodeSet],
+    relevant: &[NodeSet],
 ) -> Vec<Plane<u16>> {
     let mut codes = zeroed::<[u16; NODES]>(level.blocks.list.len());
-    team.fill(&mut codes, |b, codes| finest_block(rigidity, level, held, b, codes));
+    team.fill(&mut codes, |b, codes| finest_block(rigidity, level, relevant, b, codes));
     codes
 }
 
-/// Rigidity of one block on level 0, as codes of `encode_rigidity`; 0 at nodes that are not held.
+/// Rigidity of one block on level 0, as codes of `encode_rigidity`; 0 at nodes that are not relevant.
 pub fn finest_block(
     rigidity: &NodeRigidity,
     level: &SurveyLevel,
-    held: &[NodeSet],
+    relevant: &[NodeSet],
     b: usize,
     codes: &mut Plane<u16>,
 ) {
@@ -43,25 +43,25 @@ pub fn finest_block(
     let cover = rigidity.coverer.cover(square);
     let values = rigidity.window([block.x, block.y], &cover);
     for j in 0..SIDE {
-        for i in (0..SIDE).filter(|&i| held[b].contains(i, j)) {
+        for i in (0..SIDE).filter(|&i| relevant[b].contains(i, j)) {
             codes[slot(i, j)] = encode_rigidity(values[at(i + 1, j + 1)]);
         }
     }
 }
 
 /// One level of the pyramid.
-pub struct Held<'a> {
+pub struct Relevant<'a> {
     pub level: &'a SurveyLevel,
-    /// The held nodes of each block.
-    pub held: &'a [NodeSet],
+    /// The relevant nodes of each block.
+    pub relevant: &'a [NodeSet],
 }
 
-/// Rigidity of a block of the next coarser level: a 3x3 Gaussian (the paper's eq. 7) over the held finer nodes.
+/// Rigidity of a block of the next coarser level: a 3x3 Gaussian (the paper's eq. 7) over the relevant finer nodes.
 /// `children` are the finer blocks of the block's quarters.
 pub fn coarser_block(
-    finer: &Held,
+    finer: &Relevant,
     codes: &[Plane<u16>],
-    coarser: &Held,
+    coarser: &Relevant,
     children: &[u32; 4],
     b: usize,
 ) -> Plane<u16> {
@@ -70,12 +70,12 @@ pub fn coarser_block(
     for (quarter, &child) in children.iter().enumerate().filter(|(_, child)| **child != NONE) {
         let blocks = &finer.level.blocks;
         window::load(&blocks.neighbours[child as usize], 0, |b| &codes[b], &mut window);
-        let held = blocks.window(finer.held, child as usize);
+        let relevant = blocks.window(finer.relevant, child as usize);
         for j in 0..SIDE / 2 {
             for i in 0..SIDE / 2 {
                 let (x, y) = (i + quarter % 2 * 8, j + quarter / 2 * 8);
-                if coarser.held[b].contains(x, y) {
-                    out[slot(x, y)] = encode_rigidity(gaussian(&window, &held, 2 * i + 1, 2 * j + 1));
+                if coarser.relevant[b].contains(x, y) {
+                    out[slot(x, y)] = encode_rigidity(gaussian(&window, &relevant, 2 * i + 1, 2 * j + 1));
                 }
             }
         }
@@ -83,21 +83,21 @@ pub fn coarser_block(
     out
 }
 
-/// The mean rigidity of the held nodes among the 3x3 nodes around (i, j) of a window.
-fn gaussian(window: &[u16; WINDOW_NODES], held: &super::node_set::NodeWindow, i: usize, j: usize) -> f32 {
+/// The mean rigidity of the relevant nodes among the 3x3 nodes around (i, j) of a window.
+fn gaussian(window: &[u16; WINDOW_NODES], relevant: &super::node_set::NodeWindow, i: usize, j: usize) -> f32 {
     let mut sum = 0.0;
     let mut weights = 0.0;
     for dj in 0..3 {
         for di in 0..3 {
             let (x, y) = (i + di - 1, j + dj - 1);
-            if held.contains(x, y) {
+            if relevant.contains(x, y) {
                 let weight = [1.0, 2.0, 1.0][di] * [1.0, 2.0, 1.0][dj];
                 sum += weight * decode_rigidity(window[place(x, y)]);
                 weights += weight;
             }
         }
     }
-    // A held node is movable or has a movable neighbour, around which all finer nodes are held: the sum of the weights
+    // A relevant node is movable or has a movable neighbour, around which all finer nodes are relevant: the sum of the weights
     // is not 0.
     sum / weights
 }

@@ -7,7 +7,7 @@ use super::Grid;
 use super::blocks::Part;
 use super::cover::{Coverer, WIDE};
 use super::interpolation::{self, MARGIN, PATCH, Source, StiffnessPlanes};
-use super::pyramid::{self, Held};
+use super::pyramid::{self, Relevant};
 use super::rigid_nodes::{RigidNodes, rigid_nodes};
 use super::rigidity::NodeRigidity;
 use super::squares::Squares;
@@ -158,25 +158,25 @@ fn blocks_with(level: &SurveyLevel, nodes: Nodes) -> Vec<usize> {
 /// Updates the rigidity of all levels.
 fn update_rigidity(team: &Team, grid: &mut Grid, rigidity: &NodeRigidity, mut nodes: Nodes) {
     let survey = grid.survey.clone();
-    let mut held = pyramid::held(&survey[0]);
+    let mut relevant = pyramid::relevant(&survey[0]);
     let blocks = blocks_with(&survey[0], nodes);
     let codes = team.map(blocks.len(), |k| {
         let mut codes = [0; NODES];
-        pyramid::finest_block(rigidity, &survey[0], &held, blocks[k], &mut codes);
+        pyramid::finest_block(rigidity, &survey[0], &relevant, blocks[k], &mut codes);
         codes
     });
     blocks.iter().zip(codes).for_each(|(&b, codes)| grid.levels[0].rigidity[b] = codes);
     for k in 1..survey.len() {
         nodes = nodes.grown(1).coarser();
-        let held_coarser = pyramid::held(&survey[k]);
+        let relevant_coarser = pyramid::relevant(&survey[k]);
         let (finer, coarser) =
-            (Held { level: &survey[k - 1], held: &held }, Held { level: &survey[k], held: &held_coarser });
+            (Relevant { level: &survey[k - 1], relevant: &relevant }, Relevant { level: &survey[k], relevant: &relevant_coarser });
         for b in blocks_with(&survey[k], nodes) {
             let children = &grid.levels[k].children[b];
             let codes = pyramid::coarser_block(&finer, &grid.levels[k - 1].rigidity, &coarser, children, b);
             grid.levels[k].rigidity[b] = codes;
         }
-        held = held_coarser;
+        relevant = relevant_coarser;
     }
 }
 
