@@ -17,7 +17,7 @@ pub struct Band {
     /// Blocks that the band owns.
     pub owned: Range<usize>,
     /// Blocks in the band's buffers: the owned ones and their neighbours.
-    pub held: Range<usize>,
+    pub buffered: Range<usize>,
     /// The band of the next coarser level that owns the parents of the owned blocks.
     pub coarser: usize,
     /// The bands of the next finer level that own the children of the owned blocks.
@@ -27,7 +27,7 @@ pub struct Band {
 impl Band {
     /// Index of block b in the band's buffers, or `NONE` if they do not contain it.
     pub fn place(&self, b: u32) -> u32 {
-        if b != NONE && self.held.contains(&(b as usize)) { b - self.held.start as u32 } else { NONE }
+        if b != NONE && self.buffered.contains(&(b as usize)) { b - self.buffered.start as u32 } else { NONE }
     }
 }
 
@@ -74,14 +74,14 @@ pub fn bands(levels: &[Level], capacity: impl Fn(usize) -> usize) -> Result<Vec<
 /// Divides a range of blocks into bands, between pairs of rows.
 fn split(level: &Level, range: Range<usize>, coarser: usize, capacity: usize) -> Result<Vec<Band>> {
     let list = &level.blocks.list;
-    let held = |owned: &Range<usize>| {
+    let buffered = |owned: &Range<usize>| {
         let neighbours = || level.blocks.neighbours[owned.clone()].iter().flatten().filter(|&&b| b != NONE);
         let low = neighbours().min().map_or(owned.start, |&b| b as usize);
         let high = neighbours().max().map_or(owned.end, |&b| b as usize + 1);
         low..high
     };
-    if held(&range).len() <= capacity {
-        return Ok([Band { held: held(&range), owned: range, coarser, finer: 0..0 }].into_iter().collected());
+    if buffered(&range).len() <= capacity {
+        return Ok([Band { buffered: buffered(&range), owned: range, coarser, finer: 0..0 }].into_iter().collected());
     }
     let mut bands = Vec::new();
     let mut start = range.start;
@@ -93,7 +93,7 @@ fn split(level: &Level, range: Range<usize>, coarser: usize, capacity: usize) ->
             }
             let pair = row_pair(&list[owned.end]);
             let next = owned.end + list[owned.end..range.end].partition_point(|b| row_pair(b) == pair);
-            if held(&(start..next)).len() > capacity {
+            if buffered(&(start..next)).len() > capacity {
                 break;
             }
             owned.end = next;
@@ -105,7 +105,7 @@ fn split(level: &Level, range: Range<usize>, coarser: usize, capacity: usize) ->
             ));
         }
         start = owned.end;
-        bands.put(Band { held: held(&owned), owned, coarser, finer: 0..0 });
+        bands.put(Band { buffered: buffered(&owned), owned, coarser, finer: 0..0 });
     }
     Ok(bands)
 }

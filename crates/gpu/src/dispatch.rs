@@ -226,7 +226,7 @@ impl Run<'_> {
         for (a, source) in bands.iter().enumerate() {
             for (b, target) in bands.iter().enumerate().filter(|&(b, _)| b != a) {
                 let (first, end) =
-                    (source.owned.start.max(target.held.start), source.owned.end.min(target.held.end));
+                    (source.owned.start.max(target.buffered.start), source.owned.end.min(target.buffered.end));
                 if let (true, Some((from, planes)), Some((to, _))) = (first < end, &buffers[a], &buffers[b]) {
                     let block = match what {
                         BandBuffer::Contributions => CONTRIBUTIONS,
@@ -236,9 +236,9 @@ impl Run<'_> {
                     let bytes = at(end, first);
                     self.recorder.copy(
                         from,
-                        at(first, source.held.start),
+                        at(first, source.buffered.start),
                         to,
-                        at(first, target.held.start),
+                        at(first, target.buffered.start),
                         bytes,
                     );
                 }

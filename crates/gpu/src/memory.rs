@@ -125,7 +125,7 @@ impl Memory {
             for (band, sizes) in bands[k].iter().zip(&sizes.bands[k]) {
                 let gather = match sizes.gather {
                     Some([starts_size, entries_size]) => {
-                        let (starts, entries) = grid.gather.of_blocks(band.held.clone());
+                        let (starts, entries) = grid.gather.of_blocks(band.buffered.clone());
                         let entries: Vec<[u32; 2]> =
                             entries.iter().map(|&(t, fraction)| [t, fraction.to_bits()]).collected();
                         Some([

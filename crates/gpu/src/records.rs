@@ -15,7 +15,7 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
     let list = &level.blocks.list;
     let coarser = bands.get(k + 1).map(|bands| (&grid.levels[k + 1].blocks, &bands[band.coarser]));
     let finer = k.checked_sub(1).map(|k| &bands[k][band.finer.clone()]);
-    band.held
+    band.buffered
         .clone()
         .map(|b| {
             let block = &list[b];
@@ -32,7 +32,7 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
             };
             let chart = level.blocks.of_chart[block.chart as usize].clone();
             let lengths = level.lengths[block.chart as usize];
-            let (first, end) = (chart.start.max(band.held.start), chart.end.min(band.held.end));
+            let (first, end) = (chart.start.max(band.buffered.start), chart.end.min(band.buffered.end));
             BlockRecord {
                 neighbours: neighbours.map(|b| band.place(b)),
                 active_neighbours: active.map(|b| band.place(b)),
@@ -43,7 +43,7 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
                 parents,
                 active_parents,
                 children,
-                chart_first: (first - band.held.start) as u32,
+                chart_first: (first - band.buffered.start) as u32,
                 chart_count: (end - first) as u32,
                 continues: u32::from(chart.start < first) + 2 * u32::from(chart.end > end),
                 length_base: lengths.map(|of_edge| of_edge.base),
@@ -74,8 +74,8 @@ pub fn packed_weights(level: &Level, b: usize) -> [u32; NODES / 4] {
 
 /// The constants of the nodes of the blocks in a band's buffers: `node_planes` planes per block.
 pub fn band_nodes(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> {
-    let mut all = with_capacity(band.held.len() * node_planes(grid) * NODES);
-    for b in band.held.clone() {
+    let mut all = with_capacity(band.buffered.len() * node_planes(grid) * NODES);
+    for b in band.buffered.clone() {
         let rigidity = level.rigidity[b].iter().zip(&level.movable[b]);
         all.put_all(rigidity.map(|(&code, &movable)| u32::from(code) | u32::from(movable == 0) << 31));
         for pair in level.rest_length[b].chunks(2) {

@@ -32,7 +32,7 @@ impl ResultBuffers {
     ) -> Result<ResultBuffers> {
         let bands = bands
             .iter()
-            .map(|band| Ok((band.clone(), storage("result", band.held.len() as u64 * RESULT_BLOCK)?)))
+            .map(|band| Ok((band.clone(), storage("result", band.buffered.len() as u64 * RESULT_BLOCK)?)))
             .try_collected()?;
         Ok(ResultBuffers { bands, blocks })
     }
@@ -67,7 +67,7 @@ impl GpuWarp for Displacements {
         let mut all = with_capacity(self.grid.levels[0].blocks.list.len());
         for (band, buffer) in &self.buffers.bands {
             let range =
-                [band.owned.start, band.owned.end].map(|b| (b - band.held.start) as u64 * RESULT_BLOCK);
+                [band.owned.start, band.owned.end].map(|b| (b - band.buffered.start) as u64 * RESULT_BLOCK);
             let bytes = self.context.read(buffer, range[0]..range[1])?;
             all.put_all(bytes.chunks_exact(RESULT_BLOCK as usize).map(|block| {
                 // The displacements are the first two planes.

@@ -186,13 +186,13 @@ impl<'a> Run<'a> {
 
     /// Offsets and lengths in bytes of the blocks of some charts in a band of the result.
     fn ranges_of(&self, band: usize, of: impl Fn(usize) -> bool) -> Vec<[u64; 2]> {
-        let held = &self.result.bands[band].0.held;
+        let buffered = &self.result.bands[band].0.buffered;
         let charts = self.grid.levels[0].blocks.of_chart.iter().enumerate().filter(|(c, _)| of(*c));
         let mut ranges: Vec<[u64; 2]> = Vec::new();
         for (_, blocks) in charts {
-            let (first, end) = (blocks.start.max(held.start), blocks.end.min(held.end));
+            let (first, end) = (blocks.start.max(buffered.start), blocks.end.min(buffered.end));
             if first < end {
-                let [at, bytes] = [first - held.start, end - first].map(|n| n as u64 * RESULT_BLOCK);
+                let [at, bytes] = [first - buffered.start, end - first].map(|n| n as u64 * RESULT_BLOCK);
                 // Charts with consecutive blocks share one range.
                 match ranges.last_mut() {
                     Some(last) if last[0] + last[1] == at => last[1] += bytes,

@@ -72,7 +72,7 @@ impl BufferSizes {
         coarse: Option<&CoarseLevels>,
     ) -> BufferSizes {
         let band = |k: usize, band: &Band| {
-            let blocks = band.held.len();
+            let blocks = band.buffered.len();
             let planes = |n: usize| blocks as u64 * n as u64 * PLANE;
             let apart = coarse.is_none_or(|coarse| coarse.base(k).is_none());
             BandBufferSizes {
@@ -84,7 +84,7 @@ impl BufferSizes {
                 rows: apart.then(|| planes(ROW_PLANES)),
                 vectors: apart.then(|| planes(VECTOR_PLANES)),
                 contributions: (apart && k > 0).then(|| blocks as u64 * CONTRIBUTIONS),
-                gather: (k == 1).then(|| grid.gather.bytes_of(band.held.clone())),
+                gather: (k == 1).then(|| grid.gather.bytes_of(band.buffered.clone())),
                 result: if k == 0 { planes(state_planes(k)) } else { 0 },
             }
         };

@@ -74,9 +74,9 @@ impl Run<'_> {
         let block = SAMPLE_PLANES as u64 * PLANE;
         let mut all = Vec::new();
         for n in 0..self.memory.bands[level].len() {
-            let Band { held, owned, .. } = self.memory.bands[level][n].clone();
+            let Band { buffered, owned, .. } = self.memory.bands[level][n].clone();
             let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-            let buffer = self.context.buffer("samples", held.len() as u64 * block, usage)?;
+            let buffer = self.context.buffer("samples", buffered.len() as u64 * block, usage)?;
             let stored = self.memory.lists[level][n].stored;
             self.dispatch_list(
                 kernel,
@@ -88,7 +88,7 @@ impl Run<'_> {
             // The buffer is temporary, so its bind group must not be kept either.
             self.memory.bind_groups.retain(|(of, ..), _| *of != kernel);
             self.recorder.flush();
-            let at = |b: usize| (b - held.start) as u64 * block;
+            let at = |b: usize| (b - buffered.start) as u64 * block;
             let bytes = self.context.read(&buffer, at(owned.start)..at(owned.end))?;
             all.put_all(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
         }
@@ -158,7 +158,7 @@ impl Run<'_> {
         let mut all = Vec::new();
         for (n, band) in self.memory.bands[level].iter().enumerate() {
             let Some((buffer, planes, base)) = self.buffer(level, n, what) else { continue };
-            let at = |b: usize| (base + b - band.held.start) as u64 * planes * PLANE;
+            let at = |b: usize| (base + b - band.buffered.start) as u64 * planes * PLANE;
             let bytes = self.context.read(&buffer, at(band.owned.start)..at(band.owned.end))?;
             all.put_all(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
         }
@@ -171,8 +171,8 @@ impl Run<'_> {
         for (n, band) in self.memory.bands[level].iter().enumerate() {
             let Some((buffer, planes, base)) = self.buffer(level, n, what) else { continue };
             let block = planes as usize * NODES;
-            let held = &bits[band.held.start * block..band.held.end * block];
-            self.upload(&buffer, base as u64 * planes * PLANE, held)?;
+            let bits = &bits[band.buffered.start * block..band.buffered.end * block];
+            self.upload(&buffer, base as u64 * planes * PLANE, bits)?;
         }
         Ok(())
     }

@@ -74,12 +74,12 @@ fn memory_that_is_not_there_is_named_and_what_is_dropped_comes_back() {
     let error = gpu.buffer("coarse levels", u64::MAX, STORAGE).unwrap_err();
     assert_eq!(error.kind, ErrorKind::OutOfMemory);
     assert!(error.message.starts_with("coarse levels: 18446744073709551615 bytes on the GPU: "), "{error}");
-    let held = || gpu.device.generate_allocator_report().map(|report| report.total_allocated_bytes);
-    let Some(before) = held() else { return };
+    let allocated = || gpu.device.generate_allocator_report().map(|report| report.total_allocated_bytes);
+    let Some(before) = allocated() else { return };
     let size = 64 << 20;
     for _ in 0..3 {
         let buffers: Vec<_> = (0..4).map(|_| gpu.buffer("level", size, STORAGE).unwrap()).collect();
-        assert!(held().unwrap() > before + 3 * size, "{:?} after {before}", held());
+        assert!(allocated().unwrap() > before + 3 * size, "{:?} after {before}", allocated());
         // The buffers are dropped while submitted work still uses them.
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         buffers.iter().for_each(|buffer| encoder.clear_buffer(buffer, 0, None));
@@ -87,7 +87,7 @@ fn memory_that_is_not_there_is_named_and_what_is_dropped_comes_back() {
         drop(buffers);
         gpu.wait().unwrap();
         gpu.reclaim();
-        assert!(held().unwrap() < before + size, "{:?} after {before}", held());
+        assert!(allocated().unwrap() < before + size, "{:?} after {before}", allocated());
     }
 }
 

@@ -89,10 +89,10 @@ fn upload(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]], most: usiz
     });
     let buffers = ResultBuffers::new(&all[0], blocks.collect(), &storage).unwrap();
     for (band, buffer) in &buffers.bands {
-        assert_eq!(buffer.size(), band.held.len() as u64 * RESULT_BLOCK);
+        assert_eq!(buffer.size(), band.buffered.len() as u64 * RESULT_BLOCK);
         // The triangles under W do not matter here; they follow the displacements.
         let blocks: Vec<[Plane; 3]> =
-            u[band.held.clone()].iter().map(|&[x, y]| [x, y, [f32::NAN; NODES]]).collect();
+            u[band.buffered.clone()].iter().map(|&[x, y]| [x, y, [f32::NAN; NODES]]).collect();
         context.queue.write_buffer(buffer, 0, bytemuck::cast_slice(blocks.as_flattened().as_flattened()));
     }
     Displacements::new(context.clone(), grid.clone(), Arc::new(buffers))
