@@ -185,8 +185,8 @@ impl<'a> ImageView<'a> {
         let size = [self.layout.width as usize, self.layout.height as usize];
         self.check_finite(name, TexelRect { first: [0, 0], end: size })?;
         let mut map = Map::new(size, self.layout.format, wanted);
-        let held: Vec<TexelRect> = map.held().collected();
-        for rect in held {
+        let stored: Vec<TexelRect> = map.stored().collected();
+        for rect in stored {
             self.copy_to(&mut map, rect);
         }
         Ok(map)

@@ -58,7 +58,7 @@ impl Host {
         Current::new(Some(&self.allocator()))
     }
 
-    fn held(&self) -> (usize, usize) {
+    fn in_use(&self) -> (usize, usize) {
         (self.blocks.load(Ordering::Relaxed), self.bytes.load(Ordering::Relaxed))
     }
 }
@@ -87,10 +87,10 @@ fn blocks_are_aligned_and_go_back_to_where_they_came_from() {
                         assert!(!zeroed || bytes.iter().all(|byte| *byte == 0));
                         bytes.fill(1);
                         let from_host = with_host && size >= global::LARGE;
-                        assert_eq!(host.held().0, usize::from(from_host), "{size} {alignment}");
+                        assert_eq!(host.in_use().0, usize::from(from_host), "{size} {alignment}");
                         Allocator.dealloc(block, layout);
                     }
-                    assert_eq!(host.held(), (0, 0));
+                    assert_eq!(host.in_use(), (0, 0));
                 }
                 drop(scope);
             }
@@ -122,12 +122,12 @@ fn a_block_keeps_its_bytes_when_it_crosses_the_limit() {
                     assert!(bytes[..kept].iter().all(|byte| *byte == 7), "{alignment} {pattern} {k}");
                     bytes.fill(7);
                     if size >= global::LARGE && pattern < 2 {
-                        assert_eq!(host.held().0, usize::from(with_host));
+                        assert_eq!(host.in_use().0, usize::from(with_host));
                     }
                 }
                 Allocator.dealloc(block, layout);
             }
-            assert_eq!(host.held(), (0, 0));
+            assert_eq!(host.in_use(), (0, 0));
         }
     }
 }
@@ -149,9 +149,9 @@ fn a_block_that_cannot_move_shrinks_where_it_is() {
         array.give_room_back();
     }
     assert_eq!((array.capacity(), array.as_ptr()), (10_000, before));
-    assert!(array.iter().all(|x| *x == 3) && host.held().1 > 100_000);
+    assert!(array.iter().all(|x| *x == 3) && host.in_use().1 > 100_000);
     drop(array);
-    assert_eq!(host.held(), (0, 0));
+    assert_eq!(host.in_use(), (0, 0));
 }
 
 #[test]
@@ -161,10 +161,10 @@ fn any_thread_frees_at_any_time() {
         let _scope = host.current().enter();
         [zeroed::<u64>(1000), filled(1u64, 2000)]
     };
-    assert_eq!(host.held().0, 2);
+    assert_eq!(host.in_use().0, 2);
     // The handle is gone; the blocks keep the record with their `free`.
     std::thread::spawn(move || drop(arrays)).join().unwrap();
-    assert_eq!(host.held(), (0, 0));
+    assert_eq!(host.in_use(), (0, 0));
 }
 
 #[test]
@@ -182,7 +182,7 @@ fn missing_memory_unwinds_with_its_size_or_comes_from_the_system() {
     // Allocations by the standard library itself are infallible.
     #[allow(clippy::disallowed_methods, reason = "this is under test")]
     let array = Vec::<u8>::with_capacity(100_000);
-    assert!(array.capacity() >= 100_000 && host.held() == (0, 0));
+    assert!(array.capacity() >= 100_000 && host.in_use() == (0, 0));
     let error = caught(|| Ok(zeroed::<u8>(7000))).unwrap_err();
     assert_eq!(
         (error.kind, &*error.message),
@@ -230,7 +230,7 @@ fn helpers_of_a_team_work_with_its_caller_s_memory() {
     for threads in [1, 4] {
         let _scope = host.current().enter();
         let arrays = Team::with(threads, |team| team.map(64, |k| filled(k, 1000)));
-        assert!(host.held().0 >= 64);
+        assert!(host.in_use().0 >= 64);
         drop(arrays);
         host.fails.store(true, Ordering::Relaxed);
         let missing = bytes_missing(|| {
@@ -239,7 +239,7 @@ fn helpers_of_a_team_work_with_its_caller_s_memory() {
         assert_eq!(missing, 5000);
         host.fails.store(false, Ordering::Relaxed);
     }
-    assert_eq!(host.held(), (0, 0));
+    assert_eq!(host.in_use(), (0, 0));
 }
 
 #[test]

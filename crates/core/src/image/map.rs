@@ -60,7 +60,7 @@ impl Map {
     }
 
     /// The texels of the stored pages, page by page.
-    pub fn held(&self) -> impl Iterator<Item = TexelRect> {
+    pub fn stored(&self) -> impl Iterator<Item = TexelRect> {
         (0..self.places.len()).filter(|&page| self.places[page] != NONE).map(|page| self.rect(page))
     }
 
@@ -343,9 +343,9 @@ mod tests {
     }
 
     #[test]
-    fn pages_that_nobody_wants_are_not_held() {
+    fn pages_that_nobody_wants_are_not_stored() {
         let whole = Map::new([200, 100], PixelFormat::U8, |_| true);
-        assert_eq!(whole.held().count(), 8);
+        assert_eq!(whole.stored().count(), 8);
         let wanted = |rect: &TexelRect| rect.first == [64, 0];
         let mut map = Map::new([200, 100], PixelFormat::U8, wanted);
         for (x, y) in [(64, 0), (127, 63), (128, 0), (10, 99)] {
