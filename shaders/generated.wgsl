@@ -67,7 +67,7 @@ const MAX_STEP: f32 = 32768.0;
 /// which these have brought close to theirs leave the step room.
 const STEP_MIN_JACOBIAN: f32 = 0.012999999;
 /// A step leaves at least this fraction of what a corner Jacobian has over `STEP_MIN_JACOBIAN`.
-const KEPT_MARGIN: f32 = 0.1;
+const MARGIN_LEFT: f32 = 0.1;
 /// The step fractions of neighbouring nodes differ by at most this ...
 const FRACTION_FALLOFF: f32 = 0.125;
 /// ... and by at most what makes this many cells of the chart's longest step: a step that changes abruptly from node to

@@ -40,8 +40,8 @@ fn load_patch(b: u32, t: u32) {
             let triangle = triangle_in_state(holder, source.y, fixed);
             let value = value_at(holder, source.y, u, triangle, fixed);
             patch_u[k] = u;
-            let kept = 1.0 - f32(lost_code(rigidity)) * params.lost;
-            patch_value[k] = vec4f(value, decode_rigidity(rigidity & 0xffffu) * kept);
+            let left = 1.0 - f32(lost_code(rigidity)) * params.lost;
+            patch_value[k] = vec4f(value, decode_rigidity(rigidity & 0xffffu) * left);
             patch_length[k] = rest_lengths(holder, source.y, base, shift);
             patch_tag[k] = (triangle << 1u) | (rigidity >> 31u);
         }

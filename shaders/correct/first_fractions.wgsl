@@ -44,7 +44,7 @@ fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
         let n = vec2i(node_at(s));
         let step = abs(window_step[place_in_window(n)]);
         length = max(length, max(step.x, step.y));
-        let fraction = allowed_fraction(n, KEPT_MARGIN);
+        let fraction = allowed_fraction(n, MARGIN_LEFT);
         vectors[vector_index(b, FRACTION, s)] = fraction;
         least = min(least, fraction);
     }

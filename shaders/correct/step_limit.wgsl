@@ -5,9 +5,9 @@
 /// The smallest normal f32: keeps a quotient finite.
 const SMALLEST: f32 = 1.1754944e-38;
 
-/// The smallest fraction that the twelve corners of node n allow if each keeps the fraction `kept` of its margin (method
+/// The smallest fraction that the twelve corners of node n allow if each keeps the fraction `left` of its margin (method
 /// §7.6, Fraction per corner).
-fn allowed_fraction(n: vec2i, kept: f32) -> f32 {
+fn allowed_fraction(n: vec2i, left: f32) -> f32 {
     var fraction = 1.0;
     for (var q = 0u; q < 4u; q++) {
         let s = quadrant(q);
@@ -26,7 +26,7 @@ fn allowed_fraction(n: vec2i, kept: f32) -> f32 {
             // At the fraction s of the step, J minus the margin that must be left is q(s) = start + first s + second
             // s^2, with q(0) >= 0. If q(1) < 0, it has one root in between.
             let over = max(sign * cross2(offsets[i], offsets[j]) - STEP_MIN_JACOBIAN, 0.0);
-            let start = over * (1.0 - kept);
+            let start = over * (1.0 - left);
             let first = sign * (cross2(changes[i], offsets[j]) + cross2(offsets[i], changes[j]));
             let second = sign * cross2(changes[i], changes[j]);
             if start + first + second < 0.0 {

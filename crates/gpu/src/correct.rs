@@ -17,7 +17,7 @@ use super::run::Run;
 use vrtm_core::allocation::Collect;
 use vrtm_core::error::Result;
 use vrtm_core::method::acceptance::Correction;
-use vrtm_core::method::law::{SMOOTHER_SWEEPS, kept_margin, limit_rounds, trial_fractions};
+use vrtm_core::method::law::{SMOOTHER_SWEEPS, margin_left, limit_rounds, trial_fractions};
 
 /// The rounds of the step limit on level 0 that are preceded by a gate: one or two rounds are common, more are rare.
 const LATER_GATES: [u32; 2] = [2, 6];
@@ -280,7 +280,7 @@ impl Run<'_> {
                 self.open_gate(GateSet::StepLimit, round + 1);
             }
             let params =
-                Params { mode: round + 1, factor: kept_margin(round).unwrap_or(-1.0), ..self.params };
+                Params { mode: round + 1, factor: margin_left(round).unwrap_or(-1.0), ..self.params };
             self.dispatch_active(Kernel::Shrink, level, params, Some(BandBuffer::Vectors));
             self.fall_off(level, round + 1);
         }

@@ -37,8 +37,8 @@ pub fn weaken<'a, V: Lanes>(
     // Vectors overlap, so that what has been weakened must not be read again.
     let whole = *rigidity;
     for at in window_vectors() {
-        let kept = V::one() - V::load_u16(&codes, at) * (1.0 / LOST_STEPS);
-        (V::load(&whole, at) * kept).store(rigidity, at);
+        let left = V::one() - V::load_u16(&codes, at) * (1.0 / LOST_STEPS);
+        (V::load(&whole, at) * left).store(rigidity, at);
     }
 }
 

@@ -77,7 +77,7 @@ constants! {
     /// which these have brought close to theirs leave the step room.
     STEP_MIN_JACOBIAN: f32 = 0.65 * MIN_JACOBIAN;
     /// A step leaves at least this fraction of what a corner Jacobian has over `STEP_MIN_JACOBIAN`.
-    KEPT_MARGIN: f32 = 0.1;
+    MARGIN_LEFT: f32 = 0.1;
     /// The step fractions of neighbouring nodes differ by at most this ...
     FRACTION_FALLOFF: f32 = 0.125;
     /// ... and by at most what makes this many cells of the chart's longest step: a step that changes abruptly from node to
@@ -114,8 +114,8 @@ pub fn passes(sweeps: u32) -> impl Iterator<Item = u32> {
 
 /// The fraction of a corner's margin that round `round` of the step limit leaves: a little less than the round before, so
 /// that corners which kept enough then are not limited again. `None` in the rounds after the shrinking ones.
-pub fn kept_margin(round: u32) -> Option<f32> {
-    (round < SHRINKING_ROUNDS).then(|| KEPT_MARGIN * (1.0 - (round + 1) as f32 / SHRINKING_ROUNDS as f32))
+pub fn margin_left(round: u32) -> Option<f32> {
+    (round < SHRINKING_ROUNDS).then(|| MARGIN_LEFT * (1.0 - (round + 1) as f32 / SHRINKING_ROUNDS as f32))
 }
 
 /// Most rounds of the step limit on a level.

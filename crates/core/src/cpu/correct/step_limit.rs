@@ -1,5 +1,5 @@
 //! The step limit (method §7.6): computes the fraction of the step that each node takes, from the displacements and the
-//! step. Every corner Jacobian keeps a tenth of its margin over the bound (`KEPT_MARGIN`, `STEP_MIN_JACOBIAN`); fractions
+//! step. Every corner Jacobian keeps a tenth of its margin over the bound (`MARGIN_LEFT`, `STEP_MIN_JACOBIAN`); fractions
 //! fall off smoothly around corners that would lose more. The nodes of one corner may have different fractions; if a
 //! corner still loses too much, they are multiplied by the fraction that the corner allows. The fractions depend
 //! continuously on the step, so that a warp does not jump when a corner starts to be limited.
@@ -16,7 +16,7 @@ use crate::allocation::{copied, zeroed};
 use crate::grid::Level;
 use crate::grid::planes::Plane;
 use crate::grid::window::{self, WINDOW_NODES, Window};
-use crate::method::law::{KEPT_MARGIN, STEP_MIN_JACOBIAN, kept_margin, limit_rounds};
+use crate::method::law::{MARGIN_LEFT, STEP_MIN_JACOBIAN, margin_left, limit_rounds};
 use crate::team::SharedSlice;
 
 /// Sets the fractions so that u + fraction x step has no corner Jacobian below the bound, and continues with the last
@@ -47,7 +47,7 @@ fn fractions(run: &Run, level: usize, limiting: &mut Limiting) -> Vec<f32> {
         unsafe {
             let fraction = &mut fraction.get_mut(b)[0];
             *least_of_block.get_mut(k) =
-                dispatch(AllowedFraction { u: &u_window, step: &step_window, kept: KEPT_MARGIN, fraction });
+                dispatch(AllowedFraction { u: &u_window, step: &step_window, left: MARGIN_LEFT, fraction });
         };
     });
     // Charts in which no node is limited are done, and are skipped in later rounds.
@@ -70,7 +70,7 @@ fn fractions(run: &Run, level: usize, limiting: &mut Limiting) -> Vec<f32> {
     for round in 0..limit_rounds(level) {
         let mut marked = zeroed(blocks.len());
         let flags = SharedSlice::new(&mut marked);
-        let kept = kept_margin(round);
+        let left = margin_left(round);
         run.team.run(blocks.len(), |k| {
             let b = blocks[k] as usize;
             let (mut u_window, mut step_window) = ([[0.0f32; WINDOW_NODES]; 2], [[0.0f32; WINDOW_NODES]; 2]);
@@ -84,14 +84,14 @@ fn fractions(run: &Run, level: usize, limiting: &mut Limiting) -> Vec<f32> {
             for c in 0..2 {
                 for n in 0..WINDOW_NODES {
                     step_window[c][n] *= fractions[n];
-                    if kept.is_none() {
+                    if left.is_none() {
                         u_window[c][n] += step_window[c][n];
                     }
                 }
             }
-            let any = match kept {
-                Some(kept) => {
-                    dispatch(AllowedFraction { u: &u_window, step: &step_window, kept, fraction: mark }) < 1.0
+            let any = match left {
+                Some(left) => {
+                    dispatch(AllowedFraction { u: &u_window, step: &step_window, left, fraction: mark }) < 1.0
                 }
                 None => dispatch(Marks { u: &u_window, mark }),
             };
@@ -134,11 +134,11 @@ fn load_step(
 }
 
 /// Computes the fraction of the step that each node of a block may take if all nodes of its corners take the same
-/// fraction, and each corner keeps the fraction `kept` of its margin. Returns the least of the fractions.
+/// fraction, and each corner keeps the fraction `left` of its margin. Returns the least of the fractions.
 struct AllowedFraction<'a> {
     u: &'a [Window; 2],
     step: &'a [Window; 2],
-    kept: f32,
+    left: f32,
     fraction: &'a mut Plane,
 }
 
@@ -149,7 +149,7 @@ impl Vectorised for AllowedFraction<'_> {
     fn run<V: Lanes>(self) -> f32 {
         let mut least = V::one();
         for row in Row::all() {
-            let fraction = allowed_fraction::<V>(self.u, self.step, self.kept, row);
+            let fraction = allowed_fraction::<V>(self.u, self.step, self.left, row);
             least = least.min(fraction);
             row.store(self.fraction, fraction);
         }
@@ -159,7 +159,7 @@ impl Vectorised for AllowedFraction<'_> {
 
 /// The least fraction that the twelve corners at each node of a row allow.
 #[inline(always)]
-fn allowed_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], kept: f32, row: Row) -> V {
+fn allowed_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], left: f32, row: Row) -> V {
     let [p, dp] = [u, step].map(|w| each!([0, 1], |c| row.near::<V>(&w[c], 0, 0)));
     let mut fraction = V::one();
     for &(sx, sy) in &QUADRANTS {
@@ -172,9 +172,9 @@ fn allowed_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], kept: f32, ro
         ];
         for (a, b, da, db) in [(&a, &b, &da, &db), (&a, &c, &da, &dc), (&c, &b, &dc, &db)] {
             // q(s) = q0 + q1 s + q2 s² is J at the fraction s of the step, minus the bound and the margin to be
-            // kept. q(0) >= 0; if q(1) < 0, there is one root in between, computed in a form without cancellation.
+            // left. q(0) >= 0; if q(1) < 0, there is one root in between, computed in a form without cancellation.
             let margin = (cross(a, b, sign) - V::splat(STEP_MIN_JACOBIAN)).max(V::zero());
-            let q0 = margin * (1.0 - kept);
+            let q0 = margin * (1.0 - left);
             let (q1, q2) = (cross(da, b, sign) + cross(a, db, sign), cross(da, db, sign));
             let limits = (q0 + q1 + q2).lt(V::zero());
             if limits.any() {
