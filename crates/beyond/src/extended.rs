@@ -28,7 +28,7 @@ pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -> TileM
     // Where a stacked chart of the tile lies beyond the seam, which stays, the seam is shut.
     let stays =
         |of: &Source| of.tile as usize == tile && stacked[source.chart_of_triangle(of.triangle) as usize];
-    let kept = team.map(collars.len(), |c| Kept::new(source, c, &collars[c], stays));
+    let used = team.map(collars.len(), |c| Used::new(source, c, &collars[c], stays));
     let mut extended = TileMesh {
         udim: source.udim,
         uv_set: source.uv_set,
@@ -41,8 +41,8 @@ pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -> TileM
         welds: Vec::new(),
         edges_apart: source.edges_apart,
     };
-    for ((chart, collar), kept) in source.charts.iter().zip(&collars).zip(&kept) {
-        let chart = add(&mut extended, chart, collar, kept, beyond.reach);
+    for ((chart, collar), used) in source.charts.iter().zip(&collars).zip(&used) {
+        let chart = add(&mut extended, chart, collar, used, beyond.reach);
         extended.charts.put(chart);
     }
     extended.cuts.sort_unstable_by_key(|cut| cut.triangle);
@@ -65,8 +65,8 @@ fn stacked(tile: &TileMesh) -> Vec<bool> {
 /// A side of a chart's triangle: the triangle, and the corner opposite to the side.
 type Side = (u32, u8);
 
-/// What is kept of a collar.
-struct Kept {
+/// What is used of a collar.
+struct Used {
     /// Per triangle.
     triangles: Vec<bool>,
     /// The sides of the chart beyond which it goes on, ascending.
@@ -89,13 +89,13 @@ struct AtSide {
     triangle: u32,
 }
 
-impl Kept {
+impl Used {
     /// Keeps the triangles that lie over nothing else of the chart, nearer ones first, as far as they hang together with it.
-    fn new(tile: &TileMesh, chart: usize, collar: &Collar, stays: impl Fn(&Source) -> bool) -> Kept {
+    fn new(tile: &TileMesh, chart: usize, collar: &Collar, stays: impl Fn(&Source) -> bool) -> Used {
         let own = tile.charts[chart].triangles.clone();
         let list = &collar.triangles;
         if list.is_empty() {
-            return Kept { triangles: Vec::new(), open: Vec::new() };
+            return Used { triangles: Vec::new(), open: Vec::new() };
         }
         let first = own.len();
         let all = tile.triangles[own].iter().map(|t| t.uv).chain(list.iter().map(|t| t.uv));
@@ -110,7 +110,7 @@ impl Kept {
             let open = open_sides(&rims, &triangles);
             let reached = reached(collar, &triangles, &rims, &open);
             if reached == triangles {
-                return Kept { triangles, open };
+                return Used { triangles, open };
             }
             triangles = reached;
         }
@@ -151,10 +151,10 @@ fn ends(tile: &TileMesh, (t, k): Side) -> [DVec2; 2] {
     [1, 2].map(|d| uv[(k as usize + d) % 3])
 }
 
-/// The sides of the chart at which triangles are kept, ascending: of each side the longest run of parts, since whoever
+/// The sides of the chart at which triangles are used, ascending: of each side the longest run of parts, since whoever
 /// crosses the side goes on from one of its parts.
-fn open_sides(rims: &[AtSide], kept: &[bool]) -> Vec<Open> {
-    let list: Vec<AtSide> = rims.iter().copied().filter(|rim| kept[rim.triangle as usize]).collected();
+fn open_sides(rims: &[AtSide], used: &[bool]) -> Vec<Open> {
+    let list: Vec<AtSide> = rims.iter().copied().filter(|rim| used[rim.triangle as usize]).collected();
     let of_side = |rims: &[AtSide]| {
         let runs = rims.chunk_by(|a, b| a.part + 1 == b.part);
         let run = runs.reduce(|longest, run| if run.len() > longest.len() { run } else { longest })?;
@@ -169,12 +169,12 @@ fn run_of(open: &[Open], side: Side) -> Option<&Open> {
 }
 
 /// The triangles that hang together with the chart.
-fn reached(collar: &Collar, kept: &[bool], rims: &[AtSide], open: &[Open]) -> Vec<bool> {
+fn reached(collar: &Collar, used: &[bool], rims: &[AtSide], open: &[Open]) -> Vec<bool> {
     let list = &collar.triangles;
     let mut reached: Vec<bool> = zeroed(list.len());
     let mut stack: Vec<u32> = Vec::new();
     let is_open = |rim: &&AtSide| run_of(open, rim.side).is_some_and(|open| open.parts.contains(&rim.part));
-    for rim in rims.iter().filter(|rim| kept[rim.triangle as usize]).filter(is_open) {
+    for rim in rims.iter().filter(|rim| used[rim.triangle as usize]).filter(is_open) {
         if !std::mem::replace(&mut reached[rim.triangle as usize], true) {
             stack.put(rim.triangle);
         }
@@ -182,7 +182,7 @@ fn reached(collar: &Collar, kept: &[bool], rims: &[AtSide], open: &[Open]) -> Ve
     while let Some(k) = stack.pop() {
         for across in list[k as usize].across {
             if let Across::Collar(next) = across
-                && kept[next as usize]
+                && used[next as usize]
                 && !std::mem::replace(&mut reached[next as usize], true)
             {
                 stack.put(next);
@@ -192,13 +192,13 @@ fn reached(collar: &Collar, kept: &[bool], rims: &[AtSide], open: &[Open]) -> Ve
     reached
 }
 
-/// Adds what is kept of a collar to a tile; returns the extended chart.
-fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, kept: &Kept, reach: f64) -> Chart {
+/// Adds what is used of a collar to a tile; returns the extended chart.
+fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, used: &Used, reach: f64) -> Chart {
     let first = tile.triangles.len() as u32;
     let list = &collar.triangles;
     let mut numbers = filled(NONE, list.len());
-    let kept_ones: Vec<usize> = (0..list.len()).filter(|&k| kept.triangles[k]).collected();
-    for (number, &k) in kept_ones.iter().enumerate() {
+    let used_ones: Vec<usize> = (0..list.len()).filter(|&k| used.triangles[k]).collected();
+    for (number, &k) in used_ones.iter().enumerate() {
         numbers[k] = first + number as u32;
     }
     let mut vertices = copied(&chart.vertices);
@@ -214,7 +214,7 @@ fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, kept: &Kept, reach: 
     };
     // Points are numbered after all vertices.
     let mut points: Vec<FacePoint> = Vec::new();
-    let locals: Vec<[Result<u32, u32>; 3]> = kept_ones
+    let locals: Vec<[Result<u32, u32>; 3]> = used_ones
         .iter()
         .map(|&k| {
             list[k].points.each_ref().map(|point| match point.vertex() {
@@ -227,7 +227,7 @@ fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, kept: &Kept, reach: 
         })
         .collected();
     let parts = collar.parts as f64;
-    for Open { side, parts: run } in &kept.open {
+    for Open { side, parts: run } in &used.open {
         let [from, to] = ends(tile, *side);
         let at = |part: usize| from + (part as f64 / parts) * (to - from);
         for [a, b] in [[0, run.start], [run.end, collar.parts]] {
@@ -241,7 +241,7 @@ fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, kept: &Kept, reach: 
         Across::Collar(other) => (numbers[other as usize], None),
         Across::Chart(side) => {
             let part = part_of(tile, collar, side, list[k].uv, corner);
-            match run_of(&kept.open, side).filter(|open| open.parts.contains(&part)) {
+            match run_of(&used.open, side).filter(|open| open.parts.contains(&part)) {
                 None => (NONE, None),
                 // From the chart, walks go on from the part in the middle.
                 Some(Open { parts, .. }) => {
@@ -250,7 +250,7 @@ fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, kept: &Kept, reach: 
             }
         }
     };
-    for (&k, local) in kept_ones.iter().zip(locals) {
+    for (&k, local) in used_ones.iter().zip(locals) {
         let number = tile.triangles.len() as u32;
         let neighbours = [0, 1, 2].map(|corner| {
             let (neighbour, entered) = across(tile, k, corner);

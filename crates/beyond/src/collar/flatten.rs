@@ -99,7 +99,7 @@ pub(super) fn flatten(surface: &Surface, patch: &Patch, reach: f64, scale: f64) 
     let mirrors = corners.mirrors(&pieces);
     let distances = distances(patch, &pieces, &corners);
     let mut places: Vec<Option<DVec2>> = copied(&corners.fixed);
-    let mut kept: Vec<bool> = zeroed(pieces.len());
+    let mut good: Vec<bool> = zeroed(pieces.len());
     let mut slots = filled(NONE, places.len());
     let band = |piece: &Piece| (piece.distance / reach * BANDS as f64) as usize;
     let mut start = 0;
@@ -108,18 +108,18 @@ pub(super) fn flatten(surface: &Surface, patch: &Patch, reach: f64, scale: f64) 
         start = range.end;
         // A parent comes before its children, if it lies in the same band, too.
         for p in range.clone() {
-            kept[p] = pieces[p].parent == NONE || kept[pieces[p].parent as usize];
+            good[p] = pieces[p].parent == NONE || good[pieces[p].parent as usize];
         }
-        let present: Vec<usize> = range.filter(|&p| kept[p]).collected();
+        let present: Vec<usize> = range.filter(|&p| good[p]).collected();
         place(&pieces, &present, &corners.of, &mut places, &mut slots);
         for &p in &present {
             let piece = &pieces[p];
-            let of_parent = piece.parent == NONE || kept[piece.parent as usize];
-            kept[p] = of_parent && is_good(piece, uv_of(&corners.of[p], &places));
+            let of_parent = piece.parent == NONE || good[piece.parent as usize];
+            good[p] = of_parent && is_good(piece, uv_of(&corners.of[p], &places));
         }
     }
     let mut numbers = filled(NONE, patch.triangles.len());
-    let list: Vec<usize> = (0..pieces.len()).filter(|&p| kept[p]).collected();
+    let list: Vec<usize> = (0..pieces.len()).filter(|&p| good[p]).collected();
     for (number, &p) in list.iter().enumerate() {
         numbers[pieces[p].triangle as usize] = number as u32;
     }
