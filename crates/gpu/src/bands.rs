@@ -81,7 +81,9 @@ fn split(level: &Level, range: Range<usize>, coarser: usize, capacity: usize) ->
         low..high
     };
     if buffered(&range).len() <= capacity {
-        return Ok([Band { buffered: buffered(&range), owned: range, coarser, finer: 0..0 }].into_iter().collected());
+        return Ok([Band { buffered: buffered(&range), owned: range, coarser, finer: 0..0 }]
+            .into_iter()
+            .collected());
     }
     let mut bands = Vec::new();
     let mut start = range.start;

@@ -17,7 +17,7 @@ use super::run::Run;
 use vrtm_core::allocation::Collect;
 use vrtm_core::error::Result;
 use vrtm_core::method::acceptance::Correction;
-use vrtm_core::method::law::{SMOOTHER_SWEEPS, margin_left, limit_rounds, trial_fractions};
+use vrtm_core::method::law::{SMOOTHER_SWEEPS, limit_rounds, margin_left, trial_fractions};
 
 /// The rounds of the step limit on level 0 that are preceded by a gate: one or two rounds are common, more are rare.
 const LATER_GATES: [u32; 2] = [2, 6];

@@ -225,8 +225,10 @@ impl Run<'_> {
         let buffers: Vec<_> = (0..bands.len()).map(buffer).collected();
         for (a, source) in bands.iter().enumerate() {
             for (b, target) in bands.iter().enumerate().filter(|&(b, _)| b != a) {
-                let (first, end) =
-                    (source.owned.start.max(target.buffered.start), source.owned.end.min(target.buffered.end));
+                let (first, end) = (
+                    source.owned.start.max(target.buffered.start),
+                    source.owned.end.min(target.buffered.end),
+                );
                 if let (true, Some((from, planes)), Some((to, _))) = (first < end, &buffers[a], &buffers[b]) {
                     let block = match what {
                         BandBuffer::Contributions => CONTRIBUTIONS,

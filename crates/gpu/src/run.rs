@@ -163,9 +163,9 @@ impl<'a> Run<'a> {
     /// Writes the result of charts that are not solved: the last one for those in `keep`, the identity for the others.
     /// In charts that are solved, each active block will be written, and inactive blocks are always 0.
     fn start_result(&mut self, keep: &[bool]) {
-        let kept = |c: usize| keep[c] && self.last_result.is_some();
+        let stays = |c: usize| keep[c] && self.last_result.is_some();
         let others: Vec<bool> =
-            self.charts.iter().enumerate().map(|(c, &solve)| !solve && !kept(c)).collected();
+            self.charts.iter().enumerate().map(|(c, &solve)| !solve && !stays(c)).collected();
         self.clear(&others);
         let Some(last_result) = self.last_result.clone() else { return };
         for (n, (_, from)) in last_result.bands.iter().enumerate() {

@@ -234,19 +234,19 @@ impl<'a> Splitter<'a> {
     pub fn split(&mut self, marked: &[bool], values: &mut Vec<f64>, new: f64) {
         let old = std::mem::take(&mut self.pieces.list);
         let mut list = vrtm_core::allocation::with_capacity(old.len());
-        let mut kept = vrtm_core::allocation::with_capacity(old.len());
+        let mut next = vrtm_core::allocation::with_capacity(old.len());
         for (piece, value) in old.iter().zip(values.iter()) {
             let before = list.len();
             self.split_piece(piece, marked, &mut list);
             let parts = list.len() - before;
             if parts == 1 {
-                kept.put(*value);
+                next.put(*value);
             } else {
-                (0..parts).for_each(|_| kept.put(new));
+                (0..parts).for_each(|_| next.put(new));
             }
         }
         self.pieces.list = list;
-        *values = kept;
+        *values = next;
     }
 
     fn split_piece(&mut self, piece: &Piece, marked: &[bool], list: &mut Vec<Piece>) {

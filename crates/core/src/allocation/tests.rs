@@ -113,13 +113,13 @@ fn a_block_keeps_its_bytes_when_it_crosses_the_limit() {
                 for (k, size) in sizes.into_iter().enumerate() {
                     let with_host = [false, true, k % 2 == 0, k % 3 == 0][pattern];
                     let scope = with_host.then(|| host.current().enter());
-                    let kept = layout.size().min(size);
+                    let common = layout.size().min(size);
                     block = Allocator.realloc(block, layout, size);
                     drop(scope);
                     layout = Layout::from_size_align(size, alignment).unwrap();
                     assert!(!block.is_null() && block.addr().is_multiple_of(alignment));
                     let bytes = std::slice::from_raw_parts_mut(block, size);
-                    assert!(bytes[..kept].iter().all(|byte| *byte == 7), "{alignment} {pattern} {k}");
+                    assert!(bytes[..common].iter().all(|byte| *byte == 7), "{alignment} {pattern} {k}");
                     bytes.fill(7);
                     if size >= global::LARGE && pattern < 2 {
                         assert_eq!(host.in_use().0, usize::from(with_host));

@@ -160,8 +160,10 @@ fn set_rigidity(team: &Team, rigidity: &NodeRigidity, survey: &Survey, levels: &
     for k in 1..levels.len() {
         let (finer, coarser) = (&survey.levels[k - 1], &survey.levels[k]);
         let relevant_coarser = pyramid::relevant(coarser);
-        let (of_finer, of_coarser) =
-            (Relevant { level: finer, relevant: &relevant }, Relevant { level: coarser, relevant: &relevant_coarser });
+        let (of_finer, of_coarser) = (
+            Relevant { level: finer, relevant: &relevant },
+            Relevant { level: coarser, relevant: &relevant_coarser },
+        );
         let codes = team.map(coarser.blocks.list.len(), |b| {
             let children = &levels[k].children[b];
             pyramid::coarser_block(&of_finer, &levels[k - 1].rigidity, &of_coarser, children, b)

@@ -102,8 +102,8 @@ mod tests {
             let lengths = Lengths::between(low, high);
             for k in 0..=1000 {
                 let x = low * (f64::from(ratio).powf(f64::from(k) / 1000.0) as f32);
-                let kept = lengths.length(lengths.code(x));
-                assert!(((kept - x) / x).abs() <= error, "{ratio}: {x} became {kept}");
+                let decoded = lengths.length(lengths.code(x));
+                assert!(((decoded - x) / x).abs() <= error, "{ratio}: {x} became {decoded}");
             }
             assert_eq!([0.0, 0.99 * low].map(|x| lengths.length(lengths.code(x))), [0.0; 2]);
             let top = lengths.length(lengths.code(2.0 * high));

@@ -1,4 +1,4 @@
-//! Rigid features that touch a border of their chart are kept where they are, whole: half of a feature that regains its
+//! Rigid features that touch a border of their chart are fixed where they are, whole: half of a feature that regains its
 //! shape beside a border that cannot move would make an hourglass of it (method §16).
 
 use super::blocks::Part;
@@ -11,11 +11,11 @@ use crate::grid::planes::SIDE;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RigidPart {
     pub part: Part,
-    /// Those that are kept: at first those at a border.
-    pub kept: NodeSet,
+    /// Those that are fixed: at first those at a border.
+    pub fixed: NodeSet,
 }
 
-/// Extends what is kept to all rigid nodes that hang together with it in a chart, diagonals included.
+/// Extends what is fixed to all rigid nodes that hang together with it in a chart, diagonals included.
 pub(super) fn spread(rigid: &mut [RigidPart]) {
     rigid.sort_unstable_by_key(|of| of.part.key());
     let neighbours = |rigid: &[RigidPart], k: usize| -> [Option<usize>; 9] {
@@ -26,12 +26,12 @@ pub(super) fn spread(rigid: &mut [RigidPart]) {
             rigid.binary_search_by_key(&key, |of| of.part.key()).ok()
         })
     };
-    let mut open: Vec<usize> = (0..rigid.len()).filter(|&k| !rigid[k].kept.is_empty()).collected();
+    let mut open: Vec<usize> = (0..rigid.len()).filter(|&k| !rigid[k].fixed.is_empty()).collected();
     while let Some(k) = open.pop() {
         let around = neighbours(rigid, k);
         for k in around.into_iter().flatten() {
             let around = neighbours(rigid, k);
-            let set = |n: usize| around[n].map_or(NodeSet::EMPTY, |other| rigid[other].kept);
+            let set = |n: usize| around[n].map_or(NodeSet::EMPTY, |other| rigid[other].fixed);
             let mut sets: [NodeSet; 9] = std::array::from_fn(set);
             let before = sets[4];
             loop {
@@ -42,18 +42,18 @@ pub(super) fn spread(rigid: &mut [RigidPart]) {
                 sets[4] = next;
             }
             if sets[4] != before {
-                rigid[k].kept = sets[4];
+                rigid[k].fixed = sets[4];
                 open.put(k);
             }
         }
     }
 }
 
-/// Takes the kept nodes out of the parts that may move, and counts them among the fixed ones. `rigid` is sorted as by `spread`.
+/// Takes these nodes out of the parts that may move, and counts them among the frozen ones. `rigid` is sorted as by `spread`.
 pub(super) fn fix(rigid: &[RigidPart], parts: &mut Vec<(Part, bool)>, squares: &mut [RigidNodes]) {
     for (part, _) in parts.iter_mut() {
         let Ok(k) = rigid.binary_search_by_key(&part.key(), |of| of.part.key()) else { continue };
-        let taken = part.nodes.and(rigid[k].kept);
+        let taken = part.nodes.and(rigid[k].fixed);
         for n in (0..SIDE * SIDE).filter(|n| taken.contains(n % SIDE, n / SIDE)) {
             part.nodes.remove(n % SIDE, n / SIDE);
         }
@@ -89,19 +89,19 @@ mod tests {
                 }
                 wanted += u64::from(spiral(x, y));
             }
-            let mut kept = NodeSet::EMPTY;
+            let mut fixed = NodeSet::EMPTY;
             if (bx, by) == (0, 0) {
-                kept.insert(3, 3);
+                fixed.insert(3, 3);
                 assert!(nodes.contains(3, 3));
             }
-            rigid.push(RigidPart { part: Part { chart: 0, x: bx as u32, y: by as u32, nodes }, kept });
+            rigid.push(RigidPart { part: Part { chart: 0, x: bx as u32, y: by as u32, nodes }, fixed });
         }
         // Another chart in the same square.
         let all = NodeSet([u16::MAX; SIDE]);
-        rigid.push(RigidPart { part: Part { chart: 1, x: 0, y: 0, nodes: all }, kept: NodeSet::EMPTY });
+        rigid.push(RigidPart { part: Part { chart: 1, x: 0, y: 0, nodes: all }, fixed: NodeSet::EMPTY });
         spread(&mut rigid);
-        let kept: u64 = rigid.iter().filter(|of| of.part.chart == 0).map(|of| of.kept.count()).sum();
-        assert_eq!(kept, wanted);
-        assert!(rigid.iter().filter(|of| of.part.chart == 1).all(|of| of.kept.is_empty()));
+        let fixed: u64 = rigid.iter().filter(|of| of.part.chart == 0).map(|of| of.fixed.count()).sum();
+        assert_eq!(fixed, wanted);
+        assert!(rigid.iter().filter(|of| of.part.chart == 1).all(|of| of.fixed.is_empty()));
     }
 }

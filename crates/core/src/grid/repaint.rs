@@ -169,8 +169,10 @@ fn update_rigidity(team: &Team, grid: &mut Grid, rigidity: &NodeRigidity, mut no
     for k in 1..survey.len() {
         nodes = nodes.grown(1).coarser();
         let relevant_coarser = pyramid::relevant(&survey[k]);
-        let (finer, coarser) =
-            (Relevant { level: &survey[k - 1], relevant: &relevant }, Relevant { level: &survey[k], relevant: &relevant_coarser });
+        let (finer, coarser) = (
+            Relevant { level: &survey[k - 1], relevant: &relevant },
+            Relevant { level: &survey[k], relevant: &relevant_coarser },
+        );
         for b in blocks_with(&survey[k], nodes) {
             let children = &grid.levels[k].children[b];
             let codes = pyramid::coarser_block(&finer, &grid.levels[k - 1].rigidity, &coarser, children, b);

@@ -51,13 +51,13 @@ pub(super) fn rigid_nodes(
 /// The rigid nodes of squares, those of all layers together.
 pub(super) fn merged(mut found: Vec<RigidNodes>) -> Vec<RigidNodes> {
     found.sort_unstable_by_key(|of| (of.square[1], of.square[0]));
-    found.dedup_by(|next, kept| {
-        let same = next.square == kept.square;
+    found.dedup_by(|next, first| {
+        let same = next.square == first.square;
         if same {
             // A node where two charts touch counts once.
-            kept.rigid = (kept.rigid + next.rigid).min(NODES as u16);
-            kept.frozen = (kept.frozen + next.frozen).min(kept.rigid);
-            kept.overlapped = (kept.overlapped + next.overlapped).min(kept.rigid);
+            first.rigid = (first.rigid + next.rigid).min(NODES as u16);
+            first.frozen = (first.frozen + next.frozen).min(first.rigid);
+            first.overlapped = (first.overlapped + next.overlapped).min(first.rigid);
         }
         same
     });

@@ -242,12 +242,12 @@ impl Found {
         let index = known.map_or(self.of_features.len(), |k| first + k);
         if known.is_none() {
             let part = Part { chart, x, y, nodes: NodeSet::EMPTY };
-            self.of_features.put(RigidPart { part, kept: NodeSet::EMPTY });
+            self.of_features.put(RigidPart { part, fixed: NodeSet::EMPTY });
         }
-        let RigidPart { part, kept } = &mut self.of_features[index];
+        let RigidPart { part, fixed } = &mut self.of_features[index];
         part.nodes.insert(i, j);
         if at_border {
-            kept.insert(i, j);
+            fixed.insert(i, j);
         }
     }
 }

@@ -54,20 +54,20 @@ fn darkest(corners: &[DVec3; 3], at: DVec2) -> f64 {
     for (axis, sign) in [(0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0)] {
         let inside = |p: DVec3| sign * (at[axis] - p[axis]) + 0.5;
         let whole = polygon;
-        let mut kept = 0;
+        let mut cut = 0;
         for k in 0..count {
             let (p, q) = (whole[k], whole[(k + 1) % count]);
             let (a, b) = (inside(p), inside(q));
             if a >= 0.0 {
-                polygon[kept] = p;
-                kept += 1;
+                polygon[cut] = p;
+                cut += 1;
             }
             if (a > 0.0 && b < 0.0) || (a < 0.0 && b > 0.0) {
-                polygon[kept] = p + (q - p) * (a / (a - b));
-                kept += 1;
+                polygon[cut] = p + (q - p) * (a / (a - b));
+                cut += 1;
             }
         }
-        count = kept;
+        count = cut;
     }
     polygon[..count].iter().fold(f64::INFINITY, |least, p| least.min(p.z))
 }

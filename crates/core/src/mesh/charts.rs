@@ -77,12 +77,12 @@ impl TileMesh {
         let order = order(&self.chart_of);
         let new_index = inverse(&order);
         let mut numbers = filled(NONE, order.len());
-        let kept: Vec<u32> = (0..order.len() as u32).filter(|&t| layers[t as usize] == layer).collected();
-        for (number, &t) in kept.iter().enumerate() {
+        let of_layer: Vec<u32> = (0..order.len() as u32).filter(|&t| layers[t as usize] == layer).collected();
+        for (number, &t) in of_layer.iter().enumerate() {
             numbers[t as usize] = number as u32;
         }
         let triangle = |t: u32| &self.triangles[new_index[t as usize] as usize];
-        let neighbours: Vec<[u32; 3]> = kept
+        let neighbours: Vec<[u32; 3]> = of_layer
             .iter()
             .map(|&t| {
                 let of = |n: u32| if n == NONE { NONE } else { numbers[order[n as usize] as usize] };
@@ -90,7 +90,7 @@ impl TileMesh {
             })
             .collected();
         let tile = assemble(&neighbours, |number| {
-            let t = kept[number];
+            let t = of_layer[number];
             let vertices = &self.charts[self.chart_of[t as usize] as usize].vertices;
             (triangle(t).local.map(|v| vertices[v as usize]), triangle(t).uv)
         });

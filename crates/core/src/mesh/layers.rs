@@ -131,18 +131,18 @@ fn shared(a: [DVec2; 3], b: [DVec2; 3]) -> Vec<DVec2> {
     for k in 0..3 {
         let (from, to) = (b[k], b[(k + 1) % 3]);
         let inside = |p: DVec2| turn * (to - from).perp_dot(p - from);
-        let mut kept = Vec::new();
+        let mut cut = Vec::new();
         for (i, &p) in polygon.iter().enumerate() {
             let q = polygon[(i + 1) % polygon.len()];
             let (here, next) = (inside(p), inside(q));
             if here >= 0.0 {
-                kept.put(p);
+                cut.put(p);
             }
             if here * next < 0.0 {
-                kept.put(p + (q - p) * (here / (here - next)));
+                cut.put(p + (q - p) * (here / (here - next)));
             }
         }
-        polygon = kept;
+        polygon = cut;
     }
     polygon
 }

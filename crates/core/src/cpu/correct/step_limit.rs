@@ -16,7 +16,7 @@ use crate::allocation::{copied, zeroed};
 use crate::grid::Level;
 use crate::grid::planes::Plane;
 use crate::grid::window::{self, WINDOW_NODES, Window};
-use crate::method::law::{MARGIN_LEFT, STEP_MIN_JACOBIAN, margin_left, limit_rounds};
+use crate::method::law::{MARGIN_LEFT, STEP_MIN_JACOBIAN, limit_rounds, margin_left};
 use crate::team::SharedSlice;
 
 /// Sets the fractions so that u + fraction x step has no corner Jacobian below the bound, and continues with the last
