@@ -39,54 +39,6 @@ pub mod slot {
     pub const EXTRA: u32 = 10;
 }
 
-/// A kernel. Kernels that sample the surface come in two versions: chords for level 0, metrics for coarser levels.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Kernel {
-    Surface,
-    PyramidGather,
-    PyramidRestrict,
-    Protect,
-    ProtectFinest,
-    IdentityChords,
-    IdentityMetrics,
-    Previous,
-    ProlongChords,
-    ProlongMetrics,
-    StepChords,
-    StepMetrics,
-    RelaxChords,
-    RelaxMetrics,
-    EnergyChords,
-    EnergyMetrics,
-    AssembleChords,
-    AssembleMetrics,
-    Pull,
-    Galerkin,
-    GalerkinTogether,
-    MultigridDown,
-    MultigridUp,
-    MultigridCoarse,
-    Product,
-    Curvature,
-    FirstFractions,
-    Falloff,
-    Shrink,
-    ProjectChords,
-    ProjectMetrics,
-    RegulariseChords,
-    RegulariseMetrics,
-    CopyState,
-    Decide,
-    SelectCharts,
-    Gate,
-    Certify,
-    FallBack,
-    SamplesChords,
-    SamplesMetrics,
-    Invert,
-    Redirect,
-}
-
 /// The source of a kernel.
 #[derive(Debug)]
 pub struct Source {
@@ -94,6 +46,8 @@ pub struct Source {
     pub entry: &'static str,
     /// Files in `shaders/` that follow `generated` and `common`.
     pub parts: &'static [&'static str],
+    /// The contents of these files.
+    texts: &'static [&'static str],
     pub bindings: &'static [Binding],
     /// The least number of bytes moved per node, counting each datum once, except for what is counted per triangle.
     pub bytes_per_node: u32,
@@ -102,123 +56,124 @@ pub struct Source {
 use Binding::{Params as P, Read as R, Write as W};
 use slot::*;
 
-/// The files of kernels that sample the surface on level 0, and the file for coarser levels.
-const CHORDS: [&str; 2] = ["sampling/triangle", "sampling/chords"];
-const METRICS: &str = "sampling/metrics";
+macro_rules! kernels {
+    ($($kernel:ident $entry:literal [$($part:literal),*] [$($binding:expr),*] $bytes:literal;)*) => {
+        /// A kernel. Those that sample the surface come in two versions: chords for level 0, metrics for coarser levels.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        pub enum Kernel {
+            $($kernel,)*
+        }
 
-macro_rules! source {
-    ($kernel:ident, $entry:literal, [$($part:expr),*], [$($binding:expr),*], $bytes:literal) => {
-        Source {
+        /// All kernels, in the order of the stages.
+        pub const SOURCES: [Source; [$($entry),*].len()] = [$(Source {
             kernel: Kernel::$kernel,
             entry: $entry,
             parts: &[$($part),*],
-            bindings: &[P, W(CHARTS), $($binding),*],
+            texts: &[$(text!($part)),*],
+            bindings: &[$($binding),*],
             bytes_per_node: $bytes,
-        }
+        }),*];
     };
 }
 
-/// All kernels, in the order of the stages.
-#[rustfmt::skip]
-pub const SOURCES: [Source; 43] = [
-    source!(Surface, "surface", [CHORDS[0], "surface"], [W(SURFACE), R(EXTRA), R(EXTRA + 1)], 0),
-    source!(PyramidGather, "pyramid_gather", [CHORDS[0], "pyramid_gather"],
-        [R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), W(EXTRA + 2)], 24),
-    source!(PyramidRestrict, "pyramid_restrict", [METRICS, "pyramid_restrict"],
-        [R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), R(EXTRA + 2)], 76),
-    source!(Protect, "protect", [METRICS, "protect"], [R(BLOCKS), R(LISTS), W(SURFACE), W(EXTRA)], 72),
-    source!(ProtectFinest, "protect_finest", ["protect_finest"],
-        [R(BLOCKS), R(LISTS), W(EXTRA), R(EXTRA + 1), R(EXTRA + 2)], 12),
-    source!(IdentityChords, "identity", [CHORDS[0], CHORDS[1], "sampling/resample"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE)], 20),
-    source!(IdentityMetrics, "identity", [METRICS, "sampling/resample"],
-        [R(BLOCKS), R(LISTS), W(STATE)], 8),
-    source!(Previous, "previous", [CHORDS[0], CHORDS[1], "sampling/resample"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)], 28),
-    source!(ProlongChords, "prolong", [CHORDS[0], CHORDS[1], "sampling/resample", "prolong"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA), R(EXTRA + 1)], 22),
-    source!(ProlongMetrics, "prolong", [METRICS, "sampling/resample", "prolong"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), R(EXTRA), R(EXTRA + 1)], 14),
-    source!(StepChords, "step", [CHORDS[0], CHORDS[1], "sampling/resample", "correct/step_vector", "correct/step"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS)], 64),
-    source!(StepMetrics, "step", [METRICS, "sampling/resample", "correct/step_vector", "correct/step"],
-        [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)], 52),
-    source!(RelaxChords, "relax", [CHORDS[0], CHORDS[1], "patch", "slopes", "terms", "pull", "relax"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)], 36),
-    source!(RelaxMetrics, "relax", [METRICS, "patch", "slopes", "terms", "pull", "relax"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)], 40),
-    source!(EnergyChords, "energy", [CHORDS[0], CHORDS[1], "patch", "terms", "pull", "shared_energy", "energy"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS), R(EXTRA)], 24),
-    source!(EnergyMetrics, "energy", [METRICS, "patch", "terms", "pull", "shared_energy", "energy"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS), R(EXTRA)], 32),
-    source!(AssembleChords, "assemble", [CHORDS[0], CHORDS[1], "patch", "slopes", "terms", "shared_energy", "correct/assemble"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)], 76),
-    source!(AssembleMetrics, "assemble", [METRICS, "patch", "slopes", "terms", "shared_energy", "correct/assemble"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)], 84),
-    source!(Pull, "pull", [CHORDS[0], CHORDS[1], "patch", "pull", "correct/pull"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS), R(EXTRA)], 48),
-    source!(Galerkin, "galerkin", ["correct/rows_apart", "correct/galerkin"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), R(EXTRA), R(EXTRA + 1)], 224),
-    source!(GalerkinTogether, "galerkin", ["correct/rows_together", "correct/galerkin"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), R(EXTRA)], 224),
-    source!(MultigridDown, "multigrid_down", ["correct/node_row", "correct/multigrid", "correct/restrict", "correct/arrive", "correct/multigrid_down"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(EXTRA), W(EXTRA + 1)], 68),
-    source!(MultigridUp, "multigrid_up", ["partial_sum", "correct/node_row", "correct/multigrid", "correct/multigrid_up"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), W(PARTIALS), R(EXTRA)], 79),
-    source!(MultigridCoarse, "multigrid_coarse", ["correct/step_length", "correct/node_row", "correct/arrive", "correct/multigrid_coarse"],
-        [W(ROWS), W(VECTORS), R(EXTRA), R(EXTRA + 1), R(EXTRA + 2)], 0),
-    source!(Product, "product", ["partial_sum", "correct/node_row", "correct/multigrid", "correct/restrict", "correct/conjugate_gradients"],
-        [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), W(PARTIALS), W(EXTRA + 1)], 64),
-    source!(Curvature, "curvature", ["partial_sum", "correct/node_row", "correct/multigrid", "correct/restrict", "correct/conjugate_gradients"],
-        [R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), W(PARTIALS)], 52),
-    source!(FirstFractions, "first_fractions", ["correct/step_vector", "correct/step_limit", "correct/first_fractions"],
-        [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)], 28),
-    source!(Falloff, "falloff", ["correct/falloff"], [R(BLOCKS), R(LISTS), W(VECTORS)], 16),
-    source!(Shrink, "shrink", ["correct/step_vector", "correct/step_limit", "correct/shrink"],
-        [R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)], 32),
-    source!(ProjectChords, "project", [CHORDS[0], CHORDS[1], "pbd/state", "pbd/moves", "pbd/project"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 32),
-    source!(ProjectMetrics, "project", [METRICS, "pbd/state", "pbd/moves", "pbd/project"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 36),
-    source!(RegulariseChords, "regularise", [CHORDS[0], CHORDS[1], "pbd/state", "pbd/moves", "pbd/regularise"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 44),
-    source!(RegulariseMetrics, "regularise", [METRICS, "pbd/state", "pbd/moves", "pbd/regularise"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 36),
-    source!(CopyState, "copy_state", ["pbd/state", "pbd/copy"], [R(BLOCKS), R(LISTS), W(STATE), W(EXTRA)], 16),
-    source!(Decide, "decide", ["correct/step_length", "correct/control"], [W(PARTIALS), R(EXTRA)], 0),
-    source!(SelectCharts, "select_charts", ["correct/step_length", "correct/control"], [], 0),
-    source!(Gate, "gate", ["correct/gate"], [R(EXTRA), W(EXTRA + 1), W(EXTRA + 2)], 0),
-    source!(Certify, "certify", ["certify"], [R(BLOCKS), R(LISTS), W(STATE), W(PARTIALS)], 8),
-    source!(FallBack, "fall_back", ["certify"], [R(BLOCKS), R(LISTS), W(STATE)], 0),
+/// The content of a file in `shaders/`.
+macro_rules! text {
+    ($part:literal) => {
+        include_str!(concat!("../../../shaders/", $part, ".wgsl"))
+    };
+}
+
+// Entry point, files in `shaders/` that follow `generated` and `common`, bindings, and bytes per node.
+kernels! {
+    Surface "surface" ["sampling/triangle", "surface"] [P, W(CHARTS), W(SURFACE), R(EXTRA), R(EXTRA + 1)] 0;
+    PyramidGather "pyramid_gather" ["sampling/triangle", "pyramid_gather"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), W(EXTRA + 2)] 24;
+    PyramidRestrict "pyramid_restrict" ["sampling/metrics", "pyramid_restrict"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), W(SURFACE), R(EXTRA), R(EXTRA + 1), R(EXTRA + 2)] 76;
+    Protect "protect" ["sampling/metrics", "protect"] [P, W(CHARTS), R(BLOCKS), R(LISTS), W(SURFACE), W(EXTRA)] 72;
+    ProtectFinest "protect_finest" ["protect_finest"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), W(EXTRA), R(EXTRA + 1), R(EXTRA + 2)] 12;
+    IdentityChords "identity" ["sampling/triangle", "sampling/chords", "sampling/resample"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE)] 20;
+    IdentityMetrics "identity" ["sampling/metrics", "sampling/resample"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), W(STATE)] 8;
+    Previous "previous" ["sampling/triangle", "sampling/chords", "sampling/resample"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)] 28;
+    ProlongChords "prolong" ["sampling/triangle", "sampling/chords", "sampling/resample", "prolong"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA), R(EXTRA + 1)] 22;
+    ProlongMetrics "prolong" ["sampling/metrics", "sampling/resample", "prolong"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), R(EXTRA), R(EXTRA + 1)] 14;
+    StepChords "step" ["sampling/triangle", "sampling/chords", "sampling/resample", "correct/step_vector",
+        "correct/step"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS)] 64;
+    StepMetrics "step" ["sampling/metrics", "sampling/resample", "correct/step_vector", "correct/step"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)] 52;
+    RelaxChords "relax" ["sampling/triangle", "sampling/chords", "patch", "slopes", "terms", "pull", "relax"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)] 36;
+    RelaxMetrics "relax" ["sampling/metrics", "patch", "slopes", "terms", "pull", "relax"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)] 40;
+    EnergyChords "energy" ["sampling/triangle", "sampling/chords", "patch", "terms", "pull", "shared_energy", "energy"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS), R(EXTRA)] 24;
+    EnergyMetrics "energy" ["sampling/metrics", "patch", "terms", "pull", "shared_energy", "energy"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS), R(EXTRA)] 32;
+    AssembleChords "assemble" ["sampling/triangle", "sampling/chords", "patch", "slopes", "terms", "shared_energy",
+        "correct/assemble"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)] 76;
+    AssembleMetrics "assemble" ["sampling/metrics", "patch", "slopes", "terms", "shared_energy", "correct/assemble"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)] 84;
+    Pull "pull" ["sampling/triangle", "sampling/chords", "patch", "pull", "correct/pull"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS), R(EXTRA)] 48;
+    Galerkin "galerkin" ["correct/rows_apart", "correct/galerkin"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(ROWS), R(EXTRA), R(EXTRA + 1)] 224;
+    GalerkinTogether "galerkin" ["correct/rows_together", "correct/galerkin"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(ROWS), R(EXTRA)] 224;
+    MultigridDown "multigrid_down" ["correct/node_row", "correct/multigrid", "correct/restrict", "correct/arrive",
+        "correct/multigrid_down"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(EXTRA), W(EXTRA + 1)] 68;
+    MultigridUp "multigrid_up" ["partial_sum", "correct/node_row", "correct/multigrid", "correct/multigrid_up"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), W(PARTIALS), R(EXTRA)] 79;
+    MultigridCoarse "multigrid_coarse" ["correct/step_length", "correct/node_row", "correct/arrive",
+        "correct/multigrid_coarse"]
+        [P, W(CHARTS), W(ROWS), W(VECTORS), R(EXTRA), R(EXTRA + 1), R(EXTRA + 2)] 0;
+    Product "product" ["partial_sum", "correct/node_row", "correct/multigrid", "correct/restrict",
+        "correct/conjugate_gradients"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), W(PARTIALS), W(EXTRA + 1)] 64;
+    Curvature "curvature" ["partial_sum", "correct/node_row", "correct/multigrid", "correct/restrict",
+        "correct/conjugate_gradients"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), W(PARTIALS)] 52;
+    FirstFractions "first_fractions" ["correct/step_vector", "correct/step_limit", "correct/first_fractions"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)] 28;
+    Falloff "falloff" ["correct/falloff"] [P, W(CHARTS), R(BLOCKS), R(LISTS), W(VECTORS)] 16;
+    Shrink "shrink" ["correct/step_vector", "correct/step_limit", "correct/shrink"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)] 32;
+    ProjectChords "project" ["sampling/triangle", "sampling/chords", "pbd/state", "pbd/moves", "pbd/project"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)] 32;
+    ProjectMetrics "project" ["sampling/metrics", "pbd/state", "pbd/moves", "pbd/project"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)] 36;
+    RegulariseChords "regularise" ["sampling/triangle", "sampling/chords", "pbd/state", "pbd/moves", "pbd/regularise"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)] 44;
+    RegulariseMetrics "regularise" ["sampling/metrics", "pbd/state", "pbd/moves", "pbd/regularise"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)] 36;
+    CopyState "copy_state" ["pbd/state", "pbd/copy"] [P, W(CHARTS), R(BLOCKS), R(LISTS), W(STATE), W(EXTRA)] 16;
+    Decide "decide" ["correct/step_length", "correct/control"] [P, W(CHARTS), W(PARTIALS), R(EXTRA)] 0;
+    SelectCharts "select_charts" ["correct/step_length", "correct/control"] [P, W(CHARTS)] 0;
+    Gate "gate" ["correct/gate"] [P, W(CHARTS), R(EXTRA), W(EXTRA + 1), W(EXTRA + 2)] 0;
+    Certify "certify" ["certify"] [P, W(CHARTS), R(BLOCKS), R(LISTS), W(STATE), W(PARTIALS)] 8;
+    FallBack "fall_back" ["certify"] [P, W(CHARTS), R(BLOCKS), R(LISTS), W(STATE)] 0;
     // These kernels belong to no stage of a solve.
-    source!(SamplesChords, "samples", [CHORDS[0], CHORDS[1], "sampling/samples"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 0),
-    source!(SamplesMetrics, "samples", [METRICS, "sampling/samples"],
-        [R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)], 0),
+    SamplesChords "samples" ["sampling/triangle", "sampling/chords", "sampling/samples"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)] 0;
+    SamplesMetrics "samples" ["sampling/metrics", "sampling/samples"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(EXTRA)] 0;
     // These kernels belong to no solve, and bind neither parameters nor charts.
-    Source {
-        kernel: Kernel::Invert,
-        entry: "invert",
-        parts: &["invert"],
-        bindings: &[R(BLOCKS), R(EXTRA), R(EXTRA + 1), R(EXTRA + 2), W(EXTRA + 3)],
-        bytes_per_node: 8,
-    },
-    Source {
-        kernel: Kernel::Redirect,
-        entry: "redirect",
-        parts: &["redirect"],
-        bindings: &[R(EXTRA), R(EXTRA + 1), R(EXTRA + 2), W(EXTRA + 3)],
-        bytes_per_node: 0,
-    },
-];
+    Invert "invert" ["invert"] [R(BLOCKS), R(EXTRA), R(EXTRA + 1), R(EXTRA + 2), W(EXTRA + 3)] 8;
+    Redirect "redirect" ["redirect"] [R(EXTRA), R(EXTRA + 1), R(EXTRA + 2), W(EXTRA + 3)] 0;
+}
 
 impl Kernel {
     /// The source of the kernel.
     pub fn source(self) -> &'static Source {
-        const { assert!(SOURCES.len() == Kernel::Redirect as usize + 1) };
-        let source = &SOURCES[self as usize];
-        debug_assert_eq!(source.kernel, self);
-        source
+        &SOURCES[self as usize]
     }
 
     /// Bytes of a triangle's record that the kernel reads. All nodes on a triangle share its record, which stays in the
@@ -245,71 +200,6 @@ impl Kernel {
 impl Source {
     /// The complete WGSL source.
     pub fn text(&self) -> String {
-        ["generated", "common"].into_iter().chain(self.parts.iter().copied()).map(part).collected().join("\n")
+        [text!("generated"), text!("common")].iter().chain(self.texts).copied().collected().join("\n")
     }
-}
-
-/// The content of a file in `shaders/`.
-fn part(name: &str) -> &'static str {
-    macro_rules! files {
-        ($($name:literal),*) => {
-            match name {
-                $($name => include_str!(concat!("../../../shaders/", $name, ".wgsl")),)*
-                _ => "",
-            }
-        };
-    }
-    files!(
-        "generated",
-        "common",
-        "surface",
-        "pyramid_gather",
-        "pyramid_restrict",
-        "protect",
-        "protect_finest",
-        "sampling/triangle",
-        "sampling/chords",
-        "sampling/metrics",
-        "sampling/resample",
-        "sampling/samples",
-        "prolong",
-        "patch",
-        "slopes",
-        "terms",
-        "pull",
-        "relax",
-        "energy",
-        "shared_energy",
-        "correct/assemble",
-        "correct/pull",
-        "correct/rows_apart",
-        "correct/rows_together",
-        "correct/galerkin",
-        "partial_sum",
-        "correct/node_row",
-        "correct/multigrid",
-        "correct/restrict",
-        "correct/arrive",
-        "correct/step_length",
-        "correct/step_vector",
-        "correct/step",
-        "correct/multigrid_down",
-        "correct/multigrid_up",
-        "correct/multigrid_coarse",
-        "correct/conjugate_gradients",
-        "correct/step_limit",
-        "correct/first_fractions",
-        "correct/falloff",
-        "correct/shrink",
-        "correct/control",
-        "correct/gate",
-        "pbd/state",
-        "pbd/moves",
-        "pbd/project",
-        "pbd/regularise",
-        "pbd/copy",
-        "certify",
-        "invert",
-        "redirect"
-    )
 }
