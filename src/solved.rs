@@ -5,11 +5,11 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use glam::DVec2;
 
+use vrtm_beyond::gutter::{Gutter, LimitedTexels};
 use vrtm_core::allocation::copied;
 use vrtm_core::backend::Warp;
 use vrtm_core::cpu::invert;
 use vrtm_core::grid::Grid;
-use vrtm_core::grid::gutter::{Gutter, LimitedTexels};
 use vrtm_core::grid::planes::{Plane, slot};
 use vrtm_core::mesh::{NONE, TileMesh};
 use vrtm_core::method::plan::ChartResult;

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use crate::device::Device;
+use vrtm_beyond::gutter::Gutter;
 use vrtm_core::allocation::copied;
 use vrtm_core::error::Result;
-use vrtm_core::grid::gutter::Gutter;
 use vrtm_core::grid::survey::Survey;
 use vrtm_core::grid::{Grid, build, saved};
 use vrtm_core::mesh::TileMesh;

@@ -5,9 +5,9 @@ use std::time::Instant;
 
 use crate::device::{Booked, Device};
 use vrtm_beyond::extended;
+use vrtm_beyond::gutter::Gutter;
 use vrtm_core::allocation::{Collect, copied, filled, zeroed};
 use vrtm_core::error::Result;
-use vrtm_core::grid::gutter::Gutter;
 use vrtm_core::grid::maps::Values;
 use vrtm_core::grid::repaint::repaint;
 use vrtm_core::grid::survey::Survey;

@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 
 use crate::device::{Booked, Device};
 use vrtm_beyond::Copies;
+use vrtm_beyond::gutter::LimitedTexels;
 use vrtm_core::allocation::{Collect, copied, filled, zeroed};
 use vrtm_core::error::{ErrorKind, Result};
 use vrtm_core::grid::Grid;
-use vrtm_core::grid::gutter::LimitedTexels;
 use vrtm_core::grid::planes::SIDE;
 use vrtm_core::grid::pose::{ChartPose, Pose};
 use vrtm_core::mesh::TileMesh;

@@ -19,8 +19,8 @@ use super::inverse::{self, Area, Centres, Outputs, Room};
 use super::nodes::{self, NodeRows};
 use super::uv_set::OtherSet;
 use crate::solved::Solved;
-use vrtm_core::grid::gutter::LimitedTexels;
-use vrtm_core::grid::owners::Owners;
+use vrtm_beyond::gutter::LimitedTexels;
+use vrtm_beyond::owners::Owners;
 
 /// The channel that marks the texels covered by charts.
 const ALPHA: usize = 3;

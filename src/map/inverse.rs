@@ -10,9 +10,9 @@ use vrtm_core::image::ImagePart;
 use vrtm_core::team::Team;
 
 use crate::solved::Solved;
+use vrtm_beyond::gutter::{Gutter, LimitedTexels};
+use vrtm_beyond::owners::Owners;
 use vrtm_core::backend::{Gpu, GpuOutput, Warp};
-use vrtm_core::grid::gutter::{Gutter, LimitedTexels};
-use vrtm_core::grid::owners::Owners;
 
 /// A redirection that is limited by less, in texels, does not count.
 const LEAST: f32 = 1e-5;

@@ -12,7 +12,7 @@ use vrtm_core::team::Team;
 
 use super::canvas::Canvas;
 use crate::solved::Solved;
-use vrtm_core::grid::owners::Owners;
+use vrtm_beyond::owners::Owners;
 
 /// Most items of work into which writing a warp is divided.
 const ITEMS: usize = 64;

@@ -4,11 +4,11 @@
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
-use super::owners::Owners;
-use crate::allocation::{Collect, zeroed};
-use crate::image::ImagePart;
-use crate::mesh::{NONE, TileMesh};
-use crate::team::Team;
+use crate::owners::Owners;
+use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::image::ImagePart;
+use vrtm_core::mesh::{NONE, TileMesh};
+use vrtm_core::team::Team;
 
 /// Squares along each side of a tile in which owners are looked up. It does not depend on the size of an image, so that
 /// images of all sizes hold the same.

@@ -3,12 +3,12 @@
 
 use glam::DVec2;
 
-use super::fill::Fill;
-use crate::allocation::{Collect, filled};
-use crate::image::ImagePart;
-use crate::mesh::triangle::barycentrics;
-use crate::mesh::{NONE, TileMesh};
-use crate::team::Team;
+use vrtm_core::allocation::{Collect, filled};
+use vrtm_core::grid::fill::Fill;
+use vrtm_core::image::ImagePart;
+use vrtm_core::mesh::triangle::barycentrics;
+use vrtm_core::mesh::{NONE, TileMesh};
+use vrtm_core::team::Team;
 
 /// Rows that one item of work draws.
 const BAND: usize = 64;
