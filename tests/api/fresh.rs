@@ -229,8 +229,11 @@ impl Given {
     }
 }
 
+/// The bits of a warp and of a map, and a report in f64 and in whole numbers.
+type Seen = (Vec<[u32; 2]>, Vec<[u32; 2]>, [f64; 3], [u32; 7]);
+
 /// All that a host sees of a tile's result, but for what it cost.
-fn seen(asset: &mut Asset, tile: usize) -> (Vec<[u32; 2]>, Vec<[u32; 2]>, [f64; 3], [u32; 7]) {
+fn seen(asset: &mut Asset, tile: usize) -> Seen {
     let report = asset.tile_report(tile).unwrap();
     let [nx, ny] = report.grid;
     let warp = fetch(asset, tile, FetchKind::Warp, [nx + 1, ny + 1]);

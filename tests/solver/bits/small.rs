@@ -189,7 +189,8 @@ fn maps(list: &mut Vec<Small>) {
     fn of_vertices(asset: &Asset, least: f32) -> Vec<f32> {
         (0..asset.info().vertices).map(|v| if v % 7 < 3 { 1.0 } else { least }).collect()
     }
-    let changes: [(&str, fn(&mut Asset)); 7] = [
+    type Change = fn(&mut Asset);
+    let changes: [(&str, Change); 7] = [
         ("rigidity of 16 bits", |asset| {
             paint(asset, PixelFormat::U16, Origin::Top, |x| ((x * 65535.0) as u16).to_ne_bytes());
         }),

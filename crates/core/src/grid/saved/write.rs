@@ -7,7 +7,7 @@ use crate::grid::Grid;
 pub fn write(grid: &Grid, to: &mut Writer) {
     let finest = &grid.levels[0];
     let counts = [grid.movable.len(), grid.levels.len(), grid.parts.len(), grid.rigid_nodes.len()];
-    to.all([finest.nx, finest.ny].iter().chain(&counts).map(|&n| n as u32).collect::<Vec<_>>().into_iter());
+    [finest.nx, finest.ny].iter().chain(&counts).for_each(|&n| to.all([n as u32].into_iter()));
     to.one(u32::from(!finest.density.is_empty()));
     to.one(grid.overlap);
     to.one(grid.at_gaps);
