@@ -21,12 +21,12 @@ mod write;
 use xxhash_rust::xxh3::{Xxh3, xxh3_128};
 
 use super::Grid;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::grid::maps::{MapsOfTile, TileMaps, Values};
 use crate::mesh::{Chart, Mesh, TileMesh};
 use crate::settings::Seams;
 use crate::team::Team;
-use numbers::{Reader, Writer};
+use numbers::{Reader, Writer, refuse};
 use write::write;
 
 const MAGIC: [u8; 8] = *b"vrtmtile";
@@ -115,11 +115,6 @@ pub fn save(grid: &Grid, key: u128, out: &mut [u8]) {
     header.one([FORMAT, 0]);
     header.one(length);
     header.one([key, xxh3_128(payload)]);
-}
-
-/// The error of bytes that cannot be a saved grid.
-fn refuse(why: &str) -> Error {
-    Error::argument(format!("data: {why}"))
 }
 
 /// Loads a grid for a tile whose inputs have the given key. `book(bytes)` is called before the memory is allocated.

@@ -3,9 +3,12 @@
 use std::array::from_fn;
 
 use crate::allocation::Collect;
-use crate::error::Result;
+use crate::error::{Error, Result};
 
-use super::refuse;
+/// The error of bytes that cannot be a saved grid.
+pub fn refuse(why: &str) -> Error {
+    Error::argument(format!("data: {why}"))
+}
 
 /// A number or an array.
 pub trait Saved: Copy {

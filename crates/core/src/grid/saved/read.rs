@@ -2,8 +2,7 @@
 
 use std::sync::Arc;
 
-use super::numbers::Reader;
-use super::refuse;
+use super::numbers::{Reader, refuse};
 use crate::allocation::Collect;
 use crate::error::Result;
 use crate::grid::blocks::Part;
