@@ -15,3 +15,7 @@ mod saved;
 mod selection;
 mod set_maps;
 mod uv_sets;
+
+/// As in a program that lets hosts give it memory.
+#[global_allocator]
+static ALLOCATOR: vrtm::Allocator = vrtm::Allocator;

@@ -1,7 +1,7 @@
 //! Settings are declared once, by `settings!`: name, type, default, limits and words. The C struct, its comments and
 //! initialiser, Python's options, those of `vrtm bake` and docs/settings.md follow from the declaration.
 
-use std::fmt::Display;
+use std::fmt::{Display, LowerExp};
 use std::ops::RangeInclusive;
 
 use crate::error::{Error, Result};
@@ -20,11 +20,20 @@ pub struct Setting {
     pub limits: Option<[f32; 2]>,
 }
 
-pub fn check<T: PartialOrd + Display>(name: &str, value: &T, range: &RangeInclusive<T>) -> Result<()> {
+pub fn check<T: PartialOrd + Display + LowerExp>(
+    name: &str,
+    value: &T,
+    range: &RangeInclusive<T>,
+) -> Result<()> {
     if range.contains(value) {
         return Ok(());
     }
-    Err(Error::argument(format!("{name}: {value} is not in {}..={}", range.start(), range.end())))
+    // 1e6 rather than 1000000.
+    let [least, most] = [range.start(), range.end()].map(|end| {
+        let (plain, short) = (format!("{end}"), format!("{end:e}"));
+        if short.len() < plain.len() { short } else { plain }
+    });
+    Err(Error::argument(format!("{name}: {value} is not in {least}..{most}")))
 }
 
 /// Declares a struct of settings: `pub NAME: TYPE = DEFAULT, LEAST to MOST;`, the limits for numbers.
