@@ -1,5 +1,5 @@
-//! The shared library for C, C++ and Python. All of its code is in the package `vrtm-capi`, which is a library for Rust, as
-//! tests need it.
+//! The shared library for C, C++ and Python. All of its code is in the package `vrtm-capi`, which is a library for
+//! Rust, as tests need it.
 
 use vrtm_capi as _;
 

@@ -26,8 +26,8 @@ impl<K, T> Default for Derived<K, T> {
 }
 
 impl<K: PartialEq, T> Derived<K, T> {
-    /// What follows from the key; `make` makes it, and books its bytes, unless it is there. What follows from another
-    /// key is gone by then.
+    /// The value that follows from the key; `make` makes it, and books its bytes, unless it is there. The value of
+    /// another key is gone by then.
     pub fn get(
         &mut self,
         device: &Device,
@@ -45,12 +45,12 @@ impl<K: PartialEq, T> Derived<K, T> {
         Ok(&mut self.0.insert(made).value)
     }
 
-    /// What follows from the key, if it is there.
+    /// The value that follows from the key, if it is there.
     pub fn known(&self, key: &K) -> Option<&T> {
         self.0.as_ref().filter(|made| made.key == *key).map(|made| &made.value)
     }
 
-    /// What was made last, and from which key.
+    /// The key and the value of the last one made.
     pub fn last(&self) -> Option<(&K, &T)> {
         self.0.as_ref().map(|made| (&made.key, &made.value))
     }

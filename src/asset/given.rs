@@ -11,7 +11,7 @@ use vrtm_core::image::map::{Map, TexelRect};
 use vrtm_core::mesh::Mesh;
 use vrtm_core::settings::{Overlap, Seams};
 
-/// What the host has set.
+/// Maps and settings of the host.
 #[derive(Debug)]
 pub(crate) struct Given {
     /// Per tile. The layers of a UDIM number share theirs.
@@ -51,7 +51,7 @@ pub(crate) struct Stroke {
 /// Most strokes that are kept: a grid from before takes no longer to build than to follow as many.
 const MOST_STROKES: usize = 256;
 
-/// What a tile's grid depends on, but for the mesh.
+/// The inputs of a tile's grid, but for the mesh.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct GridKey {
     pub tile: usize,

@@ -19,7 +19,7 @@ use super::tile::TileState;
 use crate::solved::Solved;
 
 impl TileState {
-    /// What the tile's triangles follow from.
+    /// The key of the tile's triangles.
     fn shape_key(&self, given: &Given, welds: &[u32]) -> ShapeKey {
         let beyond = given.maps[self.tile].settings.beyond();
         // Charts of a tile that a pose tears do not go on.

@@ -30,7 +30,7 @@ pub(crate) struct Call<'a> {
     pub given: &'a Given,
 }
 
-/// What the triangles of a tile follow from: what its charts go on beyond, and the welds that are torn.
+/// The key of a tile's triangles: the borders beyond which its charts go on, and the welds that are torn.
 pub(super) type ShapeKey = (Option<Beyond>, Vec<u32>);
 
 /// A tile as it hangs together, and what is made for that.
@@ -60,7 +60,7 @@ pub(crate) struct Prepared {
     /// With collars, if charts go on beyond their borders.
     pub mesh: Arc<TileMesh>,
     pub grid: Arc<Grid>,
-    /// What the grid was built from.
+    /// The key of the grid.
     pub key: GridKey,
     /// Per chart, the generation of the maps from which on its rigidity is this.
     pub since: Vec<u64>,

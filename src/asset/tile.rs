@@ -35,7 +35,7 @@ pub(crate) struct SolveCall<'a> {
     pub plan: &'a Plan,
     /// When it began.
     pub start: Instant,
-    /// Whether tiles free their solver's memory once they are solved.
+    /// True if tiles free their solver's memory once they are solved.
     pub release_solvers: bool,
     /// A tile's time limit, from the start.
     pub budget: Option<Duration>,
@@ -45,8 +45,7 @@ pub(crate) struct SolveCall<'a> {
     pub learns: bool,
 }
 
-/// What is made for one tile of an asset from the mesh, from what the host has set, and from poses. Each part knows
-/// what it was made from.
+/// A tile's derived things, made from the mesh, from maps and settings of the host, and from poses. Each stores its key.
 #[derive(Debug)]
 pub(crate) struct TileState {
     /// Its number in the mesh.
@@ -56,7 +55,7 @@ pub(crate) struct TileState {
     /// The whole tile, and the tile as torn by the last pose that tore it.
     pub(super) whole: Derived<ShapeKey, Shape>,
     pub(super) torn: Derived<ShapeKey, Shape>,
-    /// What the blend at seams needs.
+    /// Copies of nodes, for the blend at seams.
     pub(super) copies: Derived<Arc<CopiesKey>, Copies>,
     pub(super) solver: Option<BookedSolver>,
     pub(super) last: Option<TileSolved>,
@@ -64,7 +63,7 @@ pub(crate) struct TileState {
     welds_torn: Vec<u32>,
 }
 
-/// What the copies of all tiles follow from.
+/// The key of the copies of all tiles.
 #[derive(Debug, PartialEq)]
 pub(super) struct CopiesKey {
     /// Of the tiles that are blended together. A grid is of one mesh alone, and those of the others are always the same.
@@ -93,7 +92,7 @@ pub(crate) struct TileSolved {
     inputs: Vec<Option<ChartInput>>,
 }
 
-/// What tells the input of a chart's result from that of another with the same blocks, plan and settings.
+/// The input of a chart's result, compared with that of another with the same blocks, plan and settings.
 #[derive(Debug, PartialEq)]
 struct ChartInput {
     pose: ChartPose,

@@ -65,7 +65,7 @@ fn stacked(tile: &TileMesh) -> Vec<bool> {
 /// A side of a chart's triangle: the triangle, and the corner opposite to the side.
 type Side = (u32, u8);
 
-/// What is used of a collar.
+/// The triangles of a collar that are used, and the sides through which they are reached.
 struct Used {
     /// Per triangle.
     triangles: Vec<bool>,

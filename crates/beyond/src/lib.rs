@@ -1,7 +1,7 @@
-//! Charts that go on beyond their borders (method §16): a tile's charts get collars, copies of the surface beyond their seams
-//! or mirror images beyond open borders, and are solved with them; then results are blended where they have the surface in
-//! common (`blend`). Texels between charts belong to the nearest chart (`owners`), and redirections beyond a border end where
-//! its collar does (`gutter`).
+//! Charts that go on beyond their borders (method §16): a tile's charts get collars, copies of the surface beyond
+//! their seams or mirror images beyond open borders, and are solved with them; then results are blended where they
+//! have the surface in common (`blend`). Texels between charts belong to the nearest chart (`owners`), and
+//! redirections beyond a border end where its collar does (`gutter`).
 
 #![allow(missing_docs, reason = "for the crates of vrtm alone")]
 // Allocations sized by user input must be fallible: clippy.toml lists the infallible ones.

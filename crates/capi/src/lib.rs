@@ -38,8 +38,8 @@ pub mod refine;
 pub mod report;
 pub mod tile;
 
-/// The global allocator of the whole program, through which memory comes from a host's allocator, and which keeps a process
-/// alive whose memory is short.
+/// The global allocator of the whole program, through which memory comes from a host's allocator, and which keeps a
+/// process alive whose memory is short.
 #[global_allocator]
 static ALLOCATOR: vrtm_core::allocation::Allocator = vrtm_core::allocation::Allocator;
 

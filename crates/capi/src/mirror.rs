@@ -1,6 +1,7 @@
-//! C structs and constants that mirror those of the Rust API. Each is a list of fields in the order of C, which grows at its
-//! end only: the type, and where the value comes from if that is not the field of the same name. The fields' comments in
-//! the header are those of the Rust API, so that a setting or a figure is described once (`tests/c_api/header/mirrored.rs`).
+//! C structs and constants that mirror those of the Rust API. Each is a list of fields in the order of C, which grows
+//! at its end only: the type, and where the value comes from if that is not the field of the same name. The fields'
+//! comments in the header are those of the Rust API, so that a setting or a figure is described once
+//! (`tests/c_api/header/mirrored.rs`).
 
 use std::time::Duration;
 
@@ -153,8 +154,9 @@ macro_rules! choice {
 }
 pub(super) use choice;
 
-/// A struct that the library fills, `report`, or that a host fills, `settings`. `later` are the fields that the first version
-/// did not have; `plain` values have no size, and no later fields. Fields of settings with a comment are those of C alone.
+/// A struct that the library fills, `report`, or that a host fills, `settings`. `later` are the fields that the first
+/// version did not have; `plain` values have no size, and no later fields. Fields of settings with a comment are
+/// those of C alone.
 macro_rules! mirror {
     (
         report $name:ident of $rust:ident: $of:ident {

@@ -1,6 +1,6 @@
-//! What the rest of the library knows of a backend: the memory of a tile's solver and its solves, which the CPU has, too;
-//! and, of backends for GPUs, adapters, an open GPU, results in its memory, and images of them. All calls through these
-//! traits are calls for a whole tile or image.
+//! What the rest of the library knows of a backend: the memory of a tile's solver and its solves, which the CPU has,
+//! too; and, of backends for GPUs, adapters, an open GPU, results in its memory, and images of them. All calls
+//! through these traits are calls for a whole tile or image.
 
 use std::any::Any;
 use std::fmt::Debug;
@@ -89,8 +89,8 @@ impl<'a> TileSolve<'a> {
         }
     }
 
-    /// The initial displacements in host memory: the last result for charts that keep it and are not solved, the identity
-    /// elsewhere. Pages of the identity are not touched until they are written.
+    /// The initial displacements in host memory: the last result for charts that keep it and are not solved, the
+    /// identity elsewhere. Pages of the identity are not touched until they are written.
     pub fn initial_displacements(&self) -> Result<Vec<[Plane; 2]>> {
         let blocks = &self.input.grid.levels[0].blocks;
         let mut u = zeroed(blocks.list.len());
@@ -108,7 +108,7 @@ impl<'a> TileSolve<'a> {
 /// How a GPU is opened.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
-    /// Whether to open with WebGPU's default limits (bindings of 128 MiB, buffers of 256 MiB) and no optional feature
+    /// True to open with WebGPU's default limits (bindings of 128 MiB, buffers of 256 MiB) and no optional feature
     /// instead of the adapter's capabilities: for tests, and to tell a driver's defect from one of this library.
     pub webgpu_limits: bool,
     /// The maximum number of blocks of a band, if it is to be lower than what fits into a binding: for tests of bands.
@@ -182,9 +182,9 @@ pub trait Gpu: Any + Debug + Send + Sync {
     /// Bytes of GPU memory that `write_external` needs in addition to the host's memory.
     fn external_bytes(&self, texels: &ExternalTexels) -> Result<u64>;
 
-    /// Writes a redirection of a grid with so many cells to the memory of a host's graphics device, and waits until it is
-    /// complete. `u` is `None` for the identity. Values are measured from the texel's centre, or, with an `origin`, from
-    /// the corner (0, 0) of the tile that is there as seen from the mesh's tile.
+    /// Writes a redirection of a grid with so many cells to the memory of a host's graphics device, and waits until
+    /// it is complete. `u` is `None` for the identity. Values are measured from the texel's centre, or, with an
+    /// `origin`, from the corner (0, 0) of the tile that is there as seen from the mesh's tile.
     fn write_external(
         &self,
         u: Option<&dyn GpuWarp>,

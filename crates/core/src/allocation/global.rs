@@ -1,12 +1,12 @@
 //! The library's global allocator: large blocks come from the host's allocator if the calling thread works for a device
 //! that has one, all other blocks from the system's.
 //!
-//! A header in front of each large block records its allocator, so that the block can be freed on any thread at any time.
-//! Whether a block is large follows from its size, which is known when it is freed.
+//! A header in front of each large block records its allocator, so that the block can be freed on any thread at any
+//! time. Whether a block is large follows from its size, which is known when it is freed.
 //!
-//! A fallible allocation, made by the functions in `allocation`, returns null if that fails. Any other allocation, by the
-//! standard library or a GPU's, would abort the process: it falls back to the system's allocator if the host's fails,
-//! then to `emergency`.
+//! A fallible allocation, made by the functions in `allocation`, returns null if that fails. Any other allocation, by
+//! the standard library or a GPU's, would abort the process: it falls back to the system's allocator if the host's
+//! fails, then to `emergency`.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ptr;
@@ -27,10 +27,10 @@ struct Header {
     whole: usize,
 }
 
-/// A global allocator, which a program may have for itself:
-/// `#[global_allocator] static ALLOCATOR: vrtm::Allocator = vrtm::Allocator;`. Large blocks come from a host's allocator if
-/// the calling thread works for a device that has one, all others from the system; small blocks that the system refuses come
-/// from a reserve. The shared library brings it along.
+/// A global allocator, which a program may have for itself: `#[global_allocator] static ALLOCATOR: vrtm::Allocator =
+/// vrtm::Allocator;`. Large blocks come from a host's allocator if the calling thread works for a device that has
+/// one, all others from the system; small blocks that the system refuses come from a reserve. The shared library
+/// brings it along.
 #[derive(Debug)]
 pub struct Allocator;
 

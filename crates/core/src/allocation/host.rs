@@ -38,8 +38,8 @@ impl HostAllocator {
     /// # Safety
     /// Until the last device that was made with it and all of that device's assets are dropped, both functions may be
     /// called on any thread that works in a call, concurrently, with `user`. They must neither unwind nor use this
-    /// library. `alloc` returns null, or `size` bytes at a multiple of `alignment` that nothing else uses until they are
-    /// passed to `free`.
+    /// library. `alloc` returns null, or `size` bytes at a multiple of `alignment` that nothing else uses until they
+    /// are passed to `free`.
     #[must_use]
     #[expect(clippy::disallowed_methods, reason = "of constant size")]
     pub unsafe fn new(alloc: AllocFn, free: FreeFn, user: *mut c_void) -> HostAllocator {
@@ -96,9 +96,8 @@ impl Record {
     pub unsafe fn release(record: *const Record) {
         // SAFETY: the caller's use kept the record alive until now.
         if unsafe { (*record).needed_by.fetch_sub(1, Ordering::Release) } == 1 {
-            // Orders what other threads did with the record before its end. A fence would do, but ThreadSanitizer does not
-            // follow fences.
-            // SAFETY: only this thread still uses the record.
+            // Orders what other threads did with the record before its end. A fence would do, but ThreadSanitizer
+            // does not follow fences. SAFETY: only this thread still uses the record.
             unsafe { (*record).needed_by.load(Ordering::Acquire) };
             // SAFETY: the record was made by `Box::leak`, and nothing else needs it.
             drop(unsafe { Box::from_raw(record.cast_mut()) });

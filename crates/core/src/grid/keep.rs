@@ -1,5 +1,5 @@
-//! Rigid features that touch a border of their chart are fixed where they are, whole: half of a feature that regains its
-//! shape beside a border that cannot move would make an hourglass of it (method §16).
+//! Rigid features that touch a border of their chart are fixed where they are, whole: half of a feature that regains
+//! its shape beside a border that cannot move would make an hourglass of it (method §16).
 
 use super::blocks::Part;
 use super::node_set::{NodeSet, NodeWindow};
@@ -49,7 +49,8 @@ pub(super) fn spread(rigid: &mut [RigidPart]) {
     }
 }
 
-/// Takes these nodes out of the parts that may move, and counts them among the frozen ones. `rigid` is sorted as by `spread`.
+/// Takes these nodes out of the parts that may move, and counts them among the frozen ones. `rigid` is sorted as by
+/// `spread`.
 pub(super) fn fix(rigid: &[RigidPart], parts: &mut Vec<(Part, bool)>, squares: &mut [RigidNodes]) {
     for (part, _) in parts.iter_mut() {
         let Ok(k) = rigid.binary_search_by_key(&part.key(), |of| of.part.key()) else { continue };

@@ -15,7 +15,7 @@ pub struct Timed<'a, S> {
     costs: Costs,
     deadline: &'a mut Deadline,
     progress: &'a mut Progress,
-    /// What the last correction cost.
+    /// Cost of the last correction, in seconds at a pace of 1.
     correction: f64,
     pub summary: Summary,
 }

@@ -1,8 +1,8 @@
-//! The step limit (method §7.6): computes the fraction of the step that each node takes, from the displacements and the
-//! step. Every corner Jacobian keeps a tenth of its margin over the bound (`MARGIN_LEFT`, `STEP_MIN_JACOBIAN`); fractions
-//! fall off smoothly around corners that would lose more. The nodes of one corner may have different fractions; if a
-//! corner still loses too much, they are multiplied by the fraction that the corner allows. The fractions depend
-//! continuously on the step, so that a warp does not jump when a corner starts to be limited.
+//! The step limit (method §7.6): computes the fraction of the step that each node takes, from the displacements and
+//! the step. Every corner Jacobian keeps a tenth of its margin over the bound (`MARGIN_LEFT`, `STEP_MIN_JACOBIAN`);
+//! fractions fall off smoothly around corners that would lose more. The nodes of one corner may have different
+//! fractions; if a corner still loses too much, they are multiplied by the fraction that the corner allows. The
+//! fractions depend continuously on the step, so that a warp does not jump when a corner starts to be limited.
 
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::{NEIGHBOURS, QUADRANTS};
@@ -227,8 +227,8 @@ impl Vectorised for Shrink<'_> {
     }
 }
 
-/// Sets the marks of a block's nodes: 0 if one of the node's twelve corner Jacobians is below the bound, otherwise 1. Returns
-/// whether any mark is 0.
+/// Sets the marks of a block's nodes: 0 if one of the node's twelve corner Jacobians is below the bound, otherwise 1.
+/// Returns whether any mark is 0.
 struct Marks<'a> {
     u: &'a [Window; 2],
     mark: &'a mut Plane,
