@@ -360,12 +360,12 @@ fn not_finite_is_named(asset: impl Fn(&Case) -> vrtm::Result<Asset>) {
         let x = bad as f32;
         let plain = TileSettings::default();
         for (settings, name, range) in [
-            (TileSettings { smoothness: x, ..plain }, "smoothness", "0..1e6"),
-            (TileSettings { smoothness_floor: x, ..plain }, "smoothness_floor", "1e-6..1e6"),
-            (TileSettings { orientation: x, ..plain }, "orientation", "0..1e6"),
-            (TileSettings { orientation_density: x, ..plain }, "orientation_density", "0..1e6"),
-            (TileSettings { room: x, ..plain }, "room", "0..1e6"),
-            (TileSettings { room_threshold: x, ..plain }, "room_threshold", "0..1"),
+            (TileSettings { smoothness: x, ..plain }, "smoothness", "0..=1e6"),
+            (TileSettings { smoothness_floor: x, ..plain }, "smoothness_floor", "1e-6..=1e6"),
+            (TileSettings { orientation: x, ..plain }, "orientation", "0..=1e6"),
+            (TileSettings { orientation_density: x, ..plain }, "orientation_density", "0..=1e6"),
+            (TileSettings { room: x, ..plain }, "room", "0..=1e6"),
+            (TileSettings { room_threshold: x, ..plain }, "room_threshold", "0..=1"),
         ] {
             let message = format!("settings.{name}: {text} is not in {range}");
             rejected(&message, asset.set_settings(0, &settings));
