@@ -26,7 +26,7 @@ use given::Given;
 use results::Results;
 use tile::TileState;
 use vrtm_beyond::Places;
-use vrtm_core::allocation::Collect;
+use vrtm_core::allocation::Vec;
 use vrtm_core::error::{Error, Result};
 use vrtm_core::image::ImageViewMut;
 use vrtm_core::image::external::ExternalImage;
@@ -64,7 +64,7 @@ impl Asset {
         let mesh = Arc::new(Mesh::new(source)?);
         log::describe(device, &mesh);
         let given = Given::new(mesh.tiles.len());
-        let tiles = (0..mesh.tiles.len()).map(|tile| TileState::new(tile, device)).collected();
+        let tiles = (0..mesh.tiles.len()).map(|tile| TileState::new(tile, device)).collect();
         let results = Results::new(device, &mesh);
         Ok(Asset { device: device.clone(), mesh, given, tiles, results, places: Derived::default() })
     }

@@ -122,8 +122,9 @@ fn variable(name: &str) -> Option<String> {
 /// Each call loads the drivers, which takes tens of milliseconds, and longer the first time. This library prints nothing,
 /// but a driver may: Mesa's on Linux prints a line about XDG_RUNTIME_DIR if it is not set.
 #[must_use]
-pub fn adapters() -> Vec<AdapterInfo> {
-    choice::find().infos()
+#[expect(clippy::disallowed_types, reason = "public: that of the standard library")]
+pub fn adapters() -> std::vec::Vec<AdapterInfo> {
+    choice::find().infos().into()
 }
 
 impl Device {

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec2;
-use vrtm_core::allocation::Collect;
+use vrtm_core::allocation::Vec;
 use vrtm_core::error::{Error, Result};
 use vrtm_core::grid::planes::Plane;
 
@@ -210,15 +210,16 @@ impl Refinement {
     ) -> Result<R> {
         let last = self.results.solved_asset()?;
         let of = |tile: &Option<TileResult>| tile.as_ref().map(|tile| tile.solved.clone());
-        let kept: Vec<Option<Arc<Solved>>> = last.tiles.iter().map(of).collected();
+        let kept: Vec<Option<Arc<Solved>>> = last.tiles.iter().map(of).collect();
         // Tiles of other UV sets are not needed.
         let of_set = |solved: &&Solved| solved.mesh.uv_set == self.info.uv_set;
         self.results.device().team(|team| {
             let of_tile = kept.iter().map(|solved| solved.as_deref().filter(of_set));
-            let tiles: Vec<Option<TileRedirection>> =
-                of_tile.map(|solved| solved.map(TileRedirection::new).transpose()).try_collected()?;
+            let tiles: Vec<Option<TileRedirection>> = of_tile
+                .map(|solved| solved.map(TileRedirection::new).transpose())
+                .collect::<Result<Vec<_>>>()?;
             let tiles: Vec<_> =
-                tiles.iter().map(|tile| tile.as_ref().map(|t| t as &dyn Redirection)).collected();
+                tiles.iter().map(|tile| tile.as_ref().map(|t| t as &dyn Redirection)).collect();
             f(team, &Redirections::new(team, &tiles, with_edges)?)
         })
     }

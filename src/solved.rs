@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use glam::DVec2;
 
 use vrtm_beyond::gutter::{Gutter, LimitedTexels};
-use vrtm_core::allocation::copied;
+use vrtm_core::allocation::Vec;
 use vrtm_core::backend::Warp;
 use vrtm_core::cpu::invert;
 use vrtm_core::grid::Grid;
@@ -54,7 +54,7 @@ impl Solved {
             extended: self.extended.clone(),
             grid: self.grid.clone(),
             warp,
-            results: copied(&self.results),
+            results: self.results.clone(),
             overlap: self.overlap,
             report: self.report,
             invert_ms: AtomicU32::new(0),

@@ -5,7 +5,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use vrtm_core::allocation::{Collect, Grow, filled};
+use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::grid::maps::{MapsOfTile, TileMaps, Values};
 use vrtm_core::image::map::{Map, TexelRect};
 use vrtm_core::mesh::Mesh;
@@ -72,9 +72,9 @@ impl Given {
     /// Nothing is set yet.
     pub fn new(tiles: usize) -> Given {
         Given {
-            maps: (0..tiles).map(|_| TileMaps::default()).collected(),
-            frozen: filled(false, tiles),
-            history: (0..tiles).map(|_| History::default()).collected(),
+            maps: (0..tiles).map(|_| TileMaps::default()).collect(),
+            frozen: vec![false; tiles],
+            history: (0..tiles).map(|_| History::default()).collect(),
             of_vertices: TileMaps::default(),
         }
     }
@@ -143,7 +143,7 @@ impl Given {
             keeps: settings.seams == Seams::Keep,
             smoothness: [settings.smoothness, settings.smoothness_floor],
             has_density: settings.orientation_density > 0.0,
-            beyond: beyond.map(there).collected(),
+            beyond: beyond.map(there).collect(),
         }
     }
 
@@ -175,7 +175,7 @@ impl History {
         if self.strokes.len() == MOST_STROKES {
             self.start = self.strokes.remove(0).generation;
         }
-        self.strokes.put(Stroke { generation: self.generation + 1, texels });
+        self.strokes.push(Stroke { generation: self.generation + 1, texels });
         self.generation += 1;
     }
 }

@@ -6,6 +6,7 @@ use super::Asset;
 use super::shape::{Call, torn_welds};
 use crate::map::nodes;
 use crate::solved::Solved;
+use vrtm_core::allocation::Vec;
 use vrtm_core::error::Result;
 use vrtm_core::grid::maps::TileMaps;
 use vrtm_core::grid::{Grid, planes::Plane};

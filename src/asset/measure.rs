@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::Asset;
 use crate::map::nodes;
 use crate::solved::Solved;
-use vrtm_core::allocation::Collect;
+use vrtm_core::allocation::Vec;
 use vrtm_core::error::Result;
 use vrtm_core::grid::coverage::{Coverage, NodeMaps, node_maps};
 use vrtm_core::grid::planes::{NODES, SIDE, slot};
@@ -66,5 +66,5 @@ fn set_movable(maps: &mut NodeMaps, solved: &Solved) {
 
 /// The positions in the format of the measurement.
 pub(crate) fn gather(positions: Strided) -> Vec<[f64; 3]> {
-    (0..positions.len()).map(|v| positions.get3(v)).collected()
+    (0..positions.len()).map(|v| positions.get3(v)).collect()
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use crate::device::Device;
 use vrtm_beyond::gutter::Gutter;
-use vrtm_core::allocation::copied;
+use vrtm_core::allocation::Vec;
 use vrtm_core::error::Result;
 use vrtm_core::grid::survey::Survey;
 use vrtm_core::grid::{Grid, build, saved};
@@ -23,7 +23,7 @@ impl TileState {
     fn shape_key(&self, given: &Given, welds: &[u32]) -> ShapeKey {
         let beyond = given.maps[self.tile].settings.beyond();
         // Charts of a tile that a pose tears do not go on.
-        (beyond.filter(|_| welds.is_empty()), copied(welds))
+        (beyond.filter(|_| welds.is_empty()), Vec::from(welds))
     }
 
     /// The tile with these welds torn, with collars if its charts go on beyond their borders. Nothing is kept.
@@ -62,7 +62,7 @@ impl TileState {
             }
             Ok(built)
         })?;
-        Ok(Prepared { mesh: mesh.clone(), grid: built.grid.clone(), key, since: copied(&built.since) })
+        Ok(Prepared { mesh: mesh.clone(), grid: built.grid.clone(), key, since: built.since.clone() })
     }
 
     /// The tile's grid, if it need not be built anew.

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, TryLockError};
 use std::time::Instant;
 
 use crate::device::{Device, LiveAsset};
-use vrtm_core::allocation::Collect;
+use vrtm_core::allocation::Vec;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::image::external::ExternalImage;
 use vrtm_core::image::{ImagePart, ImageViewMut};
@@ -293,8 +293,8 @@ impl Results {
         device.call(|| {
             let last = self.solved_asset()?;
             let of = |tile: &Option<TileResult>| tile.as_ref().map(|tile| tile.solved.clone());
-            let kept: Vec<_> = last.tiles.iter().map(of).collected();
-            let tiles: Vec<_> = kept.iter().map(Option::as_deref).collected();
+            let kept: Vec<_> = last.tiles.iter().map(of).collect();
+            let tiles: Vec<_> = kept.iter().map(Option::as_deref).collect();
             device.team(|team| fetch::corner_uvs(team, corners, &tiles, out))
         })
     }

@@ -10,7 +10,7 @@ use super::tile::{CopiesKey, TileState};
 use crate::device::Device;
 use crate::solved::Solved;
 use vrtm_beyond::{Blends, Copies, Depths, Limited, Places, Side, blend};
-use vrtm_core::allocation::Collect;
+use vrtm_core::allocation::Vec;
 use vrtm_core::backend::Warp;
 use vrtm_core::error::Result;
 use vrtm_core::grid::Grid;
@@ -27,19 +27,19 @@ impl Asset {
         results: &[(usize, Arc<Solved>)],
     ) -> Result<Vec<Option<Solved>>> {
         if results.iter().all(|(_, solved)| solved.extended.is_none()) {
-            return Ok(results.iter().map(|_| None).collected());
+            return Ok(results.iter().map(|_| None).collect());
         }
         let Asset { device, mesh, given, tiles, places, .. } = self;
         let places = &*find_places(device, mesh, places, results)?;
         let solved: Vec<Option<&Arc<Solved>>> =
-            (0..tiles.len()).map(|tile| taking_part(places, results, tile)).collected();
-        let reaches = given.maps.iter().map(|maps| f64::from(maps.settings.seam_reach)).collected();
+            (0..tiles.len()).map(|tile| taking_part(places, results, tile)).collect();
+        let reaches = given.maps.iter().map(|maps| f64::from(maps.settings.seam_reach)).collect();
         find_copies(team, device, places, &solved, reaches, tiles)?;
         let side = |tile: usize| -> Result<Option<Side>> {
             let Some(solved) = solved[tile] else { return Ok(None) };
             Ok(Some(Side { tile: &places.tiles[tile], grid: &solved.grid, u: solved.warp.host()? }))
         };
-        let sides: Vec<Option<Side>> = (0..tiles.len()).map(side).try_collected()?;
+        let sides: Vec<Option<Side>> = (0..tiles.len()).map(side).collect::<Result<Vec<_>>>()?;
         let published = |(tile, solved): &(usize, Arc<Solved>)| {
             let start = Instant::now();
             let (_, copies) = tiles[*tile].copies.last().filter(|_| solved.extended.is_some())?;
@@ -50,14 +50,14 @@ impl Asset {
             published.report.times.total += published.report.times.blend;
             Some(published)
         };
-        Ok(results.iter().map(published).collected())
+        Ok(results.iter().map(published).collect())
     }
 
     /// The results of tiles that were asked for and need no solve, since nothing in them has moved, but whose neighbours may
     /// say something else at their seams.
     pub(super) fn beside(&self, asked: &[bool], wanted: &[bool]) -> Vec<(usize, Arc<Solved>)> {
         let tiles = (0..self.tiles.len()).filter(|&tile| asked[tile] && !wanted[tile]);
-        tiles.filter_map(|tile| Some((tile, self.tiles[tile].last.as_ref()?.solved.clone()))).collected()
+        tiles.filter_map(|tile| Some((tile, self.tiles[tile].last.as_ref()?.solved.clone()))).collect()
     }
 }
 
@@ -73,8 +73,8 @@ fn find_places<'a>(
         let extended = found.and_then(|(_, solved)| solved.extended.as_ref());
         extended.unwrap_or(&mesh.tiles[tile]).clone()
     };
-    let tiles: Vec<Arc<TileMesh>> = (0..mesh.tiles.len()).map(tile).collected();
-    places.get(device, tiles.iter().map(Same::of).collected(), |_, _| Ok(Places::new(tiles)))
+    let tiles: Vec<Arc<TileMesh>> = (0..mesh.tiles.len()).map(tile).collect();
+    places.get(device, tiles.iter().map(Same::of).collect(), |_, _| Ok(Places::new(tiles)))
 }
 
 /// Finds what the nodes of tiles with collars are blended of: it depends on the grids of all tiles.
@@ -87,9 +87,8 @@ fn find_copies(
     tiles: &mut [TileState],
 ) -> Result<()> {
     let same = |solved: &Option<&Arc<Solved>>| solved.map(|solved| Same::of(&solved.grid));
-    let key = Arc::new(CopiesKey { grids: solved.iter().map(same).collected(), reaches });
-    let grids: Vec<Option<&Grid>> =
-        solved.iter().map(|solved| solved.map(|solved| &*solved.grid)).collected();
+    let key = Arc::new(CopiesKey { grids: solved.iter().map(same).collect(), reaches });
+    let grids: Vec<Option<&Grid>> = solved.iter().map(|solved| solved.map(|solved| &*solved.grid)).collect();
     let mut depths = None;
     let of_tiles = tiles.iter_mut().zip(solved).enumerate();
     for (tile, (state, solved)) in of_tiles {

@@ -6,7 +6,7 @@ use std::time::Instant;
 use crate::device::{Booked, Device};
 use vrtm_beyond::extended;
 use vrtm_beyond::gutter::Gutter;
-use vrtm_core::allocation::{Collect, copied, filled, zeroed};
+use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::error::Result;
 use vrtm_core::grid::maps::Values;
 use vrtm_core::grid::repaint::repaint;
@@ -70,7 +70,7 @@ impl Shape {
     pub fn new(mesh: Arc<TileMesh>, tiles: usize) -> Shape {
         let mut is_there: Vec<bool> = zeroed(tiles);
         mesh.sources.iter().for_each(|source| is_there[source.tile as usize] = true);
-        let beyond = (0..tiles as u32).filter(|&tile| is_there[tile as usize]).collected();
+        let beyond = (0..tiles as u32).filter(|&tile| is_there[tile as usize]).collect();
         Shape { mesh, beyond, grid: Derived::default(), gutter: Derived::default() }
     }
 
@@ -109,7 +109,7 @@ impl Built {
         let start = Instant::now();
         let maps = &call.given.maps[tile];
         let Values::Map(map) = &maps.rigidity else { return None };
-        let mut now = Built { grid: self.grid.clone(), since: copied(&self.since), ms: self.ms };
+        let mut now = Built { grid: self.grid.clone(), since: self.since.clone(), ms: self.ms };
         for Stroke { generation, texels } in strokes {
             let repainted = repaint(call.team, &now.grid, mesh, maps, map, texels)?;
             let changed = now.since.iter_mut().zip(repainted.charts).filter(|(_, changed)| *changed);
@@ -137,7 +137,7 @@ impl Built {
     }
 
     pub fn of(grid: Grid, generation: u64, ms: f32) -> Built {
-        let since = filled(generation, grid.movable.len());
+        let since = vec![generation; grid.movable.len()];
         Built { grid: Arc::new(grid), since, ms }
     }
 
@@ -177,5 +177,5 @@ pub(super) fn torn_welds(mesh: &Mesh, tile: &TileMesh, positions: &Strided) -> V
         apart > mesh.torn + 8.0 * positions.epsilon() * largest
     };
     let torn = |weld: &u32| tile.welds[*weld as usize].ends.into_iter().any(is_torn);
-    (0..tile.welds.len() as u32).filter(torn).collected()
+    (0..tile.welds.len() as u32).filter(torn).collect()
 }

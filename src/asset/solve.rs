@@ -5,7 +5,7 @@ use std::cmp::Reverse;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use vrtm_core::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::error::Result;
 use vrtm_core::grid::maps::{TileMaps, Values};
 use vrtm_core::mesh::Chart;
@@ -129,14 +129,14 @@ impl Asset {
             progress: 1.0,
             learns: true,
         };
-        let states = tiles.iter_mut().filter(|state| wanted[state.tile]).collected();
+        let states = tiles.iter_mut().filter(|state| wanted[state.tile]).collect();
         let solved = match request.options.time_budget {
             Some(budget) => in_turn(&call, budget, states)?,
             None => solve(&call, crew, states)?,
         };
         let of = |new: &TileSolved| (new.tile(), new.solved.clone());
-        let mut results: Vec<(usize, Arc<Solved>)> = solved.iter().map(of).collected();
-        results.put_all(self.beside(&asked, &wanted));
+        let mut results: Vec<(usize, Arc<Solved>)> = solved.iter().map(of).collect();
+        results.extend(self.beside(&asked, &wanted));
         let (new, mut published) = (solved.len(), self.blend(team, &results)?);
         if request.options.measure {
             self.measure(team, request.positions, &results[..new], &mut published)?;
@@ -161,7 +161,7 @@ impl Asset {
 
     /// Per tile, whether its result may change.
     fn asked(&self, request: &SolveRequest) -> Vec<bool> {
-        let mut asked = filled(request.tiles.is_none(), self.tiles.len());
+        let mut asked = vec![request.tiles.is_none(); self.tiles.len()];
         for &tile in request.tiles.unwrap_or_default() {
             asked[tile] = true;
         }
@@ -171,7 +171,7 @@ impl Asset {
 
     /// Per tile, whether it has to be solved.
     fn wanted(&self, request: &SolveRequest, plan: &Plan, asked: &[bool]) -> Vec<bool> {
-        let mut wanted = copied(asked);
+        let mut wanted = Vec::from(asked);
         if let Some(dirty) = request.dirty_vertices {
             let mut is_dirty = zeroed(self.mesh.rest.len());
             for &vertex in dirty {
@@ -192,7 +192,7 @@ impl Asset {
     fn release_results(&mut self, tiles: &[bool]) {
         let last = self.results.last();
         let stays = |(tile, result): (usize, &Option<TileResult>)| result.clone().filter(|_| !tiles[tile]);
-        let rest = last.tiles.iter().enumerate().map(stays).collected();
+        let rest = last.tiles.iter().enumerate().map(stays).collect();
         self.results.replace(Last { tiles: rest, solved_ms: last.solved_ms, stretch: last.stretch });
         for (state, _) in self.tiles.iter_mut().zip(tiles).filter(|(_, of)| **of) {
             state.last = None;
@@ -203,7 +203,7 @@ impl Asset {
     fn kept(&self) -> Vec<Option<TileResult>> {
         let last = self.results.last();
         let kept = |tile: usize| Some(TileResult { kept: true, ..last.tiles.get(tile)?.clone()? });
-        (0..self.tiles.len()).map(kept).collected()
+        (0..self.tiles.len()).map(kept).collect()
     }
 
     /// Writes outputs of results that are not yet published.
@@ -213,7 +213,7 @@ impl Asset {
             Output::new(&self.mesh, &result.solved, fetch.kind, &fetch.image.whole(), &fetch.image.layout)
         };
         // All memory is allocated first, so that no output is written if memory runs short.
-        let outputs: Vec<Output> = fetches.iter().map(output).try_collected()?;
+        let outputs: Vec<Output> = fetches.iter().map(output).collect::<Result<Vec<_>>>()?;
         for (fetch, output) in fetches.iter_mut().zip(outputs) {
             self.results.write(team, output, &mut fetch.image)?;
         }
@@ -235,7 +235,7 @@ fn solve(call: &SolveCall, crew: &Crew, tiles: Vec<&mut TileState>) -> Result<Ve
     let mut queue = prepare(call, tiles)?;
     // Longest first, so that no long tile is left for a single thread at the end.
     queue.sort_unstable_by_key(|queued| (Reverse(queued.nodes), queued.state.tile));
-    let nodes: Vec<u64> = queue.iter().map(|queued| queued.nodes).collected();
+    let nodes: Vec<u64> = queue.iter().map(|queued| queued.nodes).collect();
     // A GPU executes submissions in order, so its threads would only submit work.
     let together = if call.on.device.gpu().is_some() { 0 } else { together(&nodes, call.on.team.threads()) };
     let (large, small) = queue.split_at_mut(together);
@@ -255,7 +255,7 @@ fn solve(call: &SolveCall, crew: &Crew, tiles: Vec<&mut TileState>) -> Result<Ve
         }));
     });
     queue.sort_unstable_by_key(|queued| queued.state.tile);
-    queue.into_iter().filter_map(|queued| queued.result).try_collected()
+    queue.into_iter().filter_map(|queued| queued.result).collect::<Result<Vec<_>>>()
 }
 
 /// Solves tiles one after the other within a time budget, dividing the remaining time among the remaining tiles.
@@ -264,7 +264,7 @@ fn in_turn(call: &SolveCall, budget: Duration, tiles: Vec<&mut TileState>) -> Re
     let movable = |state: &TileState| state.grid(call.on.given).map_or(0, |grid| grid.movable.iter().sum());
     let mut nodes: u64 = tiles.iter().map(|state| movable(state)).sum();
     let progress = 1.0 / tiles.len() as f32;
-    let mut solved = with_capacity(tiles.len());
+    let mut solved = Vec::with_capacity(tiles.len());
     for state in tiles {
         let own: u64 = movable(state);
         let spent = call.start.elapsed();
@@ -273,7 +273,7 @@ fn in_turn(call: &SolveCall, budget: Duration, tiles: Vec<&mut TileState>) -> Re
         nodes -= own;
         let prepared = state.prepare(call)?;
         let call = SolveCall { budget, progress, ..*call };
-        solved.put(state.solve(&call, &prepared)?);
+        solved.push(state.solve(&call, &prepared)?);
     }
     Ok(solved)
 }
@@ -282,11 +282,11 @@ fn in_turn(call: &SolveCall, budget: Duration, tiles: Vec<&mut TileState>) -> Re
 fn prepare<'a>(call: &SolveCall, tiles: Vec<&'a mut TileState>) -> Result<Vec<Queued<'a>>> {
     let fresh = tiles.iter().any(|state| state.grid(call.on.given).is_none());
     let (preparing, count) = (if fresh { PREPARING } else { 0.0 }, tiles.len() as f32);
-    let mut queue = with_capacity(tiles.len());
+    let mut queue = Vec::with_capacity(tiles.len());
     for state in tiles {
         let prepared = state.prepare(call)?;
         let nodes = prepared.grid.movable.iter().sum();
-        queue.put(Queued { state, prepared, nodes, progress: 0.0, result: None });
+        queue.push(Queued { state, prepared, nodes, progress: 0.0, result: None });
         if let Some(control) = call.on.team.control() {
             control.advance(preparing / count);
         }

@@ -4,7 +4,7 @@
 use glam::DVec3;
 
 use crate::device::Device;
-use vrtm_core::allocation::{Grow, with_capacity};
+use vrtm_core::allocation::Vec;
 use vrtm_core::mesh::Mesh;
 use vrtm_core::settings::LogLevel;
 use vrtm_core::view::Strided;
@@ -40,7 +40,7 @@ impl Stretch {
         let step = sides.div_ceil(SAMPLES).max(1);
         // Avoids measuring the same side of all triangles.
         let step = if step > 1 && step.is_multiple_of(3) { step + 1 } else { step };
-        let mut stretches = with_capacity::<f64>(sides.div_ceil(step));
+        let mut stretches = Vec::<f64>::with_capacity(sides.div_ceil(step));
         let (mut next, mut first) = (0, 0);
         for tile in &mesh.tiles {
             for chart in &tile.charts {
@@ -53,7 +53,7 @@ impl Stretch {
                     let [p, q] = ends.map(|v| DVec3::from(pose.get3(v as usize)));
                     let rest = a.distance(b);
                     if rest > 0.0 && rest.is_finite() {
-                        stretches.put(p.distance(q) / rest);
+                        stretches.push(p.distance(q) / rest);
                     }
                     next += step;
                 }

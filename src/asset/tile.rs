@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use crate::device::{Booked, Device};
 use vrtm_beyond::Copies;
 use vrtm_beyond::gutter::LimitedTexels;
-use vrtm_core::allocation::{Collect, copied, filled, zeroed};
+use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::error::{ErrorKind, Result};
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::SIDE;
@@ -169,7 +169,7 @@ impl TileState {
         let input = |((pose, &since), task): ((ChartPose, &u64), &ChartTask)| {
             (*task == ChartTask::Reuse || !depends_on_more).then_some(ChartInput { pose, since })
         };
-        let inputs = charts.map(input).collected();
+        let inputs = charts.map(input).collect();
         let solved = Solved {
             mesh: own.clone(),
             extended: (!mesh.sources.is_empty()).then(|| mesh.clone()),
@@ -211,7 +211,7 @@ impl TileState {
             () if same(c) => ChartTask::Reuse,
             () => ChartTask::Solve,
         };
-        (0..mesh.charts.len()).map(task).collected()
+        (0..mesh.charts.len()).map(task).collect()
     }
 
     /// The warp, solved if necessary, with its report.
@@ -225,7 +225,7 @@ impl TileState {
         let grid = &prepared.grid;
         let last = self.last_on(grid).map(|last| &last.solved);
         let mut results =
-            last.map_or_else(|| filled(ChartResult::default(), tasks.len()), |l| copied(&l.results));
+            last.map_or_else(|| vec![ChartResult::default(); tasks.len()], |l| l.results.clone());
         let solves = tasks.contains(&ChartTask::Solve);
         // A chart that has become the identity changes its part of the last result.
         let mut unchanged = !solves && last.is_some();
@@ -271,8 +271,8 @@ impl TileState {
     ) -> Result<TileSolution> {
         let Call { team, device, given, .. } = call.on;
         let (Prepared { mesh, grid, .. }, plan) = (prepared, call.plan);
-        let charts: Vec<bool> = tasks.iter().map(|&task| task == ChartTask::Solve).collected();
-        let keep: Vec<bool> = tasks.iter().map(|&task| task != ChartTask::Identity).collected();
+        let charts: Vec<bool> = tasks.iter().map(|&task| task == ChartTask::Solve).collect();
+        let keep: Vec<bool> = tasks.iter().map(|&task| task != ChartTask::Identity).collect();
         let settings = &given.maps[self.tile].settings;
         // Taken out during the run: if a stage panics, the memory is dropped.
         let mut solver = self.take_solver(device, prepared, Purpose::new(plan.solver(), settings))?;

@@ -6,7 +6,7 @@ use super::given::{MASK, RIGIDITY, Which};
 use super::shape::Call;
 use super::tile::TileState;
 use super::{Asset, log};
-use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::error::{Error, Result};
 use vrtm_core::grid::maps::Values;
 use vrtm_core::grid::squares::pages_near;
@@ -77,11 +77,12 @@ impl Asset {
     /// # Ok(())
     /// # }
     /// ```
-    pub fn save_tile(&mut self, tile: usize) -> Result<Vec<u8>> {
+    #[expect(clippy::disallowed_types, reason = "public: that of the standard library")]
+    pub fn save_tile(&mut self, tile: usize) -> Result<std::vec::Vec<u8>> {
         let size = self.saved_tile_size(tile)?;
         let mut bytes = self.device.call(|| Ok(zeroed(size)))?;
         self.save_tile_to(tile, &mut bytes)?;
-        Ok(bytes)
+        Ok(bytes.into())
     }
 
     /// Bytes that [`Asset::save_tile_to`] writes. Prepares the tile if necessary.
@@ -231,7 +232,7 @@ impl Asset {
             let largest = (0..values.len()).map(|v| values.get(v, 0)).fold(0.0, f64::max);
             log::doubt(&self.device, &format!("the {name} of the vertices"), largest as f32);
             let value = |v: usize| (values.get(v, 0) as f32).clamp(0.0, 1.0);
-            let values = self.device.call(|| Ok((0..values.len()).map(value).collected()))?;
+            let values = self.device.call(|| Ok((0..values.len()).map(value).collect()))?;
             copy = Values::Vertices(Arc::new(values));
         }
         self.given.set_of_vertices(which, copy);

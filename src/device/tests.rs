@@ -3,6 +3,7 @@
 use super::choice::{find, or_the_cpu};
 use super::*;
 use crate::{Asset, Fetch, FetchKind, ImageLayout, ImageView, ImageViewMut, PixelFormat};
+use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::mesh::{MeshSource, UvSource};
 use vrtm_core::settings::{SolveOptions, TileSettings};
 use vrtm_core::view::Strided;

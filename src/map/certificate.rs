@@ -6,7 +6,7 @@ mod error;
 mod strip;
 
 use crate::device::Device;
-use vrtm_core::allocation::filled;
+use vrtm_core::allocation::vec;
 use vrtm_core::error::Result;
 use vrtm_core::mesh::Mesh;
 use vrtm_core::team::Team;
@@ -88,7 +88,7 @@ fn count_folds(reader: &mut Reader, desc: &MapDesc, enough: u64) -> Result<Folds
     let mut all = Folds { folds: 0, min_jacobian: 1.0 };
     for rows in bands(width, height) {
         let strip = reader.read(desc, rows.clone())?;
-        let mut found = filled((0, 1.0f64), rows.len() - 1);
+        let mut found = vec![(0, 1.0f64); rows.len() - 1];
         reader.team.fill(&mut found, |k, (folds, least)| {
             let [low, high] = [0, 1].map(|above| strip.row(rows.start + k + above));
             for (low, high) in low.windows(2).zip(high.windows(2)) {

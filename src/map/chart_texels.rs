@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::grid::fill::Fill;
 use vrtm_core::image::ImagePart;
 use vrtm_core::mesh::TileMesh;
@@ -23,7 +23,7 @@ impl ChartTexels {
     pub fn new(part: &ImagePart) -> ChartTexels {
         let [width, height] = part.extent();
         let rows = |band: usize| BAND.min(height - band * BAND);
-        let bands = (0..height.div_ceil(BAND)).map(|band| zeroed(rows(band) * width)).collected();
+        let bands = (0..height.div_ceil(BAND)).map(|band| zeroed(rows(band) * width)).collect();
         ChartTexels { width, bands }
     }
 

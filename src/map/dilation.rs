@@ -6,7 +6,7 @@ use glam::DVec2;
 use super::canvas::Canvas;
 use super::chart_texels::{BAND, ChartTexels};
 use vrtm_beyond::{Collar, collars};
-use vrtm_core::allocation::{Collect, filled};
+use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::grid::fill::Fill;
 use vrtm_core::image::ImagePart;
 use vrtm_core::mesh::triangle::barycentrics;
@@ -44,7 +44,7 @@ impl<'a> Dilation<'a> {
         mesh.layers(tile).for_each(|layer| charts.draw(team, &mesh.tiles[layer], part));
         let [width, height] = part.extent();
         let rows = |band: usize| BAND.min(height - band * BAND);
-        let rows = (0..height.div_ceil(BAND)).map(|band| filled(NOTHING, rows(band) * width)).collected();
+        let rows = (0..height.div_ceil(BAND)).map(|band| vec![NOTHING; rows(band) * width]).collect();
         Dilation { mesh, tile, part: *part, charts, collars, reach, rows }
     }
 

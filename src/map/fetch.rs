@@ -3,7 +3,7 @@
 use std::sync::atomic::{AtomicPtr, Ordering};
 
 use crate::device::Device;
-use vrtm_core::allocation::Collect;
+use vrtm_core::allocation::Vec;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::planes::Plane;
 use vrtm_core::image::ImagePart;
@@ -149,7 +149,7 @@ pub(crate) fn corner_uvs(
     out: &mut [[f32; 2]],
 ) -> Result<()> {
     let warps = tiles.iter().map(|solved| solved.map(|solved| solved.warp.host()).transpose());
-    let warps: Vec<Option<&[[Plane; 2]]>> = warps.try_collected()?;
+    let warps: Vec<Option<&[[Plane; 2]]>> = warps.collect::<Result<Vec<_>>>()?;
     const CHUNK: usize = 64;
     let canvas = AtomicPtr::new(out.as_mut_ptr());
     let count = out.len().min(corners.len());

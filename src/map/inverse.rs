@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::device::Device;
-use vrtm_core::allocation::Collect;
+use vrtm_core::allocation::Vec;
 use vrtm_core::cpu::invert::{self, Inverse};
 use vrtm_core::error::Result;
 use vrtm_core::image::ImagePart;
@@ -33,7 +33,7 @@ impl Centres {
     pub fn new(part: &ImagePart) -> Centres {
         Centres([0, 1].map(|axis| {
             let of = |x: usize| (x as f64 + 0.5) / part.size[axis] as f64;
-            (part.first[axis]..part.end[axis]).map(of).collected()
+            (part.first[axis]..part.end[axis]).map(of).collect()
         }))
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::error::Result;
 use vrtm_core::grid::Level;
 use vrtm_core::grid::planes::{Plane, SIDE, slot};
@@ -20,7 +20,7 @@ const ITEMS: usize = 64;
 /// Memory for writing a part of a warp: two rows of nodes for each item of work.
 pub(crate) fn rows(solved: &Solved, part: &ImagePart) -> Vec<Vec<[f32; 2]>> {
     let width = 2 * (solved.grid.levels[0].nx + 1);
-    (0..part.extent()[1].min(ITEMS)).map(|_| zeroed(width)).collected()
+    (0..part.extent()[1].min(ITEMS)).map(|_| zeroed(width)).collect()
 }
 
 /// Writes a warp; `rows` has two rows of nodes for each item of work.
@@ -82,7 +82,7 @@ impl<'a> NodeRows<'a> {
     pub fn new(solved: &'a Solved) -> Result<NodeRows<'a>> {
         let level = &solved.grid.levels[0];
         let list = &level.blocks.list;
-        let mut blocks: Vec<u32> = (0..list.len() as u32).filter(|&b| list[b as usize].active).collected();
+        let mut blocks: Vec<u32> = (0..list.len() as u32).filter(|&b| list[b as usize].active).collect();
         blocks.sort_unstable_by_key(|&b| (list[b as usize].y, b));
         let of_nodes =
             |tile: &Arc<TileMesh>| Team::with(1, |team| Owners::of_nodes(team, tile, [level.nx, level.ny]));

@@ -6,7 +6,7 @@ use glam::DVec2;
 use super::canvas::Canvas;
 use super::chart_texels::BAND;
 use crate::solved::Solved;
-use vrtm_core::allocation::{Collect, Grow, filled};
+use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::grid::fill::Fill;
 use vrtm_core::image::ImagePart;
 use vrtm_core::mesh::triangle::barycentrics;
@@ -53,7 +53,7 @@ impl<'a> OtherSet<'a> {
                 let (uvs, origin) = place(t);
                 uvs.map(|uv| uv + origin)
             };
-            return part_of((0..surface.triangles.len()).map(of).collected());
+            return part_of((0..surface.triangles.len()).map(of).collect());
         }
         let own = mesh.tiles.iter().position(|tile| is_own(tile)).unwrap_or(0);
         let of_set = &mesh.corners[uv_set as usize];
@@ -61,14 +61,14 @@ impl<'a> OtherSet<'a> {
             let corners = mesh.corners_of[tile][number as usize];
             corners.map(|corner| DVec2::from(of_set[corner as usize].uv.map(f64::from)))
         };
-        let mut uvs: Vec<[DVec2; 3]> = surface.numbers().iter().map(|&n| of_number(own, n)).collected();
-        let mut numbers: Vec<Option<Vec<u32>>> = filled(None, mesh.tiles.len());
+        let mut uvs: Vec<[DVec2; 3]> = surface.numbers().iter().map(|&n| of_number(own, n)).collect();
+        let mut numbers: Vec<Option<Vec<u32>>> = vec![None; mesh.tiles.len()];
         for source in &surface.sources {
             let tile = source.tile as usize;
             let numbers = numbers[tile].get_or_insert_with(|| mesh.tiles[tile].numbers());
             let of_source = of_number(tile, numbers[source.triangle as usize]);
             let corners = mesh.tiles[tile].triangles[source.triangle as usize].uv;
-            uvs.put(source.uv.map(|uv| affine(corners, of_source, uv)));
+            uvs.push(source.uv.map(|uv| affine(corners, of_source, uv)));
         }
         part_of(uvs)
     }
@@ -76,7 +76,7 @@ impl<'a> OtherSet<'a> {
     fn with(surface: &'a TileMesh, uvs: Vec<[DVec2; 3]>, is_delta: bool, part: &ImagePart) -> OtherSet<'a> {
         let [width, height] = part.extent();
         let rows = |band: usize| BAND.min(height - band * BAND);
-        let under = (0..height.div_ceil(BAND)).map(|band| filled(NONE, rows(band) * width)).collected();
+        let under = (0..height.div_ceil(BAND)).map(|band| vec![NONE; rows(band) * width]).collect();
         OtherSet { surface, uvs, part: *part, is_delta, under }
     }
 
@@ -97,8 +97,8 @@ impl<'a> OtherSet<'a> {
                 });
             }
         });
-        let under: Vec<u32> = under.into_iter().flatten().collected();
-        let covered = under.iter().map(|&t| t != NONE).collected();
+        let under: Vec<u32> = under.into_iter().flatten().collect();
+        let covered = under.iter().map(|&t| t != NONE).collect();
         let under = (0..MARGIN).fold(under, |under, _| grown(team, &under, width));
         let lattice = [width - 1, height - 1];
         let locator = Locator::of(surface, lattice, |uv| uv * size - 0.5, under);
@@ -154,8 +154,8 @@ fn grown(team: &Team, under: &[u32], width: usize) -> Vec<u32> {
         let inside = (0..width as i64).contains(&x) && (0..height as i64).contains(&y);
         if inside { under[y as usize * width + x as usize] } else { NONE }
     };
-    let mut grown = filled(NONE, under.len());
-    let mut rows: Vec<&mut [u32]> = grown.chunks_mut(width).collected();
+    let mut grown = vec![NONE; under.len()];
+    let mut rows: Vec<&mut [u32]> = grown.chunks_mut(width).collect();
     team.fill_large(&mut rows, |y, row| {
         for (x, triangle) in row.iter_mut().enumerate() {
             let near = [(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];

@@ -12,6 +12,7 @@ use flatten::BANDS;
 use flatten::CollarTriangle;
 pub use flatten::{Across, Collar};
 use surface::Surface;
+use vrtm_core::allocation::Vec;
 use vrtm_core::mesh::Mesh;
 use vrtm_core::settings::Beyond;
 use vrtm_core::team::Team;

@@ -9,7 +9,7 @@ use std::ops::Range;
 use glam::DVec2;
 
 use crate::collar::{Across, Collar, collars};
-use vrtm_core::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::mesh::hash::{Table, enter};
 use vrtm_core::mesh::overlaps::Overlaps;
 use vrtm_core::mesh::{Chart, Cut, FacePoint, Mesh, NONE, Source, TileMesh, Triangle};
@@ -33,17 +33,17 @@ pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -> TileM
         udim: source.udim,
         uv_set: source.uv_set,
         layer: source.layer,
-        triangles: source.triangles.iter().map(|triangle| Triangle { ..*triangle }).collected(),
+        triangles: source.triangles.iter().map(|triangle| Triangle { ..*triangle }).collect(),
         sources: Vec::new(),
-        charts: with_capacity(source.charts.len()),
-        cuts: copied(&source.cuts),
-        chart_of: copied(&source.chart_of),
+        charts: Vec::with_capacity(source.charts.len()),
+        cuts: source.cuts.clone(),
+        chart_of: source.chart_of.clone(),
         welds: Vec::new(),
         edges_apart: source.edges_apart,
     };
     for ((chart, collar), used) in source.charts.iter().zip(&collars).zip(&used) {
         let chart = add(&mut extended, chart, collar, used, beyond.reach);
-        extended.charts.put(chart);
+        extended.charts.push(chart);
     }
     extended.cuts.sort_unstable_by_key(|cut| cut.triangle);
     extended
@@ -53,7 +53,7 @@ pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -> TileM
 fn stacked(tile: &TileMesh) -> Vec<bool> {
     let charts = tile.chart_of_triangles();
     let mut stacked = zeroed(tile.charts.len());
-    let all = Overlaps::of(tile.triangles.iter().map(|t| t.uv).collected());
+    let all = Overlaps::of(tile.triangles.iter().map(|t| t.uv).collect());
     for (t, triangle) in tile.triangles.iter().enumerate() {
         let chart = charts[t] as usize;
         let is_other = |other: usize| charts[other] as usize != chart;
@@ -99,7 +99,7 @@ impl Used {
         }
         let first = own.len();
         let all = tile.triangles[own].iter().map(|t| t.uv).chain(list.iter().map(|t| t.uv));
-        let all = Overlaps::of(all.collected());
+        let all = Overlaps::of(all.collect());
         let rims = rims(tile, collar);
         let mut triangles: Vec<bool> = zeroed(list.len());
         for (k, triangle) in list.iter().enumerate() {
@@ -129,7 +129,7 @@ fn rims(tile: &TileMesh, collar: &Collar) -> Vec<AtSide> {
         for (corner, across) in triangle.across.into_iter().enumerate() {
             if let Across::Chart(side) = across {
                 let part = part_of(tile, collar, side, triangle.uv, corner);
-                rims.put(AtSide { side, part, triangle: k as u32 });
+                rims.push(AtSide { side, part, triangle: k as u32 });
             }
         }
     }
@@ -154,13 +154,13 @@ fn ends(tile: &TileMesh, (t, k): Side) -> [DVec2; 2] {
 /// The sides of the chart at which triangles are used, ascending: of each side the longest run of parts, since whoever
 /// crosses the side goes on from one of its parts.
 fn open_sides(rims: &[AtSide], used: &[bool]) -> Vec<Open> {
-    let list: Vec<AtSide> = rims.iter().copied().filter(|rim| used[rim.triangle as usize]).collected();
+    let list: Vec<AtSide> = rims.iter().copied().filter(|rim| used[rim.triangle as usize]).collect();
     let of_side = |rims: &[AtSide]| {
         let runs = rims.chunk_by(|a, b| a.part + 1 == b.part);
         let run = runs.reduce(|longest, run| if run.len() > longest.len() { run } else { longest })?;
         Some(Open { side: run[0].side, parts: run[0].part..run[run.len() - 1].part + 1 })
     };
-    list.chunk_by(|a, b| a.side == b.side).filter_map(of_side).collected()
+    list.chunk_by(|a, b| a.side == b.side).filter_map(of_side).collect()
 }
 
 /// The run of a side's parts beyond which the chart goes on.
@@ -176,7 +176,7 @@ fn reached(collar: &Collar, used: &[bool], rims: &[AtSide], open: &[Open]) -> Ve
     let is_open = |rim: &&AtSide| run_of(open, rim.side).is_some_and(|open| open.parts.contains(&rim.part));
     for rim in rims.iter().filter(|rim| used[rim.triangle as usize]).filter(is_open) {
         if !std::mem::replace(&mut reached[rim.triangle as usize], true) {
-            stack.put(rim.triangle);
+            stack.push(rim.triangle);
         }
     }
     while let Some(k) = stack.pop() {
@@ -185,7 +185,7 @@ fn reached(collar: &Collar, used: &[bool], rims: &[AtSide], open: &[Open]) -> Ve
                 && used[next as usize]
                 && !std::mem::replace(&mut reached[next as usize], true)
             {
-                stack.put(next);
+                stack.push(next);
             }
         }
     }
@@ -196,18 +196,18 @@ fn reached(collar: &Collar, used: &[bool], rims: &[AtSide], open: &[Open]) -> Ve
 fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, used: &Used, reach: f64) -> Chart {
     let first = tile.triangles.len() as u32;
     let list = &collar.triangles;
-    let mut numbers = filled(NONE, list.len());
-    let used_ones: Vec<usize> = (0..list.len()).filter(|&k| used.triangles[k]).collected();
+    let mut numbers = vec![NONE; list.len()];
+    let used_ones: Vec<usize> = (0..list.len()).filter(|&k| used.triangles[k]).collect();
     for (number, &k) in used_ones.iter().enumerate() {
         numbers[k] = first + number as u32;
     }
-    let mut vertices = copied(&chart.vertices);
+    let mut vertices = chart.vertices.clone();
     let mut local_of: Table<u32, u32> = Table::default();
     let mut with_vertex = |vertices: &mut Vec<u32>, v: u32| match local_of.get(&v) {
         Some(&local) => local,
         None => {
             let local = vertices.len() as u32;
-            vertices.put(v);
+            vertices.push(v);
             enter(&mut local_of, v, local);
             local
         }
@@ -220,19 +220,19 @@ fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, used: &Used, reach: 
             list[k].points.each_ref().map(|point| match point.vertex() {
                 Some(v) => Ok(with_vertex(&mut vertices, v)),
                 None => {
-                    points.put(*point);
+                    points.push(*point);
                     Err(points.len() as u32 - 1)
                 }
             })
         })
-        .collected();
+        .collect();
     let parts = collar.parts as f64;
     for Open { side, parts: run } in &used.open {
         let [from, to] = ends(tile, *side);
         let at = |part: usize| from + (part as f64 / parts) * (to - from);
         for [a, b] in [[0, run.start], [run.end, collar.parts]] {
             if a < b {
-                tile.cuts.put(Cut { triangle: side.0, uv: [at(a), at(b)], is_gap: false });
+                tile.cuts.push(Cut { triangle: side.0, uv: [at(a), at(b)], is_gap: false });
             }
         }
     }
@@ -260,8 +260,8 @@ fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, used: &Used, reach: 
             neighbour
         });
         let local = local.map(|local| local.unwrap_or_else(|point| vertices.len() as u32 + point));
-        tile.triangles.put(Triangle { local, uv: list[k].uv, neighbours });
-        tile.sources.put(Source { distance: list[k].distance.map(|x| x as f32), ..list[k].source });
+        tile.triangles.push(Triangle { local, uv: list[k].uv, neighbours });
+        tile.sources.push(Source { distance: list[k].distance.map(|x| x as f32), ..list[k].source });
     }
     let collar = first as usize..tile.triangles.len();
     set_depths(tile, collar.clone(), reach);
@@ -288,13 +288,13 @@ fn set_depths(tile: &mut TileMesh, collar: Range<usize>, reach: f64) {
                     }
                     None => {
                         enter(&mut numbers, key, depths.len() as u32);
-                        depths.put(left[k].max(0.0));
+                        depths.push(left[k].max(0.0));
                         depths.len() as u32 - 1
                     }
                 }
             })
         })
-        .collected();
+        .collect();
     // Ends first: a corner at which the collar both begins and ends counts as its beginning.
     for is_end in [true, false] {
         for (of, t) in corners.iter().zip(collar.clone()) {

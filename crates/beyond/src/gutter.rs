@@ -5,7 +5,7 @@
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
 use crate::owners::Owners;
-use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::image::ImagePart;
 use vrtm_core::mesh::{NONE, TileMesh};
 use vrtm_core::team::Team;
@@ -47,7 +47,7 @@ impl Gutter {
         }
         let of_others = of_others.as_ref();
         let mut squares = zeroed(SQUARES * SQUARES);
-        let mut rows: Vec<&mut [u32]> = squares.chunks_exact_mut(SQUARES).collected();
+        let mut rows: Vec<&mut [u32]> = squares.chunks_exact_mut(SQUARES).collect();
         team.fill(&mut rows, |y, row| {
             for (x, square) in row.iter_mut().enumerate() {
                 let is_others = || of_others.is_some_and(|of_others| of_others.is_inside(x, y));

@@ -3,7 +3,7 @@
 
 use glam::DVec2;
 
-use vrtm_core::allocation::{Collect, filled};
+use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::grid::fill::Fill;
 use vrtm_core::image::ImagePart;
 use vrtm_core::mesh::triangle::barycentrics;
@@ -35,7 +35,7 @@ impl Owners {
     pub fn new(part: &ImagePart) -> Owners {
         let [width, height] = part.extent();
         let rows = |band: usize| BAND.min(height - band * BAND);
-        let bands = (0..height.div_ceil(BAND)).map(|band| filled(NOBODY, rows(band) * width)).collected();
+        let bands = (0..height.div_ceil(BAND)).map(|band| vec![NOBODY; rows(band) * width]).collect();
         Owners { width, bands }
     }
 

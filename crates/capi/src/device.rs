@@ -120,7 +120,6 @@ unsafe impl Sync for HostLog {}
 
 impl HostLog {
     fn write(&self, level: LogLevel, message: &str) {
-        #[expect(clippy::disallowed_methods, reason = "one line")]
         let line: String =
             message.chars().map(|c| if matches!(c, '\0' | '\n' | '\r') { ' ' } else { c }).collect();
         let level = match level {

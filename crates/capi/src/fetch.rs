@@ -10,7 +10,7 @@ use super::shared::SharedAsset;
 use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{Target, vrtm_image_out};
 use vrtm::FetchKind;
-use vrtm_core::allocation::{Collect, Grow};
+use vrtm_core::allocation::Vec;
 
 /// Content of a fetched image: two channels (u, v) per texel, unless stated otherwise.
 pub type vrtm_fetch_kind = i32;
@@ -160,7 +160,7 @@ pub(super) unsafe fn targets(
         if !handle::is_tile_of(fetch.tile, asset) {
             return Err(Failure::argument(format!("{name}.tile belongs to another asset")));
         }
-        all.put(wanted);
+        all.push(wanted);
     }
     check_apart(&all, input)?;
     Ok(all)
@@ -171,7 +171,7 @@ pub(super) unsafe fn targets(
 /// there.
 fn check_apart(all: &[Wanted], input: Range<usize>) -> Outcome<()> {
     let overlap = |a: &str, b: &str| Err(Failure::argument(format!("{a} and {b} overlap in memory")));
-    let mut sorted: Vec<_> = all.iter().map(|(name, _, _, target)| (target, name.as_str())).collected();
+    let mut sorted: Vec<_> = all.iter().map(|(name, _, _, target)| (target, name.as_str())).collect();
     sorted.sort_unstable_by_key(|(target, name)| (target.span().start, *name));
     for (k, (target, name)) in sorted.iter().enumerate() {
         let span = target.span();

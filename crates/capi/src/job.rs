@@ -17,7 +17,7 @@ use super::status::{
 use super::types::{strided, vrtm_array};
 use crate::hook;
 use vrtm::SolveRequest;
-use vrtm_core::allocation::{boxed, copied};
+use vrtm_core::allocation::{Vec, boxed};
 use vrtm_core::control::{Control, this_thread};
 use vrtm_core::float_mode::FloatMode;
 use vrtm_core::panics::lock;
@@ -251,7 +251,7 @@ pub unsafe extern "C" fn vrtm_asset_submit(
         claim.asset().check_request(&wishes.request(positions))?;
         let executor = claim.asset().device().executor().cloned();
         let device = claim.asset().device().clone();
-        let copies = || Ok((Packed::copy(&positions), wishes.dirty_vertices.map(copied)));
+        let copies = || Ok((Packed::copy(&positions), wishes.dirty_vertices.map(Vec::from)));
         let (positions, dirty_vertices) = device.call(copies)?;
         claim.announce(&wishes.control);
         let work = Work { claim, positions, dirty_vertices, wishes: wishes.without_dirty_vertices() };

@@ -6,7 +6,7 @@
 //! from macros, which cbindgen does not expand.
 
 // Allocations sized by user input must be fallible: clippy.toml lists the infallible ones.
-#![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods))]
+#![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods, clippy::disallowed_types))]
 #![allow(non_camel_case_types)] // The names are those of the C header.
 #![allow(clippy::missing_safety_doc)] // The contract of all pointers stands once, at the head of the header.
 #![allow(rustdoc::broken_intra_doc_links)] // The comments are C: `indices[k]` there is an array's element.

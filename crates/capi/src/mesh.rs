@@ -3,7 +3,7 @@
 use super::desc::{self, Sized32};
 use super::status::{Failure, Outcome};
 use super::types::{strided, vrtm_array};
-use vrtm_core::allocation::Collect;
+use vrtm_core::allocation::Vec;
 use vrtm_core::error::{Error, ErrorKind};
 use vrtm_core::mesh::{MeshSource, POSITION_TOLERANCE, UV_TOLERANCE, UvSource, Weld, WeldBy};
 
@@ -186,7 +186,7 @@ pub(super) unsafe fn more_uvs<'a>(desc: &vrtm_mesh_desc) -> Outcome<Vec<UvSource
     // SAFETY: the host vouches for `uv_set_count` structs, and for their pointers.
     let sets = unsafe { desc::slice(desc.uv_sets, desc.uv_set_count, "desc.uv_sets") }?;
     let source = |(k, set)| unsafe { uv_source(set, &format!("desc.uv_sets[{k}]")) };
-    sets.iter().enumerate().map(source).try_collected()
+    sets.iter().enumerate().map(source).collect::<Result<Vec<_>, _>>()
 }
 
 pub(super) unsafe fn mesh<'a>(desc: &vrtm_mesh_desc, uv_sets: &'a [UvSource<'a>]) -> Outcome<MeshSource<'a>> {

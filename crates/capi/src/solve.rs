@@ -12,7 +12,7 @@ use super::mirror::{choice, mirror};
 use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{strided, strided_and_span, vrtm_array};
 use vrtm::{Fetch, SolveRequest};
-use vrtm_core::allocation::{Collect, Grow, with_capacity};
+use vrtm_core::allocation::Vec;
 use vrtm_core::control::Control;
 use vrtm_core::settings::{PbdSettings, Quality, SolveOptions, Solver};
 use vrtm_core::view::Strided;
@@ -99,7 +99,7 @@ impl<'a> Wishes<'a> {
                     false => Err(Failure::argument(format!("{name} belongs to another asset"))),
                 }
             };
-            tiles = Some(handles.iter().enumerate().map(index).try_collected()?);
+            tiles = Some(handles.iter().enumerate().map(index).collect::<Result<Vec<_>, _>>()?);
         }
         let mut dirty_vertices = None;
         if !from.dirty_vertices.is_null() {
@@ -218,10 +218,10 @@ pub unsafe extern "C" fn vrtm_asset_redirect(
         // SAFETY: as above; `targets` checks that no two of the images write the same byte, and that none overlaps the
         // positions.
         let targets = unsafe { targets(asset, fetches, count, span) }?;
-        let mut wanted = with_capacity(targets.len());
+        let mut wanted = Vec::with_capacity(targets.len());
         for (name, tile, kind, target) in &targets {
             // SAFETY: the host vouches for the memory, and no other view shares it.
-            wanted.put(Fetch { tile: *tile, kind: *kind, image: unsafe { target.view(name) }? });
+            wanted.push(Fetch { tile: *tile, kind: *kind, image: unsafe { target.view(name) }? });
         }
         let request = wishes.request(positions);
         shared.claim()?.solve(&wishes.control, |asset| Ok(asset.run(&request, &mut wanted)?))

@@ -6,7 +6,7 @@ use std::any::Any;
 use std::fmt::Debug;
 use std::sync::Arc;
 
-use crate::allocation::{Collect, zeroed};
+use crate::allocation::{Vec, zeroed};
 use crate::error::Result;
 use crate::grid::Grid;
 use crate::grid::planes::Plane;
@@ -136,7 +136,7 @@ pub struct Adapter {
 impl Adapters {
     /// Describes the GPUs that can be used.
     pub fn infos(&self) -> Vec<AdapterInfo> {
-        self.usable.iter().map(|adapter| adapter.info.clone()).collected()
+        self.usable.iter().map(|adapter| adapter.info.clone()).collect()
     }
 
     /// Lists the adapters found, for an error message.
@@ -144,7 +144,7 @@ impl Adapters {
         let usable = self.usable.iter().map(|Adapter { info, .. }| {
             if info.software { format!("{}, a software driver", info.name) } else { info.name.clone() }
         });
-        let all: Vec<String> = usable.chain(self.rejected.iter().cloned()).collected();
+        let all: Vec<String> = usable.chain(self.rejected.iter().cloned()).collect();
         if all.is_empty() { "none".to_owned() } else { all.join("; ") }
     }
 }

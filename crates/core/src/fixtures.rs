@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::allocation::Vec;
 use crate::grid::maps::{TileMaps, Values};
 use crate::image::map::Map;
 use crate::mesh::{Mesh, MeshSource, UvSource};

@@ -32,7 +32,7 @@ pub mod uv_triangle;
 
 use std::sync::Arc;
 
-use crate::allocation::copied;
+use crate::allocation::Vec;
 use crate::mesh::TileMesh;
 use blocks::{Blocks, Part};
 use codes::Lengths;
@@ -47,7 +47,7 @@ use uv_triangle::UvTriangle;
 
 /// One level of a tile's grid: all of its data that does not depend on the pose. Data that does not depend on the
 /// rigidity either is shared between grids that differ only in rigidity.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Level {
     /// Cells along u.
     pub nx: usize,
@@ -82,29 +82,8 @@ pub struct Level {
     pub parent: Arc<Vec<u32>>,
 }
 
-impl Clone for Level {
-    fn clone(&self) -> Level {
-        Level {
-            blocks: self.blocks.clone(),
-            rigidity: copied(&self.rigidity),
-            density: self.density.clone(),
-            hold: self.hold.clone(),
-            interpolation: copied(&self.interpolation),
-            stiffness: copied(&self.stiffness),
-            movable: self.movable.clone(),
-            rest_length: self.rest_length.clone(),
-            lengths: copied(&self.lengths),
-            floor: copied(&self.floor),
-            coverage: self.coverage.clone(),
-            children: self.children.clone(),
-            parent: self.parent.clone(),
-            ..*self
-        }
-    }
-}
-
 /// A tile's grid: all data that is built once per mesh, maps and settings.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Grid {
     pub levels: Vec<Level>,
     pub triangles: Arc<Vec<UvTriangle>>,
@@ -140,20 +119,7 @@ const FLOOR_FRACTION: f32 = 0.05;
 impl Grid {
     /// The same grid with another rigidity of its parts and squares; the rigidity of its nodes is unchanged.
     fn with_rigidity(&self, rigid: Vec<bool>, rigid_nodes: Vec<RigidNodes>) -> Grid {
-        Grid {
-            levels: copied(&self.levels),
-            triangles: self.triangles.clone(),
-            chart_of: self.chart_of.clone(),
-            triangle: self.triangle.clone(),
-            gather: self.gather.clone(),
-            movable: copied(&self.movable),
-            rest: self.rest.clone(),
-            survey: self.survey.clone(),
-            parts: self.parts.clone(),
-            rigid,
-            rigid_nodes,
-            ..*self
-        }
+        Grid { rigid, rigid_nodes, ..self.clone() }
     }
 
     /// Fraction of the covered rigid nodes that do not move.

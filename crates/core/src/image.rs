@@ -7,7 +7,7 @@ pub mod texels;
 
 use std::marker::PhantomData;
 
-use crate::allocation::Collect;
+use crate::allocation::Vec;
 use crate::error::{Error, ErrorKind, Result};
 use format::{PixelFormat, decode};
 use map::{Map, TexelRect};
@@ -185,7 +185,7 @@ impl<'a> ImageView<'a> {
         let size = [self.layout.width as usize, self.layout.height as usize];
         self.check_finite(name, TexelRect { first: [0, 0], end: size })?;
         let mut map = Map::new(size, self.layout.format, wanted);
-        let stored: Vec<TexelRect> = map.stored().collected();
+        let stored: Vec<TexelRect> = map.stored().collect();
         for rect in stored {
             self.copy_to(&mut map, rect);
         }

@@ -17,7 +17,7 @@ use std::sync::Arc;
 
 use glam::DVec2;
 
-use crate::allocation::Collect;
+use crate::allocation::Vec;
 use crate::error::{Error, Result};
 use crate::report::AssetInfo;
 pub use source::{MeshSource, UvSource, Weld, WeldBy};
@@ -212,7 +212,7 @@ impl TileMesh {
             let each = move |(c, chart)| std::iter::repeat_n(c as u32, range(chart).len());
             self.charts.iter().enumerate().flat_map(each)
         };
-        of(|chart| &chart.triangles).chain(of(|chart| &chart.collar)).collected()
+        of(|chart| &chart.triangles).chain(of(|chart| &chart.collar)).collect()
     }
 
     /// The chart of a triangle.

@@ -382,7 +382,8 @@ pub struct GpuWork {
     /// Bytes of the tile's buffers on the GPU: those of its solver, and two results.
     pub bytes_held: u64,
     /// The kernels that ran.
-    pub kernels: Vec<GpuKernel>,
+    #[expect(clippy::disallowed_types, reason = "public: that of the standard library")]
+    pub kernels: std::vec::Vec<GpuKernel>,
 }
 
 /// One kernel's share of a solve.

@@ -9,7 +9,7 @@ pub mod exact;
 
 use glam::{DVec2, DVec3};
 
-use crate::allocation::{Collect, Grow, copied, filled};
+use crate::allocation::{Vec, vec};
 use crate::grid::coverage::{Coverage, NodeMaps};
 use crate::grid::planes::EDGES;
 use crate::mesh::{Mesh, NONE, TileMesh};
@@ -43,12 +43,12 @@ pub fn measure(
 ) -> StrainReport {
     let (nx, ny) = (coverage.nx, coverage.ny);
     let width = nx + 1;
-    let locator = Locator::new(tile, nx, ny, copied(&coverage.triangle));
+    let locator = Locator::new(tile, nx, ny, coverage.triangle.clone());
     let rest = Surface::new(tile, &locator, |v| mesh.rest[v]);
     let posed = Surface::new(tile, &locator, |v| pose[v]);
     let near_border = near_border(coverage);
     let rigid = |n: usize| maps.rigidity[n] > RIGID && coverage.triangle[n] != NONE;
-    let mut ends = filled(End::default(), width * (ny + 1));
+    let mut ends = vec![End::default(); width * (ny + 1)];
     for (n, end) in ends.iter_mut().enumerate().filter(|(n, _)| rigid(*n)) {
         let (i, j) = (n % width, n / width);
         let (at, home) = (DVec2::new(i as f64, j as f64), coverage.triangle[n]);
@@ -143,9 +143,9 @@ impl Edges {
     fn add(&mut self, before: f64, after: f64, place: Place) {
         self.harmed += u64::from(after - before > HARM);
         self.helped += u64::from(before - after > HELP);
-        self.before.put(before);
-        self.after.put(after);
-        self.place.put(place);
+        self.before.push(before);
+        self.after.push(after);
+        self.place.push(place);
     }
 
     fn add_fixed(&mut self, strain: f64) {
@@ -201,7 +201,7 @@ fn statistics(values: &mut [f64], places: &[Place]) -> Strain {
 /// between the interiors of two charts.) Computed along rows first, then along columns.
 fn near_border(coverage: &Coverage) -> Vec<bool> {
     let (width, height) = (coverage.nx + 1, coverage.ny + 1);
-    let mut near: Vec<bool> = coverage.interior.iter().map(|inside| !inside).collected();
+    let mut near: Vec<bool> = coverage.interior.iter().map(|inside| !inside).collect();
     let mut line = Vec::new();
     for j in 0..height {
         dilate(&mut near, j * width, 1, width, &mut line);
@@ -215,7 +215,7 @@ fn near_border(coverage: &Coverage) -> Vec<bool> {
 /// Sets all values of one row or column within `BORDER` of a true one.
 fn dilate(values: &mut [bool], first: usize, stride: usize, count: usize, line: &mut Vec<bool>) {
     line.clear();
-    line.put_all((0..count).map(|k| values[first + k * stride]));
+    line.extend((0..count).map(|k| values[first + k * stride]));
     let mut inside: usize = line[..BORDER.min(count)].iter().filter(|&&b| b).count();
     for k in 0..count {
         inside += usize::from(line.get(k + BORDER).is_some_and(|&b| b));

@@ -8,7 +8,7 @@ use std::ptr::without_provenance;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use crate::allocation::{Collect, Current, Grow, with_capacity};
+use crate::allocation::{Current, Vec};
 use crate::control::{Control, is_lent, lent};
 pub use executor::{Executor, Task};
 use protocol::Protocol;
@@ -194,11 +194,11 @@ impl Team {
 
     /// Returns f(0) to f(count - 1), each computed on any of the threads.
     pub fn map<T: Send>(&self, count: usize, f: impl Fn(usize) -> T + Sync) -> Vec<T> {
-        let mut results: Vec<Option<T>> = (0..count).map(|_| None).collected();
+        let mut results: Vec<Option<T>> = (0..count).map(|_| None).collect();
         self.fill(&mut results, |k, result| *result = Some(f(k)));
         // Every element is initialised when `fill` returns.
-        let mut all = with_capacity(count);
-        all.put_all(results.into_iter().flatten());
+        let mut all = Vec::with_capacity(count);
+        all.extend(results.into_iter().flatten());
         all
     }
 
@@ -288,7 +288,7 @@ unsafe impl<T: Send> Send for PerThread<'_, T> {}
 impl<'a, T> PerThread<'a, T> {
     /// Memory for a team's threads, each of which makes its piece with `new`.
     pub fn new(team: &'a Team, new: fn() -> Box<T>) -> PerThread<'a, T> {
-        let pieces = (0..team.threads).map(|_| Piece(UnsafeCell::new(None))).collected();
+        let pieces = (0..team.threads).map(|_| Piece(UnsafeCell::new(None))).collect();
         PerThread { pieces, new, team: team.address(), of_team: PhantomData }
     }
 

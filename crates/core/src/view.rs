@@ -1,6 +1,6 @@
 //! Views of a host's vertex arrays: any byte stride, f32 or f64, read without alignment.
 
-use crate::allocation::{Grow, with_capacity};
+use crate::allocation::Vec;
 use crate::error::{Error, Result};
 
 /// The number format of one component of a host's array.
@@ -205,9 +205,9 @@ impl Packed {
     pub fn copy(from: &Strided) -> Packed {
         let Strided { scalar, components, count, .. } = *from;
         let element = scalar.size() * components;
-        let mut bytes = with_capacity(count * element);
+        let mut bytes = Vec::with_capacity(count * element);
         for i in 0..count {
-            bytes.put_all(from.bytes[i * from.stride..][..element].iter().copied());
+            bytes.extend_from_slice(&from.bytes[i * from.stride..][..element]);
         }
         Packed { bytes, scalar, components, count }
     }

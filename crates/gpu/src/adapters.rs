@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::context::Context;
 use super::identity::{api, describe, rank};
-use vrtm_core::allocation::{Grow, boxed};
+use vrtm_core::allocation::{Vec, boxed};
 use vrtm_core::backend::{Adapter, Adapters, Gpu};
 use vrtm_core::panics::contain;
 
@@ -19,11 +19,11 @@ const MEMORY_BUDGET_PERCENT: u8 = 95;
 /// Looks for adapters. It adds none if no driver is installed, or if it is broken.
 pub fn find(found: &mut Adapters) {
     let (usable, rejected) = all();
-    found.usable.put_all(usable.into_iter().map(|adapter| Adapter {
+    found.usable.extend(usable.into_iter().map(|adapter| Adapter {
         info: describe(&adapter),
         open: boxed(move |options| Ok(Arc::new(Context::open(&adapter, options)?) as Arc<dyn Gpu>)),
     }));
-    found.rejected.put_all(rejected);
+    found.rejected.extend(rejected);
     let built = BACKENDS & wgpu::Instance::enabled_backend_features();
     let named = [
         (wgpu::Backends::VULKAN, wgpu::Backend::Vulkan),
@@ -31,7 +31,7 @@ pub fn find(found: &mut Adapters) {
         (wgpu::Backends::METAL, wgpu::Backend::Metal),
     ];
     let names = named.into_iter().filter(|(bit, _)| built.contains(*bit)).map(|(_, backend)| api(backend));
-    found.interfaces.put_all(names);
+    found.interfaces.extend(names);
 }
 
 /// The adapters that can be used, in the order of `Adapters`; and of each other one the name, with the reason.
@@ -40,8 +40,8 @@ pub(super) fn all() -> (Vec<wgpu::Adapter>, Vec<String>) {
     let (mut usable, mut others) = (Vec::new(), Vec::new());
     for adapter in all.unwrap_or_default() {
         match rejected(&adapter) {
-            Some(why) => others.put(format!("{}, {why}", adapter.get_info().name)),
-            None => usable.put(adapter),
+            Some(why) => others.push(format!("{}, {why}", adapter.get_info().name)),
+            None => usable.push(adapter),
         }
     }
     #[expect(clippy::disallowed_methods, reason = "a machine has only a few adapters")]

@@ -5,7 +5,7 @@
 
 use std::ops::Range;
 
-use vrtm_core::allocation::{Collect, Grow, filled};
+use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::Level;
 use vrtm_core::grid::blocks::Block;
@@ -41,7 +41,7 @@ fn row_pair(block: &Block) -> (u32, u32) {
 /// # Errors
 /// `Unsupported` if a pair of rows with its neighbours does not fit.
 pub fn bands(levels: &[Level], capacity: impl Fn(usize) -> usize) -> Result<Vec<Vec<Band>>> {
-    let mut all: Vec<Vec<Band>> = filled(Vec::new(), levels.len());
+    let mut all: Vec<Vec<Band>> = vec![Vec::new(); levels.len()];
     for k in (0..levels.len()).rev() {
         let level = &levels[k];
         let count = level.blocks.list.len();
@@ -63,7 +63,7 @@ pub fn bands(levels: &[Level], capacity: impl Fn(usize) -> usize) -> Result<Vec<
             };
             let children = first_child(coarser)..first_child(coarser + 1);
             let first = bands.len();
-            bands.put_all(split(level, children, coarser, capacity(k))?);
+            bands.extend(split(level, children, coarser, capacity(k))?);
             all[k + 1][coarser].finer = first..bands.len();
         }
         all[k] = bands;
@@ -83,7 +83,7 @@ fn split(level: &Level, range: Range<usize>, coarser: usize, capacity: usize) ->
     if buffered(&range).len() <= capacity {
         return Ok([Band { buffered: buffered(&range), owned: range, coarser, finer: 0..0 }]
             .into_iter()
-            .collected());
+            .collect());
     }
     let mut bands = Vec::new();
     let mut start = range.start;
@@ -107,7 +107,7 @@ fn split(level: &Level, range: Range<usize>, coarser: usize, capacity: usize) ->
             ));
         }
         start = owned.end;
-        bands.put(Band { buffered: buffered(&owned), owned, coarser, finer: 0..0 });
+        bands.push(Band { buffered: buffered(&owned), owned, coarser, finer: 0..0 });
     }
     Ok(bands)
 }

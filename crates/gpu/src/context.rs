@@ -45,6 +45,7 @@ pub fn padded(size: u64) -> u64 {
 
 /// The errors since the last check.
 #[derive(Debug, Default)]
+#[expect(clippy::disallowed_types, reason = "wgpu's own calls fill it, and must not be unwound")]
 struct ErrorLog {
     /// The reason why the device was lost.
     lost: Mutex<Option<String>>,
@@ -60,7 +61,7 @@ const PAUSES: [Duration; 2] = [Duration::from_micros(20), Duration::from_micros(
 const MAX_ERRORS: usize = 64;
 
 /// Joins the lines of a wgpu message.
-#[expect(clippy::disallowed_methods, reason = "a single message is short")]
+#[expect(clippy::disallowed_types, reason = "wgpu calls it, and must not be unwound")]
 fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
@@ -79,10 +80,6 @@ impl ErrorLog {
         let mut errors = lock(&self.errors);
         if errors.len() < MAX_ERRORS {
             let error = Error::new(kind, format!("the GPU: {}", one_line(&error.to_string())));
-            #[expect(
-                clippy::disallowed_methods,
-                reason = "few errors; wgpu calls this, and must not be unwound"
-            )]
             errors.push((thread::current().id(), error));
         }
     }

@@ -14,7 +14,7 @@ use super::layout::{
 };
 use super::lists::{GateSet, List, active_blocks};
 use super::run::Run;
-use vrtm_core::allocation::Collect;
+use vrtm_core::allocation::Vec;
 use vrtm_core::error::Result;
 use vrtm_core::method::acceptance::Correction;
 use vrtm_core::method::law::{SMOOTHER_SWEEPS, limit_rounds, margin_left, trial_fractions};
@@ -84,7 +84,7 @@ impl Run<'_> {
         match self.waited_records() {
             Ok(records) => {
                 let wanted = |chart: &Chart| chart.solved == 1 && chart.finished == 0;
-                let wants: Vec<bool> = records.iter().map(wanted).collected();
+                let wants: Vec<bool> = records.iter().map(wanted).collect();
                 let blocks = |charts: &[bool]| {
                     let bands = self.memory.bands[0].iter();
                     bands.map(|band| active_blocks(&self.grid.levels[0], band, charts).count() as u64).sum()
@@ -108,7 +108,7 @@ impl Run<'_> {
         }
         let parts = self.context.taken(&readback)?;
         let records = parts.iter().flat_map(|part| part.chunks_exact(size_of::<Chart>()));
-        Ok(records.map(bytemuck::pod_read_unaligned).collected())
+        Ok(records.map(bytemuck::pod_read_unaligned).collect())
     }
 
     /// Assembles the system of a level from its state.

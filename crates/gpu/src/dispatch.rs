@@ -7,7 +7,7 @@ use super::lists::{Gate, GateSet, List, MAX_GATES};
 use super::recorder::DispatchSize;
 use super::run::Run;
 use super::sizes::CONTRIBUTIONS;
-use vrtm_core::allocation::{Collect, copied, make_room_in};
+use vrtm_core::allocation::{Vec, make_room_in};
 use vrtm_core::grid::planes::NODES;
 
 /// The buffers of a band whose blocks are copied to neighbour bands.
@@ -97,7 +97,7 @@ impl Run<'_> {
                 return;
             }
         };
-        let key = (kernel, at, self.state_buffer(at[0], at[1]).clone(), copied(extra));
+        let key = (kernel, at, self.state_buffer(at[0], at[1]).clone(), Vec::from(extra));
         let bind_group = match self.memory.bind_groups.get(&key) {
             Some(bind_group) => bind_group.clone(),
             None => {
@@ -222,7 +222,7 @@ impl Run<'_> {
             };
             Some((buffer.clone(), planes))
         };
-        let buffers: Vec<_> = (0..bands.len()).map(buffer).collected();
+        let buffers: Vec<_> = (0..bands.len()).map(buffer).collect();
         for (a, source) in bands.iter().enumerate() {
             for (b, target) in bands.iter().enumerate().filter(|&(b, _)| b != a) {
                 let (first, end) = (

@@ -15,7 +15,7 @@ use super::kernels::{Binding, Kernel, slot};
 use super::layout::SPREAD;
 use super::pipelines::Pipeline;
 use super::results::Displacements;
-use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::image::external::ExternalTexels;
 
@@ -72,7 +72,7 @@ fn bands(texels: &ExternalTexels, most: u64) -> Result<Vec<RowBand>> {
         let end = start + (rows.len() as u64 - 1) * row_stride + row_bytes;
         RowBand { rows, bytes: start - start % ALIGNMENT..end }
     };
-    Ok((0..size[1]).step_by(rows).map(of).collected())
+    Ok((0..size[1]).step_by(rows).map(of).collect())
 }
 
 fn request(
@@ -154,7 +154,7 @@ impl<'a> Redirection<'a> {
         let requests = context.filled("requests", &requests, wgpu::BufferUsages::STORAGE)?;
         // Computed as on the CPU. The low word comes first, because all machines with such GPUs are little-endian.
         let centre = |n: usize| (0..n).map(move |x| ((x as f64 + 0.5) / n as f64).to_bits());
-        let centres: Vec<u64> = centre(size[0]).chain(centre(size[1])).collected();
+        let centres: Vec<u64> = centre(size[0]).chain(centre(size[1])).collect();
         let centres =
             context.filled("centres", bytemuck::cast_slice(&centres), wgpu::BufferUsages::STORAGE)?;
         Ok(Redirection { context, pipeline, size, bands, requests, centres })
@@ -162,7 +162,7 @@ impl<'a> Redirection<'a> {
 
     /// The dispatches that invert the displacements for these bands.
     fn inversion(&self, u: Option<&'a Displacements>) -> Result<Option<Inversion<'a>>> {
-        let rows: Vec<Range<usize>> = self.bands.iter().map(|band| band.rows.clone()).collected();
+        let rows: Vec<Range<usize>> = self.bands.iter().map(|band| band.rows.clone()).collect();
         let pipeline = self.context.pipeline(Kernel::Invert)?;
         u.map(|u| Inversion::new(self.context, pipeline, u, self.size, &rows)).transpose()
     }
@@ -235,7 +235,7 @@ fn bind_group(
     context.device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some("redirect"),
         layout: &pipeline.layout,
-        entries: &entries.collected(),
+        entries: &entries.collect::<Vec<_>>(),
     })
 }
 

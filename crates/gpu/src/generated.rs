@@ -19,11 +19,11 @@ macro_rules! structs {
 
         /// All structs declared here.
         #[cfg(test)]
-        pub fn struct_declarations() -> Vec<$crate::generated::Struct> {
-            vec![$((
+        pub fn struct_declarations() -> std::vec::Vec<$crate::generated::Struct> {
+            std::vec![$((
                 &[$($doc),+],
                 stringify!($struct),
-                vec![$((
+                std::vec![$((
                     &[$($field_doc),*],
                     stringify!($field),
                     // The name after `as`, if present, comes first and takes precedence.

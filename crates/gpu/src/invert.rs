@@ -10,7 +10,7 @@ use super::kernels::{Binding, Kernel, slot};
 use super::layout::{Request, SPREAD};
 use super::pipelines::Pipeline;
 use super::results::Displacements;
-use vrtm_core::allocation::Collect;
+use vrtm_core::allocation::Vec;
 use vrtm_core::backend::{GpuOutput, GpuWarp};
 use vrtm_core::error::Result;
 
@@ -70,11 +70,13 @@ impl Output {
     /// Allocates the buffers for an image size, with bands of at most `max_binding` bytes.
     fn with_max_binding(context: &Arc<Context>, size: [usize; 2], max_binding: u64) -> Result<Output> {
         use wgpu::BufferUsages as Usage;
-        let all: Vec<u64> = bands(max_binding, size).map(|rows| band_bytes(&rows, size)).collected();
+        let all: Vec<u64> = bands(max_binding, size).map(|rows| band_bytes(&rows, size)).collect();
         let usage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
         let image = context.buffer("image", all[0], usage)?;
-        let staging =
-            all.iter().map(|&bytes| context.staging("image for the host", bytes)).try_collected()?;
+        let staging = all
+            .iter()
+            .map(|&bytes| context.staging("image for the host", bytes))
+            .collect::<Result<Vec<_>>>()?;
         Ok(Output { context: context.clone(), max_binding, image, staging })
     }
 
@@ -87,7 +89,7 @@ impl Output {
     ) -> Result<()> {
         debug_assert!(self.holds(size));
         let context = &self.context;
-        let bands: Vec<_> = bands(self.max_binding, size).collected();
+        let bands: Vec<_> = bands(self.max_binding, size).collect();
         let inversion = Inversion::new(context, pipeline, u, size, &bands)?;
         let mut encoder = context.contain(|| {
             let label = wgpu::CommandEncoderDescriptor { label: Some("invert") };
@@ -161,10 +163,10 @@ impl<'a> Inversion<'a> {
                 record[..size_of::<Request>()].copy_from_slice(bytemuck::bytes_of(request));
                 record
             })
-            .collected();
+            .collect();
         let records = context.filled("requests", &bytes, wgpu::BufferUsages::STORAGE)?;
         let centres: Vec<i32> =
-            (0..2).flat_map(|axis| centres(size[axis], cells[axis], bits(cells))).collected();
+            (0..2).flat_map(|axis| centres(size[axis], cells[axis], bits(cells))).collect();
         let centres =
             context.filled("centres", bytemuck::cast_slice(&centres), wgpu::BufferUsages::STORAGE)?;
         Ok(Inversion { context, pipeline, u, requests, records, centres })
@@ -215,9 +217,9 @@ fn requests(u: &Displacements, size: [usize; 2], bands: &[Range<usize>]) -> Vec<
             texels_per_step: [0, 1]
                 .map(|axis| (size[axis] as f64 / ((cells[axis] as u64) << bits) as f64) as f32),
         };
-        u.buffers.bands.iter().map(request).collected()
+        u.buffers.bands.iter().map(request).collect()
     };
-    bands.iter().map(of).collected()
+    bands.iter().map(of).collect()
 }
 
 fn bind_group(
@@ -242,7 +244,7 @@ fn bind_group(
     context.device.create_bind_group(&wgpu::BindGroupDescriptor {
         label: Some("invert"),
         layout: &pipeline.layout,
-        entries: &entries.collected(),
+        entries: &entries.collect::<Vec<_>>(),
     })
 }
 

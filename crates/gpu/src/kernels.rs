@@ -1,6 +1,6 @@
 //! The table of compute kernels: entry point, shader files, bindings and bytes moved of each.
 
-use vrtm_core::allocation::Collect;
+use vrtm_core::allocation::Vec;
 
 /// One binding of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -200,6 +200,6 @@ impl Kernel {
 impl Source {
     /// The complete WGSL source.
     pub fn text(&self) -> String {
-        [text!("generated"), text!("common")].iter().chain(self.texts).copied().collected().join("\n")
+        [text!("generated"), text!("common")].iter().chain(self.texts).copied().collect::<Vec<_>>().join("\n")
     }
 }

@@ -1,7 +1,7 @@
 //! The GPU backend: the stages of `cpu`, under the same names, as compute shaders on wgpu.
 
 // Allocations sized by user input must be fallible: clippy.toml lists the infallible ones.
-#![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods))]
+#![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods, clippy::disallowed_types))]
 #![allow(missing_docs, reason = "for the crates of vrtm alone")]
 
 // Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.

@@ -1,7 +1,7 @@
 //! Lists of the blocks that a solve works on, over which kernels are dispatched.
 
 use super::bands::Band;
-use vrtm_core::allocation::{Collect, Grow, zeroed};
+use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::grid::Level;
 
 /// A list of a band's blocks (indices in its buffers): a range of the band's buffer of lists.
@@ -65,12 +65,12 @@ pub fn band_lists(
     let mut lists = Lists { partial, ..Lists::default() };
     let mut all: Vec<u32> = Vec::new();
     let mut new_list = |first: usize, count: usize| {
-        sizes.put(count as u32);
+        sizes.push(count as u32);
         List { first: first as u32, count: count as u32, size_index: sizes.len() as u32 - 1 }
     };
     let mut add = |blocks: &mut dyn Iterator<Item = usize>| {
         let first = all.len();
-        all.put_all(blocks.map(|b| band.place(b as u32)));
+        all.extend(blocks.map(|b| band.place(b as u32)));
         new_list(first, all.len() - first)
     };
     for (colour, range) in lists.colours.iter_mut().enumerate() {
@@ -81,7 +81,7 @@ pub fn band_lists(
     lists.stored = add(&mut stored_blocks(level, band, charts));
     if let Some((finer, finer_bands)) = finer {
         // A finer band owns the children of complete rows.
-        let starts: Vec<_> = finer_bands.iter().map(|band| &finer.blocks.list[band.owned.start]).collected();
+        let starts: Vec<_> = finer_bands.iter().map(|band| &finer.blocks.list[band.owned.start]).collect();
         let finer_band_of = |b: usize| {
             let key = (list[b].chart, list[b].y);
             starts.partition_point(|first| (first.chart, first.y / 2) <= key).max(1) - 1
@@ -94,7 +94,7 @@ pub fn band_lists(
                 at += count;
                 new_list(at - count, count)
             };
-            counts.into_iter().map(sublist).collected()
+            counts.into_iter().map(sublist).collect()
         };
         lists.active_by_finer_band =
             by_finer_band(&mut active_blocks(level, band, charts), lists.active.first);

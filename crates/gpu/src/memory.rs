@@ -14,7 +14,7 @@ use super::records::{band_blocks, band_nodes, corners, triangles};
 use super::results::ResultBuffers;
 use super::sizes::BufferSizes;
 use super::upload::Uploader;
-use vrtm_core::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::error::{Error, Result};
 use vrtm_core::grid::{Grid, Level};
 use vrtm_core::mesh::TileMesh;
@@ -118,16 +118,16 @@ impl Memory {
         let coarse_vectors = storage("vectors", sizes.coarse_vectors)?;
         let coarse_contributions = storage("contributions", sizes.coarse_contributions)?;
         let no_contributions = storage("contributions", sizes.no_contributions)?;
-        let mut buffers = with_capacity(bands.len());
+        let mut buffers = Vec::with_capacity(bands.len());
         for (k, level) in grid.levels.iter().enumerate() {
             let base = coarse.as_ref().and_then(|coarse| coarse.base(k));
-            let mut of_level = with_capacity(bands[k].len());
+            let mut of_level = Vec::with_capacity(bands[k].len());
             for (band, sizes) in bands[k].iter().zip(&sizes.bands[k]) {
                 let gather = match sizes.gather {
                     Some([starts_size, entries_size]) => {
                         let (starts, entries) = grid.gather.of_blocks(band.buffered.clone());
                         let entries: Vec<[u32; 2]> =
-                            entries.iter().map(|&(t, fraction)| [t, fraction.to_bits()]).collected();
+                            entries.iter().map(|&(t, fraction)| [t, fraction.to_bits()]).collect();
                         Some([
                             uploader.upload("gather", starts_size, bytemuck::cast_slice(&starts))?,
                             uploader.upload("gather", entries_size, bytemuck::cast_slice(&entries))?,
@@ -140,7 +140,7 @@ impl Memory {
                 let vectors = sizes.vectors;
                 let blocks = band_blocks(grid, &bands, k, band);
                 let nodes = band_nodes(grid, level, k, band);
-                of_level.put(BandBuffers {
+                of_level.push(BandBuffers {
                     blocks: uploader.upload("blocks", sizes.blocks, bytemuck::cast_slice(&blocks))?,
                     lists: storage("lists", sizes.lists)?,
                     nodes: uploader.upload("nodes", sizes.nodes, bytemuck::cast_slice(&nodes))?,
@@ -158,7 +158,7 @@ impl Memory {
                     base,
                 });
             }
-            buffers.put(of_level);
+            buffers.push(of_level);
         }
         let coarse = coarse
             .map(|levels| {
@@ -170,14 +170,14 @@ impl Memory {
                 Ok::<_, Error>(Coarse { levels, blocks, lists })
             })
             .transpose()?;
-        let blocks: Vec<_> = buffers[0].iter().map(|band: &BandBuffers| band.blocks.clone()).collected();
+        let blocks: Vec<_> = buffers[0].iter().map(|band: &BandBuffers| band.blocks.clone()).collect();
         let result = || ResultBuffers::new(&bands[0], blocks.clone(), &storage).map(Arc::new);
         let indirect = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT;
         let (triangles, corners) = (triangles(grid), corners(grid, tile));
         let active = |level: &Level| level.blocks.list.iter().filter(|block| block.active).count() as u64;
         let memory = Memory {
             grid: Arc::downgrade(grid),
-            active_blocks: grid.levels.iter().map(active).collected(),
+            active_blocks: grid.levels.iter().map(active).collect(),
             triangles: uploader.upload("triangles", sizes.triangles, bytemuck::cast_slice(&triangles))?,
             corners: uploader.upload("corners", sizes.corners, bytemuck::cast_slice(&corners))?,
             positions: storage("positions", sizes.positions)?,
@@ -191,7 +191,7 @@ impl Memory {
             dispatch_size_count: 0,
             bytes: sizes.total(),
             recording: RecorderResources::new(context)?,
-            results: [result()?, result()?].into_iter().collected(),
+            results: [result()?, result()?].into_iter().collect(),
             lists: Vec::new(),
             listed_charts: None,
             bind_groups: HashMap::new(),
@@ -224,11 +224,11 @@ impl Memory {
             return Ok(free.clone());
         }
         let uploader = Uploader::new(&self.context);
-        let blocks = self.buffers[0].iter().map(|band| band.blocks.clone()).collected();
+        let blocks = self.buffers[0].iter().map(|band| band.blocks.clone()).collect();
         let storage = |label: &str, bytes: u64| uploader.storage(label, bytes);
         let result = Arc::new(ResultBuffers::new(&self.bands[0], blocks, &storage)?);
         self.context.check()?;
-        self.results.put(result.clone());
+        self.results.push(result.clone());
         Ok(result)
     }
 
@@ -240,9 +240,9 @@ impl Memory {
         self.listed_charts = None;
         self.lists.clear();
         let mut ranges: Vec<[u32; 2]> = Vec::new();
-        let mut sizes = filled(charts.len() as u32, 1);
+        let mut sizes = vec![charts.len() as u32; 1];
         for (k, level) in grid.levels.iter().enumerate() {
-            let mut of_level = with_capacity(self.bands[k].len());
+            let mut of_level = Vec::with_capacity(self.bands[k].len());
             let mut sums = 0;
             let mut of_chart = zeroed::<[u32; 2]>(charts.len());
             for (band, buffers) in self.bands[k].iter().zip(&self.buffers[k]) {
@@ -255,15 +255,15 @@ impl Memory {
                     sums += 1;
                 }
                 self.context.queue.write_buffer(&buffers.lists, 0, bytemuck::cast_slice(&all));
-                of_level.put(lists);
+                of_level.push(lists);
             }
-            ranges.put_all(of_chart);
-            self.lists.put(of_level);
+            ranges.extend(of_chart);
+            self.lists.push(of_level);
         }
         self.dispatch_size_count = sizes.len() as u32;
         self.context.queue.write_buffer(&self.dispatch_sizes, 0, bytemuck::cast_slice(&sizes));
         self.context.queue.write_buffer(&self.ranges, 0, bytemuck::cast_slice(&ranges));
-        self.listed_charts = Some(copied(charts));
+        self.listed_charts = Some(Vec::from(charts));
     }
 
     /// Creates the bind group of a kernel: `at` is the band (level, index), `state` the band's state, `extra` the
@@ -305,7 +305,7 @@ impl Memory {
             };
             wgpu::BindGroupEntry { binding: binding.number(), resource }
         };
-        let entries: Vec<_> = bindings.iter().map(entry).collected();
+        let entries: Vec<_> = bindings.iter().map(entry).collect();
         let group = self.context.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(kernel.source().entry),
             layout,
@@ -314,7 +314,7 @@ impl Memory {
         let stored = bindings.iter().filter(|binding| **binding != Binding::Params);
         let uses =
             stored.map(|binding| (buffer(binding.number()).clone(), matches!(binding, Binding::Write(_))));
-        Bound { group, uses: Arc::new(uses.collected()) }
+        Bound { group, uses: Arc::new(uses.collect()) }
     }
 
     /// All buffers, each of them once.

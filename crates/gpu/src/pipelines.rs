@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 use super::kernels::{Binding, Kernel, SOURCES, Source, slot};
 use super::layout::{Chart, Params};
-use vrtm_core::allocation::Collect;
+use vrtm_core::allocation::Vec;
 
 /// A compiled kernel.
 #[derive(Debug)]
@@ -20,7 +20,7 @@ pub struct Pipelines(OnceLock<Vec<OnceLock<Pipeline>>>);
 impl Pipelines {
     /// The slot of a kernel's pipeline.
     pub fn place(&self, kernel: Kernel) -> &OnceLock<Pipeline> {
-        &self.0.get_or_init(|| SOURCES.iter().map(|_| OnceLock::new()).collected())[kernel as usize]
+        &self.0.get_or_init(|| SOURCES.iter().map(|_| OnceLock::new()).collect())[kernel as usize]
     }
 }
 
@@ -32,7 +32,7 @@ impl Pipeline {
     /// Compiles `text` instead of the source's own text.
     pub(super) fn from_text(device: &wgpu::Device, source: &Source, text: String) -> Pipeline {
         let label = Some(source.entry);
-        let entries: Vec<_> = source.bindings.iter().map(|&binding| layout_entry(binding)).collected();
+        let entries: Vec<_> = source.bindings.iter().map(|&binding| layout_entry(binding)).collect();
         let layout =
             device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {

@@ -10,7 +10,7 @@ use super::kernels::{Kernel, SOURCES};
 use super::layout::{Params, SPREAD};
 use super::timestamps::Timestamps;
 use super::transfer::Readback;
-use vrtm_core::allocation::{Collect, Grow, filled, make_room_in};
+use vrtm_core::allocation::{Vec, make_room_in, vec};
 use vrtm_core::error::Result;
 use vrtm_core::report::{GpuKernel, GpuWork, StageTimes, report};
 
@@ -173,7 +173,7 @@ impl Statistics {
             skipped: self.skipped,
             barriers: self.barriers,
             bytes_held: self.bytes_held,
-            kernels: kernels.collected(),
+            kernels: kernels.collect(),
         })
     }
 }
@@ -224,8 +224,8 @@ impl Recorder {
             return offset;
         }
         let offset = self.params.len();
-        self.params.put_all(record);
-        self.params.fill_to(offset + STRIDE, 0);
+        self.params.extend(record);
+        self.params.resize(offset + STRIDE, 0);
         make_room_in(&mut self.record_offsets, 1);
         #[expect(clippy::disallowed_methods, reason = "room was made above")]
         self.record_offsets.insert(record, offset as u32);
@@ -253,8 +253,8 @@ impl Recorder {
         self.bytes_recorded += bytes;
         let gate = size.gate.as_ref().map_or(0, |(_, _, number)| *number as usize + 1);
         if gate >= self.statistics.len() {
-            let none = filled(KernelStatistics::default(), SOURCES.len());
-            self.statistics.fill_to(gate + 1, none);
+            let none = vec![KernelStatistics::default(); SOURCES.len()];
+            self.statistics.resize(gate + 1, none);
         }
         self.statistics[gate][kernel as usize].add(&KernelStatistics {
             dispatches: 1,
@@ -264,7 +264,7 @@ impl Recorder {
         });
         self.count_barrier(&group.uses);
         let (pipeline, group) = (pipeline.clone(), group.group.clone());
-        self.commands.put(Command::Dispatch { kernel, pipeline, group, offset, size });
+        self.commands.push(Command::Dispatch { kernel, pipeline, group, offset, size });
     }
 
     /// Counts a barrier if a dispatch that uses these buffers has to wait for earlier ones. As wgpu does, a use that may
@@ -284,20 +284,20 @@ impl Recorder {
     pub fn copy(&mut self, source: &wgpu::Buffer, from: u64, target: &wgpu::Buffer, to: u64, bytes: u64) {
         if bytes > 0 {
             let (source, target) = (source.clone(), target.clone());
-            self.commands.put(Command::Copy { source, from, target, to, bytes });
+            self.commands.push(Command::Copy { source, from, target, to, bytes });
         }
     }
 
     /// Records that bytes of a buffer are set to zero.
     pub fn clear(&mut self, buffer: &wgpu::Buffer, from: u64, bytes: u64) {
         if bytes > 0 {
-            self.commands.put(Command::Clear { buffer: buffer.clone(), from, bytes });
+            self.commands.push(Command::Clear { buffer: buffer.clone(), from, bytes });
         }
     }
 
     /// Marks the commands that follow as belonging to a stage.
     pub fn stage(&mut self, stage: usize) {
-        self.commands.put(Command::Stage(stage));
+        self.commands.push(Command::Stage(stage));
     }
 
     /// Submits the commands recorded so far.
@@ -314,7 +314,7 @@ impl Recorder {
         let mut encoder = self.encode();
         let times = if times { self.recording.timestamps.resolve(&mut encoder) } else { Vec::new() };
         let times = times.iter().map(|(buffer, bytes)| (buffer, 0..*bytes));
-        let all: Vec<_> = ranges.iter().cloned().chain(times).collected();
+        let all: Vec<_> = ranges.iter().cloned().chain(times).collect();
         let readback = self.context.readback(&all, &mut encoder)?;
         self.submit(encoder);
         Ok(readback)
@@ -344,7 +344,7 @@ impl Recorder {
                 Command::Dispatch { kernel, .. } => {
                     let queries = self.recording.timestamps.next(&context);
                     if queries.is_some() {
-                        self.timed.put((self.stage, one_by_one.then_some(kernel)));
+                        self.timed.push((self.stage, one_by_one.then_some(kernel)));
                     }
                     let timestamp_writes =
                         queries.as_ref().map(|(query_set, first)| wgpu::ComputePassTimestampWrites {
@@ -384,7 +384,7 @@ impl Recorder {
     /// Computes the statistics from the gates' states and the bytes of the timestamps, and returns them with the
     /// resources for the next solve.
     pub fn close(self, gate_open: &[u32], times: &[u8]) -> (Statistics, RecorderResources) {
-        let mut kernels = filled(KernelStatistics::default(), SOURCES.len());
+        let mut kernels = vec![KernelStatistics::default(); SOURCES.len()];
         let mut skipped = 0;
         for (gate, statistics) in self.statistics.iter().enumerate() {
             if gate > 0 && gate_open.get(gate - 1) == Some(&0) {

@@ -3,7 +3,7 @@
 
 use super::bands::Band;
 use super::layout::{BlockRecord, Triangle, node_planes};
-use vrtm_core::allocation::{Collect, Grow, with_capacity};
+use vrtm_core::allocation::Vec;
 use vrtm_core::grid::blocks::{Block, Blocks};
 use vrtm_core::grid::planes::NODES;
 use vrtm_core::grid::{Grid, Level};
@@ -51,7 +51,7 @@ pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> V
                 weights: packed_weights(level, b),
             }
         })
-        .collected()
+        .collect()
 }
 
 /// The parents of `block` in the order of `BlockRecord`, and which of them are active: the coarser block over it, with
@@ -74,22 +74,22 @@ pub fn packed_weights(level: &Level, b: usize) -> [u32; NODES / 4] {
 
 /// The constants of the nodes of the blocks in a band's buffers: `node_planes` planes per block.
 pub fn band_nodes(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> {
-    let mut all = with_capacity(band.buffered.len() * node_planes(grid) * NODES);
+    let mut all = Vec::with_capacity(band.buffered.len() * node_planes(grid) * NODES);
     for b in band.buffered.clone() {
         let rigidity = level.rigidity[b].iter().zip(&level.movable[b]);
-        all.put_all(rigidity.map(|(&code, &movable)| u32::from(code) | u32::from(movable == 0) << 31));
+        all.extend(rigidity.map(|(&code, &movable)| u32::from(code) | u32::from(movable == 0) << 31));
         for pair in level.rest_length[b].chunks(2) {
-            all.put_all(pair[0].iter().zip(&pair[1]).map(|(&a, &b)| u32::from(a) | u32::from(b) << 16));
+            all.extend(pair[0].iter().zip(&pair[1]).map(|(&a, &b)| u32::from(a) | u32::from(b) << 16));
         }
         if k == 0 {
-            all.put_all(grid.triangle[b]);
+            all.extend(grid.triangle[b]);
         } else {
-            all.put_all(level.coverage[b].iter().map(|coverage| coverage.to_bits()));
+            all.extend(level.coverage[b].iter().map(|coverage| coverage.to_bits()));
         }
         if let Some(plane) = level.density.get(b) {
-            all.put_all(plane.iter().map(|density| density.to_bits()));
+            all.extend(plane.iter().map(|density| density.to_bits()));
         }
-        all.put_all(level.hold.get(b).into_iter().flatten().copied());
+        all.extend(level.hold.get(b).into_iter().flatten().copied());
     }
     all
 }
@@ -109,22 +109,22 @@ pub fn triangles(grid: &Grid) -> Vec<Triangle> {
                 pose: [0.0; 9],
             }
         })
-        .collected()
+        .collect()
 }
 
 /// Per triangle, the indices of its three vertices among the vertices of all charts.
 pub fn corners(grid: &Grid, tile: &TileMesh) -> Vec<u32> {
-    let mut first_vertex = with_capacity(tile.charts.len());
+    let mut first_vertex = Vec::with_capacity(tile.charts.len());
     let mut vertices = 0u32;
     for chart in &tile.charts {
-        first_vertex.put(vertices);
+        first_vertex.push(vertices);
         vertices += chart.count() as u32;
     }
     tile.triangles
         .iter()
         .zip(grid.chart_of.iter())
         .flat_map(|(triangle, &chart)| triangle.local.map(|v| first_vertex[chart as usize] + v))
-        .collected()
+        .collect()
 }
 
 #[cfg(test)]

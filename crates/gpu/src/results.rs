@@ -6,7 +6,7 @@ use std::sync::{Arc, OnceLock};
 use super::bands::Band;
 use super::context::Context;
 use super::layout::{FINEST_STATE_PLANES, PLANE};
-use vrtm_core::allocation::{Collect, Grow, with_capacity};
+use vrtm_core::allocation::Vec;
 use vrtm_core::backend::GpuWarp;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::Grid;
@@ -33,7 +33,7 @@ impl ResultBuffers {
         let bands = bands
             .iter()
             .map(|band| Ok((band.clone(), storage("result", band.buffered.len() as u64 * RESULT_BLOCK)?)))
-            .try_collected()?;
+            .collect::<Result<Vec<_>>>()?;
         Ok(ResultBuffers { bands, blocks })
     }
 }
@@ -64,12 +64,12 @@ impl GpuWarp for Displacements {
         if let Some(host) = self.host.get() {
             return Ok(host);
         }
-        let mut all = with_capacity(self.grid.levels[0].blocks.list.len());
+        let mut all = Vec::with_capacity(self.grid.levels[0].blocks.list.len());
         for (band, buffer) in &self.buffers.bands {
             let range =
                 [band.owned.start, band.owned.end].map(|b| (b - band.buffered.start) as u64 * RESULT_BLOCK);
             let bytes = self.context.read(buffer, range[0]..range[1])?;
-            all.put_all(bytes.chunks_exact(RESULT_BLOCK as usize).map(|block| {
+            all.extend(bytes.chunks_exact(RESULT_BLOCK as usize).map(|block| {
                 // The displacements are the first two planes.
                 let mut planes = [[0.0f32; NODES]; 2];
                 for (value, bytes) in planes.as_flattened_mut().iter_mut().zip(block.chunks_exact(4)) {

@@ -9,7 +9,7 @@ use super::lists::{Gate, MAX_GATES};
 use super::memory::Memory;
 use super::recorder::{Recorder, Statistics};
 use super::results::{Displacements, RESULT_BLOCK, ResultBuffers};
-use vrtm_core::allocation::{Collect, Grow, boxed};
+use vrtm_core::allocation::{Vec, boxed};
 use vrtm_core::backend::{TileSolution, TileSolve, TileSolver, Warp};
 use vrtm_core::control::Control;
 use vrtm_core::error::{Error, Result};
@@ -97,7 +97,7 @@ impl<'a> Run<'a> {
         let context = memory.context.clone();
         memory.update_lists(grid, charts);
         let positions: Vec<f32> =
-            pose.charts.iter().flat_map(|chart| chart.positions.as_flattened()).copied().collected();
+            pose.charts.iter().flat_map(|chart| chart.positions.as_flattened()).copied().collect();
         context.queue.write_buffer(&memory.positions, 0, bytemuck::cast_slice(&positions));
         let records: Vec<Chart> = charts
             .iter()
@@ -107,7 +107,7 @@ impl<'a> Run<'a> {
                 length_floor: floor,
                 ..Chart::default()
             })
-            .collected();
+            .collect();
         context.queue.write_buffer(&memory.charts, 0, bytemuck::cast_slice(&records));
         let scale = input.least_weight();
         let params = Params {
@@ -134,7 +134,7 @@ impl<'a> Run<'a> {
             memory,
             recorder,
             charts,
-            smoothness: (0..grid.levels.len()).map(|level| scale * input.smoothness(level)).collected(),
+            smoothness: (0..grid.levels.len()).map(|level| scale * input.smoothness(level)).collect(),
             params,
             most_lost: (1.0 - scale) * LOST_STEPS,
             pull: scale * input.pull,
@@ -165,7 +165,7 @@ impl<'a> Run<'a> {
     fn start_result(&mut self, keep: &[bool]) {
         let stays = |c: usize| keep[c] && self.last_result.is_some();
         let others: Vec<bool> =
-            self.charts.iter().enumerate().map(|(c, &solve)| !solve && !stays(c)).collected();
+            self.charts.iter().enumerate().map(|(c, &solve)| !solve && !stays(c)).collect();
         self.clear(&others);
         let Some(last_result) = self.last_result.clone() else { return };
         for (n, (_, from)) in last_result.bands.iter().enumerate() {
@@ -196,7 +196,7 @@ impl<'a> Run<'a> {
                 // Charts with consecutive blocks share one range.
                 match ranges.last_mut() {
                     Some(last) if last[0] + last[1] == at => last[1] += bytes,
-                    _ => ranges.put([at, bytes]),
+                    _ => ranges.push([at, bytes]),
                 }
             }
         }
@@ -221,8 +221,8 @@ impl<'a> Run<'a> {
         }
         let parts = self.context.taken(&readback)?;
         let wait_ms = milliseconds(waiting);
-        let gates: Vec<u32> = parts[1].chunks_exact(4).map(bytemuck::pod_read_unaligned).collected();
-        let times: Vec<u8> = parts[2..].iter().flatten().copied().collected();
+        let gates: Vec<u32> = parts[1].chunks_exact(4).map(bytemuck::pod_read_unaligned).collect();
+        let times: Vec<u8> = parts[2..].iter().flatten().copied().collect();
         let (statistics, recording) = self.recorder.close(&gates, &times);
         self.memory.recording = recording;
         let records = parts[0].chunks_exact(size_of::<Chart>());
@@ -239,7 +239,7 @@ impl<'a> Run<'a> {
             ..statistics
         };
         Ok(TileSolution {
-            charts: records.map(read).collected(),
+            charts: records.map(read).collect(),
             warp: Warp::Gpu(boxed(Displacements::new(self.context, self.grid.clone(), self.result))),
             summary: Summary { times: statistics.times(), ..summary },
             node_updates: self.node_updates,

@@ -9,7 +9,7 @@ use super::layout::{
 };
 use super::lists::{GATE_SETS, MAX_GATES, dispatch_size_bytes, list_bytes};
 use super::recorder::RecorderResources;
-use vrtm_core::allocation::Collect;
+use vrtm_core::allocation::Vec;
 use vrtm_core::grid::Grid;
 use vrtm_core::mesh::TileMesh;
 
@@ -94,8 +94,8 @@ impl BufferSizes {
             bands: bands
                 .iter()
                 .enumerate()
-                .map(|(k, bands)| bands.iter().map(|of| band(k, of)).collected())
-                .collected(),
+                .map(|(k, bands)| bands.iter().map(|of| band(k, of)).collect())
+                .collect(),
             coarse_rows: common(ROW_PLANES),
             coarse_vectors: common(VECTOR_PLANES + SCRATCH_PLANES),
             coarse_contributions: coarse.map_or(0, |coarse| coarse.blocks as u64 * CONTRIBUTIONS),

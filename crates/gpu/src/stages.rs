@@ -8,7 +8,7 @@ use super::layout::{
 };
 use super::recorder::DispatchSize;
 use super::run::Run;
-use vrtm_core::allocation::{Collect, copied};
+use vrtm_core::allocation::Vec;
 use vrtm_core::method::law::passes;
 use vrtm_core::method::stage::{Stage, Stages, Start};
 
@@ -46,7 +46,7 @@ impl Stages for Run<'_> {
             }
             Stage::Certify { allow_folds } => self.certify(allow_folds),
             Stage::GiveUp => {
-                self.clear(&copied(self.charts));
+                self.clear(&Vec::from(self.charts));
                 self.gave_up = true;
             }
         }
@@ -80,7 +80,7 @@ impl Run<'_> {
             for band in 0..self.memory.bands[k].len() {
                 let to = self.memory.buffers[k][band].metric.clone();
                 if let Some([starts, entries]) = self.memory.buffers[k][band].gather.clone() {
-                    let extra: Vec<_> = [starts, entries].into_iter().chain(to).collected();
+                    let extra: Vec<_> = [starts, entries].into_iter().chain(to).collect();
                     let stored = self.memory.lists[k][band].stored;
                     self.dispatch_list(Kernel::PyramidGather, [k, band], &extra, stored, self.params);
                     continue;
@@ -90,7 +90,7 @@ impl Run<'_> {
                     let extra: Vec<_> = [fine.blocks.clone(), fine.nodes.clone()]
                         .into_iter()
                         .chain(fine.metric.clone())
-                        .collected();
+                        .collect();
                     let stored = self.memory.lists[k][band].stored_by_finer_band[n];
                     self.dispatch_list(Kernel::PyramidRestrict, [k, band], &extra, stored, self.params);
                 }
@@ -159,7 +159,7 @@ impl Run<'_> {
         let kernel = if level == 0 { Kernel::ProlongChords } else { Kernel::ProlongMetrics };
         for band in 0..self.memory.bands[level].len() {
             let coarse = &self.memory.buffers[level + 1][self.memory.bands[level][band].coarser];
-            let extra: Vec<_> = [coarse.blocks.clone()].into_iter().chain(coarse.state.clone()).collected();
+            let extra: Vec<_> = [coarse.blocks.clone()].into_iter().chain(coarse.state.clone()).collect();
             let active = self.memory.lists[level][band].active;
             self.dispatch_list(kernel, [level, band], &extra, active, self.at_level(level));
         }

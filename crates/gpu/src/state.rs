@@ -10,7 +10,7 @@ use super::layout::{
 };
 use super::layout::{DECIDE_ENERGY, FRACTION, INVALID_ENERGY, RESIDUAL, STEP};
 use super::run::Run;
-use vrtm_core::allocation::{Collect, Grow, with_capacity};
+use vrtm_core::allocation::Vec;
 use vrtm_core::error::Result;
 use vrtm_core::grid::planes::NODES;
 
@@ -21,7 +21,7 @@ pub const STATE_PLANES: usize = COARSE_STATE_PLANES + SAMPLE_PLANES;
 impl Run<'_> {
     /// Per triangle in the pose: position of the first corner, df/dx, df/dy.
     pub fn triangles(&mut self) -> Result<Vec<[f32; 9]>> {
-        Ok(self.all_triangles()?.iter().map(|t| t.pose).collected())
+        Ok(self.all_triangles()?.iter().map(|t| t.pose).collect())
     }
 
     pub fn set_triangles(&mut self, poses: &[[f32; 9]]) -> Result<()> {
@@ -33,14 +33,14 @@ impl Run<'_> {
     fn all_triangles(&mut self) -> Result<Vec<Triangle>> {
         self.recorder.flush();
         let bytes = (self.grid.triangles.len() * size_of::<Triangle>()) as u64;
-        Ok(bytemuck::pod_collect_to_vec(&self.context.read(&self.memory.triangles, 0..bytes)?))
+        Ok(bytemuck::pod_collect_to_vec(&self.context.read(&self.memory.triangles, 0..bytes)?).into())
     }
 
     /// The records of the charts.
     pub fn chart_records(&mut self) -> Result<Vec<Chart>> {
         self.recorder.flush();
         let bytes = (self.charts.len() * size_of::<Chart>()) as u64;
-        Ok(bytemuck::pod_collect_to_vec(&self.context.read(&self.memory.charts, 0..bytes)?))
+        Ok(bytemuck::pod_collect_to_vec(&self.context.read(&self.memory.charts, 0..bytes)?).into())
     }
 
     pub fn set_chart_records(&mut self, records: &[Chart]) -> Result<()> {
@@ -60,10 +60,10 @@ impl Run<'_> {
     /// A level's displacements (2), values (3) and triangles (1) per block.
     pub fn state(&mut self, level: usize) -> Result<Vec<u32>> {
         let (state, samples) = (self.read(level, BandBuffer::State)?, self.samples(level)?);
-        let mut all = with_capacity(state.len() / state_planes(level) * STATE_PLANES);
+        let mut all = Vec::with_capacity(state.len() / state_planes(level) * STATE_PLANES);
         let samples = samples.chunks(SAMPLE_PLANES * NODES);
         for (state, samples) in state.chunks(state_planes(level) * NODES).zip(samples) {
-            all.put_all(state[..COARSE_STATE_PLANES * NODES].iter().chain(samples).copied());
+            all.extend(state[..COARSE_STATE_PLANES * NODES].iter().chain(samples).copied());
         }
         Ok(all)
     }
@@ -90,7 +90,7 @@ impl Run<'_> {
             self.recorder.flush();
             let at = |b: usize| (b - buffered.start) as u64 * block;
             let bytes = self.context.read(&buffer, at(owned.start)..at(owned.end))?;
-            all.put_all(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
+            all.extend(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
         }
         Ok(all)
     }
@@ -98,11 +98,11 @@ impl Run<'_> {
     /// Sets the displacements and triangles of a level's solved charts; its values follow from them.
     pub fn set_state(&mut self, level: usize, bits: &[u32]) -> Result<()> {
         self.energy_is_known = false;
-        let mut state = with_capacity(bits.len() / STATE_PLANES * state_planes(level));
+        let mut state = Vec::with_capacity(bits.len() / STATE_PLANES * state_planes(level));
         for block in bits.chunks(STATE_PLANES * NODES) {
-            state.put_all(block[..COARSE_STATE_PLANES * NODES].iter().copied());
+            state.extend_from_slice(&block[..COARSE_STATE_PLANES * NODES]);
             if level == 0 {
-                state.put_all(block[(STATE_PLANES - 1) * NODES..].iter().copied());
+                state.extend_from_slice(&block[(STATE_PLANES - 1) * NODES..]);
             }
         }
         // On level 0 the other charts keep their results in these planes.
@@ -124,7 +124,7 @@ impl Run<'_> {
         self.energy(self.at_level(level), level, DECIDE_ENERGY);
         // The energy of an invalid state is infinite on the CPU.
         let energy = |x: f32| if x < INVALID_ENERGY { f64::from(x) } else { f64::INFINITY };
-        Ok(self.chart_records()?.iter().map(|chart| energy(chart.energy)).collected())
+        Ok(self.chart_records()?.iter().map(|chart| energy(chart.energy)).collect())
     }
 
     /// Assembles a level's system for its present state. Returns its rows and its right-hand side.
@@ -149,7 +149,7 @@ impl Run<'_> {
         let plane = |b: usize| FRACTION + (rounds(b) & 1) as usize;
         let fraction =
             (0..list.len()).flat_map(|b| &vectors[(b * VECTOR_PLANES + plane(b)) * NODES..][..NODES]);
-        Ok([vector_planes(&vectors, STEP), fraction.copied().collected()])
+        Ok([vector_planes(&vectors, STEP), fraction.copied().collect()])
     }
 
     /// Reads all planes of one of a level's buffers, in the order of its blocks.
@@ -160,7 +160,7 @@ impl Run<'_> {
             let Some((buffer, planes, base)) = self.buffer(level, n, what) else { continue };
             let at = |b: usize| (base + b - band.buffered.start) as u64 * planes * PLANE;
             let bytes = self.context.read(&buffer, at(band.owned.start)..at(band.owned.end))?;
-            all.put_all(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
+            all.extend(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
         }
         Ok(all)
     }
@@ -201,5 +201,5 @@ impl Run<'_> {
 /// Two planes of the vectors, `first` and the next one, per block.
 fn vector_planes(vectors: &[u32], first: usize) -> Vec<u32> {
     let pair = first * NODES..(first + 2) * NODES;
-    vectors.chunks(VECTOR_PLANES * NODES).flat_map(|block| &block[pair.clone()]).copied().collected()
+    vectors.chunks(VECTOR_PLANES * NODES).flat_map(|block| &block[pair.clone()]).copied().collect()
 }

@@ -1,7 +1,7 @@
 //! Times compute passes with the GPU's timestamps, if it has them.
 
 use super::context::Context;
-use vrtm_core::allocation::{Collect, Grow};
+use vrtm_core::allocation::Vec;
 use vrtm_core::error::Result;
 
 /// Timestamps in a query set; a pass uses two.
@@ -22,7 +22,7 @@ impl Timestamps {
         }
         let (set, first) = (2 * self.passes / QUERIES, 2 * self.passes % QUERIES);
         if set as usize == self.sets.len() {
-            self.sets.put(Timestamps::set(context).ok()?);
+            self.sets.push(Timestamps::set(context).ok()?);
         }
         self.passes += 1;
         Some((self.sets[set as usize].0.clone(), first))
@@ -45,7 +45,7 @@ impl Timestamps {
             let count = left.min(QUERIES);
             if count > 0 {
                 encoder.resolve_query_set(set, 0..count, buffer, 0);
-                used.put((buffer.clone(), u64::from(count) * 8));
+                used.push((buffer.clone(), u64::from(count) * 8));
             }
             left -= count;
         }
@@ -62,6 +62,6 @@ impl Timestamps {
         let period = f64::from(context.queue.get_timestamp_period());
         let tick = |bytes: &[u8]| bytes.try_into().map_or(0, u64::from_le_bytes);
         let pass = |pair: &[u8]| tick(&pair[8..]).saturating_sub(tick(&pair[..8])) as f64 * period * 1e-6;
-        bytes.chunks_exact(16).map(|pair| pass(pair) as f32).collected()
+        bytes.chunks_exact(16).map(|pair| pass(pair) as f32).collect()
     }
 }

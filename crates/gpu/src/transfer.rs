@@ -5,7 +5,7 @@ use std::sync::mpsc;
 use std::time::Duration;
 
 use super::context::Context;
-use vrtm_core::allocation::{Collect, copied};
+use vrtm_core::allocation::Vec;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::unwind::caught;
 
@@ -73,7 +73,7 @@ impl Context {
         ranges: &[(&wgpu::Buffer, Range<u64>)],
         encoder: &mut wgpu::CommandEncoder,
     ) -> Result<Readback> {
-        let lengths: Vec<u64> = ranges.iter().map(|(_, range)| range.end - range.start).collected();
+        let lengths: Vec<u64> = ranges.iter().map(|(_, range)| range.end - range.start).collect();
         let staging = self.staging("readback", lengths.iter().sum::<u64>().max(4))?;
         let mut at = 0;
         for (buffer, range) in ranges.iter().filter(|(_, range)| !range.is_empty()) {
@@ -90,9 +90,9 @@ impl Context {
             let mut part = |&length: &u64| {
                 let (part, others) = rest.split_at(length as usize);
                 rest = others;
-                copied(part)
+                Vec::from(part)
             };
-            readback.lengths.iter().map(&mut part).collected()
+            readback.lengths.iter().map(&mut part).collect()
         })
     }
 }

@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use vrtm::{Asset, SolveOptions};
-use vrtm_core::allocation::{Collect, filled, zeroed};
+use vrtm_core::allocation::zeroed;
 use vrtm_core::cpu;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::build;
@@ -116,7 +116,7 @@ pub trait Lab {
 
 impl Lab for Asset {
     fn displacements(&self, tile: usize) -> Result<Vec<[f32; 2]>> {
-        self.result_inside(tile)?.dense_displacements()
+        Ok(self.result_inside(tile)?.dense_displacements()?.into())
     }
 
     fn displacements_of_charts(&self, tile: usize) -> Result<Vec<Vec<[f32; 2]>>> {
@@ -125,7 +125,7 @@ impl Lab for Asset {
         let u = result.displacements()?;
         let width = level.nx + 1;
         let of_chart = |blocks: &Range<usize>| {
-            let mut dense = zeroed(width * (level.ny + 1));
+            let mut dense = vec![[0.0; 2]; width * (level.ny + 1)];
             for b in blocks.clone() {
                 let block = &level.blocks.list[b];
                 for n in 0..NODES {
@@ -137,7 +137,7 @@ impl Lab for Asset {
             }
             dense
         };
-        Ok(level.blocks.of_chart.iter().map(of_chart).collected())
+        Ok(level.blocks.of_chart.iter().map(of_chart).collect())
     }
 
     fn collars(&self, tile: usize) -> Result<Vec<CollarOfChart>> {
@@ -158,10 +158,10 @@ impl Lab for Asset {
                 (uv.map(|uv| uv.to_array()), local.map(point))
             };
             let is_there = |t: &usize| !tile.is_image(*t as u32);
-            let triangles = chart.collar.clone().filter(is_there).map(triangle).collected();
+            let triangles = chart.collar.clone().filter(is_there).map(triangle).collect();
             CollarOfChart { inside: ((own[0] + own[1] + own[2]) / 3.0).to_array(), triangles }
         };
-        Ok(tile.charts.iter().map(of_chart).collected())
+        Ok(tile.charts.iter().map(of_chart).collect())
     }
 
     fn reference_energy(&self, tile: usize, positions: Strided, u: &[[f64; 2]]) -> Result<f64> {
@@ -177,7 +177,7 @@ impl Lab for Asset {
         let inside = self.tile_inside(tile, &positions)?;
         let mesh = result.extended().unwrap_or(&inside.tile);
         let pose = Pose::new(mesh, |v| positions.get3(v as usize), Some(&grid.rest));
-        let charts: Vec<bool> = (0..mesh.charts.len()).map(|c| !grid.is_still(mesh, &pose, c)).collected();
+        let charts: Vec<bool> = (0..mesh.charts.len()).map(|c| !grid.is_still(mesh, &pose, c)).collect();
         let input = Input {
             grid,
             mesh,
@@ -190,7 +190,7 @@ impl Lab for Asset {
             pull: 0.0,
         };
         let mut memory = cpu::Memory::new(grid, Purpose::default());
-        let mut warp = filled([[0.0; NODES]; 2], anchor.len());
+        let mut warp = vec![[[0.0; NODES]; 2]; anchor.len()];
         Ok(self.device().team(|team| {
             let mut run = cpu::Run::new(team, &input, &mut memory, &mut warp, anchor);
             for stage in [
@@ -241,7 +241,7 @@ impl Lab for Asset {
             Arc::new(build::grid(team, inside.mesh, of_tile, survey))
         });
         let pose = Pose::new(mesh, |v| positions.get3(v as usize), Some(&grid.rest));
-        let charts: Vec<bool> = (0..mesh.charts.len()).map(|c| !grid.is_still(mesh, &pose, c)).collected();
+        let charts: Vec<bool> = (0..mesh.charts.len()).map(|c| !grid.is_still(mesh, &pose, c)).collect();
         if !charts.contains(&true) {
             return Ok(Vec::new());
         }
@@ -257,16 +257,16 @@ impl Lab for Asset {
             let mut u = zeroed(grid.levels[0].blocks.list.len());
             let cpu = cpu::Run::new(team, &input, &mut of_cpu, &mut u, &[]);
             context.contain(|| {
-                let gpu = vrtm_gpu::Run::new(&input, &mut of_gpu, None, &filled(false, charts.len()), None)?;
+                let gpu = vrtm_gpu::Run::new(&input, &mut of_gpu, None, &vec![false; charts.len()], None)?;
                 let mut pair = Pair::new(cpu, gpu, &grid, &charts, lockstep);
                 let (mut deadline, mut progress) = (Deadline::unlimited(), Progress::new(None, 1.0));
                 schedule::run(&mut pair, &input, &plan, false, &mut deadline, &mut progress);
-                pair.finish()
+                Ok(pair.finish()?.into())
             })?
         })
     }
 }
 
 fn gather(positions: Strided) -> Vec<[f64; 3]> {
-    (0..positions.len()).map(|v| positions.get3(v)).collected()
+    (0..positions.len()).map(|v| positions.get3(v)).collect()
 }

@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use vrtm_core::allocation::{Collect, Grow, with_capacity};
+use vrtm_core::allocation::Vec;
 use vrtm_core::mesh::hash::{Table, enter};
 use vrtm_core::mesh::triangle::triangulate;
 use vrtm_core::mesh::{Corner, Mesh, NONE, TileMesh};
@@ -40,24 +40,24 @@ impl Base {
     pub fn new(mesh: &Mesh, uv_set: usize) -> Base {
         let corners = &mesh.corners[uv_set];
         let (uv_points, uv_point) = uv_points(mesh, corners);
-        let mut triangles = with_capacity(mesh.indices.len());
+        let mut triangles = Vec::with_capacity(mesh.indices.len());
         for f in 0..mesh.faces.len() - 1 {
             let face = mesh.face(f);
             if face.len() < 3 {
                 continue;
             }
             let flat = if corners[face.start].tile == NONE {
-                flattened(face.clone().map(|c| mesh.rest[mesh.indices[c] as usize]).collected())
+                flattened(face.clone().map(|c| mesh.rest[mesh.indices[c] as usize]).collect())
             } else {
                 let origin = mesh.tiles[corners[face.start].tile as usize].origin();
-                face.clone().map(|c| DVec2::from(corners[c].uv.map(f64::from)) - origin).collected()
+                face.clone().map(|c| DVec2::from(corners[c].uv.map(f64::from)) - origin).collect()
             };
-            triangles.put_all(triangulate(&flat).into_iter().map(|triangle| BaseTriangle {
+            triangles.extend(triangulate(&flat).into_iter().map(|triangle| BaseTriangle {
                 face: f as u32,
                 corners: triangle.map(|k| (face.start + k) as u32),
             }));
         }
-        triangles.give_room_back();
+        triangles.shrink_to_fit();
         Base { triangles, uv_points, uv_point }
     }
 
@@ -71,25 +71,25 @@ impl Base {
 fn uv_points(mesh: &Mesh, corners: &[Corner]) -> (Vec<UvPoint>, Vec<u32>) {
     // A pose may tear welds; corners belong together if they are in one chart even when all welds are torn.
     let charts = |tile: &TileMesh| match tile.welds.len() {
-        0 => tile.chart_of.iter().copied().collected(),
-        welds => tile.cut(&(0..welds as u32).collected()).chart_of,
+        0 => tile.chart_of.iter().copied().collect(),
+        welds => tile.cut(&(0..welds as u32).collect::<Vec<_>>()).chart_of,
     };
-    let charts: Vec<Vec<u32>> = mesh.tiles.iter().map(|tile| charts(tile)).collected();
+    let charts: Vec<Vec<u32>> = mesh.tiles.iter().map(|tile| charts(tile)).collect();
     let mut known: Table<[u32; 5], u32> = Table::default();
     let mut points = Vec::new();
-    let mut of_corner = with_capacity(corners.len());
+    let mut of_corner = Vec::with_capacity(corners.len());
     for (corner, &vertex) in corners.iter().zip(&mesh.indices) {
         let Corner { tile, triangle, uv, .. } = *corner;
         let in_chart = tile != NONE && triangle != NONE;
         let chart = if in_chart { charts[tile as usize][triangle as usize] } else { NONE };
         let key = [vertex, uv[0].to_bits(), uv[1].to_bits(), tile, chart];
         let point = known.get(&key).copied().unwrap_or_else(|| {
-            points.put(UvPoint { uv: uv.map(f64::from), tile, triangle });
+            points.push(UvPoint { uv: uv.map(f64::from), tile, triangle });
             let point = points.len() as u32 - 1;
             enter(&mut known, key, point);
             point
         });
-        of_corner.put(point);
+        of_corner.push(point);
     }
     (points, of_corner)
 }
@@ -107,5 +107,5 @@ fn flattened(polygon: Vec<[f64; 3]>) -> Vec<DVec2> {
     let longest =
         |best: usize, axis: usize| if normal[axis].abs() > normal[best].abs() { axis } else { best };
     let axis = [1, 2].into_iter().fold(0, longest);
-    polygon.into_iter().map(|p| DVec2::new(p[(axis + 1) % 3], p[(axis + 2) % 3])).collected()
+    polygon.into_iter().map(|p| DVec2::new(p[(axis + 1) % 3], p[(axis + 2) % 3])).collect()
 }

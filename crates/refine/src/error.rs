@@ -7,7 +7,7 @@
 
 use glam::DVec2;
 
-use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::mesh::triangle::doubled_area;
 use vrtm_core::team::Team;
 
@@ -38,7 +38,7 @@ impl Warped {
         let mut warped = Warped { nx, ny, u, first: Vec::new(), cells: Vec::new() };
         // Cells beyond the last column and row consist of the tile's border only.
         let rows = team
-            .map(ny + 1, |j| (0..=nx).filter(|&i| warped.is_near_moved(i, j)).map(|i| i as u32).collected());
+            .map(ny + 1, |j| (0..=nx).filter(|&i| warped.is_near_moved(i, j)).map(|i| i as u32).collect());
         let width = nx + 1;
         let mut first = zeroed::<u32>(width * (ny + 1) + 1);
         warped.visit(&rows, |square, _| first[square + 1] += 1);
@@ -46,7 +46,7 @@ impl Warped {
             first[k] += first[k - 1];
         }
         let mut cells = zeroed(first[first.len() - 1] as usize);
-        let mut next: Vec<u32> = first.iter().copied().collected();
+        let mut next: Vec<u32> = first.iter().copied().collect();
         warped.visit(&rows, |square, cell| {
             cells[next[square] as usize] = cell;
             next[square] += 1;

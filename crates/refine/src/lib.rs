@@ -4,7 +4,7 @@
 
 #![allow(missing_docs, reason = "for the crates of vrtm alone")]
 // Allocations sized by user input must be fallible: clippy.toml lists the infallible ones.
-#![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods))]
+#![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods, clippy::disallowed_types))]
 
 // Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
 mod base;
@@ -14,7 +14,7 @@ mod passes;
 
 use std::sync::Arc;
 
-use vrtm_core::allocation::zeroed;
+use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::mesh::Mesh;
 use vrtm_core::team::Team;
 
@@ -59,7 +59,7 @@ impl RefinedMesh {
     ) -> (f64, bool) {
         let mut splitter = match &self.pieces {
             None => Splitter::new(mesh, &self.base),
-            Some(pieces) => Splitter::go_on(mesh, &self.base, pieces.copy()),
+            Some(pieces) => Splitter::go_on(mesh, &self.base, (**pieces).clone()),
         };
         let Outcome { error, reached } =
             passes::refine(team, mesh, &self.base, &mut splitter, results, tolerance, most);

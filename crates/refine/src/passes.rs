@@ -3,7 +3,7 @@
 
 use glam::DVec2;
 
-use vrtm_core::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::error::Result;
 use vrtm_core::mesh::{Mesh, NONE};
 use vrtm_core::team::Team;
@@ -59,12 +59,12 @@ impl<'a> Redirections<'a> {
             let cells = DVec2::from(cells.map(|n| n as f64));
             Ok(Prepared { tile, origin: tile.origin(), cells, warped })
         };
-        tiles.iter().map(|tile| tile.map(of).transpose()).try_collected().map(Redirections)
+        tiles.iter().map(|tile| tile.map(of).transpose()).collect::<Result<Vec<_>>>().map(Redirections)
     }
 
     /// The redirected UVs of points, computed like corner UVs: by a chart's own warp.
     pub fn redirect(&self, team: &Team, points: &[UvPoint], out: &mut [[f64; 2]]) {
-        let mut chunks: Vec<_> = points.chunks(CHUNK).zip(out.chunks_mut(CHUNK)).collected();
+        let mut chunks: Vec<_> = points.chunks(CHUNK).zip(out.chunks_mut(CHUNK)).collect();
         team.fill(&mut chunks, |_, (points, out)| {
             points.iter().zip(out.iter_mut()).for_each(|(point, uv)| *uv = self.place(point));
         });
@@ -129,7 +129,7 @@ fn split(
     most: usize,
     uvs: &mut Vec<[f64; 2]>,
 ) -> Outcome {
-    let mut errors = filled(UNKNOWN, splitter.pieces.list.len());
+    let mut errors = vec![UNKNOWN; splitter.pieces.list.len()];
     loop {
         measure(team, splitter, results, uvs, &mut errors);
         // Pieces that cannot be split are skipped here; their errors are reported at the end.
@@ -145,7 +145,7 @@ fn split(
         let threshold = tolerance.max(0.5 * worst);
         let mut wanted: Vec<u32> = (0..errors.len() as u32)
             .filter(|&k| !helpless(k as usize) && errors[k as usize] > threshold)
-            .collected();
+            .collect();
         let marked = |wanted: &[u32]| {
             splitter.marked(wanted.iter().map(|&k| (k, errors[k as usize] > FOURFOLD * tolerance)))
         };
@@ -186,12 +186,12 @@ fn measure(
 ) {
     let pieces = &splitter.pieces;
     let known = uvs.len();
-    uvs.fill_to(pieces.uv_points.len(), [0.0; 2]);
+    uvs.resize(pieces.uv_points.len(), [0.0; 2]);
     results.redirect(team, &pieces.uv_points[known..], &mut uvs[known..]);
     let uvs = &*uvs;
-    let mut unknown: Vec<(&Piece, &mut f64)> = with_capacity(errors.len());
-    unknown.put_all(pieces.list.iter().zip(errors).filter(|(_, error)| error.is_nan()));
-    let mut chunks: Vec<_> = unknown.chunks_mut(CHUNK).collected();
+    let mut unknown: Vec<(&Piece, &mut f64)> = Vec::with_capacity(errors.len());
+    unknown.extend(pieces.list.iter().zip(errors).filter(|(_, error)| error.is_nan()));
+    let mut chunks: Vec<_> = unknown.chunks_mut(CHUNK).collect();
     team.fill(&mut chunks, |_, chunk| {
         for (piece, error) in chunk.iter_mut() {
             let corners = piece.corners.map(|corner| corner.uv_point);
@@ -231,8 +231,8 @@ fn whole(
             n => (0..n).map(point).all(|q| uvs[q as usize] == points[q as usize].uv),
         }
     };
-    let mut whole = copied(&pieces.whole);
-    let mut chunks: Vec<_> = whole.chunks_mut(CHUNK).collected();
+    let mut whole = pieces.whole.clone();
+    let mut chunks: Vec<_> = whole.chunks_mut(CHUNK).collect();
     team.fill(&mut chunks, |c, chunk| {
         for (k, whole) in chunk.iter_mut().enumerate() {
             *whole = *whole && stays(c * CHUNK + k);

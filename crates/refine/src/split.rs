@@ -2,7 +2,7 @@
 //! before the longest edge of each of these triangles. The surface thus stays free of cracks, and no angle becomes
 //! smaller than about half of the smallest original angle (Rivara's longest-edge partition).
 
-use vrtm_core::allocation::{Collect, Grow, copied, zeroed};
+use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::mesh::hash::{Table, enter};
 use vrtm_core::mesh::{Mesh, NONE};
 
@@ -96,7 +96,7 @@ pub struct Piece {
 }
 
 /// A refined mesh.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct Pieces {
     /// The new vertices, which follow those of the mesh.
     pub vertices: Vec<NewVertex>,
@@ -113,18 +113,6 @@ pub struct Pieces {
 }
 
 impl Pieces {
-    pub fn copy(&self) -> Pieces {
-        Pieces {
-            vertices: copied(&self.vertices),
-            uv_points: copied(&self.uv_points),
-            uv_parents: copied(&self.uv_parents),
-            points: copied(&self.points),
-            edges: copied(&self.edges),
-            list: copied(&self.list),
-            whole: copied(&self.whole),
-        }
-    }
-
     /// Bytes held.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.vertices)
@@ -150,12 +138,12 @@ impl<'a> Splitter<'a> {
     /// Starts with the mesh itself.
     pub fn new(mesh: &'a Mesh, base: &Base) -> Splitter<'a> {
         let pieces = Pieces {
-            uv_points: copied(&base.uv_points),
-            whole: (1..mesh.faces.len()).map(|_| true).collected(),
+            uv_points: base.uv_points.clone(),
+            whole: (1..mesh.faces.len()).map(|_| true).collect(),
             ..Pieces::default()
         };
         let mut splitter = Splitter::go_on(mesh, base, pieces);
-        let mut list = vrtm_core::allocation::with_capacity(base.triangles.len());
+        let mut list = Vec::with_capacity(base.triangles.len());
         for (t, triangle) in base.triangles.iter().enumerate() {
             let corner = |k: usize| PieceCorner {
                 vertex: mesh.indices[triangle.corners[k] as usize],
@@ -163,7 +151,7 @@ impl<'a> Splitter<'a> {
                 weights: std::array::from_fn(|l| if k == l { 1.0 } else { 0.0 }),
             };
             let corners = [corner(0), corner(1), corner(2)];
-            list.put(splitter.piece(t as u32, corners));
+            list.push(splitter.piece(t as u32, corners));
         }
         splitter.pieces.list = list;
         splitter
@@ -233,16 +221,16 @@ impl<'a> Splitter<'a> {
     /// Splits the marked edges. `values` has one value per piece; new parts get `new`.
     pub fn split(&mut self, marked: &[bool], values: &mut Vec<f64>, new: f64) {
         let old = std::mem::take(&mut self.pieces.list);
-        let mut list = vrtm_core::allocation::with_capacity(old.len());
-        let mut next = vrtm_core::allocation::with_capacity(old.len());
+        let mut list = Vec::with_capacity(old.len());
+        let mut next = Vec::with_capacity(old.len());
         for (piece, value) in old.iter().zip(values.iter()) {
             let before = list.len();
             self.split_piece(piece, marked, &mut list);
             let parts = list.len() - before;
             if parts == 1 {
-                next.put(*value);
+                next.push(*value);
             } else {
-                (0..parts).for_each(|_| next.put(new));
+                (0..parts).for_each(|_| next.push(new));
             }
         }
         self.pieces.list = list;
@@ -252,7 +240,7 @@ impl<'a> Splitter<'a> {
     fn split_piece(&mut self, piece: &Piece, marked: &[bool], list: &mut Vec<Piece>) {
         let is_marked = |k: usize| marked[piece.edges[k] as usize];
         if !is_marked(0) {
-            list.put(*piece);
+            list.push(*piece);
             return;
         }
         let [a, b, c] = piece.corners;
@@ -260,17 +248,17 @@ impl<'a> Splitter<'a> {
         // Each half stays whole, or its side that belonged to the piece is split, too.
         if is_marked(2) {
             let side = self.middle(c, a);
-            list.put(self.piece(piece.base, [a, middle, side]));
-            list.put(self.piece(piece.base, [side, middle, c]));
+            list.push(self.piece(piece.base, [a, middle, side]));
+            list.push(self.piece(piece.base, [side, middle, c]));
         } else {
-            list.put(self.piece(piece.base, [a, middle, c]));
+            list.push(self.piece(piece.base, [a, middle, c]));
         }
         if is_marked(1) {
             let side = self.middle(b, c);
-            list.put(self.piece(piece.base, [middle, b, side]));
-            list.put(self.piece(piece.base, [middle, side, c]));
+            list.push(self.piece(piece.base, [middle, b, side]));
+            list.push(self.piece(piece.base, [middle, side, c]));
         } else {
-            list.put(self.piece(piece.base, [middle, b, c]));
+            list.push(self.piece(piece.base, [middle, b, c]));
         }
     }
 
@@ -300,7 +288,7 @@ impl<'a> Splitter<'a> {
         let [p, q] = ends.map(|point| self.rest(point));
         let square = (0..3).map(|axis| (p[axis] - q[axis]).powi(2)).sum();
         let edge = self.pieces.edges.len() as u32;
-        self.pieces.edges.put(Edge { ends, square, middle: NONE });
+        self.pieces.edges.push(Edge { ends, square, middle: NONE });
         enter(&mut self.edges, ends, edge);
         edge
     }
@@ -322,7 +310,7 @@ impl<'a> Splitter<'a> {
         let point = self.middle_point(a, b);
         let source = Source::between(self.source(parents[0]), self.source(parents[1]));
         let vertex = (self.mesh.rest.len() + self.pieces.vertices.len()) as u32;
-        self.pieces.vertices.put(NewVertex { parents, source, point });
+        self.pieces.vertices.push(NewVertex { parents, source, point });
         enter(&mut self.middles, parents, vertex);
         vertex
     }
@@ -336,7 +324,7 @@ impl<'a> Splitter<'a> {
         }
         let [p, q] = ends.map(|point| self.rest(point));
         let point = (self.mesh.rest.len() + self.pieces.points.len()) as u32;
-        self.pieces.points.put(std::array::from_fn(|axis| 0.5 * p[axis] + 0.5 * q[axis]));
+        self.pieces.points.push(std::array::from_fn(|axis| 0.5 * p[axis] + 0.5 * q[axis]));
         self.pieces.edges[edge].middle = point;
         point
     }
@@ -351,8 +339,8 @@ impl<'a> Splitter<'a> {
         let triangle = if p.triangle == NONE { q.triangle } else { p.triangle };
         let uv = std::array::from_fn(|axis| 0.5 * (p.uv[axis] + q.uv[axis]));
         let point = self.pieces.uv_points.len() as u32;
-        self.pieces.uv_points.put(UvPoint { uv, tile: p.tile, triangle });
-        self.pieces.uv_parents.put(parents);
+        self.pieces.uv_points.push(UvPoint { uv, tile: p.tile, triangle });
+        self.pieces.uv_parents.push(parents);
         enter(&mut self.uv_middles, parents, point);
         point
     }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::*;
 use crate::device::Device;
 use crate::{Asset, FetchKind, ImageLayout, ImageView, ImageViewMut, PixelFormat};
+use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::backend::Warp;
 use vrtm_core::mesh::{MeshSource, UvSource};
 use vrtm_core::settings::{Backend, DeviceSettings, Quality, SolveOptions, TileSettings};
@@ -56,7 +57,7 @@ fn both_backends_invert_a_result_alike() {
             let (on_gpu, gpu_ms) = fetch(&asset, kind, size);
             let of_gpu = asset.results.solved(0).unwrap().solved;
             assert!(matches!(&*of_gpu.warp, Warp::Gpu(_)), "{}", device.info().reason);
-            let warp = Arc::new(Warp::Host(of_gpu.warp.host().unwrap().to_vec()));
+            let warp = Arc::new(Warp::Host(of_gpu.warp.host().unwrap().into()));
             let show = |solved: Arc<Solved>| {
                 let tiles = vec![Some(TileResult { solved, kept: false })];
                 asset.results.replace(Last { tiles, solved_ms: Some(0.0), ..Last::default() });

@@ -1,6 +1,6 @@
 //! Measures how far the interpolated map is from the redirection.
 
-use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::error::Result;
 use vrtm_core::image::ImagePart;
 use vrtm_core::image::format::PixelFormat;
@@ -41,7 +41,7 @@ pub fn measure(reader: &mut Reader, desc: &MapDesc) -> Result<Errors> {
         format: PixelFormat::F32,
         size: samples.map(|n| n as u32),
     };
-    let mut all: Vec<Found> = (0..ITEMS).map(|_| Found::new()).collected();
+    let mut all: Vec<Found> = (0..ITEMS).map(|_| Found::new()).collect();
     // The range in which interpolation has four texels around it: from the first texel's centre to the last one's.
     let reached = |axis: usize| {
         let half = per_texel[axis].div_ceil(2);

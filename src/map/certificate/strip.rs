@@ -5,7 +5,7 @@ use std::ops::Range;
 use half::f16;
 
 use crate::device::Device;
-use vrtm_core::allocation::{Collect, zeroed};
+use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::error::Result;
 use vrtm_core::image::format::PixelFormat;
 use vrtm_core::image::{ImageLayout, ImagePart, ImageViewMut, Origin};
@@ -57,7 +57,7 @@ impl Reader<'_> {
         let (size, form) = (desc.sizes(), desc.form(self.solved));
         let (width, channel) = (size[0], desc.format.size());
         let mut deltas = zeroed::<[f64; 2]>(rows.len() * width);
-        let mut lines: Vec<&mut [[f64; 2]]> = deltas.chunks_exact_mut(width).collected();
+        let mut lines: Vec<&mut [[f64; 2]]> = deltas.chunks_exact_mut(width).collect();
         self.team.fill(&mut lines, |k, line| {
             let bytes = &bytes[k * width * 2 * channel..][..width * 2 * channel];
             let v = (rows.start + k) as f64 + 0.5;

@@ -5,7 +5,7 @@ use glam::DVec2;
 use super::depths::{Depths, depth_of, sheets, smooth};
 use super::lattice::cells;
 use super::places::{Places, on_surface};
-use vrtm_core::allocation::{Collect, Grow};
+use vrtm_core::allocation::Vec;
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::{NODES, SIDE, node_at};
 use vrtm_core::mesh::NONE;
@@ -64,7 +64,7 @@ impl Copies {
     pub fn new(team: &Team, surface: &Blends, grid: &Grid, index: usize) -> Copies {
         let level = &grid.levels[0];
         let active: Vec<u32> =
-            (0..level.blocks.list.len() as u32).filter(|&b| level.blocks.list[b as usize].active).collected();
+            (0..level.blocks.list.len() as u32).filter(|&b| level.blocks.list[b as usize].active).collect();
         let found = team.map(active.len(), |k| {
             let b = active[k] as usize;
             let mut of_block = OfBlock::default();
@@ -83,15 +83,15 @@ impl Copies {
         let mut copies =
             Copies { blocks: Vec::new(), starts: Vec::new(), nodes: Vec::new(), copies: Vec::new() };
         for (b, of_block) in active.into_iter().zip(found).filter(|(_, found)| !found.nodes.is_empty()) {
-            copies.blocks.put(b);
-            copies.starts.put(copies.nodes.len() as u32);
+            copies.blocks.push(b);
+            copies.starts.push(copies.nodes.len() as u32);
             let first = copies.copies.len() as u32;
             copies
                 .nodes
-                .put_all(of_block.nodes.iter().map(|node| Node { first: first + node.first, ..*node }));
-            copies.copies.put_all(of_block.copies);
+                .extend(of_block.nodes.iter().map(|node| Node { first: first + node.first, ..*node }));
+            copies.copies.extend(of_block.copies);
         }
-        copies.starts.put(copies.nodes.len() as u32);
+        copies.starts.push(copies.nodes.len() as u32);
         copies
     }
 
@@ -137,11 +137,11 @@ impl OfBlock {
             let at = barycentrics(places.tiles[on.tile as usize].triangles[on.triangle as usize].uv, on.uv);
             let at = at.map(|x| x as f32);
             let mirrored = on.image != place.image;
-            self.copies.put(NodeCopy { tile: on.tile, triangle: on.triangle, at, part, mirrored });
+            self.copies.push(NodeCopy { tile: on.tile, triangle: on.triangle, at, part, mirrored });
         }
         let count = self.copies.len() - first;
         if count > 0 && fade > SMALLEST {
-            self.nodes.put(Node { slot: s as u16, count: count as u16, first: first as u32, fade });
+            self.nodes.push(Node { slot: s as u16, count: count as u16, first: first as u32, fade });
         } else {
             self.copies.truncate(first);
         }

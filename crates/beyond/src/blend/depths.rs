@@ -6,7 +6,7 @@ use glam::DVec2;
 
 use super::lattice::cells;
 use super::places::{OUTSIDE, OnChart, Place, Places, on_surface, seen_by};
-use vrtm_core::allocation::{Collect, Grow, filled, with_capacity, zeroed};
+use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::codes::decode_rigidity;
 use vrtm_core::grid::planes::{NODES, SIDE, node_at};
@@ -75,24 +75,24 @@ impl Depths {
                 charts += tile.charts.len() as u32;
                 charts - tile.charts.len() as u32
             })
-            .collected();
+            .collect();
         let mut depths = Depths { tiles: Vec::new(), first_chart, starts: Vec::new(), entries: Vec::new() };
         let mut nodes: Vec<Node> = Vec::new();
         let mut beyond: Vec<(u32, Place)> = Vec::new();
         for (t, grid) in grids.iter().enumerate() {
             depths.add_tile(places, t as u32, *grid, &mut nodes, &mut beyond);
         }
-        depths.starts.put(depths.entries.len() as u32);
+        depths.starts.push(depths.entries.len() as u32);
         let links: Vec<[u32; 2]> = beyond
             .into_iter()
             .filter_map(|(node, place)| Some([node, depths.nearest(places, place)?]))
-            .collected();
+            .collect();
         // Per tile and axis, the greatest change from node to node.
         let slopes = grids.iter().zip(reaches).map(|(grid, reach)| {
             let of = |cells: usize| (SLOPE / (reach * cells as f64)) as f32;
             grid.map_or([1.0; 2], |grid| [of(grid.levels[0].nx), of(grid.levels[0].ny)])
         });
-        depths.settle(&nodes, &links, &slopes.collected());
+        depths.settle(&nodes, &links, &slopes.collect::<Vec<_>>());
         depths
     }
 
@@ -106,10 +106,10 @@ impl Depths {
         nodes: &mut Vec<Node>,
         beyond: &mut Vec<(u32, Place)>,
     ) {
-        let Some(grid) = grid else { return self.tiles.put(Nodes::default()) };
+        let Some(grid) = grid else { return self.tiles.push(Nodes::default()) };
         let (tile, level) = (&*places.tiles[index as usize], &grid.levels[0]);
         let size = [level.nx + 1, level.ny + 1];
-        let mut number = filled(NONE, size[0] * size[1]);
+        let mut number = vec![NONE; size[0] * size[1]];
         let first = nodes.len();
         for (b, block) in level.blocks.list.iter().enumerate() {
             for s in 0..NODES {
@@ -126,18 +126,18 @@ impl Depths {
                 }
                 *slot = nodes.len() as u32;
                 let rigid = decode_rigidity(level.rigidity[b][s]) > RIGID;
-                nodes.put(Node { tile: index, triangle, at, rigid });
-                self.starts.put(self.entries.len() as u32);
+                nodes.push(Node { tile: index, triangle, at, rigid });
+                self.starts.push(self.entries.len() as u32);
                 let uv = DVec2::new(at[0] as f64, at[1] as f64) / cells(level);
                 let place = Place { tile: index, triangle, uv, image: false };
                 let own = 4 * (self.first_chart[index as usize] + own);
-                self.entries.put(Depth { key: own, depth: 1.0 });
+                self.entries.push(Depth { key: own, depth: 1.0 });
                 for on in sheets(places, place).into_iter().filter(|on| on.is_collar) {
                     let depth = match on.image {
                         true => beside_mirror(places, &on, cells(level)),
                         false => depth_of(places, &on),
                     };
-                    self.entries.put(Depth { key: self.key(&on, own), depth });
+                    self.entries.push(Depth { key: self.key(&on, own), depth });
                 }
             }
         }
@@ -154,11 +154,11 @@ impl Depths {
                 let triangle = grid.triangle[b as usize][s];
                 if triangle != NONE && triangle as usize >= tile.own() && !tile.is_image(triangle) {
                     let uv = DVec2::new(x as f64, y as f64) / cells(level);
-                    beyond.put(((first + k) as u32, on_surface(tile, index, triangle, uv)));
+                    beyond.push(((first + k) as u32, on_surface(tile, index, triangle, uv)));
                 }
             }
         }
-        self.tiles.put(Nodes { size, number });
+        self.tiles.push(Nodes { size, number });
     }
 
     /// The key of a chart at a place on the chart with the key `own`.
@@ -209,19 +209,19 @@ impl Depths {
             (other != NONE && same(other)).then_some(other)
         };
         // Links of both directions, sorted by node.
-        let mut over: Vec<[u32; 2]> = links.iter().flat_map(|&[a, b]| [[a, b], [b, a]]).collected();
+        let mut over: Vec<[u32; 2]> = links.iter().flat_map(|&[a, b]| [[a, b], [b, a]]).collect();
         over.sort_unstable();
         over.dedup();
-        let mut edges: Vec<[u32; 2]> = with_capacity(4 * nodes.len());
+        let mut edges: Vec<[u32; 2]> = Vec::with_capacity(4 * nodes.len());
         for n in 0..nodes.len() {
             for (dx, dy) in [(1, 0), (0, 1)] {
-                edges.put_all(around(n, dx, dy).map(|other| [n as u32, other]));
+                edges.extend(around(n, dx, dy).map(|other| [n as u32, other]));
             }
         }
         let within = edges.len();
-        edges.put_all(over.into_iter().filter(|[a, b]| a < b));
+        edges.extend(over.into_iter().filter(|[a, b]| a < b));
         // Features: connected rigid nodes.
-        let mut parents: Vec<u32> = (0..nodes.len() as u32).collected();
+        let mut parents: Vec<u32> = (0..nodes.len() as u32).collect();
         for &[a, b] in edges.iter().filter(|e| e.iter().all(|&n| nodes[n as usize].rigid)) {
             let (a, b) = (root(&mut parents, a), root(&mut parents, b));
             parents[a.max(b) as usize] = a.min(b);
@@ -315,9 +315,9 @@ impl Depths {
         let own = 4
             * (self.first_chart[place.tile as usize]
                 + places.tiles[place.tile as usize].chart_of_triangle(place.triangle));
-        let keys: Vec<u32> = sheets.iter().map(|on| self.key(on, own)).collected();
+        let keys: Vec<u32> = sheets.iter().map(|on| self.key(on, own)).collect();
         let tile = &self.tiles[place.tile as usize];
-        let mut weights: Vec<f32> = filled(0.0, keys.len());
+        let mut weights: Vec<f32> = vec![0.0; keys.len()];
         let mut whole = 0.0;
         if !tile.number.is_empty() {
             let at = place.uv * (DVec2::new(tile.size[0] as f64, tile.size[1] as f64) - 1.0);
@@ -358,7 +358,7 @@ impl Depths {
 
 /// The charts that have a place: the one on which it lies first, and those with a collar there, once each.
 pub(super) fn sheets(places: &Places, place: Place) -> Vec<OnChart> {
-    let mut all: Vec<OnChart> = with_capacity(4);
+    let mut all: Vec<OnChart> = Vec::with_capacity(4);
     for &(k, t) in [(place.tile, place.triangle)].iter().chain(places.of(place.tile, place.triangle)) {
         let other = &places.tiles[k as usize];
         let Some((depth, uv)) = seen_by(other, k, t, place) else { continue };
@@ -368,7 +368,7 @@ pub(super) fn sheets(places: &Places, place: Place) -> Vec<OnChart> {
         match all.iter_mut().find(|known| known.sheet() == on.sheet()) {
             Some(known) if known.depth >= depth => {}
             Some(known) => *known = on,
-            None if depth >= -OUTSIDE || !is_collar => all.put(on),
+            None if depth >= -OUTSIDE || !is_collar => all.push(on),
             None => {}
         }
     }

@@ -1,6 +1,6 @@
 //! How much of the blend each node takes: the whole of it, but less around cells that it would crush, falling off smoothly.
 
-use vrtm_core::allocation::{Collect, copied, filled, zeroed};
+use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::cpu::certify::{Certificate, certify_block, corner_jacobians};
 use vrtm_core::grid::Level;
 use vrtm_core::grid::planes::{NODES, Plane, SIDE, slot};
@@ -44,7 +44,7 @@ pub(super) fn add(
     changes: &[[Plane; 2]],
 ) -> Limited {
     let count = level.blocks.list.len();
-    let mut index = filled(u32::MAX, count);
+    let mut index = vec![u32::MAX; count];
     blocks.iter().enumerate().for_each(|(k, &b)| index[b as usize] = k as u32);
     let charts = level.blocks.of_chart.len();
     let mut is_changed: Vec<bool> = zeroed(charts);
@@ -52,17 +52,17 @@ pub(super) fn add(
     let active: Vec<u32> = (0..count as u32)
         .filter(|&b| level.blocks.list[b as usize].active)
         .filter(|&b| is_changed[level.blocks.list[b as usize].chart as usize])
-        .collected();
-    let mut slopes: Vec<f32> = filled(SLOPE, charts);
+        .collect();
+    let mut slopes: Vec<f32> = vec![SLOPE; charts];
     for (&b, change) in blocks.iter().zip(changes) {
         let slope = &mut slopes[level.blocks.list[b as usize].chart as usize];
         let largest = change.as_flattened().iter().fold(0.0f32, |most, x| most.max(x.abs()));
         *slope = slope.min(STEP / largest.max(STEP));
     }
     let slope = |b: u32| slopes[level.blocks.list[b as usize].chart as usize];
-    let mut fractions: Vec<Plane> = filled([1.0; NODES], count);
-    let mut u: Vec<[Plane; 2]> = copied(before);
-    let mut open: Vec<u32> = active.iter().copied().collected();
+    let mut fractions: Vec<Plane> = vec![[1.0; NODES]; count];
+    let mut u: Vec<[Plane; 2]> = Vec::from(before);
+    let mut open: Vec<u32> = active.iter().copied().collect();
     for round in 0..=ROUNDS {
         let now = team.map(open.len(), |k| taken(before, changes, &index, &fractions, open[k] as usize));
         open.iter().zip(now).for_each(|(&b, now)| u[b as usize] = now);
@@ -98,7 +98,7 @@ pub(super) fn add(
         is_limited[level.blocks.list[b as usize].chart as usize] |= !is_whole;
     }
     let parts = team.map(active.len(), |k| certify_block(level, &u, active[k] as usize));
-    let mut certificates: Vec<Option<Certificate>> = filled(None, charts);
+    let mut certificates: Vec<Option<Certificate>> = vec![None; charts];
     for (&b, part) in active.iter().zip(&parts) {
         let chart = level.blocks.list[b as usize].chart as usize;
         certificates[chart].get_or_insert_default().add(part);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::DVec2;
 
 use super::lattice::point;
-use vrtm_core::allocation::{Collect, filled, zeroed};
+use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::mesh::TileMesh;
 use vrtm_core::mesh::triangle::barycentrics;
 
@@ -63,14 +63,14 @@ impl Places {
                 count += tile.own() as u32;
                 count - tile.own() as u32
             })
-            .collected();
+            .collect();
         let mut starts: Vec<u32> = zeroed(count as usize + 1);
         let number = |tile: u32, triangle: u32| (first[tile as usize] + triangle) as usize;
         let sources = || tiles.iter().flat_map(|tile| &tile.sources);
         sources().for_each(|source| starts[number(source.tile, source.triangle) + 1] += 1);
         (0..count as usize).for_each(|k| starts[k + 1] += starts[k]);
-        let mut next: Vec<u32> = starts.iter().copied().collected();
-        let mut entries: Vec<(u32, u32)> = filled((0, 0), starts[count as usize] as usize);
+        let mut next: Vec<u32> = starts.iter().copied().collect();
+        let mut entries: Vec<(u32, u32)> = vec![(0, 0); starts[count as usize] as usize];
         for (k, tile) in tiles.iter().enumerate() {
             for (t, source) in tile.sources.iter().enumerate() {
                 let next = &mut next[number(source.tile, source.triangle)];

@@ -14,7 +14,7 @@ use glam::{DMat2, DVec2, DVec3};
 
 use super::patch::{Patch, PatchTriangle};
 use super::surface::{Side, Surface};
-use vrtm_core::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::mesh::triangle::doubled_area;
 use vrtm_core::mesh::{FacePoint, Mirror, NONE, Source};
 
@@ -98,9 +98,9 @@ pub(super) fn flatten(surface: &Surface, patch: &Patch, reach: f64, scale: f64) 
     let corners = Corners::join(patch, &pieces, APART * reach * scale);
     let mirrors = corners.mirrors(&pieces);
     let distances = distances(patch, &pieces, &corners);
-    let mut places: Vec<Option<DVec2>> = copied(&corners.fixed);
+    let mut places: Vec<Option<DVec2>> = corners.fixed.clone();
     let mut good: Vec<bool> = zeroed(pieces.len());
-    let mut slots = filled(NONE, places.len());
+    let mut slots = vec![NONE; places.len()];
     let band = |piece: &Piece| (piece.distance / reach * BANDS as f64) as usize;
     let mut start = 0;
     for of_band in pieces.chunk_by(|a, b| band(a) == band(b)) {
@@ -110,7 +110,7 @@ pub(super) fn flatten(surface: &Surface, patch: &Patch, reach: f64, scale: f64) 
         for p in range.clone() {
             good[p] = pieces[p].parent == NONE || good[pieces[p].parent as usize];
         }
-        let present: Vec<usize> = range.filter(|&p| good[p]).collected();
+        let present: Vec<usize> = range.filter(|&p| good[p]).collect();
         place(&pieces, &present, &corners.of, &mut places, &mut slots);
         for &p in &present {
             let piece = &pieces[p];
@@ -118,8 +118,8 @@ pub(super) fn flatten(surface: &Surface, patch: &Patch, reach: f64, scale: f64) 
             good[p] = of_parent && is_good(piece, uv_of(&corners.of[p], &places));
         }
     }
-    let mut numbers = filled(NONE, patch.triangles.len());
-    let list: Vec<usize> = (0..pieces.len()).filter(|&p| good[p]).collected();
+    let mut numbers = vec![NONE; patch.triangles.len()];
+    let list: Vec<usize> = (0..pieces.len()).filter(|&p| good[p]).collect();
     for (number, &p) in list.iter().enumerate() {
         numbers[pieces[p].triangle as usize] = number as u32;
     }
@@ -161,7 +161,7 @@ pub(super) fn flatten(surface: &Surface, patch: &Patch, reach: f64, scale: f64) 
             across,
         }
     };
-    Collar { triangles: list.iter().map(triangle).collected(), parts: patch.parts }
+    Collar { triangles: list.iter().map(triangle).collect(), parts: patch.parts }
 }
 
 fn uv_of(corners: &[u32; 3], places: &[Option<DVec2>]) -> [DVec2; 3] {
@@ -175,7 +175,7 @@ fn is_good(piece: &Piece, uv: [DVec2; 3]) -> bool {
 /// The distance of each corner from the border, on the surface.
 fn distances(patch: &Patch, pieces: &[Piece], corners: &Corners) -> Vec<f64> {
     let mut distances: Vec<f64> =
-        corners.fixed.iter().map(|place| if place.is_some() { 0.0 } else { f64::INFINITY }).collected();
+        corners.fixed.iter().map(|place| if place.is_some() { 0.0 } else { f64::INFINITY }).collect();
     for (piece, of) in pieces.iter().zip(&corners.of) {
         let at = &patch.triangles[piece.triangle as usize].corners;
         let known = of.map(|c| distances[c as usize]);
@@ -205,7 +205,7 @@ fn pieces(surface: &Surface, patch: &Patch, reach: f64) -> Vec<Piece> {
     let mut pieces: Vec<Piece> = Vec::new();
     // (distance, triangle, its entry, the piece that it is reached from). Distances are not negative, so that their bits
     // have their order. Each triangle that is taken adds two entries at most: there is room for all.
-    let room = with_capacity(patch.rims.len() + 2 * patch.triangles.len());
+    let room = Vec::with_capacity(patch.rims.len() + 2 * patch.triangles.len());
     let mut open: BinaryHeap<Reverse<(u64, u32, u8, u32)>> = BinaryHeap::from(room);
     patch.rims.iter().for_each(|((t, k), _)| open.push(Reverse((0, *t, *k, NONE))));
     while let Some(Reverse((distance, t, k, parent))) = open.pop() {
@@ -231,7 +231,7 @@ fn pieces(surface: &Surface, patch: &Patch, reach: f64) -> Vec<Piece> {
         let distance = f64::from_bits(distance);
         let index = pieces.len() as u32;
         let mirror = mirror(surface, patch, t, k, pieces.get(parent as usize));
-        pieces.put(Piece { triangle: t, entry: k, parent, distance, mirror, flat, sign, origin, map });
+        pieces.push(Piece { triangle: t, entry: k, parent, distance, mirror, flat, sign, origin, map });
         let middle = |k: usize| 0.5 * (triangle.corners[(k + 1) % 3] + triangle.corners[(k + 2) % 3]);
         for other in [(k + 1) % 3, (k + 2) % 3] {
             let (next, entry) = triangle.across[other];
@@ -292,8 +292,8 @@ struct Corners {
 impl Corners {
     fn join(patch: &Patch, pieces: &[Piece], apart: f64) -> Corners {
         let mut sets =
-            Sets { parents: (0..3 * pieces.len() as u32).collected(), fixed: filled(None, 3 * pieces.len()) };
-        let mut piece_of = filled(NONE, patch.triangles.len());
+            Sets { parents: (0..3 * pieces.len() as u32).collect(), fixed: vec![None; 3 * pieces.len()] };
+        let mut piece_of = vec![NONE; patch.triangles.len()];
         for (p, piece) in pieces.iter().enumerate() {
             piece_of[piece.triangle as usize] = p as u32;
         }
@@ -339,7 +339,7 @@ impl Corners {
     /// What each corner is the image in: that of the first piece there. Those at the chart's border, and those of pieces that
     /// are no images, lie on the mirror.
     fn mirrors(&self, pieces: &[Piece]) -> Vec<Option<Mirror>> {
-        let mut mirrors = filled(None, self.fixed.len());
+        let mut mirrors = vec![None; self.fixed.len()];
         for (piece, of) in pieces.iter().zip(&self.of).rev() {
             of.iter().for_each(|&c| mirrors[c as usize] = piece.mirror);
         }
@@ -389,17 +389,17 @@ impl Sets {
     }
 
     fn numbered(self, pieces: usize) -> Corners {
-        let mut numbers = filled(NONE, self.parents.len());
+        let mut numbers = vec![NONE; self.parents.len()];
         let mut fixed = Vec::new();
         let mut number = |n: u32| {
             let root = self.root(n) as usize;
             if numbers[root] == NONE {
                 numbers[root] = fixed.len() as u32;
-                fixed.put(self.fixed[root]);
+                fixed.push(self.fixed[root]);
             }
             numbers[root]
         };
-        let of = (0..pieces as u32).map(|p| [0, 1, 2].map(|k| number(3 * p + k))).collected();
+        let of = (0..pieces as u32).map(|p| [0, 1, 2].map(|k| number(3 * p + k))).collect();
         Corners { of, fixed }
     }
 }
@@ -434,7 +434,7 @@ fn place(
 ) {
     let mut free: Vec<u32> = Vec::new();
     let mut at: Vec<DVec2> = Vec::new();
-    let mut elements: Vec<Element> = with_capacity(present.len());
+    let mut elements: Vec<Element> = Vec::with_capacity(present.len());
     for &p in present {
         let piece = &pieces[p];
         let of = corners[p];
@@ -449,11 +449,11 @@ fn place(
                     places[c].or(guess).map_or(DVec2::ZERO, |at| at - piece.expected((k + d) % 3))
                 });
                 slots[c] = free.len() as u32;
-                free.put(c as u32);
-                at.put(piece.expected(k) + 0.5 * (off[0] + off[1]));
+                free.push(c as u32);
+                at.push(piece.expected(k) + 0.5 * (off[0] + off[1]));
             }
         }
-        elements.put(element(piece, of));
+        elements.push(element(piece, of));
     }
     if !free.is_empty() {
         solve(&elements, places, slots, &mut at);
@@ -476,8 +476,8 @@ fn element(piece: &Piece, corners: [u32; 3]) -> Element {
 fn solve(elements: &[Element], places: &[Option<DVec2>], slots: &[u32], at: &mut [DVec2]) {
     let n = at.len();
     let [mut residual, mut direction, mut product]: [Vec<DVec2>; 3] =
-        std::array::from_fn(|_| filled(DVec2::ZERO, n));
-    let mut diagonal = filled(0.0, n);
+        std::array::from_fn(|_| vec![DVec2::ZERO; n]);
+    let mut diagonal = vec![0.0; n];
     for element in elements {
         for k in 0..3 {
             let slot = slots[element.corners[k] as usize];

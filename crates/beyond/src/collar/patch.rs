@@ -4,7 +4,7 @@
 use glam::DVec3;
 
 use super::surface::{Region, Rim, Side, Surface};
-use vrtm_core::allocation::{Grow, filled};
+use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::mesh::NONE;
 
 /// Most parts into which a side is divided.
@@ -74,7 +74,7 @@ impl Patch {
         let mut add = |of: [[u32; 3]; 3]| {
             let weights = of.map(|w| w.map(|x| f64::from(x) / f64::from(n)));
             let t = self.triangles.len() as u32;
-            self.triangles.put(PatchTriangle {
+            self.triangles.push(PatchTriangle {
                 corners: weights.map(|w| w[0] * corners[0] + w[1] * corners[1] + w[2] * corners[2]),
                 of: g,
                 weights,
@@ -90,11 +90,11 @@ impl Patch {
                     let along = |w: [u32; 3]| f64::from(w[(c + 2) % 3]) / f64::from(n);
                     // Along a line of the grid its coordinate stays what it is.
                     let uv = ends.map(|end| rim.uv[0] + along(end) * (rim.uv[1] - rim.uv[0]));
-                    self.rims.put(((t, k as u8), Rim { uv, ..rim }));
+                    self.rims.push(((t, k as u8), Rim { uv, ..rim }));
                 } else {
                     let [a, b] = ends.map(|end| point(g, places, end));
                     let beyond = on.map_or(g, |c| beyond[c]);
-                    edges.put(Edge {
+                    edges.push(Edge {
                         ends: [a.min(b), a.max(b)],
                         side: (t, k as u8),
                         of: g,
@@ -133,7 +133,7 @@ impl Patch {
 
     /// The rim at each side, as an index in `rims`, or `NONE`.
     pub fn rim_of_sides(&self) -> Vec<[u32; 3]> {
-        let mut rims = filled([NONE; 3], self.triangles.len());
+        let mut rims = vec![[NONE; 3]; self.triangles.len()];
         for (index, ((t, k), _)) in self.rims.iter().enumerate() {
             rims[*t as usize][*k as usize] = index as u32;
         }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
-use vrtm_core::allocation::{Collect, Grow, with_capacity, zeroed};
+use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::mesh::hash::{Table, enter};
 use vrtm_core::mesh::triangle::doubled_area;
 use vrtm_core::mesh::{Mesh, Mirror, NONE, Source, TileMesh, Triangle};
@@ -66,13 +66,13 @@ impl<'a> Surface<'a> {
     pub fn new(mesh: &'a Mesh, tile: usize, beyond: &Beyond) -> Surface<'a> {
         let range = tiles_of_set(mesh, tile);
         let tiles = &mesh.tiles[range.clone()];
-        let (mut first, mut first_chart) = (with_capacity(tiles.len()), with_capacity(tiles.len()));
+        let (mut first, mut first_chart) = (Vec::with_capacity(tiles.len()), Vec::with_capacity(tiles.len()));
         let (mut triangles, mut charts) = (0, 0);
         let mut chart_of = Vec::new();
         for tile in tiles {
-            first.put(triangles);
-            first_chart.put(charts);
-            chart_of.put_all(tile.chart_of_triangles().into_iter().map(|c| charts + c));
+            first.push(triangles);
+            first_chart.push(charts);
+            chart_of.extend(tile.chart_of_triangles().into_iter().map(|c| charts + c));
             triangles += tile.triangles.len() as u32;
             charts += tile.charts.len() as u32;
         }
@@ -105,7 +105,7 @@ impl<'a> Surface<'a> {
         for side in all.flat_map(sides) {
             let [a, b] = self.ends(side);
             if a != b && at_border[a as usize] && at_border[b as usize] {
-                edges.put(([a.min(b), a.max(b)], side));
+                edges.push(([a.min(b), a.max(b)], side));
             }
         }
         edges.sort_unstable();
@@ -120,7 +120,7 @@ impl<'a> Surface<'a> {
                 }
                 [(ends, s)] if wanted.open_borders => {
                     enter(&mut self.beyond, s, s);
-                    mirrors.put(ends);
+                    mirrors.push(ends);
                 }
                 _ => (),
             }
@@ -145,7 +145,7 @@ impl<'a> Surface<'a> {
             }
         }
         let is_corner = |place: &u32| (angles[place] - PI).abs() > CORNER;
-        let corners: Vec<u32> = mirrors.iter().flatten().copied().filter(is_corner).collected();
+        let corners: Vec<u32> = mirrors.iter().flatten().copied().filter(is_corner).collect();
         corners.into_iter().for_each(|place| _ = enter(&mut self.corners, place, ()));
     }
 
@@ -299,8 +299,8 @@ impl<'a> Surface<'a> {
                 let inward = at[2] - at[0];
                 let foot = uv[0].lerp(uv[1], inward.dot(along) / at[0].distance(at[1]));
                 let across = (foot - uv[2]) / inward.cross(along).length();
-                rims.put((side, Rim { uv: [uv[0], uv[1]], own: (t as u32, k), across }));
-                open.put((side, [0.0; 2]));
+                rims.push((side, Rim { uv: [uv[0], uv[1]], own: (t as u32, k), across }));
+                open.push((side, [0.0; 2]));
             }
         }
         // The least distance at which each triangle was reached.
@@ -321,7 +321,7 @@ impl<'a> Surface<'a> {
                 }
                 enter(&mut nearest, entry.0, distance);
                 if known.is_none() {
-                    triangles.put(entry.0);
+                    triangles.push(entry.0);
                 }
                 let of_corners = self.of_corners(entry, ends);
                 for side in sides(entry.0).filter(|&side| side != entry) {
@@ -334,7 +334,7 @@ impl<'a> Surface<'a> {
                     if next.is_some_and(|next| self.ends(next)[0] != self.ends(side)[0]) {
                         ends.swap(0, 1);
                     }
-                    open.put_all(next.map(|next| (next, ends)));
+                    open.extend(next.map(|next| (next, ends)));
                 }
             }
         }

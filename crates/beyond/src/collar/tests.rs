@@ -1,6 +1,7 @@
 use glam::{DMat2, DVec2};
 
 use super::*;
+use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::mesh::{MeshSource, UvSource};
 use vrtm_core::settings::Beyond;
 use vrtm_core::team::Team;
@@ -224,5 +225,5 @@ fn nothing_lies_beyond_a_border_of_the_mesh_or_an_edge_of_three_triangles() {
     })
     .unwrap();
     assert_eq!(mesh.info.charts, 3);
-    assert!(of_tile(&mesh, 0, 0.1).iter().all(Vec::is_empty));
+    assert!(of_tile(&mesh, 0, 0.1).iter().all(|collar| collar.is_empty()));
 }

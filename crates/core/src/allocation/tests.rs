@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use super::*;
+use crate::allocation::vec;
 use crate::error::{ErrorKind, Result};
 use crate::team::Team;
 use crate::unwind::{caught, why};
@@ -137,7 +138,7 @@ fn a_block_that_cannot_move_shrinks_where_it_is() {
     let host = Host::default();
     let mut array = {
         let _scope = host.current().enter();
-        filled(3u8, 100_000)
+        vec![3u8; 100_000]
     };
     array.truncate(10_000);
     host.fails.store(true, Ordering::Relaxed);
@@ -146,7 +147,7 @@ fn a_block_that_cannot_move_shrinks_where_it_is() {
         // The scope of the host's allocator is active here, too.
         let _scope = host.current().enter();
         let _fallible = current::Fallible::enter();
-        array.give_room_back();
+        array.shrink_to_fit();
     }
     assert_eq!((array.capacity(), array.as_ptr()), (10_000, before));
     assert!(array.iter().all(|x| *x == 3) && host.in_use().1 > 100_000);
@@ -159,7 +160,7 @@ fn any_thread_frees_at_any_time() {
     let host = Host::default();
     let arrays = {
         let _scope = host.current().enter();
-        [zeroed::<u64>(1000), filled(1u64, 2000)]
+        [zeroed::<u64>(1000), vec![1u64; 2000]]
     };
     assert_eq!(host.in_use().0, 2);
     // The handle is gone; the blocks keep the record with their `free`.
@@ -173,10 +174,10 @@ fn missing_memory_unwinds_with_its_size_or_comes_from_the_system() {
     host.fails.store(true, Ordering::Relaxed);
     let _scope = host.current().enter();
     assert_eq!(bytes_missing(|| zeroed::<u32>(5000)), 20_000);
-    assert_eq!(bytes_missing(|| filled([1.0f64; 2], 1000)), 16_000);
-    assert_eq!(bytes_missing(|| (0..3000u32).collected()), 12_000);
+    assert_eq!(bytes_missing(|| vec![[1.0f64; 2]; 1000]), 16_000);
+    assert_eq!(bytes_missing(|| (0..3000u32).collect::<Vec<_>>()), 12_000);
     assert_eq!(bytes_missing(|| boxed([0u8; 9000])), 9000);
-    assert!(bytes_missing(|| (0..10_000u32).filter(|x| x % 2 == 0).collected()) >= 2048);
+    assert!(bytes_missing(|| (0..10_000u32).filter(|x| x % 2 == 0).collect::<Vec<_>>()) >= 2048);
     let mut table = std::collections::HashMap::<u32, u32>::new();
     assert!(bytes_missing(|| make_room_in(&mut table, 1000)) >= 8000);
     // Allocations by the standard library itself are infallible.
@@ -197,27 +198,27 @@ fn missing_memory_unwinds_with_its_size_or_comes_from_the_system() {
 fn sizes_beyond_all_memory_are_missing_memory() {
     for count in [usize::MAX, usize::MAX / 2, usize::MAX / 8 + 1, 1 << 60] {
         assert!(bytes_missing(|| zeroed::<u64>(count)) > 1 << 59);
-        assert!(bytes_missing(|| filled(1u64, count)) > 1 << 59);
-        assert!(bytes_missing(|| with_capacity::<u64>(count)) > 1 << 59);
-        let mut array = copied(&[1u64, 2]);
-        assert!(bytes_missing(|| array.fill_to(count, 3)) > 1 << 59);
-        assert!(bytes_missing(|| array.make_room(count)) > 1 << 59);
+        assert!(bytes_missing(|| vec![1u64; count]) > 1 << 59);
+        assert!(bytes_missing(|| Vec::<u64>::with_capacity(count)) > 1 << 59);
+        let mut array = vec![1u64, 2];
+        assert!(bytes_missing(|| array.resize(count, 3)) > 1 << 59);
+        assert!(bytes_missing(|| array.reserve(count)) > 1 << 59);
         assert_eq!(array, [1, 2]);
     }
 }
 
 #[test]
 fn arrays_grow_as_those_of_std_do() {
-    let mut array = with_capacity(2);
-    (0..1000u32).for_each(|x| array.put(x));
-    array.put_at(0, 7);
-    array.put_all([8, 9]);
-    array.put_all((0..10).filter(|x| x % 2 == 1));
-    array.fill_to(1010, 6);
+    let mut array = Vec::with_capacity(2);
+    (0..1000u32).for_each(|x| array.push(x));
+    array.insert(0, 7);
+    array.extend([8, 9]);
+    array.extend((0..10).filter(|x| x % 2 == 1));
+    array.resize(1010, 6);
     let mut expected = vec![7];
     expected.extend((0..1000).chain([8, 9, 1, 3, 5, 7, 9, 6, 6]));
     assert_eq!(array, expected);
-    assert_eq!((0..5).chain(8..10).collected(), [0, 1, 2, 3, 4, 8, 9]);
+    assert_eq!((0..5).chain(8..10).collect::<Vec<_>>(), [0, 1, 2, 3, 4, 8, 9]);
     assert_eq!(*boxed([7u64; 3]), [7; 3]);
     boxed(());
     assert_eq!(zeroed::<[u16; 3]>(2), [[0; 3]; 2]);
@@ -229,12 +230,12 @@ fn helpers_of_a_team_work_with_its_caller_s_memory() {
     let host = Host::default();
     for threads in [1, 4] {
         let _scope = host.current().enter();
-        let arrays = Team::with(threads, |team| team.map(64, |k| filled(k, 1000)));
+        let arrays = Team::with(threads, |team| team.map(64, |k| vec![k; 1000]));
         assert!(host.in_use().0 >= 64);
         drop(arrays);
         host.fails.store(true, Ordering::Relaxed);
         let missing = bytes_missing(|| {
-            Team::with(threads, |team| team.run(64, |k| drop(filled(k as u8, 5000))));
+            Team::with(threads, |team| team.run(64, |k| drop(vec![k as u8; 5000])));
         });
         assert_eq!(missing, 5000);
         host.fails.store(false, Ordering::Relaxed);

@@ -1,7 +1,7 @@
 //! Allocation of a solver's memory. Structures are constructed with an [`Allocate`], which either allocates their
 //! arrays or counts their bytes. Both use the same code, so the count is exact.
 
-use crate::allocation::{Plain, filled, zeroed};
+use crate::allocation::{Plain, Vec, vec, zeroed};
 
 /// Provides the arrays of a structure.
 pub trait Allocate {
@@ -17,7 +17,7 @@ pub struct Heap;
 
 impl Allocate for Heap {
     fn array<T: Plain + Copy>(&mut self, element: T, count: usize) -> Vec<T> {
-        filled(element, count)
+        vec![element; count]
     }
 
     fn zeros<T: Plain>(&mut self, count: usize) -> Vec<T> {

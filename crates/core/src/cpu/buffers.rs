@@ -1,5 +1,6 @@
 //! The state of one level: its arrays, and how the items of a job share them.
 
+use crate::allocation::Vec;
 use crate::grid::planes::Plane;
 use crate::team::SharedSlice;
 

@@ -2,7 +2,7 @@
 //! the warp or the identity is the result (method §8). If all are positive, the warp is one-to-one and onto, because
 //! the borders are fixed (method §11.1).
 
-use crate::allocation::filled;
+use crate::allocation::{Vec, vec};
 use crate::grid::Level;
 use crate::grid::planes::{NODES, Plane, SIDE};
 use crate::grid::window::{self, WINDOW_NODES, Window, place};
@@ -68,13 +68,13 @@ impl Run<'_> {
         let blocks = &self.work[0].active;
         let level = &self.grid.levels[0];
         let u = &self.memory.levels[0].u;
-        let mut parts = filled(Certificate::default(), blocks.len());
+        let mut parts = vec![Certificate::default(); blocks.len()];
         let shared = SharedSlice::new(&mut parts);
         self.team.run(blocks.len(), |k| {
             // SAFETY: each item has its own certificate.
             unsafe { *shared.get_mut(k) = certify_block(level, u, blocks[k] as usize) };
         });
-        let mut certificates = filled(Certificate::default(), self.charts.len());
+        let mut certificates = vec![Certificate::default(); self.charts.len()];
         for (part, &b) in parts.iter().zip(blocks) {
             certificates[level.blocks.list[b as usize].chart as usize].add(part);
         }

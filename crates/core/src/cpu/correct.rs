@@ -17,7 +17,7 @@ mod tests;
 mod transfer;
 pub(super) mod workspace;
 
-use crate::allocation::{Collect, copied};
+use crate::allocation::Vec;
 use crate::grid::planes::NODES;
 use crate::method::acceptance::{Correction, Gain};
 use crate::method::law::trial_fractions;
@@ -111,11 +111,11 @@ impl Run<'_> {
         let Stepping { fraction: node_fraction, before: displacement, step, cut } = stepping;
         let displacement = SharedSlice::new(displacement);
         let mut open: Vec<bool> =
-            (0..self.charts.len()).map(|c| self.charts[c] && fraction[c] > 0.0).collected();
+            (0..self.charts.len()).map(|c| self.charts[c] && fraction[c] > 0.0).collect();
         let trials = trial_fractions(level);
         for (trial, &trial_fraction) in trials.iter().chain(&[0.0]).enumerate() {
             self.work[level].retain(|b| open[list[b as usize].chart as usize]);
-            let blocks = copied(&self.work[level].active);
+            let blocks = self.work[level].active.clone();
             if blocks.is_empty() {
                 break;
             }

@@ -7,7 +7,7 @@ use super::row::Row;
 use super::run::{Run, SurfaceFn};
 use super::sampling::Surface;
 use super::terms::{Terms, least_jacobian, room_energy};
-use crate::allocation::{Collect, zeroed};
+use crate::allocation::{Vec, zeroed};
 use crate::grid::Level;
 use crate::grid::planes::Plane;
 use crate::method::law::CRUSHED_JACOBIAN;
@@ -44,7 +44,7 @@ impl Run<'_> {
             let weights = self.weights[level].without_pull();
             let state = Energies { allow_folds, ..Energies::of_state(level, weights) };
             let energies = self.with_surface(level, state);
-            self.known_energies = energies.into_iter().map(Some).collected();
+            self.known_energies = energies.into_iter().map(Some).collect();
         }
         // A chart without movable nodes on this level has no energy.
         for energy in &mut self.known_energies {

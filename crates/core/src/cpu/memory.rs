@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Weak};
 
-use crate::allocation::{Grow, with_capacity};
+use crate::allocation::Vec;
 use crate::grid::Grid;
 use crate::grid::planes::Plane;
 use crate::method::plan::Purpose;
@@ -25,11 +25,11 @@ pub(super) struct PbdBuffers {
 impl PbdBuffers {
     /// Allocates the buffers of all levels.
     pub fn new(allocator: &mut impl Allocate, grid: &Grid) -> Vec<PbdBuffers> {
-        let mut all = with_capacity(grid.levels.len());
+        let mut all = Vec::with_capacity(grid.levels.len());
         for (k, level) in grid.levels.iter().enumerate() {
             let blocks = level.blocks.list.len();
             let next = Buffers::new(allocator, blocks, k == 0);
-            all.put(PbdBuffers { next, previous: allocator.zeros(blocks) });
+            all.push(PbdBuffers { next, previous: allocator.zeros(blocks) });
         }
         all
     }
@@ -57,7 +57,7 @@ impl Lists {
         let others = other.colours.iter().chain([&other.active, &other.stored]);
         for (list, other) in self.all().into_iter().zip(others) {
             list.clear();
-            list.put_all(other.iter().copied());
+            list.extend_from_slice(other);
         }
     }
 
@@ -102,12 +102,12 @@ impl Memory {
 
     /// Constructs the memory with an allocator.
     fn construct(allocator: &mut impl Allocate, grid: &Grid, purpose: Purpose) -> Memory {
-        let mut levels = with_capacity(grid.levels.len());
+        let mut levels = Vec::with_capacity(grid.levels.len());
         for (k, level) in grid.levels.iter().enumerate() {
             let blocks = level.blocks.list.len();
             let metric = allocator.zeros(if k > 0 { blocks } else { 0 });
             let lost = allocator.zeros(if purpose.protects { blocks } else { 0 });
-            levels.put(Buffers { metric, lost, ..Buffers::new(allocator, blocks, k == 0) });
+            levels.push(Buffers { metric, lost, ..Buffers::new(allocator, blocks, k == 0) });
         }
         let (workspace, pbd) = match purpose.solver {
             Solver::Descent => (Workspace::new(allocator, grid), Vec::new()),

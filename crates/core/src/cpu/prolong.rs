@@ -6,7 +6,7 @@
 use super::lanes::{Lanes, Mask, Vectorised, dispatch};
 use super::run::Run;
 use super::sampling::resample::Start;
-use crate::allocation::Collect;
+use crate::allocation::Vec;
 use crate::grid::Level;
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::grid::window::{self, WINDOW_NODES, Window, place};
@@ -81,7 +81,7 @@ impl Run<'_> {
     fn zero_inactive_blocks(&mut self, level: usize) -> Vec<u32> {
         let list = &self.grid.levels[level].blocks.list;
         let inactive: Vec<u32> =
-            self.work[level].stored.iter().copied().filter(|&b| !list[b as usize].active).collected();
+            self.work[level].stored.iter().copied().filter(|&b| !list[b as usize].active).collect();
         for &b in &inactive {
             self.memory.levels[level].u[b as usize] = [[0.0; NODES]; 2];
         }

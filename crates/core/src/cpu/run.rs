@@ -4,7 +4,7 @@
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::allocation::{Collect, Grow, filled, zeroed, zeroed_box};
+use crate::allocation::{Vec, vec, zeroed, zeroed_box};
 use crate::backend::{TileSolution, TileSolve, TileSolver, Warp};
 use crate::error::Result;
 use crate::grid::Grid;
@@ -89,16 +89,16 @@ impl<'a> Run<'a> {
         let Input { grid, mesh, pose, charts, .. } = *input;
         let [mut work, mut spare] = std::mem::take(&mut memory.lists);
         for lists in [&mut work, &mut spare] {
-            lists.put_all((lists.len()..grid.levels.len()).map(|_| Lists::default()));
+            lists.extend((lists.len()..grid.levels.len()).map(|_| Lists::default()));
         }
         for (work, level) in work.iter_mut().zip(&grid.levels) {
             work.all().into_iter().for_each(Vec::clear);
             for (b, block) in level.blocks.list.iter().enumerate() {
                 if charts[block.chart as usize] {
-                    work.stored.put(b as u32);
+                    work.stored.push(b as u32);
                     if block.active {
-                        work.active.put(b as u32);
-                        work.colours[(block.y % 2 * 2 + block.x % 2) as usize].put(b as u32);
+                        work.active.push(b as u32);
+                        work.colours[(block.y % 2 * 2 + block.x % 2) as usize].push(b as u32);
                     }
                 }
             }
@@ -109,7 +109,7 @@ impl<'a> Run<'a> {
             mesh,
             pose,
             memory,
-            weights: (0..grid.levels.len()).map(|level| Weights::new(input, level)).collected(),
+            weights: (0..grid.levels.len()).map(|level| Weights::new(input, level)).collect(),
             least_weight: input.least_weight(),
             work,
             spare,
@@ -117,8 +117,8 @@ impl<'a> Run<'a> {
             result,
             result_is_used: false,
             anchor,
-            results: filled(ChartResult::default(), charts.len()),
-            known_energies: filled(None, charts.len()),
+            results: vec![ChartResult::default(); charts.len()],
+            known_energies: vec![None; charts.len()],
             node_updates: AtomicU64::new(0),
             patches: PerThread::new(team, Patch::zeroed),
             pairs: PerThread::new(team, zeroed_box),
@@ -180,7 +180,7 @@ impl<'a> Run<'a> {
     /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks. `values` has one
     /// value for each stored block.
     pub(super) fn sum_active_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
-        let active: Vec<f64> = self.work[level].active.iter().map(|&b| values[b as usize]).collected();
+        let active: Vec<f64> = self.work[level].active.iter().map(|&b| values[b as usize]).collect();
         self.sum_per_chart(level, &active)
     }
 

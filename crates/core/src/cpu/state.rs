@@ -1,7 +1,7 @@
 //! Reads the state of a run in the layout of `gpu_state.rs`, for comparing the two backends. A module of `cpu`, so that
 //! it can access private state.
 
-use crate::allocation::{Collect, Grow, with_capacity};
+use crate::allocation::Vec;
 use crate::grid::planes::{NODES, Plane};
 use crate::mesh::NONE;
 
@@ -15,7 +15,7 @@ fn bits<const N: usize>(planes: &[Plane; N]) -> impl Iterator<Item = u32> {
 
 /// The planes of one quantity in all blocks, as bits.
 pub(super) fn flat<const N: usize>(blocks: &[[Plane; N]]) -> Vec<u32> {
-    blocks.iter().flat_map(bits).collected()
+    blocks.iter().flat_map(bits).collect()
 }
 
 impl Run<'_> {
@@ -26,7 +26,7 @@ impl Run<'_> {
             let ([a, b, c], [d, e, f], [g, h, i]) = (t.origin, t.tangent[0], t.tangent[1]);
             [a, b, c, d, e, f, g, h, i]
         };
-        self.memory.triangles.iter().map(triangle).collected()
+        self.memory.triangles.iter().map(triangle).collect()
     }
 
     /// The pose metrics on a coarser level: three planes per block.
@@ -37,11 +37,11 @@ impl Run<'_> {
     /// A level's state. Planes per block: displacements (2), values (3) and triangles (1).
     pub fn state(&self, level: usize) -> Vec<u32> {
         let buffers = &self.memory.levels[level];
-        let mut all = with_capacity(buffers.u.len() * 6 * NODES);
+        let mut all = Vec::with_capacity(buffers.u.len() * 6 * NODES);
         for b in 0..buffers.u.len() {
-            all.put_all(bits(&buffers.u[b]).chain(bits(&buffers.value[b])));
+            all.extend(bits(&buffers.u[b]).chain(bits(&buffers.value[b])));
             // Coarser levels have no triangles.
-            all.put_all(buffers.triangle.get(b).unwrap_or(&[NONE; NODES]).iter().copied());
+            all.extend(buffers.triangle.get(b).unwrap_or(&[NONE; NODES]));
         }
         all
     }

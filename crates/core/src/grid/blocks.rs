@@ -6,7 +6,7 @@ use std::ops::Range;
 
 use super::node_set::{NodeSet, NodeWindow};
 use super::planes::SIDE;
-use crate::allocation::{Grow, filled, with_capacity};
+use crate::allocation::{Vec, vec};
 use crate::mesh::NONE;
 use crate::team::Team;
 
@@ -80,7 +80,7 @@ impl Blocks {
                         let place = |x: u32, d: i64| (i64::from(x) + d) as u32;
                         let key = (part.chart, place(part.y, dy), place(part.x, dx));
                         if parts.binary_search_by_key(&key, Part::key).is_err() {
-                            around.put(key);
+                            around.push(key);
                         }
                     }
                 }
@@ -88,31 +88,31 @@ impl Blocks {
         }
         around.sort_unstable();
         around.dedup();
-        let mut list: Vec<Block> = with_capacity(parts.len() + around.len());
-        let mut movable = with_capacity(parts.len() + around.len());
+        let mut list: Vec<Block> = Vec::with_capacity(parts.len() + around.len());
+        let mut movable = Vec::with_capacity(parts.len() + around.len());
         let mut around = around.into_iter().peekable();
         let halo = |(chart, y, x)| Block { chart, x, y, active: false };
         for part in parts {
             while let Some(key) = around.next_if(|key| *key < part.key()) {
-                list.put(halo(key));
-                movable.put(NodeSet::EMPTY);
+                list.push(halo(key));
+                movable.push(NodeSet::EMPTY);
             }
-            list.put(Block { chart: part.chart, x: part.x, y: part.y, active: true });
-            movable.put(part.nodes);
+            list.push(Block { chart: part.chart, x: part.x, y: part.y, active: true });
+            movable.push(part.nodes);
         }
         for key in around {
-            list.put(halo(key));
-            movable.put(NodeSet::EMPTY);
+            list.push(halo(key));
+            movable.push(NodeSet::EMPTY);
         }
-        let mut of_chart = with_capacity(charts);
+        let mut of_chart = Vec::with_capacity(charts);
         let mut start = 0;
         for c in 0..charts as u32 {
             let end = start + list[start..].partition_point(|b| b.chart == c);
-            of_chart.put(start..end);
+            of_chart.push(start..end);
             start = end;
         }
         let mut blocks = Blocks { list, neighbours: Vec::new(), of_chart };
-        let mut neighbours = filled([NONE; 9], blocks.list.len());
+        let mut neighbours = vec![[NONE; 9]; blocks.list.len()];
         team.fill(&mut neighbours, |b, around| *around = blocks.around(b));
         blocks.neighbours = neighbours;
         (blocks, movable)

@@ -12,7 +12,7 @@ use super::pyramid::{self, Relevant};
 use super::rigidity::NodeRigidity;
 use super::survey::{Survey, SurveyLevel};
 use super::{Grid, Level, cover, coverage, density, mirrors, rest};
-use crate::allocation::{Collect, Grow, filled, with_capacity, zeroed};
+use crate::allocation::{Vec, vec, zeroed};
 use crate::grid::maps::MapsOfTile;
 use crate::grid::maps::TileMaps;
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
@@ -53,7 +53,7 @@ pub fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -> Grid 
     let mut grid = Grid {
         levels,
         triangles: Arc::new(triangles),
-        chart_of: Arc::new(coverer.charts.into_owned()),
+        chart_of: Arc::new(coverer.charts.into_owned().into()),
         triangle,
         gather: Arc::new(gather),
         movable,
@@ -92,7 +92,7 @@ pub fn skeleton(survey: Survey) -> Grid {
     Grid {
         levels,
         triangles: Arc::new(triangles),
-        chart_of: Arc::new(coverer.charts.into_owned()),
+        chart_of: Arc::new(coverer.charts.into_owned().into()),
         triangle: Arc::default(),
         gather: Arc::new(gather),
         movable,
@@ -109,11 +109,11 @@ pub fn skeleton(survey: Survey) -> Grid {
 
 /// The levels of a grid with their blocks and mobility; their other fields are empty.
 pub(super) fn levels_of(survey: &[SurveyLevel], charts: usize) -> Vec<Level> {
-    let mut levels: Vec<Level> = with_capacity(survey.len());
+    let mut levels: Vec<Level> = Vec::with_capacity(survey.len());
     for SurveyLevel { size, blocks, movable } in survey {
-        let mut children = filled([NONE; 4], blocks.list.len());
+        let mut children = vec![[NONE; 4]; blocks.list.len()];
         if let Some(finer) = levels.last_mut() {
-            let mut parents = filled(NONE, finer.blocks.list.len());
+            let mut parents = vec![NONE; finer.blocks.list.len()];
             for (b, block) in finer.blocks.list.iter().enumerate() {
                 let parent = blocks.find(block.chart, i64::from(block.x / 2), i64::from(block.y / 2));
                 parents[b] = parent;
@@ -123,7 +123,7 @@ pub(super) fn levels_of(survey: &[SurveyLevel], charts: usize) -> Vec<Level> {
             }
             finer.parent = Arc::new(parents);
         }
-        levels.put(Level {
+        levels.push(Level {
             nx: size[0],
             ny: size[1],
             rigidity: Vec::new(),
@@ -131,13 +131,13 @@ pub(super) fn levels_of(survey: &[SurveyLevel], charts: usize) -> Vec<Level> {
             hold: Arc::default(),
             interpolation: Vec::new(),
             stiffness: Vec::new(),
-            movable: Arc::new(movable.iter().map(mobility).collected()),
+            movable: Arc::new(movable.iter().map(mobility).collect()),
             rest_length: Arc::default(),
-            lengths: filled([Lengths::default(); 4], charts),
+            lengths: vec![[Lengths::default(); 4]; charts],
             floor: zeroed(charts),
             coverage: Arc::default(),
             children: Arc::new(children),
-            parent: Arc::new(filled(NONE, blocks.list.len())),
+            parent: Arc::new(vec![NONE; blocks.list.len()]),
             blocks: blocks.clone(),
         });
     }
@@ -179,7 +179,7 @@ fn set_interpolation(team: &Team, survey: &Survey, levels: &mut [Level], setting
     for k in 0..levels.len() - 1 {
         let (finer, coarser) = (&survey.levels[k], &survey.levels[k + 1]);
         let mut parents: Vec<(u32, u32, u32)> =
-            finer.blocks.list.iter().map(|b| (b.chart, b.y / 2, b.x / 2)).collected();
+            finer.blocks.list.iter().map(|b| (b.chart, b.y / 2, b.x / 2)).collect();
         parents.sort_unstable();
         parents.dedup();
         let source = match k {
@@ -203,7 +203,7 @@ fn set_interpolation(team: &Team, survey: &Survey, levels: &mut [Level], setting
 /// The triangle under each node of the blocks of level 0.
 fn triangles_of_nodes(team: &Team, survey: &Survey) -> Vec<Plane<u32>> {
     let blocks = &survey.levels[0].blocks.list;
-    let mut triangles = filled([NONE; NODES], blocks.len());
+    let mut triangles = vec![[NONE; NODES]; blocks.len()];
     team.fill(&mut triangles, |b, plane| {
         let block = &blocks[b];
         if let Some(square) = survey.coverer.squares.find(block.chart, block.x, block.y) {
@@ -230,5 +230,5 @@ fn planes(level: &Level, f: impl Fn(usize, usize) -> f32) -> Vec<Plane> {
         }
         plane
     };
-    level.blocks.list.iter().map(plane).collected()
+    level.blocks.list.iter().map(plane).collect()
 }

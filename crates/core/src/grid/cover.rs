@@ -54,7 +54,7 @@ impl<'a> Coverer<'a> {
     pub fn new(tile: &'a TileMesh, nx: usize, ny: usize, overlap: Overlap) -> Coverer<'a> {
         let charts = tile.chart_of_triangles();
         let squares = Squares::new(tile, &charts, nx, ny, None);
-        Coverer { tile, nx, ny, overlap, charts: Cow::Owned(charts), squares }
+        Coverer { tile, nx, ny, overlap, charts: Cow::Owned(charts.into()), squares }
     }
 
     /// Covers a square. Where layers overlap, a node belongs to the first triangle (triangles are sorted by chart,

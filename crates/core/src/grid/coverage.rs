@@ -4,7 +4,7 @@
 use super::cover::{Coverer, WIDE, at};
 use super::rigidity::NodeRigidity;
 use super::survey::Survey;
-use crate::allocation::{filled, zeroed};
+use crate::allocation::{Vec, vec, zeroed};
 use crate::grid::maps::{MapsOfTile, TileMaps};
 use crate::grid::planes::SIDE;
 use crate::mesh::{NONE, TileMesh};
@@ -27,7 +27,7 @@ impl Coverage {
     pub fn new(tile: &TileMesh, nx: usize, ny: usize, overlap: Overlap) -> Coverage {
         let coverer = Coverer::new(tile, nx, ny, overlap);
         let nodes = (nx + 1) * (ny + 1);
-        let mut coverage = Coverage { nx, ny, triangle: filled(NONE, nodes), interior: zeroed(nodes) };
+        let mut coverage = Coverage { nx, ny, triangle: vec![NONE; nodes], interior: zeroed(nodes) };
         for square in 0..coverer.squares.list.len() {
             let cover = coverer.cover(square);
             each_node(coverer.squares.list[square].at, nx, ny, |i, j, node| {
@@ -65,7 +65,7 @@ pub fn node_maps(tile: &TileMesh, maps: &TileMaps, [nx, ny]: [usize; 2]) -> Node
 pub(super) fn node_maps_of(source: &NodeRigidity, survey: &Survey) -> NodeMaps {
     let Coverer { nx, ny, squares, .. } = source.coverer;
     let nodes = (nx + 1) * (ny + 1);
-    let mut maps = NodeMaps { nx: *nx, ny: *ny, rigidity: zeroed(nodes), chart: filled(NONE, nodes) };
+    let mut maps = NodeMaps { nx: *nx, ny: *ny, rigidity: zeroed(nodes), chart: vec![NONE; nodes] };
     for square in 0..squares.list.len() {
         let cover = source.coverer.cover(square);
         let values: [f32; WIDE * WIDE] = source.window(squares.list[square].at, &cover);

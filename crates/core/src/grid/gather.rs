@@ -5,8 +5,7 @@ use glam::DVec2;
 use super::blocks::Block;
 use super::cover::Coverer;
 use super::fill::Fill;
-use crate::allocation::Collect;
-use crate::allocation::{Grow, with_capacity, zeroed};
+use crate::allocation::{Vec, zeroed};
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::team::Team;
 
@@ -33,18 +32,18 @@ impl Gather {
         blocks: &[Block],
         cells: [usize; 2],
     ) -> (Gather, Vec<Plane>) {
-        let mut gather = Gather { starts: with_capacity(blocks.len() * NODES + 1), entries: Vec::new() };
-        gather.starts.put(0);
-        let mut coverage = with_capacity(blocks.len());
+        let mut gather = Gather { starts: Vec::with_capacity(blocks.len() * NODES + 1), entries: Vec::new() };
+        gather.starts.push(0);
+        let mut coverage = Vec::with_capacity(blocks.len());
         for round in blocks.chunks(ROUND) {
             for of_block in team.map(round.len(), |b| BlockGather::new(coverer, cells, &round[b])) {
                 let first = gather.entries.len() as u32;
-                gather.starts.put_all(of_block.ends.iter().map(|end| first + end));
-                gather.entries.put_all(of_block.entries);
-                coverage.put(of_block.coverage);
+                gather.starts.extend(of_block.ends.iter().map(|end| first + end));
+                gather.entries.extend(of_block.entries);
+                coverage.push(of_block.coverage);
             }
         }
-        gather.entries.give_room_back();
+        gather.entries.shrink_to_fit();
         (gather, coverage)
     }
 
@@ -68,7 +67,7 @@ impl Gather {
     pub fn of_blocks(&self, blocks: std::ops::Range<usize>) -> (Vec<u32>, &[(u32, f32)]) {
         let starts = &self.starts[blocks.start * NODES..=blocks.end * NODES];
         let (first, end) = (starts[0], starts[starts.len() - 1]);
-        (starts.iter().map(|start| start - first).collected(), &self.entries[first as usize..end as usize])
+        (starts.iter().map(|start| start - first).collect(), &self.entries[first as usize..end as usize])
     }
 
     /// Bytes of the two arrays of `of_blocks`; an entry has 8 bytes.
@@ -121,15 +120,15 @@ impl BlockGather {
                 let whole = fill.holds(low, low + DUAL_SIDE);
                 let area = if whole { DUAL_SIDE * DUAL_SIDE } else { area_in_box(corners, low) };
                 if area > 0.0 {
-                    pieces.put((slot(i % SIDE, j % SIDE) as u32, t, area as f32));
+                    pieces.push((slot(i % SIDE, j % SIDE) as u32, t, area as f32));
                 }
             });
         }
         // A triangle has one piece per node.
         pieces.sort_unstable_by_key(|piece| (piece.0, piece.1));
         let mut found = BlockGather {
-            ends: with_capacity(NODES),
-            entries: with_capacity(pieces.len()),
+            ends: Vec::with_capacity(NODES),
+            entries: Vec::with_capacity(pieces.len()),
             coverage: [0.0; NODES],
         };
         let mut remaining = &pieces[..];
@@ -138,8 +137,8 @@ impl BlockGather {
             remaining = others;
             let sum: f32 = of_node.iter().map(|p| p.2).sum();
             *coverage = (sum / (DUAL_SIDE * DUAL_SIDE) as f32).min(1.0);
-            found.entries.put_all(of_node.iter().map(|p| (p.1, p.2 / sum)));
-            found.ends.put(found.entries.len() as u32);
+            found.entries.extend(of_node.iter().map(|p| (p.1, p.2 / sum)));
+            found.ends.push(found.entries.len() as u32);
         }
         found
     }
@@ -153,7 +152,7 @@ fn triangles(coverer: &Coverer, block: &Block) -> Vec<u32> {
         if let Some(square) = coverer.squares.find(block.chart, 2 * block.x + dx, 2 * block.y + dy) {
             let of_square = coverer.squares.triangles(square);
             triangles
-                .put_all(of_square.iter().copied().filter(|t| coverer.charts[*t as usize] == block.chart));
+                .extend(of_square.iter().copied().filter(|t| coverer.charts[*t as usize] == block.chart));
         }
     }
     triangles.sort_unstable();

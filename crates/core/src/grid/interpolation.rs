@@ -13,7 +13,7 @@
 
 use super::codes::{decode_rigidity, encode_weight};
 use super::survey::SurveyLevel;
-use crate::allocation::{Collect, filled, zeroed};
+use crate::allocation::{Vec, vec, zeroed};
 use crate::grid::planes::EDGES;
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::mesh::NONE;
@@ -82,10 +82,8 @@ pub fn patches(
     stiffness: &mut [StiffnessPlanes],
 ) {
     // Allocated once for all rounds: a patch is too large for the stack.
-    let mut found = filled(
-        PatchResult { weights: [[0; NODES]; 4], stiffness: [[0.0; NODES]; 4] },
-        places.len().min(ROUND),
-    );
+    let mut found =
+        vec![PatchResult { weights: [[0; NODES]; 4], stiffness: [[0.0; NODES]; 4] }; places.len().min(ROUND)];
     for round in places.chunks(ROUND) {
         team.fill(&mut found[..round.len()], |p, found| {
             let (chart, y, x) = round[p];
@@ -226,7 +224,7 @@ impl Stiffness {
 
     /// The weights at odd columns, and the Galerkin product on even columns and all rows.
     fn collapse_x(&self) -> (Vec<f32>, Stiffness) {
-        let mut weights = filled(HALF, self.columns * self.rows);
+        let mut weights = vec![HALF; self.columns * self.rows];
         for j in 0..self.rows as i64 {
             for i in (1..self.columns as i64).step_by(2) {
                 let west =
@@ -273,7 +271,7 @@ impl Stiffness {
                     + s(-1, 0, NORTH_WEST) * west,
             ]
         });
-        let halfway = halfway.collected();
+        let halfway = halfway.collect();
         (weights, Stiffness { columns, rows: self.rows, edges: halfway })
     }
 
@@ -327,7 +325,7 @@ impl Stiffness {
                     + s(0, 1, NORTH_WEST) * north,
             ]
         });
-        Stiffness { columns: self.columns, rows, edges: edges.collected() }
+        Stiffness { columns: self.columns, rows, edges: edges.collect() }
     }
 }
 

@@ -4,7 +4,7 @@
 use super::blocks::Part;
 use super::node_set::{NodeSet, NodeWindow};
 use super::rigid_nodes::RigidNodes;
-use crate::allocation::{Collect, Grow};
+use crate::allocation::Vec;
 use crate::grid::planes::SIDE;
 
 /// The rigid nodes of a chart in a square.
@@ -26,7 +26,7 @@ pub(super) fn spread(rigid: &mut [RigidPart]) {
             rigid.binary_search_by_key(&key, |of| of.part.key()).ok()
         })
     };
-    let mut open: Vec<usize> = (0..rigid.len()).filter(|&k| !rigid[k].fixed.is_empty()).collected();
+    let mut open: Vec<usize> = (0..rigid.len()).filter(|&k| !rigid[k].fixed.is_empty()).collect();
     while let Some(k) = open.pop() {
         let around = neighbours(rigid, k);
         for k in around.into_iter().flatten() {
@@ -43,7 +43,7 @@ pub(super) fn spread(rigid: &mut [RigidPart]) {
             }
             if sets[4] != before {
                 rigid[k].fixed = sets[4];
-                open.put(k);
+                open.push(k);
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::allocation::Vec;
 use crate::image::map::Map;
 use crate::settings::{MAX_GRID, TileSettings};
 

@@ -5,7 +5,7 @@ use glam::DVec2;
 
 use super::blocks::Blocks;
 use super::planes::{NODES, Plane, slot};
-use crate::allocation::filled;
+use crate::allocation::{Vec, vec};
 use crate::mesh::{NONE, TileMesh};
 
 /// The direction across the border with the length 1 - distance in cells, as two 16-bit fractions of 32767, the first one in
@@ -40,8 +40,8 @@ pub(super) fn hold(
     }
     // A level's own size is rounded down.
     let size = DVec2::new(cells[0] as f64, cells[1] as f64) / (1u64 << level) as f64;
-    let mut hold: Vec<Plane<Hold>> = filled([0; NODES], blocks.list.len());
-    let mut nearest: Vec<Plane> = filled([1.0; NODES], hold.len());
+    let mut hold: Vec<Plane<Hold>> = vec![[0; NODES]; blocks.list.len()];
+    let mut nearest: Vec<Plane> = vec![[1.0; NODES]; hold.len()];
     for t in images() {
         let triangle = &tile.triangles[t];
         for k in 0..3 {

@@ -3,7 +3,7 @@
 
 use glam::DVec3;
 
-use crate::allocation::{Collect, copied};
+use crate::allocation::Vec;
 use crate::mesh::{Chart, TileMesh};
 
 /// The bound to which coordinates are clamped, in units of the chart: squares of lengths divided by rest lengths have
@@ -12,18 +12,12 @@ const FARTHEST: f64 = (1u32 << 20) as f64;
 
 /// Positions of one chart, relative to its own centre and in units of its own rest size, so that f32 suffices
 /// wherever and however large the mesh is.
-#[derive(Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct ChartPose {
     /// One position per vertex of the chart.
     pub positions: Vec<[f32; 3]>,
     /// The factor from the mesh's units to the chart's: a power of two near 1 / (extent at rest).
     pub scale: f64,
-}
-
-impl Clone for ChartPose {
-    fn clone(&self) -> ChartPose {
-        ChartPose { positions: copied(&self.positions), ..*self }
-    }
 }
 
 /// Positions of all charts of a tile.
@@ -59,10 +53,10 @@ impl Pose {
                             ((p[axis] - centre[axis]) * scale).clamp(-FARTHEST, FARTHEST) as f32
                         })
                     })
-                    .collected();
+                    .collect();
                 ChartPose { positions, scale }
             })
-            .collected();
+            .collect();
         Pose { charts }
     }
 

@@ -7,14 +7,14 @@ use super::node_set::NodeSet;
 use super::rigidity::NodeRigidity;
 use super::survey::SurveyLevel;
 use super::window::{self, WINDOW_NODES, place};
-use crate::allocation::{Collect, zeroed};
+use crate::allocation::{Vec, zeroed};
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::mesh::NONE;
 use crate::team::Team;
 
 /// The relevant nodes of each block: movable nodes and their neighbours.
 pub fn relevant(level: &SurveyLevel) -> Vec<NodeSet> {
-    (0..level.movable.len()).map(|b| level.blocks.window(&level.movable, b).dilated()).collected()
+    (0..level.movable.len()).map(|b| level.blocks.window(&level.movable, b).dilated()).collect()
 }
 
 /// Rigidity on level 0, per block, as codes of `encode_rigidity`; 0 at nodes that are not relevant.

@@ -12,7 +12,7 @@ use super::rigid_nodes::{RigidNodes, rigid_nodes};
 use super::rigidity::NodeRigidity;
 use super::squares::Squares;
 use super::survey::{SurveyLevel, has_rigidity, movable_of_charts};
-use crate::allocation::{Collect, Grow, zeroed};
+use crate::allocation::{Vec, zeroed};
 use crate::grid::maps::{MapsOfTile, TileMaps};
 use crate::grid::planes::{NODES, SIDE};
 use crate::image::map::{Map, TexelRect};
@@ -130,7 +130,7 @@ fn parts_with_rigidity(source: &NodeRigidity, parts: &[Part], before: &[bool], n
         let moves = |n: &usize| part.nodes.contains(n % SIDE, n / SIDE);
         (0..NODES).filter(moves).any(|n| has_rigidity(&window, n % SIDE, n / SIDE))
     };
-    parts.iter().zip(before).map(of_part).collected()
+    parts.iter().zip(before).map(of_part).collect()
 }
 
 /// The rigid nodes of each square after the stroke.
@@ -146,13 +146,13 @@ fn rigid_nodes_now(source: &NodeRigidity, before: &[RigidNodes], near: Nodes) ->
             None => *before,
         }
     };
-    before.iter().map(of_square).collected()
+    before.iter().map(of_square).collect()
 }
 
 /// The blocks of a level that contain one of the nodes.
 fn blocks_with(level: &SurveyLevel, nodes: Nodes) -> Vec<usize> {
     let list = &level.blocks.list;
-    (0..list.len()).filter(|&b| nodes.meet([list[b].x, list[b].y], SIDE)).collected()
+    (0..list.len()).filter(|&b| nodes.meet([list[b].x, list[b].y], SIDE)).collect()
 }
 
 /// Updates the rigidity of all levels.
@@ -216,7 +216,7 @@ fn update_interpolation(team: &Team, grid: &mut Grid, maps: &TileMaps, nodes: No
 /// The wanted positions (chart, y, x) on the next coarser level over the blocks of a level.
 fn places(finer: &SurveyLevel, wanted: impl Fn([u32; 2]) -> bool) -> Vec<(u32, u32, u32)> {
     let places = finer.blocks.list.iter().filter(|b| wanted([b.x / 2, b.y / 2]));
-    let mut places: Vec<_> = places.map(|b| (b.chart, b.y / 2, b.x / 2)).collected();
+    let mut places: Vec<_> = places.map(|b| (b.chart, b.y / 2, b.x / 2)).collect();
     places.sort_unstable();
     places.dedup();
     places
@@ -238,7 +238,7 @@ fn stiffness_of_level_1(
         for y in blocks[1].clone() {
             for x in blocks[0].clone() {
                 if level.blocks.find(chart, x, y) != NONE {
-                    read.put((chart, y as u32, x as u32));
+                    read.push((chart, y as u32, x as u32));
                 }
             }
         }

@@ -11,7 +11,7 @@ use super::codes::Lengths;
 use super::metric::{restrict_block, restrict_coverage};
 use super::window::{self, WINDOW_NODES, place};
 use super::{FLOOR_FRACTION, Grid, Level};
-use crate::allocation::{Collect, Grow, boxed, filled, with_capacity, zeroed};
+use crate::allocation::{Vec, boxed, vec, zeroed};
 use crate::grid::planes::EDGES;
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::mesh::triangle::barycentrics;
@@ -27,12 +27,12 @@ pub(super) fn rest_lengths(team: &Team, grid: &mut Grid, mesh: &Mesh, tile: &Til
     let medians = median_lengths(team, grid, &chords);
     for (k, level) in grid.levels.iter_mut().enumerate() {
         // An edge of level k is 2^k times as long.
-        level.floor = medians.iter().map(|m| FLOOR_FRACTION * m * (1u32 << k) as f32).collected();
+        level.floor = medians.iter().map(|m| FLOOR_FRACTION * m * (1u32 << k) as f32).collect();
     }
     let lengths = store(team, &grid.levels[0], |b, scratch| chords.block(grid, b, scratch));
     set(&mut grid.levels[0], lengths);
     let triangle = grid.pose_triangles(tile, &grid.rest);
-    let triangles: Vec<[f32; 3]> = (0..grid.triangles.len()).map(|t| triangle(t).metric()).collected();
+    let triangles: Vec<[f32; 3]> = (0..grid.triangles.len()).map(|t| triangle(t).metric()).collect();
     drop(triangle);
     let mut metrics: Vec<[Plane; 3]> = Vec::new();
     for k in 1..grid.levels.len() {
@@ -74,7 +74,7 @@ struct Scratch {
 
 impl Scratch {
     fn new() -> Box<Scratch> {
-        boxed(Scratch { lengths: [[0.0; NODES]; 4], samples: filled(None, WINDOW_NODES) })
+        boxed(Scratch { lengths: [[0.0; NODES]; 4], samples: vec![None; WINDOW_NODES] })
     }
 }
 
@@ -100,7 +100,7 @@ fn store(team: &Team, level: &Level, lengths: impl Fn(usize, &mut Scratch) + Syn
         Lengths::between(low, of_blocks().map(|[_, high]| high).fold(0.0, f32::max))
     };
     let coding: Vec<[Lengths; 4]> =
-        level.blocks.of_chart.iter().map(|range| std::array::from_fn(|e| of_chart(range, e))).collected();
+        level.blocks.of_chart.iter().map(|range| std::array::from_fn(|e| of_chart(range, e))).collect();
     let mut codes = zeroed::<[[u16; NODES]; 4]>(list.len());
     team.fill_on(&mut codes, |worker, b, codes| {
         let coding = &coding[list[b].chart as usize];
@@ -163,7 +163,7 @@ type Sample = (u32, DVec3, DVec3);
 impl<'a> Chords<'a> {
     fn new(grid: &Grid, mesh: &'a Mesh, tile: &'a TileMesh) -> Chords<'a> {
         let cells = DVec2::new(grid.levels[0].nx as f64, grid.levels[0].ny as f64);
-        Chords { mesh, tile, cells, scales: grid.rest.charts.iter().map(|c| c.scale).collected() }
+        Chords { mesh, tile, cells, scales: grid.rest.charts.iter().map(|c| c.scale).collect() }
     }
 
     /// The lengths of a block's edges. An edge inside one triangle is computed from that triangle's edge vectors.
@@ -254,18 +254,18 @@ fn median_lengths(team: &Team, grid: &Grid, chords: &Chords) -> Vec<f32> {
     let level = &grid.levels[0];
     let blocks = level.blocks.list.len();
     let counts: Vec<usize> =
-        level.movable.iter().map(|plane| plane.iter().filter(|m| **m != 0).count()).collected();
+        level.movable.iter().map(|plane| plane.iter().filter(|m| **m != 0).count()).collect();
     // The lengths of both directions, block by block. They take as many bytes as the codes, which are allocated later.
     let mut lengths: [Vec<f32>; 2] = [0, 1].map(|_| zeroed(counts.iter().sum()));
     let [east, north] = &mut lengths;
-    let mut parts: Vec<(usize, &mut [f32], &mut [f32])> = with_capacity(blocks);
+    let mut parts: Vec<(usize, &mut [f32], &mut [f32])> = Vec::with_capacity(blocks);
     let (mut east_left, mut north_left) = (&mut east[..], &mut north[..]);
     for (b, &count) in counts.iter().enumerate() {
         let (of_east, e) = std::mem::take(&mut east_left).split_at_mut(count);
         let (of_north, n) = std::mem::take(&mut north_left).split_at_mut(count);
         (east_left, north_left) = (e, n);
         if count > 0 {
-            parts.put((b, of_east, of_north));
+            parts.push((b, of_east, of_north));
         }
     }
     let scratch = PerThread::new(team, Scratch::new);
@@ -280,14 +280,14 @@ fn median_lengths(team: &Team, grid: &Grid, chords: &Chords) -> Vec<f32> {
     });
     drop(parts);
     let charts = level.blocks.of_chart.len();
-    let mut of_charts: Vec<(&mut [f32], f32)> = with_capacity(2 * charts);
+    let mut of_charts: Vec<(&mut [f32], f32)> = Vec::with_capacity(2 * charts);
     for direction in &mut lengths {
         let mut left = &mut direction[..];
         for range in &level.blocks.of_chart {
             let count = counts[range.clone()].iter().sum();
             let (of_chart, others) = std::mem::take(&mut left).split_at_mut(count);
             left = others;
-            of_charts.put((of_chart, 0.0));
+            of_charts.push((of_chart, 0.0));
         }
     }
     team.fill(&mut of_charts, |_, (lengths, median)| {
@@ -296,5 +296,5 @@ fn median_lengths(team: &Team, grid: &Grid, chords: &Chords) -> Vec<f32> {
             *median = *lengths.select_nth_unstable_by(middle, f32::total_cmp).1;
         }
     });
-    (0..charts).map(|c| of_charts[c].1.min(of_charts[charts + c].1)).collected()
+    (0..charts).map(|c| of_charts[c].1.min(of_charts[charts + c].1)).collect()
 }

@@ -2,6 +2,7 @@
 
 use super::cover::{Cover, WIDE, at};
 use super::node_set::NodeSet;
+use crate::allocation::Vec;
 use crate::grid::planes::{NODES, SIDE};
 
 /// Rigid nodes of a square of level 0.

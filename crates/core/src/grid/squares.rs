@@ -3,7 +3,7 @@
 
 use glam::DVec2;
 
-use crate::allocation::{Collect, Grow, zeroed};
+use crate::allocation::{Vec, zeroed};
 use crate::grid::planes::SIDE;
 use crate::image::map::PAGE;
 use crate::mesh::{Chart, Cut, TileMesh};
@@ -47,32 +47,32 @@ impl Squares {
     ) -> Squares {
         let cells = DVec2::new(nx as f64, ny as f64);
         let layer = |(c, chart): (usize, &Chart)| if chart.collar.is_empty() { 0 } else { c as u32 + 1 };
-        let layers: Vec<u32> = tile.charts.iter().enumerate().map(layer).collected();
+        let layers: Vec<u32> = tile.charts.iter().enumerate().map(layer).collect();
         let range = wanted.unwrap_or([[0, 0], [nx, ny].map(|n| (n / SIDE) as u32)]);
         // The window of square x covers the nodes from 16 x - 1 to 16 x + 16.
         let window = [DVec2::ONE, DVec2::ZERO];
         let mut pairs: Vec<(u32, u32, u32, u32)> = Vec::new();
         for ((t, triangle), &chart) in tile.triangles.iter().enumerate().zip(charts) {
             let corners = triangle.uv.map(|uv| uv * cells);
-            each_square(corners, range, window, |x, y| pairs.put((layers[chart as usize], y, x, t as u32)));
+            each_square(corners, range, window, |x, y| pairs.push((layers[chart as usize], y, x, t as u32)));
         }
         // The outline of a gap that welding closed may leave its triangle.
         for Cut { triangle, uv, .. } in &tile.cuts {
             let [a, b] = uv.map(|uv| uv * cells);
             let layer = layers[charts[*triangle as usize] as usize];
-            each_square([a, b, b], range, window, |x, y| pairs.put((layer, y, x, *triangle)));
+            each_square([a, b, b], range, window, |x, y| pairs.push((layer, y, x, *triangle)));
         }
         pairs.sort_unstable();
         pairs.dedup();
         let mut squares = Squares { list: Vec::new(), layers, starts: Vec::new(), triangles: Vec::new() };
-        squares.triangles.make_exact_room(pairs.len());
+        squares.triangles.reserve_exact(pairs.len());
         for of_square in pairs.chunk_by(|a, b| (a.0, a.1, a.2) == (b.0, b.1, b.2)) {
             let (layer, y, x, _) = of_square[0];
-            squares.list.put(Square { layer, at: [x, y] });
-            squares.starts.put(squares.triangles.len() as u32);
-            squares.triangles.put_all(of_square.iter().map(|pair| pair.3));
+            squares.list.push(Square { layer, at: [x, y] });
+            squares.starts.push(squares.triangles.len() as u32);
+            squares.triangles.extend(of_square.iter().map(|pair| pair.3));
         }
-        squares.starts.put(squares.triangles.len() as u32);
+        squares.starts.push(squares.triangles.len() as u32);
         squares
     }
 

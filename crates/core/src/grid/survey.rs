@@ -10,7 +10,7 @@ use super::keep::{self, RigidPart};
 use super::node_set::NodeSet;
 use super::rigid_nodes::{RIGID, RigidNodes, merged, rigid_nodes};
 use super::rigidity::NodeRigidity;
-use crate::allocation::{Collect, Grow, with_capacity, zeroed};
+use crate::allocation::{Vec, zeroed};
 use crate::grid::maps::MapsOfTile;
 use crate::grid::planes::SIDE;
 use crate::grid::uv_triangle::{UvTriangle, uv_triangles};
@@ -76,23 +76,24 @@ impl<'a> Survey<'a> {
             found
         });
         let mut counts = Counts::default();
-        let mut rigid_nodes = with_capacity(found.iter().map(|f| f.rigid_nodes.len()).sum());
-        let mut parts: Vec<(Part, bool)> = with_capacity(found.iter().map(|f| f.parts.len()).sum());
-        let mut of_features: Vec<RigidPart> = with_capacity(found.iter().map(|f| f.of_features.len()).sum());
+        let mut rigid_nodes = Vec::with_capacity(found.iter().map(|f| f.rigid_nodes.len()).sum());
+        let mut parts: Vec<(Part, bool)> = Vec::with_capacity(found.iter().map(|f| f.parts.len()).sum());
+        let mut of_features: Vec<RigidPart> =
+            Vec::with_capacity(found.iter().map(|f| f.of_features.len()).sum());
         for of_chunk in found {
             counts.covered += of_chunk.counts.covered;
             counts.layered += of_chunk.counts.layered;
             counts.at_gaps += of_chunk.counts.at_gaps;
-            rigid_nodes.put_all(of_chunk.rigid_nodes);
-            parts.put_all(of_chunk.parts);
-            of_features.put_all(of_chunk.of_features);
+            rigid_nodes.extend(of_chunk.rigid_nodes);
+            parts.extend(of_chunk.parts);
+            of_features.extend(of_chunk.of_features);
         }
         let mut rigid_nodes = merged(rigid_nodes);
         keep::spread(&mut of_features);
         keep::fix(&of_features, &mut parts, &mut rigid_nodes);
         parts.sort_unstable_by_key(|(part, _)| (part.chart, part.y, part.x));
-        let rigid: Vec<bool> = parts.iter().map(|(_, rigid)| *rigid).collected();
-        let parts: Vec<Part> = parts.into_iter().map(|(part, _)| part).collected();
+        let rigid: Vec<bool> = parts.iter().map(|(_, rigid)| *rigid).collect();
+        let parts: Vec<Part> = parts.into_iter().map(|(part, _)| part).collect();
         let movable = movable_of_charts(tile.charts.len(), &parts, &rigid);
         let levels = levels(team, [nx, ny], &movable, &parts);
         let has_extra = maps.own.settings.orientation_density > 0.0 || tile.has_images();
@@ -133,11 +134,11 @@ pub(super) fn movable_of_charts(charts: usize, parts: &[Part], rigid: &[bool]) -
 /// so that bilinear prolongation never moves a fixed node, nor one of another chart. An odd last column or row of cells
 /// is dropped; the nodes at its inner side are fixed by the same rule.
 pub(super) fn levels(team: &Team, size: [usize; 2], movable: &[u64], parts: &[Part]) -> Vec<SurveyLevel> {
-    let parts: Vec<Part> = parts.iter().filter(|part| movable[part.chart as usize] > 0).copied().collected();
+    let parts: Vec<Part> = parts.iter().filter(|part| movable[part.chart as usize] > 0).copied().collect();
     let charts = movable.len();
     let (blocks, sets) = Blocks::new(team, charts, &parts);
     let mut levels = Vec::new();
-    levels.put(SurveyLevel { size, blocks: Arc::new(blocks), movable: sets });
+    levels.push(SurveyLevel { size, blocks: Arc::new(blocks), movable: sets });
     loop {
         let finer = &levels[levels.len() - 1];
         let size = finer.size.map(|n| n / 2);
@@ -146,7 +147,7 @@ pub(super) fn levels(team: &Team, size: [usize; 2], movable: &[u64], parts: &[Pa
             return levels;
         }
         let (blocks, sets) = Blocks::new(team, charts, &parts);
-        levels.put(SurveyLevel { size, blocks: Arc::new(blocks), movable: sets });
+        levels.push(SurveyLevel { size, blocks: Arc::new(blocks), movable: sets });
     }
 }
 
@@ -154,7 +155,7 @@ pub(super) fn levels(team: &Team, size: [usize; 2], movable: &[u64], parts: &[Pa
 fn coarser_parts(team: &Team, finer: &SurveyLevel) -> Vec<Part> {
     let blocks = &finer.blocks;
     let mut parents: Vec<(u32, u32, u32)> =
-        blocks.list.iter().filter(|b| b.active).map(|b| (b.chart, b.y / 2, b.x / 2)).collected();
+        blocks.list.iter().filter(|b| b.active).map(|b| (b.chart, b.y / 2, b.x / 2)).collect();
     parents.sort_unstable();
     parents.dedup();
     let mut parts = team.map(parents.len(), |k| {
@@ -223,14 +224,14 @@ impl Found {
                 let known = self.parts[first..].iter().position(|(part, _)| part.chart == chart);
                 let index = known.map_or(self.parts.len(), |k| first + k);
                 if known.is_none() {
-                    self.parts.put((Part { chart, x, y, nodes: NodeSet::EMPTY }, false));
+                    self.parts.push((Part { chart, x, y, nodes: NodeSet::EMPTY }, false));
                 }
                 let (part, rigid) = &mut self.parts[index];
                 part.nodes.insert(i, j);
                 *rigid |= is_near;
             }
         }
-        self.rigid_nodes.put(rigid_nodes([x, y], &cover, &free, &rigidity));
+        self.rigid_nodes.push(rigid_nodes([x, y], &cover, &free, &rigidity));
         self.counts.covered += cover.covered.count();
         self.counts.layered += cover.layered.count();
         self.counts.at_gaps += cover.at_gaps.count();
@@ -242,7 +243,7 @@ impl Found {
         let index = known.map_or(self.of_features.len(), |k| first + k);
         if known.is_none() {
             let part = Part { chart, x, y, nodes: NodeSet::EMPTY };
-            self.of_features.put(RigidPart { part, fixed: NodeSet::EMPTY });
+            self.of_features.push(RigidPart { part, fixed: NodeSet::EMPTY });
         }
         let RigidPart { part, fixed } = &mut self.of_features[index];
         part.nodes.insert(i, j);

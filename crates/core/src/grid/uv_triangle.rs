@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use crate::allocation::Collect;
+use crate::allocation::Vec;
 use crate::mesh::TileMesh;
 
 /// A triangle in the UV plane, in cells.
@@ -32,5 +32,5 @@ pub fn uv_triangles(tile: &TileMesh, nx: usize, ny: usize) -> Vec<UvTriangle> {
                 neighbours: t.neighbours,
             }
         })
-        .collected()
+        .collect()
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use xxhash_rust::xxh3::Xxh3;
 
-use crate::allocation::{Grow, filled, zeroed};
+use crate::allocation::{Vec, vec, zeroed};
 use crate::mesh::NONE;
 
 use super::format::{PixelFormat, decode};
@@ -37,11 +37,11 @@ impl Map {
     pub fn new([width, height]: [usize; 2], format: PixelFormat, wanted: impl Fn(&TexelRect) -> bool) -> Map {
         let [columns, rows] = [width.div_ceil(PAGE), height.div_ceil(PAGE)];
         let mut map = Map { width, height, format, places: Vec::new(), texels: Vec::new() };
-        map.places.make_exact_room(columns * rows);
+        map.places.reserve_exact(columns * rows);
         let mut count = 0;
         for page in 0..columns * rows {
             let is_wanted = wanted(&map.rect(page));
-            map.places.put(if is_wanted { count } else { NONE });
+            map.places.push(if is_wanted { count } else { NONE });
             count += u32::from(is_wanted);
         }
         let bytes = count as usize * map.page_bytes();
@@ -168,7 +168,7 @@ struct Line<T> {
 
 impl<T: Copy> Line<T> {
     fn new(count: usize, value: T) -> Line<T> {
-        let large = if count > 320 { filled(value, count) } else { Vec::new() };
+        let large = if count > 320 { vec![value; count] } else { Vec::new() };
         Line { small: [value; 320], large, count }
     }
 
@@ -275,6 +275,7 @@ fn span(texels: usize, cells: usize, node: f64) -> Range<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::allocation::vec;
 
     fn at_nodes(map: &Map, cells: [usize; 2], first: [usize; 2], count: [usize; 2]) -> Vec<f32> {
         let mut values = vec![f32::NAN; count[0] * count[1]];

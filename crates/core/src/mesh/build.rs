@@ -11,7 +11,7 @@ use super::read::{self, UvSet};
 use super::source::{MeshSource, Weld, WeldBy};
 use super::weld::{Corners, places, rooms};
 use super::{Mesh, NONE, RawTriangle, TileMesh, check};
-use crate::allocation::{Collect, Grow, copied, filled, with_capacity, zeroed};
+use crate::allocation::{Vec, vec, zeroed};
 use crate::error::Result;
 use crate::report::AssetInfo;
 
@@ -20,7 +20,7 @@ impl Mesh {
     /// `InvalidArgument` naming the array and the index of its first invalid element.
     pub fn new(source: &MeshSource) -> Result<Mesh> {
         check::check(source)?;
-        let rest: Vec<[f64; 3]> = (0..source.positions.len()).map(|i| source.positions.get3(i)).collected();
+        let rest: Vec<[f64; 3]> = (0..source.positions.len()).map(|i| source.positions.get3(i)).collect();
         let mut info = AssetInfo {
             vertices: rest.len() as u64,
             corners: source.indices.len() as u64,
@@ -35,10 +35,10 @@ impl Mesh {
             let mut set = welding.read(source, &given, uv_set, &mut info);
             welding.build(&mut set, &given, &seams, uv_set, &mut tiles);
             if info.uv_sets > 1 {
-                let of = |raw: &Vec<RawTriangle>| raw.iter().map(|triangle| triangle.corners).collected();
-                corners_of.put_all(set.tiles.iter().map(|(_, raw)| of(raw)));
+                let of = |raw: &Vec<RawTriangle>| raw.iter().map(|triangle| triangle.corners).collect();
+                corners_of.extend(set.tiles.iter().map(|(_, raw)| of(raw)));
             }
-            corners.put(set.corners);
+            corners.push(set.corners);
         }
         info.tiles = tiles.len() as u32;
         info.charts = tiles.iter().map(|tile| tile.charts.len() as u32).sum();
@@ -48,11 +48,11 @@ impl Mesh {
         info.edges_apart = tiles.iter().map(|tile| tile.edges_apart).sum();
         let torn = 10.0 * welding.tolerance;
         let place = welding.place;
-        let tiles = tiles.into_iter().map(Arc::new).collected();
-        let indices = copied(source.indices);
-        let mut faces = with_capacity(info.faces as usize + 1);
-        faces.put(0);
-        faces.put_all(check::faces(source).map(|face| face.end as u32));
+        let tiles = tiles.into_iter().map(Arc::new).collect();
+        let indices = Vec::from(source.indices);
+        let mut faces = Vec::with_capacity(info.faces as usize + 1);
+        faces.push(0);
+        faces.extend(check::faces(source).map(|face| face.end as u32));
         Ok(Mesh { rest, indices, faces, place, corners, tiles, corners_of, torn, info })
     }
 }
@@ -73,7 +73,7 @@ pub(super) struct Welding<'a> {
 
 impl<'a> Welding<'a> {
     pub fn new(source: &MeshSource, rest: &'a [[f64; 3]]) -> Welding<'a> {
-        let mut shortest = filled(f64::INFINITY, rest.len());
+        let mut shortest = vec![f64::INFINITY; rest.len()];
         for [a, b] in read::edges(source) {
             let [p, q] = [a, b].map(|v| rest[v as usize]);
             let length = [0, 1, 2].map(|c| (p[c] - q[c]).powi(2)).iter().sum::<f64>().sqrt();
@@ -120,7 +120,7 @@ impl<'a> Welding<'a> {
         let (tolerance, place) = (self.weld.of_uvs(), |v: u32| self.place(v));
         let room = rooms(set.tiles.iter().flat_map(|tile| &tile.1), self.rest.len());
         let mut welded: Option<Vec<[f32; 2]>> = None;
-        let mut number_of = filled(NONE, if tolerance > 0.0 { set.corners.len() } else { 0 });
+        let mut number_of = vec![NONE; if tolerance > 0.0 { set.corners.len() } else { 0 }];
         for (_, raw) in set.tiles.iter().filter(|_| tolerance > 0.0) {
             let mut corners = Corners::new(&place, &room, tolerance);
             // Per UV corner: the sum of its corners' UVs, their number, and the first one.
@@ -133,7 +133,7 @@ impl<'a> Welding<'a> {
                 if number_of[corner as usize] == NONE {
                     let number = corners.number(triangle.vertices[k], triangle.uv[k]).0;
                     if number as usize == sums.len() {
-                        sums.put((DVec2::ZERO, 0, uv_of(corner)));
+                        sums.push((DVec2::ZERO, 0, uv_of(corner)));
                     }
                     let sum = &mut sums[number as usize];
                     (sum.0, sum.1) = (sum.0 + DVec2::from(uv_of(corner).map(f64::from)), sum.1 + 1);
@@ -143,7 +143,7 @@ impl<'a> Welding<'a> {
             let mean =
                 |&(sum, count, _): &(DVec2, u32, _)| (sum / f64::from(count)).to_array().map(|x| x as f32);
             // The first one of a UV corner is within reach of all others; the mean need not be.
-            let mut target: Vec<[f32; 2]> = sums.iter().map(mean).collected();
+            let mut target: Vec<[f32; 2]> = sums.iter().map(mean).collect();
             for (corner, vertex) in of_raw() {
                 let number = number_of[corner as usize] as usize;
                 let away = |c: usize| f64::from(target[number][c]) - f64::from(uv_of(corner)[c]);
@@ -155,7 +155,7 @@ impl<'a> Welding<'a> {
                 let uv = target[number_of[corner as usize] as usize];
                 if uv != uv_of(corner) {
                     let welded =
-                        welded.get_or_insert_with(|| set.corners.iter().map(|corner| corner.uv).collected());
+                        welded.get_or_insert_with(|| set.corners.iter().map(|corner| corner.uv).collect());
                     welded[corner as usize] = uv;
                 }
             }
@@ -207,15 +207,17 @@ impl<'a> Welding<'a> {
                 sizes[layer as usize] += 1;
             }
             if count == 1 {
-                tiles.put(tile);
-                triangles.put((udim, raw));
+                tiles.push(tile);
+                triangles.push((udim, raw));
                 continue;
             }
-            (0..count).for_each(|layer| tiles.put(tile.of_layer(&layers, layer)));
+            (0..count).for_each(|layer| tiles.push(tile.of_layer(&layers, layer)));
             let mut of_layers: Vec<Vec<RawTriangle>> =
-                sizes.iter().map(|&size| with_capacity(size as usize)).collected();
-            raw.into_iter().zip(layers).for_each(|(triangle, layer)| of_layers[layer as usize].put(triangle));
-            triangles.put_all(of_layers.into_iter().map(|raw| (udim, raw)));
+                sizes.iter().map(|&size| Vec::with_capacity(size as usize)).collect();
+            raw.into_iter()
+                .zip(layers)
+                .for_each(|(triangle, layer)| of_layers[layer as usize].push(triangle));
+            triangles.extend(of_layers.into_iter().map(|raw| (udim, raw)));
         }
         // Corners without a triangle still have the UDIM numbers of their faces.
         for corner in set.corners.iter_mut().filter(|corner| corner.triangle == NONE) {
@@ -230,7 +232,7 @@ impl<'a> Welding<'a> {
     fn count_apart(&self, set: &UvSet, seams: &Seams, tiles: &mut [TileMesh]) {
         let tolerance = Weld { by: WeldBy::Position, ..self.weld }.of_uvs();
         // This only counts and moves no UVs, so small triangles need no more room.
-        let room = filled(tolerance, self.rest.len());
+        let room = vec![tolerance; self.rest.len()];
         let found = self.place.is_empty().then(|| {
             let mut at_border = zeroed(self.rest.len());
             for (tile, (_, raw)) in tiles.iter().zip(&set.tiles) {
@@ -258,7 +260,7 @@ fn number(raw: &mut [RawTriangle], mut corners: Corners) -> Vec<[u32; 3]> {
             id
         })
     };
-    raw.iter_mut().map(number).collected()
+    raw.iter_mut().map(number).collect()
 }
 
 /// Counts edges that coincide but are not connected: intended cuts; edges that a mesh from a game needs welded by
@@ -275,7 +277,7 @@ fn edges_apart(
     tolerance: f64,
 ) -> u64 {
     let mut corners = Corners::new(place, room, tolerance);
-    let mut numbers = filled([NONE; 3], raw.len());
+    let mut numbers = vec![[NONE; 3]; raw.len()];
     let mut sides = Vec::new();
     for (t, k) in tile.borders() {
         let triangle = &raw[t as usize];
@@ -284,7 +286,7 @@ fn edges_apart(
             let of_ends = ends.map(|c| corners.number(triangle.vertices[c], triangle.uv[c]).0);
             if of_ends[0] != of_ends[1] {
                 (0..2).for_each(|end| numbers[t as usize][ends[end]] = of_ends[end]);
-                sides.put((t, k));
+                sides.push((t, k));
             }
         }
     }

@@ -6,7 +6,7 @@ use glam::DVec2;
 use super::gaps::{self, Given};
 use super::triangle::doubled_area;
 use super::{Chart, Cut, NONE, RawTriangle, TileMesh, Triangle, WeldedEdge};
-use crate::allocation::{Collect, Grow, filled, with_capacity};
+use crate::allocation::{Vec, vec};
 
 /// Edges at which the host wants charts to end, as sorted pairs of vertices, in ascending order.
 pub(super) type Seams = Vec<[u32; 2]>;
@@ -50,7 +50,7 @@ impl TileMesh {
     /// `chart_of`.
     pub fn cut(&self, torn: &[u32]) -> TileMesh {
         let order = order(&self.chart_of);
-        let mut neighbours = filled([NONE; 3], order.len());
+        let mut neighbours = vec![[NONE; 3]; order.len()];
         for (triangle, &t) in self.triangles.iter().zip(&order) {
             neighbours[t as usize] =
                 triangle.neighbours.map(|n| if n == NONE { NONE } else { order[n as usize] });
@@ -67,7 +67,7 @@ impl TileMesh {
             (triangle.local.map(|v| vertices[v as usize]), triangle.uv)
         });
         let cut = |cut: &Cut| Cut { triangle: order[cut.triangle as usize], ..*cut };
-        let tile = with_cuts(tile, self.cuts.iter().map(cut).collected());
+        let tile = with_cuts(tile, self.cuts.iter().map(cut).collect());
         TileMesh { udim: self.udim, uv_set: self.uv_set, layer: self.layer, ..tile }
     }
 
@@ -76,8 +76,8 @@ impl TileMesh {
     pub fn of_layer(&self, layers: &[u32], layer: u32) -> TileMesh {
         let order = order(&self.chart_of);
         let new_index = inverse(&order);
-        let mut numbers = filled(NONE, order.len());
-        let of_layer: Vec<u32> = (0..order.len() as u32).filter(|&t| layers[t as usize] == layer).collected();
+        let mut numbers = vec![NONE; order.len()];
+        let of_layer: Vec<u32> = (0..order.len() as u32).filter(|&t| layers[t as usize] == layer).collect();
         for (number, &t) in of_layer.iter().enumerate() {
             numbers[t as usize] = number as u32;
         }
@@ -88,34 +88,34 @@ impl TileMesh {
                 let of = |n: u32| if n == NONE { NONE } else { numbers[order[n as usize] as usize] };
                 triangle(t).neighbours.map(of)
             })
-            .collected();
+            .collect();
         let tile = assemble(&neighbours, |number| {
             let t = of_layer[number];
             let vertices = &self.charts[self.chart_of[t as usize] as usize].vertices;
             (triangle(t).local.map(|v| vertices[v as usize]), triangle(t).uv)
         });
         let cut = |cut: &Cut| Cut { triangle: numbers[order[cut.triangle as usize] as usize], ..*cut };
-        let cuts = self.cuts.iter().map(cut).filter(|cut| cut.triangle != NONE).collected();
+        let cuts = self.cuts.iter().map(cut).filter(|cut| cut.triangle != NONE).collect();
         let tile = with_cuts(tile, cuts);
         let of_layer = |weld: &&WeldedEdge| layers[weld.sides[0].0 as usize] == layer;
         let renumbered = |weld: &WeldedEdge| WeldedEdge {
             sides: weld.sides.map(|(t, k)| (numbers[t as usize], k)),
             ends: weld.ends,
         };
-        let welds = self.welds.iter().filter(of_layer).map(renumbered).collected();
+        let welds = self.welds.iter().filter(of_layer).map(renumbered).collect();
         TileMesh { udim: self.udim, uv_set: self.uv_set, layer, welds, ..tile }
     }
 }
 
 /// Triangle indices sorted by chart, and within a chart by face.
 fn order(chart_of: &[u32]) -> Vec<u32> {
-    let mut order: Vec<u32> = (0..chart_of.len() as u32).collected();
+    let mut order: Vec<u32> = (0..chart_of.len() as u32).collect();
     order.sort_unstable_by_key(|&t| (chart_of[t as usize], t));
     order
 }
 
 fn inverse(order: &[u32]) -> Vec<u32> {
-    let mut new_index = filled(NONE, order.len());
+    let mut new_index = vec![NONE; order.len()];
     for (new, &old) in order.iter().enumerate() {
         new_index[old as usize] = new as u32;
     }
@@ -138,27 +138,27 @@ fn assemble(neighbours: &[[u32; 3]], source: impl Fn(usize) -> ([u32; 3], [DVec2
     let chart_count = chart_of.iter().max().map_or(0, |&c| c + 1);
     let order = order(&chart_of);
     let new_index = inverse(&order);
-    let mut charts = with_capacity(chart_count as usize);
-    let mut triangles = with_capacity(order.len());
+    let mut charts = Vec::with_capacity(chart_count as usize);
+    let mut triangles = Vec::with_capacity(order.len());
     let mut remaining = &order[..];
     for chart in 0..chart_count {
         let count = remaining.partition_point(|&t| chart_of[t as usize] == chart);
         let (members, others) = remaining.split_at(count);
         remaining = others;
-        let mut vertices: Vec<u32> = members.iter().flat_map(|&t| source(t as usize).0).collected();
+        let mut vertices: Vec<u32> = members.iter().flat_map(|&t| source(t as usize).0).collect();
         vertices.sort_unstable();
         vertices.dedup();
         let start = triangles.len();
         for &t in members {
             let (of_triangle, uv) = source(t as usize);
-            triangles.put(Triangle {
+            triangles.push(Triangle {
                 local: of_triangle.map(|v| vertices.partition_point(|&w| w < v) as u32),
                 uv,
                 neighbours: neighbours[t as usize]
                     .map(|n| if n == NONE { NONE } else { new_index[n as usize] }),
             });
         }
-        charts.put(Chart { triangles: start..triangles.len(), vertices, ..Chart::default() });
+        charts.push(Chart { triangles: start..triangles.len(), vertices, ..Chart::default() });
     }
     TileMesh { triangles, charts, chart_of, ..TileMesh::default() }
 }
@@ -166,7 +166,7 @@ fn assemble(neighbours: &[[u32; 3]], source: impl Fn(usize) -> ([u32; 3], [DVec2
 /// Per triangle, its neighbour across the edge opposite to each corner; and the edges whose sides have different
 /// vertices.
 fn neighbours(raw: &[RawTriangle], numbers: &[[u32; 3]], seams: &Seams) -> (Vec<[u32; 3]>, Vec<WeldedEdge>) {
-    let mut neighbours = filled([NONE; 3], raw.len());
+    let mut neighbours = vec![[NONE; 3]; raw.len()];
     let mut welds = Vec::new();
     let sides = (0..raw.len() as u32).flat_map(|t| (0..3).map(move |k| (t, k)));
     for [(t, k), (s, j)] in pairs(raw, numbers, sides) {
@@ -179,7 +179,7 @@ fn neighbours(raw: &[RawTriangle], numbers: &[[u32; 3]], seams: &Seams) -> (Vec<
         neighbours[s as usize][j as usize] = t;
         if here != there {
             let ends = [0, 1].map(|end| [here[end], there[end]]);
-            welds.put(WeldedEdge { sides: [(t, k), (s, j)], ends });
+            welds.push(WeldedEdge { sides: [(t, k), (s, j)], ends });
         }
     }
     (neighbours, welds)
@@ -209,7 +209,7 @@ pub(super) fn pairs(
         let edge = ends.map(|c| numbers[t as usize][c]);
         (edge, ends.map(|c| raw[t as usize].vertices[c]), t, k)
     };
-    let mut edges: Vec<([u32; 2], [u32; 2], u32, u8)> = sides.map(with_ends).collected();
+    let mut edges: Vec<([u32; 2], [u32; 2], u32, u8)> = sides.map(with_ends).collect();
     edges.sort_unstable();
     let lies = |t: u32, k: u8| {
         let [a, b] = ends(numbers, t, k);
@@ -221,14 +221,14 @@ pub(super) fn pairs(
         left.clear();
         for same in at_edge.chunk_by(|x, y| x.1 == y.1) {
             match *same {
-                [(_, _, t, k), (_, _, s, j)] if lies(t, k) * lies(s, j) < 0.0 => found.put([(t, k), (s, j)]),
-                _ => left.put_all(same.iter().map(|&(_, _, t, k)| (t, k))),
+                [(_, _, t, k), (_, _, s, j)] if lies(t, k) * lies(s, j) < 0.0 => found.push([(t, k), (s, j)]),
+                _ => left.extend(same.iter().map(|&(_, _, t, k)| (t, k))),
             }
         }
         if let [(t, k), (s, j)] = left[..]
             && lies(t, k) * lies(s, j) < 0.0
         {
-            found.put([(t, k), (s, j)]);
+            found.push([(t, k), (s, j)]);
         }
     }
     found
@@ -243,7 +243,7 @@ fn ends(numbers: &[[u32; 3]], t: u32, k: u8) -> [usize; 2] {
 
 /// Per triangle, the number of its connected component. Components are numbered in the order of their first triangles.
 fn components(neighbours: &[[u32; 3]]) -> Vec<u32> {
-    let mut component = filled(NONE, neighbours.len());
+    let mut component = vec![NONE; neighbours.len()];
     let mut count = 0;
     let mut stack = Vec::new();
     for seed in 0..neighbours.len() {
@@ -251,12 +251,12 @@ fn components(neighbours: &[[u32; 3]]) -> Vec<u32> {
             continue;
         }
         component[seed] = count;
-        stack.put(seed as u32);
+        stack.push(seed as u32);
         while let Some(t) = stack.pop() {
             for &n in neighbours[t as usize].iter().filter(|&&n| n != NONE) {
                 if component[n as usize] == NONE {
                     component[n as usize] = count;
-                    stack.put(n);
+                    stack.push(n);
                 }
             }
         }

@@ -6,7 +6,7 @@ use glam::DVec2;
 use half::f16;
 
 use super::{Cut, NONE, RawTriangle, TileMesh};
-use crate::allocation::{Grow, zeroed};
+use crate::allocation::{Vec, zeroed};
 
 /// UVs that differ by no more than this differ by rounding: that of five digits, or of integers of 16 bits.
 const ROUNDING: f64 = 2e-5;
@@ -70,7 +70,7 @@ pub(super) fn find(
                 ends.iter().for_each(|&c| joined[numbers[t][c] as usize] |= !is_apart);
             }
             if (0..2).any(|end| are_apart(here[end], there[end])) {
-                found.put((t as u32, chart, ends.map(|c| numbers[t][c]), [here, there]));
+                found.push((t as u32, chart, ends.map(|c| numbers[t][c]), [here, there]));
             }
         }
     }
@@ -80,10 +80,10 @@ pub(super) fn find(
         if is_noisy(edges[chart]) || !corners.iter().any(|&corner| joined[corner as usize]) {
             continue;
         }
-        gaps.corners.put_all(corners);
+        gaps.corners.extend(corners);
         let sides = [here, there, [here[0], there[0]], [here[1], there[1]]];
         let cut = |uv| Cut { triangle, uv, is_gap: true };
-        gaps.outlines.put_all(sides.into_iter().filter(|[a, b]| a != b).map(cut));
+        gaps.outlines.extend(sides.into_iter().filter(|[a, b]| a != b).map(cut));
     }
     gaps.corners.sort_unstable();
     gaps.corners.dedup();

@@ -5,7 +5,7 @@ use glam::DVec2;
 
 use super::overlaps::{Overlaps, overlap};
 use super::{NONE, RawTriangle, TileMesh};
-use crate::allocation::{Collect, Grow, copied, filled, zeroed};
+use crate::allocation::{Vec, vec, zeroed};
 
 /// Charts that lie over one another nowhere deeper than this, in UV, are neighbours: a quarter of a texel of a map of 1024.
 /// What they share is then part of their borders, which do not move.
@@ -20,19 +20,19 @@ pub(super) fn layers(tile: &TileMesh, raw: &[RawTriangle], most: u32) -> Vec<u32
     let stacks = Stacks::new(tile);
     let groups = groups(tile, raw);
     let mut members: Vec<(u32, u32)> =
-        groups.iter().enumerate().map(|(c, &group)| (group, c as u32)).collected();
+        groups.iter().enumerate().map(|(c, &group)| (group, c as u32)).collect();
     members.sort_unstable();
-    let mut layer_of = filled(NONE, tile.charts.len());
+    let mut layer_of = vec![NONE; tile.charts.len()];
     for group in members.chunk_by(|a, b| a.0 == b.0) {
         let layer = stacks.free_layer(group, &layer_of, most);
         group.iter().for_each(|&(_, chart)| layer_of[chart as usize] = layer);
     }
-    tile.chart_of.iter().map(|&chart| layer_of[chart as usize]).collected()
+    tile.chart_of.iter().map(|&chart| layer_of[chart as usize]).collect()
 }
 
 /// For each chart, the first chart of those that have faces in common with it.
 fn groups(tile: &TileMesh, raw: &[RawTriangle]) -> Vec<u32> {
-    let mut first: Vec<u32> = (0..tile.charts.len() as u32).collected();
+    let mut first: Vec<u32> = (0..tile.charts.len() as u32).collect();
     let root = |first: &[u32], mut chart: u32| {
         while first[chart as usize] != chart {
             chart = first[chart as usize];
@@ -41,7 +41,7 @@ fn groups(tile: &TileMesh, raw: &[RawTriangle]) -> Vec<u32> {
     };
     let corners =
         raw.iter().flat_map(|triangle| triangle.corners).max().map_or(0, |corner| corner as usize + 1);
-    let mut chart_at = filled(NONE, corners);
+    let mut chart_at = vec![NONE; corners];
     for (triangle, &chart) in raw.iter().zip(&tile.chart_of) {
         for corner in triangle.corners {
             let before = std::mem::replace(&mut chart_at[corner as usize], chart);
@@ -51,7 +51,7 @@ fn groups(tile: &TileMesh, raw: &[RawTriangle]) -> Vec<u32> {
             }
         }
     }
-    (0..first.len() as u32).map(|chart| root(&first, chart)).collected()
+    (0..first.len() as u32).map(|chart| root(&first, chart)).collect()
 }
 
 /// The triangles of a tile, and the borders of its charts.
@@ -67,14 +67,14 @@ struct Stacks<'a> {
 impl<'a> Stacks<'a> {
     fn new(tile: &'a TileMesh) -> Stacks<'a> {
         let charts = tile.chart_of_triangles();
-        let triangles = Overlaps::of(tile.triangles.iter().map(|t| t.uv).collected());
+        let triangles = Overlaps::of(tile.triangles.iter().map(|t| t.uv).collect());
         let mut of_border = Vec::new();
         for (triangle, &chart) in tile.triangles.iter().zip(&charts) {
             for k in (0..3).filter(|&k| triangle.neighbours[k] == NONE) {
-                of_border.put((chart, [1, 2].map(|d| triangle.uv[(k + d) % 3])));
+                of_border.push((chart, [1, 2].map(|d| triangle.uv[(k + d) % 3])));
             }
         }
-        let borders = Overlaps::of(of_border.iter().map(|(_, [a, b])| [*a, *b, *b]).collected());
+        let borders = Overlaps::of(of_border.iter().map(|(_, [a, b])| [*a, *b, *b]).collect());
         Stacks { tile, charts, triangles, borders, of_border }
     }
 
@@ -91,7 +91,7 @@ impl<'a> Stacks<'a> {
                         continue;
                     }
                     let missing = (layer as usize + 1).saturating_sub(taken.len());
-                    taken.put_all((0..missing).map(|_| false));
+                    taken.extend((0..missing).map(|_| false));
                     taken[layer as usize] = true;
                     if taken.len() == most as usize && taken.iter().all(|&taken| taken) {
                         return most - 1;
@@ -127,7 +127,7 @@ impl<'a> Stacks<'a> {
 /// The polygon that two triangles have in common.
 fn shared(a: [DVec2; 3], b: [DVec2; 3]) -> Vec<DVec2> {
     let turn = (b[1] - b[0]).perp_dot(b[2] - b[0]).signum();
-    let mut polygon = copied(&a);
+    let mut polygon = Vec::from(&a);
     for k in 0..3 {
         let (from, to) = (b[k], b[(k + 1) % 3]);
         let inside = |p: DVec2| turn * (to - from).perp_dot(p - from);
@@ -136,10 +136,10 @@ fn shared(a: [DVec2; 3], b: [DVec2; 3]) -> Vec<DVec2> {
             let q = polygon[(i + 1) % polygon.len()];
             let (here, next) = (inside(p), inside(q));
             if here >= 0.0 {
-                cut.put(p);
+                cut.push(p);
             }
             if here * next < 0.0 {
-                cut.put(p + (q - p) * (here / (here - next)));
+                cut.push(p + (q - p) * (here / (here - next)));
             }
         }
         polygon = cut;

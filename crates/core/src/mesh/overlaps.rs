@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use crate::allocation::{Collect, zeroed};
+use crate::allocation::{Vec, zeroed};
 
 /// Triangles that overlap by less than this, in UV, count as neighbours.
 const SLACK: f64 = 1e-9;
@@ -47,7 +47,7 @@ impl Overlaps {
             overlaps.bins_of(*triangle).for_each(|bin| counts[bin + 1] += 1);
         }
         (0..bins * bins).for_each(|bin| counts[bin + 1] += counts[bin]);
-        let mut next: Vec<u32> = counts.iter().copied().collected();
+        let mut next: Vec<u32> = counts.iter().copied().collect();
         let mut entries: Vec<u32> = zeroed(counts[bins * bins] as usize);
         for (t, triangle) in overlaps.triangles.iter().enumerate() {
             for bin in overlaps.bins_of(*triangle) {
@@ -102,7 +102,7 @@ mod tests {
     fn triangles_overlap_by_area_alone() {
         let at = |x: f64, y: f64| [[x, y], [x + 0.1, y], [x, y + 0.1]].map(DVec2::from);
         let flipped = [[0.3, 0.3], [0.3, 0.2], [0.2, 0.3]].map(DVec2::from);
-        let all = Overlaps::of([at(0.2, 0.2), at(0.5, 0.5), at(0.9, 0.1)].into_iter().collected());
+        let all = Overlaps::of([at(0.2, 0.2), at(0.5, 0.5), at(0.9, 0.1)].into_iter().collect());
         // Two halves of a square, and triangles that touch at a corner.
         assert!(!all.any(flipped, |_| true));
         assert!(!all.any(at(0.3, 0.2), |_| true));

@@ -6,7 +6,7 @@ use super::charts::Seams;
 use super::source::MeshSource;
 use super::triangle::{is_degenerate, triangulate};
 use super::{Corner, NONE, RawTriangle, check};
-use crate::allocation::{Collect, Grow, with_capacity, zeroed};
+use crate::allocation::{Vec, zeroed};
 use crate::report::AssetInfo;
 
 /// One UV set.
@@ -30,7 +30,7 @@ pub(super) fn read(
         chosen.iter().for_each(|&face| textured[face as usize] = true);
         textured
     });
-    let mut corners = with_capacity(source.indices.len());
+    let mut corners = Vec::with_capacity(source.indices.len());
     let mut tiles: Vec<(u32, Vec<RawTriangle>)> = Vec::new();
     for (f, face) in check::faces(source).enumerate() {
         let uv = |c: usize| uv_of(c).unwrap_or_default();
@@ -44,22 +44,22 @@ pub(super) fn read(
         let has_texture = is_face && textured.as_ref().is_none_or(|t| t[f]) && uv_of(face.start).is_some();
         if !has_texture {
             info.faces_untextured += u64::from(is_face);
-            corners.put_all(face.map(corner(NONE)));
+            corners.extend(face.map(corner(NONE)));
             continue;
         }
-        let polygon: Vec<[f32; 2]> = face.clone().map(uv).collected();
+        let polygon: Vec<[f32; 2]> = face.clone().map(uv).collect();
         let Some((udim, origin)) = tile_of(&polygon) else {
             info.faces_outside += 1;
-            corners.put_all(face.map(corner(NONE)));
+            corners.extend(face.map(corner(NONE)));
             continue;
         };
-        let local: Vec<DVec2> = polygon.iter().map(|uv| DVec2::from(uv.map(f64::from)) - origin).collected();
+        let local: Vec<DVec2> = polygon.iter().map(|uv| DVec2::from(uv.map(f64::from)) - origin).collect();
         if local.iter().any(|uv| uv.to_array().iter().any(|x| !(0.0..=1.0).contains(x))) {
             info.clipped_faces += 1;
         }
-        corners.put_all(face.clone().map(corner(udim)));
+        corners.extend(face.clone().map(corner(udim)));
         let at = tiles.binary_search_by_key(&udim, |tile| tile.0).unwrap_or_else(|at| {
-            tiles.put_at(at, (udim, Vec::new()));
+            tiles.insert(at, (udim, Vec::new()));
             at
         });
         let triangles = &mut tiles[at].1;
@@ -68,7 +68,7 @@ pub(super) fn read(
                 info.degenerate_triangles += 1;
                 continue;
             }
-            triangles.put(RawTriangle {
+            triangles.push(RawTriangle {
                 corners: [a, b, c].map(|k| (face.start + k) as u32),
                 vertices: [a, b, c].map(|k| source.indices[face.start + k]),
                 uv: [a, b, c].map(|k| local[k]),
@@ -102,7 +102,7 @@ pub(super) fn edges(source: &MeshSource) -> impl Iterator<Item = [u32; 2]> {
 /// seams from a file, or from before an edit, loses only these.
 pub(super) fn seams(source: &MeshSource, info: &mut AssetInfo) -> Seams {
     let sorted = |[a, b]: [u32; 2]| [a.min(b), a.max(b)];
-    let mut seams: Seams = source.seams.iter().copied().map(sorted).collected();
+    let mut seams: Seams = source.seams.iter().copied().map(sorted).collect();
     if seams.is_empty() {
         return seams;
     }

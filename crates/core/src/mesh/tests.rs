@@ -1,4 +1,5 @@
 use super::*;
+use crate::allocation::{Vec, vec};
 use crate::error::Result;
 use crate::view::Strided;
 

@@ -2,7 +2,7 @@
 
 use glam::DVec2;
 
-use crate::allocation::{Collect, Grow, with_capacity};
+use crate::allocation::Vec;
 
 /// Twice the signed area of a triangle.
 pub fn doubled_area([a, b, c]: [DVec2; 3]) -> f64 {
@@ -29,8 +29,8 @@ pub fn triangulate(uv: &[DVec2]) -> Vec<[usize; 3]> {
     let n = uv.len();
     let area: f64 = (1..n - 1).map(|k| doubled_area([uv[0], uv[k], uv[k + 1]])).sum();
     let sign = if area < 0.0 { -1.0 } else { 1.0 };
-    let mut open: Vec<usize> = (0..n).collected();
-    let mut triangles = with_capacity(n - 2);
+    let mut open: Vec<usize> = (0..n).collect();
+    let mut triangles = Vec::with_capacity(n - 2);
     while open.len() > 3 {
         let m = open.len();
         let is_ear = |k: usize| {
@@ -44,9 +44,9 @@ pub fn triangulate(uv: &[DVec2]) -> Vec<[usize; 3]> {
         };
         // The search begins at 1, which yields the fan. A polygon without an ear has almost no area: any corner will do.
         let ear = (1..m).chain([0]).find(|&k| is_ear(k)).unwrap_or(1);
-        triangles.put([open[(ear + m - 1) % m], open[ear], open[(ear + 1) % m]]);
+        triangles.push([open[(ear + m - 1) % m], open[ear], open[(ear + 1) % m]]);
         open.remove(ear);
     }
-    triangles.put([open[0], open[1], open[2]]);
+    triangles.push([open[0], open[1], open[2]]);
     triangles
 }

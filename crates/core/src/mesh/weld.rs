@@ -9,7 +9,7 @@ use glam::DVec2;
 use super::hash::{Table, enter};
 use super::triangle::doubled_area;
 use super::{NONE, RawTriangle};
-use crate::allocation::{Grow, filled, with_capacity};
+use crate::allocation::{Vec, vec};
 
 /// Most entries examined in a cell of the hash. Vertices or UVs of one place that differ are few; the limit keeps a
 /// host's input from making this quadratic.
@@ -35,14 +35,14 @@ pub(super) fn places(
     let bits = |p: [f64; 3]| p.map(|x| (x + 0.0).to_bits());
     let mut exact: Table<[u64; 3], u32> = Table::default();
     let mut cells = Cells::default();
-    let mut place = with_capacity(rest.len());
+    let mut place = Vec::with_capacity(rest.len());
     for (v, &p) in rest.iter().enumerate() {
         if !wanted(v) {
-            place.put(v as u32);
+            place.push(v as u32);
             continue;
         }
         if let Some(&first) = exact.get(&bits(p)) {
-            place.put(first);
+            place.push(first);
             continue;
         }
         let mut found = v as u32;
@@ -67,7 +67,7 @@ pub(super) fn places(
             }
         }
         enter(&mut exact, bits(p), found);
-        place.put(found);
+        place.push(found);
     }
     place
 }
@@ -89,7 +89,7 @@ impl<K> Default for Cells<K> {
 impl<K: Eq + Hash> Cells<K> {
     fn add(&mut self, cell: K, item: u32) {
         let before = enter(&mut self.last, cell, self.items.len() as u32);
-        self.items.put((item, before.unwrap_or(NONE)));
+        self.items.push((item, before.unwrap_or(NONE)));
     }
 
     /// The last items of a cell.
@@ -111,7 +111,7 @@ pub(super) fn rooms<'a>(triangles: impl Iterator<Item = &'a RawTriangle>, vertic
     /// A triangle whose height is under this share of its longest side is a sliver, as at a corner in the middle of a
     /// polygon's side: it would be as thin as the noise, and keep all corners there apart.
     const SLIVER: f64 = 0.01;
-    let mut room = filled(f64::INFINITY, vertices);
+    let mut room = vec![f64::INFINITY; vertices];
     for triangle in triangles {
         let [a, b, c] = triangle.uv;
         let longest = a.distance(b).max(b.distance(c)).max(c.distance(a));
@@ -181,7 +181,7 @@ impl<'a> Corners<'a> {
             }
         }
         if found == new {
-            self.firsts.put((uv, reach));
+            self.firsts.push((uv, reach));
         }
         found
     }

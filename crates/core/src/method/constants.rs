@@ -64,9 +64,8 @@ macro_rules! constants {
         $($(#[doc = $doc])+ #[allow(dead_code)] pub const $name: $ty = $value;)+
 
         /// All of these constants, in order.
-        #[allow(clippy::disallowed_macros, reason = "no call of a host comes here")]
-        pub fn declarations() -> Vec<$crate::method::constants::Declaration> {
-            vec![$((&[$($doc),+], stringify!($name), $name.into())),+]
+        pub fn declarations() -> $crate::allocation::Vec<$crate::method::constants::Declaration> {
+            $crate::vec![$((&[$($doc),+], stringify!($name), $name.into())),+]
         }
     };
 }

@@ -1,7 +1,7 @@
 //! Relative costs of the stages of a solve, for time budgets and for progress. Costs are microseconds on two cores of 2.5
 //! GHz; the actual times on this machine are measured (`deadline`, `progress`).
 
-use crate::allocation::Collect;
+use crate::allocation::Vec;
 use crate::grid::Level;
 
 use super::plan::{Input, Plan};
@@ -24,7 +24,7 @@ impl Costs {
             let list = level.blocks.list.iter();
             list.filter(|block| block.active && input.charts[block.chart as usize]).count() as f64
         };
-        let blocks = input.grid.levels.iter().map(active).collected();
+        let blocks = input.grid.levels.iter().map(active).collect();
         Costs { blocks, triangles: input.grid.triangles.len() as f64, pbd }
     }
 

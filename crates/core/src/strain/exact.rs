@@ -3,7 +3,7 @@
 
 use glam::DVec2;
 
-use crate::allocation::Collect;
+use crate::allocation::Vec;
 use crate::mesh::{NONE, TileMesh};
 
 /// Barycentric coordinates of at least minus this count as inside: a point on an edge belongs to the triangles on both
@@ -65,7 +65,7 @@ impl Locator {
                     neighbours: t.neighbours,
                 }
             })
-            .collected();
+            .collect();
         Locator { nx, ny, triangles, chart_of: tile.chart_of_triangles(), under }
     }
 
@@ -158,7 +158,7 @@ impl<const D: usize> Surface<D> {
             let value = std::array::from_fn(|k| p[k] - base[k]);
             Affine { origin: uv.origin, value, tangent }
         };
-        Surface { triangles: locator.chart_of.iter().enumerate().map(affine).collected() }
+        Surface { triangles: locator.chart_of.iter().enumerate().map(affine).collect() }
     }
 
     /// f at a point of a triangle.

@@ -6,6 +6,8 @@ use std::time::{Duration, Instant};
 
 use super::*;
 
+use crate::allocation::{Vec, vec};
+
 #[test]
 fn every_item_runs_once() {
     for threads in [1, 2, 5] {

@@ -6,7 +6,7 @@ use std::cell::RefCell;
 use std::ops::Range;
 
 #[cfg(not(unix))]
-use crate::allocation::Collect;
+use crate::allocation::Vec;
 
 /// Runs `body` on this thread. Once that calls the function that it is given, `help(number)` runs on a thread for each of the
 /// numbers. `body` must make the helpers return; it does not unwind.
@@ -22,7 +22,7 @@ pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl Fn
         let help = &help;
         let start = |n| std::thread::Builder::new().spawn_scoped(scope, move || help(n)).ok();
         let helpers = RefCell::new(Vec::new());
-        let result = body(&|| *helpers.borrow_mut() = numbers.clone().filter_map(start).collected());
+        let result = body(&|| *helpers.borrow_mut() = numbers.clone().filter_map(start).collect());
         // A scope waits until its threads have run their closures, not until they end, and ending runs code of this
         // library, too.
         for helper in helpers.into_inner() {
@@ -64,7 +64,7 @@ mod posix {
     use std::panic::{AssertUnwindSafe, catch_unwind};
     use std::ptr;
 
-    use crate::allocation::{Collect, Grow, with_capacity};
+    use crate::allocation::Vec;
 
     /// The stack size of std's threads.
     const STACK: usize = 2 << 20;
@@ -100,13 +100,13 @@ mod posix {
         help: impl Fn(usize) + Sync,
         body: impl FnOnce(&dyn Fn()) -> R,
     ) -> R {
-        let starts: Vec<Start> = numbers.map(|number| Start { help: &help, number }).collected();
-        let helpers = RefCell::new(Helpers(with_capacity(starts.len())));
+        let starts: Vec<Start> = numbers.map(|number| Start { help: &help, number }).collect();
+        let helpers = RefCell::new(Helpers(Vec::with_capacity(starts.len())));
         let result = body(&|| {
             for start in &starts {
                 // `start` lives until the thread is joined.
                 let thread = spawn(run, ptr::from_ref(start).cast_mut().cast());
-                helpers.borrow_mut().0.put_all(thread);
+                helpers.borrow_mut().0.extend(thread);
             }
         });
         drop(helpers);

@@ -5,6 +5,7 @@ use wgpu::BufferUsages;
 
 use super::*;
 use crate::adapters;
+use vrtm_core::allocation::Vec;
 use vrtm_core::backend::Gpu;
 
 /// The first GPU, hardware or software.

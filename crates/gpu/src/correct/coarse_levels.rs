@@ -3,7 +3,7 @@
 
 use crate::layout::CoarseBlock;
 use crate::records::packed_weights;
-use vrtm_core::allocation::{Grow, with_capacity};
+use vrtm_core::allocation::Vec;
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::NODES;
 use vrtm_core::mesh::NONE;
@@ -34,7 +34,7 @@ impl CoarseLevels {
         }
         let mut base = 0;
         for level in &grid.levels[coarse.first..] {
-            coarse.bases.put(base);
+            coarse.bases.push(base);
             base += level.blocks.list.len() as u32;
         }
         (!coarse.bases.is_empty()).then_some(coarse)
@@ -47,7 +47,7 @@ impl CoarseLevels {
 
     /// Records of all blocks, level by level.
     pub fn blocks(&self, grid: &Grid) -> Vec<CoarseBlock> {
-        let mut all = with_capacity(self.blocks);
+        let mut all = Vec::with_capacity(self.blocks);
         for k in self.first..grid.levels.len() {
             let level = &grid.levels[k];
             let place = |k: usize, b: u32| match self.base(k) {
@@ -61,7 +61,7 @@ impl CoarseLevels {
                 for (s, _) in level.movable[b].iter().enumerate().filter(|(_, movable)| **movable == 0) {
                     fixed[s / 32] |= 1 << (s % 32);
                 }
-                all.put(CoarseBlock {
+                all.push(CoarseBlock {
                     neighbours: level.blocks.neighbours[b].map(|b| place(k, b)),
                     active_neighbours: level.blocks.neighbours[b].map(|b| place(k, active(b))),
                     parent: if k + 1 < grid.levels.len() { place(k + 1, level.parent[b]) } else { NONE },
@@ -79,18 +79,18 @@ impl CoarseLevels {
     /// For each chart and level, first and count of its active blocks; then these blocks.
     pub fn lists(&self, grid: &Grid) -> Vec<u32> {
         let charts = grid.movable.len();
-        let mut ranges = with_capacity(charts * self.bases.len() * 2);
+        let mut ranges = Vec::with_capacity(charts * self.bases.len() * 2);
         let mut all: Vec<u32> = Vec::new();
         let start = (charts * self.bases.len() * 2) as u32;
         for c in 0..charts {
             for (level, base) in grid.levels[self.first..].iter().zip(&self.bases) {
                 let first = all.len();
                 let active = level.blocks.of_chart[c].clone().filter(|&b| level.blocks.list[b].active);
-                all.put_all(active.map(|b| base + b as u32));
-                ranges.put_all([start + first as u32, (all.len() - first) as u32]);
+                all.extend(active.map(|b| base + b as u32));
+                ranges.extend([start + first as u32, (all.len() - first) as u32]);
             }
         }
-        ranges.put_all(all);
+        ranges.extend(all);
         ranges
     }
 

@@ -7,6 +7,7 @@ use wgpu::BufferUsages as Usage;
 use crate::context::{Context, tests::gpu};
 use crate::identity::is_software;
 use crate::kernels::Kernel;
+use vrtm_core::allocation::Vec;
 use vrtm_core::backend::Options;
 use vrtm_core::method::acceptance::{Correction, Gain};
 
@@ -93,7 +94,7 @@ fn expected(case: &Case) -> [f32; 2] {
     [correction.next_fraction(&gain), f32::from(u8::from(gain.suffices()))]
 }
 
-fn on_gpu(context: &Context, cases: &[Case]) -> Vec<[f32; 2]> {
+fn on_gpu(context: &Context, cases: &[Case]) -> std::vec::Vec<[f32; 2]> {
     let device = &context.device;
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,

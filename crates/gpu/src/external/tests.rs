@@ -3,6 +3,7 @@
 
 use super::*;
 use crate::context::tests::gpu;
+use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::backend::Options;
 use vrtm_core::image::external::ExternalHandle;
 
@@ -22,7 +23,7 @@ fn memory(gpu: &Context, bytes: u64) -> wgpu::Buffer {
     buffer
 }
 
-fn words(gpu: &Context, buffer: &wgpu::Buffer, bytes: u64) -> Vec<u32> {
+fn words(gpu: &Context, buffer: &wgpu::Buffer, bytes: u64) -> std::vec::Vec<u32> {
     bytemuck::pod_collect_to_vec(&gpu.read(buffer, 0..bytes).unwrap())
 }
 
@@ -134,7 +135,7 @@ fn texels_lie_where_the_layout_says() {
                         }
                     }
                     let found = words(&gpu, &memory, texels.end);
-                    assert!(found == expected, "{size:?} {offset} {row_stride} {is_top_first} {most}");
+                    assert!(expected == found, "{size:?} {offset} {row_stride} {is_top_first} {most}");
                 }
             }
         }

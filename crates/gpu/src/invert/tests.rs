@@ -6,6 +6,7 @@ use crate::bands;
 use crate::context::tests::gpu;
 use crate::records::band_blocks;
 use crate::results::{RESULT_BLOCK, ResultBuffers};
+use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::backend::Options;
 use vrtm_core::cpu::invert as twin;
 use vrtm_core::grid::Grid;

@@ -10,6 +10,7 @@ use wgpu::naga::{AddressSpace, ArraySize, Handle, Module, ScalarKind, StorageAcc
 use super::*;
 use crate::external::RedirectRequest;
 use crate::kernels::{Binding, Kernel, SOURCES, Source, slot};
+use vrtm_core::allocation::{Vec, vec};
 
 /// A kernel's module, validated without optional capabilities.
 fn module(source: &Source) -> (Module, ModuleInfo) {

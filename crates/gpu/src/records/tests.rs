@@ -4,6 +4,7 @@ use wgpu::BufferUsages as Usage;
 
 use crate::context::tests::gpu;
 use crate::kernels::Kernel;
+use vrtm_core::allocation::Vec;
 use vrtm_core::backend::Options;
 use vrtm_core::grid::codes::{Lengths, decode_rigidity, decode_weight};
 
@@ -72,7 +73,7 @@ fn shaders_decode_to_the_host_s_bits() {
     pass.dispatch_workgroups(CODES as u32 / 64, 1, 1);
     drop(pass);
     context.submit([encoder]).unwrap();
-    let found: Vec<u32> = bytemuck::pod_collect_to_vec(&context.read(&output, 0..bytes).unwrap());
+    let found: std::vec::Vec<u32> = bytemuck::pod_collect_to_vec(&context.read(&output, 0..bytes).unwrap());
     for (code, found) in (0..=u16::MAX).zip(found.chunks(each)) {
         assert_eq!(found[0], decode_rigidity(code).to_bits(), "rigidity {code}");
         // 255 is not the code of a weight.

@@ -2,6 +2,7 @@
 
 use super::StageDifference;
 use super::point::Point;
+use vrtm_core::allocation::Vec;
 use vrtm_core::cpu;
 use vrtm_core::error::{Error, Result};
 use vrtm_core::grid::Grid;
@@ -84,7 +85,7 @@ impl<'a> Pair<'a> {
             charts,
             lockstep,
             correction: 0,
-            energies: [vec![], vec![]],
+            energies: [Vec::new(), Vec::new()],
             differences: Vec::new(),
             error: None,
         }
@@ -321,7 +322,7 @@ impl Pair<'_> {
         self.correction = if correction.first { 1 } else { self.correction + 1 };
         let at = Point::level(level, 1 + self.correction);
         let taking_part: Vec<bool> = if correction.first {
-            self.charts.to_vec()
+            self.charts.into()
         } else {
             self.charts
                 .iter()
@@ -329,7 +330,7 @@ impl Pair<'_> {
                 .map(|(&solve, &next)| solve && next > 0.0)
                 .collect()
         };
-        let mut before = [vec![], vec![]];
+        let mut before = [Vec::new(), Vec::new()];
         self.attempt(|pair| {
             before = [pair.cpu.energies_of(level), pair.gpu.energies_of(level)?];
             pair.before_correction(at, level)

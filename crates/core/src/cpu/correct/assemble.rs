@@ -12,7 +12,7 @@ use super::super::run::{Run, SurfaceFn};
 use super::super::sampling::{GradientTerms, Slopes, Surface};
 use super::super::terms::{Edge, Visitor, least_jacobian, pull_stiffness};
 use super::rows::{Rows, Words, encode};
-use crate::allocation::zeroed;
+use crate::allocation::{Vec, zeroed};
 use crate::grid::Level;
 use crate::grid::planes::Plane;
 use crate::grid::window::Window;

@@ -5,7 +5,7 @@ use super::super::run::Run;
 use super::last_step::Directions;
 use super::multigrid;
 use super::workspace::{Solving, SolvingLevel};
-use crate::allocation::{Collect, zeroed};
+use crate::allocation::{Vec, zeroed};
 use crate::grid::planes::{NODES, Plane};
 use crate::method::acceptance::Correction;
 use crate::method::law::MAX_STEP;
@@ -50,7 +50,7 @@ impl Run<'_> {
                         let beta = (rz[c] / rz_before) as f32 / alpha;
                         if stepped && beta.is_finite() { beta } else { 0.0 }
                     })
-                    .collected();
+                    .collect();
                 let (direction, step) = (SharedSlice::new(direction), &*solving.step);
                 self.each_block(
                     level,
@@ -73,7 +73,7 @@ impl Run<'_> {
                     // scalar is NaN.
                     if curvature[c] > 0.0 && alpha.is_finite() { alpha } else { 0.0 }
                 })
-                .collected();
+                .collect();
             for c in 0..charts {
                 predicted[c] += f64::from(alpha[c]) * rz[c];
             }

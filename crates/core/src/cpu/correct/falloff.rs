@@ -3,7 +3,7 @@
 //! through all blocks that lie side by side.
 
 use super::super::run::Run;
-use crate::allocation::{Collect, filled, zeroed};
+use crate::allocation::{Vec, vec, zeroed};
 use crate::grid::Level;
 use crate::grid::planes::{Plane, SIDE, slot};
 use crate::mesh::NONE;
@@ -18,7 +18,7 @@ pub fn slopes(run: &Run, level: &Level, blocks: &[u32], step: &[[Plane; 2]]) -> 
         let step = step[blocks[k] as usize].as_flattened();
         *longest = step.iter().fold(0.0f32, |most, x| most.max(x.abs()));
     });
-    let mut slopes: Vec<f32> = filled(FRACTION_FALLOFF, run.charts.len());
+    let mut slopes: Vec<f32> = vec![FRACTION_FALLOFF; run.charts.len()];
     for (&b, longest) in blocks.iter().zip(&longest) {
         let slope = &mut slopes[level.blocks.list[b as usize].chart as usize];
         *slope = slope.min(STEP_FALLOFF / longest.max(STEP_FALLOFF));
@@ -35,7 +35,7 @@ pub fn fall_off(run: &Run, level: &Level, blocks: &[u32], fraction: SharedSlice<
             (b != NONE && level.blocks.list[b as usize].active).then_some(b as usize)
         };
         let firsts: Vec<u32> =
-            blocks.iter().copied().filter(|&b| neighbour(b as usize, before).is_none()).collected();
+            blocks.iter().copied().filter(|&b| neighbour(b as usize, before).is_none()).collect();
         run.team.run(firsts.len(), |k| {
             let mut b = firsts[k] as usize;
             let slope = slopes[level.blocks.list[b].chart as usize];

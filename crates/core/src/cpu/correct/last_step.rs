@@ -6,7 +6,7 @@ use super::super::run::Run;
 use super::multigrid;
 use super::rows::{BlockRows, Pairs};
 use super::workspace::{Solving, SolvingLevel};
-use crate::allocation::{Collect, zeroed};
+use crate::allocation::{Vec, zeroed};
 use crate::grid::codes::unpack_bfloat16;
 use crate::grid::planes::{NODES, Plane};
 use crate::grid::window::{self, WINDOW_NODES, Window};
@@ -62,7 +62,7 @@ impl Run<'_> {
             },
         );
         let of_chart = |n: usize| {
-            let quantity: Vec<f64> = of_blocks.iter().map(|sums| sums[n]).collected();
+            let quantity: Vec<f64> = of_blocks.iter().map(|sums| sums[n]).collect();
             self.sum_active_per_chart(level, &quantity)
         };
         let products = [of_chart(0), of_chart(1), of_chart(2), of_chart(3)];
@@ -72,7 +72,7 @@ impl Run<'_> {
                 predicted[c] += gain;
                 factors
             })
-            .collected();
+            .collect();
         let direction = &*solving.levels[0].direction;
         let step = SharedSlice::new(solving.step);
         self.each_block(
@@ -230,8 +230,8 @@ mod tests {
         let beta = dot(residual, second) / second_curvature;
         let x = sum([(alpha, first), (beta, second)]);
         let directions = Directions {
-            lengths: [alpha, beta].map(|length| [length as f32].into_iter().collected()),
-            curvatures: [curvature, second_curvature].map(|of| [of].into_iter().collected()),
+            lengths: [alpha, beta].map(|length| [length as f32].into_iter().collect()),
+            curvatures: [curvature, second_curvature].map(|of| [of].into_iter().collect()),
         };
         let products = [p, x, second].map(|v| dot(v, times(p)));
         let products = [products[0], products[1], products[2], dot(residual, p)];

@@ -11,7 +11,7 @@ use super::super::run::Run;
 use super::rows::{BlockRows, Pairs, Rows};
 use super::transfer::{active_neighbours, add_coarse, restrict};
 use super::workspace::SolvingLevel;
-use crate::allocation::zeroed;
+use crate::allocation::{Vec, zeroed};
 use crate::grid::Level;
 use crate::grid::planes::{NODES, Plane};
 use crate::grid::window::{self, WINDOW_NODES, Window};

@@ -8,6 +8,7 @@ use super::super::allocate::Allocate;
 use super::super::lanes::{LANES, Lanes, each};
 use super::super::prefetch::{prefetch, prefetch_next};
 use super::super::row::Row;
+use crate::allocation::Vec;
 use crate::grid::codes::unpack_bfloat16;
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::grid::window::{WINDOW_NODES, place};

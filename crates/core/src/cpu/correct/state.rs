@@ -5,7 +5,7 @@ use super::super::run::Run;
 use super::super::state::flat;
 use super::rows::Rows;
 use super::{assemble, complete};
-use crate::allocation::{Collect, Grow};
+use crate::allocation::Vec;
 
 impl Run<'_> {
     /// Assembles a level's system for its present state. Returns its rows in the layout of [`Run::rows`], and its
@@ -27,8 +27,8 @@ impl Run<'_> {
         let mut all = Vec::new();
         let Rows { diagonal, words, .. } = self.memory.workspace.rows(level);
         for (diagonal, words) in diagonal.iter().zip(words) {
-            all.put_all(flat(&[*diagonal]));
-            all.put_all(words.as_flattened().as_flattened().iter().copied());
+            all.extend(flat(&[*diagonal]));
+            all.extend(words.as_flattened().as_flattened());
         }
         all
     }
@@ -39,6 +39,6 @@ impl Run<'_> {
         let blocks = self.grid.levels[level].blocks.list.len();
         let step = if level == 0 { &*self.result } else { &workspace.coarse_step()[..blocks] };
         let fraction = (0..blocks).flat_map(|b| workspace.step_fraction(level, b).map(f32::to_bits));
-        [flat(step), fraction.collected()]
+        [flat(step), fraction.collect()]
     }
 }

@@ -12,7 +12,7 @@ use super::super::run::Run;
 use super::falloff::{fall_off, slopes};
 use super::transfer::active_neighbours;
 use super::workspace::{Limiting, Stepping};
-use crate::allocation::{copied, zeroed};
+use crate::allocation::{Vec, zeroed};
 use crate::grid::Level;
 use crate::grid::planes::Plane;
 use crate::grid::window::{self, WINDOW_NODES, Window};
@@ -33,7 +33,7 @@ fn fractions(run: &Run, level: usize, limiting: &mut Limiting) -> Vec<f32> {
     let step = limiting.step;
     // Only active blocks are written: in inactive blocks the memory of the marks has to stay 0 for the next V-cycle.
     let (fraction, mark) = (SharedSlice::new(limiting.fraction), SharedSlice::new(limiting.mark));
-    let mut blocks = copied(&run.work[level].active);
+    let mut blocks = run.work[level].active.clone();
     let mut least = zeroed(blocks.len());
     let least_of_block = SharedSlice::new(&mut least);
     let next = |b: usize| {

@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use super::*;
+use crate::allocation::{Vec, vec};
 use crate::cpu::Memory;
 use crate::fixtures::{maps, posed, sheet};
 use crate::grid::Grid;

@@ -10,7 +10,7 @@
 //! Stepping     step fraction          displacement before    samples (written)
 //! ```
 
-use crate::allocation::{Collect, Grow, with_capacity};
+use crate::allocation::Vec;
 use crate::grid::Grid;
 use crate::grid::planes::Plane;
 
@@ -44,10 +44,10 @@ struct LevelMemory {
 
 impl Workspace {
     pub fn new(allocator: &mut impl Allocate, grid: &Grid) -> Workspace {
-        let mut levels = with_capacity(grid.levels.len());
+        let mut levels = Vec::with_capacity(grid.levels.len());
         for level in &grid.levels {
             let blocks = level.blocks.list.len();
-            levels.put(LevelMemory {
+            levels.push(LevelMemory {
                 rows: Rows::new(allocator, blocks),
                 planes_a: allocator.zeros(blocks),
                 planes_b: allocator.zeros(blocks),
@@ -123,7 +123,7 @@ impl<'a> Assembling<'a> {
             direction: &mut memory.planes_b,
             product: &mut buffers.value,
         });
-        Solving { levels: levels.collected(), step: self.step, last_step: self.last_step }
+        Solving { levels: levels.collect(), step: self.step, last_step: self.last_step }
     }
 }
 

@@ -1,6 +1,7 @@
 use glam::DVec2;
 
 use super::batch::{BATCH, Batch, Candidate};
+use crate::allocation::Vec;
 use crate::grid::fill::Fill;
 
 const REST: [f64; 2] = [3.0, 5.0];

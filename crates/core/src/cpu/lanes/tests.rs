@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::*;
+use crate::allocation::{Vec, vec};
 use crate::cpu::{Memory, Run};
 use crate::fixtures::{discs, maps, posed, sheet};
 use crate::grid::Grid;

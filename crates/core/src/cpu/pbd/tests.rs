@@ -3,6 +3,7 @@ use std::sync::Arc;
 use super::super::lanes::{LANES, Lanes, Portable as V};
 use super::project::projected;
 use super::*;
+use crate::allocation::vec;
 use crate::cpu::Memory;
 use crate::fixtures::{maps, posed, sheet};
 use crate::grid::Grid;

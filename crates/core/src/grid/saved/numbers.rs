@@ -2,7 +2,7 @@
 
 use std::array::from_fn;
 
-use crate::allocation::Collect;
+use crate::allocation::Vec;
 use crate::error::{Error, Result};
 
 /// The error of bytes that cannot be a saved grid.
@@ -60,7 +60,7 @@ impl Reader<'_> {
 
     pub fn all<T: Saved>(&mut self, count: usize) -> Result<Vec<T>> {
         let bytes = self.slice(count.saturating_mul(T::SIZE))?;
-        Ok(bytes.chunks_exact(T::SIZE).map(T::read).collected())
+        Ok(bytes.chunks_exact(T::SIZE).map(T::read).collect())
     }
 
     fn slice(&mut self, bytes: usize) -> Result<&[u8]> {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::numbers::{Reader, refuse};
-use crate::allocation::Collect;
+use crate::allocation::Vec;
 use crate::error::Result;
 use crate::grid::blocks::Part;
 use crate::grid::build::levels_of;
@@ -53,9 +53,9 @@ pub fn grid(
         y: *y,
         nodes: NodeSet(*nodes),
     };
-    let parts = heads.iter().zip(&nodes).map(part).collected();
+    let parts: Vec<_> = heads.iter().zip(&nodes).map(part).collect();
     check(heads.iter().all(|head| head[3] <= 1) && are_parts(&parts, cells, charts), "nodes")?;
-    let rigid = heads.iter().map(|head| head[3] == 1).collected();
+    let rigid: Vec<_> = heads.iter().map(|head| head[3] == 1).collect();
     let (squares, counts) = (from.all(square_count)?, from.all(square_count)?);
     let square = |(&square, &[rigid, frozen, overlapped]): (&[u32; 2], &[u16; 3])| RigidNodes {
         square,
@@ -63,7 +63,7 @@ pub fn grid(
         frozen,
         overlapped,
     };
-    let rigid_nodes = squares.iter().zip(&counts).map(square).collected();
+    let rigid_nodes: Vec<_> = squares.iter().zip(&counts).map(square).collect();
     check(are_squares(&rigid_nodes, cells), "squares")?;
     let movable = movable_of_charts(charts, &parts, &rigid);
     let survey = levels(team, cells, &movable, &parts);
@@ -140,7 +140,7 @@ fn take_level(from: &mut Reader, level: &mut Level, has: [bool; 4]) -> Result<()
     level.rest_length = Arc::new(from.all(blocks)?);
     let lengths = from.all::<[[u32; 2]; 4]>(level.lengths.len())?;
     let of_chart = |chart: &[[u32; 2]; 4]| chart.map(|[base, shift]| Lengths { base, shift });
-    level.lengths = lengths.iter().map(of_chart).collected();
+    level.lengths = lengths.iter().map(of_chart).collect();
     level.floor = from.all(level.floor.len())?;
     level.interpolation = from.all(interpolation)?;
     level.stiffness = from.all(stiffness)?;
@@ -182,7 +182,7 @@ fn gather(from: &mut Reader, blocks: usize, triangles: usize) -> Result<Gather> 
     check(starts[0] == 0 && starts.is_sorted(), "entries")?;
     let entries = from.all::<[u32; 2]>(starts[starts.len() - 1] as usize)?;
     let entries: Vec<(u32, f32)> =
-        entries.iter().map(|&[t, fraction]| (t, f32::from_bits(fraction))).collected();
+        entries.iter().map(|&[t, fraction]| (t, f32::from_bits(fraction))).collect();
     let is_entry = |(t, fraction): &(u32, f32)| (*t as usize) < triangles && (0.0..=1.0).contains(fraction);
     check(entries.iter().all(is_entry), "entries")?;
     Ok(Gather::from_parts(starts, entries))

@@ -5,6 +5,7 @@ use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
 use super::*;
+use crate::allocation::{Vec, vec};
 use crate::cpu::{Memory, Run};
 use crate::fixtures::{discs, maps, posed, sheet};
 use crate::grid::Grid;
