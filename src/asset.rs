@@ -1,5 +1,7 @@
 //! An asset: a mesh with its tiles, their maps, settings and results. The public entry to everything.
 
+mod after;
+mod blended;
 mod derived;
 mod given;
 mod inside;
@@ -21,6 +23,7 @@ use std::sync::Arc;
 use crate::device::Device;
 use crate::map::FetchKind;
 use crate::map::certificate::desc::{MapDesc, MapReport};
+use after::After;
 use derived::{Derived, Same};
 use given::Given;
 use results::Results;
@@ -47,6 +50,7 @@ pub struct Asset {
     pub(crate) results: Results,
     /// Where charts have what lies beyond their seams, if any go on there.
     places: Derived<Vec<Same<TileMesh>>, Places>,
+    after: After,
 }
 
 impl Asset {
@@ -66,7 +70,8 @@ impl Asset {
         let given = Given::new(mesh.tiles.len());
         let tiles = (0..mesh.tiles.len()).map(|tile| TileState::new(tile, device)).collect();
         let results = Results::new(device, &mesh);
-        Ok(Asset { device: device.clone(), mesh, given, tiles, results, places: Derived::default() })
+        let (places, after) = (Derived::default(), After::default());
+        Ok(Asset { device: device.clone(), mesh, given, tiles, results, places, after })
     }
 
     /// The device that the asset was made on.

@@ -71,6 +71,11 @@ impl<K: PartialEq, T> Derived<K, T> {
         }
     }
 
+    /// Books the bytes of the last value, if there is one.
+    pub fn book(&mut self, bytes: u64, what: &str) -> Result<()> {
+        self.0.as_mut().map_or(Ok(()), |made| made.booked.set(bytes, what))
+    }
+
     /// Frees the memory.
     pub fn free(&mut self) {
         self.0 = None;

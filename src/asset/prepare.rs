@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::device::Device;
+use vrtm_beyond::Copies;
 use vrtm_beyond::gutter::Gutter;
 use vrtm_core::allocation::Vec;
 use vrtm_core::error::Result;
@@ -40,10 +41,24 @@ impl TileState {
         shape.get(call.device, key, |key, _| Ok(Shape::new(new_mesh(call, tile, key), call.mesh.tiles.len())))
     }
 
+    /// Books the triangles of the tile, which an estimate does not; they are gone if there is no room.
+    fn book_shape(&mut self, call: &Call, welds: &[u32]) -> Result<()> {
+        let own = &call.mesh.tiles[self.tile];
+        let mesh = self.shape(call, welds)?.mesh.clone();
+        let shape = if welds.is_empty() { &mut self.whole } else { &mut self.torn };
+        let bytes = if Arc::ptr_eq(&mesh, own) { 0 } else { mesh.bytes() };
+        let booked = shape.book(bytes, &own.name());
+        if booked.is_err() {
+            shape.free();
+        }
+        booked
+    }
+
     /// The tile with these welds torn, and its grid; builds it if it is not there.
     pub fn prepared(&mut self, call: &Call, welds: &[u32]) -> Result<Prepared> {
         let (tile, name, is_whole) = (self.tile, call.mesh.tiles[self.tile].name(), welds.is_empty());
         self.maps.set(call.given.bytes(call.mesh, tile), &name)?;
+        self.book_shape(call, welds)?;
         let shape = self.shape(call, welds)?;
         shape.repaint(call);
         let key = call.given.grid_key(tile, shape.beyond.iter().copied());
@@ -52,6 +67,7 @@ impl TileState {
             self.solver = None;
             if is_whole {
                 self.copies.free();
+                self.blended.free();
             }
         }
         let Shape { mesh, grid, .. } = self.shape(call, welds)?;
@@ -109,9 +125,9 @@ impl TileState {
         Ok(())
     }
 
-    /// The memory for preparing and solving the tile, estimated from a survey alone.
-    pub fn estimate(&self, call: &Call) -> Result<TileEstimate> {
-        let (mesh, given) = (&self.mesh(call, &[]), call.given);
+    /// The memory for preparing and solving the tile, estimated from a survey alone. Collars are kept.
+    pub fn estimate(&mut self, call: &Call) -> Result<TileEstimate> {
+        let (mesh, given) = (&self.shape(call, &[])?.mesh.clone(), call.given);
         let maps = &given.maps[self.tile];
         let survey = Survey::new(call.team, mesh, given.of(self.tile), maps.grid_size());
         let (grid_bytes, parts) = (survey.grid_bytes(), survey.bytes());
@@ -119,9 +135,12 @@ impl TileState {
         let result = Solved::bytes_for(&grid);
         let purpose = Purpose::new(Solver::Descent, &maps.settings);
         let solver = call.device.solver_bytes(&grid, mesh, purpose)?;
-        let prepared = given.bytes(call.mesh, self.tile) + grid_bytes;
+        let has_collars = !mesh.sources.is_empty();
+        let collars = if has_collars { mesh.bytes() } else { 0 };
+        let prepared = given.bytes(call.mesh, self.tile) + collars + grid_bytes;
         // What is published is a result of its own.
-        let beyond = if mesh.sources.is_empty() { 0 } else { Gutter::BYTES + result };
+        let [copies, depths] = if has_collars { Copies::bytes_for(mesh, &grid) } else { [0; 2] };
+        let beyond = if has_collars { Gutter::BYTES + result + copies + depths } else { 0 };
         Ok(report!(TileEstimate {
             movable_nodes: grid.movable.iter().sum(),
             prepared_bytes: prepared,

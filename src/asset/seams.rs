@@ -5,8 +5,11 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::Asset;
+use super::after;
+use super::blended::{BlendKey, Blended, CopiesKey};
 use super::derived::{Derived, Same};
-use super::tile::{CopiesKey, TileState};
+use super::results::not_solved;
+use super::tile::TileState;
 use crate::device::Device;
 use crate::solved::Solved;
 use vrtm_beyond::{Blends, Copies, Depths, Limited, Places, Side, blend};
@@ -20,37 +23,77 @@ use vrtm_core::team::Team;
 
 impl Asset {
     /// Blends the results of a call with one another; returns what is to be published instead of them, where that is something
-    /// else. Tiles without a result of this call take no part: their results may be those of another pose.
+    /// else. Tiles without a result of this call take no part: their results may be those of another pose. Without time, results
+    /// stay as they are.
     pub(super) fn blend(
         &mut self,
         team: &Team,
         results: &[(usize, Arc<Solved>)],
+        has_time: bool,
     ) -> Result<Vec<Option<Solved>>> {
-        if results.iter().all(|(_, solved)| solved.extended.is_none()) {
+        let moves = |solved: &Solved| solved.results.iter().any(|result| result.max_displacement > 0.0);
+        let has_seams = results.iter().any(|(_, solved)| solved.extended.is_some());
+        if !results.iter().any(|(_, solved)| moves(solved)) {
+            // What a tile published may have been blended with another tile's last result.
+            let plain =
+                |(_, solved): &(usize, Arc<Solved>)| has_seams.then(|| solved.with_warp(solved.warp.clone()));
+            return Ok(results.iter().map(plain).collect());
+        }
+        if !has_seams {
             return Ok(results.iter().map(|_| None).collect());
         }
-        let Asset { device, mesh, given, tiles, places, .. } = self;
+        if !has_time {
+            return Ok(results.iter().map(|(_, solved)| Some(apart(solved))).collect());
+        }
+        let start = Instant::now();
+        let Asset { device, mesh, given, tiles, places, after, .. } = self;
         let places = &*find_places(device, mesh, places, results)?;
         let solved: Vec<Option<&Arc<Solved>>> =
             (0..tiles.len()).map(|tile| taking_part(places, results, tile)).collect();
-        let reaches = given.maps.iter().map(|maps| f64::from(maps.settings.seam_reach)).collect();
-        find_copies(team, device, places, &solved, reaches, tiles)?;
-        let side = |tile: usize| -> Result<Option<Side>> {
-            let Some(solved) = solved[tile] else { return Ok(None) };
-            Ok(Some(Side { tile: &places.tiles[tile], grid: &solved.grid, u: solved.warp.host()? }))
-        };
-        let sides: Vec<Option<Side>> = (0..tiles.len()).map(side).collect::<Result<Vec<_>>>()?;
-        let published = |(tile, solved): &(usize, Arc<Solved>)| {
+        let copies = find_copies(team, device, places, &solved, tiles)?;
+        let advance =
+            |fraction: f32| team.control().into_iter().for_each(|control| control.advance(fraction));
+        advance(0.5 * after::SHARE);
+        let warp = |solved: &Option<&Arc<Solved>>| solved.map(|solved| Same::of(&solved.warp));
+        let key = Arc::new(BlendKey { warps: solved.iter().map(warp).collect(), copies });
+        // The displacements of all tiles, which a GPU's results are read for.
+        let mut sides: Option<Vec<Option<Side>>> = None;
+        let mut published = Vec::with_capacity(results.len());
+        for (tile, own) in results {
             let start = Instant::now();
-            let (_, copies) = tiles[*tile].copies.last().filter(|_| solved.extended.is_some())?;
+            let state = &mut tiles[*tile];
+            let Some((_, copies)) = state.copies.last().filter(|_| own.extended.is_some()) else {
+                published.push(None);
+                continue;
+            };
+            let is_new = state.blended.known(&key).is_none();
+            if sides.is_none() && is_new {
+                let side = |tile: usize| -> Result<Option<Side>> {
+                    let Some(solved) = solved[tile] else { return Ok(None) };
+                    Ok(Some(Side { tile: &places.tiles[tile], grid: &solved.grid, u: solved.warp.host()? }))
+                };
+                sides = Some((0..solved.len()).map(side).collect::<Result<Vec<_>>>()?);
+            }
             let farthest = f64::from(given.maps[*tile].settings.seam_reach);
-            let blended = blend(team, places, copies, &sides, *tile, farthest)?;
-            let mut published = with(solved, blended);
-            published.report.times.blend = start.elapsed().as_secs_f32() * 1000.0;
-            published.report.times.total += published.report.times.blend;
-            Some(published)
-        };
-        Ok(results.iter().map(published).collect())
+            // Its memory is booked with the copies.
+            let blended = state.blended.get(device, key.clone(), |_, _| {
+                let sides = sides.as_deref().unwrap_or_default();
+                let Limited { u, certificates, charts } =
+                    blend(team, places, copies, sides, *tile, farthest).ok_or_else(not_solved)?;
+                Ok(Blended { warp: Arc::new(Warp::Host(u)), certificates, charts_apart: charts })
+            })?;
+            let mut solved = with(own, blended);
+            if is_new {
+                solved.report.times.blend = start.elapsed().as_secs_f32() * 1000.0;
+                solved.report.times.total += solved.report.times.blend;
+            }
+            published.push(Some(solved));
+            advance(0.5 * after::SHARE / results.len() as f32);
+        }
+        if sides.is_some() {
+            after.blend = start.elapsed();
+        }
+        Ok(published)
     }
 
     /// The results of tiles that were asked for and need no solve, since nothing in them has moved, but whose neighbours may
@@ -74,7 +117,11 @@ fn find_places<'a>(
         extended.unwrap_or(&mesh.tiles[tile]).clone()
     };
     let tiles: Vec<Arc<TileMesh>> = (0..mesh.tiles.len()).map(tile).collect();
-    places.get(device, tiles.iter().map(Same::of).collect(), |_, _| Ok(Places::new(tiles)))
+    places.get(device, tiles.iter().map(Same::of).collect(), |_, booked| {
+        let places = Places::new(tiles);
+        booked.set(places.bytes(), "the places at seams")?;
+        Ok(places)
+    })
 }
 
 /// Finds what the nodes of tiles with collars are blended of: it depends on the grids of all tiles.
@@ -83,25 +130,24 @@ fn find_copies(
     device: &Device,
     places: &Places,
     solved: &[Option<&Arc<Solved>>],
-    reaches: Vec<f64>,
     tiles: &mut [TileState],
-) -> Result<()> {
+) -> Result<Arc<CopiesKey>> {
     let same = |solved: &Option<&Arc<Solved>>| solved.map(|solved| Same::of(&solved.grid));
-    let key = Arc::new(CopiesKey { grids: solved.iter().map(same).collect(), reaches });
+    let key = Arc::new(CopiesKey { grids: solved.iter().map(same).collect() });
     let grids: Vec<Option<&Grid>> = solved.iter().map(|solved| solved.map(|solved| &*solved.grid)).collect();
     let mut depths = None;
     let of_tiles = tiles.iter_mut().zip(solved).enumerate();
     for (tile, (state, solved)) in of_tiles {
         let Some(solved) = solved.filter(|solved| solved.extended.is_some()) else { continue };
-        state.copies.get(device, key.clone(), |key, booked| {
-            let depths = depths.get_or_insert_with(|| Depths::new(places, &grids, &key.reaches));
+        state.copies.get(device, key.clone(), |_, booked| {
+            let depths = depths.get_or_insert_with(|| Depths::new(team, places, &grids));
             let copies = Copies::new(team, &Blends { places, depths }, &solved.grid, tile);
             // The blend is a result of its own.
             booked.set(copies.bytes() as u64 + Solved::bytes_for(&solved.grid), &solved.mesh.name())?;
             Ok(copies)
         })?;
     }
-    Ok(())
+    Ok(key)
 }
 
 /// The result of a tile, if it is one of the mesh that the places are of: not of a tile that the pose tears.
@@ -115,11 +161,20 @@ fn taking_part<'a>(
     Arc::ptr_eq(mesh, &places.tiles[tile]).then_some(solved)
 }
 
+/// A result for whose blend there is no time.
+fn apart(solved: &Solved) -> Solved {
+    let mut solved = solved.with_warp(solved.warp.clone());
+    if let Some(extended) = &solved.extended {
+        let count = extended.charts.iter().filter(|chart| !chart.collar.is_empty()).count();
+        solved.report = report!(solved.report, { charts_apart: count as u32, truncated: true });
+    }
+    solved
+}
+
 /// A result with the warp of a blend.
-fn with(solved: &Solved, blended: Limited) -> Solved {
-    let Limited { u, certificates, charts } = blended;
-    let mut solved = solved.with_warp(Arc::new(Warp::Host(u)));
-    for (result, certificate) in solved.results.iter_mut().zip(certificates) {
+fn with(solved: &Solved, blended: &Blended) -> Solved {
+    let mut solved = solved.with_warp(blended.warp.clone());
+    for (result, certificate) in solved.results.iter_mut().zip(&blended.certificates) {
         if let Some(certificate) = certificate {
             result.min_jacobian = certificate.min_jacobian;
             result.folds = certificate.folds;
@@ -131,7 +186,7 @@ fn with(solved: &Solved, blended: Limited) -> Solved {
         min_jacobian: results.iter().map(|r| r.min_jacobian).fold(1.0, f64::min),
         max_displacement: results.iter().map(|r| r.max_displacement).fold(0.0, f32::max),
         folds: results.iter().map(|r| r.folds).sum(),
-        charts_apart: charts,
+        charts_apart: blended.charts_apart,
     });
     solved
 }

@@ -16,6 +16,7 @@ use vrtm_core::unwind::caught;
 use vrtm_core::view::Strided;
 
 use super::Asset;
+use super::after;
 use super::request::{Fetch, SolveRequest};
 use super::results::{Last, TileResult, not_solved};
 use super::shape::{Call, Prepared};
@@ -114,11 +115,12 @@ impl Asset {
         if request.release_last {
             self.release_results(&wanted);
         }
-        let Asset { device, mesh, given, tiles, .. } = &mut *self;
+        let Asset { device, mesh, given, tiles, after, .. } = &mut *self;
         let is_elastic = |maps: &TileMaps| matches!(maps.rigidity, Values::None);
         if given.maps.iter().all(is_elastic) && tiles.iter().any(|state| state.grid(given).is_none()) {
             device.log(LogLevel::Warning, "no tile has a rigidity, so that nothing moves");
         }
+        let has_seams = given.maps.iter().any(|maps| maps.settings.beyond().is_some());
         let call = SolveCall {
             on: Call { team, device, mesh, given },
             positions: request.positions,
@@ -126,18 +128,22 @@ impl Asset {
             start,
             release_solvers: request.release_solvers,
             budget: None,
-            progress: 1.0,
+            progress: if has_seams { 1.0 - after::SHARE } else { 1.0 },
             learns: true,
         };
         let states = tiles.iter_mut().filter(|state| wanted[state.tile]).collect();
         let solved = match request.options.time_budget {
-            Some(budget) => in_turn(&call, budget, states)?,
+            Some(budget) => in_turn(&call, budget.saturating_sub(after.of(budget)), states)?,
             None => solve(&call, crew, states)?,
         };
+        let begin = Instant::now();
         let of = |new: &TileSolved| (new.tile(), new.solved.clone());
         let mut results: Vec<(usize, Arc<Solved>)> = solved.iter().map(of).collect();
         results.extend(self.beside(&asked, &wanted));
-        let (new, mut published) = (solved.len(), self.blend(team, &results)?);
+        let has_time = request.options.time_budget.is_none_or(|budget| self.after.has_time(budget));
+        let (new, mut published) = (solved.len(), self.blend(team, &results, has_time)?);
+        let blended = begin.elapsed();
+        let is_still = results.iter().all(|(_, solved)| solved.report.max_displacement == 0.0);
         if request.options.measure {
             self.measure(team, request.positions, &results[..new], &mut published)?;
         }
@@ -151,6 +157,10 @@ impl Asset {
             if let Some(solved) = published.map(Arc::new).or((!kept).then_some(solved)) {
                 last.tiles[tile] = Some(TileResult { solved, kept });
             }
+        }
+        self.after.rest = begin.elapsed().saturating_sub(blended);
+        if request.options.time_budget.is_some() && (is_still || !has_time) {
+            self.after = self.after.less();
         }
         // From here on the call has a result and can no longer be cancelled.
         if let Some(control) = team.control() {
@@ -196,6 +206,7 @@ impl Asset {
         self.results.replace(Last { tiles: rest, solved_ms: last.solved_ms, stretch: last.stretch });
         for (state, _) in self.tiles.iter_mut().zip(tiles).filter(|(_, of)| **of) {
             state.last = None;
+            state.blended.free();
         }
     }
 
@@ -263,7 +274,7 @@ fn in_turn(call: &SolveCall, budget: Duration, tiles: Vec<&mut TileState>) -> Re
     // Nothing is known yet of a tile without a grid.
     let movable = |state: &TileState| state.grid(call.on.given).map_or(0, |grid| grid.movable.iter().sum());
     let mut nodes: u64 = tiles.iter().map(|state| movable(state)).sum();
-    let progress = 1.0 / tiles.len() as f32;
+    let progress = call.progress / tiles.len() as f32;
     let mut solved = Vec::with_capacity(tiles.len());
     for state in tiles {
         let own: u64 = movable(state);
@@ -288,14 +299,14 @@ fn prepare<'a>(call: &SolveCall, tiles: Vec<&'a mut TileState>) -> Result<Vec<Qu
         let nodes = prepared.grid.movable.iter().sum();
         queue.push(Queued { state, prepared, nodes, progress: 0.0, result: None });
         if let Some(control) = call.on.team.control() {
-            control.advance(preparing / count);
+            control.advance(call.progress * preparing / count);
         }
     }
     // Even an empty tile has a fixed cost.
     let weight = |queued: &Queued| (queued.nodes + 1000) as f32;
     let all: f32 = queue.iter().map(weight).sum();
     for queued in &mut queue {
-        queued.progress = (1.0 - preparing) * weight(queued) / all;
+        queued.progress = call.progress * (1.0 - preparing) * weight(queued) / all;
     }
     Ok(queue)
 }

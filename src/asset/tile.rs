@@ -21,7 +21,8 @@ use vrtm_core::settings::{LogLevel, TileSettings};
 use vrtm_core::unwind::caught;
 use vrtm_core::view::Strided;
 
-use super::derived::{Derived, Same};
+use super::blended::{BlendKey, Blended, CopiesKey};
+use super::derived::Derived;
 use super::given::{Given, GridKey};
 use super::shape::{Call, Prepared, Shape, ShapeKey, torn_welds};
 use crate::solved::Solved;
@@ -57,18 +58,12 @@ pub(crate) struct TileState {
     pub(super) torn: Derived<ShapeKey, Shape>,
     /// Copies of nodes, for the blend at seams.
     pub(super) copies: Derived<Arc<CopiesKey>, Copies>,
+    /// The last blend at seams, which is part of what is published.
+    pub(super) blended: Derived<Arc<BlendKey>, Blended>,
     pub(super) solver: Option<BookedSolver>,
     pub(super) last: Option<TileSolved>,
     /// The welds that the last pose tore.
     welds_torn: Vec<u32>,
-}
-
-/// The key of the copies of all tiles.
-#[derive(Debug, PartialEq)]
-pub(super) struct CopiesKey {
-    /// Of the tiles that are blended together. A grid is of one mesh alone, and those of the others are always the same.
-    pub grids: Vec<Option<Same<Grid>>>,
-    pub reaches: Vec<f64>,
 }
 
 /// A solver, which knows the grid that it is for, and its memory.
@@ -120,6 +115,7 @@ impl TileState {
             whole: Derived::default(),
             torn: Derived::default(),
             copies: Derived::default(),
+            blended: Derived::default(),
             solver: None,
             last: None,
             welds_torn: Vec::new(),
@@ -128,8 +124,9 @@ impl TileState {
 
     /// Bytes of maps, grids, solver and result.
     fn bytes(&self) -> u64 {
-        let of_shape = |(_, shape): (_, &Shape)| shape.bytes();
-        let shapes: u64 = [&self.whole, &self.torn].into_iter().filter_map(Derived::last).map(of_shape).sum();
+        let of_shape =
+            |of: &Derived<ShapeKey, Shape>| of.bytes() + of.last().map_or(0, |(_, shape)| shape.bytes());
+        let shapes: u64 = [&self.whole, &self.torn].into_iter().map(of_shape).sum();
         let solver = self.solver.as_ref().map_or(0, |solver| solver.booked.bytes());
         self.maps.bytes() + shapes + self.copies.bytes() + solver
     }
@@ -159,6 +156,10 @@ impl TileState {
         let pose = Pose::new(mesh, |v| call.positions.get3(v as usize), Some(&grid.rest));
         let tasks = self.tasks(prepared, &pose, call.plan, &settings);
         let WarpResult { warp, results, mut report, work } = self.warp(call, prepared, &pose, &tasks)?;
+        if call.release_solvers {
+            // That of an earlier call, too, if no chart had to be solved.
+            self.solver = None;
+        }
         let (gutter, build_ms) = self.gutter_and_ms(&call.on, is_torn)?;
         self.fill_report(&mut report, grid, mesh, &tasks, &results);
         report.times.maps = build_ms;
@@ -289,7 +290,7 @@ impl TileState {
         }
         // A cancelled solve leaves its memory usable: each solve writes what it reads.
         let is_usable = solution.as_ref().err().is_none_or(|error| error.kind == ErrorKind::Cancelled);
-        if is_usable && !call.release_solvers {
+        if is_usable {
             self.solver = Some(solver);
         }
         solution

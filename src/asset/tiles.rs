@@ -27,11 +27,11 @@ impl Asset {
     }
 
     /// The memory for preparing and solving a tile with its present maps and settings. It counts the movable nodes, which
-    /// takes a small part of the time and memory of preparing the tile, and keeps nothing.
+    /// takes a small part of the time and memory of preparing the tile, and keeps nothing but the collars of its charts.
     ///
     /// # Errors
     /// `InvalidArgument` if `tile` is out of range.
-    pub fn tile_estimate(&self, tile: usize) -> Result<TileEstimate> {
+    pub fn tile_estimate(&mut self, tile: usize) -> Result<TileEstimate> {
         self.check_tile(tile)?;
         let Asset { device, mesh, given, tiles, .. } = self;
         device.call(|| device.team(|team| tiles[tile].estimate(&Call { team, device, mesh, given })))

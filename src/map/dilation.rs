@@ -5,7 +5,7 @@ use glam::DVec2;
 
 use super::canvas::Canvas;
 use super::chart_texels::{BAND, ChartTexels};
-use vrtm_beyond::{Collar, collars};
+use vrtm_beyond::{CollarTriangle, Surface, collar};
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::grid::fill::Fill;
 use vrtm_core::image::ImagePart;
@@ -28,9 +28,23 @@ pub(crate) struct Dilation<'a> {
     tile: usize,
     part: ImagePart,
     charts: ChartTexels,
-    collars: Vec<Collar>,
     reach: f64,
-    rows: Vec<Vec<Found>>,
+    bands: Vec<Band>,
+}
+
+/// A band of rows.
+struct Band {
+    texels: Vec<Found>,
+    pieces: Vec<Piece>,
+}
+
+/// A triangle of a collar.
+#[derive(Clone, Copy)]
+struct Piece {
+    uv: [DVec2; 3],
+    /// Its corners on the surface, in the UV plane of all tiles, and their distances from the border.
+    source: [DVec2; 3],
+    distance: [f64; 3],
 }
 
 const NOTHING: Found = Found { distance: f64::INFINITY, uv: DVec2::ZERO };
@@ -38,40 +52,53 @@ const NOTHING: Found = Found { distance: f64::INFINITY, uv: DVec2::ZERO };
 impl<'a> Dilation<'a> {
     /// Lays out the collars of a tile's charts beyond their seams up to `reach`, a length in UV.
     pub fn new(team: &Team, mesh: &'a Mesh, tile: usize, reach: f64, part: &ImagePart) -> Dilation<'a> {
-        let collars = collars(team, mesh, tile, &Beyond { seams: true, open_borders: false, reach });
+        let surface = Surface::new(mesh, tile, &Beyond { seams: true, open_borders: false, reach });
+        let of_chart = |chart: usize| -> Vec<Piece> {
+            let collar = collar(&surface, chart, reach, &|| team.check_or_unwind());
+            let piece = |of: &CollarTriangle| {
+                let origin = mesh.tiles[of.source.tile as usize].origin();
+                Piece { uv: of.uv, source: of.source.uv.map(|uv| uv + origin), distance: of.distance }
+            };
+            collar.triangles.iter().map(piece).collect()
+        };
+        let pieces = team.map(mesh.tiles[tile].charts.len(), of_chart);
         let mut charts = ChartTexels::new(part);
         // All layers of the tile share one texture.
         mesh.layers(tile).for_each(|layer| charts.draw(team, &mesh.tiles[layer], part));
         let [width, height] = part.extent();
         let rows = |band: usize| BAND.min(height - band * BAND);
-        let rows = (0..height.div_ceil(BAND)).map(|band| vec![NOTHING; rows(band) * width]).collect();
-        Dilation { mesh, tile, part: *part, charts, collars, reach, rows }
+        let band = |band: usize| Band { texels: vec![NOTHING; rows(band) * width], pieces: Vec::new() };
+        let mut bands: Vec<Band> = (0..height.div_ceil(BAND)).map(band).collect();
+        for piece in pieces.iter().flatten() {
+            let rows = piece.uv.map(|uv| uv.y * part.size[1] as f64 - 0.5 - part.first[1] as f64);
+            let band = |y: f64| (y / BAND as f64).max(0.0) as usize;
+            let [low, high] = [rows.into_iter().reduce(f64::min), rows.into_iter().reduce(f64::max)];
+            let (low, high) = (low.map_or(0, band), high.map_or(0, |y| band(y) + 1));
+            bands.iter_mut().take(high).skip(low).for_each(|band| band.pieces.push(*piece));
+        }
+        Dilation { mesh, tile, part: *part, charts, reach, bands }
     }
 
     /// Writes the UV and, as a fourth channel, whether it is known.
     pub fn write(mut self, team: &Team, canvas: &Canvas) {
         let tile: &TileMesh = &self.mesh.tiles[self.tile];
-        let (part, collars, reach) = (self.part, &self.collars, self.reach);
+        let (part, reach) = (self.part, self.reach);
         let size = DVec2::new(part.size[0] as f64, part.size[1] as f64);
         let width = part.extent()[0];
-        let (charts, mesh) = (&self.charts, self.mesh);
-        team.fill_large(&mut self.rows, |band, texels| {
+        let charts = &self.charts;
+        team.fill_large(&mut self.bands, |band, Band { texels, pieces }| {
             let first = [part.first[0], part.first[1] + band * BAND];
             let end = [part.end[0], first[1] + texels.len() / width];
-            for triangle in collars.iter().flat_map(|collar| &collar.triangles) {
-                let corners = triangle.uv.map(|uv| uv * size - 0.5);
+            for piece in &*pieces {
+                let corners = piece.uv.map(|uv| uv * size - 0.5);
                 Fill::new(corners).visit_in(first, end, |x, y, _| {
                     let texel = &mut texels[(y - first[1]) * width + x - first[0]];
                     let [s, t] = barycentrics(corners, DVec2::new(x as f64, y as f64));
-                    let [p, q, r] = triangle.distance;
+                    let [p, q, r] = piece.distance;
                     let distance = p + s * (q - p) + t * (r - p);
                     if distance < texel.distance && distance <= reach {
-                        let [a, b, c] = triangle.source.uv;
-                        let uv = a
-                            + s * (b - a)
-                            + t * (c - a)
-                            + mesh.tiles[triangle.source.tile as usize].origin();
-                        *texel = Found { distance, uv };
+                        let [a, b, c] = piece.source;
+                        *texel = Found { distance, uv: a + s * (b - a) + t * (c - a) };
                     }
                 });
             }

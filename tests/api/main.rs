@@ -4,6 +4,7 @@
 mod common;
 
 mod allocations;
+mod beyond;
 mod budget;
 mod control;
 mod fresh;

@@ -6,6 +6,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::beyond::CutSheet;
 use crate::common::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
 use crate::common::{self, cpu, fetch, gpu, options, view};
 use vrtm::{
@@ -95,6 +96,30 @@ fn preparing_takes_little_more_than_what_stays() {
         let solving = estimate.solving_bytes as f64 / total;
         println!("    solving: {solving:.3} of the peak was estimated; {booked} bytes were booked before");
         assert!((0.85..1.15).contains(&solving), "{size} {share}: {solving}");
+    }
+}
+
+/// The estimate counts collars and what the blend at seams is found with, and a budget of it suffices.
+#[test]
+fn what_lies_beyond_borders_is_estimated() {
+    let _alone = alone();
+    for (charts, size) in [([2, 1], 512), ([4, 4], 1024)] {
+        let sheet = CutSheet::new(charts, 64 / charts[0]);
+        let mut asset = sheet.asset(&counting(None), size, true);
+        let (_, collars, estimate) = counted(|| asset.tile_estimate(0).unwrap());
+        let pose = sheet.pose(0.3);
+        let (peak, _, solved) = counted(|| asset.solve(Strided::from_f32x3(&pose), &options(Quality::Draft)));
+        solved.unwrap();
+        let total = (collars + peak) as f64 + f64::from(size as u32).powi(2);
+        let share = estimate.solving_bytes as f64 / total;
+        println!("{charts:?} {size}²: {share:.3} of the peak was estimated; {estimate:?}");
+        assert!((0.85..1.3).contains(&share), "{charts:?} {size}: {share}");
+        let device = counting(Some(estimate.solving_bytes));
+        sheet.asset(&device, size, true).solve(Strided::from_f32x3(&pose), &options(Quality::Draft)).unwrap();
+        let few = counting(Some(estimate.solving_bytes / 2));
+        let mut asset = sheet.asset(&few, size, true);
+        let refused = asset.solve(Strided::from_f32x3(&pose), &options(Quality::Draft)).unwrap_err();
+        assert_eq!(refused.kind, ErrorKind::OutOfMemory);
     }
 }
 

@@ -98,7 +98,7 @@ impl Blending<'_> {
         let from = point(triangle.uv, copy.at.map(f64::from));
         let level = &there.grid.levels[0];
         let of_chart = there.grid.chart_of[copy.triangle as usize];
-        let moved = displacement(level, there.u, of_chart, from * cells(level));
+        let moved = displacement(level, there.u, of_chart, copy.block, from * cells(level));
         if moved == DVec2::ZERO {
             return Some(at);
         }
@@ -120,11 +120,11 @@ impl Blending<'_> {
     }
 }
 
-/// The displacement of a chart's warp at a point, both in cells: affine on the two triangles of each cell (method §9).
-fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, at: DVec2) -> DVec2 {
+/// The displacement of a chart's warp at a point, both in cells: affine on the two triangles of each cell (method §9). `holder`
+/// is the block of the cell's lower left node, or a neighbour.
+fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, holder: u32, at: DVec2) -> DVec2 {
     let cell = at.floor();
     let (i, j) = (cell.x as i64, cell.y as i64);
-    let holder = level.blocks.find(chart, i >> 4, j >> 4);
     let node = |i: i64, j: i64| {
         let b = match holder {
             NONE => level.blocks.find(chart, i >> 4, j >> 4),

@@ -8,34 +8,25 @@ mod patch;
 mod surface;
 
 use flatten::BANDS;
-#[cfg(test)]
-use flatten::CollarTriangle;
-pub use flatten::{Across, Collar};
-use surface::Surface;
-use vrtm_core::allocation::Vec;
-use vrtm_core::mesh::Mesh;
-use vrtm_core::settings::Beyond;
-use vrtm_core::team::Team;
+pub use flatten::{Across, Collar, CollarTriangle};
+pub use surface::Surface;
 
-/// The largest reach of a chart's collar on the surface, in sides of a square of the chart's area.
-const WIDEST: f64 = 4.0;
+/// The largest reach of a chart's collar on the surface, in mean widths of the chart: the area of a collar is then a few times
+/// that of its chart at most, and so is what collars add to a tile of many small charts.
+const WIDEST: f64 = 1.0;
 
-/// The collars of all charts of a tile.
-pub fn collars(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -> Vec<Collar> {
-    let surface = Surface::new(mesh, tile, beyond);
-    team.map(mesh.tiles[tile].charts.len(), |chart| collar(&surface, chart, beyond.reach))
-}
-
-fn collar(surface: &Surface, chart: usize, reach: f64) -> Collar {
-    let [scale, side] = surface.size(chart);
+/// The collar of a chart of the surface's tile, which reaches over `reach` in UV at most. `check` is called between its
+/// stages, and may unwind.
+pub fn collar(surface: &Surface, chart: usize, reach: f64, check: &dyn Fn()) -> Collar {
+    let [scale, width] = surface.size(chart);
     if !(scale > 0.0 && scale.is_finite()) {
         return Collar::default();
     }
-    // A chart that is shrunk to a dot in the UV plane must not drag the whole mesh after it.
-    let reach = (reach / scale).min(WIDEST * side);
-    let region = surface.region(chart, reach);
-    let patch = patch::Patch::new(surface, &region, reach / BANDS as f64);
-    flatten::flatten(surface, &patch, reach, scale)
+    let (whole, reach) = (reach / scale, (reach / scale).min(WIDEST * width));
+    let region = surface.region(chart, reach, check);
+    let patch = patch::Patch::new(surface, &region, whole / BANDS as f64);
+    check();
+    flatten::flatten(surface, &patch, reach, scale, check)
 }
 
 #[cfg(test)]

@@ -8,11 +8,11 @@ use std::ops::Range;
 
 use glam::DVec2;
 
-use crate::collar::{Across, Collar, collars};
+use crate::collar::{Across, Collar, CollarTriangle, Surface, collar};
 use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::mesh::hash::{Table, enter};
 use vrtm_core::mesh::overlaps::Overlaps;
-use vrtm_core::mesh::{Chart, Cut, FacePoint, Mesh, NONE, Source, TileMesh, Triangle};
+use vrtm_core::mesh::{Chart, Cut, FacePoint, Mesh, Mirror, NONE, Source, TileMesh, Triangle};
 use vrtm_core::settings::Beyond;
 use vrtm_core::team::Team;
 
@@ -20,15 +20,17 @@ use vrtm_core::team::Team;
 /// must stay where it is.
 pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -> TileMesh {
     let source = &mesh.tiles[tile];
-    let mut collars = collars(team, mesh, tile, beyond);
+    let surface = Surface::new(mesh, tile, beyond);
     let stacked = stacked(source);
-    for (collar, _) in collars.iter_mut().zip(&stacked).filter(|(_, stacked)| **stacked) {
-        *collar = Collar::default();
-    }
     // Where a stacked chart of the tile lies beyond the seam, which stays, the seam is shut.
     let stays =
         |of: &Source| of.tile as usize == tile && stacked[source.chart_of_triangle(of.triangle) as usize];
-    let used = team.map(collars.len(), |c| Used::new(source, c, &collars[c], stays));
+    let check = || team.check_or_unwind();
+    // Of each collar only what is used is kept, before the next one is made.
+    let used = team.map(source.charts.len(), |c| {
+        let is_open = !stacked[c];
+        is_open.then(|| Used::new(source, c, collar(&surface, c, beyond.reach, &check), stays))
+    });
     let mut extended = TileMesh {
         udim: source.udim,
         uv_set: source.uv_set,
@@ -41,8 +43,9 @@ pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -> TileM
         welds: Vec::new(),
         edges_apart: source.edges_apart,
     };
-    for ((chart, collar), used) in source.charts.iter().zip(&collars).zip(&used) {
-        let chart = add(&mut extended, chart, collar, used, beyond.reach);
+    for (chart, used) in source.charts.iter().zip(used) {
+        check();
+        let chart = add(&mut extended, chart, &used.unwrap_or_default());
         extended.charts.push(chart);
     }
     extended.cuts.sort_unstable_by_key(|cut| cut.triangle);
@@ -65,10 +68,10 @@ fn stacked(tile: &TileMesh) -> Vec<bool> {
 /// A side of a chart's triangle: the triangle, and the corner opposite to the side.
 type Side = (u32, u8);
 
-/// The triangles of a collar that are used, and the sides through which they are reached.
+/// What is used of a collar, and the sides through which it is reached.
+#[derive(Default)]
 struct Used {
-    /// Per triangle.
-    triangles: Vec<bool>,
+    collar: Collar,
     /// The sides of the chart beyond which it goes on, ascending.
     open: Vec<Open>,
 }
@@ -91,16 +94,16 @@ struct AtSide {
 
 impl Used {
     /// Keeps the triangles that lie over nothing else of the chart, nearer ones first, as far as they hang together with it.
-    fn new(tile: &TileMesh, chart: usize, collar: &Collar, stays: impl Fn(&Source) -> bool) -> Used {
+    fn new(tile: &TileMesh, chart: usize, collar: Collar, stays: impl Fn(&Source) -> bool) -> Used {
         let own = tile.charts[chart].triangles.clone();
         let list = &collar.triangles;
         if list.is_empty() {
-            return Used { triangles: Vec::new(), open: Vec::new() };
+            return Used::default();
         }
         let first = own.len();
         let all = tile.triangles[own].iter().map(|t| t.uv).chain(list.iter().map(|t| t.uv));
         let all = Overlaps::of(all.collect());
-        let rims = rims(tile, collar);
+        let rims = rims(tile, &collar);
         let mut triangles: Vec<bool> = zeroed(list.len());
         for (k, triangle) in list.iter().enumerate() {
             let lies = |other: usize| other < first || triangles[other - first];
@@ -108,13 +111,35 @@ impl Used {
         }
         loop {
             let open = open_sides(&rims, &triangles);
-            let reached = reached(collar, &triangles, &rims, &open);
+            let reached = reached(&collar, &triangles, &rims, &open);
             if reached == triangles {
-                return Used { triangles, open };
+                return Used { collar: part_of_collar(collar, &triangles), open };
             }
             triangles = reached;
         }
     }
+}
+
+/// The part of a collar that is used.
+fn part_of_collar(collar: Collar, used: &[bool]) -> Collar {
+    let mut numbers = vec![NONE; used.len()];
+    let mut count = 0;
+    for (number, _) in numbers.iter_mut().zip(used).filter(|(_, used)| **used) {
+        *number = count;
+        count += 1;
+    }
+    let across = |across: Across| match across {
+        Across::Collar(other) if numbers[other as usize] == NONE => Across::Nothing,
+        Across::Collar(other) => Across::Collar(numbers[other as usize]),
+        _ => across,
+    };
+    let list = collar.triangles.into_iter().zip(used).filter(|(_, used)| **used);
+    let triangles =
+        list.map(|(triangle, _)| CollarTriangle { across: triangle.across.map(across), ..triangle });
+    // With no room for what is left out.
+    let mut kept = Vec::with_capacity(count as usize);
+    kept.extend(triangles);
+    Collar { triangles: kept, ..collar }
 }
 
 fn in_tile(uv: [DVec2; 3]) -> bool {
@@ -192,15 +217,14 @@ fn reached(collar: &Collar, used: &[bool], rims: &[AtSide], open: &[Open]) -> Ve
     reached
 }
 
+/// What tells points of the mesh's triangles apart.
+type PointKey = ([u32; 3], [u64; 3], Option<Mirror>);
+
 /// Adds what is used of a collar to a tile; returns the extended chart.
-fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, used: &Used, reach: f64) -> Chart {
+fn add(tile: &mut TileMesh, chart: &Chart, used: &Used) -> Chart {
     let first = tile.triangles.len() as u32;
+    let Used { collar, open } = used;
     let list = &collar.triangles;
-    let mut numbers = vec![NONE; list.len()];
-    let used_ones: Vec<usize> = (0..list.len()).filter(|&k| used.triangles[k]).collect();
-    for (number, &k) in used_ones.iter().enumerate() {
-        numbers[k] = first + number as u32;
-    }
     let mut vertices = chart.vertices.clone();
     let mut local_of: Table<u32, u32> = Table::default();
     let mut with_vertex = |vertices: &mut Vec<u32>, v: u32| match local_of.get(&v) {
@@ -214,20 +238,24 @@ fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, used: &Used, reach: 
     };
     // Points are numbered after all vertices.
     let mut points: Vec<FacePoint> = Vec::new();
-    let locals: Vec<[Result<u32, u32>; 3]> = used_ones
-        .iter()
-        .map(|&k| {
-            list[k].points.each_ref().map(|point| match point.vertex() {
-                Some(v) => Ok(with_vertex(&mut vertices, v)),
-                None => {
-                    points.push(*point);
-                    Err(points.len() as u32 - 1)
-                }
-            })
-        })
-        .collect();
+    let mut number_of: Table<PointKey, u32> = Table::default();
+    let mut corner = |point: &FacePoint| {
+        if let Some(v) = point.vertex() {
+            return Ok(with_vertex(&mut vertices, v));
+        }
+        let key = (point.vertices, point.weights.map(f64::to_bits), point.mirror);
+        let known = number_of.get(&key).copied();
+        Err(known.unwrap_or_else(|| {
+            let number = points.len() as u32;
+            points.push(*point);
+            enter(&mut number_of, key, number);
+            number
+        }))
+    };
+    let locals: Vec<[Result<u32, u32>; 3]> =
+        list.iter().map(|triangle| triangle.points.each_ref().map(&mut corner)).collect();
     let parts = collar.parts as f64;
-    for Open { side, parts: run } in &used.open {
+    for Open { side, parts: run } in open {
         let [from, to] = ends(tile, *side);
         let at = |part: usize| from + (part as f64 / parts) * (to - from);
         for [a, b] in [[0, run.start], [run.end, collar.parts]] {
@@ -238,10 +266,10 @@ fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, used: &Used, reach: 
     }
     let across = |tile: &TileMesh, k: usize, corner: usize| match list[k].across[corner] {
         Across::Nothing => (NONE, None),
-        Across::Collar(other) => (numbers[other as usize], None),
+        Across::Collar(other) => (first + other, None),
         Across::Chart(side) => {
             let part = part_of(tile, collar, side, list[k].uv, corner);
-            match run_of(&used.open, side).filter(|open| open.parts.contains(&part)) {
+            match run_of(open, side).filter(|open| open.parts.contains(&part)) {
                 None => (NONE, None),
                 // From the chart, walks go on from the part in the middle.
                 Some(Open { parts, .. }) => {
@@ -250,7 +278,7 @@ fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, used: &Used, reach: 
             }
         }
     };
-    for (&k, local) in used_ones.iter().zip(locals) {
+    for (k, local) in locals.into_iter().enumerate() {
         let number = tile.triangles.len() as u32;
         let neighbours = [0, 1, 2].map(|corner| {
             let (neighbour, entered) = across(tile, k, corner);
@@ -263,9 +291,9 @@ fn add(tile: &mut TileMesh, chart: &Chart, collar: &Collar, used: &Used, reach: 
         tile.triangles.push(Triangle { local, uv: list[k].uv, neighbours });
         tile.sources.push(Source { distance: list[k].distance.map(|x| x as f32), ..list[k].source });
     }
-    let collar = first as usize..tile.triangles.len();
-    set_depths(tile, collar.clone(), reach);
-    Chart { triangles: chart.triangles.clone(), collar, vertices, points }
+    let range = first as usize..tile.triangles.len();
+    set_depths(tile, range.clone(), collar.reach);
+    Chart { triangles: chart.triangles.clone(), collar: range, reach: collar.reach, vertices, points }
 }
 
 /// Sets the depths of a collar's corners: the distance to where the collar ends, in the plane, over the reach; and at most what

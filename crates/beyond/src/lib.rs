@@ -15,5 +15,5 @@ mod extended;
 mod blend;
 
 pub use blend::{Blends, Copies, Depths, Limited, Places, Side, blend};
-pub use collar::{Collar, collars};
+pub use collar::{CollarTriangle, Surface, collar};
 pub use extended::extended;

@@ -16,8 +16,9 @@ mirror! {
 }
 
 /// Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings. Takes
-/// a small fraction of the time and memory of preparing the tile, and caches nothing. The same estimate is checked
-/// against a device's memory_budget before a tile is prepared.
+/// a small fraction of the time and memory of preparing the tile, and keeps nothing but what charts have beyond their
+/// borders, if they go on there. The same estimate is checked against a device's memory_budget before a tile is
+/// prepared.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `needs` is null or has a wrong struct_size;
 /// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -26,7 +27,7 @@ pub unsafe extern "C" fn vrtm_tile_estimate(tile: vrtm_tile, needs: *mut vrtm_ti
     guard("vrtm_tile_estimate", || {
         let out = Out::new(needs, "needs")?;
         let (asset, tile) = handle::tile("tile", tile)?;
-        out.write(asset.read(|asset| Ok(asset.tile_estimate(tile)?))?.into());
+        out.write(asset.write(|asset| Ok(asset.tile_estimate(tile)?))?.into());
         Ok(())
     })
 }

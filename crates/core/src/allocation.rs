@@ -6,8 +6,6 @@
 
 use std::sync::atomic::AtomicU8;
 
-use crate::unwind::{Stop, unwind};
-
 mod current;
 mod emergency;
 mod global;
@@ -19,14 +17,18 @@ pub use current::Current;
 pub use global::{Allocator, is_installed};
 pub use host::HostAllocator;
 pub use vec::Vec;
+use vec::missing;
 
-pub use crate::vec;
-
-/// Unwinds because there is no memory for `count` elements of type `T`.
-#[cold]
-fn missing<T>(count: usize) -> ! {
-    unwind(Stop::OutOfMemory((count as u64).saturating_mul(size_of::<T>() as u64)))
+/// `std::vec!`, of `Vec`.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! __vec {
+    () => { $crate::allocation::Vec::new() };
+    ($value:expr; $count:expr) => { $crate::allocation::Vec::filled($value, $count) };
+    ($($value:expr),+ $(,)?) => { $crate::allocation::Vec::of([$($value),+]) };
 }
+
+pub use __vec as vec;
 
 /// A value on the heap.
 pub fn boxed<T>(value: T) -> Box<T> {

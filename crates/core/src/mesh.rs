@@ -42,8 +42,9 @@ pub struct Triangle {
 pub struct Chart {
     /// Its triangles in `TileMesh::triangles`.
     pub triangles: Range<usize>,
-    /// The triangles of its collar there.
+    /// The triangles of its collar there, and how far that goes on from the chart, in UV.
     pub collar: Range<usize>,
+    pub reach: f64,
     /// The mesh vertices that it uses: ascending, and then the further ones of its collar.
     pub vertices: Vec<u32>,
     /// The points of its collar that are no vertices; they are numbered after the vertices.
@@ -74,7 +75,7 @@ impl FacePoint {
 
 /// The plane through an edge of the mesh at right angles to the triangle there: the surface ends at the edge, and goes on with
 /// its mirror image.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Mirror {
     pub edge: [u32; 2],
     /// The third vertex of the triangle.
@@ -198,6 +199,15 @@ impl TileMesh {
     pub fn origin(&self) -> DVec2 {
         let number = self.udim - 1001;
         DVec2::new(f64::from(number % 10), f64::from(number / 10))
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        let of_chart = |chart: &Chart| size_of_val(&*chart.vertices) + size_of_val(&*chart.points);
+        let of_charts: usize = self.charts.iter().map(of_chart).sum();
+        let arrays = [size_of_val(&*self.triangles), size_of_val(&*self.sources), size_of_val(&*self.charts)];
+        let further = [size_of_val(&*self.cuts), size_of_val(&*self.chart_of), size_of_val(&*self.welds)];
+        (of_charts + arrays.into_iter().chain(further).sum::<usize>()) as u64
     }
 
     /// How messages call the tile.

@@ -326,6 +326,8 @@ settings! {
         /// interpolated to the finest level and certified: never worse than the identity, and the identity itself if no
         /// level fits (the report is then `truncated`, with energies of 0). Costs are predicted from the last solves:
         /// the call returns within 1.2 times the budget plus 5 ms, unless the machine is suddenly busier than before.
+        /// Where charts go on beyond their borders, what they have in common is brought together if that takes half of
+        /// the budget at most; else the report counts them in `charts_apart`.
         /// On a GPU this holds up to delays of the driver. With a limit the result depends on the speed of the machine.
         pub time_budget: Option<Duration> = None;
         /// False (the default): start from the identity, so that a frame's result depends on its inputs alone. True:

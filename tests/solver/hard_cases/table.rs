@@ -227,9 +227,11 @@ pub fn cases() -> Vec<Case> {
             case.uvs.iter_mut().for_each(|uv| *uv = uv.map(|x| x - MARGIN as f32));
             case.triangles.splice(0..6, [1, 18, 17]);
             let (mut x, mut y) = (1, 17);
-            for k in 1..7 {
+            // Not by `powi`, whose last bit depends on how the compiler does it.
+            let (mut size, mut length) = (0.05f32, 0.05f64);
+            for _ in 1..7 {
                 let n = case.rest.len() as u32;
-                let (size, length) = (0.05 * 1e-5f32.powi(k), 0.05 * 0.5f64.powi(k));
+                (size, length) = (1e-5 * size, 0.5 * length);
                 case.triangles.extend([x, y, n, n, y, n + 1]);
                 case.uvs.extend([[size, 0.0], [0.0, size]]);
                 for points in [&mut case.rest, &mut case.poses[0]] {

@@ -172,7 +172,7 @@ fn a_mask_per_vertex_is_the_same_mask_painted() {
     let values: Vec<f32> = model.rest.iter().map(|p| p[0]).collect();
     let mut asset = model.asset(0, N);
     asset.set_vertex_mask(Some(Strided::from_f32(&values))).unwrap();
-    let [all, some] = [&model.asset(0, N), &asset].map(|a| a.tile_estimate(0).unwrap().movable_nodes);
+    let [all, some] = [&mut model.asset(0, N), &mut asset].map(|a| a.tile_estimate(0).unwrap().movable_nodes);
     assert!(0 < some && some < all, "{some} of {all}");
     asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
     assert!(bits(&asset) == bits(&painted));

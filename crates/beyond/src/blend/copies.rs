@@ -8,8 +8,8 @@ use super::places::{Places, on_surface};
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::{NODES, SIDE, node_at};
-use vrtm_core::mesh::NONE;
-use vrtm_core::mesh::triangle::barycentrics;
+use vrtm_core::mesh::triangle::{barycentrics, doubled_area};
+use vrtm_core::mesh::{NONE, TileMesh};
 use vrtm_core::team::Team;
 
 /// A node that is blended.
@@ -32,6 +32,8 @@ pub(super) struct NodeCopy {
     pub triangle: u32,
     /// Barycentric coordinates of corners 1 and 2.
     pub at: [f32; 2],
+    /// The block of its chart that holds the lower left node of its cell, or `NONE`.
+    pub block: u32,
     /// Its part of the blend.
     pub part: f32,
     /// Whether one of the node and the copy lies on a mirror image of the surface: what the copy's chart says is mirrored, too.
@@ -53,7 +55,7 @@ pub struct Copies {
 #[derive(Clone, Copy)]
 pub struct Blends<'a> {
     pub places: &'a Places,
-    pub depths: &'a Depths,
+    pub depths: &'a Depths<'a>,
 }
 
 /// Parts under this are left out.
@@ -93,6 +95,16 @@ impl Copies {
         }
         copies.starts.push(copies.nodes.len() as u32);
         copies
+    }
+
+    /// Bytes of the copies of a tile with collars on a grid, and of the depths while they are found, about.
+    pub fn bytes_for(tile: &TileMesh, grid: &Grid) -> [u64; 2] {
+        let level = &grid.levels[0];
+        let area: f64 = tile.triangles[tile.own()..].iter().map(|t| 0.5 * doubled_area(t.uv).abs()).sum();
+        // What is a collar of one chart lies on another, mostly.
+        let nodes = 2.0 * area * (level.nx * level.ny) as f64;
+        let copies = nodes * (size_of::<Node>() as f64 + 1.3 * size_of::<NodeCopy>() as f64);
+        [copies as u64, Depths::bytes_for(nodes, level.blocks.list.len())]
     }
 
     /// Bytes in use.
@@ -137,7 +149,8 @@ impl OfBlock {
             let at = barycentrics(places.tiles[on.tile as usize].triangles[on.triangle as usize].uv, on.uv);
             let at = at.map(|x| x as f32);
             let mirrored = on.image != place.image;
-            self.copies.push(NodeCopy { tile: on.tile, triangle: on.triangle, at, part, mirrored });
+            let block = depths.block(on.tile, on.chart, on.uv);
+            self.copies.push(NodeCopy { tile: on.tile, triangle: on.triangle, at, block, part, mirrored });
         }
         let count = self.copies.len() - first;
         if count > 0 && fade > SMALLEST {

@@ -9,10 +9,11 @@ use super::places::{OUTSIDE, OnChart, Place, Places, on_surface, seen_by};
 use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::codes::decode_rigidity;
-use vrtm_core::grid::planes::{NODES, SIDE, node_at};
+use vrtm_core::grid::planes::{NODES, Plane, SIDE, node_at, slot};
 use vrtm_core::mesh::NONE;
 use vrtm_core::mesh::hash::{Table, enter};
 use vrtm_core::mesh::triangle::barycentrics;
+use vrtm_core::team::Team;
 
 /// The rigidity of a node of a feature.
 const RIGID: f32 = 0.5;
@@ -37,36 +38,61 @@ impl Depth {
     }
 }
 
-/// A tile's nodes.
-#[derive(Debug, Default)]
-struct Nodes {
-    size: [usize; 2],
-    /// Per node of the grid, its number in `Depths`, or `NONE` outside of charts.
-    number: Vec<u32>,
+/// The nodes of a tile's grid.
+struct Nodes<'a> {
+    grid: Option<&'a Grid>,
+    /// Per node of each block, its number in `Depths`; `FAR` where only the node's own chart is, far from all others;
+    /// `NONE` outside of charts.
+    number: Vec<Plane<u32>>,
 }
 
-/// The depths at the nodes of charts.
-#[derive(Debug)]
-pub struct Depths {
-    tiles: Vec<Nodes>,
+/// The depths at the nodes of charts that others have, too, and of the features there.
+pub struct Depths<'a> {
+    tiles: Vec<Nodes<'a>>,
     /// Per tile, the number of its first chart.
     first_chart: Vec<u32>,
+    nodes: Vec<Node>,
     /// The index of each node's first entry, followed by the number of entries. A node's own chart comes first.
     starts: Vec<u32>,
     entries: Vec<Depth>,
 }
 
+/// The number of a node where only its own chart is.
+const FAR: u32 = NONE - 1;
+
 /// A node of a chart.
+#[derive(Clone, Copy)]
 struct Node {
     tile: u32,
-    triangle: u32,
-    at: [usize; 2],
+    block: u32,
+    slot: u16,
     rigid: bool,
 }
 
-impl Depths {
+/// The nodes of a block that get depths.
+#[derive(Default)]
+struct OfBlock {
+    nodes: Vec<Node>,
+    starts: Vec<u32>,
+    entries: Vec<Depth>,
+}
+
+/// What a node of a block is.
+#[derive(Clone, Copy, Default, PartialEq, Eq)]
+struct Kind {
+    /// A node of the block's chart itself.
+    is_own: bool,
+    rigid: bool,
+    /// It gets depths.
+    is_near: bool,
+}
+
+/// Nodes and the places that lie one node further, in the collar.
+type Links = Vec<(Node, Place)>;
+
+impl<'a> Depths<'a> {
     /// The depths at the nodes of the grids of some tiles; those of tiles without one are 1 on the chart itself.
-    pub fn new(places: &Places, grids: &[Option<&Grid>], reaches: &[f64]) -> Depths {
+    pub fn new(team: &Team, places: &Places, grids: &[Option<&'a Grid>]) -> Depths<'a> {
         let mut charts = 0;
         let first_chart: Vec<u32> = places
             .tiles
@@ -76,89 +102,90 @@ impl Depths {
                 charts - tile.charts.len() as u32
             })
             .collect();
-        let mut depths = Depths { tiles: Vec::new(), first_chart, starts: Vec::new(), entries: Vec::new() };
-        let mut nodes: Vec<Node> = Vec::new();
-        let mut beyond: Vec<(u32, Place)> = Vec::new();
+        let (mut kinds, mut beyond): (Vec<Vec<Plane<Kind>>>, Links) = (Vec::new(), Vec::new());
         for (t, grid) in grids.iter().enumerate() {
-            depths.add_tile(places, t as u32, *grid, &mut nodes, &mut beyond);
+            let count = grid.map_or(0, |grid| grid.levels[0].blocks.list.len());
+            let found = team.map(count, |b| kinds_of(places, t as u32, grid.as_ref(), b));
+            let mut of_tile = Vec::with_capacity(count);
+            for (of_block, links) in found {
+                of_tile.push(of_block);
+                beyond.extend(links);
+            }
+            kinds.push(of_tile);
+        }
+        let tiles = grids.iter().map(|grid| Nodes { grid: *grid, number: Vec::new() }).collect();
+        let mut depths =
+            Depths { tiles, first_chart, nodes: Vec::new(), starts: Vec::new(), entries: Vec::new() };
+        for (_, place) in &beyond {
+            if let Some((b, s)) = depths.nearest(places, place) {
+                kinds[place.tile as usize][b][s].is_near = true;
+            }
+        }
+        for (tile, kinds) in depths.tiles.iter_mut().zip(&mut kinds) {
+            tile.number(kinds);
+        }
+        for (t, kinds) in kinds.iter().enumerate() {
+            depths.add_tile(team, places, t as u32, kinds);
         }
         depths.starts.push(depths.entries.len() as u32);
-        let links: Vec<[u32; 2]> = beyond
-            .into_iter()
-            .filter_map(|(node, place)| Some([node, depths.nearest(places, place)?]))
-            .collect();
-        // Per tile and axis, the greatest change from node to node.
-        let slopes = grids.iter().zip(reaches).map(|(grid, reach)| {
-            let of = |cells: usize| (SLOPE / (reach * cells as f64)) as f32;
-            grid.map_or([1.0; 2], |grid| [of(grid.levels[0].nx), of(grid.levels[0].ny)])
-        });
-        depths.settle(&nodes, &links, &slopes.collect::<Vec<_>>());
+        let number = |of: &Node| depths.tiles[of.tile as usize].number[of.block as usize][of.slot as usize];
+        let link = |(node, place): &(Node, Place)| {
+            let (b, s) = depths.nearest(places, place)?;
+            Some([number(node), depths.tiles[place.tile as usize].number[b][s]])
+        };
+        let links: Vec<[u32; 2]> = beyond.iter().filter_map(link).collect();
+        depths.settle(team, places, links);
         depths
     }
 
-    /// Adds the nodes of a tile's charts with their depths by distance, and for those at a border the places that lie one node
-    /// further.
-    fn add_tile(
-        &mut self,
-        places: &Places,
-        index: u32,
-        grid: Option<&Grid>,
-        nodes: &mut Vec<Node>,
-        beyond: &mut Vec<(u32, Place)>,
-    ) {
-        let Some(grid) = grid else { return self.tiles.push(Nodes::default()) };
+    /// Bytes at most while the depths of so many nodes are found that charts have in common, about.
+    pub fn bytes_for(nodes: f64, blocks: usize) -> u64 {
+        let of_node = size_of::<Node>() + 3 * size_of::<Depth>() + 40;
+        (0.5 * nodes * of_node as f64) as u64
+            + (blocks * (size_of::<Plane<Kind>>() + size_of::<Plane<u32>>())) as u64
+    }
+
+    /// Adds the nodes of a tile's charts with their depths by distance.
+    fn add_tile(&mut self, team: &Team, places: &Places, index: u32, kinds: &[Plane<Kind>]) {
+        let Some(grid) = self.tiles[index as usize].grid else { return };
         let (tile, level) = (&*places.tiles[index as usize], &grid.levels[0]);
-        let size = [level.nx + 1, level.ny + 1];
-        let mut number = vec![NONE; size[0] * size[1]];
-        let first = nodes.len();
-        for (b, block) in level.blocks.list.iter().enumerate() {
-            for s in 0..NODES {
+        let found = team.map(kinds.len(), |b| {
+            let mut of_block = OfBlock::default();
+            for s in (0..NODES).filter(|&s| kinds[b][s].is_near) {
                 let triangle = grid.triangle[b][s];
-                let (i, j) = node_at(s);
-                let at = [block.x as usize * SIDE + i, block.y as usize * SIDE + j];
-                if triangle as usize >= tile.own() || at[0] >= size[0] || at[1] >= size[1] {
-                    continue;
-                }
-                let own = tile.chart_of_triangle(triangle);
-                let slot = &mut number[at[1] * size[0] + at[0]];
-                if own != block.chart || *slot != NONE {
-                    continue;
-                }
-                *slot = nodes.len() as u32;
-                let rigid = decode_rigidity(level.rigidity[b][s]) > RIGID;
-                nodes.push(Node { tile: index, triangle, at, rigid });
-                self.starts.push(self.entries.len() as u32);
-                let uv = DVec2::new(at[0] as f64, at[1] as f64) / cells(level);
-                let place = Place { tile: index, triangle, uv, image: false };
-                let own = 4 * (self.first_chart[index as usize] + own);
-                self.entries.push(Depth { key: own, depth: 1.0 });
+                let place = Place { tile: index, triangle, uv: uv_of(grid, b, s), image: false };
+                let own = 4 * (self.first_chart[index as usize] + tile.chart_of_triangle(triangle));
+                of_block.starts.push(of_block.entries.len() as u32);
+                of_block.entries.push(Depth { key: own, depth: 1.0 });
                 for on in sheets(places, place).into_iter().filter(|on| on.is_collar) {
                     let depth = match on.image {
                         true => beside_mirror(places, &on, cells(level)),
                         false => depth_of(places, &on),
                     };
-                    self.entries.push(Depth { key: self.key(&on, own), depth });
+                    of_block.entries.push(Depth { key: self.key(&on, own), depth });
                 }
+                let rigid = kinds[b][s].rigid;
+                of_block.nodes.push(Node { tile: index, block: b as u32, slot: s as u16, rigid });
             }
-        }
-        // Neighbours in the collar.
-        for (k, node) in nodes[first..].iter().enumerate() {
-            let chart = tile.chart_of_triangle(node.triangle);
-            for (dx, dy) in [(1, 0), (0, 1), (-1, 0), (0, -1)] {
-                let (x, y) = (node.at[0] as i64 + dx, node.at[1] as i64 + dy);
-                let b = level.blocks.find(chart, x >> 4, y >> 4);
-                if b == NONE || x < 0 || y < 0 {
-                    continue;
-                }
-                let s = vrtm_core::grid::planes::slot((x & 15) as usize, (y & 15) as usize);
-                let triangle = grid.triangle[b as usize][s];
-                if triangle != NONE && triangle as usize >= tile.own() && !tile.is_image(triangle) {
-                    let uv = DVec2::new(x as f64, y as f64) / cells(level);
-                    beyond.push(((first + k) as u32, on_surface(tile, index, triangle, uv)));
-                }
+            of_block
+        });
+        for (b, OfBlock { nodes, starts, entries }) in found.into_iter().enumerate() {
+            for node in &nodes {
+                self.tiles[index as usize].number[b][node.slot as usize] = self.nodes.len() as u32;
+                self.nodes.push(*node);
             }
+            let first = self.entries.len() as u32;
+            self.starts.extend(starts.iter().map(|start| first + start));
+            self.entries.extend_from_slice(&entries);
         }
-        self.tiles.push(Nodes { size, number });
+    }
+
+    /// The block of a chart that holds the lower left node of the cell of a point in its plane, or `NONE`.
+    pub(super) fn block(&self, tile: u32, chart: u32, uv: DVec2) -> u32 {
+        self.tiles[tile as usize].grid.map_or(NONE, |grid| {
+            let cell = (uv * cells(&grid.levels[0])).floor();
+            grid.levels[0].blocks.find(chart, cell.x as i64 >> 4, cell.y as i64 >> 4)
+        })
     }
 
     /// The key of a chart at a place on the chart with the key `own`.
@@ -167,18 +194,17 @@ impl Depths {
         if on.image { key + 2 } else { key + u32::from(key == own && on.is_collar) }
     }
 
-    /// The node of the same chart that is nearest to a place on it.
-    fn nearest(&self, places: &Places, place: Place) -> Option<u32> {
+    /// The node of the same chart that is nearest to a place on it: its block and slot.
+    fn nearest(&self, places: &Places, place: &Place) -> Option<(usize, usize)> {
         let tile = &self.tiles[place.tile as usize];
-        if tile.number.is_empty() {
-            return None;
-        }
-        let chart = self.first_chart[place.tile as usize]
-            + places.tiles[place.tile as usize].chart_of_triangle(place.triangle);
-        let last = DVec2::new(tile.size[0] as f64, tile.size[1] as f64) - 1.0;
+        let (grid, mesh) = (tile.grid?, &places.tiles[place.tile as usize]);
+        let chart = mesh.chart_of_triangle(place.triangle);
+        let last = cells(&grid.levels[0]);
         let at = (place.uv * last).round().clamp(DVec2::ZERO, last);
-        let n = tile.number[at.y as usize * tile.size[0] + at.x as usize];
-        (n != NONE && self.own(n) == 4 * chart).then_some(n)
+        let (b, s) = node_of(grid, chart, at.x as i64, at.y as i64)?;
+        let triangle = grid.triangle[b][s];
+        let is_own = (triangle as usize) < mesh.own() && mesh.chart_of_triangle(triangle) == chart;
+        is_own.then_some((b, s))
     }
 
     /// The key of a node's own chart.
@@ -196,31 +222,100 @@ impl Depths {
     }
 
     /// Makes depths the same on each feature, and lets them change slowly beside features.
-    fn settle(&mut self, nodes: &[Node], links: &[[u32; 2]], slopes: &[[f32; 2]]) {
-        let around = |n: usize, dx: i64, dy: i64| {
-            let Node { tile, at, .. } = &nodes[n];
-            let tile = &self.tiles[*tile as usize];
-            let (x, y) = (at[0] as i64 + dx, at[1] as i64 + dy);
-            if x < 0 || y < 0 || x >= tile.size[0] as i64 || y >= tile.size[1] as i64 {
-                return None;
-            }
-            let other = tile.number[y as usize * tile.size[0] + x as usize];
-            let same = |other: u32| self.own(other) == self.own(n as u32);
-            (other != NONE && same(other)).then_some(other)
-        };
+    fn settle(&mut self, team: &Team, places: &Places, links: Vec<[u32; 2]>) {
+        let count = self.nodes.len();
         // Links of both directions, sorted by node.
         let mut over: Vec<[u32; 2]> = links.iter().flat_map(|&[a, b]| [[a, b], [b, a]]).collect();
         over.sort_unstable();
         over.dedup();
-        let mut edges: Vec<[u32; 2]> = Vec::with_capacity(4 * nodes.len());
-        for n in 0..nodes.len() {
-            for (dx, dy) in [(1, 0), (0, 1)] {
-                edges.extend(around(n, dx, dy).map(|other| [n as u32, other]));
+        let mut edges: Vec<[u32; 2]> = Vec::with_capacity(2 * count);
+        // Nodes with a neighbour that is far from all other charts, and the axis along which it lies.
+        let mut beside_far: Vec<(u32, usize)> = Vec::new();
+        for n in 0..count as u32 {
+            for (axis, sign) in [(0, 1), (1, 1), (0, -1), (1, -1)] {
+                match self.neighbour(n, axis, sign) {
+                    NONE => (),
+                    FAR => beside_far.push((n, axis)),
+                    other if sign > 0 => edges.push([n, other]),
+                    _ => (),
+                }
             }
         }
         let within = edges.len();
         edges.extend(over.into_iter().filter(|[a, b]| a < b));
-        // Features: connected rigid nodes.
+        self.settle_features(&edges, within);
+        // Per chart, its reach; from node to node, a depth changes by this over the reach at most.
+        let reaches: Vec<f64> =
+            places.tiles.iter().flat_map(|tile| tile.charts.iter().map(|chart| chart.reach)).collect();
+        let step = |key: u32, cells: f64| (SLOPE / (reaches[(key >> 2) as usize] * cells)) as f32;
+        let of_tile = |n: u32| self.tiles[self.nodes[n as usize].tile as usize].grid;
+        let cells_of = |n: u32| of_tile(n).map_or([1.0; 2], |grid| cells(&grid.levels[0]).to_array());
+        for (n, axis) in beside_far.into_iter().filter(|(n, _)| !self.nodes[*n as usize].rigid) {
+            let (own, cells) = (self.own(n), cells_of(n)[axis]);
+            for e in self.starts[n as usize]..self.starts[n as usize + 1] {
+                let Depth { key, depth } = self.entries[e as usize];
+                if key != own && key & 2 == 0 {
+                    self.entries[e as usize].depth = depth.min(step(key, cells));
+                }
+            }
+        }
+        let least = (0..count as u32).flat_map(|n| {
+            let most = cells_of(n).into_iter().fold(1.0, f64::max);
+            self.of(n).iter().map(move |entry| (entry.key, most))
+        });
+        let least = least.map(|(key, most)| step(key, most)).fold(1.0, f32::min);
+        let rounds = (1.0 / least).ceil().min(MOST_ROUNDS) as usize + 1;
+        for _ in 0..rounds {
+            team.check_or_unwind();
+            let mut changed = false;
+            for k in 0..2 * edges.len() {
+                // Forwards, then backwards.
+                let e = if k < edges.len() { k } else { 2 * edges.len() - 1 - k };
+                let [a, b] = edges[e];
+                let cells = if e < within {
+                    cells_of(a)[usize::from(along_v(&self.nodes, a, b))]
+                } else {
+                    [a, b].into_iter().flat_map(cells_of).fold(1.0, f64::max)
+                };
+                // Over a seam of a chart with itself, the chart and its collar change places.
+                let (own, turns) = (self.own(a), e >= within && self.own(a) == self.own(b));
+                for [from, to] in [[a, b], [b, a]] {
+                    if self.nodes[to as usize].rigid {
+                        continue;
+                    }
+                    for e in self.starts[to as usize]..self.starts[to as usize + 1] {
+                        let entry = self.entries[e as usize];
+                        if entry.is_image() {
+                            continue;
+                        }
+                        let Depth { key, depth } = entry;
+                        let swapped = if turns && key >> 1 == own >> 1 { key ^ 1 } else { key };
+                        let bound = self.depth(from, swapped) + step(key, cells);
+                        if bound < depth {
+                            self.entries[e as usize].depth = bound;
+                            changed = true;
+                        }
+                    }
+                }
+            }
+            if !changed {
+                break;
+            }
+        }
+    }
+
+    /// The neighbour of a node on its chart.
+    fn neighbour(&self, n: u32, axis: usize, sign: i64) -> u32 {
+        let Node { tile, block, slot, .. } = self.nodes[n as usize];
+        let tile = &self.tiles[tile as usize];
+        let Some(grid) = tile.grid else { return NONE };
+        beside(grid, block as usize, slot as usize, axis, sign).map_or(NONE, |(b, s)| tile.number[b][s])
+    }
+
+    /// Makes depths the same on each feature: connected rigid nodes. The first `within` edges lie on charts, the others
+    /// connect charts.
+    fn settle_features(&mut self, edges: &[[u32; 2]], within: usize) {
+        let nodes = &self.nodes;
         let mut parents: Vec<u32> = (0..nodes.len() as u32).collect();
         for &[a, b] in edges.iter().filter(|e| e.iter().all(|&n| nodes[n as usize].rigid)) {
             let (a, b) = (root(&mut parents, a), root(&mut parents, b));
@@ -266,48 +361,6 @@ impl Depths {
                 }
             }
         }
-        let least = slopes.as_flattened().iter().copied().fold(1.0, f32::min);
-        let rounds = (1.0 / least).ceil().min(MOST_ROUNDS) as usize + 1;
-        let slope = |[a, b]: [u32; 2]| {
-            let [of_a, of_b] = [a, b].map(|n| slopes[nodes[n as usize].tile as usize]);
-            let along = nodes[a as usize].at[0] == nodes[b as usize].at[0];
-            if nodes[a as usize].tile == nodes[b as usize].tile && of_a == of_b {
-                of_a[usize::from(along)]
-            } else {
-                of_a[0].min(of_a[1]).min(of_b[0]).min(of_b[1])
-            }
-        };
-        for _ in 0..rounds {
-            let mut changed = false;
-            for k in 0..2 * edges.len() {
-                // Forwards, then backwards.
-                let e = if k < edges.len() { k } else { 2 * edges.len() - 1 - k };
-                let [a, b] = edges[e];
-                // Over a seam of a chart with itself, the chart and its collar change places.
-                let (own, turns) = (self.own(a), e >= within && self.own(a) == self.own(b));
-                for [from, to] in [[a, b], [b, a]] {
-                    if nodes[to as usize].rigid {
-                        continue;
-                    }
-                    for e in self.starts[to as usize]..self.starts[to as usize + 1] {
-                        let entry = self.entries[e as usize];
-                        if entry.is_image() {
-                            continue;
-                        }
-                        let Depth { key, depth } = entry;
-                        let swapped = if turns && key >> 1 == own >> 1 { key ^ 1 } else { key };
-                        let bound = self.depth(from, swapped) + slope([a, b]);
-                        if bound < depth {
-                            self.entries[e as usize].depth = bound;
-                            changed = true;
-                        }
-                    }
-                }
-            }
-            if !changed {
-                break;
-            }
-        }
     }
 
     /// The parts that the charts that have a place take in the blend, in their order.
@@ -319,24 +372,25 @@ impl Depths {
         let tile = &self.tiles[place.tile as usize];
         let mut weights: Vec<f32> = vec![0.0; keys.len()];
         let mut whole = 0.0;
-        if !tile.number.is_empty() {
-            let at = place.uv * (DVec2::new(tile.size[0] as f64, tile.size[1] as f64) - 1.0);
+        if let Some(grid) = tile.grid {
+            let chart = places.tiles[place.tile as usize].chart_of_triangle(place.triangle);
+            let at = place.uv * cells(&grid.levels[0]);
             let cell = at.floor();
             let part = at - cell;
             for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                let (x, y) = (cell.x as i64 + dx, cell.y as i64 + dy);
-                if x < 0 || y < 0 || x >= tile.size[0] as i64 || y >= tile.size[1] as i64 {
+                let Some((b, s)) = node_of(grid, chart, cell.x as i64 + dx, cell.y as i64 + dy) else {
                     continue;
-                }
-                let n = tile.number[y as usize * tile.size[0] + x as usize];
-                if n == NONE || self.own(n) != own {
+                };
+                let n = tile.number[b][s];
+                if n == NONE {
                     continue;
                 }
                 let [wx, wy] = [(dx, part.x), (dy, part.y)].map(|(d, p)| if d == 1 { p } else { 1.0 - p });
                 let weight = (wx * wy) as f32;
                 whole += weight;
                 for (sum, &key) in weights.iter_mut().zip(&keys) {
-                    *sum += weight * self.depth(n, key);
+                    let depth = if n == FAR { f32::from(u8::from(key == own)) } else { self.depth(n, key) };
+                    *sum += weight * depth;
                 }
             }
         }
@@ -354,6 +408,82 @@ impl Depths {
         }
         weights
     }
+}
+
+impl Nodes<'_> {
+    /// Marks features that lie partly near another chart as near, and numbers the other nodes.
+    fn number(&mut self, kinds: &mut [Plane<Kind>]) {
+        let Some(grid) = self.grid else { return };
+        let is_open = |kind: &Kind| kind.is_near && kind.rigid;
+        let open = |(b, plane): (usize, &Plane<Kind>)| {
+            (0..NODES).filter(|&s| is_open(&plane[s])).map(|s| (b, s)).collect::<Vec<_>>()
+        };
+        let mut stack: Vec<(usize, usize)> = kinds.iter().enumerate().flat_map(open).collect();
+        while let Some((b, s)) = stack.pop() {
+            for (axis, sign) in [(0, 1), (1, 1), (0, -1), (1, -1)] {
+                let Some((b, s)) = beside(grid, b, s, axis, sign) else { continue };
+                let kind = &mut kinds[b][s];
+                if kind.is_own && kind.rigid && !std::mem::replace(&mut kind.is_near, true) {
+                    stack.push((b, s));
+                }
+            }
+        }
+        let number = |plane: &Plane<Kind>| plane.map(|kind| if kind.is_own { FAR } else { NONE });
+        self.number = kinds.iter().map(number).collect();
+    }
+}
+
+/// The nodes of a block, and those at the border of its chart with what lies one node further in its collar.
+fn kinds_of(places: &Places, index: u32, grid: Option<&&Grid>, b: usize) -> (Plane<Kind>, Links) {
+    let (mut kinds, mut links): (Plane<Kind>, Links) = ([Kind::default(); NODES], Vec::new());
+    let Some(grid) = grid else { return (kinds, links) };
+    let (tile, level) = (&*places.tiles[index as usize], &grid.levels[0]);
+    let block = &level.blocks.list[b];
+    for (s, kind) in kinds.iter_mut().enumerate() {
+        let triangle = grid.triangle[b][s];
+        if triangle as usize >= tile.own() || tile.chart_of_triangle(triangle) != block.chart {
+            continue;
+        }
+        let rigid = decode_rigidity(level.rigidity[b][s]) > RIGID;
+        let is_near = !places.of(index, triangle).is_empty();
+        *kind = Kind { is_own: true, rigid, is_near };
+        for (axis, sign) in [(0, 1), (1, 1), (0, -1), (1, -1)] {
+            let Some((other, t)) = beside(grid, b, s, axis, sign) else { continue };
+            let triangle = grid.triangle[other][t];
+            if triangle != NONE && triangle as usize >= tile.own() && !tile.is_image(triangle) {
+                let node = Node { tile: index, block: b as u32, slot: s as u16, rigid };
+                links.push((node, on_surface(tile, index, triangle, uv_of(grid, other, t))));
+                kind.is_near = true;
+            }
+        }
+    }
+    (kinds, links)
+}
+
+/// The UV of a node.
+fn uv_of(grid: &Grid, b: usize, s: usize) -> DVec2 {
+    let (block, (i, j)) = (&grid.levels[0].blocks.list[b], node_at(s));
+    let at = DVec2::new((block.x as usize * SIDE + i) as f64, (block.y as usize * SIDE + j) as f64);
+    at / cells(&grid.levels[0])
+}
+
+/// The block and slot of a chart's node (x, y), if it is stored.
+fn node_of(grid: &Grid, chart: u32, x: i64, y: i64) -> Option<(usize, usize)> {
+    let level = &grid.levels[0];
+    let is_node = (0..=level.nx as i64).contains(&x) && (0..=level.ny as i64).contains(&y);
+    let b = if is_node { level.blocks.find(chart, x >> 4, y >> 4) } else { NONE };
+    (b != NONE).then(|| (b as usize, slot((x & 15) as usize, (y & 15) as usize)))
+}
+
+/// The neighbour of a node along an axis, if it is stored.
+fn beside(grid: &Grid, b: usize, s: usize, axis: usize, sign: i64) -> Option<(usize, usize)> {
+    let (i, j) = node_at(s);
+    let mut at = [i as i64, j as i64];
+    at[axis] += sign;
+    let [dx, dy] = at.map(|x| x.div_euclid(SIDE as i64) + 1);
+    let other = grid.levels[0].blocks.neighbours[b][(3 * dy + dx) as usize];
+    let [i, j] = at.map(|x| x.rem_euclid(SIDE as i64) as usize);
+    (other != NONE).then(|| (other as usize, slot(i, j)))
 }
 
 /// The charts that have a place: the one on which it lies first, and those with a collar there, once each.
@@ -398,6 +528,12 @@ fn beside_mirror(places: &Places, on: &OnChart, cells: DVec2) -> f32 {
         let distance = f64::from(a + s * (b - a) + r * (c - a)) * cells.min_element();
         (1.0 - distance / BESIDE_MIRROR).clamp(0.0, 1.0) as f32
     })
+}
+
+/// True if two neighbours have the same column.
+fn along_v(nodes: &[Node], a: u32, b: u32) -> bool {
+    let column = |n: u32| node_at(nodes[n as usize].slot as usize).0;
+    column(a) == column(b)
 }
 
 fn root(parents: &mut [u32], mut a: u32) -> u32 {

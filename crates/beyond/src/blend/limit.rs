@@ -5,6 +5,7 @@ use vrtm_core::cpu::certify::{Certificate, certify_block, corner_jacobians};
 use vrtm_core::grid::Level;
 use vrtm_core::grid::planes::{NODES, Plane, SIDE, slot};
 use vrtm_core::grid::window::{self, WINDOW_NODES, Window, place};
+use vrtm_core::mesh::NONE;
 use vrtm_core::method::law::STEP_MIN_JACOBIAN;
 use vrtm_core::team::Team;
 
@@ -61,19 +62,28 @@ pub(super) fn add(
     }
     let slope = |b: u32| slopes[level.blocks.list[b as usize].chart as usize];
     let mut fractions: Vec<Plane> = vec![[1.0; NODES]; count];
+    // The blocks with a fraction under 1: what is not next to one of them stays as it is.
+    let mut is_less: Vec<bool> = zeroed(count);
+    let near = |is_less: &[bool], open: &[u32]| -> Vec<u32> {
+        let is_less = |b: &u32| *b != NONE && is_less[*b as usize];
+        open.iter().copied().filter(|&b| level.blocks.neighbours[b as usize].iter().any(is_less)).collect()
+    };
     let mut u: Vec<[Plane; 2]> = Vec::from(before);
-    let mut open: Vec<u32> = active.iter().copied().collect();
+    let mut open: Vec<u32> = active.clone();
+    let (mut with_change, mut beside): (Vec<u32>, Vec<u32>) = (Vec::from(blocks), active.clone());
     for round in 0..=ROUNDS {
-        let now = team.map(open.len(), |k| taken(before, changes, &index, &fractions, open[k] as usize));
-        open.iter().zip(now).for_each(|(&b, now)| u[b as usize] = now);
-        let factors = team.map(open.len(), |k| factors(level, before, &u, open[k] as usize));
+        let taken = |k: usize| taken(before, changes, &index, &fractions, with_change[k] as usize);
+        let now = team.map(with_change.len(), taken);
+        with_change.iter().zip(now).for_each(|(&b, now)| u[b as usize] = now);
+        let factors = team.map(beside.len(), |k| factors(level, before, &u, beside[k] as usize));
         if factors.iter().all(Option::is_none) {
             break;
         }
         let mut is_open: Vec<bool> = zeroed(charts);
-        for (&b, factors) in open.iter().zip(&factors) {
+        for (&b, factors) in beside.iter().zip(&factors) {
             let Some(factors) = factors else { continue };
             is_open[level.blocks.list[b as usize].chart as usize] = true;
+            is_less[b as usize] = true;
             for (fraction, &factor) in fractions[b as usize].iter_mut().zip(factors).filter(|of| *of.1 < 1.0)
             {
                 let less = *fraction * if round < LATE { factor } else { factor.min(LARGEST_LATE) };
@@ -82,10 +92,16 @@ pub(super) fn add(
         }
         open.retain(|&b| is_open[level.blocks.list[b as usize].chart as usize]);
         for _ in 0..PASSES {
-            let next =
-                team.map(open.len(), |k| fallen_off(level, &fractions, open[k] as usize, slope(open[k])));
-            open.iter().zip(next).for_each(|(&b, next)| fractions[b as usize] = next);
+            let around = near(&is_less, &open);
+            let next = team
+                .map(around.len(), |k| fallen_off(level, &fractions, around[k] as usize, slope(around[k])));
+            for (&b, next) in around.iter().zip(next) {
+                is_less[b as usize] |= next.iter().any(|&fraction| fraction < 1.0);
+                fractions[b as usize] = next;
+            }
         }
+        beside = near(&is_less, &open);
+        with_change = beside.iter().copied().filter(|&b| is_less[b as usize]).collect();
         if round == ROUNDS {
             for &b in &open {
                 (fractions[b as usize], u[b as usize]) = ([0.0; NODES], before[b as usize]);
@@ -137,6 +153,9 @@ fn factors(level: &Level, before: &[[Plane; 2]], u: &[[Plane; 2]], b: usize) -> 
     };
     // Rounding may leave a corner a little under the bound before the blend, too.
     let bound = 0.99 * f64::from(STEP_MIN_JACOBIAN);
+    if certify_block(level, u, b).min_jacobian >= bound {
+        return None;
+    }
     let now = load(u);
     let mut found = None;
     for j in 0..17 {

@@ -81,6 +81,11 @@ impl Places {
         Places { tiles, first, starts, entries }
     }
 
+    /// Bytes held besides the tiles.
+    pub fn bytes(&self) -> u64 {
+        (size_of_val(&*self.starts) + size_of_val(&*self.entries)) as u64
+    }
+
     /// The triangles of collars that are parts of a triangle.
     pub fn of(&self, tile: u32, triangle: u32) -> &[(u32, u32)] {
         let number = (self.first[tile as usize] + triangle) as usize;

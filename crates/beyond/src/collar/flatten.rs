@@ -52,6 +52,8 @@ pub struct Collar {
     pub triangles: Vec<CollarTriangle>,
     /// The number of triangles that lie at each side of the chart, if none is missing.
     pub parts: usize,
+    /// How far it goes on from the chart, in the chart's plane.
+    pub reach: f64,
 }
 
 /// Rounds of fitting rotations and placing corners, and the steps of conjugate gradients in each.
@@ -93,7 +95,7 @@ impl Piece {
 }
 
 /// Lays a patch out. `reach` is a length on the surface, and `scale` that of the chart.
-pub(super) fn flatten(surface: &Surface, patch: &Patch, reach: f64, scale: f64) -> Collar {
+pub(super) fn flatten(surface: &Surface, patch: &Patch, reach: f64, scale: f64, check: &dyn Fn()) -> Collar {
     let pieces = pieces(surface, patch, reach);
     let corners = Corners::join(patch, &pieces, APART * reach * scale);
     let mirrors = corners.mirrors(&pieces);
@@ -110,6 +112,7 @@ pub(super) fn flatten(surface: &Surface, patch: &Patch, reach: f64, scale: f64) 
         for p in range.clone() {
             good[p] = pieces[p].parent == NONE || good[pieces[p].parent as usize];
         }
+        check();
         let present: Vec<usize> = range.filter(|&p| good[p]).collect();
         place(&pieces, &present, &corners.of, &mut places, &mut slots);
         for &p in &present {
@@ -161,7 +164,7 @@ pub(super) fn flatten(surface: &Surface, patch: &Patch, reach: f64, scale: f64) 
             across,
         }
     };
-    Collar { triangles: list.iter().map(triangle).collect(), parts: patch.parts }
+    Collar { triangles: list.iter().map(triangle).collect(), parts: patch.parts, reach: reach * scale }
 }
 
 fn uv_of(corners: &[u32; 3], places: &[Option<DVec2>]) -> [DVec2; 3] {

@@ -24,7 +24,7 @@ pub(super) type Side = (u32, u8);
 /// The triangles of all tiles of a UV set, numbered tile by tile. The number of a triangle's mirror image, with which the
 /// surface goes on beyond open borders, is greater by the number of all triangles. Surface and image together have no border:
 /// this is the *double* of the surface.
-pub(super) struct Surface<'a> {
+pub struct Surface<'a> {
     mesh: &'a Mesh,
     /// The tiles of the UV set, and the first one's index in the mesh.
     tiles: &'a [Arc<TileMesh>],
@@ -154,7 +154,7 @@ impl<'a> Surface<'a> {
         g.checked_sub(self.chart_of.len() as u32).unwrap_or(g)
     }
 
-    pub fn is_image(&self, g: u32) -> bool {
+    pub(super) fn is_image(&self, g: u32) -> bool {
         self.base(g) != g
     }
 
@@ -258,21 +258,27 @@ impl<'a> Surface<'a> {
         (0..3u8).find(same).map(|k| (other, k))
     }
 
-    /// Length in the UV plane over length on the surface, in the mean over a chart of the tile; and the side of a square on
-    /// the surface of the chart's area.
+    /// Length in the UV plane over length on the surface, in the mean over a chart of the tile; and the chart's mean width on
+    /// the surface: that of a strip of its area and border.
     pub fn size(&self, chart: usize) -> [f64; 2] {
         let tile = &self.tiles[self.home];
-        let (mut plane, mut surface) = (0.0, 0.0);
+        let (mut plane, mut surface, mut border) = (0.0, 0.0, 0.0);
         for t in tile.charts[chart].triangles.clone() {
             plane += doubled_area(tile.triangles[t].uv).abs();
-            let [a, b, c] = self.corners(self.first[self.home] + t as u32);
+            let own = self.first[self.home] + t as u32;
+            let corners = self.corners(own);
+            let [a, b, c] = corners;
             surface += (b - a).cross(c - a).length();
+            for k in (0..3).filter(|&k| self.neighbour((own, k as u8)) == NONE) {
+                border += corners[(k + 1) % 3].distance(corners[(k + 2) % 3]);
+            }
         }
-        [(plane / surface).sqrt(), (0.5 * surface).sqrt()]
+        // A closed surface has none, and no collar.
+        [(plane / surface).sqrt(), surface / border]
     }
 
     /// The triangles beyond the border of a chart of the tile with a vertex that is nearer than `reach` along the mesh's edges.
-    pub fn region(&self, chart: usize, reach: f64) -> Region {
+    pub(super) fn region(&self, chart: usize, reach: f64, check: &dyn Fn()) -> Region {
         let tile = &self.tiles[self.home];
         let number = self.first_chart[self.home] + chart as u32;
         let mut rims = Vec::new();
@@ -307,6 +313,7 @@ impl<'a> Surface<'a> {
         let mut nearest: Table<u32, f64> = Table::default();
         let mut triangles = Vec::new();
         while !open.is_empty() {
+            check();
             let mut round = std::mem::take(&mut open);
             let distance = |[a, b]: [f64; 2]| a.min(b);
             round.sort_unstable_by(|a, b| distance(a.1).total_cmp(&distance(b.1)).then(a.0.cmp(&b.0)));

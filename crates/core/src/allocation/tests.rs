@@ -8,7 +8,7 @@ use super::*;
 use crate::allocation::vec;
 use crate::error::{ErrorKind, Result};
 use crate::team::Team;
-use crate::unwind::{caught, why};
+use crate::unwind::{Stop, caught, why};
 
 /// The size of the largest blocks. Miri looks at each byte by itself.
 const LARGEST: usize = if cfg!(miri) { 50_000 } else { 1 << 20 };

@@ -7,19 +7,11 @@ use std::ops::{Deref, DerefMut, RangeBounds};
 use std::vec::{self, Drain, IntoIter};
 
 use super::current::Fallible;
-use super::missing;
+use crate::unwind::{Stop, unwind};
 
 /// `std::vec::Vec`, except that it unwinds (`unwind`) when memory for its elements is missing, where that of the
 /// standard library aborts the process.
 pub struct Vec<T>(vec::Vec<T>);
-
-/// `std::vec!`, of the type above.
-#[macro_export]
-macro_rules! vec {
-    () => { $crate::allocation::Vec::new() };
-    ($value:expr; $count:expr) => { $crate::allocation::Vec::filled($value, $count) };
-    ($($value:expr),+ $(,)?) => { $crate::allocation::Vec::of([$($value),+]) };
-}
 
 impl<T> Vec<T> {
     /// An empty array, without memory.
@@ -334,4 +326,10 @@ impl<T: fmt::Debug> fmt::Debug for Vec<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
     }
+}
+
+/// Unwinds because there is no memory for `count` elements of type `T`.
+#[cold]
+pub fn missing<T>(count: usize) -> ! {
+    unwind(Stop::OutOfMemory((count as u64).saturating_mul(size_of::<T>() as u64)))
 }

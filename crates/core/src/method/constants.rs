@@ -65,7 +65,7 @@ macro_rules! constants {
 
         /// All of these constants, in order.
         pub fn declarations() -> $crate::allocation::Vec<$crate::method::constants::Declaration> {
-            $crate::vec![$((&[$($doc),+], stringify!($name), $name.into())),+]
+            $crate::allocation::vec![$((&[$($doc),+], stringify!($name), $name.into())),+]
         }
     };
 }

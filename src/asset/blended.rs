@@ -1,0 +1,33 @@
+//! What is kept of a blend at seams (`seams`), and what it follows from.
+
+use std::sync::Arc;
+
+use super::derived::Same;
+use vrtm_core::allocation::Vec;
+use vrtm_core::backend::Warp;
+use vrtm_core::cpu::certify::Certificate;
+use vrtm_core::grid::Grid;
+
+/// The key of the copies of all tiles.
+#[derive(Debug, PartialEq)]
+pub(super) struct CopiesKey {
+    /// Of the tiles that are blended together. A grid is of one mesh alone, and those of the others are always the same.
+    pub grids: Vec<Option<Same<Grid>>>,
+}
+
+/// A blended tile.
+#[derive(Debug)]
+pub(super) struct Blended {
+    pub warp: Arc<Warp>,
+    /// Per chart that has a change.
+    pub certificates: Vec<Option<Certificate>>,
+    /// The charts with a node that took less than the whole.
+    pub charts_apart: u32,
+}
+
+/// The key of a blended tile: the warps of all tiles, and the copies.
+#[derive(Debug, PartialEq)]
+pub(super) struct BlendKey {
+    pub warps: Vec<Option<Same<Warp>>>,
+    pub copies: Arc<CopiesKey>,
+}

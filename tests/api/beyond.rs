@@ -1,0 +1,154 @@
+//! Charts that go on beyond their borders: what is bounded, booked, reused, and can be cancelled.
+
+use std::sync::Arc;
+
+use crate::common::{bits, cpu, view};
+use vrtm::{
+    Asset, Control, Device, ErrorKind, MeshSource, OpenBorders, Seams, SolveRequest, Strided, TileSettings,
+    UvSource,
+};
+
+/// A sheet of quads that is cut into `columns` by `rows` charts, with discs of rigidity over all seams.
+pub struct CutSheet {
+    pub rest: Vec<[f32; 3]>,
+    uvs: Vec<[f32; 2]>,
+    indices: Vec<u32>,
+}
+
+impl CutSheet {
+    /// Each chart has `n` by `n` quads.
+    pub fn new([columns, rows]: [usize; 2], n: usize) -> CutSheet {
+        let (width, height) = (columns * n, rows * n);
+        let at = |x: usize, y: usize| (y * (width + 1) + x) as u32;
+        let point = |v: usize| [(v % (width + 1)) as f32, (v / (width + 1)) as f32];
+        let size = [width as f32, height as f32];
+        let rest = (0..(width + 1) * (height + 1)).map(point).map(|[x, y]| [x / size[0], y / size[1], 0.0]);
+        let (mut uvs, mut indices) = (Vec::new(), Vec::new());
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            let chart = [x / n, y / n];
+            for (x, y) in [(x, y), (x + 1, y), (x + 1, y + 1), (x, y + 1)] {
+                indices.push(at(x, y));
+                // A gutter of a tenth.
+                let uv = |c: usize, x: usize, count: usize| {
+                    (c as f32 + 0.05 + 0.9 * (x as f32 / n as f32 - c as f32)) / count as f32
+                };
+                uvs.push([uv(chart[0], x, columns), uv(chart[1], y, rows)]);
+            }
+        }
+        CutSheet { rest: rest.collect(), uvs, indices }
+    }
+
+    /// The asset, with collars at all borders or none.
+    pub fn asset(&self, device: &Device, size: usize, goes_on: bool) -> Asset {
+        let corners: Vec<u32> = (0..self.uvs.len() as u32).collect();
+        let source = MeshSource {
+            positions: Strided::from_f32x3(&self.rest),
+            face_counts: Some(&vec![4; self.indices.len() / 4]),
+            indices: &self.indices,
+            uvs: UvSource { u: Strided::from_f32x2(&self.uvs), v: None, indices: Some(&corners) },
+            ..MeshSource::default()
+        };
+        let mut asset = Asset::new(device, &source).unwrap();
+        let discs: Vec<u8> = (0..size * size)
+            .map(|k| {
+                let [x, y] = [k % size, k / size].map(|x| (8 * x) as f64 / size as f64 % 1.0 - 0.5);
+                if x * x + y * y < 0.1 { 255 } else { 0 }
+            })
+            .collect();
+        asset.set_rigidity(0, Some(view(&discs, size as u32, size as u32))).unwrap();
+        if goes_on {
+            let (seams, open_borders) = (Seams::Continue, OpenBorders::Slide);
+            let settings = TileSettings { seams, open_borders, ..asset.settings(0).unwrap() };
+            asset.set_settings(0, &settings).unwrap();
+        }
+        asset
+    }
+
+    pub fn pose(&self, amount: f32) -> Vec<[f32; 3]> {
+        self.rest.iter().map(|&[x, y, z]| [x * (1.0 + amount * (3.0 * y).sin()), y, z]).collect()
+    }
+}
+
+/// A tile of many small charts is a few times as large with collars as without, not a hundred times.
+#[test]
+fn collars_of_small_charts_are_bounded() {
+    let device = cpu(2);
+    for (charts, n) in [([40, 1], 4), ([24, 24], 1)] {
+        let sheet = CutSheet::new(charts, n);
+        let [with, without] =
+            [true, false].map(|on| sheet.asset(&device, 512, on).tile_estimate(0).unwrap().movable_nodes);
+        assert!(with > without && with < 5 * without, "{charts:?}: {with} nodes, without collars {without}");
+    }
+}
+
+#[test]
+fn the_same_pose_again_costs_no_blend() {
+    let device = cpu(1);
+    let sheet = CutSheet::new([2, 1], 8);
+    let mut asset = sheet.asset(&device, 64, true);
+    let (first, second) = (sheet.pose(0.3), sheet.pose(0.2));
+    let mut solve = |pose: &[[f32; 3]], dirty: Option<&[u32]>| {
+        let positions = Strided::from_f32x3(pose);
+        asset
+            .run(&SolveRequest { positions, dirty_vertices: dirty, ..SolveRequest::default() }, &mut [])
+            .unwrap();
+        (bits(&asset), asset.tile_report(0).unwrap())
+    };
+    let (found, report) = solve(&first, None);
+    assert!(report.times.blend > 0.0 && report.charts_active == 2);
+    for dirty in [None, Some(&[][..])] {
+        let (again, same) = solve(&first, dirty);
+        assert!(again == found && same.times.blend == 0.0, "{dirty:?}: {} ms", same.times.blend);
+        assert_eq!(same.min_jacobian.to_bits(), report.min_jacobian.to_bits());
+    }
+    let (other, report) = solve(&second, None);
+    assert!(other != found && report.times.blend > 0.0);
+    assert!(solve(&first, None).0 == found, "the blend of another pose was published");
+    // At rest nothing moves, and nothing is left of a blend.
+    assert!(solve(&sheet.rest, None).0.iter().flatten().all(|&bits| bits == 0));
+}
+
+/// Wherever a call is cancelled, in collars and in the blend, too, the last result stays, and the next call is as ever.
+#[test]
+fn collars_and_the_blend_can_be_cancelled_anywhere() {
+    let device = cpu(1);
+    let sheet = CutSheet::new([3, 2], 4);
+    let pose = sheet.pose(0.3);
+    let solve = |asset: &mut Asset, control: Option<Arc<Control>>| {
+        let positions = Strided::from_f32x3(&pose);
+        asset.run(&SolveRequest { positions, control, ..SolveRequest::default() }, &mut [])
+    };
+    let mut whole = sheet.asset(&device, 32, true);
+    solve(&mut whole, None).unwrap();
+    let (mut item, mut cancelled) = (1, 0);
+    loop {
+        let mut asset = sheet.asset(&device, 32, true);
+        let control = Arc::new(Control::new());
+        control.cancel_at_item(item);
+        match solve(&mut asset, Some(control)) {
+            Ok(()) => break,
+            Err(error) => assert_eq!(error.kind, ErrorKind::Cancelled),
+        }
+        solve(&mut asset, None).unwrap();
+        assert!(bits(&asset) == bits(&whole), "cancelled at item {item}");
+        cancelled += 1;
+        item = item * 5 / 4 + 1;
+    }
+    assert!(cancelled > 10, "{cancelled}");
+}
+
+/// Memory of solvers that is to be freed is freed where no chart has to be solved, too.
+#[test]
+fn a_solver_is_released_without_a_solve() {
+    let device = cpu(1);
+    let sheet = CutSheet::new([2, 1], 4);
+    let mut asset = sheet.asset(&device, 64, false);
+    let pose = sheet.pose(0.3);
+    let mut run = |release_solvers| {
+        let positions = Strided::from_f32x3(&pose);
+        asset.run(&SolveRequest { positions, release_solvers, ..SolveRequest::default() }, &mut []).unwrap();
+        device.info().bytes_held
+    };
+    let [kept, released] = [run(false), run(true)];
+    assert!(released < kept, "{released} of {kept} bytes");
+}
