@@ -137,12 +137,12 @@ def test_textures_that_are_looked_up_have_to_be_dilated(tmp_path: Path) -> None:
     undilated = f"{tmp_path / 'shot' / 'colour.1001.exr'} is looked up, and is not dilated"
     # Also in a task that does not write the layer.
     for more in ((), ("--texture", colour), ("--texture", colour, "--layer", tmp_path / "over.usda")):
-        assert said(*more) == f"seams shut, open borders fixed: {undilated}"
+        assert said(*more).startswith(f"seams shut, open borders fixed: {undilated}; if keep is better, ")
     run("dilate", shot, "--texture", colour, "--out", tmp_path / "dilated", "--reach", 0.04)
     for udim in (1001, 1002):
         shutil.copy(tmp_path / "dilated" / f"colour.{udim}.exr", tmp_path / "shot")
     assert said() == "seams continue, open borders slide: all textures are copies or dilated"
-    assert said("--seam-reach", 0.1) == f"seams shut, open borders fixed: {undilated}"
+    assert said("--seam-reach", 0.1).startswith(f"seams shut, open borders fixed: {undilated}")
 
 
 def test_meshes_are_chosen_for_one_by_one(tmp_path: Path) -> None:
@@ -165,4 +165,5 @@ def test_meshes_are_chosen_for_one_by_one(tmp_path: Path) -> None:
     arguments = sheet_arguments(shot, tmp_path / "out", "--texture", tmp_path / "shot" / "colour.<UDIM>.png")
     said = run(*arguments, "--dry-run").stdout.splitlines()
     assert "/model/sheet: seams continue, open borders slide: all textures are copies" in said
-    assert "/model/other: seams shut, open borders fixed: colour.<UDIM>.exr is looked up, and is not dilated" in said
+    other = "/model/other: seams shut, open borders fixed: colour.<UDIM>.exr is looked up, and is not dilated"
+    assert any(line.startswith(other) for line in said)

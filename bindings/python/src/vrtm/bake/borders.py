@@ -61,8 +61,12 @@ def mesh(
         found.close()
     found = made(_chosen(settings, "shut", "fixed", why))
     tiles = [tile for part in found.parts for tile in part.all_tiles]
-    # Where nothing rigid is held both are the same, and what is not solved needs no choice.
-    if settings.seams != AUTO or settings.only_layer or settings.dry_run or not any(t.info.frozen for t in tiles):
+    # Where nothing rigid is held both are the same.
+    if settings.seams != AUTO or not any(tile.info.frozen for tile in tiles):
+        return found
+    if settings.only_layer or settings.dry_run:
+        # Nothing is to be solved, and nothing that is told or written differs.
+        found.borders = _chosen(settings, "shut", "fixed", f"{why}; if keep is better, a bake takes that")
         return found
     chosen = _kept_or_shut(settings, scene, shape, device.info.threads, copies, why)
     if chosen.seams == "shut":
