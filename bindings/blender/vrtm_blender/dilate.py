@@ -35,11 +35,16 @@ def is_copy(image: bpy.types.Image) -> bool:
     return REACH in image
 
 
+def is_dilated(image: bpy.types.Image, reach: float) -> bool:
+    """Whether an image is a copy that was made with a reach."""
+    return is_copy(image) and abs(image[REACH] - reach) <= 1e-6
+
+
 def left_of(obj: bpy.types.Object) -> list[bpy.types.Image]:
     """The images that the object's materials look up at redirected UVs, and that are no copies of the present reach."""
     reach = obj.vrtm.seam_reach
     images = dict.fromkeys(node.image for node in textures_of(obj))
-    return [image for image in images if not is_copy(image) or abs(image[REACH] - reach) > 1e-6]
+    return [image for image in images if not is_dilated(image, reach)]
 
 
 def dilate(obj: bpy.types.Object, asset: vrtm.Asset, reach: float) -> tuple[int, list[str]]:

@@ -74,7 +74,7 @@ class VRTM_PT_quality(_Panel, bpy.types.Panel):
         layout.prop(settings, "overlaps")
         layout.prop(settings, "seams")
         layout.prop(settings, "open_borders")
-        if settings.seams == "continue" or settings.open_borders == "slide":
+        if settings.seams in ("auto", "continue") or settings.open_borders in ("auto", "slide"):
             layout.prop(settings, "seam_reach")
         column = layout.column(heading="Write")
         for name in ("write_image", "write_uvs", "write_delta"):
@@ -104,8 +104,7 @@ class VRTM_PT_material(_Panel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("vrtm.set_up_material", text="Set Up by Image").by = "image"
         row.operator("vrtm.set_up_material", text="By UV Map").by = "uv_map"
-        if context.object.vrtm.seams == "continue":
-            layout.operator("vrtm.dilate")
+        layout.operator("vrtm.dilate")
         layout.operator("vrtm.clear_material")
 
 

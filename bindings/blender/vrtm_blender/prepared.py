@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     import vrtm
 
 
+# A finer grid hardly ever tells more of which of two ways is better.
+MEASURED = 512
+
+
 @dataclass(frozen=True)
 class MeshInput:
     """The mesh at rest as it was read, and the device to prepare it for."""
@@ -109,6 +113,15 @@ class Prepared:
     def _set_settings(self, settings: dict[str, Any]) -> None:
         for tile in self._tiles():
             tile.set_settings(**settings)
+
+    def measured(self, seams: str, positions: np.ndarray, quality: str) -> list[vrtm.TileReport]:
+        """What a pose comes to with these seams, on at most 512 cells per side. The settings are to be set again."""
+        self.stamps.pop("settings", None)
+        for tile in self._tiles():
+            size = {f"grid_{side}": min(getattr(tile.info, f"grid_{side}"), MEASURED) for side in ("width", "height")}
+            tile.set_settings(tile.settings, seams=seams, open_borders="fixed", **size)
+        self.asset.solve(positions, quality=quality, measure=True)
+        return [tile.report() for tile in self.asset.tiles]
 
     def _set_mask(self, new: Map) -> None:
         self.asset.set_vertex_mask(new.vertices)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import geometry, layers, maps, results, states
+from . import borders, geometry, layers, maps, results, session, states
 from .messages import Problem
 from .outcome import Request
 from .prepared import MapsInput, MeshInput
@@ -53,11 +53,11 @@ def _read_maps(obj: bpy.types.Object, state: State) -> None:
 
 def settings_of(obj: bpy.types.Object) -> dict[str, object]:
     """What is set of all tiles."""
-    settings = obj.vrtm
-    borders = {name: getattr(settings, name) for name in ("seams", "open_borders", "seam_reach")}
+    settings, found = obj.vrtm, borders.chosen(obj)
+    ways = {"seams": found.seams, "open_borders": found.open_borders, "seam_reach": settings.seam_reach}
     # What lies over itself, and what the layers do not suffice for, stays as it is.
     overlap = "first_face" if settings.overlaps == "first_face" else "fixed"
-    return {"grid_width": settings.grid, "grid_height": settings.grid, "overlap": overlap} | borders
+    return {"grid_width": settings.grid, "grid_height": settings.grid, "overlap": overlap} | ways
 
 
 def options_of(obj: bpy.types.Object) -> dict[str, object]:
@@ -75,6 +75,27 @@ def prepare(obj: bpy.types.Object, state: State) -> None:
     except BaseException:
         state.inputs.give_back(inputs)
         raise
+
+
+def find_seams(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph) -> None:
+    """Finds which of Keep and Shut is better in the object's pose, where Auto has to choose between them. Raises a
+    Problem or vrtm.Error."""
+    settings = obj.vrtm
+    if settings.seams != borders.AUTO or not settings.is_set_up or borders.chosen(obj).seams == "continue":
+        return
+    session.library()
+    from vrtm.borders import kept_or_shut
+
+    prepare(obj, state)
+    prepared, positions = state.prepared, geometry.pose(obj, depsgraph)
+    if any(tile.info.frozen for tile in prepared.asset.tiles):
+        found, told = kept_or_shut(lambda seams: prepared.measured(seams, positions, settings.quality))
+        told = f"at frame {depsgraph.scene.frame_current} {told}"
+        # The tiles have other settings now.
+        state.maps_changed = True
+    else:
+        found, told = "shut", "nothing rigid is on a border"
+    settings.seams_found, settings.seams_why = found, told
 
 
 def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph) -> Request:

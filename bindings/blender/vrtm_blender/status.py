@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import blf
 import bpy
 
-from . import dilate, keep, nodes, result_image, results, states
+from . import borders, dilate, keep, nodes, result_image, results, states
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,10 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
     frames = nodes.baked_frames(obj)
     if settings.shows_baked and (text := not_baked(obj, scene, frames)) is not None:
         found.append(Line(text, "ERROR"))
-    if settings.seams == "continue" and dilate.left_of(obj):
+    ways = borders.chosen(obj)
+    if ways.why:
+        found.append(Line(ways.why, "INFO"))
+    if settings.seams in ("continue", borders.AUTO) and dilate.left_of(obj):
         found.append(Line("Textures end at seams: press Dilate Textures", "INFO"))
     found += [Line(text, "ERROR") for text in keep.unsaved_maps(obj)]
     if state is not None and not state.error:

@@ -287,17 +287,18 @@ def test_two_bakes_into_one_folder(scene: Path, tmp_path: Path) -> None:
 
 def test_messages(scene: Path, tmp_path: Path) -> None:
     lines = run(*sheet_arguments(scene, tmp_path / "a")).stdout.splitlines()
-    # The device, the rest, a line per frame, one more for each tile that is met first, the mesh's, and the last one.
-    assert len(lines) == 11 and lines[8].startswith("[5/5] sheet, frame ")
+    # The device, the rest, what happens at borders, a line per frame, one more for each tile that is met first, the
+    # mesh's, and the last one.
+    assert len(lines) == 12 and lines[9].startswith("[5/5] sheet, frame ")
     assert lines[0].startswith("device: cpu, ") and lines[1] == "rest: Pref: /model/sheet"
     assert len([line for line in lines if "of the rigid texels are frozen" in line]) == 2
     of_mesh = (
         r"/model/sheet: 5 frames \(1-5\), strain 0\.\d+ -> 0\.\d+ RMS \(frame 5, the worst of 3 measured: .*, 10 files "
     )
-    assert re.match(of_mesh, lines[9])
+    assert re.match(of_mesh, lines[10])
     # No bar, and no line per frame.
     plain = run(*sheet_arguments(scene, tmp_path / "b", "--no-progress")).stdout.splitlines()
-    assert plain[:4] == [line for line in lines if not line.startswith("[")][:4] and len(plain) == 6
+    assert plain[:5] == [line for line in lines if not line.startswith("[")][:5] and len(plain) == 7
     assert run(*sheet_arguments(scene, tmp_path / "c", "--quiet")).stdout == ""
     lines = run(*sheet_arguments(scene, tmp_path / "d", "--openjd")).stdout.splitlines()
     told = [line.split()[1] for line in lines if line.startswith("openjd_progress: ")]

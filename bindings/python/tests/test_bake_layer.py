@@ -41,6 +41,8 @@ def test_a_layer_goes_over_the_shot(scene: Path, tmp_path: Path, mode: str) -> N
         mode,
         "--texture",
         scene.parent / "colour.<UDIM>.png",
+        "--seams",
+        "shut",
     )
     run(*sheet_arguments(scene, tmp_path / "maps", *options))
     assert check_layer(layer, scene) == []

@@ -39,7 +39,8 @@ def baked(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The mirrored model's scene, and beside it the maps, the copies of a texture, the report and the layer."""
     folder = tmp_path_factory.mktemp("mirrored")
     scene = mirrored(folder / "shot")
-    run(*arguments(scene, folder / "maps"), "--report", folder / "report.json")
+    borders = ("--seams", "shut", "--open-borders", "fixed")
+    run(*arguments(scene, folder / "maps", *borders), "--report", folder / "report.json")
     return scene
 
 

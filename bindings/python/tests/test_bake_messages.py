@@ -99,6 +99,7 @@ def test_maps_of_another_mesh_or_form_are_not_lost_without_a_word(tmp_path: Path
 def test_a_dry_run_tells_and_writes_nothing(scene: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     options = ("--dry-run", "--report", out / "r.json", "--texture", scene.parent / "colour.<UDIM>.png", "--warp")
+    options += ("--seams", "shut", "--open-borders", "fixed")
     told = run(*sheet_arguments(scene, out, *options)).stdout
     for words in (
         "device: cpu, ",

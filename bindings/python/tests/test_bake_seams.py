@@ -18,13 +18,15 @@ def place(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.where(x < 1, 0.1 + 0.8 * x, 1 + 0.1 + 0.8 * (x - 1)), 0.1 + 0.8 * y
 
 
-def write_obj(path: Path, pose: bool) -> Path:
+def write_obj(path: Path, pose: bool, amount: float = 0.12, stretch: float = 0) -> Path:
+    """`amount`: how far the pose moves the seam's surroundings across it; `stretch`: of the middle of the seam."""
     along = np.arange(CELLS + 1) / CELLS
     lines, faces = [], []
     for j in along:
         for i in 2 * along:
-            x = i + 0.12 * np.sin(np.pi * i) if pose else i
-            lines.append(f"v {x:.6f} {j:.6f} {0.1 * np.sin(2 * j) if pose else 0.0:.6f}")
+            x = i + amount * np.sin(np.pi * i) if pose else i
+            y = j - stretch * np.sin(2 * np.pi * j) / (2 * np.pi) if pose else j
+            lines.append(f"v {x:.6f} {y:.6f} {0.1 * np.sin(2 * j) if pose else 0.0:.6f}")
     uvs: list[tuple[float, float]] = []
     for j in range(CELLS):
         for i in range(CELLS):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from .. import dilate, geometry, live, materials, nodes, results, solve, states
+from .. import borders, dilate, geometry, live, materials, nodes, results, solve, states
 from ..messages import Problem
 from .base import OnObject
 
@@ -66,9 +66,13 @@ class VRTM_OT_dilate(OnObject, bpy.types.Operator):
         state.mesh_changed = state.maps_changed = True
         solve.prepare(obj, state)
         number, painted = dilate.dilate(obj, state.asset, obj.vrtm.seam_reach)
+        borders.leave_open(obj)
+        borders.find_ends(obj, context.scene)
+        state.maps_changed = True
         # A job that was ended is to be done yet.
         live.touch(obj)
-        return f"{obj.name}: {number} textures have what lies beyond seams" + kept_text(painted)
+        told = f"{obj.name}: {number} textures have what lies beyond seams" + kept_text(painted)
+        return "; ".join(filter(None, [told, borders.chosen(obj).why]))
 
 
 class VRTM_OT_clear_material(OnObject, bpy.types.Operator):

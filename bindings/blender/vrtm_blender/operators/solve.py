@@ -42,6 +42,7 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
             capture(context, obj, settings.rest_frame)
         state = states.state_of(obj)
         state.mesh_changed = state.maps_changed = state.rewrite = True
+        solve.find_seams(obj, state, context.evaluated_depsgraph_get())
         return state
 
     @staticmethod

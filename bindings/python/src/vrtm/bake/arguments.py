@@ -190,10 +190,12 @@ def _content(group: argparse._ArgumentGroup) -> None:
 def _borders(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--seams",
-        choices=("shut", "keep", "continue"),
-        default="shut",
+        choices=(AUTO, "shut", "keep", "continue"),
+        default=AUTO,
         help="at seams nothing moves (shut); or features that touch one stay as they are, whole (keep); or they keep "
-        "their shape across it: textures that renderers look up by the maps then have to be dilated (vrtm dilate)",
+        "their shape across it: textures that renderers look up by the maps then have to be dilated (vrtm dilate). "
+        "auto, the default: continue where all textures of a mesh are copies or dilated, else the better one of shut "
+        "and keep",
     )
     group.add_argument(
         "--seam-reach",
@@ -204,10 +206,11 @@ def _borders(group: argparse._ArgumentGroup) -> None:
     )
     group.add_argument(
         "--open-borders",
-        choices=("fixed", "slide"),
-        default="fixed",
+        choices=(AUTO, "fixed", "slide"),
+        default=AUTO,
         help="at borders beyond which the surface ends nothing moves (fixed), or textures slide along them, so that "
-        "features there keep their shape",
+        "features there keep their shape. auto, the default: slide where all textures of a mesh are copies or dilated, "
+        "and nothing else is where it ends",
     )
     group.add_argument(
         "--overlap",

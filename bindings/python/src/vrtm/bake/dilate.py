@@ -121,7 +121,9 @@ def _left(copy: warped.Copy, meshes: Sequence[Mesh], parsed: argparse.Namespace,
         if (texture.pixels.dtype, texture.channels) != (first.pixels.dtype, first.channels):
             raise Failure(INPUT, f"{path}: other channels or numbers than those of {paths[0]}")
         common.text(texture.inputs)
-        targets[path] = texture.target(_output(parsed.out, path), {"vrtm:kind": "dilated"})
+        targets[path] = texture.target(
+            _output(parsed.out, path), {"vrtm:kind": "dilated", "vrtm:reach": str(parsed.reach)}
+        )
     left = {}
     for path, target in targets.items():
         inputs = common.copy().text(os.path.basename(path)).hex()

@@ -22,7 +22,7 @@ from vrtm.bake.names import Pattern
 from vrtm.bake.part import Part, TileWork, parts
 from vrtm.bake.scene import Shape
 from vrtm.bake.scene.topology import outside
-from vrtm.bake.settings import AUTO, Settings
+from vrtm.bake.settings import AUTO, Borders, Settings
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +71,17 @@ class FrameResult:
 class MeshWork:
     """A mesh with the assets of its parts. Not for several threads at once."""
 
-    def __init__(self, settings: Settings, shape: Shape, device: vrtm.Device, copies: Sequence[warped.Copy]) -> None:
-        self.settings = settings
+    def __init__(
+        self,
+        settings: Settings,
+        shape: Shape,
+        device: vrtm.Device,
+        copies: Sequence[warped.Copy],
+        borders: Borders,
+    ) -> None:
+        """`settings`: those of the bake, where `borders` says more."""
+        self.settings = settings = borders.of(settings)
+        self.borders = borders
         self.shape = shape
         self.threads = device.info.threads
         self.releases = False
@@ -103,6 +112,11 @@ class MeshWork:
         self.common = common.copy()
         for tile in self.tiles:
             self.common.text(tile.inputs.hex())
+
+    def close(self) -> None:
+        """Lets go of the assets."""
+        for part in self.parts:
+            part.asset.close()
 
     @property
     def gains(self) -> bool:

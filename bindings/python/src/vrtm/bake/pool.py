@@ -19,14 +19,10 @@ from multiprocessing.connection import Connection, wait
 
 from vrtm.bake.failure import Failure, describe
 from vrtm.bake.frames import Frame
-from vrtm.bake.gain import Group
 from vrtm.bake.mesh_work import FrameResult
 from vrtm.bake.settings import Settings
 from vrtm.bake.stopping import ENDING, Stop
-from vrtm.bake.work import Work
-
-Idle = dict[str, dict[Group, str]]
-"""See `Work.idle`."""
+from vrtm.bake.work import Choices, Work
 
 
 @dataclass(frozen=True)
@@ -54,7 +50,7 @@ class Jobs:
             receiver, self._sender = context.Pipe(duplex=False)
             # Python starts a process of its own with the first lock, which must outlive those that the signals end.
             with _blocked():
-                self._executor = ProcessPoolExecutor(jobs, context, _begin, (settings, threads, receiver, work.idle))
+                self._executor = ProcessPoolExecutor(jobs, context, _begin, (settings, threads, receiver, work.choices))
 
     def submit(self, tasks: list[tuple[str, Frame]]) -> dict[Future, tuple[str, Frame]]:
         """Begins all tasks, each a mesh and a frame; a future each, whose result is an Outcome."""
@@ -109,8 +105,8 @@ def _outcome(work: Work, mesh: str, frame: Frame, stop: Stop) -> Outcome:
 class _Worker:
     """A worker process: its scene, once there is something to do, and whether it is to stop."""
 
-    def __init__(self, settings: Settings, threads: int, receiver: Connection, idle: Idle) -> None:
-        self.settings, self.threads, self.receiver, self.idle = settings, threads, receiver, idle
+    def __init__(self, settings: Settings, threads: int, receiver: Connection, choices: Choices) -> None:
+        self.settings, self.threads, self.receiver, self.choices = settings, threads, receiver, choices
         self.stop = Stop()
         self.busy = threading.Lock()
         self.work: Work | None = None
@@ -141,11 +137,11 @@ class _Worker:
 _worker: _Worker | None = None
 
 
-def _begin(settings: Settings, threads: int, receiver: Connection, idle: Idle) -> None:
+def _begin(settings: Settings, threads: int, receiver: Connection, choices: Choices) -> None:
     global _worker
     if not hasattr(signal, "pthread_sigmask"):
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-    _worker = _Worker(settings, threads, receiver, idle)
+    _worker = _Worker(settings, threads, receiver, choices)
 
 
 def _in_process(mesh: str, frame: Frame) -> Outcome:
@@ -154,8 +150,7 @@ def _in_process(mesh: str, frame: Frame) -> Outcome:
     if worker.work is None:
         try:
             # The process may end meanwhile.
-            worker.work = Work(worker.settings, worker.threads)
-            worker.work.leave_out(worker.idle)
+            worker.work = Work(worker.settings, worker.threads, worker.choices)
             # The main process has said the same.
             worker.work.heard(), worker.work.told()
         except Exception as error:

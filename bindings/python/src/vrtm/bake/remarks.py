@@ -86,3 +86,13 @@ def facts(work: Work) -> list[str]:
     for rest, (first, *more) in of.items():
         lines.append(f"rest: {rest}" if rest == first else f"rest: {rest}: {first}{others(len(more))}")
     return lines
+
+
+def borders(work: Work) -> list[str]:
+    """What was chosen to happen at borders, and why."""
+    chosen: dict[str, list[str]] = {}
+    for mesh in work.meshes.values():
+        if mesh.borders.why:
+            line = f"seams {mesh.borders.seams}, open borders {mesh.borders.open_borders}: {mesh.borders.why}"
+            chosen.setdefault(line, []).append(mesh.shape.path)
+    return [f"{first}{others(len(more))}: {line}" for line, (first, *more) in chosen.items()]

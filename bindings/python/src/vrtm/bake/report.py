@@ -71,6 +71,7 @@ def document(
                 "name": mesh.shape.name,
                 "path": mesh.shape.path,
                 "tiles": list(dict.fromkeys(tile.udim for tile in mesh.tiles)),
+                "borders": dataclasses.asdict(mesh.borders),
                 **(baked[name].row() if name in baked else {}),
             }
             for name, mesh in work.meshes.items()
@@ -117,8 +118,9 @@ def nothing(results: Sequence[FrameResult]) -> Failure | None:
     return Failure(INPUT, wrong[0].line()) if wrong and len(wrong) == len(results) else None
 
 
-def tolerance(settings: Settings, results: Sequence[FrameResult]) -> Failure | None:
+def tolerance(work: Work, results: Sequence[FrameResult]) -> Failure | None:
     """What is worse than asked for: the worst tile."""
+    settings = work.settings
     # In this order, not in that in which they were done: of equals the first one is told.
     ordered = sorted(results, key=lambda result: (result.frame, result.mesh))
     rows = [(result, tile) for result in ordered for tile in result.tiles]
@@ -128,7 +130,7 @@ def tolerance(settings: Settings, results: Sequence[FrameResult]) -> Failure | N
         result, tile = max(frozen, key=lambda entry: entry[1]["frozen"])
         place = f"{result.mesh}, frame {result.frame}, tile {tile_name(tile)}"
         message = f"--max-strain cannot be met in {len(frozen)} of {len(rows)}: {place}: {shares(tile)}"
-        return Failure(TOLERANCE, f"{message}; {advice(settings, tile)}")
+        return Failure(TOLERANCE, f"{message}; {advice(work.meshes[result.mesh].settings, tile)}")
     if settings.max_strain is not None:
         found = [(t["strain"]["after"]["rms"], r, t) for r, t in rows if t["strain"]]
         beyond.append(("--max-strain", settings.max_strain, "RMS strain of", found))

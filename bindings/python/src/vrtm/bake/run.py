@@ -82,7 +82,7 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
                 warn(note)
             for line in left_out.lines(left_out.unmeant(work.left_out)):
                 warn(line)
-            for line in (*remarks.facts(work), *remarks.hints(work)):
+            for line in (*remarks.facts(work), *remarks.borders(work), *remarks.hints(work)):
                 console.info(line)
             for line in work.told():
                 console.verbose(line)
@@ -111,7 +111,7 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
                 _frames(settings, work, console, stop, results, warn, opening)
             if settings.sheet:
                 _sheets(work, console, stop, results)
-            failure = report.nothing(results) or report.tolerance(settings, results)
+            failure = report.nothing(results) or report.tolerance(work, results)
             if settings.layer:
                 console.status(f"writing {settings.layer}")
                 notes, idle = layer_file.write(work)
@@ -209,7 +209,7 @@ class _Told:
         if tile["frozen"] > report.MOSTLY:
             self.warn(
                 f"{place}: {tile['frozen']:.0%} of its rigid texels are frozen and stay as they are: "
-                f"{report.advice(self.work.settings, tile)}"
+                f"{report.advice(self.work.meshes[result.mesh].settings, tile)}"
             )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 import vrtm
 from vrtm.bake.frames import Frame
@@ -13,7 +13,7 @@ EACH = "each"
 OVERLAP = EACH
 """What is done with such charts unless something else is asked for."""
 AUTO = "auto"
-"""A size of maps that follows from what they hold."""
+"""A size of maps that follows from what they hold; what happens at borders, chosen for each mesh."""
 NUMBERS = tuple(f.name for f in fields(vrtm.TileSettings) if f.type == "float" and f.name != "seam_reach")
 """The numbers among the library's settings of a tile, by its names."""
 
@@ -52,9 +52,9 @@ class Settings:
     quality: vrtm.Quality = "normal"
     warm: bool = False
     temporal_weight: float = 0.0
-    seams: str = "shut"
+    seams: str = AUTO
     seam_reach: float = 0.0
-    open_borders: str = "fixed"
+    open_borders: str = AUTO
     overlap: str = OVERLAP
     max_layers: int = 32
     numbers: dict[str, float] = field(default_factory=dict)
@@ -80,7 +80,7 @@ class Settings:
 
     @property
     def tile_settings(self) -> dict[str, object]:
-        """The library's settings of a tile, as far as they are given."""
+        """The library's settings of a tile, as far as they are given or, those of borders, chosen."""
         borders = {name: getattr(self, name) for name in ("seams", "seam_reach", "open_borders")}
         # Layers do not overlap, and what is left of overlaps in them does not move.
         return self.numbers | borders | {"overlap": "first_face" if self.overlap == "first" else "fixed"}
@@ -100,3 +100,17 @@ class Settings:
     def corner_uvs(self) -> bool:
         """Whether the corner UVs of each frame are written, for the layer."""
         return bool(self.layer) and self.layer_mode in ("primvar", "both")
+
+
+@dataclass(frozen=True)
+class Borders:
+    """What happens at the borders of a mesh's charts."""
+
+    seams: str
+    open_borders: str
+    why: str = ""
+    """Why that was chosen; empty if the command line says both."""
+
+    def of(self, settings: Settings) -> Settings:
+        """The settings of the mesh."""
+        return replace(settings, seams=self.seams, open_borders=self.open_borders)

@@ -95,6 +95,19 @@ class Ruler:
         factor = float(np.median(_densest(shared, _EXACT))) if len(shared) else 1.0
         return Lengths(float(np.median(ratios[known])), factor, len(shared) / np.count_nonzero(faces))
 
+    def strain(self, positions: np.ndarray) -> float:
+        """How much the edges of a pose differ from those at rest (RMS), each by 1 at most."""
+        with np.errstate(all="ignore"):
+            strain = np.minimum(np.abs(self._measured(positions) / self._rest - 1), 1)
+        known = np.isfinite(strain)
+        return float(np.sqrt(np.mean(strain[known] ** 2))) if known.any() else 0.0
+
+
+def spread(frames: Sequence[Frame]) -> list[Frame]:
+    """A few of some frames, from the first to the last."""
+    last = len(frames) - 1
+    return [frames[index] for index in sorted({round(last * k / (_LOOKED_AT - 1)) for k in range(_LOOKED_AT)})]
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -142,9 +155,7 @@ class Units:
                 first = first.over(declared)
         if not first.is_odd:
             return Finding(self._scale, reason)
-        last = len(self._frames) - 1
-        chosen = sorted({round(last * k / (_LOOKED_AT - 1)) for k in range(1, _LOOKED_AT)} - {0})
-        measured = {self._frames[0]: first} | {self._frames[index]: self._at(self._frames[index]) for index in chosen}
+        measured = {self._frames[0]: first} | {frame: self._at(frame) for frame in spread(self._frames)[1:]}
         of = {frame: entry for frame, entry in measured.items() if entry is not None}
         self._anchor = min(of, key=lambda frame: _apart(of[frame].size, 1))
         found = list(of.values())

@@ -8,12 +8,13 @@ import functools
 import itertools
 import os
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import OpenImageIO as oiio
 
 import vrtm
-from vrtm.bake import frames, gain, image_file, not_baked, overwrite, sheet, staging, units, warped
+from vrtm.bake import borders, frames, gain, image_file, not_baked, overwrite, sheet, staging, units, warped
 from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
@@ -23,18 +24,27 @@ from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
 from vrtm.bake.part import Part
 from vrtm.bake.scene import Scene, SceneError, Shape
 from vrtm.bake.scene.topology import outside
-from vrtm.bake.settings import Settings
+from vrtm.bake.settings import Borders, Settings
 from vrtm.bake.words import others
 
 _MOST_BYTES = 256 << 20
 """If all tiles together take more, their solvers' memory is given back tile by tile, and allocated in each frame."""
 
 
+@dataclass(frozen=True)
+class Choices:
+    """What was chosen for the meshes, by their names. Picklable."""
+
+    borders: dict[str, Borders]
+    idle: dict[str, dict[gain.Group, str]]
+    """What gains nothing."""
+
+
 class Work:
     """An open scene and the device. A context manager; not for several threads at once. Raises Failure."""
 
-    def __init__(self, settings: Settings, threads: int) -> None:
-        """`threads`: of the library and of image files; 0 = one per core."""
+    def __init__(self, settings: Settings, threads: int, choices: Choices | None = None) -> None:
+        """`threads`: of the library and of image files; 0 = one per core. `choices`: of another process."""
         self.settings = settings
         self._heard: list[str] = []
         self._told: list[str] = []
@@ -75,7 +85,8 @@ class Work:
         if settings.subsets and not any(shape.subsets for shape in self.shapes):
             raise Failure(INPUT, f"--subsets: no mesh of {settings.scene} has subsets that materials can be bound to")
         copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
-        self.meshes = {shape.name: self._mesh(shape, copies) for shape in self.shapes}
+        known = {} if choices is None else choices.borders
+        self.meshes = {shape.name: self._mesh(shape, copies, known.get(shape.name)) for shape in self.shapes}
         unnamed = [entry for entry in self.scene.left_out if not set(entry.frames) & set(self.frames)]
         self.left_out = [
             *unnamed,
@@ -91,6 +102,8 @@ class Work:
         last = len(self.frames) - 1
         self._measured = {self.frames[k] for k in (last // 4, last // 2, last)}
         self._poses: dict[str, list[str]] = {}
+        if choices is not None:
+            self.leave_out(choices.idle)
 
     def _hear(self, level: str, message: str) -> None:
         """The library's log."""
@@ -136,12 +149,18 @@ class Work:
         heard, self._heard = self._heard, []
         return heard
 
-    def _mesh(self, shape: Shape, copies: tuple[warped.Copy, ...]) -> MeshWork:
+    def _mesh(self, shape: Shape, copies: tuple[warped.Copy, ...], known: Borders | None) -> MeshWork:
         self._subject, self._frame, self._shape = shape.path, "", shape
         try:
-            return MeshWork(self.settings, shape, self.device, copies)
+            if known is not None:
+                return MeshWork(self.settings, shape, self.device, copies, known)
+            return borders.mesh(self.settings, self.scene, shape, self.device, copies, lambda: self._shared_places)
         except (vrtm.Error, ValueError) as error:
             raise describe(error, f"{self.settings.scene} {shape.path}") from error
+
+    @functools.cached_property
+    def _shared_places(self) -> np.ndarray:
+        return borders.shared_places(self.scene.shapes, self.settings.weld)
 
     def _pattern(self, copies: tuple[warped.Copy, ...]) -> Pattern:
         several = len(self.shapes) > 1
@@ -197,6 +216,11 @@ class Work:
             for frame in self.frames
             for name in mesh.idle_names(frame, self.pattern)
         )
+
+    @property
+    def choices(self) -> Choices:
+        """What was found that a further process need not find again."""
+        return Choices({name: mesh.borders for name, mesh in self.meshes.items()}, self.idle)
 
     @property
     def parts(self) -> list[Part]:
@@ -358,8 +382,8 @@ class Work:
 
     def close(self) -> None:
         """Lets go of everything."""
-        for part in self.parts:
-            part.asset.close()
+        for mesh in self.meshes.values():
+            mesh.close()
         self.scene.close()
         self.device.close()
 

@@ -2,6 +2,7 @@
 
 from vrtm.bake.layer.check import check_layer
 from vrtm.bake.layer.clips import corner_uv_layer, export, manifest_path, values_hash, write_corner_uvs
+from vrtm.bake.layer.lookups import looked_up
 from vrtm.bake.layer.plan import LayerError, LayerPlan
 from vrtm.bake.layer.write import Written, redirected, relative, write_layer, write_root
 
@@ -12,6 +13,7 @@ __all__ = [
     "check_layer",
     "corner_uv_layer",
     "export",
+    "looked_up",
     "manifest_path",
     "redirected",
     "relative",

@@ -180,7 +180,7 @@ def _author(
     mesh = stage.OverridePrim(path)
     author_layers(mesh, shape, plan)
     # All of them before the first is changed, which others may inherit.
-    bound = [(part, list(_bindings(part.prim))) for part in bound_parts(mesh, shape, plan)]
+    bound = [(part, list(bindings_of(part.prim))) for part in bound_parts(mesh, shape, plan)]
     gone = [str(target) for part, _ in bound for target in _missing(part.prim)]
     if gone:
         without.setdefault("material {} is not in the scene", []).append((path, gone[0]))
@@ -219,7 +219,7 @@ def _bind(prim: Usd.Prim, purpose: str, material: UsdShade.Material, warnings: l
     return False
 
 
-def _bindings(prim: Usd.Prim) -> list[tuple[str, UsdShade.Material]]:
+def bindings_of(prim: Usd.Prim) -> list[tuple[str, UsdShade.Material]]:
     """(purpose, material) of all bindings that a renderer may take. A subset that says nothing takes those of its
     mesh."""
     api, found = UsdShade.MaterialBindingAPI(prim), []

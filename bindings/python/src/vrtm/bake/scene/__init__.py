@@ -86,6 +86,11 @@ class Scene:
             return (*self._source.files, *(_files_of(rest) if rest is not None and os.path.isfile(rest) else ()))
 
     @property
+    def is_usd(self) -> bool:
+        """Whether the file is one of USD."""
+        return self.path.lower().endswith(_USD)
+
+    @property
     def source(self) -> Source:
         """The reader of this kind of file."""
         return self._source

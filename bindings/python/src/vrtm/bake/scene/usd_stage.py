@@ -70,23 +70,27 @@ def stage_files(stage: Usd.Stage) -> tuple[str, ...]:
     """The files of all layers and value clips that a stage uses, and the textures that its shaders and materials name.
     Those that vrtm wrote are left out: a shot may have the layer of an earlier bake below it, which the next one
     replaces."""
-    layers = [layer for layer in stage.GetUsedLayers() if layer.realPath]
-    found = {layer.realPath for layer in layers}
-    ours = {layer.identifier for layer in layers if is_marked(layer)}
+    found = {layer.realPath for layer in stage.GetUsedLayers() if layer.realPath}
+    ours = marked(stage)
     for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()):
         for name in prim.GetMetadata("clips") or ():
             found.update(asset.resolvedPath for asset in Usd.ClipsAPI(prim).ComputeClipAssetPaths(name))
         if prim.IsA(UsdShade.Shader) or prim.IsA(UsdShade.NodeGraph):
             for attribute in prim.GetAuthoredAttributes():
                 if attribute.GetTypeName() == Sdf.ValueTypeNames.Asset:
-                    found.update(_assets(attribute, ours))
+                    found.update(assets(attribute, ours))
     files = sorted({Ar.SplitPackageRelativePathOuter(path)[0] for path in found})
     return tuple(path for path in files if os.path.isfile(path) and not overwrite.is_ours(path))
 
 
-def _assets(attribute: Usd.Attribute, ours: set[str]) -> Iterator[str]:
-    """The files that an attribute names at any time, those of all tiles where it names a pattern. `ours`: layers of
-    earlier bakes, which name files of their own in every frame."""
+def marked(stage: Usd.Stage) -> set[str]:
+    """The layers of earlier bakes, which name files of their own in every frame."""
+    return {layer.identifier for layer in stage.GetUsedLayers() if layer.realPath and is_marked(layer)}
+
+
+def assets(attribute: Usd.Attribute, ours: set[str]) -> Iterator[str]:
+    """The files that an attribute names at any time, those of all tiles where it names a pattern, but for what `ours`,
+    layers, name."""
     for time in (Usd.TimeCode.Default(), *attribute.GetTimeSamples()):
         layers = [spec.layer for spec in attribute.GetPropertyStack(time)]
         asset = attribute.Get(time) if layers and layers[0].identifier not in ours else None

@@ -1,0 +1,119 @@
+"""Seams and Open Borders that are left to Auto: what they come to, what is kept of it, and what is said."""
+
+import os
+import tempfile
+
+import numpy as np
+
+import test_dilate
+import test_panel
+from support import Case, bpy, part, pixels, rgba
+
+
+class Borders(Case):
+    scene, image, draw = test_dilate.Dilate.arm, test_dilate.Dilate.image, test_panel.Panel.draw
+
+    def arm(self, dilated=True):
+        arm = self.scene()
+        arm.object.vrtm.property_unset("seams")
+        # A stud on the seam, besides.
+        at = (np.arange(arm.size) + 0.5) / arm.size
+        arm.painted[1001][np.hypot(at[None] - 0.4, at[:, None] - 0.04) < 0.04] = 1
+        arm.object.vrtm.rigidity_image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
+        bpy.ops.vrtm.set_up_material()
+        if dilated:
+            bpy.ops.vrtm.dilate()
+        return arm
+
+    def solved(self, arm, **settings):
+        asset = arm.asset()
+        for tile in asset.tiles:
+            tile.set_settings(seam_reach=arm.object.vrtm.seam_reach, **settings)
+        asset.solve(arm.pose(), measure=True)
+        return asset
+
+    def check_solved(self, arm, **settings):
+        bpy.ops.vrtm.update()
+        shown = np.ascontiguousarray(pixels(arm.object.vrtm.image)[..., :2])
+        self.assertSame(shown, arm.delta(self.solved(arm, **settings)))
+
+    def texture(self, arm):
+        node = arm.object.data.materials[0].node_tree.nodes.new("ShaderNodeTexImage")
+        node.image = bpy.data.images.new("new", 8, 8)
+        bpy.ops.vrtm.set_up_material()
+
+    def test_dilated_textures_go_on(self):
+        arm = self.arm()
+        settings = arm.object.vrtm
+        self.assertEqual((settings.seams, settings.open_borders), ("auto", "auto"))
+        said = "Seams continue, open borders slide: all textures are dilated"
+        self.assertIn(said, self.draw(arm.object))
+        self.check_solved(arm, seams="continue", open_borders="slide")
+        # It is saved with the file.
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "arm.blend")
+            bpy.ops.wm.save_as_mainfile(filepath=path)
+            bpy.ops.wm.open_mainfile(filepath=path)
+            self.assertEqual(part("borders").chosen(bpy.data.objects["arm"]).why, said)
+
+    def test_what_is_set_by_hand_is_obeyed(self):
+        for given, expected in (
+            ({"seams": "shut"}, ("shut", "fixed")),
+            ({"seams": "continue"}, ("continue", "fixed")),
+            ({"open_borders": "fixed"}, ("continue", "fixed")),
+            ({"seams": "keep", "open_borders": "slide"}, ("keep", "slide")),
+        ):
+            self.setUp()
+            arm = self.arm(dilated=False)
+            for name, value in given.items():
+                setattr(arm.object.vrtm, name, value)
+            bpy.ops.vrtm.dilate()
+            found = part("borders").chosen(arm.object)
+            self.assertEqual((found.seams, found.open_borders), expected)
+            self.assertEqual(bool(found.why), "seams" not in given)
+
+    def test_files_of_earlier_versions_stay_as_they_are(self):
+        arm = self.arm(dilated=False)
+        self.assertEqual(part("borders").chosen(arm.object), part("borders").Borders("shut", "fixed"))
+        self.check_solved(arm)
+        # Files have the numbers.
+        numbers = {
+            name: {item.identifier: item.value for item in arm.object.vrtm.bl_rna.properties[name].enum_items}
+            for name in ("seams", "open_borders")
+        }
+        self.assertEqual(numbers["seams"], {"shut": 0, "keep": 1, "continue": 2, "auto": 3})
+        self.assertEqual(numbers["open_borders"], {"fixed": 0, "slide": 1, "auto": 2})
+
+    def test_the_better_one_where_a_texture_is_not_dilated(self):
+        arm = self.arm()
+        self.texture(arm)
+        reports = {seams: self.solved(arm, seams=seams).tiles[0].report() for seams in ("shut", "keep")}
+        harmed = {seams: round(report.harm * report.edges) for seams, report in reports.items()}
+        self.assertNotEqual(harmed["shut"], harmed["keep"])
+        better = min(harmed, key=harmed.get)
+        self.check_solved(arm, seams=better)
+        why = f"rigid edges are strained by over a quarter more if shut, {harmed['keep']} if kept"
+        line = f"Seams {better}, open borders fixed: new is not dilated; at frame 4 {harmed['shut']} {why}"
+        self.assertIn(line, self.draw(arm.object))
+        # Other frames have the same.
+        bpy.context.scene.frame_set(1)
+        self.assertIn(line, self.draw(arm.object))
+        bpy.ops.vrtm.dilate()
+        self.check_solved(arm, seams="continue", open_borders="slide")
+
+    def test_nothing_slides_where_another_mesh_begins(self):
+        arm = self.arm(dilated=False)
+        mesh = bpy.data.meshes.new("hand")
+        mesh.from_pydata([tuple(vertex.co) for vertex in arm.mesh.vertices[-24:]], [], [])
+        hand = bpy.data.objects.new("hand", mesh)
+        bpy.context.collection.objects.link(hand)
+        hand.location = (0, 0, 1)
+        bpy.context.view_layer.update()
+        for apart in (True, False):
+            if not apart:
+                hand.location = (0, 0, 0)
+                bpy.context.view_layer.update()
+            bpy.ops.vrtm.dilate()
+            found = part("borders").chosen(arm.object)
+            self.assertEqual((found.seams, found.open_borders), ("continue", "slide" if apart else "fixed"))
+        self.assertIn("other vertices are where the mesh ends", found.why)

@@ -1,0 +1,85 @@
+"""What happens at the borders of an object's islands where Seams and Open Borders are Auto.
+
+What takes long to find out is found when Dilate Textures or Update Now is pressed, and kept in the object's settings:
+all frames, and all machines of a farm, have the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from . import dilate, geometry, materials, session
+
+AUTO = "auto"
+# Vertices that are nearer to one another than that share of a mesh's size are at one place.
+NEAR = 1e-5
+
+
+@dataclass(frozen=True)
+class Borders:
+    seams: str
+    open_borders: str
+    # The choice and its reason in a sentence; empty if nothing was left open.
+    why: str = ""
+
+
+def chosen(obj: bpy.types.Object) -> Borders:
+    """What the object's settings come to."""
+    settings = obj.vrtm
+    if AUTO not in (settings.seams, settings.open_borders):
+        return Borders(settings.seams, settings.open_borders)
+    looked_up = [
+        node.image for material in materials.materials_of(obj) for node in materials.redirected(material.node_tree)
+    ]
+    ends = [image.name for image in looked_up if not dilate.is_dilated(image, settings.seam_reach)]
+    if looked_up and not ends:
+        found, why = ("continue", "fixed" if settings.goes_on else "slide"), "all textures are dilated"
+        if settings.goes_on and settings.open_borders == AUTO:
+            why += ", and other vertices are where the mesh ends"
+    else:
+        found, why = (
+            (settings.seams_found, "fixed"),
+            f"{ends[0]} is not dilated" if ends else "no texture is redirected",
+        )
+        if settings.seams == AUTO and settings.seams_why:
+            why += f"; {settings.seams_why}"
+    seams, open_borders = (
+        auto if now == AUTO else now for now, auto in zip((settings.seams, settings.open_borders), found)
+    )
+    return Borders(seams, open_borders, f"Seams {seams}, open borders {open_borders}: {why}")
+
+
+def leave_open(obj: bpy.types.Object) -> None:
+    """Textures are dilated: what was never set by hand becomes Auto. A file of an earlier version stays as it is until
+    then."""
+    settings = obj.vrtm
+    if not settings.is_property_set("seams"):
+        settings.seams = AUTO
+    if settings.seams == AUTO and not settings.is_property_set("open_borders"):
+        settings.open_borders = AUTO
+
+
+def find_ends(obj: bpy.types.Object, scene: bpy.types.Scene) -> None:
+    """Finds whether other vertices are where the mesh ends, its own or those of other objects: textures that slide
+    would come apart there."""
+    session.library()
+    from vrtm import borders
+
+    own, topology = _rest(obj), geometry.topology(obj)
+    near = NEAR * max(float(np.ptp(own, axis=0).max(initial=0)), 1e-30)
+    others = [other for other in scene.objects if other.type == "MESH" and other != obj]
+    places = [borders.places(np.rint(of / near)) for of in (own, *map(_rest, others))]
+    textured = np.ones(len(topology.face_counts), bool)
+    border = borders.open_border(topology.corner_vertices, topology.face_counts, textured)
+    obj.vrtm.goes_on = bool(np.isin(places[0][border], borders.shared(places)).any())
+
+
+def _rest(obj: bpy.types.Object) -> np.ndarray:
+    """(vertices, 3) float64: the mesh without modifiers, in the scene."""
+    points = np.empty(3 * len(obj.data.vertices), np.float32)
+    obj.data.vertices.foreach_get("co", points)
+    matrix = np.array(obj.matrix_world)
+    return points.reshape(-1, 3).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]

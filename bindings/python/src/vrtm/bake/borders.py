@@ -1,0 +1,167 @@
+"""What happens at the borders of a mesh's charts where --seams and --open-borders do not say it.
+
+The choice follows from the scene as a whole and from options that all tasks of a bake share, never from --frames or
+--tiles: all tasks of a farm, and a bake that goes on where it stopped, choose the same.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+import vrtm
+from vrtm import borders
+from vrtm.bake import image_file, warped
+from vrtm.bake.frames import Frame
+from vrtm.bake.mesh_work import MeshWork
+from vrtm.bake.scene import Scene, SceneError, Shape
+from vrtm.bake.settings import AUTO, Borders, Settings
+from vrtm.bake.units import Ruler, spread
+from vrtm.bake.words import numbered
+
+_CELLS = 512
+"""Per side: a finer grid hardly ever tells more of which of two ways is better."""
+_REACH = 1 / 32
+"""The library's, where `seam_reach` is 0."""
+
+
+def mesh(
+    settings: Settings,
+    scene: Scene,
+    shape: Shape,
+    device: vrtm.Device,
+    copies: Sequence[warped.Copy],
+    shared: Callable[[], np.ndarray],
+) -> MeshWork:
+    """A mesh, with what happens at its borders chosen as far as the command line leaves it open. `shared`: gives
+    `shared_places`. Raises what MeshWork raises."""
+
+    def made(chosen: Borders) -> MeshWork:
+        return MeshWork(settings, shape, device, copies, chosen)
+
+    looked_up: list[str] = []
+    if AUTO in (settings.seams, settings.open_borders) and scene.is_usd:
+        from vrtm.bake.layer import looked_up as of_materials
+
+        # Also where another task writes the layer.
+        looked_up = of_materials(scene, shape, settings.layer_mode if settings.layer else "texture")
+    copied = settings.textures or settings.normal_maps
+    if not (copied or looked_up) or (settings.corner_uvs and not looked_up) or settings.options.texture_uv is not None:
+        # Any texture may be looked up.
+        return made(_chosen(settings, "shut", "fixed", "not all textures are known that are looked up"))
+    lacking = [path for path in looked_up if not _is_dilated(path, settings.seam_reach or _REACH)]
+    why = f"{lacking[0]} is looked up, and is not dilated" if lacking else ""
+    if not why:
+        found = made(_beyond(settings, scene.shape(shape.name), looked_up, shared))
+        why = _without_copy(found)
+        if not why:
+            return found
+        found.close()
+    found = made(_chosen(settings, "shut", "fixed", why))
+    tiles = [tile for part in found.parts for tile in part.all_tiles]
+    # Where nothing rigid is held both are the same.
+    if settings.seams != AUTO or not any(tile.info.frozen for tile in tiles):
+        return found
+    if settings.only_layer or settings.dry_run:
+        # Nothing is to be solved, and nothing that is told or written differs.
+        found.borders = _chosen(settings, "shut", "fixed", f"{why}; if keep is better, a bake takes that")
+        return found
+    chosen = _kept_or_shut(settings, scene, shape, device.info.threads, copies, why)
+    if chosen.seams == "shut":
+        found.borders = chosen
+        return found
+    found.close()
+    return made(chosen)
+
+
+def _chosen(settings: Settings, seams: str, open_borders: str, why: str) -> Borders:
+    """These, as far as the command line does not say others."""
+    own = {"seams": seams, "open_borders": open_borders}
+    given = {name: getattr(settings, name) for name in own if getattr(settings, name) != AUTO}
+    return Borders(**(own | given), why="" if len(given) == len(own) else why)
+
+
+def _is_dilated(path: str, reach: float) -> bool:
+    told = image_file.told(path)
+    return told.get("vrtm:kind") == "dilated" and float(told.get("vrtm:reach", 0)) >= reach
+
+
+def _beyond(settings: Settings, shape: Shape, looked_up: Sequence[str], shared: Callable[[], np.ndarray]) -> Borders:
+    """What is right where textures show what lies beyond the borders."""
+    why = f"all textures are {'copies or dilated' if looked_up else 'copies'}"
+    if settings.subsets:
+        return _chosen(settings, "continue", "fixed", f"{why}, and subsets meet")
+    if settings.open_borders == AUTO:
+        border = borders.open_border(_vertices(shape, settings.weld), shape.face_counts, shape.textured)
+        if np.isin(borders.places(shape.rest[border]), shared()).any():
+            return _chosen(settings, "continue", "fixed", f"{why}, and other vertices are where the mesh ends")
+    return _chosen(settings, "continue", "slide", why)
+
+
+def _without_copy(mesh: MeshWork) -> str:
+    """Which texture of a mesh has no copy, of those that were to have some; empty if none."""
+    for part in mesh.parts:
+        for copy, paths in part.textures:
+            lacking = [udim for udim in part.all_udims if udim not in paths]
+            if lacking:
+                return f"{copy.pattern} has no file of {numbered('tile', lacking)}"
+    return ""
+
+
+def _kept_or_shut(
+    settings: Settings, scene: Scene, shape: Shape, threads: int, copies: Sequence[warped.Copy], why: str
+) -> Borders:
+    """The better one of `keep` and `shut` in the most deformed one of a few frames of the scene. It is found on the
+    CPU, where all machines find the same. `why`: why seams do not go on."""
+    ruler, strain = Ruler(shape), dict[Frame, float]()
+    for frame in spread(scene.frames):
+        try:
+            strain[frame] = ruler.strain(scene.positions(shape, frame))
+        except SceneError:
+            # It is said of the frames that are baked.
+            continue
+    if not strain:
+        return _chosen(settings, "shut", "fixed", why)
+    frame = max(strain, key=lambda frame: strain[frame])
+    positions = scene.positions(shape, frame)
+    # Tiles that are not to be baked count, too.
+    everything = dataclasses.replace(settings, tiles=None)
+    with vrtm.Device("cpu", threads=threads) as device:
+        mesh = MeshWork(everything, shape, device, copies, _chosen(settings, "shut", "fixed", ""))
+        try:
+            seams, told = borders.kept_or_shut(lambda seams: _measured(mesh, seams, frame, positions))
+        except SceneError:
+            return _chosen(settings, "shut", "fixed", why)
+        finally:
+            mesh.close()
+    return _chosen(settings, seams, "fixed", f"{why}; in frame {frame} {told}")
+
+
+def _measured(mesh: MeshWork, seams: str, frame: Frame, positions: np.ndarray) -> Iterator[vrtm.TileReport]:
+    for part in mesh.parts:
+        for tile in part.all_tiles:
+            # What is set for one layer holds for all of its tile.
+            if tile.layer == 0:
+                now = tile.settings
+                size = {name: min(getattr(now, name), _CELLS) for name in ("grid_width", "grid_height")}
+                tile.set_settings(now, seams=seams, **size)
+        part.solve(frame, positions, part.tiles, True, False, False, lambda: None)
+        yield from (tile.report() for tile in part.all_tiles)
+
+
+def shared_places(shapes: Sequence[Shape], weld: str) -> np.ndarray:
+    """Where the surface of a mesh goes on in another one, or beyond vertices that are doubled: places of several
+    vertices at rest."""
+    places = [borders.places(shape.rest) for shape in shapes]
+    # Doubled vertices that are welded are one.
+    return borders.shared(np.unique(own) if weld == "position" else own for own in places)
+
+
+def _vertices(shape: Shape, weld: str) -> np.ndarray:
+    """(corners,): the vertex of each, by which faces hang together."""
+    if weld != "position":
+        return shape.indices
+    _, first, of = np.unique(borders.places(shape.rest), return_index=True, return_inverse=True)
+    return first[of.reshape(-1)][shape.indices]
