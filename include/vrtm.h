@@ -682,8 +682,10 @@ typedef struct vrtm_solve_options {
     // 0 = no limit. The result comes from the finest level of the grid that the time allows, interpolated to the
     // finest level and certified: never worse than the identity, and the identity itself if no level fits (the report
     // is then `truncated`, with energies of 0). Costs are predicted from the last solves: the call returns within 1.2
-    // times the budget plus 5 ms, unless the machine is suddenly busier than before. On a GPU this holds up to delays
-    // of the driver. With a limit the result depends on the speed of the machine. In milliseconds.
+    // times the budget plus 5 ms, unless the machine is suddenly busier than before. Where charts go on beyond their
+    // borders, what they have in common is brought together if that takes half of the budget at most; else the report
+    // counts them in `charts_apart`. On a GPU this holds up to delays of the driver. With a limit the result depends
+    // on the speed of the machine. In milliseconds.
     float time_budget_ms;
     // 0 (the default): start from the identity, so that a frame's result depends on its inputs alone. 1: start from
     // the last result, for interactive use: faster on small changes, but it depends on the order of the frames.
@@ -1099,12 +1101,12 @@ typedef int32_t vrtm_seams;
 // vrtm_tile_settings.seam_reach. Redirections near a seam then lead over the border of the chart: the texture must
 // show there what lies beyond it, as vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and
 // charts that lie over one another in a layer, stay as they are with VRTM_SEAMS_SHUT. Tiles that are solved in one
-// call are brought together at their seams. Experimental.
+// call are brought together at their seams.
 #define VRTM_SEAMS_CONTINUE 1
 
 // As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart (with VRTM_OPEN_BORDERS_SLIDE: a seam)
 // stay as they were, whole, and their elastic surroundings give way: never half of a feature. A feature is what hangs
-// together of nodes with a rigidity of at least 0.5. Any texture will do. Experimental.
+// together of nodes with a rigidity of at least 0.5. Any texture will do.
 #define VRTM_SEAMS_KEEP 2
 
 // What happens at a border of a chart beyond which the surface ends: along an edge that only one face with texture
@@ -1118,7 +1120,7 @@ typedef int32_t vrtm_open_borders;
 // Texture slides along open borders, as if the surface were mirrored there, so that a feature at a border keeps its
 // shape; any texture will do. Corners of more than 50 degrees stay where they are, and so do ends of a chart's seam
 // with itself. Edges whose vertices are not welded look like open borders, and so do those at which faces of other
-// sizes meet, or beyond which faces have no texture. Experimental.
+// sizes meet, or beyond which faces have no texture.
 #define VRTM_OPEN_BORDERS_SLIDE 1
 
 // A tile's settings. All have a working default; a change rebuilds only what depends on it. Start from
@@ -1275,8 +1277,9 @@ typedef struct vrtm_tile_needs {
 } vrtm_tile_needs;
 
 // Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings. Takes
-// a small fraction of the time and memory of preparing the tile, and caches nothing. The same estimate is checked
-// against a device's memory_budget before a tile is prepared.
+// a small fraction of the time and memory of preparing the tile, and keeps nothing but what charts have beyond their
+// borders, if they go on there. The same estimate is checked against a device's memory_budget before a tile is
+// prepared.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `needs` is null or has a wrong struct_size;
 // VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.

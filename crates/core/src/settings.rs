@@ -153,11 +153,11 @@ pub enum Seams {
     /// [`TileSettings::seam_reach`]. Redirections near a seam then lead over the border of the chart: the texture must
     /// show there what lies beyond it, as `Results::fetch_dilation` of at least the same reach says. Open borders, and
     /// charts that lie over one another in a layer, stay as they are with [`Seams::Shut`]. Tiles that are solved in one
-    /// call are brought together at their seams. Experimental.
+    /// call are brought together at their seams.
     Continue,
     /// As [`Seams::Shut`], but rigid features that touch a border of their chart (with [`OpenBorders::Slide`]: a seam)
     /// stay as they were, whole, and their elastic surroundings give way: never half of a feature. A feature is what
-    /// hangs together of nodes with a rigidity of at least 0.5. Any texture will do. Experimental.
+    /// hangs together of nodes with a rigidity of at least 0.5. Any texture will do.
     Keep,
 }
 
@@ -171,7 +171,7 @@ pub enum OpenBorders {
     /// Texture slides along open borders, as if the surface were mirrored there, so that a feature at a border keeps
     /// its shape; any texture will do. Corners of more than 50 degrees stay where they are, and so do ends of a chart's
     /// seam with itself. Edges whose vertices are not welded look like open borders, and so do those at which faces of
-    /// other sizes meet, or beyond which faces have no texture. Experimental.
+    /// other sizes meet, or beyond which faces have no texture.
     Slide,
 }
 
