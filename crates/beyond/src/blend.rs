@@ -8,6 +8,7 @@ mod copies;
 mod depths;
 mod lattice;
 mod limit;
+mod nodes;
 mod places;
 
 use std::sync::Arc;

@@ -2,9 +2,9 @@
 
 use glam::DVec2;
 
-use super::depths::{Depths, depth_of, sheets, smooth};
+use super::depths::{Depths, smooth};
 use super::lattice::cells;
-use super::places::{Places, on_surface};
+use super::places::{Places, depth_of, on_surface, sheets};
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::{NODES, SIDE, node_at};

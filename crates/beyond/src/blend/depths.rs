@@ -5,18 +5,15 @@
 use glam::DVec2;
 
 use super::lattice::cells;
-use super::places::{OUTSIDE, OnChart, Place, Places, on_surface, seen_by};
+use super::nodes::{FAR, Kind, Links, Node, Nodes, along_v, beside, kinds_of, node_of, uv_of};
+use super::places::{OnChart, Place, Places, beside_mirror, depth_of, sheets};
 use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::grid::Grid;
-use vrtm_core::grid::codes::decode_rigidity;
-use vrtm_core::grid::planes::{NODES, Plane, SIDE, node_at, slot};
+use vrtm_core::grid::planes::{NODES, Plane};
 use vrtm_core::mesh::NONE;
 use vrtm_core::mesh::hash::{Table, enter};
-use vrtm_core::mesh::triangle::barycentrics;
 use vrtm_core::team::Team;
 
-/// The rigidity of a node of a feature.
-const RIGID: f32 = 0.5;
 /// The greatest change of a depth beside features, relative to that along a collar: from 1 to 0 over the reach.
 const SLOPE: f64 = 1.5;
 
@@ -38,14 +35,6 @@ impl Depth {
     }
 }
 
-/// The nodes of a tile's grid.
-struct Nodes<'a> {
-    grid: Option<&'a Grid>,
-    /// Per node of each block, its number in `Depths`; `FAR` where only the node's own chart is, far from all others;
-    /// `NONE` outside of charts.
-    number: Vec<Plane<u32>>,
-}
-
 /// The depths at the nodes of charts that others have, too, and of the features there.
 pub struct Depths<'a> {
     tiles: Vec<Nodes<'a>>,
@@ -57,18 +46,6 @@ pub struct Depths<'a> {
     entries: Vec<Depth>,
 }
 
-/// The number of a node where only its own chart is.
-const FAR: u32 = NONE - 1;
-
-/// A node of a chart.
-#[derive(Clone, Copy)]
-struct Node {
-    tile: u32,
-    block: u32,
-    slot: u16,
-    rigid: bool,
-}
-
 /// The nodes of a block that get depths.
 #[derive(Default)]
 struct OfBlock {
@@ -76,19 +53,6 @@ struct OfBlock {
     starts: Vec<u32>,
     entries: Vec<Depth>,
 }
-
-/// What a node of a block is.
-#[derive(Clone, Copy, Default, PartialEq, Eq)]
-struct Kind {
-    /// A node of the block's chart itself.
-    is_own: bool,
-    rigid: bool,
-    /// It gets depths.
-    is_near: bool,
-}
-
-/// Nodes and the places that lie one node further, in the collar.
-type Links = Vec<(Node, Place)>;
 
 impl<'a> Depths<'a> {
     /// The depths at the nodes of the grids of some tiles; those of tiles without one are 1 on the chart itself.
@@ -408,132 +372,6 @@ impl<'a> Depths<'a> {
         }
         weights
     }
-}
-
-impl Nodes<'_> {
-    /// Marks features that lie partly near another chart as near, and numbers the other nodes.
-    fn number(&mut self, kinds: &mut [Plane<Kind>]) {
-        let Some(grid) = self.grid else { return };
-        let is_open = |kind: &Kind| kind.is_near && kind.rigid;
-        let open = |(b, plane): (usize, &Plane<Kind>)| {
-            (0..NODES).filter(|&s| is_open(&plane[s])).map(|s| (b, s)).collect::<Vec<_>>()
-        };
-        let mut stack: Vec<(usize, usize)> = kinds.iter().enumerate().flat_map(open).collect();
-        while let Some((b, s)) = stack.pop() {
-            for (axis, sign) in [(0, 1), (1, 1), (0, -1), (1, -1)] {
-                let Some((b, s)) = beside(grid, b, s, axis, sign) else { continue };
-                let kind = &mut kinds[b][s];
-                if kind.is_own && kind.rigid && !std::mem::replace(&mut kind.is_near, true) {
-                    stack.push((b, s));
-                }
-            }
-        }
-        let number = |plane: &Plane<Kind>| plane.map(|kind| if kind.is_own { FAR } else { NONE });
-        self.number = kinds.iter().map(number).collect();
-    }
-}
-
-/// The nodes of a block, and those at the border of its chart with what lies one node further in its collar.
-fn kinds_of(places: &Places, index: u32, grid: Option<&&Grid>, b: usize) -> (Plane<Kind>, Links) {
-    let (mut kinds, mut links): (Plane<Kind>, Links) = ([Kind::default(); NODES], Vec::new());
-    let Some(grid) = grid else { return (kinds, links) };
-    let (tile, level) = (&*places.tiles[index as usize], &grid.levels[0]);
-    let block = &level.blocks.list[b];
-    for (s, kind) in kinds.iter_mut().enumerate() {
-        let triangle = grid.triangle[b][s];
-        if triangle as usize >= tile.own() || tile.chart_of_triangle(triangle) != block.chart {
-            continue;
-        }
-        let rigid = decode_rigidity(level.rigidity[b][s]) > RIGID;
-        let is_near = !places.of(index, triangle).is_empty();
-        *kind = Kind { is_own: true, rigid, is_near };
-        for (axis, sign) in [(0, 1), (1, 1), (0, -1), (1, -1)] {
-            let Some((other, t)) = beside(grid, b, s, axis, sign) else { continue };
-            let triangle = grid.triangle[other][t];
-            if triangle != NONE && triangle as usize >= tile.own() && !tile.is_image(triangle) {
-                let node = Node { tile: index, block: b as u32, slot: s as u16, rigid };
-                links.push((node, on_surface(tile, index, triangle, uv_of(grid, other, t))));
-                kind.is_near = true;
-            }
-        }
-    }
-    (kinds, links)
-}
-
-/// The UV of a node.
-fn uv_of(grid: &Grid, b: usize, s: usize) -> DVec2 {
-    let (block, (i, j)) = (&grid.levels[0].blocks.list[b], node_at(s));
-    let at = DVec2::new((block.x as usize * SIDE + i) as f64, (block.y as usize * SIDE + j) as f64);
-    at / cells(&grid.levels[0])
-}
-
-/// The block and slot of a chart's node (x, y), if it is stored.
-fn node_of(grid: &Grid, chart: u32, x: i64, y: i64) -> Option<(usize, usize)> {
-    let level = &grid.levels[0];
-    let is_node = (0..=level.nx as i64).contains(&x) && (0..=level.ny as i64).contains(&y);
-    let b = if is_node { level.blocks.find(chart, x >> 4, y >> 4) } else { NONE };
-    (b != NONE).then(|| (b as usize, slot((x & 15) as usize, (y & 15) as usize)))
-}
-
-/// The neighbour of a node along an axis, if it is stored.
-fn beside(grid: &Grid, b: usize, s: usize, axis: usize, sign: i64) -> Option<(usize, usize)> {
-    let (i, j) = node_at(s);
-    let mut at = [i as i64, j as i64];
-    at[axis] += sign;
-    let [dx, dy] = at.map(|x| x.div_euclid(SIDE as i64) + 1);
-    let other = grid.levels[0].blocks.neighbours[b][(3 * dy + dx) as usize];
-    let [i, j] = at.map(|x| x.rem_euclid(SIDE as i64) as usize);
-    (other != NONE).then(|| (other as usize, slot(i, j)))
-}
-
-/// The charts that have a place: the one on which it lies first, and those with a collar there, once each.
-pub(super) fn sheets(places: &Places, place: Place) -> Vec<OnChart> {
-    let mut all: Vec<OnChart> = Vec::with_capacity(4);
-    for &(k, t) in [(place.tile, place.triangle)].iter().chain(places.of(place.tile, place.triangle)) {
-        let other = &places.tiles[k as usize];
-        let Some((depth, uv)) = seen_by(other, k, t, place) else { continue };
-        let is_collar = other.source(t as usize).is_some();
-        let (chart, image) = (other.chart_of_triangle(t), other.is_image(t));
-        let on = OnChart { tile: k, triangle: t, chart, is_collar, image, depth, uv };
-        match all.iter_mut().find(|known| known.sheet() == on.sheet()) {
-            Some(known) if known.depth >= depth => {}
-            Some(known) => *known = on,
-            None if depth >= -OUTSIDE || !is_collar => all.push(on),
-            None => {}
-        }
-    }
-    all
-}
-
-/// How much of its collar is left around a place, by distance; 1 on the chart itself.
-pub(super) fn depth_of(places: &Places, on: &OnChart) -> f32 {
-    let tile = &places.tiles[on.tile as usize];
-    tile.source(on.triangle as usize).map_or(1.0, |source| {
-        let [s, r] = barycentrics(tile.triangles[on.triangle as usize].uv, on.uv).map(|x| x as f32);
-        let [a, b, c] = source.depth;
-        (a + s * (b - a) + r * (c - a)).clamp(0.0, 1.0)
-    })
-}
-
-/// Where this many cells from an open border, a chart and its image are no longer blended: the solve holds texture at the
-/// border, so that only a rest is left there.
-const BESIDE_MIRROR: f64 = 2.0;
-
-/// How near a place is to the open border beyond which a chart has its image there: 1 at the border.
-fn beside_mirror(places: &Places, on: &OnChart, cells: DVec2) -> f32 {
-    let tile = &places.tiles[on.tile as usize];
-    tile.source(on.triangle as usize).map_or(1.0, |source| {
-        let [s, r] = barycentrics(tile.triangles[on.triangle as usize].uv, on.uv).map(|x| x as f32);
-        let [a, b, c] = source.distance;
-        let distance = f64::from(a + s * (b - a) + r * (c - a)) * cells.min_element();
-        (1.0 - distance / BESIDE_MIRROR).clamp(0.0, 1.0) as f32
-    })
-}
-
-/// True if two neighbours have the same column.
-fn along_v(nodes: &[Node], a: u32, b: u32) -> bool {
-    let column = |n: u32| node_at(nodes[n as usize].slot as usize).0;
-    column(a) == column(b)
 }
 
 fn root(parents: &mut [u32], mut a: u32) -> u32 {

@@ -141,3 +141,47 @@ pub(super) fn on_surface(tile: &TileMesh, index: u32, t: u32, uv: DVec2) -> Plac
         }
     }
 }
+
+/// The charts that have a place: the one on which it lies first, and those with a collar there, once each.
+pub fn sheets(places: &Places, place: Place) -> Vec<OnChart> {
+    let mut all: Vec<OnChart> = Vec::with_capacity(4);
+    for &(k, t) in [(place.tile, place.triangle)].iter().chain(places.of(place.tile, place.triangle)) {
+        let other = &places.tiles[k as usize];
+        let Some((depth, uv)) = seen_by(other, k, t, place) else { continue };
+        let is_collar = other.source(t as usize).is_some();
+        let (chart, image) = (other.chart_of_triangle(t), other.is_image(t));
+        let on = OnChart { tile: k, triangle: t, chart, is_collar, image, depth, uv };
+        match all.iter_mut().find(|known| known.sheet() == on.sheet()) {
+            Some(known) if known.depth >= depth => {}
+            Some(known) => *known = on,
+            None if depth >= -OUTSIDE || !is_collar => all.push(on),
+            None => {}
+        }
+    }
+    all
+}
+
+/// How much of its collar is left around a place, by distance; 1 on the chart itself.
+pub fn depth_of(places: &Places, on: &OnChart) -> f32 {
+    let tile = &places.tiles[on.tile as usize];
+    tile.source(on.triangle as usize).map_or(1.0, |source| {
+        let [s, r] = barycentrics(tile.triangles[on.triangle as usize].uv, on.uv).map(|x| x as f32);
+        let [a, b, c] = source.depth;
+        (a + s * (b - a) + r * (c - a)).clamp(0.0, 1.0)
+    })
+}
+
+/// Where this many cells from an open border, a chart and its image are no longer blended: the solve holds texture at the
+/// border, so that only a rest is left there.
+const BESIDE_MIRROR: f64 = 2.0;
+
+/// How near a place is to the open border beyond which a chart has its image there: 1 at the border.
+pub fn beside_mirror(places: &Places, on: &OnChart, cells: DVec2) -> f32 {
+    let tile = &places.tiles[on.tile as usize];
+    tile.source(on.triangle as usize).map_or(1.0, |source| {
+        let [s, r] = barycentrics(tile.triangles[on.triangle as usize].uv, on.uv).map(|x| x as f32);
+        let [a, b, c] = source.distance;
+        let distance = f64::from(a + s * (b - a) + r * (c - a)) * cells.min_element();
+        (1.0 - distance / BESIDE_MIRROR).clamp(0.0, 1.0) as f32
+    })
+}
