@@ -12,7 +12,7 @@ use vrtm_core::grid::planes::Plane;
 
 use crate::asset::Asset;
 use crate::asset::results::{Results, TileResult};
-use crate::map::nodes;
+use crate::map::nodes::NodeRows;
 use crate::solved::Solved;
 use vrtm_core::team::Team;
 use vrtm_refine::{Redirection, Redirections, RefinedMesh};
@@ -254,8 +254,9 @@ impl Redirection for TileRedirection<'_> {
         self.solved.mesh.origin()
     }
 
-    fn displacements(&self) -> Result<Vec<[f32; 2]>> {
-        nodes::dense(self.solved)
+    fn visit_moved(&self, f: &mut dyn FnMut([usize; 2], [f32; 2])) -> Result<()> {
+        NodeRows::new(self.solved)?.visit_moved(f);
+        Ok(())
     }
 
     fn redirected(&self, triangle: u32, uv: [f64; 2]) -> Option<[f64; 2]> {

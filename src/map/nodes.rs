@@ -5,7 +5,7 @@ use std::sync::Arc;
 use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::error::Result;
 use vrtm_core::grid::Level;
-use vrtm_core::grid::planes::{Plane, SIDE, slot};
+use vrtm_core::grid::planes::{NODES, Plane, SIDE, node_at, slot};
 use vrtm_core::image::ImagePart;
 use vrtm_core::mesh::TileMesh;
 use vrtm_core::team::Team;
@@ -90,6 +90,32 @@ impl<'a> NodeRows<'a> {
         Ok(NodeRows { level, u: solved.warp.host()?, owners, blocks })
     }
 
+    /// Calls `f` for each node that moves, with its displacement.
+    pub fn visit_moved(&self, f: &mut dyn FnMut([usize; 2], [f32; 2])) {
+        for &b in &self.blocks {
+            let block = &self.level.blocks.list[b as usize];
+            for s in 0..NODES {
+                let (i, j) = node_at(s);
+                let at = [block.x as usize * SIDE + i, block.y as usize * SIDE + j];
+                let u = [0, 1].map(|c| self.u[b as usize][c][s]);
+                if u != [0.0; 2]
+                    && at[0] <= self.level.nx
+                    && at[1] <= self.level.ny
+                    && self.is_of(b as usize, s, at)
+                {
+                    f(at, u);
+                }
+            }
+        }
+    }
+
+    /// True if a node's displacement is that of a block: where charts share a square, each chart has its own movable nodes,
+    /// unless they have collars.
+    fn is_of(&self, b: usize, s: usize, [x, y]: [usize; 2]) -> bool {
+        let owns = |owners: &Owners| owners.chart(x, y) == self.level.blocks.list[b].chart;
+        self.level.movable[b][s] != 0 && self.owners.as_ref().is_none_or(owns)
+    }
+
     /// Reads row j, from u = 0.
     fn read_row(&self, j: usize, row: &mut [[f32; 2]]) {
         row.fill([0.0; 2]);
@@ -101,9 +127,7 @@ impl<'a> NodeRows<'a> {
             let x = list[b].x as usize * SIDE;
             for i in 0..SIDE.min(self.level.nx + 1 - x) {
                 let s = slot(i, j % SIDE);
-                // Where charts share a block, each chart has its own movable nodes, unless they have collars.
-                let owns = |owners: &Owners| owners.chart(x + i, j) == list[b].chart;
-                if self.level.movable[b][s] != 0 && self.owners.as_ref().is_none_or(owns) {
+                if self.is_of(b, s, [x + i, j]) {
                     row[x + i] = [self.u[b][0][s], self.u[b][1][s]];
                 }
             }

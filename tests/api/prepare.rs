@@ -11,7 +11,7 @@ use crate::common::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
 use crate::common::{self, cpu, fetch, gpu, options, view};
 use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, HostAllocator, ImageLayout, ImageView,
-    LogLevel, PixelFormat, Quality, Strided, TileSettings,
+    LogLevel, PixelFormat, Quality, RefinementSettings, Strided, TileSettings,
 };
 
 static LIVE: AtomicU64 = AtomicU64::new(0);
@@ -121,6 +121,21 @@ fn what_lies_beyond_borders_is_estimated() {
         let refused = asset.solve(Strided::from_f32x3(&pose), &options(Quality::Draft)).unwrap_err();
         assert_eq!(refused.kind, ErrorKind::OutOfMemory);
     }
+}
+
+/// A refinement takes memory for the part of a grid that moves, not for all of it.
+#[test]
+fn refining_takes_memory_for_what_moves() {
+    let _alone = alone();
+    let mut asset = sixteen(&counting(None), 4096, 0.01);
+    let (positions, ..) = sixteen_charts(0.01);
+    let pose = bulged(&positions, 0.3);
+    asset.solve(Strided::from_f32x3(&pose), &options(Quality::Draft)).unwrap();
+    let (peak, _, refined) = counted(|| asset.refine(&RefinementSettings::default()));
+    let info = refined.unwrap().info();
+    println!("{} MB at most for {} triangles", peak >> 20, info.triangles);
+    // Displacements of all nodes alone are 134 MB.
+    assert!(info.reached && peak < 40 << 20, "{peak} bytes");
 }
 
 #[test]

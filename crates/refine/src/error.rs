@@ -7,7 +7,10 @@
 
 use glam::DVec2;
 
-use vrtm_core::allocation::{Vec, zeroed};
+use super::redirection::Redirection;
+use super::sparse::Sparse;
+use vrtm_core::allocation::{Vec, vec};
+use vrtm_core::error::Result;
 use vrtm_core::mesh::triangle::doubled_area;
 use vrtm_core::team::Team;
 
@@ -19,64 +22,68 @@ const SLACK: f64 = 1e-9;
 pub struct Warped {
     nx: usize,
     ny: usize,
-    /// Displacements of the nodes, row by row.
-    u: Vec<[f32; 2]>,
-    /// Per unit square, the index of its first entry in `cells`, followed by the number of entries.
-    first: Vec<u32>,
+    /// Displacements of the nodes.
+    u: Sparse<[f32; 2]>,
+    /// Per unit square, the range of its entries in `cells`.
+    ranges: Sparse<[u32; 2]>,
     /// The cells whose warped images may meet a square, for all squares. Those cells are left out whose first node has
     /// unmoved cells around it only: on these the redirection is the identity, and what lies between them and the
     /// others belongs to the others.
-    cells: Vec<u32>,
+    cells: Vec<[u32; 2]>,
 }
 
 impl Warped {
     /// `None` if nothing moves.
-    pub fn new(team: &Team, [nx, ny]: [usize; 2], u: Vec<[f32; 2]>) -> Option<Warped> {
-        if u.as_flattened().iter().all(|&x| x == 0.0) {
-            return None;
+    pub fn new(team: &Team, tile: &dyn Redirection) -> Result<Option<Warped>> {
+        let [nx, ny] = tile.cells();
+        let size = [nx + 1, ny + 1];
+        let mut u = Sparse::new(size, [0.0; 2]);
+        tile.visit_moved(&mut |[i, j], moved| *u.at(i, j) = moved)?;
+        if u.is_empty() {
+            return Ok(None);
         }
-        let mut warped = Warped { nx, ny, u, first: Vec::new(), cells: Vec::new() };
+        let mut warped = Warped { nx, ny, u, ranges: Sparse::new(size, [0; 2]), cells: Vec::new() };
         // Cells beyond the last column and row consist of the tile's border only.
-        let rows = team
-            .map(ny + 1, |j| (0..=nx).filter(|&i| warped.is_near_moved(i, j)).map(|i| i as u32).collect());
-        let width = nx + 1;
-        let mut first = zeroed::<u32>(width * (ny + 1) + 1);
-        warped.visit(&rows, |square, _| first[square + 1] += 1);
-        for k in 1..first.len() {
-            first[k] += first[k - 1];
+        let around = warped.u.around();
+        let near = |k: usize| -> Vec<[u32; 2]> {
+            let nodes = warped.u.nodes_of(around[k]).filter(|&[i, j]| warped.is_near_moved(i, j));
+            nodes.map(|node| node.map(|x| x as u32)).collect()
+        };
+        let near = team.map(around.len(), near);
+        let mut ranges = Sparse::new(size, [0; 2]);
+        warped.visit(&near, |[x, y], _| ranges.at(x, y)[1] += 1);
+        let mut count = 0;
+        for range in ranges.values() {
+            let here = range[1];
+            *range = [count; 2];
+            count += here;
         }
-        let mut cells = zeroed(first[first.len() - 1] as usize);
-        let mut next: Vec<u32> = first.iter().copied().collect();
-        warped.visit(&rows, |square, cell| {
-            cells[next[square] as usize] = cell;
-            next[square] += 1;
+        let mut cells = vec![[0; 2]; count as usize];
+        warped.visit(&near, |[x, y], cell| {
+            let next = &mut ranges.at(x, y)[1];
+            cells[*next as usize] = cell;
+            *next += 1;
         });
-        (warped.first, warped.cells) = (first, cells);
-        Some(warped)
+        (warped.ranges, warped.cells) = (ranges, cells);
+        Ok(Some(warped))
     }
 
     /// True if one of the four cells around a node is moved.
     fn is_near_moved(&self, i: usize, j: usize) -> bool {
-        (j.saturating_sub(1)..=(j + 1).min(self.ny)).any(|y| {
-            let row = y * (self.nx + 1);
-            self.u[row + i.saturating_sub(1)..=row + (i + 1).min(self.nx)].iter().any(|u| *u != [0.0; 2])
-        })
+        let around = |x: usize, last: usize| x.saturating_sub(1)..=(x + 1).min(last);
+        around(j, self.ny).any(|y| around(i, self.nx).any(|x| *self.u.get(x, y) != [0.0; 2]))
     }
 
-    /// Calls `f(square, cell)` for the squares that the box around a warped cell meets, for cells row by row.
-    fn visit(&self, rows: &[Vec<u32>], mut f: impl FnMut(usize, u32)) {
-        let width = self.nx + 1;
-        for (j, row) in rows.iter().enumerate() {
-            for &i in row {
-                let cell = j * width + i as usize;
-                let corners =
-                    [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(di, dj)| self.node(i as usize + di, j + dj).at);
-                let low = corners.into_iter().fold(corners[0], DVec2::min);
-                let high = corners.into_iter().fold(corners[0], DVec2::max);
-                let (xs, ys) = (square(low.x, high.x, self.nx), square(low.y, high.y, self.ny));
-                for y in ys {
-                    xs.clone().for_each(|x| f(y * width + x, cell as u32));
-                }
+    /// Calls `f(square, cell)` for the squares that the box around a warped cell meets.
+    fn visit(&self, near: &[Vec<[u32; 2]>], mut f: impl FnMut([usize; 2], [u32; 2])) {
+        for &cell in near.iter().flatten() {
+            let [i, j] = cell.map(|x| x as usize);
+            let corners = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(di, dj)| self.node(i + di, j + dj).at);
+            let low = corners.into_iter().fold(corners[0], DVec2::min);
+            let high = corners.into_iter().fold(corners[0], DVec2::max);
+            let (xs, ys) = (square(low.x, high.x, self.nx), square(low.y, high.y, self.ny));
+            for y in ys {
+                xs.clone().for_each(|x| f([x, y], cell));
             }
         }
     }
@@ -86,7 +93,7 @@ impl Warped {
         if i > self.nx || j > self.ny {
             return DVec2::ZERO;
         }
-        DVec2::from(self.u[j * (self.nx + 1) + i].map(f64::from))
+        DVec2::from(self.u.get(i, j).map(f64::from))
     }
 
     /// A warped node.
@@ -111,11 +118,11 @@ impl Warped {
                 continue;
             };
             for x in square(whole[0], whole[1], self.nx) {
-                let at = y * (self.nx + 1) + x;
+                let [first, end] = *self.ranges.get(x, y);
                 let here =
                     sides.map(|side| side.is_some_and(|side| square(side[0], side[1], self.nx).contains(&x)));
-                for &cell in &self.cells[self.first[at] as usize..self.first[at + 1] as usize] {
-                    let (i, j) = (cell as usize % (self.nx + 1), cell as usize / (self.nx + 1));
+                for cell in &self.cells[first as usize..end as usize] {
+                    let [i, j] = cell.map(|x| x as usize);
                     let first = self.node(i, j);
                     // Each node is handled in only one of the squares that its cell is entered in.
                     if first.at.floor() == DVec2::new(x as f64, y as f64)

@@ -8,6 +8,8 @@
 
 // Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
 mod base;
+mod redirection;
+mod sparse;
 mod error;
 mod split;
 mod passes;
@@ -22,7 +24,8 @@ use base::Base;
 use passes::Outcome;
 use split::{PieceCorner, Pieces, Splitter};
 
-pub use passes::{Redirection, Redirections};
+pub use passes::Redirections;
+pub use redirection::Redirection;
 pub use split::Source;
 
 /// A mesh with its triangles split. A clone shares what both have, and can be refined separately.

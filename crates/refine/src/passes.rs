@@ -10,6 +10,7 @@ use vrtm_core::team::Team;
 
 use crate::base::{Base, UvPoint};
 use crate::error::Warped;
+use crate::redirection::Redirection;
 use crate::split::{Piece, Pieces, Splitter};
 
 /// Number of elements per item of work.
@@ -21,19 +22,6 @@ const SHORT: f64 = 1.0 / 1024.0;
 /// Splitting a triangle into four divides its error by four where the redirection is smooth: if that does not suffice,
 /// all of its edges are split at once.
 const FOURFOLD: f64 = 4.0;
-
-/// The result of a tile.
-pub trait Redirection: Sync {
-    /// Cells of its grid.
-    fn cells(&self) -> [usize; 2];
-    /// The tile's lower corner in the UV plane of all tiles.
-    fn origin(&self) -> DVec2;
-    /// Displacements of all nodes in cells, row by row from v = 0.
-    fn displacements(&self) -> Result<Vec<[f32; 2]>>;
-    /// The redirected UV of a point of a triangle, computed like a corner UV, by its chart's own warp; input and output
-    /// include the tile's offset. `None` where nothing moves. `triangle` is a number in `TileMesh::chart_of`.
-    fn redirected(&self, triangle: u32, uv: [f64; 2]) -> Option<[f64; 2]>;
-}
 
 /// The result of a tile, prepared.
 struct Prepared<'a> {
@@ -55,7 +43,7 @@ impl<'a> Redirections<'a> {
     ) -> Result<Redirections<'a>> {
         let of = |tile: &'a dyn Redirection| -> Result<Prepared<'a>> {
             let cells = tile.cells();
-            let warped = if with_edges { Warped::new(team, cells, tile.displacements()?) } else { None };
+            let warped = if with_edges { Warped::new(team, tile)? } else { None };
             let cells = DVec2::from(cells.map(|n| n as f64));
             Ok(Prepared { tile, origin: tile.origin(), cells, warped })
         };
