@@ -88,10 +88,11 @@
  * Threads. Any function may be called from any thread. Different assets can be used at the same time. Calls on one
  * asset do not wait for each other. Results (maps, corner UVs, reports), descriptions of a device, an asset or a job,
  * and tile handles can be read at any time; while the next result is computed, results are the last good ones. A call
- * that solves or changes anything gives VRTM_ERROR_BUSY while another call, or a job, is using the asset, and so do
- * vrtm_tile_info (which may have to prepare the tile), vrtm_tile_get_settings and vrtm_tile_estimate while such a call
- * runs. A solve uses threads of its own, which end before it returns, or the host's (vrtm_executor). No lock is held
- * while a function of the host runs.
+ * that solves or changes anything gives VRTM_ERROR_BUSY while another call, or a job, is using the asset. So do
+ * vrtm_tile_info and vrtm_tile_save, which may have to prepare the tile, and vrtm_tile_estimate, which may have to lay
+ * out what charts have beyond their borders; vrtm_tile_get_settings does while one of these calls runs. A solve uses
+ * threads of its own, which end before it returns, or the host's (vrtm_executor). No lock is held while a function of
+ * the host runs.
  *
  * Stack. On the CPU a thread with a stack of 48 KiB may call any function. The stack that a GPU's driver needs is
  * unknown: use threads with the system's usual stack of megabytes there.

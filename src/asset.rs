@@ -50,6 +50,7 @@ pub struct Asset {
     pub(crate) results: Results,
     /// Where charts have what lies beyond their seams, if any go on there.
     places: Derived<Vec<Same<TileMesh>>, Places>,
+    /// Time of the last calls after their tiles were solved, which time budgets leave free.
     after: After,
 }
 

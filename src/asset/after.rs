@@ -1,11 +1,11 @@
-//! What follows the solves of a call's tiles: its time, and its share of the call's progress.
+//! The rest of a call after its tiles are solved: its time, and its share of the call's progress.
 
 use std::time::Duration;
 
 /// The share of a call's progress for what follows the solves of tiles, if charts go on beyond their borders.
 pub(super) const SHARE: f32 = 0.2;
 
-/// The time that the last call with seams took after its tiles were solved.
+/// Time that the last call took after its tiles were solved.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct After {
     /// For the blend, if it was not the one before.

@@ -1,4 +1,4 @@
-//! What is kept of a blend at seams (`seams`), and what it follows from.
+//! The last blend of a tile at seams (`seams`), kept with its key.
 
 use std::sync::Arc;
 

@@ -121,8 +121,8 @@ impl Blending<'_> {
     }
 }
 
-/// The displacement of a chart's warp at a point, both in cells: affine on the two triangles of each cell (method §9). `holder`
-/// is the block of the cell's lower left node, or a neighbour.
+/// Displacement of a chart's warp at a point, both in cells: affine on the two triangles of each cell (method §9).
+/// `holder` is the block of the cell's lower left node, or a neighbour.
 fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, holder: u32, at: DVec2) -> DVec2 {
     let cell = at.floor();
     let (i, j) = (cell.x as i64, cell.y as i64);

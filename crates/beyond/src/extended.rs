@@ -68,7 +68,7 @@ fn stacked(tile: &TileMesh) -> Vec<bool> {
 /// A side of a chart's triangle: the triangle, and the corner opposite to the side.
 type Side = (u32, u8);
 
-/// What is used of a collar, and the sides through which it is reached.
+/// The used part of a collar, and the sides through which it is reached.
 #[derive(Default)]
 struct Used {
     collar: Collar,
@@ -217,7 +217,7 @@ fn reached(collar: &Collar, used: &[bool], rims: &[AtSide], open: &[Open]) -> Ve
     reached
 }
 
-/// What tells points of the mesh's triangles apart.
+/// Identity of a point of a triangle: its vertices, weights and mirror.
 type PointKey = ([u32; 3], [u64; 3], Option<Mirror>);
 
 /// Adds what is used of a collar to a tile; returns the extended chart.

@@ -42,8 +42,9 @@ pub struct Triangle {
 pub struct Chart {
     /// Its triangles in `TileMesh::triangles`.
     pub triangles: Range<usize>,
-    /// The triangles of its collar there, and how far that goes on from the chart, in UV.
+    /// The triangles of its collar there.
     pub collar: Range<usize>,
+    /// Largest distance of the collar's end from the chart, in UV; 0 without a collar.
     pub reach: f64,
     /// The mesh vertices that it uses: ascending, and then the further ones of its collar.
     pub vertices: Vec<u32>,

@@ -1,4 +1,4 @@
-//! What a refinement asks of a tile's result.
+//! The door between a refinement and a tile's result.
 
 use glam::DVec2;
 

@@ -1,5 +1,4 @@
-//! The nodes of charts at which the depths of other charts matter: those that others have, too, and those of features that
-//! reach there.
+//! Nodes that need depths of other charts: those with copies, and those of features that reach to such nodes.
 
 use glam::DVec2;
 
@@ -33,13 +32,13 @@ pub struct Nodes<'a> {
     pub number: Vec<Plane<u32>>,
 }
 
-/// What a node of a block is.
+/// Kind of a node in a block.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub struct Kind {
     /// A node of the block's chart itself.
     pub is_own: bool,
     pub rigid: bool,
-    /// It gets depths.
+    /// A node near a seam, or of a feature that reaches there: it gets depths.
     pub is_near: bool,
 }
 

@@ -161,7 +161,7 @@ pub fn sheets(places: &Places, place: Place) -> Vec<OnChart> {
     all
 }
 
-/// How much of its collar is left around a place, by distance; 1 on the chart itself.
+/// Part of the collar that is left around a place, 0 (where it ends) to 1 (on the chart itself), by distance.
 pub fn depth_of(places: &Places, on: &OnChart) -> f32 {
     let tile = &places.tiles[on.tile as usize];
     tile.source(on.triangle as usize).map_or(1.0, |source| {
@@ -171,11 +171,11 @@ pub fn depth_of(places: &Places, on: &OnChart) -> f32 {
     })
 }
 
-/// Where this many cells from an open border, a chart and its image are no longer blended: the solve holds texture at the
-/// border, so that only a rest is left there.
+/// Cells from an open border within which a chart and its image are blended: the solve holds texture at the border,
+/// so that only a rest is left.
 const BESIDE_MIRROR: f64 = 2.0;
 
-/// How near a place is to the open border beyond which a chart has its image there: 1 at the border.
+/// Nearness of a place to the open border beyond which a chart has its image there, 0 to 1 (at the border).
 pub fn beside_mirror(places: &Places, on: &OnChart, cells: DVec2) -> f32 {
     let tile = &places.tiles[on.tile as usize];
     tile.source(on.triangle as usize).map_or(1.0, |source| {

@@ -52,7 +52,7 @@ pub struct Collar {
     pub triangles: Vec<CollarTriangle>,
     /// The number of triangles that lie at each side of the chart, if none is missing.
     pub parts: usize,
-    /// How far it goes on from the chart, in the chart's plane.
+    /// Largest distance from the chart, in UV of the chart's plane, over 0.
     pub reach: f64,
 }
 
