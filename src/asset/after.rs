@@ -31,3 +31,23 @@ impl After {
         After { blend: self.blend.mul_f64(0.95), rest: self.rest.mul_f64(0.75) }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_blend_has_half_of_a_budget() {
+        let ms = Duration::from_millis;
+        let after = After { blend: ms(20), rest: ms(2) };
+        assert!(after.has_time(ms(42)) && !after.has_time(ms(41)) && !after.has_time(ms(0)));
+        assert_eq!([42, 41].map(|budget| after.of(ms(budget))), [ms(22), ms(2)]);
+        // What was not tried is tried again one day.
+        let mut less = after;
+        let calls = (0..100).find(|_| {
+            less = less.less();
+            less.has_time(ms(21))
+        });
+        assert!(calls.is_some_and(|calls| calls > 5), "{calls:?}");
+    }
+}
