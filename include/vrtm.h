@@ -89,8 +89,9 @@
  * asset do not wait for each other. Results (maps, corner UVs, reports), descriptions of a device, an asset or a job,
  * and tile handles can be read at any time; while the next result is computed, results are the last good ones. A call
  * that solves or changes anything gives VRTM_ERROR_BUSY while another call, or a job, is using the asset. So do
- * vrtm_tile_info and vrtm_tile_save, which may have to prepare the tile, and vrtm_tile_estimate, which may have to lay
- * out what charts have beyond their borders; vrtm_tile_get_settings does while one of these calls runs. A solve uses
+ * vrtm_tile_info and vrtm_tile_save, which may have to prepare the tile, vrtm_tile_grid, which may have to choose its
+ * grid, and vrtm_tile_estimate, which may have to lay out what charts have beyond their borders;
+ * vrtm_tile_get_settings does while one of these calls runs. A solve uses
  * threads of its own, which end before it returns, or the host's (vrtm_executor). No lock is held while a function of
  * the host runs.
  *
@@ -1129,9 +1130,9 @@ typedef int32_t vrtm_open_borders;
 typedef struct vrtm_tile_settings {
     // sizeof(vrtm_tile_settings); set by vrtm_tile_settings_init().
     uint32_t struct_size;
-    // Cells of the grid in u: the resolution of the solve. 0 = the rigidity map's size, or 1024 without a map. Rounded
-    // up to a multiple of 16, at most 16384. Five cells across the smallest rigid feature and three between two of
-    // them suffice.
+    // Cells of the grid in u: the resolution of the solve. 0 = as many as resolve the rigid features, 20 across the
+    // narrowest (method §1): 64 to 4096, and no finer than the rigidity map and 256, or than an equal share of the
+    // device's memory budget allows. Other numbers are rounded up to a multiple of 16, at most 16384.
     uint32_t grid_width;
     // Cells of the grid in v: the resolution of the solve.
     uint32_t grid_height;
@@ -1188,6 +1189,17 @@ VRTM_API
 vrtm_status vrtm_tile_layer(vrtm_tile tile,
                             uint32_t *layer,
                             uint32_t *layers);
+
+// Cells of the grid that a tile has with its present rigidity and settings: where vrtm_tile_settings.grid_width or
+// grid_height is 0, those that resolve the rigid features. `height` may be null. Unlike vrtm_tile_info, it does not
+// prepare the tile: it takes some milliseconds after a change of the rigidity.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `width` is null; VRTM_ERROR_BUSY;
+// VRTM_ERROR_OUT_OF_MEMORY.
+VRTM_API
+vrtm_status vrtm_tile_grid(vrtm_tile tile,
+                           uint32_t *width,
+                           uint32_t *height);
 
 // Describes a tile. The first call, and the first after a change of map or settings, builds the tile's
 // grid, which takes time.

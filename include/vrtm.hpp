@@ -848,6 +848,14 @@ public:
 
     Result<> freeze(bool frozen) const noexcept { return Result<>(vrtm_tile_freeze(handle_, frozen ? 1 : 0)); }
 
+    // Cells of the grid in u and v with the present rigidity and settings.
+    Result<std::array<std::uint32_t, 2>> grid() const noexcept
+    {
+        std::array<std::uint32_t, 2> cells{};
+        const vrtm_status status = vrtm_tile_grid(handle_, &cells[0], &cells[1]);
+        return {cells, status};
+    }
+
     Result<vrtm_tile_needs> estimate() const noexcept
     {
         vrtm_tile_needs needs = vrtm_tile_needs_init();

@@ -294,10 +294,20 @@ impl Device {
         lock(&self.0.pace)
     }
 
+    /// Whether the log goes anywhere.
+    pub(crate) fn has_log(&self) -> bool {
+        self.0.settings.log.is_some()
+    }
+
     pub(crate) fn log(&self, level: LogLevel, message: &str) {
         if let Some(log) = &self.0.settings.log {
             log(level, message);
         }
+    }
+
+    /// Most bytes on the device's account.
+    pub(crate) fn memory_budget(&self) -> Option<u64> {
+        self.0.settings.memory_budget
     }
 
     /// An entry of the device's account, still of no bytes.

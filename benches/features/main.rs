@@ -3,6 +3,7 @@
 //!     cargo bench --bench features
 //!     cargo bench --bench features -- --grid 256 --scenes fox --qualities draft,normal
 //!     cargo bench --bench features -- --dense --settings default,protect=0.5,protect=1
+//!     cargo bench --bench features -- --grid 0 --at-texels --settings default
 
 #![allow(missing_docs)]
 
@@ -28,9 +29,12 @@ struct Args {
     /// Scenes and assets; by default all.
     #[arg(long, value_delimiter = ',')]
     scenes: Vec<String>,
-    /// Cells on a side of the grids.
+    /// Cells on a side of the grids; 0 for those that resolve the features.
     #[arg(long, default_value_t = 512)]
     grid: u32,
+    /// With --settings: measure at the texels of the maps, not at the nodes of the grids.
+    #[arg(long, requires = "settings")]
+    at_texels: bool,
     /// draft, normal, high.
     #[arg(long, value_delimiter = ',', default_values_t = ["normal".to_owned()])]
     qualities: Vec<String>,
@@ -94,7 +98,7 @@ fn run(args: &Args) -> Result<(), String> {
         let model = &if args.dense { dense(model) } else { model.clone() };
         let mut columns = Vec::new();
         for setting in &args.settings {
-            let (row, mut asset) = sweep::row(model, frame, setting, args.grid)?;
+            let (row, mut asset) = sweep::row(model, frame, setting, args.grid, args.at_texels)?;
             print!("{row}");
             text += &row;
             if let (true, Some((_, view))) =

@@ -5,7 +5,7 @@ use std::time::Instant;
 use vrtm::{Asset, OpenBorders, Quality, Seams, Strided, TileSettings};
 use vrtm_lab::Lab as _;
 
-use crate::common::features::{of_asset, rms};
+use crate::common::features::{at_texels, of_asset, rms};
 use crate::common::roughness::second_difference;
 use crate::common::{Model, options};
 
@@ -33,7 +33,13 @@ const WAY: [f64; 4] = [0.92, 0.925, 0.93, 0.935];
 
 /// The line of a scene and of settings that are changed by the words of `setting`, joined by `+`; and the asset, solved
 /// for the frame.
-pub fn row(model: &Model, frame: usize, setting: &str, grid: u32) -> Result<(String, Asset), String> {
+pub fn row(
+    model: &Model,
+    frame: usize,
+    setting: &str,
+    grid: u32,
+    at_the_texels: bool,
+) -> Result<(String, Asset), String> {
     let pose = &model.frames[frame - 1];
     let options = options(Quality::Normal);
     let mut asset = model.asset(0, grid);
@@ -62,7 +68,7 @@ pub fn row(model: &Model, frame: usize, setting: &str, grid: u32) -> Result<(Str
     let start = Instant::now();
     asset.solve(Strided::from_f32x3(pose), &options).map_err(|error| error.to_string())?;
     let ms = 1000.0 * start.elapsed().as_secs_f64();
-    let features = of_asset(model, pose, &asset);
+    let features = if at_the_texels { at_texels } else { of_asset }(model, pose, &asset);
     let [before, after] = [0, 1].map(|k| features.iter().map(move |f| [f.before, f.after][k]));
     let bad = |errors: &mut dyn Iterator<Item = f64>| errors.filter(|error| *error > 0.05).count();
     let rise = || features.iter().map(|f| f.after - f.before);

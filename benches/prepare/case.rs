@@ -6,7 +6,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 use vrtm::{
     Backend, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, ImageViewMut, PixelFormat,
-    SolveOptions, Strided,
+    SolveOptions, Strided, TileSettings,
 };
 
 use super::memory;
@@ -52,6 +52,8 @@ impl Case {
         let layout = ImageLayout::packed(self.grid, self.grid, PixelFormat::U8);
         let map = ImageView::new("rigidity", &texels, layout).map_err(|e| e.to_string())?;
         asset.set_rigidity(0, Some(map)).map_err(|e| e.to_string())?;
+        let settings = TileSettings { grid: [Some(self.grid); 2], ..TileSettings::default() };
+        asset.set_settings(0, &settings).map_err(|e| e.to_string())?;
         drop(texels);
         // The caller has freed its map by then, as a host would.
         let before = before.saturating_sub((n * n) as u64);

@@ -63,11 +63,11 @@ pub struct Args {
     #[arg(long, value_name = "YAW,PITCH", value_parser = parse_view, allow_hyphen_values = true)]
     pub view: Option<[f64; 2]>,
 
-    /// Cells of the grid per side [default: the rigidity map's texels]
+    /// Cells of the grid per side [default: as many as resolve the rigid features]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_GRID)))]
     pub size: Option<u32>,
 
-    /// Texels of the redirection maps per side [default: the grid's cells]
+    /// Texels of the redirection maps per side [default: --size, or the rigidity map's texels]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_GRID)))]
     pub map_size: Option<u32>,
 

@@ -89,7 +89,7 @@ impl<'a> Bake<'a> {
             }
             let cells = args.size.map_or(rigidity.map_or(fallback, |map| map.size), |n| [n, n]);
             let mut settings = asset.settings(index).map_err(failure)?;
-            settings.grid = cells.map(|n| Some(n.min(vrtm::MAX_GRID)));
+            settings.grid = [args.size.map(|n| n.min(vrtm::MAX_GRID)); 2];
             asset.set_settings(index, &settings).map_err(|e| Failure::named("--size", e))?;
             let nodes = asset.tile_info(index).map_err(failure)?.grid.map(|cells| cells + 1);
             let mut inputs = common.clone();

@@ -7,9 +7,11 @@ use std::sync::Arc;
 
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::grid::maps::{MapsOfTile, TileMaps, Values};
+use vrtm_core::grid::pieces::{SIZES, resolving};
 use vrtm_core::image::map::{Map, TexelRect};
 use vrtm_core::mesh::Mesh;
 use vrtm_core::settings::{Overlap, Seams};
+use vrtm_core::team::Team;
 
 /// Maps and settings of the host.
 #[derive(Debug)]
@@ -113,6 +115,7 @@ impl Given {
         if values != by {
             *values = by.clone();
             self.history[tile].begin();
+            self.maps[tile].resolving = None;
         }
     }
 
@@ -127,7 +130,29 @@ impl Given {
             // Nobody else has it: nothing is copied.
             change(Arc::make_mut(map));
         }
-        tiles.for_each(|tile| self.maps[tile].rigidity = shared.clone());
+        tiles.for_each(|tile| {
+            self.maps[tile].rigidity = shared.clone();
+            self.maps[tile].resolving = None;
+        });
+    }
+
+    /// Looks for the grids of some tiles that resolve their rigidity, if the settings leave their sizes open. They take
+    /// no more than an equal share of a memory budget.
+    pub fn find_sizes(
+        &mut self,
+        team: &Team,
+        mesh: &Mesh,
+        tiles: impl Iterator<Item = usize>,
+        budget: Option<u64>,
+    ) {
+        let share = budget.map(|budget| budget / self.maps.len() as u64);
+        for tile in tiles {
+            let maps = &mut self.maps[tile];
+            if maps.settings.grid.contains(&None) && maps.resolving.is_none() {
+                let cells = resolving(team, &mesh.tiles[tile], &maps.rigidity, share);
+                maps.resolving = Some(cells.unwrap_or(SIZES[0]));
+            }
+        }
     }
 
     /// The present key of a tile's grid. `beyond` are the tiles that its collars lie in.

@@ -7,6 +7,7 @@ use vrtm_beyond::Copies;
 use vrtm_beyond::gutter::Gutter;
 use vrtm_core::allocation::Vec;
 use vrtm_core::error::Result;
+use vrtm_core::grid::pieces::resolving;
 use vrtm_core::grid::survey::Survey;
 use vrtm_core::grid::{Grid, build, saved};
 use vrtm_core::mesh::TileMesh;
@@ -75,6 +76,7 @@ impl TileState {
             let built = Built::new(call, key, mesh, booked)?;
             if is_whole {
                 describe(call.device, &name, &built.grid);
+                compare(call, key.tile, &name);
             }
             Ok(built)
         })?;
@@ -172,6 +174,27 @@ impl TileState {
             welded_edges: own.welds.len() as u64,
             edges_apart: own.edges_apart,
         }))
+    }
+}
+
+/// Tells of a grid that was asked for and has a quarter of the cells on a side that resolve the rigidity, or four times as
+/// many.
+fn compare(call: &Call, tile: usize, name: &str) {
+    let maps = &call.given.maps[tile];
+    if !call.device.has_log() || maps.settings.grid == [None; 2] {
+        return;
+    }
+    let Some(cells) = resolving(call.team, &call.mesh.tiles[tile], &maps.rigidity, None) else { return };
+    for (asked, axis) in maps.settings.grid.into_iter().zip(["u", "v"]) {
+        let Some(asked) = asked else { continue };
+        let said = |what: &str| {
+            format!("{name}: {asked} cells in {axis} {what}: {cells} resolve its rigid features")
+        };
+        if asked >= 4 * cells {
+            call.device.log(LogLevel::Info, &said("take time and gain little"));
+        } else if 4 * asked <= cells {
+            call.device.log(LogLevel::Warning, &said("are too few"));
+        }
     }
 }
 

@@ -121,6 +121,9 @@ impl Asset {
             device.log(LogLevel::Warning, "no tile has a rigidity, so that nothing moves");
         }
         let has_seams = given.maps.iter().any(|maps| maps.settings.beyond().is_some());
+        // Collars read maps as the grids of other tiles do.
+        let sized = (0..wanted.len()).filter(|&tile| wanted[tile] || has_seams);
+        given.find_sizes(team, mesh, sized, device.memory_budget());
         let call = SolveCall {
             on: Call { team, device, mesh, given },
             positions: request.positions,

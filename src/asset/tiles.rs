@@ -26,6 +26,20 @@ impl Asset {
         self.on_tile(tile, TileState::info)
     }
 
+    /// Cells of the grid in u and v that a tile has with its present rigidity and settings. The tile is not prepared.
+    ///
+    /// # Errors
+    /// `InvalidArgument` if `tile` is out of range; `OutOfMemory`.
+    pub fn tile_grid(&mut self, tile: usize) -> Result<[u32; 2]> {
+        self.check_tile(tile)?;
+        let Asset { device, mesh, given, .. } = self;
+        device.call(|| {
+            device.team(|team| given.find_sizes(team, mesh, tile..tile + 1, device.memory_budget()));
+            Ok(())
+        })?;
+        Ok(given.maps[tile].grid_size().map(|cells| cells as u32))
+    }
+
     /// The memory for preparing and solving a tile with its present maps and settings. It counts the movable nodes, which
     /// takes a small part of the time and memory of preparing the tile, and keeps nothing but the collars of its charts.
     ///
@@ -33,8 +47,7 @@ impl Asset {
     /// `InvalidArgument` if `tile` is out of range.
     pub fn tile_estimate(&mut self, tile: usize) -> Result<TileEstimate> {
         self.check_tile(tile)?;
-        let Asset { device, mesh, given, tiles, .. } = self;
-        device.call(|| device.team(|team| tiles[tile].estimate(&Call { team, device, mesh, given })))
+        self.on_tile(tile, TileState::estimate)
     }
 
     /// A tile, prepared with its present maps and settings, as bytes that [`Asset::load_tile`] takes on another machine.
@@ -126,7 +139,14 @@ impl Asset {
         f: impl FnOnce(&mut TileState, &Call) -> Result<R> + Send,
     ) -> Result<R> {
         let Asset { device, mesh, given, tiles, .. } = self;
-        device.call(|| device.team(|team| f(&mut tiles[tile], &Call { team, device, mesh, given })))
+        let sized =
+            if given.maps[tile].settings.beyond().is_some() { 0..tiles.len() } else { tile..tile + 1 };
+        device.call(|| {
+            device.team(|team| {
+                given.find_sizes(team, mesh, sized, device.memory_budget());
+                f(&mut tiles[tile], &Call { team, device, mesh, given })
+            })
+        })
     }
 
     /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid), for all of its layers; `None` removes it. Where a tile has none, the

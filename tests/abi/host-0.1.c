@@ -146,6 +146,9 @@ static void tiles(vrtm_asset asset, vrtm_tile tile)
     settings.room = 0;
     CALL(vrtm_tile_set_settings(tile, &settings));
     CALL(vrtm_tile_set_settings(tile, NULL));
+    settings = vrtm_tile_settings_init();
+    settings.grid_width = settings.grid_height = MAP;
+    CALL(vrtm_tile_set_settings(tile, &settings));
     CALL(vrtm_tile_info(tile, &info));
     check(info.udim == 1001 && info.grid_width == MAP && info.movable_nodes > 0, "the tile is described");
     CALL(vrtm_tile_estimate(tile, &needs));

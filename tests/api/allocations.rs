@@ -6,7 +6,7 @@ use std::num::NonZeroU32;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::common::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
-use crate::common::view;
+use crate::common::{set_grid, view};
 use vrtm::{
     Asset, Backend, Device, DeviceSettings, Fetch, FetchKind, HostAllocator, ImageLayout, ImageViewMut,
     PixelFormat, SolveOptions, Strided,
@@ -48,6 +48,7 @@ fn a_frame_allocates_little() {
         let settings = DeviceSettings { backend: Backend::Cpu, threads, allocator, ..Default::default() };
         let mut asset = sixteen_asset(&Device::new(&settings).unwrap(), 0.9).unwrap();
         asset.set_rigidity(0, Some(view(&discs(256, 32), 256, 256))).unwrap();
+        set_grid(&mut asset, 256);
         let (rest, ..) = sixteen_charts(0.9);
         let [first, second] = [1.0, 0.9].map(|strength| bulged(&rest, strength));
         let mut bytes = vec![0; 256 * 256 * 8];

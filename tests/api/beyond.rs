@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::common::{bits, cpu, view};
+use crate::common::{bits, cpu, set_grid, view};
 use vrtm::{
     Asset, Control, Device, ErrorKind, MeshSource, OpenBorders, Seams, SolveRequest, Strided, TileSettings,
     UvSource,
@@ -56,6 +56,7 @@ impl CutSheet {
             })
             .collect();
         asset.set_rigidity(0, Some(view(&discs, size as u32, size as u32))).unwrap();
+        set_grid(&mut asset, size as u32);
         if goes_on {
             let (seams, open_borders) = (Seams::Continue, OpenBorders::Slide);
             let settings = TileSettings { seams, open_borders, ..asset.settings(0).unwrap() };

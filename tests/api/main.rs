@@ -8,6 +8,7 @@ mod beyond;
 mod budget;
 mod control;
 mod fresh;
+mod grid;
 mod layers;
 mod maps;
 mod prepare;

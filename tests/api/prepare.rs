@@ -59,6 +59,7 @@ fn sixteen(device: &Device, size: u32, share: f64) -> Asset {
     let mut asset = sixteen_asset(device, share).unwrap();
     let texels = discs(size as usize, 32);
     asset.set_rigidity(0, Some(view(&texels, size, size))).unwrap();
+    common::set_grid(&mut asset, size);
     asset
 }
 
@@ -71,6 +72,7 @@ fn preparing_takes_little_more_than_what_stays() {
         let texels = discs(size as usize, 32);
         let (_, before, set) = counted(|| asset.set_rigidity(0, Some(view(&texels, size, size))));
         set.unwrap();
+        common::set_grid(&mut asset, size);
         let estimate = asset.tile_estimate(0).unwrap();
         let (peak, live, info) = counted(|| asset.tile_info(0).unwrap());
         let ratio = (before + peak) as f64 / (before + live) as f64;

@@ -108,6 +108,18 @@ pub fn of_asset(model: &Model, pose: &[[f32; 3]], asset: &Asset) -> Vec<Feature>
     features(model, pose, &warps, &collars)
 }
 
+/// As `of_asset`, but at the texels of the maps in place of the nodes of the grids, which may be much coarser. Charts must
+/// end at their borders.
+pub fn at_texels(model: &Model, pose: &[[f32; 3]], asset: &Asset) -> Vec<Feature> {
+    let of = |maps: &Maps| {
+        let warp = Warp::of(asset, asset.find_tile(maps.udim).unwrap());
+        warp.on_grid([maps.width as usize, maps.height as usize])
+    };
+    let warps: Vec<Warp> = model.maps.iter().map(of).collect();
+    let collars: Vec<Vec<CollarOfChart>> = warps.iter().map(|_| Vec::new()).collect();
+    features(model, pose, &warps, &collars)
+}
+
 /// Features with fewer edges are left out.
 const LEAST_EDGES: usize = 12;
 

@@ -175,10 +175,11 @@ pub fn view(bytes: &[u8], width: u32, height: u32) -> ImageView<'_> {
     ImageView::new("map", bytes, ImageLayout::packed(width, height, PixelFormat::U8)).unwrap()
 }
 
-/// Gives every tile a grid of `grid` by `grid` cells.
+/// Gives every tile a grid of `grid` by `grid` cells, or with 0 one that resolves its features.
 pub fn set_grid(asset: &mut Asset, grid: u32) {
     for tile in 0..asset.tile_count() {
-        let settings = TileSettings { grid: [Some(grid); 2], ..asset.settings(tile).unwrap() };
+        let settings =
+            TileSettings { grid: [(grid > 0).then_some(grid); 2], ..asset.settings(tile).unwrap() };
         asset.set_settings(tile, &settings).unwrap();
     }
 }

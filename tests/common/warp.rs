@@ -49,6 +49,17 @@ impl Warp {
         [0, 1].map(|k| a[k] + first * (b[k] - a[k]) + second * (c[k] - b[k]))
     }
 
+    /// The same map on another grid, at whose nodes it is interpolated.
+    pub fn on_grid(&self, [nx, ny]: [usize; 2]) -> Warp {
+        let scale = [self.nx as f64 / nx as f64, self.ny as f64 / ny as f64];
+        let node = |n: usize| {
+            let at = [(n % (nx + 1)) as f64, (n / (nx + 1)) as f64];
+            let to = self.at([0, 1].map(|axis| at[axis] * scale[axis]));
+            [0, 1].map(|axis| (to[axis] / scale[axis] - at[axis]) as f32)
+        };
+        Warp { nx, ny, u: (0..(nx + 1) * (ny + 1)).map(node).collect() }
+    }
+
     /// The smallest corner Jacobian of all cells of the tile.
     pub fn min_jacobian(&self) -> f64 {
         let cross = |a: [f64; 2], b: [f64; 2], c: [f64; 2]| {

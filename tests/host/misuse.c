@@ -215,6 +215,8 @@ static void handles(void)
     fails("tile UINT32_MAX", vrtm_asset_tile(asset, UINT32_MAX, &other), BAD, "index");
     fails("tile 1002", vrtm_asset_find_tile(asset, 1002, &other), BAD, "udim");
     fails("uv set 1", vrtm_asset_find_tile_of_set(asset, 1, 1001, &other), BAD, "uv_set is 1");
+    fails("no place for the cells", vrtm_tile_grid(tile, NULL, &count), BAD, "width is null");
+    fails("the grid of tile zero", vrtm_tile_grid((vrtm_tile){0}, &count, NULL), GONE, "tile: the handle is zero");
     fails("no place for the number", vrtm_tile_udim(tile, NULL, &count), BAD, "udim is null");
     fails("the place of tile zero", vrtm_tile_udim((vrtm_tile){0}, &count, &count), GONE, "tile: the handle is zero");
     fails("a count of asset zero", vrtm_asset_tile_count((vrtm_asset){0}, &count), GONE, "asset");

@@ -86,6 +86,12 @@ int main(void)
     vrtm_image rigidity = sheet_rigidity(&s);
     succeeds("set_rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
     succeeds("set_mask to none", vrtm_tile_set_mask(tile, NULL));
+    uint32_t cells[2] = {0, 0};
+    succeeds("tile_grid", vrtm_tile_grid(tile, &cells[0], &cells[1]));
+    check_that(cells[0] >= 64 && cells[0] == cells[1], "the grid follows the features", "");
+    vrtm_tile_settings of_grid = vrtm_tile_settings_init();
+    of_grid.grid_width = of_grid.grid_height = MAP;
+    succeeds("a grid as large as the map", vrtm_tile_set_settings(tile, &of_grid));
     vrtm_tile_data tile_data = vrtm_tile_data_init();
     succeeds("tile_info", vrtm_tile_info(tile, &tile_data));
     check_that(tile_data.udim == 1001 && tile_data.grid_width == MAP && tile_data.grid_height == MAP &&

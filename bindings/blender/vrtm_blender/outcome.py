@@ -79,6 +79,8 @@ def figures(prepared: Prepared) -> list[tuple[str, str]]:
     ]
     if number > 1:
         shown.append(("Layers", str(number)))
+    cells = max((tile.grid_width, tile.grid_height) for tile in tiles)
+    shown.append(("Grid", f"{cells[0]} x {cells[1]}"))
     edges = sum(tile.edges + tile.edges_fixed for tile in tiles)
     if edges:
         # Of all that is rigid, what cannot move too.

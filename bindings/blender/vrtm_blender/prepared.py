@@ -118,8 +118,9 @@ class Prepared:
         """What a pose comes to with these seams, on at most 512 cells per side. The settings are to be set again."""
         self.stamps.pop("settings", None)
         for tile in self._tiles():
-            size = {f"grid_{side}": min(getattr(tile.info, f"grid_{side}"), MEASURED) for side in ("width", "height")}
-            tile.set_settings(tile.settings, seams=seams, open_borders="fixed", **size)
+            width, height = (min(cells, MEASURED) for cells in tile.grid)
+            ways = {"seams": seams, "open_borders": "fixed"}
+            tile.set_settings(tile.settings, grid_width=width, grid_height=height, **ways)
         self.asset.solve(positions, quality=quality, measure=True)
         return [tile.report() for tile in self.asset.tiles]
 

@@ -98,7 +98,7 @@ class VrtmSettings(bpy.types.PropertyGroup):
     )
     grid: IntProperty(
         name="Grid",
-        description="Cells per side of a tile; 0: the rigidity image's size, or 1024 without an image",
+        description="Cells per side of a tile; 0: 20 across the narrowest rigid features, as Status tells",
         min=0,
         max=16384,
         default=0,

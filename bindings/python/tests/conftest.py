@@ -50,6 +50,7 @@ def model() -> SimpleNamespace:
 def asset(device: vrtm.Device, model: SimpleNamespace) -> Iterator[vrtm.Asset]:
     with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as asset:
         asset.tile(1001).set_rigidity(studs())
+        asset.tile(1001).set_settings(grid_width=128, grid_height=128)
         yield asset
 
 

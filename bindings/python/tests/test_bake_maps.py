@@ -90,16 +90,26 @@ def test_a_map_of_a_few_texels_makes_no_grid_of_a_few_cells(tmp_path: Path, side
     small = image(tmp_path / "rigid.1001.png", np.full((side, side, 1), 255, np.uint8))
     with opened(shot(tmp_path), rigidity=str(small)) as work:
         (tile,) = work.meshes["cloth"].tiles
-        assert (tile.cells, tile.size) == ((512, 512), (512, 512))
-        (hint,) = remarks.hints(work)
-        assert hint.startswith(f"/cloth: {small} has {side} x {side} texels: the grid has 512 x 512 cells")
+        assert (tile.cells, tile.size) == ((64, 64), (512, 512))
     with opened(shot(tmp_path), rigidity=str(small), size=32) as work:
-        assert work.meshes["cloth"].tiles[0].cells == (32, 32) and remarks.hints(work) == []
+        (tile,) = work.meshes["cloth"].tiles
+        assert (tile.cells, tile.size) == ((32, 32), (32, 32))
     # As the tiles beside it.
     image(tmp_path / "rigid.1002.png", np.full((48, 64, 1), 255, np.uint8))
     scene = shot(tmp_path, [(2 * u, v) for u, v in scenes.UVS])
     with opened(scene, rigidity=str(tmp_path / "rigid.<UDIM>.png")) as work:
-        assert [tile.cells for tile in work.meshes["cloth"].tiles] == [(64, 48), (64, 48)]
+        assert [tile.size for tile in work.meshes["cloth"].tiles] == [(64, 48), (64, 48)]
+
+
+def test_the_grid_follows_the_features_and_maps_the_image(tmp_path: Path) -> None:
+    (u, v), place = np.mean(scenes.UVS, 0), (np.arange(1024) + 0.5) / 1024
+    for diameter, cells in ((0.045, 512), (0.06, 384)):
+        disc = np.hypot(*np.meshgrid(place - u, 1 - place - v)) < diameter / 2
+        painted = image(tmp_path / "disc.png", np.uint8(255 * disc[..., None]))
+        with opened(shot(tmp_path), rigidity=str(painted)) as work:
+            (tile,) = work.meshes["cloth"].tiles
+            assert (tile.cells, tile.size) == ((cells, cells), (1024, 1024))
+            assert (tile.tile.info.grid_width, tile.tile.settings.grid_width) == (cells, 0)
 
 
 @pytest.mark.parametrize(

@@ -84,6 +84,26 @@ pub unsafe extern "C" fn vrtm_tile_layer(tile: vrtm_tile, layer: *mut u32, layer
     })
 }
 
+/// Cells of the grid that a tile has with its present rigidity and settings: where vrtm_tile_settings.grid_width or
+/// grid_height is 0, those that resolve the rigid features. `height` may be null. Unlike vrtm_tile_info, it does not
+/// prepare the tile: it takes some milliseconds after a change of the rigidity.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `width` is null; VRTM_ERROR_BUSY;
+/// VRTM_ERROR_OUT_OF_MEMORY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_grid(tile: vrtm_tile, width: *mut u32, height: *mut u32) -> vrtm_status {
+    guard("vrtm_tile_grid", || {
+        let width_out = Place::new(width, "width")?;
+        let (asset, tile) = handle::tile("tile", tile)?;
+        let [width, cells] = asset.write(|asset| Ok(asset.tile_grid(tile)?))?;
+        width_out.write(width);
+        if !height.is_null() {
+            Place::new(height, "height")?.write(cells);
+        }
+        Ok(())
+    })
+}
+
 /// Describes a tile. The first call, and the first after a change of map or settings, builds the tile's
 /// grid, which takes time.
 ///

@@ -28,6 +28,7 @@ pub mod pose;
 pub mod pyramid;
 mod rest;
 pub mod rigid_nodes;
+pub mod pieces;
 pub mod uv_triangle;
 
 use std::sync::Arc;

@@ -186,9 +186,9 @@ pub struct Beyond {
 settings! {
     /// A tile's settings. All have a working default; a change rebuilds only what depends on it.
     pub struct TileSettings in "settings" {
-        /// Cells of the grid in u and v: the resolution of the solve. `None` = the rigidity map's size, or 1024 without
-        /// a map. Rounded up to a multiple of 16, at most 16384. Five cells across the smallest rigid feature and three
-        /// between two of them suffice.
+        /// Cells of the grid in u and v: the resolution of the solve. `None` = as many as resolve the rigid features, 20
+        /// across the narrowest (method §1): 64 to 4096, and no finer than the rigidity map and 256, or than an equal share
+        /// of the device's memory budget allows. Other numbers are rounded up to a multiple of 16, at most 16384.
         pub grid: [Option<u32>; 2] = [None; 2];
         /// Who owns overlapped texels.
         pub overlap: Overlap = Overlap::Fixed;

@@ -36,16 +36,16 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, mut noted: impl FnMut(&str, eg
         }
     });
     let tile = &mut settings.tile;
-    // 0 = the map's size, then 64, 128, ... cells.
+    // 0 = as many as resolve the features, then 64, 128, ... cells.
     let mut step = tile.grid[0].map_or(0, |cells| cells.ilog2() as i32 - 5);
     let cells = |step: i32| (step > 0).then(|| 32u32 << step);
     let slider = Slider::new(&mut step, 0..=6)
-        .custom_formatter(move |step, _| cells(step as i32).map_or("map".into(), |cells| cells.to_string()))
+        .custom_formatter(move |step, _| cells(step as i32).map_or("auto".into(), |cells| cells.to_string()))
         .custom_parser(|text| match text.trim().parse::<u32>() {
             Ok(cells) => Some(f64::from(cells.clamp(64, 2048)).log2().round() - 5.0),
             Err(_) => Some(0.0),
         });
-    let about = "Cells of the grid in u and v: the resolution of the solve. map = the rigidity map's size.";
+    let about = "Cells of the grid in u and v: the resolution of the solve. auto = as many as resolve the rigid features.";
     let response = row(ui, "grid", about, |ui| ui.add(slider));
     noted("grid", response.rect);
     dragged |= response.dragged();

@@ -267,7 +267,7 @@ pub fn cases() -> Vec<Case> {
         // Maps and grids.
         bulged("1x1 maps", Certified, |case| (case.rigidity, case.mask) = (Some(all(0.7)), Some(all(1.0)))),
         bulged("mask all fixed", Near(0.0), |case| case.mask = Some(all(0.0))),
-        bulged("odd maps, grid from the map", Certified, |case| {
+        bulged("odd maps, grid of the features", Certified, |case| {
             case.rigidity = Some(Map::new([77, 33], |x, y| ((x / 9 + y / 5) % 2) as f32));
             case.mask = Some(Map::new([5, 201], |_, y| f32::from(y != 100)));
             case.settings.grid = [None; 2];

@@ -63,7 +63,7 @@ class VRTM_OT_preset(OnObject, bpy.types.Operator):
         items=[
             ("scrub", "Scrub", "Draft on a grid of 256: follows a scrub on most machines"),
             ("work", "Work", "Normal on a grid of 512"),
-            ("final", "Final", "High, on a grid as fine as the rigidity image"),
+            ("final", "Final", "High, on a grid that resolves the rigid features"),
         ],
     )
 

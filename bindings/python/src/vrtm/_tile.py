@@ -101,6 +101,14 @@ class Tile:
         fill(struct, settings)
         check(library.vrtm_tile_set_settings(self._handle, ctypes.byref(struct)))
 
+    @property
+    def grid(self) -> tuple[int, int]:
+        """Cells of the grid in u and v that the tile has with its present rigidity and settings. The tile is not
+        prepared."""
+        width, height = ctypes.c_uint32(), ctypes.c_uint32()
+        check(library.vrtm_tile_grid(self._handle, ctypes.byref(width), ctypes.byref(height)))
+        return width.value, height.value
+
     def freeze(self, frozen: bool = True) -> None:
         """Freezes or unfreezes the tile: solves skip a frozen tile, so that it keeps its result."""
         check(library.vrtm_tile_freeze(self._handle, int(bool(frozen))))

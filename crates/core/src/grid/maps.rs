@@ -38,6 +38,8 @@ pub struct TileMaps {
     /// Without values all nodes may move.
     pub mask: Values,
     pub settings: TileSettings,
+    /// Cells on a side of the grid that resolves the rigidity (`pieces`), if that was looked for.
+    pub resolving: Option<u32>,
 }
 
 /// The maps that a tile's grid depends on.
@@ -60,18 +62,19 @@ impl<'a> MapsOfTile<'a> {
     }
 }
 
-/// Cells on a side of the grid of a tile with rigidity per vertex, unless the settings give a size.
+/// Cells on a side of the grid of a tile with rigidity per vertex, where none was looked for.
 const VERTEX_GRID: usize = 1024;
 
 impl TileMaps {
-    /// Cells of the grid: the size from the settings, or else the size of the rigidity map, rounded up to a multiple of
-    /// 16.
+    /// Cells of the grid, a multiple of 16: the size from the settings, or the one that resolves the rigidity. Where that
+    /// was not looked for, it is the map's.
     pub fn grid_size(&self) -> [usize; 2] {
-        let default = match &self.rigidity {
-            Values::Map(map) => [map.width, map.height],
-            Values::Vertices(_) => [VERTEX_GRID; 2],
+        let default = match (&self.rigidity, self.resolving) {
             // No node will be movable: the smallest grid is enough.
-            Values::None => [SIDE; 2],
+            (Values::None, _) => [SIDE; 2],
+            (_, Some(cells)) => [cells as usize; 2],
+            (Values::Map(map), None) => [map.width, map.height],
+            (Values::Vertices(_), None) => [VERTEX_GRID; 2],
         };
         std::array::from_fn(|axis| {
             let n = self.settings.grid[axis].map_or(default[axis], |n| n as usize);

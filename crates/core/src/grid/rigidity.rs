@@ -105,25 +105,16 @@ impl NodeRigidity<'_> {
             return None;
         }
         let source = self.coverer.tile.source(triangle as usize)?;
-        let [l1, l2] = self.barycentrics(triangle as usize, at).map(f64::from);
+        let [l1, l2] = self.triangles[triangle as usize].barycentrics(at).map(f64::from);
         let [a, b, c]: [DVec2; 3] = source.uv;
         Some((self.maps.of(source.tile)?, (a + l1 * (b - a) + l2 * (c - a)).into()))
     }
 
-    /// Barycentric coordinates of corners 1 and 2 at a point in cells.
-    fn barycentrics(&self, t: usize, at: [f32; 2]) -> [f32; 2] {
-        let uv = &self.triangles[t];
-        let offset = [at[0] - uv.origin[0], at[1] - uv.origin[1]];
-        uv.barycentric.map(|row| row[0] * offset[0] + row[1] * offset[1])
-    }
-
     /// Rigidity per vertex, interpolated linearly on a triangle, at a point in cells.
     fn on_triangle(&self, values: &[f32], t: usize, at: [f32; 2]) -> f32 {
-        let [l1, l2] = self.barycentrics(t, at);
         let tile = self.coverer.tile;
         let chart = &tile.charts[self.coverer.charts[t] as usize];
         let value = |v: u32| chart.value(v, |v| [f64::from(values[v as usize])])[0] as f32;
-        let [a, b, c] = tile.triangles[t].local.map(value);
-        (a + l1 * (b - a) + l2 * (c - a)).clamp(0.0, 1.0)
+        self.triangles[t].interpolate(tile.triangles[t].local.map(value), at).clamp(0.0, 1.0)
     }
 }

@@ -16,6 +16,20 @@ pub struct UvTriangle {
     pub neighbours: [u32; 3],
 }
 
+impl UvTriangle {
+    /// Barycentric coordinates of corners 1 and 2 at a point in cells.
+    pub fn barycentrics(&self, at: [f32; 2]) -> [f32; 2] {
+        let offset = [at[0] - self.origin[0], at[1] - self.origin[1]];
+        self.barycentric.map(|row| row[0] * offset[0] + row[1] * offset[1])
+    }
+
+    /// A linear function at a point in cells, from its values at the corners.
+    pub fn interpolate(&self, [a, b, c]: [f32; 3], at: [f32; 2]) -> f32 {
+        let [l1, l2] = self.barycentrics(at);
+        a + l1 * (b - a) + l2 * (c - a)
+    }
+}
+
 /// The triangles of a tile, prepared for point location on a grid of nx by ny cells.
 pub fn uv_triangles(tile: &TileMesh, nx: usize, ny: usize) -> Vec<UvTriangle> {
     let cells = DVec2::new(nx as f64, ny as f64);

@@ -149,17 +149,17 @@ def _files(group: argparse._ArgumentGroup) -> None:
 def _content(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--size",
-        type=whole(1, LARGEST),
+        type=lambda text: None if text == AUTO else whole(1, LARGEST)(text),
         metavar="N",
-        help="cells of the grid per side (default: the rigidity map's texels, 512 if it has fewer than 16 per side; "
-        "1024 with a primvar)",
+        help="cells of the grid per side; auto, the default: 20 across the narrowest rigid features of each tile, but "
+        "64 to 4096, and no more than the rigidity map has texels or 256",
     )
     group.add_argument(
         "--map-size",
         type=lambda text: text if text == AUTO else whole(1, LARGEST)(text),
         metavar="N",
-        help="texels per side (the grid's); auto: per tile and frame the least that keeps --max-error (1 if that is "
-        "not given), or what comes closest to it",
+        help="texels per side (those of --size, or of the rigidity map; 1024 with a primvar); auto: per tile and "
+        "frame the least that keeps --max-error (1 if that is not given), or what comes closest to it",
     )
     group.add_argument(
         "--form",

@@ -145,8 +145,8 @@ def _measured(mesh: MeshWork, seams: str, frame: Frame, positions: np.ndarray) -
             # What is set for one layer holds for all of its tile.
             if tile.layer == 0:
                 now = tile.settings
-                size = {name: min(getattr(now, name), _CELLS) for name in ("grid_width", "grid_height")}
-                tile.set_settings(now, seams=seams, **size)
+                width, height = (min(cells, _CELLS) for cells in tile.grid)
+                tile.set_settings(now, seams=seams, grid_width=width, grid_height=height)
         part.solve(frame, positions, part.tiles, True, False, False, lambda: None)
         yield from (tile.report() for tile in part.all_tiles)
 

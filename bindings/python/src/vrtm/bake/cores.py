@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 
 from vrtm.bake.settings import Settings
@@ -33,7 +34,8 @@ def split(settings: Settings, work: Work, tasks: int) -> tuple[int, int]:
 def _fitting(work: Work) -> int:
     """As many as find room in the memory that is free."""
     tiles = [tile for mesh in work.meshes.values() for tile in mesh.tiles]
-    images = max((tile.cells[0] * tile.cells[1] for tile in tiles), default=0)
+    # A size that follows from what the map holds is at most twice the grid's.
+    images = max((math.prod(tile.size) or 4 * math.prod(tile.cells) for tile in tiles), default=0)
     free = _free()
     return max(1, free // (work.bytes + images * _BYTES_PER_TEXEL + _BYTES_PER_JOB)) if free else 1 << 16
 

@@ -22,7 +22,7 @@ LARGEST_GRID = 16384
 SIZE_WITHOUT_MAP = 512
 SIZE_OF_PRIMVAR = 1024
 LEAST_MAP = 16
-"""Texels per side; a rigidity map of fewer is no measure for a grid."""
+"""Texels per side; a rigidity map of fewer is no measure for a redirection."""
 _DIM, _BEYOND = 0.1, 2.0
 """The largest value of a map that makes next to nothing white, and one beyond white that no filter leaves."""
 _FINEST = 512
@@ -85,8 +85,6 @@ class Part:
         """Of the rigidity maps by UDIM number, for `gain`."""
         self.notes: list[str] = []
         """What is odd about its maps and primvars, each as a sentence."""
-        self.hints: list[str] = []
-        """What was chosen for it, in the same way."""
         self._look_at_primvars()
         self.tiles = self._tiles(common)
         self.textures = [(copy, self._found(copy.pattern)) for copy in copies]
@@ -140,13 +138,11 @@ class Part:
             rigidity, mask = rigid.get(tile.udim), masks.get(tile.udim)
             # A few texels say how rigid a tile is, and not how finely it moves.
             small = rigidity is None or min(rigidity.shape) < LEAST_MAP
-            own = other if small else (rigidity.shape[1], rigidity.shape[0])
-            cells = own if settings.size is None else (settings.size, settings.size)
-            if small and rigidity is not None and settings.size is None and tile.layer == 0:
-                texels = f"{rigidity.shape[1]} x {rigidity.shape[0]} texels"
-                path = self.maps["rigidity"][tile.udim]
-                self.hints.append(f"{path} has {texels}: the grid has {cells[0]} x {cells[1]} cells, as without a map")
-            grid = (min(cells[0], LARGEST_GRID), min(cells[1], LARGEST_GRID))
+            size = other if small else (rigidity.shape[1], rigidity.shape[0])
+            if settings.size is not None:
+                size = (settings.size,) * 2
+            # 0 leaves the size to the features.
+            grid = min(settings.size or 0, LARGEST_GRID)
             # What is set for one layer holds for all of its tile.
             if tile.layer == 0:
                 if rigidity is not None:
@@ -156,15 +152,14 @@ class Part:
                 if mask is not None:
                     tile.set_mask(mask)
                     self._look_at("mask", f"--mask {self.maps['mask'][tile.udim]}", mask)
-                tile.set_settings(tile.settings, grid_width=grid[0], grid_height=grid[1], **settings.tile_settings)
-            size = cells
+                tile.set_settings(tile.settings, grid_width=grid, grid_height=grid, **settings.tile_settings)
             if settings.map_size is not None:
                 size = (0, 0) if settings.map_size == AUTO else (int(settings.map_size),) * 2
             inputs = common.copy().text(tile.udim, dataclasses.astuple(tile.settings)).array(rigidity).array(mask)
             if tile.layer:
                 inputs.text("layer", tile.layer)
             if settings.tiles is None or tile.udim in settings.tiles:
-                tiles.append(TileWork(self, tile, tile.udim, tile.layer, grid, size, inputs))
+                tiles.append(TileWork(self, tile, tile.udim, tile.layer, tile.grid, size, inputs))
         return tiles
 
     def solve(

@@ -46,7 +46,7 @@ def _without_maps(work: Work) -> list[str]:
 
 def hints(work: Work) -> list[str]:
     """What may be meant or not, each as a sentence."""
-    hints = [f"{part.where}: {hint}" for part in work.parts for hint in part.hints]
+    hints = []
     for option in ("rigidity", "mask"):
         pattern, users = getattr(work.settings, option), {}
         for part in work.parts if pattern else ():
