@@ -188,7 +188,9 @@ def with_material(folder: Path, make=scenes.materialx_material) -> Path:
 def sheet_arguments(scene: Path, out: Path, *more: object) -> list[object]:
     """A bake of the sheet on the CPU, with as many cells as the images have texels."""
     rigidity = scene.parent / "rigid.<UDIM>.png"
-    return ["bake", scene, "--rigidity", rigidity, "--size", 64, "--device", "cpu", "--out", out, *more]
+    painted = next(scene.parent.glob("*rigid.*.png"), None)
+    size = read_map(str(painted)).shape[0] if painted else 64
+    return ["bake", scene, "--rigidity", rigidity, "--size", size, "--device", "cpu", "--out", out, *more]
 
 
 def solved_alone(scene: Path, frame: int, maps: Path, cells: int) -> vrtm.Asset:

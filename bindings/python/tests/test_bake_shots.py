@@ -116,6 +116,7 @@ def warm(scene: Path, weight: float) -> list[dict[int, np.ndarray]]:
         asset = shape.asset(device, "index")
         for tile in asset.tiles:
             tile.set_rigidity(read_map(str(scene.parent / f"rigid.{tile.udim}.png")))
+            tile.set_settings(grid_width=64, grid_height=64)
         for frame in opened.frames:
             asset.solve(opened.positions(shape, frame), warm=True, temporal_weight=weight)
             found.append({t.udim: t.fetch("redirection", (64, 64), channels=3) for t in asset.tiles})
@@ -154,7 +155,7 @@ def test_settings_of_tiles_reach_the_library(scene: Path, tmp_path: Path) -> Non
         asset = shape.asset(device, "index")
         for tile in asset.tiles:
             tile.set_rigidity(read_map(str(scene.parent / f"rigid.{tile.udim}.png")))
-            tile.set_settings(tile.settings, **given)
+            tile.set_settings(grid_width=64, grid_height=64, **given)
         asset.solve(opened.positions(shape, 3))
         expected = asset.tile(1001).fetch("redirection", (64, 64), channels=3)
     found = pixels(tmp_path / "out" / "redirect.0003.1001.exr")

@@ -42,6 +42,7 @@ def two_materials(folder: Path, make=scenes.materialx_material, scheme: str = "n
 def arguments(scene: Path, out: Path, *more: object) -> list[object]:
     folder = scene.parent
     options = ("--form", "udim", "--measure", "--layer", out.parent / "over.usda", "--subsets", "--device", "cpu")
+    options += ("--size", SIZE)
     return ["bake", scene, "--rigidity", folder / "<subset>.rigid.<UDIM>.png", "--out", out, *options, *more]
 
 

@@ -150,6 +150,7 @@ def test_saved_tiles(device, model, asset):
     with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as other:
         refused(vrtm.InvalidArgumentError, "", other.tile(1001).load, data)
         other.tile(1001).set_rigidity(studs())
+        other.tile(1001).set_settings(tile.settings)
         refused(vrtm.InvalidArgumentError, "", other.tile(1001).load, data[:-1])
         refused(vrtm.InvalidArgumentError, "", other.tile(1001).load, b"")
         other.tile(1001).load(data)

@@ -96,7 +96,7 @@ def test_strain_of_known_poses(tmp_path: Path, pose: str, strain: tuple[float, f
 
 def test_what_vrtm_gains_is_seen(tmp_path: Path) -> None:
     scene = sheet(tmp_path, frames=5, cells=16)
-    settings = Settings(str(scene), rigidity=str(tmp_path / "rigid.<UDIM>.png"), device="cpu")
+    settings = Settings(str(scene), rigidity=str(tmp_path / "rigid.<UDIM>.png"), size=64, device="cpu")
     with Work(settings, 1) as work:
         [mesh] = work.meshes.values()
         positions = work.scene.positions(mesh.shape, 5)

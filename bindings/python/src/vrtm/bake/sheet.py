@@ -173,7 +173,8 @@ class _Surface:
             self.looked.append(self._look(tile, np.flatnonzero(own)))
 
     def _look(self, tile: TileWork, own: np.ndarray) -> _Looked:
-        size = width, height = min(tile.cells[0], _SIDE), min(tile.cells[1], _SIDE)
+        texels = tile.size if tile.size[0] else tile.cells
+        size = width, height = min(texels[0], _SIDE), min(texels[1], _SIDE)
         corners = np.concatenate([self.uvs[own] * [width, -height] + [0, height], np.zeros((len(own), 3, 1))], -1)
         found, weights = cover(corners, size)
         triangle = np.where(found >= 0, np.append(own, -1)[found], -1)
