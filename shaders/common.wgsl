@@ -136,16 +136,15 @@ fn node_at(s: u32) -> vec2u {
     return vec2u(2u * (s % 8u) + (colour & 1u), 2u * (s / 8u % 8u) + (colour >> 1u));
 }
 
-/// Place of node (i - 1, j - 1) of a block in its window of 18x18 nodes, stored as four colour planes of 9x9.
+/// Place of node (i - 1, j - 1) of a block in its window of 18x18 nodes. Rows follow one another, so that a node's neighbours
+/// are at constant distances.
 fn place(i: u32, j: u32) -> u32 {
-    return ((j & 1u) * 2u + (i & 1u)) * 81u + (j >> 1u) * 9u + (i >> 1u);
+    return j * 18u + i;
 }
 
 /// Node (i, j), both from 0 to 17, at place k of a window: the inverse of `place`.
 fn window_node(k: u32) -> vec2u {
-    let colour = k / 81u;
-    let rest = k % 81u;
-    return vec2u(2u * (rest % 9u) + (colour & 1u), 2u * (rest / 9u) + (colour >> 1u));
+    return vec2u(k % 18u, k / 18u);
 }
 
 /// Returns which of the 3x3 neighbour blocks holds node n of a window (0 to 17), and the slot of the node there.

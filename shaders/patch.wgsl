@@ -1,5 +1,5 @@
 // A patch: a block with its halo in workgroup memory (method §1, Blocks). It takes 15552 bytes, which fits the 16 KiB
-// of WebGPU's default limits.
+// of WebGPU's default limits. The kernel that includes this file declares PATCH_THREADS, the number of its threads.
 
 var<workgroup> patch_u: array<vec2f, 324>;
 /// Position or metric at W (3), and rigidity.
@@ -25,7 +25,7 @@ fn rest_lengths(b: u32, s: u32, base: array<u32, 4>, shift: array<u32, 4>) -> ve
 fn load_patch(b: u32, t: u32) {
     let base = blocks[b].length_base;
     let shift = blocks[b].length_shift;
-    for (var k = t; k < WINDOW; k += 64u) {
+    for (var k = t; k < WINDOW; k += PATCH_THREADS) {
         let source = window_source(window_node(k));
         let holder = blocks[b].neighbours[source.x];
         if holder == NONE {
@@ -57,8 +57,7 @@ fn load_patch(b: u32, t: u32) {
 
 /// Index in the window of the node at offset o from node n of the block.
 fn place_at(n: vec2u, o: vec2i) -> u32 {
-    let at = vec2u(vec2i(n) + 1 + o);
-    return place(at.x, at.y);
+    return u32(i32(place(n.x + 1u, n.y + 1u)) + o.y * 18 + o.x);
 }
 
 fn fixed_in_patch(at: u32) -> bool {

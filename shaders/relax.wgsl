@@ -6,6 +6,8 @@
 // `orientation_density` is not 0) and 72 per triangle, and writes 12 per node. On coarser levels it reads 8 bytes of
 // state, 12 of constants and 12 of metrics per node, and writes 8.
 
+const PATCH_THREADS: u32 = 64u;
+
 /// -H^-1 gamma, clamped to MAX_NODE_STEP and limited so that every corner Jacobian keeps most of what it has over
 /// MIN_JACOBIAN.
 fn newton_step(n: vec2u, u: vec2f, l: Local) -> vec2f {

@@ -44,7 +44,7 @@ fn edge(n: vec2u, p: NodeState, k: u32, floor: f32) -> Edge {
     let same = (patch_tag[at_neighbour] & 0xfffffffeu) == p.tag;
     let chord = chord(p.value, p.tangents, patch_value[at_neighbour].xyz, same, d);
     let weight = max(patch_value[at_node].w, patch_value[at_neighbour].w);
-    let inverse_d0_square = 1.0 / f32(o.x * o.x + o.y * o.y);
+    let inverse_d0_square = select(1.0, 0.5, (k & 2u) != 0u);
     var kappa = params.orientation;
     if params.orientation_density > 0.0 {
         kappa += params.orientation_density * 0.5 * (density(at_node) + density(at_neighbour));

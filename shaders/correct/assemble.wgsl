@@ -1,7 +1,10 @@
 // correct, first step: assembles the Gauss-Newton system of a level (method §7.1). For each pair of neighbours p and n
 // it sums w / l^2 g_p g_n' and the other terms that depend on both; the pair is stored once, with the node that owns
 // the edge. The right-hand side is minus the gradient (matrix and gradient are halves of derivatives). Per node it
-// reads what relax reads, and writes 52 bytes; it reads 44 per triangle.
+// reads what relax reads, and writes 52 bytes; it reads 44 per triangle. Each thread has one node, and visits each of
+// its edges and corners once.
+
+const PATCH_THREADS: u32 = 256u;
 
 /// The near-bound penalty's stiffness at a corner (method §7.1).
 fn near_bound(jacobian: f32) -> f32 {
@@ -13,102 +16,135 @@ fn outer_pair(a: vec2f, b: vec2f) -> vec4f {
     return vec4f(a.x * b.x, a.x * b.y, a.y * b.x, a.y * b.y);
 }
 
-/// Index of the neighbour at offset o: the inverse of `offset`.
-fn neighbour_at(o: vec2i) -> u32 {
-    let neighbour_owns = o.y < 0 || (o.y == 0 && o.x < 0);
-    let d = select(o, -o, neighbour_owns);
-    let e = select(select(select(3u, 2u, d.x > 0), 1u, d.x == 0), 0u, d.y == 0);
-    return e + select(0u, 4u, neighbour_owns);
+/// The sums over a thread's node: its share of the energy, its least corner Jacobian, its gradient, and its diagonal block.
+var<private> energy: f32;
+var<private> worst: f32;
+var<private> gradient: vec2f;
+var<private> diagonal: vec3f;
+
+/// A cell's parts in the pairs of one of its nodes with the x-neighbour, the y-neighbour and the opposite node.
+struct CellPairs {
+    x: vec4f,
+    y: vec4f,
+    across: vec4f,
 }
 
-@compute @workgroup_size(64)
-fn assemble(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
-    let b = block_of_workgroup(group, t);
+/// Adds the corner between the offsets a and b, whose energy `sharers` movable nodes share. Returns the gradient's part of
+/// its products dJ/dp dJ/dn' with the other two nodes; the sign of all derivatives cancels in them.
+fn add_corner(a: vec2f, b: vec2f, sign: f32, sharers: f32) -> vec2f {
+    let c = corner(a, b, sign);
+    let lack = max(params.room_threshold - c.jacobian, 0.0);
+    let stiffness = select(0.0, params.room, c.jacobian < params.room_threshold) + near_bound(c.jacobian);
+    energy += lack * lack * params.room / sharers;
+    worst = min(worst, c.jacobian);
+    gradient -= lack * params.room * c.slope;
+    diagonal += stiffness * outer(c.slope);
+    return stiffness * vec2f(a.y - b.y, b.x - a.x);
+}
+
+/// Adds the three corners of cell q that depend on node n.
+fn add_cell(n: vec2u, u: vec2f, q: u32) -> CellPairs {
+    let m = cell_offsets(n, u, q);
+    let s = quadrant(q);
+    let at_x = movable(n, vec2i(s.x, 0));
+    let at_y = movable(n, vec2i(0, s.y));
+    let at_c = movable(n, s);
+    let xy = add_corner(m.a, m.b, m.sign, at_x + at_y + 1.0);
+    let xc = add_corner(m.a, m.c, m.sign, at_x + at_c + 1.0);
+    let cy = add_corner(m.c, m.b, m.sign, at_y + at_c + 1.0);
+    let a = vec2f(m.a.y, -m.a.x);
+    let b = vec2f(m.b.y, -m.b.x);
+    let c = vec2f(m.c.y, -m.c.x);
+    return CellPairs(
+        outer_pair(xy, b) + outer_pair(xc, c),
+        -outer_pair(xy, a) - outer_pair(cy, c),
+        outer_pair(cy, b) - outer_pair(xc, a)
+    );
+}
+
+/// Adds edge k, and writes its pair if the node owns it. `corners` is the corners' part of the pair; `at` is the node's
+/// place in `rows`.
+fn add_edge(b: u32, n: vec2u, p: NodeState, own: mat2x3f, floor: f32, k: u32, corners: vec4f, at: u32) {
+    let e = edge(n, p, k, floor);
+    let counts = !fixed_in_patch(e.neighbour);
+    let near = near_gradient(e.chord, own);
+    let square = e.weight * e.inverse_length * e.inverse_length;
+    let smooth_weight = smoothness(e);
+    let isotropic = smooth_weight + stress_stiffness(e) + params.pull * e.inverse_d0_square;
+    let normal = vec2f(-e.offset.y, e.offset.x);
+    let turn = e.orientation * e.inverse_d0_square * e.inverse_d0_square;
+    energy += select(1.0, 0.5, counts) * edge_energy(e);
+    gradient += (square * (e.chord.length - e.length)) * near - smooth_weight * (e.chord.d - e.offset)
+        - (off_axis(e) * turn) * normal;
+    diagonal += square * outer(near) + vec3f(isotropic, 0.0, isotropic) + turn * outer(normal);
+    // Only pairs of two movable nodes count.
+    var pair = vec4f();
+    if counts {
+        let far = far_gradient(e.chord, slopes_of(b, vec2i(n) + offset(k)));
+        pair = square * outer_pair(near, far) - vec4f(isotropic, 0.0, 0.0, isotropic) - turn * outer_pair(normal, normal)
+            + corners;
+    }
+    diagonal += rounding_loss(pair);
+    if k < 4u {
+        let words = encode(pair);
+        rows[at + (PAIR + 2u * k) * NODES] = words.x;
+        rows[at + (PAIR + 2u * k + 1u) * NODES] = words.y;
+    }
+}
+
+fn assemble_node(b: u32, n: vec2u, at: u32) {
+    let floor = charts[blocks[b].chart].length_floor * params.scale;
+    let p = node_state(n);
+    let own = slopes_of(b, vec2i(n));
+    let across = across_border(n);
+    let moved = dot(across, p.u);
+    energy = params.hold * moved * moved;
+    gradient = params.hold * moved * across;
+    diagonal = params.hold * outer(across);
+    let north_east = add_cell(n, p.u, 0u);
+    let north_west = add_cell(n, p.u, 1u);
+    let south_east = add_cell(n, p.u, 2u);
+    let south_west = add_cell(n, p.u, 3u);
+    add_edge(b, n, p, own, floor, 0u, north_east.x + south_east.x, at);
+    add_edge(b, n, p, own, floor, 1u, north_east.y + north_west.y, at);
+    add_edge(b, n, p, own, floor, 2u, north_east.across, at);
+    add_edge(b, n, p, own, floor, 3u, north_west.across, at);
+    add_edge(b, n, p, own, floor, 4u, north_west.x + south_west.x, at);
+    add_edge(b, n, p, own, floor, 5u, south_east.y + south_west.y, at);
+    add_edge(b, n, p, own, floor, 6u, south_west.across, at);
+    add_edge(b, n, p, own, floor, 7u, south_east.across, at);
+}
+
+@compute @workgroup_size(256)
+fn assemble(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) s: u32) {
+    let b = block_of_workgroup(group, s);
     if b == NONE {
         return;
     }
-    load_patch(b, t);
-    let floor = charts[blocks[b].chart].length_floor * params.scale;
-    var energy = 0.0;
-    var worst = 1.0;
-    for (var colour = 0u; colour < 4u; colour++) {
-        let s = thread_slot(colour, t);
-        let n = node_at(s);
-        if fixed_in_patch(place_at(n, vec2i())) {
-            // A fixed node has the identity as its diagonal, so that the smoother does not divide by zero.
-            let at = row_index(b, 0u, s);
-            set_diagonal(at, vec3f(1.0, 0.0, 1.0));
-            for (var c = 0u; c < 8u; c++) {
-                rows[at + (PAIR + c) * NODES] = 0u;
-            }
-            vectors[vector_index(b, RESIDUAL, s)] = 0.0;
-            vectors[vector_index(b, RESIDUAL + 1u, s)] = 0.0;
-        } else {
-            assemble_node(b, n, s, floor);
-            energy += shared_energy(n, node_state(n), floor);
-            worst = worst_corner(n, worst);
+    load_patch(b, s);
+    load_slopes(b, s);
+    let n = node_at(s);
+    let at = row_index(b, 0u, s);
+    energy = 0.0;
+    worst = 1.0;
+    gradient = vec2f();
+    if fixed_in_patch(place_at(n, vec2i())) {
+        // A fixed node has the identity as its diagonal, so that the smoother does not divide by zero.
+        diagonal = vec3f(1.0, 0.0, 1.0);
+        for (var c = 0u; c < 8u; c++) {
+            rows[at + (PAIR + c) * NODES] = 0u;
         }
+    } else {
+        assemble_node(b, n, at);
     }
+    rows[at] = bitcast<u32>(diagonal.x);
+    rows[at + NODES] = bitcast<u32>(diagonal.y);
+    rows[at + 2u * NODES] = bitcast<u32>(diagonal.z);
+    vectors[vector_index(b, RESIDUAL, s)] = -gradient.x;
+    vectors[vector_index(b, RESIDUAL + 1u, s)] = -gradient.y;
     // The energy before the correction. It is added up before its memory is used for other quantities.
-    let sum = energy_of_block(t, energy, worst, false);
-    if t == 0u {
+    let sum = energy_of_block(s, energy, worst, false);
+    if s == 0u {
         vectors[vector_index(b, ENERGY_BEFORE, 0u)] = sum;
     }
-}
-
-fn set_diagonal(at: u32, diagonal: vec3f) {
-    for (var c = 0u; c < 3u; c++) {
-        rows[at + c * NODES] = bitcast<u32>(diagonal[c]);
-    }
-}
-
-fn assemble_node(b: u32, n: vec2u, s: u32, floor: f32) {
-    let p = node_state(n);
-    let own = slopes(b, vec2i(n), p.u, triangle_of(p.tag));
-    let l = local_problem(n, p, own, floor);
-    var diagonal = l.matrix;
-    var pairs: array<vec4f, 8>;
-    for (var q = 0u; q < 4u; q++) {
-        let m = cell_offsets(n, p.u, q);
-        let sign = quadrant(q);
-        for (var k = 0u; k < 3u; k++) {
-            let first = select(m.a, m.c, k == 2u);
-            let second = select(m.b, m.c, k == 1u);
-            let c = corner(first, second, m.sign);
-            diagonal += near_bound(c.jacobian) * outer(c.slope);
-            let beta = select(0.0, params.room, c.jacobian < params.room_threshold) + near_bound(c.jacobian);
-            // The products dJ/dp dJ/da' and dJ/dp dJ/db', with a and b the ends of the offsets `first` and `second`.
-            // The factor `sign` of all derivatives cancels in the products.
-            let gradient_p = vec2f(first.y - second.y, second.x - first.x);
-            let to_first = select(vec2i(sign.x, 0), sign, k == 2u);
-            let to_second = select(vec2i(0, sign.y), sign, k == 1u);
-            pairs[neighbour_at(to_first)] += beta * outer_pair(gradient_p, vec2f(second.y, -second.x));
-            pairs[neighbour_at(to_second)] += beta * outer_pair(gradient_p, vec2f(-first.y, first.x));
-        }
-    }
-    let at = row_index(b, 0u, s);
-    vectors[vector_index(b, RESIDUAL, s)] = -l.gradient.x;
-    vectors[vector_index(b, RESIDUAL + 1u, s)] = -l.gradient.y;
-    for (var k = 0u; k < 8u; k++) {
-        let e = edge(n, p, k, floor);
-        var pair = vec4f();
-        // Only pairs of two movable nodes count.
-        if !fixed_in_patch(e.neighbour) {
-            let far = slopes(b, vec2i(n) + offset(k), patch_u[e.neighbour], triangle_of(patch_tag[e.neighbour]));
-            let square = e.weight * e.inverse_length * e.inverse_length;
-            let isotropic = smoothness(e) + stress_stiffness(e) + params.pull * e.inverse_d0_square;
-            let normal = vec2f(-e.offset.y, e.offset.x);
-            pair = square * outer_pair(near_gradient(e.chord, own), far_gradient(e.chord, far))
-                - vec4f(isotropic, 0.0, 0.0, isotropic)
-                - e.orientation * e.inverse_d0_square * e.inverse_d0_square * outer_pair(normal, normal)
-                + pairs[k];
-        }
-        diagonal += rounding_loss(pair);
-        if k < 4u {
-            let words = encode(pair);
-            rows[at + (PAIR + 2u * k) * NODES] = words.x;
-            rows[at + (PAIR + 2u * k + 1u) * NODES] = words.y;
-        }
-    }
-    set_diagonal(at, diagonal);
 }

@@ -62,19 +62,22 @@ fn interpolation(g: i32, weight: f32) -> vec3f {
     return vec3f(vec3i(g) == vec3i(-2, 0, 2));
 }
 
-/// The 2x2 block of A at the fine nodes f (row) and f + offset(k) (column), row-major; k = 8 is the diagonal.
-fn fine_entry(quarter: u32, f: vec2i, k: u32) -> vec4f {
-    let neighbour_owns = k > 3u && k < 8u;
-    let source = fine_source(quarter, select(f, f + offset(k), neighbour_owns));
+/// The 2x2 block of A at the fine nodes f (row) and f + d (column), row-major.
+fn fine_entry(quarter: u32, f: vec2i, d: vec2i) -> vec4f {
+    let neighbour_owns = d.y < 0 || (d.y == 0 && d.x < 0);
+    let source = fine_source(quarter, select(f, f + d, neighbour_owns));
     if source.x == NONE {
         return vec4f();
     }
     let at = (params.other_base + source.x) * ROW_PLANES * NODES + source.y;
-    if k == 8u {
+    if all(d == vec2i()) {
         let xy = bitcast<f32>(fine_row_value(at + NODES));
         return vec4f(bitcast<f32>(fine_row_value(at)), xy, xy, bitcast<f32>(fine_row_value(at + 2u * NODES)));
     }
-    let pair = at + (PAIR + 2u * (k & 3u)) * NODES;
+    // The number of the edge: the inverse of `offset`.
+    let o = select(d, -d, neighbour_owns);
+    let edge = select(select(select(3u, 2u, o.x > 0), 1u, o.x == 0), 0u, o.y == 0);
+    let pair = at + (PAIR + 2u * edge) * NODES;
     let a = decode(vec2u(fine_row_value(pair), fine_row_value(pair + NODES)));
     return select(a, a.xzyw, neighbour_owns);
 }
@@ -114,26 +117,35 @@ fn galerkin(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
     if is_movable {
         let centre = vec2i(2u * (n % 8u));
         let first = vec2i(2u * n);
-        for (var i = 0u; i < 9u; i++) {
-            let f = vec2i(i32(i % 3u), i32(i / 3u)) - 1;
-            let to_middle = interpolation(f.x, weight_at(first + f)).y
-                * interpolation(f.y, weight_at(first + vec2i(0, f.y))).y;
-            for (var k = 0u; k < 9u; k++) {
-                let g = f + select(offset(k), vec2i(), k == 8u);
-                let a = to_middle * fine_entry(quarter, centre + f, k);
-                let in_x = interpolation(g.x, weight_at(first + g));
-                let in_west = in_x.x * interpolation(g.y, weight_at(first + vec2i(-2, g.y)));
-                let in_middle = in_x.y * interpolation(g.y, weight_at(first + vec2i(0, g.y)));
-                let in_east = in_x.z * interpolation(g.y, weight_at(first + vec2i(2, g.y)));
-                west[0] += in_west.x * a;
-                west[1] += in_west.y * a;
-                west[2] += in_west.z * a;
-                middle[0] += in_middle.x * a;
-                middle[1] += in_middle.y * a;
-                middle[2] += in_middle.z * a;
-                east[0] += in_east.x * a;
-                east[1] += in_east.y * a;
-                east[2] += in_east.z * a;
+        // P interpolates in x along the rows of fine nodes, then in y along the coarse columns; so does this.
+        for (var fy = -1; fy < 2; fy++) {
+            let in_middle_row = interpolation(fy, weight_at(first + vec2i(0, fy))).y;
+            for (var gy = fy - 1; gy < fy + 2; gy++) {
+                var to_west = vec4f();
+                var to_middle = vec4f();
+                var to_east = vec4f();
+                for (var fx = -1; fx < 2; fx++) {
+                    let from_middle = interpolation(fx, weight_at(first + vec2i(fx, fy))).y;
+                    for (var gx = fx - 1; gx < fx + 2; gx++) {
+                        let a = from_middle * fine_entry(quarter, centre + vec2i(fx, fy), vec2i(gx - fx, gy - fy));
+                        let in_x = interpolation(gx, weight_at(first + vec2i(gx, gy)));
+                        to_west += in_x.x * a;
+                        to_middle += in_x.y * a;
+                        to_east += in_x.z * a;
+                    }
+                }
+                let in_west = in_middle_row * interpolation(gy, weight_at(first + vec2i(-2, gy)));
+                let in_middle = in_middle_row * interpolation(gy, weight_at(first + vec2i(0, gy)));
+                let in_east = in_middle_row * interpolation(gy, weight_at(first + vec2i(2, gy)));
+                west[0] += in_west.x * to_west;
+                west[1] += in_west.y * to_west;
+                west[2] += in_west.z * to_west;
+                middle[0] += in_middle.x * to_middle;
+                middle[1] += in_middle.y * to_middle;
+                middle[2] += in_middle.z * to_middle;
+                east[0] += in_east.x * to_east;
+                east[1] += in_east.y * to_east;
+                east[2] += in_east.z * to_east;
             }
         }
     }

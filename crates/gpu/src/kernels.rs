@@ -117,9 +117,10 @@ kernels! {
     EnergyMetrics "energy" ["sampling/metrics", "patch", "terms", "pull", "shared_energy", "energy"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS), R(EXTRA)] 32;
     AssembleChords "assemble" ["sampling/triangle", "sampling/chords", "patch", "slopes", "terms", "shared_energy",
-        "correct/assemble"]
+        "correct/slopes_anew", "correct/assemble"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)] 76;
-    AssembleMetrics "assemble" ["sampling/metrics", "patch", "slopes", "terms", "shared_energy", "correct/assemble"]
+    AssembleMetrics "assemble" ["sampling/metrics", "patch", "slopes", "terms", "shared_energy", "correct/slopes_anew",
+        "correct/assemble"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)] 84;
     Pull "pull" ["sampling/triangle", "sampling/chords", "patch", "pull", "correct/pull"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS), R(EXTRA)] 48;
@@ -197,9 +198,15 @@ impl Kernel {
     }
 }
 
+/// Bytes of workgroup memory with which `assemble` keeps the slopes of a patch.
+const KEEPS_SLOPES: u32 = 24 << 10;
+
 impl Source {
-    /// The complete WGSL source.
-    pub fn text(&self) -> String {
-        [text!("generated"), text!("common")].iter().chain(self.texts).copied().collect::<Vec<_>>().join("\n")
+    /// The complete WGSL source, for a device with so many bytes of workgroup memory.
+    pub fn text(&self, workgroup_bytes: u32) -> String {
+        let parts = [text!("generated"), text!("common")].into_iter().chain(self.texts.iter().copied());
+        let keeps = |part| part == text!("correct/slopes_anew") && workgroup_bytes >= KEEPS_SLOPES;
+        let parts = parts.map(|part| if keeps(part) { text!("correct/slopes_kept") } else { part });
+        parts.collect::<Vec<_>>().join("\n")
     }
 }

@@ -26,7 +26,8 @@ impl Pipelines {
 
 impl Pipeline {
     pub fn new(device: &wgpu::Device, source: &Source) -> Pipeline {
-        Pipeline::from_text(device, source, source.text())
+        let bytes = device.limits().max_compute_workgroup_storage_size;
+        Pipeline::from_text(device, source, source.text(bytes))
     }
 
     /// Compiles `text` instead of the source's own text.

@@ -98,7 +98,7 @@ fn on_gpu(context: &Context, cases: &[Case]) -> std::vec::Vec<[f32; 2]> {
     let device = &context.device;
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
-        source: wgpu::ShaderSource::Wgsl((Kernel::Decide.source().text() + ENTRY).into()),
+        source: wgpu::ShaderSource::Wgsl((Kernel::Decide.source().text(0) + ENTRY).into()),
     });
     let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: None,

@@ -113,7 +113,7 @@ fn inverse(output: &Output, u: &Displacements, size: [usize; 2]) -> Vec<[f32; 2]
 /// A kernel that counts how often each texel is written; with `exact` it decides by integers alone.
 fn counting(context: &Context, exact: bool) -> Pipeline {
     let source = Kernel::Invert.source();
-    let mut text = source.text();
+    let mut text = source.text(0);
     let mut change = |from: &str, to: &str| {
         assert_eq!(text.matches(from).count(), 1, "{from}");
         text = text.replace(from, to);

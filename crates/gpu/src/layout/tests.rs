@@ -14,8 +14,8 @@ use vrtm_core::allocation::{Vec, vec};
 
 /// A kernel's module, validated without optional capabilities.
 fn module(source: &Source) -> (Module, ModuleInfo) {
-    let module = parse_str(&source.text())
-        .unwrap_or_else(|error| panic!("{:?}: {}", source.kernel, error.emit_to_string(&source.text())));
+    let module = parse_str(&source.text(0))
+        .unwrap_or_else(|error| panic!("{:?}: {}", source.kernel, error.emit_to_string(&source.text(0))));
     let mut validator = Validator::new(ValidationFlags::all(), Capabilities::empty());
     let info = validator.validate(&module).unwrap_or_else(|error| panic!("{:?}: {error:?}", source.kernel));
     (module, info)
@@ -152,7 +152,7 @@ fn workgroup_atomics_are_set_before_they_are_used() {
             if variable.space == AddressSpace::WorkGroup && is_atomic {
                 found += 1;
                 assert!(
-                    source.text().contains(&format!("atomicStore(&{name}, ")),
+                    source.text(0).contains(&format!("atomicStore(&{name}, ")),
                     "{:?}: {name}",
                     source.kernel
                 );
@@ -181,7 +181,12 @@ fn webgpu_s_default_limits_suffice() {
             | Kernel::MultigridDown
             | Kernel::MultigridUp
             | Kernel::Product
-            | Kernel::Curvature => 4 * THREADS,
+            | Kernel::Curvature
+            | Kernel::EnergyChords
+            | Kernel::EnergyMetrics
+            | Kernel::AssembleChords
+            | Kernel::AssembleMetrics
+            | Kernel::Pull => 4 * THREADS,
             // One line of a block's nodes each.
             Kernel::Falloff => vrtm_core::grid::planes::SIDE as u32,
             _ => THREADS,
@@ -229,7 +234,7 @@ fn other_compilers_take_the_shaders() {
     let mut failures = Vec::new();
     for source in &SOURCES {
         let file = folder.join(format!("{:?}.wgsl", source.kernel));
-        std::fs::write(&file, source.text()).unwrap();
+        std::fs::write(&file, source.text(0)).unwrap();
         for program in &programs {
             let output = run(program, &file).unwrap();
             if !output.status.success() {

@@ -39,7 +39,7 @@ fn shaders_decode_to_the_host_s_bits() {
     let device = &context.device;
     let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
-        source: wgpu::ShaderSource::Wgsl((Kernel::SelectCharts.source().text() + ENTRY).into()),
+        source: wgpu::ShaderSource::Wgsl((Kernel::SelectCharts.source().text(0) + ENTRY).into()),
     });
     let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: None,
