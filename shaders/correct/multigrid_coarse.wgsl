@@ -246,23 +246,34 @@ fn add_level(c: u32, level: u32, t: u32) {
     storageBarrier();
 }
 
-/// Sets z to M^-1 r by a V-cycle over the coarse levels from index `top` on.
+/// Sets z to M^-1 r by a V-cycle over the coarse levels from index `top` on: a pass of the smoother on each of them
+/// downward, several on the coarsest, and one on each upward. The passes are those of one loop, since compilers insert
+/// the code of a function wherever it is called.
 fn cycle(c: u32, top: u32, t: u32) {
     let coarsest = params.count - 1u;
-    for (var level = top; level < coarsest; level++) {
-        smooth_level(c, level, t, NONE, DIRECTION, false);
-        multiply_level(c, level, t, DIRECTION, true);
-        restrict_level(c, level + 1u, t);
-    }
-    for (var n = 0u; n < 2u * COARSEST_ROUNDS; n++) {
-        // The last pass writes the direction.
-        let odd = (n & 1u) != 0u;
-        let before = select(select(DIRECTION, NONE, n == 0u), SCRATCH, odd);
-        smooth_level(c, coarsest, t, before, select(SCRATCH, DIRECTION, odd), n >= COARSEST_ROUNDS);
-    }
-    for (var below = coarsest; below > top; below--) {
-        add_level(c, below - 1u, t);
-        smooth_level(c, below - 1u, t, SCRATCH, DIRECTION, true);
+    let turn = coarsest - top;
+    let rise = turn + 2u * COARSEST_ROUNDS;
+    for (var k = 0u; k < rise + turn; k++) {
+        var level = coarsest;
+        // The last pass on the coarsest level writes the direction.
+        let odd = ((k - turn) & 1u) != 0u;
+        var before = select(select(DIRECTION, NONE, k == turn), SCRATCH, odd);
+        var after = select(SCRATCH, DIRECTION, odd);
+        if k < turn {
+            level = top + k;
+            before = NONE;
+            after = DIRECTION;
+        } else if k >= rise {
+            level = coarsest - 1u - (k - rise);
+            add_level(c, level, t);
+            before = SCRATCH;
+            after = DIRECTION;
+        }
+        smooth_level(c, level, t, before, after, k >= turn + COARSEST_ROUNDS);
+        if k < turn {
+            multiply_level(c, level, t, DIRECTION, true);
+            restrict_level(c, level + 1u, t);
+        }
     }
 }
 
@@ -369,35 +380,49 @@ fn energy_before(c: u32, level: u32, t: u32) -> f32 {
     return sum_of_threads(t, sum);
 }
 
-/// One or two iterations of conjugate gradients on the coarse level with the index `level` (method §7.3).
-fn solve_level(c: u32, level: u32, t: u32, once: bool) {
-    let before = energy_before(c, level, t);
-    cycle(c, level, t);
-    let rz = sum_of_threads(t, dot_level(c, level, t, true));
-    let curvature = sum_of_threads(t, multiply_level(c, level, t, DIRECTION, false));
-    let alpha = step_length(rz, curvature);
-    if once {
-        if t == 0u {
-            charts[c].before = before;
-            charts[c].step = array<f32, 3>(alpha, 0.0, 0.0);
-            charts[c].predicted = alpha * rz;
+/// One or two iterations of conjugate gradients on the coarse level with the index `level` (method §7.3); or, if `solves`
+/// is not set, one V-cycle.
+fn solve_level(c: u32, level: u32, t: u32, solves: bool, iterations: u32) {
+    var before = 0.0;
+    if solves {
+        before = energy_before(c, level, t);
+    }
+    var rz = vec2f();
+    var curvature = vec2f();
+    var lengths = vec2f();
+    for (var k = 0u; k < iterations; k++) {
+        cycle(c, level, t);
+        if !solves {
+            return;
         }
-        return;
+        let is_first = k == 0u;
+        let product = sum_of_threads(t, dot_level(c, level, t, is_first && iterations > 1u));
+        if !is_first {
+            let quotient = product / rz.x;
+            second_direction(c, level, t, select(0.0, quotient, lengths.x != 0.0 && is_finite(quotient)));
+        }
+        let of_direction = sum_of_threads(t, multiply_level(c, level, t, DIRECTION, false));
+        let length = step_length(product, of_direction);
+        if is_first {
+            rz.x = product;
+            curvature.x = of_direction;
+            lengths.x = length;
+            if iterations > 1u {
+                advance(c, level, t, length);
+            }
+        } else {
+            rz.y = product;
+            curvature.y = of_direction;
+            lengths.y = length;
+        }
     }
-    advance(c, level, t, alpha);
-    cycle(c, level, t);
-    let second_rz = sum_of_threads(t, dot_level(c, level, t, false));
-    let quotient = second_rz / rz;
-    let beta = select(0.0, quotient, alpha != 0.0 && is_finite(quotient));
-    second_direction(c, level, t, beta);
-    let second_curvature = sum_of_threads(t, multiply_level(c, level, t, DIRECTION, false));
-    let lengths = vec2f(alpha, step_length(second_rz, second_curvature));
-    var step = Combination(vec3f(lengths, 0.0), alpha * rz + lengths.y * second_rz);
-    if params.has_last_step == 1u {
-        let products = products_of_last_step(c, level, t);
-        step = with_last_step(lengths, vec2f(curvature, second_curvature), step.predicted, products);
+    var step = Combination(vec3f(lengths, 0.0), lengths.x * rz.x + lengths.y * rz.y);
+    if iterations > 1u {
+        if params.has_last_step == 1u {
+            step = with_last_step(lengths, curvature, step.predicted, products_of_last_step(c, level, t));
+        }
+        put_back(c, level, t);
     }
-    put_back(c, level, t);
     if t == 0u {
         charts[c].before = before;
         charts[c].step = array<f32, 3>(step.factors.x, step.factors.y, step.factors.z);
@@ -418,10 +443,9 @@ fn multigrid_coarse(@builtin(workgroup_id) group: vec3u, @builtin(local_invocati
         return;
     }
     // `first` is the index of the level among the coarse levels.
-    if params.mode == COARSE_SOLVE || params.mode == COARSE_SOLVE_ONCE {
-        solve_level(c, params.first, t, params.mode == COARSE_SOLVE_ONCE);
-        return;
+    let solves = params.mode == COARSE_SOLVE || params.mode == COARSE_SOLVE_ONCE;
+    if !solves {
+        gather_level(c, params.first, t);
     }
-    gather_level(c, params.first, t);
-    cycle(c, params.first, t);
+    solve_level(c, params.first, t, solves, select(1u, 2u, params.mode == COARSE_SOLVE));
 }

@@ -9,6 +9,10 @@ use vrtm_core::grid::planes::NODES;
 use vrtm_core::mesh::NONE;
 use vrtm_core::method::law::FEW_BLOCKS;
 
+/// Blocks of a chart on which the threads of a dispatch work at once (shaders/correct/multigrid_coarse.wgsl). Where a chart has
+/// more, one dispatch for each step of the V-cycle takes less time; the coarsest level is always one of the coarse levels.
+const BLOCKS_AT_ONCE: usize = 4;
+
 /// The coarse levels, and the positions of their blocks in the shared buffers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CoarseLevels {
@@ -27,7 +31,8 @@ impl CoarseLevels {
         let mut coarse = CoarseLevels { first: grid.levels.len(), bases: Vec::new(), blocks: 0 };
         for (k, level) in grid.levels.iter().enumerate().rev() {
             let blocks = coarse.blocks + level.blocks.list.len();
-            if level.blocks.most_of_a_chart() > FEW_BLOCKS || blocks > capacity {
+            let most = if k + 1 == grid.levels.len() { FEW_BLOCKS } else { BLOCKS_AT_ONCE };
+            if level.blocks.most_of_a_chart() > most || blocks > capacity {
                 break;
             }
             (coarse.first, coarse.blocks) = (k, blocks);
