@@ -69,6 +69,8 @@ pub(super) fn add(
         open.iter().copied().filter(|&b| level.blocks.neighbours[b as usize].iter().any(is_less)).collect()
     };
     let mut u: Vec<[Plane; 2]> = Vec::from(before);
+    // Of the blocks as they are now.
+    let mut certified: Vec<Certificate> = vec![Certificate::default(); count];
     let mut open: Vec<u32> = active.clone();
     let (mut with_change, mut beside): (Vec<u32>, Vec<u32>) = (Vec::from(blocks), active.clone());
     for round in 0..=ROUNDS {
@@ -76,11 +78,12 @@ pub(super) fn add(
         let now = team.map(with_change.len(), taken);
         with_change.iter().zip(now).for_each(|(&b, now)| u[b as usize] = now);
         let factors = team.map(beside.len(), |k| factors(level, before, &u, beside[k] as usize));
-        if factors.iter().all(Option::is_none) {
+        beside.iter().zip(&factors).for_each(|(&b, of)| certified[b as usize] = of.0);
+        if factors.iter().all(|(_, factors)| factors.is_none()) {
             break;
         }
         let mut is_open: Vec<bool> = zeroed(charts);
-        for (&b, factors) in beside.iter().zip(&factors) {
+        for (&b, (_, factors)) in beside.iter().zip(&factors) {
             let Some(factors) = factors else { continue };
             is_open[level.blocks.list[b as usize].chart as usize] = true;
             is_less[b as usize] = true;
@@ -106,6 +109,8 @@ pub(super) fn add(
             for &b in &open {
                 (fractions[b as usize], u[b as usize]) = ([0.0; NODES], before[b as usize]);
             }
+            let again = team.map(open.len(), |k| certify_block(level, &u, open[k] as usize));
+            open.iter().zip(again).for_each(|(&b, certificate)| certified[b as usize] = certificate);
         }
     }
     let mut is_limited: Vec<bool> = zeroed(charts);
@@ -113,11 +118,10 @@ pub(super) fn add(
         let is_whole = fractions[b as usize].iter().all(|&f| f >= 1.0);
         is_limited[level.blocks.list[b as usize].chart as usize] |= !is_whole;
     }
-    let parts = team.map(active.len(), |k| certify_block(level, &u, active[k] as usize));
     let mut certificates: Vec<Option<Certificate>> = vec![None; charts];
-    for (&b, part) in active.iter().zip(&parts) {
+    for &b in &active {
         let chart = level.blocks.list[b as usize].chart as usize;
-        certificates[chart].get_or_insert_default().add(part);
+        certificates[chart].get_or_insert_default().add(&certified[b as usize]);
     }
     let limited = is_limited.iter().filter(|limited| **limited).count() as u32;
     Limited { u, certificates, charts: limited }
@@ -142,8 +146,9 @@ fn taken(
     u
 }
 
-/// What the fractions of a block's nodes are multiplied by because cells there are crushed, if any is.
-fn factors(level: &Level, before: &[[Plane; 2]], u: &[[Plane; 2]], b: usize) -> Option<Plane> {
+/// A block's certificate, and what the fractions of its nodes are multiplied by because cells there are crushed, if any is.
+fn factors(level: &Level, before: &[[Plane; 2]], u: &[[Plane; 2]], b: usize) -> (Certificate, Option<Plane>) {
+    let certificate = certify_block(level, u, b);
     let load = |u: &[[Plane; 2]]| {
         let mut windows = [[0.0f32; WINDOW_NODES]; 2];
         for (c, window) in windows.iter_mut().enumerate() {
@@ -153,8 +158,8 @@ fn factors(level: &Level, before: &[[Plane; 2]], u: &[[Plane; 2]], b: usize) -> 
     };
     // Rounding may leave a corner a little under the bound before the blend, too.
     let bound = 0.99 * f64::from(STEP_MIN_JACOBIAN);
-    if certify_block(level, u, b).min_jacobian >= bound {
-        return None;
+    if certificate.min_jacobian >= bound {
+        return (certificate, None);
     }
     let now = load(u);
     let mut found = None;
@@ -184,7 +189,7 @@ fn factors(level: &Level, before: &[[Plane; 2]], u: &[[Plane; 2]], b: usize) -> 
             }
         }
     }
-    found.map(|(_, _, factors)| factors)
+    (certificate, found.map(|(_, _, factors)| factors))
 }
 
 /// The largest part of a change, 0 to 1, up to which a corner's Jacobian is at least `bound`: it is quadratic in the part, and is
