@@ -68,6 +68,8 @@ pub(crate) struct GridKey {
     /// The tiles that its collars lie in, each with the generation of its maps and the size of its grid, at which they
     /// are read.
     beyond: Vec<(u32, u64, [usize; 2])>,
+    /// The tiles to which its charts do not go on.
+    stay: Vec<u32>,
 }
 
 impl Given {
@@ -169,7 +171,15 @@ impl Given {
             smoothness: [settings.smoothness, settings.smoothness_floor],
             has_density: settings.orientation_density > 0.0,
             beyond: beyond.map(there).collect(),
+            stay: self.stay(tile),
         }
+    }
+
+    /// If charts of a tile go on beyond their seams, the tiles whose charts do not.
+    pub fn stay(&self, tile: usize) -> Vec<u32> {
+        let goes_on = |maps: &TileMaps| maps.settings.beyond().is_some_and(|beyond| beyond.seams);
+        let stays = |other: &usize| goes_on(&self.maps[tile]) && !goes_on(&self.maps[*other]);
+        (0..self.maps.len()).filter(stays).map(|other| other as u32).collect()
     }
 
     /// The strokes that have changed a grid's inputs since it had this key: none if nothing has changed, `None` if

@@ -25,7 +25,8 @@ impl TileState {
     fn shape_key(&self, given: &Given, welds: &[u32]) -> ShapeKey {
         let beyond = given.maps[self.tile].settings.beyond();
         // Charts of a tile that a pose tears do not go on.
-        (beyond.filter(|_| welds.is_empty()), Vec::from(welds))
+        let beyond = beyond.filter(|_| welds.is_empty()).map(|beyond| (beyond, given.stay(self.tile)));
+        (beyond, Vec::from(welds))
     }
 
     /// The tile with these welds torn, with collars if its charts go on beyond their borders. Nothing is kept.

@@ -30,8 +30,9 @@ pub(crate) struct Call<'a> {
     pub given: &'a Given,
 }
 
-/// The key of a tile's triangles: the borders beyond which its charts go on, and the welds that are torn.
-pub(super) type ShapeKey = (Option<Beyond>, Vec<u32>);
+/// The key of a tile's triangles: the borders beyond which its charts go on, with the tiles whose charts do not go on beyond
+/// seams, and the welds that are torn.
+pub(super) type ShapeKey = (Option<(Beyond, Vec<u32>)>, Vec<u32>);
 
 /// A tile as it hangs together, and what is made for that.
 #[derive(Debug)]
@@ -156,7 +157,7 @@ pub(super) fn new_mesh(call: &Call, tile: usize, (beyond, welds): &ShapeKey) -> 
     let own = &call.mesh.tiles[tile];
     match beyond {
         _ if !welds.is_empty() => Arc::new(own.cut(welds)),
-        Some(beyond) => Arc::new(extended(call.team, call.mesh, tile, beyond)),
+        Some((beyond, stay)) => Arc::new(extended(call.team, call.mesh, tile, beyond, stay)),
         None => own.clone(),
     }
 }

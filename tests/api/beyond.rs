@@ -153,3 +153,35 @@ fn a_solver_is_released_without_a_solve() {
     let [kept, released] = [run(false), run(true)];
     assert!(released < kept, "{released} of {kept} bytes");
 }
+
+/// A chart without rigidity within reach cannot move: its neighbour stays at their seam, too, and moves elsewhere.
+#[test]
+fn beside_a_still_chart_both_sides_stay_together() {
+    let sheet = CutSheet::new([2, 1], 8);
+    let size = 256;
+    let mut asset = sheet.asset(&cpu(2), size, true);
+    let disc = |k: usize| {
+        let [x, y] = [k % size, k / size].map(|x| x as f64 / size as f64);
+        255 * u8::from((x - 0.25).hypot(y - 0.5) < 0.12)
+    };
+    let disc: Vec<u8> = (0..size * size).map(disc).collect();
+    asset.set_rigidity(0, Some(view(&disc, size as u32, size as u32))).unwrap();
+    let settings = TileSettings { open_borders: OpenBorders::Fixed, ..asset.settings(0).unwrap() };
+    asset.set_settings(0, &settings).unwrap();
+    let pose: Vec<[f32; 3]> = sheet.rest.iter().map(|&[x, y, z]| [2.0 * x, y, z]).collect();
+    asset
+        .run(&SolveRequest { positions: Strided::from_f32x3(&pose), ..SolveRequest::default() }, &mut [])
+        .unwrap();
+    let mut uvs = vec![[0.0; 2]; sheet.uvs.len()];
+    asset.corner_uvs(&mut uvs).unwrap();
+    // In cells, of corners on a line u = constant.
+    let most = |u: f32| {
+        let at_line = sheet.uvs.iter().zip(&uvs).filter(|(own, _)| (own[0] - u).abs() < 1e-6);
+        at_line.map(|(own, uv)| (uv[0] - own[0]).abs().max((uv[1] - own[1]).abs())).fold(0.0, f32::max)
+            * size as f32
+    };
+    let report = asset.tile_report(0).unwrap();
+    assert_eq!(report.charts_active, 1, "the other chart is still");
+    let [inside, left, right] = [0.025 + 0.45 * 0.75, 0.475, 0.525].map(most);
+    assert!(right == 0.0 && left < 0.05 && inside > 1.0, "{inside}, at the seam {left} and {right} cells");
+}

@@ -17,8 +17,8 @@ use vrtm_core::settings::Beyond;
 use vrtm_core::team::Team;
 
 /// A tile with collars. Triangles of charts keep their numbers. Charts that lie over others get no collars: what they share
-/// must stay where it is.
-pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -> TileMesh {
+/// must stay where it is. `stay` are the tiles whose charts do not go on beyond their seams.
+pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond, stay: &[u32]) -> TileMesh {
     let source = &mesh.tiles[tile];
     let surface = Surface::new(mesh, tile, beyond);
     let stacked = stacked(source);
@@ -31,6 +31,8 @@ pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -> TileM
         let is_open = !stacked[c];
         is_open.then(|| Used::new(source, c, collar(&surface, c, beyond.reach, &check), stays))
     });
+    let mut used: Vec<Used> = used.into_iter().map(Option::unwrap_or_default).collect();
+    shut_one_sided(source, &surface, tile, stay, &mut used, &check);
     let mut extended = TileMesh {
         udim: source.udim,
         uv_set: source.uv_set,
@@ -45,7 +47,7 @@ pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond) -> TileM
     };
     for (chart, used) in source.charts.iter().zip(used) {
         check();
-        let chart = add(&mut extended, chart, &used.unwrap_or_default());
+        let chart = add(&mut extended, chart, &used);
         extended.charts.push(chart);
     }
     extended.cuts.sort_unstable_by_key(|cut| cut.triangle);
@@ -109,13 +111,58 @@ impl Used {
             let lies = |other: usize| other < first || triangles[other - first];
             triangles[k] = in_tile(triangle.uv) && !stays(&triangle.source) && !all.any(triangle.uv, lies);
         }
+        Used::hanging(collar, &rims, triangles)
+    }
+
+    /// Keeps of some triangles those that hang together with the chart at these rims.
+    fn hanging(collar: Collar, rims: &[AtSide], mut triangles: Vec<bool>) -> Used {
         loop {
-            let open = open_sides(&rims, &triangles);
-            let reached = reached(&collar, &triangles, &rims, &open);
+            let open = open_sides(rims, &triangles);
+            let reached = reached(&collar, &triangles, rims, &open);
             if reached == triangles {
                 return Used { collar: part_of_collar(collar, &triangles), open };
             }
             triangles = reached;
+        }
+    }
+}
+
+/// Shuts the sides of charts to charts that do not go on at all, in `used`, or by their tile: only one of both could move, and
+/// they would come apart. Charts of other tiles are taken to go on unless the tile is one of `stay`.
+fn shut_one_sided(
+    source: &TileMesh,
+    surface: &Surface,
+    tile: usize,
+    stay: &[u32],
+    used: &mut [Used],
+    check: &dyn Fn(),
+) {
+    let chart_of = source.chart_of_triangles();
+    let is_open = |used: &[Used], side: Side| match surface.twin(side) {
+        Some((there, (t, _))) if there as usize == tile => {
+            !used[chart_of[t as usize] as usize].open.is_empty()
+        }
+        Some((there, _)) => !stay.contains(&there),
+        None => true,
+    };
+    loop {
+        check();
+        // Of each chart, the sides that stay open.
+        let less = |c: usize| {
+            let sides: Vec<Side> =
+                used[c].open.iter().map(|open| open.side).filter(|&side| is_open(used, side)).collect();
+            (sides.len() < used[c].open.len()).then_some((c, sides))
+        };
+        let less: Vec<(usize, Vec<Side>)> = (0..used.len()).filter_map(less).collect();
+        if less.is_empty() {
+            return;
+        }
+        for (c, sides) in less {
+            let collar = std::mem::take(&mut used[c]).collar;
+            let mut rims = rims(source, &collar);
+            rims.retain(|rim| sides.binary_search(&rim.side).is_ok());
+            let all = vec![true; collar.triangles.len()];
+            used[c] = Used::hanging(collar, &rims, all);
         }
     }
 }

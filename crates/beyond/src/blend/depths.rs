@@ -364,6 +364,7 @@ impl<'a> Depths<'a> {
             return weights;
         }
         weights.iter_mut().for_each(|w| *w = smooth(*w / whole));
+        self.hold(sheets, &mut weights);
         let sum: f32 = weights.iter().sum();
         if sum > 0.0 {
             weights.iter_mut().for_each(|w| *w /= sum);
@@ -371,6 +372,28 @@ impl<'a> Depths<'a> {
             weights.iter_mut().zip(&keys).for_each(|(w, &key)| *w = f32::from(u8::from(key == own)));
         }
         weights
+    }
+}
+
+impl Depths<'_> {
+    /// Gives charts that cannot move their whole weight, and the others what is left of 1: at their seams nothing moves.
+    fn hold(&self, sheets: &[OnChart], weights: &mut [f32]) {
+        let stays = |on: &OnChart| {
+            let grid = self.tiles[on.tile as usize].grid;
+            grid.is_some_and(|grid| grid.movable[on.chart as usize] == 0)
+        };
+        let of_still = sheets.iter().zip(&*weights).filter(|(on, _)| stays(on)).map(|(_, w)| *w);
+        let held = of_still.fold(0.0, f32::max);
+        if held <= 0.0 {
+            return;
+        }
+        let sum = |still: bool| -> f32 {
+            sheets.iter().zip(&*weights).filter(|(on, _)| stays(on) == still).map(|(_, w)| *w).sum()
+        };
+        let [moving, still] = [sum(false), sum(true)];
+        for (on, weight) in sheets.iter().zip(weights) {
+            *weight *= if stays(on) { held / still } else { (1.0 - held) / moving.max(f32::MIN_POSITIVE) };
+        }
     }
 }
 

@@ -226,6 +226,14 @@ impl<'a> Surface<'a> {
         (self.beyond.get(&side) == Some(&side)).then_some(Mirror { edge: [from, to], inner })
     }
 
+    /// The other side of a seam at a side of the tile: the tile that it lies in, as an index in `Mesh::tiles`, and the side there.
+    pub fn twin(&self, (t, k): Side) -> Option<(u32, Side)> {
+        let own = (self.first[self.home] + t, k);
+        let other = self.beyond.get(&own).copied().filter(|other| *other != own)?;
+        let (_, index, number) = self.place(other.0);
+        Some((self.first_tile + index as u32, (number as u32, other.1)))
+    }
+
     /// The side of another triangle at the same edge of the surface, or of its double.
     fn across(&self, side: Side) -> Option<Side> {
         let is_image = self.is_image(side.0);

@@ -14,7 +14,7 @@ const SEAMS: Beyond = Beyond { seams: true, open_borders: false, reach: REACH };
 fn cut(shift: DVec2) -> (Sheet, TileMesh) {
     let sheet = Sheet { n: 20, cut: 10, point: flat, turn: DMat2::IDENTITY, shift, closed: false };
     let mesh = sheet.mesh();
-    let tile = Team::with(2, |team| extended(team, &mesh, 0, &SEAMS));
+    let tile = Team::with(2, |team| extended(team, &mesh, 0, &SEAMS, &[]));
     (sheet, tile)
 }
 
@@ -61,6 +61,25 @@ fn both_charts_go_on_as_the_sheet_does() {
     }
 }
 
+/// Neither chart of a seam goes on where one of them has no collar, since only the other one could move there.
+#[test]
+fn one_sided_seams_are_shut() {
+    // The second chart begins at the tile's border: what lies beyond its seam lies outside.
+    let (turn, shift) = (DMat2::from_diagonal(DVec2::splat(0.6)), DVec2::new(-0.21, 0.62));
+    let sheet = Sheet { n: 20, cut: 10, point: flat, turn, shift, closed: false };
+    let mesh = sheet.mesh();
+    let tile = Team::with(2, |team| extended(team, &mesh, 0, &SEAMS, &[]));
+    assert!(tile.sources.is_empty() && tile.cuts.is_empty());
+    let before = &mesh.tiles[0].triangles;
+    assert!(before.iter().zip(&tile.triangles).all(|(a, b)| a.neighbours == b.neighbours));
+    // The second chart in another tile, which goes on or does not.
+    let sheet = Sheet { turn: DMat2::IDENTITY, shift: DVec2::new(1.0, 0.0), ..sheet };
+    let mesh = sheet.mesh();
+    let [goes_on, stays] =
+        [&[][..], &[1]].map(|stay| Team::with(2, |team| extended(team, &mesh, 0, &SEAMS, stay)));
+    assert!(!goes_on.sources.is_empty() && stays.sources.is_empty());
+}
+
 #[test]
 fn charts_over_one_another_end_where_they_end() {
     let (sheet, tile) = cut(DVec2::new(-0.1, 0.0));
@@ -79,7 +98,7 @@ fn a_collar_ends_where_its_own_chart_lies() {
     let sheet =
         Sheet { n: 24, cut: 24, point: tube, turn: DMat2::IDENTITY, shift: DVec2::ZERO, closed: true };
     let mesh = sheet.mesh();
-    let tile = Team::with(2, |team| extended(team, &mesh, 0, &SEAMS));
+    let tile = Team::with(2, |team| extended(team, &mesh, 0, &SEAMS, &[]));
     let low_high = |range: std::ops::Range<usize>| {
         let xs = tile.triangles[range].iter().flat_map(|t| t.uv.map(|uv| uv.x));
         xs.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)])
@@ -100,7 +119,7 @@ fn open_borders_go_on_as_their_mirror_image() {
         Sheet { n: 20, cut: 20, point: flat, turn: DMat2::IDENTITY, shift: DVec2::ZERO, closed: false };
     let mesh = sheet.mesh();
     let borders = Beyond { open_borders: true, ..SEAMS };
-    let tile = Team::with(2, |team| extended(team, &mesh, 0, &borders));
+    let tile = Team::with(2, |team| extended(team, &mesh, 0, &borders, &[]));
     let chart = &tile.charts[0];
     assert!(chart.collar.len() > 4 * 20);
     let [low, high] = [0.1, 0.6];
@@ -127,6 +146,6 @@ fn open_borders_go_on_as_their_mirror_image() {
     let open = tile.triangles[chart.triangles.clone()].iter().flat_map(|t| t.neighbours);
     assert_eq!(open.filter(|&n| n == NONE).count(), 0, "every side goes on");
     // Seams alone do not open borders.
-    let shut = Team::with(2, |team| extended(team, &mesh, 0, &SEAMS));
+    let shut = Team::with(2, |team| extended(team, &mesh, 0, &SEAMS, &[]));
     assert!(shut.charts[0].collar.is_empty());
 }
