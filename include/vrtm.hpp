@@ -88,11 +88,7 @@ enum class FetchKind : vrtm_fetch_kind {
     uv_set = VRTM_FETCH_UV_SET,
     uv_set_delta = VRTM_FETCH_UV_SET_DELTA
 };
-enum class Quality : vrtm_quality {
-    normal = VRTM_QUALITY_NORMAL,
-    draft = VRTM_QUALITY_DRAFT,
-    high = VRTM_QUALITY_HIGH
-};
+enum class Quality : vrtm_quality { normal = VRTM_QUALITY_NORMAL, draft = VRTM_QUALITY_DRAFT };
 enum class Solver : vrtm_solver { descent = VRTM_SOLVER_DESCENT, pbd = VRTM_SOLVER_PBD };
 enum class JobState : vrtm_job_state { running = VRTM_JOB_RUNNING, done = VRTM_JOB_DONE };
 

@@ -35,7 +35,7 @@ struct Args {
     /// With --settings: measure at the texels of the maps, not at the nodes of the grids.
     #[arg(long, requires = "settings")]
     at_texels: bool,
-    /// draft, normal, high.
+    /// draft, normal.
     #[arg(long, value_delimiter = ',', default_values_t = ["normal".to_owned()])]
     qualities: Vec<String>,
     /// shut, keep, continue: what happens at seams.
@@ -151,8 +151,7 @@ fn rows(
     let options = common::options(match quality {
         "draft" => Quality::Draft,
         "normal" => Quality::Normal,
-        "high" => Quality::High,
-        other => return Err(format!("--qualities {other}: neither draft, normal nor high")),
+        other => return Err(format!("--qualities {other}: neither draft nor normal")),
     });
     let of_seams = match &**seams {
         "shut" => Seams::Shut,

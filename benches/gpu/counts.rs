@@ -18,7 +18,7 @@ const HEAD: &str = "\
 `benches/gpu.sh --counts` writes them anew. \"Empty\" dispatches are trials and rounds of the step limit that no chart
 needed, \"barriers\" are dispatches that have to wait for those before them, empty ones included. \"MB\" and \"bytes\" count
 each datum once per dispatch, without charts that sit a further correction out. \"Excess\" is (E - best E) / (E of the
-identity - best E), with the best E of `high` that goes on to the last 1e-6 of gain. Bytes held are per active node. Levels
+identity - best E), with the best E of seven corrections that go on to the last 1e-6 of gain. Bytes held are per active node. Levels
 are divided into bands where the driver's bindings are small (128 MiB with Mesa's software driver: from 2048 x 2048 cells
 on), which takes more dispatches.
 
@@ -73,16 +73,15 @@ pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
     Ok(text + &kernels)
 }
 
-/// (E - best E) / (E of the identity - best E) in per cent, where best is the energy of `high` continued until the gain
-/// is below 1e-6. It is computed on small grids only, since it takes long.
+/// (E - best E) / (E of the identity - best E) in per cent, where best is the energy of seven corrections that go on until
+/// the gain is below 1e-6. It is computed on small grids only, since it takes long.
 fn excess(device: &Device, model: &Model, size: u32, energy: f64, identity: f64) -> Result<String, String> {
     if size > 1024 {
         return Ok("-".into());
     }
     let fail = |error: vrtm::Error| format!("{} at {size}: {error}", model.name);
     let mut asset = model.asset_on(device, size);
-    let options =
-        SolveOptions { quality: vrtm::Quality::High, tolerance: Some(1e-6), ..SolveOptions::default() };
+    let options = SolveOptions { max_corrections: Some(7), tolerance: Some(1e-6), ..SolveOptions::default() };
     asset.solve(model.frame(1), &options).map_err(fail)?;
     let best = asset.tile_report(0).map_err(fail)?.energy;
     Ok(format!("{:.4}", 100.0 * (energy - best) / (identity - best)))

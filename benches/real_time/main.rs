@@ -54,7 +54,6 @@ struct Args {
 enum Effort {
     Draft,
     Normal,
-    High,
 }
 
 impl Effort {
@@ -62,7 +61,6 @@ impl Effort {
         match self {
             Effort::Draft => Quality::Draft,
             Effort::Normal => Quality::Normal,
-            Effort::High => Quality::High,
         }
     }
 }

@@ -3,7 +3,7 @@
 //! moves smoothly and a jump of a solve from the identity is the solver's; where they stay apart, two minima lie side by
 //! side, and every solve that knows a single pose has to change from one to the other somewhere.
 
-use vrtm::{Asset, Quality, SolveOptions, Strided};
+use vrtm::{Asset, SolveOptions, Strided};
 
 use super::common::Model;
 use super::common::roughness::{self, LARGE, Smoothness, Warp};
@@ -48,7 +48,6 @@ impl Solver<'_> {
     fn follow(&mut self, pose: &[[f64; 3]], moved: &mut f64) -> (Warp, f64) {
         let options = SolveOptions {
             warm: true,
-            quality: Quality::High,
             tolerance: Some(1e-7),
             max_corrections: Some(CORRECTIONS),
             ..self.options

@@ -1,7 +1,7 @@
 //! Measures how smoothly the warp depends on the pose, on all scenes, and writes a table, and JSON for comparisons.
 //!
 //!     cargo bench --bench roughness
-//!     cargo bench --bench roughness -- --grid 512 --qualities normal,high --scenes fox
+//!     cargo bench --bench roughness -- --grid 512 --qualities draft,normal --scenes fox
 //!     cargo bench --bench roughness -- --follow --scenes fox,arm
 
 #![allow(missing_docs)]
@@ -32,7 +32,7 @@ struct Args {
     /// Cells on a side of the grids.
     #[arg(long, default_value_t = 256)]
     grid: u32,
-    /// draft, normal, high.
+    /// draft, normal.
     #[arg(long, value_delimiter = ',', default_values_t = ["normal".to_owned()])]
     qualities: Vec<String>,
     /// cpu or gpu.
@@ -138,8 +138,7 @@ fn parsed(quality: &str) -> Result<Quality, String> {
     Ok(match quality {
         "draft" => Quality::Draft,
         "normal" => Quality::Normal,
-        "high" => Quality::High,
-        other => return Err(format!("--qualities {other}: neither draft, normal nor high")),
+        other => return Err(format!("--qualities {other}: neither draft nor normal")),
     })
 }
 

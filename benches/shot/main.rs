@@ -60,7 +60,6 @@ struct Args {
 enum Quality {
     Draft,
     Normal,
-    High,
 }
 
 impl Args {
@@ -69,7 +68,6 @@ impl Args {
         let quality = match self.quality {
             Quality::Draft => vrtm::Quality::Draft,
             Quality::Normal => vrtm::Quality::Normal,
-            Quality::High => vrtm::Quality::High,
         };
         let Args { warm, temporal_weight, .. } = *self;
         SolveOptions { quality, warm, temporal_weight, ..SolveOptions::default() }

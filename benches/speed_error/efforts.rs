@@ -37,8 +37,8 @@ pub fn efforts(quick: bool) -> Vec<Effort> {
         ("1 correction", Quality::Normal, 1, 0.0),
         ("2 corrections", Quality::Normal, 2, 0.0),
         (NORMAL, Quality::Normal, 0, 0.0),
-        ("high", Quality::High, 0, 0.0),
-        ("to the end", Quality::High, 32, 1e-6),
+        ("7 corrections", Quality::Normal, 7, 0.0),
+        ("to the end", Quality::Normal, 32, 1e-6),
     ]
     .into_iter()
     .map(|(name, quality, max_corrections, tolerance)| Effort {

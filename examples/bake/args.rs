@@ -101,12 +101,13 @@ impl Args {
     }
 }
 
-const QUALITIES: [(&str, Quality); 3] =
-    [("draft", Quality::Draft), ("normal", Quality::Normal), ("high", Quality::High)];
+const QUALITIES: [(&str, Quality); 2] = [("draft", Quality::Draft), ("normal", Quality::Normal)];
 const DEVICES: [(&str, Backend); 3] = [("auto", Backend::Auto), ("cpu", Backend::Cpu), ("gpu", Backend::Gpu)];
 
 /// Parses a name into the value that it denotes.
-fn one_of<T: Copy + Send + Sync + 'static>(all: [(&'static str, T); 3]) -> impl TypedValueParser<Value = T> {
+fn one_of<T: Copy + Send + Sync + 'static, const N: usize>(
+    all: [(&'static str, T); N],
+) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(all.map(|(name, _)| name))
         .map(move |text| all.iter().find(|(name, _)| *name == text).expect("one of the names").1)
 }

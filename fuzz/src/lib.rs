@@ -282,13 +282,13 @@ pub unsafe fn small_grids(asset: vrtm_asset) {
 /// Mostly good options; the least work, as a rule.
 pub fn options(input: &mut Input) -> vrtm_solve_options {
     let mut options = vrtm_solve_options::default();
-    options.quality = input.odd(VRTM_QUALITY_DRAFT, &[VRTM_QUALITY_NORMAL, VRTM_QUALITY_HIGH, -1, 3]);
+    options.quality = input.odd(VRTM_QUALITY_DRAFT, &[VRTM_QUALITY_NORMAL, -1, 2]);
     options.warm = input.odd(0, &[1, 1, 2]);
     options.temporal_weight = input.odd(0.0, &[0.1, 1e6, -1.0, f32::NAN]);
     options.measure = input.odd(0, &[1, 1, 9]);
     options.tolerance = input.odd(0.0, &[0.5, 1.0, f32::NAN, -1.0]);
     options.time_budget_ms = input.odd(0.0, &[1e-3, 10.0, -1.0, f32::INFINITY]);
-    options.max_corrections = input.odd(0, &[1, 2, 65]);
+    options.max_corrections = input.odd(0, &[1, 2, 5, 65]);
     options.solver = input.odd(VRTM_SOLVER_DESCENT, &[VRTM_SOLVER_PBD, VRTM_SOLVER_PBD, 2, -1]);
     options.pbd.iterations = input.odd(1, &[3, 20]);
     options.threads = input.odd(0, &[1, 2, 5000]);

@@ -168,7 +168,7 @@ static void solves(vrtm_asset asset, vrtm_tile tile)
     REFUSED(vrtm_tile_report(tile, &report), VRTM_ERROR_NOT_SOLVED);
     positions.data = pose;
     positions.count = VERTICES;
-    options.quality = VRTM_QUALITY_HIGH;
+    options.max_corrections = 7;
     options.measure = 1;
     CALL(vrtm_asset_solve(asset, &positions, &options));
     image.data = map;

@@ -616,9 +616,6 @@ typedef int32_t vrtm_quality;
 // As VRTM_QUALITY_NORMAL, but with relaxation only on the finest level: a preview.
 #define VRTM_QUALITY_DRAFT 1
 
-// More sweeps, and corrections until they gain little.
-#define VRTM_QUALITY_HIGH 2
-
 // How a solve finds its warp.
 typedef int32_t vrtm_solver;
 
@@ -656,10 +653,9 @@ typedef uint32_t (*vrtm_progress_fn)(void *user, float progress);
 typedef struct vrtm_solve_options {
     // sizeof(vrtm_solve_options); set by vrtm_solve_options_init().
     uint32_t struct_size;
-    // VRTM_QUALITY_NORMAL (0, the default), DRAFT or HIGH. This and the two limits below apply to VRTM_SOLVER_DESCENT
-    // only.
+    // VRTM_QUALITY_NORMAL (0, the default) or DRAFT. This and the two limits below apply to VRTM_SOLVER_DESCENT only.
     vrtm_quality quality;
-    // Maximum corrections per level, 0..64, overriding the quality's limit; 0 = the quality's own.
+    // Maximum corrections on the finest level, 0..64, overriding the quality's limit; 0 = the quality's own.
     uint32_t max_corrections;
     // A chart is done when a correction gains less than this fraction of its energy (to which 6 % of the energy of the
     // original UVs is added), or when the gain of a level's first correction matches the prediction of its quadratic

@@ -28,7 +28,7 @@ fn ways() -> Vec<SolveOptions> {
     let pbd = PbdSettings { iterations: 8, ..PbdSettings::default() };
     vec![
         options(Quality::Normal),
-        options(Quality::High),
+        SolveOptions { max_corrections: Some(7), ..SolveOptions::default() },
         options(Quality::Draft),
         SolveOptions { warm: true, temporal_weight: 0.1, ..SolveOptions::default() },
         SolveOptions { solver: Solver::Pbd, pbd, ..SolveOptions::default() },

@@ -127,7 +127,7 @@ fn real_assets_bake() {
 fn help_tells_the_options() {
     let help = succeed(&["--help"]);
     let options = "--scene --asset --rest --pose --rigidity --frames --out --overwrite --no-sheet --view --size --map-size \
-                   --quality draft high --warm --temporal-weight --device gpu redirect.####.<UDIM>.exr torus";
+                   --quality draft normal --warm --temporal-weight --device gpu redirect.####.<UDIM>.exr torus";
     for option in options.split_whitespace() {
         assert!(help.contains(option), "{option}");
     }

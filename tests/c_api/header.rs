@@ -171,8 +171,7 @@ fn constants_keep_their_values() {
         JOB_RUNNING 0, JOB_DONE 1, SCALAR_F32 0, SCALAR_F64 1,
         PIXEL_F32 0, PIXEL_F16 1, PIXEL_U16 2, PIXEL_U8 3, ORIGIN_TOP 0, ORIGIN_BOTTOM 1, BACKEND_AUTO 0,
         BACKEND_CPU 1, BACKEND_GPU 2, LOG_WARNING 1, LOG_INFO 2, OVERLAP_FIXED 0, OVERLAP_FIRST_FACE 1,
-        FETCH_REDIRECTION 0, FETCH_REDIRECTION_DELTA 1, FETCH_WARP 2, QUALITY_NORMAL 0, QUALITY_DRAFT 1,
-        QUALITY_HIGH 2";
+        FETCH_REDIRECTION 0, FETCH_REDIRECTION_DELTA 1, FETCH_WARP 2, QUALITY_NORMAL 0, QUALITY_DRAFT 1";
     for constant in frozen.split(',') {
         let line = format!("\n#define VRTM_{}\n", constant.trim());
         assert!(GENERATED.contains(&line), "{line:?} is not in vrtm.h");

@@ -131,7 +131,7 @@ static vrtm_status solve(work *w, int frame, float apart, vrtm_quality quality, 
     options.temporal_weight = warm;
     options.measure = (uint32_t)measure;
     /* Memory is allocated in the first corrections and iterations alone; the others take most of the time. */
-    options.max_corrections = 2;
+    options.max_corrections = quality == VRTM_QUALITY_DRAFT ? 0 : 2;
     options.pbd.iterations = 2;
     return vrtm_asset_solve(w->asset, &points, &options);
 }
@@ -146,14 +146,9 @@ static vrtm_status solve_draft(work *w)
     return solve(w, 2, 0, VRTM_QUALITY_DRAFT, VRTM_SOLVER_DESCENT, 0, 0);
 }
 
-static vrtm_status solve_high(work *w)
-{
-    return solve(w, 3, 0, VRTM_QUALITY_HIGH, VRTM_SOLVER_DESCENT, 0, 0);
-}
-
 static vrtm_status solve_warm(work *w)
 {
-    return solve(w, 4, 0, VRTM_QUALITY_DRAFT, VRTM_SOLVER_DESCENT, 0.1f, 0);
+    return solve(w, 4, 0, VRTM_QUALITY_NORMAL, VRTM_SOLVER_DESCENT, 0.1f, 0);
 }
 
 static vrtm_status solve_measured(work *w)
@@ -325,7 +320,6 @@ static const struct {
     {"stroke", stroke},
     {"solve after the stroke", solve_normal},
     {"solve, draft", solve_draft},
-    {"solve, high", solve_high},
     {"solve, warm", solve_warm},
     {"solve, measured", solve_measured},
     {"solve, torn", solve_torn},

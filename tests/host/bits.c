@@ -145,13 +145,15 @@ static void grids(vrtm_device device)
 
 static void efforts(vrtm_device device)
 {
-    static const char *names[] = {"normal", "draft", "high", "pbd", "a warm start", "a budget of corrections"};
+    static const char *names[] = {"normal", "draft", "seven corrections", "pbd", "a warm start", "a budget of corrections"};
     for (int k = 0; k < 6; ++k) {
         vrtm_solve_options options = vrtm_solve_options_init();
         model m = make(device, 128, 128);
         options.measure = 1;
-        if (k < 3) {
+        if (k < 2) {
             options.quality = (vrtm_quality)k;
+        } else if (k == 2) {
+            options.max_corrections = 7;
         } else if (k == 3) {
             options.solver = VRTM_SOLVER_PBD;
         } else if (k == 4) {

@@ -54,7 +54,7 @@ static const char *all_calls(void)
     fetches[1].image = &nodes;
     fetches[1].kind = VRTM_FETCH_WARP;
     options.measure = 1;
-    options.quality = VRTM_QUALITY_HIGH;
+    options.max_corrections = 7;
     for (int solver = 0; solver < 2; ++solver) {
         options.solver = solver == 0 ? VRTM_SOLVER_DESCENT : VRTM_SOLVER_PBD;
         for (options.warm = 0; options.warm < 2; ++options.warm) {

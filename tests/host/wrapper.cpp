@@ -708,7 +708,7 @@ void progress(const vrtm::Device &device)
     const vrtm::Asset asset = slow(device);
     std::vector<float> told;
     vrtm::SolveOptions options;
-    options.set(vrtm::Quality::high).set_progress([&told](float done) {
+    options.set(vrtm::Quality::normal).set_progress([&told](float done) {
         told.push_back(done);
         return vrtm::Proceed::yes;
     });
@@ -745,7 +745,7 @@ void jobs(const vrtm::Device &device)
     {
         /* Options and function are gone while the job runs. */
         vrtm::SolveOptions options;
-        options.set(vrtm::Quality::high).set_progress([&calls, owned](float) {
+        options.set(vrtm::Quality::normal).set_progress([&calls, owned](float) {
             calls += *owned;
             return vrtm::Proceed::yes;
         });
@@ -767,17 +767,15 @@ void jobs(const vrtm::Device &device)
     moved.reset();
     check_that(calls > 0 && !moved && owned.use_count() == 1, "its function goes with it", "");
 
-    vrtm::SolveOptions high;
-    high.set(vrtm::Quality::high);
-    job = *asset.submit({other, VERTICES}, high);
+    job = *asset.submit({other, VERTICES});
     works("cancel", job.cancel());
     refuses("ends it", job.wait(), vrtm::Code::cancelled, "cancelled");
     job.reset();
-    job = *asset.submit({other, VERTICES}, high);
+    job = *asset.submit({other, VERTICES});
     works("cancel the asset's solve", asset.cancel());
     refuses("ends it, too", job.wait(), vrtm::Code::cancelled, "cancelled");
     job.reset();
-    { const vrtm::Job forgotten = *asset.submit({other, VERTICES}, high); }
+    { const vrtm::Job forgotten = *asset.submit({other, VERTICES}); }
     works("a forgotten job is over", asset.solve({pose, VERTICES}));
 }
 

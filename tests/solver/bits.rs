@@ -37,7 +37,7 @@ fn efforts() -> Vec<Effort> {
     vec![
         effort("normal", options(Quality::Normal)),
         effort("draft", options(Quality::Draft)),
-        effort("high", options(Quality::High)),
+        effort("seven corrections", SolveOptions { max_corrections: Some(7), ..SolveOptions::default() }),
         effort("warm", SolveOptions { warm: true, ..SolveOptions::default() }),
         effort("held", SolveOptions { warm: true, temporal_weight: 0.1, ..SolveOptions::default() }),
         effort("pbd", pbd),

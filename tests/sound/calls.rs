@@ -75,7 +75,7 @@ fn a_solve_and_its_outputs() {
         measure: 1,
         progress: Some(progress),
         progress_user: (&raw mut calls).cast(),
-        ..draft()
+        ..least()
     };
     // SAFETY: all pointers point to memory of the size that the structs tell.
     unsafe {
@@ -129,7 +129,7 @@ fn tiles_saved_repainted_and_solved_warm() {
     let device = device(1);
     let (asset, [tile, _]) = asset(device);
     let (mut bent, mut more) = (pose(0.25), pose(0.5));
-    let options = vrtm_solve_options { tiles: &tile, tile_count: 1, ..draft() };
+    let options = vrtm_solve_options { tiles: &tile, tile_count: 1, ..least() };
     // SAFETY: all pointers point to memory of the size that the structs tell.
     unsafe {
         done(vrtm_asset_solve(asset, &bent.c(), &options));
@@ -178,7 +178,7 @@ fn the_paper_s_solver_with_memory_and_threads_of_a_host() {
     unsafe {
         done(vrtm_device_create(&desc, &mut device));
         let (asset, [tile, _]) = asset(device);
-        let options = vrtm_solve_options { solver: VRTM_SOLVER_PBD, tiles: &tile, tile_count: 1, ..draft() };
+        let options = vrtm_solve_options { solver: VRTM_SOLVER_PBD, tiles: &tile, tile_count: 1, ..least() };
         let image = Image::new(VRTM_PIXEL_F32, 2);
         let fetch = vrtm_fetch { tile, image: &image.c, ..sized() };
         done(vrtm_asset_redirect(asset, &pose(0.5).c(), &options, &fetch, 1));
@@ -196,7 +196,7 @@ fn a_refinement_and_its_pattern() {
     let mut info = sized::<vrtm_refinement_data>();
     // SAFETY: all pointers point to memory of the size that the structs tell.
     unsafe {
-        done(vrtm_asset_solve(asset, &pose(0.5).c(), &draft()));
+        done(vrtm_asset_solve(asset, &pose(0.5).c(), &least()));
         let desc =
             vrtm_refinement_desc { tolerance: 0.01, max_triangles: 60, ..vrtm_refinement_desc::default() };
         done(vrtm_refinement_create(asset, &desc, &mut refinement));
@@ -236,7 +236,7 @@ fn a_job_on_two_threads() {
     let device = device(2);
     let (asset, [tile, _]) = asset(device);
     let mut job = vrtm_job { id: 0 };
-    let options = vrtm_solve_options { tiles: &tile, tile_count: 1, ..draft() };
+    let options = vrtm_solve_options { tiles: &tile, tile_count: 1, ..least() };
     // SAFETY: all pointers point to memory of the size that the structs tell.
     unsafe {
         done(vrtm_asset_submit(asset, &pose(0.5).c(), &options, &mut job));

@@ -25,12 +25,8 @@ pub fn done(status: vrtm_status) {
 }
 
 /// The least work, with either solver.
-pub fn draft() -> vrtm_solve_options {
-    let mut options = vrtm_solve_options {
-        quality: VRTM_QUALITY_DRAFT,
-        max_corrections: 1,
-        ..vrtm_solve_options::default()
-    };
+pub fn least() -> vrtm_solve_options {
+    let mut options = vrtm_solve_options { max_corrections: 1, ..vrtm_solve_options::default() };
     options.pbd.iterations = 1;
     options
 }

@@ -55,7 +55,7 @@ impl Shared {
             warm: random.below(2) as u32,
             measure: random.below(2) as u32,
             release_last: random.below(2) as u32,
-            ..draft()
+            ..least()
         };
         let image = Image::new(VRTM_PIXEL_F32, 2);
         // SAFETY: all pointers point to memory of the size that the structs tell; any handle may be given.
@@ -156,7 +156,7 @@ fn threads_that_share_assets() {
         // SAFETY: any handle may be given; all pointers point to memory of the size that the structs tell.
         unsafe {
             vrtm_job_destroy(vrtm_job { id: shared.jobs[k].load(Ordering::Relaxed) });
-            done(vrtm_asset_solve(asset, &pose(0.5).c(), &draft()));
+            done(vrtm_asset_solve(asset, &pose(0.5).c(), &least()));
             done(vrtm_asset_destroy(asset));
         }
     }

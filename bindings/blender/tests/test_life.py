@@ -94,7 +94,7 @@ class Life(Case):
     def test_save_and_load(self):
         arm = self.solved(tiles=2)
         expected, settings = pixels(arm.object.vrtm.image), arm.object.vrtm
-        settings.quality, settings.live = "high", True
+        settings.quality, settings.live = "draft", True
         settings.quality = "normal"
         arm.object.vrtm.rigidity_image.pack()
         with tempfile.TemporaryDirectory() as folder:

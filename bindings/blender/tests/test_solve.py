@@ -41,6 +41,18 @@ class Solve(Case):
         self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
         self.check(arm, arm.asset())
 
+    def test_a_quality_that_is_gone(self):
+        arm = Arm()
+        arm.paint_image()
+        settings = arm.object.vrtm
+        # Before Blender 5.0 a property's number lies in the group itself.
+        stored = getattr(settings, "bl_system_properties_get", lambda **_: settings)(do_create=True)
+        stored["quality"] = 2
+        self.assertEqual(settings.quality, "")
+        bpy.context.scene.frame_set(5)
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.check(arm, arm.asset())
+
     def test_two_tiles_painted_in_files_and_in_memory(self):
         arm = Arm(tiles=2)
         with tempfile.TemporaryDirectory() as folder:
@@ -157,11 +169,11 @@ class Solve(Case):
         arm = Arm()
         arm.paint_image()
         settings = arm.object.vrtm
-        settings.map_size, settings.quality, settings.measure = 64, "high", True
+        settings.map_size, settings.quality, settings.measure = 64, "draft", True
         bpy.context.scene.frame_set(5)
         bpy.ops.vrtm.update()
         asset = arm.asset()
-        asset.solve(arm.pose(), quality="high", measure=True)
+        asset.solve(arm.pose(), quality="draft", measure=True)
         delta = asset.tiles[0].fetch("redirection_delta", 64, channels=2, origin="bottom")
         self.assertSame(np.ascontiguousarray(pixels(settings.image)[..., :2]), delta)
         figures = dict(part("states").find_state(arm.object).figures)

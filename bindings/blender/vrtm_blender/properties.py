@@ -90,8 +90,7 @@ class VrtmSettings(bpy.types.PropertyGroup):
         name="Quality",
         items=[
             ("draft", "Draft", "A preview"),
-            ("normal", "Normal", "For nearly everything"),
-            ("high", "High", "For crowded features: twice the time"),
+            ("normal", "Normal", "The whole solve"),
         ],
         default="normal",
         update=_changed,

@@ -62,7 +62,8 @@ def settings_of(obj: bpy.types.Object) -> dict[str, object]:
 
 def options_of(obj: bpy.types.Object) -> dict[str, object]:
     """How the library solves for this object."""
-    return {"quality": obj.vrtm.quality, "measure": obj.vrtm.measure}
+    # Files of earlier versions may have a quality that is gone.
+    return {"quality": obj.vrtm.quality or "normal", "measure": obj.vrtm.measure}
 
 
 def prepare(obj: bpy.types.Object, state: State) -> None:
@@ -89,7 +90,7 @@ def find_seams(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgra
     prepare(obj, state)
     prepared, positions = state.prepared, geometry.pose(obj, depsgraph)
     if any(tile.info.frozen for tile in prepared.asset.tiles):
-        found, told = kept_or_shut(lambda seams: prepared.measured(seams, positions, settings.quality))
+        found, told = kept_or_shut(lambda seams: prepared.measured(seams, positions, options_of(obj)["quality"]))
         told = f"at frame {depsgraph.scene.frame_current} {told}"
         # The tiles have other settings now.
         state.maps_changed = True

@@ -61,7 +61,7 @@ def test_pose_and_options(asset, model):
     refused(vrtm.InvalidArgumentError, "positions: 288 elements", asset.solve, model.pose[:-1])
     refused(vrtm.InvalidArgumentError, "positions", asset.solve, np.full_like(model.pose, np.inf))
     refused(TypeError, "speed: there is no such option", asset.solve, model.pose, speed=3)
-    refused(ValueError, "quality: 'best' is none of 'normal', 'draft', 'high'", asset.solve, model.pose, quality="best")
+    refused(ValueError, "quality: 'best' is none of 'normal', 'draft'", asset.solve, model.pose, quality="best")
     refused(ValueError, "threads: -1", asset.solve, model.pose, threads=-1)
     refused(TypeError, "threads: 1.5", asset.solve, model.pose, threads=1.5)
     refused(vrtm.InvalidArgumentError, "tolerance", asset.solve, model.pose, tolerance=2.0)

@@ -193,7 +193,7 @@ def test_ctrl_c():
                 signal.raise_signal(signal.SIGINT)
 
         try:
-            asset.solve(model.pose, quality="high", progress=tell)
+            asset.solve(model.pose, max_corrections=7, progress=tell)
             print("not interrupted")
         except KeyboardInterrupt:
             print("interrupted" if seen[-1] < 0.9 else "late")
@@ -207,7 +207,7 @@ def test_the_end_of_a_process():
     """A process may end while jobs run that call Python functions, and with everything left open."""
     done = run("""
         other = vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces)
-        job = asset.submit(model.pose, quality="high", progress=lambda fraction: time.sleep(0.01))
+        job = asset.submit(model.pose, max_corrections=7, progress=lambda fraction: time.sleep(0.01))
         time.sleep(0.1)
         print(job.running())
     """)

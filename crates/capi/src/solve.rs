@@ -19,7 +19,7 @@ use vrtm_core::view::Strided;
 
 choice! {
     QUALITIES: vrtm_quality of Quality {
-        VRTM_QUALITY_NORMAL = 0: Normal, VRTM_QUALITY_DRAFT = 1: Draft, VRTM_QUALITY_HIGH = 2: High,
+        VRTM_QUALITY_NORMAL = 0: Normal, VRTM_QUALITY_DRAFT = 1: Draft,
     }
 }
 

@@ -174,8 +174,7 @@ private:
 PRM_Template *SOP_VrtmWarp::templates()
 {
     static PRM_Name names[] = {PRM_Name("grid", "Grid"), PRM_Name("quality", "Quality")};
-    static PRM_Name qualities[] = {PRM_Name("normal", "Normal"), PRM_Name("draft", "Draft"), PRM_Name("high", "High"),
-                                   PRM_Name()};
+    static PRM_Name qualities[] = {PRM_Name("normal", "Normal"), PRM_Name("draft", "Draft"), PRM_Name()};
     static PRM_ChoiceList menu(PRM_CHOICELIST_SINGLE, qualities);
     static PRM_Default cells(1024);
     static PRM_Template list[] = {PRM_Template(PRM_INT, 1, &names[0], &cells),

@@ -204,7 +204,6 @@ MStatus VrtmWarpNode::initialize()
     quality = list.create("quality", "qu", VRTM_QUALITY_NORMAL);
     list.addField("normal", VRTM_QUALITY_NORMAL);
     list.addField("draft", VRTM_QUALITY_DRAFT);
-    list.addField("high", VRTM_QUALITY_HIGH);
     out_mesh = typed.create("outMesh", "om", MFnData::kMesh);
     typed.setWritable(false);
     typed.setStorable(false);

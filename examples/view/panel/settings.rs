@@ -12,14 +12,13 @@ pub struct Settings {
     pub tile: TileSettings,
 }
 
-const QUALITIES: [(Quality, &str, &str); 3] = [
+const QUALITIES: [(Quality, &str, &str); 2] = [
     (Quality::Draft, "draft", "A preview: solved on half as many cells along each axis."),
     (
         Quality::Normal,
         "normal",
         "One correction on each level, and more on the finest level in crowded charts; the default.",
     ),
-    (Quality::High, "high", "More sweeps, and corrections until they gain little."),
 ];
 
 /// Shows the settings; `noted` learns where each of them is. Returns whether one is being dragged.

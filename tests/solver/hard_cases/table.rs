@@ -316,7 +316,7 @@ pub fn cases() -> Vec<Case> {
         }),
         // Options.
         bulged("draft", Gain(0.99), |case| case.options.quality = Quality::Draft),
-        bulged("high", Gain(0.99), |case| case.options.quality = Quality::High),
+        bulged("seven corrections", Gain(0.99), |case| case.options.max_corrections = Some(7)),
         bulged("budget of 0.01 ms", Truncated, |case| {
             case.options.time_budget = Some(std::time::Duration::from_micros(10));
         }),

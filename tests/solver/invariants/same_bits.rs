@@ -19,21 +19,17 @@ fn models() -> Vec<Model> {
 #[test]
 fn any_number_of_threads() {
     for model in models() {
-        // `high` runs the same code, only more often.
-        let high = model.name == "mug_to_jug" || model.name == "fox";
-        for quality in [Quality::Normal, Quality::High].into_iter().take(1 + usize::from(high)) {
-            let solve = |threads: u32| {
-                let mut asset = model.asset(threads, 256);
-                asset.solve(model.frame(1), &options(quality)).unwrap();
-                let redirection = fetch(&mut asset, 0, FetchKind::Redirection, [200, 200]);
-                let report = asset.tile_report(0).unwrap();
-                let redirection: Vec<_> = redirection.iter().map(|uv| uv.map(f32::to_bits)).collect();
-                (bits(&asset), redirection, report.energy.to_bits(), report.min_jacobian.to_bits())
-            };
-            let one = solve(1);
-            for threads in [2, 3, 7] {
-                assert!(one == solve(threads), "{}: {threads} threads, {quality:?}", model.name);
-            }
+        let solve = |threads: u32| {
+            let mut asset = model.asset(threads, 256);
+            asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
+            let redirection = fetch(&mut asset, 0, FetchKind::Redirection, [200, 200]);
+            let report = asset.tile_report(0).unwrap();
+            let redirection: Vec<_> = redirection.iter().map(|uv| uv.map(f32::to_bits)).collect();
+            (bits(&asset), redirection, report.energy.to_bits(), report.min_jacobian.to_bits())
+        };
+        let one = solve(1);
+        for threads in [2, 3, 7] {
+            assert!(one == solve(threads), "{}: {threads} threads", model.name);
         }
     }
 }
@@ -264,20 +260,21 @@ fn pair(right: f64) -> Model {
 
 #[test]
 fn a_crowded_chart_does_not_see_its_neighbour() {
-    charts_are_alone(&common::cpu(0), 256, Quality::High);
+    let options = SolveOptions { max_corrections: Some(7), ..SolveOptions::default() };
+    charts_are_alone(&common::cpu(0), 256, &options);
 }
 
 #[test]
 fn a_crowded_chart_does_not_see_its_neighbour_on_a_gpu() {
     let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
-    charts_are_alone(&device, 128, Quality::Normal);
+    charts_are_alone(&device, 128, &SolveOptions::default());
 }
 
-fn charts_are_alone(device: &Device, grid: u32, quality: Quality) {
+fn charts_are_alone(device: &Device, grid: u32, options: &SolveOptions) {
     let left = |right: f64| {
         let model = pair(right);
         let mut asset = model.asset_on(device, grid);
-        asset.solve(model.frame(1), &options(quality)).unwrap();
+        asset.solve(model.frame(1), options).unwrap();
         let report = asset.tile_report(0).unwrap();
         println!(
             "right at {right}: {} charts solved, least J {:.4}",

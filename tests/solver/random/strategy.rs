@@ -197,10 +197,9 @@ fn settings() -> impl Strategy<Value = TileSettings> {
 }
 
 fn options() -> impl Strategy<Value = SolveOptions> {
-    let quality =
-        prop_oneof![2 => Just(Quality::Draft), 6 => Just(Quality::Normal), 1 => Just(Quality::High)];
+    let quality = prop_oneof![1 => Just(Quality::Draft), 3 => Just(Quality::Normal)];
     let tolerance = prop_oneof![6 => Just(0.0f32), 1 => magnitude(-6.0, -0.1)];
-    let cap = prop_oneof![6 => Just(0u32), 1 => 1..6u32];
+    let cap = prop_oneof![6 => Just(0u32), 1 => 1..8u32];
     let temporal = prop_oneof![2 => Just(0.0f32), 1 => magnitude(-4.0, 2.0), 1 => Just(1e6)];
     (quality, weighted(0.2), temporal, tolerance, cap, weighted(0.05)).prop_map(
         |(quality, warm, temporal_weight, tolerance, max_corrections, measure)| SolveOptions {

@@ -11,7 +11,7 @@ from .material import kept_text, redirect
 from .rigidity import new_image
 
 # Quality, cells per side of a tile, texels per side of the map; 0 is their default.
-PRESETS = {"scrub": ("draft", 256, 256), "work": ("normal", 512, 512), "final": ("high", 0, 0)}
+PRESETS = {"scrub": ("draft", 256, 256), "work": ("normal", 512, 512), "final": ("normal", 0, 0)}
 
 
 class VRTM_OT_set_up(OnObject, bpy.types.Operator):
@@ -63,7 +63,7 @@ class VRTM_OT_preset(OnObject, bpy.types.Operator):
         items=[
             ("scrub", "Scrub", "Draft on a grid of 256: follows a scrub on most machines"),
             ("work", "Work", "Normal on a grid of 512"),
-            ("final", "Final", "High, on a grid that resolves the rigid features"),
+            ("final", "Final", "Normal, on a grid that resolves the rigid features"),
         ],
     )
 

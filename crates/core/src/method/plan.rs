@@ -95,37 +95,42 @@ pub struct Plan {
     pub budget: Option<Duration>,
 }
 
+/// Most corrections of `normal` on the finest level.
+const CORRECTIONS: u32 = 4;
+
 impl Plan {
     pub fn new(options: &SolveOptions) -> Plan {
         let pbd = (options.solver == Solver::Pbd).then_some(options.pbd);
-        // The coarser levels together cost a third of the finest one, and their corrections move features as far as
+        // A draft does not work on the finest level: who asks for corrections there gets those of `normal`.
+        let draft = options.quality == Quality::Draft && options.max_corrections.is_none();
+        let most = options.max_corrections.unwrap_or(CORRECTIONS);
+        // The coarser levels together cost a third of the finest one, and their correction moves features as far as
         // hundreds of sweeps alone would. A chart with room is done after one correction on the finest level; the
-        // further ones go to crowded charts. `high` reaches the finest level in the same way as `normal` and continues
-        // from there: it is never to end with a higher energy.
-        let (sweeps, corrections, tolerance, trusts_model, continuation) = match options.quality {
+        // further ones go to crowded charts.
+        let (sweeps, corrections, tolerance, trusts_model) = if draft {
             // No correction follows on the finest level: the coarser levels have to be solved with the λ of the finest. The
             // sweeps of level 0 are those of a solve that starts from the last result.
-            Quality::Draft => ([3, 1], [0, 1], 0.0, true, 1.0),
-            Quality::Normal => ([2, 2], [4, 1], 3e-3, true, 2.0),
-            // More corrections gain hardly any energy, and let rounding decide where crowded charts end. A third sweep
-            // makes the warp of crowded charts smoother in the pose.
-            Quality::High => ([3, 2], [7, 1], 1e-4, false, 2.0),
+            ([3, 1], [0, 1], 0.0, true)
+        } else if most <= CORRECTIONS {
+            ([2, 2], [most, 1], 3e-3, true)
+        } else {
+            // They gain hardly any energy, and let rounding decide where crowded charts end. A third sweep makes the warp
+            // of crowded charts smoother in the pose.
+            ([3, 2], [most, 1], 1e-4, false)
         };
+        let continuation = if draft { 1.0 } else { 2.0 };
         // A second iteration on the coarser levels lowers the strain of a draft by a tenth, for a fifth of its time, and
         // makes crowded charts rougher. `normal` needs it: where charts are crowded, it is rougher without.
-        let iterations =
-            if options.quality == Quality::Draft { [CG_ITERATIONS, 1] } else { [CG_ITERATIONS; 2] };
-        let cap = |n: u32| options.max_corrections.unwrap_or(n);
+        let iterations = [CG_ITERATIONS, if draft { 1 } else { CG_ITERATIONS }];
         // Options that the solver ignores must not make two plans differ.
         let descent = pbd.is_none();
         // Where features have room, level 1 leaves 1.1 to 1.8 times the strain that a whole solve leaves, in a third of the
-        // time (method §5). Who asks for a number of corrections gets them on all levels.
-        let draft = options.quality == Quality::Draft && options.max_corrections.is_none();
+        // time (method §5).
         Plan {
             finest: usize::from(descent && draft),
             sweeps: if descent { sweeps } else { [0; 2] },
             iterations: if descent { iterations } else { [0; 2] },
-            corrections: if descent { corrections.map(cap) } else { [0; 2] },
+            corrections: if descent { corrections } else { [0; 2] },
             tolerance: if descent { options.tolerance.unwrap_or(tolerance) } else { 0.0 },
             trusts_model: descent && trusts_model,
             continuation: if descent { continuation } else { 1.0 },

@@ -261,7 +261,7 @@ def _layer(group: argparse._ArgumentGroup) -> None:
 
 
 def _work(group: argparse._ArgumentGroup) -> None:
-    group.add_argument("--quality", choices=("draft", "normal", "high"), default="normal")
+    group.add_argument("--quality", choices=("draft", "normal"), default="normal")
     flag(group, "--warm", "start each frame from the one before it in --frames")
     group.add_argument(
         "--temporal-weight",
