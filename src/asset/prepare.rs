@@ -186,16 +186,14 @@ fn compare(call: &Call, tile: usize, name: &str) {
         return;
     }
     let Some(cells) = resolving(call.team, &call.mesh.tiles[tile], &maps.rigidity, None) else { return };
-    for (asked, axis) in maps.settings.grid.into_iter().zip(["u", "v"]) {
-        let Some(asked) = asked else { continue };
-        let said = |what: &str| {
-            format!("{name}: {asked} cells in {axis} {what}: {cells} resolve its rigid features")
-        };
-        if asked >= 4 * cells {
-            call.device.log(LogLevel::Info, &said("take time and gain little"));
-        } else if 4 * asked <= cells {
-            call.device.log(LogLevel::Warning, &said("are too few"));
-        }
+    let [width, height] = maps.grid_size().map(|cells| cells as u32);
+    let said = |what: &str| {
+        format!("{name}: {width} x {height} cells {what}: {cells} x {cells} resolve its rigid features")
+    };
+    if 4 * width.min(height) <= cells {
+        call.device.log(LogLevel::Warning, &said("are too few"));
+    } else if width.max(height) >= 4 * cells {
+        call.device.log(LogLevel::Info, &said("take time and gain little"));
     }
 }
 

@@ -104,9 +104,11 @@ fn a_size_that_is_set_is_obeyed_and_compared() {
     for grid in [[None, None], [Some(256), None], [Some(144), Some(2032)]] {
         assert_eq!(said(grid), [], "{grid:?}");
     }
-    let line = |level, text: &str| (level, format!("tile 1001: {text}: 512 resolve its rigid features"));
-    assert_eq!(said([Some(128), None]), [line(LogLevel::Warning, "128 cells in u are too few")]);
-    let much = line(LogLevel::Info, "2048 cells in v take time and gain little");
+    let line =
+        |level, text: &str| (level, format!("tile 1001: {text}: 512 x 512 resolve its rigid features"));
+    let few = line(LogLevel::Warning, "128 x 512 cells are too few");
+    assert_eq!(said([Some(128), None]), [few]);
+    let much = line(LogLevel::Info, "512 x 2048 cells take time and gain little");
     assert_eq!(said([Some(512), Some(2048)]), [much]);
 }
 

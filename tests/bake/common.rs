@@ -10,7 +10,14 @@ use serde_json::Value;
 
 /// The bake program. Cargo builds examples before it runs tests, in a folder beside that of the test's executable.
 pub fn bake(arguments: &[&str]) -> Output {
-    command().args(arguments).output().expect("bake runs")
+    without_remarks(command().args(arguments).output().expect("bake runs"))
+}
+
+/// An output without warnings of grids that are too coarse for their features: these keep tests short.
+pub fn without_remarks(output: Output) -> Output {
+    let is_remark = |line: &[u8]| line.windows(12).any(|words| words == b"are too few:");
+    let lines = output.stderr.split_inclusive(|&byte| byte == b'\n');
+    Output { stderr: lines.filter(|line| !is_remark(line)).flatten().copied().collect(), ..output }
 }
 
 /// The program, without arguments.

@@ -41,6 +41,9 @@ public:
     DeformerNode(const vrtm::Device &device, const sheet &mesh) : mesh_(mesh), asset_(make(device, mesh))
     {
         tile_ = asset_.find_tile(1001).value();
+        vrtm::TileSettings settings;
+        settings.grid_width = settings.grid_height = MAP;
+        tile_.set_settings(settings).value();
         tile_.set_rigidity({&mesh_.rigidity[0][0], MAP, MAP}).value();
     }
 

@@ -41,7 +41,7 @@ static const char *use(vrtm_asset asset, vrtm_tile tile, int round, int solves)
     image.width = image.height = MAP;
     for (int k = 0; k < solves; ++k) {
         sheet_pose(&s, (round + k) % 7, pose);
-        options.quality = (vrtm_quality)((round + k) % 3);
+        options.quality = (vrtm_quality)((round + k) % 2);
         options.measure = (uint32_t)(k == 1);
         options.warm = (uint32_t)(k == 2);
         options.solver = round % 9 == 8 ? VRTM_SOLVER_PBD : VRTM_SOLVER_DESCENT;

@@ -28,7 +28,7 @@ class Borders(Case):
     def solved(self, arm, **settings):
         asset = arm.asset()
         for tile in asset.tiles:
-            tile.set_settings(seam_reach=arm.object.vrtm.seam_reach, **settings)
+            tile.set_settings(tile.settings, seam_reach=arm.object.vrtm.seam_reach, **settings)
         asset.solve(arm.pose(), measure=True)
         return asset
 

@@ -74,9 +74,8 @@ class Dilate(Case):
             bpy.ops.vrtm.update()
             asset = arm.asset()
             for tile in asset.tiles:
-                tile.set_settings(
-                    seams=settings.seams, open_borders=settings.open_borders, seam_reach=settings.seam_reach
-                )
+                ways = {"seams": settings.seams, "open_borders": settings.open_borders}
+                tile.set_settings(tile.settings, seam_reach=settings.seam_reach, **ways)
             asset.solve(arm.pose())
             self.assertSame(np.ascontiguousarray(pixels(settings.image)[..., :2]), arm.delta(asset))
 

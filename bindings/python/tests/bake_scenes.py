@@ -188,8 +188,9 @@ def with_material(folder: Path, make=scenes.materialx_material) -> Path:
 def sheet_arguments(scene: Path, out: Path, *more: object) -> list[object]:
     """A bake of the sheet on the CPU, with as many cells as the images have texels."""
     rigidity = scene.parent / "rigid.<UDIM>.png"
-    painted = next(scene.parent.glob("*rigid.*.png"), None)
-    size = read_map(str(painted)).shape[0] if painted else 64
+    painted = next(scene.parent.glob("rigid.*.png"), None)
+    # In the header of a PNG: the library that reads images takes no names that are no UTF-8.
+    size = int.from_bytes(painted.read_bytes()[16:20], "big") if painted else 64
     return ["bake", scene, "--rigidity", rigidity, "--size", size, "--device", "cpu", "--out", out, *more]
 
 

