@@ -138,7 +138,7 @@ fn features_keep_their_shape_on_the_grid_that_is_chosen() {
         asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
         let features = at_texels(&model, &model.frames[0], &asset);
         let mean = features.iter().map(|feature| feature.after).sum::<f64>() / features.len() as f64;
-        (asset.tile_info(0).unwrap().grid[0], mean)
+        (asset.tile_report(0).unwrap().grid[0], mean)
     };
     let ((chosen, of_chosen), (_, of_image)) = (strain(0), strain(side));
     assert_eq!(chosen, 384);

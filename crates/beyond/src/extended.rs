@@ -127,8 +127,8 @@ impl Used {
     }
 }
 
-/// Shuts the sides of charts to charts that do not go on at all, in `used`, or by their tile: only one of both could move, and
-/// they would come apart. Charts of other tiles are taken to go on unless the tile is one of `stay`.
+/// Shuts the seams at which only one of two charts could move, so that they would come apart: the other one has no
+/// collar, or lies in a tile of `stay`. Charts of further tiles are taken to go on.
 fn shut_one_sided(
     source: &TileMesh,
     surface: &Surface,
@@ -147,7 +147,7 @@ fn shut_one_sided(
     };
     loop {
         check();
-        // Of each chart, the sides that stay open.
+        // A chart that loses its collar shuts others: until nothing changes.
         let less = |c: usize| {
             let sides: Vec<Side> =
                 used[c].open.iter().map(|open| open.side).filter(|&side| is_open(used, side)).collect();

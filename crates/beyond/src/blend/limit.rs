@@ -146,7 +146,7 @@ fn taken(
     u
 }
 
-/// A block's certificate, and what the fractions of its nodes are multiplied by because cells there are crushed, if any is.
+/// Certificate of a block; and factors of its nodes' fractions, 0 to 1, if a cell at them is crushed.
 fn factors(level: &Level, before: &[[Plane; 2]], u: &[[Plane; 2]], b: usize) -> (Certificate, Option<Plane>) {
     let certificate = certify_block(level, u, b);
     let load = |u: &[[Plane; 2]]| {

@@ -226,7 +226,8 @@ impl<'a> Surface<'a> {
         (self.beyond.get(&side) == Some(&side)).then_some(Mirror { edge: [from, to], inner })
     }
 
-    /// The other side of a seam at a side of the tile: the tile that it lies in, as an index in `Mesh::tiles`, and the side there.
+    /// Side that a side of the tile is joined to at a seam, after its tile, an index in `Mesh::tiles`; `None` at other
+    /// borders.
     pub fn twin(&self, (t, k): Side) -> Option<(u32, Side)> {
         let own = (self.first[self.home] + t, k);
         let other = self.beyond.get(&own).copied().filter(|other| *other != own)?;
