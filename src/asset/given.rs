@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::grid::maps::{MapsOfTile, TileMaps, Values};
-use vrtm_core::grid::pieces::{SIZES, resolving};
+use vrtm_core::grid::pieces::{Covered, SIZES, resolving};
 use vrtm_core::image::map::{Map, TexelRect};
 use vrtm_core::mesh::Mesh;
 use vrtm_core::settings::{Overlap, Seams};
@@ -18,6 +18,8 @@ use vrtm_core::team::Team;
 pub(crate) struct Given {
     /// Per tile. The layers of a UDIM number share theirs.
     pub maps: Vec<TileMaps>,
+    /// Per tile, what is kept for the choice of its grid.
+    covered: Vec<Option<Covered>>,
     /// Per tile, true if solves skip it.
     pub frozen: Vec<bool>,
     /// Per tile, the states that its rigidity and mask have had.
@@ -27,15 +29,28 @@ pub(crate) struct Given {
 }
 
 /// A tile's rigidity or its mask.
-pub(super) type Which = fn(&mut TileMaps) -> &mut Values;
-pub(super) const RIGIDITY: Which = |maps| &mut maps.rigidity;
-pub(super) const MASK: Which = |maps| &mut maps.mask;
+#[derive(Clone, Copy, PartialEq)]
+pub(crate) enum Which {
+    Rigidity,
+    Mask,
+}
+
+impl Which {
+    fn of(self, maps: &mut TileMaps) -> &mut Values {
+        match self {
+            Which::Rigidity => &mut maps.rigidity,
+            Which::Mask => &mut maps.mask,
+        }
+    }
+}
 
 /// The states of a tile's rigidity and mask.
 #[derive(Debug, Default)]
 struct History {
     /// The number of the present one.
     generation: u64,
+    /// The number of the first one with the present mask.
+    masked: u64,
     /// The number of the first one that strokes lead from to the present one.
     start: u64,
     /// These strokes, each with a generation of its own.
@@ -59,17 +74,40 @@ pub(crate) struct GridKey {
     pub tile: usize,
     /// That of the tile's rigidity and mask.
     pub generation: u64,
+    /// That from which on the mask is this.
+    masked: u64,
     /// Of the settings, what a grid depends on.
     size: [usize; 2],
     overlap: Overlap,
     keeps: bool,
     smoothness: [f32; 2],
     has_density: bool,
-    /// The tiles that its collars lie in, each with the generation of its maps and the size of its grid, at which they
-    /// are read.
-    beyond: Vec<(u32, u64, [usize; 2])>,
+    /// The tiles that its collars lie in.
+    beyond: Vec<There>,
     /// The tiles to which its charts do not go on.
     stay: Vec<u32>,
+}
+
+/// A tile in which a collar of another one lies: the generation of its maps, that of its mask, and the size of its grid, at
+/// which they are read.
+#[derive(Clone, Debug, PartialEq)]
+struct There {
+    tile: u32,
+    generation: u64,
+    masked: u64,
+    size: [usize; 2],
+}
+
+/// What has changed for a grid.
+#[derive(Debug)]
+pub(crate) enum Change<'a> {
+    Nothing,
+    /// The rigidity in these texels.
+    Strokes(&'a [Stroke]),
+    /// The rigidity.
+    Rigidity,
+    /// Settings, masks, or which tiles collars lie in.
+    Other,
 }
 
 impl Given {
@@ -77,6 +115,7 @@ impl Given {
     pub fn new(tiles: usize) -> Given {
         Given {
             maps: (0..tiles).map(|_| TileMaps::default()).collect(),
+            covered: (0..tiles).map(|_| None).collect(),
             frozen: vec![false; tiles],
             history: (0..tiles).map(|_| History::default()).collect(),
             of_vertices: TileMaps::default(),
@@ -88,35 +127,34 @@ impl Given {
         MapsOfTile { own: &self.maps[tile], all: &self.maps }
     }
 
-    /// Bytes of a tile's maps. Those that layers share count for the first layer.
+    /// Bytes of a tile's maps, and of what the choice of its grid keeps. Maps that layers share count for the first layer.
     pub fn bytes(&self, mesh: &Mesh, tile: usize) -> u64 {
-        if mesh.tiles[tile].layer > 0 {
-            return 0;
-        }
-        self.maps[tile].rigidity.bytes() + self.maps[tile].mask.bytes()
+        let covered = self.covered[tile].as_ref().map_or(0, Covered::bytes);
+        let TileMaps { rigidity, mask, .. } = &self.maps[tile];
+        covered + if mesh.tiles[tile].layer > 0 { 0 } else { rigidity.bytes() + mask.bytes() }
     }
 
     /// Sets the rigidity or the mask of tiles; without a map it is that of the vertices.
     pub fn set(&mut self, tiles: Range<usize>, which: Which, map: Option<Arc<Map>>) {
-        let values = map.map_or_else(|| which(&mut self.of_vertices).clone(), Values::Map);
+        let values = map.map_or_else(|| which.of(&mut self.of_vertices).clone(), Values::Map);
         tiles.for_each(|tile| self.replace(tile, which, &values));
     }
 
     /// Sets the rigidity or the mask of the vertices, for tiles that have no map of their own.
     pub fn set_of_vertices(&mut self, which: Which, values: Values) {
         for tile in 0..self.maps.len() {
-            if !matches!(which(&mut self.maps[tile]), Values::Map(_)) {
+            if !matches!(which.of(&mut self.maps[tile]), Values::Map(_)) {
                 self.replace(tile, which, &values);
             }
         }
-        *which(&mut self.of_vertices) = values;
+        *which.of(&mut self.of_vertices) = values;
     }
 
     fn replace(&mut self, tile: usize, which: Which, by: &Values) {
-        let values = which(&mut self.maps[tile]);
+        let values = which.of(&mut self.maps[tile]);
         if values != by {
             *values = by.clone();
-            self.history[tile].begin();
+            self.history[tile].begin(which);
             self.maps[tile].resolving = None;
         }
     }
@@ -151,7 +189,8 @@ impl Given {
         for tile in tiles {
             let maps = &mut self.maps[tile];
             if maps.settings.grid.contains(&None) && maps.resolving.is_none() {
-                let cells = resolving(team, &mesh.tiles[tile], &maps.rigidity, share);
+                let covered = &mut self.covered[tile];
+                let cells = resolving(team, &mesh.tiles[tile], &maps.rigidity, share, covered);
                 maps.resolving = Some(cells.unwrap_or(SIZES[0]));
             }
         }
@@ -161,10 +200,14 @@ impl Given {
     pub fn grid_key(&self, tile: usize, beyond: impl Iterator<Item = u32>) -> GridKey {
         let (maps, history) = (&self.maps, &self.history);
         let settings = &maps[tile].settings;
-        let there = |t: u32| (t, history[t as usize].generation, maps[t as usize].grid_size());
+        let there = |tile: u32| {
+            let (maps, history) = (&maps[tile as usize], &history[tile as usize]);
+            There { tile, generation: history.generation, masked: history.masked, size: maps.grid_size() }
+        };
         GridKey {
             tile,
             generation: history[tile].generation,
+            masked: history[tile].masked,
             size: maps[tile].grid_size(),
             overlap: settings.overlap,
             keeps: settings.seams == Seams::Keep,
@@ -182,25 +225,35 @@ impl Given {
         (0..self.maps.len()).filter(stays).map(|other| other as u32).collect()
     }
 
-    /// The strokes that have changed a grid's inputs since it had this key: none if nothing has changed, `None` if
-    /// other things have.
-    pub fn strokes_since(&self, key: &GridKey) -> Option<&[Stroke]> {
-        let mut now = self.grid_key(key.tile, key.beyond.iter().map(|there| there.0));
-        now.generation = key.generation;
-        let History { generation, start, strokes } = &self.history[key.tile];
+    /// What has changed of a grid's inputs since it had this key.
+    pub fn change_since(&self, key: &GridKey) -> Change<'_> {
+        let now = self.grid_key(key.tile, key.beyond.iter().map(|there| there.tile));
+        let mut like_then = now.clone();
+        like_then.generation = key.generation;
+        let is_own = like_then == *key;
+        for (there, then) in like_then.beyond.iter_mut().zip(&key.beyond) {
+            there.generation = then.generation;
+        }
+        let History { start, strokes, .. } = &self.history[key.tile];
         match () {
-            () if now != *key => None,
-            () if key.generation == *generation => Some(&[]),
-            () if key.generation < *start => None,
-            () => Some(&strokes[strokes.partition_point(|stroke| stroke.generation <= key.generation)..]),
+            () if like_then != *key => Change::Other,
+            () if now == *key => Change::Nothing,
+            () if !is_own || key.generation < *start => Change::Rigidity,
+            () => {
+                let first = strokes.partition_point(|stroke| stroke.generation <= key.generation);
+                Change::Strokes(&strokes[first..])
+            }
         }
     }
 }
 
 impl History {
-    /// Begins anew, with other maps.
-    fn begin(&mut self) {
+    /// Begins anew, with another map.
+    fn begin(&mut self, which: Which) {
         self.generation += 1;
+        if which == Which::Mask {
+            self.masked = self.generation;
+        }
         self.start = self.generation;
         self.strokes.clear();
     }

@@ -15,7 +15,7 @@ use vrtm_core::method::plan::Purpose;
 use vrtm_core::report::{TileEstimate, TileInfo, report};
 use vrtm_core::settings::{LogLevel, Solver};
 
-use super::given::Given;
+use super::given::{Change, Given};
 use super::shape::{Built, Call, Prepared, Shape, ShapeKey, new_mesh};
 use super::tile::TileState;
 use crate::solved::Solved;
@@ -62,7 +62,7 @@ impl TileState {
         self.maps.set(call.given.bytes(call.mesh, tile), &name)?;
         self.book_shape(call, welds)?;
         let shape = self.shape(call, welds)?;
-        shape.repaint(call);
+        let is_repainted = shape.repaint(call);
         let key = call.given.grid_key(tile, shape.beyond.iter().copied());
         if shape.grid.known(&key).is_none() {
             // Memory for another grid is of no more use.
@@ -81,13 +81,16 @@ impl TileState {
             }
             Ok(built)
         })?;
+        if is_repainted {
+            describe_rigidity(call.device, &name, &built.grid);
+        }
         Ok(Prepared { mesh: mesh.clone(), grid: built.grid.clone(), key, since: built.since.clone() })
     }
 
     /// The tile's grid, if it need not be built anew.
     pub fn grid(&self, given: &Given) -> Option<&Grid> {
         let (key, built) = self.whole.known(&self.shape_key(given, &[]))?.grid.last()?;
-        given.strokes_since(key).map(|_| &*built.grid)
+        (!matches!(given.change_since(key), Change::Other)).then_some(&*built.grid)
     }
 
     /// The room for redirections beside charts, and the time for the grid that was not yet reported, of the tile that
@@ -185,7 +188,8 @@ fn compare(call: &Call, tile: usize, name: &str) {
     if !call.device.has_log() || maps.settings.grid == [None; 2] {
         return;
     }
-    let Some(cells) = resolving(call.team, &call.mesh.tiles[tile], &maps.rigidity, None) else { return };
+    let (tile, rigidity) = (&call.mesh.tiles[tile], &maps.rigidity);
+    let Some(cells) = resolving(call.team, tile, rigidity, None, &mut None) else { return };
     let [width, height] = maps.grid_size().map(|cells| cells as u32);
     let said = |what: &str| {
         format!("{name}: {width} x {height} cells {what}: {cells} x {cells} resolve its rigid features")
@@ -213,6 +217,11 @@ fn describe(device: &Device, name: &str, grid: &Grid) {
         );
         device.log(LogLevel::Warning, &message);
     }
+    describe_rigidity(device, name, grid);
+}
+
+/// Tells how much of what is rigid may move.
+fn describe_rigidity(device: &Device, name: &str, grid: &Grid) {
     let message = format!(
         "{name}: {} nodes of {} x {} cells may move, {:.1} % of its rigid texels are frozen, {:.1} % overlapped, {:.1} % may move",
         grid.movable.iter().sum::<u64>(),

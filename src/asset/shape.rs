@@ -8,17 +8,17 @@ use vrtm_beyond::extended;
 use vrtm_beyond::gutter::Gutter;
 use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::error::Result;
-use vrtm_core::grid::maps::Values;
-use vrtm_core::grid::repaint::repaint;
+use vrtm_core::grid::repaint::{Repainted, repaint};
 use vrtm_core::grid::survey::Survey;
 use vrtm_core::grid::{Grid, build};
+use vrtm_core::image::map::TexelRect;
 use vrtm_core::mesh::{Mesh, TileMesh};
 use vrtm_core::settings::{Beyond, LogLevel};
 use vrtm_core::team::Team;
 use vrtm_core::view::Strided;
 
 use super::derived::Derived;
-use super::given::{Given, GridKey, Stroke};
+use super::given::{Change, Given, GridKey};
 use crate::solved::Solved;
 
 /// A call on tiles of an asset, and all that what is made for them follows from.
@@ -92,33 +92,36 @@ impl Shape {
         Ok(Some(gutter.clone()))
     }
 
-    /// Updates a grid from before some strokes, if they leave its blocks as they are.
-    pub fn repaint(&mut self, call: &Call) {
-        let Some((key, built)) = self.grid.last() else { return };
-        let strokes = call.given.strokes_since(key).filter(|strokes| !strokes.is_empty());
-        if let Some(repainted) =
-            strokes.and_then(|strokes| built.repainted(call, key.tile, &self.mesh, strokes))
-        {
-            let key = call.given.grid_key(key.tile, self.beyond.iter().copied());
-            self.grid.follow(key, repainted);
-        }
+    /// Updates a grid of another rigidity, if that leaves its blocks as they are. True if all of it may be another one.
+    pub fn repaint(&mut self, call: &Call) -> bool {
+        let Some((key, built)) = self.grid.last() else { return false };
+        let texels = match call.given.change_since(key) {
+            Change::Strokes(strokes) => strokes.iter().map(|stroke| stroke.texels).reduce(TexelRect::with),
+            Change::Rigidity => None,
+            Change::Nothing | Change::Other => return false,
+        };
+        let key = call.given.grid_key(key.tile, self.beyond.iter().copied());
+        let Some(repainted) = built.repainted(call, &key, &self.mesh, texels) else { return false };
+        self.grid.follow(key, repainted);
+        texels.is_none()
     }
 }
 
 impl Built {
-    fn repainted(&self, call: &Call, tile: usize, mesh: &TileMesh, strokes: &[Stroke]) -> Option<Built> {
-        let start = Instant::now();
-        let maps = &call.given.maps[tile];
-        let Values::Map(map) = &maps.rigidity else { return None };
-        let mut now = Built { grid: self.grid.clone(), since: self.since.clone(), ms: self.ms };
-        for Stroke { generation, texels } in strokes {
-            let repainted = repaint(call.team, &now.grid, mesh, maps, map, texels)?;
-            let changed = now.since.iter_mut().zip(repainted.charts).filter(|(_, changed)| *changed);
-            changed.for_each(|(since, _)| *since = *generation);
-            now.grid = Arc::new(repainted.grid);
-        }
-        now.ms += milliseconds(start);
-        Some(now)
+    fn repainted(
+        &self,
+        call: &Call,
+        key: &GridKey,
+        mesh: &TileMesh,
+        texels: Option<TexelRect>,
+    ) -> Option<Built> {
+        let (start, maps) = (Instant::now(), call.given.of(key.tile));
+        let Repainted { grid, charts } = repaint(call.team, &self.grid, mesh, maps, texels)?;
+        let mut since = self.since.clone();
+        let changed = since.iter_mut().zip(charts).filter(|(_, changed)| *changed);
+        changed.for_each(|(since, _)| *since = key.generation);
+        tell_if_stuck(call.device, &mesh.name(), &grid);
+        Some(Built { grid: Arc::new(grid), since, ms: self.ms + milliseconds(start) })
     }
 
     /// Builds a grid. Its memory is booked before it is allocated.
@@ -127,11 +130,8 @@ impl Built {
         let (maps, size) = (call.given.of(key.tile), call.given.maps[key.tile].grid_size());
         let survey = Survey::new(call.team, mesh, maps, size);
         booked.set(survey.grid_bytes(), &name)?;
-        if survey.has_rigid_nodes() && survey.movable.iter().all(|&count| count == 0) {
-            let message = format!("{name}: it has rigid texels, but nothing that may move");
-            call.device.log(LogLevel::Warning, &message);
-        }
         let grid = build::grid(call.team, call.mesh, maps, survey);
+        tell_if_stuck(call.device, &name, &grid);
         let built = Built::of(grid, key.generation, milliseconds(start));
         built.book(booked, &name)?;
         Ok(built)
@@ -145,6 +145,12 @@ impl Built {
     /// Books the bytes of the grid, and of a result on it.
     pub fn book(&self, booked: &mut Booked, name: &str) -> Result<()> {
         booked.set(self.grid.bytes() + Solved::bytes_for(&self.grid), name)
+    }
+}
+
+fn tell_if_stuck(device: &Device, name: &str, grid: &Grid) {
+    if grid.rigid_sum(|square| square.rigid) > 0 && grid.movable.iter().all(|&count| count == 0) {
+        device.log(LogLevel::Warning, &format!("{name}: it has rigid texels, but nothing that may move"));
     }
 }
 

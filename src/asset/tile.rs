@@ -23,7 +23,7 @@ use vrtm_core::view::Strided;
 
 use super::blended::{BlendKey, Blended, CopiesKey};
 use super::derived::Derived;
-use super::given::{Given, GridKey};
+use super::given::{Change, Given, GridKey};
 use super::shape::{Call, Prepared, Shape, ShapeKey, torn_welds};
 use crate::solved::Solved;
 use vrtm_core::backend::{TileSolution, TileSolve, TileSolver, Warp};
@@ -102,7 +102,7 @@ impl TileSolved {
 
     /// True if it was solved with this plan and the present maps and settings.
     pub fn is_of(&self, plan: &Plan, given: &Given) -> bool {
-        let has_maps = given.strokes_since(&self.grid).is_some_and(<[_]>::is_empty);
+        let has_maps = matches!(given.change_since(&self.grid), Change::Nothing);
         has_maps && self.plan == *plan && self.settings == given.maps[self.tile()].settings
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::given::{MASK, RIGIDITY, Which};
+use super::given::Which;
 use super::shape::Call;
 use super::tile::TileState;
 use super::{Asset, log};
@@ -155,7 +155,7 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` for a value that is not finite.
     pub fn set_rigidity(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
-        self.set_map("rigidity", RIGIDITY, tile, image)
+        self.set_map("rigidity", Which::Rigidity, tile, image)
     }
 
     /// Sets a tile's warp mask, for all of its layers: texels under 0.5 do not move; `None` removes it. Where a tile has none,
@@ -164,7 +164,7 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` for a value that is not finite.
     pub fn set_mask(&mut self, tile: usize, image: Option<ImageView>) -> Result<()> {
-        self.set_map("mask", MASK, tile, image)
+        self.set_map("mask", Which::Mask, tile, image)
     }
 
     fn set_map(&mut self, name: &str, which: Which, tile: usize, image: Option<ImageView>) -> Result<()> {
@@ -231,7 +231,7 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` for a wrong count or a value that is not finite.
     pub fn set_vertex_rigidity(&mut self, values: Option<Strided>) -> Result<()> {
-        self.set_of_vertices("rigidity", RIGIDITY, values)
+        self.set_of_vertices("rigidity", Which::Rigidity, values)
     }
 
     /// Sets the mask of all vertices, linear over each triangle, for the tiles that have no mask of their own
@@ -241,7 +241,7 @@ impl Asset {
     /// # Errors
     /// `InvalidArgument` for a wrong count or a value that is not finite.
     pub fn set_vertex_mask(&mut self, values: Option<Strided>) -> Result<()> {
-        self.set_of_vertices("mask", MASK, values)
+        self.set_of_vertices("mask", Which::Mask, values)
     }
 
     /// Copies one value per vertex, clamped to 0..1.

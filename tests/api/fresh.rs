@@ -20,17 +20,17 @@ const SIZE: usize = 64;
 const HISTORIES: u64 = 12;
 const STEPS: usize = 18;
 /// The asset has two tiles.
-const TILES: usize = 2;
+pub const TILES: usize = 2;
 
 /// Five sheets, each a chart. The first three hang together at seams, which lie within the first tile and between both;
 /// the fourth is beside them, and the last lies over it.
 const SHEETS: [[f32; 2]; 5] = [[0.08, 0.1], [0.55, 0.15], [1.1, 0.1], [1.55, 0.1], [1.6, 0.4]];
 const SIDE: f32 = 0.36;
 
-struct Random(u64);
+pub struct Random(pub u64);
 
 impl Random {
-    fn below(&mut self, n: usize) -> usize {
+    pub fn below(&mut self, n: usize) -> usize {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) as usize % n
     }
@@ -39,14 +39,14 @@ impl Random {
         of[self.below(of.len())]
     }
 
-    fn chance(&mut self, percent: usize) -> bool {
+    pub fn chance(&mut self, percent: usize) -> bool {
         self.below(100) < percent
     }
 }
 
 /// The sheets, with a slit in the middle of each that is closed at rest, and poses. The last two open slits: of all
 /// sheets, and of the first one alone.
-fn model() -> Model {
+pub fn model() -> Model {
     let row = QUADS + 1;
     let mut model = Model {
         weld: Weld { by: WeldBy::Position, ..Weld::default() },
@@ -104,7 +104,7 @@ fn image(texels: &[u8]) -> vrtm::ImageView<'_> {
     view(texels, SIZE as u32, SIZE as u32)
 }
 
-fn values(of: &[f32]) -> Strided<'_> {
+pub fn values(of: &[f32]) -> Strided<'_> {
     // SAFETY: any byte of an f32 may be read.
     let bytes = unsafe { std::slice::from_raw_parts(of.as_ptr().cast::<u8>(), size_of_val(of)) };
     Strided::new("values", bytes, Scalar::F32, 1, of.len(), 0).unwrap()

@@ -11,6 +11,7 @@ mod fresh;
 mod grid;
 mod layers;
 mod maps;
+mod new_maps;
 mod prepare;
 mod refine;
 mod saved;

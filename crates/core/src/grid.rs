@@ -6,6 +6,8 @@ pub mod squares;
 mod cover;
 mod keep;
 mod rigidity;
+mod rigid_levels;
+pub mod square_nodes;
 mod vertex_mask;
 pub mod survey;
 pub mod build;
@@ -43,6 +45,7 @@ use mirrors::Hold;
 use planes::{NODES, Plane};
 use pose::{Pose, PoseTriangle};
 use rigid_nodes::RigidNodes;
+use square_nodes::SquareNodes;
 use survey::{Survey, SurveyLevel};
 use uv_triangle::UvTriangle;
 
@@ -107,6 +110,8 @@ pub struct Grid {
     survey: Arc<Vec<SurveyLevel>>,
     /// The nodes of each square that may move if their chart has rigidity.
     parts: Arc<Vec<Part>>,
+    /// The squares that triangles cover, sorted by layer, y, x.
+    squares: Arc<Vec<SquareNodes>>,
     /// Per part: true if the rigidity is not 0 at one of its nodes or next to one.
     rigid: Vec<bool>,
     /// The rigid nodes of the squares that triangles cover, sorted by y, x.
@@ -118,11 +123,6 @@ pub struct Grid {
 const FLOOR_FRACTION: f32 = 0.05;
 
 impl Grid {
-    /// The same grid with another rigidity of its parts and squares; the rigidity of its nodes is unchanged.
-    fn with_rigidity(&self, rigid: Vec<bool>, rigid_nodes: Vec<RigidNodes>) -> Grid {
-        Grid { rigid, rigid_nodes, ..self.clone() }
-    }
-
     /// Fraction of the covered rigid nodes that do not move.
     pub fn frozen(&self) -> f32 {
         rigid_nodes::frozen_share(&self.rigid_nodes)
@@ -163,7 +163,8 @@ impl Grid {
     pub fn bytes(&self) -> u64 {
         let extra = if self.has_extra { size_of::<Plane>() } else { 0 };
         let level_bytes = |(k, level): (usize, &Level)| level.blocks.list.len() * (block_bytes(k) + extra);
-        let squares = self.rigid_nodes.len() * size_of::<RigidNodes>();
+        let counts = self.rigid_nodes.len() * size_of::<RigidNodes>();
+        let squares = self.squares.len() * size_of::<SquareNodes>() + counts;
         let parts = self.parts.len() * (size_of::<Part>() + 1) + squares;
         let levels: usize = self.levels.iter().enumerate().map(level_bytes).sum();
         let level_1 = self.levels.get(1).map_or(0, |level| level.blocks.list.len());
@@ -184,20 +185,23 @@ fn block_bytes(k: usize) -> usize {
 impl Survey<'_> {
     /// Estimated bytes of the grid, before it is built.
     pub fn grid_bytes(&self) -> u64 {
-        survey_bytes(&self.levels, self.triangles.len(), self.has_extra)
+        survey_bytes(&self.levels, self.triangles.len(), self.squares.len(), self.has_extra)
     }
 }
 
 /// Estimated bytes of a grid with these levels.
-fn survey_bytes(levels: &[SurveyLevel], triangles: usize, has_extra: bool) -> u64 {
+fn survey_bytes(levels: &[SurveyLevel], triangles: usize, squares: usize, has_extra: bool) -> u64 {
     let extra = if has_extra { size_of::<Plane>() } else { 0 };
     let per_level = |(k, level): (usize, &SurveyLevel)| level.blocks.list.len() * (block_bytes(k) + extra);
     let levels: usize = levels.iter().enumerate().map(per_level).sum();
-    (levels + triangles * TRIANGLE_BYTES) as u64
+    (levels + triangles * TRIANGLE_BYTES + squares * SQUARE_BYTES) as u64
 }
 
 /// Bytes per node of level 1 that is covered by one triangle.
 const GATHER_BYTES: usize = 4 + 8;
+
+/// Bytes of a square that triangles cover.
+const SQUARE_BYTES: usize = size_of::<SquareNodes>() + size_of::<RigidNodes>();
 
 /// Bytes of a triangle: its UVs, its chart and its vertices at rest.
 const TRIANGLE_BYTES: usize = size_of::<UvTriangle>() + 4;

@@ -3,6 +3,7 @@
 pub mod external;
 pub mod format;
 pub mod map;
+pub mod resample;
 pub mod texels;
 
 use std::marker::PhantomData;
@@ -194,9 +195,16 @@ impl<'a> ImageView<'a> {
 
     /// Copies some texels to a map of the same size and format.
     pub fn copy_to(&self, map: &mut Map, rect: TexelRect) {
+        let size = self.layout.format.size();
+        let is_packed = self.layout.pixel_stride == size;
         for y in rect.first[1]..rect.end[1] {
+            if is_packed {
+                let row = &self.bytes[self.layout.offset(rect.first[0], y)..];
+                map.put_row(rect.first[0], y, &row[..(rect.end[0] - rect.first[0]) * size]);
+                continue;
+            }
             for x in rect.first[0]..rect.end[0] {
-                map.put(x, y, &self.bytes[self.layout.offset(x, y)..]);
+                map.put_row(x, y, &self.bytes[self.layout.offset(x, y)..][..size]);
             }
         }
     }

@@ -23,6 +23,7 @@ mod results;
 mod sizes;
 mod upload;
 mod memory;
+mod follow;
 mod run;
 mod dispatch;
 mod invert;

@@ -10,12 +10,13 @@ use super::kernels::{Binding, Kernel, slot};
 use super::layout::{PLANE, Params, ROW_PLANES};
 use super::lists::{Lists, active_blocks, band_lists};
 use super::recorder::{Bound, RecorderResources};
-use super::records::{band_blocks, band_nodes, corners, triangles};
+use super::records::{band_blocks, block_nodes, corners, triangles};
 use super::results::ResultBuffers;
 use super::sizes::BufferSizes;
 use super::upload::Uploader;
 use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::error::{Error, Result};
+use vrtm_core::grid::planes::Plane;
 use vrtm_core::grid::{Grid, Level};
 use vrtm_core::mesh::TileMesh;
 
@@ -50,7 +51,10 @@ pub struct Coarse {
 /// The memory of one tile's solver, kept between solves.
 #[derive(Debug)]
 pub struct Memory {
+    /// The grid whose constants are uploaded.
     pub grid: Weak<Grid>,
+    /// Its planes of triangles, which identify its blocks.
+    pub blocks: Weak<Vec<Plane<u32>>>,
     pub context: Arc<Context>,
     pub bands: Vec<Vec<Band>>,
     pub coarse: Option<Coarse>,
@@ -139,7 +143,7 @@ impl Memory {
                     sizes.rows.map_or_else(|| Ok(coarse_rows.clone()), |bytes| storage("rows", bytes))?;
                 let vectors = sizes.vectors;
                 let blocks = band_blocks(grid, &bands, k, band);
-                let nodes = band_nodes(grid, level, k, band);
+                let nodes = block_nodes(grid, level, k, band.buffered.clone());
                 of_level.push(BandBuffers {
                     blocks: uploader.upload("blocks", sizes.blocks, bytemuck::cast_slice(&blocks))?,
                     lists: storage("lists", sizes.lists)?,
@@ -177,6 +181,7 @@ impl Memory {
         let active = |level: &Level| level.blocks.list.iter().filter(|block| block.active).count() as u64;
         let memory = Memory {
             grid: Arc::downgrade(grid),
+            blocks: Arc::downgrade(&grid.triangle),
             active_blocks: grid.levels.iter().map(active).collect(),
             triangles: uploader.upload("triangles", sizes.triangles, bytemuck::cast_slice(&triangles))?,
             corners: uploader.upload("corners", sizes.corners, bytemuck::cast_slice(&corners))?,

@@ -1,6 +1,8 @@
 //! A grid's records in the layout of the shaders: the data of its blocks, nodes and triangles that do not depend on the
 //! pose.
 
+use std::ops::Range;
+
 use super::bands::Band;
 use super::layout::{BlockRecord, Triangle, node_planes};
 use vrtm_core::allocation::Vec;
@@ -11,12 +13,22 @@ use vrtm_core::mesh::{NONE, TileMesh};
 
 /// Records of the blocks in the buffers of a band of level `k`.
 pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<BlockRecord> {
+    block_records(grid, bands, k, band, band.buffered.clone())
+}
+
+/// Records of some of these blocks.
+pub fn block_records(
+    grid: &Grid,
+    bands: &[Vec<Band>],
+    k: usize,
+    band: &Band,
+    blocks: Range<usize>,
+) -> Vec<BlockRecord> {
     let level = &grid.levels[k];
     let list = &level.blocks.list;
     let coarser = bands.get(k + 1).map(|bands| (&grid.levels[k + 1].blocks, &bands[band.coarser]));
     let finer = k.checked_sub(1).map(|k| &bands[k][band.finer.clone()]);
-    band.buffered
-        .clone()
+    blocks
         .map(|b| {
             let block = &list[b];
             let neighbours = level.blocks.neighbours[b];
@@ -72,10 +84,10 @@ pub fn packed_weights(level: &Level, b: usize) -> [u32; NODES / 4] {
     std::array::from_fn(|k| u32::from_le_bytes(std::array::from_fn(|n| codes[4 * k + n])))
 }
 
-/// The constants of the nodes of the blocks in a band's buffers: `node_planes` planes per block.
-pub fn band_nodes(grid: &Grid, level: &Level, k: usize, band: &Band) -> Vec<u32> {
-    let mut all = Vec::with_capacity(band.buffered.len() * node_planes(grid) * NODES);
-    for b in band.buffered.clone() {
+/// The constants of the nodes of blocks of level `k`: `node_planes` planes per block.
+pub fn block_nodes(grid: &Grid, level: &Level, k: usize, blocks: Range<usize>) -> Vec<u32> {
+    let mut all = Vec::with_capacity(blocks.len() * node_planes(grid) * NODES);
+    for b in blocks {
         let rigidity = level.rigidity[b].iter().zip(&level.movable[b]);
         all.extend(rigidity.map(|(&code, &movable)| u32::from(code) | u32::from(movable == 0) << 31));
         for pair in level.rest_length[b].chunks(2) {

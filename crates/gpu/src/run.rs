@@ -64,7 +64,7 @@ pub struct Run<'a> {
 
 impl TileSolver for Memory {
     fn is_for(&self, grid: &Arc<Grid>, _: Purpose) -> bool {
-        self.grid.upgrade().is_some_and(|own| Arc::ptr_eq(&own, grid))
+        self.blocks.upgrade().is_some_and(|own| Arc::ptr_eq(&own, &grid.triangle))
     }
 
     fn run(&mut self, solve: &mut TileSolve) -> Result<TileSolution> {
@@ -95,6 +95,7 @@ impl<'a> Run<'a> {
         let start = Instant::now();
         let Input { grid, pose, settings, charts, .. } = *input;
         let context = memory.context.clone();
+        memory.follow(grid)?;
         memory.update_lists(grid, charts);
         let positions: Vec<f32> =
             pose.charts.iter().flat_map(|chart| chart.positions.as_flattened()).copied().collect();

@@ -46,9 +46,18 @@ impl<'a> Uploader<'a> {
             return Err(Error::new(ErrorKind::Internal, message));
         }
         let buffer = self.storage(label, size)?;
+        self.write(&buffer, 0, bytes)?;
+        Ok(buffer)
+    }
+
+    /// Writes to a buffer, from an offset on.
+    ///
+    /// # Errors
+    /// Those of waiting for the GPU.
+    pub fn write(&self, buffer: &wgpu::Buffer, first: u64, bytes: &[u8]) -> Result<()> {
         // Written bytes wait in host memory until they are submitted; writing in portions limits them.
         for (n, part) in bytes.chunks(MAX_UNSUBMITTED).enumerate() {
-            self.context.queue.write_buffer(&buffer, (n * MAX_UNSUBMITTED) as u64, part);
+            self.context.queue.write_buffer(buffer, first + (n * MAX_UNSUBMITTED) as u64, part);
             self.unsubmitted.set(self.unsubmitted.get() + part.len());
             if self.unsubmitted.get() >= MAX_UNSUBMITTED {
                 self.context.queue.submit([]);
@@ -56,6 +65,6 @@ impl<'a> Uploader<'a> {
                 self.unsubmitted.set(0);
             }
         }
-        Ok(buffer)
+        Ok(())
     }
 }

@@ -5,11 +5,9 @@ use std::sync::Arc;
 use super::blocks::Block;
 use super::codes::Lengths;
 use super::gather::Gather;
-use super::interpolation::{self, Source, StiffnessPlanes};
 use super::node_set::NodeSet;
 use super::pose::Pose;
-use super::pyramid::{self, Relevant};
-use super::rigidity::NodeRigidity;
+use super::rigid_levels::{self, Nodes};
 use super::survey::{Survey, SurveyLevel};
 use super::{Grid, Level, cover, coverage, density, mirrors, rest};
 use crate::allocation::{Vec, vec, zeroed};
@@ -17,7 +15,6 @@ use crate::grid::maps::MapsOfTile;
 use crate::grid::maps::TileMaps;
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::mesh::{Mesh, NONE};
-use crate::settings::TileSettings;
 use crate::team::Team;
 
 /// Builds the grid of a surveyed tile.
@@ -25,8 +22,11 @@ pub fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -> Grid 
     let tile = survey.coverer.tile;
     let charts = tile.charts.len();
     let mut levels = levels_of(&survey.levels, charts);
-    let rigidity = NodeRigidity { maps, coverer: &survey.coverer, triangles: &survey.triangles };
-    set_rigidity(team, &rigidity, &survey, &mut levels);
+    let triangle = triangles_of_nodes(team, &survey);
+    let rigidity = survey.rigidity(maps);
+    rigid_levels::allocate(&mut levels);
+    rigid_levels::finest(team, &rigidity, &survey.levels[0], &triangle, &mut levels[0], Nodes::ALL);
+    rigid_levels::coarser(team, &survey.levels, &mut levels, &maps.own.settings, Nodes::ALL);
     if maps.own.settings.orientation_density > 0.0 {
         let density = density::density(&coverage::node_maps_of(&rigidity, &survey));
         let width = survey.coverer.nx + 1;
@@ -34,12 +34,10 @@ pub fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -> Grid 
             level.density = Arc::new(planes(level, |i, j| density[(j << k) * width + (i << k)]));
         }
     }
-    set_interpolation(team, &survey, &mut levels, &maps.own.settings);
     let cells = [survey.coverer.nx, survey.coverer.ny];
     for (k, level) in levels.iter_mut().enumerate() {
         level.hold = Arc::new(mirrors::hold(tile, &survey.coverer.charts, &level.blocks, k, cells));
     }
-    let triangle = Arc::new(triangles_of_nodes(team, &survey));
     let mut gather = Gather::default();
     if let Some(level) = levels.get_mut(1) {
         let (of_level, coverage) =
@@ -48,13 +46,23 @@ pub fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -> Grid 
     }
     let (overlap, at_gaps) = (survey.overlap(), survey.counts.at_gaps);
     let rest = Arc::new(Pose::new(tile, |v| mesh.rest[v as usize], None));
-    let Survey { coverer, triangles, movable, levels: survey, parts, rigid, rigid_nodes, has_extra, .. } =
-        survey;
+    let Survey {
+        coverer,
+        triangles,
+        movable,
+        levels: survey,
+        parts,
+        rigid,
+        squares,
+        rigid_nodes,
+        has_extra,
+        ..
+    } = survey;
     let mut grid = Grid {
         levels,
         triangles: Arc::new(triangles),
         chart_of: Arc::new(coverer.charts.into_owned().into()),
-        triangle,
+        triangle: Arc::new(triangle),
         gather: Arc::new(gather),
         movable,
         overlap,
@@ -63,6 +71,7 @@ pub fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -> Grid 
         rest,
         survey: Arc::new(survey),
         parts: Arc::new(parts),
+        squares: Arc::new(squares),
         rigid,
         rigid_nodes,
     };
@@ -87,8 +96,18 @@ pub fn skeleton(survey: Survey) -> Grid {
     let levels = levels_of(&survey.levels, survey.coverer.tile.charts.len());
     let gather = Gather::empty(levels.get(1).map_or(0, |level| level.blocks.list.len()));
     let (overlap, at_gaps) = (survey.overlap(), survey.counts.at_gaps);
-    let Survey { coverer, triangles, movable, levels: survey, parts, rigid, rigid_nodes, has_extra, .. } =
-        survey;
+    let Survey {
+        coverer,
+        triangles,
+        movable,
+        levels: survey,
+        parts,
+        rigid,
+        squares,
+        rigid_nodes,
+        has_extra,
+        ..
+    } = survey;
     Grid {
         levels,
         triangles: Arc::new(triangles),
@@ -102,6 +121,7 @@ pub fn skeleton(survey: Survey) -> Grid {
         rest: Arc::default(),
         survey: Arc::new(survey),
         parts: Arc::new(parts),
+        squares: Arc::new(squares),
         rigid,
         rigid_nodes,
     }
@@ -151,53 +171,6 @@ fn mobility(nodes: &NodeSet) -> Plane<u8> {
         plane[slot(n % SIDE, n / SIDE)] = 1;
     }
     plane
-}
-
-/// Sets the rigidity of all levels.
-fn set_rigidity(team: &Team, rigidity: &NodeRigidity, survey: &Survey, levels: &mut [Level]) {
-    let mut relevant = pyramid::relevant(&survey.levels[0]);
-    levels[0].rigidity = pyramid::finest(team, rigidity, &survey.levels[0], &relevant);
-    for k in 1..levels.len() {
-        let (finer, coarser) = (&survey.levels[k - 1], &survey.levels[k]);
-        let relevant_coarser = pyramid::relevant(coarser);
-        let (of_finer, of_coarser) = (
-            Relevant { level: finer, relevant: &relevant },
-            Relevant { level: coarser, relevant: &relevant_coarser },
-        );
-        let codes = team.map(coarser.blocks.list.len(), |b| {
-            let children = &levels[k].children[b];
-            pyramid::coarser_block(&of_finer, &levels[k - 1].rigidity, &of_coarser, children, b)
-        });
-        levels[k].rigidity = codes;
-        relevant = relevant_coarser;
-    }
-}
-
-/// Sets the weights of interpolation of all levels but the coarsest, and keeps the stiffness of level 2 and above.
-fn set_interpolation(team: &Team, survey: &Survey, levels: &mut [Level], settings: &TileSettings) {
-    let mut stiffness: Vec<StiffnessPlanes> = Vec::new();
-    for k in 0..levels.len() - 1 {
-        let (finer, coarser) = (&survey.levels[k], &survey.levels[k + 1]);
-        let mut parents: Vec<(u32, u32, u32)> =
-            finer.blocks.list.iter().map(|b| (b.chart, b.y / 2, b.x / 2)).collect();
-        parents.sort_unstable();
-        parents.dedup();
-        let source = match k {
-            0 => Source::Rigidity(&levels[0].rigidity, settings),
-            _ => Source::Stiffness(&stiffness),
-        };
-        let mut weights = zeroed::<[u8; NODES]>(finer.blocks.list.len());
-        let mut next: Vec<StiffnessPlanes> = zeroed(coarser.blocks.list.len());
-        interpolation::patches(team, [finer, coarser], source, &parents, Some(&mut weights), &mut next);
-        levels[k].interpolation = weights;
-        if k > 1 {
-            levels[k].stiffness = stiffness;
-        }
-        stiffness = next;
-    }
-    if let Some(coarsest) = levels.get_mut(2..).and_then(<[Level]>::last_mut) {
-        coarsest.stiffness = stiffness;
-    }
 }
 
 /// The triangle under each node of the blocks of level 0.

@@ -42,6 +42,13 @@ pub struct Cover {
     pub at_gaps: NodeSet,
 }
 
+impl Cover {
+    /// The triangle under the nth of the square's nodes, row by row.
+    pub fn triangle_at(&self, n: usize) -> u32 {
+        self.triangle[at(n % SIDE + 1, n / SIDE + 1)]
+    }
+}
+
 /// Index of the node (i - 1, j - 1) of a square in its window; i and j run from 0 to 17.
 pub const fn at(i: usize, j: usize) -> usize {
     j * WIDE + i
@@ -53,7 +60,7 @@ const SEVERAL: u32 = NONE - 1;
 impl<'a> Coverer<'a> {
     pub fn new(tile: &'a TileMesh, nx: usize, ny: usize, overlap: Overlap) -> Coverer<'a> {
         let charts = tile.chart_of_triangles();
-        let squares = Squares::new(tile, &charts, nx, ny, None);
+        let squares = Squares::new(tile, &charts, nx, ny);
         Coverer { tile, nx, ny, overlap, charts: Cow::Owned(charts.into()), squares }
     }
 

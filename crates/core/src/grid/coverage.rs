@@ -1,7 +1,7 @@
 //! Coverage, rigidity and mobility at all nodes of a tile, row by row, for the measurement of strain. The memory grows
 //! with the size of the tile.
 
-use super::cover::{Coverer, WIDE, at};
+use super::cover::{Coverer, at};
 use super::rigidity::NodeRigidity;
 use super::survey::Survey;
 use crate::allocation::{Vec, vec, zeroed};
@@ -53,24 +53,20 @@ pub struct NodeMaps {
 /// Rigidity and mobility of a tile on a grid of nx by ny cells.
 pub fn node_maps(tile: &TileMesh, maps: &TileMaps, [nx, ny]: [usize; 2]) -> NodeMaps {
     let survey = Team::with(1, |team| Survey::new(team, tile, MapsOfTile::alone(maps), [nx, ny]));
-    let rigidity = NodeRigidity {
-        maps: MapsOfTile::alone(maps),
-        coverer: &survey.coverer,
-        triangles: &survey.triangles,
-    };
+    let rigidity = survey.rigidity(MapsOfTile::alone(maps));
     node_maps_of(&rigidity, &survey)
 }
 
 /// Rigidity and mobility of a surveyed tile.
 pub(super) fn node_maps_of(source: &NodeRigidity, survey: &Survey) -> NodeMaps {
-    let Coverer { nx, ny, squares, .. } = source.coverer;
+    let Coverer { nx, ny, squares, .. } = &survey.coverer;
     let nodes = (nx + 1) * (ny + 1);
     let mut maps = NodeMaps { nx: *nx, ny: *ny, rigidity: zeroed(nodes), chart: vec![NONE; nodes] };
     for square in 0..squares.list.len() {
-        let cover = source.coverer.cover(square);
-        let values: [f32; WIDE * WIDE] = source.window(squares.list[square].at, &cover);
+        let cover = survey.coverer.cover(square);
+        let values = source.at_square(squares.list[square].at, |n| cover.triangle_at(n));
         each_node(squares.list[square].at, *nx, *ny, |i, j, node| {
-            maps.rigidity[node] = values[at(i + 1, j + 1)];
+            maps.rigidity[node] = values[j * SIDE + i];
         });
     }
     let level = &survey.levels[0];

@@ -9,16 +9,17 @@
 //! have no effect and no stiffness. The model depends on rigidity, but not on the pose, so it is built once per map.
 //!
 //! It is computed patch by patch: for a square of 32 by 32 nodes, which a block of the coarser level covers, from these
-//! nodes and a margin around them.
+//! nodes and a margin around them. Even and odd columns of a patch stand apart, as in planes, so that the columns of a row
+//! are computed side by side.
 
 use super::codes::{decode_rigidity, encode_weight};
 use super::survey::SurveyLevel;
-use crate::allocation::{Vec, vec, zeroed};
+use crate::allocation::{Plain, vec, zeroed_box};
 use crate::grid::planes::EDGES;
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::mesh::NONE;
 use crate::settings::TileSettings;
-use crate::team::Team;
+use crate::team::{PerThread, Team};
 
 /// The stiffness of the edges `EDGES` of the nodes of a block.
 pub type StiffnessPlanes = [Plane; 4];
@@ -41,69 +42,59 @@ pub const MARGIN: usize = 8;
 /// The weights of the finer blocks under a block of the coarser level, and that block's stiffness.
 #[derive(Clone)]
 struct PatchResult {
+    /// The finer blocks, by quarter, and the coarser one, or `NONE`.
+    children: [u32; 4],
+    block: u32,
     /// Per quarter of the coarser block, as codes of `encode_weight`.
     weights: [Plane<u8>; 4],
     stiffness: StiffnessPlanes,
 }
 
-/// Computes the model around the coarser level's block at (x, y) of a chart.
-fn patch(finer: &SurveyLevel, source: Source, chart: u32, [x, y]: [u32; 2], result: &mut PatchResult) {
-    let model = Stiffness::around(finer, source, chart, [x, y]);
-    let (weights, coarser) = model.coarser();
-    for (quarter, plane) in result.weights.iter_mut().enumerate() {
-        let [first_i, first_j] = [quarter % 2, quarter / 2].map(|q| MARGIN + q * SIDE);
-        for j in 0..SIDE {
-            for i in 0..SIDE {
-                plane[slot(i, j)] = encode_weight(weights[(first_j + j) * PATCH + first_i + i]);
-            }
-        }
-    }
-    for j in 0..SIDE {
-        for i in 0..SIDE {
-            let edges = coarser.edges[(MARGIN / 2 + j) * coarser.columns + MARGIN / 2 + i];
-            for (plane, stiffness) in result.stiffness.iter_mut().zip(edges) {
-                plane[slot(i, j)] = stiffness;
-            }
-        }
-    }
-}
-
 /// Patches per round; they are computed before they are copied to their blocks.
-const ROUND: usize = 1024;
+const ROUND: usize = 256;
 
 /// Computes the patches over the given positions (chart, y, x) of the coarser level: the stiffness of the coarser
-/// blocks and, if wanted, the weights of the finer blocks under them.
+/// blocks and the weights of the finer blocks under them.
 pub fn patches(
     team: &Team,
     [finer, coarser]: [&SurveyLevel; 2],
     source: Source,
     places: &[(u32, u32, u32)],
-    mut weights: Option<&mut [Plane<u8>]>,
+    weights: &mut [Plane<u8>],
     stiffness: &mut [StiffnessPlanes],
 ) {
     // Allocated once for all rounds: a patch is too large for the stack.
-    let mut found =
-        vec![PatchResult { weights: [[0; NODES]; 4], stiffness: [[0.0; NODES]; 4] }; places.len().min(ROUND)];
+    let none = PatchResult {
+        children: [NONE; 4],
+        block: NONE,
+        weights: [[0; NODES]; 4],
+        stiffness: [[0.0; NODES]; 4],
+    };
+    let mut found = vec![none; places.len().min(ROUND)];
+    let models = PerThread::new(team, zeroed_box::<Model>);
     for round in places.chunks(ROUND) {
-        team.fill(&mut found[..round.len()], |p, found| {
+        team.fill_on(&mut found[..round.len()], |worker, p, found| {
             let (chart, y, x) = round[p];
-            patch(finer, source, chart, [x, y], found);
-            let b = coarser.blocks.find(chart, i64::from(x), i64::from(y));
-            if b != NONE {
-                drop_fixed_edges(coarser, b as usize, &mut found.stiffness);
+            found.children = std::array::from_fn(|quarter| {
+                let [x, y] = [(x, quarter % 2), (y, quarter / 2)].map(|(x, q)| i64::from(x) * 2 + q as i64);
+                finer.blocks.find(chart, x, y)
+            });
+            found.block = coarser.blocks.find(chart, i64::from(x), i64::from(y));
+            models.with(worker, |model| {
+                model.load(finer, source, (chart, [x, y]), &found.children);
+                model.collapse();
+                model.store(found);
+            });
+            if found.block != NONE {
+                drop_fixed_edges(coarser, found.block as usize, &mut found.stiffness);
             }
         });
-        for (&(chart, y, x), patch) in round.iter().zip(&found) {
-            for (quarter, plane) in patch.weights.iter().enumerate() {
-                let (qx, qy) = (quarter as u32 % 2, quarter as u32 / 2);
-                let b = finer.blocks.find(chart, i64::from(2 * x + qx), i64::from(2 * y + qy));
-                if let Some(weights) = weights.as_mut().filter(|_| b != NONE) {
-                    weights[b as usize] = *plane;
-                }
+        for patch in &found[..round.len()] {
+            for (&child, plane) in patch.children.iter().zip(&patch.weights).filter(|(b, _)| **b != NONE) {
+                weights[child as usize] = *plane;
             }
-            let b = coarser.blocks.find(chart, i64::from(x), i64::from(y));
-            if b != NONE {
-                stiffness[b as usize] = patch.stiffness;
+            if patch.block != NONE {
+                stiffness[patch.block as usize] = patch.stiffness;
             }
         }
     }
@@ -114,21 +105,13 @@ fn drop_fixed_edges(level: &SurveyLevel, b: usize, stiffness: &mut StiffnessPlan
     let movable = level.blocks.window(&level.movable, b);
     for (plane, (di, dj)) in stiffness.iter_mut().zip(EDGES) {
         for j in 0..SIDE {
-            for i in 0..SIDE {
-                let far = ((i as i64 + 1 + di) as usize, (j as i64 + 1 + dj) as usize);
-                if !movable.contains(i + 1, j + 1) && !movable.contains(far.0, far.1) {
-                    plane[slot(i, j)] = 0.0;
-                }
+            let far = movable.0[(j as i64 + 1 + dj) as usize] >> (1 + di);
+            let kept = movable.0[j + 1] >> 1 | far;
+            for i in (0..SIDE).filter(|i| kept >> i & 1 == 0) {
+                plane[slot(i, j)] = 0.0;
             }
         }
     }
-}
-
-/// The scalar model on one level: the stiffness of the edges `EDGES` of each node, row by row.
-pub struct Stiffness {
-    columns: usize,
-    rows: usize,
-    edges: Vec<[f32; 4]>,
 }
 
 /// Indices of the directions in `EDGES`.
@@ -137,196 +120,289 @@ const NORTH: usize = 1;
 const NORTH_EAST: usize = 2;
 const NORTH_WEST: usize = 3;
 
-impl Stiffness {
-    /// The model at the nodes of a patch; 0 where the chart has no stored block.
-    fn around(finer: &SurveyLevel, source: Source, chart: u32, [x, y]: [u32; 2]) -> Stiffness {
-        let (columns, rows) = (PATCH, PATCH);
-        let mut edges = zeroed(PATCH * PATCH);
-        let mut rigidity = zeroed(if matches!(source, Source::Rigidity(..)) { PATCH * PATCH } else { 0 });
-        let mut movable = zeroed(rigidity.len());
-        let first = [x, y].map(|x| i64::from(x) * 2 * SIDE as i64 - MARGIN as i64);
-        let side = SIDE as i64;
-        for by in first[1].div_euclid(side)..=(first[1] + PATCH as i64 - 1).div_euclid(side) {
-            for bx in first[0].div_euclid(side)..=(first[0] + PATCH as i64 - 1).div_euclid(side) {
-                let b = finer.blocks.find(chart, bx, by);
-                if b == NONE {
-                    continue;
+/// A number at the even or the odd columns of a row of a patch.
+type Row = [f32; COLUMNS];
+/// Even columns of a patch; there is one odd column less.
+const COLUMNS: usize = PATCH / 2 + 1;
+/// One quantity on a patch, at even or odd columns.
+type Half<T = Row> = [T; PATCH];
+
+/// The even columns of the coarser level's block, and those whose stiffness on even columns and all rows it follows from.
+const OWN: std::ops::Range<usize> = MARGIN / 2..MARGIN / 2 + SIDE;
+const AROUND: std::ops::Range<usize> = OWN.start - 2..OWN.end + 2;
+/// The rows of these, and those whose weights and edges they follow from.
+const ROWS: std::ops::Range<usize> = MARGIN - 2..MARGIN + 2 * SIDE;
+
+/// The scalar model on a patch: the stiffness of the edges `EDGES` of each node.
+struct Model {
+    /// At even and odd columns, per direction.
+    edges: [[Half; 4]; 2],
+    /// Rigidity, and 1 for nodes that may move, at even and odd columns.
+    rigidity: [Half; 2],
+    movable: [Half; 2],
+    /// A weight belongs to a node's lower neighbour: the western one at odd columns, the southern one at even columns and
+    /// odd rows. The upper neighbour has the remaining weight.
+    west: Half,
+    south: Half,
+    /// The Galerkin product on even columns and all rows.
+    halfway: [Half; 4],
+    /// That on even columns and even rows.
+    coarser: [[Row; COLUMNS]; 4],
+}
+
+// SAFETY: arrays of numbers.
+unsafe impl Plain for Model {}
+
+impl Model {
+    /// Takes over what the source has at the nodes of the patch over the block at (x, y) of the coarser level of a chart; 0
+    /// where the chart has no stored block. `children` are the finer blocks under that block.
+    fn load(
+        &mut self,
+        finer: &SurveyLevel,
+        source: Source,
+        (chart, [x, y]): (u32, [u32; 2]),
+        children: &[u32; 4],
+    ) {
+        match source {
+            Source::Rigidity(..) => {
+                let both = [&mut self.rigidity, &mut self.movable];
+                both.into_iter().for_each(|of| of.as_flattened_mut().as_flattened_mut().fill(0.0));
+            }
+            Source::Stiffness(_) => {
+                self.edges.as_flattened_mut().as_flattened_mut().as_flattened_mut().fill(0.0);
+            }
+        }
+        // The patch begins in the middle of a block, and ends in the fourth one.
+        for (bx, by) in (0..16).map(|n| (n % 4, n / 4)) {
+            let [near_x, near_y] = [bx, by].map(|b: usize| b.clamp(1, 2));
+            let b = match children[(near_y - 1) * 2 + near_x - 1] {
+                NONE => {
+                    let [x, y] = [(x, bx), (y, by)].map(|(x, b)| 2 * i64::from(x) + b as i64 - 1);
+                    finer.blocks.find(chart, x, y)
                 }
-                let b = b as usize;
-                // The part of the patch that the block covers.
-                let range = |at: i64, first: i64| {
-                    let start = at * side;
-                    (start.max(first), (start + side).min(first + PATCH as i64))
-                };
-                let ((i0, i1), (j0, j1)) = (range(bx, first[0]), range(by, first[1]));
-                for j in j0..j1 {
-                    for i in i0..i1 {
-                        let n = (j - first[1]) as usize * PATCH + (i - first[0]) as usize;
-                        let (i, j) = ((i - bx * side) as usize, (j - by * side) as usize);
-                        match source {
-                            Source::Rigidity(codes, _) => {
-                                rigidity[n] = decode_rigidity(codes[b][slot(i, j)]);
-                                movable[n] = finer.movable[b].contains(i, j);
-                            }
-                            Source::Stiffness(planes) => {
-                                edges[n] = std::array::from_fn(|e| planes[b][e][slot(i, j)]);
-                            }
+                near => finer.blocks.neighbours[near as usize][(by + 1 - near_y) * 3 + bx + 1 - near_x],
+            };
+            if b != NONE {
+                self.load_block(finer, source, b as usize, [bx, by]);
+            }
+        }
+        if let Source::Rigidity(_, settings) = source {
+            self.at_rest(settings);
+        }
+    }
+
+    /// Takes over what the source has at the nodes of one block, the position of which is counted from the first one.
+    fn load_block(&mut self, finer: &SurveyLevel, source: Source, b: usize, [bx, by]: [usize; 2]) {
+        let first = [bx, by].map(|b| (b * SIDE) as i64 - MARGIN as i64);
+        for j in 0..SIDE {
+            let Ok(row) = usize::try_from(first[1] + j as i64) else { continue };
+            if row >= PATCH {
+                break;
+            }
+            for odd in 0..2 {
+                // The part of the block's columns that lies in the patch.
+                let column = first[0] / 2;
+                let skip = (-column).max(0) as usize;
+                let end = (COLUMNS as i64 - column).min(SIDE as i64 / 2) as usize;
+                let (from, to) = (slot(odd, j) + skip, (column + skip as i64) as usize);
+                let count = end - skip;
+                match source {
+                    Source::Rigidity(codes, _) => {
+                        let codes = &codes[b][from..from + count];
+                        let rigidity = &mut self.rigidity[odd][row][to..to + count];
+                        rigidity.iter_mut().zip(codes).for_each(|(of, &code)| *of = decode_rigidity(code));
+                        let bits = u32::from(finer.movable[b].0[j]) >> odd >> (2 * skip);
+                        let movable = &mut self.movable[odd][row][to..to + count];
+                        for (k, movable) in movable.iter_mut().enumerate() {
+                            *movable = (bits >> (2 * k) & 1) as f32;
+                        }
+                    }
+                    Source::Stiffness(planes) => {
+                        for (edges, plane) in self.edges[odd].iter_mut().zip(&planes[b]) {
+                            edges[row][to..to + count].copy_from_slice(&plane[from..from + count]);
                         }
                     }
                 }
             }
         }
-        if let Source::Rigidity(_, settings) = source {
-            Self::at_rest(&mut edges, &rigidity, &movable, settings);
-        }
-        Stiffness { columns, rows, edges }
     }
 
     /// The model on level 0: half of the trace of the 2x2 block between two nodes, at rest.
-    fn at_rest(edges: &mut [[f32; 4]], rigidity: &[f32], movable: &[bool], settings: &TileSettings) {
-        for (y, row) in edges.chunks_exact_mut(PATCH).enumerate() {
-            for (e, (di, dj)) in EDGES.into_iter().enumerate() {
-                if y as i64 + dj >= PATCH as i64 {
-                    continue;
+    fn at_rest(&mut self, settings: &TileSettings) {
+        let Model { edges: [even, odd], rigidity, movable, .. } = self;
+        let (smoothness, floor) = (settings.smoothness, settings.smoothness_floor);
+        for j in ROWS.start - 1..=ROWS.end {
+            // Of the nodes of a row, `near`, and of those at the other ends of their edges, `far`.
+            let edge = |out: &mut Row, near: usize, first: usize, far: usize, dj: usize, square: f32| {
+                let r = (&rigidity[near][j][1..COLUMNS - 1], &rigidity[far][j + dj][first..]);
+                let m = (&movable[near][j][1..COLUMNS - 1], &movable[far][j + dj][first..]);
+                for (k, out) in out[1..COLUMNS - 1].iter_mut().enumerate() {
+                    let weight = r.0[k].max(r.1[k]);
+                    let smooth = smoothness * (1.0 - weight) + floor;
+                    let stiffness = (0.5 * weight + smooth) / square;
+                    *out = if m.0[k] + m.1[k] > 0.0 { stiffness } else { 0.0 };
                 }
-                let square = (di * di + dj * dj) as f32;
-                // The columns whose neighbour in this direction is in the patch.
-                let columns = usize::from(di < 0)..PATCH - usize::from(di > 0);
-                for x in columns {
-                    let n = y * PATCH + x;
-                    let far = (n as i64 + dj * PATCH as i64 + di) as usize;
-                    if movable[n] || movable[far] {
-                        let weight = rigidity[n].max(rigidity[far]);
-                        let smooth = settings.smoothness * (1.0 - weight) + settings.smoothness_floor;
-                        row[x][e] = (0.5 * weight + smooth) / square;
+            };
+            edge(&mut even[EAST][j], 0, 1, 1, 0, 1.0);
+            edge(&mut odd[EAST][j], 1, 2, 0, 0, 1.0);
+            edge(&mut even[NORTH][j], 0, 1, 0, 1, 1.0);
+            edge(&mut odd[NORTH][j], 1, 1, 1, 1, 1.0);
+            edge(&mut even[NORTH_EAST][j], 0, 1, 1, 1, 2.0);
+            edge(&mut odd[NORTH_EAST][j], 1, 2, 0, 1, 2.0);
+            edge(&mut even[NORTH_WEST][j], 0, 0, 1, 1, 2.0);
+            edge(&mut odd[NORTH_WEST][j], 1, 1, 0, 1, 2.0);
+        }
+    }
+
+    /// Computes the weights and the model on the coarser level.
+    fn collapse(&mut self) {
+        for j in ROWS.start..=ROWS.end {
+            self.weigh_x(j);
+        }
+        for j in ROWS {
+            self.collapse_x(j);
+        }
+        for j in ROWS.skip(1).step_by(2) {
+            self.weigh_y(j);
+        }
+        for j in OWN {
+            self.collapse_y(j);
+        }
+    }
+
+    /// The weights at odd columns of a row.
+    #[inline(always)]
+    fn weigh_x(&mut self, j: usize) {
+        let Model { edges: [even, odd], west, .. } = self;
+        let [east, north_east, north_west] = [EAST, NORTH_EAST, NORTH_WEST].map(|e| &odd[e][j]);
+        let (west_east, below_north_east) = (&even[EAST][j], &even[NORTH_EAST][j - 1]);
+        let below_north_west = &even[NORTH_WEST][j - 1];
+        for i in AROUND.start - 1..AROUND.end {
+            let lower = [west_east[i], north_west[i], below_north_east[i]];
+            west[j][i] = lower_weight(lower, [east[i], north_east[i], below_north_west[i + 1]]);
+        }
+    }
+
+    /// The Galerkin product on the even columns of a row.
+    #[inline(always)]
+    fn collapse_x(&mut self, j: usize) {
+        let Model { edges: [even, odd], west: weights, halfway, .. } = self;
+        let (e, o) = (even.each_ref().map(|edges| &edges[j]), odd.each_ref().map(|edges| &edges[j]));
+        let (e_below, o_below) =
+            (even.each_ref().map(|edges| &edges[j - 1]), odd.each_ref().map(|edges| &edges[j - 1]));
+        let (here, above) = (&weights[j], &weights[j + 1]);
+        let [out_east, out_north, out_north_east, out_north_west] =
+            halfway.each_mut().map(|edges| &mut edges[j]);
+        for i in AROUND {
+            // The weights that nodes of the odd columns on both sides give to this column, in this row and the next.
+            let (west, north_west) = (1.0 - here[i - 1], 1.0 - above[i - 1]);
+            let (east, north_east) = (here[i], above[i]);
+            // The edges from the odd node to the east to nodes of other rows: they couple its two neighbours, with a
+            // negative stiffness.
+            let to_other_rows = o[NORTH][i]
+                + o[NORTH_EAST][i]
+                + o[NORTH_WEST][i]
+                + o_below[NORTH][i]
+                + e_below[NORTH_EAST][i]
+                + e_below[NORTH_WEST][i + 1];
+            out_east[i] = e[EAST][i] * (1.0 - east) * (1.0 - east) + o[EAST][i] * east * east
+                - to_other_rows * east * (1.0 - east);
+            out_north[i] = e[NORTH][i]
+                + o[NORTH][i] * east * north_east
+                + o[NORTH][i - 1] * west * north_west
+                + e[NORTH_EAST][i] * north_east
+                + o[NORTH_EAST][i - 1] * west
+                + e[NORTH_WEST][i] * north_west
+                + o[NORTH_WEST][i] * east;
+            out_north_east[i] = o[NORTH][i] * east * (1.0 - north_east)
+                + e[NORTH_EAST][i] * (1.0 - north_east)
+                + o[NORTH_EAST][i] * east;
+            out_north_west[i] = o[NORTH][i - 1] * west * (1.0 - north_west)
+                + e[NORTH_WEST][i] * (1.0 - north_west)
+                + o[NORTH_WEST][i - 1] * west;
+        }
+    }
+
+    /// The weights at the even columns of an odd row.
+    #[inline(always)]
+    fn weigh_y(&mut self, j: usize) {
+        let Model { halfway, south, .. } = self;
+        let [north, north_east, north_west] = [NORTH, NORTH_EAST, NORTH_WEST].map(|e| &halfway[e][j]);
+        let [below, below_north_east, below_north_west] =
+            [NORTH, NORTH_EAST, NORTH_WEST].map(|e| &halfway[e][j - 1]);
+        for i in OWN.start - 1..OWN.end + 1 {
+            let lower = [below[i], below_north_east[i - 1], below_north_west[i + 1]];
+            south[j][i] = lower_weight(lower, [north[i], north_east[i], north_west[i]]);
+        }
+    }
+
+    /// The Galerkin product on the even columns of an even row, the number of which counts even rows.
+    #[inline(always)]
+    fn collapse_y(&mut self, j: usize) {
+        let Model { halfway, south: weights, coarser, .. } = self;
+        let (s, above, below) = (
+            halfway.each_ref().map(|edges| &edges[2 * j]),
+            halfway.each_ref().map(|edges| &edges[2 * j + 1]),
+            halfway.each_ref().map(|edges| &edges[2 * j - 1]),
+        );
+        let (lower, upper) = (&weights[2 * j - 1], &weights[2 * j + 1]);
+        let [out_east, out_north, out_north_east, out_north_west] =
+            coarser.each_mut().map(|edges| &mut edges[j]);
+        for i in OWN {
+            // The weights that nodes of the odd rows on both sides give to this row, in this column and its neighbours.
+            let (south, south_east) = (1.0 - lower[i], 1.0 - lower[i + 1]);
+            let (north, north_east, north_west) = (upper[i], upper[i + 1], upper[i - 1]);
+            let to_other_columns = above[EAST][i]
+                + above[EAST][i - 1]
+                + above[NORTH_EAST][i]
+                + above[NORTH_WEST][i]
+                + s[NORTH_WEST][i + 1]
+                + s[NORTH_EAST][i - 1];
+            out_east[i] = s[EAST][i]
+                + above[EAST][i] * north * north_east
+                + below[EAST][i] * south * south_east
+                + s[NORTH_EAST][i] * north_east
+                + s[NORTH_WEST][i + 1] * north
+                + below[NORTH_EAST][i] * south
+                + below[NORTH_WEST][i + 1] * south_east;
+            out_north[i] = s[NORTH][i] * (1.0 - north) * (1.0 - north) + above[NORTH][i] * north * north
+                - to_other_columns * north * (1.0 - north);
+            out_north_east[i] = above[EAST][i] * north * (1.0 - north_east)
+                + s[NORTH_EAST][i] * (1.0 - north_east)
+                + above[NORTH_EAST][i] * north;
+            out_north_west[i] = above[EAST][i - 1] * north * (1.0 - north_west)
+                + s[NORTH_WEST][i] * (1.0 - north_west)
+                + above[NORTH_WEST][i] * north;
+        }
+    }
+
+    /// Gives the results to the blocks.
+    fn store(&self, result: &mut PatchResult) {
+        for (quarter, plane) in result.weights.iter_mut().enumerate() {
+            let (first, row) = (OWN.start + quarter % 2 * (SIDE / 2), MARGIN + quarter / 2 * SIDE);
+            for j in 0..SIDE {
+                for odd in 0..2 {
+                    let codes = &mut plane[slot(odd, j)..][..SIDE / 2];
+                    match (odd, j % 2) {
+                        (0, 0) => codes.fill(encode_weight(HALF)),
+                        (0, _) => encode(&self.south[row + j][first..], codes),
+                        _ => encode(&self.west[row + j][first..], codes),
                     }
                 }
             }
         }
-    }
-
-    /// The stiffness of an edge of node (i, j); 0 for nodes beyond the level.
-    fn at(&self, i: i64, j: i64, edge: usize) -> f32 {
-        if i < 0 || j < 0 || i >= self.columns as i64 || j >= self.rows as i64 {
-            return 0.0;
-        }
-        self.edges[j as usize * self.columns + i as usize][edge]
-    }
-
-    /// Returns the weights of this level, row by row, and the model on the next coarser one. A weight belongs to a
-    /// node's lower neighbour: the western one at odd columns, the southern one at even columns and odd rows. The upper
-    /// neighbour has the remaining weight.
-    fn coarser(&self) -> (Vec<f32>, Stiffness) {
-        let (mut weights, halfway) = self.collapse_x();
-        let coarser = halfway.collapse_y(&mut weights, self.columns);
-        (weights, coarser)
-    }
-
-    /// The weights at odd columns, and the Galerkin product on even columns and all rows.
-    fn collapse_x(&self) -> (Vec<f32>, Stiffness) {
-        let mut weights = vec![HALF; self.columns * self.rows];
-        for j in 0..self.rows as i64 {
-            for i in (1..self.columns as i64).step_by(2) {
-                let west =
-                    [self.at(i - 1, j, EAST), self.at(i, j, NORTH_WEST), self.at(i - 1, j - 1, NORTH_EAST)];
-                let east =
-                    [self.at(i, j, EAST), self.at(i, j, NORTH_EAST), self.at(i + 1, j - 1, NORTH_WEST)];
-                weights[j as usize * self.columns + i as usize] = lower_weight(west, east);
+        for (plane, edges) in result.stiffness.iter_mut().zip(&self.coarser) {
+            for (j, row) in edges[OWN].iter().enumerate() {
+                for (i, stiffness) in row[OWN].iter().enumerate() {
+                    plane[slot(i, j)] = *stiffness;
+                }
             }
         }
-        let weight = |i: i64, j: i64| {
-            let inside = i >= 0 && j >= 0 && i < self.columns as i64 && j < self.rows as i64;
-            if inside { weights[j as usize * self.columns + i as usize] } else { HALF }
-        };
-        let columns = (self.columns - 1) / 2 + 1;
-        let halfway = (0..columns * self.rows).map(|n| {
-            let (i, j) = (2 * (n % columns) as i64, (n / columns) as i64);
-            let s = |di: i64, dj: i64, edge: usize| self.at(i + di, j + dj, edge);
-            // The weights that nodes of the odd columns on both sides give to this column, in this row and the next.
-            let (west, north_west) = (1.0 - weight(i - 1, j), 1.0 - weight(i - 1, j + 1));
-            let (east, north_east) = (weight(i + 1, j), weight(i + 1, j + 1));
-            // The edges from the odd node to the east to nodes of other rows: they couple its two neighbours, with a
-            // negative stiffness.
-            let to_other_rows = s(1, 0, NORTH)
-                + s(1, 0, NORTH_EAST)
-                + s(1, 0, NORTH_WEST)
-                + s(1, -1, NORTH)
-                + s(0, -1, NORTH_EAST)
-                + s(2, -1, NORTH_WEST);
-            [
-                s(0, 0, EAST) * (1.0 - east) * (1.0 - east) + s(1, 0, EAST) * east * east
-                    - to_other_rows * east * (1.0 - east),
-                s(0, 0, NORTH)
-                    + s(1, 0, NORTH) * east * north_east
-                    + s(-1, 0, NORTH) * west * north_west
-                    + s(0, 0, NORTH_EAST) * north_east
-                    + s(-1, 0, NORTH_EAST) * west
-                    + s(0, 0, NORTH_WEST) * north_west
-                    + s(1, 0, NORTH_WEST) * east,
-                s(1, 0, NORTH) * east * (1.0 - north_east)
-                    + s(0, 0, NORTH_EAST) * (1.0 - north_east)
-                    + s(1, 0, NORTH_EAST) * east,
-                s(-1, 0, NORTH) * west * (1.0 - north_west)
-                    + s(0, 0, NORTH_WEST) * (1.0 - north_west)
-                    + s(-1, 0, NORTH_WEST) * west,
-            ]
-        });
-        let halfway = halfway.collect();
-        (weights, Stiffness { columns, rows: self.rows, edges: halfway })
     }
+}
 
-    /// Sets the weights at odd rows and even columns, and returns the model on the coarser level. `columns` is the
-    /// number of columns before `collapse_x`.
-    fn collapse_y(&self, weights: &mut [f32], columns: usize) -> Stiffness {
-        for j in (1..self.rows as i64).step_by(2) {
-            for i in 0..self.columns as i64 {
-                let south = [
-                    self.at(i, j - 1, NORTH),
-                    self.at(i - 1, j - 1, NORTH_EAST),
-                    self.at(i + 1, j - 1, NORTH_WEST),
-                ];
-                let north = [self.at(i, j, NORTH), self.at(i, j, NORTH_EAST), self.at(i, j, NORTH_WEST)];
-                weights[j as usize * columns + 2 * i as usize] = lower_weight(south, north);
-            }
-        }
-        let weight = |i: i64, j: i64| {
-            let inside = i >= 0 && j >= 0 && i < self.columns as i64 && j < self.rows as i64;
-            if inside { weights[j as usize * columns + 2 * i as usize] } else { HALF }
-        };
-        let rows = (self.rows - 1) / 2 + 1;
-        let edges = (0..self.columns * rows).map(|n| {
-            let (i, j) = ((n % self.columns) as i64, 2 * (n / self.columns) as i64);
-            let s = |di: i64, dj: i64, edge: usize| self.at(i + di, j + dj, edge);
-            // The weights that nodes of the odd rows on both sides give to this row, in this column and its neighbours.
-            let (south, south_east) = (1.0 - weight(i, j - 1), 1.0 - weight(i + 1, j - 1));
-            let (north, north_east, north_west) =
-                (weight(i, j + 1), weight(i + 1, j + 1), weight(i - 1, j + 1));
-            let to_other_columns = s(0, 1, EAST)
-                + s(-1, 1, EAST)
-                + s(0, 1, NORTH_EAST)
-                + s(0, 1, NORTH_WEST)
-                + s(1, 0, NORTH_WEST)
-                + s(-1, 0, NORTH_EAST);
-            [
-                s(0, 0, EAST)
-                    + s(0, 1, EAST) * north * north_east
-                    + s(0, -1, EAST) * south * south_east
-                    + s(0, 0, NORTH_EAST) * north_east
-                    + s(1, 0, NORTH_WEST) * north
-                    + s(0, -1, NORTH_EAST) * south
-                    + s(1, -1, NORTH_WEST) * south_east,
-                s(0, 0, NORTH) * (1.0 - north) * (1.0 - north) + s(0, 1, NORTH) * north * north
-                    - to_other_columns * north * (1.0 - north),
-                s(0, 1, EAST) * north * (1.0 - north_east)
-                    + s(0, 0, NORTH_EAST) * (1.0 - north_east)
-                    + s(0, 1, NORTH_EAST) * north,
-                s(-1, 1, EAST) * north * (1.0 - north_west)
-                    + s(0, 0, NORTH_WEST) * (1.0 - north_west)
-                    + s(0, 1, NORTH_WEST) * north,
-            ]
-        });
-        Stiffness { columns: self.columns, rows, edges: edges.collect() }
-    }
+fn encode(weights: &[f32], codes: &mut [u8]) {
+    codes.iter_mut().zip(weights).for_each(|(code, weight)| *code = encode_weight(*weight));
 }
 
 /// The weight if both sides are equally stiff or have no stiffness.
@@ -334,6 +410,7 @@ const HALF: f32 = 0.5;
 
 /// The lower neighbour's weight, given the stiffness of the edges to either side. Edges of coarse levels may have a
 /// negative stiffness, which is ignored.
+#[inline(always)]
 fn lower_weight(lower: [f32; 3], upper: [f32; 3]) -> f32 {
     let [lower, upper] = [lower, upper].map(|edges| edges.into_iter().map(|s| s.max(0.0)).sum::<f32>());
     if lower + upper > 0.0 { lower / (lower + upper) } else { HALF }
@@ -342,21 +419,32 @@ fn lower_weight(lower: [f32; 3], upper: [f32; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::allocation::Vec;
 
-    fn level(nx: usize, ny: usize, rigidity: impl Fn(usize, usize) -> f32) -> Stiffness {
-        let (columns, rows) = (nx + 1, ny + 1);
-        let settings = TileSettings::default();
-        let stiffness = |i: usize, j: usize, (di, dj): (i64, i64)| {
-            let (x, y) = (i as i64 + di, j as i64 + dj);
-            if x < 0 || x >= columns as i64 || y >= rows as i64 {
-                return 0.0;
+    /// A model with a stiffness of the edges of each node (column, row) of a patch.
+    fn model(stiffness: impl Fn(usize, usize, usize) -> f32) -> Box<Model> {
+        let mut model = zeroed_box::<Model>();
+        for n in 0..PATCH * PATCH {
+            let (i, j) = (n % PATCH, n / PATCH);
+            for e in 0..4 {
+                model.edges[i % 2][e][j][i / 2] = stiffness(i, j, e);
             }
-            let weight = rigidity(i, j).max(rigidity(x as usize, y as usize));
-            let smooth = settings.smoothness * (1.0 - weight) + settings.smoothness_floor;
-            (0.5 * weight + smooth) / (di * di + dj * dj) as f32
-        };
-        let edges = (0..columns * rows).map(|n| EDGES.map(|e| stiffness(n % columns, n / columns, e)));
-        Stiffness { columns, rows, edges: edges.collect() }
+        }
+        model.collapse();
+        model
+    }
+
+    /// A model of nodes with some rigidity, all of which may move.
+    fn of_rigidity(rigidity: impl Fn(usize, usize) -> f32) -> Box<Model> {
+        let mut model = zeroed_box::<Model>();
+        for n in 0..PATCH * PATCH {
+            let (i, j) = (n % PATCH, n / PATCH);
+            model.rigidity[i % 2][j][i / 2] = rigidity(i, j);
+            model.movable[i % 2][j][i / 2] = 1.0;
+        }
+        model.at_rest(&TileSettings::default());
+        model.collapse();
+        model
     }
 
     fn random(seed: &mut u32) -> f32 {
@@ -364,88 +452,102 @@ mod tests {
         (*seed >> 8) as f32 / (1 << 24) as f32
     }
 
-    /// Σ s (u_a - u_b)² over all edges.
-    fn energy(level: &Stiffness, u: &[f32]) -> f64 {
+    /// Σ s (u_a - u_b)² over the edges of nodes in `nodes`, row by row.
+    fn energy(
+        [columns, rows]: [usize; 2],
+        stiffness: impl Fn(usize, usize, usize) -> f32,
+        u: impl Fn(usize, usize) -> f32,
+    ) -> f64 {
         let mut sum = 0.0;
-        for n in 0..level.columns * level.rows {
+        for (i, j) in (0..columns * rows).map(|n| (n % columns, n / columns)) {
             for (e, (di, dj)) in EDGES.into_iter().enumerate() {
-                let (i, j) = ((n % level.columns) as i64 + di, (n / level.columns) as i64 + dj);
-                if (0..level.columns as i64).contains(&i) && (0..level.rows as i64).contains(&j) {
-                    let d = u[n] - u[j as usize * level.columns + i as usize];
-                    sum += f64::from(level.edges[n][e]) * f64::from(d * d);
+                let s = stiffness(i, j, e);
+                if s != 0.0 {
+                    let d = u(i, j) - u((i as i64 + di) as usize, (j as i64 + dj) as usize);
+                    sum += f64::from(s) * f64::from(d * d);
                 }
             }
         }
         sum
     }
 
-    /// Interpolates the values of a coarse level with the weights.
-    fn interpolate(weights: &[f32], columns: usize, rows: usize, coarse: &[f32]) -> Vec<f32> {
-        let wide = (columns - 1) / 2 + 1;
-        let in_y = |i: usize, j: usize| {
-            let low = coarse[j / 2 * wide + i];
-            let weight = weights[j * columns + 2 * i];
-            if j.is_multiple_of(2) {
-                low
-            } else {
-                low * weight + coarse[(j / 2 + 1) * wide + i] * (1.0 - weight)
+    /// Interpolates the values at even columns and rows to a node, with the model's weights.
+    fn interpolated(model: &Model, coarse: &impl Fn(usize, usize) -> f32, i: usize, j: usize) -> f32 {
+        let in_y = |i: usize| match j % 2 {
+            0 => coarse(i, j / 2),
+            _ => {
+                let weight = model.south[j][i];
+                coarse(i, j / 2) * weight + coarse(i, j / 2 + 1) * (1.0 - weight)
             }
         };
-        (0..columns * rows)
-            .map(|n| {
-                let (i, j) = (n % columns, n / columns);
-                let weight = weights[n];
-                if i.is_multiple_of(2) {
-                    in_y(i / 2, j)
-                } else {
-                    in_y(i / 2, j) * weight + in_y(i / 2 + 1, j) * (1.0 - weight)
-                }
-            })
-            .collect()
+        match i % 2 {
+            0 => in_y(i / 2),
+            _ => {
+                let weight = model.west[j][i / 2];
+                in_y(i / 2) * weight + in_y(i / 2 + 1) * (1.0 - weight)
+            }
+        }
     }
 
     #[test]
     fn the_coarser_level_is_the_galerkin_product() {
         let mut seed = 7;
-        let values: Vec<f32> = (0..33 * 25).map(|_| random(&mut seed)).collect();
-        let mut level = level(32, 24, |i, j| if values[j * 33 + i] < 0.4 { 1.0 } else { 0.0 });
+        // Edges between nodes of columns and rows 12 to 36: the coarser ones are all in the block.
+        let inside = |i: usize, j: usize, e: usize| {
+            let far = [i as i64 + EDGES[e].0, j as i64 + EDGES[e].1];
+            [i as i64, j as i64].into_iter().chain(far).all(|x| (12..=36).contains(&x))
+        };
+        let values: Vec<f32> = (0..4 * PATCH * PATCH).map(|_| random(&mut seed).powi(8)).collect();
+        let mut stiffness: Vec<f32> = (0..4 * PATCH * PATCH)
+            .map(|n| if inside(n / 4 % PATCH, n / 4 / PATCH, n % 4) { values[n] } else { 0.0 })
+            .collect();
         for _ in 0..3 {
-            let (weights, coarser) = level.coarser();
-            let coarse: Vec<f32> = (0..coarser.columns * coarser.rows).map(|_| random(&mut seed)).collect();
-            let fine = interpolate(&weights, level.columns, level.rows, &coarse);
-            let (a, b) = (energy(&level, &fine), energy(&coarser, &coarse));
+            let fine = |i: usize, j: usize, e: usize| stiffness[4 * (j * PATCH + i) + e];
+            let model = model(fine);
+            let coarse: Vec<f32> = (0..COLUMNS * COLUMNS).map(|_| random(&mut seed)).collect();
+            let coarse_u = |i: usize, j: usize| coarse[j * COLUMNS + i];
+            let coarser = |i: usize, j: usize, e: usize| match [i, j].iter().all(|x| OWN.contains(x)) {
+                true => model.coarser[e][j][i],
+                false => 0.0,
+            };
+            let a = energy([PATCH; 2], fine, |i, j| interpolated(&model, &coarse_u, i, j));
+            let b = energy([COLUMNS; 2], coarser, coarse_u);
             assert!((a / b - 1.0).abs() < 1e-5, "{a} {b}");
-            level = coarser;
+            // The coarser level, in the middle of a patch again.
+            let moved = |n: usize| {
+                let at = [n / 4 % PATCH, n / 4 / PATCH].map(|x| x.wrapping_sub(12));
+                if at.iter().all(|&x| x < COLUMNS) { coarser(at[0], at[1], n % 4) } else { 0.0 }
+            };
+            stiffness = (0..4 * PATCH * PATCH).map(moved).collect();
         }
     }
 
     #[test]
     fn one_material_is_halved() {
         for rigidity in [0.0, 0.3, 1.0] {
-            let (weights, coarser) = level(16, 16, |_, _| rigidity).coarser();
-            // The rim's nodes have neighbours on one side only; they are fixed anyway.
-            let inner = |n: &usize| (1..16).contains(&(n % 17)) && (1..16).contains(&(n / 17));
-            assert!((0..17 * 17).filter(inner).all(|n| (weights[n] - 0.5).abs() < 1e-6), "{rigidity}");
-            let (weights, _) = coarser.coarser();
-            assert!((weights[9 * 3 + 3] - 0.5).abs() < 1e-6);
+            let model = of_rigidity(|_, _| rigidity);
+            let half = |weight: f32| (weight - 0.5).abs() < 1e-6;
+            assert!((MARGIN..MARGIN + 32).all(|j| OWN.all(|i| half(model.west[j][i]))), "{rigidity}");
+            let rows = (MARGIN + 1..MARGIN + 32).step_by(2);
+            assert!(rows.clone().all(|j| OWN.all(|i| half(model.south[j][i]))), "{rigidity}");
         }
     }
 
     #[test]
     fn the_stiffer_side_weighs_more() {
-        // Rigid to the west of column 8, including the edges up to it. Column 7 lies in rigid material, column 9 in
+        // Rigid to the west of column 20, including the edges up to it. Column 19 lies in rigid material, column 21 in
         // elastic material.
-        let (weights, _) = level(16, 16, |i, _| if i < 8 { 1.0 } else { 0.0 }).coarser();
-        let at = |i: usize| weights[17 * 6 + i];
-        assert!((at(7) - 0.5).abs() < 1e-6 && (at(9) - 0.5).abs() < 1e-6, "{} {}", at(7), at(9));
-        // Rigid up to column 6: the stiffness to the west of column 7 is 0.5 + λ0 times the stiffness to its east.
-        let (weights, _) = level(16, 16, |i, _| if i < 7 { 1.0 } else { 0.0 }).coarser();
+        let model = of_rigidity(|i, _| if i < 20 { 1.0 } else { 0.0 });
+        let at = |i: usize| model.west[20][i / 2];
+        assert!((at(19) - 0.5).abs() < 1e-6 && (at(21) - 0.5).abs() < 1e-6, "{} {}", at(19), at(21));
+        // Rigid up to column 18: the stiffness to the west of column 19 is 0.5 + λ0 times the stiffness to its east.
+        let model = of_rigidity(|i, _| if i < 19 { 1.0 } else { 0.0 });
         let settings = TileSettings::default();
         let (rigid, elastic) =
             (0.5 + settings.smoothness_floor, settings.smoothness + settings.smoothness_floor);
-        assert!((weights[17 * 6 + 7] - rigid / (rigid + elastic)).abs() < 1e-6);
+        assert!((model.west[20][9] - rigid / (rigid + elastic)).abs() < 1e-6);
         // The same test along y.
-        let (weights, _) = level(16, 16, |_, j| if j < 7 { 1.0 } else { 0.0 }).coarser();
-        assert!((weights[17 * 7 + 6] - rigid / (rigid + elastic)).abs() < 1e-6);
+        let model = of_rigidity(|_, j| if j < 19 { 1.0 } else { 0.0 });
+        assert!((model.south[19][10] - rigid / (rigid + elastic)).abs() < 1e-6);
     }
 }

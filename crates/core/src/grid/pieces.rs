@@ -5,8 +5,10 @@ use std::ops::Range;
 use glam::DVec2;
 
 use crate::allocation::{Vec, vec, zeroed};
+use crate::grid::fill::Fill;
 use crate::grid::maps::Values;
 use crate::grid::uv_triangle::uv_triangles;
+use crate::image::map::Map;
 use crate::mesh::TileMesh;
 use crate::mesh::triangle::doubled_area;
 use crate::team::Team;
@@ -28,20 +30,77 @@ const BAND: usize = 128;
 /// Bytes that a solve takes per node of the grid inside of charts, about.
 const BYTES: f64 = 200.0;
 
+/// The places of a lattice that charts cover.
+#[derive(Debug)]
+pub struct Covered {
+    /// Places on a side.
+    side: usize,
+    /// Whether they are, in bits, row by row from v = 0; each row begins a word.
+    places: Vec<u64>,
+}
+
+impl Covered {
+    fn new(team: &Team, tile: &TileMesh, side: usize) -> Covered {
+        let words = side.div_ceil(64);
+        let mut places: Vec<u64> = zeroed(words * side);
+        let mut bands: Vec<&mut [u64]> = places.chunks_mut(BAND * words).collect();
+        team.fill_large(&mut bands, |band, places| {
+            let rows = band * BAND..band * BAND + places.len() / words;
+            for triangle in &tile.triangles[..tile.own()] {
+                draw(triangle.uv, side, &rows, |i, j| {
+                    places[(j - rows.start) * words + i / 64] |= 1 << (i % 64);
+                });
+            }
+        });
+        Covered { side, places }
+    }
+
+    fn row(&self, j: usize) -> &[u64] {
+        let words = self.side.div_ceil(64);
+        &self.places[j * words..(j + 1) * words]
+    }
+
+    /// Bytes held.
+    pub fn bytes(&self) -> u64 {
+        size_of_val(&self.places[..]) as u64
+    }
+}
+
+/// Calls `f` for the places of some rows in a triangle of the UV plane: a place is the centre of a square.
+fn draw(uv: [DVec2; 3], side: usize, rows: &Range<usize>, mut f: impl FnMut(usize, usize)) {
+    let fill = Fill::new(uv.map(|uv| uv * side as f64 - 0.5));
+    fill.visit_in([0, rows.start], [side, rows.end], |i, j, inside| {
+        if inside {
+            f(i, j);
+        }
+    });
+}
+
 /// Cells on a side of a grid that resolves the rigid pieces of a tile, or of the finest one that a solve in so many bytes
-/// can have; `None` if nothing is rigid.
-pub fn resolving(team: &Team, tile: &TileMesh, rigidity: &Values, bytes: Option<u64>) -> Option<u32> {
-    let texels = match rigidity {
-        Values::Map(map) => map.width.max(map.height),
-        Values::Vertices(_) => SIDES[1],
+/// can have; `None` if nothing is rigid. `covered` is kept for the next rigidity of the tile.
+pub fn resolving(
+    team: &Team,
+    tile: &TileMesh,
+    rigidity: &Values,
+    bytes: Option<u64>,
+    covered: &mut Option<Covered>,
+) -> Option<u32> {
+    let (texels, side, lattice) = match rigidity {
         Values::None => return None,
+        Values::Map(map) => {
+            let texels = map.width.max(map.height);
+            let side = texels.clamp(SIDES[0], SIDES[1]);
+            let known = covered.take().filter(|covered| covered.side == side);
+            let covered = covered.insert(known.unwrap_or_else(|| Covered::new(team, tile, side)));
+            (texels, side, of_map(team, map, covered))
+        }
+        Values::Vertices(values) => (SIDES[1], SIDES[1], of_vertices(team, tile, values, SIDES[1])),
     };
-    let side = texels.clamp(SIDES[0], SIDES[1]);
-    let lattice = drawn(team, tile, rigidity, side);
-    let covered =
+    // The share of the tile that charts cover.
+    let share =
         tile.triangles.iter().map(|triangle| 0.5 * doubled_area(triangle.uv).abs()).sum::<f64>().min(1.0);
     let fits =
-        |&size: &u32| bytes.is_none_or(|bytes| covered * f64::from(size).powi(2) * BYTES <= bytes as f64);
+        |&size: &u32| bytes.is_none_or(|bytes| share * f64::from(size).powi(2) * BYTES <= bytes as f64);
     let least = lattice.iter().copied().max().unwrap_or(0) / 2;
     let is_rigid: Vec<bool> = lattice.iter().map(|&value| value > least).collect();
     let cells = ACROSS / width(pieces(&is_rigid, side))?;
@@ -77,73 +136,45 @@ fn width(mut pieces: Vec<Piece>) -> Option<f32> {
     wide.map(|piece| piece.width)
 }
 
-/// Rigidity at the places of a lattice, 0 to 255, row by row from v = 0; 0 outside of charts. A place is the centre of a
-/// square.
-fn drawn(team: &Team, tile: &TileMesh, rigidity: &Values, side: usize) -> Vec<u8> {
-    let has_map = matches!(rigidity, Values::Map(_));
-    let triangles = if has_map { Vec::new() } else { uv_triangles(tile, side, side) };
+/// A map's rigidity at the places of a lattice, 0 to 255, row by row from v = 0; 0 outside of charts.
+fn of_map(team: &Team, map: &Map, covered: &Covered) -> Vec<u8> {
+    let side = covered.side;
     let mut lattice: Vec<u8> = zeroed(side * side);
     let mut bands: Vec<&mut [u8]> = lattice.chunks_mut(BAND * side).collect();
     team.fill_large(&mut bands, |band, places| {
-        let mut rows = Rows { places, side, first: band * BAND };
-        for chart in &tile.charts {
-            for t in chart.triangles.clone() {
-                let corners = tile.triangles[t].uv.map(|uv| uv * side as f64);
-                match rigidity {
-                    Values::None => {}
-                    Values::Map(map) => rows.draw(corners, |place| {
-                        let [x, y] =
-                            [(place[0], map.width), (place[1], map.height)].map(|(i, n)| i * n / side);
-                        map.value(x, y)
-                    }),
-                    Values::Vertices(values) => {
-                        let at_corner = |v| chart.value(v, |v| [f64::from(values[v as usize])])[0] as f32;
-                        let at_corners = tile.triangles[t].local.map(at_corner);
-                        let triangle = &triangles[t];
-                        rows.draw(corners, |place| {
-                            triangle.interpolate(at_corners, place.map(|i| i as f32 + 0.5)).clamp(0.0, 1.0)
-                        });
-                    }
-                }
+        let mut texels: Vec<f32> = zeroed(map.width);
+        for (j, row) in (band * BAND..).zip(places.chunks_exact_mut(side)) {
+            map.row(j * map.height / side, 0, &mut texels);
+            let words = covered.row(j);
+            for (i, place) in row.iter_mut().enumerate() {
+                let is_covered = words[i / 64] >> (i % 64) & 1 != 0;
+                let texel = if map.width == side { i } else { i * map.width / side };
+                *place = if is_covered { (255.0 * texels[texel]) as u8 } else { 0 };
             }
         }
     });
     lattice
 }
 
-/// Some rows of a lattice.
-struct Rows<'a> {
-    places: &'a mut [u8],
-    side: usize,
-    /// The number of the first row.
-    first: usize,
-}
-
-impl Rows<'_> {
-    /// Writes values at the places in a triangle, with corners in squares of the lattice.
-    fn draw(&mut self, [a, b, c]: [DVec2; 3], value: impl Fn([usize; 2]) -> f32) {
-        let rows = self.first..self.first + self.places.len() / self.side;
-        for j in centres(a.y.min(b.y).min(c.y), a.y.max(b.y).max(c.y), rows) {
-            let y = j as f64 + 0.5;
-            let (mut left, mut right) = (f64::INFINITY, f64::NEG_INFINITY);
-            for [p, q] in [[a, b], [b, c], [c, a]] {
-                if (p.y <= y) != (q.y <= y) {
-                    let x = p.x + (q.x - p.x) * ((y - p.y) / (q.y - p.y));
-                    (left, right) = (left.min(x), right.max(x));
-                }
-            }
-            for i in centres(left, right, 0..self.side) {
-                self.places[(j - self.first) * self.side + i] = (255.0 * value([i, j])) as u8;
+/// The same of rigidity per vertex.
+fn of_vertices(team: &Team, tile: &TileMesh, values: &[f32], side: usize) -> Vec<u8> {
+    let triangles = uv_triangles(tile, side, side);
+    let mut lattice: Vec<u8> = zeroed(side * side);
+    let mut bands: Vec<&mut [u8]> = lattice.chunks_mut(BAND * side).collect();
+    team.fill_large(&mut bands, |band, places| {
+        let rows = band * BAND..band * BAND + places.len() / side;
+        for chart in &tile.charts {
+            for t in chart.triangles.clone() {
+                let at_corner = |v| chart.value(v, |v| [f64::from(values[v as usize])])[0] as f32;
+                let at_corners = tile.triangles[t].local.map(at_corner);
+                draw(tile.triangles[t].uv, side, &rows, |i, j| {
+                    let value = triangles[t].interpolate(at_corners, [i, j].map(|i| i as f32 + 0.5));
+                    places[(j - rows.start) * side + i] = (255.0 * value.clamp(0.0, 1.0)) as u8;
+                });
             }
         }
-    }
-}
-
-/// The squares of a row or column whose centres lie in an interval.
-fn centres(low: f64, high: f64, all: Range<usize>) -> Range<usize> {
-    let [start, end] =
-        [low, high].map(|x| (x + 0.5).floor().clamp(all.start as f64, all.end as f64) as usize);
-    start..end
+    });
+    lattice
 }
 
 /// Lengths of a step along an axis and of one along a diagonal, nearly in their ratio.

@@ -2,51 +2,24 @@
 //! the movable nodes and their neighbours; edges between other nodes have no effect.
 
 use super::codes::{decode_rigidity, encode_rigidity};
-use super::cover::at;
-use super::node_set::NodeSet;
-use super::rigidity::NodeRigidity;
+use super::node_set::{NodeSet, NodeWindow};
 use super::survey::SurveyLevel;
 use super::window::{self, WINDOW_NODES, place};
-use crate::allocation::{Vec, zeroed};
+use crate::allocation::{Vec, vec};
 use crate::grid::planes::{NODES, Plane, SIDE, slot};
 use crate::mesh::NONE;
 use crate::team::Team;
 
-/// The relevant nodes of each block: movable nodes and their neighbours.
-pub fn relevant(level: &SurveyLevel) -> Vec<NodeSet> {
-    (0..level.movable.len()).map(|b| level.blocks.window(&level.movable, b).dilated()).collect()
+/// The relevant nodes of a block: movable nodes and their neighbours.
+pub fn relevant_of(level: &SurveyLevel, b: usize) -> NodeSet {
+    level.blocks.window(&level.movable, b).dilated()
 }
 
-/// Rigidity on level 0, per block, as codes of `encode_rigidity`; 0 at nodes that are not relevant.
-pub fn finest(
-    team: &Team,
-    rigidity: &NodeRigidity,
-    level: &SurveyLevel,
-    relevant: &[NodeSet],
-) -> Vec<Plane<u16>> {
-    let mut codes = zeroed::<[u16; NODES]>(level.blocks.list.len());
-    team.fill(&mut codes, |b, codes| finest_block(rigidity, level, relevant, b, codes));
-    codes
-}
-
-/// Rigidity of one block on level 0, as codes of `encode_rigidity`; 0 at nodes that are not relevant.
-pub fn finest_block(
-    rigidity: &NodeRigidity,
-    level: &SurveyLevel,
-    relevant: &[NodeSet],
-    b: usize,
-    codes: &mut Plane<u16>,
-) {
-    let block = &level.blocks.list[b];
-    *codes = [0; NODES];
-    let Some(square) = rigidity.coverer.squares.find(block.chart, block.x, block.y) else { return };
-    let cover = rigidity.coverer.cover(square);
-    let values = rigidity.window([block.x, block.y], &cover);
-    for j in 0..SIDE {
-        for i in (0..SIDE).filter(|&i| relevant[b].contains(i, j)) {
-            codes[slot(i, j)] = encode_rigidity(values[at(i + 1, j + 1)]);
-        }
-    }
+/// The relevant nodes of each block.
+pub fn relevant(team: &Team, level: &SurveyLevel) -> Vec<NodeSet> {
+    let mut relevant = vec![NodeSet::EMPTY; level.movable.len()];
+    team.fill(&mut relevant, |b, relevant| *relevant = relevant_of(level, b));
+    relevant
 }
 
 /// One level of the pyramid.
@@ -64,40 +37,52 @@ pub fn coarser_block(
     coarser: &Relevant,
     children: &[u32; 4],
     b: usize,
-) -> Plane<u16> {
-    let mut out = [0; NODES];
+    out: &mut Plane<u16>,
+) {
+    *out = [0; NODES];
     let mut window = [0u16; WINDOW_NODES];
+    let mut values = [0.0f32; WINDOW_NODES];
     for (quarter, &child) in children.iter().enumerate().filter(|(_, child)| **child != NONE) {
         let blocks = &finer.level.blocks;
         window::load(&blocks.neighbours[child as usize], 0, |b| &codes[b], &mut window);
+        values.iter_mut().zip(&window).for_each(|(value, &code)| *value = decode_rigidity(code));
         let relevant = blocks.window(finer.relevant, child as usize);
         for j in 0..SIDE / 2 {
-            for i in 0..SIDE / 2 {
+            let means = gaussian(&values, &relevant, 2 * j + 1);
+            for (i, mean) in means.into_iter().enumerate() {
                 let (x, y) = (i + quarter % 2 * 8, j + quarter / 2 * 8);
                 if coarser.relevant[b].contains(x, y) {
-                    out[slot(x, y)] = encode_rigidity(gaussian(&window, &relevant, 2 * i + 1, 2 * j + 1));
+                    out[slot(x, y)] = encode_rigidity(mean);
                 }
             }
         }
     }
-    out
 }
 
-/// The mean rigidity of the relevant nodes among the 3x3 nodes around (i, j) of a window.
-fn gaussian(window: &[u16; WINDOW_NODES], relevant: &super::node_set::NodeWindow, i: usize, j: usize) -> f32 {
-    let mut sum = 0.0;
-    let mut weights = 0.0;
-    for dj in 0..3 {
-        for di in 0..3 {
-            let (x, y) = (i + di - 1, j + dj - 1);
-            if relevant.contains(x, y) {
-                let weight = [1.0, 2.0, 1.0][di] * [1.0, 2.0, 1.0][dj];
-                sum += weight * decode_rigidity(window[place(x, y)]);
-                weights += weight;
-            }
+/// The mean rigidity of the relevant nodes among the 3x3 nodes around each odd node of row `j` of a window. That of other nodes
+/// is 0.
+fn gaussian(values: &[f32; WINDOW_NODES], relevant: &NodeWindow, j: usize) -> [f32; SIDE / 2] {
+    const WEIGHTS: [f32; 3] = [1.0, 2.0, 1.0];
+    const ALL: u32 = (1 << (SIDE + 1)) - 1;
+    let mut sums = [0.0; SIDE / 2];
+    for (y, of_row) in (j - 1..).zip(WEIGHTS) {
+        for (x, of_column) in WEIGHTS.into_iter().enumerate() {
+            let row = &values[place(x, y)..][..SIDE / 2];
+            sums.iter_mut().zip(row).for_each(|(sum, value)| *sum += of_row * of_column * value);
         }
     }
-    // A relevant node is movable or has a movable neighbour, around which all finer nodes are relevant: the sum of the weights
-    // is not 0.
-    sum / weights
+    if (j - 1..j + 2).all(|y| relevant.0[y] & ALL == ALL) {
+        return sums.map(|sum| sum / 16.0);
+    }
+    std::array::from_fn(|i| {
+        let mut weights = 0.0;
+        for (y, of_row) in (j - 1..).zip(WEIGHTS) {
+            for (x, of_column) in WEIGHTS.into_iter().enumerate() {
+                weights += if relevant.contains(2 * i + x, y) { of_row * of_column } else { 0.0 };
+            }
+        }
+        // A relevant node is movable or has a movable neighbour, around which all finer nodes are relevant: the sum of the
+        // weights is not 0.
+        sums[i] / weights
+    })
 }

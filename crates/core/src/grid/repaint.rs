@@ -1,252 +1,146 @@
-//! Updates a grid after some texels of its rigidity map changed, as by a brush stroke. Only what depends on these
-//! texels is computed again; everything else is shared with the previous grid.
-
-use std::borrow::Cow;
+//! Updates a grid after its rigidity changed: in some texels, as by a brush stroke, or all of it. Only what depends on
+//! rigidity is computed again, and of that only what is near a change; everything else is shared with the grid before.
 
 use super::Grid;
 use super::blocks::Part;
-use super::cover::{Coverer, WIDE};
-use super::interpolation::{self, MARGIN, PATCH, Source, StiffnessPlanes};
-use super::pyramid::{self, Relevant};
-use super::rigid_nodes::{RigidNodes, rigid_nodes};
+use super::cover::Coverer;
+use super::rigid_levels::{self, Nodes, OfBlock};
+use super::rigid_nodes::{of_square, rigid_nodes};
 use super::rigidity::NodeRigidity;
-use super::squares::Squares;
-use super::survey::{SurveyLevel, has_rigidity, movable_of_charts};
-use crate::allocation::{Vec, zeroed};
-use crate::grid::maps::{MapsOfTile, TileMaps};
-use crate::grid::planes::{NODES, SIDE};
-use crate::image::map::{Map, TexelRect};
-use crate::mesh::{NONE, TileMesh};
+use super::square_nodes::{RigidSets, SquareNodes, SquaresOf};
+use super::survey::{SurveyLevel, movable_of_charts};
+use crate::allocation::{Vec, vec, zeroed};
+use crate::grid::maps::{MapsOfTile, Values};
+use crate::grid::planes::SIDE;
+use crate::image::map::TexelRect;
+use crate::mesh::TileMesh;
 use crate::settings::Seams;
 use crate::team::Team;
 
-/// A rectangle of nodes of a level, from `first` to `last` along both axes.
-#[derive(Clone, Copy, Debug)]
-struct Nodes {
-    first: [i64; 2],
-    last: [i64; 2],
-}
-
-impl Nodes {
-    /// The nodes whose rigidity depends on some texels.
-    fn of_texels(map: &Map, cells: [usize; 2], texels: &TexelRect) -> Nodes {
-        let bound = |axis: usize, texel: usize, reach: f64| {
-            let per_cell = [map.width, map.height][axis] as f64 / cells[axis] as f64;
-            (texel as f64 + reach * 0.5 * per_cell.max(1.0)) / per_cell
-        };
-        // Texels at the rim also represent those beyond it.
-        let is_rim = |axis: usize| texels.end[axis] == [map.width, map.height][axis];
-        Nodes {
-            first: [0, 1].map(|axis| bound(axis, texels.first[axis], -1.0).floor() as i64),
-            last: [0, 1].map(|axis| match is_rim(axis) {
-                true => cells[axis] as i64,
-                false => bound(axis, texels.end[axis], 1.0).ceil() as i64,
-            }),
-        }
-    }
-
-    /// The rectangle extended by `n` nodes in all directions.
-    fn grown(self, n: i64) -> Nodes {
-        Nodes { first: self.first.map(|x| x - n), last: self.last.map(|x| x + n) }
-    }
-
-    /// The nodes of the next coarser level on or next to these nodes.
-    fn coarser(self) -> Nodes {
-        Nodes { first: self.first.map(|x| x.div_euclid(2)), last: self.last.map(|x| (x + 1).div_euclid(2)) }
-    }
-
-    /// Whether the square at (x, y), of `side` nodes, contains one of these nodes.
-    fn meet(self, [x, y]: [u32; 2], side: usize) -> bool {
-        [x, y].into_iter().zip(self.first.into_iter().zip(self.last)).all(|(x, (first, last))| {
-            let start = i64::from(x) * side as i64;
-            start <= last && start + side as i64 > first
-        })
-    }
-
-    /// The first and the last square of 16 by 16 nodes that contain one of these nodes.
-    fn squares(self, cells: [usize; 2]) -> [[u32; 2]; 2] {
-        let square = |x: i64, axis: usize| (x.clamp(0, cells[axis] as i64) / SIDE as i64) as u32;
-        [self.first, self.last].map(|p| [0, 1].map(|axis| square(p[axis], axis)))
-    }
-}
-
-/// A grid after a brush stroke.
+/// A grid with another rigidity.
 pub struct Repainted {
     pub grid: Grid,
-    /// Per chart, whether a rigidity value that it depends on may have changed.
+    /// Per chart, whether its rigidity may be another one.
     pub charts: Vec<bool>,
 }
 
-/// The grid for `maps`, whose rigidity map changed in some texels since `grid` was built.
+/// The grid for `maps`, whose rigidity has changed since `grid` was built: in some texels of its map, or anywhere.
 ///
 /// # Returns
 /// `None` if the grid has to be built from scratch: because a chart gained its first or lost its last rigidity, or
-/// because the settings need the density of rigid material, or keep features at borders, or because the tile has collars,
-/// in which other texels lie.
+/// because the settings need the density of rigid material, or keep features at borders.
 pub fn repaint(
     team: &Team,
     grid: &Grid,
     tile: &TileMesh,
-    maps: &TileMaps,
-    map: &Map,
-    texels: &TexelRect,
+    maps: MapsOfTile,
+    texels: Option<TexelRect>,
 ) -> Option<Repainted> {
-    let keeps = maps.settings.seams == Seams::Keep;
-    if keeps || maps.settings.orientation_density > 0.0 || !tile.sources.is_empty() {
+    let settings = &maps.own.settings;
+    if settings.seams == Seams::Keep || settings.orientation_density > 0.0 {
         return None;
     }
     let cells = [grid.levels[0].nx, grid.levels[0].ny];
-    let nodes = Nodes::of_texels(map, cells, texels);
-    let near = nodes.grown(1);
-    let squares = Squares::new(tile, &grid.chart_of, cells[0], cells[1], Some(near.squares(cells)));
-    let charts = Cow::Borrowed(&grid.chart_of[..]);
-    let coverer =
-        Coverer { tile, nx: cells[0], ny: cells[1], overlap: maps.settings.overlap, charts, squares };
-    let rigidity =
-        NodeRigidity { maps: MapsOfTile::alone(maps), coverer: &coverer, triangles: &grid.triangles };
-    let rigid = parts_with_rigidity(&rigidity, &grid.parts, &grid.rigid, near);
+    let nodes = match (&maps.own.rigidity, texels) {
+        // A collar shows texels that lie elsewhere.
+        (Values::Map(map), Some(texels)) if tile.sources.is_empty() => Nodes::of_texels(map, cells, &texels),
+        _ => Nodes::ALL,
+    };
+    let rigidity = NodeRigidity::new(maps, tile, cells, &grid.chart_of, &grid.triangles);
+    let (survey, list) = (grid.survey.clone(), grid.squares.clone());
+    let squares = SquaresOf::new(&list, tile);
+    let mut grid = grid.clone();
+    // The squares around those with a change tell whether its nodes are near rigidity.
+    let reach = nodes.grown(SIDE as i64 + 1);
+    let blocks =
+        rigid_levels::finest(team, &rigidity, &survey[0], &grid.triangle, &mut grid.levels[0], reach);
+    let of_blocks = sets_of_blocks(&survey[0], &squares, &blocks);
+    let sets = sets_of_squares(team, &rigidity, &grid, (tile, maps), &squares, reach, of_blocks);
+    let near = if nodes == Nodes::ALL { nodes } else { nodes.grown(1) };
+    let rigid = team.map(grid.parts.len(), |k| {
+        let part = &grid.parts[k];
+        match near.meet([part.x, part.y], SIDE) {
+            true => squares.is_near_rigidity(part, &sets),
+            false => grid.rigid[k],
+        }
+    });
     if movable_of_charts(grid.movable.len(), &grid.parts, &rigid) != grid.movable {
         return None;
     }
-    let rigid_nodes = rigid_nodes_now(&rigidity, &grid.rigid_nodes, near);
-    let mut grid = grid.with_rigidity(rigid, rigid_nodes);
-    let mut charts = zeroed(grid.movable.len());
-    let is_near = |part: &&Part| near.meet([part.x, part.y], SIDE);
-    grid.parts.iter().filter(is_near).for_each(|part| charts[part.chart as usize] = true);
-    update_rigidity(team, &mut grid, &rigidity, nodes);
-    update_interpolation(team, &mut grid, maps, nodes);
+    grid.rigid = rigid;
+    if tile.sources.is_empty() {
+        // One layer, so that each of these is of one square.
+        let covered = list.iter().zip(&sets).filter(|(square, _)| !square.covered.is_empty());
+        let near = |(square, _): &(&SquareNodes, _)| near.meet(square.square.at, SIDE);
+        let now = covered.zip(&mut grid.rigid_nodes).filter(|(of, _)| near(of));
+        now.for_each(|((square, sets), now)| *now = of_square(square, sets));
+    } else {
+        grid.rigid_nodes = rigid_nodes(&list, &sets);
+    }
+    let mut charts: Vec<bool> = zeroed(grid.movable.len());
+    if near != Nodes::ALL {
+        // What a stroke touches is solved again.
+        let touched = grid.parts.iter().filter(|part| near.meet([part.x, part.y], SIDE));
+        touched.for_each(|part| charts[part.chart as usize] = true);
+    }
+    let mut changed: Option<Nodes> = None;
+    for of in blocks.iter().filter(|of| of.changed) {
+        let block = &survey[0].blocks.list[of.block];
+        charts[block.chart as usize] = true;
+        let nodes = Nodes::of_block(block);
+        changed = Some(changed.map_or(nodes, |changed| changed.with(nodes)));
+    }
+    if let Some(changed) = changed {
+        rigid_levels::coarser(team, &survey, &mut grid.levels, settings, changed);
+    }
     Some(Repainted { grid, charts })
 }
 
-/// Per part, whether it has rigidity after the stroke.
-fn parts_with_rigidity(source: &NodeRigidity, parts: &[Part], before: &[bool], near: Nodes) -> Vec<bool> {
-    let of_part = |(part, before): (&Part, &bool)| {
-        if !near.meet([part.x, part.y], SIDE) {
-            return *before;
+/// Per square, the nodes with some rigidity, where a block tells them.
+fn sets_of_blocks(level: &SurveyLevel, squares: &SquaresOf, blocks: &[OfBlock]) -> Vec<Option<RigidSets>> {
+    let mut sets = vec![None; squares.list.len()];
+    for of in blocks {
+        let block = &level.blocks.list[of.block];
+        if let Some(square) = squares.find(block.chart, [block.x, block.y]) {
+            sets[square] = Some(of.sets);
         }
-        let Some(square) = source.coverer.squares.find(part.chart, part.x, part.y) else { return *before };
-        let cover = source.coverer.cover(square);
-        let window: [f32; WIDE * WIDE] = source.window([part.x, part.y], &cover);
-        let moves = |n: &usize| part.nodes.contains(n % SIDE, n / SIDE);
-        (0..NODES).filter(moves).any(|n| has_rigidity(&window, n % SIDE, n / SIDE))
-    };
-    parts.iter().zip(before).map(of_part).collect()
-}
-
-/// The rigid nodes of each square after the stroke.
-fn rigid_nodes_now(source: &NodeRigidity, before: &[RigidNodes], near: Nodes) -> Vec<RigidNodes> {
-    let of_square = |before: &RigidNodes| {
-        let [x, y] = before.square;
-        match source.coverer.squares.find(0, x, y).filter(|_| near.meet([x, y], SIDE)) {
-            Some(square) => {
-                let cover = source.coverer.cover(square);
-                let window = source.window([x, y], &cover);
-                rigid_nodes([x, y], &cover, &source.free(square, &cover), &window)
-            }
-            None => *before,
-        }
-    };
-    before.iter().map(of_square).collect()
-}
-
-/// The blocks of a level that contain one of the nodes.
-fn blocks_with(level: &SurveyLevel, nodes: Nodes) -> Vec<usize> {
-    let list = &level.blocks.list;
-    (0..list.len()).filter(|&b| nodes.meet([list[b].x, list[b].y], SIDE)).collect()
-}
-
-/// Updates the rigidity of all levels.
-fn update_rigidity(team: &Team, grid: &mut Grid, rigidity: &NodeRigidity, mut nodes: Nodes) {
-    let survey = grid.survey.clone();
-    let mut relevant = pyramid::relevant(&survey[0]);
-    let blocks = blocks_with(&survey[0], nodes);
-    let codes = team.map(blocks.len(), |k| {
-        let mut codes = [0; NODES];
-        pyramid::finest_block(rigidity, &survey[0], &relevant, blocks[k], &mut codes);
-        codes
-    });
-    blocks.iter().zip(codes).for_each(|(&b, codes)| grid.levels[0].rigidity[b] = codes);
-    for k in 1..survey.len() {
-        nodes = nodes.grown(1).coarser();
-        let relevant_coarser = pyramid::relevant(&survey[k]);
-        let (finer, coarser) = (
-            Relevant { level: &survey[k - 1], relevant: &relevant },
-            Relevant { level: &survey[k], relevant: &relevant_coarser },
-        );
-        for b in blocks_with(&survey[k], nodes) {
-            let children = &grid.levels[k].children[b];
-            let codes = pyramid::coarser_block(&finer, &grid.levels[k - 1].rigidity, &coarser, children, b);
-            grid.levels[k].rigidity[b] = codes;
-        }
-        relevant = relevant_coarser;
     }
+    sets
 }
 
-/// Updates the interpolation weights of all levels, and the stiffness from which they are computed.
-fn update_interpolation(team: &Team, grid: &mut Grid, maps: &TileMaps, nodes: Nodes) {
-    let survey = grid.survey.clone();
-    let settings = &maps.settings;
-    // The nodes whose edges have a changed stiffness: on level 0 the changed nodes and their neighbours.
-    let mut nodes = nodes.grown(1);
-    for k in 0..survey.len() - 1 {
-        let levels = [&survey[k], &survey[k + 1]];
-        let reach = nodes.grown(MARGIN as i64);
-        let places = places(levels[0], |place| reach.meet(place, 2 * SIDE));
-        let level_1 = if k == 1 { stiffness_of_level_1(team, grid, settings, &places) } else { Vec::new() };
-        let mut weights = std::mem::take(&mut grid.levels[k].interpolation);
-        // The stiffness of level 1 is not kept.
-        let mut next = match k {
-            0 => zeroed(levels[1].blocks.list.len()),
-            _ => std::mem::take(&mut grid.levels[k + 1].stiffness),
-        };
-        let source = match k {
-            0 => Source::Rigidity(&grid.levels[0].rigidity, settings),
-            1 => Source::Stiffness(&level_1),
-            _ => Source::Stiffness(&grid.levels[k].stiffness),
-        };
-        interpolation::patches(team, levels, source, &places, Some(&mut weights), &mut next);
-        grid.levels[k].interpolation = weights;
-        if k > 0 {
-            grid.levels[k + 1].stiffness = next;
-        }
-        nodes = nodes.grown(MARGIN as i64 / 2).coarser();
-    }
-}
-
-/// The wanted positions (chart, y, x) on the next coarser level over the blocks of a level.
-fn places(finer: &SurveyLevel, wanted: impl Fn([u32; 2]) -> bool) -> Vec<(u32, u32, u32)> {
-    let places = finer.blocks.list.iter().filter(|b| wanted([b.x / 2, b.y / 2]));
-    let mut places: Vec<_> = places.map(|b| (b.chart, b.y / 2, b.x / 2)).collect();
-    places.sort_unstable();
-    places.dedup();
-    places
-}
-
-/// The stiffness of those blocks of level 1 that patches over `places` of level 2 read; 0 in the other blocks.
-fn stiffness_of_level_1(
+/// Per square, the nodes with some rigidity; for squares that have none of `nodes`, none.
+fn sets_of_squares(
     team: &Team,
+    rigidity: &NodeRigidity,
     grid: &Grid,
-    settings: &crate::settings::TileSettings,
-    places: &[(u32, u32, u32)],
-) -> Vec<StiffnessPlanes> {
-    let level = &grid.survey[1];
-    let mut read: Vec<(u32, u32, u32)> = Vec::new();
-    let side = SIDE as i64;
-    for &(chart, y, x) in places {
-        let first = [x, y].map(|x| i64::from(x) * 2 * side - MARGIN as i64);
-        let blocks = first.map(|first| first.div_euclid(side)..=(first + PATCH as i64 - 1).div_euclid(side));
-        for y in blocks[1].clone() {
-            for x in blocks[0].clone() {
-                if level.blocks.find(chart, x, y) != NONE {
-                    read.push((chart, y as u32, x as u32));
-                }
-            }
-        }
+    (tile, maps): (&TileMesh, MapsOfTile),
+    squares: &SquaresOf,
+    nodes: Nodes,
+    mut known: Vec<Option<RigidSets>>,
+) -> Vec<RigidSets> {
+    let is_wanted = |&k: &usize| known[k].is_none() && nodes.meet(squares.list[k].square.at, SIDE);
+    let wanted = (0..known.len()).filter(is_wanted);
+    let mut wanted: Vec<(usize, RigidSets)> = wanted.map(|k| (k, RigidSets::default())).collect();
+    // Triangles are kept where blocks are. Elsewhere the map tells what is rigid, but not beside the borders of charts
+    // without rigidity that go on beyond them, and values of vertices tell nothing without triangles.
+    let is_still = |part: &Part| grid.movable[part.chart as usize] == 0;
+    let needs_triangles = match maps.own.rigidity {
+        Values::Map(_) => !tile.sources.is_empty() && grid.parts.iter().any(is_still),
+        _ => true,
+    };
+    let [nx, ny] = [grid.levels[0].nx, grid.levels[0].ny];
+    let coverer = (needs_triangles && !wanted.is_empty())
+        .then(|| Coverer::new(tile, nx, ny, maps.own.settings.overlap));
+    team.fill(&mut wanted, |_, (k, sets)| {
+        let square = squares.list[*k].square;
+        let cover = coverer.as_ref().and_then(|of| Some(of.cover(of.squares.index(square)?)));
+        *sets = RigidSets::new(&match cover {
+            Some(cover) => rigidity.at_square(square.at, |n| cover.triangle_at(n)),
+            None => rigidity.map_at_square(square.at),
+        });
+    });
+    for (k, sets) in wanted {
+        known[k] = Some(sets);
     }
-    read.sort_unstable();
-    read.dedup();
-    let mut stiffness = zeroed(level.blocks.list.len());
-    let source = Source::Rigidity(&grid.levels[0].rigidity, settings);
-    interpolation::patches(team, [&grid.survey[0], level], source, &read, None, &mut stiffness);
-    stiffness
+    known.into_iter().map(Option::unwrap_or_default).collect()
 }

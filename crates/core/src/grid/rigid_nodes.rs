@@ -1,9 +1,8 @@
 //! Counts of the rigid nodes of a tile, and of those that cannot move.
 
-use super::cover::{Cover, WIDE, at};
-use super::node_set::NodeSet;
+use super::square_nodes::{RigidSets, SquareNodes};
 use crate::allocation::Vec;
-use crate::grid::planes::{NODES, SIDE};
+use crate::grid::planes::NODES;
 
 /// Rigid nodes of a square of level 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -28,29 +27,22 @@ pub(super) fn sum(squares: &[RigidNodes], of: fn(&RigidNodes) -> u16) -> u64 {
     squares.iter().map(|square| u64::from(of(square))).sum()
 }
 
-/// The least rigidity of a node that counts as rigid.
-pub(super) const RIGID: f32 = 0.5;
+/// The rigid nodes of squares, those of all layers together. `sets` has an entry per square.
+pub(super) fn rigid_nodes(squares: &[SquareNodes], sets: &[RigidSets]) -> Vec<RigidNodes> {
+    let covered = squares.iter().zip(sets).filter(|(square, _)| !square.covered.is_empty());
+    merged(covered.map(|(square, sets)| of_square(square, sets)).collect())
+}
 
-/// The rigid nodes of a square, given the rigidity in its window.
-pub(super) fn rigid_nodes(
-    square: [u32; 2],
-    cover: &Cover,
-    free: &NodeSet,
-    rigidity: &[f32; WIDE * WIDE],
-) -> RigidNodes {
-    let mut found = RigidNodes { square, rigid: 0, frozen: 0, overlapped: 0 };
-    for (i, j) in (0..SIDE * SIDE).map(|n| (n % SIDE, n / SIDE)) {
-        if cover.covered.contains(i, j) && rigidity[at(i + 1, j + 1)] >= RIGID {
-            found.rigid += 1;
-            found.overlapped += u16::from(cover.layered.contains(i, j));
-            found.frozen += u16::from(!(cover.interior.contains(i, j) && free.contains(i, j)));
-        }
-    }
-    found
+/// The rigid nodes of a square.
+pub(super) fn of_square(nodes: &SquareNodes, sets: &RigidSets) -> RigidNodes {
+    let rigid = nodes.covered.and(sets.rigid);
+    let [rigid, frozen, overlapped] =
+        [rigid, rigid.without(nodes.free), rigid.and(nodes.layered)].map(|nodes| nodes.count() as u16);
+    RigidNodes { square: nodes.square.at, rigid, frozen, overlapped }
 }
 
 /// The rigid nodes of squares, those of all layers together.
-pub(super) fn merged(mut found: Vec<RigidNodes>) -> Vec<RigidNodes> {
+fn merged(mut found: Vec<RigidNodes>) -> Vec<RigidNodes> {
     found.sort_unstable_by_key(|of| (of.square[1], of.square[0]));
     found.dedup_by(|next, first| {
         let same = next.square == first.square;

@@ -6,7 +6,8 @@
 //! header     magic, format, length, key of the inputs, checksum of what follows
 //! sizes      cells along u and v, charts, levels, parts, squares, density or not; overlap, nodes at gaps
 //! parts      of all, chart, place, rigid or not; of all, nodes
-//! squares    of all, place; of all, rigid, frozen and overlapped nodes
+//! squares    of all, layer and place; of all, covered, free and layered nodes
+//! rigid      of how many squares; of all, place; of all, rigid, frozen and overlapped nodes
 //! levels     per level: rigidity, rest lengths, their coding and floors, weights, stiffness, coverage, density
 //! level 0    the triangle under each node
 //! level 1    what metrics are gathered from
@@ -31,7 +32,7 @@ use write::write;
 
 const MAGIC: [u8; 8] = *b"vrtmtile";
 /// Increases with every change of the layout, or of what is computed from the same inputs.
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 /// Bytes of the header.
 const HEADER: usize = 8 + 4 + 4 + 8 + 16 + 16;
 /// A hash that identifies the inputs of a grid: the tile's mesh, its maps, and the settings that a grid depends on.

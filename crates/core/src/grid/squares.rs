@@ -12,11 +12,18 @@ use crate::mesh::{Chart, Cut, TileMesh};
 ///
 /// A chart with a collar is a layer of its own, since its collar may lie over other charts; all other charts are layer 0
 /// together.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Square {
     pub layer: u32,
     /// Position (x, y), in squares.
     pub at: [u32; 2],
+}
+
+impl Square {
+    /// The sort key of squares.
+    pub fn key(&self) -> (u32, u32, u32) {
+        (self.layer, self.at[1], self.at[0])
+    }
 }
 
 /// The squares that a triangle meets.
@@ -34,21 +41,19 @@ pub struct Squares {
 /// Triangles that miss a window by less than this, in cells, are still listed.
 const SLACK: f64 = 1e-5;
 
+/// The layer of each chart.
+pub fn layers(tile: &TileMesh) -> Vec<u32> {
+    let layer = |(c, chart): (usize, &Chart)| if chart.collar.is_empty() { 0 } else { c as u32 + 1 };
+    tile.charts.iter().enumerate().map(layer).collect()
+}
+
 impl Squares {
     /// Finds the squares of a grid of nx by ny cells whose nodes, or a neighbour of one, may lie on a triangle.
-    /// `wanted` limits the search to the squares from the first to the last along both axes.
     /// `charts` has the chart of each triangle.
-    pub fn new(
-        tile: &TileMesh,
-        charts: &[u32],
-        nx: usize,
-        ny: usize,
-        wanted: Option<[[u32; 2]; 2]>,
-    ) -> Squares {
+    pub fn new(tile: &TileMesh, charts: &[u32], nx: usize, ny: usize) -> Squares {
         let cells = DVec2::new(nx as f64, ny as f64);
-        let layer = |(c, chart): (usize, &Chart)| if chart.collar.is_empty() { 0 } else { c as u32 + 1 };
-        let layers: Vec<u32> = tile.charts.iter().enumerate().map(layer).collect();
-        let range = wanted.unwrap_or([[0, 0], [nx, ny].map(|n| (n / SIDE) as u32)]);
+        let layers = layers(tile);
+        let range = [[0, 0], [nx, ny].map(|n| (n / SIDE) as u32)];
         // The window of square x covers the nodes from 16 x - 1 to 16 x + 16.
         let window = [DVec2::ONE, DVec2::ZERO];
         let mut pairs: Vec<(u32, u32, u32, u32)> = Vec::new();
@@ -78,8 +83,12 @@ impl Squares {
 
     /// The index of the square at (x, y) in the layer of a chart.
     pub fn find(&self, chart: u32, x: u32, y: u32) -> Option<usize> {
-        let key = (self.layers[chart as usize], y, x);
-        self.list.binary_search_by_key(&key, |square| (square.layer, square.at[1], square.at[0])).ok()
+        self.index(Square { layer: self.layers[chart as usize], at: [x, y] })
+    }
+
+    /// The index of a square.
+    pub fn index(&self, square: Square) -> Option<usize> {
+        self.list.binary_search_by_key(&square.key(), Square::key).ok()
     }
 
     /// The triangles that meet a square or the nodes next to it, ascending.

@@ -5,14 +5,15 @@
 use std::sync::Arc;
 
 use super::blocks::{Blocks, Part};
-use super::cover::{Coverer, WIDE, at};
+use super::cover::Coverer;
 use super::keep::{self, RigidPart};
 use super::node_set::NodeSet;
-use super::rigid_nodes::{RIGID, RigidNodes, merged, rigid_nodes};
+use super::rigid_nodes::{RigidNodes, rigid_nodes};
 use super::rigidity::NodeRigidity;
+use super::square_nodes::{RigidSets, SquareNodes, SquaresOf};
 use crate::allocation::{Vec, zeroed};
 use crate::grid::maps::MapsOfTile;
-use crate::grid::planes::SIDE;
+use crate::grid::planes::{NODES, SIDE};
 use crate::grid::uv_triangle::{UvTriangle, uv_triangles};
 use crate::mesh::{NONE, TileMesh};
 use crate::settings::Seams;
@@ -30,7 +31,9 @@ pub struct Survey<'a> {
     /// Movable nodes of level 0, per chart; 0 for a chart without rigidity (method §1).
     pub movable: Vec<u64>,
     pub counts: Counts,
-    /// The rigid nodes of the squares that triangles cover, sorted by y, x.
+    /// The squares that triangles cover, sorted by layer, y, x.
+    pub squares: Vec<SquareNodes>,
+    /// The rigid nodes of these squares, sorted by y, x.
     pub rigid_nodes: Vec<RigidNodes>,
     /// Whether nodes have a density, or something that holds them.
     pub has_extra: bool,
@@ -65,54 +68,60 @@ impl<'a> Survey<'a> {
     pub fn new(team: &Team, tile: &'a TileMesh, maps: MapsOfTile, [nx, ny]: [usize; 2]) -> Survey<'a> {
         let coverer = Coverer::new(tile, nx, ny, maps.own.settings.overlap);
         let triangles = uv_triangles(tile, nx, ny);
-        let rigidity = NodeRigidity { maps, coverer: &coverer, triangles: &triangles };
-        let squares = coverer.squares.list.len();
+        let rigidity = NodeRigidity::new(maps, tile, [nx, ny], &coverer.charts, &triangles);
+        let count = coverer.squares.list.len();
         let keeps = maps.own.settings.seams == Seams::Keep;
-        let found = team.map(squares.div_ceil(CHUNK), |chunk| {
+        let found = team.map(count.div_ceil(CHUNK), |chunk| {
             let mut found = Found { keeps, ..Found::default() };
-            for square in chunk * CHUNK..((chunk + 1) * CHUNK).min(squares) {
-                found.add_square(&rigidity, square);
+            for square in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
+                found.add_square(&coverer, &rigidity, square);
             }
             found
         });
         let mut counts = Counts::default();
-        let mut rigid_nodes = Vec::with_capacity(found.iter().map(|f| f.rigid_nodes.len()).sum());
-        let mut parts: Vec<(Part, bool)> = Vec::with_capacity(found.iter().map(|f| f.parts.len()).sum());
-        let mut of_features: Vec<RigidPart> =
-            Vec::with_capacity(found.iter().map(|f| f.of_features.len()).sum());
+        let count = |of: fn(&Found) -> usize| found.iter().map(of).sum();
+        let mut squares = Vec::with_capacity(count(|f| f.squares.len()));
+        let mut sets: Vec<RigidSets> = Vec::with_capacity(squares.capacity());
+        let mut parts: Vec<Part> = Vec::with_capacity(count(|f| f.parts.len()));
+        let mut of_features: Vec<RigidPart> = Vec::with_capacity(count(|f| f.of_features.len()));
         for of_chunk in found {
             counts.covered += of_chunk.counts.covered;
             counts.layered += of_chunk.counts.layered;
             counts.at_gaps += of_chunk.counts.at_gaps;
-            rigid_nodes.extend(of_chunk.rigid_nodes);
+            squares.extend(of_chunk.squares);
+            sets.extend(of_chunk.sets);
             parts.extend(of_chunk.parts);
             of_features.extend(of_chunk.of_features);
         }
-        let mut rigid_nodes = merged(rigid_nodes);
+        parts.sort_unstable_by_key(Part::key);
+        let by_place = SquaresOf::new(&squares, tile);
+        let near = team.map(parts.len(), |k| by_place.is_near_rigidity(&parts[k], &sets));
+        let mut parts: Vec<(Part, bool)> = parts.into_iter().zip(near).collect();
+        let mut rigid_nodes = rigid_nodes(&squares, &sets);
         keep::spread(&mut of_features);
         keep::fix(&of_features, &mut parts, &mut rigid_nodes);
-        parts.sort_unstable_by_key(|(part, _)| (part.chart, part.y, part.x));
         let rigid: Vec<bool> = parts.iter().map(|(_, rigid)| *rigid).collect();
         let parts: Vec<Part> = parts.into_iter().map(|(part, _)| part).collect();
         let movable = movable_of_charts(tile.charts.len(), &parts, &rigid);
         let levels = levels(team, [nx, ny], &movable, &parts);
         let has_extra = maps.own.settings.orientation_density > 0.0 || tile.has_images();
-        Survey { coverer, triangles, parts, rigid, levels, movable, counts, rigid_nodes, has_extra }
+        Survey { coverer, triangles, parts, rigid, levels, movable, counts, squares, rigid_nodes, has_extra }
+    }
+
+    /// The sources of the tile's rigidity and mask.
+    pub fn rigidity<'b>(&'b self, maps: MapsOfTile<'b>) -> NodeRigidity<'b> {
+        let Coverer { tile, nx, ny, charts, .. } = &self.coverer;
+        NodeRigidity::new(maps, tile, [*nx, *ny], charts, &self.triangles)
     }
 
     /// Bytes of the survey that the grid does not keep.
     pub fn bytes(&self) -> u64 {
-        self.coverer.squares.bytes() as u64
+        (self.coverer.squares.bytes() + self.squares.len() * size_of::<RigidSets>()) as u64
     }
 
     /// Fraction of the covered nodes that more than one layer covers.
     pub fn overlap(&self) -> f32 {
         self.counts.layered as f32 / self.counts.covered.max(1) as f32
-    }
-
-    /// True if a node is rigid.
-    pub fn has_rigid_nodes(&self) -> bool {
-        self.rigid_nodes.iter().any(|square| square.rigid > 0)
     }
 }
 
@@ -182,59 +191,53 @@ fn coarser_parts(team: &Team, finer: &SurveyLevel) -> Vec<Part> {
     parts
 }
 
-/// Whether rigidity is nonzero at a node of a square or next to it: the weight of an edge is the larger rigidity of its
-/// two ends.
-pub(super) fn has_rigidity(window: &[f32; WIDE * WIDE], i: usize, j: usize) -> bool {
-    (0..3).any(|dj| window[at(i, j + dj)..][..3].iter().any(|&r| r > 0.0))
-}
-
 /// What a thread found in some squares.
 #[derive(Default)]
 struct Found {
-    /// Each part, and whether rigidity is nonzero at one of its nodes or next to one.
-    parts: Vec<(Part, bool)>,
+    parts: Vec<Part>,
     counts: Counts,
-    rigid_nodes: Vec<RigidNodes>,
+    squares: Vec<SquareNodes>,
+    /// Of each square.
+    sets: Vec<RigidSets>,
     /// Whether features at borders are kept; and then the rigid nodes of charts.
     keeps: bool,
     of_features: Vec<RigidPart>,
 }
 
 impl Found {
-    fn add_square(&mut self, maps: &NodeRigidity, square: usize) {
-        let cover = maps.coverer.cover(square);
-        if cover.covered.is_empty() && cover.interior.is_empty() {
+    fn add_square(&mut self, coverer: &Coverer, rigidity: &NodeRigidity, square: usize) {
+        let cover = coverer.cover(square);
+        if (0..NODES).all(|n| cover.triangle_at(n) == NONE) {
             return;
         }
-        let [x, y] = maps.coverer.squares.list[square].at;
-        let rigidity = maps.window([x, y], &cover);
-        let free = maps.free(square, &cover);
+        let place = coverer.squares.list[square];
+        let sets = RigidSets::new(&rigidity.at_square(place.at, |n| cover.triangle_at(n)));
+        let nodes = SquareNodes::new(place, &cover, rigidity.free(coverer, square, &cover));
+        let chart = |n: usize| coverer.charts[cover.triangle_at(n) as usize];
         let (first, first_feature) = (self.parts.len(), self.of_features.len());
-        for j in 0..SIDE {
-            for i in 0..SIDE {
-                if self.keeps && cover.covered.contains(i, j) && rigidity[at(i + 1, j + 1)] >= RIGID {
-                    let chart = maps.coverer.charts[cover.triangle[at(i + 1, j + 1)] as usize];
-                    self.add_rigid(first_feature, chart, [x, y], [i, j], !cover.interior.contains(i, j));
-                }
-                if !cover.interior.contains(i, j) || !free.contains(i, j) {
-                    continue;
-                }
-                let chart = maps.coverer.charts[cover.triangle[at(i + 1, j + 1)] as usize];
-                let is_near = has_rigidity(&rigidity, i, j);
-                let known = self.parts[first..].iter().position(|(part, _)| part.chart == chart);
-                let index = known.map_or(self.parts.len(), |k| first + k);
-                if known.is_none() {
-                    self.parts.push((Part { chart, x, y, nodes: NodeSet::EMPTY }, false));
-                }
-                let (part, rigid) = &mut self.parts[index];
-                part.nodes.insert(i, j);
-                *rigid |= is_near;
+        for (n, [i, j]) in (0..NODES).map(|n| (n, [n % SIDE, n / SIDE])) {
+            if self.keeps && cover.covered.contains(i, j) && sets.rigid.contains(i, j) {
+                self.add_rigid(first_feature, chart(n), place.at, [i, j], !cover.interior.contains(i, j));
             }
+            if !nodes.free.contains(i, j) {
+                continue;
+            }
+            let chart = chart(n);
+            let known = self.parts[first..].iter().position(|part| part.chart == chart);
+            let index = known.map_or(self.parts.len(), |k| first + k);
+            if known.is_none() {
+                let [x, y] = place.at;
+                self.parts.push(Part { chart, x, y, nodes: NodeSet::EMPTY });
+            }
+            self.parts[index].nodes.insert(i, j);
         }
-        self.rigid_nodes.push(rigid_nodes([x, y], &cover, &free, &rigidity));
         self.counts.covered += cover.covered.count();
         self.counts.layered += cover.layered.count();
-        self.counts.at_gaps += cover.at_gaps.count();
+        if !(cover.covered.is_empty() && cover.interior.is_empty()) {
+            self.counts.at_gaps += cover.at_gaps.count();
+        }
+        self.squares.push(nodes);
+        self.sets.push(sets);
     }
 
     /// Adds a rigid node of a chart in a square, the parts of which begin at `first`.

@@ -13,6 +13,8 @@ use crate::grid::node_set::NodeSet;
 use crate::grid::planes::{NODES, Plane, SIDE};
 use crate::grid::pose::Pose;
 use crate::grid::rigid_nodes::RigidNodes;
+use crate::grid::square_nodes::SquareNodes;
+use crate::grid::squares::Square;
 use crate::grid::survey::{levels, movable_of_charts};
 use crate::grid::uv_triangle::uv_triangles;
 use crate::grid::{Grid, Level, mirrors, survey_bytes};
@@ -56,20 +58,22 @@ pub fn grid(
     let parts: Vec<_> = heads.iter().zip(&nodes).map(part).collect();
     check(heads.iter().all(|head| head[3] <= 1) && are_parts(&parts, cells, charts), "nodes")?;
     let rigid: Vec<_> = heads.iter().map(|head| head[3] == 1).collect();
-    let (squares, counts) = (from.all(square_count)?, from.all(square_count)?);
+    let squares = squares(from, square_count, cells)?;
+    let count = from.one::<u32>()? as usize;
+    let (places, counts) = (from.all(count)?, from.all(count)?);
     let square = |(&square, &[rigid, frozen, overlapped]): (&[u32; 2], &[u16; 3])| RigidNodes {
         square,
         rigid,
         frozen,
         overlapped,
     };
-    let rigid_nodes: Vec<_> = squares.iter().zip(&counts).map(square).collect();
+    let rigid_nodes: Vec<_> = places.iter().zip(&counts).map(square).collect();
     check(are_squares(&rigid_nodes, cells), "squares")?;
     let movable = movable_of_charts(charts, &parts, &rigid);
     let survey = levels(team, cells, &movable, &parts);
     check(survey.len() == level_count, "sizes")?;
     let triangles = tile.triangles.len();
-    book(survey_bytes(&survey, triangles, tile.has_images()))?;
+    book(survey_bytes(&survey, triangles, squares.len(), tile.has_images()))?;
     let mut levels = levels_of(&survey, charts);
     for (k, level) in levels.iter_mut().enumerate() {
         take_level(from, level, [k > 0, k > 1, k + 1 < level_count, density == 1])?;
@@ -102,6 +106,7 @@ pub fn grid(
         rest: Arc::new(Pose::new(tile, |v| mesh.rest[v as usize], None)),
         survey: Arc::new(survey),
         parts: Arc::new(parts),
+        squares: Arc::new(squares),
         rigid,
         rigid_nodes,
     })
@@ -119,6 +124,20 @@ fn are_parts(parts: &[Part], cells: [usize; 2], charts: usize) -> bool {
         (part.chart as usize) < charts && !part.nodes.is_empty() && nodes.all(|n| inside(part, n))
     };
     parts.iter().all(is_good) && parts.is_sorted_by(|a, b| a.key() < b.key())
+}
+
+/// Takes squares, which must be sorted and inside the grid.
+fn squares(from: &mut Reader, count: usize, cells: [usize; 2]) -> Result<Vec<SquareNodes>> {
+    let (places, nodes) = (from.all::<[u32; 3]>(count)?, from.all::<[[u16; SIDE]; 3]>(count)?);
+    let square = |(&[layer, x, y], nodes): (&[u32; 3], &[[u16; SIDE]; 3])| {
+        let [covered, free, layered] = nodes.map(NodeSet);
+        SquareNodes { square: Square { layer, at: [x, y] }, covered, free, layered }
+    };
+    let squares: Vec<SquareNodes> = places.iter().zip(&nodes).map(square).collect();
+    let is_inside = |of: &SquareNodes| of.square.at.iter().zip(cells).all(|(&at, n)| at as usize <= n / SIDE);
+    let are_sorted = squares.is_sorted_by(|a, b| a.square.key() < b.square.key());
+    check(squares.iter().all(is_inside) && are_sorted, "squares")?;
+    Ok(squares)
 }
 
 /// True if squares are sorted and inside the grid, with counts that can be.
