@@ -606,9 +606,9 @@ vrtm_status vrtm_asset_find_tile(vrtm_asset asset,
 // clamped. The map may have any size; it is resampled to the grid. Null removes the map. A tile without one has the
 // rigidity of the vertices (vrtm_asset_set_vertex_rigidity), and without that, too, does not move at all. The last
 // result stays readable until the next solve. May be called between frames: only what depends on the rigidity is
-// computed again, in a quarter of the time of a draft, and charts whose rigidity stays the same keep their results. But
-// the tile is prepared from the start where a chart gains its first rigidity or loses its last, where the grid gets
-// another size (vrtm_tile_grid), and with features that are kept at seams or orientation_density in use.
+// computed again, in a quarter of the time of a draft, and charts whose rigidity stays the same keep their results.
+// But the tile is prepared from the start where a chart gains its first rigidity or loses its last, where the grid
+// gets another size (vrtm_tile_grid), and with features that are kept at seams or orientation_density in use.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a
 // zero size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -1212,10 +1212,10 @@ VRTM_API
 vrtm_status vrtm_tile_info(vrtm_tile tile,
                            vrtm_tile_data *info);
 
-// Updates a part of a tile's rigidity map, for instance after a brush stroke: `width` x `height` texels from the column
-// `x` and the row `y`, in memory order. `rigidity` describes the whole map, with the size and the format of the one
-// that was set; its other texels are not read. Updating a small part takes a small fraction of the time of setting the
-// map, unless the tile has to be prepared from the start (vrtm_tile_set_rigidity).
+// Updates a part of a tile's rigidity map, for instance after a brush stroke: `width` x `height` texels from the
+// column `x` and the row `y`, in memory order. `rigidity` describes the whole map, with the size and the format of the
+// one that was set; its other texels are not read. Updating a small part takes a small fraction of the time of setting
+// the map, unless the tile has to be prepared from the start (vrtm_tile_set_rigidity).
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the tile has no map of this size and format, if
 // the part is empty or not inside the map, and in the cases of vrtm_tile_set_rigidity; VRTM_ERROR_BUSY;
