@@ -38,6 +38,12 @@ impl CutSheet {
         CutSheet { rest: rest.collect(), uvs, indices }
     }
 
+    /// With the right half of the UV plane in the next tile.
+    fn in_two_tiles(mut self) -> CutSheet {
+        self.uvs.iter_mut().filter(|uv| uv[0] > 0.5).for_each(|uv| uv[0] += 1.0);
+        self
+    }
+
     /// The asset, with collars at all borders or none.
     pub fn asset(&self, device: &Device, size: usize, goes_on: bool) -> Asset {
         let corners: Vec<u32> = (0..self.uvs.len() as u32).collect();
@@ -55,12 +61,14 @@ impl CutSheet {
                 if x * x + y * y < 0.1 { 255 } else { 0 }
             })
             .collect();
-        asset.set_rigidity(0, Some(view(&discs, size as u32, size as u32))).unwrap();
         set_grid(&mut asset, size as u32);
-        if goes_on {
-            let (seams, open_borders) = (Seams::Continue, OpenBorders::Slide);
-            let settings = TileSettings { seams, open_borders, ..asset.settings(0).unwrap() };
-            asset.set_settings(0, &settings).unwrap();
+        for tile in 0..asset.tile_count() {
+            asset.set_rigidity(tile, Some(view(&discs, size as u32, size as u32))).unwrap();
+            if goes_on {
+                let (seams, open_borders) = (Seams::Continue, OpenBorders::Slide);
+                let settings = TileSettings { seams, open_borders, ..asset.settings(tile).unwrap() };
+                asset.set_settings(tile, &settings).unwrap();
+            }
         }
         asset
     }
@@ -184,4 +192,32 @@ fn beside_a_still_chart_both_sides_stay_together() {
     assert_eq!(report.charts_active, 1, "the other chart is still");
     let [inside, left, right] = [0.025 + 0.45 * 0.75, 0.475, 0.525].map(most);
     assert!(right == 0.0 && left < 0.05 && inside > 1.0, "{inside}, at the seam {left} and {right} cells");
+}
+
+/// Where a neighbour's charts no longer go on, the tile is solved anew, also if no vertex has moved.
+#[test]
+fn a_tile_follows_the_setting_of_its_neighbour() {
+    let device = cpu(1);
+    let sheet = CutSheet::new([2, 1], 8).in_two_tiles();
+    let pose = sheet.pose(0.3);
+    let run = |asset: &mut Asset, dirty_vertices| {
+        let positions = Strided::from_f32x3(&pose);
+        asset.run(&SolveRequest { positions, dirty_vertices, ..SolveRequest::default() }, &mut []).unwrap();
+        bits(asset)
+    };
+    let shut = |asset: &mut Asset, seams| {
+        let settings = TileSettings { seams, ..asset.settings(1).unwrap() };
+        asset.set_settings(1, &settings).unwrap();
+    };
+    let mut asset = sheet.asset(&device, 64, true);
+    let before = run(&mut asset, None);
+    shut(&mut asset, Seams::Shut);
+    let after = run(&mut asset, Some(&[][..]));
+    let mut fresh = sheet.asset(&device, 64, true);
+    shut(&mut fresh, Seams::Shut);
+    assert!(after == run(&mut fresh, None), "the neighbour's setting is not seen");
+    let first = 0..after.len() / 2;
+    assert!(after[first.clone()] != before[first], "the first tile does not depend on it");
+    shut(&mut asset, Seams::Continue);
+    assert!(before == run(&mut asset, Some(&[][..])), "and back");
 }
