@@ -13,6 +13,10 @@ use vrtm_core::strain::measure;
 use vrtm_core::team::Team;
 use vrtm_core::view::Strided;
 
+/// Bytes of what a measurement holds per node of a grid, also where nothing moves: coverage, maps, displacements, positions at
+/// rest and in the pose.
+const BYTES_PER_NODE: u64 = 140;
+
 impl Asset {
     /// Fills in the strain of the reports of solved tiles.
     pub(super) fn measure(
@@ -29,6 +33,8 @@ impl Asset {
             let given = &self.given.maps[*tile];
             let mesh = &*solved.mesh;
             let level = &solved.grid.levels[0];
+            let mut booked = self.device.booking();
+            booked.set(BYTES_PER_NODE * ((level.nx + 1) * (level.ny + 1)) as u64, &mesh.name())?;
             let coverage = Coverage::new(mesh, level.nx, level.ny, given.settings.overlap);
             let mut maps = node_maps(mesh, given, [level.nx, level.ny]);
             if solved.extended.is_some() {

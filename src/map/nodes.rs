@@ -5,6 +5,7 @@ use std::sync::Arc;
 use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::error::Result;
 use vrtm_core::grid::Level;
+use vrtm_core::grid::blocks::Block;
 use vrtm_core::grid::planes::{NODES, Plane, SIDE, node_at, slot};
 use vrtm_core::image::ImagePart;
 use vrtm_core::mesh::TileMesh;
@@ -12,7 +13,7 @@ use vrtm_core::team::Team;
 
 use super::canvas::Canvas;
 use crate::solved::Solved;
-use vrtm_beyond::owners::Owners;
+use vrtm_beyond::owners::NodeOwners;
 
 /// Most items of work into which writing a warp is divided.
 const ITEMS: usize = 64;
@@ -72,8 +73,8 @@ pub(crate) fn write(
 pub(crate) struct NodeRows<'a> {
     level: &'a Level,
     u: &'a [[Plane; 2]],
-    /// The charts of nodes, for a tile with collars.
-    owners: Option<Owners>,
+    /// The charts of nodes of active blocks, for a tile with collars.
+    owners: Option<NodeOwners>,
     /// The active blocks, sorted by row.
     blocks: Vec<u32>,
 }
@@ -84,8 +85,13 @@ impl<'a> NodeRows<'a> {
         let list = &level.blocks.list;
         let mut blocks: Vec<u32> = (0..list.len() as u32).filter(|&b| list[b as usize].active).collect();
         blocks.sort_unstable_by_key(|&b| (list[b as usize].y, b));
-        let of_nodes =
-            |tile: &Arc<TileMesh>| Team::with(1, |team| Owners::of_nodes(team, tile, [level.nx, level.ny]));
+        let of_nodes = |tile: &Arc<TileMesh>| {
+            let mut squares: Vec<[u32; 2]> =
+                blocks.iter().map(|&b| [list[b as usize].y, list[b as usize].x]).collect();
+            squares.sort_unstable();
+            squares.dedup();
+            Team::with(1, |team| NodeOwners::new(team, tile, [level.nx, level.ny], squares))
+        };
         let owners = solved.extended.as_ref().map(of_nodes);
         Ok(NodeRows { level, u: solved.warp.host()?, owners, blocks })
     }
@@ -94,6 +100,7 @@ impl<'a> NodeRows<'a> {
     pub fn visit_moved(&self, f: &mut dyn FnMut([usize; 2], [f32; 2])) {
         for &b in &self.blocks {
             let block = &self.level.blocks.list[b as usize];
+            let owners = self.owners_of(block);
             for s in 0..NODES {
                 let (i, j) = node_at(s);
                 let at = [block.x as usize * SIDE + i, block.y as usize * SIDE + j];
@@ -101,7 +108,7 @@ impl<'a> NodeRows<'a> {
                 if u != [0.0; 2]
                     && at[0] <= self.level.nx
                     && at[1] <= self.level.ny
-                    && self.is_of(b as usize, s, at)
+                    && self.is_of(b as usize, s, owners)
                 {
                     f(at, u);
                 }
@@ -109,11 +116,16 @@ impl<'a> NodeRows<'a> {
         }
     }
 
+    /// The charts of the nodes of an active block, for a tile with collars.
+    fn owners_of(&self, block: &Block) -> Option<&Plane<u32>> {
+        self.owners.as_ref().and_then(|owners| owners.of(block.x, block.y))
+    }
+
     /// True if a node's displacement is that of a block: where charts share a square, each chart has its own movable nodes,
     /// unless they have collars.
-    fn is_of(&self, b: usize, s: usize, [x, y]: [usize; 2]) -> bool {
-        let owns = |owners: &Owners| owners.chart(x, y) == self.level.blocks.list[b].chart;
-        self.level.movable[b][s] != 0 && self.owners.as_ref().is_none_or(owns)
+    fn is_of(&self, b: usize, s: usize, owners: Option<&Plane<u32>>) -> bool {
+        self.level.movable[b][s] != 0
+            && owners.is_none_or(|owners| owners[s] == self.level.blocks.list[b].chart)
     }
 
     /// Reads row j, from u = 0.
@@ -124,10 +136,10 @@ impl<'a> NodeRows<'a> {
         let first = self.blocks.partition_point(|&b| list[b as usize].y < y);
         for &b in self.blocks[first..].iter().take_while(|&&b| list[b as usize].y == y) {
             let b = b as usize;
-            let x = list[b].x as usize * SIDE;
+            let (x, owners) = (list[b].x as usize * SIDE, self.owners_of(&list[b]));
             for i in 0..SIDE.min(self.level.nx + 1 - x) {
                 let s = slot(i, j % SIDE);
-                if self.is_of(b, s, [x + i, j]) {
+                if self.is_of(b, s, owners) {
                     row[x + i] = [self.u[b][0][s], self.u[b][1][s]];
                 }
             }

@@ -11,7 +11,7 @@ use crate::common::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
 use crate::common::{self, cpu, fetch, gpu, options, view};
 use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, HostAllocator, ImageLayout, ImageView,
-    LogLevel, PixelFormat, Quality, RefinementSettings, Strided, TileSettings,
+    LogLevel, OpenBorders, PixelFormat, Quality, RefinementSettings, SolveOptions, Strided, TileSettings,
 };
 
 static LIVE: AtomicU64 = AtomicU64::new(0);
@@ -129,15 +129,42 @@ fn what_lies_beyond_borders_is_estimated() {
 #[test]
 fn refining_takes_memory_for_what_moves() {
     let _alone = alone();
-    let mut asset = sixteen(&counting(None), 4096, 0.01);
-    let (positions, ..) = sixteen_charts(0.01);
-    let pose = bulged(&positions, 0.3);
-    asset.solve(Strided::from_f32x3(&pose), &options(Quality::Draft)).unwrap();
-    let (peak, _, refined) = counted(|| asset.refine(&RefinementSettings::default()));
-    let info = refined.unwrap().info();
-    println!("{} MB at most for {} triangles", peak >> 20, info.triangles);
-    // Displacements of all nodes alone are 134 MB.
-    assert!(info.reached && peak < 40 << 20, "{peak} bytes");
+    for open_borders in [OpenBorders::Fixed, OpenBorders::Slide] {
+        let mut asset = sixteen(&counting(None), 4096, 0.01);
+        let settings = TileSettings { open_borders, ..asset.settings(0).unwrap() };
+        asset.set_settings(0, &settings).unwrap();
+        let (positions, ..) = sixteen_charts(0.01);
+        let pose = bulged(&positions, 0.3);
+        asset.solve(Strided::from_f32x3(&pose), &options(Quality::Draft)).unwrap();
+        let (peak, _, refined) = counted(|| asset.refine(&RefinementSettings::default()));
+        let info = refined.unwrap().info();
+        println!("{} MB at most for {} triangles, {open_borders:?}", peak >> 20, info.triangles);
+        // Displacements of all nodes alone are 134 MB, and so are the charts that they belong to.
+        assert!(info.reached && peak < 40 << 20, "{peak} bytes");
+    }
+}
+
+/// A measurement holds positions at all nodes: they count, and are free afterwards.
+#[test]
+fn measuring_is_booked() {
+    let _alone = alone();
+    let sheet = CutSheet::new([2, 1], 8);
+    let pose = sheet.pose(0.3);
+    let (size, measured) = (512, SolveOptions { measure: true, ..options(Quality::Draft) });
+    let bytes = sheet.asset(&counting(None), size, false).tile_estimate(0).unwrap().solving_bytes;
+    let solve = |budget, options: &SolveOptions| {
+        let device = counting(Some(budget));
+        let mut asset = sheet.asset(&device, size, false);
+        let (peak, _, solved) = counted(|| asset.solve(Strided::from_f32x3(&pose), options));
+        (solved.map_err(|error| error.kind), peak)
+    };
+    let ((plain, without), (all, with)) =
+        (solve(bytes, &options(Quality::Draft)), solve(3 * bytes + (64 << 20), &measured));
+    assert_eq!([plain, all], [Ok(()); 2]);
+    let per_node = (with - without) as f64 / (size * size) as f64;
+    println!("{per_node} bytes per node more");
+    assert!(per_node < 150.0, "{per_node}");
+    assert_eq!(solve(bytes, &measured).0, Err(ErrorKind::OutOfMemory));
 }
 
 #[test]
