@@ -216,8 +216,8 @@ fn block_holding(b: u32, i: i32, j: i32) -> u32 {
             return near;
         }
     }
-    let found = find_block(b, at);
-    if found == NONE && blocks[b].continues != 0u {
+    let found = find_block(b, at); // model: 0 times
+    if found == NONE && blocks[b].continues != 0u { // model: 0 times
         // The node lies in a row of blocks that this band does not hold, so the nearest row is used instead. Only
         // metrics of coarse levels look that far (method §3, Arc lengths).
         let first = blocks[b].chart_first;
@@ -238,7 +238,7 @@ fn block_holding(b: u32, i: i32, j: i32) -> u32 {
 fn find_block(b: u32, at: vec2i) -> u32 {
     var low = blocks[b].chart_first;
     var high = low + blocks[b].chart_count;
-    while low < high {
+    while low < high { // model: 3 times
         let middle = (low + high) / 2u;
         let found = vec2i(i32(blocks[middle].x), i32(blocks[middle].y));
         if all(found == at) {

@@ -17,7 +17,7 @@ fn pyramid_gather(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation
         let s = thread_slot(colour, t);
         let node = b * NODES + s;
         var sum = vec3f();
-        for (var k = starts[node]; k < starts[node + 1u]; k++) {
+        for (var k = starts[node]; k < starts[node + 1u]; k++) { // model: 6 times
             let p = triangles[entries[k].x].pose;
             let x = vec3f(p[3], p[4], p[5]);
             let y = vec3f(p[6], p[7], p[8]);

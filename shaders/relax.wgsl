@@ -47,7 +47,7 @@ fn step_node(b: u32, n: vec2u, floor: f32, fraction: f32) {
     }
     delta *= fraction;
     // The second trial takes half of the step.
-    for (var trial = 0u; trial < 2u; trial++) {
+    for (var trial = 0u; trial < 2u; trial++) { // model: 1 times
         let u = p.u + delta;
         let found = sample_surface(b, node, u, triangle_of(p.tag));
         if found.found {
@@ -74,6 +74,7 @@ fn relax(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t
         return;
     }
     load_patch(b, t);
+    // model: near
     let floor = charts[blocks[b].chart].length_floor * params.scale;
     // After a partial correction, sweeps take the same fraction of their steps, so that both fade in together.
     let fraction = select(1.0, charts[blocks[b].chart].fraction, params.mode == RELAX_FRACTION);

@@ -36,7 +36,7 @@ fn falloff(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     if outside != NONE {
         low = vectors[vector_index(outside, plane, line_slot(15u, t))];
     }
-    loop {
+    loop { // model: 8 times
         for (var place = 0u; place < 16u; place++) {
             let at = vector_index(b, plane, line_slot(place, t));
             low = min(vectors[at], low + slope);
@@ -52,7 +52,7 @@ fn falloff(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     if outside != NONE {
         low = vectors[vector_index(outside, plane, line_slot(0u, t))];
     }
-    loop {
+    loop { // model: 8 times
         for (var place = 16u; place > 0u; place--) {
             let at = vector_index(b, plane, line_slot(place - 1u, t));
             low = min(vectors[at], low + slope);

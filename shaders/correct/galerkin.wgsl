@@ -107,6 +107,7 @@ fn galerkin(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
     }
     load_holders(b, s);
     load_weights(s);
+    // model: near
     let n = node_at(s);
     let quarter = n.y / 8u * 2u + n.x / 8u;
     let is_movable = !is_fixed(b, s) && blocks[b].children[quarter] != NONE;

@@ -51,7 +51,7 @@ fn times_window(row: NodeRow, t: u32) -> vec2f {
 fn sweep_block(row: NodeRow, right: vec2f, t: u32, backwards: bool) {
     let n = node_at(t);
     for (var sweep = 0u; sweep < 4u * params.sweeps; sweep++) {
-        if t / 64u == select(sweep & 3u, 3u - (sweep & 3u), backwards) {
+        if t / 64u == select(sweep & 3u, 3u - (sweep & 3u), backwards) { // model: 1 times in 1 of 4 warps
             window_z[place_of_slot(t)] = solve_diagonal(row, right - row_times(row, n, 0u));
         }
         workgroupBarrier();

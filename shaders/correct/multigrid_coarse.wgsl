@@ -99,7 +99,7 @@ fn smooth_level(c: u32, level: u32, t: u32, before: u32, after: u32, backwards: 
     // The order of the colours.
     let order = select(slots, slots.wzyx, backwards);
     let range = block_range(c, level, t);
-    for (var first = 0u; first < range.y; first += BLOCKS_AT_ONCE) {
+    for (var first = 0u; first < range.y; first += BLOCKS_AT_ONCE) { // model: 1 times
         let k = first + t / 64u;
         let works = k < range.y;
         let b = coarse_lists[range.x + min(k, range.y - 1u)];
@@ -121,7 +121,7 @@ fn smooth_level(c: u32, level: u32, t: u32, before: u32, after: u32, backwards: 
             relax(works, row_2, right_2, order.z, window);
             relax(works, row_3, right_3, order.w, window);
         }
-        for (var colour = 0u; colour < 4u && works; colour++) {
+        for (var colour = 0u; colour < 4u && works; colour++) { // model: 4 times
             let s = thread_slot(colour, lane);
             let n = node_at(s);
             set_vector(b, after, s, window_z[window + place(n.x + 1u, n.y + 1u)]);
@@ -138,7 +138,7 @@ fn multiply_level(c: u32, level: u32, t: u32, plane: u32, subtracted: bool) -> f
     let window = t / 64u * WINDOW;
     let range = block_range(c, level, t);
     var sum = 0.0;
-    for (var first = 0u; first < range.y; first += BLOCKS_AT_ONCE) {
+    for (var first = 0u; first < range.y; first += BLOCKS_AT_ONCE) { // model: 1 times
         let k = first + t / 64u;
         let works = k < range.y;
         let b = coarse_lists[range.x + min(k, range.y - 1u)];
@@ -146,7 +146,7 @@ fn multiply_level(c: u32, level: u32, t: u32, plane: u32, subtracted: bool) -> f
             load_window(b, lane, window, plane);
         }
         workgroupBarrier();
-        for (var colour = 0u; colour < 4u && works; colour++) {
+        for (var colour = 0u; colour < 4u && works; colour++) { // model: 4 times
             let s = thread_slot(colour, lane);
             let n = node_at(s);
             let row = load_row(b, s);
@@ -204,7 +204,7 @@ fn interpolate_in_y(b: u32, parent: u32, column: u32, row: u32) -> vec2f {
 /// Sets r to P' t, where t belongs to the next finer level.
 fn restrict_level(c: u32, level: u32, t: u32) {
     let range = block_range(c, level, t);
-    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) { // model: 1 times
         let b = coarse_lists[range.x + k];
         for (var colour = 0u; colour < 4u; colour++) {
             let s = thread_slot(colour, t % 64u);
@@ -226,7 +226,7 @@ fn restrict_level(c: u32, level: u32, t: u32) {
 /// Sets SCRATCH to z + P z, where P z comes from the next coarser level.
 fn add_level(c: u32, level: u32, t: u32) {
     let range = block_range(c, level, t);
-    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) { // model: 1 times
         let b = coarse_lists[range.x + k];
         let parent = coarse_blocks[b].parent;
         for (var colour = 0u; colour < 4u; colour++) {
@@ -259,18 +259,18 @@ fn cycle(c: u32, top: u32, t: u32) {
         let odd = ((k - turn) & 1u) != 0u;
         var before = select(select(DIRECTION, NONE, k == turn), SCRATCH, odd);
         var after = select(SCRATCH, DIRECTION, odd);
-        if k < turn {
+        if k < turn { // model: 1.0 * turn / (rise + turn) times
             level = top + k;
             before = NONE;
             after = DIRECTION;
-        } else if k >= rise {
+        } else if k >= rise { // model: 1.0 * turn / (rise + turn) times
             level = coarsest - 1u - (k - rise);
             add_level(c, level, t);
             before = SCRATCH;
             after = DIRECTION;
         }
         smooth_level(c, level, t, before, after, k >= turn + COARSEST_ROUNDS);
-        if k < turn {
+        if k < turn { // model: 1.0 * turn / (rise + turn) times
             multiply_level(c, level, t, DIRECTION, true);
             restrict_level(c, level + 1u, t);
         }
@@ -280,7 +280,7 @@ fn cycle(c: u32, top: u32, t: u32) {
 /// Sets the right-hand side of a level to the contributions of the finer level.
 fn gather_level(c: u32, level: u32, t: u32) {
     let range = block_range(c, level, t);
-    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) { // model: 1 times
         let b = coarse_lists[range.x + k];
         for (var colour = 0u; colour < 4u; colour++) {
             let s = thread_slot(colour, t % 64u);
@@ -294,7 +294,7 @@ fn gather_level(c: u32, level: u32, t: u32) {
 fn dot_level(c: u32, level: u32, t: u32, aside: bool) -> f32 {
     let range = block_range(c, level, t);
     var sum = 0.0;
-    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) { // model: 1 times
         let b = coarse_lists[range.x + k];
         for (var colour = 0u; colour < 4u; colour++) {
             let s = thread_slot(colour, t % 64u);
@@ -311,10 +311,10 @@ fn dot_level(c: u32, level: u32, t: u32, aside: bool) -> f32 {
 /// Subtracts alpha A z0 from r.
 fn advance(c: u32, level: u32, t: u32, alpha: f32) {
     let range = block_range(c, level, t);
-    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) { // model: 1 times
         let b = coarse_lists[range.x + k];
         // A step of length 0 leaves r unchanged, even where the product is NaN.
-        for (var colour = 0u; colour < 4u && alpha != 0.0; colour++) {
+        for (var colour = 0u; colour < 4u && alpha != 0.0; colour++) { // model: 4 times
             let s = thread_slot(colour, t % 64u);
             set_vector(b, RESIDUAL, s, vector(b, RESIDUAL, s) - alpha * vector(b, SCRATCH, s));
         }
@@ -325,9 +325,9 @@ fn advance(c: u32, level: u32, t: u32, alpha: f32) {
 /// Sets DIRECTION to z1 + beta z0.
 fn second_direction(c: u32, level: u32, t: u32, beta: f32) {
     let range = block_range(c, level, t);
-    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) { // model: 1 times
         let b = coarse_lists[range.x + k];
-        for (var colour = 0u; colour < 4u && beta != 0.0; colour++) {
+        for (var colour = 0u; colour < 4u && beta != 0.0; colour++) { // model: 4 times
             let s = thread_slot(colour, t % 64u);
             set_vector(b, DIRECTION, s, vector(b, DIRECTION, s) + beta * vector(b, SMOOTHED, s));
         }
@@ -340,7 +340,7 @@ fn products_of_last_step(c: u32, level: u32, t: u32) -> vec4f {
     let curvature = multiply_level(c, level, t, LAST_STEP, false);
     let range = block_range(c, level, t);
     var sums = vec3f();
-    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) { // model: 1 times
         let b = coarse_lists[range.x + k];
         for (var colour = 0u; colour < 4u; colour++) {
             let s = thread_slot(colour, t % 64u);
@@ -360,7 +360,7 @@ fn products_of_last_step(c: u32, level: u32, t: u32) -> vec4f {
 /// Copies both directions to the planes from which the step is formed.
 fn put_back(c: u32, level: u32, t: u32) {
     let range = block_range(c, level, t);
-    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) {
+    for (var k = t / 64u; k < range.y; k += BLOCKS_AT_ONCE) { // model: 1 times
         let b = coarse_lists[range.x + k];
         for (var colour = 0u; colour < 4u; colour++) {
             let s = thread_slot(colour, t % 64u);
@@ -374,7 +374,7 @@ fn put_back(c: u32, level: u32, t: u32) {
 fn energy_before(c: u32, level: u32, t: u32) -> f32 {
     let range = block_range(c, level, t);
     var sum = 0.0;
-    for (var k = t; k < range.y; k += 256u) {
+    for (var k = t; k < range.y; k += 256u) { // model: 1 times
         sum += vectors[vector_index(coarse_lists[range.x + k], ENERGY_BEFORE, 0u)];
     }
     return sum_of_threads(t, sum);
@@ -433,6 +433,7 @@ fn solve_level(c: u32, level: u32, t: u32, solves: bool, iterations: u32) {
 @compute @workgroup_size(256)
 fn multigrid_coarse(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let c = group.y * SPREAD + group.x;
+    // model: near
     if c >= params.items {
         return;
     }
