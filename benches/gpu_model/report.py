@@ -1,0 +1,72 @@
+"""The tables of gpu-model.md."""
+
+from . import solve
+from .wgsl import Failure
+
+HEAD = """\
+# What the kernels would take on an H100, by a model
+
+No GPU was used: `python3 benches/gpu_model` writes this file anew, from Mesa's shader compiler and a model of one warp. [What it
+knows and what it does not](../gpu_model/README.md). Its dispatches are those of [gpu-counts.md](gpu-counts.md), for the bulge.
+
+"""
+SIZES = (512, 2048)
+
+
+def kernels(all_kernels):
+    """A row per kernel, form and set of parameters."""
+    lines = [
+        "| kernel | threads | VGPRs | workgroup memory | static instructions | on the critical path of a warp | cycles | issue slots of a warp |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for kernel in all_kernels:
+        for label, warp in zip(kernel.sets, kernel.warps):
+            name = " ".join(filter(None, (kernel.name, kernel.form, label)))
+            s = kernel.statistics
+            lines.append(
+                f"| {name} | {kernel.threads} | {s['VGPRs']} | {s['LDS size']} | {s['Instructions']} | "
+                f"{warp.instructions:.0f} | {warp.cycles:.0f} | {warp.slots:.0f} |"
+            )
+            spills = s["Spilled VGPRs"] + s["Spilled SGPRs"] + s["Scratch size"]
+            if spills:
+                lines[-1] += f" spills {spills}"
+    return "\n".join(lines) + "\n"
+
+
+def whole(all_kernels, counts):
+    """The report."""
+    columns = [(q, n) for q in ("normal", "draft") for n in SIZES if n in counts.kernels[q]]
+    default = {kernel.counted: kernel for kernel in reversed(all_kernels)}
+    rows, sums, unknown = {}, dict.fromkeys(columns, 0.0), set()
+    for quality, size in columns:
+        for name, (dispatches, _) in counts.kernels[quality][size].items():
+            if name not in default:
+                unknown.add(name)
+                continue
+            ms = solve.milliseconds(default[name], quality, size, counts.kernels[quality])
+            rows.setdefault(name, {})[quality, size] = (dispatches, ms)
+            sums[quality, size] += ms
+    if unknown:
+        raise Failure(
+            "gpu-counts.md is older than the kernels (`benches/gpu.sh --counts` writes it): " + "; ".join(unknown)
+        )
+    solves = ["| | " + " | ".join(f"`{q}` {n}²" for q, n in columns) + " |", "|---" * (len(columns) + 1) + "|"]
+    totals = [counts.all[q][n] for q, n in columns]
+    empty = [solve.EMPTY * total[1] for total in totals]
+    solves.append("| model, ms | " + " | ".join(f"**{sums[c] + e:.2f}**" for c, e in zip(columns, empty)) + " |")
+    for k, what in enumerate(("dispatches", "empty dispatches", "barriers")):
+        solves.append(f"| {what} | " + " | ".join(str(total[k]) for total in totals) + " |")
+    solves.append("| of the ms, empty dispatches | " + " | ".join(f"{e:.2f}" for e in empty) + " |")
+    table = [
+        "| kernel | " + " | ".join(f"`{q}` {n}²: dispatches | ms" for q, n in columns) + " |",
+        "|---" * (2 * len(columns) + 1) + "|",
+    ]
+    order = sorted(rows, key=lambda name: -sum(ms for _, ms in rows[name].values()))
+    for name in order:
+        cells = [rows[name].get(column) for column in columns]
+        cells = [f"{cell[0]} | {cell[1]:.3f}" if cell else "- | -" for cell in cells]
+        table.append(f"| {default[name].name} | " + " | ".join(cells) + " |")
+    changed = [f"{k.name} {k.changed:+.0%}" for k in all_kernels if abs(k.changed) > 0.02]
+    note = f"Marks change the number of instructions of: {', '.join(changed)}.\n\n" if changed else ""
+    parts = ["## Solves\n", *solves, "\n## Kernels in solves\n", *table, "\n## Kernels\n"]
+    return HEAD + "\n".join(parts) + "\n\n" + note + kernels(all_kernels)
