@@ -1,13 +1,15 @@
 """The tables of gpu-model.md."""
 
 from . import solve
-from .wgsl import Failure
+from .expressions import Failure
 
 HEAD = """\
 # What the kernels would take on an H100, by a model
 
-No GPU was used: `python3 benches/gpu_model` writes this file anew, from Mesa's shader compiler and a model of one warp. [What it
-knows and what it does not](../gpu_model/README.md). Its dispatches are those of [gpu-counts.md](gpu-counts.md), for the bulge.
+No GPU was used: `python3 benches/gpu_model` writes this file anew, from Mesa's shader compiler and a model of one warp.
+[What it knows and what it does not](../gpu_model/README.md). Its dispatches are those of [gpu-counts.md](gpu-counts.md),
+for the bulge. Memory is workgroup memory in bytes, "static" and "dynamic" are instructions of the code and on the critical
+path of a warp, "slots" those of a mean warp, in issue slots.
 
 """
 SIZES = (512, 2048)
@@ -16,7 +18,7 @@ SIZES = (512, 2048)
 def kernels(all_kernels):
     """A row per kernel, form and set of parameters."""
     lines = [
-        "| kernel | threads | VGPRs | workgroup memory | static instructions | on the critical path of a warp | cycles | issue slots of a warp |",
+        "| kernel | threads | VGPRs | memory | static | dynamic | cycles | slots |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for kernel in all_kernels:

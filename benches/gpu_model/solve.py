@@ -1,26 +1,26 @@
-"""Whole solves: with which parameters kernels run, how many dispatches and workgroups they take, and the time of a dispatch
-on all of a GPU."""
+"""Whole solves: with which parameters kernels run, how many dispatches and workgroups they take, and how long a dispatch
+takes on all of a GPU."""
 
 import re
 from dataclasses import dataclass, field
 
-from .wgsl import Failure
+from .expressions import Failure
 
-# An H100: multiprocessors, registers and bytes of workgroup memory of each, cycles per millisecond, milliseconds of a dispatch
-# that does nothing after one that does something (as measured), and of one that turns out empty.
+# An H100: multiprocessors, registers and bytes of workgroup memory of each, cycles per millisecond; milliseconds of a
+# dispatch beside its work (as measured), and of one that turns out empty.
 PROCESSORS, REGISTERS, SHARED, CLOCK, LAUNCH, EMPTY = 132, 65536, 228 << 10, 1.98e6, 0.0045, 0.0018
 # Kernels that no solve with default settings runs.
 UNUSED = {
-    "Protect", "ProtectFinest", "Previous", "Pull", "ProjectChords", "ProjectMetrics", "RegulariseChords", "RegulariseMetrics",
-    "CopyState", "SamplesChords", "SamplesMetrics", "Invert", "Redirect",
+    "Protect", "ProtectFinest", "Previous", "Pull", "ProjectChords", "ProjectMetrics", "RegulariseChords",
+    "RegulariseMetrics", "CopyState", "SamplesChords", "SamplesMetrics", "Invert", "Redirect",
 }  # fmt: skip
 # Sweeps of relaxation per dispatch (crates/core/src/method/plan.rs).
 SWEEPS = {"normal": 2, "draft": 1}
 # Levels of a square chart that multigrid_coarse works on: with 4, 1, 1 and 1 blocks.
 COARSE_LEVELS = 4
 PLAIN = {
-    "params.pull": 0.0, "params.hold": 0.0, "params.orientation_density": 0.0, "params.lost": 0.0, "params.has_last_step": 0,
-    "params.is_identity": 0, "params.items": 1, "params.factor": 1.0, "beyond_patch": 0.0,
+    "params.pull": 0.0, "params.hold": 0.0, "params.orientation_density": 0.0, "params.lost": 0.0,
+    "params.has_last_step": 0, "params.is_identity": 0, "params.items": 1, "params.factor": 1.0, "beyond_patch": 0.0,
 }  # fmt: skip
 # How often a warp of `assemble` looks up a neighbour beyond its patch: with slopes kept, and computed anew.
 BEYOND_PATCH = {"kept": 0.6, "anew": 0.19}
@@ -28,7 +28,7 @@ BEYOND_PATCH = {"kept": 0.6, "anew": 0.19}
 
 @dataclass
 class Kernel:
-    """A kernel in one of its forms. `sets` has the sets of parameters that it is modelled with, by their names; `warps` the
+    """A kernel in one of its forms. `sets` has the sets of values that it is modelled with, by their names; `warps` the
     result for each."""
 
     name: str
@@ -100,8 +100,8 @@ def shares(kernel, quality, counts):
 
 
 def dispatch(kernel, warp, groups):
-    """Milliseconds of a dispatch of so many workgroups: those of its slowest warp or, where there are many, of all issue slots
-    of a multiprocessor's four schedulers."""
+    """Milliseconds of a dispatch of so many workgroups: those of its slowest warp or, where there are many, of all issue
+    slots of a multiprocessor's four schedulers."""
     warps = -(-kernel.threads // 32)
     registers = max(kernel.statistics["VGPRs"], 32)
     resident = min(
@@ -115,8 +115,8 @@ def dispatch(kernel, warp, groups):
 
 
 def rungs(name, size, counts):
-    """The kernel's dispatches by their workgroups: pairs of dispatches and workgroups of each. What a size has more than half of
-    it belongs to its finest level."""
+    """The kernel's dispatches by their workgroups: pairs of dispatches and workgroups of each. What a size has more than
+    half of it belongs to its finest level."""
     dispatches, groups = counts[size].get(name, (0, 0))
     out = []
     while dispatches:
@@ -142,8 +142,8 @@ def milliseconds(kernel, quality, size, counts):
 
 @dataclass
 class Counts:
-    """What gpu-counts.md says of the bulge: per quality and size dispatches and workgroups of each kernel; and dispatches, empty
-    ones and barriers of all."""
+    """What gpu-counts.md says of the bulge: per quality and size dispatches and workgroups of each kernel; and
+    dispatches, empty ones and barriers of all."""
 
     kernels: dict
     all: dict

@@ -1,11 +1,13 @@
 """One warp on an H100, by an in-order scoreboard on the assembly of AMD's compiler (ACO)."""
 
+import itertools
 import re
 from collections import defaultdict
 
-from .wgsl import MAGIC, MARKS, Failure
+from .expressions import Failure
+from .wgsl import MAGIC, MARKS
 
-# Cycles from issue until a dependent instruction may issue, from the literature on Hopper; and issue slots that it takes.
+# Cycles from issue until a dependent instruction may issue, from the literature on Hopper; and the issue slots it takes.
 LATENCY = dict(
     alu=4.5, mul=6, special=22, shared=29, shared_write=4, far=200, near=38, scalar_load=15, scalar=4.5, write=4
 )
@@ -77,7 +79,7 @@ class Instruction:
                 constants.pop(register, None)
 
     def _use(self, used):
-        op, every = self.op, sum(used, [])
+        op, every = self.op, list(itertools.chain(*used))
         if self.kind in ("write", "shared_write"):
             self.reads = every
         elif op.startswith("v_cmpx"):
@@ -85,7 +87,7 @@ class Instruction:
         elif op.startswith(("s_cmp", "s_bitcmp")):
             self.reads, self.writes = every, ["scc"]
         else:
-            self.writes, self.reads = list(used[0]) if used else [], sum(used[1:], [])
+            self.writes, self.reads = list(used[0]) if used else [], list(itertools.chain(*used[1:]))
             if op.startswith("v_cmp") and not self.writes:
                 self.writes = ["vcc"]
             if self.kind == "scalar" and SETS_SCC.match(op):
@@ -116,15 +118,15 @@ def blocks(assembly):
             out[-1][1].append(Instruction(" ".join(line.split()), constants))
     # The move before a mark sets its address.
     for _, code in out:
-        for before, i in zip(code, code[1:]):
+        for before, i in itertools.pairwise(code):
             if i.mark is not None and before.op == "v_mov_b32_e32" and not before.of_mark:
                 before.kind, before.of_mark = None, True
     return out
 
 
 class Part:
-    """Instructions, loops and regions in their order. `mark` says how often it runs, `copies` how often its body stands in
-    the code of one run of the loop."""
+    """Instructions, loops and regions in their order. `mark` says how often it runs, `copies` how often its body stands
+    in the code of one run of the loop."""
 
     def __init__(self, mark=None, until=None):
         self.mark, self.until, self.items, self.copies = mark, until, [], 1
@@ -142,11 +144,6 @@ def parts(assembly, marks):
     root = Part()
     stack = [root]
 
-    def pop(part):
-        if stack[-1] is not part:
-            raise Failure(f"crosses another part: {marks[stack[-1].mark].where}")
-        stack.pop()
-
     def own_mark(head, end):
         inside = [i.mark for _, code_of in code[head : end + 1] for i in code_of if i.mark is not None]
         own = [mark for mark in inside if marks[mark].kind == "loop"]
@@ -157,7 +154,11 @@ def parts(assembly, marks):
         ]  # fmt: skip
         if not own or own[0] not in outside:
             raise Failure(f"the loop from {code[head][0]} to {code[end][0]} of the assembly is none of the text")
-        return own[0], outside.count(own[0])
+        copies = outside.count(own[0])
+        if copies > 1 and copies >= max(marks[own[0]].counts):
+            # It is unrolled, so the loop in the assembly is one around it.
+            raise Failure(f"no mark of the loop around: {marks[own[0]].where}")
+        return own[0], copies
 
     for k, (_, instructions) in enumerate(code):
         if k in loops:
@@ -189,8 +190,7 @@ def parts(assembly, marks):
 
 
 class Warp:
-    """Cycles and instructions of one warp on the critical path, and issue slots of a mean warp, for the set of parameters
-    number `n`."""
+    """Cycles and instructions of one warp on the critical path, and issue slots of a mean warp, for set `n` of values."""
 
     def __init__(self, root, marks, n):
         self.marks, self.n = marks, n

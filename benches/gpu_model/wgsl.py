@@ -1,8 +1,8 @@
 """How often the parts of a kernel run, and marks in its text by which they are found again in a compiler's output.
 
-Counts follow from the text where it has them: a loop `for (var k = t; k < WINDOW; k += 64u)` is run with thread 0, and an
-`if params.pull > 0.0` is judged with the parameters of a solve. Where a count depends on data, a comment at the end of the
-line says it, to be kept with the code:
+Counts follow from the text where it has them: a loop `for (var k = t; k < WINDOW; k += 64u)` is run with thread 0, and
+an `if params.pull > 0.0` is judged with the parameters of a solve. Where a count depends on data, a comment at the end
+of the line says it, to be kept with the code:
 
     while low < high { // model: 3 times
     if crowded { // model: 0 times
@@ -14,9 +14,10 @@ line says it, to be kept with the code:
 A mark writes a constant that occurs nowhere else into workgroup memory: MAGIC plus its number.
 """
 
-import ast
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+
+from .expressions import Failure, Unknown, evaluate, runs
 
 MARKS = 1000
 # A mark's value in the assembly: this plus its number.
@@ -27,107 +28,14 @@ KEEP = "let model_value ="
 JUMP = re.compile(r"(\b(return|break|continue)\b[^;{}]*;)\s*$")
 
 
-class Unknown(Exception):
-    """A value that depends on data."""
-
-
-class Failure(Exception):
-    """What the model cannot know and has to be told."""
-
-
 @dataclass
 class Mark:
     """A place in the text. `counts` has the times that a loop's body or a region runs, per set of parameters."""
 
     kind: str
     where: str
-    counts: list = field(default_factory=list)
-    warps: int = 1
-
-
-def evaluate(text, names):
-    """The value of a WGSL expression of numbers and truth values."""
-    text = re.sub(r"\b(0x[0-9a-fA-F]+|\d+\.?\d*(?:e[+-]?\d+)?)[uif]?(?![\w.])", r"\1", text)
-    text = text.replace("&&", " and ").replace("||", " or ")
-    text = re.sub(r"!(?!=)", " not ", text)
-    try:
-        tree = ast.parse(" ".join(text.split()), mode="eval").body
-    except SyntaxError as error:
-        raise Unknown(text) from error
-    return _value(tree, names)
-
-
-def _either(node, names, decisive):
-    """`and` (decisive: False) or `or` (True): one decisive value suffices."""
-    unknown = False
-    for part in node.values:
-        try:
-            if bool(_value(part, names)) == decisive:
-                return decisive
-        except Unknown:
-            unknown = True
-    if unknown:
-        raise Unknown(ast.dump(node))
-    return not decisive
-
-
-def _divide(a, b):
-    return a // b if isinstance(a, int) and isinstance(b, int) else a / b
-
-
-OPERATORS = {
-    ast.Add: lambda a, b: a + b, ast.Sub: lambda a, b: a - b, ast.Mult: lambda a, b: a * b, ast.Div: _divide,
-    ast.Mod: lambda a, b: a % b, ast.BitAnd: lambda a, b: a & b, ast.BitOr: lambda a, b: a | b,
-    ast.LShift: lambda a, b: a << b, ast.RShift: lambda a, b: a >> b, ast.Lt: lambda a, b: a < b,
-    ast.LtE: lambda a, b: a <= b, ast.Gt: lambda a, b: a > b, ast.GtE: lambda a, b: a >= b,
-    ast.Eq: lambda a, b: a == b, ast.NotEq: lambda a, b: a != b,
-}  # fmt: skip
-CALLS = {"min": min, "max": max, "u32": int, "i32": int, "f32": float, "select": lambda a, b, c: b if c else a}
-
-
-def _value(node, names):
-    match node:
-        case ast.Constant(value=value):
-            return value
-        case ast.Name(id="true" | "false" as name):
-            return name == "true"
-        case ast.Name(id=name) if name in names:
-            return names[name]
-        case ast.Attribute(value=ast.Name(id="params"), attr=name) if f"params.{name}" in names:
-            return names[f"params.{name}"]
-        case ast.BoolOp():
-            return _either(node, names, isinstance(node.op, ast.Or))
-        case ast.UnaryOp(op=ast.Not()):
-            return not _value(node.operand, names)
-        case ast.UnaryOp(op=ast.USub()):
-            return -_value(node.operand, names)
-        case ast.BinOp() if type(node.op) in OPERATORS:
-            return OPERATORS[type(node.op)](_value(node.left, names), _value(node.right, names))
-        case ast.Compare(ops=[operator]) if type(operator) in OPERATORS:
-            return OPERATORS[type(operator)](_value(node.left, names), _value(node.comparators[0], names))
-        case ast.Call(func=ast.Name(id=name), args=arguments) if name in CALLS:
-            return CALLS[name](*(_value(argument, names) for argument in arguments))
-    raise Unknown(ast.dump(node))
-
-
-def runs(header, names):
-    """How often a loop's body runs, and its variable's first value, if it is a `for` over numbers."""
-    found = re.match(r"for \(var (\w+)(?:: \w+)? = (.*?); (.*?); (.*)\)$", " ".join(header.split()))
-    if not found:
-        raise Unknown(header)
-    name, first, condition, update = found.groups()
-    step = re.match(rf"{name} ?(\+\+|--|[-+*/]=)\s*(.*)$", update)
-    if not step:
-        raise Unknown(header)
-    names = dict(names)
-    start = names[name] = evaluate(first, names)
-    operator, count = {"+": ast.Add, "-": ast.Sub, "*": ast.Mult, "/": ast.Div}[step[1][0]], 0
-    while evaluate(condition, names):
-        count += 1
-        names[name] = OPERATORS[operator](names[name], evaluate(step[2] or "1", names))
-        if count > 100_000:
-            raise Unknown(header)
-    return count, {name: start}
+    counts: list
+    warps: int
 
 
 def arguments(text, at):
@@ -231,11 +139,14 @@ class Names:
                     if len(values) == 1 and None not in values:
                         names[name] = values.pop()
             body = text.plain[function.begin : function.end]
-            for name, value in re.findall(r"\blet (\w+)(?:: \w+)? = ([^;]+);", body):
+            lets = re.findall(r"\blet (\w+)(?:: \w+)? = ([^;]+);", body)
+            for name, value in lets:
                 for names in (uniform, thread):
                     names.pop(name, None)
                     try:
-                        names[name] = evaluate(value, names)
+                        # A name that is given twice may have either value.
+                        if sum(name == other for other, _ in lets) == 1:
+                            names[name] = evaluate(value, names)
                     except Unknown:
                         pass
             for name in re.findall(r"\bvar (\w+)\b", body):
@@ -258,8 +169,8 @@ class Names:
 
 
 def marked(source, entry, sets):
-    """Places and marks: those of loops and of regions that do not run exactly once. `sets` has the sets of parameters for
-    which counts are wanted."""
+    """Places and marks: those of loops and of regions that do not run exactly once. `sets` has the sets of parameters
+    for which counts are wanted."""
     text = Text(source)
     order = text.reachable(entry)
     known = [Names(text, order, entry, parameters) for parameters in sets.values()]
@@ -289,7 +200,7 @@ def marked(source, entry, sets):
             mark(end_of_block(begin, end), "end", [begun])
 
     def end_of_block(begin, end):
-        """Where a block's end is marked: before a jump; but the value that it returns may take time, so it is kept in between."""
+        """Where a block's end is marked: before a jump. But a value that it returns may take time, so that is kept."""
         last = JUMP.search(text.plain[begin:end])
         if not last:
             return end
@@ -398,7 +309,8 @@ def with_marks(source, places, chosen=None):
             out.append(what)
         elif chosen is None or what in chosen:
             out.append(f" _ = atomicExchange(&model_marks[{what}], {MAGIC + what}u); ")
-    return "".join([*out, source[last:], f"\nvar<workgroup> model_marks: array<atomic<u32>, {MARKS}>;\n"])
+    size = 1 + max((what for _, what in places if isinstance(what, int)), default=0)
+    return "".join([*out, source[last:], f"\nvar<workgroup> model_marks: array<atomic<u32>, {size}>;\n"])
 
 
 def groups(marks):
