@@ -127,7 +127,7 @@ def run(options):
         folder.mkdir(parents=True, exist_ok=True)
         compile_all(kernels, folder)
     if options.kernels:
-        print(report.kernels(kernels))
+        print(report.kernels(kernels), *(report.parts(kernel) for kernel in kernels if options.parts), sep="\n")
         return
     counts = solve.counted((options.root / "benches/results/gpu-counts.md").read_text())
     out = options.out or options.root / "benches/results/gpu-model.md"
@@ -138,6 +138,7 @@ def run(options):
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kernels", default="", help="prints those kernels whose names match, and writes nothing")
+    parser.add_argument("--parts", action="store_true", help="with --kernels: their loops and branches, too")
     parser.add_argument("--root", type=Path, default=ROOT, help="another checkout, whose shaders and counts are taken")
     parser.add_argument("--out", type=Path, help="another file for the report")
     parser.add_argument("--keep", type=Path, help="a folder that keeps the assembly")

@@ -7,9 +7,9 @@ HEAD = """\
 # What the kernels would take on an H100, by a model
 
 No GPU was used: `python3 benches/gpu_model` writes this file anew, from Mesa's shader compiler and a model of one warp.
-[What it knows and what it does not](../gpu_model/README.md). Its dispatches are those of [gpu-counts.md](gpu-counts.md),
-for the bulge. Memory is workgroup memory in bytes, "static" and "dynamic" are instructions of the code and on the critical
-path of a warp, "slots" those of a mean warp, in issue slots.
+[What it knows and what it does not](../gpu_model/README.md). Its dispatches are those of the bulge in
+[gpu-counts.md](gpu-counts.md). "Memory" is workgroup memory in bytes; "static" and "dynamic" are instructions, of the
+code and on the critical path of a warp; "slots" are issue slots of a mean warp.
 
 """
 SIZES = (512, 2048)
@@ -32,6 +32,15 @@ def kernels(all_kernels):
             spills = s["Spilled VGPRs"] + s["Spilled SGPRs"] + s["Scratch size"]
             if spills:
                 lines[-1] += f" spills {spills}"
+    return "\n".join(lines) + "\n"
+
+
+def parts(kernel):
+    """The loops and branches of a kernel that run, with what is in them, for its first set of values."""
+    warp = kernel.warps[0]
+    lines = [f"{kernel.name} {kernel.form}: {warp.instructions:.0f} instructions, {warp.cycles:.0f} cycles"]
+    for depth, where, times, instructions, cycles in warp.parts:
+        lines.append(f"{cycles:9.0f} cycles {instructions:7.0f} instructions {times:6.4g} times {'  ' * depth}{where}")
     return "\n".join(lines) + "\n"
 
 

@@ -1,5 +1,5 @@
-"""Whole solves: with which parameters kernels run, how many dispatches and workgroups they take, and how long a dispatch
-takes on all of a GPU."""
+"""Whole solves: with which parameters kernels run, how many dispatches and workgroups they take, and how long
+a dispatch takes on all of a GPU."""
 
 import re
 from dataclasses import dataclass, field
@@ -100,8 +100,8 @@ def shares(kernel, quality, counts):
 
 
 def dispatch(kernel, warp, groups):
-    """Milliseconds of a dispatch of so many workgroups: those of its slowest warp or, where there are many, of all issue
-    slots of a multiprocessor's four schedulers."""
+    """Milliseconds of a dispatch of so many workgroups: those of its slowest warp or, where there are many, of all
+    issue slots of a multiprocessor's four schedulers."""
     warps = -(-kernel.threads // 32)
     registers = max(kernel.statistics["VGPRs"], 32)
     resident = min(
@@ -115,8 +115,8 @@ def dispatch(kernel, warp, groups):
 
 
 def rungs(name, size, counts):
-    """The kernel's dispatches by their workgroups: pairs of dispatches and workgroups of each. What a size has more than
-    half of it belongs to its finest level."""
+    """The kernel's dispatches by their workgroups: pairs of dispatches and workgroups of each. What a size has more
+    than half of it belongs to its finest level."""
     dispatches, groups = counts[size].get(name, (0, 0))
     out = []
     while dispatches:

@@ -2,12 +2,11 @@
 
 import itertools
 import re
-from collections import defaultdict
 
 from .expressions import Failure
 from .wgsl import MAGIC, MARKS
 
-# Cycles from issue until a dependent instruction may issue, from the literature on Hopper; and the issue slots it takes.
+# Cycles until a dependent instruction may issue, from the literature on Hopper; and issue slots that it takes.
 LATENCY = dict(
     alu=4.5, mul=6, special=22, shared=29, shared_write=4, far=200, near=38, scalar_load=15, scalar=4.5, write=4
 )
@@ -190,16 +189,17 @@ def parts(assembly, marks):
 
 
 class Warp:
-    """Cycles and instructions of one warp on the critical path, and issue slots of a mean warp, for set `n` of values."""
+    """Cycles and instructions of a warp on the critical path, and issue slots of a mean warp, for set `n` of values."""
 
     def __init__(self, root, marks, n):
         self.marks, self.n = marks, n
         self.near = False
         self.instructions = self.slots = 0.0
-        self.by_kind = defaultdict(float)
+        # Per part that runs: its depth, its line, how often it runs in all, its instructions and cycles in all.
+        self.parts = []
         self.cycles = self._run(root, 1.0, 1.0)
 
-    def _run(self, part, times, share):
+    def _run(self, part, times, share, depth=0):
         """Cycles of one run of a part that runs `times` times, in `share` of the warps."""
         cycles, now, ready = 0.0, 0.0, {}
         for item in part.items:
@@ -209,12 +209,15 @@ class Warp:
                 if mark.kind == "loop" or count:
                     cycles, now, ready = cycles + now, 0.0, {}
                 if count:
-                    cycles += count * self._run(item, times * count, share * count / mark.warps)
+                    row = [depth, mark.where, times * count, self.instructions, 0.0]
+                    self.parts.append(row)
+                    each = self._run(item, times * count, share * count / mark.warps, depth + 1)
+                    row[3:] = self.instructions - row[3], times * count * each
+                    cycles += count * each
             elif item == "near":
                 self.near = True
             elif item.kind is not None:
                 self.instructions += times
-                self.by_kind[item.kind] += times
                 if item.kind == "barrier":
                     now += BARRIER
                     self.slots += share

@@ -195,6 +195,9 @@ def marked(source, entry, sets):
         if warps > 1 or any(count != 1 for count in counts):
             begun = len(marks)
             mark(begin, "region", counts, warps)
+            if text.plain[begin - 2 : begin].strip() == "}":
+                following = begin + len(text.plain[begin:]) - len(text.plain[begin:].lstrip())
+                marks[begun].where = f"(rest) {text.line(following)}"
         walk(function, begin, end, loops)
         if begun is not None:
             mark(end_of_block(begin, end), "end", [begun])
