@@ -44,7 +44,7 @@ def forms(root, wanted):
         for variant in variants:
             files = [root / f"shaders/{part}.wgsl" for part in ("generated", "common", *variant)]
             form = [part.rsplit("_", 1)[-1] for part in variant if part.endswith(("_anew", "_kept"))]
-            counted = f"{entry} ({', '.join(parts)})"
+            counted = f"{entry} ({parts[0]}"
             yield Kernel(name, entry, counted, " ".join(form), "\n".join(file.read_text() for file in files))
 
 

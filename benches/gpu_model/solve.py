@@ -28,8 +28,8 @@ BEYOND_PATCH = {"kept": 0.6, "anew": 0.19}
 
 @dataclass
 class Kernel:
-    """A kernel in one of its forms. `sets` has the sets of values that it is modelled with, by their names; `warps` the
-    result for each."""
+    """A kernel in one of its forms. `counted` is how its row in gpu-counts.md begins; `sets` has the sets of values
+    that it is modelled with, by their names, `warps` the result for each."""
 
     name: str
     entry: str
@@ -95,7 +95,10 @@ def shares(kernel, quality, counts):
     else:
         given = {quality if quality in labels else labels[0]: dispatches}
     if set(given) - set(labels) or min(given.values()) < 0:
-        raise Failure(f"{kernel.name}: {dispatches} dispatches in {quality} are not understood")
+        raise Failure(
+            f"{kernel.name}: {dispatches} dispatches in {quality} are not understood: "
+            "gpu-counts.md is older than the kernels, or COARSE_LEVELS in solve.py is"
+        )
     return [given.get(label, 0) for label in labels]
 
 
@@ -160,6 +163,6 @@ def counted(text):
         quality, size = "draft" if head[2] else "normal", int(head[1])
         if head[2]:
             totals[quality][size] = [int(number) for number in head.groups()[1:]]
-        rows = re.findall(r"^\| (\w+ \(.*?\)) \| (\d+) \| (\d+) \|", part, re.M)
+        rows = re.findall(r"^\| (\w+ \([^,)]*).*?\) \| (\d+) \| (\d+) \|", part, re.M)
         kernels[quality][size] = {name: (int(dispatches), int(groups)) for name, dispatches, groups in rows}
     return Counts(kernels, totals)
