@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use vrtm::{Device, GpuWork, SolveOptions};
+use vrtm::{Device, GpuWork, Quality, SolveOptions};
 
 use crate::common::{Model, assets, scenes};
 
@@ -26,7 +26,8 @@ on), which takes more dispatches.
 |---|---|---|---|---|---|---|---|---|---|---|---|---|---|
 ";
 
-/// The table of all models and sizes, followed by the kernels of two of the models at each size.
+/// The table of all models and sizes, followed by the kernels of two of the models at each size, and of drafts of one. The
+/// model in `benches/gpu_model` takes its dispatches from those of the bulge.
 pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
     let mut text = String::from(HEAD);
     let mut kernels = String::new();
@@ -64,6 +65,19 @@ pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
                     kernels,
                     "\n## {} at {size}², kernel by kernel\n\n{}",
                     model.name,
+                    of_kernels(&work, nodes)
+                );
+            }
+            if model.name == "bulge" {
+                // A new asset, which has no result to start from.
+                let mut asset = model.asset_on(device, size);
+                let options = SolveOptions { quality: Quality::Draft, ..SolveOptions::default() };
+                asset.solve(model.frame(1), &options).map_err(fail)?;
+                let work = asset.gpu_work(0).map_err(fail)?.ok_or("no GPU work")?;
+                let [dispatches, skipped, barriers] = [work.dispatches(), work.skipped, work.barriers];
+                let _ = writeln!(
+                    kernels,
+                    "\n## bulge at {size}², `draft`: {dispatches} dispatches, {skipped} empty ones, {barriers} barriers\n\n{}",
                     of_kernels(&work, nodes)
                 );
             }

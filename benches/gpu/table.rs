@@ -4,16 +4,19 @@ use std::fmt::Write;
 use std::time::Instant;
 
 use vrtm::{
-    Asset, Device, Fetch, FetchKind, ImageLayout, ImageViewMut, PixelFormat, Quality, SolveOptions, Strided,
+    Asset, Device, Fetch, FetchKind, GpuWork, ImageLayout, ImageViewMut, PixelFormat, Quality, SolveOptions,
+    Strided,
 };
 
 use crate::common::Model;
+use crate::warm;
 
 pub fn head() -> String {
-    "Milliseconds, medians. \"excess\": (E - best E) / (E of the identity - best E), best = seven corrections that go on to the last 1e-6 of gain;\n\
+    "Milliseconds, medians with a warm GPU: after two seconds of solves; \"first\" is the first of these on the GPU, \"clock\" that of\n\
+     the multiprocessors after the last and its maximum in MHz. \"excess\": (E - best E) / (E of the identity - best E), best = seven corrections that go on to the last 1e-6 of gain;\n\
      a `draft` reports the energy on the level that it ends on, which has no excess. \"strain\": RMS on the mesh, with the original UVs and after.\n\n\
-     | scene | size | quality | active nodes | upload | solve (GPU) | solve (wall) | invert + readback | strain | excess, % | min J, folds | MB held |\n\
-     |---|---|---|---|---|---|---|---|---|---|---|---|\n"
+     | scene | size | quality | active nodes | upload | solve (GPU) | first | solve (wall) | invert + readback | strain | excess, % | min J, folds | MB held | clock |\n\
+     |---|---|---|---|---|---|---|---|---|---|---|---|---|---|\n"
         .into()
 }
 
@@ -79,10 +82,20 @@ pub fn rows(
     for (name, quality) in [("draft", Quality::Draft), ("normal", Quality::Normal)] {
         let options = SolveOptions { quality, ..SolveOptions::default() };
         let mut times = Times::default();
-        once(&mut asset, &poses[0], &options, &mut map, &mut Times::default()).map_err(fail)?;
+        let mut solve = |pose: usize, times: &mut Times| {
+            once(&mut asset, &poses[pose], &options, &mut map, times).map_err(fail)
+        };
+        let first = warm::load(|| {
+            let mut first = Times::default();
+            solve(0, &mut first)?;
+            solve(1, &mut Times::default())?;
+            Ok(median(&mut first.gpu))
+        })?;
+        solve(0, &mut Times::default())?;
         for n in 0..2 * solves.div_ceil(2) {
-            once(&mut asset, &poses[(n + 1) % 2], &options, &mut map, &mut times).map_err(fail)?;
+            solve((n + 1) % 2, &mut times)?;
         }
+        let clock = warm::clock(&device.info().name).unwrap_or_else(|| "-".into());
         let options = SolveOptions { measure: true, ..options };
         once(&mut asset, &poses[1], &options, &mut map, &mut Times::default()).map_err(fail)?;
         let report = asset.tile_report(0).map_err(fail)?;
@@ -91,7 +104,7 @@ pub fn rows(
             _ => format!("{:.4}", 100.0 * (report.energy - best) / (report.energy_before - best)),
         };
         say(format!(
-            "| {} | {size}² | {name} | {} | {:.3} | {:.3} | {:.3} | {:.3} | {:.4} -> {:.4} | {excess} | {:.3}, {} | {:.0} |\n",
+            "| {} | {size}² | {name} | {} | {:.3} | {:.3} | {first:.3} | {:.3} | {:.3} | {:.4} -> {:.4} | {excess} | {:.3}, {} | {:.0} | {clock} |\n",
             model.name,
             report.nodes_active,
             median(&mut times.upload),
@@ -109,20 +122,35 @@ pub fn rows(
 }
 
 /// Bytes of each kernel in one `normal` solve, and the time that they would take at the ceiling's bandwidth.
-pub fn kernels(device: &Device, size: u32, ceiling: f64) -> Result<String, String> {
+pub fn kernels(device: &Device, size: u32, solves: usize, ceiling: f64) -> Result<String, String> {
     let model = Model::from(crate::common::scenes::by_name("bulge").ok_or("no scene 'bulge'")?);
     let fail = |error: vrtm::Error| error.to_string();
     let mut asset = model.asset_on(device, size);
     let poses = poses(&model, 1);
-    asset.solve(Strided::from_f32x3(&poses[0]), &SolveOptions::default()).map_err(fail)?;
+    let mut n = 0;
+    let mut in_turn = || -> Result<GpuWork, String> {
+        n += 1;
+        asset.solve(Strided::from_f32x3(&poses[n % 2]), &SolveOptions::default()).map_err(fail)?;
+        asset.gpu_work(0).map_err(fail)?.ok_or_else(|| "no GPU work".into())
+    };
     device.time_kernels(true);
-    let solved = asset.solve(Strided::from_f32x3(&poses[1]), &SolveOptions::default());
+    let works = warm::load(&mut in_turn).and_then(|first| {
+        (0..solves).map(|_| in_turn()).collect::<Result<Vec<_>, _>>().map(|works| (first, works))
+    });
     device.time_kernels(false);
-    solved.map_err(fail)?;
-    let Some(work) = asset.gpu_work(0).map_err(fail)? else { return Ok(String::new()) };
+    let (first, works) = works?;
+    let clock = warm::clock(&device.info().name).unwrap_or_else(|| "not told".into());
+    let Some(work) = works.last() else { return Ok(String::new()) };
+    let of_kernel = |name: &str| {
+        let same = works.iter().flat_map(|work| &work.kernels).filter(|kernel| kernel.name == name);
+        median(&mut same.filter_map(|kernel| kernel.ms).collect::<Vec<_>>())
+    };
+    let of_all = median(&mut works.iter().filter_map(|work| work.gpu_ms).collect::<Vec<_>>());
     let mut text = format!(
-        "\n`normal` at {size}², kernel by kernel: {} dispatches, {} more that no chart needed, {} submissions, {:.2} GB.\n\n\
+        "\n`normal` at {size}², kernel by kernel, one after the other, medians with a warm GPU (clock {clock}): {of_all:.2} ms, the \
+         first {:.2} ms; {} dispatches, {} more that no chart needed, {} submissions, {:.2} GB.\n\n\
          | kernel | dispatches | blocks | MB | ms | floor, ms |\n|---|---|---|---|---|---|\n",
+        first.gpu_ms.unwrap_or(f32::NAN),
         work.dispatches(),
         work.skipped,
         work.submissions,
@@ -136,7 +164,7 @@ pub fn kernels(device: &Device, size: u32, ceiling: f64) -> Result<String, Strin
             kernel.dispatches,
             kernel.workgroups,
             kernel.bytes as f64 * 1e-6,
-            kernel.ms.unwrap_or(f32::NAN),
+            of_kernel(&kernel.name),
             kernel.bytes as f64 / ceiling * 1e3
         );
     }
