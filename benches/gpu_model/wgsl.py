@@ -124,6 +124,8 @@ class Names:
 
     def __init__(self, text, order, entry, parameters):
         self.uniform, self.thread = {}, {}
+        if missing := {value for value in parameters.values() if isinstance(value, str)} - set(text.constants):
+            raise Failure(f"solve.py names constants that the shaders do not have: {', '.join(sorted(missing))}")
         values = {name: text.constants[v] if isinstance(v, str) else v for name, v in parameters.items()}
         known = text.constants | values
         passed = {function.name: None for function in order}
