@@ -88,6 +88,13 @@ pub(crate) struct GridKey {
     stay: Vec<u32>,
 }
 
+impl GridKey {
+    /// The number of the changes of all maps that the grid shows: higher after each.
+    pub fn changes(&self) -> u64 {
+        self.generation + self.beyond.iter().map(|there| there.generation).sum::<u64>()
+    }
+}
+
 /// A tile in which a collar of another one lies: the generation of its maps, that of its mask, and the size of its grid, at
 /// which they are read.
 #[derive(Clone, Debug, PartialEq)]

@@ -119,7 +119,7 @@ impl Built {
         let Repainted { grid, charts } = repaint(call.team, &self.grid, mesh, maps, texels)?;
         let mut since = self.since.clone();
         let changed = since.iter_mut().zip(charts).filter(|(_, changed)| *changed);
-        changed.for_each(|(since, _)| *since = key.generation);
+        changed.for_each(|(since, _)| *since = key.changes());
         tell_if_stuck(call.device, &mesh.name(), &grid);
         Some(Built { grid: Arc::new(grid), since, ms: self.ms + milliseconds(start) })
     }
@@ -132,7 +132,7 @@ impl Built {
         booked.set(survey.grid_bytes(), &name)?;
         let grid = build::grid(call.team, call.mesh, maps, survey);
         tell_if_stuck(call.device, &name, &grid);
-        let built = Built::of(grid, key.generation, milliseconds(start));
+        let built = Built::of(grid, key.changes(), milliseconds(start));
         built.book(booked, &name)?;
         Ok(built)
     }

@@ -54,7 +54,9 @@ pub fn repaint(
     let reach = nodes.grown(SIDE as i64 + 1);
     let blocks =
         rigid_levels::finest(team, &rigidity, &survey[0], &grid.triangle, &mut grid.levels[0], reach);
-    let of_blocks = sets_of_blocks(&survey[0], &squares, &blocks);
+    // A block has the triangles of its chart alone.
+    let is_whole = rigidity.is_map_alone() || tile.charts.len() == 1;
+    let of_blocks = sets_of_blocks(&survey[0], &squares, if is_whole { &blocks } else { &[] });
     let sets = sets_of_squares(team, &rigidity, &grid, (tile, maps), &squares, reach, of_blocks);
     let near = if nodes == Nodes::ALL { nodes } else { nodes.grown(1) };
     let rigid = team.map(grid.parts.len(), |k| {
@@ -122,10 +124,12 @@ fn sets_of_squares(
     let wanted = (0..known.len()).filter(is_wanted);
     let mut wanted: Vec<(usize, RigidSets)> = wanted.map(|k| (k, RigidSets::default())).collect();
     // Triangles are kept where blocks are. Elsewhere the map tells what is rigid, but not beside the borders of charts
-    // without rigidity that go on beyond them, and values of vertices tell nothing without triangles.
+    // that go on beyond them, and values of vertices tell nothing without triangles.
     let is_still = |part: &Part| grid.movable[part.chart as usize] == 0;
     let needs_triangles = match maps.own.rigidity {
-        Values::Map(_) => !tile.sources.is_empty() && grid.parts.iter().any(is_still),
+        Values::Map(_) => {
+            !tile.sources.is_empty() && (tile.charts.len() > 1 || grid.parts.iter().any(is_still))
+        }
         _ => true,
     };
     let [nx, ny] = [grid.levels[0].nx, grid.levels[0].ny];
