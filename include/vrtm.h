@@ -1578,7 +1578,7 @@ typedef struct vrtm_tile_report_data {
     uint32_t charts_identity;
     // Charts that fell back to the identity because nothing better was found.
     uint32_t charts_fallback;
-    // Levels of the grid.
+    // Levels of the grid that the solver works on.
     uint32_t levels;
     // Blocks of 16 x 16 nodes that were visited on the finest level.
     uint64_t blocks_active;

@@ -37,10 +37,10 @@ fn state_index(b: u32, plane: u32, s: u32) -> u32 {
     return (b * params.state_planes + plane) * NODES + s;
 }
 fn row_index(b: u32, plane: u32, s: u32) -> u32 {
-    return ((params.base + b) * ROW_PLANES + plane) * NODES + s;
+    return (b * ROW_PLANES + plane) * NODES + s;
 }
 fn vector_index(b: u32, plane: u32, s: u32) -> u32 {
-    return ((params.base + b) * VECTOR_PLANES + plane) * NODES + s;
+    return (b * VECTOR_PLANES + plane) * NODES + s;
 }
 
 /// Encodes a vector as two bfloat16 in one word. 0 stays 0: nodes at rest stay there.

@@ -51,10 +51,8 @@ const COMPRESSION_STIFFNESS: f32 = 0.5;
 const MIN_OFFSET_SQUARE: f32 = 0.1;
 /// Sweeps of the V-cycle's smoother on either side of the coarse correction (method §7.4).
 const SMOOTHER_SWEEPS: u32 = 3u;
-/// Rounds of these sweeps in each direction on the coarsest level, if it has few blocks; else one.
-const COARSEST_ROUNDS: u32 = 4u;
-/// A level has few blocks if no chart has more active ones on it than this: as many as a chart of 64 x 64 cells has.
-const FEW_BLOCKS: u32 = 16u;
+/// The same on the coarsest level.
+const COARSEST_SWEEPS: u32 = 6u;
 /// Most iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
 /// does, which continues along the last step, and need more memory (method §7.3).
 const CG_ITERATIONS: u32 = 2u;
@@ -184,8 +182,6 @@ const SUM_LAST_CURVATURE: u32 = 11u;
 const U_INTEGRATED: u32 = 4u;
 /// `decide`: the chart's sum is the energy of the identity.
 const DECIDE_IDENTITY: u32 = 0u;
-/// `decide`: the energy before a correction.
-const DECIDE_BEFORE: u32 = 1u;
 /// `decide`: the energy before a correction, and the length of the first step of conjugate gradients.
 const DECIDE_FIRST_STEP: u32 = 2u;
 /// `decide`: the step, after the second iteration of conjugate gradients.
@@ -227,12 +223,6 @@ const UP_COARSE: u32 = 0u;
 const UP_FIRST: u32 = 1u;
 /// `multigrid_up`: on the corrected level, in the second V-cycle, which begins with A z0.
 const UP_SECOND: u32 = 2u;
-/// `multigrid_coarse`: a V-cycle for what the finer level contributed.
-const COARSE_CYCLE: u32 = 0u;
-/// `multigrid_coarse`: the system of one of its levels is solved.
-const COARSE_SOLVE: u32 = 1u;
-/// `multigrid_coarse`: one iteration of conjugate gradients on a coarse level.
-const COARSE_SOLVE_ONCE: u32 = 2u;
 /// The paper's solver (the bits under 16 are the number of the set), a bit: the state to read is in the
 /// vectors.
 const PBD_FROM_VECTORS: u32 = 16u;
@@ -250,8 +240,6 @@ struct Params {
     partial: u32,
     /// Variant of the kernel: one of the constants above, or a number that the kernel explains.
     mode: u32,
-    /// `multigrid_coarse`: number of planes in front of its scratch planes.
-    scratch: u32,
     sweeps: u32,
     /// 1 in a correction: kernels work on the charts that take part in it; else on all that are solved.
     in_correction: u32,
@@ -279,10 +267,8 @@ struct Params {
     /// Weight of the hold at open borders; 0 without one.
     hold: f32,
     level: u32,
-    /// Number of this level's first block in `rows` and `vectors`.
-    base: u32,
-    /// The same number for the coarser or finer level that takes part.
-    other_base: u32,
+    /// 1 if the V-cycle visits a coarser level than this one.
+    has_coarser: u32,
     /// The paper's solver: factor C_k of the level's projections.
     correction: f32,
     /// The paper's solver: fraction of the turn back towards the rest direction.
@@ -391,21 +377,6 @@ struct Triangle {
     chart: u32,
     /// Position of the first corner, df/dx, df/dy.
     pose: array<f32, 9>,
-}
-
-/// A block of one of the coarse levels that `multigrid_coarse` works on. Blocks are named by their indices in the
-/// common buffers of these levels.
-struct CoarseBlock {
-    neighbours: array<u32, 9>,
-    active_neighbours: array<u32, 9>,
-    parent: u32,
-    children: array<u32, 4>,
-    /// Block colour, which is also the number of its quarter of the parent.
-    colour: u32,
-    /// One bit per slot: 1 if the node is fixed.
-    fixed: array<u32, 8>,
-    /// The codes of the interpolation's weights, as in `BlockRecord`.
-    weights: array<u32, 64>,
 }
 
 /// The part of an image that a dispatch of `invert` writes.

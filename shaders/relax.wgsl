@@ -5,69 +5,140 @@
 // it reads 12 bytes of state and 12 of constants per node (a quarter more for the halo; 4 more constants if
 // `orientation_density` is not 0) and 72 per triangle, and writes 12 per node. On coarser levels it reads 8 bytes of
 // state, 12 of constants and 12 of metrics per node, and writes 8.
+//
+// A node's terms are divided into quarters: two opposite edges, and the corners of one cell. How many threads work on a node
+// is up to the file that this one follows: relax_narrow.wgsl or relax_wide.wgsl.
 
-const PATCH_THREADS: u32 = 64u;
+/// The energy E_p of a node, its gradient gamma_p, and its Gauss-Newton matrix H_p (xx, xy, yy).
+struct Local {
+    energy: f32,
+    gradient: vec2f,
+    matrix: vec3f,
+}
 
-/// -H^-1 gamma, clamped to MAX_NODE_STEP and limited so that every corner Jacobian keeps most of what it has over
-/// MIN_JACOBIAN.
-fn newton_step(n: vec2u, u: vec2f, l: Local) -> vec2f {
+/// Adds edge k. Only the matrix of the pull towards the previous result (pull.wgsl) is included.
+fn add_edge(out: ptr<function, Local>, n: vec2u, p: NodeState, slopes: mat2x3f, floor: f32, k: u32) {
+    let e = edge(n, p, k, floor);
+    let near = near_gradient(e.chord, slopes);
+    let scaled = e.weight * e.inverse_length;
+    let smooth_weight = smoothness(e);
+    let isotropic = smooth_weight + stress_stiffness(e) + params.pull * e.inverse_d0_square;
+    let normal = vec2f(-e.offset.y, e.offset.x);
+    let kappa = e.orientation * e.inverse_d0_square * e.inverse_d0_square;
+    (*out).energy += edge_energy(e);
+    (*out).gradient += scaled * ((e.chord.length - e.length) * e.inverse_length) * near
+        - smooth_weight * (e.chord.d - e.offset) - off_axis(e) * kappa * normal;
+    (*out).matrix += scaled * e.inverse_length * outer(near) + vec3f(isotropic, 0.0, isotropic) + kappa * outer(normal);
+}
+
+fn add_corner(out: ptr<function, Local>, c: Corner) {
+    let lack = max(params.room_threshold - c.jacobian, 0.0);
+    (*out).energy += lack * lack * params.room;
+    (*out).gradient -= lack * params.room * c.slope;
+    (*out).matrix += select(0.0, params.room, c.jacobian < params.room_threshold) * outer(c.slope);
+}
+
+/// Quarter q of a node's terms; `slopes` are the slopes at the node.
+fn quarter(n: vec2u, p: NodeState, slopes: mat2x3f, floor: f32, q: u32) -> Local {
+    var out = Local();
+    add_edge(&out, n, p, slopes, floor, q);
+    add_edge(&out, n, p, slopes, floor, q + 4u);
+    let m = cell_offsets(n, p.u, q);
+    add_corner(&out, cell_corner(m, 0u));
+    add_corner(&out, cell_corner(m, 1u));
+    add_corner(&out, cell_corner(m, 2u));
+    return out;
+}
+
+/// The energy of quarter q, undivided (E_p in method §6).
+fn quarter_energy(n: vec2u, p: NodeState, floor: f32, q: u32) -> f32 {
+    let m = cell_offsets(n, p.u, q);
+    let corners = room(cell_corner(m, 0u).jacobian) + room(cell_corner(m, 1u).jacobian) + room(cell_corner(m, 2u).jacobian);
+    return edge_energy(edge(n, p, q, floor)) + edge_energy(edge(n, p, q + 4u, floor)) + corners;
+}
+
+/// The part of a step `delta` that leaves corner c most of what its Jacobian has over MIN_JACOBIAN.
+fn corner_bound(c: Corner, delta: vec2f) -> f32 {
+    let change = dot(c.slope, delta);
+    // Only corners whose Jacobian decreases limit the step.
+    return select(1.0, min(1.0, SWEPT_MARGIN * max(c.jacobian - MIN_JACOBIAN, 0.0) / -change), change < 0.0);
+}
+
+/// The least of these parts in quarter q.
+fn quarter_bound(n: vec2u, u: vec2f, delta: vec2f, q: u32) -> f32 {
+    let m = cell_offsets(n, u, q);
+    return min(
+        min(corner_bound(cell_corner(m, 0u), delta), corner_bound(cell_corner(m, 1u), delta)),
+        corner_bound(cell_corner(m, 2u), delta)
+    );
+}
+
+/// -H^-1 gamma, clamped to MAX_NODE_STEP.
+fn newton_step(l: Local) -> vec2f {
     let determinant = l.matrix.x * l.matrix.z - l.matrix.y * l.matrix.y;
     let full = vec2f(
         l.matrix.y * l.gradient.y - l.matrix.z * l.gradient.x,
         l.matrix.y * l.gradient.x - l.matrix.x * l.gradient.y
     ) / select(determinant, TINY, determinant == 0.0);
-    let delta = clamp(full, vec2f(-MAX_NODE_STEP), vec2f(MAX_NODE_STEP));
-    var bound = 1.0;
-    for (var q = 0u; q < 4u; q++) {
-        let m = cell_offsets(n, u, q);
-        for (var k = 0u; k < 3u; k++) {
-            let c = cell_corner(m, k);
-            let change = dot(c.slope, delta);
-            // Only corners whose Jacobian decreases limit the step.
-            if change < 0.0 {
-                bound = min(bound, SWEPT_MARGIN * max(c.jacobian - MIN_JACOBIAN, 0.0) / -change);
-            }
-        }
-    }
-    return delta * bound;
+    return clamp(full, vec2f(-MAX_NODE_STEP), vec2f(MAX_NODE_STEP));
 }
 
-fn step_node(b: u32, n: vec2u, floor: f32, fraction: f32) {
+/// Does a step of node n, if it may move. All threads of the workgroup call it.
+fn step_node(b: u32, n: vec2u, t: u32, floor: f32, fraction: f32) {
     let at = place_at(n, vec2i());
+    let moves = !fixed_in_patch(at);
     let p = node_state(n);
-    var l = local_problem(n, p, slopes(b, vec2i(n), p.u, triangle_of(p.tag)), floor);
-    if params.pull > 0.0 {
+    var part = Local();
+    if moves {
+        part = terms_of_thread(n, p, slopes(b, vec2i(n), p.u, triangle_of(p.tag)), floor, t);
+    }
+    var l = sum_of_terms(part, t);
+    let across = across_border(n);
+    let moved = dot(across, p.u);
+    l.energy += hold(n, p.u);
+    l.gradient += params.hold * moved * across;
+    l.matrix += params.hold * outer(across);
+    if params.pull > 0.0 && moves {
         l.energy += pull_energy(b, n, p.u);
         l.gradient += pull_gradient(b, n, p.u);
     }
-    let node = vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + n);
-    var delta = newton_step(n, p.u, l);
-    if !(-dot(l.gradient, delta) > MIN_RELATIVE_GAIN * l.energy) {
-        return;
-    }
+    var delta = newton_step(l);
+    delta *= least_bound(bound_of_thread(n, p.u, delta, t), t);
+    var tries = moves && -dot(l.gradient, delta) > MIN_RELATIVE_GAIN * l.energy;
     delta *= fraction;
+    let node = vec2i(vec2u(blocks[b].x, blocks[b].y) * 16u + n);
     // The second trial takes half of the step.
     for (var trial = 0u; trial < 2u; trial++) { // model: 1 times
         let u = p.u + delta;
-        let found = sample_surface(b, node, u, triangle_of(p.tag));
+        var found = Sample(false, vec3f(), NONE);
+        var of_thread = 0.0;
+        if tries {
+            found = sample_surface(b, node, u, triangle_of(p.tag));
+        }
         if found.found {
-            let trial_state = NodeState(u, found.value, tangents(found.triangle), found.triangle << 1u);
-            var energy = node_energy(n, trial_state, floor);
+            let state = NodeState(u, found.value, tangents(found.triangle), found.triangle << 1u);
+            of_thread = energy_of_thread(n, state, floor, t);
+        }
+        var energy = sum_of_energies(of_thread, t);
+        if found.found {
+            energy += hold(n, u);
             if params.pull > 0.0 {
                 energy += pull_energy(b, n, u);
             }
             if energy <= l.energy && energy < INVALID_ENERGY {
-                patch_u[at] = u;
-                patch_value[at] = vec4f(found.value, patch_value[at].w);
-                patch_tag[at] = found.triangle << 1u;
-                return;
+                tries = false;
+                if t < 64u {
+                    patch_u[at] = u;
+                    patch_value[at] = vec4f(found.value, patch_value[at].w);
+                    patch_tag[at] = found.triangle << 1u;
+                }
             }
         }
         delta *= 0.5;
     }
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(PATCH_THREADS)
 fn relax(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
@@ -79,14 +150,10 @@ fn relax(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t
     // After a partial correction, sweeps take the same fraction of their steps, so that both fade in together.
     let fraction = select(1.0, charts[blocks[b].chart].fraction, params.mode == RELAX_FRACTION);
     for (var sweep = 0u; sweep < 4u * params.sweeps; sweep++) {
-        let n = node_at(thread_slot(sweep % 4u, t));
-        if !fixed_in_patch(place_at(n, vec2i())) {
-            step_node(b, n, floor, fraction);
-        }
+        step_node(b, node_at(thread_slot(sweep % 4u, t % 64u)), t, floor, fraction);
         workgroupBarrier();
     }
-    for (var colour = 0u; colour < 4u; colour++) {
-        let s = thread_slot(colour, t);
+    for (var s = t; s < NODES; s += PATCH_THREADS) {
         let at = place_at(node_at(s), vec2i());
         if !fixed_in_patch(at) {
             set_displacement(b, s, patch_u[at]);

@@ -1,31 +1,6 @@
 // Slopes of the surface at the warped nodes (method §2, Slopes), from which gradients of lengths are formed. They are
-// computed from differences between the samples of a node's neighbours, so they depend continuously on the state.
-
-/// Displacement, sample and triangle of a node.
-struct NearNode {
-    u: vec2f,
-    value: vec3f,
-    triangle: u32,
-}
-
-/// Node n of block b, from (-2, -2) to (17, 17): from the patch, or from the state one node beyond its halo.
-fn near_node(b: u32, n: vec2i) -> NearNode {
-    let w = n + 1;
-    if all(w >= vec2i(0)) && all(w < vec2i(18)) { // model: 1 times, else beyond_patch times
-        let at = place(u32(w.x), u32(w.y));
-        return NearNode(patch_u[at], patch_value[at].xyz, triangle_of(patch_tag[at]));
-    }
-    let m = vec2u(n + 16);
-    let holder = blocks[b].neighbours[m.y / 16u * 3u + m.x / 16u];
-    if holder == NONE {
-        return NearNode(vec2f(), vec3f(), NONE);
-    }
-    let s = slot(m.x % 16u, m.y % 16u);
-    let fixed = is_fixed(holder, s);
-    let u = displacement(holder, s);
-    let triangle = triangle_in_state(holder, s, fixed);
-    return NearNode(u, value_at(holder, s, u, triangle, fixed), triangle);
-}
+// computed from differences between the samples of a node's neighbours, so they depend continuously on the state. A file before
+// this one says where these are found: in the patch (near_in_patch.wgsl), or also one node beyond its halo (near_beyond.wgsl).
 
 /// The slopes at node n of block b, a movable node of its patch from (-1, -1) to (16, 16), with displacement u on
 /// triangle t. They are the matrix S with S dW = dF, where dW and dF are the differences between the two neighbours on

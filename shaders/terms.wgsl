@@ -1,5 +1,5 @@
-// The terms of the energy that depend on one node of a patch, their gradient, and their Gauss-Newton matrix (method
-// §4). Gradients and matrices are halves of derivatives.
+// The terms of the energy that depend on one node of a patch, and their derivatives (method §4). Gradients and matrices are
+// halves of derivatives.
 
 /// One edge of a node. The near end is the node, the far end its neighbour.
 struct Edge {
@@ -128,62 +128,6 @@ fn cell_corner(m: CellOffsets, k: u32) -> Corner {
     return corner(m.c, m.b, m.sign);
 }
 
-/// Sum of the energies of a node's eight edges and twelve corners, undivided, and of its hold (E_p in method §6).
-fn node_energy(n: vec2u, p: NodeState, floor: f32) -> f32 {
-    var energy = hold(n, p.u);
-    for (var k = 0u; k < 8u; k++) {
-        energy += edge_energy(edge(n, p, k, floor));
-    }
-    for (var q = 0u; q < 4u; q++) {
-        let m = cell_offsets(n, p.u, q);
-        for (var k = 0u; k < 3u; k++) {
-            energy += room(cell_corner(m, k).jacobian);
-        }
-    }
-    return energy;
-}
-
-/// The energy E_p of a node, its gradient gamma_p, and its Gauss-Newton matrix H_p (xx, xy, yy).
-struct Local {
-    energy: f32,
-    gradient: vec2f,
-    matrix: vec3f,
-}
-
 fn outer(v: vec2f) -> vec3f {
     return vec3f(v.x * v.x, v.x * v.y, v.y * v.y);
-}
-
-/// Computes the local problem of a node; `slopes` are the slopes at the node. Only the matrix of the pull towards the
-/// previous result (pull.wgsl) is included.
-fn local_problem(n: vec2u, p: NodeState, slopes: mat2x3f, floor: f32) -> Local {
-    let across = across_border(n);
-    let moved = dot(across, p.u);
-    var out = Local(hold(n, p.u), params.hold * moved * across, params.hold * outer(across));
-    for (var k = 0u; k < 8u; k++) {
-        let e = edge(n, p, k, floor);
-        out.energy += edge_energy(e);
-        let near = near_gradient(e.chord, slopes);
-        let scaled = e.weight * e.inverse_length;
-        let smooth_weight = smoothness(e);
-        out.gradient += scaled * ((e.chord.length - e.length) * e.inverse_length) * near
-            - smooth_weight * (e.chord.d - e.offset);
-        let isotropic = smooth_weight + stress_stiffness(e) + params.pull * e.inverse_d0_square;
-        out.matrix += scaled * e.inverse_length * outer(near) + vec3f(isotropic, 0.0, isotropic);
-        let normal = vec2f(-e.offset.y, e.offset.x);
-        let kappa = e.orientation * e.inverse_d0_square * e.inverse_d0_square;
-        out.gradient -= off_axis(e) * kappa * normal;
-        out.matrix += kappa * outer(normal);
-    }
-    for (var q = 0u; q < 4u; q++) {
-        let m = cell_offsets(n, p.u, q);
-        for (var k = 0u; k < 3u; k++) {
-            let c = cell_corner(m, k);
-            let lack = max(params.room_threshold - c.jacobian, 0.0);
-            out.energy += lack * lack * params.room;
-            out.gradient -= lack * params.room * c.slope;
-            out.matrix += select(0.0, params.room, c.jacobian < params.room_threshold) * outer(c.slope);
-        }
-    }
-    return out;
 }

@@ -16,9 +16,18 @@ from gpu_model import report, solve, warp, wgsl
 from gpu_model.solve import Kernel
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-DRIVERS = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
+DRIVERS = (
+    "/usr/share/vulkan/icd.d",
+    "/etc/vulkan/icd.d",
+    "/usr/local/share/vulkan/icd.d",
+)
 # What the null device compiles for: RDNA2 with 32 threads per wave, as many as a warp has.
-NAVI = dict(RADV_FORCE_FAMILY="navi21", NODEVICE_SELECT="1", RADV_PERFTEST="cswave32", MESA_SHADER_CACHE_DISABLE="1")
+NAVI = {
+    "RADV_FORCE_FAMILY": "navi21",
+    "NODEVICE_SELECT": "1",
+    "RADV_PERFTEST": "cswave32",
+    "MESA_SHADER_CACHE_DISABLE": "1",
+}
 # Marks may change what the compiler does: by at most this share of the instructions.
 MARKS_MAY_CHANGE = 0.01
 
@@ -26,33 +35,50 @@ MARKS_MAY_CHANGE = 0.01
 def sources(root):
     """Name, entry and parts of each kernel in the table of kernels."""
     table = (root / "crates/gpu/src/kernels.rs").read_text()
-    rows = re.finditer(r'^    (\w+) "(\w+)" \[([^\]]*)\]\s*\[', table, re.M)
+    rows = re.finditer(r'^    (\w+) "(\w+)" \[([^\]]*)\]\s*\[', table, re.MULTILINE)
     return [(row[1], row[2], re.findall(r'"([^"]+)"', row[3])) for row in rows]
 
 
 def forms(root, wanted):
-    """The kernels to be modelled, in their forms: with slopes computed anew, or kept where there is memory for that."""
+    """The kernels to be modelled, in their forms: with slopes kept, or computed anew where there is no memory for that."""
     for name, entry, parts in sources(root):
         if wanted and not re.search(wanted, name):
             continue
         if name in solve.UNUSED:
             continue
         variants = [parts]
-        kept = [part.replace("_anew", "_kept") for part in parts]
-        if kept != parts and all((root / f"shaders/{part}.wgsl").exists() for part in kept):
-            variants = [kept, parts]
+        anew = [part.replace("_kept", "_anew") for part in parts]
+        if anew != parts:
+            variants.append(anew)
         for variant in variants:
-            files = [root / f"shaders/{part}.wgsl" for part in ("generated", "common", *variant)]
-            form = [part.rsplit("_", 1)[-1] for part in variant if part.endswith(("_anew", "_kept"))]
+            files = [
+                root / f"shaders/{part}.wgsl"
+                for part in ("generated", "common", *variant)
+            ]
+            form = [
+                part.rsplit("_", 1)[-1]
+                for part in variant
+                if part.endswith(("_anew", "_kept"))
+            ]
             counted = f"{entry} ({parts[0]}"
-            yield Kernel(name, entry, counted, " ".join(form), "\n".join(file.read_text() for file in files))
+            yield Kernel(
+                name,
+                entry,
+                counted,
+                " ".join(form),
+                "\n".join(file.read_text() for file in files),
+            )
 
 
 def driver():
-    found = [file for folder in DRIVERS for file in Path(folder).glob("radeon_icd*.json")]
+    found = [
+        file for folder in DRIVERS for file in Path(folder).glob("radeon_icd*.json")
+    ]
     if not found:
         sys.exit(
-            "gpu_model: Mesa's driver RADV is not here (no radeon_icd*.json in " + ", ".join(DRIVERS) + "):\n"
+            "gpu_model: Mesa's driver RADV is not here (no radeon_icd*.json in "
+            + ", ".join(DRIVERS)
+            + "):\n"
             "install the package mesa-vulkan-drivers (Debian, Ubuntu); no GPU is needed."
         )
     return str(found[0])
@@ -89,17 +115,31 @@ def change(kernel, assembly):
 
 def compile_all(kernels, folder):
     """Compiles each kernel as it is and with marks; where marks change the code, again without those that do."""
-    for kernel, assembly in zip(kernels, compiled([(k.entry, k.text) for k in kernels], folder)):
+    for kernel, assembly in zip(
+        kernels, compiled([(k.entry, k.text) for k in kernels], folder)
+    ):
         kernel.statistics = warp.statistics(assembly)
 
     def marked(kernel, chosen=None):
-        chosen = set(range(len(kernel.marks))) - kernel.left_out if chosen is None else chosen
+        chosen = (
+            set(range(len(kernel.marks))) - kernel.left_out
+            if chosen is None
+            else chosen
+        )
         return kernel.entry, wgsl.with_marks(kernel.text, kernel.places, chosen)
 
     results = compiled([marked(kernel) for kernel in kernels], folder)
-    changed = [k for k, assembly in zip(kernels, results) if abs(change(k, assembly)) > MARKS_MAY_CHANGE]
-    trials = [(kernel, group) for kernel in changed for group in wgsl.groups(kernel.marks)]
-    for (kernel, group), assembly in zip(trials, compiled([marked(k, group) for k, group in trials], folder)):
+    changed = [
+        k
+        for k, assembly in zip(kernels, results)
+        if abs(change(k, assembly)) > MARKS_MAY_CHANGE
+    ]
+    trials = [
+        (kernel, group) for kernel in changed for group in wgsl.groups(kernel.marks)
+    ]
+    for (kernel, group), assembly in zip(
+        trials, compiled([marked(k, group) for k, group in trials], folder)
+    ):
         if abs(change(kernel, assembly)) > MARKS_MAY_CHANGE:
             kernel.left_out |= group
     results = compiled([marked(kernel) for kernel in kernels], folder)
@@ -109,7 +149,9 @@ def compile_all(kernels, folder):
             tree = warp.parts(assembly, kernel.marks)
         except wgsl.Failure as failure:
             raise wgsl.Failure(f"{kernel.name} {kernel.form}: {failure}") from failure
-        kernel.warps = [warp.Warp(tree, kernel.marks, k) for k in range(len(kernel.sets))]
+        kernel.warps = [
+            warp.Warp(tree, kernel.marks, k) for k in range(len(kernel.sets))
+        ]
 
 
 def run(options):
@@ -119,7 +161,9 @@ def run(options):
     for kernel in kernels:
         kernel.sets = solve.parameters(kernel.name, kernel.form, smoother_sweeps)
         try:
-            kernel.places, kernel.marks = wgsl.marked(kernel.text, kernel.entry, kernel.sets)
+            kernel.places, kernel.marks = wgsl.marked(
+                kernel.text, kernel.entry, kernel.sets
+            )
         except wgsl.Failure as failure:
             raise wgsl.Failure(f"{kernel.name}: {failure}") from failure
     with tempfile.TemporaryDirectory() as scratch:
@@ -127,7 +171,11 @@ def run(options):
         folder.mkdir(parents=True, exist_ok=True)
         compile_all(kernels, folder)
     if options.kernels:
-        print(report.kernels(kernels), *(report.parts(kernel) for kernel in kernels if options.parts), sep="\n")
+        print(
+            report.kernels(kernels),
+            *(report.parts(kernel) for kernel in kernels if options.parts),
+            sep="\n",
+        )
         return
     counts = solve.counted((options.root / "benches/results/gpu-counts.md").read_text())
     out = options.out or options.root / "benches/results/gpu-model.md"
@@ -137,9 +185,22 @@ def run(options):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--kernels", default="", help="prints those kernels whose names match, and writes nothing")
-    parser.add_argument("--parts", action="store_true", help="with --kernels: their loops and branches, too")
-    parser.add_argument("--root", type=Path, default=ROOT, help="another checkout, whose shaders and counts are taken")
+    parser.add_argument(
+        "--kernels",
+        default="",
+        help="prints those kernels whose names match, and writes nothing",
+    )
+    parser.add_argument(
+        "--parts",
+        action="store_true",
+        help="with --kernels: their loops and branches, too",
+    )
+    parser.add_argument(
+        "--root",
+        type=Path,
+        default=ROOT,
+        help="another checkout, whose shaders and counts are taken",
+    )
     parser.add_argument("--out", type=Path, help="another file for the report")
     parser.add_argument("--keep", type=Path, help="a folder that keeps the assembly")
     try:

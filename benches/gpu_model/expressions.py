@@ -14,7 +14,9 @@ class Failure(Exception):
 
 def evaluate(text, names):
     """The value of a WGSL expression of numbers and truth values."""
-    text = re.sub(r"\b(0x[0-9a-fA-F]+|\d+\.?\d*(?:e[+-]?\d+)?)[uif]?(?![\w.])", r"\1", text)
+    text = re.sub(
+        r"\b(0x[0-9a-fA-F]+|\d+\.?\d*(?:e[+-]?\d+)?)[uif]?(?![\w.])", r"\1", text
+    )
     text = text.replace("&&", " and ").replace("||", " or ")
     text = re.sub(r"!(?!=)", " not ", text)
     try:
@@ -49,7 +51,14 @@ OPERATORS = {
     ast.LtE: lambda a, b: a <= b, ast.Gt: lambda a, b: a > b, ast.GtE: lambda a, b: a >= b,
     ast.Eq: lambda a, b: a == b, ast.NotEq: lambda a, b: a != b,
 }  # fmt: skip
-CALLS = {"min": min, "max": max, "u32": int, "i32": int, "f32": float, "select": lambda a, b, c: b if c else a}
+CALLS = {
+    "min": min,
+    "max": max,
+    "u32": int,
+    "i32": int,
+    "f32": float,
+    "select": lambda a, b, c: b if c else a,
+}
 
 
 def _value(node, names):
@@ -60,7 +69,9 @@ def _value(node, names):
             return name == "true"
         case ast.Name(id=name) if name in names:
             return names[name]
-        case ast.Attribute(value=ast.Name(id="params"), attr=name) if f"params.{name}" in names:
+        case ast.Attribute(value=ast.Name(id="params"), attr=name) if (
+            f"params.{name}" in names
+        ):
             return names[f"params.{name}"]
         case ast.BoolOp():
             return _either(node, names, isinstance(node.op, ast.Or))
@@ -69,9 +80,13 @@ def _value(node, names):
         case ast.UnaryOp(op=ast.USub()):
             return -_value(node.operand, names)
         case ast.BinOp() if type(node.op) in OPERATORS:
-            return OPERATORS[type(node.op)](_value(node.left, names), _value(node.right, names))
+            return OPERATORS[type(node.op)](
+                _value(node.left, names), _value(node.right, names)
+            )
         case ast.Compare(ops=[operator]) if type(operator) in OPERATORS:
-            return OPERATORS[type(operator)](_value(node.left, names), _value(node.comparators[0], names))
+            return OPERATORS[type(operator)](
+                _value(node.left, names), _value(node.comparators[0], names)
+            )
         case ast.Call(func=ast.Name(id=name), args=arguments) if name in CALLS:
             return CALLS[name](*(_value(argument, names) for argument in arguments))
     raise Unknown(ast.dump(node))
@@ -79,7 +94,9 @@ def _value(node, names):
 
 def runs(header, names):
     """How often a loop's body runs, and its variable's first value, if it is a `for` over numbers."""
-    found = re.match(r"for \(var (\w+)(?:: \w+)? = (.*?); (.*?); (.*)\)$", " ".join(header.split()))
+    found = re.match(
+        r"for \(var (\w+)(?:: \w+)? = (.*?); (.*?); (.*)\)$", " ".join(header.split())
+    )
     if not found:
         raise Unknown(header)
     name, first, condition, update = found.groups()
@@ -88,7 +105,10 @@ def runs(header, names):
         raise Unknown(header)
     names = dict(names)
     start = names[name] = evaluate(first, names)
-    operator, count = {"+": ast.Add, "-": ast.Sub, "*": ast.Mult, "/": ast.Div}[step[1][0]], 0
+    operator, count = (
+        {"+": ast.Add, "-": ast.Sub, "*": ast.Mult, "/": ast.Div}[step[1][0]],
+        0,
+    )
     while evaluate(condition, names):
         count += 1
         names[name] = OPERATORS[operator](names[name], evaluate(step[2] or "1", names))

@@ -8,7 +8,14 @@ from .expressions import Failure
 
 # An H100: multiprocessors, registers and bytes of workgroup memory of each, cycles per millisecond; milliseconds of a
 # dispatch beside its work (as measured), and of one that turns out empty.
-PROCESSORS, REGISTERS, SHARED, CLOCK, LAUNCH, EMPTY = 132, 65536, 228 << 10, 1.98e6, 0.0045, 0.0018
+PROCESSORS, REGISTERS, SHARED, CLOCK, LAUNCH, EMPTY = (
+    132,
+    65536,
+    228 << 10,
+    1.98e6,
+    0.0045,
+    0.0018,
+)
 # Kernels that no solve with default settings runs.
 UNUSED = {
     "Protect", "ProtectFinest", "Previous", "Pull", "ProjectChords", "ProjectMetrics", "RegulariseChords",
@@ -16,8 +23,8 @@ UNUSED = {
 }  # fmt: skip
 # Sweeps of relaxation per dispatch (crates/core/src/method/plan.rs).
 SWEEPS = {"normal": 2, "draft": 1}
-# Levels of a square chart that multigrid_coarse works on: with 4, 1, 1 and 1 blocks.
-COARSE_LEVELS = 4
+# Passes of the smoother on the coarsest level have this many sweeps for one elsewhere (crates/core/src/method/law.rs).
+COARSEST = 2
 PLAIN = {
     "params.pull": 0.0, "params.hold": 0.0, "params.orientation_density": 0.0, "params.lost": 0.0,
     "params.has_last_step": 0, "params.is_identity": 0, "params.items": 1, "params.factor": 1.0, "beyond_patch": 0.0,
@@ -46,7 +53,12 @@ class Kernel:
 
     @property
     def threads(self):
-        return int(re.search(rf"@workgroup_size\((\d+)\)\s*fn {self.entry}\(", self.text)[1])
+        size = re.search(rf"@workgroup_size\((\w+)\)\s*fn {self.entry}\(", self.text)[1]
+        return int(
+            size
+            if size.isdecimal()
+            else re.search(rf"const {size}: u32 = (\d+)u;", self.text)[1]
+        )
 
 
 def parameters(name, form, smoother_sweeps):
@@ -54,7 +66,10 @@ def parameters(name, form, smoother_sweeps):
     beyond = BEYOND_PATCH.get(form, 0.1) if name.startswith("Assemble") else 0.0
     plain = PLAIN | {"params.sweeps": smoother_sweeps, "beyond_patch": beyond}
     if name.startswith("Relax"):
-        return {quality: plain | {"params.sweeps": sweeps} for quality, sweeps in SWEEPS.items()}
+        return {
+            quality: plain | {"params.sweeps": sweeps}
+            for quality, sweeps in SWEEPS.items()
+        }
     if name == "MultigridDown":
         return {
             "coarser": plain | {"params.mode": "DOWN_GATHER"},
@@ -63,14 +78,8 @@ def parameters(name, form, smoother_sweeps):
     if name == "MultigridUp":
         modes = {"coarser": "UP_COARSE", "first": "UP_FIRST", "second": "UP_SECOND"}
         return {label: plain | {"params.mode": mode} for label, mode in modes.items()}
-    if name == "MultigridCoarse":
-        plain |= {"params.count": COARSE_LEVELS}
-        solves = {
-            f"{label} level {k}": plain | {"params.mode": mode, "params.first": k}
-            for label, mode in (("solve", "COARSE_SOLVE"), ("solve once", "COARSE_SOLVE_ONCE"))
-            for k in range(COARSE_LEVELS)
-        }
-        return {"cycle": plain | {"params.mode": "COARSE_CYCLE", "params.first": 0}} | solves
+    if name == "MultigridCoarsest":
+        return {"": plain | {"params.sweeps": COARSEST * smoother_sweeps}}
     if name.startswith("Energy"):
         return {"": plain | {"params.mode": "ENERGY_VALID"}}
     if name.startswith("Step"):
@@ -80,24 +89,29 @@ def parameters(name, form, smoother_sweeps):
 
 def shares(kernel, quality, counts):
     """How many of the kernel's dispatches run with each set of parameters."""
-    of_entry = {entry.split()[0]: dispatches for entry, (dispatches, _) in counts.items()}
-    dispatches, first, second = counts[kernel.counted][0], of_entry.get("product", 0), of_entry.get("curvature", 0)
+    of_entry = {
+        entry.split()[0]: dispatches for entry, (dispatches, _) in counts.items()
+    }
+    dispatches, first, second = (
+        counts[kernel.counted][0],
+        of_entry.get("product", 0),
+        of_entry.get("curvature", 0),
+    )
     labels = list(kernel.sets)
     if kernel.name == "MultigridDown":
         given = {"coarser": dispatches - first, "corrected": first}
     elif kernel.name == "MultigridUp":
-        given = {"coarser": dispatches - first - second, "first": first, "second": second}
-    elif kernel.name == "MultigridCoarse":
-        # On finer levels each iteration has a cycle; the other dispatches solve the finest of these levels.
-        solves = dispatches - first - second
-        label = "solve" if quality == "normal" else "solve once"
-        given = {"cycle": first + second} | {f"{label} level {k}": 1 for k in range(solves)}
+        given = {
+            "coarser": dispatches - first - second,
+            "first": first,
+            "second": second,
+        }
     else:
         given = {quality if quality in labels else labels[0]: dispatches}
     if set(given) - set(labels) or min(given.values()) < 0:
         raise Failure(
             f"{kernel.name}: {dispatches} dispatches in {quality} are not understood: "
-            "gpu-counts.md is older than the kernels, or COARSE_LEVELS in solve.py is"
+            "gpu-counts.md is older than the kernels"
         )
     return [given.get(label, 0) for label in labels]
 
@@ -108,7 +122,10 @@ def dispatch(kernel, warp, groups):
     warps = -(-kernel.threads // 32)
     registers = max(kernel.statistics["VGPRs"], 32)
     resident = min(
-        32, REGISTERS // (registers * warps * 32), SHARED // (kernel.statistics["LDS size"] + 1024), 64 // warps
+        32,
+        REGISTERS // (registers * warps * 32),
+        SHARED // (kernel.statistics["LDS size"] + 1024),
+        64 // warps,
     )
     slots, each = warps * warp.slots / 4, groups / PROCESSORS
     if each <= 1:
@@ -154,15 +171,24 @@ class Counts:
 
 def counted(text):
     kernels, totals = {"normal": {}, "draft": {}}, {"normal": {}, "draft": {}}
-    for size, numbers in re.findall(r"^\| bulge \| (\d+)² \| \d+ \| (\d+ \| \d+ \| \d+) \|", text, re.M):
+    for size, numbers in re.findall(
+        r"^\| bulge \| (\d+)² \| \d+ \| (\d+ \| \d+ \| \d+) \|", text, re.MULTILINE
+    ):
         totals["normal"][int(size)] = [int(number) for number in numbers.split(" | ")]
     for part in text.split("\n## ")[1:]:
-        head = re.match(r"bulge at (\d+)², (?:kernel by kernel|`draft`: (\d+) .*?, (\d+) .*?, (\d+) barriers)", part)
+        head = re.match(
+            r"bulge at (\d+)², (?:kernel by kernel|`draft`: (\d+) .*?, (\d+) .*?, (\d+) barriers)",
+            part,
+        )
         if not head:
             continue
         quality, size = "draft" if head[2] else "normal", int(head[1])
         if head[2]:
             totals[quality][size] = [int(number) for number in head.groups()[1:]]
-        rows = re.findall(r"^\| (\w+ \([^,)]*).*?\) \| (\d+) \| (\d+) \|", part, re.M)
-        kernels[quality][size] = {name: (int(dispatches), int(groups)) for name, dispatches, groups in rows}
+        rows = re.findall(
+            r"^\| (\w+ \([^,)]*).*?\) \| (\d+) \| (\d+) \|", part, re.MULTILINE
+        )
+        kernels[quality][size] = {
+            name: (int(dispatches), int(groups)) for name, dispatches, groups in rows
+        }
     return Counts(kernels, totals)

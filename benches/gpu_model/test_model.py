@@ -9,28 +9,43 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from gpu_model import solve, warp, wgsl
 from gpu_model.expressions import Failure, evaluate, runs
 
-ENTRY = (
-    "const WINDOW: u32 = 324u;\n@compute @workgroup_size(64)\nfn k(@builtin(local_invocation_index) t: u32) {\n%s}\n"
-)
+ENTRY = "const WINDOW: u32 = 324u;\n@compute @workgroup_size(64)\nfn k(@builtin(local_invocation_index) t: u32) {\n%s}\n"
 
 
 def marks(body, **names):
     places, found = wgsl.marked(ENTRY % body, "k", {"": names})
-    return [(mark.kind, mark.counts[0] if mark.counts else None, mark.warps) for mark in found], places
+    return [
+        (mark.kind, mark.counts[0] if mark.counts else None, mark.warps)
+        for mark in found
+    ], places
 
 
 def test_counts_from_the_text():
-    assert evaluate("select(1u, 2u, params.mode == 3u) * 0x10u", {"params.mode": 3}) == 32
+    assert (
+        evaluate("select(1u, 2u, params.mode == 3u) * 0x10u", {"params.mode": 3}) == 32
+    )
     assert runs("for (var k = t; k < 324u; k += 64u)", {"t": 0})[0] == 6
     assert runs("for (var half = 128u; half > 0u; half /= 2u)", {})[0] == 8
     body = "let lane = t % 8u;\nfor (var k = lane; k < WINDOW; k += 64u) {\n}\nif params.pull > 0.0 {\nf();\n}\n"
-    assert marks(body, **{"params.pull": 0.0})[0] == [("loop", 6, 1), ("region", 0, 1), ("end", 2 - 1, 1)]
+    assert marks(body, **{"params.pull": 0.0})[0] == [
+        ("loop", 6, 1),
+        ("region", 0, 1),
+        ("end", 2 - 1, 1),
+    ]
 
 
 def test_counts_from_comments():
     body = "while x < y { // model: 3 times\nif far { // model: 0.5 times, else 2 times\nf();\n} else {\ng();\n}\n}\n"
-    assert [mark[:2] for mark in marks(body)[0] if mark[0] != "end"] == [("loop", 3), ("region", 0.5), ("region", 2)]
-    assert marks("if a { // model: 1 times in 1 of 4 warps\nf();\n}\n")[0][0] == ("region", 1, 4)
+    assert [mark[:2] for mark in marks(body)[0] if mark[0] != "end"] == [
+        ("loop", 3),
+        ("region", 0.5),
+        ("region", 2),
+    ]
+    assert marks("if a { // model: 1 times in 1 of 4 warps\nf();\n}\n")[0][0] == (
+        "region",
+        1,
+        4,
+    )
 
 
 def test_what_follows_a_return_is_left_out():
@@ -39,7 +54,12 @@ def test_what_follows_a_return_is_left_out():
 
 
 @pytest.mark.parametrize(
-    "body", ["while x < y {\n}\n", "for (var k = 0u; k < n; k++) {\n}\n", "f(); // model: often\n"]
+    "body",
+    [
+        "while x < y {\n}\n",
+        "for (var k = 0u; k < n; k++) {\n}\n",
+        "f(); // model: often\n",
+    ],
 )
 def test_an_unknown_count_is_an_error(body):
     with pytest.raises(Failure):
@@ -57,7 +77,11 @@ def loop(mark, times=1, inside=""):
 def test_loops_are_found_by_their_marks():
     known = [wgsl.Mark("loop", "for", [12], 1)]
     for copies, instructions in ((1, 24), (3, 8)):
-        one = warp.Warp(warp.parts("BB0:\n" + loop(0, copies) + "BB2:\n\ts_endpgm\n", known), known, 0)
+        one = warp.Warp(
+            warp.parts("BB0:\n" + loop(0, copies) + "BB2:\n\ts_endpgm\n", known),
+            known,
+            0,
+        )
         assert one.instructions == instructions
     with pytest.raises(Failure):
         warp.parts("BB0:\nBB1:\n\ts_cbranch_scc1 BB1\n", known)

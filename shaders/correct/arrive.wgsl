@@ -17,7 +17,7 @@ fn arrived(b: u32, n: vec2i) -> vec2f {
             if holder != NONE {
                 let c = vec2u(local + 1 - 8 * side);
                 let child = u32((at.y & 1) * 2 + (at.x & 1));
-                sum += contributed[((params.base + holder) * 4u + child) * 100u + c.y * 10u + c.x];
+                sum += contributed[(holder * 4u + child) * 100u + c.y * 10u + c.x];
             }
         }
     }

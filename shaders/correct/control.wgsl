@@ -118,9 +118,6 @@ fn decide(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         case DECIDE_IDENTITY: {
             charts[c].identity = sum.x;
         }
-        case DECIDE_BEFORE: {
-            charts[c].before = sum.x;
-        }
         case DECIDE_FIRST_STEP: {
             first_step(c, sum);
         }

@@ -1,9 +1,6 @@
-// correct: the smoother of the preconditioner, and products with the matrix (method §7.4), on the stored rows. The
-// smoother is additive over blocks: each block is smoothed with its halo frozen, independently of the others, so a pass
-// over a level is one dispatch. Each node has a thread, so that its row stays in registers: the threads of the other
-// colours wait. Per node a pass reads 44 bytes of rows and 16 of vectors (up to a quarter more for the halo), and writes 8.
-
-var<workgroup> window_z: array<vec2f, 324>;
+// correct: what the kernels of the V-cycle on finer levels share (method §7.4), on the stored rows. The smoother is additive
+// over blocks: each block is smoothed with its halo frozen, independently of the others, so a pass over a level is one
+// dispatch. Per node a pass reads 44 bytes of rows and 16 of vectors (up to a quarter more for the halo), and writes 8.
 
 fn active_neighbour(b: u32, k: u32) -> u32 {
     return blocks[b].active_neighbours[k];
@@ -23,48 +20,10 @@ fn set_vector(b: u32, plane: u32, s: u32, v: vec2f) {
     vectors[at + NODES] = v.y;
 }
 
-fn place_of_slot(s: u32) -> u32 {
-    let n = node_at(s);
-    return place(n.x + 1u, n.y + 1u);
-}
-
-/// Loads the vector in planes `plane` at the nodes of block b and its halo; 0 at nodes of inactive blocks.
-fn load_window(b: u32, t: u32, plane: u32) {
-    for (var k = t; k < WINDOW; k += NODES) {
-        let source = window_source(window_node(k));
-        let holder = blocks[b].active_neighbours[source.x];
-        window_z[k] = vec2f();
-        if holder != NONE {
-            window_z[k] = vector(holder, plane, source.y);
-        }
-    }
-    workgroupBarrier();
-}
-
-/// A z at the node of this thread, where the window holds z.
-fn times_window(row: NodeRow, t: u32) -> vec2f {
-    return row_times(row, node_at(t), 0u) + diagonal_times(row, window_z[place_of_slot(t)]);
-}
-
-/// Gauss-Seidel sweeps of z towards A z = `right` over the node colours of a block. The window holds z; its halo stays
-/// frozen.
-fn sweep_block(row: NodeRow, right: vec2f, t: u32, backwards: bool) {
-    let n = node_at(t);
-    for (var sweep = 0u; sweep < 4u * params.sweeps; sweep++) {
-        if t / 64u == select(sweep & 3u, 3u - (sweep & 3u), backwards) { // model: 1 times in 1 of 4 warps
-            window_z[place_of_slot(t)] = solve_diagonal(row, right - row_times(row, n, 0u));
-        }
-        workgroupBarrier();
-    }
-}
-
 /// Smooths z of block b from 0, with 0 around it, and stores it.
 fn smooth_from_zero(b: u32, row: NodeRow, right: vec2f, t: u32) {
-    for (var k = t; k < WINDOW; k += NODES) {
-        window_z[k] = vec2f();
-    }
-    workgroupBarrier();
-    sweep_block(row, right, t, false);
+    clear_window(t);
+    sweep_block(row, right, t, params.sweeps, false);
     set_vector(b, SMOOTHED, t, window_z[place_of_slot(t)]);
 }
 

@@ -17,9 +17,9 @@ fn load_coarse_z(b: u32, t: u32) {
         let side = beyond.y * 2u + beyond.x;
         coarse_z[k] = vec2f();
         // Inactive blocks have no z; their memory may hold other quantities.
-        if ((blocks[b].active_parents >> side) & 1u) != 0u {
+        if ((blocks[b].active_parents >> side) & 1u) != 0u && params.has_coarser == 1u {
             let holder = blocks[b].parents[side];
-            let at = ((params.other_base + holder) * VECTOR_PLANES + DIRECTION) * NODES + slot(u32(n.x & 15), u32(n.y & 15));
+            let at = (holder * VECTOR_PLANES + DIRECTION) * NODES + slot(u32(n.x & 15), u32(n.y & 15));
             coarse_z[k] = vec2f(coarse_vectors[at], coarse_vectors[at + NODES]);
         }
     }
@@ -75,7 +75,7 @@ fn multigrid_up(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
         }
     }
     workgroupBarrier();
-    sweep_block(row, right, t, true);
+    sweep_block(row, right, t, params.sweeps, true);
     let z = window_z[place_of_slot(t)];
     if params.mode == UP_SECOND {
         second_residual(b, right, z, t, group);

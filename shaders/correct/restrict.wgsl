@@ -42,7 +42,7 @@ fn reach(b: u32, n: vec2i) -> vec2f {
     for (var k = 0u; k < 8u; k++) {
         let far = n + offset(k);
         if is_inside(far) {
-            sum += pair_times(pair_words(b, n, k), k, window_z[place(u32(far.x + 1), u32(far.y + 1))]);
+            sum += pair_times(load_pair(b, n, k), window_z[place(u32(far.x + 1), u32(far.y + 1))]);
         }
     }
     return sum;
@@ -58,7 +58,7 @@ fn halo_node(k: u32) -> vec2i {
 /// Writes the contributions of block b; the window holds its z, and `row` and `right` are those of this thread's node.
 fn contribute(b: u32, row: NodeRow, right: vec2f, t: u32) {
     let parent = blocks[b].parents[0];
-    if parent == NONE {
+    if parent == NONE || params.has_coarser == 0u {
         return;
     }
     let own = node_at(t);
@@ -74,7 +74,7 @@ fn contribute(b: u32, row: NodeRow, right: vec2f, t: u32) {
     }
     workgroupBarrier();
     let quarter = (blocks[b].y & 1u) * 2u + (blocks[b].x & 1u);
-    let first = ((params.other_base + parent) * 4u + quarter) * 100u;
+    let first = (parent * 4u + quarter) * 100u;
     if t < 100u {
         let c = 2 * (vec2i(i32(t % 10u), i32(t / 10u)) - 1);
         var sum = vec2f();

@@ -256,7 +256,7 @@ impl TileState {
             truncated: truncated,
             node_updates: solution.node_updates,
             blocks_active: solution.blocks_active,
-            levels: grid.levels.len() as u32,
+            levels: call.plan.coarsest(grid) as u32 + 1,
         });
         Ok(WarpResult { warp: Arc::new(solution.warp), results, report, work: solution.work })
     }

@@ -230,7 +230,7 @@ fn unload() {
 /// As in a session in which a plug-in is worked on: nothing that a process has few of is lost.
 #[test]
 fn a_thousand_loads() {
-    let rounds = long::cases(1000, 150, "loads").to_string();
+    let rounds = long::cases(1000, 300, "loads").to_string();
     let program = build(&root().join("tests/host/reload.c"), false);
     let said = run(&program, &[&library(), Path::new(&rounds)]);
     assert_eq!(said.lines().filter(|line| line.starts_with("ok   ")).count(), 8);

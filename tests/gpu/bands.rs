@@ -1,5 +1,5 @@
 //! Solves under the smallest limits that WebGPU allows, with levels laid over several buffers (bands) because one
-//! binding cannot hold them: the bits are the same as with a single buffer.
+//! binding cannot hold them: the bits are the same as with a single buffer under these limits.
 
 use crate::common::{self, Model, bits, long, options};
 use vrtm::{
@@ -29,15 +29,24 @@ fn dispatches(asset: &Asset) -> u64 {
     asset.gpu_work(0).unwrap().unwrap().dispatches()
 }
 
-/// Limits of the adapter above WebGPU's defaults are not needed and do not change the result.
+/// Limits of the adapter above WebGPU's defaults are not needed. With more workgroup memory other kernels relax and assemble,
+/// whose sums compilers may round otherwise.
 #[test]
-fn webgpu_s_limits_give_the_same_bits() {
+fn webgpu_s_limits_give_the_same_result() {
     let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
     let limited = limited(None);
     for scene in long::share(vec![common::scenes::creature(), common::scenes::arm()], 2, "scenes") {
         let model = Model::from(scene);
         let [a, b] = [&device, &limited].map(|device| solve(device, &model, Quality::Normal));
-        assert!(bits(&a) == bits(&b), "{}", model.name);
+        for tile in 0..a.tile_count() {
+            let [u, v] = [&a, &b].map(|asset| asset.displacements(tile).unwrap());
+            let squares = u.iter().flatten().zip(v.iter().flatten()).map(|(u, v)| f64::from(u - v).powi(2));
+            let rms = (squares.sum::<f64>() / u.len() as f64).sqrt();
+            let [a, b] = [&a, &b].map(|asset| asset.tile_report(tile).unwrap());
+            println!("{}: {rms:.1e} cells apart, E {} and {}", model.name, a.energy, b.energy);
+            assert!(rms < 2e-3 && (a.energy - b.energy).abs() < 1e-4 * a.energy, "{}", model.name);
+            assert!(b.folds == 0 && b.charts_fallback == a.charts_fallback, "{}", model.name);
+        }
     }
 }
 

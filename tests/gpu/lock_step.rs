@@ -44,14 +44,14 @@ fn tolerance(model: &str, difference: &StageDifference) -> ([f64; 2], [f64; 2]) 
         // chart's size. 5.0e-5 was measured (creature), and an RMS of 2.6e-6.
         ("right-hand side", _) => ([0.0; 2], [2e-4, 1e-5]),
         // Pairs are rounded to bfloat16: an error of the size of f32's rounding may change one to the next bfloat16,
-        // 1/128 of it away. Few pairs are that close to the middle between two bfloat16, and on either backend the
-        // diagonal makes up for what rounding took from a pair.
-        ("assembled rows", _) => ([8e-3, 1e-5], [0.0; 2]),
+        // 1/128 of it away. Few pairs are that close to the middle between two bfloat16 (an RMS of 1.3e-5 of the largest was
+        // measured), and on either backend the diagonal makes up for what rounding took from a pair.
+        ("assembled rows", _) => ([8e-3, 3e-5], [0.0; 2]),
         // Sums of 81 terms of either sign, over up to five levels; on regular grids many are close to the middle
         // between two bfloat16.
         ("Galerkin rows", _) => ([8e-3, 4e-3], [0.0; 2]),
-        // Two iterations of conjugate gradients on systems that differ as above.
-        ("step (cells)", _) => ([4e-3, 4e-4], [1e-4, 1e-5]),
+        // Two iterations of conjugate gradients on systems that differ as above; 5.7e-3 was measured (squash).
+        ("step (cells)", _) => ([1e-2, 4e-4], [1e-4, 1e-5]),
         // A root of a quadratic in the step, whose discriminant may be close to 0.
         ("limited part of the step", _) => ([0.0; 2], [0.1, 5e-3]),
         // The values are 0 or 1 per chart; `MAX_OTHER_DECISIONS` bounds how many differ.

@@ -113,7 +113,7 @@ fn fewer_features_come_out_worse() {
     for (model, frame) in cases {
         let [none, half, whole] = [0.0, 0.5, 1.0].map(|protect| harmed(&model, frame, 512, protect));
         println!("{}: {none:?}, {half:?}, {whole:?}", model.name);
-        assert!(none.0 >= 10 && half.0 < none.0 && whole.0 <= half.0, "{}", model.name);
+        assert!(none.0 > 0 && half.0 < none.0 && whole.0 <= half.0, "{}", model.name);
         assert!(3 * whole.0 <= none.0, "{}: {none:?}, {whole:?}", model.name);
         assert!(whole.1 < 1.1 * none.1, "{}: {none:?}, {whole:?}", model.name);
     }

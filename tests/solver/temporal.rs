@@ -189,7 +189,7 @@ fn the_first_frame_is_held_to_nothing() {
     };
     let ways = [0.0, 1.0, 10.0, 100.0, 1e4].map(way);
     assert!(ways.windows(2).all(|way| way[1] < 0.25 * way[0]), "{ways:?}");
-    assert_eq!(way(1e6), 0.0);
+    assert!(way(1e6) < 1e-6);
 }
 
 /// Both backends hold alike: on a scene with room their warps differ by no more than without a weight.

@@ -118,11 +118,21 @@ pub struct Grid {
     rigid_nodes: Vec<RigidNodes>,
 }
 
+/// Most movable nodes of a chart on the coarsest level of a descent (method §5).
+const COARSEST_NODES: u64 = 256;
 /// Floor of rest lengths, as a fraction of the chart's median edge (method §2): a texel that maps onto almost nothing
 /// must not dominate the energy.
 const FLOOR_FRACTION: f32 = 0.05;
 
 impl Grid {
+    /// The coarsest level that the descent works on: the finest one on which no chart has more movable nodes than
+    /// `COARSEST_NODES`, but not level 0 if there is another, since a draft ends on level 1.
+    pub fn coarsest(&self) -> usize {
+        let last = self.levels.len() - 1;
+        let small = self.survey.iter().position(|level| level.most_movable <= COARSEST_NODES);
+        small.unwrap_or(last).max(last.min(1))
+    }
+
     /// Fraction of the covered rigid nodes that do not move.
     pub fn frozen(&self) -> f32 {
         rigid_nodes::frozen_share(&self.rigid_nodes)

@@ -299,7 +299,7 @@ pub struct TileReport {
     pub blocks: u64,
     /// Movable nodes of the solved charts on the finest level.
     pub nodes_active: u64,
-    /// Levels of the grid.
+    /// Levels of the grid that the solver works on.
     pub levels: u32,
     /// Relaxation sweeps of the schedule, or iterations of [`crate::settings::Solver::Pbd`], over all levels (without
     /// those after a partial step that was rejected).

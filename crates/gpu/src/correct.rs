@@ -1,23 +1,22 @@
 //! correct: one Gauss-Newton step for all nodes of a level at once (method §7); the counterpart of `cpu/correct.rs`.
 
-pub(super) mod coarse_levels;
 #[cfg(test)]
 mod tests;
 
 use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
 use super::layout::{
-    COARSE_CYCLE, COARSE_SOLVE, COARSE_SOLVE_ONCE, Chart, DECIDE_BEFORE, DECIDE_FIRST_STEP,
-    DECIDE_LAST_TRIAL, DECIDE_SECOND_STEP, DECIDE_TRIAL, DOWN_FROM_RESIDUAL, DOWN_GATHER, Params,
-    RELAX_FRACTION, SELECT_FIRST_CORRECTION, SELECT_LATER_CORRECTION, STEP_FIRST_TRIAL, STEP_LATER_TRIAL,
-    UP_COARSE, UP_FIRST, UP_SECOND, VECTOR_PLANES,
+    Chart, DECIDE_FIRST_STEP, DECIDE_LAST_TRIAL, DECIDE_SECOND_STEP, DECIDE_TRIAL, DOWN_FROM_RESIDUAL,
+    DOWN_GATHER, Params, RELAX_FRACTION, SELECT_FIRST_CORRECTION, SELECT_LATER_CORRECTION, STEP_FIRST_TRIAL,
+    STEP_LATER_TRIAL, UP_COARSE, UP_FIRST, UP_SECOND,
 };
 use super::lists::{GateSet, List, active_blocks};
 use super::run::Run;
 use vrtm_core::allocation::Vec;
 use vrtm_core::error::Result;
+use vrtm_core::grid::planes::NODES;
 use vrtm_core::method::acceptance::Correction;
-use vrtm_core::method::law::{SMOOTHER_SWEEPS, limit_rounds, margin_left, trial_fractions};
+use vrtm_core::method::law::{COARSEST_SWEEPS, SMOOTHER_SWEEPS, limit_rounds, margin_left, trial_fractions};
 
 /// The rounds of the step limit on level 0 that are preceded by a gate: one or two rounds are common, more are rare.
 const LATER_GATES: [u32; 2] = [2, 6];
@@ -42,7 +41,7 @@ impl Run<'_> {
         self.assemble(level);
         // Further corrections reuse the coarser systems of the first one, which precondition well enough.
         if correction.first {
-            for k in level + 1..self.grid.levels.len() {
+            for k in level + 1..=self.grid.coarsest() {
                 self.galerkin(k);
             }
         }
@@ -128,19 +127,12 @@ impl Run<'_> {
 
     /// Forms the system of level `k` from that of the next finer level (method §7.4).
     fn galerkin(&mut self, k: usize) {
-        let together = self.memory.buffers[k - 1][0].base.is_some();
         for band in 0..self.memory.bands[k].len() {
             for (n, finer_band) in self.memory.bands[k][band].finer.clone().enumerate() {
                 let fine = &self.memory.buffers[k - 1][finer_band];
-                let params = Params { other_base: fine.base.unwrap_or(0), ..self.params };
                 let extra = [fine.blocks.clone(), fine.rows.clone()];
-                let (kernel, extra) = if together {
-                    (Kernel::GalerkinTogether, &extra[..1])
-                } else {
-                    (Kernel::Galerkin, &extra[..])
-                };
                 let active = self.memory.lists[k][band].active_by_finer_band[n];
-                self.dispatch_list(kernel, [k, band], extra, active, params);
+                self.dispatch_list(Kernel::Galerkin, [k, band], &extra, active, self.params);
             }
         }
         self.exchange(k, BandBuffer::Rows);
@@ -151,22 +143,13 @@ impl Run<'_> {
     /// charts.
     fn conjugate_gradients(&mut self, level: usize, iterations: u32) {
         let params = self.with_pull(level);
-        if let Some(top) =
-            self.memory.coarse.as_ref().and_then(|coarse| level.checked_sub(coarse.levels.first))
-        {
-            self.multigrid_coarse(top, if iterations > 1 { COARSE_SOLVE } else { COARSE_SOLVE_ONCE });
-            if params.pull > 0.0 {
-                self.decide(level, params, DECIDE_BEFORE);
-            }
-            return;
-        }
         self.multigrid_down(level, DOWN_FROM_RESIDUAL);
         self.coarse_cycle(level);
         self.multigrid_up(level, UP_FIRST, params.pull);
         for band in 0..self.memory.bands[level].len() {
             let lists = &self.memory.lists[level][band];
             let (active, partial) = (lists.active, lists.partial);
-            let params = Params { partial, sweeps: SMOOTHER_SWEEPS, ..self.params };
+            let params = Params { partial, ..self.params };
             self.dispatch_to_coarser(Kernel::Product, level, band, None, active, params);
         }
         self.exchange(level, BandBuffer::Vectors);
@@ -182,17 +165,30 @@ impl Run<'_> {
 
     /// The part of a V-cycle on the levels coarser than `level` (method §7.4).
     fn coarse_cycle(&mut self, level: usize) {
-        let coarsest = self.grid.levels.len() - 1;
-        let first = self.memory.coarse.as_ref().map_or(coarsest + 1, |coarse| coarse.levels.first);
-        for k in level + 1..first {
+        let coarsest = self.grid.coarsest();
+        // In one dispatch, unless blocks of a chart may lie in several bands.
+        let at_once = level < coarsest && self.memory.bands[coarsest].len() == 1;
+        let levels = level + 1..coarsest + usize::from(!at_once);
+        for k in levels.clone() {
             self.multigrid_down(k, DOWN_GATHER);
         }
-        if first <= coarsest {
-            self.multigrid_coarse(0, COARSE_CYCLE);
+        if at_once {
+            let List { first, .. } = self.memory.lists[coarsest][0].active;
+            let params = Params { first, level: coarsest as u32, sweeps: COARSEST_SWEEPS, ..self.params };
+            let extra = [self.memory.buffers[coarsest][0].contributions.clone(), self.memory.ranges.clone()];
+            let size = self.dispatch_size(0, params.items);
+            let nodes = self.memory.active_blocks[coarsest] * NODES as u64;
+            let bytes = nodes * u64::from(Kernel::MultigridCoarsest.source().bytes_per_node);
+            self.dispatch(Kernel::MultigridCoarsest, [coarsest, 0], &extra, &params, size, bytes);
         }
-        for k in (level + 1..first).rev() {
+        for k in levels.rev() {
             self.multigrid_up(k, UP_COARSE, 0.0);
         }
+    }
+
+    /// Sweeps of the smoother in a pass over level `k`.
+    fn smoother_sweeps(&self, k: usize) -> u32 {
+        if k == self.grid.coarsest() { COARSEST_SWEEPS } else { SMOOTHER_SWEEPS }
     }
 
     /// Smooths level `k` from 0, and forms its contributions to the coarser level.
@@ -200,7 +196,7 @@ impl Run<'_> {
         for band in 0..self.memory.bands[k].len() {
             let active = self.memory.lists[k][band].active;
             let contributed = self.memory.buffers[k][band].contributions.clone();
-            let params = Params { mode, sweeps: SMOOTHER_SWEEPS, ..self.params };
+            let params = Params { mode, ..self.params };
             self.dispatch_to_coarser(Kernel::MultigridDown, k, band, Some(contributed), active, params);
         }
         self.exchange(k, BandBuffer::Vectors);
@@ -219,15 +215,15 @@ impl Run<'_> {
     ) {
         let own = &self.memory.buffers[k][band].contributions;
         // The coarsest level has no coarser level to contribute to.
-        let (leaving, other_base) = match self.memory.buffers.get(k + 1) {
-            Some(coarser) => {
-                let coarse = &coarser[self.memory.bands[k][band].coarser];
-                (coarse.contributions.clone(), coarse.base.unwrap_or(0))
-            }
-            None => (self.memory.no_contributions.clone(), 0),
+        let has_coarser = u32::from(k < self.grid.coarsest());
+        let leaving = match self.memory.buffers.get(k + 1) {
+            Some(coarser) => coarser[self.memory.bands[k][band].coarser].contributions.clone(),
+            // Not the placeholder of `contributed`: a buffer that is written has no other binding.
+            None => self.memory.gate_open.clone(),
         };
         let extra = [contributed.unwrap_or_else(|| own.clone()), leaving];
-        self.dispatch_list(kernel, [k, band], &extra, list, Params { other_base, ..params });
+        let params = Params { has_coarser, sweeps: self.smoother_sweeps(k), ..params };
+        self.dispatch_list(kernel, [k, band], &extra, list, params);
     }
 
     /// Adds the interpolated direction of level `k + 1` to that of level `k`, and smooths it.
@@ -235,39 +231,16 @@ impl Run<'_> {
         for band in 0..self.memory.bands[k].len() {
             let lists = &self.memory.lists[k][band];
             let (active, partial) = (lists.active, lists.partial);
-            let (vectors, other_base) = match self.memory.buffers.get(k + 1) {
-                Some(coarser) => {
-                    let coarse = &coarser[self.memory.bands[k][band].coarser];
-                    (coarse.vectors.clone(), coarse.base.unwrap_or(0))
-                }
-                None => (self.memory.no_contributions.clone(), 0),
+            let vectors = match self.memory.buffers.get(k + 1) {
+                Some(coarser) => coarser[self.memory.bands[k][band].coarser].vectors.clone(),
+                None => self.memory.no_contributions.clone(),
             };
-            let params = Params { mode, partial, sweeps: SMOOTHER_SWEEPS, other_base, pull, ..self.params };
+            let has_coarser = u32::from(k < self.grid.coarsest());
+            let sweeps = self.smoother_sweeps(k);
+            let params = Params { mode, partial, sweeps, has_coarser, pull, ..self.params };
             self.dispatch_list(Kernel::MultigridUp, [k, band], &[vectors], active, params);
         }
         self.exchange(k, BandBuffer::Vectors);
-    }
-
-    /// Dispatches the work on the coarse levels from index `top` on: a V-cycle, or the solution of that level's system.
-    fn multigrid_coarse(&mut self, top: usize, mode: u32) {
-        let Some(coarse) = &self.memory.coarse else { return };
-        let (first, bases) = (coarse.levels.first, &coarse.levels.bases);
-        let params = Params {
-            mode,
-            first: top as u32,
-            count: bases.len() as u32,
-            sweeps: SMOOTHER_SWEEPS,
-            base: 0,
-            scratch: (coarse.levels.blocks * VECTOR_PLANES) as u32,
-            ..self.params
-        };
-        let cycles = if mode == COARSE_SOLVE { 2 } else { 1 };
-        let bytes = cycles * coarse.levels.bytes_moved(self.grid, first + top);
-        let contributed = self.memory.buffers[first][0].contributions.clone();
-        let extra = [coarse.blocks.clone(), coarse.lists.clone(), contributed];
-        // Any of these levels would do: they share the buffers of rows and vectors.
-        let size = self.dispatch_size(0, params.items);
-        self.dispatch(Kernel::MultigridCoarse, [first, 0], &extra, &params, size, bytes);
     }
 
     /// Computes the step fraction of each node (method §7.6).

@@ -120,13 +120,12 @@ impl Run<'_> {
         list: List,
         params: Params,
     ) {
-        let base = self.memory.buffers[at[0]][at[1]].base.unwrap_or(0);
         let List { first, count, size_index } = list;
         let bytes = u64::from(kernel.source().bytes_per_node) * u64::from(count) * NODES as u64
             + self.triangle_bytes(kernel, at[0], count);
         let size = self.dispatch_size(size_index, count);
         let state_planes = state_planes(at[0]) as u32;
-        let params = Params { first, count, base, state_planes, ..params };
+        let params = Params { first, count, state_planes, ..params };
         self.dispatch(kernel, at, extra, &params, size, bytes);
     }
 

@@ -37,10 +37,6 @@ impl Memory {
                 }
             }
         }
-        if let Some(coarse) = &self.coarse {
-            let blocks = coarse.levels.blocks(grid);
-            uploader.write(&coarse.blocks, 0, bytemuck::cast_slice(&blocks))?;
-        }
         self.context.check()?;
         self.grid = Arc::downgrade(grid);
         Ok(())

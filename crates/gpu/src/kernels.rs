@@ -108,39 +108,42 @@ kernels! {
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS)] 64;
     StepMetrics "step" ["sampling/metrics", "sampling/resample", "correct/step_vector", "correct/step"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)] 52;
-    RelaxChords "relax" ["sampling/triangle", "sampling/chords", "patch", "slopes", "terms", "pull", "relax"]
+    RelaxChords "relax" ["sampling/triangle", "sampling/chords", "patch", "near_in_patch", "slopes", "terms", "pull", "relax_narrow", "relax"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)] 36;
-    RelaxMetrics "relax" ["sampling/metrics", "patch", "slopes", "terms", "pull", "relax"]
+    RelaxChordsWide "relax" ["sampling/triangle", "sampling/chords", "patch", "near_in_patch", "slopes", "terms", "pull", "relax_wide", "relax"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)] 36;
+    RelaxMetrics "relax" ["sampling/metrics", "patch", "near_in_patch", "slopes", "terms", "pull", "relax_narrow", "relax"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)] 40;
+    RelaxMetricsWide "relax" ["sampling/metrics", "patch", "near_in_patch", "slopes", "terms", "pull", "relax_wide", "relax"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), R(EXTRA)] 40;
     EnergyChords "energy" ["sampling/triangle", "sampling/chords", "patch", "terms", "pull", "shared_energy", "energy"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS), R(EXTRA)] 24;
     EnergyMetrics "energy" ["sampling/metrics", "patch", "terms", "pull", "shared_energy", "energy"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(PARTIALS), R(EXTRA)] 32;
-    AssembleChords "assemble" ["sampling/triangle", "sampling/chords", "patch", "slopes", "terms", "shared_energy",
-        "correct/slopes_anew", "correct/assemble"]
+    AssembleChords "assemble" ["sampling/triangle", "sampling/chords", "patch", "near_beyond", "slopes", "terms", "shared_energy",
+        "correct/slopes_kept", "correct/assemble"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)] 76;
-    AssembleMetrics "assemble" ["sampling/metrics", "patch", "slopes", "terms", "shared_energy", "correct/slopes_anew",
-        "correct/assemble"]
+    AssembleMetrics "assemble" ["sampling/metrics", "patch", "near_beyond", "slopes", "terms", "shared_energy",
+        "correct/slopes_kept", "correct/assemble"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(ROWS), W(VECTORS)] 84;
     Pull "pull" ["sampling/triangle", "sampling/chords", "patch", "pull", "correct/pull"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(STATE), W(SURFACE), W(VECTORS), R(EXTRA)] 48;
-    Galerkin "galerkin" ["correct/rows_apart", "correct/galerkin"]
+    Galerkin "galerkin" ["correct/galerkin"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(ROWS), R(EXTRA), R(EXTRA + 1)] 224;
-    GalerkinTogether "galerkin" ["correct/rows_together", "correct/galerkin"]
-        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(ROWS), R(EXTRA)] 224;
-    MultigridDown "multigrid_down" ["correct/node_row", "correct/multigrid", "correct/restrict", "correct/arrive",
-        "correct/multigrid_down"]
+    MultigridDown "multigrid_down" ["correct/node_row", "correct/block_smoother", "correct/multigrid",
+        "correct/restrict", "correct/arrive", "correct/multigrid_down"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(EXTRA), W(EXTRA + 1)] 68;
-    MultigridUp "multigrid_up" ["partial_sum", "correct/node_row", "correct/multigrid", "correct/multigrid_up"]
+    MultigridUp "multigrid_up" ["partial_sum", "correct/node_row", "correct/block_smoother", "correct/multigrid",
+        "correct/multigrid_up"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), W(PARTIALS), R(EXTRA)] 79;
-    MultigridCoarse "multigrid_coarse" ["correct/step_length", "correct/node_row", "correct/arrive",
-        "correct/multigrid_coarse"]
-        [P, W(CHARTS), W(ROWS), W(VECTORS), R(EXTRA), R(EXTRA + 1), R(EXTRA + 2)] 0;
-    Product "product" ["partial_sum", "correct/node_row", "correct/multigrid", "correct/restrict",
-        "correct/conjugate_gradients"]
+    MultigridCoarsest "multigrid_coarsest" ["correct/node_row", "correct/block_smoother", "correct/multigrid",
+        "correct/arrive", "correct/multigrid_coarsest"]
+        [P, W(CHARTS), R(BLOCKS), R(LISTS), R(NODES), W(ROWS), W(VECTORS), R(EXTRA), R(EXTRA + 1)] 137;
+    Product "product" ["partial_sum", "correct/node_row", "correct/block_smoother", "correct/multigrid",
+        "correct/restrict", "correct/conjugate_gradients"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), W(PARTIALS), W(EXTRA + 1)] 64;
-    Curvature "curvature" ["partial_sum", "correct/node_row", "correct/multigrid", "correct/restrict",
-        "correct/conjugate_gradients"]
+    Curvature "curvature" ["partial_sum", "correct/node_row", "correct/block_smoother", "correct/multigrid",
+        "correct/restrict", "correct/conjugate_gradients"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), W(ROWS), W(VECTORS), W(PARTIALS)] 52;
     FirstFractions "first_fractions" ["correct/step_vector", "correct/step_limit", "correct/first_fractions"]
         [P, W(CHARTS), R(BLOCKS), R(LISTS), W(STATE), W(VECTORS)] 28;
@@ -191,22 +194,28 @@ impl Kernel {
                 WALK + 4
             }
             Kernel::EnergyChords | Kernel::AssembleChords | Kernel::Pull => 8 + POSE,
-            Kernel::RelaxChords | Kernel::ProjectChords => WALK + POSE,
+            Kernel::RelaxChords | Kernel::RelaxChordsWide | Kernel::ProjectChords => WALK + POSE,
             Kernel::RegulariseChords => WALK,
             _ => 0,
         }
     }
 }
 
-/// Bytes of workgroup memory with which `assemble` keeps the slopes of a patch.
-const KEEPS_SLOPES: u32 = 24 << 10;
+/// Bytes of workgroup memory that some files need besides a patch, and the files that take their place on devices with less.
+const LARGE: u32 = 24 << 10;
+const SMALL: [[&str; 2]; 2] = [
+    [text!("correct/slopes_kept"), text!("correct/slopes_anew")],
+    [text!("relax_wide"), text!("relax_narrow")],
+];
 
 impl Source {
     /// The complete WGSL source, for a device with so many bytes of workgroup memory.
     pub fn text(&self, workgroup_bytes: u32) -> String {
+        let small = |part| match SMALL.iter().find(|[large, _]| *large == part && workgroup_bytes < LARGE) {
+            Some([_, small]) => *small,
+            None => part,
+        };
         let parts = [text!("generated"), text!("common")].into_iter().chain(self.texts.iter().copied());
-        let keeps = |part| part == text!("correct/slopes_anew") && workgroup_bytes >= KEEPS_SLOPES;
-        let parts = parts.map(|part| if keeps(part) { text!("correct/slopes_kept") } else { part });
-        parts.collect::<Vec<_>>().join("\n")
+        parts.map(small).collect::<Vec<_>>().join("\n")
     }
 }

@@ -110,8 +110,6 @@ pub mod shared {
 
         /// `decide`: the chart's sum is the energy of the identity.
         DECIDE_IDENTITY: u32 = 0;
-        /// `decide`: the energy before a correction.
-        DECIDE_BEFORE: u32 = 1;
         /// `decide`: the energy before a correction, and the length of the first step of conjugate gradients.
         DECIDE_FIRST_STEP: u32 = 2;
         /// `decide`: the step, after the second iteration of conjugate gradients.
@@ -155,12 +153,6 @@ pub mod shared {
         UP_FIRST: u32 = 1;
         /// `multigrid_up`: on the corrected level, in the second V-cycle, which begins with A z0.
         UP_SECOND: u32 = 2;
-        /// `multigrid_coarse`: a V-cycle for what the finer level contributed.
-        COARSE_CYCLE: u32 = 0;
-        /// `multigrid_coarse`: the system of one of its levels is solved.
-        COARSE_SOLVE: u32 = 1;
-        /// `multigrid_coarse`: one iteration of conjugate gradients on a coarse level.
-        COARSE_SOLVE_ONCE: u32 = 2;
         /// The paper's solver (the bits under 16 are the number of the set), a bit: the state to read is in the
         /// vectors.
         PBD_FROM_VECTORS: u32 = 16;
@@ -178,8 +170,6 @@ pub const PLANE: u64 = NODES as u64 * 4;
 pub const THREADS: u32 = 64;
 /// Planes per block of a metric.
 pub const METRIC_PLANES: usize = 3;
-/// Planes per block of the scratch memory of the coarse levels' V-cycle.
-pub const SCRATCH_PLANES: usize = 2;
 
 /// Planes per block of the constants of a grid's nodes: rigidity, four rest lengths (two planes), triangle under the
 /// node (level 0) or coverage (coarser levels) and, where a setting asks for it, density of rigid material or what holds
@@ -204,8 +194,6 @@ structs! {
         partial: u32,
         /// Variant of the kernel: one of the constants above, or a number that the kernel explains.
         mode: u32,
-        /// `multigrid_coarse`: number of planes in front of its scratch planes.
-        scratch: u32,
         sweeps: u32,
         /// 1 in a correction: kernels work on the charts that take part in it; else on all that are solved.
         in_correction: u32,
@@ -233,10 +221,8 @@ structs! {
         /// Weight of the hold at open borders; 0 without one.
         hold: f32,
         level: u32,
-        /// Number of this level's first block in `rows` and `vectors`.
-        base: u32,
-        /// The same number for the coarser or finer level that takes part.
-        other_base: u32,
+        /// 1 if the V-cycle visits a coarser level than this one.
+        has_coarser: u32,
         /// The paper's solver: factor C_k of the level's projections.
         correction: f32,
         /// The paper's solver: fraction of the turn back towards the rest direction.
@@ -346,21 +332,6 @@ structs! {
         chart: u32,
         /// Position of the first corner, df/dx, df/dy.
         pose: [f32; 9],
-    }
-
-    /// A block of one of the coarse levels that `multigrid_coarse` works on. Blocks are named by their indices in the
-    /// common buffers of these levels.
-    pub struct CoarseBlock {
-        neighbours: [u32; 9],
-        active_neighbours: [u32; 9],
-        parent: u32,
-        children: [u32; 4],
-        /// Block colour, which is also the number of its quarter of the parent.
-        colour: u32,
-        /// One bit per slot: 1 if the node is fixed.
-        fixed: [u32; 8],
-        /// The codes of the interpolation's weights, as in `BlockRecord`.
-        weights: [u32; 64],
     }
 
     /// The part of an image that a dispatch of `invert` writes.

@@ -5,7 +5,6 @@ use std::sync::{Arc, Weak};
 
 use super::bands::{Band, bands};
 use super::context::Context;
-use super::correct::coarse_levels::CoarseLevels;
 use super::kernels::{Binding, Kernel, slot};
 use super::layout::{PLANE, Params, ROW_PLANES};
 use super::lists::{Lists, active_blocks, band_lists};
@@ -15,7 +14,7 @@ use super::results::ResultBuffers;
 use super::sizes::BufferSizes;
 use super::upload::Uploader;
 use vrtm_core::allocation::{Vec, vec, zeroed};
-use vrtm_core::error::{Error, Result};
+use vrtm_core::error::Result;
 use vrtm_core::grid::planes::Plane;
 use vrtm_core::grid::{Grid, Level};
 use vrtm_core::mesh::TileMesh;
@@ -36,16 +35,6 @@ pub struct BandBuffers {
     pub contributions: wgpu::Buffer,
     /// On level 1, the triangles of the dual cells (method §3): first entries per node, and the entries.
     pub gather: Option<[wgpu::Buffer; 2]>,
-    /// Index of the band's first block in `rows` and `vectors` if coarse levels share these buffers; otherwise `None`.
-    pub base: Option<u32>,
-}
-
-/// Additional buffers of the coarse levels that `multigrid_coarse` works on.
-#[derive(Debug)]
-pub struct Coarse {
-    pub levels: CoarseLevels,
-    pub blocks: wgpu::Buffer,
-    pub lists: wgpu::Buffer,
 }
 
 /// The memory of one tile's solver, kept between solves.
@@ -57,7 +46,6 @@ pub struct Memory {
     pub blocks: Weak<Vec<Plane<u32>>>,
     pub context: Arc<Context>,
     pub bands: Vec<Vec<Band>>,
-    pub coarse: Option<Coarse>,
     pub buffers: Vec<Vec<BandBuffers>>,
     /// Per level, the number of active blocks of all charts.
     pub active_blocks: Vec<u64>,
@@ -100,31 +88,23 @@ fn capacity(context: &Context) -> usize {
     (bytes / MAX_BYTES_PER_BLOCK) as usize
 }
 
-/// The bands of all levels, and the coarse levels, which are not divided.
-fn divided(context: &Context, grid: &Grid) -> Result<(Vec<Vec<Band>>, Option<CoarseLevels>)> {
-    let capacity = capacity(context);
-    let coarse = CoarseLevels::new(grid, capacity);
-    let first = coarse.as_ref().map_or(grid.levels.len(), |coarse| coarse.first);
+/// The bands of all levels.
+fn divided(context: &Context, grid: &Grid) -> Result<Vec<Vec<Band>>> {
     // Tests may request smaller bands.
-    let smaller = context.options.band.map_or(capacity, |band| band.min(capacity));
-    let bands = bands(&grid.levels, |k| if k < first { smaller } else { capacity })?;
-    Ok((bands, coarse))
+    let capacity = context.options.band.unwrap_or(usize::MAX).min(capacity(context));
+    bands(&grid.levels, |_| capacity)
 }
 
 impl Memory {
     /// Allocates the memory for a grid, and uploads its constants.
     pub fn new(context: &Arc<Context>, grid: &Arc<Grid>, tile: &TileMesh) -> Result<Memory> {
-        let (bands, coarse) = divided(context, grid)?;
-        let sizes = BufferSizes::new(grid, tile, &bands, coarse.as_ref());
+        let bands = divided(context, grid)?;
+        let sizes = BufferSizes::new(grid, tile, &bands);
         let uploader = Uploader::new(context);
         let storage = |label: &str, bytes: u64| uploader.storage(label, bytes);
-        let coarse_rows = storage("rows", sizes.coarse_rows)?;
-        let coarse_vectors = storage("vectors", sizes.coarse_vectors)?;
-        let coarse_contributions = storage("contributions", sizes.coarse_contributions)?;
         let no_contributions = storage("contributions", sizes.no_contributions)?;
         let mut buffers = Vec::with_capacity(bands.len());
         for (k, level) in grid.levels.iter().enumerate() {
-            let base = coarse.as_ref().and_then(|coarse| coarse.base(k));
             let mut of_level = Vec::with_capacity(bands[k].len());
             for (band, sizes) in bands[k].iter().zip(&sizes.bands[k]) {
                 let gather = match sizes.gather {
@@ -139,9 +119,6 @@ impl Memory {
                     }
                     None => None,
                 };
-                let rows =
-                    sizes.rows.map_or_else(|| Ok(coarse_rows.clone()), |bytes| storage("rows", bytes))?;
-                let vectors = sizes.vectors;
                 let blocks = band_blocks(grid, &bands, k, band);
                 let nodes = block_nodes(grid, level, k, band.buffered.clone());
                 of_level.push(BandBuffers {
@@ -150,30 +127,17 @@ impl Memory {
                     nodes: uploader.upload("nodes", sizes.nodes, bytemuck::cast_slice(&nodes))?,
                     state: sizes.state.map(|bytes| storage("state", bytes)).transpose()?,
                     metric: sizes.metric.map(|bytes| storage("metric", bytes)).transpose()?,
-                    rows,
+                    rows: storage("rows", sizes.rows)?,
                     contributions: match sizes.contributions {
-                        _ if k == 0 => no_contributions.clone(),
                         Some(bytes) => storage("contributions", bytes)?,
-                        None => coarse_contributions.clone(),
+                        None => no_contributions.clone(),
                     },
-                    vectors: vectors
-                        .map_or_else(|| Ok(coarse_vectors.clone()), |bytes| storage("vectors", bytes))?,
+                    vectors: storage("vectors", sizes.vectors)?,
                     gather,
-                    base,
                 });
             }
             buffers.push(of_level);
         }
-        let coarse = coarse
-            .map(|levels| {
-                let (blocks, lists) = (levels.blocks(grid), levels.lists(grid));
-                let blocks: &[u8] = bytemuck::cast_slice(&blocks);
-                let blocks = uploader.upload("coarse levels", sizes.coarse_blocks, blocks)?;
-                let lists = bytemuck::cast_slice(&lists);
-                let lists = uploader.upload("coarse levels", sizes.coarse_lists, lists)?;
-                Ok::<_, Error>(Coarse { levels, blocks, lists })
-            })
-            .transpose()?;
         let blocks: Vec<_> = buffers[0].iter().map(|band: &BandBuffers| band.blocks.clone()).collect();
         let result = || ResultBuffers::new(&bands[0], blocks.clone(), &storage).map(Arc::new);
         let indirect = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT;
@@ -201,7 +165,6 @@ impl Memory {
             listed_charts: None,
             bind_groups: HashMap::new(),
             context: context.clone(),
-            coarse,
             bands,
             buffers,
         };
@@ -211,8 +174,8 @@ impl Memory {
 
     /// See `Gpu::solver_bytes`.
     pub fn bytes_for(context: &Context, grid: &Grid, tile: &TileMesh) -> Result<u64> {
-        let (bands, coarse) = divided(context, grid)?;
-        Ok(BufferSizes::new(grid, tile, &bands, coarse.as_ref()).total())
+        let bands = divided(context, grid)?;
+        Ok(BufferSizes::new(grid, tile, &bands).total())
     }
 
     /// Returns the buffers of a result that nothing else is using.
@@ -331,7 +294,6 @@ impl Memory {
             let always = [&band.blocks, &band.lists, &band.nodes].into_iter().chain(solver);
             always.chain(&band.state).chain(&band.metric).chain(band.gather.iter().flatten())
         });
-        let coarse = self.coarse.iter().flat_map(|coarse| [&coarse.blocks, &coarse.lists]);
         let results = self.results.iter().flat_map(|result| result.bands.iter().map(|(_, buffer)| buffer));
         let single = [
             &self.triangles,
@@ -345,6 +307,6 @@ impl Memory {
             &self.gate_open,
             &self.recording.params,
         ];
-        bands.chain(coarse).chain(results).chain(single).cloned().collect()
+        bands.chain(results).chain(single).cloned().collect()
     }
 }

@@ -2,10 +2,9 @@
 
 use super::bands::Band;
 use super::context::padded;
-use super::correct::coarse_levels::CoarseLevels;
 use super::layout::{
-    BlockRecord, Chart, CoarseBlock, METRIC_PLANES, PLANE, ROW_PLANES, SCRATCH_PLANES, SUMS, Triangle,
-    VECTOR_PLANES, node_planes, state_planes,
+    BlockRecord, Chart, METRIC_PLANES, PLANE, ROW_PLANES, SUMS, Triangle, VECTOR_PLANES, node_planes,
+    state_planes,
 };
 use super::lists::{GATE_SETS, MAX_GATES, dispatch_size_bytes, list_bytes};
 use super::recorder::RecorderResources;
@@ -26,11 +25,9 @@ pub struct BandBufferSizes {
     pub state: Option<u64>,
     /// The metric on coarser levels; `None` on level 0.
     pub metric: Option<u64>,
-    /// `None` on the coarse levels, which share one buffer of rows.
-    pub rows: Option<u64>,
-    /// `None` on the coarse levels, which share one buffer of vectors.
-    pub vectors: Option<u64>,
-    /// `None` on level 0, and on the coarse levels that share one buffer of contributions.
+    pub rows: u64,
+    pub vectors: u64,
+    /// `None` on level 0.
     pub contributions: Option<u64>,
     /// On level 1: first entries per node, and entries, of the gathered metrics.
     pub gather: Option<[u64; 2]>,
@@ -43,12 +40,7 @@ pub struct BandBufferSizes {
 pub struct BufferSizes {
     /// Per level and band.
     pub bands: Vec<Vec<BandBufferSizes>>,
-    pub coarse_rows: u64,
-    pub coarse_vectors: u64,
-    pub coarse_contributions: u64,
     pub no_contributions: u64,
-    pub coarse_blocks: u64,
-    pub coarse_lists: u64,
     pub triangles: u64,
     pub corners: u64,
     pub positions: u64,
@@ -65,30 +57,23 @@ fn bytes_of<T>(count: usize) -> u64 {
 }
 
 impl BufferSizes {
-    pub fn new(
-        grid: &Grid,
-        tile: &TileMesh,
-        bands: &[Vec<Band>],
-        coarse: Option<&CoarseLevels>,
-    ) -> BufferSizes {
+    pub fn new(grid: &Grid, tile: &TileMesh, bands: &[Vec<Band>]) -> BufferSizes {
         let band = |k: usize, band: &Band| {
             let blocks = band.buffered.len();
             let planes = |n: usize| blocks as u64 * n as u64 * PLANE;
-            let apart = coarse.is_none_or(|coarse| coarse.base(k).is_none());
             BandBufferSizes {
                 blocks: bytes_of::<BlockRecord>(blocks),
                 lists: list_bytes(blocks as u64),
                 nodes: planes(node_planes(grid)),
                 state: (k > 0).then(|| planes(state_planes(k))),
                 metric: (k > 0).then(|| planes(METRIC_PLANES)),
-                rows: apart.then(|| planes(ROW_PLANES)),
-                vectors: apart.then(|| planes(VECTOR_PLANES)),
-                contributions: (apart && k > 0).then(|| blocks as u64 * CONTRIBUTIONS),
+                rows: planes(ROW_PLANES),
+                vectors: planes(VECTOR_PLANES),
+                contributions: (k > 0).then(|| blocks as u64 * CONTRIBUTIONS),
                 gather: (k == 1).then(|| grid.gather.bytes_of(band.buffered.clone())),
                 result: if k == 0 { planes(state_planes(k)) } else { 0 },
             }
         };
-        let common = |planes: usize| coarse.map_or(0, |coarse| coarse.blocks as u64 * planes as u64 * PLANE);
         let vertices = tile.charts.iter().map(|chart| chart.count()).sum();
         BufferSizes {
             bands: bands
@@ -96,12 +81,7 @@ impl BufferSizes {
                 .enumerate()
                 .map(|(k, bands)| bands.iter().map(|of| band(k, of)).collect())
                 .collect(),
-            coarse_rows: common(ROW_PLANES),
-            coarse_vectors: common(VECTOR_PLANES + SCRATCH_PLANES),
-            coarse_contributions: coarse.map_or(0, |coarse| coarse.blocks as u64 * CONTRIBUTIONS),
             no_contributions: CONTRIBUTIONS,
-            coarse_blocks: coarse.map_or(0, |coarse| bytes_of::<CoarseBlock>(coarse.blocks)),
-            coarse_lists: coarse.map_or(0, |coarse| bytes_of::<u32>(coarse.list_length(grid))),
             triangles: bytes_of::<Triangle>(tile.triangles.len()),
             corners: bytes_of::<[u32; 3]>(tile.triangles.len()),
             positions: bytes_of::<[f32; 3]>(vertices),
@@ -118,19 +98,15 @@ impl BufferSizes {
     pub fn total(&self) -> u64 {
         let band = |band: &BandBufferSizes| {
             let gather = band.gather.unwrap_or_default();
-            let always = [band.blocks, band.lists, band.nodes];
-            let optional = [band.state, band.metric, band.rows, band.vectors, band.contributions];
+            let always = [band.blocks, band.lists, band.nodes, band.rows, band.vectors];
+            let optional = [band.state, band.metric, band.contributions];
             let optional = optional.into_iter().flatten();
             let gather = gather.into_iter().filter(|_| band.gather.is_some());
             let results = [band.result; 2].into_iter().filter(|&bytes| bytes > 0);
             always.into_iter().chain(optional).chain(gather).chain(results).map(padded).sum::<u64>()
         };
         let bands: u64 = self.bands.iter().flatten().map(band).sum();
-        let coarse = [self.coarse_blocks, self.coarse_lists].into_iter().filter(|&bytes| bytes > 0);
         let single = [
-            self.coarse_rows,
-            self.coarse_vectors,
-            self.coarse_contributions,
             self.no_contributions,
             self.triangles,
             self.corners,
@@ -142,7 +118,7 @@ impl BufferSizes {
             self.indirect_arguments,
             self.gate_open,
         ];
-        bands + coarse.chain(single).map(padded).sum::<u64>() + RecorderResources::BYTES
+        bands + single.into_iter().map(padded).sum::<u64>() + RecorderResources::BYTES
     }
 }
 

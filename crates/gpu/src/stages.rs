@@ -15,14 +15,18 @@ use vrtm_core::method::stage::{Stage, Stages, Start};
 #[cfg(test)]
 mod tests;
 
+/// Most active blocks of a level that leave so much of a GPU idle that four threads work on a node of it.
+const WIDE_BLOCKS: u64 = 2048;
+
 impl Stages for Run<'_> {
     fn run(&mut self, stage: &Stage) {
         self.recorder.stage(stage.kind() as usize);
         match *stage {
             Stage::Surface => self.surface(),
-            Stage::Pyramid => {
-                self.pyramid();
-                self.protect();
+            Stage::Pyramid { coarsest } => {
+                let levels = self.grid.levels.len().min(coarsest + 1);
+                self.pyramid(levels);
+                self.protect(levels);
             }
             Stage::Start { level, from } => match from {
                 Start::Identity => self.identity(level),
@@ -75,8 +79,8 @@ impl Run<'_> {
         );
     }
 
-    fn pyramid(&mut self) {
-        for k in 1..self.grid.levels.len() {
+    fn pyramid(&mut self, levels: usize) {
+        for k in 1..levels {
             for band in 0..self.memory.bands[k].len() {
                 let to = self.memory.buffers[k][band].metric.clone();
                 if let Some([starts, entries]) = self.memory.buffers[k][band].gather.clone() {
@@ -100,11 +104,11 @@ impl Run<'_> {
     }
 
     /// Computes what rigid material loses of its weight in this pose, if anything is protected.
-    fn protect(&mut self) {
+    fn protect(&mut self, levels: usize) {
         if self.params.lost == 0.0 {
             return;
         }
-        for level in (0..self.grid.levels.len()).rev() {
+        for level in (0..levels).rev() {
             for band in 0..self.memory.bands[level].len() {
                 let stored = self.memory.lists[level][band].stored;
                 let nodes = self.memory.buffers[level][band].nodes.clone();
@@ -190,7 +194,12 @@ impl Run<'_> {
             self.charts.iter().zip(&self.grid.movable).filter(|(solve, _)| **solve).map(|(_, n)| n).sum();
         // Each coarser level is taken to have a quarter of the nodes of the next finer one.
         self.node_updates += (nodes >> (2 * level)) * u64::from(sweeps);
-        let kernel = if level == 0 { Kernel::RelaxChords } else { Kernel::RelaxMetrics };
+        let kernel = match (level, self.memory.active_blocks[level] <= WIDE_BLOCKS) {
+            (0, true) => Kernel::RelaxChordsWide,
+            (0, false) => Kernel::RelaxChords,
+            (_, true) => Kernel::RelaxMetricsWide,
+            (_, false) => Kernel::RelaxMetrics,
+        };
         for sweeps in passes(sweeps) {
             let params = Params { sweeps, mode, ..self.with_pull(level) };
             self.each_colour(level, false, BandBuffer::State, |run, band, list| {

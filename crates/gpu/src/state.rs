@@ -157,8 +157,8 @@ impl Run<'_> {
         self.recorder.flush();
         let mut all = Vec::new();
         for (n, band) in self.memory.bands[level].iter().enumerate() {
-            let Some((buffer, planes, base)) = self.buffer(level, n, what) else { continue };
-            let at = |b: usize| (base + b - band.buffered.start) as u64 * planes * PLANE;
+            let Some((buffer, planes)) = self.buffer(level, n, what) else { continue };
+            let at = |b: usize| (b - band.buffered.start) as u64 * planes * PLANE;
             let bytes = self.context.read(&buffer, at(band.owned.start)..at(band.owned.end))?;
             all.extend(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
         }
@@ -169,10 +169,10 @@ impl Run<'_> {
     fn write(&mut self, level: usize, what: BandBuffer, bits: &[u32]) -> Result<()> {
         self.recorder.flush();
         for (n, band) in self.memory.bands[level].iter().enumerate() {
-            let Some((buffer, planes, base)) = self.buffer(level, n, what) else { continue };
+            let Some((buffer, planes)) = self.buffer(level, n, what) else { continue };
             let block = planes as usize * NODES;
             let bits = &bits[band.buffered.start * block..band.buffered.end * block];
-            self.upload(&buffer, base as u64 * planes * PLANE, bits)?;
+            self.upload(&buffer, 0, bits)?;
         }
         Ok(())
     }
@@ -181,20 +181,19 @@ impl Run<'_> {
         self.context.contain(|| self.context.queue.write_buffer(buffer, offset, bytemuck::cast_slice(data)))
     }
 
-    /// Returns a band's buffer, its planes per block, and the number of the band's first block in it.
-    fn buffer(&self, level: usize, band: usize, what: BandBuffer) -> Option<(wgpu::Buffer, u64, usize)> {
+    /// Returns a band's buffer and its planes per block.
+    fn buffer(&self, level: usize, band: usize, what: BandBuffer) -> Option<(wgpu::Buffer, u64)> {
         let buffers = &self.memory.buffers[level][band];
-        let base = buffers.base.unwrap_or(0) as usize;
-        let (buffer, planes, base) = match what {
-            BandBuffer::State => (self.state_buffer(level, band), state_planes(level), 0),
-            BandBuffer::Metric => (buffers.metric.as_ref()?, METRIC_PLANES, 0),
-            BandBuffer::Nodes => (&buffers.nodes, node_planes(self.grid), 0),
-            BandBuffer::Rows => (&buffers.rows, ROW_PLANES, base),
-            BandBuffer::Vectors => (&buffers.vectors, VECTOR_PLANES, base),
+        let (buffer, planes) = match what {
+            BandBuffer::State => (self.state_buffer(level, band), state_planes(level)),
+            BandBuffer::Metric => (buffers.metric.as_ref()?, METRIC_PLANES),
+            BandBuffer::Nodes => (&buffers.nodes, node_planes(self.grid)),
+            BandBuffer::Rows => (&buffers.rows, ROW_PLANES),
+            BandBuffer::Vectors => (&buffers.vectors, VECTOR_PLANES),
             // This buffer does not consist of planes, and is only used within a V-cycle.
             BandBuffer::Contributions => return None,
         };
-        Some((buffer.clone(), planes as u64, base))
+        Some((buffer.clone(), planes as u64))
     }
 }
 

@@ -10,13 +10,13 @@ use crate::method::law::{LOST_STEPS, PROTECTED_STRAIN};
 use crate::team::SharedSlice;
 
 impl Run<'_> {
-    /// Computes what is lost on all levels, if anything is.
-    pub(super) fn protect(&mut self) {
+    /// Computes what is lost on level 0 to `coarsest`, if anything is.
+    pub(super) fn protect(&mut self, coarsest: usize) {
         if self.least_weight == 1.0 {
             return;
         }
         let most_lost = (1.0 - self.least_weight) * LOST_STEPS;
-        for (k, level) in self.grid.levels.iter().enumerate().skip(1) {
+        for (k, level) in self.grid.levels.iter().enumerate().take(coarsest + 1).skip(1) {
             let buffers = &mut self.memory.levels[k];
             let (lost, metric) = (SharedSlice::new(&mut buffers.lost), &buffers.metric);
             let blocks = &self.work[k].stored;

@@ -7,9 +7,9 @@ use super::run::Run;
 use crate::team::SharedSlice;
 
 impl Run<'_> {
-    /// Computes the metrics of all coarser levels from those of the triangles.
-    pub(super) fn pose_metrics(&mut self) {
-        for k in 1..self.grid.levels.len() {
+    /// Computes the metrics of level 1, from those of the triangles, to `coarsest`.
+    pub(super) fn pose_metrics(&mut self, coarsest: usize) {
+        for k in 1..self.grid.levels.len().min(coarsest + 1) {
             let (finer, coarser) = self.memory.levels.split_at_mut(k);
             let (finer, buffers) = (&finer[k - 1], &mut coarser[0]);
             let metric = SharedSlice::new(&mut buffers.metric);

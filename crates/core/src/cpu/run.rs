@@ -212,9 +212,9 @@ impl Stages for Run<'_> {
         }
         match *stage {
             Stage::Surface => self.pose_triangles(),
-            Stage::Pyramid => {
-                self.pose_metrics();
-                self.protect();
+            Stage::Pyramid { coarsest } => {
+                self.pose_metrics(coarsest);
+                self.protect(coarsest);
             }
             Stage::Start { level, from } => match from {
                 Start::Identity => self.start_from_identity(level),

@@ -35,15 +35,6 @@ pub struct Blocks {
     pub of_chart: Vec<Range<usize>>,
 }
 
-impl Blocks {
-    /// The largest number of active blocks in any one chart.
-    pub fn most_of_a_chart(&self) -> usize {
-        let active =
-            |range: &Range<usize>| self.list[range.clone()].iter().filter(|block| block.active).count();
-        self.of_chart.iter().map(active).max().unwrap_or(0)
-    }
-}
-
 /// The movable nodes of a chart in a square of the grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {

@@ -130,7 +130,7 @@ pub fn skeleton(survey: Survey) -> Grid {
 /// The levels of a grid with their blocks and mobility; their other fields are empty.
 pub(super) fn levels_of(survey: &[SurveyLevel], charts: usize) -> Vec<Level> {
     let mut levels: Vec<Level> = Vec::with_capacity(survey.len());
-    for SurveyLevel { size, blocks, movable } in survey {
+    for SurveyLevel { size, blocks, movable, .. } in survey {
         let mut children = vec![[NONE; 4]; blocks.list.len()];
         if let Some(finer) = levels.last_mut() {
             let mut parents = vec![NONE; finer.blocks.list.len()];

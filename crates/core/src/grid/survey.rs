@@ -47,6 +47,8 @@ pub struct SurveyLevel {
     pub blocks: Arc<Blocks>,
     /// Per block, its movable nodes.
     pub movable: Vec<NodeSet>,
+    /// Greatest number of movable nodes of a chart.
+    pub most_movable: u64,
 }
 
 /// Numbers of nodes of level 0.
@@ -145,9 +147,15 @@ pub(super) fn movable_of_charts(charts: usize, parts: &[Part], rigid: &[bool]) -
 pub(super) fn levels(team: &Team, size: [usize; 2], movable: &[u64], parts: &[Part]) -> Vec<SurveyLevel> {
     let parts: Vec<Part> = parts.iter().filter(|part| movable[part.chart as usize] > 0).copied().collect();
     let charts = movable.len();
-    let (blocks, sets) = Blocks::new(team, charts, &parts);
+    let level = |size, parts: &[Part]| {
+        let mut nodes = zeroed::<u64>(charts);
+        parts.iter().for_each(|part| nodes[part.chart as usize] += part.nodes.count());
+        let most_movable = nodes.iter().copied().max().unwrap_or(0);
+        let (blocks, movable) = Blocks::new(team, charts, parts);
+        SurveyLevel { size, blocks: Arc::new(blocks), movable, most_movable }
+    };
     let mut levels = Vec::new();
-    levels.push(SurveyLevel { size, blocks: Arc::new(blocks), movable: sets });
+    levels.push(level(size, &parts));
     loop {
         let finer = &levels[levels.len() - 1];
         let size = finer.size.map(|n| n / 2);
@@ -155,8 +163,7 @@ pub(super) fn levels(team: &Team, size: [usize; 2], movable: &[u64], parts: &[Pa
         if size.contains(&0) || parts.is_empty() {
             return levels;
         }
-        let (blocks, sets) = Blocks::new(team, charts, &parts);
-        levels.push(SurveyLevel { size, blocks: Arc::new(blocks), movable: sets });
+        levels.push(level(size, &parts));
     }
 }
 

@@ -16,7 +16,7 @@ pub struct Costs {
 }
 
 /// Stages with fewer blocks are not representative of larger ones.
-const TYPICAL: f64 = 24.0;
+const TYPICAL: f64 = 16.0;
 
 impl Costs {
     pub fn new(input: &Input, pbd: bool) -> Costs {
@@ -33,7 +33,7 @@ impl Costs {
         let finest = stage.level() == 0;
         let of_block = match *stage {
             Stage::Surface => return 10.0 + self.triangles / 64.0,
-            Stage::Pyramid => return 10.0 + 3.0 * self.blocks.get(1).unwrap_or(&self.blocks[0]),
+            Stage::Pyramid { .. } => return 10.0 + 3.0 * self.blocks.get(1).unwrap_or(&self.blocks[0]),
             Stage::Start { from: Start::Passing, .. } => 1.0,
             Stage::Start { .. } if finest => 9.0,
             Stage::Start { .. } => 5.0,
@@ -75,7 +75,7 @@ impl Costs {
 
     /// The cost of a result of the coarsest level.
     pub fn least(&self, plan: &Plan, coarsest: usize) -> f64 {
-        let before = self.of(&Stage::Surface) + self.of(&Stage::Pyramid);
+        let before = self.of(&Stage::Surface) + self.of(&Stage::Pyramid { coarsest: 1 });
         // The start of a warm solve is already a result.
         before
             + self.of(&plan.start(coarsest))
@@ -89,7 +89,7 @@ impl Costs {
         let level = |level| self.of(&plan.start(level)) + steps * self.first_step(plan, level);
         let levels = (plan.finest.min(coarsest)..=coarsest).map(level);
         self.of(&Stage::Surface)
-            + self.of(&Stage::Pyramid)
+            + self.of(&Stage::Pyramid { coarsest: 1 })
             + levels.sum::<f64>()
             + self.result_of(plan.finest.min(coarsest))
     }

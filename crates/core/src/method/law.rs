@@ -60,10 +60,8 @@ constants! {
 
     /// Sweeps of the V-cycle's smoother on either side of the coarse correction (method §7.4).
     SMOOTHER_SWEEPS: u32 = 3;
-    /// Rounds of these sweeps in each direction on the coarsest level, if it has few blocks; else one.
-    COARSEST_ROUNDS: u32 = 4;
-    /// A level has few blocks if no chart has more active ones on it than this: as many as a chart of 64 x 64 cells has.
-    FEW_BLOCKS: usize = 16;
+    /// The same on the coarsest level.
+    COARSEST_SWEEPS: u32 = 6;
     /// Most iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
     /// does, which continues along the last step, and need more memory (method §7.3).
     CG_ITERATIONS: u32 = 2;

@@ -70,12 +70,12 @@ pub struct ChartResult {
 /// The work to be done by a solve, derived from its options.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
-    /// Sweeps after each correction, on the finest level and on the others; on a level without corrections, all of its
-    /// sweeps.
+    /// Sweeps after each correction, on levels 0 and 1; on a level without corrections, all of its sweeps. Coarser levels have
+    /// none: what they leave rough does not reach the finer ones.
     pub sweeps: [u32; 2],
     /// The finest level that is worked on, unless the solve starts from the last result: its result is interpolated to level 0.
     pub finest: usize,
-    /// Iterations of conjugate gradients in each correction, on the finest level and on the others.
+    /// Iterations of conjugate gradients in each correction, on levels 0 and 1; coarser levels have one.
     pub iterations: [u32; 2],
     /// Greatest number of corrections, on the finest level and on each of the others.
     pub corrections: [u32; 2],
@@ -119,8 +119,8 @@ impl Plan {
             ([3, 2], [most, 1], 1e-4, false)
         };
         let continuation = if draft { 1.0 } else { 2.0 };
-        // A second iteration on the coarser levels lowers the strain of a draft by a tenth, for a fifth of its time, and
-        // makes crowded charts rougher. `normal` needs it: where charts are crowded, it is rougher without.
+        // A second iteration on level 1 lowers the strain of a draft by a tenth, for a fifth of its time, and makes crowded
+        // charts rougher. `normal` needs it there: where charts are crowded, it is rougher without.
         let iterations = [CG_ITERATIONS, if draft { 1 } else { CG_ITERATIONS }];
         // Options that the solver ignores must not make two plans differ.
         let descent = pbd.is_none();
@@ -150,6 +150,11 @@ impl Plan {
         if self.pbd.is_some() { Solver::Pbd } else { Solver::Descent }
     }
 
+    /// The coarsest level that is worked on.
+    pub fn coarsest(&self, grid: &Grid) -> usize {
+        if self.pbd.is_some() { grid.levels.len() - 1 } else { grid.coarsest() }
+    }
+
     /// The start of a level, unless it is the coarsest level of the solve.
     pub fn start(&self, level: usize) -> Stage {
         let from = self.pbd.map_or(Start::Coarser, |settings| Start::Smoothed(settings.smoothing));
@@ -162,7 +167,8 @@ impl Plan {
     /// this pose first.
     pub fn step(&self, level: usize, n: u32, warm: bool) -> Option<Stage> {
         let coarser = usize::from(level > 0);
-        let (corrections, sweeps) = (self.corrections[coarser], self.sweeps[coarser]);
+        let corrections = self.corrections[coarser];
+        let sweeps = self.sweeps.get(level).copied().unwrap_or(0);
         if let Some(settings) = self.pbd {
             let iteration = settings.iteration(level, n, false);
             return (n < settings.iterations).then_some(Stage::Iterate { level, iteration });
@@ -172,7 +178,7 @@ impl Plan {
             return (n == 0 && !warm).then_some(Stage::Relax { level, sweeps });
         }
         let Plan { tolerance, trusts_model, .. } = *self;
-        let iterations = self.iterations[coarser];
+        let iterations = self.iterations.get(level).copied().unwrap_or(1);
         let correction = Correction { first: n == 0, iterations, sweeps, tolerance, trusts_model };
         (n < corrections).then_some(Stage::Correct { level, correction })
     }

@@ -22,7 +22,7 @@ pub fn run(
     deadline: &mut Deadline,
     progress: &mut Progress,
 ) -> Summary {
-    let coarsest = if warm { 0 } else { input.grid.levels.len() - 1 };
+    let coarsest = if warm { 0 } else { plan.coarsest(input.grid) };
     let mut timed = Timed::new(stages, input, plan, coarsest, deadline, progress);
     if !solve(&mut timed, plan, warm, coarsest) {
         timed.run(&Stage::GiveUp);
@@ -37,7 +37,8 @@ fn solve(timed: &mut Timed<impl Stages>, plan: &Plan, warm: bool, coarsest: usiz
         return false;
     }
     timed.run(&Stage::Surface);
-    timed.run(&Stage::Pyramid);
+    // Level 0 has what it loses of its weight from level 1.
+    timed.run(&Stage::Pyramid { coarsest: coarsest.max(1) });
     let mut reached = coarsest;
     'levels: for level in (plan.finest.min(coarsest)..=coarsest).rev() {
         let mut start = Some(match level {
@@ -62,9 +63,9 @@ fn solve(timed: &mut Timed<impl Stages>, plan: &Plan, warm: bool, coarsest: usiz
             }
         }
     }
-    let Summary { truncated, sweeps, .. } = timed.summary;
+    let Summary { truncated, sweeps, corrections, .. } = timed.summary;
     // The identity needs no certificate.
-    if truncated && !warm && sweeps == 0 || !timed.may_end(reached) {
+    if truncated && !warm && sweeps + corrections == 0 || !timed.may_end(reached) {
         return false;
     }
     let allow_folds = plan.pbd.is_some();

@@ -9,8 +9,8 @@ use crate::report::StageTimes;
 pub enum Stage {
     /// Computes the pose's triangles and their metrics.
     Surface,
-    /// Computes the pose's metrics on all coarser levels.
-    Pyramid,
+    /// Computes the pose's metrics on level 1 to the coarsest level of the solve.
+    Pyramid { coarsest: usize },
     /// Sets the displacements that a level starts from.
     Start { level: usize, from: Start },
     /// Relaxes a level node by node (method §6).
@@ -75,7 +75,7 @@ impl Stage {
     pub fn kind(&self) -> Kind {
         match self {
             Stage::Surface => Kind::Surface,
-            Stage::Pyramid => Kind::Pyramid,
+            Stage::Pyramid { .. } => Kind::Pyramid,
             Stage::Start { .. } => Kind::Prolong,
             Stage::Relax { .. } => Kind::Relax,
             Stage::Correct { .. } => Kind::Correct,
@@ -88,7 +88,7 @@ impl Stage {
     pub fn instead(&self) -> Option<Stage> {
         match *self {
             Stage::Correct { level, correction: Correction { first: true, sweeps, .. } } => {
-                Some(Stage::Relax { level, sweeps })
+                Some(Stage::Relax { level, sweeps: sweeps.max(1) })
             }
             _ => None,
         }
@@ -102,7 +102,7 @@ impl Stage {
             | Stage::Energies { level, .. }
             | Stage::Correct { level, .. }
             | Stage::Iterate { level, .. } => level,
-            Stage::Surface | Stage::Pyramid | Stage::Certify { .. } | Stage::GiveUp => 0,
+            Stage::Surface | Stage::Pyramid { .. } | Stage::Certify { .. } | Stage::GiveUp => 0,
         }
     }
 }

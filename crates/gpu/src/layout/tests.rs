@@ -54,13 +54,12 @@ macro_rules! fields {
 type Offsets = (&'static str, usize, Vec<(&'static str, usize)>);
 
 /// The Rust offsets of some of each struct's fields: WGSL's layout has its own alignment rules.
-fn structs() -> [Offsets; 7] {
+fn structs() -> [Offsets; 6] {
     [
         fields!(Params: first factor smoothing node_planes),
         fields!(Chart: solved fraction limit_rounds),
         fields!(BlockRecord: active_neighbours chart children continues length_shift weights),
         fields!(Triangle: barycentric neighbours chart pose),
-        fields!(CoarseBlock: parent children fixed weights),
         fields!(Request: count rows texels_per_step),
         fields!(RedirectRequest: width first step cells origin is_delta),
     ]
@@ -172,12 +171,10 @@ fn webgpu_s_default_limits_suffice() {
         assert!(storage <= limits.max_storage_buffers_per_shader_stage, "{name}: {storage} storage buffers");
         let index = module.entry_points.iter().position(|entry| entry.name == source.entry).unwrap();
         let threads = match source.kernel {
-            // Four blocks of a chart at a time, or the sums of all blocks; or one node for each thread, which keeps the
-            // node's row in registers.
-            Kernel::MultigridCoarse
+            // The sums of all blocks; or one node for each thread, which keeps the node's row in registers.
+            Kernel::MultigridCoarsest
             | Kernel::Decide
             | Kernel::Galerkin
-            | Kernel::GalerkinTogether
             | Kernel::MultigridDown
             | Kernel::MultigridUp
             | Kernel::Product

@@ -43,7 +43,7 @@ fn certified(context: &Arc<crate::context::Context>, change: impl Fn(&mut [u32])
     };
     let mut run = Run::new(&input, &mut memory, None, &[false], None).unwrap();
     run.run(&Stage::Surface);
-    run.run(&Stage::Pyramid);
+    run.run(&Stage::Pyramid { coarsest: 8 });
     run.run(&Stage::Start { level: 0, from: Start::Identity });
     let first = Correction { first: true, iterations: 2, sweeps: 2, tolerance: 3e-3, trusts_model: true };
     run.run(&Stage::Correct { level: 0, correction: first });

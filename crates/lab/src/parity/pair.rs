@@ -228,7 +228,7 @@ impl<'a> Pair<'a> {
 
     /// Compares the internal results of a correction: coarser matrices, the step and its fractions, decisions.
     fn after_correction(&mut self, at: Point, level: usize, charts: &[bool]) -> Result<()> {
-        for k in level + 1..self.grid.levels.len() {
+        for k in level + 1..=self.grid.coarsest() {
             self.rows(at, k, "Galerkin rows", charts)?;
         }
         let [step, fraction] = self.cpu.step_of(level);
@@ -271,7 +271,7 @@ impl Stages for Pair<'_> {
         }
         match *stage {
             Stage::Surface => self.attempt(Pair::surface),
-            Stage::Pyramid => self.attempt(Pair::pyramid),
+            Stage::Pyramid { coarsest } => self.attempt(|pair| pair.pyramid(coarsest)),
             Stage::Start { level, from: Start::Passing } => self.passed(level),
             Stage::Start { level, .. } => self.level(level, 0),
             Stage::Relax { level, .. } => self.level(level, 1),
@@ -304,8 +304,8 @@ impl Pair<'_> {
     }
 
     /// Compares the results of `pyramid`.
-    fn pyramid(&mut self) -> Result<()> {
-        for level in 1..self.grid.levels.len() {
+    fn pyramid(&mut self, coarsest: usize) -> Result<()> {
+        for level in 1..self.grid.levels.len().min(coarsest + 1) {
             let (cpu, gpu) = (self.cpu.metric(level), self.gpu.metric(level)?);
             let selection =
                 Selection { level, planes: METRIC_PLANES, first: 0, count: METRIC_PLANES, movable: false };

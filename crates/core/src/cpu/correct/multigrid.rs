@@ -15,7 +15,7 @@ use crate::allocation::{Vec, zeroed};
 use crate::grid::Level;
 use crate::grid::planes::{NODES, Plane};
 use crate::grid::window::{self, WINDOW_NODES, Window};
-use crate::method::law::{COARSEST_ROUNDS, FEW_BLOCKS, SMOOTHER_SWEEPS};
+use crate::method::law::{COARSEST_SWEEPS, SMOOTHER_SWEEPS};
 use crate::team::SharedSlice;
 
 /// Runs a V-cycle: direction = M⁻¹ residual on `level`, which is the first one of `levels`. Returns the dot product of
@@ -23,10 +23,11 @@ use crate::team::SharedSlice;
 pub fn precondition(run: &Run, level: usize, levels: &mut [SolvingLevel]) -> Vec<f64> {
     let coarsest = level + levels.len() - 1;
     let mut dots = zeroed::<f64>(run.grid.levels[level].blocks.list.len());
+    let sweeps = Sweeps { count: SMOOTHER_SWEEPS, backwards: false };
     for k in level..coarsest {
         let system = &mut levels[k - level];
         let SolvingLevel { rows, residual: r, direction, .. } = system;
-        smooth(run, k, rows, r, None::<&[[Plane; 2]]>, direction, false, None);
+        smooth(run, k, rows, r, None::<&[[Plane; 2]]>, direction, sweeps, None);
         residual(run, k, system);
         let (finer, coarser) = levels.split_at_mut(k - level + 1);
         restrict(run, k, finer[k - level].product, coarser[0].residual);
@@ -37,28 +38,25 @@ pub fn precondition(run: &Run, level: usize, levels: &mut [SolvingLevel]) -> Vec
         let (finer, coarser) = levels.split_at_mut(k - level + 1);
         let SolvingLevel { rows, residual: r, direction, product } = &mut finer[k - level];
         add_coarse(run, k, direction, coarser[0].direction, product);
-        smooth(run, k, rows, r, Some(product), direction, true, dots_of(k).then_some(&mut dots));
+        let sweeps = Sweeps { backwards: true, ..sweeps };
+        smooth(run, k, rows, r, Some(product), direction, sweeps, dots_of(k).then_some(&mut dots));
     }
     run.sum_active_per_chart(level, &dots)
 }
 
-/// Approximately solves the coarsest level: passes forwards, starting from 0, then as many passes backwards. If the
-/// level has many blocks, there is one pass of each.
-fn smooth_coarsest(run: &Run, level: usize, system: &mut SolvingLevel, mut dots: Option<&mut Vec<f64>>) {
+/// Approximately solves the coarsest level: a pass forwards, from 0, and one backwards, with more sweeps than elsewhere.
+fn smooth_coarsest(run: &Run, level: usize, system: &mut SolvingLevel, dots: Option<&mut Vec<f64>>) {
     let SolvingLevel { rows, residual: r, direction, product } = system;
-    let rounds =
-        if run.grid.levels[level].blocks.most_of_a_chart() <= FEW_BLOCKS { COARSEST_ROUNDS } else { 1 };
-    for pass in 0..2 * rounds {
-        let backwards = pass >= rounds;
-        // The last pass writes the direction.
-        if pass % 2 == 0 {
-            let before = (pass > 0).then_some(&**direction);
-            smooth(run, level, rows, r, before, product, backwards, None);
-        } else {
-            let dots = if pass + 1 == 2 * rounds { dots.take() } else { None };
-            smooth(run, level, rows, r, Some(&**product), direction, backwards, dots);
-        }
-    }
+    let sweeps = Sweeps { count: COARSEST_SWEEPS, backwards: false };
+    smooth(run, level, rows, r, None::<&[[Plane; 2]]>, product, sweeps, None);
+    smooth(run, level, rows, r, Some(&**product), direction, Sweeps { backwards: true, ..sweeps }, dots);
+}
+
+/// The sweeps of a pass, in this order of the node colours or the other.
+#[derive(Clone, Copy)]
+struct Sweeps {
+    count: u32,
+    backwards: bool,
 }
 
 /// A pass of the smoother of A z = r over all blocks, from `before` (`None`: from 0) to the first two planes of
@@ -75,7 +73,7 @@ fn smooth<const N: usize, const M: usize>(
     r: &[[Plane; 2]],
     before: Option<&[[Plane; N]]>,
     after: &mut [[Plane; M]],
-    backwards: bool,
+    sweeps: Sweeps,
     dots: Option<&mut Vec<f64>>,
 ) {
     let grid = &run.grid.levels[level];
@@ -101,9 +99,8 @@ fn smooth<const N: usize, const M: usize>(
         // SAFETY: each item has its own block.
         let z = unsafe { after.get_mut(b) };
         let (dot, windows) = (dots.is_some(), &mut windows);
-        let dot = run
-            .pairs
-            .with(worker, |pairs| dispatch(SmoothBlock { rows, pairs, r, windows, backwards, dot, z }));
+        let dot =
+            run.pairs.with(worker, |pairs| dispatch(SmoothBlock { rows, pairs, r, windows, sweeps, dot, z }));
         if let Some(dots) = dots {
             // SAFETY: each item has its own sum.
             unsafe { *dots.get_mut(b) = f64::from(dot) };
@@ -111,14 +108,14 @@ fn smooth<const N: usize, const M: usize>(
     });
 }
 
-/// Does `SMOOTHER_SWEEPS` sweeps inside one block with its halo frozen, and stores the result in `z`. Returns the
+/// Does sweeps inside one block with its halo frozen, and stores the result in `z`. Returns the
 /// block's part of r·z, or 0 without `dot`.
 struct SmoothBlock<'a> {
     rows: BlockRows<'a>,
     pairs: &'a mut Pairs,
     r: &'a [Plane; 2],
     windows: &'a mut [Window; 2],
-    backwards: bool,
+    sweeps: Sweeps,
     /// Whether to compute r·z.
     dot: bool,
     z: &'a mut [Plane],
@@ -130,8 +127,8 @@ impl Vectorised for SmoothBlock<'_> {
     #[inline(always)]
     fn run<V: Lanes>(self) -> f32 {
         self.rows.pairs::<V>(self.pairs);
-        for _ in 0..SMOOTHER_SWEEPS {
-            smooth_block::<V>(self.rows.diagonal, self.pairs, self.r, self.backwards, self.windows);
+        for _ in 0..self.sweeps.count {
+            smooth_block::<V>(self.rows.diagonal, self.pairs, self.r, self.sweeps.backwards, self.windows);
         }
         for row in Row::all() {
             for c in 0..2 {

@@ -65,7 +65,7 @@ fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
     Team::with(1, |team| {
         let mut run = Run::new(team, &input, &mut memory, &mut result, &[]);
         run.run(&Stage::Surface);
-        run.run(&Stage::Pyramid);
+        run.run(&Stage::Pyramid { coarsest: 8 });
         run.run(&Stage::Start { level: 0, from: Start::Identity });
         let correction =
             Correction { first: true, iterations: 2, sweeps: 0, tolerance: 1e-3, trusts_model: true };

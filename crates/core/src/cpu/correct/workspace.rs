@@ -44,8 +44,9 @@ struct LevelMemory {
 
 impl Workspace {
     pub fn new(allocator: &mut impl Allocate, grid: &Grid) -> Workspace {
-        let mut levels = Vec::with_capacity(grid.levels.len());
-        for level in &grid.levels {
+        let corrected = &grid.levels[..=grid.coarsest()];
+        let mut levels = Vec::with_capacity(corrected.len());
+        for level in corrected {
             let blocks = level.blocks.list.len();
             levels.push(LevelMemory {
                 rows: Rows::new(allocator, blocks),
@@ -53,7 +54,7 @@ impl Workspace {
                 planes_b: allocator.zeros(blocks),
             });
         }
-        let largest = grid.levels[1..].iter().map(|level| level.blocks.list.len()).max();
+        let largest = corrected[1..].iter().map(|level| level.blocks.list.len()).max();
         Workspace {
             levels,
             coarse_step: allocator.zeros(largest.unwrap_or(0)),

@@ -109,9 +109,9 @@ fn one_material_is_halved() {
     for rigidity in [0.0, 0.3, 1.0] {
         let model = of_rigidity(|_, _| rigidity);
         let half = |weight: f32| (weight - 0.5).abs() < 1e-6;
-        assert!((MARGIN..MARGIN + 32).all(|j| OWN.all(|i| half(model.west[j][i]))), "{rigidity}");
+        assert!((MARGIN..MARGIN + 32).all(|j| OWN.clone().all(|i| half(model.west[j][i]))), "{rigidity}");
         let rows = (MARGIN + 1..MARGIN + 32).step_by(2);
-        assert!(rows.clone().all(|j| OWN.all(|i| half(model.south[j][i]))), "{rigidity}");
+        assert!(rows.clone().all(|j| OWN.clone().all(|i| half(model.south[j][i]))), "{rigidity}");
     }
 }
 
