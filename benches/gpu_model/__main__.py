@@ -40,7 +40,7 @@ def sources(root):
 
 
 def forms(root, wanted):
-    """The kernels to be modelled, in their forms: with slopes kept, or computed anew where there is no memory for that."""
+    """The kernels to be modelled, in their forms: with slopes kept, or computed anew where memory is short."""
     for name, entry, parts in sources(root):
         if wanted and not re.search(wanted, name):
             continue
@@ -51,15 +51,8 @@ def forms(root, wanted):
         if anew != parts:
             variants.append(anew)
         for variant in variants:
-            files = [
-                root / f"shaders/{part}.wgsl"
-                for part in ("generated", "common", *variant)
-            ]
-            form = [
-                part.rsplit("_", 1)[-1]
-                for part in variant
-                if part.endswith(("_anew", "_kept"))
-            ]
+            files = [root / f"shaders/{part}.wgsl" for part in ("generated", "common", *variant)]
+            form = [part.rsplit("_", 1)[-1] for part in variant if part.endswith(("_anew", "_kept"))]
             counted = f"{entry} ({parts[0]}"
             yield Kernel(
                 name,
@@ -71,14 +64,10 @@ def forms(root, wanted):
 
 
 def driver():
-    found = [
-        file for folder in DRIVERS for file in Path(folder).glob("radeon_icd*.json")
-    ]
+    found = [file for folder in DRIVERS for file in Path(folder).glob("radeon_icd*.json")]
     if not found:
         sys.exit(
-            "gpu_model: Mesa's driver RADV is not here (no radeon_icd*.json in "
-            + ", ".join(DRIVERS)
-            + "):\n"
+            "gpu_model: Mesa's driver RADV is not here (no radeon_icd*.json in " + ", ".join(DRIVERS) + "):\n"
             "install the package mesa-vulkan-drivers (Debian, Ubuntu); no GPU is needed."
         )
     return str(found[0])
@@ -115,31 +104,17 @@ def change(kernel, assembly):
 
 def compile_all(kernels, folder):
     """Compiles each kernel as it is and with marks; where marks change the code, again without those that do."""
-    for kernel, assembly in zip(
-        kernels, compiled([(k.entry, k.text) for k in kernels], folder)
-    ):
+    for kernel, assembly in zip(kernels, compiled([(k.entry, k.text) for k in kernels], folder)):
         kernel.statistics = warp.statistics(assembly)
 
     def marked(kernel, chosen=None):
-        chosen = (
-            set(range(len(kernel.marks))) - kernel.left_out
-            if chosen is None
-            else chosen
-        )
+        chosen = set(range(len(kernel.marks))) - kernel.left_out if chosen is None else chosen
         return kernel.entry, wgsl.with_marks(kernel.text, kernel.places, chosen)
 
     results = compiled([marked(kernel) for kernel in kernels], folder)
-    changed = [
-        k
-        for k, assembly in zip(kernels, results)
-        if abs(change(k, assembly)) > MARKS_MAY_CHANGE
-    ]
-    trials = [
-        (kernel, group) for kernel in changed for group in wgsl.groups(kernel.marks)
-    ]
-    for (kernel, group), assembly in zip(
-        trials, compiled([marked(k, group) for k, group in trials], folder)
-    ):
+    changed = [k for k, assembly in zip(kernels, results) if abs(change(k, assembly)) > MARKS_MAY_CHANGE]
+    trials = [(kernel, group) for kernel in changed for group in wgsl.groups(kernel.marks)]
+    for (kernel, group), assembly in zip(trials, compiled([marked(k, group) for k, group in trials], folder)):
         if abs(change(kernel, assembly)) > MARKS_MAY_CHANGE:
             kernel.left_out |= group
     results = compiled([marked(kernel) for kernel in kernels], folder)
@@ -149,9 +124,7 @@ def compile_all(kernels, folder):
             tree = warp.parts(assembly, kernel.marks)
         except wgsl.Failure as failure:
             raise wgsl.Failure(f"{kernel.name} {kernel.form}: {failure}") from failure
-        kernel.warps = [
-            warp.Warp(tree, kernel.marks, k) for k in range(len(kernel.sets))
-        ]
+        kernel.warps = [warp.Warp(tree, kernel.marks, k) for k in range(len(kernel.sets))]
 
 
 def run(options):
@@ -161,9 +134,7 @@ def run(options):
     for kernel in kernels:
         kernel.sets = solve.parameters(kernel.name, kernel.form, smoother_sweeps)
         try:
-            kernel.places, kernel.marks = wgsl.marked(
-                kernel.text, kernel.entry, kernel.sets
-            )
+            kernel.places, kernel.marks = wgsl.marked(kernel.text, kernel.entry, kernel.sets)
         except wgsl.Failure as failure:
             raise wgsl.Failure(f"{kernel.name}: {failure}") from failure
     with tempfile.TemporaryDirectory() as scratch:

@@ -14,9 +14,7 @@ class Failure(Exception):
 
 def evaluate(text, names):
     """The value of a WGSL expression of numbers and truth values."""
-    text = re.sub(
-        r"\b(0x[0-9a-fA-F]+|\d+\.?\d*(?:e[+-]?\d+)?)[uif]?(?![\w.])", r"\1", text
-    )
+    text = re.sub(r"\b(0x[0-9a-fA-F]+|\d+\.?\d*(?:e[+-]?\d+)?)[uif]?(?![\w.])", r"\1", text)
     text = text.replace("&&", " and ").replace("||", " or ")
     text = re.sub(r"!(?!=)", " not ", text)
     try:
@@ -69,9 +67,7 @@ def _value(node, names):
             return name == "true"
         case ast.Name(id=name) if name in names:
             return names[name]
-        case ast.Attribute(value=ast.Name(id="params"), attr=name) if (
-            f"params.{name}" in names
-        ):
+        case ast.Attribute(value=ast.Name(id="params"), attr=name) if f"params.{name}" in names:
             return names[f"params.{name}"]
         case ast.BoolOp():
             return _either(node, names, isinstance(node.op, ast.Or))
@@ -80,13 +76,9 @@ def _value(node, names):
         case ast.UnaryOp(op=ast.USub()):
             return -_value(node.operand, names)
         case ast.BinOp() if type(node.op) in OPERATORS:
-            return OPERATORS[type(node.op)](
-                _value(node.left, names), _value(node.right, names)
-            )
+            return OPERATORS[type(node.op)](_value(node.left, names), _value(node.right, names))
         case ast.Compare(ops=[operator]) if type(operator) in OPERATORS:
-            return OPERATORS[type(operator)](
-                _value(node.left, names), _value(node.comparators[0], names)
-            )
+            return OPERATORS[type(operator)](_value(node.left, names), _value(node.comparators[0], names))
         case ast.Call(func=ast.Name(id=name), args=arguments) if name in CALLS:
             return CALLS[name](*(_value(argument, names) for argument in arguments))
     raise Unknown(ast.dump(node))
@@ -94,9 +86,7 @@ def _value(node, names):
 
 def runs(header, names):
     """How often a loop's body runs, and its variable's first value, if it is a `for` over numbers."""
-    found = re.match(
-        r"for \(var (\w+)(?:: \w+)? = (.*?); (.*?); (.*)\)$", " ".join(header.split())
-    )
+    found = re.match(r"for \(var (\w+)(?:: \w+)? = (.*?); (.*?); (.*)\)$", " ".join(header.split()))
     if not found:
         raise Unknown(header)
     name, first, condition, update = found.groups()

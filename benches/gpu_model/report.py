@@ -38,37 +38,32 @@ def kernels(all_kernels):
 def parts(kernel):
     """The loops and branches of a kernel that run, with what is in them, for its first set of values."""
     warp = kernel.warps[0]
-    lines = [
-        f"{kernel.name} {kernel.form}: {warp.instructions:.0f} instructions, {warp.cycles:.0f} cycles"
-    ]
+    lines = [f"{kernel.name} {kernel.form}: {warp.instructions:.0f} instructions, {warp.cycles:.0f} cycles"]
     for depth, where, times, instructions, cycles in warp.parts:
-        lines.append(
-            f"{cycles:9.0f} cycles {instructions:7.0f} instructions {times:6.4g} times {'  ' * depth}{where}"
-        )
+        lines.append(f"{cycles:9.0f} cycles {instructions:7.0f} instructions {times:6.4g} times {'  ' * depth}{where}")
     return "\n".join(lines) + "\n"
 
 
 def whole(all_kernels, counts):
     """The report."""
-    columns = [
-        (q, n) for q in ("normal", "draft") for n in SIZES if n in counts.kernels[q]
-    ]
-    default = {kernel.counted: kernel for kernel in reversed(all_kernels)}
+    columns = [(q, n) for q in ("normal", "draft") for n in SIZES if n in counts.kernels[q]]
+    # Of the forms of a kernel the first; kernels that are counted together share their dispatches.
+    default = {}
+    for kernel in all_kernels:
+        default.setdefault(kernel.counted, {}).setdefault(kernel.name, kernel)
     rows, sums, unknown = {}, dict.fromkeys(columns, 0.0), set()
     for quality, size in columns:
         for name, (dispatches, _) in counts.kernels[quality][size].items():
             if name not in default:
                 unknown.add(name)
                 continue
-            ms = solve.milliseconds(
-                default[name], quality, size, counts.kernels[quality]
-            )
+            of = default[name].values()
+            ms = sum(solve.milliseconds(kernel, quality, size, counts.kernels[quality]) for kernel in of)
             rows.setdefault(name, {})[quality, size] = (dispatches, ms)
             sums[quality, size] += ms
     if unknown:
         raise Failure(
-            "gpu-counts.md is older than the kernels (`benches/gpu.sh --counts` writes it): "
-            + "; ".join(unknown)
+            "gpu-counts.md is older than the kernels (`benches/gpu.sh --counts` writes it): " + "; ".join(unknown)
         )
     solves = [
         "| | " + " | ".join(f"`{q}` {n}²" for q, n in columns) + " |",
@@ -76,39 +71,21 @@ def whole(all_kernels, counts):
     ]
     totals = [counts.all[q][n] for q, n in columns]
     empty = [solve.EMPTY * total[1] for total in totals]
-    solves.append(
-        "| model, ms | "
-        + " | ".join(f"**{sums[c] + e:.2f}**" for c, e in zip(columns, empty))
-        + " |"
-    )
+    solves.append("| model, ms | " + " | ".join(f"**{sums[c] + e:.2f}**" for c, e in zip(columns, empty)) + " |")
     for k, what in enumerate(("dispatches", "empty dispatches", "barriers")):
-        solves.append(
-            f"| {what} | " + " | ".join(str(total[k]) for total in totals) + " |"
-        )
-    solves.append(
-        "| of the ms, empty dispatches | "
-        + " | ".join(f"{e:.2f}" for e in empty)
-        + " |"
-    )
+        solves.append(f"| {what} | " + " | ".join(str(total[k]) for total in totals) + " |")
+    solves.append("| of the ms, empty dispatches | " + " | ".join(f"{e:.2f}" for e in empty) + " |")
     table = [
-        "| kernel | "
-        + " | ".join(f"`{q}` {n}²: dispatches | ms" for q, n in columns)
-        + " |",
+        "| kernel | " + " | ".join(f"`{q}` {n}²: dispatches | ms" for q, n in columns) + " |",
         "|---" * (2 * len(columns) + 1) + "|",
     ]
     order = sorted(rows, key=lambda name: -sum(ms for _, ms in rows[name].values()))
     for name in order:
         cells = [rows[name].get(column) for column in columns]
         cells = [f"{cell[0]} | {cell[1]:.3f}" if cell else "- | -" for cell in cells]
-        table.append(f"| {default[name].name} | " + " | ".join(cells) + " |")
-    changed = [
-        f"{k.name} {k.changed:+.0%}" for k in all_kernels if abs(k.changed) > 0.02
-    ]
-    note = (
-        f"Marks change the number of instructions of: {', '.join(changed)}.\n\n"
-        if changed
-        else ""
-    )
+        table.append(f"| {next(iter(default[name]))} | " + " | ".join(cells) + " |")
+    changed = [f"{k.name} {k.changed:+.0%}" for k in all_kernels if abs(k.changed) > 0.02]
+    note = f"Marks change the number of instructions of: {', '.join(changed)}.\n\n" if changed else ""
     parts = [
         "## Solves\n",
         *solves,

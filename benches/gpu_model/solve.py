@@ -23,6 +23,8 @@ UNUSED = {
 }  # fmt: skip
 # Sweeps of relaxation per dispatch (crates/core/src/method/plan.rs).
 SWEEPS = {"normal": 2, "draft": 1}
+# Most blocks of a level on which four threads relax a node (crates/gpu/src/stages.rs).
+WIDE_BLOCKS = 2048
 # Passes of the smoother on the coarsest level have this many sweeps for one elsewhere (crates/core/src/method/law.rs).
 COARSEST = 2
 PLAIN = {
@@ -54,11 +56,7 @@ class Kernel:
     @property
     def threads(self):
         size = re.search(rf"@workgroup_size\((\w+)\)\s*fn {self.entry}\(", self.text)[1]
-        return int(
-            size
-            if size.isdecimal()
-            else re.search(rf"const {size}: u32 = (\d+)u;", self.text)[1]
-        )
+        return int(size if size.isdecimal() else re.search(rf"const {size}: u32 = (\d+)u;", self.text)[1])
 
 
 def parameters(name, form, smoother_sweeps):
@@ -66,10 +64,7 @@ def parameters(name, form, smoother_sweeps):
     beyond = BEYOND_PATCH.get(form, 0.1) if name.startswith("Assemble") else 0.0
     plain = PLAIN | {"params.sweeps": smoother_sweeps, "beyond_patch": beyond}
     if name.startswith("Relax"):
-        return {
-            quality: plain | {"params.sweeps": sweeps}
-            for quality, sweeps in SWEEPS.items()
-        }
+        return {quality: plain | {"params.sweeps": sweeps} for quality, sweeps in SWEEPS.items()}
     if name == "MultigridDown":
         return {
             "coarser": plain | {"params.mode": "DOWN_GATHER"},
@@ -89,9 +84,7 @@ def parameters(name, form, smoother_sweeps):
 
 def shares(kernel, quality, counts):
     """How many of the kernel's dispatches run with each set of parameters."""
-    of_entry = {
-        entry.split()[0]: dispatches for entry, (dispatches, _) in counts.items()
-    }
+    of_entry = {entry.split()[0]: dispatches for entry, (dispatches, _) in counts.items()}
     dispatches, first, second = (
         counts[kernel.counted][0],
         of_entry.get("product", 0),
@@ -148,6 +141,11 @@ def rungs(name, size, counts):
     return out + ([(dispatches, groups / dispatches)] if dispatches else [])
 
 
+def is_taken(kernel, groups):
+    """Whether dispatches of so many workgroups take this form of a kernel: a block colour has a quarter of the blocks."""
+    return not kernel.name.startswith("Relax") or (4 * groups <= WIDE_BLOCKS) == kernel.name.endswith("Wide")
+
+
 def milliseconds(kernel, quality, size, counts):
     """Milliseconds of all the kernel's dispatches in a solve."""
     share = shares(kernel, quality, counts[size])
@@ -155,6 +153,7 @@ def milliseconds(kernel, quality, size, counts):
     return sum(
         number * part / total * dispatch(kernel, warp, groups)
         for number, groups in rungs(kernel.counted, size, counts)
+        if is_taken(kernel, groups)
         for part, warp in zip(share, kernel.warps)
         if part
     )
@@ -171,9 +170,7 @@ class Counts:
 
 def counted(text):
     kernels, totals = {"normal": {}, "draft": {}}, {"normal": {}, "draft": {}}
-    for size, numbers in re.findall(
-        r"^\| bulge \| (\d+)² \| \d+ \| (\d+ \| \d+ \| \d+) \|", text, re.MULTILINE
-    ):
+    for size, numbers in re.findall(r"^\| bulge \| (\d+)² \| \d+ \| (\d+ \| \d+ \| \d+) \|", text, re.MULTILINE):
         totals["normal"][int(size)] = [int(number) for number in numbers.split(" | ")]
     for part in text.split("\n## ")[1:]:
         head = re.match(
@@ -185,10 +182,6 @@ def counted(text):
         quality, size = "draft" if head[2] else "normal", int(head[1])
         if head[2]:
             totals[quality][size] = [int(number) for number in head.groups()[1:]]
-        rows = re.findall(
-            r"^\| (\w+ \([^,)]*).*?\) \| (\d+) \| (\d+) \|", part, re.MULTILINE
-        )
-        kernels[quality][size] = {
-            name: (int(dispatches), int(groups)) for name, dispatches, groups in rows
-        }
+        rows = re.findall(r"^\| (\w+ \([^,)]*).*?\) \| (\d+) \| (\d+) \|", part, re.MULTILINE)
+        kernels[quality][size] = {name: (int(dispatches), int(groups)) for name, dispatches, groups in rows}
     return Counts(kernels, totals)

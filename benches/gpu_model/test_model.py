@@ -9,21 +9,18 @@ sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 from gpu_model import solve, warp, wgsl
 from gpu_model.expressions import Failure, evaluate, runs
 
-ENTRY = "const WINDOW: u32 = 324u;\n@compute @workgroup_size(64)\nfn k(@builtin(local_invocation_index) t: u32) {\n%s}\n"
+ENTRY = (
+    "const WINDOW: u32 = 324u;\n@compute @workgroup_size(64)\nfn k(@builtin(local_invocation_index) t: u32) {\n%s}\n"
+)
 
 
 def marks(body, **names):
     places, found = wgsl.marked(ENTRY % body, "k", {"": names})
-    return [
-        (mark.kind, mark.counts[0] if mark.counts else None, mark.warps)
-        for mark in found
-    ], places
+    return [(mark.kind, mark.counts[0] if mark.counts else None, mark.warps) for mark in found], places
 
 
 def test_counts_from_the_text():
-    assert (
-        evaluate("select(1u, 2u, params.mode == 3u) * 0x10u", {"params.mode": 3}) == 32
-    )
+    assert evaluate("select(1u, 2u, params.mode == 3u) * 0x10u", {"params.mode": 3}) == 32
     assert runs("for (var k = t; k < 324u; k += 64u)", {"t": 0})[0] == 6
     assert runs("for (var half = 128u; half > 0u; half /= 2u)", {})[0] == 8
     body = "let lane = t % 8u;\nfor (var k = lane; k < WINDOW; k += 64u) {\n}\nif params.pull > 0.0 {\nf();\n}\n"

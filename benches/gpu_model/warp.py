@@ -31,12 +31,8 @@ SLOTS = {
     "write": 4,
 }
 BARRIER, BRANCH = 25, 8
-NOTHING = re.compile(
-    r"s_(waitcnt\w*|clause|nop|inst_prefetch|endpgm|code_end|sleep|setprio|delay_alu)$"
-)
-SETS_SCC = re.compile(
-    r"s_(add|sub|and|or|xor|andn2|orn2|not|lsh|ash|bfe|min|max|abs|nand|nor|mulk|mul_hi)"
-)
+NOTHING = re.compile(r"s_(waitcnt\w*|clause|nop|inst_prefetch|endpgm|code_end|sleep|setprio|delay_alu)$")
+SETS_SCC = re.compile(r"s_(add|sub|and|or|xor|andn2|orn2|not|lsh|ash|bfe|min|max|abs|nand|nor|mulk|mul_hi)")
 READS_TARGET = re.compile(r"v_(fmac|mac|pk_fmac|dot2c|writelane)|s_(mulk|addk)")
 
 
@@ -53,11 +49,7 @@ def kind(op):
     if op.startswith("s_"):
         return "scalar"
     if op.startswith("ds_"):
-        return (
-            "shared_write"
-            if re.match(r"ds_(write|add_u|max_u|or_b)", op) and "rtn" not in op
-            else "shared"
-        )
+        return "shared_write" if re.match(r"ds_(write|add_u|max_u|or_b)", op) and "rtn" not in op else "shared"
     if re.match(r"(buffer|global)_(store|atomic)", op):
         return "write"
     if re.match(r"(buffer|global|scratch|flat)_", op):
@@ -75,15 +67,7 @@ def registers(word):
         return [f"{found[1]}{n}" for n in range(int(found[2]), int(found[3]) + 1)]
     if word in ("vcc", "vcc_lo", "vcc_hi"):
         return ["vcc"]
-    return (
-        ["exec"]
-        if word.startswith("exec")
-        else ["scc"]
-        if word.endswith("scc")
-        else ["m0"]
-        if word == "m0"
-        else []
-    )
+    return ["exec"] if word.startswith("exec") else ["scc"] if word.endswith("scc") else ["m0"] if word == "m0" else []
 
 
 class Instruction:
@@ -93,10 +77,7 @@ class Instruction:
         words = [word.strip().split(" ")[0] for word in rest.split(",")] if rest else []
         self.kind, self.target, self.mark = kind(self.op), None, None
         self.reads, self.writes, self.of_mark = [], [], False
-        if (
-            self.op == "ds_write_b32"
-            and MAGIC <= constants.get(words[1], 0) < MAGIC + MARKS
-        ):
+        if self.op == "ds_write_b32" and MAGIC <= constants.get(words[1], 0) < MAGIC + MARKS:
             self.mark, self.kind, self.of_mark = constants[words[1]] - MAGIC, None, True
         elif self.kind == "branch":
             self.target = words[0] if words else None
@@ -105,11 +86,7 @@ class Instruction:
             self._use([registers(word) for word in words])
 
         if self.op.startswith(("s_mov_b32", "v_mov_b32")) and len(words) == 2:
-            value = (
-                int(words[1], 0)
-                if re.match(r"-?(0x)?[0-9a-f]+$", words[1])
-                else constants.get(words[1])
-            )
+            value = int(words[1], 0) if re.match(r"-?(0x)?[0-9a-f]+$", words[1]) else constants.get(words[1])
             constants.pop(words[0], None)
             if value is not None:
                 constants[words[0]] = value
@@ -148,10 +125,7 @@ class Instruction:
 
 
 def statistics(assembly):
-    return {
-        name: int(value)
-        for name, value in re.findall(r"^# (.*?) = (\d+)$", assembly, re.MULTILINE)
-    }
+    return {name: int(value) for name, value in re.findall(r"^# (.*?) = (\d+)$", assembly, re.MULTILINE)}
 
 
 def blocks(assembly):
@@ -166,11 +140,7 @@ def blocks(assembly):
     # The move before a mark sets its address.
     for _, code in out:
         for before, i in itertools.pairwise(code):
-            if (
-                i.mark is not None
-                and before.op == "v_mov_b32_e32"
-                and not before.of_mark
-            ):
+            if i.mark is not None and before.op == "v_mov_b32_e32" and not before.of_mark:
                 before.kind, before.of_mark = None, True
     return out
 
@@ -196,12 +166,7 @@ def parts(assembly, marks):
     stack = [root]
 
     def own_mark(head, end):
-        inside = [
-            i.mark
-            for _, code_of in code[head : end + 1]
-            for i in code_of
-            if i.mark is not None
-        ]
+        inside = [i.mark for _, code_of in code[head : end + 1] for i in code_of if i.mark is not None]
         own = [mark for mark in inside if marks[mark].kind == "loop"]
         inner = [range(a, b + 1) for a, b in loops.items() if head < a and b <= end]
         outside = [
@@ -209,9 +174,7 @@ def parts(assembly, marks):
             for i in code[k][1] if i.mark is not None and marks[i.mark].kind == "loop"
         ]  # fmt: skip
         if not own or own[0] not in outside:
-            raise Failure(
-                f"the loop from {code[head][0]} to {code[end][0]} of the assembly is none of the text"
-            )
+            raise Failure(f"the loop from {code[head][0]} to {code[end][0]} of the assembly is none of the text")
         copies = outside.count(own[0])
         if copies > 1 and copies >= max(marks[own[0]].counts):
             # It is unrolled, so the loop in the assembly is one around it.
@@ -236,9 +199,7 @@ def parts(assembly, marks):
                 stack.append(part)
             elif mark.kind == "end":
                 if stack[-1].mark != mark.counts[0] or stack[-1].until is not None:
-                    raise Failure(
-                        f"the end of a region without its beginning: {mark.where}"
-                    )
+                    raise Failure(f"the end of a region without its beginning: {mark.where}")
                 stack.pop()
             elif mark.kind == "near":
                 stack[-1].items.append("near")
@@ -272,9 +233,7 @@ class Warp:
                 if count:
                     row = [depth, mark.where, times * count, self.instructions, 0.0]
                     self.parts.append(row)
-                    each = self._run(
-                        item, times * count, share * count / mark.warps, depth + 1
-                    )
+                    each = self._run(item, times * count, share * count / mark.warps, depth + 1)
                     row[3:] = self.instructions - row[3], times * count * each
                     cycles += count * each
             elif item == "near":
@@ -285,15 +244,11 @@ class Warp:
                     now += BARRIER
                     self.slots += share
                     continue
-                start = max(
-                    [now, *(ready.get(register, 0.0) for register in item.reads)]
-                )
+                start = max([now, *(ready.get(register, 0.0) for register in item.reads)])
                 slots = SLOTS.get(item.kind, 1)
                 self.slots += share * slots
                 now = start + (BRANCH if item.kind == "branch" else slots)
-                latency = LATENCY.get(
-                    "near" if item.kind == "far" and self.near else item.kind, 0
-                )
+                latency = LATENCY.get("near" if item.kind == "far" and self.near else item.kind, 0)
                 for register in item.writes:
                     ready[register] = start + latency
         return cycles + now

@@ -22,9 +22,7 @@ from .expressions import Failure, Unknown, evaluate, runs
 MARKS = 1000
 # A mark's value in the assembly: this plus its number.
 MAGIC = 0x5EED0000
-DIRECTIVE = re.compile(
-    r"//\s*model:\s*(?:(near)|(.+?) times(?:, else (.+?) times)?(?: in 1 of (\d+) warps)?)\s*$"
-)
+DIRECTIVE = re.compile(r"//\s*model:\s*(?:(near)|(.+?) times(?:, else (.+?) times)?(?: in 1 of (\d+) warps)?)\s*$")
 LOOPS = ("for", "while", "loop")
 KEEP = "let model_value ="
 JUMP = re.compile(r"(\b(return|break|continue)\b[^;{}]*;)\s*$")
@@ -77,9 +75,7 @@ class Text:
             at += len(line) + 1
         self.plain = "\n".join(plain)
         self.constants = {}
-        for name, value in re.findall(
-            r"^const (\w+)(?:: \w+)? = ([^;]+);", self.plain, re.MULTILINE
-        ):
+        for name, value in re.findall(r"^const (\w+)(?:: \w+)? = ([^;]+);", self.plain, re.MULTILINE):
             try:
                 self.constants[name] = evaluate(value, self.constants)
             except Unknown:
@@ -87,15 +83,9 @@ class Text:
         self.functions = {}
         for found in re.finditer(r"\bfn (\w+)\(", self.plain):
             inside = arguments(self.plain, found.end() - 1)
-            parameters = [
-                re.match(r"(.*?)(\w+)\s*:", part, re.DOTALL).groups()
-                for part in inside
-                if ":" in part
-            ]
+            parameters = [re.match(r"(.*?)(\w+)\s*:", part, re.DOTALL).groups() for part in inside if ":" in part]
             begin = self.plain.index("{", found.end() + sum(map(len, inside)))
-            self.functions[found[1]] = Function(
-                found[1], parameters, begin, self.closing(begin)
-            )
+            self.functions[found[1]] = Function(found[1], parameters, begin, self.closing(begin))
 
     def closing(self, begin):
         depth = 0
@@ -108,13 +98,8 @@ class Text:
     def calls(self, function):
         """The functions that a function calls, with the place of the parenthesis."""
         body = self.plain[function.begin : function.end]
-        found = (
-            (m[1], function.begin + m.end() - 1)
-            for m in re.finditer(r"\b(\w+)\(", body)
-        )
-        return [
-            (self.functions[name], at) for name, at in found if name in self.functions
-        ]
+        found = ((m[1], function.begin + m.end() - 1) for m in re.finditer(r"\b(\w+)\(", body))
+        return [(self.functions[name], at) for name, at in found if name in self.functions]
 
     def reachable(self, entry):
         """The functions that the entry reaches, callers first."""
@@ -139,16 +124,9 @@ class Names:
 
     def __init__(self, text, order, entry, parameters):
         self.uniform, self.thread = {}, {}
-        if missing := {
-            value for value in parameters.values() if isinstance(value, str)
-        } - set(text.constants):
-            raise Failure(
-                f"solve.py names constants that the shaders do not have: {', '.join(sorted(missing))}"
-            )
-        values = {
-            name: text.constants[v] if isinstance(v, str) else v
-            for name, v in parameters.items()
-        }
+        if missing := {value for value in parameters.values() if isinstance(value, str)} - set(text.constants):
+            raise Failure(f"solve.py names constants that the shaders do not have: {', '.join(sorted(missing))}")
+        values = {name: text.constants[v] if isinstance(v, str) else v for name, v in parameters.items()}
         known = text.constants | values
         passed = {function.name: None for function in order}
         for function in order:
@@ -178,10 +156,7 @@ class Names:
                 thread.pop(name, None)
             self.uniform[function.name], self.thread[function.name] = uniform, thread
             for called, at in text.calls(function):
-                values = [
-                    self._values(arguments(text.plain, at), names)
-                    for names in (uniform, thread)
-                ]
+                values = [self._values(arguments(text.plain, at), names) for names in (uniform, thread)]
                 passed[called.name] = (passed[called.name] or []) + [values]
 
     @staticmethod
@@ -212,9 +187,7 @@ def marked(source, entry, sets):
     def told(directive, function, loops, words):
         """The counts that a directive's words say."""
         try:
-            return [
-                evaluate(words, names.thread[function.name] | loops) for names in known
-            ]
+            return [evaluate(words, names.thread[function.name] | loops) for names in known]
         except Unknown as error:
             raise Failure(f"not understood: {directive[0]}") from error
 
@@ -225,9 +198,7 @@ def marked(source, entry, sets):
             begun = len(marks)
             mark(begin, "region", counts, warps)
             if text.plain[begin - 2 : begin].strip() == "}":
-                following = (
-                    begin + len(text.plain[begin:]) - len(text.plain[begin:].lstrip())
-                )
+                following = begin + len(text.plain[begin:]) - len(text.plain[begin:].lstrip())
                 marks[begun].where = f"(rest) {text.line(following)}"
         walk(function, begin, end, loops)
         if begun is not None:
@@ -255,17 +226,10 @@ def marked(source, entry, sets):
             depth += (c in "([") - (c in ")]")
             if c == "{":
                 header, close = text.plain[start:k].strip(), text.closing(k)
-                jumps = (jumps or header.startswith("if")) and bool(
-                    JUMP.search(text.plain[k:close])
-                )
+                jumps = (jumps or header.startswith("if")) and bool(JUMP.search(text.plain[k:close]))
                 before = block(function, header, k, close, loops, before)
                 k = start = close + 1
-                if (
-                    jumps
-                    and before
-                    and min(before) < 1
-                    and not text.plain[k:].lstrip().startswith("else")
-                ):
+                if jumps and before and min(before) < 1 and not text.plain[k:].lstrip().startswith("else"):
                     # What follows is left out where the `if` was taken.
                     if text.plain[k:end].strip():
                         region(k, end, before, 1, function, loops)
@@ -274,11 +238,7 @@ def marked(source, entry, sets):
             if c == ";" and depth == 0:
                 directive = text.directives.get(k + 1)
                 if directive and directive[2]:
-                    first = (
-                        start
-                        + len(text.plain[start:k])
-                        - len(text.plain[start:k].lstrip())
-                    )
+                    first = start + len(text.plain[start:k]) - len(text.plain[start:k].lstrip())
                     begun = len(marks)
                     mark(
                         first,
@@ -348,10 +308,7 @@ def marked(source, entry, sets):
             if function.begin < at < function.end and directive[1]:
                 mark(text.plain.index("\n", at) + 1, "near", [])
     if missing:
-        raise Failure(
-            "these loops need a comment `// model: N times`:\n    "
-            + "\n    ".join(missing)
-        )
+        raise Failure("these loops need a comment `// model: N times`:\n    " + "\n    ".join(missing))
     inserted += [(after, " return model_value;") for after in kept]
     return sorted(inserted, key=lambda pair: pair[0]), marks
 
@@ -381,8 +338,4 @@ def with_marks(source, places, chosen=None):
 def groups(marks):
     """Marks that belong together: those of a loop; the beginning and the end of a region."""
     ends = {mark.counts[0]: n for n, mark in enumerate(marks) if mark.kind == "end"}
-    return [
-        {n, ends[n]} if n in ends else {n}
-        for n, mark in enumerate(marks)
-        if mark.kind != "end"
-    ]
+    return [{n, ends[n]} if n in ends else {n} for n, mark in enumerate(marks) if mark.kind != "end"]
