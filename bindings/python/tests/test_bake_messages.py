@@ -110,7 +110,7 @@ def test_a_dry_run_tells_and_writes_nothing(scene: Path, tmp_path: Path) -> None
         "may move; ",
         "files: 30 below ",
         f"report: {out / 'r.json'}",
-        "memory: 2 MB per job, besides the scene; at most ",
+        "memory: 1 MB per job, besides the scene; at most ",
     ):
         assert words in told, f"'{words}' in {told}"
     assert not out.exists()
