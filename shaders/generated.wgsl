@@ -51,7 +51,7 @@ const COMPRESSION_STIFFNESS: f32 = 0.5;
 const MIN_OFFSET_SQUARE: f32 = 0.1;
 /// Sweeps of the V-cycle's smoother on either side of the coarse correction (method §7.4).
 const SMOOTHER_SWEEPS: u32 = 3u;
-/// The same on the coarsest level.
+/// Sweeps of the smoother on either side on the coarsest level.
 const COARSEST_SWEEPS: u32 = 6u;
 /// Most iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
 /// does, which continues along the last step, and need more memory (method §7.3).

@@ -14,8 +14,8 @@ use vrtm_core::team::Team;
 /// Rows that one item of work draws.
 const BAND: usize = 64;
 
-/// Per texel of a part of an image, the chart that its centre lies in. Beside all charts it is the one whose border is nearest
-/// on the surface, if its collar lies there.
+/// Charts that the texels of a part of an image belong to: the one that a texel's centre lies in; beside all charts, the one
+/// whose border is nearest on the surface, if its collar lies there.
 pub struct Owners {
     width: usize,
     /// Bands of rows, from v = 0 upward.
@@ -90,7 +90,7 @@ impl Owners {
     }
 }
 
-/// The same of the nodes of a grid, in some of its squares of 16 by 16.
+/// Charts that the nodes of a grid belong to, by the rule of `Owners`, in some of its squares of 16 by 16.
 pub struct NodeOwners {
     /// Rows and columns, ascending.
     squares: Vec<[u32; 2]>,

@@ -15,7 +15,7 @@ use vrtm_core::method::stage::{Stage, Stages, Start};
 #[cfg(test)]
 mod tests;
 
-/// Most active blocks of a level that leave so much of a GPU idle that four threads work on a node of it.
+/// Most active blocks of a level on which four threads relax a node: fewer leave most of a large GPU idle.
 const WIDE_BLOCKS: u64 = 2048;
 
 impl Stages for Run<'_> {

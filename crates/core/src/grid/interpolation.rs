@@ -146,7 +146,7 @@ struct Model {
     south: Half,
     /// The Galerkin product on even columns and all rows.
     halfway: [Half; 4],
-    /// That on even columns and even rows.
+    /// The stiffness on even columns and even rows.
     coarser: [[Row; COLUMNS]; 4],
 }
 

@@ -60,7 +60,7 @@ constants! {
 
     /// Sweeps of the V-cycle's smoother on either side of the coarse correction (method §7.4).
     SMOOTHER_SWEEPS: u32 = 3;
-    /// The same on the coarsest level.
+    /// Sweeps of the smoother on either side on the coarsest level.
     COARSEST_SWEEPS: u32 = 6;
     /// Most iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
     /// does, which continues along the last step, and need more memory (method §7.3).
