@@ -121,6 +121,16 @@ impl Chart {
         }
     }
 
+    /// The positions of all vertices, then of all points, given those of the mesh's vertices.
+    pub fn positions<'a, const D: usize>(
+        &'a self,
+        of_vertex: impl Fn(u32) -> [f64; D] + Copy + 'a,
+    ) -> impl Iterator<Item = [f64; D]> + 'a {
+        let vertices = self.vertices.iter().map(move |&v| of_vertex(v));
+        let points = self.vertices.len() as u32..self.count() as u32;
+        vertices.chain(points.map(move |local| self.position(local, of_vertex)))
+    }
+
     /// The value at a vertex or point, given the values at the mesh's vertices; mirror images have those of what they are of.
     pub fn value<const D: usize>(&self, local: u32, of_vertex: impl Fn(u32) -> [f64; D]) -> [f64; D] {
         match self.vertices.get(local as usize) {

@@ -22,6 +22,15 @@ impl Scalar {
             Scalar::F64 => 8,
         }
     }
+
+    /// The number at the beginning of `bytes`.
+    #[inline(always)]
+    fn read(self, bytes: &[u8]) -> f64 {
+        match self {
+            Scalar::F32 => f32::from_ne_bytes(bytes[..4].try_into().unwrap()).into(),
+            Scalar::F64 => f64::from_ne_bytes(bytes[..8].try_into().unwrap()),
+        }
+    }
 }
 
 /// `count` elements of `components` scalars, each `stride` bytes after the one before it.
@@ -155,17 +164,19 @@ impl<'a> Strided<'a> {
     #[must_use]
     pub fn get(&self, i: usize, c: usize) -> f64 {
         assert!(i < self.count && c < self.components);
-        let at = i * self.stride + c * self.scalar.size();
-        match self.scalar {
-            Scalar::F32 => f32::from_ne_bytes(self.bytes[at..at + 4].try_into().unwrap()).into(),
-            Scalar::F64 => f64::from_ne_bytes(self.bytes[at..at + 8].try_into().unwrap()),
-        }
+        self.scalar.read(&self.bytes[i * self.stride + c * self.scalar.size()..])
     }
 
     /// The first three components of element `i`.
+    ///
+    /// # Panics
+    /// If `i` is out of range, or elements have fewer components.
     #[must_use]
     pub fn get3(&self, i: usize) -> [f64; 3] {
-        [self.get(i, 0), self.get(i, 1), self.get(i, 2)]
+        assert!(i < self.count && self.components >= 3);
+        let element = &self.bytes[i * self.stride..][..3 * self.scalar.size()];
+        let component = |c: usize| self.scalar.read(&element[c * self.scalar.size()..]);
+        [component(0), component(1), component(2)]
     }
 
     /// Errors with the index of the first component that is not finite.
@@ -180,12 +191,20 @@ impl<'a> Strided<'a> {
 
     /// Errors with the index of the first component that is not `good`.
     fn check(&self, name: &str, good: impl Fn(f64) -> bool) -> Result<()> {
-        for i in 0..self.count {
-            for c in 0..self.components {
-                let value = self.get(i, c);
-                if !good(value) {
-                    return Err(Error::argument(format!("{name}[{i}]: component {c} is {value}")));
-                }
+        // Read as one format throughout: a call checks all positions of its pose.
+        let is_bad = |i: usize, scalar: Scalar| {
+            let element = &self.bytes[i * self.stride..][..self.components * scalar.size()];
+            element.chunks_exact(scalar.size()).any(|component| !good(scalar.read(component)))
+        };
+        let bad = match self.scalar {
+            Scalar::F32 => (0..self.count).find(|&i| is_bad(i, Scalar::F32)),
+            Scalar::F64 => (0..self.count).find(|&i| is_bad(i, Scalar::F64)),
+        };
+        let Some(i) = bad else { return Ok(()) };
+        for c in 0..self.components {
+            let value = self.get(i, c);
+            if !good(value) {
+                return Err(Error::argument(format!("{name}[{i}]: component {c} is {value}")));
             }
         }
         Ok(())

@@ -36,24 +36,21 @@ impl Pose {
             .map(|(c, chart)| {
                 let mut low = [f64::INFINITY; 3];
                 let mut high = [f64::NEG_INFINITY; 3];
-                let point = |local: u32| chart.position(local, &position);
-                for p in (0..chart.count() as u32).map(point) {
+                chart.positions(&position).for_each(|p| {
                     for axis in 0..3 {
                         low[axis] = low[axis].min(p[axis]);
                         high[axis] = high[axis].max(p[axis]);
                     }
-                }
+                });
                 let extent = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
                 let scale = rest.map_or_else(|| power_of_two_near_inverse(extent), |r| r.charts[c].scale);
                 let centre: [f64; 3] = std::array::from_fn(|axis| 0.5 * low[axis] + 0.5 * high[axis]);
-                let positions = (0..chart.count() as u32)
-                    .map(|local| {
-                        let p = point(local);
-                        std::array::from_fn(|axis| {
-                            ((p[axis] - centre[axis]) * scale).clamp(-FARTHEST, FARTHEST) as f32
-                        })
+                let relative = |p: [f64; 3]| {
+                    std::array::from_fn(|axis| {
+                        ((p[axis] - centre[axis]) * scale).clamp(-FARTHEST, FARTHEST) as f32
                     })
-                    .collect();
+                };
+                let positions = chart.positions(&position).map(relative).collect();
                 ChartPose { positions, scale }
             })
             .collect();

@@ -3,6 +3,7 @@
 
 use crate::allocation::Vec;
 use crate::grid::Level;
+use crate::grid::planes::NODES;
 
 use super::plan::{Input, Plan};
 use super::stage::{Stage, Start};
@@ -12,6 +13,8 @@ pub struct Costs {
     /// Per level, the active blocks of the charts that are solved.
     blocks: Vec<f64>,
     triangles: f64,
+    /// Triangles per node of level 0, 0 to 16. Where there are many, nodes walk over several to find theirs.
+    dense: f64,
     pbd: bool,
 }
 
@@ -24,8 +27,10 @@ impl Costs {
             let list = level.blocks.list.iter();
             list.filter(|block| block.active && input.charts[block.chart as usize]).count() as f64
         };
-        let blocks = input.grid.levels.iter().map(active).collect();
-        Costs { blocks, triangles: input.grid.triangles.len() as f64, pbd }
+        let blocks: Vec<f64> = input.grid.levels.iter().map(active).collect();
+        let triangles = input.grid.triangles.len() as f64;
+        let dense = (triangles / (blocks[0] * NODES as f64)).min(16.0);
+        Costs { blocks, triangles, dense, pbd }
     }
 
     /// The cost of a stage.
@@ -35,11 +40,12 @@ impl Costs {
             Stage::Surface => return 10.0 + self.triangles / 64.0,
             Stage::Pyramid { .. } => return 10.0 + 3.0 * self.blocks.get(1).unwrap_or(&self.blocks[0]),
             Stage::Start { from: Start::Passing, .. } => 1.0,
-            Stage::Start { .. } if finest => 9.0,
+            Stage::Start { from: Start::Identity, .. } if finest => 9.0,
+            Stage::Start { .. } if finest => 9.0 + 4.0 * self.dense,
             Stage::Start { .. } => 5.0,
             Stage::Relax { sweeps, .. } => 9.0 * f64::from(sweeps),
             Stage::Correct { ref correction, .. } if correction.first => {
-                45.0 + 15.0 * f64::from(correction.iterations)
+                45.0 + 15.0 * f64::from(correction.iterations) + if finest { self.dense } else { 0.0 }
             }
             // Most charts skip these corrections.
             Stage::Correct { .. } => 25.0,
