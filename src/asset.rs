@@ -17,6 +17,7 @@ pub(crate) mod solve;
 mod stretch;
 pub(crate) mod tile;
 mod tiles;
+mod together;
 
 use std::sync::Arc;
 

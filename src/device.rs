@@ -232,23 +232,23 @@ impl Device {
         self.0.gpu.as_ref()
     }
 
-    /// Allocates a tile's solver.
+    /// Allocates the solver of a tile, or of several with their joined grid.
     pub(crate) fn solver(
         &self,
         grid: &Arc<Grid>,
-        tile: &TileMesh,
+        tiles: &[&TileMesh],
         purpose: Purpose,
     ) -> Result<Box<dyn TileSolver>> {
         match self.gpu() {
-            Some(gpu) => gpu.clone().solver(grid, tile),
+            Some(gpu) => gpu.clone().solver(grid, tiles),
             None => Ok(boxed(cpu::Memory::new(grid, purpose))),
         }
     }
 
     /// Bytes that `solver` allocates.
-    pub(crate) fn solver_bytes(&self, grid: &Grid, tile: &TileMesh, purpose: Purpose) -> Result<u64> {
+    pub(crate) fn solver_bytes(&self, grid: &Grid, tiles: &[&TileMesh], purpose: Purpose) -> Result<u64> {
         self.gpu()
-            .map_or_else(|| Ok(cpu::Memory::bytes_for(grid, purpose)), |gpu| gpu.solver_bytes(grid, tile))
+            .map_or_else(|| Ok(cpu::Memory::bytes_for(grid, purpose)), |gpu| gpu.solver_bytes(grid, tiles))
     }
 
     /// `DeviceLost` if the GPU was lost.

@@ -66,7 +66,7 @@ impl TileState {
         let key = call.given.grid_key(tile, shape.beyond.iter().copied());
         if shape.grid.known(&key).is_none() {
             // Memory for another grid is of no more use.
-            self.solver = None;
+            self.free_solvers();
             if is_whole {
                 self.copies.free();
                 self.blended.free();
@@ -140,7 +140,7 @@ impl TileState {
         let grid = build::skeleton(survey);
         let result = Solved::bytes_for(&grid);
         let purpose = Purpose::new(Solver::Descent, &maps.settings);
-        let solver = call.device.solver_bytes(&grid, mesh, purpose)?;
+        let solver = call.device.solver_bytes(&grid, &[&**mesh], purpose)?;
         let has_collars = !mesh.sources.is_empty();
         let collars = if has_collars { mesh.bytes() } else { 0 };
         let prepared = given.bytes(call.mesh, self.tile) + collars + grid_bytes;

@@ -22,7 +22,8 @@ use super::results::{Last, TileResult, not_solved};
 use super::shape::{Call, Prepared};
 use super::side_by_side::together;
 use super::stretch::Stretch;
-use super::tile::{SolveCall, TileSolved, TileState};
+use super::tile::{Begun, SolveCall, TileSolved, TileState};
+use super::together::{solve as solve_unit, units};
 use crate::map::fetch::Output;
 use crate::solved::Solved;
 
@@ -30,14 +31,15 @@ use crate::solved::Solved;
 const PREPARING: f32 = 0.3;
 
 /// A tile to solve, and its result.
-struct Queued<'a> {
-    state: &'a mut TileState,
-    prepared: Prepared,
+pub(super) struct Queued<'a> {
+    pub state: &'a mut TileState,
+    pub prepared: Prepared,
+    pub begun: Begun,
     /// Nodes that may move.
-    nodes: u64,
+    pub nodes: u64,
     /// This tile's share of the call's progress.
-    progress: f32,
-    result: Option<Result<TileSolved>>,
+    pub progress: f32,
+    pub result: Option<Result<TileSolved>>,
 }
 
 /// The results of a solve before they are published: the requested outputs are written first, since that can fail.
@@ -252,59 +254,85 @@ fn solve(call: &SolveCall, crew: &Crew, tiles: Vec<&mut TileState>) -> Result<Ve
     let nodes: Vec<u64> = queue.iter().map(|queued| queued.nodes).collect();
     // A GPU executes submissions in order, so its threads would only submit work.
     let together = if call.on.device.gpu().is_some() { 0 } else { together(&nodes, call.on.team.threads()) };
-    let (large, small) = queue.split_at_mut(together);
-    for queued in large {
-        let call = SolveCall { progress: queued.progress, ..*call };
-        queued.result = Some(queued.state.solve(&call, &queued.prepared));
-        if let Some(Err(error)) = &queued.result {
+    let mut units = units(call, queue);
+    let (large, small) = units.split_at_mut(together);
+    for unit in large {
+        solve_unit(call, unit);
+        if let Some(Err(error)) = &unit[0].result {
             return Err(error.clone());
         }
     }
     let alone = crew.alone();
-    call.on.team.fill_large(small, |_, queued| {
-        queued.result = Some(Team::of(&alone, |team| {
+    call.on.team.fill_large(small, |_, unit| {
+        Team::of(&alone, |team| {
             let on = Call { team, ..call.on };
-            let call = SolveCall { on, progress: queued.progress, learns: false, ..*call };
-            queued.state.solve(&call, &queued.prepared)
-        }));
+            solve_unit(&SolveCall { on, learns: false, ..*call }, unit);
+        });
     });
+    results(units)
+}
+
+/// The results of tiles, in their order.
+fn results(units: Vec<Vec<Queued>>) -> Result<Vec<TileSolved>> {
+    let mut queue: Vec<Queued> = units.into_iter().flatten().collect();
     queue.sort_unstable_by_key(|queued| queued.state.tile);
     queue.into_iter().filter_map(|queued| queued.result).collect::<Result<Vec<_>>>()
 }
 
-/// Solves tiles one after the other within a time budget, dividing the remaining time among the remaining tiles.
+/// Solves tiles one after the other within a time budget, dividing the remaining time among the remaining tiles. A GPU solves
+/// together what it can.
 fn in_turn(call: &SolveCall, budget: Duration, tiles: Vec<&mut TileState>) -> Result<Vec<TileSolved>> {
+    if call.on.device.gpu().is_some() {
+        let mut units = units(call, prepare(call, tiles)?);
+        let nodes = |unit: &Vec<Queued>| unit.iter().map(|queued| queued.nodes).sum::<u64>();
+        let mut left = units.iter().map(nodes).sum();
+        for unit in &mut units {
+            let budget = Some(share(call, budget, nodes(unit), &mut left));
+            solve_unit(&SolveCall { budget, ..*call }, unit);
+        }
+        return results(units);
+    }
     // Nothing is known yet of a tile without a grid.
     let movable = |state: &TileState| state.grid(call.on.given).map_or(0, |grid| grid.movable.iter().sum());
-    let mut nodes: u64 = tiles.iter().map(|state| movable(state)).sum();
+    let mut left: u64 = tiles.iter().map(|state| movable(state)).sum();
     let progress = call.progress / tiles.len() as f32;
     let mut solved = Vec::with_capacity(tiles.len());
     for state in tiles {
-        let own: u64 = movable(state);
-        let spent = call.start.elapsed();
-        let part = if own < nodes { own as f64 / nodes as f64 } else { 1.0 };
-        let budget = Some(spent.saturating_add(budget.saturating_sub(spent).mul_f64(part)));
-        nodes -= own;
+        let budget = Some(share(call, budget, movable(state), &mut left));
         let prepared = state.prepare(call)?;
         let call = SolveCall { budget, progress, ..*call };
-        solved.push(state.solve(&call, &prepared)?);
+        let mut begun = state.begin(&call, &prepared);
+        solved.push(state.solve(&call, &prepared, &mut begun)?);
     }
     Ok(solved)
+}
+
+/// The time, from the call's start, by which some tiles are to be solved: their share of what is left of the budget.
+fn share(call: &SolveCall, budget: Duration, own: u64, left: &mut u64) -> Duration {
+    let spent = call.start.elapsed();
+    let part = if own < *left { own as f64 / *left as f64 } else { 1.0 };
+    *left -= own.min(*left);
+    spent.saturating_add(budget.saturating_sub(spent).mul_f64(part))
 }
 
 /// Prepares the tiles one after the other, so that the host's log is called on the thread that does the call's work.
 fn prepare<'a>(call: &SolveCall, tiles: Vec<&'a mut TileState>) -> Result<Vec<Queued<'a>>> {
     let fresh = tiles.iter().any(|state| state.grid(call.on.given).is_none());
     let (preparing, count) = (if fresh { PREPARING } else { 0.0 }, tiles.len() as f32);
-    let mut queue = Vec::with_capacity(tiles.len());
+    let mut all = Vec::with_capacity(tiles.len());
     for state in tiles {
         let prepared = state.prepare(call)?;
-        let nodes = prepared.grid.movable.iter().sum();
-        queue.push(Queued { state, prepared, nodes, progress: 0.0, result: None });
+        all.push((state, prepared));
         if let Some(control) = call.on.team.control() {
             control.advance(call.progress * preparing / count);
         }
     }
+    let begun = call.on.team.map(all.len(), |k| all[k].0.begin(call, &all[k].1));
+    let queued = |((state, prepared), begun): ((_, Prepared), Begun)| {
+        let nodes = prepared.grid.movable.iter().sum();
+        Queued { state, prepared, begun, nodes, progress: 0.0, result: None }
+    };
+    let mut queue: Vec<Queued> = all.into_iter().zip(begun).map(queued).collect();
     // Even an empty tile has a fixed cost.
     let weight = |queued: &Queued| (queued.nodes + 1000) as f32;
     let all: f32 = queue.iter().map(weight).sum();

@@ -8,7 +8,7 @@ use crate::device::{Booked, Device};
 use vrtm_beyond::Copies;
 use vrtm_beyond::gutter::LimitedTexels;
 use vrtm_core::allocation::{Vec, vec, zeroed};
-use vrtm_core::error::{ErrorKind, Result};
+use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::SIDE;
 use vrtm_core::grid::pose::{ChartPose, Pose};
@@ -16,6 +16,7 @@ use vrtm_core::mesh::TileMesh;
 use vrtm_core::method::deadline::Deadline;
 use vrtm_core::method::plan::{ChartResult, Input, Plan, Purpose, Summary};
 use vrtm_core::method::progress::Progress;
+use vrtm_core::panics::lock;
 use vrtm_core::report::{GpuWork, TileReport, report};
 use vrtm_core::settings::{LogLevel, TileSettings};
 use vrtm_core::unwind::caught;
@@ -25,6 +26,7 @@ use super::blended::{BlendKey, Blended, CopiesKey};
 use super::derived::Derived;
 use super::given::{Change, Given, GridKey};
 use super::shape::{Call, Prepared, Shape, ShapeKey, torn_welds};
+use super::together::Shared;
 use crate::solved::Solved;
 use vrtm_core::backend::{TileSolution, TileSolve, TileSolver, Warp};
 
@@ -61,6 +63,8 @@ pub(crate) struct TileState {
     /// The last blend at seams, which is part of what is published.
     pub(super) blended: Derived<Arc<BlendKey>, Blended>,
     pub(super) solver: Option<BookedSolver>,
+    /// The solver that it shares with other tiles.
+    pub(super) together: Option<Shared>,
     pub(super) last: Option<TileSolved>,
     /// The welds that the last pose tore.
     welds_torn: Vec<u32>,
@@ -69,10 +73,10 @@ pub(crate) struct TileState {
 /// A solver, which knows the grid that it is for, and its memory.
 #[derive(Debug)]
 pub(super) struct BookedSolver {
-    solver: Box<dyn TileSolver>,
+    pub solver: Box<dyn TileSolver>,
     /// True if the memory has never been used.
-    is_fresh: bool,
-    booked: Booked,
+    pub is_fresh: bool,
+    pub booked: Booked,
 }
 
 /// A tile's last good result, and what it follows from.
@@ -117,6 +121,7 @@ impl TileState {
             copies: Derived::default(),
             blended: Derived::default(),
             solver: None,
+            together: None,
             last: None,
             welds_torn: Vec::new(),
         }
@@ -127,8 +132,26 @@ impl TileState {
         let of_shape =
             |of: &Derived<ShapeKey, Shape>| of.bytes() + of.last().map_or(0, |(_, shape)| shape.bytes());
         let shapes: u64 = [&self.whole, &self.torn].into_iter().map(of_shape).sum();
-        let solver = self.solver.as_ref().map_or(0, |solver| solver.booked.bytes());
-        self.maps.bytes() + shapes + self.copies.bytes() + solver
+        let together =
+            |shared: &Shared| lock(shared).as_ref().map_or(0, |together| together.bytes_of(self.tile));
+        let shared = self.together.as_ref().map_or(0, together);
+        self.maps.bytes() + shapes + self.copies.bytes() + self.solver_bytes() + shared
+    }
+
+    /// Bytes of its own solver.
+    pub fn solver_bytes(&self) -> u64 {
+        self.solver.as_ref().map_or(0, |solver| solver.booked.bytes())
+    }
+
+    /// Frees its solver, and the one that it shares.
+    pub fn free_solvers(&mut self) {
+        self.solver = None;
+        self.together.take().into_iter().for_each(|shared| *lock(&shared) = None);
+    }
+
+    /// True if the last pose tears welds.
+    pub fn is_torn(&self) -> bool {
+        !self.welds_torn.is_empty()
     }
 
     /// The tile with the connectivity of a pose, and its grid; builds the grid if necessary.
@@ -146,27 +169,52 @@ impl TileState {
         prepared
     }
 
-    /// Solves the prepared tile. The last result is unchanged: the caller replaces it when all tiles are solved.
-    pub fn solve(&mut self, call: &SolveCall, prepared: &Prepared) -> Result<TileSolved> {
+    /// The pose of the prepared tile, and what has to be done for it.
+    pub fn begin(&self, call: &SolveCall, prepared: &Prepared) -> Begun {
         let start = Instant::now();
         let Prepared { mesh, grid, .. } = prepared;
-        let is_torn = !self.welds_torn.is_empty();
-        let own = if is_torn { mesh } else { &call.on.mesh.tiles[self.tile] };
         let settings = call.on.given.maps[self.tile].settings;
         let pose = Pose::new(mesh, |v| call.positions.get3(v as usize), Some(&grid.rest));
         let tasks = self.tasks(prepared, &pose, call.plan, &settings);
-        let WarpResult { warp, results, mut report, work } = self.warp(call, prepared, &pose, &tasks)?;
+        let (results, warp) = self.without_solver(grid, &tasks);
+        Begun { pose, tasks, results, warp, spent: start.elapsed() }
+    }
+
+    /// Solves the prepared tile with its own solver. The last result is unchanged: the caller replaces it when all tiles are
+    /// solved.
+    pub fn solve(&mut self, call: &SolveCall, prepared: &Prepared, begun: &mut Begun) -> Result<TileSolved> {
+        let start = Instant::now();
+        let solution = match begun.warp {
+            Some(_) => None,
+            None => Some(self.run_solver(call, prepared, begun)?),
+        };
+        begun.spent += start.elapsed();
+        self.end(call, prepared, begun, solution)
+    }
+
+    /// The result of the prepared tile.
+    pub fn end(
+        &mut self,
+        call: &SolveCall,
+        prepared: &Prepared,
+        begun: &mut Begun,
+        solution: Option<TileSolution>,
+    ) -> Result<TileSolved> {
+        let Prepared { mesh, grid, .. } = prepared;
+        let own = if self.is_torn() { mesh } else { &call.on.mesh.tiles[self.tile] };
+        let settings = call.on.given.maps[self.tile].settings;
         if call.release_solvers {
             // That of an earlier call, too, if no chart had to be solved.
-            self.solver = None;
+            self.free_solvers();
         }
-        let (gutter, build_ms) = self.gutter_and_ms(&call.on, is_torn)?;
-        self.fill_report(&mut report, grid, mesh, &tasks, &results);
+        let (gutter, build_ms) = self.gutter_and_ms(&call.on, self.is_torn())?;
+        let WarpResult { warp, results, mut report, work } = begun.result(call.plan, grid, solution)?;
+        self.fill_report(&mut report, grid, mesh, &begun.tasks, &results);
         report.times.maps = build_ms;
-        report.times.total = start.elapsed().as_secs_f32() * 1000.0 + build_ms;
+        report.times.total = begun.spent.as_secs_f32() * 1000.0 + build_ms;
         // A warm or truncated result depends on more than its inputs.
         let depends_on_more = call.plan.warm || report.truncated;
-        let charts = pose.charts.into_iter().zip(&prepared.since).zip(&tasks);
+        let charts = begun.pose.charts.drain(..).zip(&prepared.since).zip(&begun.tasks);
         let input = |((pose, &since), task): ((ChartPose, &u64), &ChartTask)| {
             (*task == ChartTask::Reuse || !depends_on_more).then_some(ChartInput { pose, since })
         };
@@ -193,6 +241,11 @@ impl TileState {
         self.last.as_ref().filter(|last| last.solved.grid.has_blocks_of(grid))
     }
 
+    /// The last warp on a grid with the same blocks.
+    pub fn last_warp(&self, grid: &Grid) -> Option<&Warp> {
+        self.last_on(grid).map(|last| &*last.solved.warp)
+    }
+
     /// The task for each chart.
     fn tasks(
         &self,
@@ -215,15 +268,8 @@ impl TileState {
         (0..mesh.charts.len()).map(task).collect()
     }
 
-    /// The warp, solved if necessary, with its report.
-    fn warp(
-        &mut self,
-        call: &SolveCall,
-        prepared: &Prepared,
-        pose: &Pose,
-        tasks: &[ChartTask],
-    ) -> Result<WarpResult> {
-        let grid = &prepared.grid;
+    /// The results of the charts as they are before the solver runs, and the warp, if it is known without a solver.
+    fn without_solver(&self, grid: &Grid, tasks: &[ChartTask]) -> (Vec<ChartResult>, Option<Arc<Warp>>) {
         let last = self.last_on(grid).map(|last| &last.solved);
         let mut results =
             last.map_or_else(|| vec![ChartResult::default(); tasks.len()], |l| l.results.clone());
@@ -234,63 +280,26 @@ impl TileState {
             unchanged &= result.max_displacement == 0.0;
             *result = ChartResult { min_jacobian: 1.0, ..ChartResult::default() };
         }
-        let last = last.map(|last| last.warp.clone());
-        let report = TileReport::default();
-        if let (true, Some(last)) = (unchanged, &last) {
-            return Ok(WarpResult { warp: last.clone(), results, report, work: None });
-        }
-        if !solves && !tasks.contains(&ChartTask::Reuse) {
-            let identity = zeroed(grid.levels[0].blocks.list.len());
-            let warp = Arc::new(Warp::Host(identity));
-            return Ok(WarpResult { warp, results, report, work: None });
-        }
-        let solution = self.run_solver(call, prepared, pose, last.as_deref(), tasks)?;
-        for c in (0..tasks.len()).filter(|&c| tasks[c] == ChartTask::Solve) {
-            results[c] = solution.charts[c];
-        }
-        let Summary { times, sweeps, corrections, truncated } = solution.summary;
-        let report = report!(report, {
-            times: times,
-            sweeps: sweeps,
-            corrections: corrections,
-            truncated: truncated,
-            node_updates: solution.node_updates,
-            blocks_active: solution.blocks_active,
-            levels: call.plan.coarsest(grid) as u32 + 1,
-        });
-        Ok(WarpResult { warp: Arc::new(solution.warp), results, report, work: solution.work })
+        let last = last.filter(|_| unchanged).map(|last| last.warp.clone());
+        let is_identity = !solves && !tasks.contains(&ChartTask::Reuse);
+        let identity = || Arc::new(Warp::Host(zeroed(grid.levels[0].blocks.list.len())));
+        (results, last.or_else(|| is_identity.then(identity)))
     }
 
     /// Runs the tile's solver; makes it if necessary.
-    fn run_solver(
-        &mut self,
-        call: &SolveCall,
-        prepared: &Prepared,
-        pose: &Pose,
-        last: Option<&Warp>,
-        tasks: &[ChartTask],
-    ) -> Result<TileSolution> {
-        let Call { team, device, given, .. } = call.on;
+    fn run_solver(&mut self, call: &SolveCall, prepared: &Prepared, begun: &Begun) -> Result<TileSolution> {
+        let Call { device, given, .. } = call.on;
         let (Prepared { mesh, grid, .. }, plan) = (prepared, call.plan);
-        let charts: Vec<bool> = tasks.iter().map(|&task| task == ChartTask::Solve).collect();
-        let keep: Vec<bool> = tasks.iter().map(|&task| task != ChartTask::Identity).collect();
         let settings = &given.maps[self.tile].settings;
         // Taken out during the run: if a stage panics, the memory is dropped.
         let mut solver = self.take_solver(device, prepared, Purpose::new(plan.solver(), settings))?;
+        let last = self.last_warp(grid);
         let (continuation, protect) = (plan.continuation, plan.protect(settings));
         let pull = if last.is_some() { plan.temporal_weight } else { 0.0 };
-        let input = Input { grid, mesh, pose, settings, protect, charts: &charts, continuation, pull };
-        let fresh = std::mem::replace(&mut solver.is_fresh, false);
-        let deadline = Deadline::new(call.start, [call.budget, plan.budget], *device.pace(), fresh);
-        let progress = Progress::new(team.control(), call.progress);
-        let mut solve = TileSolve { team, input, plan, deadline, progress, last, keep: &keep };
-        let solution = caught(|| solver.solver.run(&mut solve));
-        if call.learns {
-            *device.pace() = solve.deadline.learnt();
-        }
-        // A cancelled solve leaves its memory usable: each solve writes what it reads.
-        let is_usable = solution.as_ref().err().is_none_or(|error| error.kind == ErrorKind::Cancelled);
-        if is_usable {
+        let (charts, pose) = (&begun.solved()[..], &begun.pose);
+        let input = Input { grid, mesh, pose, settings, protect, charts, continuation, pull };
+        let solution = solver.run(call, input, call.progress, &[last], &begun.kept());
+        if is_usable_after(&solution) {
             self.solver = Some(solver);
         }
         solution
@@ -303,8 +312,8 @@ impl TileState {
             return Ok(solver);
         }
         let mut booked = device.booking();
-        booked.set(device.solver_bytes(&on.grid, &on.mesh, purpose)?, &on.mesh.name())?;
-        let solver = caught(|| device.solver(&on.grid, &on.mesh, purpose))?;
+        booked.set(device.solver_bytes(&on.grid, &[&*on.mesh], purpose)?, &on.mesh.name())?;
+        let solver = caught(|| device.solver(&on.grid, &[&*on.mesh], purpose))?;
         Ok(BookedSolver { solver, is_fresh: true, booked })
     }
 
@@ -351,8 +360,90 @@ struct WarpResult {
     work: Option<GpuWork>,
 }
 
+/// A tile in a pose, before its solver runs.
+#[derive(Debug)]
+pub(crate) struct Begun {
+    /// Time that the tile took so far.
+    pub(super) spent: Duration,
+    pub(super) pose: Pose,
+    tasks: Vec<ChartTask>,
+    results: Vec<ChartResult>,
+    /// The warp, if it is known without a solver.
+    warp: Option<Arc<Warp>>,
+}
+
+impl Begun {
+    pub fn needs_solver(&self) -> bool {
+        self.warp.is_none()
+    }
+
+    /// Per chart, whether it is solved.
+    pub fn solved(&self) -> Vec<bool> {
+        self.tasks.iter().map(|&task| task == ChartTask::Solve).collect()
+    }
+
+    /// Per chart, whether it keeps its last result unless it is solved.
+    pub fn kept(&self) -> Vec<bool> {
+        self.tasks.iter().map(|&task| task != ChartTask::Identity).collect()
+    }
+
+    /// The warp and the results of all charts, given the solver's solution if it ran.
+    fn result(&mut self, plan: &Plan, grid: &Grid, solution: Option<TileSolution>) -> Result<WarpResult> {
+        let mut results = std::mem::take(&mut self.results);
+        let report = TileReport::default();
+        let Some(solution) = solution else {
+            let nothing = || Error::new(ErrorKind::Internal, "a tile was not solved");
+            let warp = self.warp.take().ok_or_else(nothing)?;
+            return Ok(WarpResult { warp, results, report, work: None });
+        };
+        for (c, _) in self.tasks.iter().enumerate().filter(|(_, task)| **task == ChartTask::Solve) {
+            results[c] = solution.charts[c];
+        }
+        let Summary { times, sweeps, corrections, truncated } = solution.summary;
+        let report = report!(report, {
+            times: times,
+            sweeps: sweeps,
+            corrections: corrections,
+            truncated: truncated,
+            node_updates: solution.node_updates,
+            blocks_active: solution.blocks_active,
+            levels: plan.coarsest(grid) as u32 + 1,
+        });
+        Ok(WarpResult { warp: Arc::new(solution.warp), results, report, work: solution.work })
+    }
+}
+
+impl BookedSolver {
+    /// Runs the solver on a call's input.
+    pub fn run(
+        &mut self,
+        call: &SolveCall,
+        input: Input,
+        progress: f32,
+        lasts: &[Option<&Warp>],
+        keep: &[bool],
+    ) -> Result<TileSolution> {
+        let (team, device, plan) = (call.on.team, call.on.device, call.plan);
+        let fresh = std::mem::replace(&mut self.is_fresh, false);
+        let deadline = Deadline::new(call.start, [call.budget, plan.budget], *device.pace(), fresh);
+        let progress = Progress::new(team.control(), progress);
+        let mut solve = TileSolve { team, input, plan, deadline, progress, lasts, keep };
+        let solution = caught(|| self.solver.run(&mut solve));
+        if call.learns {
+            *device.pace() = solve.deadline.learnt();
+        }
+        solution
+    }
+}
+
+/// True if a solver may be used again after this: a cancelled solve leaves its memory usable, since each solve writes what it
+/// reads.
+pub(super) fn is_usable_after(solution: &Result<TileSolution>) -> bool {
+    solution.as_ref().err().is_none_or(|error| error.kind == ErrorKind::Cancelled)
+}
+
 /// The task for a chart.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum ChartTask {
     /// The chart must be solved.
     Solve,

@@ -4,7 +4,6 @@ use std::time::Instant;
 
 use crate::device::Device;
 use crate::solved::Solved;
-use vrtm_core::backend::Warp;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::image::external::{ExternalImage, ExternalTexels};
 
@@ -43,11 +42,8 @@ pub(crate) fn write(
         Form::Tile => Some([0; 2]),
         Form::Udim(origin) => Some(origin.to_array().map(|x| x as u32)),
     };
-    let u = match &*solved.warp {
-        Warp::Gpu(u) => Some(&**u),
-        // On a GPU device only the identity is in host memory.
-        Warp::Host(_) => None,
-    };
+    // On a GPU device only the identity is in host memory.
+    let u = solved.warp.on_gpu();
     let level = &solved.grid.levels[0];
     let bytes = gpu.external_bytes(texels)?;
     let what = format!("an image of {}x{} texels", texels.size[0], texels.size[1]);

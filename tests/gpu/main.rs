@@ -16,6 +16,7 @@ mod device;
 mod invert;
 mod layers;
 mod shaders;
+mod together;
 
 // What needs a library with the GPU backend, or the crates that come with it.
 mod draw;

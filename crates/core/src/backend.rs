@@ -4,6 +4,7 @@
 
 use std::any::Any;
 use std::fmt::Debug;
+use std::ops::Range;
 use std::sync::Arc;
 
 use crate::allocation::{Vec, zeroed};
@@ -20,7 +21,7 @@ use crate::method::stage::Stages;
 use crate::report::{AdapterInfo, GpuWork};
 use crate::team::Team;
 
-/// A tile's solver: the memory that a backend keeps from one solve to the next.
+/// The solver of a tile, or of several as one ([`Grid::joined`]): the memory that a backend keeps from one solve to the next.
 pub trait TileSolver: Debug + Send + Sync {
     /// True if this memory is for this purpose on this grid (grids of other sizes or maps have other blocks).
     fn is_for(&self, grid: &Arc<Grid>, purpose: Purpose) -> bool;
@@ -29,7 +30,7 @@ pub trait TileSolver: Debug + Send + Sync {
     fn run(&mut self, solve: &mut TileSolve) -> Result<TileSolution>;
 }
 
-/// One solve of one tile.
+/// One solve of one tile, or of several as one.
 pub struct TileSolve<'a> {
     pub team: &'a Team,
     pub input: Input<'a>,
@@ -38,8 +39,8 @@ pub struct TileSolve<'a> {
     pub deadline: Deadline,
     /// The progress of the solve.
     pub progress: Progress,
-    /// The tile's last result on the same grid.
-    pub last: Option<&'a Warp>,
+    /// Per tile, its last result on the same grid.
+    pub lasts: &'a [Option<&'a Warp>],
     /// Charts that are not solved keep their last result if this is true for them, and become the identity otherwise.
     pub keep: &'a [bool],
 }
@@ -64,6 +65,14 @@ pub enum Warp {
 }
 
 impl Warp {
+    /// The warp in a GPU's memory, if it is there.
+    pub fn on_gpu(&self) -> Option<&dyn GpuWarp> {
+        match self {
+            Warp::Host(_) => None,
+            Warp::Gpu(u) => Some(&**u),
+        }
+    }
+
     /// The displacements in host memory; read from the GPU on first use.
     pub fn host(&self) -> Result<&[[Plane; 2]]> {
         match self {
@@ -74,14 +83,19 @@ impl Warp {
 }
 
 impl<'a> TileSolve<'a> {
+    /// The last result of a tile that is solved alone.
+    fn last(&self) -> Option<&'a Warp> {
+        self.lasts.first().copied().flatten()
+    }
+
     /// The last result in host memory if the solve starts from it or is pulled towards it, otherwise empty.
     pub fn anchor(&self) -> Result<&'a [[Plane; 2]]> {
-        self.last.filter(|_| self.plan.warm).map_or(Ok(&[]), Warp::host)
+        self.last().filter(|_| self.plan.warm).map_or(Ok(&[]), Warp::host)
     }
 
     /// Runs the schedule, if a chart has to be solved.
     pub fn run_schedule(&mut self, stages: &mut impl Stages) -> Summary {
-        let warm = self.plan.warm && self.last.is_some();
+        let warm = self.plan.warm && self.lasts.iter().any(Option::is_some);
         if self.input.charts.contains(&true) {
             schedule::run(stages, &self.input, self.plan, warm, &mut self.deadline, &mut self.progress)
         } else {
@@ -95,7 +109,7 @@ impl<'a> TileSolve<'a> {
         let blocks = &self.input.grid.levels[0].blocks;
         let mut u = zeroed(blocks.list.len());
         let stays = |c: usize| self.keep[c] && !self.input.charts[c];
-        if let Some(last) = self.last.filter(|_| (0..self.keep.len()).any(stays)) {
+        if let Some(last) = self.last().filter(|_| (0..self.keep.len()).any(stays)) {
             let last = last.host()?;
             for (_, range) in blocks.of_chart.iter().enumerate().filter(|(c, _)| stays(*c)) {
                 u[range.clone()].copy_from_slice(&last[range.clone()]);
@@ -168,10 +182,16 @@ pub trait Gpu: Any + Debug + Send + Sync {
     fn time_kernels(&self, yes: bool);
 
     /// Bytes that `solver` allocates.
-    fn solver_bytes(&self, grid: &Grid, tile: &TileMesh) -> Result<u64>;
+    fn solver_bytes(&self, grid: &Grid, tiles: &[&TileMesh]) -> Result<u64>;
 
-    /// Allocates a tile's solver.
-    fn solver(self: Arc<Self>, grid: &Arc<Grid>, tile: &TileMesh) -> Result<Box<dyn TileSolver>>;
+    /// Allocates the solver of a tile, or of several with their joined grid.
+    fn solver(self: Arc<Self>, grid: &Arc<Grid>, tiles: &[&TileMesh]) -> Result<Box<dyn TileSolver>>;
+
+    /// True if tiles with these grids get the same results, bit for bit, from a solve together.
+    fn are_alike(&self, a: &Grid, b: &Grid) -> bool;
+
+    /// Most blocks of level 0 that tiles which are solved together may have.
+    fn most_blocks(&self) -> usize;
 
     /// Bytes that `output` allocates; `None` if images of this size cannot be written.
     fn output_bytes(&self, size: [usize; 2]) -> Option<u64>;
@@ -198,6 +218,9 @@ pub trait Gpu: Any + Debug + Send + Sync {
 pub trait GpuWarp: Any + Debug + Send + Sync {
     /// The displacements per block of level 0; the first call reads them from the GPU.
     fn host(&self) -> Result<&[[Plane; 2]]>;
+
+    /// The part of a warp of several tiles that is one tile's: these blocks.
+    fn part(&self, grid: &Arc<Grid>, blocks: Range<usize>) -> Box<dyn GpuWarp>;
 }
 
 /// Buffers through which images reach the host, kept from one fetch to the next.

@@ -23,6 +23,7 @@ pub mod fill;
 mod gather;
 pub mod window;
 pub mod interpolation;
+mod joined;
 pub mod maps;
 pub mod metric;
 pub mod mirrors;

@@ -223,6 +223,15 @@ settings! {
 }
 
 impl TileSettings {
+    /// What the energy depends on, but for the maps (method §4).
+    #[doc(hidden)]
+    #[must_use]
+    pub fn weights(&self) -> [f32; 7] {
+        let TileSettings { smoothness, smoothness_floor, orientation, orientation_density, .. } = *self;
+        let TileSettings { room, room_threshold, protect, .. } = *self;
+        [smoothness, smoothness_floor, orientation, orientation_density, room, room_threshold, protect]
+    }
+
     /// What charts go on beyond, if anything.
     pub fn beyond(&self) -> Option<Beyond> {
         let seams = self.seams == Seams::Continue;

@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use super::context::Context;
 use super::external;
 use super::invert::Output;
-use super::memory::Memory;
+use super::memory::{Memory, capacity, kind};
 use super::results::Displacements;
 use vrtm_core::allocation::boxed;
 use vrtm_core::backend::{Gpu, GpuOutput, GpuWarp, TileSolver};
@@ -41,12 +41,20 @@ impl Gpu for Context {
         self.time_kernels.store(yes, Ordering::Relaxed);
     }
 
-    fn solver_bytes(&self, grid: &Grid, tile: &TileMesh) -> Result<u64> {
-        Memory::bytes_for(self, grid, tile)
+    fn solver_bytes(&self, grid: &Grid, tiles: &[&TileMesh]) -> Result<u64> {
+        Memory::bytes_for(self, grid, tiles)
     }
 
-    fn solver(self: Arc<Self>, grid: &Arc<Grid>, tile: &TileMesh) -> Result<Box<dyn TileSolver>> {
-        Ok(boxed(Memory::new(&self, grid, tile)?))
+    fn solver(self: Arc<Self>, grid: &Arc<Grid>, tiles: &[&TileMesh]) -> Result<Box<dyn TileSolver>> {
+        Ok(boxed(Memory::new(&self, grid, tiles)?))
+    }
+
+    fn are_alike(&self, a: &Grid, b: &Grid) -> bool {
+        kind(a) == kind(b)
+    }
+
+    fn most_blocks(&self) -> usize {
+        capacity(self)
     }
 
     fn output_bytes(&self, size: [usize; 2]) -> Option<u64> {

@@ -206,8 +206,8 @@ fn requests(u: &Displacements, size: [usize; 2], bands: &[Range<usize>]) -> Vec<
     let bits = bits(cells);
     let of = |rows: &Range<usize>| {
         let request = |(band, _): &(super::bands::Band, wgpu::Buffer)| Request {
-            first: (band.owned.start - band.buffered.start) as u32,
-            count: band.owned.len() as u32,
+            first: u.owned(band).start as u32,
+            count: u.owned(band).len() as u32,
             workgroups_per_block: size[1].div_ceil(level.ny).min(MAX_WORKGROUPS_PER_BLOCK) as u32,
             bits,
             width: size[0] as u32,

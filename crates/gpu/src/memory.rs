@@ -1,6 +1,7 @@
-//! The memory of one tile's solver on the GPU: constants, which are uploaded once per grid, and the state of a solve.
+//! The memory of a solver on the GPU, of one tile or of several as one: constants, which are uploaded once per grid, and the state of a solve.
 
 use std::collections::HashMap;
+use std::ops::Range;
 use std::sync::{Arc, Weak};
 
 use super::bands::{Band, bands};
@@ -10,7 +11,7 @@ use super::layout::{PLANE, Params, ROW_PLANES};
 use super::lists::{Lists, active_blocks, band_lists};
 use super::recorder::{Bound, RecorderResources};
 use super::records::{band_blocks, block_nodes, corners, triangles};
-use super::results::ResultBuffers;
+use super::results::{Displacements, RESULT_BLOCK, ResultBuffers};
 use super::sizes::BufferSizes;
 use super::upload::Uploader;
 use vrtm_core::allocation::{Vec, vec, zeroed};
@@ -37,7 +38,7 @@ pub struct BandBuffers {
     pub gather: Option<[wgpu::Buffer; 2]>,
 }
 
-/// The memory of one tile's solver, kept between solves.
+/// The memory of a solver, kept between solves.
 #[derive(Debug)]
 pub struct Memory {
     /// The grid whose constants are uploaded.
@@ -49,6 +50,10 @@ pub struct Memory {
     pub buffers: Vec<Vec<BandBuffers>>,
     /// Per level, the number of active blocks of all charts.
     pub active_blocks: Vec<u64>,
+    /// Per level, whether four threads relax a node.
+    pub is_wide: Vec<bool>,
+    /// Per tile, its blocks of level 0.
+    pub parts: Vec<Range<usize>>,
     /// Lists per level and band, for the charts in `listed_charts`.
     pub lists: Vec<Vec<Lists>>,
     listed_charts: Option<Vec<bool>>,
@@ -81,25 +86,50 @@ pub struct Memory {
 const MAX_BYTES_PER_BLOCK: u64 = ROW_PLANES as u64 * PLANE;
 
 /// The maximum number of blocks in a band.
-fn capacity(context: &Context) -> usize {
+pub fn capacity(context: &Context) -> usize {
     let limits = &context.limits;
     // Indices in shaders are 32 bits wide.
     let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(i32::MAX as u64);
-    (bytes / MAX_BYTES_PER_BLOCK) as usize
+    // Tests may request smaller bands.
+    context.options.band.unwrap_or(usize::MAX).min((bytes / MAX_BYTES_PER_BLOCK) as usize)
 }
 
 /// The bands of all levels.
 fn divided(context: &Context, grid: &Grid) -> Result<Vec<Vec<Band>>> {
-    // Tests may request smaller bands.
-    let capacity = context.options.band.unwrap_or(usize::MAX).min(capacity(context));
-    bands(&grid.levels, |_| capacity)
+    bands(&grid.levels, |_| capacity(context))
+}
+
+/// Most active blocks of a tile's level on which four threads relax a node: fewer leave most of a large GPU idle.
+const WIDE_BLOCKS: usize = 2048;
+
+fn active_blocks_of(level: &Level) -> usize {
+    level.blocks.list.iter().filter(|block| block.active).count()
+}
+
+/// What the choice of kernels depends on, and the layout of buffers.
+pub fn kind(grid: &Grid) -> impl PartialEq + use<> {
+    let finest = &grid.levels[0];
+    let is_wide: Vec<bool> = grid.levels.iter().map(|level| active_blocks_of(level) <= WIDE_BLOCKS).collect();
+    (grid.has_extra, finest.density.is_empty(), finest.hold.is_empty(), grid.coarsest(), is_wide)
+}
+
+/// Per tile, its blocks of level 0.
+fn parts(grid: &Grid, tiles: &[&TileMesh]) -> Vec<Range<usize>> {
+    let of_chart = &grid.levels[0].blocks.of_chart;
+    let (mut chart, mut start) = (0, 0);
+    let part = |tile: &&TileMesh| {
+        chart += tile.charts.len();
+        let end = if chart > 0 { of_chart[chart - 1].end } else { 0 };
+        std::mem::replace(&mut start, end)..end
+    };
+    tiles.iter().map(part).collect()
 }
 
 impl Memory {
-    /// Allocates the memory for a grid, and uploads its constants.
-    pub fn new(context: &Arc<Context>, grid: &Arc<Grid>, tile: &TileMesh) -> Result<Memory> {
+    /// Allocates the memory for the grid of some tiles, and uploads its constants. Several tiles are of one kind.
+    pub fn new(context: &Arc<Context>, grid: &Arc<Grid>, tiles: &[&TileMesh]) -> Result<Memory> {
         let bands = divided(context, grid)?;
-        let sizes = BufferSizes::new(grid, tile, &bands);
+        let sizes = BufferSizes::new(grid, tiles, &bands);
         let uploader = Uploader::new(context);
         let storage = |label: &str, bytes: u64| uploader.storage(label, bytes);
         let no_contributions = storage("contributions", sizes.no_contributions)?;
@@ -141,12 +171,19 @@ impl Memory {
         let blocks: Vec<_> = buffers[0].iter().map(|band: &BandBuffers| band.blocks.clone()).collect();
         let result = || ResultBuffers::new(&bands[0], blocks.clone(), &storage).map(Arc::new);
         let indirect = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT;
-        let (triangles, corners) = (triangles(grid), corners(grid, tile));
-        let active = |level: &Level| level.blocks.list.iter().filter(|block| block.active).count() as u64;
+        let (triangles, corners) = (triangles(grid), corners(tiles));
+        // As it is for each of the tiles alone.
+        let first = tiles[0].charts.len() as u32;
+        let is_wide = |level: &Level| {
+            let list = level.blocks.list.iter();
+            list.filter(|block| block.active && block.chart < first).count() <= WIDE_BLOCKS
+        };
         let memory = Memory {
             grid: Arc::downgrade(grid),
             blocks: Arc::downgrade(&grid.triangle),
-            active_blocks: grid.levels.iter().map(active).collect(),
+            active_blocks: grid.levels.iter().map(|level| active_blocks_of(level) as u64).collect(),
+            is_wide: grid.levels.iter().map(is_wide).collect(),
+            parts: parts(grid, tiles),
             triangles: uploader.upload("triangles", sizes.triangles, bytemuck::cast_slice(&triangles))?,
             corners: uploader.upload("corners", sizes.corners, bytemuck::cast_slice(&corners))?,
             positions: storage("positions", sizes.positions)?,
@@ -173,9 +210,9 @@ impl Memory {
     }
 
     /// See `Gpu::solver_bytes`.
-    pub fn bytes_for(context: &Context, grid: &Grid, tile: &TileMesh) -> Result<u64> {
+    pub fn bytes_for(context: &Context, grid: &Grid, tiles: &[&TileMesh]) -> Result<u64> {
         let bands = divided(context, grid)?;
-        Ok(BufferSizes::new(grid, tile, &bands).total())
+        Ok(BufferSizes::new(grid, tiles, &bands).total())
     }
 
     /// Returns the buffers of a result that nothing else is using.
@@ -198,6 +235,41 @@ impl Memory {
         self.context.check()?;
         self.results.push(result.clone());
         Ok(result)
+    }
+
+    /// The last results of the tiles in the buffers of one result, each where a solve reads it; `None` if no tile has one.
+    pub fn last_result(&mut self, lasts: &[Option<&Displacements>]) -> Result<Option<Arc<ResultBuffers>>> {
+        let Some(first) = lasts.iter().flatten().next() else { return Ok(None) };
+        let is_there = |(last, part): (&Option<&Displacements>, &Range<usize>)| {
+            last.is_none_or(|last| Arc::ptr_eq(&last.buffers, &first.buffers) && last.blocks == *part)
+        };
+        if first.buffers.blocks[0] == self.buffers[0][0].blocks && lasts.iter().zip(&self.parts).all(is_there)
+        {
+            return Ok(Some(first.buffers.clone()));
+        }
+        let result = self.free_result()?;
+        let mut encoder =
+            self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        for (last, part) in lasts.iter().zip(&self.parts) {
+            let Some(last) = last else { continue };
+            for (from, source) in &last.buffers.bands {
+                for (to, target) in &result.bands {
+                    // In the numbers of this memory's blocks.
+                    let first = part.start + from.owned.start.max(last.blocks.start);
+                    let first = (first - last.blocks.start).max(to.buffered.start);
+                    let end = part.start + from.owned.end.min(last.blocks.end).max(last.blocks.start);
+                    let end = (end - last.blocks.start).min(to.buffered.end);
+                    if first < end {
+                        let source_block = first - part.start + last.blocks.start - from.buffered.start;
+                        let at = [source_block, first - to.buffered.start].map(|b| b as u64 * RESULT_BLOCK);
+                        let bytes = Some((end - first) as u64 * RESULT_BLOCK);
+                        encoder.copy_buffer_to_buffer(source, at[0], target, at[1], bytes);
+                    }
+                }
+            }
+        }
+        self.context.queue.submit([encoder.finish()]);
+        Ok(Some(result))
     }
 
     /// Builds the lists of blocks for the charts that a solve works on, unless they are the same as in the last solve.

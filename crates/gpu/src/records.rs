@@ -125,18 +125,20 @@ pub fn triangles(grid: &Grid) -> Vec<Triangle> {
 }
 
 /// Per triangle, the indices of its three vertices among the vertices of all charts.
-pub fn corners(grid: &Grid, tile: &TileMesh) -> Vec<u32> {
-    let mut first_vertex = Vec::with_capacity(tile.charts.len());
-    let mut vertices = 0u32;
-    for chart in &tile.charts {
-        first_vertex.push(vertices);
-        vertices += chart.count() as u32;
+pub fn corners(tiles: &[&TileMesh]) -> Vec<u32> {
+    let (mut corners, mut vertices) = (Vec::new(), 0);
+    for tile in tiles {
+        let mut firsts = Vec::with_capacity(tile.charts.len());
+        for chart in &tile.charts {
+            firsts.push(vertices);
+            vertices += chart.count() as u32;
+        }
+        let triangles = tile.triangles.iter().zip(tile.chart_of_triangles());
+        corners.extend(
+            triangles.flat_map(|(triangle, chart)| triangle.local.map(|v| firsts[chart as usize] + v)),
+        );
     }
-    tile.triangles
-        .iter()
-        .zip(grid.chart_of.iter())
-        .flat_map(|(triangle, &chart)| triangle.local.map(|v| first_vertex[chart as usize] + v))
-        .collect()
+    corners
 }
 
 #[cfg(test)]

@@ -1,12 +1,13 @@
 //! A result on the GPU: the state of level 0, whose displacements are read into host memory on demand.
 
 use std::any::Any;
+use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
 use super::bands::Band;
 use super::context::Context;
 use super::layout::{FINEST_STATE_PLANES, PLANE};
-use vrtm_core::allocation::Vec;
+use vrtm_core::allocation::{Vec, boxed};
 use vrtm_core::backend::GpuWarp;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::Grid;
@@ -44,12 +45,22 @@ pub struct Displacements {
     pub context: Arc<Context>,
     pub grid: Arc<Grid>,
     pub buffers: Arc<ResultBuffers>,
+    /// The blocks of the grid among those of the buffers, which may hold the results of several tiles.
+    pub blocks: Range<usize>,
     host: OnceLock<Vec<[Plane; 2]>>,
 }
 
 impl Displacements {
     pub fn new(context: Arc<Context>, grid: Arc<Grid>, buffers: Arc<ResultBuffers>) -> Displacements {
-        Displacements { context, grid, buffers, host: OnceLock::new() }
+        let blocks = 0..grid.levels[0].blocks.list.len();
+        Displacements { context, grid, buffers, blocks, host: OnceLock::new() }
+    }
+
+    /// The blocks of the grid that a band owns, as indices in the band's buffers.
+    pub fn owned(&self, band: &Band) -> Range<usize> {
+        let first = band.owned.start.max(self.blocks.start);
+        let end = band.owned.end.min(self.blocks.end).max(first);
+        first - band.buffered.start..end - band.buffered.start
     }
 
     /// Those that this backend has made.
@@ -66,9 +77,12 @@ impl GpuWarp for Displacements {
         }
         let mut all = Vec::with_capacity(self.grid.levels[0].blocks.list.len());
         for (band, buffer) in &self.buffers.bands {
-            let range =
-                [band.owned.start, band.owned.end].map(|b| (b - band.buffered.start) as u64 * RESULT_BLOCK);
-            let bytes = self.context.read(buffer, range[0]..range[1])?;
+            let owned = self.owned(band);
+            if owned.is_empty() {
+                continue;
+            }
+            let [first, end] = [owned.start, owned.end].map(|b| b as u64 * RESULT_BLOCK);
+            let bytes = self.context.read(buffer, first..end)?;
             all.extend(bytes.chunks_exact(RESULT_BLOCK as usize).map(|block| {
                 // The displacements are the first two planes.
                 let mut planes = [[0.0f32; NODES]; 2];
@@ -79,5 +93,10 @@ impl GpuWarp for Displacements {
             }));
         }
         Ok(self.host.get_or_init(|| all))
+    }
+
+    fn part(&self, grid: &Arc<Grid>, blocks: Range<usize>) -> Box<dyn GpuWarp> {
+        let (context, buffers) = (self.context.clone(), self.buffers.clone());
+        boxed(Displacements { blocks, ..Displacements::new(context, grid.clone(), buffers) })
     }
 }

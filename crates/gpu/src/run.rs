@@ -68,12 +68,14 @@ impl TileSolver for Memory {
     }
 
     fn run(&mut self, solve: &mut TileSolve) -> Result<TileSolution> {
-        let last = match solve.last {
-            Some(Warp::Gpu(last)) => Some(Displacements::of(&**last)?.buffers.clone()),
-            _ => None,
-        };
+        let lasts =
+            solve.lasts.iter().map(|last| last.and_then(Warp::on_gpu).map(Displacements::of).transpose());
+        let lasts: Vec<Option<&Displacements>> = lasts.collect::<Result<_>>()?;
+        let stays = |(&keep, &solved): (&bool, &bool)| keep && !solved;
+        let is_read = solve.plan.warm || solve.keep.iter().zip(solve.input.charts).any(stays);
         let context = self.context.clone();
         let run = || {
+            let last = if is_read { self.last_result(&lasts)? } else { None };
             let mut run = Run::new(&solve.input, self, last, solve.keep, solve.team.control())?;
             let summary = solve.run_schedule(&mut run);
             run.finish(summary)

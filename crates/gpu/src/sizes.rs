@@ -1,4 +1,4 @@
-//! The sizes of a tile's buffers in bytes, used both to count and to allocate its memory.
+//! The sizes of a solver's buffers in bytes, used both to count and to allocate its memory.
 
 use super::bands::Band;
 use super::context::padded;
@@ -35,7 +35,7 @@ pub struct BandBufferSizes {
     result: u64,
 }
 
-/// Sizes of all buffers of a tile in bytes.
+/// Sizes of all buffers of a solver in bytes.
 #[derive(Clone, Debug)]
 pub struct BufferSizes {
     /// Per level and band.
@@ -57,7 +57,7 @@ fn bytes_of<T>(count: usize) -> u64 {
 }
 
 impl BufferSizes {
-    pub fn new(grid: &Grid, tile: &TileMesh, bands: &[Vec<Band>]) -> BufferSizes {
+    pub fn new(grid: &Grid, tiles: &[&TileMesh], bands: &[Vec<Band>]) -> BufferSizes {
         let band = |k: usize, band: &Band| {
             let blocks = band.buffered.len();
             let planes = |n: usize| blocks as u64 * n as u64 * PLANE;
@@ -74,7 +74,7 @@ impl BufferSizes {
                 result: if k == 0 { planes(state_planes(k)) } else { 0 },
             }
         };
-        let vertices = tile.charts.iter().map(|chart| chart.count()).sum();
+        let vertices = tiles.iter().flat_map(|tile| &tile.charts).map(|chart| chart.count()).sum();
         BufferSizes {
             bands: bands
                 .iter()
@@ -82,11 +82,11 @@ impl BufferSizes {
                 .map(|(k, bands)| bands.iter().map(|of| band(k, of)).collect())
                 .collect(),
             no_contributions: CONTRIBUTIONS,
-            triangles: bytes_of::<Triangle>(tile.triangles.len()),
-            corners: bytes_of::<[u32; 3]>(tile.triangles.len()),
+            triangles: bytes_of::<Triangle>(grid.triangles.len()),
+            corners: bytes_of::<[u32; 3]>(grid.triangles.len()),
             positions: bytes_of::<[f32; 3]>(vertices),
-            charts: bytes_of::<Chart>(tile.charts.len()),
-            ranges: bytes_of::<[u32; 2]>(tile.charts.len() * grid.levels.len()),
+            charts: bytes_of::<Chart>(grid.movable.len()),
+            ranges: bytes_of::<[u32; 2]>(grid.movable.len() * grid.levels.len()),
             partials: bytes_of::<[f32; SUMS as usize]>(grid.levels[0].blocks.list.len()),
             dispatch_sizes: dispatch_size_bytes(bands),
             indirect_arguments: GATE_SETS as u64 * 4 * dispatch_size_bytes(bands),
@@ -143,7 +143,7 @@ mod tests {
         for band in [None, Some(32)] {
             let Some(context) = gpu(Options { band, ..Options::default() }) else { return };
             let context = Arc::new(context);
-            let memory = Memory::new(&context, &grid, tile).unwrap();
+            let memory = Memory::new(&context, &grid, &[tile]).unwrap();
             let allocated: u64 = memory.all_buffers().iter().map(wgpu::Buffer::size).sum();
             assert_eq!(allocated, Memory::bytes_for(&context, &grid, tile).unwrap(), "{band:?}");
         }

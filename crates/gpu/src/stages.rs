@@ -15,9 +15,6 @@ use vrtm_core::method::stage::{Stage, Stages, Start};
 #[cfg(test)]
 mod tests;
 
-/// Most active blocks of a level on which four threads relax a node: fewer leave most of a large GPU idle.
-const WIDE_BLOCKS: u64 = 2048;
-
 impl Stages for Run<'_> {
     fn run(&mut self, stage: &Stage) {
         self.recorder.stage(stage.kind() as usize);
@@ -194,7 +191,7 @@ impl Run<'_> {
             self.charts.iter().zip(&self.grid.movable).filter(|(solve, _)| **solve).map(|(_, n)| n).sum();
         // Each coarser level is taken to have a quarter of the nodes of the next finer one.
         self.node_updates += (nodes >> (2 * level)) * u64::from(sweeps);
-        let kernel = match (level, self.memory.active_blocks[level] <= WIDE_BLOCKS) {
+        let kernel = match (level, self.memory.is_wide[level]) {
             (0, true) => Kernel::RelaxChordsWide,
             (0, false) => Kernel::RelaxChords,
             (_, true) => Kernel::RelaxMetricsWide,

@@ -253,7 +253,7 @@ impl Lab for Asset {
             Input { grid: &grid, mesh, pose: &pose, settings, protect, charts: &charts, continuation, pull };
         self.device().team(|team| {
             let mut of_cpu = cpu::Memory::new(&grid, Purpose::new(plan.solver(), settings));
-            let mut of_gpu = vrtm_gpu::Memory::new(&context, &grid, mesh)?;
+            let mut of_gpu = vrtm_gpu::Memory::new(&context, &grid, &[mesh])?;
             let mut u = zeroed(grid.levels[0].blocks.list.len());
             let cpu = cpu::Run::new(team, &input, &mut of_cpu, &mut u, &[]);
             context.contain(|| {

@@ -62,6 +62,17 @@ impl Gather {
         Gather { starts: zeroed(blocks * NODES + 1), entries: Vec::new() }
     }
 
+    /// The entries of several grids one after the other; `firsts` are the numbers of their first triangles.
+    pub(super) fn joined<'a>(gathers: impl Iterator<Item = &'a Gather>, firsts: &[usize]) -> Gather {
+        let mut joined = Gather { starts: zeroed(1), entries: Vec::new() };
+        for (gather, &first) in gathers.zip(firsts) {
+            let before = joined.entries.len() as u32;
+            joined.starts.extend(gather.starts[1..].iter().map(|start| before + start));
+            joined.entries.extend(gather.entries.iter().map(|&(t, share)| (t + first as u32, share)));
+        }
+        joined
+    }
+
     /// The entries of some blocks, and for each of their nodes the index of its first entry among these, followed by
     /// the number of entries.
     pub fn of_blocks(&self, blocks: std::ops::Range<usize>) -> (Vec<u32>, &[(u32, f32)]) {

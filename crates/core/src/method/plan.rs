@@ -12,9 +12,10 @@ use crate::mesh::TileMesh;
 use crate::report::StageTimes;
 use crate::settings::{PbdSettings, Quality, SolveOptions, Solver, TileSettings};
 
-/// The input of a backend: one tile, one pose.
+/// The input of a backend: one tile, or several as one, in one pose.
 pub struct Input<'a> {
     pub grid: &'a Arc<Grid>,
+    /// The tile, or the first of several.
     pub mesh: &'a TileMesh,
     pub pose: &'a Pose,
     pub settings: &'a TileSettings,
@@ -194,6 +195,15 @@ pub struct Summary {
 }
 
 impl Summary {
+    /// The summary of a part of the work that takes this share of the times.
+    pub fn share(mut self, share: f32) -> Summary {
+        let StageTimes { surface, pyramid, prolong, relax, correct, pbd, certify, .. } = &mut self.times;
+        for ms in [surface, pyramid, prolong, relax, correct, pbd, certify] {
+            *ms *= share;
+        }
+        self
+    }
+
     /// Counts a stage that took this many seconds.
     pub fn count(&mut self, stage: &Stage, seconds: f64) {
         *stage.kind().of(&mut self.times) += seconds as f32 * 1000.0;

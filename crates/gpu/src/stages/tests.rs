@@ -24,7 +24,7 @@ fn certified(context: &Arc<crate::context::Context>, change: impl Fn(&mut [u32])
     let tile = &mesh.tiles[0];
     let maps = maps(64, TileSettings::default(), discs);
     let grid = Arc::new(Grid::new(&mesh, tile, &maps));
-    let mut memory = Memory::new(context, &grid, tile).unwrap();
+    let mut memory = Memory::new(context, &grid, &[tile]).unwrap();
     let moved = |v: u32| {
         let p = [f64::from(v % 9) / 8.0, f64::from(v / 9) / 8.0];
         [p[0] + 0.4 * p[0] * p[0], p[1], 0.1 * p[0] * p[1]]

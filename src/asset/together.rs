@@ -1,0 +1,300 @@
+//! Tiles that a GPU solves together, as one: what small tiles take there is the time of their dispatches, not of their
+//! nodes. The results are bit-identical to those of each tile alone.
+
+use std::ops::Range;
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+use super::solve::Queued;
+use super::tile::{BookedSolver, SolveCall, is_usable_after};
+use crate::device::Booked;
+use vrtm_core::allocation::{Vec, vec};
+use vrtm_core::backend::{TileSolution, Warp};
+use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::grid::Grid;
+use vrtm_core::grid::pose::{ChartPose, Pose};
+use vrtm_core::mesh::{Chart, TileMesh};
+use vrtm_core::method::plan::{Input, Purpose};
+use vrtm_core::panics::lock;
+use vrtm_core::unwind::caught;
+
+/// Tiles that are solved together share this; `None` once it is of no more use to one of them.
+pub(super) type Shared = Arc<Mutex<Option<Together>>>;
+
+/// The solver of several tiles, kept from one call to the next.
+#[derive(Debug)]
+pub(super) struct Together {
+    members: Vec<Member>,
+    /// Their grids as one.
+    grid: Arc<Grid>,
+    solver: Option<BookedSolver>,
+    /// The bytes of `grid`.
+    booked: Booked,
+}
+
+#[derive(Debug)]
+struct Member {
+    tile: usize,
+    grid: Arc<Grid>,
+    mesh: Arc<TileMesh>,
+}
+
+impl Member {
+    /// Number of blocks of level 0.
+    fn blocks(&self) -> usize {
+        self.grid.levels[0].blocks.list.len()
+    }
+}
+
+/// What its memory is called in errors.
+const WHAT: &str = "solving tiles together";
+
+/// Divides tiles into those that can be solved together. Who frees solvers after each tile wants the memory of one.
+pub(super) fn units<'a>(call: &SolveCall, queue: Vec<Queued<'a>>) -> Vec<Vec<Queued<'a>>> {
+    let Some(gpu) = call.on.device.gpu() else {
+        return queue.into_iter().map(|one| Vec::of([one])).collect();
+    };
+    let weights = |queued: &Queued| call.on.given.maps[queued.state.tile].settings.weights();
+    let blocks = |queued: &Queued| queued.prepared.grid.levels[0].blocks.list.len();
+    let mut units: Vec<Vec<Queued>> = Vec::new();
+    for queued in queue {
+        let fits = |unit: &&mut Vec<Queued>| {
+            let (first, all) = (&unit[0], unit.iter().map(blocks).sum::<usize>());
+            !call.release_solvers
+                && all + blocks(&queued) <= gpu.most_blocks()
+                && queued.begun.needs_solver() == first.begun.needs_solver()
+                && [&queued, first].iter().all(|queued| !queued.state.is_torn())
+                && start(call, &queued) == start(call, first)
+                && weights(&queued) == weights(first)
+                && gpu.are_alike(&queued.prepared.grid, &first.prepared.grid)
+        };
+        match units.iter_mut().find(fits) {
+            Some(unit) => unit.push(queued),
+            None => units.push(Vec::of([queued])),
+        }
+    }
+    units
+}
+
+/// What a tile's solve starts from: the last result, if there is one, and whether that is on the GPU.
+fn start(call: &SolveCall, queued: &Queued) -> Option<bool> {
+    let last = queued.state.last_warp(&queued.prepared.grid).filter(|_| call.plan.warm);
+    last.map(|last| last.on_gpu().is_some())
+}
+
+/// Solves tiles that can be solved together.
+pub(super) fn solve(call: &SolveCall, unit: &mut [Queued]) {
+    let solved = with_one_solver(call, unit);
+    match solved {
+        Ok(true) => {}
+        Ok(false) => {
+            for queued in unit {
+                let call = SolveCall { progress: queued.progress, ..*call };
+                queued.result = Some(queued.state.solve(&call, &queued.prepared, &mut queued.begun));
+            }
+        }
+        Err(error) => unit.iter_mut().for_each(|queued| queued.result = Some(Err(error.clone()))),
+    }
+}
+
+/// Solves tiles with the solver that they share; false if each has to be solved with its own.
+fn with_one_solver(call: &SolveCall, unit: &mut [Queued]) -> Result<bool> {
+    if !unit[0].begun.needs_solver() {
+        return Ok(false);
+    }
+    let shared = match shared(unit) {
+        Some(shared) => shared,
+        None if unit.len() == 1 => return Ok(false),
+        None => match make(call, unit)? {
+            Some(shared) => shared,
+            None => return Ok(false),
+        },
+    };
+    let mut guard = lock(&shared);
+    let Some(together) = &mut *guard else { return Ok(false) };
+    let start = Instant::now();
+    let solutions = together.run(call, unit);
+    let all: u64 = unit.iter().map(|queued| queued.nodes).sum();
+    for queued in &mut *unit {
+        queued.begun.spent += start.elapsed().mul_f64(queued.nodes as f64 / all.max(1) as f64);
+    }
+    if together.solver.is_none() || call.release_solvers {
+        *guard = None;
+    }
+    drop(guard);
+    for (queued, solution) in unit.iter_mut().zip(solutions?) {
+        queued.result = Some(queued.state.end(call, &queued.prepared, &mut queued.begun, Some(solution)));
+    }
+    Ok(true)
+}
+
+/// The solver that all of these tiles share, if it is for their grids.
+fn shared(unit: &[Queued]) -> Option<Shared> {
+    let shared = unit[0].state.together.clone()?;
+    let is_for = lock(&shared).as_ref().is_some_and(|together| {
+        unit.iter().all(|queued| together.place(queued.state.tile, &queued.prepared.grid).is_some())
+    });
+    is_for.then_some(shared)
+}
+
+/// Makes a solver for some tiles, and for those that share one with them now; `None` if the memory budget has no room.
+fn make(call: &SolveCall, unit: &mut [Queued]) -> Result<Option<Shared>> {
+    let (device, purpose) = (call.on.device, purpose(call, unit[0].state.tile));
+    let shared = unit.iter().find_map(|queued| queued.state.together.clone()).unwrap_or_default();
+    let before = lock(&shared).take().map(|together| together.members);
+    let members = members(call, unit, before.unwrap_or_default());
+    let mut bytes = 0;
+    for Member { grid, mesh, .. } in &members {
+        bytes += grid.bytes() + device.solver_bytes(grid, &[&**mesh], purpose)?;
+    }
+    let held: u64 = unit.iter().map(|queued| queued.state.solver_bytes()).sum();
+    // Tiles keep their own solvers if there is no room.
+    let mut booked = device.booking();
+    match booked.set(bytes.saturating_sub(held), WHAT) {
+        Err(error) if error.kind == ErrorKind::OutOfMemory => return Ok(None),
+        booked => booked?,
+    }
+    for queued in &mut *unit {
+        queued.state.free_solvers();
+        queued.state.together = Some(shared.clone());
+    }
+    let grids: Vec<Arc<Grid>> = members.iter().map(|member| member.grid.clone()).collect();
+    let grid = Arc::new(Grid::joined(&grids, None));
+    let meshes: Vec<&TileMesh> = members.iter().map(|member| &*member.mesh).collect();
+    booked.set(grid.bytes(), WHAT)?;
+    let mut of_solver = device.booking();
+    of_solver.set(device.solver_bytes(&grid, &meshes, purpose)?, WHAT)?;
+    let solver = caught(|| device.solver(&grid, &meshes, purpose))?;
+    let solver = Some(BookedSolver { solver, is_fresh: true, booked: of_solver });
+    *lock(&shared) = Some(Together { members, grid, solver, booked });
+    Ok(Some(shared))
+}
+
+/// Some tiles, and those of `before` that can still be solved together with them: which tiles have to be solved differs from
+/// pose to pose.
+fn members(call: &SolveCall, unit: &[Queued], before: Vec<Member>) -> Vec<Member> {
+    let new = |queued: &Queued| Member {
+        tile: queued.state.tile,
+        grid: queued.prepared.grid.clone(),
+        mesh: queued.prepared.mesh.clone(),
+    };
+    let mut members: Vec<Member> = unit.iter().map(new).collect();
+    let Some(gpu) = call.on.device.gpu() else { return members };
+    let weights = |tile: usize| call.on.given.maps[tile].settings.weights();
+    for member in before {
+        let blocks: usize = members.iter().map(Member::blocks).sum();
+        if members.iter().all(|other| other.tile != member.tile)
+            && weights(member.tile) == weights(members[0].tile)
+            && gpu.are_alike(&member.grid, &members[0].grid)
+            && blocks + member.blocks() <= gpu.most_blocks()
+        {
+            members.push(member);
+        }
+    }
+    members
+}
+
+fn purpose(call: &SolveCall, tile: usize) -> Purpose {
+    Purpose::new(call.plan.solver(), &call.on.given.maps[tile].settings)
+}
+
+impl Together {
+    /// The number of a tile among these, if it is one of them on a grid with the same blocks.
+    fn place(&self, tile: usize, grid: &Grid) -> Option<usize> {
+        self.members.iter().position(|member| member.tile == tile && member.grid.has_blocks_of(grid))
+    }
+
+    /// A tile's share of the bytes.
+    pub fn bytes_of(&self, tile: usize) -> u64 {
+        let all: usize = self.members.iter().map(Member::blocks).sum();
+        let own: usize = self.members.iter().filter(|member| member.tile == tile).map(Member::blocks).sum();
+        let solver = self.solver.as_ref().map_or(0, |solver| solver.booked.bytes());
+        (self.booked.bytes() + solver) * own as u64 / all.max(1) as u64
+    }
+
+    /// Per member, the range of what all have so many of.
+    fn ranges(&self, count: impl Fn(&Member) -> usize) -> Vec<Range<usize>> {
+        let mut start = 0;
+        let range = |member: &Member| {
+            let end = start + count(member);
+            std::mem::replace(&mut start, end)..end
+        };
+        self.members.iter().map(range).collect()
+    }
+
+    /// Takes over grids of other rigidities.
+    fn follow(&mut self, unit: &[Queued], places: &[usize]) {
+        let mut is_new = false;
+        for (queued, &place) in unit.iter().zip(places) {
+            let (member, grid) = (&mut self.members[place], &queued.prepared.grid);
+            is_new |= !Arc::ptr_eq(&member.grid, grid);
+            member.grid = grid.clone();
+        }
+        if is_new {
+            let grids: Vec<Arc<Grid>> = self.members.iter().map(|member| member.grid.clone()).collect();
+            self.grid = Arc::new(Grid::joined(&grids, Some(&self.grid)));
+        }
+    }
+
+    /// Solves some of the tiles.
+    fn run(&mut self, call: &SolveCall, unit: &[Queued]) -> Result<Vec<TileSolution>> {
+        let place = |queued: &Queued| self.place(queued.state.tile, &queued.prepared.grid);
+        let places: Vec<usize> = unit.iter().filter_map(place).collect();
+        self.follow(unit, &places);
+        let of_charts = self.ranges(|member| member.grid.movable.len());
+        let of_blocks = self.ranges(Member::blocks);
+        // Tiles that take no part have a pose that nothing reads.
+        let nowhere = |member: &Member| {
+            let still = |chart: &Chart| {
+                let positions = vec![[0.0; 3]; chart.count()];
+                ChartPose { positions, scale: 1.0 }
+            };
+            member.mesh.charts.iter().map(still).collect::<Vec<_>>()
+        };
+        let mut charts: Vec<bool> = vec![false; self.grid.movable.len()];
+        let mut keep = charts.clone();
+        let mut pose = Pose { charts: Vec::with_capacity(charts.len()) };
+        let mut lasts: Vec<Option<&Warp>> = Vec::with_capacity(self.members.len());
+        for (m, member) in self.members.iter().enumerate() {
+            let Some(k) = places.iter().position(|&place| place == m) else {
+                pose.charts.extend(nowhere(member));
+                lasts.push(None);
+                continue;
+            };
+            let Queued { state, prepared, begun, .. } = &unit[k];
+            pose.charts.extend(begun.pose.charts.iter().cloned());
+            lasts.push(state.last_warp(&prepared.grid));
+            charts[of_charts[m].clone()].copy_from_slice(&begun.solved());
+            keep[of_charts[m].clone()].copy_from_slice(&begun.kept());
+        }
+        let settings = &call.on.given.maps[unit[0].state.tile].settings;
+        let (grid, plan, mesh) = (&self.grid, call.plan, &*unit[0].prepared.mesh);
+        let pull = if lasts.iter().any(Option::is_some) { plan.temporal_weight } else { 0.0 };
+        let (continuation, protect) = (plan.continuation, plan.protect(settings));
+        let input = Input { grid, mesh, pose: &pose, settings, protect, charts: &charts, continuation, pull };
+        let lost = || Error::new(ErrorKind::Internal, "the solver of tiles together is gone");
+        // Taken out during the run: if a stage panics, the memory is dropped.
+        let mut solver = self.solver.take().ok_or_else(lost)?;
+        let progress = unit.iter().map(|queued| queued.progress).sum();
+        let solution = solver.run(call, input, progress, &lasts, &keep);
+        if is_usable_after(&solution) {
+            self.solver = Some(solver);
+        }
+        let solution = solution?;
+        let all: u64 = unit.iter().map(|queued| queued.nodes).sum();
+        let part = |(&m, queued): (&usize, &Queued)| {
+            let warp = solution.warp.on_gpu().ok_or_else(lost)?;
+            let share = queued.nodes as f64 / all.max(1) as f64;
+            let of = |count: u64| (count as f64 * share).round() as u64;
+            Ok(TileSolution {
+                warp: Warp::Gpu(warp.part(&self.members[m].grid, of_blocks[m].clone())),
+                charts: Vec::from(&solution.charts[of_charts[m].clone()]),
+                summary: solution.summary.share(share as f32),
+                node_updates: of(solution.node_updates),
+                blocks_active: of(solution.blocks_active),
+                work: solution.work.clone(),
+            })
+        };
+        places.iter().zip(unit).map(part).collect()
+    }
+}
