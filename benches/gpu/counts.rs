@@ -3,7 +3,7 @@
 
 use std::fmt::Write;
 
-use vrtm::{Device, GpuWork, Quality, SolveOptions};
+use vrtm::{Asset, Device, GpuWork, Quality, SolveOptions, TileReport};
 
 use crate::common::{Model, assets, scenes};
 
@@ -26,27 +26,27 @@ on), which takes more dispatches.
 |---|---|---|---|---|---|---|---|---|---|---|---|---|---|
 ";
 
-/// The table of all models and sizes, followed by the kernels of two of the models at each size, and of drafts of one. The
-/// model in `benches/gpu_model` takes its dispatches from those of the bulge.
+/// The table of all models and sizes, followed by the kernels of some of the models at each size, and of drafts of one. The
+/// model in `benches/gpu_model` takes its dispatches from there. Tiles of an asset are solved together.
 pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
     let mut text = String::from(HEAD);
     let mut kernels = String::new();
-    let mesh = assets().into_iter().find(|model| model.name == "mh_face");
+    let meshes = assets().into_iter().filter(|model| ["mh_face", "ict_inner"].contains(&&*model.name));
     let scenes = ["bulge", "mug_to_jug"].map(|name| scenes::by_name(name).map(Model::from));
-    for model in scenes.into_iter().flatten().chain(mesh) {
+    for model in scenes.into_iter().flatten().chain(meshes) {
         for &size in sizes {
             let fail = |error: vrtm::Error| format!("{} at {size}: {error}", model.name);
             let mut asset = model.asset_on(device, size);
             asset.solve(model.frame(1), &SolveOptions::default()).map_err(fail)?;
-            let report = asset.tile_report(0).map_err(fail)?;
             let work = asset.gpu_work(0).map_err(fail)?.ok_or("no GPU work")?;
-            let nodes = report.nodes_active as f64;
+            let all = Sums::of(&asset).map_err(fail)?;
+            let nodes = all.nodes as f64;
             let bytes = work.bytes() as f64;
             let _ = write!(
                 text,
                 "| {} | {size}² | {} | {} | {} | {} | {} | {:.0} | {:.0} |",
                 model.name,
-                report.nodes_active,
+                all.nodes,
                 work.dispatches(),
                 work.skipped,
                 work.barriers,
@@ -57,8 +57,8 @@ pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
             for bandwidth in BANDWIDTHS {
                 let _ = write!(text, " {:.2} |", bytes / bandwidth * 1e3);
             }
-            let excess = excess(device, &model, size, report.energy, report.energy_before)?;
-            let [on_gpu, in_all] = [work.bytes_held, report.bytes].map(|bytes| bytes as f64 / nodes);
+            let excess = excess(device, &model, size, &all)?;
+            let [on_gpu, in_all] = [work.bytes_held, all.bytes].map(|bytes| bytes as f64 / nodes);
             let _ = writeln!(text, " {excess} | {on_gpu:.0} | {in_all:.0} |");
             if model.name != "mug_to_jug" {
                 let _ = writeln!(
@@ -87,9 +87,30 @@ pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
     Ok(text + &kernels)
 }
 
+/// Sums over the tiles of an asset.
+struct Sums {
+    nodes: u64,
+    bytes: u64,
+    energy: f64,
+    before: f64,
+}
+
+impl Sums {
+    fn of(asset: &Asset) -> vrtm::Result<Sums> {
+        let reports: Vec<TileReport> =
+            (0..asset.tile_count()).map(|tile| asset.tile_report(tile)).collect::<vrtm::Result<_>>()?;
+        Ok(Sums {
+            nodes: reports.iter().map(|report| report.nodes_active).sum(),
+            bytes: reports.iter().map(|report| report.bytes).sum(),
+            energy: reports.iter().map(|report| report.energy).sum(),
+            before: reports.iter().map(|report| report.energy_before).sum(),
+        })
+    }
+}
+
 /// (E - best E) / (E of the identity - best E) in per cent, where best is the energy of seven corrections that go on until
 /// the gain is below 1e-6. It is computed on small grids only, since it takes long.
-fn excess(device: &Device, model: &Model, size: u32, energy: f64, identity: f64) -> Result<String, String> {
+fn excess(device: &Device, model: &Model, size: u32, all: &Sums) -> Result<String, String> {
     if size > 1024 {
         return Ok("-".into());
     }
@@ -97,8 +118,8 @@ fn excess(device: &Device, model: &Model, size: u32, energy: f64, identity: f64)
     let mut asset = model.asset_on(device, size);
     let options = SolveOptions { max_corrections: Some(7), tolerance: Some(1e-6), ..SolveOptions::default() };
     asset.solve(model.frame(1), &options).map_err(fail)?;
-    let best = asset.tile_report(0).map_err(fail)?.energy;
-    Ok(format!("{:.4}", 100.0 * (energy - best) / (identity - best)))
+    let best = Sums::of(&asset).map_err(fail)?.energy;
+    Ok(format!("{:.4}", 100.0 * (all.energy - best) / (all.before - best)))
 }
 
 fn of_kernels(work: &GpuWork, nodes: f64) -> String {

@@ -40,7 +40,7 @@ pub struct SolveRequest<'a> {
     /// blocks in use. They cannot be read until the solve succeeds, and no part of them can be reused.
     pub release_last: bool,
     /// Free the memory of each tile's solver once the tile is solved, about 110 bytes per node of the blocks in use: tiles
-    /// that are solved one after the other then need that of one. The next solve has to allocate it again.
+    /// are then solved one after the other, also on a GPU, and need that of one. The next solve has to allocate it again.
     pub release_solvers: bool,
     /// Cancels the call and reports its progress.
     pub control: Option<Arc<Control>>,

@@ -105,9 +105,12 @@ fn with_one_solver(call: &SolveCall, unit: &mut [Queued]) -> Result<bool> {
     let shared = match shared(unit) {
         Some(shared) => shared,
         None if unit.len() == 1 => return Ok(false),
-        None => match make(call, unit)? {
-            Some(shared) => shared,
-            None => return Ok(false),
+        None => match make(call, unit) {
+            Ok(Some(shared)) => shared,
+            Ok(None) => return Ok(false),
+            // Tiles may fit one by one.
+            Err(error) if error.kind == ErrorKind::OutOfMemory => return Ok(false),
+            Err(error) => return Err(error),
         },
     };
     let mut guard = lock(&shared);
@@ -130,19 +133,23 @@ fn with_one_solver(call: &SolveCall, unit: &mut [Queued]) -> Result<bool> {
 
 /// The solver that all of these tiles share, if it is for their grids.
 fn shared(unit: &[Queued]) -> Option<Shared> {
-    let shared = unit[0].state.together.clone()?;
-    let is_for = lock(&shared).as_ref().is_some_and(|together| {
-        unit.iter().all(|queued| together.place(queued.state.tile, &queued.prepared.grid).is_some())
-    });
-    is_for.then_some(shared)
+    let is_for = |together: &Together| {
+        let has = |queued: &Queued| together.place(queued.state.tile, &queued.prepared.grid).is_some();
+        together.solver.is_some() && unit.iter().all(has)
+    };
+    let all = unit.iter().filter_map(|queued| queued.state.together.as_ref());
+    all.filter(|shared| lock(shared).as_ref().is_some_and(is_for)).cloned().next()
 }
 
 /// Makes a solver for some tiles, and for those that share one with them now; `None` if the memory budget has no room.
 fn make(call: &SolveCall, unit: &mut [Queued]) -> Result<Option<Shared>> {
     let (device, purpose) = (call.on.device, purpose(call, unit[0].state.tile));
-    let shared = unit.iter().find_map(|queued| queued.state.together.clone()).unwrap_or_default();
-    let before = lock(&shared).take().map(|together| together.members);
-    let members = members(call, unit, before.unwrap_or_default());
+    let before = unit.iter().find_map(|queued| {
+        let shared = queued.state.together.clone()?;
+        let members = lock(&shared).take()?.members;
+        Some((shared, members))
+    });
+    let (shared, members) = members(call, unit, before);
     let mut bytes = 0;
     for Member { grid, mesh, .. } in &members {
         bytes += grid.bytes() + device.solver_bytes(grid, &[&**mesh], purpose)?;
@@ -170,28 +177,36 @@ fn make(call: &SolveCall, unit: &mut [Queued]) -> Result<Option<Shared>> {
     Ok(Some(shared))
 }
 
-/// Some tiles, and those of `before` that can still be solved together with them: which tiles have to be solved differs from
-/// pose to pose.
-fn members(call: &SolveCall, unit: &[Queued], before: Vec<Member>) -> Vec<Member> {
+/// Some tiles and, since which have to be solved differs from pose to pose, those before that can still be solved together
+/// with them; with the place where all find the solver.
+fn members(
+    call: &SolveCall,
+    unit: &[Queued],
+    before: Option<(Shared, Vec<Member>)>,
+) -> (Shared, Vec<Member>) {
     let new = |queued: &Queued| Member {
         tile: queued.state.tile,
         grid: queued.prepared.grid.clone(),
         mesh: queued.prepared.mesh.clone(),
     };
     let mut members: Vec<Member> = unit.iter().map(new).collect();
-    let Some(gpu) = call.on.device.gpu() else { return members };
+    let (Some(gpu), Some((shared, before))) = (call.on.device.gpu(), before) else {
+        return (Shared::default(), members);
+    };
     let weights = |tile: usize| call.on.given.maps[tile].settings.weights();
-    for member in before {
-        let blocks: usize = members.iter().map(Member::blocks).sum();
-        if members.iter().all(|other| other.tile != member.tile)
-            && weights(member.tile) == weights(members[0].tile)
-            && gpu.are_alike(&member.grid, &members[0].grid)
-            && blocks + member.blocks() <= gpu.most_blocks()
-        {
-            members.push(member);
-        }
+    let first = unit[0].state.tile;
+    let is_new = |member: &Member| members.iter().all(|other| other.tile != member.tile);
+    let others: Vec<Member> = before.into_iter().filter(is_new).collect();
+    let stays = |member: &Member| {
+        weights(member.tile) == weights(first) && gpu.are_alike(&member.grid, &unit[0].prepared.grid)
+    };
+    let blocks: usize = members.iter().chain(&others).map(Member::blocks).sum();
+    if !others.iter().all(stays) || blocks > gpu.most_blocks() {
+        // The others will share another one.
+        return (Shared::default(), members);
     }
-    members
+    members.extend(others);
+    (shared, members)
 }
 
 fn purpose(call: &SolveCall, tile: usize) -> Purpose {

@@ -361,7 +361,7 @@ pub struct AssetReport {
     pub stretched_share: f32,
 }
 
-/// Dispatches, submissions and transfers of a tile's last solve on a GPU.
+/// Dispatches, submissions and transfers of a tile's last solve on a GPU. Tiles that were solved together have the same.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct GpuWork {

@@ -145,7 +145,7 @@ mod tests {
             let context = Arc::new(context);
             let memory = Memory::new(&context, &grid, &[tile]).unwrap();
             let allocated: u64 = memory.all_buffers().iter().map(wgpu::Buffer::size).sum();
-            assert_eq!(allocated, Memory::bytes_for(&context, &grid, tile).unwrap(), "{band:?}");
+            assert_eq!(allocated, Memory::bytes_for(&context, &grid, &[tile]).unwrap(), "{band:?}");
         }
     }
 }
