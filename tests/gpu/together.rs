@@ -1,9 +1,12 @@
 //! Tiles that a GPU solves together: each has the bits that it has alone, whatever was solved together before, and all take
 //! the dispatches of one.
 
+use std::sync::Arc;
+use std::time::Duration;
+
 use crate::common::{Maps, Model, fetch, gpu, view};
 use vrtm::{
-    Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, GpuWork, Quality, SolveOptions,
+    Asset, Backend, Control, Device, DeviceSettings, ErrorKind, FetchKind, GpuWork, Quality, SolveOptions,
     SolveRequest, Solver, Strided, TileSettings,
 };
 use vrtm_lab::Lab as _;
@@ -212,6 +215,45 @@ fn without_memory_for_all_tiles_each_is_solved_alone() {
     let mut asset = model.asset_on(&Device::new(&settings).unwrap(), SIZE as u32);
     let error = asset.solve(model.frame(2), &SolveOptions::default()).unwrap_err();
     assert_eq!(error.kind, ErrorKind::OutOfMemory, "{error}");
+}
+
+/// With time enough a budget changes nothing; with none, all tiles are the identity.
+#[test]
+fn a_time_budget_is_that_of_all_tiles() {
+    let Some(device) = gpu(&DeviceSettings::default()) else { return };
+    let model = model();
+    let solve = |budget| {
+        let mut asset = model.asset_on(&device, SIZE as u32);
+        let options = SolveOptions { time_budget: budget, ..SolveOptions::default() };
+        asset.solve(model.frame(2), &options).unwrap();
+        let dispatches = asset.gpu_work(0).unwrap().map(|work| work.dispatches());
+        let truncated = (0..TILES).map(|tile| asset.tile_report(tile).unwrap().truncated);
+        let truncated: Vec<bool> = truncated.collect();
+        (truncated, dispatches, (0..TILES).map(|tile| result(&mut asset, tile)).collect::<Vec<_>>())
+    };
+    let whole = solve(None);
+    assert!(whole.0 == [false; TILES] && solve(Some(Duration::from_secs(3600))) == whole);
+    let (truncated, _, results) = solve(Some(Duration::from_nanos(1)));
+    assert!(truncated == [true; TILES] && results != whole.2);
+}
+
+/// A call that is cancelled once its tiles are being solved leaves the results before it, and a solver that can be used.
+#[test]
+fn a_cancelled_call_changes_nothing() {
+    let Some(device) = gpu(&DeviceSettings::default()) else { return };
+    let model = model();
+    let mut both = Both::new(&device, &model);
+    both.solve(model.frame(2), &[0, 1, 2, 3], SolveOptions::default());
+    let before: Vec<_> = (0..TILES).map(|tile| result(&mut both.all, tile)).collect();
+    let control = Arc::new(Control::with_progress(Arc::new(|fraction| fraction > 0.3)));
+    let request =
+        SolveRequest { positions: model.frame(3), control: Some(control), ..SolveRequest::default() };
+    // A GPU that is quick enough is done before it is asked for the first time.
+    if let Err(error) = both.all.run(&request, &mut []) {
+        assert_eq!(error.kind, ErrorKind::Cancelled, "{error}");
+        assert!((0..TILES).all(|tile| result(&mut both.all, tile) == before[tile]));
+    }
+    both.solve(model.frame(4), &[0, 1, 2, 3], SolveOptions::default());
 }
 
 /// Buffers that hold two of the tiles, as on a device with small bindings: two are solved together, and two others.
