@@ -154,6 +154,9 @@ fn histories_leave_no_trace() {
     both.solve(model.frame(1), &[0, 1, 2, 3], warm);
     both.solve(model.frame(2), &[1, 3], warm);
     both.solve(model.frame(3), &[0, 1, 2, 3], warm);
+    // The last results lie in two buffers of the same solver.
+    both.solve(model.frame(4), &[1, 2], warm);
+    both.solve(model.frame(2), &[0, 1, 2, 3], warm);
     // A stroke: one tile alone, with the solver of all.
     let held = device.info().bytes_held;
     let painted = painted(14);
