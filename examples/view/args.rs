@@ -47,12 +47,12 @@ pub struct Args {
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1600x1000", value_parser = size)]
     pub size: [f32; 2],
 
-    /// Frame of the timeline to begin at, from 1
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
-    pub frame: u32,
+    /// Frame of the timeline to begin at, from 1 [default: that of the pose that stretches most]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub frame: Option<u32>,
 
     /// How to draw the surface to begin with
-    #[arg(long, default_value = "redirected", value_parser = one_of(VIEWS))]
+    #[arg(long, default_value = "side-by-side", value_parser = one_of(VIEWS))]
     pub view: Panes,
 
     /// Write a line of JSON per event to this file: solves, places of widgets, saved files; for tests
@@ -106,7 +106,7 @@ mod tests {
         let all =
             ["vrtm-view", "--view", "side-by-side", "--device", "gpu", "--size", "800x600", "--frame", "3"];
         let args = Args::try_parse_from(all).expect("valid");
-        assert_eq!((args.view, args.device, args.frame), (Panes::SideBySide, Backend::Gpu, 3));
+        assert_eq!((args.view, args.device, args.frame), (Panes::SideBySide, Backend::Gpu, Some(3)));
     }
 
     #[test]

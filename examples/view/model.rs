@@ -84,6 +84,20 @@ impl Model {
         std::iter::once(&self.rest).chain(&self.poses).map(Vec::as_slice).collect()
     }
 
+    /// The key that stretches or squeezes the edges of the mesh most, in the mean of the squares of relative changes.
+    pub fn most_stretched(&self) -> usize {
+        let change = |pose: &[[f32; 3]]| {
+            let of_edge = |[a, b]: [u32; 2]| {
+                let [rest, now] = [&self.rest, pose].map(|p| length(minus(p[b as usize], p[a as usize])));
+                if rest > 0.0 { f64::from(now / rest - 1.0).powi(2) } else { 0.0 }
+            };
+            let edges = |[a, b, c]: [u32; 3]| [[a, b], [b, c], [c, a]];
+            self.triangles.iter().flat_map(|triangle| edges(triangle.vertices)).map(of_edge).sum::<f64>()
+        };
+        let changes: Vec<f64> = self.keys().into_iter().map(change).collect();
+        (0..changes.len()).max_by(|&a, &b| changes[a].total_cmp(&changes[b])).unwrap_or(0)
+    }
+
     /// The name of a key.
     pub fn note(&self, key: usize) -> String {
         match key.checked_sub(1).map(|k| &self.frames[k]) {

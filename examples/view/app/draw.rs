@@ -52,7 +52,8 @@ impl App {
 
     fn viewport_in(&mut self, ui: &mut Ui, scale: f32) -> bool {
         let Some(open) = &mut self.open else {
-            let text = self.notice.as_deref().unwrap_or("Drop an asset folder or OBJ files here");
+            let text =
+                self.notice.as_ref().map_or("Drop an asset folder or OBJ files here", |notice| &notice.text);
             ui.centered_and_justified(|ui| ui.label(text));
             return false;
         };

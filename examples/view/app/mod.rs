@@ -66,7 +66,14 @@ pub struct App {
     path: String,
     folder: String,
     device: String,
-    notice: Option<String>,
+    notice: Option<Notice>,
+}
+
+/// What the last line says, until something else happens.
+#[derive(Clone)]
+struct Notice {
+    text: String,
+    is_error: bool,
 }
 
 impl App {
@@ -109,8 +116,8 @@ impl App {
             notice: None,
         };
         app.open_files(&args.files());
-        if let Some(open) = &mut app.open {
-            open.line.go(args.frame as usize);
+        if let (Some(open), Some(frame)) = (&mut app.open, args.frame) {
+            open.line.go(frame as usize);
         }
         Ok(app)
     }
@@ -118,7 +125,7 @@ impl App {
     /// Shows what went wrong.
     fn say(&mut self, message: String) {
         self.trace.event("notice", json!({ "text": message }));
-        self.notice = Some(message);
+        self.notice = Some(Notice { text: message, is_error: true });
     }
 
     /// Takes what the solving thread has done.
@@ -271,11 +278,12 @@ impl App {
                     _ => "solving",
                 };
                 ui.label(RichText::new(state).small().color(style::QUIET));
-                if let Some(text) = notice.clone() {
+                if let Some(Notice { text, is_error }) = notice.clone() {
                     if ui.small_button("×").clicked() {
                         *notice = None;
                     }
-                    ui.label(RichText::new(text).small().color(style::ERROR));
+                    let colour = if is_error { style::ERROR } else { style::TEXT };
+                    ui.label(RichText::new(text).small().color(colour));
                 }
                 ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                     ui.add(egui::Label::new(RichText::new(&*device).small().color(style::QUIET)).truncate());

@@ -36,8 +36,11 @@ impl App {
         self.notice = None;
         self.screen.changed();
         self.stroke.moved();
+        let mut line = Timeline::new(model.frames.len() + 1);
+        // What one sees first is what there is to see.
+        line.go(line.keys[model.most_stretched()]);
         self.open = Some(Open {
-            line: Timeline::new(model.frames.len() + 1),
+            line,
             orbit: Orbit::of(&model.rest, model.centre, model.radius),
             first: self.flow.edit,
             painter,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use eframe::egui::Ui;
 use serde_json::json;
 
-use super::App;
+use super::{App, Notice};
 use crate::draw::picture::Picture;
 use crate::panel::save::{self, Job, Pressed};
 use crate::save::clip::Clip;
@@ -57,6 +57,7 @@ impl App {
     }
 
     fn save(&mut self, job: Job) {
+        self.notice = None;
         let saved = match &job {
             Job::Rigidity(paths) => match &mut self.open {
                 Some(open) => rigidity::save(paths, &open.painter.canvases),
@@ -73,6 +74,9 @@ impl App {
 
     fn tell_saved(&mut self, paths: &[PathBuf]) {
         self.trace.event("saved", json!({ "paths": paths }));
+        let [first, others @ ..] = paths else { return };
+        let more = if others.is_empty() { String::new() } else { format!(" and {} more", others.len()) };
+        self.notice = Some(Notice { text: format!("saved to {}{more}", first.display()), is_error: false });
     }
 
     /// The pixels of the view, without what lies over it.

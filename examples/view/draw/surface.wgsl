@@ -139,14 +139,29 @@ fn lookup(p: Pixel) -> Lookup {
     return Lookup(redirected(p.uv, 0u), by_u * by_x.x + by_v * by_x.y, by_u * by_y.x + by_v * by_y.y);
 }
 
+// The metric at rest, interpolated between the centres of texels that a chart covers; w is 0 where none of the four is one.
+fn metric_at(uv: vec2f) -> vec4f {
+    let size = textureDimensions(metric);
+    let at = uv * vec2f(size) - 0.5;
+    let f = fract(at);
+    var sum = vec4f(0.0);
+    for (var k = 0; k < 4; k++) {
+        let d = vec2i(k & 1, k >> 1);
+        let texel = clamp(vec2i(floor(at)) + d, vec2i(0), vec2i(size) - 1);
+        let share = mix(1.0 - f, f, vec2f(d));
+        sum += share.x * share.y * textureLoad(metric, texel, 0);
+    }
+    // Texels that no chart covers are 0 throughout.
+    return sum / max(sum.w, 1e-6) * step(1e-6, sum.w);
+}
+
 // The relative change of length that is largest in size: the pose against rest, both along steps on the screen.
 fn strain(p: Pixel, at: Lookup) -> f32 {
     let scale = 1.0 / length(dpdx(p.position));
     let px = dpdx(p.position) * scale;
     let py = dpdy(p.position) * scale;
     let pose = vec3f(dot(px, px), dot(px, py), dot(py, py));
-    let side = vec2f(textureDimensions(metric));
-    let m = textureLoad(metric, vec2i(clamp(at.uv * side, vec2f(0.0), side - 1.0)), 0);
+    let m = metric_at(at.uv);
     let dx = at.by_x * scale;
     let dy = at.by_y * scale;
     let mx = vec2f(m.x * dx.x + m.y * dx.y, m.y * dx.x + m.z * dx.y);

@@ -53,7 +53,8 @@ fn is_final(event: &Value, frame: u64) -> bool {
 #[test]
 fn the_timeline_the_panes_and_the_quality() {
     let Some((server, folder)) = start("timeline") else { return };
-    let mut view = Program::start(&server, &folder, &["--scene", "mug_to_jug", "--size", SIZE]);
+    let options = ["--scene", "mug_to_jug", "--size", SIZE, "--frame", "1", "--view", "redirected"];
+    let mut view = Program::start(&server, &folder, &options);
     view.wait("drawn", |event| is_final(event, 1));
     let area = view.widget("view");
     let at_rest = server.shot().cut(area);
@@ -111,6 +112,23 @@ fn the_timeline_the_panes_and_the_quality() {
         let share = half.without(LABEL).differing(&middle.without(LABEL));
         assert!(share < 0.01, "{share} of pane {pane} differs from the pane alone");
     }
+}
+
+/// What one sees first is what there is to see: the pose that stretches most, without and with the redirection.
+#[test]
+fn it_opens_side_by_side_in_the_pose_that_stretches_most() {
+    let Some((server, folder)) = start("first") else { return };
+    let mut view = Program::start(&server, &folder, &["--scene", "creature", "--size", SIZE]);
+    let drawn = view.wait("drawn", |event| event["purpose"] == "final");
+    assert_eq!(drawn["panes"], serde_json::json!([false, true]));
+    assert!(drawn["frame"].as_u64().is_some_and(|frame| frame > 1 && frame % 24 == 1), "{drawn}");
+    // At rest both sides are alike.
+    let area = view.widget("view");
+    let shot = server.shot().cut(area);
+    let (width, height) = (shot.size[0], shot.size[1]);
+    let [left, right] = [0, 1].map(|pane| shot.cut([pane * width / 2, 0, (pane + 1) * width / 2, height]));
+    assert!(left.without(LABEL).differing(&right.without(LABEL)) > 0.02);
+    view.quit();
 }
 
 /// A sheet that is stretched to twice its width, without a rigidity map.
@@ -234,6 +252,6 @@ fn a_missing_file_is_named_in_the_window() {
     view.click("open");
     view.wait("layout", |event| event["widgets"]["scene squash"].is_array());
     view.click("scene squash");
-    view.wait("drawn", |event| is_final(event, 1));
+    view.wait("drawn", |event| is_final(event, 25));
     view.quit();
 }
