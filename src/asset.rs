@@ -14,6 +14,7 @@ mod seams;
 mod shape;
 mod side_by_side;
 pub(crate) mod solve;
+mod solver;
 mod stretch;
 pub(crate) mod tile;
 mod tiles;

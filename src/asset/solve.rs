@@ -21,26 +21,15 @@ use super::request::{Fetch, SolveRequest};
 use super::results::{Last, TileResult, not_solved};
 use super::shape::{Call, Prepared};
 use super::side_by_side::together;
+use super::solver::SolveCall;
 use super::stretch::Stretch;
-use super::tile::{Begun, SolveCall, TileSolved, TileState};
-use super::together::{solve as solve_unit, units};
+use super::tile::{Begun, TileSolved, TileState};
+use super::together::{Queued, solve as solve_unit, units};
 use crate::map::fetch::Output;
 use crate::solved::Solved;
 
 /// The share of a call's progress for preparing its tiles, if any tile needs it.
 const PREPARING: f32 = 0.3;
-
-/// A tile to solve, and its result.
-pub(super) struct Queued<'a> {
-    pub state: &'a mut TileState,
-    pub prepared: Prepared,
-    pub begun: Begun,
-    /// Nodes that may move.
-    pub nodes: u64,
-    /// This tile's share of the call's progress.
-    pub progress: f32,
-    pub result: Option<Result<TileSolved>>,
-}
 
 /// The results of a solve before they are published: the requested outputs are written first, since that can fail.
 struct Fresh {

@@ -13,40 +13,19 @@ use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::SIDE;
 use vrtm_core::grid::pose::{ChartPose, Pose};
 use vrtm_core::mesh::TileMesh;
-use vrtm_core::method::deadline::Deadline;
 use vrtm_core::method::plan::{ChartResult, Input, Plan, Purpose, Summary};
-use vrtm_core::method::progress::Progress;
 use vrtm_core::panics::lock;
 use vrtm_core::report::{GpuWork, TileReport, report};
 use vrtm_core::settings::{LogLevel, TileSettings};
 use vrtm_core::unwind::caught;
-use vrtm_core::view::Strided;
 
 use super::blended::{BlendKey, Blended, CopiesKey};
 use super::derived::Derived;
 use super::given::{Change, Given, GridKey};
 use super::shape::{Call, Prepared, Shape, ShapeKey, torn_welds};
-use super::together::Shared;
+use super::solver::{BookedSolver, Shared, SolveCall, is_usable_after};
 use crate::solved::Solved;
-use vrtm_core::backend::{TileSolution, TileSolve, TileSolver, Warp};
-
-/// A call that solves a tile of an asset, or several.
-#[derive(Clone, Copy)]
-pub(crate) struct SolveCall<'a> {
-    pub on: Call<'a>,
-    pub positions: Strided<'a>,
-    pub plan: &'a Plan,
-    /// When it began.
-    pub start: Instant,
-    /// True if tiles free their solver's memory once they are solved.
-    pub release_solvers: bool,
-    /// A tile's time limit, from the start.
-    pub budget: Option<Duration>,
-    /// A tile's share of the progress.
-    pub progress: f32,
-    /// True if the measured times of stages are typical of the device.
-    pub learns: bool,
-}
+use vrtm_core::backend::{TileSolution, Warp};
 
 /// A tile's derived things, made from the mesh, from maps and settings of the host, and from poses. Each stores its key.
 #[derive(Debug)]
@@ -68,15 +47,6 @@ pub(crate) struct TileState {
     pub(super) last: Option<TileSolved>,
     /// The welds that the last pose tore.
     welds_torn: Vec<u32>,
-}
-
-/// A solver, which knows the grid that it is for, and its memory.
-#[derive(Debug)]
-pub(super) struct BookedSolver {
-    pub solver: Box<dyn TileSolver>,
-    /// True if the memory has never been used.
-    pub is_fresh: bool,
-    pub booked: Booked,
 }
 
 /// A tile's last good result, and what it follows from.
@@ -411,35 +381,6 @@ impl Begun {
         });
         Ok(WarpResult { warp: Arc::new(solution.warp), results, report, work: solution.work })
     }
-}
-
-impl BookedSolver {
-    /// Runs the solver on a call's input.
-    pub fn run(
-        &mut self,
-        call: &SolveCall,
-        input: Input,
-        progress: f32,
-        lasts: &[Option<&Warp>],
-        keep: &[bool],
-    ) -> Result<TileSolution> {
-        let (team, device, plan) = (call.on.team, call.on.device, call.plan);
-        let fresh = std::mem::replace(&mut self.is_fresh, false);
-        let deadline = Deadline::new(call.start, [call.budget, plan.budget], *device.pace(), fresh);
-        let progress = Progress::new(team.control(), progress);
-        let mut solve = TileSolve { team, input, plan, deadline, progress, lasts, keep };
-        let solution = caught(|| self.solver.run(&mut solve));
-        if call.learns {
-            *device.pace() = solve.deadline.learnt();
-        }
-        solution
-    }
-}
-
-/// True if a solver may be used again after this: a cancelled solve leaves its memory usable, since each solve writes what it
-/// reads.
-pub(super) fn is_usable_after(solution: &Result<TileSolution>) -> bool {
-    solution.as_ref().err().is_none_or(|error| error.kind == ErrorKind::Cancelled)
 }
 
 /// The task for a chart.

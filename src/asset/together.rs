@@ -2,12 +2,12 @@
 //! nodes. The results are bit-identical to those of each tile alone.
 
 use std::ops::Range;
-use std::sync::{Arc, Mutex};
+use std::sync::Arc;
 use std::time::Instant;
 
-use super::solve::Queued;
-use super::tile::{BookedSolver, SolveCall, is_usable_after};
-use crate::device::Booked;
+use super::shape::Prepared;
+use super::solver::{BookedSolver, Member, Shared, SolveCall, Together, is_usable_after};
+use super::tile::{Begun, TileSolved, TileState};
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::backend::{TileSolution, Warp};
 use vrtm_core::error::{Error, ErrorKind, Result};
@@ -18,32 +18,16 @@ use vrtm_core::method::plan::{Input, Purpose};
 use vrtm_core::panics::lock;
 use vrtm_core::unwind::caught;
 
-/// Tiles that are solved together share this; `None` once it is of no more use to one of them.
-pub(super) type Shared = Arc<Mutex<Option<Together>>>;
-
-/// The solver of several tiles, kept from one call to the next.
-#[derive(Debug)]
-pub(super) struct Together {
-    members: Vec<Member>,
-    /// Their grids as one.
-    grid: Arc<Grid>,
-    solver: Option<BookedSolver>,
-    /// The bytes of `grid`.
-    booked: Booked,
-}
-
-#[derive(Debug)]
-struct Member {
-    tile: usize,
-    grid: Arc<Grid>,
-    mesh: Arc<TileMesh>,
-}
-
-impl Member {
-    /// Number of blocks of level 0.
-    fn blocks(&self) -> usize {
-        self.grid.levels[0].blocks.list.len()
-    }
+/// A tile to solve, and its result.
+pub(super) struct Queued<'a> {
+    pub state: &'a mut TileState,
+    pub prepared: Prepared,
+    pub begun: Begun,
+    /// Nodes that may move.
+    pub nodes: u64,
+    /// This tile's share of the call's progress.
+    pub progress: f32,
+    pub result: Option<Result<TileSolved>>,
 }
 
 /// What its memory is called in errors.
@@ -137,8 +121,8 @@ fn shared(unit: &[Queued]) -> Option<Shared> {
         let has = |queued: &Queued| together.place(queued.state.tile, &queued.prepared.grid).is_some();
         together.solver.is_some() && unit.iter().all(has)
     };
-    let all = unit.iter().filter_map(|queued| queued.state.together.as_ref());
-    all.filter(|shared| lock(shared).as_ref().is_some_and(is_for)).cloned().next()
+    let mut all = unit.iter().filter_map(|queued| queued.state.together.as_ref());
+    all.find(|shared| lock(shared).as_ref().is_some_and(is_for)).cloned()
 }
 
 /// Makes a solver for some tiles, and for those that share one with them now; `None` if the memory budget has no room.
@@ -217,14 +201,6 @@ impl Together {
     /// The number of a tile among these, if it is one of them on a grid with the same blocks.
     fn place(&self, tile: usize, grid: &Grid) -> Option<usize> {
         self.members.iter().position(|member| member.tile == tile && member.grid.has_blocks_of(grid))
-    }
-
-    /// A tile's share of the bytes.
-    pub fn bytes_of(&self, tile: usize) -> u64 {
-        let all: usize = self.members.iter().map(Member::blocks).sum();
-        let own: usize = self.members.iter().filter(|member| member.tile == tile).map(Member::blocks).sum();
-        let solver = self.solver.as_ref().map_or(0, |solver| solver.booked.bytes());
-        (self.booked.bytes() + solver) * own as u64 / all.max(1) as u64
     }
 
     /// Per member, the range of what all have so many of.
