@@ -39,6 +39,11 @@ pub struct Args {
     #[arg(long, value_name = "PATTERN", requires = "rest")]
     pub rigidity: Option<String>,
 
+    /// Colour textures to draw with in place of a material made from the rigidity maps: image files, as a path in which
+    /// <UDIM> stands for the tile's number; tiles without a file keep that material
+    #[arg(long, value_name = "PATTERN")]
+    pub texture: Option<String>,
+
     /// Where to solve; auto takes a hardware GPU if there is one, the CPU otherwise
     #[arg(long, default_value = "cpu", value_parser = one_of(DEVICES))]
     pub device: Backend,

@@ -115,7 +115,7 @@ impl App {
             device: String::new(),
             notice: None,
         };
-        app.open_files(&args.files());
+        app.open_with(&args.files(), args.texture.as_deref());
         if let (Some(open), Some(frame)) = (&mut app.open, args.frame) {
             open.line.go(frame as usize);
         }

@@ -4,11 +4,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use eframe::egui::Ui;
+use image::RgbaImage;
 use serde_json::json;
 
 use super::{App, Open};
 use crate::brush::painter::Painter;
 use crate::draw::camera::Orbit;
+use crate::draw::paint;
 use crate::draw::scene::Scene;
 use crate::model::Model;
 use crate::panel::figures::History;
@@ -19,13 +21,22 @@ use crate::timeline::Timeline;
 impl App {
     /// Opens files. If that fails, what was open stays.
     pub(super) fn open_files(&mut self, files: &Files) {
+        self.open_with(files, None);
+    }
+
+    /// Opens files, and the textures of the tiles.
+    pub(super) fn open_with(&mut self, files: &Files, texture: Option<&str>) {
         let model = match Model::load(files) {
             Ok(model) => Arc::new(model),
             Err(failure) => return self.say(failure.0),
         };
+        let textures = match textures_of(&model, texture) {
+            Ok(textures) => textures,
+            Err(message) => return self.say(message),
+        };
         self.give_clip_up();
         let painter = Painter::new(&model);
-        let scene = Scene::new(&self.gpu, &model, &painter.canvases);
+        let scene = Scene::new(&self.gpu, &model, &painter.canvases, &textures);
         self.flow.edit += 1;
         self.worker.inbox.post(Edit::Open(model.clone(), painter.canvases.clone()));
         let udims: Vec<u32> = model.tiles.iter().map(|tile| tile.udim).collect();
@@ -63,6 +74,17 @@ impl App {
             Err(message) => self.say(message),
         }
     }
+}
+
+/// The textures of a mesh's tiles. A path that leads to none of them is an error.
+fn textures_of(model: &Model, path: Option<&str>) -> Result<Vec<Option<RgbaImage>>, String> {
+    let Some(path) = path else { return Ok(vec![None; model.tiles.len()]) };
+    let all = model.tiles.iter().map(|tile| paint::read(path, tile.udim));
+    let all: Vec<Option<RgbaImage>> = all.collect::<Result<_, _>>()?;
+    if all.iter().all(Option::is_none) {
+        return Err(format!("--texture: {path}: there is no such file for any tile"));
+    }
+    Ok(all)
 }
 
 /// What dropped paths mean; further poses and maps belong to the OBJ that is open.

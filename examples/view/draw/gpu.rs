@@ -48,7 +48,7 @@ impl Gpu {
         let storage = buffer(wgpu::BufferBindingType::Storage { read_only: true });
         let plain = wgpu::TextureViewDimension::D2;
         let view = layout(&[buffer(wgpu::BufferBindingType::Uniform), storage, storage, storage]);
-        let tile = layout(&[texture(true, plain), texture(false, plain), sampler]);
+        let tile = layout(&[texture(true, plain), texture(false, plain), sampler, texture(true, plain)]);
         let map = layout(&[texture(true, wgpu::TextureViewDimension::D2Array), sampler]);
         let parts = [
             include_str!("../../render/map_filtered.wgsl"),

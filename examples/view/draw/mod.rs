@@ -3,5 +3,6 @@
 pub mod camera;
 pub mod gpu;
 pub mod levels;
+pub mod paint;
 pub mod picture;
 pub mod scene;

@@ -2,9 +2,12 @@
 
 use std::sync::Arc;
 
+use image::RgbaImage;
+
 use super::camera::View;
 use super::gpu::{Gpu, METRIC};
 use super::levels::Levels;
+use super::paint;
 use crate::brush::canvas::{Canvas, Rect};
 use crate::model::Model;
 use crate::solve::answer::{Answer, Maps};
@@ -35,7 +38,8 @@ pub struct Tile {
 }
 
 impl Scene {
-    pub fn new(gpu: &Gpu, model: &Model, canvases: &[Canvas]) -> Scene {
+    /// `textures` has one per tile, or `None`.
+    pub fn new(gpu: &Gpu, model: &Model, canvases: &[Canvas], textures: &[Option<RgbaImage>]) -> Scene {
         let mut bytes = Vec::with_capacity(model.triangles.len() * 36);
         for triangle in &model.triangles {
             for (vertex, uv) in triangle.vertices.iter().zip(triangle.uvs) {
@@ -51,15 +55,22 @@ impl Scene {
         let normals = storage(&model.normals(rest));
         let mut scene = Scene { corners, positions, normals, rest: rest_buffer, tiles: Vec::new() };
         let view = scene.view(gpu, &View { range: METRIC_SIDE as f32, ..View::default() });
-        for (tile, canvas) in model.tiles.iter().zip(canvases) {
+        for ((tile, canvas), texture) in model.tiles.iter().zip(canvases).zip(textures) {
             let range = 3 * tile.range.start as u32..3 * tile.range.end as u32;
-            let made = scene.tile(gpu, &view, range, canvas);
+            let made = scene.tile(gpu, &view, range, canvas, texture.as_ref());
             scene.tiles.push(made);
         }
         scene
     }
 
-    fn tile(&self, gpu: &Gpu, view: &wgpu::BindGroup, range: std::ops::Range<u32>, canvas: &Canvas) -> Tile {
+    fn tile(
+        &self,
+        gpu: &Gpu,
+        view: &wgpu::BindGroup,
+        range: std::ops::Range<u32>,
+        canvas: &Canvas,
+        texture: Option<&RgbaImage>,
+    ) -> Tile {
         let levels = Levels::new(canvas);
         let bound = wgpu::TextureUsages::TEXTURE_BINDING;
         let upload = bound | wgpu::TextureUsages::COPY_DST;
@@ -86,6 +97,9 @@ impl Scene {
             wgpu::BindingResource::TextureView(&rigidity.create_view(&Default::default())),
             wgpu::BindingResource::TextureView(&metric),
             wgpu::BindingResource::Sampler(&gpu.linear),
+            wgpu::BindingResource::TextureView(
+                &paint::texture(gpu, texture).create_view(&Default::default()),
+            ),
         ];
         let group = gpu.group(&gpu.tile, &resources);
         let (map_texture, map) = map_of(gpu, &Maps::identity());

@@ -27,6 +27,8 @@ struct View {
 // Squared lengths of steps in u and v at rest, and their product: what a texel of the texture measures.
 @group(1) @binding(1) var metric: texture_2d<f32>;
 @group(1) @binding(2) var rigidity_sampler: sampler;
+// The tile's own texture; a single texel if it has none.
+@group(1) @binding(3) var paint: texture_2d<f32>;
 
 struct Pixel {
     @builtin(position) at: vec4f,
@@ -220,6 +222,8 @@ fn surface(p: Pixel) -> @location(0) vec4f {
         let inside = strain_colour(strain(p, at));
         colour = mix(vec3f(0.055, 0.06, 0.07), inside, stud);
         shine = 0.03;
+    } else if textureDimensions(paint).x > 1u {
+        colour = textureSampleGrad(paint, rigidity_sampler, at.uv, at.by_x, at.by_y).rgb;
     } else {
         // Colours vary over the tile, so that no two places look alike.
         let part = 0.5 + 0.5 * cos(6.3 * (dot(at.uv, vec2f(1.3, 0.9)) + vec3f(0.0, 0.33, 0.67)));

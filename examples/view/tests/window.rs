@@ -158,6 +158,34 @@ fn sheet(folder: &Path) -> [String; 2] {
     })
 }
 
+/// A texture of two colours, red on the left half of the tile and blue on the right half, is what the sheet shows.
+#[test]
+fn a_texture_is_drawn_in_place_of_the_material() {
+    let Some((server, folder)) = start("texture") else { return };
+    let [rest, wide] = sheet(&folder);
+    let half = |k: usize| if k % 64 < 32 { [255, 0, 0] } else { [0, 0, 255] };
+    let pixels: Vec<u8> = (0..64 * 64).flat_map(half).collect();
+    let pattern = folder.join("skin.<UDIM>.png").display().to_string();
+    image::save_buffer(pattern.replace("<UDIM>", "1001"), &pixels, 64, 64, image::ColorType::Rgb8)
+        .expect("a PNG");
+    let options =
+        ["--rest", &rest, "--pose", &wide, "--texture", &pattern, "--view", "original", "--size", SIZE];
+    let mut view = Program::start(&server, &folder, &options);
+    view.wait("drawn", |event| event["purpose"] == "final");
+    let shot = server.shot().cut(view.widget("view"));
+    view.quit();
+    let middle = shot.size[1] / 2;
+    let [left, right] = [3, 5].map(|k| shot.pixels[(middle * shot.size[0] + k * shot.size[0] / 8) as usize]);
+    assert!(left[0] > 100 && left[2] < 60 && right[2] > 100 && right[0] < 60, "{left:?} {right:?}");
+    // A path that leads nowhere is named.
+    let pattern = folder.join("no.<UDIM>.png").display().to_string();
+    let options = ["--rest", &rest, "--pose", &wide, "--texture", &pattern, "--size", SIZE];
+    let mut view = Program::start(&server, &folder, &options);
+    let notice = view.wait("notice", |_| true);
+    assert!(notice["text"].as_str().expect("a text").starts_with("--texture: "), "{notice}");
+    view.quit();
+}
+
 #[test]
 fn the_brush_and_what_is_saved() {
     let Some((server, folder)) = start("brush") else { return };

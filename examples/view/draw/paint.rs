@@ -1,0 +1,47 @@
+//! Colour textures of the tiles: image files, with levels for where texels are smaller than pixels.
+
+use std::path::Path;
+
+use image::imageops::FilterType;
+use image::{RgbaImage, imageops};
+
+use super::gpu::{COLOUR, Gpu};
+
+/// Most texels on a side: what every GPU that draws a window has.
+const LARGEST: u32 = 8192;
+
+/// Reads the texture of a tile; `None` if the tile has none. In the path `<UDIM>` stands for the tile's number.
+///
+/// # Errors
+/// A file that cannot be read, naming it.
+pub fn read(path: &str, udim: u32) -> Result<Option<RgbaImage>, String> {
+    let path = path.replace("<UDIM>", &udim.to_string());
+    if !Path::new(&path).exists() {
+        return Ok(None);
+    }
+    let mut image = image::open(&path).map_err(|error| format!("{path}: {error}"))?.into_rgba8();
+    let larger = image.width().max(image.height());
+    if larger > LARGEST {
+        let size = [image.width(), image.height()].map(|side| (side * LARGEST / larger).max(1));
+        image = imageops::resize(&image, size[0], size[1], FilterType::Triangle);
+    }
+    // The first row of a GPU's texture is at v = 0.
+    imageops::flip_vertical_in_place(&mut image);
+    Ok(Some(image))
+}
+
+/// A texture with all of its levels; without an image, a single texel, which stands for none.
+pub fn texture(gpu: &Gpu, image: Option<&RgbaImage>) -> wgpu::Texture {
+    let nothing = RgbaImage::new(1, 1);
+    let mut image = image.unwrap_or(&nothing).clone();
+    let levels = 1 + image.width().max(image.height()).ilog2();
+    let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
+    let texture = gpu.texture([image.width(), image.height()], COLOUR, usage, [levels, 1]);
+    for level in 0..levels {
+        let size = [image.width(), image.height()];
+        gpu.write(&texture, level, [0, 0], size, &image);
+        let [width, height] = size.map(|side| (side / 2).max(1));
+        image = imageops::resize(&image, width, height, FilterType::Triangle);
+    }
+    texture
+}
