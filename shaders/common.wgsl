@@ -1,9 +1,9 @@
 // Declarations common to all kernels: the buffers, and the mapping from threads to nodes (method §1, Blocks). The
 // structs in the buffers and the constants are declared in generated.wgsl.
 //
-// A workgroup of 64 threads works on one block of 16x16 nodes. For each of the four node colours in turn, thread t
-// works on the node in row t / 8 and column t % 8 of that colour. A plane holds one quantity at all nodes of a block,
-// sorted by colour; a slot is the index of a node in a plane.
+// A workgroup works on one block of 16x16 nodes. A plane holds one quantity at all nodes of a block, sorted by colour; a
+// slot is the index of a node in a plane. Of 256 threads each has the node of its slot; of 64 threads, thread t works on
+// the node in row t / 8 and column t % 8 of each of the four node colours in turn.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> charts: array<Chart>;

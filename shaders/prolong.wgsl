@@ -16,26 +16,23 @@ fn coarse_u(parent: u32, n: vec2u) -> vec2f {
     return bitcast<vec2f>(vec2u(coarse_state[at], coarse_state[at + NODES]));
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn prolong(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
     let parent = blocks[b].parents[0];
-    for (var colour = 0u; colour < 4u; colour++) {
-        let s = thread_slot(colour, t);
-        var u = vec2f();
-        if parent != NONE && !is_fixed(b, s) {
-            let n = node_at(s);
-            let low = vec2u(blocks[b].x & 1u, blocks[b].y & 1u) * 8u + n / 2u + 1u;
-            let high = low + n % 2u;
-            let south = coarse_u(parent, low) + coarse_u(parent, vec2u(high.x, low.y));
-            let north = coarse_u(parent, vec2u(low.x, high.y)) + coarse_u(parent, high);
-            // A displacement of one coarse cell is a displacement of two fine cells: half of the sum is twice the mean
-            // of the four values.
-            u = (south + north) * 0.5;
-        }
-        resample(b, s, u);
+    var u = vec2f();
+    if parent != NONE && !is_fixed(b, t) {
+        let n = node_at(t);
+        let low = vec2u(blocks[b].x & 1u, blocks[b].y & 1u) * 8u + n / 2u + 1u;
+        let high = low + n % 2u;
+        let south = coarse_u(parent, low) + coarse_u(parent, vec2u(high.x, low.y));
+        let north = coarse_u(parent, vec2u(low.x, high.y)) + coarse_u(parent, high);
+        // A displacement of one coarse cell is a displacement of two fine cells: half of the sum is twice the mean
+        // of the four values.
+        u = (south + north) * 0.5;
     }
+    resample(b, t, u);
 }

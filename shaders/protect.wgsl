@@ -33,17 +33,14 @@ fn strain_square(b: u32, s: u32) -> f32 {
     return sum / max(count, 1.0);
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn protect(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
-    for (var colour = 0u; colour < 4u; colour++) {
-        let s = thread_slot(colour, t);
-        let square = strain_square(b, s);
-        let lost = u32(params.factor * (square / (square + PROTECTED_STRAIN * PROTECTED_STRAIN)) + 0.5);
-        let at = node_index(b, RIGIDITY, s);
-        weakened[at] = (weakened[at] & 0x8000ffffu) | (lost << 16u);
-    }
+    let square = strain_square(b, t);
+    let lost = u32(params.factor * (square / (square + PROTECTED_STRAIN * PROTECTED_STRAIN)) + 0.5);
+    let at = node_index(b, RIGIDITY, t);
+    weakened[at] = (weakened[at] & 0x8000ffffu) | (lost << 16u);
 }

@@ -15,25 +15,22 @@ fn coarse_lost(parent: u32, n: vec2u) -> u32 {
     return lost_code(coarse_nodes[node_index(holder, RIGIDITY, source.y)]);
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn protect_finest(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
     let parent = blocks[b].parents[0];
-    for (var colour = 0u; colour < 4u; colour++) {
-        let s = thread_slot(colour, t);
-        var lost = 0u;
-        if parent != NONE {
-            let n = node_at(s);
-            let low = vec2u(blocks[b].x & 1u, blocks[b].y & 1u) * 8u + n / 2u + 1u;
-            let high = low + n % 2u;
-            let south = coarse_lost(parent, low) + coarse_lost(parent, vec2u(high.x, low.y));
-            let north = coarse_lost(parent, vec2u(low.x, high.y)) + coarse_lost(parent, high);
-            lost = (south + north + 2u) / 4u;
-        }
-        let at = node_index(b, RIGIDITY, s);
-        weakened[at] = (weakened[at] & 0x8000ffffu) | (lost << 16u);
+    var lost = 0u;
+    if parent != NONE {
+        let n = node_at(t);
+        let low = vec2u(blocks[b].x & 1u, blocks[b].y & 1u) * 8u + n / 2u + 1u;
+        let high = low + n % 2u;
+        let south = coarse_lost(parent, low) + coarse_lost(parent, vec2u(high.x, low.y));
+        let north = coarse_lost(parent, vec2u(low.x, high.y)) + coarse_lost(parent, high);
+        lost = (south + north + 2u) / 4u;
     }
+    let at = node_index(b, RIGIDITY, t);
+    weakened[at] = (weakened[at] & 0x8000ffffu) | (lost << 16u);
 }

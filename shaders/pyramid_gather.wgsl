@@ -7,27 +7,24 @@
 @group(0) @binding(11) var<storage, read> entries: array<vec2u>;
 @group(0) @binding(12) var<storage, read_write> metric: array<f32>;
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn pyramid_gather(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
-    for (var colour = 0u; colour < 4u; colour++) {
-        let s = thread_slot(colour, t);
-        let node = b * NODES + s;
-        var sum = vec3f();
-        for (var k = starts[node]; k < starts[node + 1u]; k++) { // model: 6 times
-            let p = triangles[entries[k].x].pose;
-            let x = vec3f(p[3], p[4], p[5]);
-            let y = vec3f(p[6], p[7], p[8]);
-            sum += bitcast<f32>(entries[k].y) * vec3f(dot(x, x), dot(x, y), dot(y, y));
-        }
-        // Convert to cells of level 1, which are twice as long as those of level 0.
-        sum *= 4.0;
-        let to = b * 3u * NODES + s;
-        metric[to] = sum.x;
-        metric[to + NODES] = sum.y;
-        metric[to + 2u * NODES] = sum.z;
+    let node = b * NODES + t;
+    var sum = vec3f();
+    for (var k = starts[node]; k < starts[node + 1u]; k++) { // model: 6 times
+        let p = triangles[entries[k].x].pose;
+        let x = vec3f(p[3], p[4], p[5]);
+        let y = vec3f(p[6], p[7], p[8]);
+        sum += bitcast<f32>(entries[k].y) * vec3f(dot(x, x), dot(x, y), dot(y, y));
     }
+    // Convert to cells of level 1, which are twice as long as those of level 0.
+    sum *= 4.0;
+    let to = b * 3u * NODES + t;
+    metric[to] = sum.x;
+    metric[to + NODES] = sum.y;
+    metric[to + 2u * NODES] = sum.z;
 }

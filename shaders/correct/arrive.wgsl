@@ -6,11 +6,12 @@ fn arrived(b: u32, n: vec2i) -> vec2f {
     let quarter = n / 8;
     let local = n % 8;
     var sum = vec2f();
-    for (var k = 0u; k < 9u; k++) {
-        // The finer blocks next to the node's own block contribute to the outermost nodes of its quarter.
-        let side = vec2i(i32(k % 3u), i32(k / 3u)) - 1;
-        let reaches = (side == vec2i(0)) | ((side < vec2i(0)) & (local == vec2i(0))) | ((side > vec2i(0)) & (local == vec2i(7)));
-        if all(reaches) {
+    // The finer blocks next to the node's own block contribute to the outermost nodes of its quarter.
+    let low = select(vec2i(0), vec2i(-1), local == vec2i(0));
+    let high = select(vec2i(0), vec2i(1), local == vec2i(7));
+    for (var y = low.y; y <= high.y; y++) { // model: 2 times
+        for (var x = low.x; x <= high.x; x++) { // model: 2 times
+            let side = vec2i(x, y);
             let at = quarter + side + 2;
             let block = at / 2;
             let holder = stored_neighbour(b, u32(block.y * 3 + block.x));

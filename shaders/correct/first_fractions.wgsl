@@ -13,7 +13,7 @@ var<workgroup> cut: atomic<u32>;
 /// Sets each node's fraction of the step to the largest that its corners allow if all nodes take the same fraction. A
 /// chart with a fraction under 1 is limited. Finds the chart's longest step, from which its falloff follows, and how much of
 /// the step is cut off.
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
@@ -24,7 +24,7 @@ fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
         atomicStore(&longest, 0u);
         atomicStore(&cut, 0u);
     }
-    for (var k = t; k < WINDOW; k += 64u) {
+    for (var k = t; k < WINDOW; k += NODES) {
         let source = window_source(window_node(k));
         let holder = blocks[b].neighbours[source.x];
         window_u[k] = vec2f();
@@ -37,22 +37,15 @@ fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocatio
         }
     }
     workgroupBarrier();
-    var least = 1.0;
-    var length = 0.0;
-    for (var k = 0u; k < 4u; k++) {
-        let s = thread_slot(k, t);
-        let n = vec2i(node_at(s));
-        let step = abs(window_step[place_in_window(n)]);
-        length = max(length, max(step.x, step.y));
-        let fraction = allowed_fraction(n, MARGIN_LEFT);
-        vectors[vector_index(b, FRACTION, s)] = fraction;
-        least = min(least, fraction);
-    }
-    if least < 1.0 {
-        atomicMax(&cut, bitcast<u32>(1.0 - least));
+    let n = vec2i(node_at(t));
+    let step = abs(window_step[place_in_window(n)]);
+    let fraction = allowed_fraction(n, MARGIN_LEFT);
+    vectors[vector_index(b, FRACTION, t)] = fraction;
+    if fraction < 1.0 {
+        atomicMax(&cut, bitcast<u32>(1.0 - fraction));
         atomicMax(&charts[blocks[b].chart].limit_rounds, 1u);
     }
-    atomicMax(&longest, bitcast<u32>(length));
+    atomicMax(&longest, bitcast<u32>(max(step.x, step.y)));
     workgroupBarrier();
     if t == 0u {
         atomicMax(&charts[blocks[b].chart].longest, atomicLoad(&longest));

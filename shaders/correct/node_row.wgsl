@@ -27,15 +27,21 @@ fn load_pair(b: u32, n: vec2i, k: u32) -> vec4f {
     return select(a, a.xzyw, k > 3u);
 }
 
+/// The pair of the node at slot s of block b with its neighbour k < 4: the node owns it.
+fn own_pair(b: u32, s: u32, k: u32) -> vec4f {
+    let at = row_index(b, PAIR + 2u * k, s);
+    return decode(vec2u(rows[at], rows[at + NODES]));
+}
+
 fn load_row(b: u32, s: u32) -> NodeRow {
     let n = vec2i(node_at(s));
     let at = row_index(b, 0u, s);
     return NodeRow(
         bitcast<vec3f>(vec3u(rows[at], rows[at + NODES], rows[at + 2u * NODES])),
-        load_pair(b, n, 0u),
-        load_pair(b, n, 1u),
-        load_pair(b, n, 2u),
-        load_pair(b, n, 3u),
+        own_pair(b, s, 0u),
+        own_pair(b, s, 1u),
+        own_pair(b, s, 2u),
+        own_pair(b, s, 3u),
         load_pair(b, n, 4u),
         load_pair(b, n, 5u),
         load_pair(b, n, 6u),

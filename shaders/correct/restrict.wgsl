@@ -36,16 +36,21 @@ fn is_inside(n: vec2i) -> bool {
     return all(n >= vec2i(0)) && all(n < vec2i(16));
 }
 
-/// The sum of A_pn z_n over the neighbours of node n of the halo, where z is 0 outside the block.
-fn reach(b: u32, n: vec2i) -> vec2f {
-    var sum = vec2f();
-    for (var k = 0u; k < 8u; k++) {
-        let far = n + offset(k);
-        if is_inside(far) {
-            sum += pair_times(load_pair(b, n, k), window_z[place(u32(far.x + 1), u32(far.y + 1))]);
-        }
+/// A_pn z_n for neighbour k of node n of the halo, where z is 0 outside the block.
+fn reach_along(b: u32, n: vec2i, k: u32) -> vec2f {
+    let far = n + offset(k);
+    if !is_inside(far) {
+        return vec2f();
     }
-    return sum;
+    return pair_times(load_pair(b, n, k), window_z[place(u32(far.x + 1), u32(far.y + 1))]);
+}
+
+/// The sum of these over the neighbours inside the block, of which a node has up to three.
+fn reach(b: u32, n: vec2i) -> vec2f {
+    var inward = select(vec3u(3u, 4u, 6u), vec3u(0u, 2u, 7u), n.x < 0);
+    inward = select(inward, vec3u(5u, 6u, 7u), n.y > 15);
+    inward = select(inward, vec3u(1u, 2u, 3u), n.y < 0);
+    return reach_along(b, n, inward.x) + reach_along(b, n, inward.y) + reach_along(b, n, inward.z);
 }
 
 /// Node k of the 68 of the halo: the row below, the row above, then the columns.

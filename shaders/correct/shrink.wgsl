@@ -45,7 +45,7 @@ fn change(n: vec2i, o: vec2i) -> vec2f {
 /// corners allow. In the last rounds, where `factor` is negative, the mark is 0 at corners that fall below the bound. Each
 /// fraction is multiplied by the least mark of the node and its neighbours. If no node of a chart is marked, the fractions
 /// from before the round remain valid.
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn shrink(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let block = block_of_workgroup(group, t);
     if t == 0u && block != NONE && atomicLoad(&charts[blocks[block].chart].limit_rounds) < params.mode {
@@ -55,7 +55,7 @@ fn shrink(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     if b == NONE {
         return;
     }
-    for (var k = t; k < PLACES; k += 64u) {
+    for (var k = t; k < PLACES; k += NODES) {
         let source = wide_source(node_of(k));
         let holder = blocks[b].neighbours[source.x];
         fractions[k] = 2.0;
@@ -74,7 +74,7 @@ fn shrink(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     }
     workgroupBarrier();
     var limited = false;
-    for (var k = t; k < PLACES; k += 64u) {
+    for (var k = t; k < PLACES; k += NODES) {
         let n = node_of(k);
         var mark = 1.0;
         if is_within(n, 1) && !(fractions[k] > 1.0) {
@@ -92,13 +92,10 @@ fn shrink(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
         atomicMax(&charts[blocks[b].chart].limit_rounds, params.mode + 1u);
     }
     workgroupBarrier();
-    for (var k = 0u; k < 4u; k++) {
-        let s = thread_slot(k, t);
-        let at = place_of(vec2i(node_at(s)));
-        var least = 1.0;
-        for (var i = 0u; i < 9u; i++) {
-            least = min(least, marks[at + (i / 3u) * SIDE + i % 3u - (SIDE + 1u)]);
-        }
-        vectors[vector_index(b, FRACTION + (params.mode & 1u), s)] = fractions[at] * least;
+    let at = place_of(vec2i(node_at(t)));
+    var least = 1.0;
+    for (var i = 0u; i < 9u; i++) {
+        least = min(least, marks[at + (i / 3u) * SIDE + i % 3u - (SIDE + 1u)]);
     }
+    vectors[vector_index(b, FRACTION + (params.mode & 1u), t)] = fractions[at] * least;
 }

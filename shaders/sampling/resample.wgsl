@@ -10,26 +10,21 @@ fn resample(b: u32, s: u32, u: vec2f) {
     find_triangle(b, s, u);
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn identity(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
-    for (var colour = 0u; colour < 4u; colour++) {
-        resample(b, thread_slot(colour, t), vec2f());
-    }
+    resample(b, t, vec2f());
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn previous(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
-    for (var colour = 0u; colour < 4u; colour++) {
-        let s = thread_slot(colour, t);
-        let at = FINEST_STATE_PLANES * b * NODES + s;
-        resample(b, s, vec2f(previous_result[at], previous_result[at + NODES]));
-    }
+    let at = FINEST_STATE_PLANES * b * NODES + t;
+    resample(b, t, vec2f(previous_result[at], previous_result[at + NODES]));
 }

@@ -171,22 +171,27 @@ fn webgpu_s_default_limits_suffice() {
         assert!(storage <= limits.max_storage_buffers_per_shader_stage, "{name}: {storage} storage buffers");
         let index = module.entry_points.iter().position(|entry| entry.name == source.entry).unwrap();
         let threads = match source.kernel {
-            // The sums of all blocks; or one node for each thread, which keeps the node's row in registers.
-            Kernel::MultigridCoarsest
-            | Kernel::Decide
-            | Kernel::Galerkin
-            | Kernel::MultigridDown
-            | Kernel::MultigridUp
-            | Kernel::Product
-            | Kernel::Curvature
-            | Kernel::EnergyChords
-            | Kernel::EnergyMetrics
-            | Kernel::AssembleChords
-            | Kernel::AssembleMetrics
-            | Kernel::Pull => 4 * THREADS,
+            // Four nodes for each thread, colour by colour, or one chart, triangle or texel.
+            Kernel::RelaxChords
+            | Kernel::RelaxMetrics
+            | Kernel::RelaxChordsWide
+            | Kernel::RelaxMetricsWide
+            | Kernel::ProjectChords
+            | Kernel::ProjectMetrics
+            | Kernel::RegulariseChords
+            | Kernel::RegulariseMetrics
+            | Kernel::CopyState
+            | Kernel::SamplesChords
+            | Kernel::SamplesMetrics
+            | Kernel::Surface
+            | Kernel::SelectCharts
+            | Kernel::Gate
+            | Kernel::Invert
+            | Kernel::Redirect => THREADS,
             // One line of a block's nodes each.
             Kernel::Falloff => vrtm_core::grid::planes::SIDE as u32,
-            _ => THREADS,
+            // A node, or a quarter of one.
+            _ => 4 * THREADS,
         };
         let size = module.entry_points[index].workgroup_size;
         assert_eq!(size, [threads, 1, 1], "{name}");
