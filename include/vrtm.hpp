@@ -360,6 +360,12 @@ struct ExternalImage : vrtm_external_image {
         origin = vrtm::value(wanted);
         return *this;
     }
+    // PixelFormat::f16 is for the delta, in half of the bytes.
+    ExternalImage &set(PixelFormat wanted) noexcept
+    {
+        format = vrtm::value(wanted);
+        return *this;
+    }
 };
 
 // The kind, format and size of a redirection map for Tile::inspect_map().

@@ -1,4 +1,4 @@
-// Written from crates/core/src/method/law.rs, crates/gpu/src/layout.rs and crates/gpu/src/external.rs. Change those, then
+// Written from crates/core/src/method/law.rs, crates/gpu/src/layout.rs and crates/gpu/src/redirect.rs. Change those, then
 // VRTM_UPDATE_SHADERS=1 cargo test --lib generated
 
 /// ε: every corner Jacobian of a descent's warp is at least this (method §6).
@@ -398,7 +398,7 @@ struct Request {
     texels_per_step: vec2f,
 }
 
-/// A band of texel rows that the kernel `redirect` writes into the host's memory.
+/// A band of texel rows that the kernel `redirect` writes.
 struct RedirectRequest {
     /// Texels per row.
     width: u32,
@@ -406,12 +406,14 @@ struct RedirectRequest {
     row: u32,
     /// Number of rows in the band.
     rows: u32,
-    /// Index of the band's first texel in the host's memory, in texels from the start of the binding.
+    /// Index of the band's first texel, in texels from the start of the binding.
     first: u32,
-    /// Distance in the host's memory from a row to the next one, in texels, modulo 2^32.
+    /// Distance from a row to the next one, in texels, modulo 2^32.
     step: u32,
     /// 1 to write redirections as offsets from the texel's centre; 0 to write UVs.
     is_delta: u32,
+    /// 1 to write f16; 0 to write f32.
+    is_half: u32,
     /// Number of the grid's cells along u and v.
     cells: array<u32, 2>,
     /// The tile's lower left corner in UV space, which is added to UVs.

@@ -1,17 +1,17 @@
-// redirect: the values of a redirection from W⁻¹ at texel centres (method §9), into memory of the host. The values are
-// bit for bit those of the CPU, which computes them in f64 and rounds them to f32 at the end. This kernel therefore
-// emulates f64 with integers, which every driver evaluates in the same way.
+// redirect: the values of a redirection from W⁻¹ at texel centres (method §9), in the format that a host asks for. They
+// are bit for bit those of the CPU, which computes them in f64, rounds them to f32, and that to f16 if it is asked for.
+// This kernel therefore emulates f64 with integers, which every driver evaluates in the same way.
 //
 // A workgroup works on 64 texels of a band of texel rows. Reads 8 bytes per texel, and 8 per column and row; writes 8
-// per texel.
+// per texel in f32, 4 in f16.
 
 @group(0) @binding(10) var<storage, read> redirect_request: RedirectRequest;
 /// Texel centres in UV, as the low and the high word of an f64: u of all columns, then v of all rows.
 @group(0) @binding(11) var<storage, read> redirect_centres: array<vec2u>;
 /// W⁻¹(c) - c in cells, as bits of f32.
 @group(0) @binding(12) var<storage, read> inverse: array<vec2u>;
-/// The host's texels, as bits of f32.
-@group(0) @binding(13) var<storage, read_write> texels: array<vec2u>;
+/// The texels: u and v as the bits of two f32, or of two f16 in a word.
+@group(0) @binding(13) var<storage, read_write> texels: array<u32>;
 
 /// A number: mantissa 2^(exponent - 63), where the mantissa has 64 bits, the high word first. If an operation loses
 /// nonzero bits, the last bit is set, so that later rounding is exact.
@@ -170,6 +170,22 @@ fn to_f32(a: Wide) -> u32 {
     return (u32(a.negative) << 31u) | ((u32(biased - 1) << 23u) + top + u32(beyond));
 }
 
+/// The bits of the nearest finite f16, ties to even, of an f32.
+fn to_f16(bits: u32) -> u32 {
+    let size = min(bits & 0x7fffffffu, 0x477fe000u);
+    let exponent = size >> 23u;
+    var half: u32;
+    if exponent >= 113u {
+        half = (size - 0x38000000u + 0xfffu + ((size >> 13u) & 1u)) >> 13u;
+    } else {
+        // A subnormal f16 counts steps of 2^-24. From 25 places on nothing is left of the 24 bits of an f32.
+        let mantissa = (size & 0x7fffffu) | 0x800000u;
+        let places = min(126u - exponent, 25u);
+        half = (mantissa + (1u << (places - 1u)) - 1u + ((mantissa >> places) & 1u)) >> places;
+    }
+    return ((bits >> 16u) & 0x8000u) | half;
+}
+
 /// A redirection's value along one axis.
 fn value(bits: u32, centre: vec2u, axis: u32) -> u32 {
     let still = (bits & 0x7fffffffu) == 0u;
@@ -199,5 +215,11 @@ fn redirect(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
     let bits = inverse[i];
     let u = value(bits.x, redirect_centres[x], 0u);
     let v = value(bits.y, redirect_centres[width + redirect_request.row + row], 1u);
-    texels[redirect_request.first + row * redirect_request.step + x] = vec2u(u, v);
+    let at = redirect_request.first + row * redirect_request.step + x;
+    if redirect_request.is_half != 0u {
+        texels[at] = to_f16(u) | (to_f16(v) << 16u);
+    } else {
+        texels[2u * at] = u;
+        texels[2u * at + 1u] = v;
+    }
 }

@@ -117,6 +117,15 @@ impl Form {
         }
     }
 
+    /// The corner that UVs are measured from, as whole numbers; `None` for offsets from the texel's centre.
+    pub fn origin(self) -> Option<[u32; 2]> {
+        match self {
+            Form::Delta => None,
+            Form::Tile => Some([0; 2]),
+            Form::Udim(origin) => Some(origin.to_array().map(|x| x as u32)),
+        }
+    }
+
     /// The offset from the texel's centre to the redirected UV that a value stands for: the inverse of `value`.
     #[inline(always)]
     pub fn delta(self, value: [f64; 2], centre: [f64; 2]) -> [f64; 2] {

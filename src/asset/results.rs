@@ -233,7 +233,7 @@ impl Results {
     }
 
     /// Writes a redirection of a tile's result into memory of the host's own graphics device, which must be the same GPU,
-    /// without passing through the CPU. The texels are bit-identical to those of [`Results::fetch`]. The call returns
+    /// without passing through the CPU. The texels, in f32 or f16, are bit-identical to those of [`Results::fetch`]. The call returns
     /// when they are written, so no semaphore is needed. The caller remains responsible for the handle.
     ///
     /// # Errors

@@ -18,10 +18,36 @@ impl Canvas {
         Canvas { pixels: AtomicPtr::new(image.as_mut_ptr()), layout: image.layout }
     }
 
+    pub fn format(&self) -> PixelFormat {
+        self.layout.format
+    }
+
     /// Writes the first channels of a texel; row 0 is at v = 0.
     #[inline(always)]
     pub fn put<const N: usize>(&self, x: usize, y: usize, values: [f64; N]) {
         self.put_from(0, x, y, values);
+    }
+
+    /// Writes a row from the bytes of its first two channels, in the image's format and without gaps; a third channel is 0.
+    /// Row 0 is at v = 0.
+    pub fn put_row(&self, y: usize, bytes: &[u8]) {
+        let TexelLayout { width, height, channels, format, pixel_stride, .. } = self.layout;
+        let (width, pair, third) =
+            (width as usize, 2 * format.size(), usize::from(channels > 2) * format.size());
+        assert!(y < height as usize && channels >= 2 && bytes.len() == width * pair);
+        // SAFETY: as in `put_from`. All bytes of a float that is 0 are 0.
+        unsafe {
+            let to = self.pixels.load(Ordering::Relaxed).add(self.layout.offset(0, y));
+            if pixel_stride == pair {
+                to.copy_from_nonoverlapping(bytes.as_ptr(), bytes.len());
+                return;
+            }
+            for (x, texel) in bytes.chunks_exact(pair).enumerate() {
+                let to = to.add(x * pixel_stride);
+                to.copy_from_nonoverlapping(texel.as_ptr(), pair);
+                to.add(pair).write_bytes(0, third);
+            }
+        }
     }
 
     /// Writes the channels of a texel from number `first` on, as many as the image has.

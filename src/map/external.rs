@@ -37,11 +37,7 @@ pub(crate) fn write(
                        is not written with";
         return Err(Error::new(ErrorKind::Unsupported, message));
     }
-    let origin = match Form::new(kind, &solved.mesh) {
-        Form::Delta => None,
-        Form::Tile => Some([0; 2]),
-        Form::Udim(origin) => Some(origin.to_array().map(|x| x as u32)),
-    };
+    let origin = Form::new(kind, &solved.mesh).origin();
     // On a GPU device only the identity is in host memory.
     let u = solved.warp.on_gpu();
     let level = &solved.grid.levels[0];

@@ -101,10 +101,12 @@ impl<'a> Output<'a> {
         let canvas = Canvas::new(image);
         match content {
             Content::Inverse { form, centres, coverage } => {
-                outputs.invert(device, team, solved, &area, &centres, |x, y, uv, delta| {
-                    let [u, v] = form.value(uv, delta);
-                    canvas.put(x, y, [u, v, 0.0]);
-                })?;
+                if !outputs.redirect(device, team, solved, &area, form, &canvas)? {
+                    outputs.invert(device, team, solved, &area, &centres, |x, y, uv, delta| {
+                        let [u, v] = form.value(uv, delta);
+                        canvas.put(x, y, [u, v, 0.0]);
+                    })?;
+                }
                 if let Some(mut coverage) = coverage {
                     coverage.draw(team, &solved.mesh, &part);
                     team.run(part.extent()[1], |y| {

@@ -7,12 +7,15 @@ use vrtm_core::allocation::Vec;
 use vrtm_core::cpu::invert::{self, Inverse};
 use vrtm_core::error::Result;
 use vrtm_core::image::ImagePart;
+use vrtm_core::image::format::PixelFormat;
 use vrtm_core::team::Team;
 
+use super::Form;
+use super::canvas::Canvas;
 use crate::solved::Solved;
 use vrtm_beyond::gutter::{Gutter, LimitedTexels};
 use vrtm_beyond::owners::Owners;
-use vrtm_core::backend::{Gpu, GpuOutput, Warp};
+use vrtm_core::backend::{Gpu, GpuOutput, GpuWarp, Warp};
 
 /// A redirection that is limited by less, in texels, does not count.
 const LEAST: f32 = 1e-5;
@@ -71,17 +74,10 @@ impl Outputs {
     ) -> Result<()> {
         let level = &solved.grid.levels[0];
         let cells = [level.nx as f64, level.ny as f64];
-        let (size, extent) = (area.part.size, area.part.extent());
+        let size = area.part.size;
         let centre = |x: usize, y: usize| [centres.0[0][x], centres.0[1][y]];
-        // Where charts may lie over one another, the CPU tells their texels apart.
-        if let Warp::Gpu(u) = &*solved.warp
-            && solved.extended.is_none()
-            && extent == size
-            && let Some(gpu) = device.gpu()
-            && let Some(bytes) = gpu.output_bytes(size)
-        {
-            let output = self.output(device, gpu, size, bytes)?;
-            let result = output.invert(&**u, size, &mut |first, texels| {
+        let on_gpu = self.on_gpu(device, solved, area, PixelFormat::F32, |output, u| {
+            output.invert(u, size, &mut |first, texels| {
                 team.run(texels.len() / size[0], |row| {
                     let y = first + row;
                     for (x, d) in texels[row * size[0]..][..size[0]].iter().enumerate() {
@@ -90,12 +86,10 @@ impl Outputs {
                         put(x, y, [0, 1].map(|k| at[k] + delta[k]), delta);
                     }
                 });
-            });
-            self.gpu = Some(output);
-            if self.booked > KEPT || result.is_err() {
-                self.release(device);
-            }
-            return result;
+            })
+        });
+        if on_gpu? {
+            return Ok(());
         }
         let still = |x: usize, y: usize| put(x, y, centre(x, y), [0.0; 2]);
         visit(team, solved, area, still, |x, y, inverse| {
@@ -120,22 +114,73 @@ impl Outputs {
         })
     }
 
-    /// Takes the output out, if images of this size fit into it, and otherwise makes one.
+    /// Writes the first three channels of a redirection, which the GPU computes as the image holds them. Returns false, and
+    /// writes nothing, where the CPU computes it.
+    pub fn redirect(
+        &mut self,
+        device: &Device,
+        team: &Team,
+        solved: &Solved,
+        area: &Area,
+        form: Form,
+        canvas: &Canvas,
+    ) -> Result<bool> {
+        let (size, format) = (area.part.size, canvas.format());
+        let row_bytes = size[0] * 2 * format.size();
+        self.on_gpu(device, solved, area, format, |output, u| {
+            output.redirect(u, size, form.origin(), format, &mut |first, bytes| {
+                team.run(bytes.len() / row_bytes, |row| {
+                    canvas.put_row(first + row, &bytes[row * row_bytes..][..row_bytes]);
+                });
+            })
+        })
+    }
+
+    /// Has the GPU write a whole image with two channels of this format. Returns false where the CPU does it: where charts may
+    /// lie over one another, it tells their texels apart.
+    fn on_gpu(
+        &mut self,
+        device: &Device,
+        solved: &Solved,
+        area: &Area,
+        format: PixelFormat,
+        write: impl FnOnce(&dyn GpuOutput, &dyn GpuWarp) -> Result<()>,
+    ) -> Result<bool> {
+        let size = area.part.size;
+        if let Warp::Gpu(u) = &*solved.warp
+            && solved.extended.is_none()
+            && area.part.extent() == size
+            && let Some(gpu) = device.gpu()
+            && let Some(bytes) = gpu.output_bytes(size, format)
+        {
+            let output = self.output(device, gpu, size, format, bytes)?;
+            let result = write(&*output, &**u);
+            self.gpu = Some(output);
+            if self.booked > KEPT || result.is_err() {
+                self.release(device);
+            }
+            return result.map(|()| true);
+        }
+        Ok(false)
+    }
+
+    /// Takes the output out, if images of this size and format fit into it, and otherwise makes one.
     fn output(
         &mut self,
         device: &Device,
         gpu: &Arc<dyn Gpu>,
         size: [usize; 2],
+        format: PixelFormat,
         bytes: u64,
     ) -> Result<Box<dyn GpuOutput>> {
-        if let Some(output) = self.gpu.take().filter(|output| output.holds(size)) {
+        if let Some(output) = self.gpu.take().filter(|output| output.holds(size, format)) {
             return Ok(output);
         }
         // The old output is freed before the new one is allocated.
         self.release(device);
         device.rebook(0, bytes, &format!("an image of {}x{} texels", size[0], size[1]))?;
         self.booked = bytes;
-        gpu.clone().output(size).inspect_err(|_| self.release(device))
+        gpu.clone().output(size, format).inspect_err(|_| self.release(device))
     }
 
     /// Corrects the account after a call ran out of memory: the output may be gone.

@@ -3,6 +3,8 @@
 
 use std::sync::OnceLock;
 
+use half::f16;
+
 use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageViewMut, Origin,
     PixelFormat, Quality,
@@ -118,6 +120,99 @@ fn every_layout_holds_the_same_texels() {
                     }
                 }
             }
+        }
+    }
+}
+
+/// A delta in f16 takes half of the bytes on the way to the host, is off by its rounding alone, and is the CPU's.
+#[test]
+fn a_delta_in_f16_is_off_by_a_thirtieth_of_a_texel_of_4096() {
+    let Some(device) = device() else { return };
+    for model in [scenes::analytic::bulge(), scenes::mug_to_jug(), scenes::arm()].map(Model::from) {
+        let mut asset = solved(&model, device, 128);
+        let (side, kind) = (256usize, FetchKind::RedirectionDelta);
+        let layout = ImageLayout::packed(side as u32, side as u32, PixelFormat::F16);
+        let halves = |bytes: &[u8]| -> Vec<f16> {
+            bytes.chunks_exact(2).map(|two| f16::from_ne_bytes([two[0], two[1]])).collect()
+        };
+        let found = halves(&raw(
+            &mut asset,
+            kind,
+            ImageLayout { origin: Origin::Bottom, ..layout },
+            side * side * 4,
+            0,
+        ));
+        let exact = fetch(&mut asset, 0, kind, [side as u32; 2]);
+        let (mut worst, mut largest) = (0.0f32, 0.0f32);
+        for (half, &exact) in found.iter().zip(exact.iter().flatten()) {
+            let off = (half.to_f32() - exact).abs();
+            // 11 significant bits, or the smallest step.
+            assert!(off <= (exact.abs() / 2048.0).max(2f32.powi(-25)), "{}: {half} of {exact}", model.name);
+            (worst, largest) = (worst.max(4096.0 * off), largest.max(exact.abs()));
+        }
+        // Up to 1/32 the step is 2^-16.
+        assert!(worst <= (largest * 2.0).max(1.0 / 32.0), "{}: {worst} texels at {largest}", model.name);
+        // Parts of an image are inverted on the CPU, here from the GPU's warp.
+        let mut parts = vec![0u8; side * side * 4];
+        for (k, part) in parts.chunks_exact_mut(side * side * 2).enumerate() {
+            let layout = ImageLayout { height: side as u32 / 2, origin: Origin::Bottom, ..layout };
+            let mut image = ImageViewMut::new("part", part, layout).unwrap();
+            asset.fetch_part(0, kind, &mut image, [side as u32; 2], [0, k as u32 * side as u32 / 2]).unwrap();
+        }
+        let parts = halves(&parts);
+        let differ = found.iter().zip(&parts).filter(|(a, b)| a.to_bits() != b.to_bits());
+        let differ: Vec<f32> = differ.map(|(a, b)| (a.to_f32() - b.to_f32()).abs() * side as f32).collect();
+        let apart = differ.iter().fold(0.0f32, |a, &b| a.max(b));
+        let moved = exact.iter().flatten().filter(|d| **d != 0.0).count();
+        println!(
+            "{:12} off by {worst:.4} texels of 4096, of deltas up to {largest:.4}; of {moved} numbers {} differ from the CPU's, by up \
+             to {apart:.1e} texels",
+            model.name,
+            differ.len()
+        );
+        // Those that lie at the middle of two halves, and steps near 0, where the GPU's f32 has fewer digits.
+        assert!(differ.len() * 100 < moved && apart < 2e-2, "{}: {} {apart}", model.name, differ.len());
+    }
+}
+
+/// What a fetch of each format holds on the GPU for the next one, per texel: W⁻¹, the values, and their copy for the host.
+#[test]
+fn a_fetch_in_f16_holds_two_thirds() {
+    if !has_gpu() {
+        return;
+    }
+    for (format, bytes) in [(PixelFormat::F32, 8 + 8 + 8), (PixelFormat::F16, 8 + 4 + 4)] {
+        let device = gpu(&DeviceSettings::default()).unwrap();
+        let mut asset = solved(&Model::from(scenes::analytic::bulge()), &device, 64);
+        let before = device.info().bytes_held;
+        let layout = ImageLayout::packed(64, 64, format);
+        raw(&mut asset, FetchKind::RedirectionDelta, layout, 64 * 64 * 8, 0);
+        assert_eq!(device.info().bytes_held - before, 64 * 64 * bytes, "{format:?}");
+    }
+}
+
+/// A third channel is 0, and a fourth tells where charts are; texels between are left alone.
+#[test]
+fn further_channels_stand_beside_the_gpu_s() {
+    let Some(device) = device() else { return };
+    let mut asset = solved(&Model::from(scenes::mug_to_jug()), device, 128);
+    for kind in KINDS {
+        let pairs = fetch(&mut asset, 0, kind, [40, 30]);
+        for channels in [3, 4] {
+            let layout = ImageLayout {
+                channels: Some(channels),
+                pixel_stride: Some(20),
+                origin: Origin::Bottom,
+                ..ImageLayout::packed(40, 30, PixelFormat::F32)
+            };
+            let bytes = raw(&mut asset, kind, layout, 40 * 30 * 20, 0xff);
+            let texels: Vec<[f32; 5]> = bytemuck::pod_collect_to_vec(&bytes);
+            for (texel, pair) in texels.iter().zip(&pairs) {
+                assert_eq!((&texel[..2], texel[2]), (&pair[..], 0.0));
+                assert!(texel[4].is_nan() && (channels == 4) == (texel[3] == 0.0 || texel[3] == 1.0));
+            }
+            let covered = texels.iter().filter(|texel| texel[3] == 1.0).count();
+            assert!(channels == 3 || (covered > 0 && covered < texels.len()), "{covered}");
         }
     }
 }

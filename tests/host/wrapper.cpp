@@ -228,7 +228,9 @@ void images(const vrtm::Device &device)
             "reach");
     refuses("memory of a GPU on the CPU",
             tile.fetch_external(vrtm::FetchKind::redirection,
-                                    vrtm::ExternalImage(0, 8 * MAP * MAP, 0, MAP, MAP).set(vrtm::Origin::bottom)),
+                                    vrtm::ExternalImage(0, 4 * MAP * MAP, 0, MAP, MAP)
+                                        .set(vrtm::Origin::bottom)
+                                        .set(vrtm::PixelFormat::f16)),
             vrtm::Code::unsupported, "the CPU");
     refuses("no memory", tile.fetch_external(vrtm::FetchKind::redirection, vrtm::ExternalImage()),
             vrtm::Code::invalid_argument, "image.handle_kind");

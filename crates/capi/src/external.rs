@@ -16,9 +16,9 @@ pub const VRTM_EXTERNAL_OPAQUE_FD: vrtm_external_kind = 1;
 /// Compiled, but never run by the authors of this version.
 pub const VRTM_EXTERNAL_OPAQUE_WIN32: vrtm_external_kind = 2;
 
-/// An output image in memory of the host's own Vulkan device: rows of texels of two 32-bit floats each, laid out as in
-/// a buffer that shaders read or that is copied to an image (VK_FORMAT_R32G32_SFLOAT). Start from
-/// vrtm_external_image_init().
+/// An output image in memory of the host's own Vulkan device: rows of texels of two floats each, laid out as in a buffer
+/// that shaders read or that is copied to an image (VK_FORMAT_R32G32_SFLOAT, with f16 VK_FORMAT_R16G16_SFLOAT). Start
+/// from vrtm_external_image_init().
 ///
 /// The host allocates the memory with VkExportMemoryAllocateInfo, without VkMemoryDedicatedAllocateInfo, on a device
 /// whose deviceUUID and driverUUID equal those of the adapter (vrtm_adapter_data), as Vulkan requires.
@@ -36,7 +36,7 @@ pub struct vrtm_external_image {
     pub memory_size: u64,
     /// VkMemoryAllocateInfo::memoryTypeIndex of the memory.
     pub memory_type: u32,
-    /// VRTM_PIXEL_F32 (0, the default).
+    /// VRTM_PIXEL_F32 (0, the default) or VRTM_PIXEL_F16, which is for the delta and takes half of the bytes.
     pub format: vrtm_pixel_format,
     /// Texels in u, at least 1.
     pub width: u32,
@@ -44,9 +44,9 @@ pub struct vrtm_external_image {
     pub height: u32,
     /// VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
     pub origin: vrtm_origin,
-    /// Bytes from the start of the memory to the first texel of the first row, a multiple of 8.
+    /// Bytes from the start of the memory to the first texel of the first row, a multiple of a texel's: 8, with f16 4.
     pub offset: u64,
-    /// Bytes from one row to the next, a multiple of 8; 0 = tightly packed. Bytes between rows are not written.
+    /// Bytes from one row to the next, a multiple of a texel's; 0 = tightly packed. Bytes between rows are not written.
     pub row_stride: u64,
 }
 
@@ -84,7 +84,7 @@ unsafe fn read(image: *const vrtm_external_image, name: &str) -> Outcome<Externa
 /// bit.
 ///
 /// Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM. Other kinds are computed on the CPU and not supported
-/// here; nor are f16, a third or fourth channel, parts of an image, VkImage, memory dedicated to a
+/// here; nor are a third or fourth channel, parts of an image, VkImage, memory dedicated to a
 /// resource, D3D12 resources or semaphores. Use vrtm_tile_fetch for these.
 ///
 /// Synchronisation: nothing on the host's device may use the texels during the call. The call returns when the GPU has
@@ -94,7 +94,7 @@ unsafe fn read(image: *const vrtm_external_image, name: &str) -> Outcome<Externa
 ///
 /// Errors: those of vrtm_tile_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
 /// formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT,
-/// naming the field, for an unknown value, a zero size, an offset or stride that is too short or not a multiple of 8,
+/// naming the field, for an unknown value, a zero size, an offset or stride that is too short or no multiple of a texel,
 /// memory that is too small, a handle that does not refer to memory, or a memory type that cannot hold buffers. On
 /// these errors nothing is written. After VRTM_ERROR_DEVICE_LOST the texels are undefined. Never busy.
 #[unsafe(no_mangle)]

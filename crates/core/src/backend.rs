@@ -12,6 +12,7 @@ use crate::error::Result;
 use crate::grid::Grid;
 use crate::grid::planes::Plane;
 use crate::image::external::ExternalTexels;
+use crate::image::format::PixelFormat;
 use crate::mesh::TileMesh;
 use crate::method::deadline::Deadline;
 use crate::method::plan::{ChartResult, Input, Plan, Purpose, Summary};
@@ -194,10 +195,10 @@ pub trait Gpu: Any + Debug + Send + Sync {
     fn most_blocks(&self) -> usize;
 
     /// Bytes that `output` allocates; `None` if images of this size cannot be written.
-    fn output_bytes(&self, size: [usize; 2]) -> Option<u64>;
+    fn output_bytes(&self, size: [usize; 2], format: PixelFormat) -> Option<u64>;
 
-    /// Allocates the buffers through which images of this size reach the host.
-    fn output(self: Arc<Self>, size: [usize; 2]) -> Result<Box<dyn GpuOutput>>;
+    /// Allocates the buffers through which images of this size and format, two channels each, reach the host.
+    fn output(self: Arc<Self>, size: [usize; 2], format: PixelFormat) -> Result<Box<dyn GpuOutput>>;
 
     /// Bytes of GPU memory that `write_external` needs in addition to the host's memory.
     fn external_bytes(&self, texels: &ExternalTexels) -> Result<u64>;
@@ -225,15 +226,25 @@ pub trait GpuWarp: Any + Debug + Send + Sync {
 
 /// Buffers through which images reach the host, kept from one fetch to the next.
 pub trait GpuOutput: Debug + Send + Sync {
-    /// True if the buffers can hold an image of this size.
-    fn holds(&self, size: [usize; 2]) -> bool;
+    /// True if the buffers can hold an image of this size and format.
+    fn holds(&self, size: [usize; 2], format: PixelFormat) -> bool;
 
     /// Calls `read(row, texels)` for bands of texel rows, from v = 0 upward; `row` is the band's first row. Texels are
-    /// W⁻¹(c) - c in cells, exactly 0 where nothing moved.
+    /// W⁻¹(c) - c in cells, exactly 0 where nothing moved. The buffers must hold f32.
     fn invert(
         &self,
         u: &dyn GpuWarp,
         size: [usize; 2],
         read: &mut dyn FnMut(usize, &[[f32; 2]]),
+    ) -> Result<()>;
+
+    /// The same with the bytes of a redirection's texels, two channels of `format`, measured as for `write_external`.
+    fn redirect(
+        &self,
+        u: &dyn GpuWarp,
+        size: [usize; 2],
+        origin: Option<[u32; 2]>,
+        format: PixelFormat,
+        read: &mut dyn FnMut(usize, &[u8]),
     ) -> Result<()>;
 }

@@ -13,6 +13,7 @@ use vrtm_core::backend::{Gpu, GpuOutput, GpuWarp, TileSolver};
 use vrtm_core::error::Result;
 use vrtm_core::grid::Grid;
 use vrtm_core::image::external::ExternalTexels;
+use vrtm_core::image::format::PixelFormat;
 use vrtm_core::mesh::TileMesh;
 use vrtm_core::panics::contain;
 use vrtm_core::report::AdapterInfo;
@@ -57,12 +58,12 @@ impl Gpu for Context {
         capacity(self)
     }
 
-    fn output_bytes(&self, size: [usize; 2]) -> Option<u64> {
-        Output::bytes_for(self, size)
+    fn output_bytes(&self, size: [usize; 2], format: PixelFormat) -> Option<u64> {
+        Output::bytes_for(self, size, format)
     }
 
-    fn output(self: Arc<Self>, size: [usize; 2]) -> Result<Box<dyn GpuOutput>> {
-        Ok(boxed(Output::new(&self, size)?))
+    fn output(self: Arc<Self>, size: [usize; 2], format: PixelFormat) -> Result<Box<dyn GpuOutput>> {
+        Ok(boxed(Output::new(&self, size, format)?))
     }
 
     fn external_bytes(&self, texels: &ExternalTexels) -> Result<u64> {

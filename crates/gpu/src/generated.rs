@@ -42,7 +42,7 @@ pub use text::{Struct, WgslType};
 mod text {
     use std::fmt::Write;
 
-    use super::super::{external, layout};
+    use super::super::{layout, redirect};
     use vrtm_core::method::constants::Declaration;
     use vrtm_core::method::law;
 
@@ -78,14 +78,14 @@ mod text {
     /// The text of `shaders/generated.wgsl`.
     pub fn text() -> String {
         let mut text = String::from(
-            "// Written from crates/core/src/method/law.rs, crates/gpu/src/layout.rs and crates/gpu/src/external.rs. Change those, then\n",
+            "// Written from crates/core/src/method/law.rs, crates/gpu/src/layout.rs and crates/gpu/src/redirect.rs. Change those, then\n",
         );
         text += "// VRTM_UPDATE_SHADERS=1 cargo test --lib generated\n";
         // Writing to a string cannot fail.
         let _ = constants(&mut text, &law::declarations());
         let _ = constants(&mut text, &layout::shared::declarations());
         let _ = structs(&mut text, &layout::struct_declarations());
-        let _ = structs(&mut text, &external::struct_declarations());
+        let _ = structs(&mut text, &redirect::struct_declarations());
         text
     }
 

@@ -1,5 +1,5 @@
-//! invert: computes W⁻¹ at texel centres (method §9) from a result's buffers into host memory. All steps that can fail
-//! precede the first texel that is handed out, except for mapping the staging buffers.
+//! invert: computes W⁻¹ at texel centres (method §9) from a result's buffers, and hands it or the redirection of it to the
+//! host. All steps that can fail precede the first texel that is handed out, except for mapping the staging buffers.
 
 use std::num::NonZeroU64;
 use std::ops::Range;
@@ -9,15 +9,15 @@ use super::context::Context;
 use super::kernels::{Binding, Kernel, slot};
 use super::layout::{Request, SPREAD};
 use super::pipelines::Pipeline;
+use super::redirect::{INVERSE_BYTES, Redirection, RowBand, Values, texel_bytes};
 use super::results::Displacements;
 use vrtm_core::allocation::Vec;
 use vrtm_core::backend::{GpuOutput, GpuWarp};
 use vrtm_core::error::Result;
+use vrtm_core::image::format::PixelFormat;
 
-/// Bytes of a texel on the device: two f32.
-pub(super) const TEXEL_BYTES: u64 = 8;
 /// The maximum number of bytes of an image bound at once: larger bindings would only take memory from other programs.
-const MAX_BINDING: u64 = 1 << 28;
+const MAX_BINDING: u64 = 1 << 26;
 /// Bytes between two requests: WebGPU's largest alignment of storage bindings.
 const STRIDE: usize = 256;
 /// The maximum number of workgroups per block, which is enough for images far finer than the grid.
@@ -27,10 +27,12 @@ const MAX_WORKGROUPS_PER_BLOCK: usize = 64;
 #[derive(Debug)]
 pub struct Output {
     context: Arc<Context>,
-    /// The maximum number of bytes of the image bound at once.
+    /// The maximum number of bytes of W⁻¹ bound at once.
     max_binding: u64,
-    /// One band of texel rows, which the device writes.
-    image: wgpu::Buffer,
+    /// W⁻¹ at one band of texel rows.
+    inverse: wgpu::Buffer,
+    /// The same band as the host wants it.
+    values: wgpu::Buffer,
     /// All bands of texel rows, in buffers that the host can map.
     staging: Vec<wgpu::Buffer>,
 }
@@ -42,81 +44,110 @@ pub(super) fn max_binding(context: &Context) -> u64 {
 
 /// Divides the texel rows of an image into bands.
 fn bands(max_binding: u64, size: [usize; 2]) -> impl Iterator<Item = Range<usize>> {
-    let rows = ((max_binding / TEXEL_BYTES) as usize / size[0]).clamp(1, size[1]);
+    let rows = ((max_binding / INVERSE_BYTES) as usize / size[0]).clamp(1, size[1]);
     (0..size[1]).step_by(rows).map(move |row| row..(row + rows).min(size[1]))
 }
 
-fn band_bytes(rows: &Range<usize>, size: [usize; 2]) -> u64 {
-    (rows.len() * size[0]) as u64 * TEXEL_BYTES
+/// Bytes of a band whose texels take so many bytes.
+fn band_bytes(rows: &Range<usize>, size: [usize; 2], texel: u64) -> u64 {
+    (rows.len() * size[0]) as u64 * texel
 }
 
 impl Output {
-    /// Bytes that `new` allocates for an image size. `None` if such images cannot be written: a row must fit into a binding,
-    /// and no side may exceed 2^20 texels, so that f32 resolves texels.
-    pub fn bytes_for(context: &Context, size: [usize; 2]) -> Option<u64> {
+    /// Bytes that `new` allocates. `None` if such images cannot be written: a row must fit into a binding, and no side may
+    /// exceed 2^20 texels, so that f32 resolves texels.
+    pub fn bytes_for(context: &Context, size: [usize; 2], format: PixelFormat) -> Option<u64> {
         let most = max_binding(context);
-        let fits = size[0] as u64 * TEXEL_BYTES <= most && size.iter().all(|&n| n <= 1 << 20);
+        let fits = size[0] as u64 * INVERSE_BYTES <= most && size.iter().all(|&n| n <= 1 << 20);
+        let texel = texel_bytes(format);
         fits.then(|| {
-            let largest = bands(most, size).next().map_or(0, |rows| band_bytes(&rows, size));
-            largest + (size[0] * size[1]) as u64 * TEXEL_BYTES
+            let first = bands(most, size).next().unwrap_or_default();
+            band_bytes(&first, size, INVERSE_BYTES + texel) + (size[0] * size[1]) as u64 * texel
         })
     }
 
-    /// Allocates the buffers for an image size.
-    pub fn new(context: &Arc<Context>, size: [usize; 2]) -> Result<Output> {
-        Output::with_max_binding(context, size, max_binding(context))
+    /// Allocates the buffers for images of this size and format.
+    pub fn new(context: &Arc<Context>, size: [usize; 2], format: PixelFormat) -> Result<Output> {
+        Output::with_max_binding(context, size, format, max_binding(context))
     }
 
-    /// Allocates the buffers for an image size, with bands of at most `max_binding` bytes.
-    fn with_max_binding(context: &Arc<Context>, size: [usize; 2], max_binding: u64) -> Result<Output> {
+    /// The same, with bands of at most `max_binding` bytes.
+    fn with_max_binding(
+        context: &Arc<Context>,
+        size: [usize; 2],
+        format: PixelFormat,
+        max_binding: u64,
+    ) -> Result<Output> {
         use wgpu::BufferUsages as Usage;
-        let all: Vec<u64> = bands(max_binding, size).map(|rows| band_bytes(&rows, size)).collect();
+        let texel = texel_bytes(format);
+        let first = bands(max_binding, size).next().unwrap_or_default();
         let usage = Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC;
-        let image = context.buffer("image", all[0], usage)?;
-        let staging = all
-            .iter()
-            .map(|&bytes| context.staging("image for the host", bytes))
+        let inverse = context.buffer("inverse", band_bytes(&first, size, INVERSE_BYTES), usage)?;
+        let values =
+            context.buffer("values", band_bytes(&first, size, texel), Usage::STORAGE | Usage::COPY_SRC)?;
+        let staging = bands(max_binding, size)
+            .map(|rows| context.staging("image for the host", band_bytes(&rows, size, texel)))
             .collect::<Result<Vec<_>>>()?;
-        Ok(Output { context: context.clone(), max_binding, image, staging })
+        Ok(Output { context: context.clone(), max_binding, inverse, values, staging })
     }
 
+    /// Computes W⁻¹ at all texels, with the pipeline of `Kernel::Invert`, and of it the values of a redirection, if one is
+    /// wanted; hands out the bytes of these, or of W⁻¹.
     fn run(
         &self,
         pipeline: &Pipeline,
         u: &Displacements,
         size: [usize; 2],
-        mut read: impl FnMut(usize, &[u8]),
+        values: Option<&Values>,
+        read: &mut dyn FnMut(usize, &[u8]),
     ) -> Result<()> {
-        debug_assert!(self.holds(size));
         let context = &self.context;
+        let texel = values.map_or(INVERSE_BYTES, |values| texel_bytes(values.format));
         let bands: Vec<_> = bands(self.max_binding, size).collect();
         let inversion = Inversion::new(context, pipeline, u, size, &bands)?;
+        let packed = |rows: &Range<usize>| RowBand {
+            rows: rows.clone(),
+            bytes: 0..band_bytes(rows, size, texel),
+            first: 0,
+            step: size[0] as u32,
+        };
+        let redirection =
+            values.map(|values| Redirection::new(context, values, bands.iter().map(packed).collect()));
+        let redirection = redirection.transpose()?;
         let mut encoder = context.contain(|| {
             let label = wgpu::CommandEncoderDescriptor { label: Some("invert") };
             context.device.create_command_encoder(&label)
         })?;
         context.contain(|| {
             for (k, rows) in bands.iter().enumerate() {
-                let bytes = band_bytes(rows, size);
-                encoder.clear_buffer(&self.image, 0, Some(bytes));
-                inversion.record(&mut encoder, k, &self.image);
-                encoder.copy_buffer_to_buffer(&self.image, 0, &self.staging[k], 0, bytes);
+                inversion.record(&mut encoder, k, &self.inverse);
+                let image = match &redirection {
+                    None => &self.inverse,
+                    Some(redirection) => {
+                        redirection.record(&mut encoder, k, &self.inverse, &self.values);
+                        &self.values
+                    }
+                };
+                encoder.copy_buffer_to_buffer(image, 0, &self.staging[k], 0, band_bytes(rows, size, texel));
             }
         })?;
         context.submit([encoder])?;
         for (rows, staging) in bands.iter().zip(&self.staging) {
-            context.mapped(staging, band_bytes(rows, size), |bytes| read(rows.start, bytes))?;
+            context.mapped(staging, band_bytes(rows, size, texel), |bytes| read(rows.start, bytes))?;
         }
         Ok(())
     }
 }
 
 impl GpuOutput for Output {
-    fn holds(&self, size: [usize; 2]) -> bool {
+    fn holds(&self, size: [usize; 2], format: PixelFormat) -> bool {
+        let texel = texel_bytes(format);
         let mut staging = self.staging.iter();
         bands(self.max_binding, size).all(|rows| {
-            let bytes = band_bytes(&rows, size);
-            bytes <= self.image.size() && staging.next().is_some_and(|staging| bytes <= staging.size())
+            let bytes = |texel| band_bytes(&rows, size, texel);
+            bytes(INVERSE_BYTES) <= self.inverse.size()
+                && bytes(texel) <= self.values.size()
+                && staging.next().is_some_and(|staging| bytes(texel) <= staging.size())
         })
     }
 
@@ -126,8 +157,25 @@ impl GpuOutput for Output {
         size: [usize; 2],
         read: &mut dyn FnMut(usize, &[[f32; 2]]),
     ) -> Result<()> {
+        debug_assert!(self.holds(size, PixelFormat::F32));
         let pipeline = self.context.pipeline(Kernel::Invert)?;
-        self.run(pipeline, Displacements::of(u)?, size, |row, bytes| read(row, bytemuck::cast_slice(bytes)))
+        let read = &mut |row: usize, bytes: &[u8]| read(row, bytemuck::cast_slice(bytes));
+        self.run(pipeline, Displacements::of(u)?, size, None, read)
+    }
+
+    fn redirect(
+        &self,
+        u: &dyn GpuWarp,
+        size: [usize; 2],
+        origin: Option<[u32; 2]>,
+        format: PixelFormat,
+        read: &mut dyn FnMut(usize, &[u8]),
+    ) -> Result<()> {
+        debug_assert!(self.holds(size, format));
+        let u = Displacements::of(u)?;
+        let level = &u.grid.levels[0];
+        let values = Values { size, cells: [level.nx, level.ny], origin, format };
+        self.run(self.context.pipeline(Kernel::Invert)?, u, size, Some(&values), read)
     }
 }
 
@@ -136,7 +184,8 @@ pub(super) struct Inversion<'a> {
     context: &'a Context,
     pipeline: &'a Pipeline,
     u: &'a Displacements,
-    /// Per band of texel rows, the requests for the bands of the result.
+    /// Per band of texel rows, its bytes, and the requests for the bands of the result.
+    band_bytes: Vec<u64>,
     requests: Vec<Vec<Request>>,
     records: wgpu::Buffer,
     centres: wgpu::Buffer,
@@ -169,11 +218,13 @@ impl<'a> Inversion<'a> {
             (0..2).flat_map(|axis| centres(size[axis], cells[axis], bits(cells))).collect();
         let centres =
             context.filled("centres", bytemuck::cast_slice(&centres), wgpu::BufferUsages::STORAGE)?;
-        Ok(Inversion { context, pipeline, u, requests, records, centres })
+        let band_bytes = bands.iter().map(|rows| band_bytes(rows, size, INVERSE_BYTES)).collect();
+        Ok(Inversion { context, pipeline, u, band_bytes, requests, records, centres })
     }
 
-    /// Records the dispatches of band `k` of texel rows into an image that must be 0.
+    /// Records the dispatches of band `k` of texel rows into an image, which starts with this band.
     pub fn record(&self, encoder: &mut wgpu::CommandEncoder, k: usize, image: &wgpu::Buffer) {
+        encoder.clear_buffer(image, 0, Some(self.band_bytes[k]));
         let (requests, buffers) = (&self.requests[k], &self.u.buffers);
         for (n, request) in requests.iter().enumerate().filter(|(_, request)| request.count > 0) {
             let offset = ((k * requests.len() + n) * STRIDE) as u64;

@@ -26,6 +26,7 @@ mod memory;
 mod follow;
 mod run;
 mod dispatch;
+mod redirect;
 mod invert;
 mod external;
 pub mod state;

@@ -229,16 +229,18 @@ class Tile:
         offset: int = 0,
         row_stride: int = 0,
         origin: Origin = "top",
+        dtype: DTypeLike = np.float32,
     ) -> None:
         """A redirection into memory of a Vulkan device on the same GPU (Device.info, Adapter.uuid), without copying
-        through the CPU: rows of two float32 per texel, bit for bit those of fetch, complete when the call returns.
+        through the CPU: rows of two numbers per texel, bit for bit those of fetch, complete when the call returns.
 
         kind                      "redirection", "redirection_delta" or "redirection_udim"
         size                      (width, height) or one number for both
         fd                        the memory as an opaque file descriptor, which the caller still owns
         memory_size, memory_type  the allocationSize and memoryTypeIndex that it was allocated with
-        offset, row_stride        where the first texel lies, and from row to row; multiples of 8 bytes, 0 = packed
+        offset, row_stride        where the first texel lies, and from row to row; multiples of a texel, 0 = packed
         origin                    "top": the first row is at v = 1; or "bottom"
+        dtype                     float32, or float16, which is for the delta and takes half of the bytes
 
         Nothing may use the memory during the call. Raises UnsupportedError on the CPU.
         """
@@ -251,6 +253,7 @@ class Tile:
         image.row_stride = natural("row_stride", row_stride, 64)
         image.width, image.height = image_size(size)
         image.origin = value_of("origin", origin)
+        image.format = PIXELS[pixel_type(dtype)]
         number = value_of("fetch_kind", kind, "kind")
         check(library.vrtm_tile_fetch_external(self._handle, number, ctypes.byref(image)))
 

@@ -16,7 +16,7 @@ pub enum ExternalHandle {
     OpaqueWin32(isize),
 }
 
-/// An output image in memory of the host's graphics device: rows of texels in a buffer, two f32 per texel. The memory
+/// An output image in memory of the host's graphics device: rows of texels in a buffer, two channels per texel. The memory
 /// must be allocated without `VkMemoryDedicatedAllocateInfo`, on a device whose `deviceUUID` and `driverUUID` are those
 /// of the adapter ([`crate::AdapterInfo`]).
 #[derive(Clone, Copy, Debug)]
@@ -27,22 +27,19 @@ pub struct ExternalImage {
     pub memory_size: u64,
     /// The `VkMemoryAllocateInfo::memoryTypeIndex` of the memory.
     pub memory_type: u32,
-    /// Bytes from the start of the memory to the first texel of the first row, a multiple of 8.
+    /// Bytes from the start of the memory to the first texel of the first row, a multiple of a texel's.
     pub offset: u64,
     /// Texels in u.
     pub width: u32,
     /// Texels in v.
     pub height: u32,
-    /// Number format of a channel; f32.
+    /// Number format of a channel: f32, or f16, with which a texel takes 4 bytes in place of 8.
     pub format: PixelFormat,
-    /// Bytes from one row to the next, a multiple of 8; `None` = packed. Bytes between rows are left alone.
+    /// Bytes from one row to the next, a multiple of a texel's; `None` = packed. Bytes between rows are left alone.
     pub row_stride: Option<u64>,
     /// The end of the tile at which the first row lies.
     pub origin: Origin,
 }
-
-/// Bytes of a texel: two f32.
-const TEXEL: u64 = 8;
 
 /// A checked [`ExternalImage`].
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +49,7 @@ pub struct ExternalTexels {
     pub memory_type: u32,
     pub offset: u64,
     pub size: [usize; 2],
+    pub format: PixelFormat,
     pub row_stride: u64,
     pub is_top_first: bool,
     /// The end of the last texel, in bytes from the start of the memory.
@@ -62,12 +60,12 @@ impl ExternalImage {
     /// Checks everything that needs no device.
     ///
     /// # Errors
-    /// `InvalidArgument` naming `name` and the field; `Unsupported` for other formats than f32.
+    /// `InvalidArgument` naming `name` and the field; `Unsupported` for integer formats.
     pub fn check(&self, name: &str) -> Result<ExternalTexels> {
-        let &ExternalImage { width, height, memory_size, offset, .. } = self;
+        let &ExternalImage { width, height, memory_size, offset, format, .. } = self;
         let bad = |message: String| Err(Error::argument(format!("{name}.{message}")));
-        if self.format != PixelFormat::F32 {
-            let message = format!("{name}.format: memory of a graphics device takes f32 alone");
+        if !matches!(format, PixelFormat::F16 | PixelFormat::F32) {
+            let message = format!("{name}.format must be f32 or f16 for an output");
             return Err(Error::new(ErrorKind::Unsupported, message));
         }
         for (field, side) in [("width", width), ("height", height)] {
@@ -75,14 +73,15 @@ impl ExternalImage {
                 return bad(format!("{field} is 0"));
             }
         }
-        let row = u64::from(width) * TEXEL;
+        let texel = 2 * format.size() as u64;
+        let row = u64::from(width) * texel;
         let row_stride = self.row_stride.unwrap_or(row);
         if row_stride < row {
             return bad(format!("row_stride is {row_stride} bytes, smaller than a row ({row} bytes)"));
         }
         for (field, bytes) in [("row_stride", row_stride), ("offset", offset)] {
-            if bytes % TEXEL != 0 {
-                return bad(format!("{field} is {bytes} bytes, no multiple of a texel's {TEXEL}"));
+            if bytes % texel != 0 {
+                return bad(format!("{field} is {bytes} bytes, no multiple of a texel's {texel}"));
             }
         }
         let end = row_stride
@@ -101,6 +100,7 @@ impl ExternalImage {
             memory_type: self.memory_type,
             offset,
             size: [width as usize, height as usize],
+            format,
             row_stride,
             is_top_first: self.origin == Origin::Top,
             end,
@@ -128,11 +128,13 @@ mod tests {
         assert_eq!(image.check("image").unwrap().end, 128);
         let last = ExternalImage { height: 3, row_stride: Some(48), ..image };
         assert_eq!(last.check("image").unwrap().end, 128);
+        let half = ExternalImage { format: PixelFormat::F16, offset: 4, row_stride: Some(20), ..image };
+        assert_eq!(half.check("image").unwrap().end, 4 + 3 * 20 + 16);
         let refused = |image: ExternalImage, start: &str| {
             let error = image.check("image").unwrap_err();
             assert!(error.message.starts_with(start), "{error}");
         };
-        refused(ExternalImage { format: PixelFormat::F16, ..image }, "image.format");
+        refused(ExternalImage { format: PixelFormat::U16, ..image }, "image.format");
         refused(ExternalImage { width: 0, ..image }, "image.width is 0");
         refused(ExternalImage { height: 0, ..image }, "image.height is 0");
         refused(ExternalImage { row_stride: Some(24), ..image }, "image.row_stride is 24 bytes, smaller");

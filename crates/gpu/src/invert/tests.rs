@@ -131,8 +131,8 @@ fn counting(context: &Context, exact: bool) -> Pipeline {
 fn writes(output: &Output, counting: &Pipeline, u: &Displacements, size: [usize; 2]) -> Vec<u32> {
     let mut all = Vec::new();
     // The counts, one per texel, fill the first half of the image's bytes.
-    let read = |_, bytes: &[u8]| all.extend_from_slice(bytemuck::cast_slice(&bytes[..bytes.len() / 2]));
-    output.run(counting, u, size, read).unwrap();
+    let mut read = |_, bytes: &[u8]| all.extend_from_slice(bytemuck::cast_slice(&bytes[..bytes.len() / 2]));
+    output.run(counting, u, size, None, &mut read).unwrap();
     all
 }
 
@@ -206,7 +206,7 @@ fn each_texel_centre_falls_to_one_triangle() {
             let [nx, ny] = cells.map(|n| n as usize);
             let bits = bits([nx, ny]);
             for size in sizes(nx, ny) {
-                let output = Output::new(&context, size).unwrap();
+                let output = Output::new(&context, size, PixelFormat::F32).unwrap();
                 let [xs, ys] = [(size[0], nx), (size[1], ny)]
                     .map(|(texels, cells)| centres(texels, cells, bits).collect::<Vec<i32>>());
                 for kernel in &kernels {
@@ -225,7 +225,7 @@ fn each_texel_centre_falls_to_one_triangle() {
 /// The largest difference from the CPU's inverse of the same displacements, in texels.
 fn compare(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]], size: [usize; 2]) -> f64 {
     let on_device = upload(context, grid, u, usize::MAX);
-    let output = Output::new(context, size).unwrap();
+    let output = Output::new(context, size, PixelFormat::F32).unwrap();
     let found = inverse(&output, &on_device, size);
     let level = &grid.levels[0];
     let scale = [size[0] as f64 / level.nx as f64, size[1] as f64 / level.ny as f64];
@@ -289,10 +289,11 @@ fn bands_give_the_same_bits() {
     let size = [133, 201];
     let u = upload(&context, &grid, &planes, usize::MAX);
     assert_eq!(u.buffers.bands.len(), 1);
-    let whole = inverse(&Output::new(&context, size).unwrap(), &u, size);
+    let whole = inverse(&Output::new(&context, size, PixelFormat::F32).unwrap(), &u, size);
     assert!(whole.iter().filter(|d| **d != [0.0; 2]).count() > 10_000);
     for rows in [1, 7, 64, 200] {
-        let output = Output::with_max_binding(&context, size, rows * 133 * TEXEL_BYTES).unwrap();
+        let output =
+            Output::with_max_binding(&context, size, PixelFormat::F32, rows * 133 * INVERSE_BYTES).unwrap();
         assert_eq!(output.staging.len(), 201usize.div_ceil(rows as usize));
         for most in [usize::MAX, blocks * 2 / 3, blocks * 4 / 7] {
             let u = upload(&context, &grid, &planes, most);
@@ -300,6 +301,6 @@ fn bands_give_the_same_bits() {
             assert!(inverse(&output, &u, size) == whole, "{rows} rows, {most} blocks");
         }
         // Smaller images fit into the same buffers.
-        assert!(output.holds([133, 100]) && !output.holds([133, 202]));
+        assert!(output.holds([133, 100], PixelFormat::F32) && !output.holds([133, 202], PixelFormat::F32));
     }
 }

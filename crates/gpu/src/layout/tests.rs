@@ -8,8 +8,8 @@ use wgpu::naga::valid::{Capabilities, GlobalUse, ModuleInfo, ValidationFlags, Va
 use wgpu::naga::{AddressSpace, ArraySize, Handle, Module, ScalarKind, StorageAccess, Type, TypeInner};
 
 use super::*;
-use crate::external::RedirectRequest;
 use crate::kernels::{Binding, Kernel, SOURCES, Source, slot};
+use crate::redirect::RedirectRequest;
 use vrtm_core::allocation::{Vec, vec};
 
 /// A kernel's module, validated without optional capabilities.
