@@ -2,7 +2,9 @@
 //! difference from a texture that was warped beforehand.
 //!
 //! `cargo run --release --example render` draws a built-in scene into `out/`; `--help` lists the options. With `--film` it
-//! draws all frames, with the original UVs and redirected, side by side. The shaders in `examples/render/` are short and meant to be copied: `map_filtered.wgsl` and `forward.wgsl` are all that a
+//! draws all frames, with the original UVs and redirected, side by side; with `--live` it solves, inverts and draws frame by
+//! frame with no map in the CPU's memory, and prints what each takes, also into the last picture (`live.rs`, `shared.rs`).
+//! The shaders in `examples/render/` are short and meant to be copied: `map_filtered.wgsl` and `forward.wgsl` are all that a
 //! forward renderer needs; `deferred.wgsl` is for a deferred renderer.
 
 #[path = "render/mod.rs"]
@@ -13,10 +15,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
+#[cfg(target_os = "linux")]
+use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 use render::camera::View;
 use render::difference::{self, difference};
 use render::film::Film;
 use render::gpu::Gpu;
+#[cfg(target_os = "linux")]
+use render::live::{self, Live, Times, Transport};
 use render::maps::Solved;
 use render::model::Model;
 use render::stage::{Stage, medians, shot};
@@ -67,6 +73,14 @@ struct Args {
     /// Draw these frames instead, as FIRST-LAST: with the original UVs on the left, redirected on the right.
     #[arg(long, value_name = "A-B", value_parser = range)]
     film: Option<(usize, usize)>,
+    /// Solve, invert and draw so many frames one after the other, and print the time of each: with maps in memory that the
+    /// library and this program share on the GPU, and then with maps that pass through the CPU. The last picture of each has
+    /// its medians. On Linux.
+    #[arg(long, value_name = "N", conflicts_with = "film")]
+    live: Option<usize>,
+    /// Cells on a side of each tile's grid [default: the library's choice].
+    #[arg(long, value_name = "N", requires = "live")]
+    grid: Option<u32>,
     /// PNG file of the texture's colours, with <UDIM> for the tile's number; where its alpha is 0 the surface is metal.
     #[arg(long, value_name = "PATTERN", requires = "film")]
     colour: Option<String>,
@@ -131,6 +145,9 @@ fn run(args: &Args) -> Result<()> {
     };
     if let Some((first, last)) = args.film {
         return film(args, &gpu, &model, first..=last);
+    }
+    if let Some(count) = args.live {
+        return live(args, &gpu, &model, count);
     }
     let frame = args.frame.unwrap_or(model.frames.len());
     let side = args.texture as usize;
@@ -213,6 +230,68 @@ fn film(args: &Args, gpu: &Gpu, model: &Model, frames: RangeInclusive<usize>) ->
     film.draw(solved, frames, &args.out)?;
     println!("written to {}", args.out.display());
     Ok(())
+}
+
+/// Solves, inverts and draws frames one after the other.
+#[cfg(target_os = "linux")]
+fn live(args: &Args, gpu: &Gpu, model: &Model, count: usize) -> Result<()> {
+    let mut solved = Solved::open(model, &live::settings(gpu))?;
+    args.grid.map_or(Ok(()), |cells| solved.set_grid(cells))?;
+    let painted = |udim: &u32| model.tiles.iter().find(|tile| tile.udim == *udim);
+    let side = args.texture as usize;
+    let colours: Vec<_> = solved.udims.iter().map(|udim| texture::colours(painted(udim), side)).collect();
+    let mut live = Live::new(gpu, model, solved, &colours, &view(args, &model.rest), args.size, args.map)?;
+    let shared = live.shared()?;
+    let clock = if gpu.software { ", a software driver: its times say nothing about GPUs" } else { "" };
+    println!("{}{clock}", gpu.name);
+    let mut rows = Vec::new();
+    for (name, transport) in [("shared memory", &shared), ("through the CPU", &Transport::Host)] {
+        let mut times = Vec::new();
+        // The first frame makes the solver's memory and the pipelines.
+        for n in 0..=count {
+            times.push(live.frame(&live::pose(model, n), transport)?);
+            println!("{}", line(name, &times[n]));
+        }
+        let medians = live::medians(&times[1..]);
+        create(&args.out)?;
+        let mut picture = live.picture()?;
+        stamp(&mut picture, args.size, &line(name, &medians));
+        save(&args.out.join(format!("live {name}.png").replace(' ', "-")), args.size, &picture)?;
+        rows.push((name, medians));
+    }
+    println!("medians without the first frame:");
+    rows.iter().for_each(|(name, medians)| println!("{}", line(name, medians)));
+    println!("the last pictures are written to {}", args.out.display());
+    Ok(())
+}
+
+/// What a frame took.
+#[cfg(target_os = "linux")]
+fn line(name: &str, t: &live::Times) -> String {
+    let Times { solve, map, draw } = t;
+    format!("{name:16} {:8.2} ms: solve {solve:.2}, map {map:.2}, draw {draw:.2}", t.frame())
+}
+
+/// Writes a line of text into a picture.
+#[cfg(target_os = "linux")]
+fn stamp(texels: &mut [u8], [width, height]: [u32; 2], text: &str) {
+    let font = (FontWeight::Regular, RasterHeight::Size20);
+    for (k, raster) in text.chars().map(|c| get_raster(c, font.0, font.1)).enumerate() {
+        let left = 12 + k * get_raster_width(font.0, font.1);
+        for (y, row) in raster.iter().flat_map(|raster| raster.rows().enumerate()) {
+            for (x, &cover) in row.iter().enumerate().filter(|(_, cover)| **cover > 0) {
+                let (x, y) = (left + x, 12 + y);
+                if x < width as usize && y < height as usize {
+                    texels[4 * (y * width as usize + x)..][..4].copy_from_slice(&[cover, cover, cover, 255]);
+                }
+            }
+        }
+    }
+}
+
+#[cfg(not(target_os = "linux"))]
+fn live(_: &Args, _: &Gpu, _: &Model, _: usize) -> Result<()> {
+    Err("--live: memory is shared through file descriptors of Vulkan, on Linux".into())
 }
 
 /// The view that the options ask for.

@@ -159,6 +159,29 @@ impl<'a> Renderer<'a> {
         })
     }
 
+    /// The group of a texture with deltas in f16, one layer for each tile.
+    pub fn map(&self, texture: &wgpu::Texture) -> wgpu::BindGroup {
+        let view = texture.create_view(&wgpu::TextureViewDescriptor {
+            dimension: Some(wgpu::TextureViewDimension::D2Array),
+            ..Default::default()
+        });
+        let sampler = self.sampler(1);
+        let entries = [wgpu::BindingResource::TextureView(&view), wgpu::BindingResource::Sampler(&sampler)];
+        group(self.gpu, &self.layouts.filtered, &entries)
+    }
+
+    /// Draws a frame once other commands are done, and waits for it.
+    ///
+    /// # Errors
+    /// A lost GPU.
+    pub fn draw(&self, mut commands: Vec<wgpu::CommandBuffer>, shot: &Shot) -> Result<()> {
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        self.record(&mut encoder, shot, [None; 2]);
+        commands.push(encoder.finish());
+        self.gpu.queue.submit(commands);
+        self.gpu.wait()
+    }
+
     /// Draws a frame and reads it: RGBA, first row at the top, alpha 255 where the mesh is.
     ///
     /// # Errors

@@ -139,6 +139,20 @@ impl Gpu {
         }))
     }
 
+    /// Uploads the finest level of a layer of a texture, with its first row at v = 0.
+    pub fn write(&self, texture: &wgpu::Texture, layer: u32, bytes: &[u8]) {
+        let origin = wgpu::Origin3d { x: 0, y: 0, z: layer };
+        let place = wgpu::TexelCopyTextureInfo { origin, ..texture.as_image_copy() };
+        let texel = texture.format().block_copy_size(None).unwrap_or(4);
+        let rows = wgpu::TexelCopyBufferLayout {
+            offset: 0,
+            bytes_per_row: Some(texture.width() * texel),
+            rows_per_image: None,
+        };
+        let part = wgpu::Extent3d { depth_or_array_layers: 1, ..texture.size() };
+        self.queue.write_texture(place, bytes, rows, part);
+    }
+
     /// A texture used as a render target.
     pub fn target(
         &self,

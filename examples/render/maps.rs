@@ -2,8 +2,8 @@
 
 use half::f16;
 use vrtm::{
-    Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, ImageViewMut, MapDesc, MapReport,
-    MeshSource, Origin, PixelFormat, SolveOptions, Strided, UvSource,
+    Asset, Device, DeviceSettings, ExternalImage, FetchKind, ImageLayout, ImageView, ImageViewMut, MapDesc,
+    MapReport, MeshSource, Origin, PixelFormat, SolveOptions, Strided, TileSettings, UvSource,
 };
 
 use super::model::Model;
@@ -56,6 +56,19 @@ impl Solved {
         Ok(Solved { asset, udims })
     }
 
+    /// Sets the cells on a side of each tile's grid, in place of the library's choice.
+    ///
+    /// # Errors
+    /// The errors of vrtm.
+    pub fn set_grid(&mut self, cells: u32) -> Result<()> {
+        let settings = TileSettings { grid: [Some(cells); 2], ..TileSettings::default() };
+        let tiles = 0..self.udims.len();
+        tiles
+            .map(|tile| self.asset.set_settings(tile, &settings))
+            .collect::<vrtm::Result<()>>()
+            .map_err(|e| e.to_string())
+    }
+
     /// Solves another pose.
     ///
     /// # Errors
@@ -98,6 +111,34 @@ impl Solved {
             .into_iter()
             .map(|level| level.into_iter().map(|uv| uv.map(f16::from_f32)).collect())
             .collect())
+    }
+
+    /// The redirection minus the texel's own UV, in f16 as the library gives it: bytes of two numbers for each texel.
+    ///
+    /// # Errors
+    /// The errors of vrtm.
+    pub fn half_delta(&self, tile: usize, side: u32) -> Result<Vec<u8>> {
+        let mut bytes = vec![0; side as usize * side as usize * 4];
+        let layout =
+            ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(side, side, PixelFormat::F16) };
+        let image = ImageViewMut::new("image", &mut bytes, layout);
+        image
+            .and_then(|mut image| self.asset.fetch(tile, FetchKind::RedirectionDelta, &mut image))
+            .map_err(|error| format!("tile {}: {error}", self.udims[tile]))?;
+        Ok(bytes)
+    }
+
+    /// The same into memory of a graphics device.
+    ///
+    /// # Errors
+    /// The errors of vrtm.
+    ///
+    /// # Safety
+    /// The handle refers to memory as the image describes it, and nothing uses the image's texels during the call.
+    pub unsafe fn write_delta(&self, tile: usize, image: &ExternalImage) -> Result<()> {
+        // SAFETY: the caller's promise.
+        unsafe { self.asset.fetch_external(tile, FetchKind::RedirectionDelta, image) }
+            .map_err(|error| format!("tile {}: {error}", self.udims[tile]))
     }
 
     /// The accuracy of a tile's map under bilinear lookup: of the redirection within the tile in f32, or of the delta

@@ -23,6 +23,8 @@ mod draw;
 #[cfg(target_os = "linux")]
 mod external;
 mod film;
+#[cfg(target_os = "linux")]
+mod live;
 mod lock_step;
 #[path = "../../examples/render/mod.rs"]
 mod render;
