@@ -199,7 +199,7 @@ fn without_memory_for_all_tiles_each_is_solved_alone() {
                 .run(&SolveRequest { positions: model.frame(2), tiles, ..Default::default() }, &mut [])
                 .unwrap();
         }
-        let image = (SIZE * SIZE * 16) as u64;
+        let image = (SIZE * SIZE * 24) as u64;
         device.info().bytes_held - before + image
     };
     both.solve(model.frame(2), &[0, 1, 2, 3], SolveOptions::default());
