@@ -44,37 +44,9 @@ pub fn grid(team: &Team, mesh: &Mesh, maps: MapsOfTile, survey: Survey) -> Grid 
             Gather::new(team, &survey.coverer, &level.blocks.list, [level.nx, level.ny]);
         (gather, level.coverage) = (of_level, Arc::new(coverage));
     }
-    let (overlap, at_gaps) = (survey.overlap(), survey.counts.at_gaps);
     let rest = Arc::new(Pose::new(tile, |v| mesh.rest[v as usize], None));
-    let Survey {
-        coverer,
-        triangles,
-        movable,
-        levels: survey,
-        parts,
-        rigid,
-        squares,
-        rigid_nodes,
-        has_extra,
-        ..
-    } = survey;
-    let mut grid = Grid {
-        levels,
-        triangles: Arc::new(triangles),
-        chart_of: Arc::new(coverer.charts.into_owned().into()),
-        triangle: Arc::new(triangle),
-        gather: Arc::new(gather),
-        movable,
-        overlap,
-        at_gaps,
-        has_extra,
-        rest,
-        survey: Arc::new(survey),
-        parts: Arc::new(parts),
-        squares: Arc::new(squares),
-        rigid,
-        rigid_nodes,
-    };
+    let (triangle, gather) = (Arc::new(triangle), Arc::new(gather));
+    let mut grid = Grid { triangle, gather, rest, ..empty(survey, levels) };
     rest::rest_lengths(team, &mut grid, mesh, tile);
     grid
 }
@@ -95,6 +67,11 @@ impl Grid {
 pub fn skeleton(survey: Survey) -> Grid {
     let levels = levels_of(&survey.levels, survey.coverer.tile.charts.len());
     let gather = Gather::empty(levels.get(1).map_or(0, |level| level.blocks.list.len()));
+    Grid { gather: Arc::new(gather), ..empty(survey, levels) }
+}
+
+/// A surveyed tile's grid with these levels, without what its blocks hold besides.
+fn empty(survey: Survey, levels: Vec<Level>) -> Grid {
     let (overlap, at_gaps) = (survey.overlap(), survey.counts.at_gaps);
     let Survey {
         coverer,
@@ -113,7 +90,7 @@ pub fn skeleton(survey: Survey) -> Grid {
         triangles: Arc::new(triangles),
         chart_of: Arc::new(coverer.charts.into_owned().into()),
         triangle: Arc::default(),
-        gather: Arc::new(gather),
+        gather: Arc::default(),
         movable,
         overlap,
         at_gaps,
