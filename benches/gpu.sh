@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
 # Builds the bench, checks that GPU and CPU agree, and prints the time of a solve on this machine's GPU: each time
 # beside the result's error, each stage beside its lower bound. The same goes to benches/results/gpu-NAME.md. Arguments
-# are passed to the bench. At the end it draws a mesh through its redirection map, in several ways, and writes what that costs
-# to benches/results/render-NAME.md:
+# are passed to the bench. Beside it stands the paper's solver. At the end it draws a mesh through its redirection map, in
+# several ways, and whole frames with maps that stay on the GPU, and writes what that costs to
+# benches/results/render-NAME.md:
 #
 #     benches/gpu.sh                      # all sizes to 8192, about 10 minutes
 #     benches/gpu.sh --sizes 512,2048

@@ -3,9 +3,10 @@
 
 use std::fmt::Write;
 
-use vrtm::{Asset, Device, GpuWork, Quality, SolveOptions, TileReport};
+use vrtm::{Asset, Device, GpuWork, SolveOptions, TileReport};
 
 use crate::common::{Model, assets, scenes};
+use crate::table::{draft, paper};
 
 /// Bandwidths for which lower bounds of the time are given: that of an H200's memory as stated by its maker, and that
 /// of a laptop.
@@ -26,8 +27,9 @@ on), which takes more dispatches.
 |---|---|---|---|---|---|---|---|---|---|---|---|---|---|
 ";
 
-/// The table of all models and sizes, followed by the kernels of some of the models at each size, and of drafts of one. The
-/// model in `benches/gpu_model` takes its dispatches from there. Tiles of an asset are solved together.
+/// The table of all models and sizes, followed by the kernels of some of the models at each size, and of drafts and the
+/// paper's solver of one. The model in `benches/gpu_model` takes its dispatches from there. Tiles of an asset are solved
+/// together.
 pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
     let mut text = String::from(HEAD);
     let mut kernels = String::new();
@@ -63,21 +65,23 @@ pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
             if model.name != "mug_to_jug" {
                 let _ = writeln!(
                     kernels,
-                    "\n## {} at {size}², kernel by kernel\n\n{}",
+                    "\n## {} at {size}², kernel by kernel{}\n\n{}",
                     model.name,
+                    strain(&mut asset, &model, &SolveOptions::default()).map_err(fail)?,
                     of_kernels(&work, nodes)
                 );
             }
-            if model.name == "bulge" {
+            let others = [("draft", draft()), ("pbd 1", paper(1)), ("pbd 16", paper(16))];
+            for (name, options) in others.into_iter().filter(|_| model.name == "bulge") {
                 // A new asset, which has no result to start from.
                 let mut asset = model.asset_on(device, size);
-                let options = SolveOptions { quality: Quality::Draft, ..SolveOptions::default() };
                 asset.solve(model.frame(1), &options).map_err(fail)?;
                 let work = asset.gpu_work(0).map_err(fail)?.ok_or("no GPU work")?;
                 let [dispatches, skipped, barriers] = [work.dispatches(), work.skipped, work.barriers];
                 let _ = writeln!(
                     kernels,
-                    "\n## bulge at {size}², `draft`: {dispatches} dispatches, {skipped} empty ones, {barriers} barriers\n\n{}",
+                    "\n## bulge at {size}², `{name}`: {dispatches} dispatches, {skipped} empty ones, {barriers} barriers{}\n\n{}",
+                    strain(&mut asset, &model, &options).map_err(fail)?,
                     of_kernels(&work, nodes)
                 );
             }
@@ -120,6 +124,16 @@ fn excess(device: &Device, model: &Model, size: u32, all: &Sums) -> Result<Strin
     asset.solve(model.frame(1), &options).map_err(fail)?;
     let best = Sums::of(&asset).map_err(fail)?.energy;
     Ok(format!("{:.4}", 100.0 * (all.energy - best) / (all.before - best)))
+}
+
+/// What a solve leaves of the strain, RMS on the mesh, if the asset has a single tile; the words follow others.
+fn strain(asset: &mut Asset, model: &Model, options: &SolveOptions) -> vrtm::Result<String> {
+    if asset.tile_count() > 1 {
+        return Ok(String::new());
+    }
+    asset.solve(model.frame(1), &SolveOptions { measure: true, ..*options })?;
+    let strain = asset.tile_report(0)?.strain;
+    Ok(strain.map_or(String::new(), |strain| format!(", strain {:.4}", strain.after.rms)))
 }
 
 fn of_kernels(work: &GpuWork, nodes: f64) -> String {

@@ -67,8 +67,8 @@ def _value(node, names):
             return name == "true"
         case ast.Name(id=name) if name in names:
             return names[name]
-        case ast.Attribute(value=ast.Name(id="params"), attr=name) if f"params.{name}" in names:
-            return names[f"params.{name}"]
+        case ast.Attribute(value=ast.Name(id=base), attr=name) if f"{base}.{name}" in names:
+            return names[f"{base}.{name}"]
         case ast.BoolOp():
             return _either(node, names, isinstance(node.op, ast.Or))
         case ast.UnaryOp(op=ast.Not()):

@@ -9,7 +9,9 @@ HEAD = """\
 No GPU was used: `python3 benches/gpu_model` writes this file anew, from Mesa's shader compiler and a model of one warp.
 [What it knows and what it does not](../gpu_model/README.md). Its dispatches are those of the bulge in
 [gpu-counts.md](gpu-counts.md). "Memory" is workgroup memory in bytes; "static" and "dynamic" are instructions, of the
-code and on the critical path of a warp; "slots" are issue slots of a mean warp.
+code and on the critical path of a warp; "slots" are issue slots of a mean warp. "pbd" is the paper's solver, with 1 and with
+16 iterations on each level: the former are the 70 passes that the paper calls an iteration, the latter is the default. A
+map has as many texels as the grid has cells; its time is that of the kernels, without the way over the bus.
 
 """
 SIZES = (512, 2048)
@@ -44,9 +46,26 @@ def parts(kernel):
     return "\n".join(lines) + "\n"
 
 
+def maps(all_kernels):
+    """A row per map: what a fetch takes on the GPU, with as many texels as cells, and the bytes that are read back."""
+    lines = [
+        "| map | " + " | ".join(f"{n}²: ms | MB read back" for n in SIZES) + " |",
+        "|---" * (2 * len(SIZES) + 1) + "|",
+    ]
+    kernel = {kernel.name: kernel for kernel in all_kernels}
+    invert, redirect = kernel["Invert"], kernel["Redirect"]
+    for label, warp in zip(redirect.sets, redirect.warps):
+        cells = []
+        for n in SIZES:
+            ms = solve.dispatch(invert, invert.warps[0], (n // 16) ** 2) + solve.dispatch(redirect, warp, n * n // 64)
+            cells.append(f"{ms:.3f} | {n * n * (4 if 'f16' in label else 8) / 1e6:.1f}")
+        lines.append(f"| {label} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
 def whole(all_kernels, counts):
     """The report."""
-    columns = [(q, n) for q in ("normal", "draft") for n in SIZES if n in counts.kernels[q]]
+    columns = [(q, n) for q in solve.QUALITIES for n in SIZES if n in counts.kernels[q]]
     # Of the forms of a kernel the first; kernels that are counted together share their dispatches.
     default = {}
     for kernel in all_kernels:
@@ -74,6 +93,7 @@ def whole(all_kernels, counts):
     solves.append("| model, ms | " + " | ".join(f"**{sums[c] + e:.2f}**" for c, e in zip(columns, empty)) + " |")
     for k, what in enumerate(("dispatches", "empty dispatches", "barriers")):
         solves.append(f"| {what} | " + " | ".join(str(total[k]) for total in totals) + " |")
+    solves.append("| strain, RMS | " + " | ".join(counts.strain[q][n] for q, n in columns) + " |")
     solves.append("| of the ms, empty dispatches | " + " | ".join(f"{e:.2f}" for e in empty) + " |")
     table = [
         "| kernel | " + " | ".join(f"`{q}` {n}²: dispatches | ms" for q, n in columns) + " |",
@@ -91,6 +111,8 @@ def whole(all_kernels, counts):
         *solves,
         "\n## Kernels in solves\n",
         *table,
-        "\n## Kernels\n",
+        "\n## Maps\n",
+        maps(all_kernels),
+        "## Kernels\n",
     ]
     return HEAD + "\n".join(parts) + "\n\n" + note + kernels(all_kernels)

@@ -18,9 +18,10 @@ PROCESSORS, REGISTERS, SHARED, CLOCK, LAUNCH, EMPTY = (
 )
 # Kernels that no solve with default settings runs.
 UNUSED = {
-    "Protect", "ProtectFinest", "Previous", "Pull", "ProjectChords", "ProjectMetrics", "RegulariseChords",
-    "RegulariseMetrics", "CopyState", "SamplesChords", "SamplesMetrics", "Invert", "Redirect",
+    "Protect", "ProtectFinest", "Previous", "Pull", "SamplesChords", "SamplesMetrics",
 }  # fmt: skip
+# Solves: the two qualities, and the paper's solver with 1 and with 16 iterations on each level.
+QUALITIES = ("normal", "draft", "pbd 1", "pbd 16")
 # Sweeps of relaxation per dispatch (crates/core/src/method/plan.rs).
 SWEEPS = {"normal": 2, "draft": 1}
 # Most blocks of a level on which four threads relax a node (crates/gpu/src/stages.rs).
@@ -75,6 +76,19 @@ def parameters(name, form, smoother_sweeps):
         return {label: plain | {"params.mode": mode} for label, mode in modes.items()}
     if name == "MultigridCoarsest":
         return {"": plain | {"params.sweeps": COARSEST * smoother_sweeps}}
+    if name == "Invert":
+        # As many texels as cells.
+        return {"": plain | {"request.workgroups_per_block": 1}}
+    if name == "Redirect":
+        # The origin of a tile's own UVs is 0.
+        of = {"delta, f16": (1, 1), "delta, f32": (1, 0), "UV, f32": (0, 0)}
+        return {
+            label: plain | {"redirect_request.is_delta": delta, "redirect_request.is_half": half}
+            for label, (delta, half) in of.items()
+        }
+    if name.startswith(("Project", "Regularise", "CopyState")):
+        planes = {"Chords": 3, "Metrics": 2}.get(name.removeprefix("Project").removeprefix("Regularise"), 3)
+        return {"": plain | {"params.mode": 0, "params.state_planes": planes}}
     if name.startswith("Energy"):
         return {"": plain | {"params.mode": "ENERGY_VALID"}}
     if name.startswith("Step"):
@@ -161,27 +175,30 @@ def milliseconds(kernel, quality, size, counts):
 
 @dataclass
 class Counts:
-    """What gpu-counts.md says of the bulge: per quality and size dispatches and workgroups of each kernel; and
-    dispatches, empty ones and barriers of all."""
+    """What gpu-counts.md says of the bulge: per quality and size dispatches and workgroups of each kernel; dispatches,
+    empty ones and barriers of all; and the strain that is left, if it is told."""
 
     kernels: dict
     all: dict
+    strain: dict
 
 
 def counted(text):
-    kernels, totals = {"normal": {}, "draft": {}}, {"normal": {}, "draft": {}}
+    kernels, totals, strain = ({quality: {} for quality in QUALITIES} for _ in range(3))
     for size, numbers in re.findall(r"^\| bulge \| (\d+)² \| \d+ \| (\d+ \| \d+ \| \d+) \|", text, re.MULTILINE):
         totals["normal"][int(size)] = [int(number) for number in numbers.split(" | ")]
     for part in text.split("\n## ")[1:]:
         head = re.match(
-            r"bulge at (\d+)², (?:kernel by kernel|`draft`: (\d+) .*?, (\d+) .*?, (\d+) barriers)",
+            r"bulge at (\d+)², (?:kernel by kernel|`([\w ]+)`: (\d+) .*?, (\d+) .*?, (\d+) barriers)",
             part,
         )
         if not head:
             continue
-        quality, size = "draft" if head[2] else "normal", int(head[1])
+        quality, size = head[2] or "normal", int(head[1])
+        told = re.search(r", strain ([\d.]+)$", part.split("\n")[0])
+        strain[quality][size] = told[1] if told else "-"
         if head[2]:
-            totals[quality][size] = [int(number) for number in head.groups()[1:]]
+            totals[quality][size] = [int(number) for number in head.groups()[2:]]
         rows = re.findall(r"^\| (\w+ \([^,)]*).*?\) \| (\d+) \| (\d+) \|", part, re.MULTILINE)
         kernels[quality][size] = {name: (int(dispatches), int(groups)) for name, dispatches, groups in rows}
-    return Counts(kernels, totals)
+    return Counts(kernels, totals, strain)

@@ -95,3 +95,16 @@ def test_a_warp_waits_for_what_it_reads():
 def test_levels_follow_from_sizes():
     counts = {256: {"k": (4, 8)}, 512: {"k": (8, 264)}}
     assert solve.rungs("k", 512, counts) == [(4, 64), (4, 2)]
+
+
+def test_counts_of_solves_are_read():
+    text = (
+        "| bulge | 512² | 239121 | 186 | 205 | 390 | 2 | 295 |\n"
+        "\n## bulge at 512², kernel by kernel, strain 0.0040\n\n| relax (sampling/metrics, patch, relax) | 5 | 9 | 1.0 |\n"
+        "\n## bulge at 512², `pbd 16`: 700 dispatches, 0 empty ones, 650 barriers\n\n| project (pbd/state, x) | 8 | 64 | 1.0 |\n"
+    )
+    counts = solve.counted(text)
+    assert counts.kernels["normal"] == {512: {"relax (sampling/metrics": (5, 9)}}
+    assert counts.kernels["pbd 16"] == {512: {"project (pbd/state": (8, 64)}}
+    assert counts.all["normal"] == {512: [186, 205, 390]} and counts.all["pbd 16"] == {512: [700, 0, 650]}
+    assert counts.strain["normal"] == {512: "0.0040"} and counts.strain["pbd 16"] == {512: "-"}

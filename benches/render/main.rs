@@ -18,6 +18,10 @@ use render::camera::View;
 use render::difference::difference;
 use render::draw::Renderer;
 use render::gpu::Gpu;
+#[cfg(target_os = "linux")]
+use render::live::{self, Live, Transport};
+#[cfg(target_os = "linux")]
+use render::maps::Solved;
 use render::model::Model;
 use render::stage::{Stage, medians, shot};
 use render::ways::{ALL, Map, ORIGINAL};
@@ -121,6 +125,14 @@ fn run(args: &Args) -> Result<()> {
         let reports = (0..stage.solved.udims.len()).map(|tile| stage.solved.inspect(tile, side, delta));
         text += &table::map(side, delta, args.texture, &reports.collect::<Result<Vec<_>>>()?);
     }
+    // On a software driver a solve would take longer than all else, and its time would say nothing.
+    #[cfg(target_os = "linux")]
+    if !gpu.software || !args.bench {
+        text += table::FRAMES;
+        for &side in &args.maps {
+            text += &live_frames(&gpu, &model, &stage, &whole, side, size, args.rounds)?;
+        }
+    }
     print!("{text}");
     if args.bench {
         let path = args.out.clone().unwrap_or_else(|| format!("benches/results/render{}.md", suffix(&gpu)));
@@ -128,6 +140,31 @@ fn run(args: &Args) -> Result<()> {
         println!("written to {path}");
     }
     Ok(())
+}
+
+/// Rows for whole frames, solved on grids with as many cells as the maps have texels.
+#[cfg(target_os = "linux")]
+fn live_frames(
+    gpu: &Gpu,
+    model: &Model,
+    stage: &Stage,
+    view: &View,
+    side: u32,
+    size: [u32; 2],
+    count: usize,
+) -> Result<String> {
+    let mut solved = Solved::open(model, &live::settings(gpu))?;
+    solved.set_grid(side)?;
+    let mut live = Live::new(gpu, model, solved, &stage.colours, view, size, side)?;
+    let shared = live.shared()?;
+    let mut text = String::new();
+    for (name, transport) in [("shared memory", &shared), ("through the CPU", &Transport::Host)] {
+        // The first frames make memory and pipelines, and raise the GPU's clock.
+        let frames = (0..2 * count).map(|n| live.frame(&live::pose(model, n), transport));
+        let frames = frames.collect::<Result<Vec<_>>>()?;
+        text += &table::frame(name, side, &live::medians(&frames[count..]));
+    }
+    Ok(text)
 }
 
 /// The suffix of the file's name for a GPU.

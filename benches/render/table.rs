@@ -105,6 +105,20 @@ pub fn map(side: u32, delta: bool, texture: u32, reports: &[MapReport]) -> Strin
     )
 }
 
+/// Begins the table of whole frames.
+pub const FRAMES: &str = "\n## Frames\n\n\
+    Solve (`normal`, as many cells as the map has texels; the benches of the GPU have its error), invert, and draw the whole \
+    mesh (forward-delta): milliseconds that the program waits for, medians. The maps are deltas in f16, in memory that vrtm \
+    and the renderer share, or fetched and uploaded again; the pictures are the same. \"map\" is inversion and readback, \
+    \"draw\" has the upload of the map and of the mesh's corners.\n\n\
+    | maps | texels | frame | solve | map | draw |\n|---|---|---|---|---|---|\n";
+
+/// A row of it.
+#[cfg(target_os = "linux")]
+pub fn frame(name: &str, side: u32, t: &crate::render::live::Times) -> String {
+    format!("| {name} | {side} | {:.2} | {:.2} | {:.2} | {:.2} |\n", t.frame(), t.solve, t.map, t.draw)
+}
+
 /// The processor's name, if the system provides it.
 fn processor() -> Option<String> {
     let text = std::fs::read_to_string("/proc/cpuinfo").ok()?;

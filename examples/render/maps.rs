@@ -62,11 +62,8 @@ impl Solved {
     /// The errors of vrtm.
     pub fn set_grid(&mut self, cells: u32) -> Result<()> {
         let settings = TileSettings { grid: [Some(cells); 2], ..TileSettings::default() };
-        let tiles = 0..self.udims.len();
-        tiles
-            .map(|tile| self.asset.set_settings(tile, &settings))
-            .collect::<vrtm::Result<()>>()
-            .map_err(|e| e.to_string())
+        let set = (0..self.udims.len()).try_for_each(|tile| self.asset.set_settings(tile, &settings));
+        set.map_err(|error| error.to_string())
     }
 
     /// Solves another pose.
