@@ -232,7 +232,8 @@ class Render(Scene):
         self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
         self.assertEqual(obj.data.materials[0], material)
         group = source(texture)
-        self.assertEqual((group.bl_idname, source_uv(group).uv_map), ("ShaderNodeGroup", "UVMap"))
+        # What it read without a link: the map that renders. The node that is there is taken.
+        self.assertEqual((group.bl_idname, source_uv(group)), ("ShaderNodeGroup", coordinates))
         # In front of the mapping, and once for both that begin at the same socket.
         self.assertEqual(source(mapped), mapping)
         self.assertEqual(source(mapping), source(direct))

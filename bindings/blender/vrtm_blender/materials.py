@@ -8,6 +8,7 @@ import bpy
 
 from . import nodes
 from .messages import Problem
+from .tap import is_tap
 
 # The custom property of a node that was made for a group.
 MADE = "vrtm_made"
@@ -49,14 +50,14 @@ def separate(
     for slot in obj.material_slots:
         if slot.material is None or slot.material.library is not None:
             continue
-        if any(is_others(node.node_tree) for node in _instances(slot.material)):
-            for node in _instances(own_material(obj, slot)):
+        if any(is_others(node.node_tree) for node in _instances(slot.material.node_tree)):
+            for node in _instances(own_material(obj, slot).node_tree):
                 if is_others(node.node_tree):
                     node.node_tree = own(obj)
 
 
-def _instances(material: bpy.types.Material) -> list[bpy.types.Node]:
-    return [node for node in material.node_tree.nodes if nodes.is_ours(node)] if material.node_tree else []
+def _instances(tree: bpy.types.NodeTree | None) -> list[bpy.types.Node]:
+    return [node for node in tree.nodes if nodes.is_ours(node)] if tree else []
 
 
 def insert(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.types.MeshUVLoopLayer, by: str) -> int:
@@ -68,9 +69,11 @@ def insert(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.t
     """
     tree, renders = material.node_tree, source_uv.active_render
     group = nodes.group_by_image(obj) if by == nodes.BY_IMAGE else nodes.group_by_uv_map(obj)
-    present = [node for node in tree.nodes if nodes.is_ours(node)]
-    for node in present:
-        node.node_tree = group
+    for node in tree.nodes:
+        if nodes.is_ours(node):
+            node.node_tree = group
+        elif node.get(MADE) and getattr(node, "uv_map", "") and node.uv_map not in obj.data.uv_layers:
+            node.uv_map = source_uv.name
     instances: dict[bpy.types.NodeSocket, bpy.types.Node] = {}
     done = 0
     for texture in _flat_textures(obj, tree):
@@ -78,7 +81,8 @@ def insert(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.t
         if not socket.is_linked:
             # Without a link a texture reads the UV map that renders.
             if renders:
-                tree.links.new(_instance(tree, group, _uv_node(tree, source_uv.name, texture), instances), socket)
+                source = _uv_node(tree, obj.vrtm.uv_map, texture)
+                tree.links.new(_instance(tree, group, source, instances), socket)
                 done += 1
             continue
         changed = False
@@ -109,7 +113,7 @@ def _flat_textures(obj: bpy.types.Object, tree: bpy.types.NodeTree) -> list[bpy.
 def remove(material: bpy.types.Material) -> int:
     """Takes the groups out again and links what they stood between."""
     tree, removed = material.node_tree, 0
-    for node in [node for node in tree.nodes if nodes.is_ours(node)] if tree else []:
+    for node in _instances(tree):
         before = node.inputs["UV"].links
         source = before[0].from_socket if before else None
         # A UV node that was made for the group goes with it.
@@ -138,13 +142,31 @@ def redirected(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     return [node for node in textures if any(is_behind(link.from_node, set()) for link in node.inputs["Vector"].links)]
 
 
+def lost_maps(obj: bpy.types.Object) -> list[tuple[bpy.types.Node, str]]:
+    """Nodes of the object's materials that read a UV map which the mesh does not have, and its name."""
+    if any(modifier.type == "NODES" and not is_tap(modifier) for modifier in obj.modifiers):
+        # These may make UV maps of their own.
+        return []
+    trees = [material.node_tree for material in materials_of(obj)]
+    found = [node for tree in (*trees, *nodes.used_by(obj)) for node in tree.nodes]
+    named = [(node, node.uv_map) for node in found if getattr(node, "uv_map", "")]
+    for node in [node for tree in trees for node in _instances(tree)]:
+        for before in [link.from_node for link in node.inputs["UV"].links]:
+            if before.bl_idname == "ShaderNodeAttribute" and before.attribute_type == "GEOMETRY":
+                named.append((before, before.attribute_name))
+    return [(node, name) for node, name in named if name not in obj.data.attributes]
+
+
 def _uv_node(tree, name, texture):
-    node = next((n for n in tree.nodes if n.bl_idname == "ShaderNodeUVMap" and n.uv_map == name), None)
-    if node is None:
-        node = tree.nodes.new("ShaderNodeUVMap")
-        node.uv_map = name
+    """What hands out a UV map: the one that renders, also after it was renamed, where none is named."""
+    kind = "ShaderNodeUVMap" if name else "ShaderNodeTexCoord"
+    same = [n for n in tree.nodes if n.bl_idname == kind and not n.from_instancer and getattr(n, "uv_map", "") == name]
+    node = same[0] if same else tree.nodes.new(kind)
+    if not same:
         node[MADE] = True
         node.location = (texture.location.x - 450, texture.location.y)
+        if name:
+            node.uv_map = name
     return node.outputs["UV"]
 
 

@@ -34,7 +34,7 @@ def groups_of(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
     gone or is no object's, as where the image was deleted or another one was chosen in the panel."""
     image, trees = obj.vrtm.image, [tree for tree in _by_image() if tree.library is None]
     found = [tree for tree in trees if image is not None and image_of(tree) == image]
-    used = _used_by(obj)
+    used = used_by(obj)
     others = [tree for tree in trees if tree in used and tree not in found]
     # All objects are looked at only where there may be something to mend.
     taken = {other.vrtm.image for other in bpy.data.objects} - {None} if others else set()
@@ -127,11 +127,11 @@ def _attributes_in(tree: bpy.types.NodeTree) -> set[str]:
 
 def _owner(tree: bpy.types.NodeTree) -> bpy.types.Object | None:
     """The object that a group without a result is for: the first that writes an image and has a material with it."""
-    owners = [obj for obj in bpy.data.objects if obj.vrtm.is_set_up and obj.vrtm.write_image and tree in _used_by(obj)]
+    owners = [obj for obj in bpy.data.objects if obj.vrtm.is_set_up and obj.vrtm.write_image and tree in used_by(obj)]
     return min(owners, key=session.uid_of, default=None)
 
 
-def _used_by(obj: bpy.types.Object) -> set[bpy.types.NodeTree]:
+def used_by(obj: bpy.types.Object) -> set[bpy.types.NodeTree]:
     """The node groups in the object's materials, and in these groups."""
     found: set[bpy.types.NodeTree] = set()
     ahead = [slot.material.node_tree for slot in obj.material_slots if slot.material is not None]
@@ -353,5 +353,9 @@ def own_textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     return [node for node in _textures(tree) if node.image is None or result_image.LAYOUT not in node.image]
 
 
+def is_ours_tree(tree: bpy.types.NodeTree | None) -> bool:
+    return tree is not None and bool(tree.get(KIND))
+
+
 def is_ours(node: bpy.types.Node) -> bool:
-    return node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None and bool(node.node_tree.get(KIND))
+    return node.bl_idname == "ShaderNodeGroup" and is_ours_tree(node.node_tree)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import blf
 import bpy
 
-from . import borders, dilate, keep, nodes, result_image, results, states
+from . import borders, dilate, geometry, keep, materials, nodes, result_image, results, states
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,9 @@ def headline(obj: bpy.types.Object, scene: bpy.types.Scene) -> Line:
         if state.frame != scene.frame_current:
             return Line(f"Out of date: shows frame {state.frame}", "ERROR")
         return Line("Out of date: press Update Now", "ERROR")
-    return Line("Up to date", "CHECKMARK")
+    if wrong(obj):
+        return Line("Not what it should be: see Status", "ERROR")
+    return Line("Up to date", "INFO" if state.notes else "CHECKMARK")
 
 
 def summary(obj: bpy.types.Object) -> str:
@@ -61,6 +63,19 @@ def figures(obj: bpy.types.Object) -> list[tuple[str, str]]:
     """Labels and values of the result that is shown, if there is one."""
     state = states.find_state(obj)
     return [] if state is None or state.error or not obj.vrtm.is_set_up else state.figures
+
+
+def wrong(obj: bpy.types.Object) -> list[str]:
+    """Why what is drawn is not as the result is, in sentences, whatever the result is worth."""
+    found = []
+    for node, name in materials.lost_maps(obj):
+        text = f"Node {node.name!r} of {node.id_data.name!r} reads UV map {name!r}, which the mesh does not have"
+        mended = materials.MADE in node or nodes.is_ours_tree(node.id_data)
+        found.append(f"{text}: {'press Set Up by Image' if mended else 'choose another one there'}")
+    rendered = next((layer.name for layer in obj.data.uv_layers if layer.active_render), "")
+    if rendered in geometry.result_names(obj.data):
+        found.append(f"UV map {rendered!r}, which is a result, is the one that renders: have the texture's render")
+    return found
 
 
 def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
@@ -79,6 +94,7 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
     lost = results.missing(obj) if expected else None
     if lost is not None:
         found.append(Line(f"{lost}: press Update Now", "ERROR"))
+    found += [Line(text, "ERROR") for text in wrong(obj)]
     frames = nodes.baked_frames(obj)
     if settings.shows_baked and (text := not_baked(obj, scene, frames)) is not None:
         found.append(Line(text, "ERROR"))

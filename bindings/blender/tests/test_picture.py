@@ -1,0 +1,95 @@
+"""No tick over a wrong picture: where what is drawn is not as the result is, the panel has no tick, and says why."""
+
+from support import Arm, Case, bpy, nodes_of, part, rgba, studs
+
+
+class Picture(Case):
+    def arm(self, name="arm", by="image", **options):
+        """An arm at frame 5 whose material is redirected."""
+        arm = Arm(name, **{"along": 20, "around": 12, "size": 64, **options})
+        arm.object.vrtm.grid = 0
+        arm.paint_image(f"{name} rigidity")
+        material = bpy.data.materials.new(f"{name} skin")
+        tree = nodes_of(material)
+        texture = tree.nodes.new("ShaderNodeTexImage")
+        texture.image = bpy.data.images.new(f"{name} albedo", 64, 64)
+        texture.image.pixels.foreach_set(rgba(studs(64)).ravel())
+        shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
+        tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
+        arm.mesh.materials.append(material)
+        bpy.context.view_layer.objects.active = arm.object
+        bpy.context.scene.frame_set(5)
+        self.assertEqual(bpy.ops.vrtm.set_up_material(by=by), {"FINISHED"})
+        self.tree = tree
+        return arm
+
+    def headline(self, arm):
+        bpy.context.view_layer.objects.active = arm.object
+        bpy.ops.vrtm.update()
+        return part("status").headline(arm.object, bpy.context.scene)
+
+    def notes(self, arm):
+        return " ".join(line.text for line in part("status").notes(arm.object, bpy.context.scene))
+
+    def ticked(self, arm):
+        self.assertEqual(self.headline(arm).icon, "CHECKMARK", self.notes(arm))
+
+    def wrong(self, arm, *words):
+        line = self.headline(arm)
+        self.assertEqual((line.icon, line.text), ("ERROR", "Not what it should be: see Status"))
+        for word in words:
+            self.assertIn(word, self.notes(arm))
+
+    def source(self):
+        """The node that the group has its UVs from."""
+        group = next(node for node in self.tree.nodes if part("nodes").is_ours(node))
+        return group.inputs["UV"].links[0].from_node
+
+    def test_a_uv_map_that_is_renamed_or_replaced(self):
+        arm = self.arm()
+        layers = arm.mesh.uv_layers
+        self.ticked(arm)
+        self.assertEqual(self.source().bl_idname, "ShaderNodeTexCoord")
+        layers["UVMap"].name = "Main"
+        self.ticked(arm)
+        other = layers.new(name="other")
+        other.active_render = True
+        self.ticked(arm)
+        layers.remove(layers["Main"])
+        layers["other"].active_render = True
+        self.ticked(arm)
+        self.assertEqual(part("geometry").source_uv_layer(arm.object).name, "other")
+        # The result in the place of the texture's.
+        layers["vrtm"].active_render = True
+        self.wrong(arm, "UV map 'vrtm', which is a result, is the one that renders")
+
+    def test_nodes_that_name_a_map_which_is_not_there(self):
+        arm = self.arm()
+        settings, layers = arm.object.vrtm, arm.mesh.uv_layers
+        bpy.ops.vrtm.clear_material()
+        # A map that is chosen is named.
+        settings.uv_map = "UVMap"
+        bpy.ops.vrtm.set_up_material()
+        self.assertEqual(self.source().uv_map, "UVMap")
+        self.ticked(arm)
+        layers["UVMap"].name = settings.uv_map = "Main"
+        self.wrong(arm, "reads UV map 'UVMap', which the mesh does not have: press Set Up by Image")
+        bpy.ops.vrtm.set_up_material()
+        self.assertEqual(self.source().uv_map, "Main")
+        self.ticked(arm)
+        # The artist's own nodes, also in groups, and by attribute.
+        group = bpy.data.node_groups.new("own", "ShaderNodeTree")
+        self.tree.nodes.new("ShaderNodeGroup").node_tree = group
+        own = group.nodes.new("ShaderNodeUVMap")
+        own.uv_map = "gone"
+        self.wrong(arm, "of 'own' reads UV map 'gone', which the mesh does not have: choose another one there")
+        own.uv_map = "Main"
+        attribute = self.tree.nodes.new("ShaderNodeAttribute")
+        attribute.attribute_name = "lost"
+        self.ticked(arm)
+        ours = next(node for node in self.tree.nodes if part("nodes").is_ours(node))
+        self.tree.links.new(attribute.outputs["Vector"], ours.inputs["UV"])
+        self.wrong(arm, "reads UV map 'lost'")
+        # Geometry Nodes may make it.
+        arm.object.modifiers.new("it", "NODES")
+        self.ticked(arm)
