@@ -105,7 +105,7 @@ class Panel(Case):
         obj.scale = (1, 1, 2)
         shown = self.draw(obj)
         self.assertIn("it changes the topology", shown)
-        self.assertIn("Read Pose Before It", shown)
+        self.assertIn("Read Pose", shown)
         self.assertIn("Scaled unevenly: apply the scale, which vrtm does not see", shown)
 
     def test_only_meshes_have_it(self):

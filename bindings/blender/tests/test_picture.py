@@ -93,3 +93,50 @@ class Picture(Case):
         # Geometry Nodes may make it.
         arm.object.modifiers.new("it", "NODES")
         self.ticked(arm)
+
+    def test_modifiers_in_front_of_the_armature(self):
+        for kind in ("MIRROR", "SUBSURF", "ARRAY", "SOLIDIFY"):
+            with self.subTest(kind):
+                arm = self.arm(kind, along=10, around=8)
+                obj, modifiers = arm.object, arm.object.modifiers
+                obj.vrtm.measure = True
+                modifiers.new("it", kind)
+                modifiers.move(1, 0)
+                # As an earlier version has put it.
+                tap = modifiers.new("vrtm pose", "NODES")
+                tap.node_group = part("tap").group()
+                modifiers.move(2, 0)
+                self.wrong(arm, "'Armature' deforms behind the one that stores the pose: press Read Pose")
+                self.assertEqual(bpy.ops.vrtm.insert_tap(), {"FINISHED"})
+                self.assertEqual([m.name for m in modifiers], ["it", "Armature", "vrtm pose"])
+                self.ticked(arm)
+                strain = part("states").find_state(obj).figures[-1][1].split()
+                before, after = float(strain[0]), float(strain[2])
+                self.assertGreater(before, 0.08)
+                self.assertLess(after, 0.5 * before)
+                self.assertEqual("makes copies" in self.notes(arm), kind in ("MIRROR", "ARRAY"))
+                # Where it stands already, and one that is added later, behind it.
+                modifiers.new("late", "CAST").factor = 0.1
+                self.wrong(arm, "'late' deforms behind")
+                bpy.ops.vrtm.insert_tap()
+                self.assertEqual([m.name for m in modifiers], ["it", "Armature", "late", "vrtm pose"])
+                self.ticked(arm)
+
+    def test_modifiers_that_keep_no_vertices_first(self):
+        arm = self.arm()
+        modifiers = arm.object.modifiers
+        for kind, change in (
+            ("MIRROR", lambda it: setattr(it, "use_bisect_axis", (True, False, False))),
+            ("SOLIDIFY", lambda it: setattr(it, "use_rim_only", True)),
+            ("NODES", lambda it: None),
+            ("BEVEL", lambda it: None),
+        ):
+            it = modifiers.new("it", kind)
+            change(it)
+            modifiers.move(1, 0)
+            self.assertIsNone(part("tap").place(arm.object), kind)
+            # In renders alone.
+            it.show_viewport = False
+            self.assertIsNone(part("tap").place(arm.object), kind)
+            self.assertTrue(part("tap").topology_modifiers(arm.object))
+            modifiers.remove(it)

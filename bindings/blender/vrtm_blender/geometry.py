@@ -10,23 +10,12 @@ import bpy
 import numpy as np
 
 from .messages import Problem
-from .tap import INDEX_NAME, POSE_NAME, is_tap, tap_of
+from .tap import INDEX_NAME, POSE_NAME, TOPOLOGY, place, tap_of, topology_modifiers
 
 # Where a captured rest shape is kept: an attribute of the mesh, which is saved with the file.
 REST_NAME = "vrtm_rest"
 # Of which frame it is: a custom property of the mesh.
 REST_FRAME_NAME = "vrtm_rest_frame"
-
-# Modifiers that make other vertices than the mesh has, for messages. What counts is the evaluated mesh itself.
-TOPOLOGY_MODIFIERS = frozenset(
-    "ARRAY BEVEL BOOLEAN BUILD DECIMATE EDGE_SPLIT EXPLODE MASK MIRROR MULTIRES NODES OCEAN PARTICLE_INSTANCE REMESH "
-    "SCREW SKIN SOLIDIFY SUBSURF TRIANGULATE VOLUME_TO_MESH WELD WIREFRAME".split()
-)
-
-DEFORMING_MODIFIERS = frozenset(
-    "ARMATURE CAST CLOTH CORRECTIVE_SMOOTH CURVE DISPLACE HOOK LAPLACIANDEFORM LAPLACIANSMOOTH LATTICE MESH_CACHE "
-    "MESH_DEFORM MESH_SEQUENCE_CACHE SHRINKWRAP SIMPLE_DEFORM SMOOTH SOFT_BODY SURFACE_DEFORM WARP WAVE".split()
-)
 
 
 @dataclass(frozen=True)
@@ -158,8 +147,8 @@ def pose(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> np.ndarray:
     """The evaluated shape of all vertices of the mesh, (vertices, 3) float32 in the object's own space.
 
     Modifiers must not be switched off and on in a handler. So where the evaluated mesh has other vertices than the
-    mesh, the pose is what the Pose modifier of this add-on stored as an attribute in front of the modifier that
-    changes them: most such modifiers keep the mesh's own vertices first, with their attributes as they are.
+    mesh, the pose is what the Pose modifier of this add-on stored as an attribute: most modifiers that change them keep
+    the mesh's own vertices first, with their attributes as they are.
     """
     mesh = mesh_of(obj)
     evaluated = obj.evaluated_get(depsgraph).data
@@ -170,7 +159,8 @@ def pose(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> np.ndarray:
     if stored is None or index is None:
         if has_tap(obj):
             raise Problem(f"{obj.name}: {culprit(obj)} keeps no attributes of the vertices: hide it, or apply it")
-        raise Problem(f"{obj.name}: {culprit(obj)} changes the topology: press Read Pose Before It, or hide it")
+        ways = "hide it, or apply it" if place(obj) is None else "press Read Pose, or hide it"
+        raise Problem(f"{obj.name}: {culprit(obj)} changes the topology: {ways}")
     indices = read(index.data, "value", 1, np.int32)
     if len(indices) < number or not np.array_equal(indices[:number], np.arange(number, dtype=np.int32)):
         raise Problem(f"{obj.name}: {culprit(obj)} does not keep the mesh's vertices: hide it, or apply it")
@@ -184,28 +174,12 @@ def has_tap(obj: bpy.types.Object) -> bool:
 
 def same_faces(obj: bpy.types.Object, evaluated: bpy.types.Mesh) -> bool:
     """Whether a mesh with as many vertices and corners has the same faces. Deforming modifiers are trusted."""
-    if not any(modifier.type in TOPOLOGY_MODIFIERS for modifier in obj.modifiers):
+    if not any(modifier.type in TOPOLOGY for modifier in obj.modifiers):
         return True
     return np.array_equal(corner_vertices(obj.data), corner_vertices(evaluated))
 
 
 def culprit(obj: bpy.types.Object) -> str:
     """The modifier that most likely changes the topology, as an artist knows it."""
-    found = first_topology_modifier(obj)
-    return f"modifier {found.name!r}" if found else "a modifier"
-
-
-def first_topology_modifier(obj: bpy.types.Object) -> bpy.types.Modifier | None:
-    for modifier in obj.modifiers:
-        if modifier.type in TOPOLOGY_MODIFIERS and not is_tap(modifier) and modifier.show_viewport:
-            return modifier
-    return None
-
-
-def deforms_after_tap(obj: bpy.types.Object) -> bpy.types.Modifier | None:
-    """The first modifier behind the topology-changing one that deforms: what it does is not in the pose."""
-    first = first_topology_modifier(obj)
-    if first is None:
-        return None
-    behind = list(obj.modifiers)[obj.modifiers.find(first.name) + 1 :]
-    return next((m for m in behind if m.type in DEFORMING_MODIFIERS and m.show_viewport), None)
+    found = topology_modifiers(obj)
+    return f"modifier {found[0].name!r}" if found else "a modifier"

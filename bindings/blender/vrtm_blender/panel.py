@@ -214,15 +214,15 @@ def draw_map(layout: bpy.types.UILayout, obj: bpy.types.Object, which: str) -> N
 
 def draw_topology(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     obj = context.object
-    first = geometry.first_topology_modifier(obj)
-    if first is None or tap.tap_of(obj) is not None:
+    changing = tap.topology_modifiers(obj)
+    if not changing or (tap.tap_of(obj) is not None and tap.deforms_behind(obj) is None):
         return
-    box = layout.box()
-    if first.type in tap.KEEPING:
-        status.draw(box, context, status.Line(f"{first.name} changes the topology", "INFO"))
+    box, name = layout.box(), changing[0].name
+    if tap.place(obj) is not None:
+        status.draw(box, context, status.Line(f"{name} changes the topology", "INFO"))
         box.operator("vrtm.insert_tap")
     else:
-        text = f"{first.name} makes other vertices than the mesh has: hide it in the viewport, or apply it"
+        text = f"{name} makes other vertices than the mesh has: hide it in the viewport and in renders, or apply it"
         status.draw(box, context, status.Line(text, "ERROR"))
 
 

@@ -65,11 +65,6 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
     state.shown, state.figures, state.uvs, state.rewrite = request.stamp, outcome.figures, outputs.uvs, False
     state.notes = list(outcome.notes) if obj.vrtm.is_set_up else []
     still_right(state, request)
-    behind = geometry.deforms_after_tap(obj)
-    if behind is not None and geometry.has_tap(obj):
-        state.notes.append(
-            f"Modifier {behind.name!r} deforms behind the one that changes the topology: it is not in the pose"
-        )
     if obj.vrtm.is_set_up and all(output is None for output in (outputs.images, outputs.uvs, outputs.delta)):
         state.notes.append("No output is switched on: see Quality and Outputs")
     state.say("")

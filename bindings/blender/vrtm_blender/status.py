@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import blf
 import bpy
 
-from . import borders, dilate, geometry, keep, materials, nodes, result_image, results, states
+from . import borders, dilate, geometry, keep, materials, nodes, result_image, results, states, tap
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,9 @@ def wrong(obj: bpy.types.Object) -> list[str]:
     rendered = next((layer.name for layer in obj.data.uv_layers if layer.active_render), "")
     if rendered in geometry.result_names(obj.data):
         found.append(f"UV map {rendered!r}, which is a result, is the one that renders: have the texture's render")
+    if (behind := tap.deforms_behind(obj)) is not None:
+        ways = "hide or apply what is in front of it" if tap.place(obj) is None else "press Read Pose"
+        found.append(f"Modifier {behind.name!r} deforms behind the one that stores the pose: {ways}")
     return found
 
 
@@ -101,6 +104,9 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
     ways = borders.chosen(obj)
     if ways.why:
         found.append(Line(ways.why, "INFO"))
+    if (copying := tap.copies(obj)) is not None:
+        text = f"{copying.name} makes copies in front of what deforms: they show the redirection of the mesh's own part"
+        found.append(Line(text, "INFO"))
     if settings.seams in ("continue", borders.AUTO) and dilate.left_of(obj):
         found.append(Line("Textures end at seams: press Dilate Textures", "INFO"))
     found += [Line(text, "ERROR") for text in keep.unsaved_maps(obj)]

@@ -142,19 +142,21 @@ def capture(context: bpy.types.Context, obj: bpy.types.Object, frame: int) -> No
 
 
 class VRTM_OT_insert_tap(OnObject, bpy.types.Operator):
-    """Put a modifier that stores the pose in front of the first one that changes the topology, such as Subdivision
-    Surface, so that the pose can be read while that one is on"""
+    """Put a modifier that stores the pose behind the last one that deforms, so that the pose can be read while others,
+    such as Subdivision Surface or Mirror, make more vertices than the mesh has"""
 
     bl_idname = "vrtm.insert_tap"
-    bl_label = "Read Pose Before It"
+    bl_label = "Read Pose"
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        first = geometry.first_topology_modifier(obj)
-        if first is None:
+        at = tap.place(obj)
+        if at is None and tap.topology_modifiers(obj):
+            raise Problem(f"{obj.name}: {geometry.culprit(obj)} does not let the pose be read: hide it, or apply it")
+        if at is None:
             raise Problem(f"{obj.name} has no modifier that changes the topology")
-        tap.insert(obj, first)
+        tap.insert(obj, at)
         live.touch(obj)
-        return f"{obj.name}: the pose is read in front of {first.name!r}"
+        return f"{obj.name}: the pose is read {'behind' if at.type in tap.DEFORMING else 'in front of'} {at.name!r}"
 
 
 CLASSES = (VRTM_OT_update, VRTM_OT_capture_rest, VRTM_OT_insert_tap)
