@@ -275,7 +275,8 @@ def pictures(obj: bpy.types.Object, before: str, after: str) -> None:
     """Renders the bent arm with its own UVs and redirected ones."""
     settings = obj.vrtm
     settings.rigidity_source, settings.rigidity_image = "IMAGE", bpy.data.images["rigidity"]
-    settings.device, settings.grid, settings.measure = "cpu", 512, True
+    settings.device, settings.measure = "cpu", True
+    settings.grid = settings.render_grid = 512
     bpy.context.scene.frame_set(20)
     settings.in_renders = False
     render(before)

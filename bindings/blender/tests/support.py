@@ -85,7 +85,7 @@ class Arm:
         bpy.context.view_layer.objects.active = self.object
         self.object.select_set(True)
         settings = self.object.vrtm
-        settings.device, settings.grid = "cpu", size
+        settings.device, settings.grid, settings.render_grid = "cpu", size, size
         # UDIM numbers and what is painted on them.
         self.painted = {1001 + tile: studs(size, tile) for tile in range(tiles)}
 

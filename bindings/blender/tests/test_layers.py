@@ -53,7 +53,8 @@ class Sheets:
         image.pixels.foreach_set(rgba(studs(SIZE)).ravel())
         image.pack()
         settings = obj.vrtm
-        settings.device, settings.grid, settings.measure = "cpu", SIZE, True
+        settings.device, settings.measure = "cpu", True
+        settings.grid = settings.render_grid = SIZE
         settings.rigidity_source, settings.rigidity_image = "IMAGE", image
         bpy.context.scene.frame_set(5)
 
@@ -386,7 +387,7 @@ class Pictures(Scene):
                 other.location.y = 5
                 if linked:
                     # The same faces in the same layers: the other object's own attribute tells so, too.
-                    other.vrtm.map_size = 64
+                    other.vrtm.map_size = other.vrtm.render_map_size = 64
                 bpy.context.view_layer.update()
                 self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
                 own = images_of(other)

@@ -7,7 +7,7 @@ class Picture(Case):
     def arm(self, name="arm", by="image", **options):
         """An arm at frame 5 whose material is redirected."""
         arm = Arm(name, **{"along": 20, "around": 12, "size": 64, **options})
-        arm.object.vrtm.grid = 0
+        arm.object.vrtm.grid = arm.object.vrtm.render_grid = 0
         arm.paint_image(f"{name} rigidity")
         material = bpy.data.materials.new(f"{name} skin")
         tree = nodes_of(material)

@@ -153,6 +153,30 @@ class Render(Scene):
         self.assertSame(found, render())
         self.assertFalse(part("session").rendering)
 
+    def test_renders_and_bakes_have_settings_of_their_own(self):
+        for tiles in (1, 2):
+            with self.subTest(tiles=tiles), tempfile.TemporaryDirectory() as folder:
+                self.setUp()
+                arm = self.arm(tiles=tiles)
+                scene, settings = bpy.context.scene, arm.object.vrtm
+                scene.frame_set(5)
+                bpy.ops.vrtm.set_up_material()
+                expected, size = render(), tuple(settings.image.size)
+                for grid, quality in ((64, "draft"), (256, "normal")):
+                    settings.grid, settings.map_size, settings.quality = grid, 0, quality
+                    bpy.ops.vrtm.update()
+                    self.assertEqual(tuple(settings.image.size), (grid * tiles, grid))
+                    self.assertSame(render(), expected)
+                    self.assertEqual(tuple(settings.image.size), size)
+                bpy.ops.vrtm.update()
+                self.assertEqual(tuple(settings.image.size), (grid * tiles, grid))
+                options = scene.vrtm_bake
+                options.directory, options.frame_start, options.frame_end = folder, 5, 5
+                bpy.ops.vrtm.bake()
+                self.assertEqual(load(os.path.join(folder, "arm.redirect.1001.0005.exr")).shape[:2], (128, 128))
+                bpy.ops.vrtm.update()
+                self.assertEqual(dict(part("states").find_state(arm.object).figures)["Grid"], "256 x 256")
+
     def test_a_render_goes_on_when_there_is_something_wrong(self):
         arm = self.arm()
         bpy.ops.vrtm.set_up_material()

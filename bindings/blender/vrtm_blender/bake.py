@@ -104,6 +104,9 @@ class Bake:
         finally:
             scene.frame_set(self.kept)
             session.baking = False
+            for state in filter(None, map(states.known.get, self.uids)):
+                # The viewport has settings of its own.
+                state.maps_changed = True
 
     def _objects(self) -> list[bpy.types.Object]:
         found = []
@@ -120,7 +123,7 @@ class Bake:
         state = states.state_of(obj)
         state.end_job()
         solve.prepare(obj, state)
-        layout = result_image.layout_of(state.asset, obj.name, obj.vrtm.map_size)
+        layout = result_image.layout_of(state.asset, obj.name, solve.level_of(obj)[2])
         parts: list[tuple[int | str, int]] = [(tile.udim, tile.layer) for tile in state.asset.tiles]
         if self.form == "delta" and (layout.columns, layout.rows) != (1, 1):
             parts += [("tiles", layer) for layer in range(layers.number_of(state.asset))]

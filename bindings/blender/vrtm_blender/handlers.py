@@ -110,6 +110,8 @@ def render_ends(scene: bpy.types.Scene, *_) -> None:
     session.rendering = False
     for obj in filter(in_renders, scene.objects):
         obj.data.update_tag()
+        # The viewport has its own settings again.
+        look_again(obj)
         if not session.synchronous() and session.uid_of(obj) in _shown:
             # The viewport has its own frame again.
             live.want(obj)

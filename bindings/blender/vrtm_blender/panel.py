@@ -69,8 +69,12 @@ class VRTM_PT_quality(_Panel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.object.vrtm
         layout.use_property_split, layout.use_property_decorate = True, False
-        for name in ("quality", "grid", "map_size", "device", "measure"):
-            layout.prop(settings, name)
+        for name in ("quality", "grid", "map_size"):
+            column = layout.column(align=True)
+            column.prop(settings, name, text=f"{settings.bl_rna.properties[name].name} Viewport")
+            column.prop(settings, f"render_{name}", text="Render")
+        layout.prop(settings, "device")
+        layout.prop(settings, "measure")
         layout.prop(settings, "overlaps")
         layout.prop(settings, "seams")
         layout.prop(settings, "open_borders")

@@ -15,6 +15,25 @@ SOURCES = [
 ]
 CHANNELS = [(name, name, f"The {word} channel") for name, word in zip("RGBA", ("red", "green", "blue", "alpha"))]
 
+QUALITY = {
+    "name": "Quality",
+    "items": [("draft", "Draft", "A preview"), ("normal", "Normal", "The whole solve")],
+    "default": "normal",
+}
+GRID = {
+    "name": "Grid",
+    "description": "Cells per side of a tile; 0: 20 across the narrowest rigid features, as Status tells",
+    "min": 0,
+    "max": 16384,
+}
+MAP_SIZE = {
+    "name": "Map Size",
+    "description": "Texels per side of a tile in the resulting image; 0: as many as the grid has cells. "
+    "A quarter of the texture's size does for most",
+    "min": 0,
+    "max": 16384,
+}
+
 # From Blender 5.0 on a property says that it takes paths beside the file; without that a warning is printed.
 PATH_OPTIONS = {"options": {"ANIMATABLE", "PATH_SUPPORTS_BLEND_RELATIVE"}} if bpy.app.version >= (5, 0, 0) else {}
 
@@ -86,32 +105,13 @@ class VrtmSettings(bpy.types.PropertyGroup):
     )
     rest_key: StringProperty(name="Shape Key", description="The shape key that is the rest shape", update=_changed)
     rest_frame: IntProperty(name="Frame", description="The frame whose shape is the rest shape", default=1)
-    quality: EnumProperty(
-        name="Quality",
-        items=[
-            ("draft", "Draft", "A preview"),
-            ("normal", "Normal", "The whole solve"),
-        ],
-        default="normal",
-        update=_changed,
-    )
-    grid: IntProperty(
-        name="Grid",
-        description="Cells per side of a tile; 0: 20 across the narrowest rigid features, as Status tells",
-        min=0,
-        max=16384,
-        default=0,
-        update=_changed,
-    )
-    map_size: IntProperty(
-        name="Map Size",
-        description="Texels per side of a tile in the resulting image; 0: as many as the grid has cells. "
-        "A quarter of the texture's size does for most",
-        min=0,
-        max=16384,
-        default=0,
-        update=_changed,
-    )
+    # As Subdivision Surface has them: what the viewport shows, and what renders and bakes have.
+    quality: EnumProperty(**QUALITY, update=_changed)
+    render_quality: EnumProperty(**QUALITY)
+    grid: IntProperty(**GRID, update=_changed)
+    render_grid: IntProperty(**GRID)
+    map_size: IntProperty(**MAP_SIZE, update=_changed)
+    render_map_size: IntProperty(**MAP_SIZE)
     overlaps: EnumProperty(
         name="Overlaps",
         description="What happens where islands lie over one another in the UV map, as mirrored halves do",

@@ -150,9 +150,11 @@ def own_images(obj: bpy.types.Object, layout: Layout, number: int) -> list[bpy.t
             image.generated_width, image.generated_height = size
         elif tuple(image.size) != size:
             image.scale(*size)
-        if list(image.get(LAYOUT, ())) != layout.numbers():
-            image[LAYOUT] = layout.numbers()
-            rebuild = True
+        before, now = list(image.get(LAYOUT, ())), layout.numbers()
+        if before != now:
+            image[LAYOUT] = now
+            # In a group that looks up one tile there is no size.
+            rebuild |= before[:4] != now[:4] or now[2:4] != [1, 1]
     nodes.update_groups(obj, rebuild)
     layers.remove_unused()
     return images

@@ -51,19 +51,27 @@ def _read_maps(obj: bpy.types.Object, state: State) -> None:
     state.maps_changed = False
 
 
+def level_of(obj: bpy.types.Object) -> tuple[str, int, int]:
+    """Quality, grid and map size: the viewport's, or those of renders and bakes."""
+    kind = "render_" if session.rendering or session.baking else ""
+    quality, grid, map_size = (getattr(obj.vrtm, kind + name) for name in ("quality", "grid", "map_size"))
+    # Files of earlier versions may have a quality that is gone.
+    return quality or "normal", grid, map_size
+
+
 def settings_of(obj: bpy.types.Object) -> dict[str, object]:
     """What is set of all tiles."""
     settings, found = obj.vrtm, borders.chosen(obj)
     ways = {"seams": found.seams, "open_borders": found.open_borders, "seam_reach": settings.seam_reach}
     # What lies over itself, and what the layers do not suffice for, stays as it is.
     overlap = "first_face" if settings.overlaps == "first_face" else "fixed"
-    return {"grid_width": settings.grid, "grid_height": settings.grid, "overlap": overlap} | ways
+    grid = level_of(obj)[1]
+    return {"grid_width": grid, "grid_height": grid, "overlap": overlap} | ways
 
 
 def options_of(obj: bpy.types.Object) -> dict[str, object]:
     """How the library solves for this object."""
-    # Files of earlier versions may have a quality that is gone.
-    return {"quality": obj.vrtm.quality or "normal", "measure": obj.vrtm.measure}
+    return {"quality": level_of(obj)[0], "measure": obj.vrtm.measure}
 
 
 def prepare(obj: bpy.types.Object, state: State) -> None:
@@ -105,7 +113,7 @@ def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph)
     settings = obj.vrtm
     # Without a rigidity there is strain to be shown, and nothing to be redirected.
     written = (obj.vrtm.is_set_up and getattr(settings, f"write_{name}") for name in ("image", "uvs", "delta"))
-    outputs = (settings.map_size, *written, settings.strain)
+    outputs = (level_of(obj)[2], *written, settings.strain)
     inputs = repr((sorted(options.items()), outputs, sorted(state.stamps.items()))).encode()
     stamp = geometry.stamp_of(positions) + inputs
     return Request(positions, options, stamp, obj.name, *outputs, depsgraph.scene.frame_current)

@@ -74,7 +74,8 @@ def set_up(grid: int = 256) -> Iterator[float]:
     obj = sample_file()
     yield 0.5
     area("VIEW_3D").spaces.active.shading.type = "SOLID"
-    obj.vrtm.grid = obj.vrtm.map_size = grid
+    settings = obj.vrtm
+    settings.grid = settings.map_size = settings.render_grid = settings.render_map_size = grid
     with at("VIEW_3D"):
         bpy.ops.vrtm.set_up("INVOKE_DEFAULT")
     yield from solved(obj)

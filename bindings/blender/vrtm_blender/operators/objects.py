@@ -53,7 +53,7 @@ def rigidity_like() -> bpy.types.Image | None:
 
 
 class VRTM_OT_preset(OnObject, bpy.types.Operator):
-    """Set quality, grid and map size"""
+    """Set quality, grid and map size of what the viewport shows; renders and bakes have their own"""
 
     bl_idname = "vrtm.preset"
     bl_label = "Quality Preset"
