@@ -140,3 +140,29 @@ class Picture(Case):
             self.assertIsNone(part("tap").place(arm.object), kind)
             self.assertTrue(part("tap").topology_modifiers(arm.object))
             modifiers.remove(it)
+
+    def test_a_uv_map_on_faces_as_large_as_features(self):
+        words = "Faces are larger than features, which the UV map cannot follow: press Set Up by Image"
+        for along, around, wrong in ((12, 8, True), (60, 40, False)):
+            with self.subTest(along=along):
+                arm = self.arm(by="uv_map", along=along, around=around)
+                arm.object.vrtm.measure = True
+                self.assertEqual(self.headline(arm).icon, "INFO" if wrong else "CHECKMARK")
+                self.assertEqual(words in self.notes(arm), wrong)
+                state = part("states").find_state(arm.object)
+
+                def strain(state=state):
+                    figures = dict(state.figures)["Strain"].split()
+                    return float(figures[0]), float(figures[2])
+
+                before, after = strain()
+                # With the own UVs it is about what the library has measured, which has more points and directions.
+                pose, own = arm.pose(), state.prepared.mesh.topology.uvs
+                self.assertAlmostEqual(state.prepared.strain_of(pose, own), before, delta=0.2 * before)
+                # What follows at once, and what the image has.
+                bpy.ops.vrtm.set_up_material(by="image")
+                self.assertNotIn(words, self.notes(arm))
+                self.assertEqual(strain()[0], before)
+                self.assertLess(strain()[1], 0.25 * before)
+                self.assertEqual(after > 0.7 * before, wrong)
+                self.assertEqual(after < 0.4 * before, not wrong)

@@ -353,6 +353,11 @@ def own_textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     return [node for node in _textures(tree) if node.image is None or result_image.LAYOUT not in node.image]
 
 
+def shows_uv_map(obj: bpy.types.Object) -> bool:
+    """Whether one of the object's materials looks up its result UV map."""
+    return any(is_by_uv_map(tree, obj.vrtm.uv_name) for tree in used_by(obj))
+
+
 def is_ours_tree(tree: bpy.types.NodeTree | None) -> bool:
     return tree is not None and bool(tree.get(KIND))
 

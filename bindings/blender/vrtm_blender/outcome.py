@@ -11,6 +11,10 @@ from . import layers, overlay
 from .prepared import Prepared
 from .result_image import Layout, layout_of, redirection
 
+# Of what is rigid, the least share in triangles that are rigid as a whole at which a UV map keeps features round: about
+# four triangles across a feature.
+LEAST_WHOLE = 0.4
+
 
 @dataclass
 class Request:
@@ -27,6 +31,8 @@ class Request:
     write_delta: bool
     strain: str  # "NONE", "BEFORE" or "AFTER"
     frame: int = 0
+    # A material looks up the UV map.
+    by_uv_map: bool = False
 
 
 @dataclass(frozen=True)
@@ -66,8 +72,8 @@ class Outcome:
     notes: list[str]
 
 
-def figures(prepared: Prepared) -> list[tuple[str, str]]:
-    """What the panel shows of the last solve, as labels and values."""
+def figures(prepared: Prepared, request: Request, outputs: Outputs) -> list[tuple[str, str]]:
+    """What the panel shows of the last solve, as labels and values: the strain of what the material shows."""
     report = prepared.asset.report()
     tiles = [tile.report() for tile in prepared.asset.tiles]
     number = layers.number_of(prepared.asset)
@@ -89,6 +95,8 @@ def figures(prepared: Prepared) -> list[tuple[str, str]]:
             ((sum(tile.edges * getattr(tile, side).rms ** 2 for tile in tiles) + fixed) / edges) ** 0.5
             for side in ("before", "after")
         )
+        if request.by_uv_map and outputs.uvs is not None:
+            after = prepared.strain_of(request.positions, outputs.uvs)
         shown.append(("Strain", f"{before:.3f} before, {after:.3f} after"))
     return shown
 
@@ -102,10 +110,12 @@ def percent(share: float) -> str:
     return f"{100 * share:.{1 if 0 < share < 0.1 or 0.9 < share < 1 else 0}f} %"
 
 
-def notes(prepared: Prepared) -> list[str]:
+def notes(prepared: Prepared, by_uv_map: bool) -> list[str]:
     """What is likely not as it is meant, in sentences."""
-    found = _of_rigidity(*prepared.rigid_share())
-    return found or _of_overlaps(prepared)
+    found = _of_rigidity(*prepared.rigid_share()) or _of_overlaps(prepared)
+    if by_uv_map and prepared.whole_share() < LEAST_WHOLE:
+        found.append("Faces are larger than features, which the UV map cannot follow: press Set Up by Image")
+    return found
 
 
 def _of_overlaps(prepared: Prepared) -> list[str]:

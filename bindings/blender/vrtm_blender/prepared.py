@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import session
+from . import session, strain
 from .geometry import Topology
 from .layers import number_of
 from .maps import ORIGIN, Map
@@ -70,8 +70,9 @@ class Prepared:
     mesh: MeshInput | None = None
     # The rigidity by vertices, if it is.
     vertices: np.ndarray | None = None
-    # What rigid_share has found.
+    # What rigid_share has found, and whole_share.
     rigid: tuple[float, float, float] | None = None
+    whole: float | None = None
     # The layer of each face, (faces,) uint32; None where there is one layer alone.
     layers: np.ndarray | None = None
 
@@ -102,7 +103,7 @@ class Prepared:
                 continue
             # What is set first must not stay if what follows fails.
             self.stamps.pop(which, None)
-            self.rigid = None
+            self.rigid = self.whole = None
             setter(getattr(maps, which))
             self.stamps[which] = maps.stamps[which]
 
@@ -159,6 +160,28 @@ class Prepared:
             self.rigid = float((values > 0.5).mean()), float(values.min()), float(values.max())
         return self.rigid
 
+    def whole_share(self) -> float:
+        """The share of what is rigid that lies in triangles which are rigid as a whole."""
+        if self.whole is None:
+            topology = self.mesh.topology
+            self.whole = strain.whole_share(topology.face_counts, topology.uvs, self._rigidity)
+        return self.whole
+
+    def strain_of(self, pose: np.ndarray, uvs: np.ndarray) -> float:
+        """The strain (RMS) of what is rigid where the texture is looked up at UVs of the face corners, (corners, 2)."""
+        of = self.mesh.topology
+        return strain.of_features(of.corner_vertices, of.face_counts, of.uvs, self.mesh.rest, pose, uvs, self._rigidity)
+
+    def _rigidity(self, uvs: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        if self.vertices is not None:
+            return (self.vertices[self.mesh.topology.corner_vertices[corners]] * weights).sum(-1)
+        tiles, found = np.floor(uvs).astype(int), np.zeros(len(uvs), np.float32)
+        for udim, image in self.painted.items():
+            chosen = np.flatnonzero((tiles == ((udim - 1001) % 10, (udim - 1001) // 10)).all(-1))
+            x, y = ((uvs[chosen] - tiles[chosen]) * image.shape[::-1]).astype(int).T
+            found[chosen] = image[y.clip(0, image.shape[0] - 1), x.clip(0, image.shape[1] - 1)]
+        return found
+
     def _texels(self, tile: vrtm.Tile) -> np.ndarray:
         """The rigidity of about a million points at most, on a lattice, that lie in charts of a tile."""
         image = self.painted.get(tile.udim)
@@ -178,7 +201,7 @@ class Prepared:
         asset, self.asset = self.asset, None
         self.stamps.clear()
         self.painted.clear()
-        self.mesh = self.vertices = self.rigid = self.layers = None
+        self.mesh = self.vertices = self.rigid = self.whole = self.layers = None
         if asset is not None:
             asset.close()
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import borders, geometry, layers, maps, results, session, states
+from . import borders, geometry, layers, maps, nodes, results, session, states
 from .messages import Problem
 from .outcome import Request
 from .prepared import MapsInput, MeshInput
@@ -116,7 +116,8 @@ def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph)
     outputs = (level_of(obj)[2], *written, settings.strain)
     inputs = repr((sorted(options.items()), outputs, sorted(state.stamps.items()))).encode()
     stamp = geometry.stamp_of(positions) + inputs
-    return Request(positions, options, stamp, obj.name, *outputs, depsgraph.scene.frame_current)
+    frame, by_uv_map = depsgraph.scene.frame_current, nodes.shows_uv_map(obj)
+    return Request(positions, options, stamp, obj.name, *outputs, frame, by_uv_map)
 
 
 def run(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> State:

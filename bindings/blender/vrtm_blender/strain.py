@@ -59,7 +59,7 @@ def of_vertices(
         middle = np.broadcast_to(np.eye(2), at_rest.shape)
     else:
         uv = uvs[corners].astype(np.float64)
-        sides = np.stack([uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]], -1)
+        sides = _sides(uv)
         whole &= np.abs(_determinant(sides)) > 1e-14
         sides[~whole] = np.eye(2)
         derivative = jacobians(uv.mean(1))
@@ -72,6 +72,56 @@ def of_vertices(
     count = len(rest)
     total = np.bincount(vertices.ravel(), weights, count)
     return np.bincount(vertices.ravel(), weights * np.repeat(values, 3), count) / np.maximum(total, 1e-300)
+
+
+# The rigidity of UVs (n, 2), which lie in triangles' corners (n, 3) with weights (n, 3).
+Rigidity = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+
+def whole_share(face_counts: np.ndarray, uvs: np.ndarray, rigidity: Rigidity) -> float:
+    """The share of what is rigid in the UV map that lies in triangles which are rigid as a whole; 1 without any."""
+    corners = triangles(face_counts)
+    rigid = _rigid(corners, uvs, rigidity)
+    area = np.abs(_determinant(_sides(uvs[corners].astype(np.float64))))
+    total = (area * rigid.mean(1)).sum()
+    return float((area * rigid.all(1)).sum() / total) if total else 1.0
+
+
+def of_features(
+    corner_vertices: np.ndarray,
+    face_counts: np.ndarray,
+    uvs: np.ndarray,
+    rest: np.ndarray,
+    pose: np.ndarray,
+    shown: np.ndarray,
+    rigidity: Rigidity,
+) -> float:
+    """The RMS strain along u and v of what is rigid, with the UVs that are `shown`, (corners, 2), which are linear on
+    each triangle."""
+    corners = triangles(face_counts)
+    vertices = corner_vertices[corners].astype(np.int64)
+    sides, moved = (_sides(of[corners].astype(np.float64)) for of in (uvs, shown))
+    at_rest, posed = edges(rest[vertices].astype(np.float64)), edges(pose[vertices].astype(np.float64))
+    area = np.abs(_determinant(sides))
+    whole = (area > 1e-14) & (np.abs(_determinant(at_rest)) > 0) & (np.abs(_determinant(moved)) > 1e-14)
+    sides[~whole] = moved[~whole] = np.eye(2)
+    before, after = (np.linalg.norm(m @ _inverse(n), axis=-2) for m, n in ((at_rest, sides), (posed, moved)))
+    strained = ((after / np.where(whole[:, None], before, 1) - 1) ** 2).mean(-1)
+    weights = area * whole * _rigid(corners, shown, rigidity).mean(1)
+    return float((weights * strained).sum() / max(weights.sum(), 1e-300)) ** 0.5
+
+
+def _rigid(corners: np.ndarray, uvs: np.ndarray, rigidity: Rigidity) -> np.ndarray:
+    """Which of fifteen points of each triangle are rigid, (triangles, 15): features may be smaller than a triangle."""
+    lattice = (np.array([(i, j, 4 - i - j) for i in range(5) for j in range(5 - i)]) + 1 / 3) / 5
+    each, weights = np.repeat(corners, len(lattice), 0), np.tile(lattice, (len(corners), 1))
+    at = (uvs[each] * weights[..., None]).sum(1)
+    return (rigidity(at, each, weights) > 0.5).reshape(len(corners), -1)
+
+
+def _sides(uv: np.ndarray) -> np.ndarray:
+    """Two sides of each triangle in the UV map: (n, 2, 2), a side per column."""
+    return np.stack([uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]], -1)
 
 
 def _determinant(m: np.ndarray) -> np.ndarray:

@@ -44,8 +44,13 @@ def redirect(context: bpy.types.Context, obj: bpy.types.Object, slots: list[bpy.
     source = geometry.source_uv_layer(obj)
     for slot in slots:
         materials.check(obj, slot.material, source)
+    shown = nodes.shows_uv_map(obj)
     for slot in slots:
         materials.insert(obj, materials.own_material(obj, slot), source, by)
+    if nodes.shows_uv_map(obj) != shown:
+        # Its strain is another one.
+        states.state_of(obj).rewrite = True
+        solve.run(obj, context.evaluated_depsgraph_get())
     return sum(len(materials.redirected(slot.material.node_tree)) for slot in slots)
 
 
