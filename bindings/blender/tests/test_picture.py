@@ -166,3 +166,30 @@ class Picture(Case):
                 self.assertLess(strain()[1], 0.25 * before)
                 self.assertEqual(after > 0.7 * before, wrong)
                 self.assertEqual(after < 0.4 * before, not wrong)
+
+    def test_what_is_said_of_mesh_and_maps_lasts(self):
+        arm = self.arm()
+        settings = arm.object.vrtm
+        settings.grid, words = 16, "16 x 16 cells are too few"
+        arm.mesh.uv_layers["UVMap"].uv[0].vector = (-0.01, 0.06)
+        for frame in (4, 3, 2):
+            bpy.context.scene.frame_set(frame)
+            self.assertEqual(self.headline(arm).icon, "INFO")
+            for said in (words, "faces reach out of their tile"):
+                self.assertEqual(self.notes(arm).count(said), 1, frame)
+        settings.grid = 0
+        self.headline(arm)
+        self.assertNotIn(words, self.notes(arm))
+        self.assertIn("faces reach out of their tile", self.notes(arm))
+        arm.mesh.uv_layers["UVMap"].uv[0].vector = (0, 0.04)
+        self.ticked(arm)
+
+    def test_nothing_is_said_of_overlaps_that_hold_nothing(self):
+        arm = self.arm()
+        arm.object.vrtm.overlaps = "fixed"
+        # A face over another of the hundreds.
+        uvs = arm.mesh.uv_layers["UVMap"].uv
+        for corner in range(4):
+            uvs[corner].vector = uvs[4 + corner].vector
+        self.ticked(arm)
+        self.assertNotIn("overlapped", self.notes(arm))

@@ -20,6 +20,19 @@ if TYPE_CHECKING:
 MEASURED = 512
 
 
+# What the library says once, when it makes something: parts of its sentences, and the inputs with which they end. All
+# else is of a pose.
+LASTING = {
+    "mesh: ": ("mesh",),
+    " goes up to ": ("mesh", "rigidity", "mask"),
+    " cells are too few": ("mesh", "settings"),
+    " at gaps in the UVs": ("mesh", "settings"),
+    " nothing that may move": ("mesh", "rigidity", "mask", "settings"),
+}
+# What outcome.py tells in other words.
+SAID = " of it is overlapped"
+
+
 @dataclass(frozen=True)
 class MeshInput:
     """The mesh at rest as it was read, and the device to prepare it for."""
@@ -73,6 +86,8 @@ class Prepared:
     # What rigid_share has found, and whole_share.
     rigid: tuple[float, float, float] | None = None
     whole: float | None = None
+    # What the library has said that lasts, and the stamps of what it lasts with.
+    told: dict[str, dict[str, Any]] = field(default_factory=dict)
     # The layer of each face, (faces,) uint32; None where there is one layer alone.
     layers: np.ndarray | None = None
 
@@ -149,6 +164,15 @@ class Prepared:
                 tile.update_rigidity(image, int(x), int(y), int(width), int(height), origin=ORIGIN)
         self.painted = {tile.udim: image for tile in self._tiles() if (image := new.of(tile.udim)) is not None}
 
+    def notes(self, said: list[str]) -> list[str]:
+        """What the library has said of a solve, and what it said of the same inputs before."""
+        said = [line for line in said if SAID not in line]
+        for line in said:
+            for part in [part for part in LASTING if part in line]:
+                self.told[line] = {which: self.stamps.get(which) for which in LASTING[part]}
+        self.told = {line: of for line, of in self.told.items() if of.items() <= self.stamps.items()}
+        return list(dict.fromkeys([*self.told, *said]))
+
     def rigid_share(self) -> tuple[float, float, float]:
         """The share of the textured surface, by its area in the UV map, whose rigidity is over 0.5; of values by
         vertex, of the face corners. And the least and the largest rigidity there. The asset must have been solved."""
@@ -200,6 +224,7 @@ class Prepared:
     def close(self) -> None:
         asset, self.asset = self.asset, None
         self.stamps.clear()
+        self.told.clear()
         self.painted.clear()
         self.mesh = self.vertices = self.rigid = self.whole = self.layers = None
         if asset is not None:

@@ -43,8 +43,8 @@ class Work:
             raise concurrent.futures.CancelledError
         prepared.asset.solve(request.positions, progress=self._tell, **request.options)
         outputs = outcome.fetch(prepared, request)
-        told = outcome.notes(prepared, request.by_uv_map)
-        return Outcome(outputs, outcome.figures(prepared, request, outputs), notes + told)
+        told = prepared.notes(notes) + outcome.notes(prepared, request.by_uv_map)
+        return Outcome(outputs, outcome.figures(prepared, request, outputs), told)
 
     def _tell(self, fraction: float) -> bool:
         """Hears what has been done of the solve; True ends it."""
