@@ -193,3 +193,22 @@ class Picture(Case):
             uvs[corner].vector = uvs[4 + corner].vector
         self.ticked(arm)
         self.assertNotIn("overlapped", self.notes(arm))
+
+    def test_an_uneven_scale(self):
+        arm = self.arm()
+        arm.object.parent = arm.rig
+        for scale, words in (
+            ((2, 2, 2), None),
+            ((-1, 1, 1), None),
+            ((1, 1.5, 1), "Scaled unevenly by its parents or constraints (arm rig)"),
+        ):
+            arm.rig.scale = scale
+            bpy.context.view_layer.update()
+            self.ticked(arm) if words is None else self.wrong(arm, words)
+        # As much the other way: even in the scene.
+        arm.object.scale = (1, 1 / 1.5, 1)
+        bpy.context.view_layer.update()
+        self.ticked(arm)
+        arm.rig.scale = (1, 1, 1)
+        bpy.context.view_layer.update()
+        self.wrong(arm, "Scaled unevenly, which vrtm does not see")

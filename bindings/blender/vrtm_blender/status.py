@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import blf
 import bpy
+import numpy as np
 
 from . import borders, dilate, geometry, keep, materials, nodes, result_image, results, states, tap
 
@@ -75,6 +76,13 @@ def wrong(obj: bpy.types.Object) -> list[str]:
     rendered = next((layer.name for layer in obj.data.uv_layers if layer.active_render), "")
     if rendered in geometry.result_names(obj.data):
         found.append(f"UV map {rendered!r}, which is a result, is the one that renders: have the texture's render")
+    lengths = np.linalg.svd(np.array(obj.matrix_world)[:3, :3], compute_uv=False)
+    if lengths[0] > 1.001 * lengths[2]:
+        uneven = max(obj.scale) > 1.001 * min(obj.scale) or obj.parent is None
+        whose = "" if uneven else f" by its parents or constraints ({obj.parent.name})"
+        found.append(
+            f"Scaled unevenly{whose}, which vrtm does not see, so that round features are ovals: apply the scale"
+        )
     if (behind := tap.deforms_behind(obj)) is not None:
         ways = "hide or apply what is in front of it" if tap.place(obj) is None else "press Read Pose"
         found.append(f"Modifier {behind.name!r} deforms behind the one that stores the pose: {ways}")
@@ -87,9 +95,6 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
     found = []
     if state is not None and state.message:
         found.append(Line(state.message, "ERROR" if state.error else "INFO"))
-    scale = obj.scale
-    if max(map(abs, scale)) > 1.001 * min(map(abs, scale)):
-        found.append(Line("Scaled unevenly: apply the scale, which vrtm does not see", "INFO"))
     if not obj.vrtm.is_set_up:
         return found
     # Also of a file that was just opened, in which nothing was solved yet.
