@@ -196,3 +196,63 @@ class Objects(Case):
         self.assertSame(np.ascontiguousarray(values.reshape(-1, 3)[:, :2]), asset.corner_uvs() - arm.uvs)
         # Blender would count an attribute of two numbers among its eight UV maps.
         self.assertEqual([layer.name for layer in arm.mesh.uv_layers], ["UVMap", "vrtm"])
+
+    def test_one_click_on_all_that_is_selected(self):
+        arms = [self.arm("one"), self.arm("two")]
+        broken = Arm("broken")
+        broken.mesh.uv_layers.remove(broken.mesh.uv_layers[0])
+        for obj in [*(arm.object for arm in arms), broken.object]:
+            obj.select_set(True)
+        # What is wrong with one is told, and the others are set up.
+        self.assertEqual(bpy.ops.vrtm.set_up(), {"FINISHED"})
+        for arm in arms:
+            self.assertEqual(len(self.groups(arm.object)), 1)
+            self.assertTrue(arm.object.vrtm.live)
+        self.assertNotEqual(*(arm.object.vrtm.rigidity_image for arm in arms))
+        self.assertFalse(broken.object.vrtm.is_set_up)
+        self.assertIn("no UV map", part("states").find_state(broken.object).message)
+
+    def test_without_a_rigidity_one_is_asked(self):
+        arm = self.arm()
+        source = arm.object.active_material.node_tree.nodes["Image Texture"].image
+        source.pixels.foreach_set(rgba(studs(128)).ravel())
+        # What the menu's buttons do.
+        self.assertEqual(bpy.ops.vrtm.rigidity_from_texture(set_up=True), {"FINISHED"})
+        self.assertEqual((len(self.groups(arm.object)), arm.object.vrtm.live), (1, True))
+        self.assertEqual(part("status").headline(arm.object, bpy.context.scene).icon, "CHECKMARK")
+        other = self.arm("other")
+        self.assertEqual(bpy.ops.vrtm.set_up(paint=True), {"FINISHED"})
+        self.assertEqual(other.object.mode, "TEXTURE_PAINT")
+        bpy.ops.object.mode_set(mode="OBJECT")
+        self.assertEqual(bpy.context.scene.tool_settings.image_paint.canvas, other.object.vrtm.rigidity_image)
+        # No tick while nothing is rigid.
+        line = part("status").headline(other.object, bpy.context.scene)
+        self.assertEqual((line.text, line.icon), ("Nothing is rigid yet: see Status", "INFO"))
+
+    def test_what_scripts_do_is_an_undo_step(self):
+        arm = self.arm()
+        arm.paint_image()
+
+        def groups():
+            return len(self.groups(bpy.data.objects["arm"]))
+
+        for operator, options, left in (
+            ("set_up", {}, 1),
+            ("clear_material", {}, 0),
+            ("set_up_material", {"by": "uv_map"}, 1),
+            ("dilate", {}, 1),
+            ("remove_all", {}, 0),
+        ):
+            with self.subTest(operator):
+                before = groups()
+                bpy.ops.ed.undo_push(message="before")
+                self.assertEqual(getattr(bpy.ops.vrtm, operator)(**options), {"FINISHED"})
+                bpy.data.objects["arm"].data.vertices[0].co.x += 0.1
+                bpy.ops.ed.undo_push(message="edit")
+                # The edit alone is taken back, and then the operator.
+                bpy.ops.ed.undo()
+                self.assertEqual(groups(), left)
+                bpy.ops.ed.undo()
+                self.assertEqual(groups(), before)
+                bpy.ops.ed.redo()
+                self.assertEqual(groups(), left)

@@ -7,7 +7,7 @@ from support import Arm, Case, bpy, part
 
 ICONS = set(bpy.types.UILayout.bl_rna.functions["prop"].parameters["icon"].enum_items.keys())
 PANELS = ("main", "quality", "strain", "material", "bake", "status")
-MENUS = ("rigidity", "object")
+MENUS = ("rigidity", "begin", "object")
 
 
 class Layout:

@@ -133,7 +133,8 @@ def _of_overlaps(prepared: Prepared) -> list[str]:
 def _of_rigidity(share: float, least: float, most: float) -> list[str]:
     # Half a step of 8 bits.
     if most < 0.5 / 255:
-        return ["Nothing is rigid: the map is 0 everywhere. Is it the right image, channel or group?"]
+        ways = "paint white on it, press From Texture or From Geometry, or choose another image, channel or group"
+        return [f"Nothing is rigid: the map is 0 everywhere; {ways}"]
     if least > 1 - 0.5 / 255:
         return ["All is rigid: the map is 1 everywhere, so that nothing can give way. Paint black between features"]
     if share == 0:

@@ -174,6 +174,19 @@ class VRTM_MT_rigidity(bpy.types.Menu):
         layout.operator("vrtm.pack_maps", icon="PACKAGE")
 
 
+class VRTM_MT_begin(bpy.types.Menu):
+    """What Set Up asks where nothing tells what is rigid."""
+
+    bl_label = "What keeps its shape?"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.operator_context = "INVOKE_DEFAULT"
+        layout.operator("vrtm.set_up", text="Paint It", icon="BRUSH_DATA").paint = True
+        for name, text, icon in (("texture", "From Texture", "TEXTURE"), ("heights", "From Geometry", "RNDCURVE")):
+            layout.operator(f"vrtm.rigidity_from_{name}", text=text, icon=icon).set_up = True
+
+
 class VRTM_MT_object(bpy.types.Menu):
     """In Object menus, and so in the search of operators."""
 
@@ -238,6 +251,7 @@ CLASSES = (
     VRTM_PT_bake,
     VRTM_PT_status,
     VRTM_MT_rigidity,
+    VRTM_MT_begin,
     VRTM_MT_object,
 )
 

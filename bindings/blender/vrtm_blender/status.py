@@ -49,6 +49,8 @@ def headline(obj: bpy.types.Object, scene: bpy.types.Scene) -> Line:
         return Line("Out of date: press Update Now", "ERROR")
     if wrong(obj):
         return Line("Not what it should be: see Status", "ERROR")
+    if dict(state.figures).get("Rigid") == "0 %":
+        return Line("Nothing is rigid yet: see Status", "INFO")
     return Line("Up to date", "INFO" if state.notes else "CHECKMARK")
 
 

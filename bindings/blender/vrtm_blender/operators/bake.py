@@ -15,6 +15,7 @@ class VRTM_OT_use_baked(OnObject, bpy.types.Operator):
 
     bl_idname = "vrtm.use_baked"
     bl_label = "Use Baked Files"
+    makes_step = True
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         paths, first, number = bake.sequence(obj, context.scene)
@@ -31,6 +32,7 @@ class VRTM_OT_use_live(OnObject, bpy.types.Operator):
 
     bl_idname = "vrtm.use_live"
     bl_label = "Use Live Result"
+    makes_step = True
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         nodes.show_live(obj)

@@ -11,10 +11,12 @@ from .base import OnObject
 
 
 class VRTM_OT_set_up_material(OnObject, bpy.types.Operator):
-    """Redirect the UVs of the active material's image textures. A material that other objects use is copied first"""
+    """Redirect the UVs of the image textures of the active material, of all selected objects. A material that other
+    objects use is copied first"""
 
     bl_idname = "vrtm.set_up_material"
     bl_label = "Set Up Material"
+    on_selected = makes_step = True
 
     by: EnumProperty(
         name="By",
@@ -54,6 +56,24 @@ def redirect(context: bpy.types.Context, obj: bpy.types.Object, slots: list[bpy.
     return sum(len(materials.redirected(slot.material.node_tree)) for slot in slots)
 
 
+def set_up(context: bpy.types.Context, obj: bpy.types.Object) -> str:
+    """All that follows once there is a rigidity: the materials, and Live; returns what was done."""
+    number, without = 0, []
+    for slot in [slot for slot in obj.material_slots if slot.material is not None]:
+        try:
+            number += redirect(context, obj, [slot], nodes.BY_IMAGE)
+        except materials.NoTexture:
+            without.append(repr(slot.material.name))
+    if number:
+        done = f"{number} image textures are looked up at redirected UVs"
+    elif without:
+        done = f"{', '.join(without)} has no Image Texture to be redirected"
+    else:
+        done = "it has no material yet: press Set Up again when it has one"
+    obj.vrtm.live = True
+    return f"{done}; Live is on"
+
+
 def kept_text(painted: list[str]) -> str:
     return f"; painted on, and kept: {', '.join(painted)}" if painted else ""
 
@@ -64,6 +84,7 @@ class VRTM_OT_dilate(OnObject, bpy.types.Operator):
 
     bl_idname = "vrtm.dilate"
     bl_label = "Dilate Textures"
+    on_selected = makes_step = True
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         state = states.state_of(obj)
@@ -85,6 +106,7 @@ class VRTM_OT_clear_material(OnObject, bpy.types.Operator):
 
     bl_idname = "vrtm.clear_material"
     bl_label = "Remove from Material"
+    makes_step = True
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         found = {slot.material for slot in obj.material_slots if slot.material is not None}

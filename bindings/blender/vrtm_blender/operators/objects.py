@@ -3,23 +3,34 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import EnumProperty
+from bpy.props import BoolProperty, EnumProperty
 
 from .. import dilate, geometry, keep, layers, materials, nodes, overlay, result_image, results, session, states, tap
 from .base import OnObject
-from .material import kept_text, redirect
-from .rigidity import new_image
+from .material import kept_text, set_up
+from .rigidity import new_image, paint
 
 # Quality, cells per side of a tile, texels per side of the map; 0 is their default.
 PRESETS = {"scrub": ("draft", 256, 256), "work": ("normal", 512, 512), "final": ("normal", 0, 0)}
 
 
 class VRTM_OT_set_up(OnObject, bpy.types.Operator):
-    """Do all that there is to do for a first look. Without a rigidity the image with "rigid" in its name is taken, or a
-    black one is made to be painted on; the materials look up redirected UVs; and Live is switched on"""
+    """Do all that there is to do for a first look, for all selected objects. Without a rigidity the image with "rigid"
+    in its name is taken; if there is none you are asked, and scripts get a black one. The materials look up redirected
+    UVs, and Live is switched on"""
 
     bl_idname = "vrtm.set_up"
     bl_label = "Set Up"
+    on_selected = makes_step = True
+
+    paint: BoolProperty(name="Paint", description="Make a black rigidity, and paint on it at once")
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        bare = [obj for obj in self.objects(context) if obj.vrtm.rigidity_source == "NONE"]
+        if bare and not self.paint and rigidity_like() is None:
+            bpy.ops.wm.call_menu(name="VRTM_MT_begin")
+            return {"CANCELLED"}
+        return self.execute(context)
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         settings, done = obj.vrtm, []
@@ -30,25 +41,17 @@ class VRTM_OT_set_up(OnObject, bpy.types.Operator):
             done.append(f"image {found.name!r} is the rigidity")
         elif settings.rigidity_source == "NONE":
             done.append(f"{new_image(obj, 1024).name!r} is to be painted on (Rigidity Map > Paint It)")
-        number, without = 0, []
-        for slot in [slot for slot in obj.material_slots if slot.material is not None]:
-            try:
-                number += redirect(context, obj, [slot], nodes.BY_IMAGE)
-            except materials.NoTexture:
-                without.append(repr(slot.material.name))
-        if number:
-            done.append(f"{number} image textures are looked up at redirected UVs")
-        elif without:
-            done.append(f"{', '.join(without)} has no Image Texture to be redirected")
-        else:
-            done.append("it has no material yet: press Set Up again when it has one")
-        settings.live = True
-        return f"{obj.name}: {'; '.join(done)}; Live is on"
+        done.append(set_up(context, obj))
+        if self.paint and obj == context.object:
+            paint(context, obj)
+        return f"{obj.name}: {'; '.join(done)}"
 
 
 def rigidity_like() -> bpy.types.Image | None:
-    """An image that is most likely the rigidity, by its name: if there is one alone."""
-    found = [image for image in bpy.data.images if "rigid" in image.name.lower() and not result_image.is_result(image)]
+    """An image that is most likely the rigidity, by its name: if there is one alone that is not another object's."""
+    taken = {obj.vrtm.rigidity_image for obj in bpy.data.objects}
+    images = [image for image in bpy.data.images if image not in taken and not result_image.is_result(image)]
+    found = [image for image in images if "rigid" in image.name.lower()]
     return found[0] if len(found) == 1 and found[0].size[0] else None
 
 
@@ -57,6 +60,7 @@ class VRTM_OT_preset(OnObject, bpy.types.Operator):
 
     bl_idname = "vrtm.preset"
     bl_label = "Quality Preset"
+    on_selected = True
 
     name: EnumProperty(
         name="Preset",
@@ -84,6 +88,7 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
 
     bl_idname = "vrtm.remove_all"
     bl_label = "Remove All"
+    makes_step = True
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         settings, mesh = obj.vrtm, obj.data

@@ -12,6 +12,7 @@ from .. import geometry, keep, live, maps, packed, textures
 from ..messages import Problem
 from ..session import library
 from .base import OnObject
+from .material import set_up
 
 Tiles = dict[int | None, np.ndarray]
 
@@ -48,6 +49,8 @@ def made_of(obj: bpy.types.Object, source: bpy.types.Image, change: Callable[[Ti
 class _FromImage(OnObject):
     """An operator that makes the rigidity out of a picture."""
 
+    on_selected = True
+
     image: StringProperty(name="Image", description="The picture to look at; empty: that of the active material")
     size: IntProperty(
         name="Size", description="Texels per side of the new image at most", min=64, max=8192, default=1024
@@ -56,6 +59,9 @@ class _FromImage(OnObject):
     grow: IntProperty(
         name="Grow", description="Texels by which what is rigid is made larger, or smaller", min=-64, max=64
     )
+
+    # As a step of Set Up.
+    set_up: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
 
     def source(self, obj: bpy.types.Object, found: bpy.types.Image | None, what: str) -> bpy.types.Image:
         if self.image:
@@ -75,7 +81,8 @@ class _FromImage(OnObject):
 
         image = made_of(obj, source, made)
         show(obj, image)
-        return f"{obj.name}: {image.name!r} is made of {source.name!r}"
+        text = f"{obj.name}: {image.name!r} is made of {source.name!r}"
+        return f"{text}; {set_up(bpy.context, obj)}" if self.set_up else text
 
 
 class VRTM_OT_rigidity_from_texture(_FromImage, bpy.types.Operator):
@@ -238,19 +245,24 @@ class VRTM_OT_paint(_OnImage, bpy.types.Operator):
     bl_label = "Paint It"
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        image, source = images_of(obj), geometry.source_uv_layer(obj)
-        obj.data.uv_layers.active = source
-        paint = context.scene.tool_settings.image_paint
-        paint.mode, paint.canvas = "IMAGE", image
-        if obj.mode != "TEXTURE_PAINT":
-            bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
-            # Blender's own colour is black.
-            tools = context.scene.tool_settings
-            owner = paint if hasattr(paint, "unified_paint_settings") else tools
-            for settings in (owner.unified_paint_settings, paint.brush):
-                if settings is not None:
-                    settings.color, settings.secondary_color = (1, 1, 1), (0, 0, 0)
-        return f"{obj.name}: {image.name!r} is painted on: white keeps its shape"
+        return f"{obj.name}: {paint(context, obj).name!r} is painted on: white keeps its shape"
+
+
+def paint(context: bpy.types.Context, obj: bpy.types.Object) -> bpy.types.Image:
+    """Begins to paint on the rigidity image of the active object."""
+    image, source = images_of(obj), geometry.source_uv_layer(obj)
+    obj.data.uv_layers.active = source
+    settings = context.scene.tool_settings.image_paint
+    settings.mode, settings.canvas = "IMAGE", image
+    if obj.mode != "TEXTURE_PAINT":
+        bpy.ops.object.mode_set(mode="TEXTURE_PAINT")
+        # Blender's own colour is black.
+        tools = context.scene.tool_settings
+        owner = settings if hasattr(settings, "unified_paint_settings") else tools
+        for of in (owner.unified_paint_settings, settings.brush):
+            if of is not None:
+                of.color, of.secondary_color = (1, 1, 1), (0, 0, 0)
+    return image
 
 
 class VRTM_OT_pack_maps(OnObject, bpy.types.Operator):
