@@ -1,6 +1,6 @@
 """No tick over a wrong picture: where what is drawn is not as the result is, the panel has no tick, and says why."""
 
-from support import Arm, Case, bpy, nodes_of, part, rgba, studs
+from support import Arm, Case, bpy, nodes_of, part, poll_until, rgba, studs
 
 
 class Picture(Case):
@@ -212,3 +212,61 @@ class Picture(Case):
         arm.rig.scale = (1, 1, 1)
         bpy.context.view_layer.update()
         self.wrong(arm, "Scaled unevenly, which vrtm does not see")
+
+    def test_a_material_of_another_object(self):
+        for by in ("image", "uv_map"):
+            with self.subTest(by):
+                self.setUp()
+                fine = {"along": 60, "around": 40} if by == "uv_map" else {"along": 10, "around": 8}
+                arm, other = self.arm("one", by=by, **fine), Arm("other", size=64, **fine)
+                other.paint_image("other rigidity")
+                other.object.vrtm.grid = 0
+                if by == "uv_map":
+                    other.object.data = other.mesh = arm.mesh
+                skin = arm.object.active_material
+                other.object.data.materials.append(skin) if by == "image" else None
+                bpy.context.view_layer.objects.active = other.object
+                self.ticked(other)
+                self.assertNotEqual(other.object.active_material, skin)
+                self.assertFalse(part("materials").of_others(other.object))
+                self.assertEqual(arm.object.active_material, skin)
+                self.assertFalse(part("materials").of_others(arm.object))
+                # Given to it afterwards, without an update.
+                other.object.material_slots[0].material = skin
+                self.assertIn("A material shows the redirection of another", self.notes(other))
+                self.ticked(other)
+                self.assertNotEqual(other.object.active_material, skin)
+
+    def test_a_duplicate_after_edits_and_undo(self):
+        session = part("session")
+        session.live_in_background = True
+        arm = self.arm()
+        arm.object.vrtm.live = True
+
+        def idle():
+            states = part("states").known.values()
+            poll_until(lambda: not any(state.wanted or state.doubted or state.job for state in states))
+
+        idle()
+        bpy.ops.ed.undo_push(message="set up")
+        bpy.ops.object.duplicate()
+        bpy.ops.ed.undo_push(message="duplicate")
+        name = bpy.context.view_layer.objects.active.name
+        idle()
+        for step in range(3):
+            bpy.data.objects[name].data.vertices[0].co.x += 0.01
+            bpy.data.objects[name].data.update_tag()
+            bpy.context.view_layer.update()
+            bpy.ops.ed.undo_push(message=f"edit {step}")
+            idle()
+        for step in (*[bpy.ops.ed.undo] * 4, *[bpy.ops.ed.redo] * 4, *[bpy.ops.ed.undo] * 3):
+            step()
+            bpy.context.view_layer.update()
+            idle()
+            for obj in [obj for obj in bpy.data.objects if obj.type == "MESH"]:
+                self.assertEqual(part("materials").of_others(obj), [], step)
+                self.assertEqual(part("status").headline(obj, bpy.context.scene).icon, "CHECKMARK")
+            if name in bpy.data.objects:
+                one, two = bpy.data.objects["arm"], bpy.data.objects[name]
+                self.assertNotEqual(one.vrtm.image, two.vrtm.image)
+                self.assertNotEqual(one.active_material, two.active_material)

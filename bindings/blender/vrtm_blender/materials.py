@@ -56,6 +56,13 @@ def separate(
                     node.node_tree = own(obj)
 
 
+def of_others(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
+    """The groups in the object's materials that hand out other objects' redirections, as in a material of theirs."""
+    own = [material for material in materials_of(obj) if material.library is None]
+    trees = {node.node_tree for material in own for node in _instances(material.node_tree)}
+    return [tree for tree in trees if nodes.is_of_another(tree, obj)]
+
+
 def _instances(tree: bpy.types.NodeTree | None) -> list[bpy.types.Node]:
     return [node for node in tree.nodes if nodes.is_ours(node)] if tree else []
 

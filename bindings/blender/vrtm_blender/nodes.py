@@ -353,6 +353,16 @@ def own_textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     return [node for node in _textures(tree) if node.image is None or result_image.LAYOUT not in node.image]
 
 
+def is_of_another(tree: bpy.types.NodeTree, obj: bpy.types.Object) -> bool:
+    """Whether a group hands out the redirection of another object, which has it as its result."""
+    others = [other for other in bpy.data.objects if other != obj and other.type == "MESH" and other.vrtm.is_set_up]
+    if tree[KIND] == BY_UV_MAP:
+        names = {other.vrtm.uv_name for other in others if other.data == obj.data} - {obj.vrtm.uv_name}
+        return any(is_by_uv_map(tree, name) for name in names)
+    image = image_of(tree)
+    return image not in (None, obj.vrtm.image) and any(other.vrtm.image == image for other in others)
+
+
 def shows_uv_map(obj: bpy.types.Object) -> bool:
     """Whether one of the object's materials looks up its result UV map."""
     return any(is_by_uv_map(tree, obj.vrtm.uv_name) for tree in used_by(obj))

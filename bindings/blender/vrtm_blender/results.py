@@ -35,6 +35,8 @@ def missing(obj: bpy.types.Object) -> str | None:
         owner = owner_of_image(obj)
         if owner is not None:
             return f"The redirection that is shown is that of {owner.name!r}"
+    for tree in materials.of_others(obj):
+        return f"A material shows the redirection of another object ({tree.name!r})"
     if settings.write_uvs and settings.uv_name not in obj.data.uv_layers:
         return "The result UV map is not there"
     if settings.write_delta and delta_name(settings) not in obj.data.attributes:
@@ -57,6 +59,8 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
             write_uvs(obj, outputs.uvs)
         if outputs.delta is not None:
             write_delta(obj, outputs.delta)
+        if obj.vrtm.is_set_up:
+            own_materials(obj)
         if outputs.strain is not None:
             overlay.write(obj, outputs.strain)
         _update()
@@ -124,6 +128,14 @@ def separate(obj: bpy.types.Object) -> None:
         for image in layers.own_images(obj.vrtm.image, number, lambda layer: _new_image(obj, *size, layer)):
             image[LAYOUT] = layout
         materials.separate(obj, lambda tree: nodes.is_by_image(tree, before), nodes.group_by_image)
+
+
+def own_materials(obj: bpy.types.Object) -> None:
+    """Has materials that were taken from another object, or that an undo has brought back, show this one's result."""
+    for kind, own in ((nodes.BY_IMAGE, nodes.group_by_image), (nodes.BY_UV_MAP, nodes.group_by_uv_map)):
+        others = [tree for tree in materials.of_others(obj) if tree[nodes.KIND] == kind]
+        if others:
+            materials.separate(obj, others.__contains__, own)
 
 
 def _new_image(obj: bpy.types.Object, width: int, height: int, layer: int = 0) -> bpy.types.Image:
