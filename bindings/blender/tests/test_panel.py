@@ -6,7 +6,7 @@ import types
 from support import Arm, Case, bpy, part
 
 ICONS = set(bpy.types.UILayout.bl_rna.functions["prop"].parameters["icon"].enum_items.keys())
-PANELS = ("main", "quality", "strain", "material", "bake", "status")
+PANELS = ("main", "quality", "advanced", "strain", "material", "bake", "status")
 MENUS = ("rigidity", "begin", "object")
 
 

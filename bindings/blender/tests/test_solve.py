@@ -186,6 +186,34 @@ class Solve(Case):
         self.assertEqual(figures["Strain"], f"{before:.3f} before, {after:.3f} after")
         self.assertEqual(figures["Folds"], "0")
 
+    def test_what_is_advanced(self):
+        arm = Arm()
+        arm.paint_image()
+        settings, asset = arm.object.vrtm, arm.asset()
+        bpy.context.scene.frame_set(5)
+        for name, value, of in (
+            ("protect", 0.5, {"protect": 0.5}),
+            ("calm", 1, {"smoothness": 0.08}),
+            ("calm", -1, {"smoothness": 0.005}),
+            ("keep_direction", 0.5, {"orientation_density": 0.5}),
+            ("room", 2, {"room": 2}),
+            # The defaults are the library's.
+            ("room", 0.3, {}),
+        ):
+            with self.subTest(name, value=value):
+                setattr(settings, name, value)
+                self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+                [tile] = asset.tiles
+                tile.set_settings(grid_width=arm.size, grid_height=arm.size, **of)
+                self.check(arm, asset)
+                settings.property_unset(name)
+        # What it does not go with: said in words, and Auto knows.
+        settings.keep_direction, settings.seams = 0.2, "continue"
+        with self.assertRaisesRegex(RuntimeError, "Keep Direction does not go with seams that continue"):
+            bpy.ops.vrtm.update()
+        settings.seams = "auto"
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+
     def test_a_stroke_of_a_brush(self):
         arm = Arm()
         image = arm.paint_image()

@@ -35,14 +35,18 @@ def chosen(obj: bpy.types.Object) -> Borders:
         node.image for material in materials.materials_of(obj) for node in materials.redirected(material.node_tree)
     ]
     ends = [image.name for image in looked_up if not dilate.is_dilated(image, settings.seam_reach)]
-    if looked_up and not ends:
+    if looked_up and not ends and not settings.keep_direction:
         found, why = ("continue", "fixed" if settings.goes_on else "slide"), "all textures are dilated"
         if settings.goes_on and settings.open_borders == AUTO:
             why += ", and other vertices are where the mesh ends"
     else:
         found, why = (
             (settings.seams_found, "fixed"),
-            f"{ends[0]} is not dilated" if ends else "no texture is redirected",
+            f"{ends[0]} is not dilated"
+            if ends
+            else "Keep Direction is on"
+            if looked_up
+            else "no texture is redirected",
         )
         if settings.seams == AUTO and settings.seams_why:
             why += f"; {settings.seams_why}"

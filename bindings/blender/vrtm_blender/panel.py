@@ -87,6 +87,25 @@ class VRTM_PT_quality(_Panel, bpy.types.Panel):
             layout.prop(settings, "image")
 
 
+class VRTM_PT_advanced(_Panel, bpy.types.Panel):
+    bl_label = "Advanced"
+    bl_parent_id = "VRTM_PT_main"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        for name, text in (
+            ("protect", "Up: fewer features look worse than before"),
+            ("calm", "Up: no jitter in films. Down: rounder features"),
+            ("keep_direction", "Up: scales and lettering turn less"),
+            ("room", "Leave it, unless skin is crushed"),
+        ):
+            column = layout.column(align=True)
+            column.prop(context.object.vrtm, name)
+            status.draw(column, context, status.Line(text))
+
+
 class VRTM_PT_strain(_Panel, bpy.types.Panel):
     bl_label = "Show Strain"
     bl_parent_id = "VRTM_PT_main"
@@ -246,6 +265,7 @@ def draw_topology(layout: bpy.types.UILayout, context: bpy.types.Context) -> Non
 CLASSES = (
     VRTM_PT_main,
     VRTM_PT_quality,
+    VRTM_PT_advanced,
     VRTM_PT_strain,
     VRTM_PT_material,
     VRTM_PT_bake,

@@ -175,6 +175,43 @@ class VrtmSettings(bpy.types.PropertyGroup):
     measure: BoolProperty(
         name="Measure Strain", description="Also measure how much the features are strained. Slow", update=_changed
     )
+    # In artists' words; solve.py has the library's.
+    protect: FloatProperty(
+        name="Protect",
+        description="Features that the pose does not strain stay round, before those that it strains. At 0.5 hardly "
+        "any looks worse than without vrtm, and the strained ones keep a little more strain; 1 is for stills",
+        subtype="FACTOR",
+        min=0,
+        max=1,
+        update=_changed,
+    )
+    calm: FloatProperty(
+        name="Calm",
+        description="Over time: raise it where features jitter in a film, which leaves more strain. Lower, down to -1, "
+        "features are rounder, and the skin between them is squeezed harder",
+        min=-1,
+        max=1,
+        update=_changed,
+    )
+    keep_direction: FloatProperty(
+        name="Keep Direction",
+        description="Features turn less where they are dense, such as scales and lettering: 0.15 is a beginning, 0.5 "
+        "is much. It leaves more strain, and does not go with seams that continue",
+        min=0,
+        max=2,
+        soft_max=1,
+        update=_changed,
+    )
+    room: FloatProperty(
+        name="Room",
+        description="How much the skin between features resists being crushed. Nearly always 0.3 is best: lower or "
+        "higher leaves more strain",
+        min=0,
+        max=10,
+        soft_max=3,
+        default=0.3,
+        update=_changed,
+    )
     write_image: BoolProperty(
         name="Image", description="Write an image of what to add to each UV", default=True, update=_changed
     )

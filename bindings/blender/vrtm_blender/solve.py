@@ -65,8 +65,13 @@ def settings_of(obj: bpy.types.Object) -> dict[str, object]:
     ways = {"seams": found.seams, "open_borders": found.open_borders, "seam_reach": settings.seam_reach}
     # What lies over itself, and what the layers do not suffice for, stays as it is.
     overlap = "first_face" if settings.overlaps == "first_face" else "fixed"
-    grid = level_of(obj)[1]
-    return {"grid_width": grid, "grid_height": grid, "overlap": overlap} | ways
+    grid, turns = level_of(obj)[1], settings.keep_direction
+    if turns and (found.seams == "continue" or found.open_borders == "slide"):
+        raise Problem(f"{obj.name}: Keep Direction does not go with seams that continue: set it to 0, or Seams to Auto")
+    # Calm 1 and -1 are the ends of what is of use, 4 times the library's smoothness and a quarter of it.
+    knobs = {"protect": settings.protect, "smoothness": 0.02 * 4**settings.calm, "room": settings.room}
+    knobs["orientation_density"] = turns
+    return {"grid_width": grid, "grid_height": grid, "overlap": overlap} | ways | knobs
 
 
 def options_of(obj: bpy.types.Object) -> dict[str, object]:
