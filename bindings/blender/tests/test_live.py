@@ -124,6 +124,39 @@ class Live(Case):
         self.idle()
         self.check(arm)
 
+    def test_a_draft_while_the_pose_moves(self):
+        arm, gate = self.followed()
+        gate.set()
+        state, scene = self.states.find_state(arm.object), bpy.context.scene
+        for name in ("REST", "FRAME"):
+            self.addCleanup(setattr, self.live, name, getattr(self.live, name))
+
+        def headline():
+            return part("status").headline(arm.object, scene).text
+
+        # A solve that is as quick as a frame is no draft.
+        self.live.REST, self.live.FRAME = 1e9, 1e9
+        scene.frame_set(3)
+        self.idle()
+        self.check(arm)
+        self.live.FRAME = 0
+        for frame in (4, 5):
+            scene.frame_set(frame)
+            poll_until(lambda: state.is_draft)
+            self.assertEqual(headline(), "Draft while it moves")
+            asset = arm.asset()
+            asset.solve(arm.pose(), quality="draft")
+            self.assertSame(np.ascontiguousarray(pixels(arm.object.vrtm.image)[..., :2]), arm.delta(asset))
+        # Live is off before it is solved again: there is no tick.
+        arm.object.vrtm.live = False
+        self.assertEqual(headline(), "Out of date: press Update Now")
+        arm.object.vrtm.live = True
+        # It rests.
+        self.live.REST = 0
+        self.idle()
+        self.check(arm)
+        self.assertEqual(headline(), "Up to date")
+
     def test_the_handlers_return_at_once(self):
         arm, gate = self.followed()
         bpy.context.scene.frame_set(5)

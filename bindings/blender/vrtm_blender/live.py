@@ -18,6 +18,10 @@ INTERVAL = 0.02
 # A job that has run for so many seconds while nothing was shown is not cancelled any more: else a steady scrub over a
 # heavy mesh would never show anything.
 PATIENCE = 0.4
+# A pose that follows another one within so many seconds moves: it is solved as a draft where a solve has taken longer
+# than a frame, and again when it rests.
+REST = 0.3
+FRAME = 0.04
 
 
 def touch(obj: bpy.types.Object, mesh: bool = True, maps: bool = True) -> None:
@@ -39,7 +43,9 @@ def is_live(obj: bpy.types.Object) -> bool:
 
 def want(obj: bpy.types.Object) -> None:
     """Has the object's pose collected by the timer."""
-    states.state_of(obj).wanted = True
+    state, now = states.state_of(obj), session.now()
+    state.moves, state.wanted_at, state.wanted = now - state.wanted_at < REST, now, True
+    state.is_draft = False
     _start_timer()
 
 
@@ -96,7 +102,7 @@ def step(state: State) -> None:
     try:
         if state.job is not None and state.job.done():
             take(obj, state)
-        if state.wanted:
+        if state.wanted and not (state.is_draft and session.now() - state.wanted_at < REST):
             collect(obj, state)
         elif state.doubted and state.job is None and session.now() >= state.next_look:
             look(obj, state)
@@ -120,6 +126,11 @@ def take(obj: bpy.types.Object, state: State) -> None:
         return
     results.publish(obj, state, job.request, outcome)
     state.waiting_since = 0.0
+    if job.request.is_draft:
+        # Until the pose rests.
+        state.fresh, state.is_draft, state.wanted = False, not state.wanted, True
+    else:
+        state.seconds = job.seconds
     tell(state, state.message, state.error)
 
 
@@ -137,18 +148,20 @@ def collect(obj: bpy.types.Object, state: State) -> None:
         state.wanted = False
         return
     solve.read(obj, state)
-    request = solve.request(obj, state, bpy.context.evaluated_depsgraph_get())
-    state.doubted = False
+    request = full = solve.request(obj, state, bpy.context.evaluated_depsgraph_get())
+    if state.moves and state.seconds > FRAME and session.now() - state.wanted_at < REST:
+        request = solve.draft(full)
+    state.doubted = state.is_draft = False
     if state.job is not None:
-        if request.stamp == state.job.request.stamp:
+        if state.job.request.stamp in (request.stamp, full.stamp):
             state.wanted = False
         elif session.now() - state.waiting_since < PATIENCE:
             # It ends within milliseconds; the pose, or a newer one, is submitted at the timer's next call.
             state.job.cancel()
         return
     state.wanted = False
-    if results.is_shown(obj, state, request) and not state.rewrite:
-        results.still_right(state, request)
+    if results.is_shown(obj, state, full) and not state.rewrite:
+        results.still_right(state, full)
         tell(state, "")
         return
     state.job = Work(state.prepared, state.inputs.take(), request)

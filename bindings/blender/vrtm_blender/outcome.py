@@ -33,6 +33,8 @@ class Request:
     frame: int = 0
     # A material looks up the UV map.
     by_uv_map: bool = False
+    # It is solved as a draft while the pose moves, and again when that stops.
+    is_draft: bool = False
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import bpy
 
 from . import borders, geometry, layers, maps, nodes, results, session, states
@@ -123,6 +125,12 @@ def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph)
     stamp = geometry.stamp_of(positions) + inputs
     frame, by_uv_map = depsgraph.scene.frame_current, nodes.shows_uv_map(obj)
     return Request(positions, options, stamp, obj.name, *outputs, frame, by_uv_map)
+
+
+def draft(request: Request) -> Request:
+    """The same as a draft."""
+    options = request.options | {"quality": "draft", "measure": False}
+    return dataclasses.replace(request, options=options, stamp=request.stamp + b"draft", is_draft=True)
 
 
 def run(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> State:

@@ -49,6 +49,12 @@ class State:
     # artist asks for it.
     rewrite: bool = False
     waiting_since: float = 0.0
+    # When a pose was wanted last, whether it followed another one at once, how long the last solve that was no draft
+    # took, and whether a draft is shown, which is to be solved again when the pose rests.
+    wanted_at: float = 0.0
+    moves: bool = False
+    seconds: float = 0.0
+    is_draft: bool = False
     message: str = ""
     error: bool = False
     # What the library, or this add-on, has to say of the result that is shown.
@@ -82,6 +88,8 @@ class State:
     @property
     def progress(self) -> str:
         """What the job is at, in words."""
+        if self.is_draft:
+            return "Draft while it moves"
         done = self.job.progress if self.job is not None else None
         return "Preparing ..." if done is None else f"Solving ... {100 * done:.0f} %"
 

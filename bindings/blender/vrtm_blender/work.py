@@ -20,6 +20,8 @@ class Work:
         self.applied = False
         self._prepared = prepared
         self._fraction: float | None = None
+        # How long it took, once it is over.
+        self.seconds = 0.0
         self._over, self._given_up = threading.Event(), threading.Event()
         self._outcome: Outcome | None = None
         self._error: BaseException | None = None
@@ -27,12 +29,14 @@ class Work:
         self._thread.start()
 
     def _run(self) -> None:
+        begun = session.now()
         try:
             with session.listening() as notes:
                 self._outcome = self._work(notes)
         except BaseException as error:  # told where the result is asked for.
             self._error = error
         finally:
+            self.seconds = session.now() - begun
             self._over.set()
 
     def _work(self, notes: list[str]) -> Outcome:
