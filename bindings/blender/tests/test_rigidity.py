@@ -71,6 +71,27 @@ class Rigidity(Case):
         self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
         self.assertEqual(part("states").find_state(arm.object).notes, [])
 
+    def test_specks_are_left_out(self):
+        from vrtm.rigidity import blurred
+
+        arm = self.arm()
+        # Four texels that stand alone, here and there.
+        image = bpy.data.images["colour"]
+        free = 12 * np.argwhere(blurred(studs(128), 2)[:120:12, :120:12] == 0)
+        for y, x in free:
+            self.colours[y : y + 2, x : x + 2] = (0.8, 0.6, 0.3, 1)
+        image.pixels.foreach_set(self.colours.ravel())
+        from_texture = bpy.ops.vrtm.rigidity_from_texture
+        at = tuple(free.T)
+        from_texture(smallest=0, threshold=0.4)
+        self.assertGreater(self.painted(arm)[at].min(), 0.5)
+        from_texture(threshold=0.4)
+        self.assertEqual(self.painted(arm)[at].max(), 0)
+        self.assertGreater(overlap(self.painted(arm), studs(128)), 0.95)
+        # A stud is 14 texels wide.
+        from_texture(smallest=20, threshold=0.4)
+        self.assertEqual(self.painted(arm).max(), 0)
+
     def test_from_heights(self):
         arm = self.arm()
         self.assertEqual(bpy.ops.vrtm.rigidity_from_heights(feature=0.11), {"FINISHED"})

@@ -224,3 +224,20 @@ def test_pictures_that_are_not_there(skin: Path, capsys: pytest.CaptureFixture[s
     # A single picture needs no tiles.
     assert cli.main(["rigidity", str(skin / "skin.1001.png"), "--out", str(skin / "one.exr")]) == 0
     assert pixels(skin / "one.exr").dtype == np.float16
+
+
+def test_specks() -> None:
+    # A spiral, whose texels are far from its least one, a square of 4 x 4, and specks at its corner.
+    values = np.zeros((40, 60), np.float32)
+    values[2, 2:40] = values[2:30, 40] = values[30, 6:41] = values[6:31, 6] = values[6, 6:36] = 1
+    values[12:16, 12:16] = 1
+    values[16, 16] = values[38, 58] = 1
+    for width, features, specks in ((0, 4, 0), (2, 2, 2), (5, 1, 3), (20, 0, 4)):
+        left, *counts = rigidity.without_specks(values, width)
+        assert counts == [features, specks]
+        if features == 4:
+            np.testing.assert_array_equal(left, values)
+    # Soft borders stay.
+    disc = rigidity.soft(np.hypot(*np.mgrid[-20:20, -20:20]) < 8)
+    np.testing.assert_array_equal(rigidity.without_specks(disc, 10)[0], disc)
+    assert rigidity.without_specks(np.zeros((8, 8), np.float32), 3)[1:] == (0, 0)

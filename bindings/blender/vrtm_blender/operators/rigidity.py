@@ -55,6 +55,13 @@ class _FromImage(OnObject):
     size: IntProperty(
         name="Size", description="Texels per side of the new image at most", min=64, max=8192, default=1024
     )
+    smallest: FloatProperty(
+        name="Smallest",
+        description="Texels across the smallest feature: what is smaller is a speck, and left out",
+        min=0,
+        max=512,
+        default=3,
+    )
     invert: BoolProperty(name="Invert", description="The other part is rigid")
     grow: IntProperty(
         name="Grow", description="Texels by which what is rigid is made larger, or smaller", min=-64, max=64
@@ -73,15 +80,21 @@ class _FromImage(OnObject):
         return found
 
     def make(self, obj: bpy.types.Object, source: bpy.types.Image, change: Callable[[Tiles], Tiles]) -> str:
-        of = library().rigidity
+        of, features, specks = library().rigidity, 0, 0
 
         def made(tiles: Tiles) -> Tiles:
+            nonlocal features, specks
             found = change({udim: of.smaller(pixels, self.size) for udim, pixels in tiles.items()})
-            return {udim: of.changed(values, self.invert, self.grow) for udim, values in found.items()}
+            for udim, values in found.items():
+                left, *counts = of.without_specks(of.changed(values, self.invert), self.smallest)
+                features, specks = features + counts[0], specks + counts[1]
+                found[udim] = of.changed(left, grow=self.grow)
+            return found
 
         image = made_of(obj, source, made)
         show(obj, image)
-        text = f"{obj.name}: {image.name!r} is made of {source.name!r}"
+        left_out = f", {specks} specks left out" if specks else ""
+        text = f"{obj.name}: {image.name!r} is made of {source.name!r}: {features} features{left_out}"
         return f"{text}; {set_up(bpy.context, obj)}" if self.set_up else text
 
 
@@ -124,7 +137,7 @@ class VRTM_OT_rigidity_from_texture(_FromImage, bpy.types.Operator):
         layout.prop(self, "by")
         for name in ("colour", "tolerance") if self.by == "colour" else ("threshold",):
             layout.prop(self, name)
-        for name in ("invert", "grow", "size"):
+        for name in ("smallest", "invert", "grow", "size"):
             layout.prop(self, name)
 
 
@@ -159,7 +172,7 @@ class VRTM_OT_rigidity_from_heights(_FromImage, bpy.types.Operator):
         layout = self.layout
         layout.use_property_split, layout.use_property_decorate = True, False
         layout.prop_search(self, "image", bpy.data, "images")
-        for name in ("feature", "threshold", "sunken", "invert", "grow", "size"):
+        for name in ("feature", "threshold", "sunken", "smallest", "invert", "grow", "size"):
             layout.prop(self, name)
 
 

@@ -101,6 +101,31 @@ def changed(values: np.ndarray, invert: bool = False, grow: int = 0) -> np.ndarr
     return grown(values, grow) if grow >= 0 else shrunk(values, -grow)
 
 
+def without_specks(values: np.ndarray, width: float) -> tuple[np.ndarray, int, int]:
+    """A rigidity map without the islands that have less area than a disc of `width` texels; also the numbers of islands
+    that are left, and that were left out."""
+    inside = values > 0.5
+    # Each texel begins with its own number, and takes the least one that a neighbour's island has.
+    of = np.where(inside, np.arange(values.size).reshape(values.shape), values.size)
+    while True:
+        least = of.copy()
+        for one, other in ((np.s_[1:], np.s_[:-1]), (np.s_[:, 1:], np.s_[:, :-1])):
+            least[one] = np.minimum(least[one], np.where(inside[one], of[other], values.size))
+            least[other] = np.minimum(least[other], np.where(inside[other], of[one], values.size))
+        island = np.arange(values.size + 1)
+        np.minimum.at(island, of[inside], least[inside])
+        while not np.array_equal(island, further := island[island]):
+            island = further
+        if np.array_equal(of, further := island[of]):
+            break
+        of = further
+    areas = np.bincount(of[inside], minlength=values.size + 1)
+    large = (areas > 0) & (areas >= np.pi / 4 * width**2)
+    # With the soft borders around them.
+    kept = np.where(grown((inside & large[of]).astype(np.float32), 2) > 0, values, 0)
+    return kept if width else values, int(large.sum()), int((areas > 0).sum() - large.sum())
+
+
 def blurred(values: np.ndarray, radius: int) -> np.ndarray:
     """Three means over squares, nearly a Gaussian; what lies beyond the picture is its border."""
     for _ in range(3):
