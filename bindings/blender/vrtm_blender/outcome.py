@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from . import layers, overlay
+from . import layers, overlay, strain
 from .prepared import Prepared
 from .result_image import Layout, layout_of, redirection
 
@@ -29,7 +29,9 @@ class Request:
     write_image: bool
     write_uvs: bool
     write_delta: bool
+    write_strain: bool
     strain: str  # "NONE", "BEFORE" or "AFTER"
+    rigid_only: bool  # of that strain
     frame: int = 0
     # A material looks up the UV map.
     by_uv_map: bool = False
@@ -46,6 +48,7 @@ class Outputs:
     layers: np.ndarray | None  # (faces,) uint32; None also where there is one layer alone
     uvs: np.ndarray | None  # (corners, 2) float32
     delta: np.ndarray | None  # (corners, 3) float32: what to add to u and v, and 0
+    surface: np.ndarray | None  # (vertices, 3) float32: stretch, squash, and 0
     strain: np.ndarray | None  # (vertices, 4) float32: colours
 
 
@@ -57,12 +60,15 @@ def fetch(prepared: Prepared, request: Request) -> Outputs:
     if layout is not None:
         images = [redirection(asset, layout, layer) for layer in range(layers.number_of(asset))]
     uvs = asset.corner_uvs() if request.write_uvs or request.write_delta else None
-    delta = strain = None
+    delta = surface = colours = None
     if request.write_delta:
         delta = np.pad(uvs - prepared.mesh.topology.uvs, ((0, 0), (0, 1)))
+    if request.write_strain:
+        of = prepared.mesh
+        surface = strain.of_surface(of.topology.corner_vertices, of.topology.face_counts, of.rest, request.positions)
     if request.strain != "NONE":
-        strain = overlay.colours(prepared, request.positions, request.strain == "AFTER")
-    return Outputs(layout, images, prepared.layers, uvs if request.write_uvs else None, delta, strain)
+        colours = overlay.colours(prepared, request.positions, request.strain == "AFTER", request.rigid_only)
+    return Outputs(layout, images, prepared.layers, uvs if request.write_uvs else None, delta, surface, colours)
 
 
 @dataclass(frozen=True)

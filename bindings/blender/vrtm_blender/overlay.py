@@ -15,8 +15,9 @@ NAME = "vrtm strain"
 _shading: dict[int, str] = {}
 
 
-def colours(prepared: Prepared, pose: np.ndarray, after: bool) -> np.ndarray:
-    """Colours of all vertices, (vertices, 4) float32, for the asset's last result, or without it. On any thread."""
+def colours(prepared: Prepared, pose: np.ndarray, after: bool, rigid_only: bool) -> np.ndarray:
+    """Colours of all vertices, (vertices, 4) float32, for the asset's last result, or without it; of what is rigid
+    alone, or all of the texture. On any thread."""
     mesh = prepared.mesh
     topology = mesh.topology
     found = strain.of_vertices(
@@ -27,6 +28,8 @@ def colours(prepared: Prepared, pose: np.ndarray, after: bool) -> np.ndarray:
         pose,
         (lambda uvs: _jacobians(prepared, uvs)) if after else None,
     )
+    if rigid_only and prepared.has_rigidity:
+        found *= prepared.rigidity_of_vertices(prepared.asset.corner_uvs() if after else topology.uvs)
     return strain.colours(found)
 
 

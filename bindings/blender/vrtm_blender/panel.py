@@ -81,7 +81,7 @@ class VRTM_PT_quality(_Panel, bpy.types.Panel):
         if settings.seams in ("auto", "continue") or settings.open_borders in ("auto", "slide"):
             layout.prop(settings, "seam_reach")
         column = layout.column(heading="Write")
-        for name in ("write_image", "write_uvs", "write_delta"):
+        for name in ("write_image", "write_uvs", "write_delta", "write_strain"):
             column.prop(settings, name)
         if settings.write_image and settings.image is not None:
             layout.prop(settings, "image")
@@ -114,6 +114,7 @@ class VRTM_PT_strain(_Panel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.row().prop(context.object.vrtm, "strain", expand=True)
+        layout.prop(context.object.vrtm, "strain_rigid")
         layout.label(text="Red: stretched. Blue: squeezed", icon="INFO")
 
 

@@ -184,6 +184,17 @@ class Prepared:
             self.rigid = float((values > 0.5).mean()), float(values.min()), float(values.max())
         return self.rigid
 
+    @property
+    def has_rigidity(self) -> bool:
+        return self.vertices is not None or bool(self.painted)
+
+    def rigidity_of_vertices(self, uvs: np.ndarray) -> np.ndarray:
+        """What is seen at each vertex with UVs of the face corners, (vertices,): a mean over its corners."""
+        of = self.mesh.topology
+        found = self._rigidity(uvs, np.arange(len(uvs))[:, None], np.ones((len(uvs), 1)))
+        total, number = (np.bincount(of.corner_vertices, values, of.vertices) for values in (found, None))
+        return total / np.maximum(number, 1)
+
     def whole_share(self) -> float:
         """The share of what is rigid that lies in triangles which are rigid as a whole."""
         if self.whole is None:

@@ -229,6 +229,16 @@ class VrtmSettings(bpy.types.PropertyGroup):
         default=False,
         update=_changed,
     )
+    write_strain: BoolProperty(
+        name="Strain",
+        description="Write how much the surface is stretched and squashed to a vector attribute of the vertices, for "
+        "wrinkles, redness or dirt in shaders: the UV map's name with _strain. X is 0.2 where it is a fifth longer "
+        "than at rest, Y where it is a fifth shorter",
+        update=_changed,
+    )
+    strain_rigid: BoolProperty(
+        name="Rigid Only", description="Show the strain of what is rigid alone", default=True, update=_changed
+    )
     strain: EnumProperty(
         name="Show Strain",
         description="Show in Solid viewports how much what is painted is stretched (red) or squeezed (blue): full "

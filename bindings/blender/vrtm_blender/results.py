@@ -39,8 +39,9 @@ def missing(obj: bpy.types.Object) -> str | None:
         return f"A material shows the redirection of another object ({tree.name!r})"
     if settings.write_uvs and settings.uv_name not in obj.data.uv_layers:
         return "The result UV map is not there"
-    if settings.write_delta and delta_name(settings) not in obj.data.attributes:
-        return "The result attribute is not there"
+    for name, written in ((delta_name(settings), settings.write_delta), (strain_name(settings), settings.write_strain)):
+        if written and name not in obj.data.attributes:
+            return f"The result attribute {name!r} is not there"
     return None
 
 
@@ -58,7 +59,9 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
         if outputs.uvs is not None:
             write_uvs(obj, outputs.uvs)
         if outputs.delta is not None:
-            write_delta(obj, outputs.delta)
+            write_attribute(obj, delta_name(obj.vrtm), "CORNER", outputs.delta)
+        if outputs.surface is not None:
+            write_attribute(obj, strain_name(obj.vrtm), "POINT", outputs.surface)
         if obj.vrtm.is_set_up:
             own_materials(obj)
         if outputs.strain is not None:
@@ -69,7 +72,9 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
     state.shown, state.figures, state.uvs, state.rewrite = request.stamp, outcome.figures, outputs.uvs, False
     state.notes = list(outcome.notes) if obj.vrtm.is_set_up else []
     still_right(state, request)
-    if obj.vrtm.is_set_up and all(output is None for output in (outputs.images, outputs.uvs, outputs.delta)):
+    if obj.vrtm.is_set_up and all(
+        output is None for output in (outputs.images, outputs.uvs, outputs.delta, outputs.surface)
+    ):
         state.notes.append("No output is switched on: see Quality and Outputs")
     state.say("")
 
@@ -191,16 +196,20 @@ def delta_name(settings: bpy.types.PropertyGroup) -> str:
     return f"{settings.uv_name}_delta"
 
 
+def strain_name(settings: bpy.types.PropertyGroup) -> str:
+    """The attribute for shaders."""
+    return f"{settings.uv_name}_strain"
+
+
 def names_of(settings: bpy.types.PropertyGroup) -> set[str]:
     """What is written to the mesh of an object's results."""
-    return {settings.uv_name, delta_name(settings), layers.attribute_name(settings)}
+    return {settings.uv_name, delta_name(settings), strain_name(settings), layers.attribute_name(settings)}
 
 
-def write_delta(obj: bpy.types.Object, values: np.ndarray) -> None:
-    mesh = obj.data
-    geometry.write(mesh, delta_name(obj.vrtm), "CORNER", "FLOAT_VECTOR", values)
+def write_attribute(obj: bpy.types.Object, name: str, domain: str, values: np.ndarray) -> None:
+    geometry.write(obj.data, name, domain, "FLOAT_VECTOR", values)
     if not session.rendering:
-        mesh.update_tag()
+        obj.data.update_tag()
 
 
 def own_name(obj: bpy.types.Object) -> None:

@@ -119,8 +119,10 @@ def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph)
     positions, options = geometry.pose(obj, depsgraph), options_of(obj)
     settings = obj.vrtm
     # Without a rigidity there is strain to be shown, and nothing to be redirected.
-    written = (obj.vrtm.is_set_up and getattr(settings, f"write_{name}") for name in ("image", "uvs", "delta"))
-    outputs = (level_of(obj)[2], *written, settings.strain)
+    written = (
+        obj.vrtm.is_set_up and getattr(settings, f"write_{name}") for name in ("image", "uvs", "delta", "strain")
+    )
+    outputs = (level_of(obj)[2], *written, settings.strain, settings.strain_rigid)
     inputs = repr((sorted(options.items()), outputs, sorted(state.stamps.items()))).encode()
     stamp = geometry.stamp_of(positions) + inputs
     frame, by_uv_map = depsgraph.scene.frame_current, nodes.shows_uv_map(obj)

@@ -66,12 +66,31 @@ def of_vertices(
         derivative[np.abs(_determinant(derivative)) < 1e-6] = np.eye(2)
         middle = _inverse(sides) @ _inverse(derivative) @ sides
     at_rest[~whole] = np.eye(2)
-    deformation = posed @ middle @ _inverse(at_rest)
-    values = _largest_logarithm(deformation)
-    weights = np.repeat((area * whole)[:, None], 3, 1).ravel()
-    count = len(rest)
-    total = np.bincount(vertices.ravel(), weights, count)
-    return np.bincount(vertices.ravel(), weights * np.repeat(values, 3), count) / np.maximum(total, 1e-300)
+    largest, smallest = _logarithms(posed @ middle @ _inverse(at_rest))
+    values = np.where(np.abs(largest) >= np.abs(smallest), largest, smallest)
+    return _means(vertices, area * whole, values, len(rest))
+
+
+def of_surface(corner_vertices: np.ndarray, face_counts: np.ndarray, rest: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """How much the surface itself is longer than at rest in the direction in which it is stretched most, and shorter in
+    that in which it is squashed most, as shares of its length; and 0: (vertices, 3) float32."""
+    vertices = corner_vertices[triangles(face_counts)].astype(np.int64)
+    at_rest, posed = edges(rest[vertices].astype(np.float64)), edges(pose[vertices].astype(np.float64))
+    area = np.abs(_determinant(at_rest))
+    whole = area > 1e-12 * max(float(area.max(initial=0.0)), 1e-300)
+    at_rest[~whole] = np.eye(2)
+    largest, smallest = _logarithms(posed @ _inverse(at_rest))
+    shares = (np.maximum(np.expm1(largest), 0), np.maximum(-np.expm1(smallest), 0))
+    found = [_means(vertices, area * whole, share, len(rest)) for share in shares]
+    return np.stack([*found, np.zeros(len(rest))], -1).astype(np.float32)
+
+
+def _means(vertices: np.ndarray, weights: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+    """Of values of triangles, around each vertex."""
+    around, each = vertices.ravel(), np.repeat(weights, 3)
+    return np.bincount(around, each * np.repeat(values, 3), count) / np.maximum(
+        np.bincount(around, each, count), 1e-300
+    )
 
 
 # The rigidity of UVs (n, 2), which lie in triangles' corners (n, 3) with weights (n, 3).
@@ -133,14 +152,13 @@ def _inverse(m: np.ndarray) -> np.ndarray:
     return swapped / _determinant(m)[..., None, None]
 
 
-def _largest_logarithm(m: np.ndarray) -> np.ndarray:
-    """Of the logarithms of both singular values the one that is farther from 0."""
+def _logarithms(m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of the larger and the smaller singular value."""
     half = (m * m).sum((-2, -1)) / 2
     product = np.abs(_determinant(m))
     root = np.sqrt(np.maximum(half * half - product * product, 0))
     largest = np.log(np.maximum(half + root, 1e-12)) / 2
-    smallest = np.log(np.maximum(product, 1e-12)) - largest
-    return np.where(np.abs(largest) >= np.abs(smallest), largest, smallest)
+    return largest, np.log(np.maximum(product, 1e-12)) - largest
 
 
 def colours(values: np.ndarray) -> np.ndarray:
