@@ -56,6 +56,25 @@ class Borders(Case):
             bpy.ops.wm.open_mainfile(filepath=path)
             self.assertEqual(part("borders").chosen(bpy.data.objects["arm"]).why, said)
 
+    def test_features_on_seams_are_counted_and_continue(self):
+        arm = self.arm(dilated=False)
+        settings = arm.object.vrtm
+        settings.seams, said = "shut", "1 feature on seams, which do not continue: press Continue Seams"
+        bpy.ops.vrtm.update()
+        self.assertIn(said, self.draw(arm.object))
+        # More of them, of which two touch the other side of the seam alone, and what is elsewhere.
+        at, image = (np.arange(arm.size) + 0.5) / arm.size, settings.rigidity_image
+        for u, v in ((0.1, 0.04), (0.55, 0.96), (0.9, 0.97), (0.7, 0.5)):
+            arm.painted[1001][np.hypot(at[None] - u, at[:, None] - v) < 0.04] = 1
+        image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
+        bpy.ops.vrtm.update()
+        self.assertIn(said.replace("1 feature", "4 features"), self.draw(arm.object))
+        bpy.ops.vrtm.clear_material()
+        self.assertEqual(bpy.ops.vrtm.continue_seams(), {"FINISHED"})
+        self.assertEqual((settings.seams, part("borders").chosen(arm.object).seams), ("auto", "continue"))
+        self.assertFalse([text for text in self.draw(arm.object) if "on seams" in text])
+        self.check_solved(arm, seams="continue", open_borders="slide")
+
     def test_what_is_set_by_hand_is_obeyed(self):
         for given, expected in (
             ({"seams": "shut"}, ("shut", "fixed")),

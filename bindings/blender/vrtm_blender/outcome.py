@@ -95,6 +95,8 @@ def figures(prepared: Prepared, request: Request, outputs: Outputs) -> list[tupl
         shown.append(("Layers", str(number)))
     cells = max((tile.grid_width, tile.grid_height) for tile in tiles)
     shown.append(("Grid", f"{cells[0]} x {cells[1]}"))
+    if on_seams := prepared.features_on_seams():
+        shown.append(("On seams", f"{on_seams} feature{'s' * (on_seams > 1)}"))
     edges = sum(tile.edges + tile.edges_fixed for tile in tiles)
     if edges:
         # Of all that is rigid, what cannot move too.

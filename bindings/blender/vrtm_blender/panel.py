@@ -128,6 +128,7 @@ class VRTM_PT_material(_Panel, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("vrtm.set_up_material", text="Set Up by Image").by = "image"
         row.operator("vrtm.set_up_material", text="By UV Map").by = "uv_map"
+        layout.operator("vrtm.continue_seams")
         layout.operator("vrtm.dilate")
         layout.operator("vrtm.clear_material")
 
@@ -168,6 +169,8 @@ class VRTM_PT_status(_Panel, bpy.types.Panel):
             status.draw(layout, context, line)
         if obj.vrtm.is_set_up and keep.unsaved_maps(obj):
             layout.operator("vrtm.pack_maps", icon="PACKAGE")
+        if "On seams" in dict(status.figures(obj)):
+            layout.operator("vrtm.continue_seams")
         if not notes:
             layout.label(text="Nothing to be mended", icon="CHECKMARK")
         for label, value in status.figures(obj):
@@ -221,7 +224,7 @@ class VRTM_MT_object(bpy.types.Menu):
         layout.menu("VRTM_MT_rigidity")
         layout.separator()
         layout.operator("vrtm.set_up_material").by = "image"
-        for name in ("dilate", "clear_material"):
+        for name in ("continue_seams", "dilate", "clear_material"):
             layout.operator(f"vrtm.{name}")
         layout.separator()
         for name in ("bake", "use_baked", "use_live"):

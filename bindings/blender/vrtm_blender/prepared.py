@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import session, strain
+from . import on_seams, session, strain
 from .geometry import Topology
 from .layers import number_of
 from .maps import ORIGIN, Map
@@ -83,9 +83,10 @@ class Prepared:
     mesh: MeshInput | None = None
     # The rigidity by vertices, if it is.
     vertices: np.ndarray | None = None
-    # What rigid_share has found, and whole_share.
+    # What rigid_share has found, whole_share, and features_on_seams.
     rigid: tuple[float, float, float] | None = None
     whole: float | None = None
+    on_seams: int | None = None
     # What the library has said that lasts, and the stamps of what it lasts with.
     told: dict[str, dict[str, Any]] = field(default_factory=dict)
     # The layer of each face, (faces,) uint32; None where there is one layer alone.
@@ -118,7 +119,7 @@ class Prepared:
                 continue
             # What is set first must not stay if what follows fails.
             self.stamps.pop(which, None)
-            self.rigid = self.whole = None
+            self.rigid = self.whole = self.on_seams = None
             setter(getattr(maps, which))
             self.stamps[which] = maps.stamps[which]
 
@@ -202,6 +203,15 @@ class Prepared:
             self.whole = strain.whole_share(topology.face_counts, topology.uvs, self._rigidity)
         return self.whole
 
+    def features_on_seams(self) -> int:
+        """How many features of a painted image lie on seams that do not continue."""
+        if not self.painted or self.asset.tiles[0].settings.seams == "continue":
+            return 0
+        if self.on_seams is None:
+            of = self.mesh.topology
+            self.on_seams = on_seams.features(of.corner_vertices, of.face_counts, of.uvs, self._painted)
+        return self.on_seams
+
     def strain_of(self, pose: np.ndarray, uvs: np.ndarray) -> float:
         """The strain (RMS) of what is rigid where the texture is looked up at UVs of the face corners, (corners, 2)."""
         of = self.mesh.topology
@@ -210,6 +220,9 @@ class Prepared:
     def _rigidity(self, uvs: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
         if self.vertices is not None:
             return (self.vertices[self.mesh.topology.corner_vertices[corners]] * weights).sum(-1)
+        return self._painted(uvs)
+
+    def _painted(self, uvs: np.ndarray) -> np.ndarray:
         tiles, found = np.floor(uvs).astype(int), np.zeros(len(uvs), np.float32)
         for udim, image in self.painted.items():
             chosen = np.flatnonzero((tiles == ((udim - 1001) % 10, (udim - 1001) // 10)).all(-1))
@@ -237,7 +250,7 @@ class Prepared:
         self.stamps.clear()
         self.told.clear()
         self.painted.clear()
-        self.mesh = self.vertices = self.rigid = self.whole = self.layers = None
+        self.mesh = self.vertices = self.rigid = self.whole = self.on_seams = self.layers = None
         if asset is not None:
             asset.close()
 
