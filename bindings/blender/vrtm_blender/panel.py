@@ -1,4 +1,5 @@
-"""The panels in Properties > Object Data, and the menus. They only show: drawing changes nothing and solves nothing."""
+"""The panels in Properties > Object Data and in 3D views, and the menus. They only show: drawing changes nothing and
+solves nothing."""
 
 from __future__ import annotations
 
@@ -47,18 +48,25 @@ class VRTM_PT_main(_Panel, bpy.types.Panel):
             if geometry.REST_NAME in obj.data.attributes:
                 column.label(text=f"Captured at frame {obj.data.get(geometry.REST_FRAME_NAME, '?')}")
         draw_topology(layout, context)
-        row, present = layout.row(align=True), preset_of(settings)
-        for name in PRESETS:
-            row.operator("vrtm.preset", text=name.capitalize(), depress=name == present).name = name
-        column = layout.column(heading="Solve")
-        column.prop(settings, "live")
-        column.prop(settings, "in_renders")
-        layout.operator("vrtm.update", icon="FILE_REFRESH")
-        # Always two rows, so that no button moves while things are solved. All else is told in Status.
-        line = status.headline(obj, context.scene)
-        column = layout.column(align=True)
-        column.label(text=line.text, icon=line.icon)
-        column.label(text=status.summary(obj), icon="BLANK1")
+        draw_solve(layout, context)
+
+
+class VRTM_PT_view(bpy.types.Panel):
+    """In the sidebar of 3D views: what is needed while posing and painting."""
+
+    bl_label = "Rigid Features (vrtm)"
+    bl_space_type, bl_region_type, bl_category = "VIEW_3D", "UI", "vrtm"
+    poll = _Panel.poll
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, settings = self.layout, context.object.vrtm
+        if not settings.is_set_up:
+            layout.operator("vrtm.set_up", icon="PLAY")
+        layout.menu("VRTM_MT_rigidity", icon="TPAINT_HLT")
+        draw_solve(layout, context)
+        layout.row().prop(settings, "strain", expand=True)
+        for line in status.notes(context.object, context.scene):
+            status.draw(layout, context, line)
 
 
 class VRTM_PT_quality(_Panel, bpy.types.Panel):
@@ -233,6 +241,36 @@ class VRTM_MT_object(bpy.types.Menu):
         layout.operator("vrtm.remove_all")
 
 
+def paint_header(self, context: bpy.types.Context) -> None:
+    """In headers of 3D views, in Texture Paint mode."""
+    obj = context.object
+    if context.mode != "PAINT_TEXTURE" or not _Panel.poll(context):
+        return
+    image, paint = obj.vrtm.rigidity_image, context.scene.tool_settings.image_paint
+    if image is None or obj.vrtm.rigidity_source != "IMAGE":
+        self.layout.operator("vrtm.set_up", text="Paint Rigidity", icon="BRUSH_DATA").paint = True
+    else:
+        painted = paint.mode == "IMAGE" and paint.canvas == image
+        self.layout.operator("vrtm.paint", text="Paint Rigidity", icon="BRUSH_DATA", depress=painted)
+
+
+def draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """What has an object solved, and what it came to."""
+    obj, settings = context.object, context.object.vrtm
+    row, present = layout.row(align=True), preset_of(settings)
+    for name in PRESETS:
+        row.operator("vrtm.preset", text=name.capitalize(), depress=name == present).name = name
+    column = layout.column(heading="Solve")
+    column.prop(settings, "live")
+    column.prop(settings, "in_renders")
+    layout.operator("vrtm.update", icon="FILE_REFRESH")
+    # Always two rows, so that no button moves while things are solved. All else is told in Status.
+    line = status.headline(obj, context.scene)
+    column = layout.column(align=True)
+    column.label(text=line.text, icon=line.icon)
+    column.label(text=status.summary(obj), icon="BLANK1")
+
+
 def object_menu(self, context: bpy.types.Context) -> None:
     self.layout.separator()
     self.layout.menu("VRTM_MT_object")
@@ -274,6 +312,7 @@ CLASSES = (
     VRTM_PT_material,
     VRTM_PT_bake,
     VRTM_PT_status,
+    VRTM_PT_view,
     VRTM_MT_rigidity,
     VRTM_MT_begin,
     VRTM_MT_object,
@@ -284,9 +323,11 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.VIEW3D_MT_object.append(object_menu)
+    bpy.types.VIEW3D_HT_header.append(paint_header)
 
 
 def unregister() -> None:
+    bpy.types.VIEW3D_HT_header.remove(paint_header)
     bpy.types.VIEW3D_MT_object.remove(object_menu)
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)
