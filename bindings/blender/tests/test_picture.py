@@ -270,3 +270,57 @@ class Picture(Case):
                 one, two = bpy.data.objects["arm"], bpy.data.objects[name]
                 self.assertNotEqual(one.vrtm.image, two.vrtm.image)
                 self.assertNotEqual(one.active_material, two.active_material)
+
+    def test_textures_inside_of_groups(self):
+        for wired in (False, True):
+            with self.subTest(wired=wired):
+                self.setUp()
+                arm = self.arm()
+                bpy.ops.vrtm.clear_material()
+                own = part("materials")
+                # The texture is in a group in a group; its UVs come from there, or from outside.
+                old = next(node for node in self.tree.nodes if node.bl_idname == "ShaderNodeTexImage")
+                image, colour = old.image, old.outputs["Color"].links[0].to_socket
+                self.tree.nodes.remove(old)
+                trees = [self.tree]
+                for name in ("outer", "inner"):
+                    group = bpy.data.node_groups.new(name, "ShaderNodeTree")
+                    group.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
+                    group.interface.new_socket("UV", in_out="INPUT", socket_type="NodeSocketVector")
+                    node = trees[-1].nodes.new("ShaderNodeGroup")
+                    node.node_tree = group
+                    begin, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+                    before = trees[-1].nodes.get("Group Input") or trees[-1].nodes.new("ShaderNodeTexCoord")
+                    if wired:
+                        trees[-1].links.new(before.outputs["UV"], node.inputs["UV"])
+                    trees[-1].links.new(node.outputs[0], colour)
+                    trees.append(group)
+                    colour = end.inputs[0]
+                texture = group.nodes.new("ShaderNodeTexImage")
+                texture.image = image
+                group.links.new(texture.outputs["Color"], colour)
+                if wired:
+                    group.links.new(begin.outputs["UV"], texture.inputs["Vector"])
+                self.assertEqual(part("textures").colour_image(arm.object), image)
+                self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
+                self.assertEqual(own.redirected(self.tree), [texture])
+                count = [len([n for n in tree.nodes if part("nodes").is_ours(n)]) for tree in trees]
+                self.assertEqual(count, [1, 0, 0] if wired else [0, 0, 1])
+                bpy.ops.vrtm.set_up_material()
+                self.assertEqual(sum(len(own._instances(tree)) for tree in trees[:1]), 1)
+                # A duplicate has groups of its own.
+                bpy.ops.object.duplicate()
+                other = bpy.context.view_layer.objects.active
+                bpy.ops.vrtm.update()
+                self.assertEqual(own.of_others(other), [])
+                self.assertEqual(own.of_others(arm.object), [])
+                self.assertEqual(len(own.redirected(other.active_material.node_tree)), 1)
+                bpy.context.view_layer.objects.active = arm.object
+                other.select_set(False)
+                bpy.ops.vrtm.clear_material()
+                self.assertEqual(own.redirected(self.tree), [])
+                # Others use it, too: it is named.
+                keep = bpy.data.materials.new("keep")
+                nodes_of(keep).nodes.new("ShaderNodeGroup").node_tree = trees[1]
+                with self.assertRaisesRegex(RuntimeError, "in group 'inner|in group 'outer"):
+                    bpy.ops.vrtm.set_up_material()

@@ -279,8 +279,8 @@ class Render(Scene):
         self.arm()
         bpy.ops.vrtm.update()
         bpy.ops.ed.undo_push(message="before")
+        # A step of its own.
         bpy.ops.vrtm.set_up_material()
-        bpy.ops.ed.undo_push(message="set up")
         for step, expected in ((bpy.ops.ed.undo, 0), (bpy.ops.ed.redo, 1)):
             step()
             nodes = bpy.data.materials["skin"].node_tree.nodes
@@ -295,6 +295,7 @@ class Render(Scene):
         copy = arm.object.copy()
         bpy.context.collection.objects.link(copy)
         bpy.context.view_layer.objects.active = copy
+        arm.object.select_set(False)
         bpy.ops.vrtm.set_up_material()
         self.assertEqual(arm.object.material_slots[0].material, material)
         self.assertNotEqual(copy.material_slots[0].material, material)

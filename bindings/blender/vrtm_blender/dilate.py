@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from . import layers, maps, materials, packed, session
+from . import layers, maps, materials, nodes, packed, session
 from .geometry import stamp_of
 from .messages import Problem
 from .packed import WHOLE
@@ -80,7 +80,7 @@ def restore(obj: bpy.types.Object) -> list[str]:
     kept."""
     before = {}
     for material in materials.materials_of(obj):
-        for node in material.node_tree.nodes:
+        for node in [node for tree in nodes.reach(material.node_tree, alone=False) for node in tree.nodes]:
             image = node.image if node.bl_idname == "ShaderNodeTexImage" else None
             if image is not None and image.vrtm_original is not None and is_copy(image):
                 before[image] = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import bpy
 
@@ -31,13 +31,23 @@ def own_material(obj: bpy.types.Object, slot: bpy.types.MaterialSlot) -> bpy.typ
         other for other in bpy.data.objects if other != obj and material in [s.material for s in other.material_slots]
     ]
     if others:
+        groups = nodes.reach(material.node_tree)
         copy = material.copy()
+        _own_groups(copy.node_tree, groups.__contains__)
         copy.name = f"{material.name} {obj.name}"
         if slot.link == "DATA" and obj.data.users > 1:
             slot.link = "OBJECT"
         slot.material = copy
         material = copy
     return material
+
+
+def _own_groups(tree: bpy.types.NodeTree, which: Callable[[bpy.types.NodeTree], bool]) -> None:
+    """Gives a material copies of groups that it shares with another."""
+    for node in [node for node in tree.nodes if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None]:
+        if not nodes.is_ours(node) and which(node.node_tree):
+            node.node_tree = node.node_tree.copy()
+            _own_groups(node.node_tree, which)
 
 
 def separate(
@@ -51,7 +61,9 @@ def separate(
         if slot.material is None or slot.material.library is not None:
             continue
         if any(is_others(node.node_tree) for node in _instances(slot.material.node_tree)):
-            for node in _instances(own_material(obj, slot).node_tree):
+            tree = own_material(obj, slot).node_tree
+            _own_groups(tree, lambda inner: inner.users > 1 and bool(_instances(inner)))
+            for node in _instances(tree):
                 if is_others(node.node_tree):
                     node.node_tree = own(obj)
 
@@ -64,7 +76,7 @@ def of_others(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
 
 
 def _instances(tree: bpy.types.NodeTree | None) -> list[bpy.types.Node]:
-    return [node for node in tree.nodes if nodes.is_ours(node)] if tree else []
+    return [node for inner in nodes.reach(tree, alone=False) for node in inner.nodes if nodes.is_ours(node)]
 
 
 def insert(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.types.MeshUVLoopLayer, by: str) -> int:
@@ -74,53 +86,60 @@ def insert(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.t
     The group goes directly behind the node that hands out the mesh's UVs, in front of Mapping nodes: a redirection is
     one of the mesh's UVs. What else is linked there, and textures with other coordinates, stay as they are.
     """
-    tree, renders = material.node_tree, source_uv.active_render
+    trees, renders = nodes.reach(material.node_tree), source_uv.active_render
     group = nodes.group_by_image(obj) if by == nodes.BY_IMAGE else nodes.group_by_uv_map(obj)
-    for node in tree.nodes:
+    for node in [node for tree in trees for node in tree.nodes]:
         if nodes.is_ours(node):
             node.node_tree = group
         elif node.get(MADE) and getattr(node, "uv_map", "") and node.uv_map not in obj.data.uv_layers:
             node.uv_map = source_uv.name
     instances: dict[bpy.types.NodeSocket, bpy.types.Node] = {}
     done = 0
-    for texture in _flat_textures(obj, tree):
+    for texture in _flat_textures(obj, trees):
         socket = texture.inputs["Vector"]
         if not socket.is_linked:
             # Without a link a texture reads the UV map that renders.
             if renders:
-                source = _uv_node(tree, obj.vrtm.uv_map, texture)
-                tree.links.new(_instance(tree, group, source, instances), socket)
+                source = _uv_node(texture.id_data, obj.vrtm.uv_map, texture)
+                texture.id_data.links.new(_instance(group, source, instances), socket)
                 done += 1
             continue
-        changed = False
-        for link in _uv_links(socket, source_uv.name, renders):
-            tree.links.new(_instance(tree, group, link.from_socket, instances), link.to_socket)
-            changed = True
-        done += changed
+        links = _uv_links(socket, source_uv.name, renders, trees)
+        for link in links:
+            link.from_node.id_data.links.new(_instance(group, link.from_socket, instances), link.to_socket)
+        done += bool(links)
     return done
 
 
 def check(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.types.MeshUVLoopLayer) -> None:
     """Raises a Problem if a material cannot be redirected."""
     tree, renders = material.node_tree, source_uv.active_render
+    trees = nodes.reach(tree)
     if material.library is not None:
         raise Problem(f"material {material.name!r} is linked from another file: make it local")
     if tree is None:
         raise NoTexture(f"material {material.name!r} has no nodes")
-    sockets = [texture.inputs["Vector"] for texture in _flat_textures(obj, tree)]
-    if not any(_uv_links(socket, source_uv.name, renders) if socket.is_linked else renders for socket in sockets):
-        if not any(map(nodes.is_ours, tree.nodes)):
-            raise NoTexture(f"material {material.name!r} has no Image Texture that reads UV map {source_uv.name!r}")
+    sockets = [texture.inputs["Vector"] for texture in _flat_textures(obj, trees)]
+    if any(_uv_links(of, source_uv.name, renders, trees) if of.is_linked else renders for of in sockets):
+        return
+    if not any(nodes.is_ours(node) for inner in trees for node in inner.nodes):
+        shared = [inner for inner in nodes.reach(tree, alone=False) if inner not in trees and nodes.own_textures(inner)]
+        text = f"material {material.name!r} has no Image Texture that reads UV map {source_uv.name!r}"
+        if shared:
+            text += f": its textures are in group {shared[0].name!r}, which others use, too: make it a single user"
+        raise NoTexture(text)
 
 
-def _flat_textures(obj: bpy.types.Object, tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
-    return [node for node in nodes.own_textures(tree) if node.projection == "FLAT" and node.image != obj.vrtm.image]
+def _flat_textures(obj: bpy.types.Object, trees: Iterable[bpy.types.NodeTree]) -> list[bpy.types.Node]:
+    textures = [node for tree in trees for node in nodes.own_textures(tree)]
+    return [node for node in textures if node.projection == "FLAT" and node.image != obj.vrtm.image]
 
 
 def remove(material: bpy.types.Material) -> int:
     """Takes the groups out again and links what they stood between."""
-    tree, removed = material.node_tree, 0
-    for node in _instances(tree):
+    removed = 0
+    for node in _instances(material.node_tree):
+        tree = node.id_data
         before = node.inputs["UV"].links
         source = before[0].from_socket if before else None
         # A UV node that was made for the group goes with it.
@@ -137,16 +156,30 @@ def remove(material: bpy.types.Material) -> int:
 
 def redirected(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     """The Image Texture nodes with an image that are looked up at UVs out of a group of this add-on."""
+    trees = nodes.reach(tree, alone=False)
 
-    def is_behind(node: bpy.types.Node, seen: set[bpy.types.Node]) -> bool:
-        if nodes.is_ours(node):
-            return True
-        seen.add(node)
-        before = [link.from_node for socket in node.inputs for link in socket.links]
-        return any(is_behind(other, seen) for other in before if other not in seen)
+    def is_behind(socket: bpy.types.NodeSocket, seen: set[bpy.types.Node]) -> bool:
+        for link in socket.links:
+            node = link.from_node
+            if nodes.is_ours(node):
+                return True
+            if node.bl_idname == "NodeGroupInput":
+                before = _outside(link, trees)
+            else:
+                before = [] if node in seen else list(node.inputs)
+                seen.add(node)
+            if any(is_behind(other, seen) for other in before):
+                return True
+        return False
 
-    textures = [node for node in nodes.own_textures(tree) if node.image is not None]
-    return [node for node in textures if any(is_behind(link.from_node, set()) for link in node.inputs["Vector"].links)]
+    textures = [node for inner in trees for node in nodes.own_textures(inner) if node.image is not None]
+    return [node for node in textures if is_behind(node.inputs["Vector"], set())]
+
+
+def _outside(link: bpy.types.NodeLink, trees: dict[bpy.types.NodeTree, bpy.types.Node | None]) -> list:
+    """The socket of a group's node that a link within the group begins at."""
+    node = trees[link.from_node.id_data]
+    return [socket for socket in node.inputs if socket.identifier == link.from_socket.identifier] if node else []
 
 
 def lost_maps(obj: bpy.types.Object) -> list[tuple[bpy.types.Node, str]]:
@@ -177,12 +210,13 @@ def _uv_node(tree, name, texture):
     return node.outputs["UV"]
 
 
-def _instance(tree, group, source, instances):
+def _instance(group, source, instances):
     """The output of the group's node behind a socket: one for all that is linked to that socket."""
     node = instances.get(source)
     if node is None:
         node = next((link.to_node for link in source.links if nodes.is_ours(link.to_node)), None)
     if node is None:
+        tree = source.node.id_data
         node = tree.nodes.new("ShaderNodeGroup")
         node.node_tree = group
         node.width = 200
@@ -192,7 +226,7 @@ def _instance(tree, group, source, instances):
     return node.outputs["UV"]
 
 
-def _uv_links(socket, name, renders, seen=None):
+def _uv_links(socket, name, renders, trees, seen=None):
     """The links, upstream of a socket, that begin at the mesh's UV map `name`."""
     seen = set() if seen is None else seen
     found = []
@@ -202,10 +236,13 @@ def _uv_links(socket, name, renders, seen=None):
             continue
         if _hands_out(node, link.from_socket, name, renders):
             found.append(link)
+        elif node.bl_idname == "NodeGroupInput":
+            for outer in _outside(link, trees):
+                found += _uv_links(outer, name, renders, trees, seen)
         elif node not in seen:
             seen.add(node)
             for upstream in node.inputs:
-                found += _uv_links(upstream, name, renders, seen)
+                found += _uv_links(upstream, name, renders, trees, seen)
     return found
 
 
