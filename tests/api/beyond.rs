@@ -221,3 +221,66 @@ fn a_tile_follows_the_setting_of_its_neighbour() {
     shut(&mut asset, Seams::Continue);
     assert!(before == run(&mut asset, Some(&[][..])), "and back");
 }
+
+/// Where the collar of one of two charts has no room beside a part of their seam, neither side moves over that part, so that
+/// both stay together; over the rest of the seam texture moves.
+#[test]
+fn beside_a_slit_both_sides_stay_together() {
+    const SIZE: usize = 256;
+    // In quads of the plane: the first chart ends at the seam. The second one begins there, 17 quads long, and beyond its end
+    // turns back, so that beside the second half of the seam it lies a slit away from itself.
+    let (quad, slit, ends) = (0.0225, 0.13, [0.31f32, 0.47]);
+    let mut sheet = CutSheet { rest: Vec::new(), uvs: Vec::new(), indices: Vec::new() };
+    let mut vertices = std::collections::BTreeMap::new();
+    let mut add = |chart: usize, [x, next]: [f32; 2], rows: std::ops::Range<usize>| {
+        for y in rows {
+            for (x, y) in [(x, y), (next, y), (next, y + 1), (x, y + 1)] {
+                // The first chart stands upright on the second one.
+                let point = if chart == 0 { [0.0, y as f32, 0.0 - x] } else { [x, y as f32, 0.0] };
+                let v = *vertices.entry(point.map(f32::to_bits)).or_insert(sheet.rest.len() as u32);
+                sheet.rest.resize(sheet.rest.len().max(v as usize + 1), point);
+                sheet.indices.push(v);
+                sheet.uvs.push([ends[chart] + quad * x, 0.1 + quad * y as f32]);
+            }
+        }
+    };
+    for x in 0..12 {
+        let x = x as f32;
+        add(0, [x - 12.0, x - 11.0], 0..17);
+        add(1, [x, x + 1.0], 0..20);
+    }
+    (0..4).for_each(|x| add(1, [x as f32 - 4.0 - slit, x as f32 - 3.0 - slit], 10..20));
+    add(1, [-slit, 0.0], 17..20);
+    let mut asset = sheet.asset(&cpu(2), SIZE, true);
+    let disc = |k: usize| {
+        let at = [k % SIZE, k / SIZE].map(|x| (x as f32 + 0.5) / SIZE as f32);
+        let chart = usize::from(at[0] > 0.5 * (ends[0] + ends[1]));
+        let [x, y] = [(at[0] - ends[chart]) / quad, (1.0 - at[1] - 0.1) / quad];
+        let near = [4.5, 13.5].into_iter().any(|row| (x + 0.3).hypot(y - row) < 0.8);
+        255 * u8::from(near && (chart == 0) == (x < 0.0))
+    };
+    let discs: Vec<u8> = (0..SIZE * SIZE).map(disc).collect();
+    asset.set_rigidity(0, Some(view(&discs, SIZE as u32, SIZE as u32))).unwrap();
+    let settings = TileSettings { open_borders: OpenBorders::Fixed, ..asset.settings(0).unwrap() };
+    asset.set_settings(0, &settings).unwrap();
+    let pose: Vec<[f32; 3]> = sheet.rest.iter().map(|&[x, y, z]| [1.6 * x, y, 1.6 * z]).collect();
+    asset
+        .run(&SolveRequest { positions: Strided::from_f32x3(&pose), ..SolveRequest::default() }, &mut [])
+        .unwrap();
+    let mut uvs = vec![[0.0; 2]; sheet.uvs.len()];
+    asset.corner_uvs(&mut uvs).unwrap();
+    // By how many cells both sides move at a vertex of the seam.
+    let moved = |chart: usize, row: usize| {
+        let at = [ends[chart], 0.1 + quad * row as f32];
+        let k = sheet.uvs.iter().position(|own| *own == at).unwrap();
+        [0, 1].map(|c| (uvs[k][c] - at[c]) * SIZE as f32)
+    };
+    let most = |chart: usize, rows: std::ops::Range<usize>| {
+        rows.flat_map(|row| moved(chart, row)).fold(0.0f32, |most, x| most.max(x.abs()))
+    };
+    let [shut, open] = [10..17, 0..10].map(|rows| [0, 1].map(|chart| most(chart, rows.clone())));
+    assert!(
+        shut == [0.0; 2] && open.iter().all(|&x| x > 0.3),
+        "beside the slit {shut:?}, elsewhere {open:?}"
+    );
+}

@@ -9,7 +9,7 @@ mod surface;
 
 use flatten::BANDS;
 pub use flatten::{Across, Collar, CollarTriangle};
-pub use surface::Surface;
+pub use surface::{Surface, Twin};
 
 /// The largest reach of a chart's collar on the surface, in mean widths of the chart: the area of a collar is then a few times
 /// that of its chart at most, and so is what collars add to a tile of many small charts.

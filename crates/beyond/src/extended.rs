@@ -1,6 +1,7 @@
 //! A tile whose charts go on beyond their borders: each chart with its collar, as far as it lies over nothing else of the same
 //! chart. What is left out of a collar is beyond a border, as everything is without collars.
 
+mod sides;
 #[cfg(test)]
 mod tests;
 
@@ -8,7 +9,8 @@ use std::ops::Range;
 
 use glam::DVec2;
 
-use crate::collar::{Across, Collar, CollarTriangle, Surface, collar};
+use crate::collar::{Across, Collar, CollarTriangle, Surface, Twin, collar};
+use sides::{AtSide, Open, Side, drop_runs, ends, open_sides, part_of, rims, run_of};
 use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::mesh::hash::{Table, enter};
 use vrtm_core::mesh::overlaps::Overlaps;
@@ -67,31 +69,12 @@ fn stacked(tile: &TileMesh) -> Vec<bool> {
     stacked
 }
 
-/// A side of a chart's triangle: the triangle, and the corner opposite to the side.
-type Side = (u32, u8);
-
 /// The used part of a collar, and the sides through which it is reached.
 #[derive(Default)]
 struct Used {
     collar: Collar,
     /// The sides of the chart beyond which it goes on, ascending.
     open: Vec<Open>,
-}
-
-/// A side of a chart beyond which the chart goes on: beyond these of its equal parts, counted from the corner that follows
-/// the opposite one.
-#[derive(Clone, Debug, PartialEq, Eq)]
-struct Open {
-    side: Side,
-    parts: Range<usize>,
-}
-
-/// A triangle of a collar at a part of a chart's side.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct AtSide {
-    side: Side,
-    part: usize,
-    triangle: u32,
 }
 
 impl Used {
@@ -127,8 +110,9 @@ impl Used {
     }
 }
 
-/// Shuts the seams at which only one of two charts could move, so that they would come apart: the other one has no
-/// collar, or lies in a tile of `stay`. Charts of further tiles are taken to go on.
+/// Shuts the parts of seams at which only one of two charts could move, so that they would come apart: the other one does
+/// not go on there, or lies in a tile of `stay`. Charts of further tiles are taken to go on. Short runs of parts stay open:
+/// there are some at corners of charts, and features over them would lose more than is gained.
 fn shut_one_sided(
     source: &TileMesh,
     surface: &Surface,
@@ -138,29 +122,41 @@ fn shut_one_sided(
     check: &dyn Fn(),
 ) {
     let chart_of = source.chart_of_triangles();
+    let of_triangle = |t: u32| chart_of[t as usize] as usize;
     let is_open = |used: &[Used], side: Side| match surface.twin(side) {
-        Some((there, (t, _))) if there as usize == tile => {
-            !used[chart_of[t as usize] as usize].open.is_empty()
-        }
-        Some((there, _)) => !stay.contains(&there),
+        Some(twin) if twin.tile as usize == tile => !used[of_triangle(twin.side.0)].open.is_empty(),
+        Some(twin) => !stay.contains(&twin.tile),
         None => true,
+    };
+    let goes_on = |used: &[Used], rim: &AtSide, parts: usize| {
+        let Some(Twin { side, turns, .. }) = surface.twin(rim.side).filter(|twin| twin.tile as usize == tile)
+        else {
+            return true;
+        };
+        let Used { collar, open } = &used[of_triangle(side.0)];
+        let middle = (rim.part as f64 + 0.5) / parts as f64;
+        let along = if turns { 1.0 - middle } else { middle };
+        let part = (along * collar.parts as f64) as usize;
+        run_of(open, side).is_some_and(|open| open.parts.contains(&part))
     };
     loop {
         check();
-        // A chart that loses its collar shuts others: until nothing changes.
+        // A part that is shut shuts others: until nothing changes.
         let less = |c: usize| {
-            let sides: Vec<Side> =
-                used[c].open.iter().map(|open| open.side).filter(|&side| is_open(used, side)).collect();
-            (sides.len() < used[c].open.len()).then_some((c, sides))
+            let Used { collar, open } = &used[c];
+            let mut rims = rims(source, collar);
+            rims.retain(|rim| run_of(open, rim.side).is_some_and(|open| open.parts.contains(&rim.part)));
+            let count = rims.len();
+            rims.retain(|rim| is_open(used, rim.side));
+            drop_runs(source, collar, &mut rims, |rim| goes_on(used, rim, collar.parts));
+            (rims.len() < count).then_some((c, rims))
         };
-        let less: Vec<(usize, Vec<Side>)> = (0..used.len()).filter_map(less).collect();
+        let less: Vec<(usize, Vec<AtSide>)> = (0..used.len()).filter_map(less).collect();
         if less.is_empty() {
             return;
         }
-        for (c, sides) in less {
+        for (c, rims) in less {
             let collar = std::mem::take(&mut used[c]).collar;
-            let mut rims = rims(source, &collar);
-            rims.retain(|rim| sides.binary_search(&rim.side).is_ok());
             let all = vec![true; collar.triangles.len()];
             used[c] = Used::hanging(collar, &rims, all);
         }
@@ -192,52 +188,6 @@ fn part_of_collar(collar: Collar, used: &[bool]) -> Collar {
 fn in_tile(uv: [DVec2; 3]) -> bool {
     let [low, high] = [uv[0].min(uv[1]).min(uv[2]), uv[0].max(uv[1]).max(uv[2])];
     high.min_element() > 0.0 && low.max_element() < 1.0
-}
-
-/// The triangles at the sides of the chart, ascending.
-fn rims(tile: &TileMesh, collar: &Collar) -> Vec<AtSide> {
-    let mut rims = Vec::new();
-    for (k, triangle) in collar.triangles.iter().enumerate() {
-        for (corner, across) in triangle.across.into_iter().enumerate() {
-            if let Across::Chart(side) = across {
-                let part = part_of(tile, collar, side, triangle.uv, corner);
-                rims.push(AtSide { side, part, triangle: k as u32 });
-            }
-        }
-    }
-    rims.sort_unstable();
-    rims
-}
-
-/// At which of the parts of a chart's side a triangle of its collar lies.
-fn part_of(tile: &TileMesh, collar: &Collar, side: Side, uv: [DVec2; 3], corner: usize) -> usize {
-    let middle = 0.5 * (uv[(corner + 1) % 3] + uv[(corner + 2) % 3]);
-    let [from, to] = ends(tile, side);
-    let along = (middle - from).dot(to - from) / (to - from).length_squared();
-    (along * collar.parts as f64) as usize
-}
-
-/// The ends of a side.
-fn ends(tile: &TileMesh, (t, k): Side) -> [DVec2; 2] {
-    let uv = &tile.triangles[t as usize].uv;
-    [1, 2].map(|d| uv[(k as usize + d) % 3])
-}
-
-/// The sides of the chart at which triangles are used, ascending: of each side the longest run of parts, since whoever
-/// crosses the side goes on from one of its parts.
-fn open_sides(rims: &[AtSide], used: &[bool]) -> Vec<Open> {
-    let list: Vec<AtSide> = rims.iter().copied().filter(|rim| used[rim.triangle as usize]).collect();
-    let of_side = |rims: &[AtSide]| {
-        let runs = rims.chunk_by(|a, b| a.part + 1 == b.part);
-        let run = runs.reduce(|longest, run| if run.len() > longest.len() { run } else { longest })?;
-        Some(Open { side: run[0].side, parts: run[0].part..run[run.len() - 1].part + 1 })
-    };
-    list.chunk_by(|a, b| a.side == b.side).filter_map(of_side).collect()
-}
-
-/// The run of a side's parts beyond which the chart goes on.
-fn run_of(open: &[Open], side: Side) -> Option<&Open> {
-    open.binary_search_by_key(&side, |open| open.side).ok().map(|k| &open[k])
 }
 
 /// The triangles that hang together with the chart.

@@ -62,6 +62,14 @@ pub(super) struct Rim {
     pub across: DVec2,
 }
 
+/// The side beyond a seam: its tile, an index in `Mesh::tiles`, its triangle's number there, and whether it begins where the
+/// other one ends.
+pub struct Twin {
+    pub tile: u32,
+    pub side: Side,
+    pub turns: bool,
+}
+
 impl<'a> Surface<'a> {
     pub fn new(mesh: &'a Mesh, tile: usize, beyond: &Beyond) -> Surface<'a> {
         let range = tiles_of_set(mesh, tile);
@@ -226,13 +234,13 @@ impl<'a> Surface<'a> {
         (self.beyond.get(&side) == Some(&side)).then_some(Mirror { edge: [from, to], inner })
     }
 
-    /// Side that a side of the tile is joined to at a seam, after its tile, an index in `Mesh::tiles`; `None` at other
-    /// borders.
-    pub fn twin(&self, (t, k): Side) -> Option<(u32, Side)> {
+    /// What a side of the tile is joined to at a seam; `None` at other borders.
+    pub fn twin(&self, (t, k): Side) -> Option<Twin> {
         let own = (self.first[self.home] + t, k);
         let other = self.beyond.get(&own).copied().filter(|other| *other != own)?;
         let (_, index, number) = self.place(other.0);
-        Some((self.first_tile + index as u32, (number as u32, other.1)))
+        let turns = self.ends(other)[0] != self.ends(own)[0];
+        Some(Twin { tile: self.first_tile + index as u32, side: (number as u32, other.1), turns })
     }
 
     /// The side of another triangle at the same edge of the surface, or of its double.
