@@ -222,13 +222,13 @@ fn a_tile_follows_the_setting_of_its_neighbour() {
     assert!(before == run(&mut asset, Some(&[][..])), "and back");
 }
 
-/// Where the collar of one of two charts has no room beside a part of their seam, neither side moves over that part, so that
-/// both stay together; over the rest of the seam texture moves.
+/// Where the collar of one of two charts has no room beside a part of their seam, neither side moves over that part, so
+/// that both stay together; over the rest of the seam texture moves.
 #[test]
 fn beside_a_slit_both_sides_stay_together() {
     const SIZE: usize = 256;
-    // In quads of the plane: the first chart ends at the seam. The second one begins there, 17 quads long, and beyond its end
-    // turns back, so that beside the second half of the seam it lies a slit away from itself.
+    // In quads of the plane: the first chart ends at the seam, which is 17 quads long. The second one begins there, and
+    // beyond the seam's end turns back, so that beside the second half of the seam it lies a slit away from itself.
     let (quad, slit, ends) = (0.0225, 0.13, [0.31f32, 0.47]);
     let mut sheet = CutSheet { rest: Vec::new(), uvs: Vec::new(), indices: Vec::new() };
     let mut vertices = std::collections::BTreeMap::new();

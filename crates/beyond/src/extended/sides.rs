@@ -9,8 +9,8 @@ use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::mesh::TileMesh;
 use vrtm_core::mesh::hash::{Table, enter};
 
-/// A run of parts of a seam at which only one of two charts goes on is shut if it is longer than this part of the reach: two of
-/// a collar's bands.
+/// A run of parts of a seam at which only one of two charts goes on is shut if it is longer than this part of the reach,
+/// nearly two of a collar's bands.
 const SHORTEST: f64 = 0.3;
 
 /// A side of a chart's triangle: the triangle, and the corner opposite to the side.
@@ -97,7 +97,7 @@ pub(super) fn drop_runs(
     goes_on: impl Fn(&AtSide) -> bool,
 ) {
     let stays: Vec<u32> = (0..rims.len() as u32).filter(|&k| !goes_on(&rims[k as usize])).collect();
-    // Parts with an end in common are one run: each has the number of one of its parts.
+    // Parts with an end in common are one run: a tree of parts.
     let mut run: Vec<u32> = (0..rims.len() as u32).collect();
     let mut lengths: Vec<f64> = zeroed(rims.len());
     let mut at_end: Table<[u64; 2], u32> = Table::default();
