@@ -8,7 +8,7 @@
 // 0 is then the result; the entry `fall_back` writes 8 bytes per node of charts that did not pass.
 
 var<workgroup> window_u: array<vec2f, 324>;
-var<workgroup> certificates: array<vec4f, 256>;
+var<workgroup> certificates: array<vec4f, 64>;
 
 /// Four units of rounding, 4 x 2^-24, rounded up. For offsets of up to a few cells this exceeds the error of the two
 /// subtractions, of the products and of their difference; for longer offsets it need not (method §8).
@@ -22,14 +22,14 @@ fn lower_bound_of_cross(o: vec2f, a: vec2f, b: vec2f) -> f32 {
     return (p.x * q.y - p.y * q.x) - ROUNDING * bound;
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(64)
 fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE {
         return;
     }
     var largest = 0.0;
-    for (var k = t; k < WINDOW; k += NODES) {
+    for (var k = t; k < WINDOW; k += 64u) {
         let n = window_node(k);
         let source = window_source(n);
         let holder = blocks[b].neighbours[source.x];
@@ -47,7 +47,7 @@ fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     var folds = 0.0;
     // Cells whose lower left nodes are (-1, -1) to (15, 15) of this block. A cell whose lower left node lies in another
     // block is left to that block if it is active, since it is then checked there.
-    for (var k = t; k < 289u; k += NODES) {
+    for (var k = t; k < 289u; k += 64u) {
         let cell = vec2u(k % 17u, k / 17u);
         let holder = select(3u, 0u, cell.y == 0u) + select(0u, 1u, cell.x > 0u);
         if holder == 4u || blocks[b].active_neighbours[holder] == NONE {
@@ -73,7 +73,7 @@ fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
     }
     certificates[t] = vec4f(0.0, worst, folds, largest);
     workgroupBarrier();
-    for (var half = 128u; half > 0u; half /= 2u) {
+    for (var half = 32u; half > 0u; half /= 2u) {
         if t < half {
             let own = certificates[t];
             let other = certificates[t + half];
@@ -90,11 +90,13 @@ fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
 }
 
 /// Writes the identity for charts that did not pass.
-@compute @workgroup_size(256)
+@compute @workgroup_size(64)
 fn fall_back(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);
     if b == NONE || charts[blocks[b].chart].fallback == 0u {
         return;
     }
-    set_displacement(b, t, vec2f());
+    for (var k = 0u; k < 4u; k++) {
+        set_displacement(b, thread_slot(k, t), vec2f());
+    }
 }

@@ -9,9 +9,9 @@ HEAD = """\
 No GPU was used: `python3 benches/gpu_model` writes this file anew, from Mesa's shader compiler and a model of one warp.
 [What it knows and what it does not](../gpu_model/README.md). Its dispatches are those of the bulge in
 [gpu-counts.md](gpu-counts.md). "Memory" is workgroup memory in bytes; "static" and "dynamic" are instructions, of the
-code and on the critical path of a warp; "slots" are issue slots of a mean warp. "pbd" is the paper's solver, with 1 and with
-16 iterations on each level: the former are the 70 passes that the paper calls an iteration, the latter is the default. A
-map has as many texels as the grid has cells; its time is that of the kernels, without the way over the bus.
+code and on the critical path of a warp; "slots" are issue slots of a mean warp. "pbd" is the paper's solver, with 1 and
+with 16 iterations on each level: the former are the 70 passes that the paper calls an iteration, the latter is the
+default. A map has as many texels as the grid has cells; its time is that of the kernels, without the way over the bus.
 
 """
 SIZES = (512, 2048)

@@ -156,7 +156,7 @@ def rungs(name, size, counts):
 
 
 def is_taken(kernel, groups):
-    """Whether dispatches of so many workgroups take this form of a kernel: a block colour has a quarter of the blocks."""
+    """Whether dispatches of so many workgroups take this form of a kernel: a block colour has a quarter of a level."""
     return not kernel.name.startswith("Relax") or (4 * groups <= WIDE_BLOCKS) == kernel.name.endswith("Wide")
 
 

@@ -183,6 +183,8 @@ fn webgpu_s_default_limits_suffice() {
             | Kernel::CopyState
             | Kernel::SamplesChords
             | Kernel::SamplesMetrics
+            | Kernel::Certify
+            | Kernel::FallBack
             | Kernel::Surface
             | Kernel::SelectCharts
             | Kernel::Gate
