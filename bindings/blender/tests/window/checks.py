@@ -430,6 +430,51 @@ def check_undo():
     yield from solved(bpy.data.objects["skin"])
 
 
+def check_scripts():
+    """What a script calls is an undo step: undoing a mesh edit that follows leaves it, and Blender lives on."""
+    sample_file()
+    yield 1
+    with at("VIEW_3D"):
+        bpy.ops.ed.undo_push(message="opened")
+        bpy.ops.vrtm.set_up()
+        yield from solved(bpy.data.objects["skin"])
+        for number in range(2):
+            bpy.data.objects["skin"].data.vertices[number].co.x += 0.1
+            bpy.ops.ed.undo_push(message="edit")
+    press("mousemove", "500", "500")
+    for left in (True, True, False):
+        press("key", "ctrl+z")
+        yield 1
+        assert bpy.data.objects["skin"].vrtm.live == left
+    press("key", "ctrl+shift+z")
+    yield 1
+    yield from solved(bpy.data.objects["skin"])
+
+
+def check_begin():
+    """Set Up asks where nothing tells what is rigid; the sidebar has the panel, too."""
+    obj = sample_file()
+    yield 1
+    bpy.data.images.remove(bpy.data.images["rigidity"])
+    view = area("VIEW_3D").spaces.active
+    view.show_region_ui = True
+    press("mousemove", "500", "400")
+    yield 1
+    with at("VIEW_3D"):
+        bpy.ops.vrtm.set_up("INVOKE_DEFAULT")
+    yield 1
+    assert not obj.vrtm.is_set_up
+    picture("begin")
+    # The second one: From Texture.
+    press("key", "f")
+    yield from until(lambda: obj.vrtm.is_set_up)
+    yield from solved(obj)
+    for region in [region for region in area("VIEW_3D").regions if region.type == "UI"]:
+        region.active_panel_category = "vrtm"
+    yield 2
+    picture("sidebar")
+
+
 def check_paint():
     """A stroke of the brush on a black rigidity image is followed, and so is its undo."""
     obj = yield from set_up()
