@@ -469,8 +469,7 @@ def check_begin():
     press("key", "f")
     yield from until(lambda: obj.vrtm.is_set_up)
     yield from solved(obj)
-    for region in [region for region in area("VIEW_3D").regions if region.type == "UI"]:
-        region.active_panel_category = "vrtm"
+    press("mousemove", "1307", "264", "click", "1")
     yield 2
     picture("sidebar")
 
