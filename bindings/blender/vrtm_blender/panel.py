@@ -79,7 +79,8 @@ class VRTM_PT_quality(_Panel, bpy.types.Panel):
         layout.use_property_split, layout.use_property_decorate = True, False
         for name in ("quality", "grid", "map_size"):
             column = layout.column(align=True)
-            column.prop(settings, name, text=f"{settings.bl_rna.properties[name].name} Viewport")
+            # Longer words are cut at the panel's usual width.
+            column.prop(settings, name)
             column.prop(settings, f"render_{name}", text="Render")
         layout.prop(settings, "device")
         layout.prop(settings, "measure")
