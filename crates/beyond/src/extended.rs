@@ -110,9 +110,9 @@ impl Used {
     }
 }
 
-/// Shuts the parts of seams at which only one of two charts could move, so that they would come apart: the other one does
-/// not go on there, or lies in a tile of `stay`. Charts of further tiles are taken to go on. Short runs of parts stay open:
-/// there are some at corners of charts, and features over them would lose more than is gained.
+/// Shuts the parts of seams at which only one of two charts could move, since they would come apart there. The other chart does
+/// not go on, or lies in a tile of `stay`; charts of further tiles are taken to go on. Short runs of parts stay open: corners of
+/// charts have some, and features over them would lose more than is gained.
 fn shut_one_sided(
     source: &TileMesh,
     surface: &Surface,

@@ -22,7 +22,7 @@ use crate::method::stage::Stages;
 use crate::report::{AdapterInfo, GpuWork};
 use crate::team::Team;
 
-/// The solver of a tile, or of several as one ([`Grid::joined`]): the memory that a backend keeps from one solve to the next.
+/// The memory that a backend keeps from one solve of a tile to the next, or of several tiles as one ([`Grid::joined`]).
 pub trait TileSolver: Debug + Send + Sync {
     /// True if this memory is for this purpose on this grid (grids of other sizes or maps have other blocks).
     fn is_for(&self, grid: &Arc<Grid>, purpose: Purpose) -> bool;
@@ -238,7 +238,8 @@ pub trait GpuOutput: Debug + Send + Sync {
         read: &mut dyn FnMut(usize, &[[f32; 2]]),
     ) -> Result<()>;
 
-    /// The same with the bytes of a redirection's texels, two channels of `format`, measured as for `write_external`.
+    /// Calls `read(row, bytes)` for the same bands, with a redirection's texels: two channels of `format`, measured from where
+    /// `write_external` measures them.
     fn redirect(
         &self,
         u: &dyn GpuWarp,

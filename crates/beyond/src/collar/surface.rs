@@ -62,11 +62,13 @@ pub(super) struct Rim {
     pub across: DVec2,
 }
 
-/// The side beyond a seam: its tile, an index in `Mesh::tiles`, its triangle's number there, and whether it begins where the
-/// other one ends.
+/// The side beyond a seam.
 pub struct Twin {
+    /// Its tile, an index in `Mesh::tiles`.
     pub tile: u32,
+    /// Its triangle's number in that tile, and the corner opposite to it.
     pub side: Side,
+    /// True if it begins where the side on this side of the seam ends.
     pub turns: bool,
 }
 
@@ -234,7 +236,7 @@ impl<'a> Surface<'a> {
         (self.beyond.get(&side) == Some(&side)).then_some(Mirror { edge: [from, to], inner })
     }
 
-    /// What a side of the tile is joined to at a seam; `None` at other borders.
+    /// The side that a side of the tile is joined to at a seam; `None` at other borders.
     pub fn twin(&self, (t, k): Side) -> Option<Twin> {
         let own = (self.first[self.home] + t, k);
         let other = self.beyond.get(&own).copied().filter(|other| *other != own)?;

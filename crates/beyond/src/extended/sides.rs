@@ -16,11 +16,11 @@ const SHORTEST: f64 = 0.3;
 /// A side of a chart's triangle: the triangle, and the corner opposite to the side.
 pub(super) type Side = (u32, u8);
 
-/// A side of a chart beyond which the chart goes on: beyond these of its equal parts, counted from the corner that follows
-/// the opposite one.
+/// A side of a chart beyond a part of which the chart goes on.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Open {
     pub side: Side,
+    /// These of its equal parts, counted from the corner that follows the opposite one.
     pub parts: Range<usize>,
 }
 
