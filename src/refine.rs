@@ -3,10 +3,10 @@
 pub(crate) mod pattern;
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use glam::DVec2;
 use vrtm_core::allocation::Vec;
+use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, Result};
 use vrtm_core::grid::planes::Plane;
 

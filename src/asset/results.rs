@@ -4,10 +4,10 @@
 mod tests;
 
 use std::sync::{Arc, Mutex, TryLockError};
-use std::time::Instant;
 
 use crate::device::{Device, LiveAsset};
 use vrtm_core::allocation::Vec;
+use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::image::external::ExternalImage;
 use vrtm_core::image::{ImagePart, ImageViewMut};

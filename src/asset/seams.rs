@@ -2,7 +2,6 @@
 //! starts from.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use super::Asset;
 use super::after;
@@ -15,6 +14,7 @@ use crate::solved::Solved;
 use vrtm_beyond::{Blends, Copies, Depths, Limited, Places, Side, blend};
 use vrtm_core::allocation::Vec;
 use vrtm_core::backend::Warp;
+use vrtm_core::clock::Instant;
 use vrtm_core::error::Result;
 use vrtm_core::grid::Grid;
 use vrtm_core::mesh::{Mesh, TileMesh};

@@ -1,12 +1,12 @@
 //! A tile as it hangs together in a pose, and its grid: what they are made from, and how.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use crate::device::{Booked, Device};
 use vrtm_beyond::extended;
 use vrtm_beyond::gutter::Gutter;
 use vrtm_core::allocation::{Vec, vec, zeroed};
+use vrtm_core::clock::Instant;
 use vrtm_core::error::Result;
 use vrtm_core::grid::repaint::{Repainted, repaint};
 use vrtm_core::grid::survey::Survey;

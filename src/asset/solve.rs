@@ -3,9 +3,10 @@
 
 use std::cmp::Reverse;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use vrtm_core::allocation::{Vec, vec, zeroed};
+use vrtm_core::clock::Instant;
 use vrtm_core::error::Result;
 use vrtm_core::grid::maps::{TileMaps, Values};
 use vrtm_core::mesh::Chart;

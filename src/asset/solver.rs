@@ -1,12 +1,13 @@
 //! A call that solves tiles, and the solvers of tiles: of one, or of several that share one.
 
 use std::sync::{Arc, Mutex};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::shape::Call;
 use crate::device::Booked;
 use vrtm_core::allocation::Vec;
 use vrtm_core::backend::{TileSolution, TileSolve, TileSolver, Warp};
+use vrtm_core::clock::Instant;
 use vrtm_core::error::{ErrorKind, Result};
 use vrtm_core::grid::Grid;
 use vrtm_core::mesh::TileMesh;

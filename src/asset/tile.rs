@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 use std::sync::atomic::AtomicU32;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use crate::device::{Booked, Device};
 use vrtm_beyond::Copies;
 use vrtm_beyond::gutter::LimitedTexels;
 use vrtm_core::allocation::{Vec, vec, zeroed};
+use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::SIDE;

@@ -3,13 +3,13 @@
 
 use std::ops::Range;
 use std::sync::Arc;
-use std::time::Instant;
 
 use super::shape::Prepared;
 use super::solver::{BookedSolver, Member, Shared, SolveCall, Together, is_usable_after};
 use super::tile::{Begun, TileSolved, TileState};
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::backend::{TileSolution, Warp};
+use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::pose::{ChartPose, Pose};

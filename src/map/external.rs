@@ -1,9 +1,8 @@
 //! Writes redirections into memory of a host's graphics device.
 
-use std::time::Instant;
-
 use crate::device::Device;
 use crate::solved::Solved;
+use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::image::external::{ExternalImage, ExternalTexels};
 

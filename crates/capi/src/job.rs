@@ -3,7 +3,7 @@
 use std::mem::replace;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::desc::{Out, Place, Sized32};
 use super::guard::guard;
@@ -18,6 +18,7 @@ use super::types::{strided, vrtm_array};
 use crate::hook;
 use vrtm::SolveRequest;
 use vrtm_core::allocation::{Vec, boxed};
+use vrtm_core::clock::Instant;
 use vrtm_core::control::{Control, this_thread};
 use vrtm_core::float_mode::FloatMode;
 use vrtm_core::panics::lock;

@@ -10,6 +10,7 @@
 
 // Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
 pub mod line;
+pub mod clock;
 pub mod local;
 pub mod error;
 pub mod declare;

@@ -1,7 +1,6 @@
 //! One solve of one tile on the GPU, from its start to the reading of its results.
 
 use std::sync::Arc;
-use std::time::Instant;
 
 use super::context::Context;
 use super::layout::{Chart, Params, node_planes};
@@ -11,6 +10,7 @@ use super::recorder::{Recorder, Statistics};
 use super::results::{Displacements, RESULT_BLOCK, ResultBuffers};
 use vrtm_core::allocation::{Vec, boxed};
 use vrtm_core::backend::{TileSolution, TileSolve, TileSolver, Warp};
+use vrtm_core::clock::Instant;
 use vrtm_core::control::Control;
 use vrtm_core::error::{Error, Result};
 use vrtm_core::grid::Grid;

@@ -1,7 +1,9 @@
 //! Time budgets: the actual time of stages of known cost (`cost`), and what still fits into a solve's budget. Without a
 //! budget nothing depends on a clock.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
+
+use crate::clock::Instant;
 
 /// Seconds that a stage takes at least, for waking threads and lists of charts.
 const LEAST: f64 = 50e-6;

@@ -1,8 +1,8 @@
 //! The progress of a solve, for a host that waits for it, and its cancellation.
 
 use std::sync::Arc;
-use std::time::Instant;
 
+use crate::clock::Instant;
 use crate::control::Control;
 
 /// A solve's share of a call's progress.

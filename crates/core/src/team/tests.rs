@@ -2,11 +2,12 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::*;
 
 use crate::allocation::{Vec, vec};
+use crate::clock::Instant;
 
 #[test]
 fn every_item_runs_once() {

@@ -264,7 +264,7 @@ fn the_inverse_is_the_cpu_s() {
         let large = cells[0] > 1000;
         let sizes = sizes(cells[0] as usize, cells[1] as usize);
         for &size in if large { &sizes[..2] } else { &sizes[..] } {
-            let start = std::time::Instant::now();
+            let start = vrtm_core::clock::Instant::now();
             let worst = compare(&context, &grid, &u, size);
             println!(
                 "{cells:?} to {size:?}: {worst:.1e} texel, {:.0} ms",

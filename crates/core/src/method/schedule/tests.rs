@@ -2,10 +2,11 @@
 
 use std::cell::Cell;
 use std::sync::{Arc, LazyLock};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::*;
 use crate::allocation::{Vec, vec};
+use crate::clock::Instant;
 use crate::cpu::{Memory, Run};
 use crate::fixtures::{discs, maps, posed, sheet};
 use crate::grid::Grid;
