@@ -148,9 +148,9 @@ def run(options):
             sep="\n",
         )
         return
-    counts = solve.counted((options.root / "benches/results/gpu-counts.md").read_text())
+    text = (options.root / "benches/results/gpu-counts.md").read_text()
     out = options.out or options.root / "benches/results/gpu-model.md"
-    out.write_text(report.whole(kernels, counts))
+    out.write_text(report.whole(kernels, solve.counted(text), text))
     print(f"written to {out}")
 
 

@@ -15,6 +15,8 @@ default. A map has as many texels as the grid has cells; its time is that of the
 
 """
 SIZES = (512, 2048)
+# Scenes with many charts or tiles, which are solved together.
+MESHES, MESH_SIZES = ("mh_face", "ict_inner"), (256, 512)
 
 
 def kernels(all_kernels):
@@ -63,13 +65,35 @@ def maps(all_kernels):
     return "\n".join(lines) + "\n"
 
 
-def whole(all_kernels, counts):
-    """The report."""
-    columns = [(q, n) for q in solve.QUALITIES for n in SIZES if n in counts.kernels[q]]
-    # Of the forms of a kernel the first; kernels that are counted together share their dispatches.
+def defaults(all_kernels):
+    """Of the forms of a kernel the first; kernels that are counted together share their dispatches."""
     default = {}
     for kernel in all_kernels:
         default.setdefault(kernel.counted, {}).setdefault(kernel.name, kernel)
+    return default
+
+
+def meshes(all_kernels, text):
+    """A row per mesh and size, with a `normal` solve of all of its tiles."""
+    default = defaults(all_kernels)
+    lines = ["| scene | size | dispatches | empty ones | model, ms |", "|---|---|---|---|---|"]
+    for scene in MESHES:
+        counts = solve.counted(text, scene)
+        of = counts.kernels["normal"]
+        for size in MESH_SIZES:
+            if size not in of or size not in counts.all["normal"]:
+                continue
+            dispatches, empty, _ = counts.all["normal"][size]
+            known = [kernel for name in of[size] for kernel in default.get(name, {}).values()]
+            ms = sum(solve.milliseconds(kernel, "normal", size, of) for kernel in known) + solve.EMPTY * empty
+            lines.append(f"| {scene} | {size}² | {dispatches} | {empty} | **{ms:.2f}** |")
+    return "\n".join(lines) + "\n"
+
+
+def whole(all_kernels, counts, text):
+    """The report; `text` is gpu-counts.md."""
+    columns = [(q, n) for q in solve.QUALITIES for n in SIZES if n in counts.kernels[q]]
+    default = defaults(all_kernels)
     rows, sums, unknown = {}, dict.fromkeys(columns, 0.0), set()
     for quality, size in columns:
         for name, (dispatches, _) in counts.kernels[quality][size].items():
@@ -111,7 +135,9 @@ def whole(all_kernels, counts):
         *solves,
         "\n## Kernels in solves\n",
         *table,
-        "\n## Maps\n",
+        "\n## Scenes with many charts\n",
+        meshes(all_kernels, text),
+        "## Maps\n",
         maps(all_kernels),
         "## Kernels\n",
     ]

@@ -175,7 +175,7 @@ def milliseconds(kernel, quality, size, counts):
 
 @dataclass
 class Counts:
-    """What gpu-counts.md says of the bulge: per quality and size dispatches and workgroups of each kernel; dispatches,
+    """What gpu-counts.md says of a scene: per quality and size dispatches and workgroups of each kernel; dispatches,
     empty ones and barriers of all; and the strain that is left, if it is told."""
 
     kernels: dict
@@ -183,13 +183,14 @@ class Counts:
     strain: dict
 
 
-def counted(text):
+def counted(text, scene="bulge"):
     kernels, totals, strain = ({quality: {} for quality in QUALITIES} for _ in range(3))
-    for size, numbers in re.findall(r"^\| bulge \| (\d+)² \| \d+ \| (\d+ \| \d+ \| \d+) \|", text, re.MULTILINE):
+    row = rf"^\| {scene} \| (\d+)² \| \d+ \| (\d+ \| \d+ \| \d+) \|"
+    for size, numbers in re.findall(row, text, re.MULTILINE):
         totals["normal"][int(size)] = [int(number) for number in numbers.split(" | ")]
     for part in text.split("\n## ")[1:]:
         head = re.match(
-            r"bulge at (\d+)², (?:kernel by kernel|`([\w ]+)`: (\d+) .*?, (\d+) .*?, (\d+) barriers)",
+            scene + r" at (\d+)², (?:kernel by kernel|`([\w ]+)`: (\d+) .*?, (\d+) .*?, (\d+) barriers)",
             part,
         )
         if not head:
