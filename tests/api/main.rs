@@ -18,6 +18,7 @@ mod saved;
 mod selection;
 mod set_maps;
 mod uv_sets;
+mod web;
 
 /// As in a program that lets hosts give it memory.
 #[global_allocator]

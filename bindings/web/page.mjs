@@ -1,0 +1,32 @@
+// Builds the page: `npm ci && npm run build && npm run page` makes examples/web/dist, a folder for any server of files.
+import { execFileSync } from "node:child_process";
+import { cpSync, mkdirSync, rmSync } from "node:fs";
+import { fileURLToPath } from "node:url";
+import { build } from "esbuild";
+
+const here = fileURLToPath(new URL(".", import.meta.url));
+const root = fileURLToPath(new URL("../..", import.meta.url));
+const page = `${root}examples/web/`;
+const out = `${page}dist/`;
+execFileSync(process.execPath, [`${here}node_modules/typescript/bin/tsc`, "--project", page], { stdio: "inherit" });
+rmSync(out, { recursive: true, force: true });
+mkdirSync(out);
+await build({
+  entryPoints: { main: `${page}src/main.ts`, worker: `${here}dist/worker.js` },
+  alias: { "vrtm/worker": `${here}dist/worker_asset.js` },
+  nodePaths: [`${here}node_modules`],
+  bundle: true,
+  minify: true,
+  format: "esm",
+  target: "es2022",
+  outdir: out,
+  // Of three.js and of what its package names.
+  legalComments: "linked",
+});
+for (const file of ["index.html", "style.css"]) {
+  cpSync(page + file, out + file);
+}
+cpSync(`${here}dist/wasm/vrtm_bg.wasm`, `${out}vrtm_bg.wasm`);
+for (const scene of ["mug_to_jug", "creature"]) {
+  execFileSync("cargo", ["run", "--quiet", "--example", "scene", "--", scene, `${out}scenes/${scene}`], { cwd: root, stdio: "inherit" });
+}
