@@ -28,14 +28,14 @@ fail() {
 
 here=$(cd "$(dirname "$0")" && pwd)
 source=$(cd "$here/.." && pwd)
-out='' max_glibc='' target='' prebuilt='' features='' gpu=1
+out='' max_glibc='' target='' prebuilt=''
 install_options=''
 while [ $# -gt 0 ]; do
     option=$1
     shift
     case $option in
         --help | -h) help; exit 0 ;;
-        --no-gpu) gpu=; install_options="$install_options --no-gpu"; continue ;;
+        --no-gpu) install_options="$install_options --no-gpu"; continue ;;
         --offline) install_options="$install_options --offline"; continue ;;
         --*=*)
             value=${option#*=}
@@ -53,7 +53,7 @@ while [ $# -gt 0 ]; do
         --max-glibc) max_glibc=$value ;;
         --prebuilt) prebuilt=$value ;;
         --target | --profile | --features | --target-dir)
-            case $option in --target) target=$value ;; --features) features=$value ;; esac
+            [ "$option" != --target ] || target=$value
             case $value in *[\ \	]*) fail "$option is $value: blanks are not supported" ;; esac
             install_options="$install_options $option=$value"
             ;;
@@ -111,31 +111,6 @@ if [ -n "$max_glibc" ]; then
     newest=$(printf '%s\n%s\n' "$needed" "$max_glibc" | sort -t. -k1,1n -k2,2n | tail -n 1)
     [ "$newest" = "$max_glibc" ] || fail "the library needs glibc $needed, but --max-glibc is $max_glibc"
 fi
-
-# The licences of all crates that are linked in, as their packages have them.
-notices=$tree/share/doc/vrtm/THIRD-PARTY.txt
-set -- tree --manifest-path "$source/Cargo.toml" --package vrtm-c --edges normal,no-proc-macro --prefix none \
-    --format '{p}|{l}|{r}' --target "$triple" --offline --locked
-[ -n "$gpu" ] || set -- "$@" --no-default-features
-[ -z "$features" ] || set -- "$@" --features "$features"
-cargo "$@" | sed 's/ (\*)$//; s/ ([^|]*)//' | sort -u | grep -v '^vrtm\(-c\)* v' >"$work/crates" || true
-[ -s "$work/crates" ] || fail "cargo does not list what the library is linked with"
-{
-    echo "libvrtm holds code of the packages below, and of Rust's standard library, which is licensed under MIT or"
-    echo "Apache-2.0 (https://github.com/rust-lang/rust). Each is followed by the licences that it comes with."
-    while IFS='|' read -r crate licence repository; do
-        folder=$(echo "$crate" | sed 's/ v/-/')
-        printf '\n==== %s: %s\n%s\n' "$folder" "$licence" "$repository"
-        found=
-        for file in "$registry"/*/"$folder"/LICEN[CS]E* "$registry"/*/"$folder"/COPYING* "$registry"/*/"$folder"/NOTICE*; do
-            [ -f "$file" ] || continue
-            found=1
-            printf '\n---- %s\n\n' "${file##*/}"
-            tr -d '\r' <"$file"
-        done
-        [ -n "$found" ] || echo "(The package has no file with its licence; its text is known by the name above.)"
-    done <"$work/crates"
-} >"$notices"
 
 # The same bytes each time: GNU's tar and BSD's differ in the options for that.
 find "$tree" -type d -exec chmod 755 {} +

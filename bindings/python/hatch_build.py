@@ -67,8 +67,8 @@ class BuildHook(BuildHookInterface):
             shutil.copy2(library, package / file)
         else:
             build_data["force_include"][str(library)] = f"vrtm/{file}"
-            for licence in ("LICENSE-MIT", "LICENSE-APACHE"):
-                build_data["force_include"][str(_project_file(licence))] = f"vrtm/{licence}"
+            for licence in ("LICENSE-MIT", "LICENSE-APACHE", "bindings/THIRD-PARTY.txt"):
+                build_data["force_include"][str(_project_file(licence))] = f"vrtm/{Path(licence).name}"
         # It is for any Python 3, since ctypes calls the library, and for one platform.
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{tag}"

@@ -21,5 +21,8 @@ run("cargo", ["build", "--profile", "dist", "--package", "vrtm-web", "--target",
 run("cargo", ["run", "--quiet", "--package", "vrtm-web-pack", "--", `${built}/${target}/dist/vrtm_web.wasm`, `${here}src/wasm`]);
 rmSync(`${here}dist`, { recursive: true, force: true });
 run(process.execPath, [`${here}node_modules/typescript/bin/tsc`, "--project", here]);
+for (const file of ["LICENSE-MIT", "LICENSE-APACHE", "bindings/THIRD-PARTY.txt"]) {
+  cpSync(root + file, `${here}dist/${file.split("/").at(-1)}`);
+}
 mkdirSync(`${here}dist/wasm`, { recursive: true });
 cpSync(`${here}src/wasm`, `${here}dist/wasm`, { recursive: true });

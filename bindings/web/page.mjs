@@ -26,6 +26,9 @@ await build({
 for (const file of ["index.html", "style.css"]) {
   cpSync(page + file, out + file);
 }
+for (const file of ["LICENSE-MIT", "LICENSE-APACHE", "THIRD-PARTY.txt"]) {
+  cpSync(`${here}dist/${file}`, out + file);
+}
 cpSync(`${here}dist/wasm/vrtm_bg.wasm`, `${out}vrtm_bg.wasm`);
 for (const scene of ["mug_to_jug", "creature"]) {
   execFileSync("cargo", ["run", "--quiet", "--example", "scene", "--", scene, `${out}scenes/${scene}`], { cwd: root, stdio: "inherit" });

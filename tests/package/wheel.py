@@ -43,6 +43,7 @@ def check_wheel(wheel: zipfile.ZipFile, arguments: argparse.Namespace) -> bytes:
     assert libraries == [ours], libraries
     for name in ("vrtm/__init__.py", "vrtm/_abi.py", "vrtm/_records.py", "vrtm/py.typed", "vrtm/LICENSE-MIT"):
         assert name in names, name
+    assert b"glam" in wheel.read("vrtm/THIRD-PARTY.txt")
     about = f"vrtm-{arguments.version}.dist-info"
     lines = wheel.read(f"{about}/WHEEL").decode().splitlines()
     assert f"Tag: py3-none-{arguments.tag}" in lines and "Root-Is-Purelib: false" in lines, lines
