@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""Writes bindings/THIRD-PARTY.txt: the licences of all packages that the library may be linked with, on any system, and of
-those in the npm package. Archives, wheels, installs and packages carry the file.
+"""Writes bindings/THIRD-PARTY.txt: the licences of all packages that the library may be linked with, on any system, and
+of those in the npm package. Archives, wheels, installs and packages carry the file.
 
     python3 bindings/notices.py            write it
     python3 bindings/notices.py --check    fail if it is out of date
@@ -15,9 +15,9 @@ ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "bindings/THIRD-PARTY.txt"
 PACKAGES = ("vrtm-c", "vrtm-web")
 HEAD = """\
-vrtm's library holds code of the packages below, of those that its system and its features ask for, and of Rust's standard
-library, which is licensed under MIT or Apache-2.0 (https://github.com/rust-lang/rust). Each package is listed with its
-licence and its origin; the texts of the licences, which many have in common, follow.
+vrtm's library holds code of the packages below, of those that its system and its features ask for, and of Rust's
+standard library, which is licensed under MIT or Apache-2.0 (https://github.com/rust-lang/rust). Each package is listed
+with its licence and its origin; the texts of the licences, which many have in common, follow.
 """
 NAMES = ("LICENSE", "LICENCE", "COPYING", "NOTICE", "COPYRIGHT")
 
@@ -34,8 +34,8 @@ def cargo(*arguments):
 def linked():
     """Names and versions of the packages that are linked in."""
     chosen = [part for package in PACKAGES for part in ("--package", package)]
-    lines = cargo("tree", *chosen, "--edges", "normal,no-proc-macro", "--target", "all", "--prefix", "none").splitlines()
-    pairs = {tuple(line.split()[:2]) for line in lines if line.strip()}
+    text = cargo("tree", *chosen, "--edges", "normal,no-proc-macro", "--target", "all", "--prefix", "none")
+    pairs = {tuple(line.split()[:2]) for line in text.splitlines() if line.strip()}
     return sorted((name, version.removeprefix("v")) for name, version in pairs if not name.startswith("vrtm"))
 
 

@@ -1,0 +1,237 @@
+// A mesh that is redirected, for C#: what most programs need of the C API in Vrtm.cs, with arrays in the place of pointers.
+using System;
+using System.Runtime.InteropServices;
+using System.Text;
+using static Vrtm.Api;
+
+namespace Vrtm
+{
+    /// <summary>A call that failed: nothing was written, and the last good result is still there.</summary>
+    public sealed class VrtmException : Exception
+    {
+        /// <summary>One of VRTM_ERROR_.</summary>
+        public int Status { get; }
+
+        internal VrtmException(int status, string message) : base(message)
+        {
+            Status = status;
+        }
+    }
+
+    /// <summary>One mesh with its maps and results, on a device of its own. One thread at a time may use it.</summary>
+    public sealed unsafe class Asset : IDisposable
+    {
+        private vrtm_device device;
+        private vrtm_asset asset;
+        private readonly int vertices;
+
+        /// <summary>Reads a mesh at rest. All is copied.</summary>
+        /// <param name="positions">Three numbers per vertex.</param>
+        /// <param name="faceCounts">Corners of each face; null = triangles.</param>
+        /// <param name="indices">Vertex of each corner.</param>
+        /// <param name="uvs">Two numbers per UV, v pointing up.</param>
+        /// <param name="uvIndices">UV of each corner; null = one UV per corner.</param>
+        /// <param name="weldByPosition">Vertices at one place are one, as in meshes of games.</param>
+        /// <param name="gpu">Take a GPU where there is one.</param>
+        public Asset(float[] positions, uint[] faceCounts, uint[] indices, float[] uvs, uint[] uvIndices = null,
+            bool weldByPosition = false, bool gpu = false)
+        {
+            if (positions == null || indices == null || uvs == null)
+            {
+                throw new ArgumentNullException(positions == null ? "positions" : indices == null ? "indices" : "uvs");
+            }
+            vertices = positions.Length / 3;
+            try
+            {
+                var about = vrtm_device_desc.Init();
+                about.backend = gpu ? VRTM_BACKEND_AUTO : VRTM_BACKEND_CPU;
+                fixed (vrtm_device* made = &device)
+                {
+                    Check(vrtm_device_create(&about, made));
+                }
+                fixed (float* p = positions, t = uvs)
+                fixed (uint* counts = faceCounts, corners = indices, uvCorners = uvIndices)
+                fixed (vrtm_asset* made = &asset)
+                {
+                    vrtm_array points = Packed(p, positions.Length, 3, "positions"), texture = Packed(t, uvs.Length, 2, "uvs");
+                    var mesh = vrtm_mesh_desc.Init();
+                    mesh.positions = &points;
+                    mesh.face_counts = counts;
+                    mesh.face_count = (UIntPtr)(faceCounts?.Length ?? 0);
+                    mesh.indices = corners;
+                    mesh.index_count = (UIntPtr)indices.Length;
+                    mesh.uvs = &texture;
+                    mesh.uv_indices = uvCorners;
+                    mesh.uv_index_count = (UIntPtr)(uvIndices?.Length ?? 0);
+                    mesh.weld = weldByPosition ? VRTM_WELD_POSITION : VRTM_WELD_INDEX;
+                    Check(vrtm_asset_create(device, &mesh, made));
+                }
+            }
+            catch
+            {
+                Dispose();
+                throw;
+            }
+        }
+
+        /// <summary>Sets the rigidity of a tile (1001), 0 (elastic) to 255 (rigid), first row at v = 1.</summary>
+        public void SetRigidity(uint udim, byte[] values, int width, int height)
+        {
+            if (values == null || width < 0 || height < 0 || values.Length != (long)width * height)
+            {
+                throw new ArgumentException($"values: {values?.Length ?? 0} values for {width} x {height} texels");
+            }
+            fixed (byte* data = values)
+            {
+                var image = vrtm_image.Init();
+                image.data = data;
+                image.format = VRTM_PIXEL_U8;
+                image.width = (uint)width;
+                image.height = (uint)height;
+                Check(vrtm_tile_set_rigidity(Tile(udim), &image));
+            }
+        }
+
+        /// <summary>Settings of a tile, to be changed and set again.</summary>
+        public vrtm_tile_settings GetSettings(uint udim)
+        {
+            var settings = vrtm_tile_settings.Init();
+            Check(vrtm_tile_get_settings(Tile(udim), &settings));
+            return settings;
+        }
+
+        public void SetSettings(uint udim, vrtm_tile_settings settings)
+        {
+            Check(vrtm_tile_set_settings(Tile(udim), &settings));
+        }
+
+        /// <summary>Solves for a pose.</summary>
+        /// <param name="positions">Three numbers per vertex.</param>
+        /// <param name="draft">The quick quality, for poses that change each frame.</param>
+        public void Solve(float[] positions, bool draft = false)
+        {
+            var options = vrtm_solve_options.Init();
+            options.quality = draft ? VRTM_QUALITY_DRAFT : VRTM_QUALITY_NORMAL;
+            Solve(positions, options);
+        }
+
+        /// <summary>Solves for a pose.</summary>
+        public void Solve(float[] positions, vrtm_solve_options options)
+        {
+            if (positions == null || positions.Length != 3 * vertices)
+            {
+                throw new ArgumentException($"positions: {positions?.Length ?? 0} numbers for {vertices} vertices");
+            }
+            fixed (float* p = positions)
+            {
+                var points = Packed(p, positions.Length, 3, "positions");
+                Check(vrtm_asset_solve(asset, &points, &options));
+            }
+        }
+
+        /// <summary>Writes a tile's redirection minus the texel's own UV, the bits of two half floats per texel, first row at v = 0 as
+        /// Unity's and OpenGL's textures have it: a texture of 16-bit floats.</summary>
+        public void FetchDelta(uint udim, ushort[] halves, int width, int height)
+        {
+            if (halves == null || width < 0 || height < 0 || halves.Length != 2L * width * height)
+            {
+                throw new ArgumentException($"halves: {halves?.Length ?? 0} values for {width} x {height} texels");
+            }
+            fixed (ushort* data = halves)
+            {
+                Fetch(udim, VRTM_FETCH_REDIRECTION_DELTA, data, VRTM_PIXEL_F16, VRTM_ORIGIN_BOTTOM, width, height);
+            }
+        }
+
+        /// <summary>Writes a tile's redirection: the UV at which the texture is to be looked up, first row at v = 1.</summary>
+        public void FetchRedirection(uint udim, float[] uvs, int width, int height)
+        {
+            if (uvs == null || width < 0 || height < 0 || uvs.Length != 2L * width * height)
+            {
+                throw new ArgumentException($"uvs: {uvs?.Length ?? 0} values for {width} x {height} texels");
+            }
+            fixed (float* data = uvs)
+            {
+                Fetch(udim, VRTM_FETCH_REDIRECTION, data, VRTM_PIXEL_F32, VRTM_ORIGIN_TOP, width, height);
+            }
+        }
+
+        /// <summary>Figures of a tile's last solve.</summary>
+        public vrtm_tile_report_data Report(uint udim)
+        {
+            var report = vrtm_tile_report_data.Init();
+            Check(vrtm_tile_report(Tile(udim), &report));
+            return report;
+        }
+
+        /// <summary>Frees the memory; the asset cannot be used after that.</summary>
+        public void Dispose()
+        {
+            if (asset.id != 0)
+            {
+                vrtm_asset_destroy(asset);
+                asset.id = 0;
+            }
+            if (device.id != 0)
+            {
+                vrtm_device_destroy(device);
+                device.id = 0;
+            }
+            GC.SuppressFinalize(this);
+        }
+
+        ~Asset()
+        {
+            Dispose();
+        }
+
+        private void Fetch(uint udim, int kind, void* data, int format, int origin, int width, int height)
+        {
+            var image = vrtm_image_out.Init();
+            image.data = data;
+            image.format = format;
+            image.origin = origin;
+            image.width = (uint)width;
+            image.height = (uint)height;
+            Check(vrtm_tile_fetch(Tile(udim), kind, &image));
+        }
+
+        private vrtm_tile Tile(uint udim)
+        {
+            vrtm_tile tile;
+            Check(vrtm_asset_find_tile(asset, udim, &tile));
+            return tile;
+        }
+
+        private static vrtm_array Packed(float* data, int length, int components, string name)
+        {
+            if (length % components != 0)
+            {
+                throw new ArgumentException($"{name}: {length} numbers are no multiple of {components}");
+            }
+            var array = vrtm_array.Init();
+            array.data = data;
+            array.count = (UIntPtr)(length / components);
+            return array;
+        }
+
+        private static void Check(int status)
+        {
+            if (status != VRTM_OK)
+            {
+                var message = (IntPtr)vrtm_last_error();
+                throw new VrtmException(status, Utf8(message));
+            }
+        }
+
+        private static string Utf8(IntPtr text)
+        {
+            var length = 0;
+            while (Marshal.ReadByte(text, length) != 0)
+            {
+                length++;
+            }
+            return Encoding.UTF8.GetString((byte*)text, length);
+        }
+    }
+}

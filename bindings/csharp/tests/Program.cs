@@ -1,0 +1,211 @@
+// Tests Vrtm.cs and Asset.cs, and the component for Unity with stand-ins of its classes. Prints a line per test, and the count as
+// cargo does.
+using System;
+using System.Reflection;
+using System.Threading;
+using UnityEngine;
+using Vrtm;
+using static Vrtm.Api;
+
+internal static unsafe class Program
+{
+    // Two squares side by side, one stretched and one squashed, and a feature in the middle.
+    private static readonly float[] Rest = { 0, 0, 0, 1, 0, 0, 2, 0, 0, 0, 1, 0, 1, 1, 0, 2, 1, 0 };
+    private static readonly float[] Pose = { 0, 0, 0, 1.3f, 0, 0, 2, 0, 0, 0, 1, 0, 1.3f, 1, 0, 2, 1, 0 };
+    private static readonly float[] Uvs = { 0, 0, .5f, 0, 1, 0, 0, 1, .5f, 1, 1, 1 };
+    private static readonly uint[] Corners = { 0, 1, 4, 3, 1, 2, 5, 4 };
+    private const int Size = 32;
+    private static int passed, failed;
+
+    private static byte[] Painted()
+    {
+        var values = new byte[Size * Size];
+        for (var k = 0; k < values.Length; k++)
+        {
+            var (x, y) = (k % Size, k / Size);
+            values[k] = (byte)(x >= 12 && x < 20 && y >= 12 && y < 20 ? 255 : 0);
+        }
+        return values;
+    }
+
+    private static Asset Made()
+    {
+        var asset = new Asset(Rest, new uint[] { 4, 4 }, Corners, Uvs, Corners);
+        asset.SetRigidity(1001, Painted(), Size, Size);
+        return asset;
+    }
+
+    private static void Test(string name, Action body)
+    {
+        string problem = null;
+        try
+        {
+            body();
+            passed++;
+        }
+        catch (Exception error)
+        {
+            failed++;
+            problem = error.ToString();
+        }
+        Console.WriteLine($"test csharp {name} ... {(problem == null ? "ok" : "FAILED\n" + problem)}");
+    }
+
+    private static void That(bool holds, string what)
+    {
+        if (!holds)
+        {
+            throw new Exception(what);
+        }
+    }
+
+    private static void Fails<T>(string message, Action body) where T : Exception
+    {
+        try
+        {
+            body();
+        }
+        catch (T error) when (error.Message.Contains(message))
+        {
+            return;
+        }
+        throw new Exception("no error with: " + message);
+    }
+
+    private static void Feature()
+    {
+        using (var asset = Made())
+        {
+            var options = vrtm_solve_options.Init();
+            options.measure = 1;
+            asset.Solve(Pose, options);
+            var report = asset.Report(1001);
+            That(report.folds == 0 && report.min_jacobian > 0, "certified");
+            That(report.after.rms < .02f && report.before.rms > .2f, $"strain {report.after.rms}");
+            var uvs = new float[2 * Size * Size];
+            asset.FetchRedirection(1001, uvs, Size, Size);
+            var halves = new ushort[2 * Size * Size];
+            asset.FetchDelta(1001, halves, Size, Size);
+            var (x, y) = (16, 16);
+            var moved = uvs[2 * (y * Size + x)] - (x + .5f) / Size;
+            // The first row is v = 0 here.
+            var half = Half(halves[2 * ((Size - 1 - y) * Size + x)]);
+            That(Math.Abs(moved) > .01f && Math.Abs(half - moved) < 1e-4f, $"{moved} and {half}");
+            // The same with a draft, and another smoothness.
+            var settings = asset.GetSettings(1001);
+            That(settings.smoothness == .02f, $"{settings.smoothness}");
+            settings.smoothness = .5f;
+            asset.SetSettings(1001, settings);
+            asset.Solve(Pose, draft: true);
+            var other = new float[uvs.Length];
+            asset.FetchRedirection(1001, other, Size, Size);
+            That(Math.Abs(other[2 * (y * Size + x)] - uvs[2 * (y * Size + x)]) > 1e-4f, "another smoothness");
+        }
+    }
+
+    private static float Half(ushort bits)
+    {
+        var (exponent, mantissa) = (bits >> 10 & 31, bits & 1023);
+        var size = exponent == 0 ? mantissa / 16777216.0 : (1 + mantissa / 1024.0) * Math.Pow(2, exponent - 15);
+        return (float)(bits >> 15 == 1 ? -size : size);
+    }
+
+    private static void Defaults()
+    {
+        That(vrtm_mesh_desc.Init().weld_uv_tolerance == 1.0 / 2048, "weld_uv_tolerance");
+        That(vrtm_solve_options.Init().pbd.iterations == 16 && vrtm_solve_options.Init().pbd.smoothing == .8f, "pbd");
+        That(vrtm_tile_settings.Init().struct_size == sizeof(vrtm_tile_settings), "struct_size");
+        vrtm_adapter_data adapter;
+        That(sizeof(vrtm_adapter_data) > 300 && &adapter != null, "names are part of the struct");
+    }
+
+    private static void Errors()
+    {
+        Fails<ArgumentNullException>("uvs", () => new Asset(Rest, null, Corners, null));
+        Fails<ArgumentException>("positions: 17 numbers are no multiple of 3", () => new Asset(new float[17], null, Corners, Uvs));
+        Fails<VrtmException>("indices", () => new Asset(Rest, new uint[] { 4, 4 }, new uint[] { 0, 1, 4, 3, 1, 2, 5, 9 }, Uvs, Corners));
+        using (var asset = Made())
+        {
+            Fails<VrtmException>("", () => asset.Report(1001));
+            asset.Solve(Pose);
+            var before = new float[2 * Size * Size];
+            asset.FetchRedirection(1001, before, Size, Size);
+            Fails<ArgumentException>("values: 7 values for 3 x 2 texels", () => asset.SetRigidity(1001, new byte[7], 3, 2));
+            Fails<ArgumentException>("positions: 3 numbers for 6 vertices", () => asset.Solve(new float[3]));
+            Fails<VrtmException>("", () => asset.Solve(new float[] { float.NaN, 0, 0, 1, 0, 0, 2, 0, 0, 0, 1, 0, 1, 1, 0, 2, 1, 0 }));
+            Fails<VrtmException>("1044", () => asset.SetRigidity(1044, Painted(), Size, Size));
+            Fails<ArgumentException>("halves: 4 values", () => asset.FetchDelta(1001, new ushort[4], 2, 2));
+            var after = new float[before.Length];
+            asset.FetchRedirection(1001, after, Size, Size);
+            That(string.Join(" ", before) == string.Join(" ", after), "the last result");
+            asset.Dispose();
+            asset.Dispose();
+            Fails<VrtmException>("", () => asset.Solve(Pose));
+        }
+    }
+
+    private static void Call(object component, string name)
+    {
+        component.GetType().GetMethod(name, BindingFlags.Instance | BindingFlags.NonPublic).Invoke(component, null);
+    }
+
+    private static Vector3[] Points(float[] flat)
+    {
+        var points = new Vector3[flat.Length / 3];
+        for (var k = 0; k < points.Length; k++)
+        {
+            points[k] = new Vector3 { x = flat[3 * k], y = flat[3 * k + 1], z = flat[3 * k + 2] };
+        }
+        return points;
+    }
+
+    private static void Component()
+    {
+        var uv = new Vector2[Uvs.Length / 2];
+        for (var k = 0; k < uv.Length; k++)
+        {
+            uv[k] = new Vector2 { x = Uvs[2 * k], y = Uvs[2 * k + 1] };
+        }
+        var mesh = new Mesh { vertices = Points(Rest), uv = uv, triangles = new[] { 0, 1, 4, 0, 4, 3, 1, 2, 5, 1, 5, 4 } };
+        var skinned = new SkinnedMeshRenderer { sharedMesh = mesh, posed = Points(Pose) };
+        var map = new Texture2D(Size, Size) { pixels = Array.ConvertAll(Painted(), red => new Color32 { r = red }) };
+        var component = new VrtmSkin { skinned = skinned, rigidity = map, size = Size, draft = false };
+        Call(component, "Start");
+        var texture = skinned.material.texture;
+        That(texture.shown.Length == 2 * Size * Size && Array.TrueForAll(texture.shown, bits => bits == 0), "no map yet");
+        while (Array.TrueForAll(texture.shown, bits => bits == 0) && component.enabled)
+        {
+            Call(component, "LateUpdate");
+            Thread.Yield();
+        }
+        That(component.enabled, Debug.error);
+        using (var asset = new Asset(Rest, null, new uint[] { 0, 1, 4, 0, 4, 3, 1, 2, 5, 1, 5, 4 }, Uvs,
+            new uint[] { 0, 1, 4, 0, 4, 3, 1, 2, 5, 1, 5, 4 }, weldByPosition: true))
+        {
+            asset.SetRigidity(1001, Painted(), Size, Size);
+            asset.Solve(Pose);
+            var expected = new ushort[2 * Size * Size];
+            asset.FetchDelta(1001, expected, Size, Size);
+            That(string.Join(" ", expected) == string.Join(" ", texture.shown), "the component's map");
+        }
+        // A pose that is not finite ends it with a message.
+        skinned.posed[0].x = float.NaN;
+        while (component.enabled)
+        {
+            Call(component, "LateUpdate");
+            Thread.Yield();
+        }
+        That(Debug.error.Contains("positions"), Debug.error);
+        Call(component, "OnDestroy");
+    }
+
+    private static int Main()
+    {
+        Test("a feature keeps its shape", Feature);
+        Test("structs have their sizes and defaults", Defaults);
+        Test("errors name the argument and lose nothing", Errors);
+        Test("the component for Unity shows the map of its pose", Component);
+        Console.WriteLine($"test result: {(failed == 0 ? "ok" : "FAILED")}. {passed} passed; {failed} failed; 0 ignored");
+        return failed == 0 ? 0 : 1;
+    }
+}
