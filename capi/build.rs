@@ -3,9 +3,9 @@
 //! run (the head of include/vrtm.h says what may change within a major version). On Windows programs find a DLL by its
 //! file name. With GNU's tools for Windows the linker also sends some calls to src/thread_indices.rs.
 //!
-//! Exported symbols need no work here: rustc passes the linker a list of exactly the functions of `crates/capi/src`, and
-//! tests/c_api/header.rs compares the exports with the header. Symbols have no version names, since GNU's linker does
-//! not accept a second list.
+//! Exported symbols need no work here: rustc passes the linker a list of exactly the functions of `crates/capi/src`,
+//! and tests/c_api/header.rs compares the exports with the header. Symbols have no version names, since GNU's linker
+//! does not accept a second list.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

@@ -282,7 +282,7 @@ typedef int32_t vrtm_pixel_format;
 // 8-bit integer, 0..255 for 0..1. Inputs only.
 #define VRTM_PIXEL_U8 3
 
-// Where in the tile the first row of an image lies.
+// Side of the tile at which the first row of an image lies.
 typedef int32_t vrtm_origin;
 
 // The first row is at v = 1, as in image files; the default.
@@ -349,7 +349,7 @@ typedef struct vrtm_image_out {
     uint32_t channels;
     // Has no function any more: 0. Another value is refused with VRTM_ERROR_UNSUPPORTED.
     uint32_t one_to_one;
-    // Where to write the first texel of the first row. Need not be aligned.
+    // Address of the first texel of the first row. Need not be aligned.
     void *data;
     // Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
     size_t pixel_stride;
@@ -362,7 +362,7 @@ typedef struct vrtm_image_out {
 struct vrtm_executor;
 struct vrtm_allocator;
 
-// Where assets are solved.
+// Backend on which assets are solved.
 typedef int32_t vrtm_backend;
 
 // A hardware GPU, discrete before integrated; the CPU if no such GPU was found or it cannot be opened. A software
@@ -375,7 +375,7 @@ typedef int32_t vrtm_backend;
 // The GPU that vrtm_device_desc selects, even a software driver; never falls back to the CPU.
 #define VRTM_BACKEND_GPU 2
 
-// How vrtm_device_desc names a GPU.
+// Kind of name by which vrtm_device_desc selects a GPU.
 typedef int32_t vrtm_adapter_by;
 
 // By its number, vrtm_device_desc.adapter; the default.
@@ -392,7 +392,7 @@ typedef int32_t vrtm_adapter_by;
 // By its registry ID, 8 bytes: the number MTLDevice.registryID.
 #define VRTM_ADAPTER_BY_REGISTRY_ID 3
 
-// How important a log line is.
+// Importance of a log line.
 typedef int32_t vrtm_log_level;
 
 // Something to show to the artist: clipped faces, overlapping charts.
@@ -420,7 +420,8 @@ typedef struct vrtm_device_desc {
     // used instead of `adapter`, so that vrtm can compute on the GPU that the host draws with. With `backend` GPU, the
     // adapter must exist; AUTO uses it if it is a usable hardware GPU, and the CPU otherwise.
     vrtm_adapter_by adapter_by;
-    // Which GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU and `adapter_by` is NUMBER; ignored otherwise.
+    // Number of the GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU and `adapter_by` is NUMBER;
+    // ignored otherwise.
     uint32_t adapter;
     // The identity of the adapter, in memory order; unused bytes are zero.
     uint8_t adapter_id[16];
@@ -469,7 +470,8 @@ vrtm_status vrtm_device_destroy(vrtm_device device);
 
 /* ---- Asset ---- */
 
-// How corners of different faces are recognised as one corner, so that a chart continues across the edge between them.
+// Rule by which corners of different faces are one corner, so that a chart continues across the edge between
+// them.
 typedef int32_t vrtm_weld;
 
 // The same vertex, and UVs within the tolerance; the default. The host's vertices define connectivity: a cut in the
@@ -618,7 +620,7 @@ vrtm_status vrtm_tile_set_rigidity(vrtm_tile tile,
 
 /* ---- Frame ---- */
 
-// How much work a solve does on each level of its grid.
+// Amount of work of a solve on each level of its grid.
 typedef int32_t vrtm_quality;
 
 // One correction on each level; on the finest, up to four for crowded charts, while they gain 0.3 % of the chart's
@@ -629,7 +631,7 @@ typedef int32_t vrtm_quality;
 // along each axis. With vrtm_solve_options.warm, relaxation of the last result on the finest level.
 #define VRTM_QUALITY_DRAFT 1
 
-// How a solve finds its warp.
+// Method by which a solve finds its warp.
 typedef int32_t vrtm_solver;
 
 // Gauss-Newton corrections and relaxation, which never folds. The default.
@@ -651,24 +653,24 @@ typedef struct vrtm_pbd_settings {
     float damping;
     // Fraction of its turn that a segment takes back after its projection. 0 to 1; default 0.
     float orientation_preservation;
-    // How much as-rigid-as-possible material is smoothed (eq. 4). 0 to 1; default 0.8.
+    // Smoothing of as-rigid-as-possible material (eq. 4). 0 to 1; default 0.8.
     float smoothing;
     // Factor on the corrections of each level over those of the next finer one. 0 to 1; default 0.7.
     float coarse_correction;
 } vrtm_pbd_settings;
 
 // A host's function that receives a solve's predicted progress, 0..1, which never decreases. If it returns a nonzero
-// value, the solve is cancelled. A solve that succeeds reports 1 at its end, when it can no longer be cancelled. It may
-// call vrtm functions: results of the asset can be read, and calls that would change the asset give VRTM_ERROR_BUSY. On
-// a device with an executor, such calls use only the calling thread, so that they never wait for threads that wait for
-// this function. It must return normally: no exception, no longjmp.
+// value, the solve is cancelled. A solve that succeeds reports 1 at its end, when it can no longer be cancelled. It
+// may call vrtm functions: results of the asset can be read, and calls that would change the asset give
+// VRTM_ERROR_BUSY. On a device with an executor, such calls use only the calling thread, so that they never wait for
+// threads that wait for this function. It must return normally: no exception, no longjmp.
 typedef uint32_t (*vrtm_progress_fn)(void *user, float progress);
 
 // Options of one solve. Start from vrtm_solve_options_init(), which sets the defaults.
 typedef struct vrtm_solve_options {
     // sizeof(vrtm_solve_options); set by vrtm_solve_options_init().
     uint32_t struct_size;
-    // How much work a solve does. This and the two limits below apply to VRTM_SOLVER_DESCENT only. VRTM_QUALITY_NORMAL
+    // Amount of work of a solve. This and the two limits below apply to VRTM_SOLVER_DESCENT only. VRTM_QUALITY_NORMAL
     // (0, the default) or VRTM_QUALITY_DRAFT.
     vrtm_quality quality;
     // Maximum corrections on the finest level, 1..64, in place of the quality's limit; 0 = the quality's own. With
@@ -703,13 +705,12 @@ typedef struct vrtm_solve_options {
     uint32_t threads;
     // 1: also measure the strain on the mesh (in f64), for the tiles' reports. Slow.
     uint32_t measure;
-    // What is released to save memory, as a sum. 1: the last results of the solved tiles before solving, 8 bytes per
-    // node of the blocks in use; they cannot be read until the solve succeeds. 2: the memory of each tile's solver
-    // once the tile is solved, about 110 bytes per node, so that tiles which are solved one after the other need that
-    // of one; the next solve takes longer, as a first one does. 0 (the default): nothing; results can be read at any
-    // time.
+    // Memory to release, as a sum of flags. 1: the last results of the solved tiles before solving, 8 bytes per node
+    // of the blocks in use; they cannot be read until the solve succeeds. 2: the memory of each tile's solver once the
+    // tile is solved, about 110 bytes per node, so that tiles which are solved one after the other need that of one;
+    // the next solve takes longer, as a first one does. 0 (the default): nothing; results can be read at any time.
     uint32_t release_last;
-    // How the warp is found. VRTM_SOLVER_DESCENT (0, the default) or VRTM_SOLVER_PBD.
+    // Method by which the warp is found. VRTM_SOLVER_DESCENT (0, the default) or VRTM_SOLVER_PBD.
     vrtm_solver solver;
     // Settings of VRTM_SOLVER_PBD.
     vrtm_pbd_settings pbd;
@@ -785,7 +786,7 @@ typedef struct vrtm_fetch {
     vrtm_fetch_kind kind;
     // A tile of the asset. Required.
     vrtm_tile tile;
-    // Where to write. Required.
+    // The destination. Required.
     const vrtm_image_out *image;
     // The layer to read, counted from that of `tile`: 0 (the default) = `tile` itself.
     uint32_t layer;
@@ -862,7 +863,7 @@ typedef struct vrtm_device_data {
     vrtm_backend backend;
     // The processor's or adapter's name, UTF-8.
     char name[128];
-    // Why this backend was chosen, in a sentence, UTF-8. If the GPU was lost, the cause comes first.
+    // Reason for the choice of this backend, a sentence, UTF-8. If the GPU was lost, the cause comes first.
     char reason[256];
     // CPU threads per solve.
     uint32_t threads;
@@ -949,8 +950,8 @@ typedef void (*vrtm_spawn_fn)(void *user, vrtm_task_fn task, void *data);
 typedef struct vrtm_executor {
     // sizeof(vrtm_executor); set by vrtm_executor_init().
     uint32_t struct_size;
-    // Runs the parallel loops of solves and fetches; `count` is the number of threads that the device or the solve asks
-    // for. Required.
+    // Runs the parallel loops of solves and fetches; `count` is the number of threads that the device or the solve
+    // asks for. Required.
     vrtm_parallel_for_fn parallel_for;
     // Runs jobs; null = the library starts a thread for each job.
     vrtm_spawn_fn spawn;
@@ -1071,21 +1072,20 @@ typedef struct vrtm_tile_data {
     // Fraction (0..1) of the rigid nodes that cannot move: of the covered nodes with a rigidity of at least 0.5, those
     // that a border, an overlap or the mask fixes. Near 1, the rigidity map can have almost no effect.
     float frozen;
-    // Which layer of its UDIM number the tile is: 0 unless vrtm_mesh_desc.max_layers is over 1.
+    // The tile's layer within its UDIM number: 0 unless vrtm_mesh_desc.max_layers is over 1.
     uint32_t layer;
     // Layers of its UDIM number: 1 or more.
     uint32_t layers;
     // Rigid nodes: covered nodes with a rigidity of at least 0.5.
     uint64_t rigid_nodes;
-    // How many of these lie under more than one triangle, as those of charts in the same layer that lie over one
-    // another.
+    // Number of these under more than one triangle, as in charts of one layer that lie over one another.
     uint64_t rigid_overlapped;
     // Nodes inside charts that cannot move because of a gap in the UVs that welding closes, such as a slit narrower
     // than vrtm_mesh_desc.weld_uv_tolerance. Noise of the UVs makes none.
     uint64_t gap_nodes;
 } vrtm_tile_data;
 
-// Which chart moves texels that several charts of a tile share, or that a chart shares with itself. With
+// Rule for texels that several charts of a tile share, or that a chart shares with itself. With
 // vrtm_mesh_desc.max_layers over 1, charts share texels only where these layers do not suffice.
 typedef int32_t vrtm_overlap;
 
@@ -1095,7 +1095,7 @@ typedef int32_t vrtm_overlap;
 // The chart with the first face moves them: for mirrored halves that deform alike.
 #define VRTM_OVERLAP_FIRST_FACE 1
 
-// What happens where the surface goes on beyond a chart's border, elsewhere in the UV plane.
+// Treatment of seams, where the surface continues beyond a chart's border elsewhere in the UV plane.
 typedef int32_t vrtm_seams;
 
 // Nothing moves at a border, and any texture will do. The default.
@@ -1113,8 +1113,7 @@ typedef int32_t vrtm_seams;
 // together of nodes with a rigidity of at least 0.5. Any texture will do.
 #define VRTM_SEAMS_KEEP 2
 
-// What happens at a border of a chart beyond which the surface ends: along an edge that only one face with texture
-// has.
+// Treatment of open borders, beyond which the surface ends: along an edge that only one face with texture has.
 typedef int32_t vrtm_open_borders;
 
 // Nothing moves at an open border. The surface may go on in a mesh that is not known here, as a head's neck does. The
@@ -1157,19 +1156,19 @@ typedef struct vrtm_tile_settings {
     // Fraction of a cell's area under which that penalty starts: a threshold of its corner Jacobians. 0 to 1; default
     // 0.4.
     float room_threshold;
-    // What happens at seams. VRTM_SEAMS_CONTINUE goes only with an `orientation_density` of 0. VRTM_SEAMS_SHUT (0, the
+    // Treatment of seams. VRTM_SEAMS_CONTINUE goes only with an `orientation_density` of 0. VRTM_SEAMS_SHUT (0, the
     // default), VRTM_SEAMS_CONTINUE or VRTM_SEAMS_KEEP.
     vrtm_seams seams;
-    // How far charts go on beyond their seams with VRTM_SEAMS_CONTINUE, and beyond their open borders with
+    // Reach of charts beyond their seams with VRTM_SEAMS_CONTINUE, and beyond their open borders with
     // VRTM_OPEN_BORDERS_SLIDE, in UV: about the size of a large rigid feature. Over 0, at most 0.5. 0 (the default) =
     // 0.03125.
     float seam_reach;
-    // What happens at open borders. VRTM_OPEN_BORDERS_SLIDE goes only with an `orientation_density` of 0.
+    // Treatment of open borders. VRTM_OPEN_BORDERS_SLIDE goes only with an `orientation_density` of 0.
     // VRTM_OPEN_BORDERS_FIXED (0, the default) or VRTM_OPEN_BORDERS_SLIDE.
     vrtm_open_borders open_borders;
-    // How far rigid features that the pose does not strain come before those that it strains. At 0 each gives way
-    // alike, and in a crowd a feature may come out worse than without the warp; the higher this is, the fewer do, and
-    // the others keep a little more strain. For VRTM_SOLVER_DESCENT. Experimental. 0 to 1; default 0.
+    // Priority, 0..1, of rigid features that the pose does not strain over strained ones. At 0 each gives way alike,
+    // and in a crowd a feature may come out worse than without the warp; the higher this is, the fewer do, and the
+    // others keep a little more strain. For VRTM_SOLVER_DESCENT. Experimental. 0 to 1; default 0.
     float protect;
 } vrtm_tile_settings;
 
@@ -1182,9 +1181,9 @@ vrtm_status vrtm_tile_udim(vrtm_tile tile,
                            uint32_t *udim,
                            uint32_t *uv_set);
 
-// Which layer of its UDIM number a tile is, and how many layers there are: 0 and 1 unless vrtm_mesh_desc.max_layers is
-// over 1. `layers` may be null. Layers share their maps and settings: what is set for one of them holds for all.
-// Unlike vrtm_tile_info, it does not prepare the tile. Never busy.
+// The tile's layer within its UDIM number, and the number of layers: 0 and 1 unless vrtm_mesh_desc.max_layers
+// is over 1. `layers` may be null. Layers share their maps and settings: what is set for one of them holds for
+// all. Unlike vrtm_tile_info, it does not prepare the tile. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `layer` is null.
 VRTM_API
@@ -1388,7 +1387,7 @@ typedef struct vrtm_map_desc {
     uint32_t one_to_one;
 } vrtm_map_desc;
 
-// How accurate a redirection map is when it is read with bilinear interpolation. Errors are lengths in UV; multiply
+// Accuracy of a redirection map that is read with bilinear interpolation. Errors are lengths in UV; multiply
 // them by a texture's size to get its texels. Start from vrtm_map_data_init().
 typedef struct vrtm_map_data {
     // sizeof(vrtm_map_data); set by vrtm_map_data_init().
@@ -1442,7 +1441,7 @@ vrtm_status vrtm_asset_cancel(vrtm_asset asset);
 // For vrtm_job_wait: wait as long as it takes.
 #define VRTM_FOREVER UINT32_MAX
 
-// What a job is doing.
+// State of a job.
 typedef int32_t vrtm_job_state;
 
 // It has not begun, or is under way.
@@ -1457,7 +1456,7 @@ typedef struct vrtm_job_data {
     uint32_t struct_size;
     // VRTM_JOB_RUNNING (0) or VRTM_JOB_DONE.
     vrtm_job_state state;
-    // How it ended: VRTM_OK or an error; VRTM_OK while it is running.
+    // Its result: VRTM_OK or an error; VRTM_OK while it is running.
     vrtm_status status;
     // Predicted fraction (0..1) of the work that is done; it never decreases.
     float progress;
@@ -1510,8 +1509,8 @@ vrtm_status vrtm_job_cancel(vrtm_job job);
 // Destroys a job. A job that is not done is cancelled. The call waits until the job and its thread have ended. Destroy
 // all jobs before the library is unloaded.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY on a thread that does the job's
-// work, as in its own progress function.
+// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY on a thread that does the
+// job's work, as in its own progress function.
 VRTM_API
 vrtm_status vrtm_job_destroy(vrtm_job job);
 
@@ -1747,9 +1746,9 @@ typedef int32_t vrtm_external_kind;
 // Compiled, but never run by the authors of this version.
 #define VRTM_EXTERNAL_OPAQUE_WIN32 2
 
-// An output image in memory of the host's own Vulkan device: rows of texels of two floats each, laid out as in a buffer
-// that shaders read or that is copied to an image (VK_FORMAT_R32G32_SFLOAT, with f16 VK_FORMAT_R16G16_SFLOAT). Start
-// from vrtm_external_image_init().
+// An output image in memory of the host's own Vulkan device: rows of texels of two floats each, laid out as in a
+// buffer that shaders read or that is copied to an image (VK_FORMAT_R32G32_SFLOAT, with f16 VK_FORMAT_R16G16_SFLOAT).
+// Start from vrtm_external_image_init().
 //
 // The host allocates the memory with VkExportMemoryAllocateInfo, without VkMemoryDedicatedAllocateInfo, on a device
 // whose deviceUUID and driverUUID equal those of the adapter (vrtm_adapter_data), as Vulkan requires.
@@ -1794,9 +1793,9 @@ typedef struct vrtm_external_image {
 //
 // Errors: those of vrtm_tile_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
 // formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT,
-// naming the field, for an unknown value, a zero size, an offset or stride that is too short or no multiple of a texel,
-// memory that is too small, a handle that does not refer to memory, or a memory type that cannot hold buffers. On
-// these errors nothing is written. After VRTM_ERROR_DEVICE_LOST the texels are undefined. Never busy.
+// naming the field, for an unknown value, a zero size, an offset or stride that is too short or no multiple of a
+// texel, memory that is too small, a handle that does not refer to memory, or a memory type that cannot hold buffers.
+// On these errors nothing is written. After VRTM_ERROR_DEVICE_LOST the texels are undefined. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_fetch_external(vrtm_tile tile,
                                      vrtm_fetch_kind kind,
@@ -1809,14 +1808,14 @@ vrtm_status vrtm_tile_fetch_external(vrtm_tile tile,
 // copy from, in the mesh's own range as with VRTM_FETCH_REDIRECTION_UDIM, since it may lie in another tile; for all
 // other texels their own centre. `reach` is a length in UV, over 0 and at most 0.5; 1/16 is more than most gutters are
 // wide. Two to four channels: u, v, 0, and 1 in charts and where a UV was found, 0 elsewhere. Use f32. A triangle is
-// left out, with what lies beyond it, if it would come out mirrored, or with an area other than a quarter to four times
-// that which the chart has at its border. Texels in charts of other layers of the tile are their own, too: layers
-// share a texture. It depends on the rest positions and the UVs alone: no solve is needed, and once per mesh and size
-// is enough.
+// left out, with what lies beyond it, if it would come out mirrored, or with an area other than a quarter to four
+// times that which the chart has at its border. Texels in charts of other layers of the tile are their own, too:
+// layers share a texture. It depends on the rest positions and the UVs alone: no solve is needed, and once per mesh
+// and size is enough.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the argument or the field, for a reach out of
-// range, null, a zero size, a short stride, or other numbers of channels; VRTM_ERROR_UNSUPPORTED for an integer format;
-// VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never busy.
+// range, null, a zero size, a short stride, or other numbers of channels; VRTM_ERROR_UNSUPPORTED for an integer
+// format; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_fetch_dilation(vrtm_tile tile,
                                      double reach,
@@ -1824,7 +1823,7 @@ vrtm_status vrtm_tile_fetch_dilation(vrtm_tile tile,
 
 /* ---- Refinements ---- */
 
-// How a mesh is refined. Start from vrtm_refinement_desc_init(), which sets the defaults.
+// Settings of a refinement. Start from vrtm_refinement_desc_init(), which sets the defaults.
 typedef struct vrtm_refinement_desc {
     // sizeof(vrtm_refinement_desc); set by vrtm_refinement_desc_init().
     uint32_t struct_size;
@@ -1864,8 +1863,9 @@ typedef struct vrtm_refinement_data {
     float ms;
 } vrtm_refinement_data;
 
-// Where to write the pattern of a refinement: the caller's arrays; null arrays are skipped. From the pattern a host
-// interpolates positions and all other values per vertex or corner. Start from vrtm_refinement_pattern_init().
+// Destinations of the pattern of a refinement: the caller's arrays; null arrays are skipped. From the pattern
+// a host interpolates positions and all other values per vertex or corner. Start from
+// vrtm_refinement_pattern_init().
 //
 // Each vertex and corner has three sources, with weights that add up to 1. If fewer are needed, the others repeat the
 // first source with weight 0.

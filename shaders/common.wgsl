@@ -1,17 +1,17 @@
 // Declarations common to all kernels: the buffers, and the mapping from threads to nodes (method §1, Blocks). The
 // structs in the buffers and the constants are declared in generated.wgsl.
 //
-// A workgroup works on one block of 16x16 nodes. A plane holds one quantity at all nodes of a block, sorted by colour; a
-// slot is the index of a node in a plane. Of 256 threads each has the node of its slot; of 64 threads, thread t works on
-// the node in row t / 8 and column t % 8 of each of the four node colours in turn.
+// A workgroup works on one block of 16x16 nodes. A plane holds one quantity at all nodes of a block, sorted by colour;
+// a slot is the index of a node in a plane. Of 256 threads each has the node of its slot; of 64 threads, thread t works
+// on the node in row t / 8 and column t % 8 of each of the four node colours in turn.
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> charts: array<Chart>;
 @group(0) @binding(2) var<storage, read> blocks: array<BlockRecord>;
 @group(0) @binding(3) var<storage, read> lists: array<u32>;
-/// Constants, per block: rigidity (a code of 16 bits; 15 bits of what it has lost in this pose; sign bit: fixed), four rest lengths (codes of 16 bits in two
-/// words), triangle under the node (level 0) or coverage (coarser levels) and, on grids that have it, density of rigid
-/// material or what holds nodes at open borders.
+/// Constants, per block: rigidity (a code of 16 bits; 15 bits of what it has lost in this pose; sign bit: fixed), four
+/// rest lengths (codes of 16 bits in two words), triangle under the node (level 0) or coverage (coarser levels) and, on
+/// grids that have it, density of rigid material or what holds nodes at open borders.
 @group(0) @binding(4) var<storage, read> nodes: array<u32>;
 /// State, per block: displacement (2) and, on level 0, triangle under W. The position or metric at W follows from these
 /// and is computed where it is read (`value_at`). A fixed node has a displacement of 0, and its triangle is the one at
@@ -19,7 +19,8 @@
 @group(0) @binding(5) var<storage, read_write> state: array<u32>;
 /// Rows of the linear system, per block: diagonal (3), pairs of the owned edges (two words each, see `encode`).
 @group(0) @binding(7) var<storage, read_write> rows: array<u32>;
-/// Vectors of a correction, per block, in pairs of planes that hold different quantities one after the other (layout.rs).
+/// Vectors of a correction, per block, in pairs of planes that hold different quantities one after the other
+/// (layout.rs).
 @group(0) @binding(8) var<storage, read_write> vectors: array<f32>;
 /// Partial sums per quantity and active block: the block's part of its chart's sum.
 @group(0) @binding(9) var<storage, read_write> partials: array<f32>;
@@ -80,8 +81,8 @@ fn rounding_loss(a: vec4f) -> vec3f {
     return vec3f(rest.x, 0.5 * (rest.y + rest.z), rest.w);
 }
 
-/// `code` / 65535, rounded to nearest as on the host (crates/core/src/grid/codes.rs), although WGSL's division need not be. In
-/// binary the digits of the quotient repeat the code's digits, so rounding never meets a tie.
+/// `code` / 65535, rounded to nearest as on the host (crates/core/src/grid/codes.rs), although WGSL's division need not
+/// be. In binary the digits of the quotient repeat the code's digits, so rounding never meets a tie.
 fn decode_rigidity(code: u32) -> f32 {
     let zeros = countLeadingZeros(code) - 16u;
     let digits = (code * 0x10001u) << zeros;
@@ -89,7 +90,8 @@ fn decode_rigidity(code: u32) -> f32 {
     return bitcast<f32>(select(((125u - zeros) << 23u) + mantissa, 0u, code == 0u));
 }
 
-/// What rigidity has lost of its weight (method §4, Protection), a multiple of 1 / LOST_STEPS, in a node's word of RIGIDITY.
+/// Weight reduction of rigidity (method §4, Protection), a multiple of 1 / LOST_STEPS, in a node's word of
+/// RIGIDITY.
 fn lost_code(word: u32) -> u32 {
     return (word >> 16u) & 0x7fffu;
 }
@@ -136,8 +138,8 @@ fn node_at(s: u32) -> vec2u {
     return vec2u(2u * (s % 8u) + (colour & 1u), 2u * (s / 8u % 8u) + (colour >> 1u));
 }
 
-/// Place of node (i - 1, j - 1) of a block in its window of 18x18 nodes. Rows follow one another, so that a node's neighbours
-/// are at constant distances.
+/// Place of node (i - 1, j - 1) of a block in its window of 18x18 nodes. Rows follow one another, so that a node's
+/// neighbours are at constant distances.
 fn place(i: u32, j: u32) -> u32 {
     return j * 18u + i;
 }
@@ -253,7 +255,7 @@ fn find_block(b: u32, at: vec2i) -> u32 {
     return NONE;
 }
 
-/// Whether kernels work on chart c now: in a correction, whether the chart takes part in it; otherwise, whether it is
+/// True if kernels work on chart c now: in a correction, if the chart takes part in it; otherwise, if it is
 /// solved.
 fn is_at_work(c: u32) -> bool {
     return select(charts[c].working, charts[c].solved, params.in_correction == 0u) != 0u;

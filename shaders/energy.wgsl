@@ -1,5 +1,5 @@
-// energy: the energy of a level's present state, summed block by block (method §4). Per node it reads what relax reads, and
-// 44 bytes per triangle; per block it writes 4.
+// energy: the energy of a level's present state, summed block by block (method §4). Per node it reads what relax reads,
+// and 44 bytes per triangle; per block it writes 4.
 
 const PATCH_THREADS: u32 = 256u;
 

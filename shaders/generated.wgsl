@@ -17,8 +17,8 @@ const WALK_STEPS: u32 = 256u;
 /// Greatest length of a node's step in a sweep, in cells along either axis: the linear model is not trusted
 /// further.
 const MAX_NODE_STEP: f32 = 2.0;
-/// A node's step in a sweep takes at most this fraction of what a corner Jacobian has over `MIN_JACOBIAN`: a corner with
-/// next to nothing left would decide about the whole chart's next correction.
+/// A node's step in a sweep takes at most this fraction of what a corner Jacobian has over `MIN_JACOBIAN`: a corner
+/// with next to nothing left would decide about the whole chart's next correction.
 const SWEPT_MARGIN: f32 = 0.25;
 /// A step whose predicted gain is under this fraction of the node's energy is lost in that energy's rounding: it is
 /// not taken.
@@ -31,17 +31,17 @@ const NEAR_BOUND_JACOBIAN: f32 = 0.049999997;
 /// ... of this stiffness, in the step's system only, not in the energy: where the bound is active, the step slides
 /// along it instead of being limited by it.
 const NEAR_BOUND_STIFFNESS: f32 = 10.0;
-/// Weight of the tangents in the slopes of the finest level (method §2); differences have the rest. More of it follows
-/// the energy more closely across the edges of triangles, and jumps more there.
+/// Weight of the tangents in the slopes of the finest level (method §2); differences have the rest. More of it
+/// follows the energy more closely across the edges of triangles, and jumps more there.
 const TANGENT_WEIGHT: f32 = 0.15;
 /// Weight of the hold at open borders along which texture slides (method §16).
 const HOLD: f32 = 4.0;
-/// Protection (method §4): with `protect` at 1, rigid material that the pose does not strain has 1 plus this times the
-/// weight of what it strains most.
+/// Protection (method §4): with `protect` at 1, rigid material that the pose does not strain has 1 plus this times
+/// the weight of what it strains most.
 const PROTECTION: f32 = 9.0;
 /// The strain at which half of that is left.
 const PROTECTED_STRAIN: f32 = 0.04;
-/// What rigid material has lost of its weight is stored as a multiple of 1 / this.
+/// Resolution of stored weight reductions: they are multiples of 1 / this.
 const LOST_STEPS: f32 = 32768.0;
 /// Stress stiffness (method §4, Derivatives): the factor of the strain of an edge that is longer than at rest ...
 const TENSION_STIFFNESS: f32 = 0.25;
@@ -53,28 +53,28 @@ const MIN_OFFSET_SQUARE: f32 = 0.1;
 const SMOOTHER_SWEEPS: u32 = 3u;
 /// Sweeps of the smoother on either side on the coarsest level.
 const COARSEST_SWEEPS: u32 = 6u;
-/// Most iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
-/// does, which continues along the last step, and need more memory (method §7.3).
+/// Most iterations of conjugate gradients in a correction: more gain less than the next level or the next
+/// correction does, which continues along the last step, and need more memory (method §7.3).
 const CG_ITERATIONS: u32 = 2u;
 /// The last step is a direction of conjugate gradients if at least this part of its curvature is left once it is
 /// conjugate to the other directions.
 const MIN_NEW_CURVATURE: f32 = 0.001;
 /// A component of a step of this many cells or more is replaced by 0: it exceeds the largest grid.
 const MAX_STEP: f32 = 32768.0;
-/// The bound on the Jacobian of a correction's step (method §7.6). It is lower than that of the sweeps, so that corners
-/// which these have brought close to theirs leave the step room.
+/// The bound on the Jacobian of a correction's step (method §7.6). It is lower than that of the sweeps, so that
+/// corners which these have brought close to theirs leave the step room.
 const STEP_MIN_JACOBIAN: f32 = 0.012999999;
 /// A step leaves at least this fraction of what a corner Jacobian has over `STEP_MIN_JACOBIAN`.
 const MARGIN_LEFT: f32 = 0.1;
 /// The step fractions of neighbouring nodes differ by at most this ...
 const FRACTION_FALLOFF: f32 = 0.125;
-/// ... and by at most what makes this many cells of the chart's longest step: a step that changes abruptly from node to
-/// node folds by itself.
+/// ... and by at most what makes this many cells of the chart's longest step: a step that changes abruptly from
+/// node to node folds by itself.
 const STEP_FALLOFF: f32 = 0.25;
 /// Rounds that multiply the step fractions around corners which would still lose too much by what these allow.
 const SHRINKING_ROUNDS: u32 = 8u;
-/// Rounds in all on level 0: after the shrinking ones, nodes around corners that would still fall under the bound stay
-/// where they are. A chart that is not free of folds after all rounds is refused for its energy.
+/// Rounds in all on level 0: after the shrinking ones, nodes around corners that would still fall under the bound
+/// stay where they are. A chart that is not free of folds after all rounds is refused for its energy.
 const LIMIT_ROUNDS: u32 = 16u;
 /// Rounds on each of the other levels, where three have been enough in all scenes and hard cases.
 const COARSER_LIMIT_ROUNDS: u32 = 4u;
@@ -103,8 +103,8 @@ const WINDOW: u32 = 324u;
 const SPREAD: u32 = 65535u;
 /// The energy of an invalid state: more than any other energy.
 const INVALID_ENERGY: f32 = 3e38;
-/// Plane of the rigidity's code (16 bits), of what it has lost in this pose (15 bits) and of the sign bit of fixed
-/// nodes.
+/// Plane of the rigidity's code (16 bits), of what it has lost in this pose (15 bits) and of the sign bit of
+/// fixed nodes.
 const RIGIDITY: u32 = 0u;
 /// First of the two planes of rest lengths: the codes of the owned edges 0 and 1, then of 2 and 3, the first of
 /// a pair in the lower 16 bits.
@@ -130,7 +130,8 @@ const ROW_PLANES: u32 = 11u;
 const PAIR: u32 = 3u;
 /// Planes per block of the vectors of a correction. A plane holds different quantities one after the other.
 const VECTOR_PLANES: u32 = 7u;
-/// The residual (2); on the corrected level, once the second V-cycle is done, the second preconditioned residual z1.
+/// The residual (2); on the corrected level, once the second V-cycle is done, the second preconditioned
+/// residual z1.
 const RESIDUAL: u32 = 0u;
 /// The result of the V-cycle (2); on the corrected level that of the first one, z0.
 const DIRECTION: u32 = 2u;
@@ -138,8 +139,8 @@ const DIRECTION: u32 = 2u;
 const SMOOTHED: u32 = 4u;
 /// The block's energy before a correction, at its first node, from assembly until z0 takes its place.
 const ENERGY_BEFORE: u32 = 2u;
-/// The step fraction of each node, in two planes used alternately, while the step is limited and tried. Until the
-/// first trial, the step itself is a combination of z0, z1 and the last step.
+/// The step fraction of each node, in two planes used alternately, while the step is limited and tried. Until
+/// the first trial, the step itself is a combination of z0, z1 and the last step.
 const FRACTION: u32 = 4u;
 /// The step (2), while it is tried.
 const STEP: u32 = 2u;
@@ -147,7 +148,8 @@ const STEP: u32 = 2u;
 const LAST_STEP: u32 = 6u;
 /// The displacement before the step (2), while the step is tried.
 const U_BEFORE: u32 = 0u;
-/// Scratch memory of the V-cycle (2) on the levels that one dispatch works on, behind the vectors of these levels.
+/// Scratch memory of the V-cycle (2) on the levels that one dispatch works on, behind the vectors of these
+/// levels.
 const SCRATCH: u32 = 7u;
 /// Quantities that are summed per block.
 const SUMS: u32 = 12u;
@@ -324,8 +326,8 @@ struct Chart {
     min_jacobian: f32,
     max_displacement: f32,
     folds: u32,
-    /// Dispatches of the step limit that found something to limit, the first fractions included; 0 if the step is not
-    /// limited.
+    /// Dispatches of the step limit that found something to limit, the first fractions included; 0 if the step is
+    /// not limited.
     limit_rounds: atomic<u32>,
     /// The longest component of the present step, in cells, as bits.
     longest: atomic<u32>,
@@ -345,8 +347,9 @@ struct BlockRecord {
     y: u32,
     /// 1 if the block has a movable node.
     is_active: u32,
-    /// The block of the next coarser level that holds the nodes at this block's even nodes; its neighbours on the side of
-    /// the quarter of it that this block is, along x, along y and across the corner; NONE where that level has no block.
+    /// The block of the next coarser level that holds the nodes at this block's even nodes; its neighbours on the
+    /// side of the quarter of it that this block is, along x, along y and across the corner; NONE where that level
+    /// has no block.
     parents: array<u32, 4>,
     /// One bit per parent: 1 if it has a movable node.
     active_parents: u32,

@@ -6,8 +6,8 @@
 // `orientation_density` is not 0) and 72 per triangle, and writes 12 per node. On coarser levels it reads 8 bytes of
 // state, 12 of constants and 12 of metrics per node, and writes 8.
 //
-// A node's terms are divided into quarters: two opposite edges, and the corners of one cell. How many threads work on a node
-// is up to the file that this one follows: relax_narrow.wgsl or relax_wide.wgsl.
+// A node's terms are divided into quarters: two opposite edges, and the corners of one cell. How many threads work on a
+// node is up to the file that this one follows: relax_narrow.wgsl or relax_wide.wgsl.
 
 /// The energy E_p of a node, its gradient gamma_p, and its Gauss-Newton matrix H_p (xx, xy, yy).
 struct Local {

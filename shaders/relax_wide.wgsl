@@ -1,5 +1,5 @@
-// For relax.wgsl: four threads per node, each with one quarter of its terms; they exchange what they find through workgroup
-// memory. It takes half of the time where there are few blocks, and more work in all.
+// For relax.wgsl: four threads per node, each with one quarter of its terms; they exchange what they find through
+// workgroup memory. It takes half of the time where there are few blocks, and more work in all.
 
 const PATCH_THREADS: u32 = 256u;
 

@@ -1,5 +1,5 @@
-// The energy of a block (method §4). A term that depends on several movable nodes is divided equally among them (method §4,
-// Sharing).
+// The energy of a block (method §4). A term that depends on several movable nodes is divided equally among them (method
+// §4, Sharing).
 
 fn movable(n: vec2u, o: vec2i) -> f32 {
     return select(1.0, 0.0, fixed_in_patch(place_at(n, o)));

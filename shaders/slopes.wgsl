@@ -1,6 +1,7 @@
 // Slopes of the surface at the warped nodes (method §2, Slopes), from which gradients of lengths are formed. They are
-// computed from differences between the samples of a node's neighbours, so they depend continuously on the state. A file before
-// this one says where these are found: in the patch (near_in_patch.wgsl), or also one node beyond its halo (near_beyond.wgsl).
+// computed from differences between the samples of a node's neighbours, so they depend continuously on the state. A
+// file before this one says where these are found: in the patch (near_in_patch.wgsl), or also one node beyond its halo
+// (near_beyond.wgsl).
 
 /// The slopes at node n of block b, a movable node of its patch from (-1, -1) to (16, 16), with displacement u on
 /// triangle t. They are the matrix S with S dW = dF, where dW and dF are the differences between the two neighbours on

@@ -1,5 +1,5 @@
-// The terms of the energy that depend on one node of a patch, and their derivatives (method §4). Gradients and matrices are
-// halves of derivatives.
+// The terms of the energy that depend on one node of a patch, and their derivatives (method §4). Gradients and matrices
+// are halves of derivatives.
 
 /// One edge of a node. The near end is the node, the far end its neighbour.
 struct Edge {

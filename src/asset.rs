@@ -45,12 +45,12 @@ use vrtm_core::view::Strided;
 pub struct Asset {
     pub(crate) device: Device,
     pub(crate) mesh: Arc<Mesh>,
-    /// What the host has set.
+    /// Maps and settings that the host has set.
     given: Given,
-    /// What follows from that.
+    /// Tiles, with all that follows from these.
     tiles: Vec<TileState>,
     pub(crate) results: Results,
-    /// Where charts have what lies beyond their seams, if any go on there.
+    /// Places of the surface beyond seams in the charts that have collars.
     places: Derived<Vec<Same<TileMesh>>, Places>,
     /// Time of the last calls after their tiles were solved, which time budgets leave free.
     after: After,
@@ -89,8 +89,8 @@ impl Asset {
         self.mesh.info
     }
 
-    /// Number of tiles; tiles are indexed from 0, first those of UV set 0 in the order of their UDIM numbers, then those
-    /// of set 1, and so on. The layers of a UDIM number follow one another ([`MeshSource::max_layers`]).
+    /// Number of tiles; tiles are indexed from 0, first those of UV set 0 in the order of their UDIM numbers, then
+    /// those of set 1, and so on. The layers of a UDIM number follow one another ([`MeshSource::max_layers`]).
     #[must_use]
     pub fn tile_count(&self) -> usize {
         self.tiles.len()

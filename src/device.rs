@@ -20,7 +20,7 @@ use vrtm_core::settings::{AdapterId, Backend, DeviceSettings, LogLevel, MAX_THRE
 use vrtm_core::team::{Crew, Executor, Team};
 use vrtm_core::unwind::caught;
 
-/// Where assets are solved. Cloning gives another handle to the same device.
+/// A backend on which assets are solved. Cloning gives another handle to the same device.
 #[derive(Clone, Debug)]
 pub struct Device(Arc<Inner>);
 
@@ -116,11 +116,11 @@ fn variable(name: &str) -> Option<String> {
 }
 
 /// The GPUs that a device can be made on: those that run compute shaders with at least WebGPU's default limits, through
-/// Vulkan, Direct3D 12 or Metal. Hardware GPUs come before software ones, discrete before integrated; the order is stable
-/// for the same machine and drivers. Empty without a GPU or a driver.
+/// Vulkan, Direct3D 12 or Metal. Hardware GPUs come before software ones, discrete before integrated; the order is
+/// stable for the same machine and drivers. Empty without a GPU or a driver.
 ///
-/// Each call loads the drivers, which takes tens of milliseconds, and longer the first time. This library prints nothing,
-/// but a driver may: Mesa's on Linux prints a line about XDG_RUNTIME_DIR if it is not set.
+/// Each call loads the drivers, which takes tens of milliseconds, and longer the first time. This library prints
+/// nothing, but a driver may: Mesa's on Linux prints a line about XDG_RUNTIME_DIR if it is not set.
 #[must_use]
 #[expect(clippy::disallowed_types, reason = "public: that of the standard library")]
 pub fn adapters() -> std::vec::Vec<AdapterInfo> {
@@ -128,10 +128,10 @@ pub fn adapters() -> std::vec::Vec<AdapterInfo> {
 }
 
 impl Device {
-    /// Makes a device. Looking for a GPU and opening it takes tens of milliseconds, and an open one keeps threads of its
-    /// driver, so make one device and keep it. For support, environment variables override the settings: VRTM_DEVICE
-    /// (auto, cpu, gpu, or gpu:UUID for the GPU with this UUID), VRTM_THREADS, and VRTM_GPU_LIMITS=webgpu, which opens a
-    /// GPU with WebGPU's default limits and without optional features.
+    /// Makes a device. Looking for a GPU and opening it takes tens of milliseconds, and an open one keeps threads of
+    /// its driver, so make one device and keep it. For support, environment variables override the settings:
+    /// VRTM_DEVICE (auto, cpu, gpu, or gpu:UUID for the GPU with this UUID), VRTM_THREADS, and VRTM_GPU_LIMITS=webgpu,
+    /// which opens a GPU with WebGPU's default limits and without optional features.
     ///
     /// # Errors
     /// For [`Backend::Gpu`], `Unsupported` if no GPU was found or it cannot be opened, and `InvalidArgument` for an
@@ -294,7 +294,7 @@ impl Device {
         lock(&self.0.pace)
     }
 
-    /// Whether the log goes anywhere.
+    /// True if the log has a receiver.
     pub(crate) fn has_log(&self) -> bool {
         self.0.settings.log.is_some()
     }
@@ -359,7 +359,7 @@ impl Booked {
     }
 }
 
-/// What the bytes were booked for is to be dropped before: a GPU then frees it.
+/// Drop what the bytes were booked for first: a GPU then frees it.
 impl Drop for Booked {
     fn drop(&mut self) {
         if self.bytes > 0 {

@@ -1,22 +1,24 @@
 //! vrtm keeps painted features rigid while the surface under them deforms.
 //!
-//! The data flows in this order: a host's arrays become a validated mesh with tiles and charts; each tile's maps become a
-//! grid with movable nodes and active blocks; for each pose, a schedule calls the stages of a backend level by level. All
-//! this is in the crate `vrtm-core`, but for the backend for GPUs, which is a crate of its own. Here `device` chooses the
-//! backend, `map` makes images of the results, and [`Asset`] keeps all of it. `docs/method.md` is the mathematics,
-//! `docs/architecture.md` the map of the source.
+//! The data flows in this order: a host's arrays become a validated mesh with tiles and charts; each tile's maps become
+//! a grid with movable nodes and active blocks; for each pose, a schedule calls the stages of a backend level by level.
+//! All this is in the crate `vrtm-core`, but for the backend for GPUs, which is a crate of its own. Here `device`
+//! chooses the backend, `map` makes images of the results, and [`Asset`] keeps all of it. `docs/method.md` is the
+//! mathematics, `docs/architecture.md` the map of the source.
 //!
 //! # Memory
 //!
-//! A call that runs out of memory returns [`ErrorKind::OutOfMemory`] and leaves everything as it was: this holds for all
-//! arrays sized by user input. Small allocations such as messages abort the process when memory is exhausted, as
+//! A call that runs out of memory returns [`ErrorKind::OutOfMemory`] and leaves everything as it was: this holds for
+//! all arrays sized by user input. Small allocations such as messages abort the process when memory is exhausted, as
 //! everywhere in Rust.
 //!
-//! A program whose global allocator is [`Allocator`] survives that too, and [`DeviceSettings::allocator`] is supported in it.
+//! A program whose global allocator is [`Allocator`] survives that too, and [`DeviceSettings::allocator`] is supported
+//! in it.
 //!
 //! # Example
 //!
-//! Two squares side by side, one stretched and one squashed. The feature painted into their middle is to keep its shape:
+//! Two squares side by side, one stretched and one squashed. The feature painted into their middle is to keep its
+//! shape:
 //!
 //! ```
 //! use vrtm::{

@@ -19,9 +19,9 @@ use glam::DVec2;
 use vrtm_core::error::{Error, Result};
 use vrtm_core::mesh::TileMesh;
 
-/// The content of a fetched image, f32 or f16. UVs have two channels (u, v); an image may have a third channel, which is
-/// 0, and a redirection a fourth, which is 1 where a chart covers the texel's centre and 0 elsewhere. (Image programs
-/// read a two-channel file as luminance and alpha.)
+/// The content of a fetched image, f32 or f16. UVs have two channels (u, v); an image may have a third channel, which
+/// is 0, and a redirection a fourth, which is 1 where a chart covers the texel's centre and 0 elsewhere. (Image
+/// programs read a two-channel file as luminance and alpha.)
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum FetchKind {
@@ -31,19 +31,22 @@ pub enum FetchKind {
     /// Inverse warp minus the texel centre, in UV.
     RedirectionDelta,
     /// The warp itself, absolute within the tile, from border to border: (nx+1) x (ny+1) texels give the nodes exactly.
-    /// At any other size each cell is two triangles, split by its diagonal from (0,0) to (1,1), and the warp is affine on
-    /// each; the redirection inverts this warp. Nodes of [`crate::Solver::Pbd`] may lie slightly outside of the tile.
+    /// At any other size each cell is two triangles, split by its diagonal from (0,0) to (1,1), and the warp is affine
+    /// on each; the redirection inverts this warp. Nodes of [`crate::Solver::Pbd`] may lie slightly outside of the
+    /// tile.
     Warp,
     /// The redirection plus the tile's offset (U, V): absolute among all tiles, as the mesh's own UVs are.
     RedirectionUdim,
-    /// Derivatives of the redirection (u', v') by the UV at texel centres, four channels: du'/du, du'/dv, dv'/du, dv'/dv.
+    /// Derivatives of the redirection (u', v') by the UV at texel centres, four channels: du'/du, du'/dv, dv'/du,
+    /// dv'/dv.
     Jacobian,
     /// Largest singular value of `Jacobian`, one channel: how many times wider a lookup's footprint is in the texture
     /// than on the surface.
     FilterScale,
-    /// The UV in the UV set with this number, as the mesh has it there, of the point of the surface that the redirection leads
-    /// to: the map is looked up by the UVs of the tile's set, and gives those of another set. 0 beside charts, but for a margin
-    /// of two texels, which goes on with the UVs of the nearest triangle. Two to four channels, as a redirection.
+    /// The UV in the UV set with this number, as the mesh has it there, of the point of the surface that the
+    /// redirection leads to: the map is looked up by the UVs of the tile's set, and gives those of another set. 0
+    /// beside charts, but for a margin of two texels, which goes on with the UVs of the nearest triangle. Two to four
+    /// channels, as a redirection.
     UvSet(u32),
     /// As `UvSet`, minus the UV that the texel's own point of the surface has in that set: 0 where nothing moves.
     UvSetDelta(u32),
@@ -86,7 +89,7 @@ impl FetchKind {
     }
 }
 
-/// What a redirection's values are measured from.
+/// Origin that a redirection's values are measured from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Form {
     /// The tile's corner (0, 0).

@@ -21,9 +21,9 @@ use vrtm_refine::{Redirection, Redirections, RefinedMesh};
 #[doc(hidden)]
 pub const TOLERANCE: f64 = 1.0 / 2048.0;
 /// Default number of triangles that a refinement may add.
-const ADDED: u64 = 1_000_000;
+const ADDED_TRIANGLES: u64 = 1_000_000;
 /// Most triangles: beyond this, 32 bits cannot count their corners.
-const MOST: u64 = 1 << 30;
+const MOST_TRIANGLES: u64 = 1 << 30;
 
 /// Settings of a refinement. All have a working default.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -101,7 +101,8 @@ impl Results {
         device.call(|| {
             let start = Instant::now();
             let mesh = RefinedMesh::new(mesh, uv_set as usize);
-            let most = max_triangles.unwrap_or(mesh.base_triangles() as u64 + ADDED).min(MOST);
+            let most =
+                max_triangles.unwrap_or(mesh.base_triangles() as u64 + ADDED_TRIANGLES).min(MOST_TRIANGLES);
             let mut refinement = Refinement {
                 results: self.clone(),
                 mesh,

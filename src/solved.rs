@@ -35,7 +35,7 @@ pub(crate) struct Solved {
     pub invert_ms: AtomicU32,
     /// The room for redirections beyond the borders of charts, if charts go on there.
     pub gutter: Option<Arc<Gutter>>,
-    /// What of the latest redirection was limited by it.
+    /// Texels of the latest redirection that it limited.
     pub limited: LimitedTexels,
     /// The GPU's dispatches, submissions and transfers.
     pub work: Option<GpuWork>,

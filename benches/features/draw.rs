@@ -1,5 +1,5 @@
-//! A picture of a model in a pose, its painted features looked up through the redirection: drawn without a GPU, straight
-//! on, with a light at the camera.
+//! A picture of a model in a pose, its painted features looked up through the redirection: drawn without a GPU,
+//! straight on, with a light at the camera.
 
 use image::{Rgb, RgbImage};
 use vrtm::{Asset, FetchKind};
@@ -32,7 +32,8 @@ const ELASTIC: [f64; 3] = [0.86, 0.78, 0.66];
 const RIGID: [f64; 3] = [0.13, 0.30, 0.47];
 const HARMED: [f64; 3] = [0.85, 0.16, 0.12];
 
-/// Draws the model as the asset's last result has it. Features that are worse by 0.02 than with the original UVs are red.
+/// Draws the model as the asset's last result has it. Features that are worse by 0.02 than with the original UVs are
+/// red.
 pub fn draw(model: &Model, pose: &[[f32; 3]], asset: &mut Asset, view: &View, size: usize) -> RgbImage {
     let features = of_asset(model, pose, asset);
     let maps: Vec<Painted> = (0..model.maps.len())
@@ -86,8 +87,8 @@ pub fn draw(model: &Model, pose: &[[f32; 3]], asset: &mut Asset, view: &View, si
     })
 }
 
-/// A tile: what is painted on it, where its texels are led to (by how far, first row at v = 0), and which texels belong to
-/// features that are worse.
+/// A tile: what is painted on it, where its texels are led to (by how far, first row at v = 0), and which texels belong
+/// to features that are worse.
 struct Painted<'a> {
     maps: &'a Maps,
     redirect: Vec<[f32; 2]>,

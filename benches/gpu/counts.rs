@@ -28,8 +28,8 @@ on), which takes more dispatches.
 ";
 
 /// The table of all models and sizes, followed by the kernels of some of the models at each size, and of drafts and the
-/// paper's solver of one. The model in `benches/gpu_model` takes its dispatches from there. Tiles of an asset are solved
-/// together.
+/// paper's solver of one. The model in `benches/gpu_model` takes its dispatches from there. Tiles of an asset are
+/// solved together.
 pub fn table(device: &Device, sizes: &[u32]) -> Result<String, String> {
     let mut text = String::from(HEAD);
     let mut kernels = String::new();
@@ -112,8 +112,8 @@ impl Sums {
     }
 }
 
-/// (E - best E) / (E of the identity - best E) in per cent, where best is the energy of seven corrections that go on until
-/// the gain is below 1e-6. It is computed on small grids only, since it takes long.
+/// (E - best E) / (E of the identity - best E) in per cent, where best is the energy of seven corrections that go on
+/// until the gain is below 1e-6. It is computed on small grids only, since it takes long.
 fn excess(device: &Device, model: &Model, size: u32, all: &Sums) -> Result<String, String> {
     if size > 1024 {
         return Ok("-".into());

@@ -36,7 +36,8 @@ struct Args {
     /// Measure even on a software driver.
     #[arg(long)]
     software: bool,
-    /// Count instead of measuring, and write to gpu-counts.md: dispatches, barriers and bytes are the same on any driver.
+    /// Count instead of measuring, and write to gpu-counts.md: dispatches, barriers and bytes are the same on any
+    /// driver.
     #[arg(long)]
     counts: bool,
     /// Folder for the tables.

@@ -45,8 +45,8 @@ pub fn draft() -> SolveOptions {
     SolveOptions { quality: Quality::Draft, ..SolveOptions::default() }
 }
 
-/// The paper's solver. It says that an iteration is 70 passes, which is one iteration on each level, and not how many a frame
-/// has; 16 on each level are this library's default.
+/// The paper's solver. It says that an iteration is 70 passes, which is one iteration on each level, and not how many a
+/// frame has; 16 on each level are this library's default.
 pub fn paper(iterations: u32) -> SolveOptions {
     let pbd = PbdSettings { iterations, ..PbdSettings::default() };
     SolveOptions { solver: Solver::Pbd, pbd, ..SolveOptions::default() }

@@ -1,4 +1,5 @@
-//! A GPU that has been idle takes a second or two to raise its clock: until then small kernels take up to three times as long.
+//! A GPU that has been idle takes a second or two to raise its clock: until then small kernels take up to three times
+//! as long.
 
 use std::process::Command;
 use std::time::{Duration, Instant};

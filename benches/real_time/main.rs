@@ -1,4 +1,5 @@
-//! Measures what a host that plays frames waits for: solves with their stages, what they leave of the strain, and outputs.
+//! Measures what a host that plays frames waits for: solves with their stages, what they leave of the strain, and
+//! outputs.
 //!
 //!     cargo bench --bench real_time
 //!     cargo bench --bench real_time -- --grids 512 --scenes bulge,squash

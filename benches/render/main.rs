@@ -56,7 +56,8 @@ struct Args {
     /// Number of the adapter.
     #[arg(long, default_value_t = 0)]
     adapter: usize,
-    /// File for the table [default: render-NAME.md in benches/results with the GPU's name, render.md for a software driver].
+    /// File for the table [default: render-NAME.md in benches/results with the GPU's name, render.md for a software
+    /// driver].
     #[arg(long, value_name = "FILE")]
     out: Option<String>,
     /// Passed by `cargo bench` and not by `cargo test`; without it small maps are drawn once and nothing is written.

@@ -1,7 +1,7 @@
 //! Tells jumps of the minimum from jumps of the solver. The poses of the roughness are solved once more, each from the
-//! result of the pose before it and until nothing moves any more: forwards, and backwards. Where the two meet, the minimum
-//! moves smoothly and a jump of a solve from the identity is the solver's; where they stay apart, two minima lie side by
-//! side, and every solve that knows a single pose has to change from one to the other somewhere.
+//! result of the pose before it and until nothing moves any more: forwards, and backwards. Where the two meet, the
+//! minimum moves smoothly and a jump of a solve from the identity is the solver's; where they stay apart, two minima
+//! lie side by side, and every solve that knows a single pose has to change from one to the other somewhere.
 
 use vrtm::{Asset, SolveOptions, Strided};
 
@@ -25,8 +25,8 @@ pub struct Followed {
     pub moved: f64,
     /// Fraction of the nodes and poses where the minimum forwards and the one backwards are over 0.1 cells apart.
     pub apart: f64,
-    /// Of the second differences over 0.1 of the solves from the identity, the fraction where the two minima are apart in
-    /// one of the three poses, or one of the minima has such a second difference itself, within `REACH` nodes.
+    /// Of the second differences over 0.1 of the solves from the identity, the fraction where the two minima are apart
+    /// in one of the three poses, or one of the minima has such a second difference itself, within `REACH` nodes.
     pub explained: f64,
     /// The same fraction of all second differences: what `explained` would be by chance.
     pub chance: f64,

@@ -18,8 +18,8 @@ use crate::scenes::Case;
 pub struct NodeCost {
     /// The plain loop: f64, one core.
     pub plain_ns: f64,
-    /// The library: times.relax of a `draft` that starts from the last one, and so relaxes the finest level alone, divided
-    /// by its updates; all cores.
+    /// The library: times.relax of a `draft` that starts from the last one, and so relaxes the finest level alone,
+    /// divided by its updates; all cores.
     pub library_ns: f64,
     /// Median of the ratios of the pairs.
     pub ratio: f64,

@@ -1,9 +1,9 @@
 //! Gives the indices of thread-local storage that std takes back to the process when the library is unloaded.
 //!
-//! For targets of GNU's tools std takes an index for each of its thread locals, and for those of other packages, when it
-//! is first used: a process has 1088 of them, and std ends it when there are none left. It gives none back. build.rs
-//! has the linker send the calls of `TlsAlloc` and `TlsFree` here (`--wrap`), where the library's indices are remembered.
-//! Calls of other libraries, and of the host, are not touched.
+//! For targets of GNU's tools std takes an index for each of its thread locals, and for those of other packages, when
+//! it is first used: a process has 1088 of them, and std ends it when there are none left. It gives none back. build.rs
+//! has the linker send the calls of `TlsAlloc` and `TlsFree` here (`--wrap`), where the library's indices are
+//! remembered. Calls of other libraries, and of the host, are not touched.
 
 use std::arch::global_asm;
 use std::ffi::c_void;
@@ -56,8 +56,8 @@ unsafe extern "system" fn free(index: u32) -> i32 {
     unsafe { system_free(index) }
 }
 
-/// The loader calls the functions in such sections in the order of their sections' names: this one after that of std, whose
-/// destructors still use the indices.
+/// The loader calls the functions in such sections in the order of their sections' names: this one after that of std,
+/// whose destructors still use the indices.
 #[unsafe(link_section = ".CRT$XLY")]
 #[used]
 static AT_UNLOAD: unsafe extern "system" fn(*mut c_void, u32, *mut c_void) = at_unload;

@@ -16,7 +16,8 @@ fn outer_pair(a: vec2f, b: vec2f) -> vec4f {
     return vec4f(a.x * b.x, a.x * b.y, a.y * b.x, a.y * b.y);
 }
 
-/// The sums over a thread's node: its share of the energy, its least corner Jacobian, its gradient, and its diagonal block.
+/// The sums over a thread's node: its share of the energy, its least corner Jacobian, its gradient, and its diagonal
+/// block.
 var<private> energy: f32;
 var<private> worst: f32;
 var<private> gradient: vec2f;
@@ -29,8 +30,8 @@ struct CellPairs {
     across: vec4f,
 }
 
-/// Adds the corner between the offsets a and b, whose energy `sharers` movable nodes share. Returns the gradient's part of
-/// its products dJ/dp dJ/dn' with the other two nodes; the sign of all derivatives cancels in them.
+/// Adds the corner between the offsets a and b, whose energy `sharers` movable nodes share. Returns the gradient's part
+/// of its products dJ/dp dJ/dn' with the other two nodes; the sign of all derivatives cancels in them.
 fn add_corner(a: vec2f, b: vec2f, sign: f32, sharers: f32) -> vec2f {
     let c = corner(a, b, sign);
     let lack = max(params.room_threshold - c.jacobian, 0.0);

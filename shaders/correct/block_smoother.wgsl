@@ -1,5 +1,5 @@
-// correct: the smoother inside one block, and products with the matrix there (method §7.4). Each node has a thread, so that
-// its row stays in registers: in a sweep the threads of the other colours wait. The kernel that includes this file
+// correct: the smoother inside one block, and products with the matrix there (method §7.4). Each node has a thread, so
+// that its row stays in registers: in a sweep the threads of the other colours wait. The kernel that includes this file
 // declares `active_neighbour` and `vector`.
 
 /// z at the nodes of a block and its halo.
@@ -48,8 +48,8 @@ fn times_window(row: NodeRow, t: u32) -> vec2f {
     return row_times(row, at) + diagonal_times(row.diagonal, window_z[at]);
 }
 
-/// Gauss-Seidel sweeps of z towards A z = `right` over the node colours of a block, whose halo stays frozen. A fixed node has
-/// a right-hand side of 0 and no pairs, so it stays at 0.
+/// Gauss-Seidel sweeps of z towards A z = `right` over the node colours of a block, whose halo stays frozen. A fixed
+/// node has a right-hand side of 0 and no pairs, so it stays at 0.
 fn sweep_block(row: NodeRow, right: vec2f, t: u32, sweeps: u32, backwards: bool) {
     let at = place_of_slot(t);
     let inverse = inverse_of(row.diagonal);

@@ -80,7 +80,8 @@ fn first_step(c: u32, sum: vec4f) {
 }
 
 /// After the second V-cycle: the step as a combination of z0, z1 and the last step, and the predicted gain. The second
-/// direction is z1 + beta z0; its curvature is that of z1 plus the terms with z0. `last` are the products of the last step.
+/// direction is z1 + beta z0; its curvature is that of z1 plus the terms with z0. `last` are the products of the last
+/// step.
 fn second_step(c: u32, sum: vec4f, last: vec4f) {
     let alpha = charts[c].alpha;
     let quotient = sum.x / charts[c].rz;

@@ -1,6 +1,6 @@
 // correct: the falloff of step fractions (method §7.6), along the rows of nodes or along the columns, forth and back
-// through all blocks of a band that lie side by side. A workgroup goes along one row or column of blocks, a thread along
-// one line of nodes. Per node it reads 8 bytes and writes 8.
+// through all blocks of a band that lie side by side. A workgroup goes along one row or column of blocks, a thread
+// along one line of nodes. Per node it reads 8 bytes and writes 8.
 
 /// True if block b is among those that this dispatch works on, whose list ascends.
 fn is_here(b: u32) -> bool {
@@ -13,8 +13,8 @@ fn line_slot(place: u32, line: u32) -> u32 {
     return select(slot(place, line), slot(line, place), along_columns);
 }
 
-/// Lowers fractions until those of neighbouring nodes differ by at most the chart's slope. `mode` is twice the number of the
-/// round that comes before, 0 if none does, plus 1 along the columns.
+/// Lowers fractions until those of neighbouring nodes differ by at most the chart's slope. `mode` is twice the number
+/// of the round that comes before, 0 if none does, plus 1 along the columns.
 @compute @workgroup_size(16)
 fn falloff(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let round = params.mode / 2u;

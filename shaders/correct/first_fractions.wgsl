@@ -11,8 +11,8 @@ var<workgroup> longest: atomic<u32>;
 var<workgroup> cut: atomic<u32>;
 
 /// Sets each node's fraction of the step to the largest that its corners allow if all nodes take the same fraction. A
-/// chart with a fraction under 1 is limited. Finds the chart's longest step, from which its falloff follows, and how much of
-/// the step is cut off.
+/// chart with a fraction under 1 is limited. Finds the chart's longest step, from which its falloff follows, and how
+/// much of the step is cut off.
 @compute @workgroup_size(256)
 fn first_fractions(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let b = block_of_workgroup(group, t);

@@ -1,7 +1,7 @@
 // correct: the coarser level's system, the Galerkin product P' A P (method §7.4), with nine points per node and
-// symmetric again. P has the weights of method §7.5 (crates/core/src/grid/interpolation.rs). A coarse node reads from the rows of
-// up to 25 finer nodes (44 bytes each, and 1 of weights; counting each finer node once, 180 bytes per coarse node) and
-// writes 52 bytes.
+// symmetric again. P has the weights of method §7.5 (crates/core/src/grid/interpolation.rs). A coarse node reads from
+// the rows of up to 25 finer nodes (44 bytes each, and 1 of weights; counting each finer node once, 180 bytes per
+// coarse node) and writes 52 bytes.
 
 @group(0) @binding(10) var<storage, read> fine_blocks: array<BlockRecord>;
 @group(0) @binding(11) var<storage, read> fine_rows: array<u32>;
@@ -49,7 +49,8 @@ fn weight_at(n: vec2i) -> f32 {
     return weights[u32((n.y + 2) * 35 + n.x + 2)];
 }
 
-/// Where the rows of the fine nodes (x + i, y) of a line, i from -2 to 2, begin in `fine_rows`; NONE where there are none.
+/// Starts in `fine_rows` of the rows of the fine nodes (x + i, y) of a line, i from -2 to 2; NONE where there
+/// are none.
 struct Line {
     at: vec4u,
     last: u32,
@@ -94,7 +95,8 @@ fn part_of_node(by: i32, weight: f32) -> f32 {
     return select(select(weight, 1.0 - weight, by < 0), 1.0, by == 0);
 }
 
-/// Sums over the fine nodes of three rows around a coarse node, weighted by P, of their pairs with the five nodes of a row.
+/// Sums over the fine nodes of three rows around a coarse node, weighted by P, of their pairs with the five nodes of a
+/// row.
 struct RowSums {
     a: vec4f,
     b: vec4f,
@@ -103,8 +105,8 @@ struct RowSums {
     e: vec4f,
 }
 
-/// Adds what three nodes of a fine row, with the weights `low`, `own` and `high`, have with the row `up` (-1 to 1) above it. The
-/// lower one of the two rows owns the pairs between them: `owner` is its line.
+/// Adds what three nodes of a fine row, with the weights `low`, `own` and `high`, have with the row `up` (-1 to 1)
+/// above it. The lower one of the two rows owns the pairs between them: `owner` is its line.
 fn add_row(sums: ptr<function, RowSums>, owner: Line, up: i32, low: f32, own: f32, high: f32) {
     let at = owner.at;
     if up == 0 { // model: 1.0 / 3 times
@@ -141,8 +143,8 @@ fn interpolation(g: i32, weight: f32) -> vec3f {
     return vec3f(vec3i(g) == vec3i(-2, 0, 2));
 }
 
-/// Writes the pair with neighbour e, if the node owns it, and returns its rounding error. Only pairs of two movable nodes
-/// count.
+/// Writes the pair with neighbour e, if the node owns it, and returns its rounding error. Only pairs of two movable
+/// nodes count.
 fn finish_pair(b: u32, s: u32, is_movable: bool, e: u32, sum: vec4f) -> vec3f {
     let far = vec2u(vec2i(node_at(s)) + offset(e) + 1);
     let source = window_source(far);
@@ -170,14 +172,16 @@ fn galerkin(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index
     let n = node_at(s);
     let quarter = n.y / 8u * 2u + n.x / 8u;
     let is_movable = !is_fixed(b, s) && blocks[b].children[quarter] != NONE;
-    // The blocks of the coarse pairs with the neighbours in the west, the same column and the east, from south to north.
+    // The blocks of the coarse pairs with the neighbours in the west, the same column and the east, from south to
+    // north.
     var west: array<vec4f, 3>;
     var middle: array<vec4f, 3>;
     var east: array<vec4f, 3>;
     if is_movable {
         let centre = 2u * (n % 8u);
         let first = vec2i(2u * n);
-        // P interpolates in x along the rows of fine nodes, then in y along the coarse columns; so does this, row gy by row.
+        // P interpolates in x along the rows of fine nodes, then in y along the coarse columns; so does this, row gy by
+        // row.
         for (var gy = -2; gy < 3; gy++) {
             var sums = RowSums();
             for (var fy = max(gy - 1, -1); fy < min(gy + 2, 2); fy++) { // model: 1.8 times

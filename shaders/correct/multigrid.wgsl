@@ -1,6 +1,7 @@
-// correct: what the kernels of the V-cycle on finer levels share (method §7.4), on the stored rows. The smoother is additive
-// over blocks: each block is smoothed with its halo frozen, independently of the others, so a pass over a level is one
-// dispatch. Per node a pass reads 44 bytes of rows and 16 of vectors (up to a quarter more for the halo), and writes 8.
+// correct: what the kernels of the V-cycle on finer levels share (method §7.4), on the stored rows. The smoother is
+// additive over blocks: each block is smoothed with its halo frozen, independently of the others, so a pass over a
+// level is one dispatch. Per node a pass reads 44 bytes of rows and 16 of vectors (up to a quarter more for the halo),
+// and writes 8.
 
 fn active_neighbour(b: u32, k: u32) -> u32 {
     return blocks[b].active_neighbours[k];

@@ -1,6 +1,6 @@
-// correct: the coarsest level of the V-cycle (method §7.4): one workgroup per chart, which has few nodes there, does the pass
-// forwards and the pass backwards over the chart's blocks, in one dispatch. It reads 88 bytes of rows, 13 of contributions, 4 of
-// constants and 8 of z per node, and writes 24.
+// correct: the coarsest level of the V-cycle (method §7.4): one workgroup per chart, which has few nodes there, does
+// the pass forwards and the pass backwards over the chart's blocks, in one dispatch. It reads 88 bytes of rows, 13 of
+// contributions, 4 of constants and 8 of z per node, and writes 24.
 
 /// Contributions of the finer level (restrict.wgsl).
 @group(0) @binding(10) var<storage, read> contributed: array<vec2f>;

@@ -92,9 +92,8 @@ fn multigrid_up(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
     }
 }
 
-/// Replaces r by z1 = z0 - alpha M A z0, and sums r1 . z1, z1 . A z0 and perhaps r1 . p, with r1 = r - alpha A z0 and the
-/// last step p. `product` is A z0 and
-/// `smoothed` is M A z0 at this thread's node.
+/// Replaces r by z1 = z0 - alpha M A z0, and sums r1 . z1, z1 . A z0 and perhaps r1 . p, with r1 = r - alpha A z0 and
+/// the last step p. `product` is A z0 and `smoothed` is M A z0 at this thread's node.
 fn second_residual(b: u32, product: vec2f, smoothed: vec2f, t: u32, group: vec3u) {
     let alpha = charts[blocks[b].chart].alpha;
     var r = vector(b, RESIDUAL, t);

@@ -1,8 +1,8 @@
-// correct: the row of the linear system at one node. A thread keeps the row of its node in registers, decoded, while sweeps
-// and products use it again. The kernel that includes this file declares `active_neighbour`.
+// correct: the row of the linear system at one node. A thread keeps the row of its node in registers, decoded, while
+// sweeps and products use it again. The kernel that includes this file declares `active_neighbour`.
 
-/// A node's row: its diagonal block (xx, xy, yy), and its pairs with neighbours 0 to 7 (xx, xy, yx, yy). A pair is 0 if the
-/// node has no such neighbour.
+/// A node's row: its diagonal block (xx, xy, yy), and its pairs with neighbours 0 to 7 (xx, xy, yx, yy). A pair is 0 if
+/// the node has no such neighbour.
 struct NodeRow {
     diagonal: vec3f,
     pair_0: vec4f,

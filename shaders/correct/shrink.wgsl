@@ -1,6 +1,6 @@
-// correct: a round of the step limit (method §7.6), which shrinks fractions at corners that would still lose too much. It
-// reads one of two planes of fractions and writes the other one, and computes the marks of its halo itself, so that it
-// needs no second dispatch. Per node, without the halo of two nodes, it reads 28 bytes and writes 4.
+// correct: a round of the step limit (method §7.6), which shrinks fractions at corners that would still lose too much.
+// It reads one of two planes of fractions and writes the other one, and computes the marks of its halo itself, so that
+// it needs no second dispatch. Per node, without the halo of two nodes, it reads 28 bytes and writes 4.
 
 /// A block with a halo of two nodes: the nodes from (-2, -2) to (17, 17), row by row.
 const SIDE: u32 = 20u;
@@ -26,7 +26,7 @@ fn is_within(n: vec2i, margin: i32) -> bool {
     return all(n >= vec2i(-margin)) && all(n <= vec2i(15 + margin));
 }
 
-/// Which of the 3x3 neighbour blocks holds node n, and the slot of the node there.
+/// Number of the 3x3 neighbour block that holds node n, and the slot of the node there.
 fn wide_source(n: vec2i) -> vec2u {
     let shifted = vec2u(n + 16);
     return vec2u(shifted.y / 16u * 3u + shifted.x / 16u, slot(shifted.x % 16u, shifted.y % 16u));
@@ -40,11 +40,11 @@ fn change(n: vec2i, o: vec2i) -> vec2f {
     return wide_step[place_of(n + o)] - wide_step[place_of(n)];
 }
 
-/// Round `mode`, from 1 on, for charts that were limited by all dispatches before it. In the shrinking rounds, a corner must
-/// keep the fraction `factor` of its margin at u + fraction x step, and the mark of a node is the least factor that its
-/// corners allow. In the last rounds, where `factor` is negative, the mark is 0 at corners that fall below the bound. Each
-/// fraction is multiplied by the least mark of the node and its neighbours. If no node of a chart is marked, the fractions
-/// from before the round remain valid.
+/// Round `mode`, from 1 on, for charts that were limited by all dispatches before it. In the shrinking rounds, a corner
+/// must keep the fraction `factor` of its margin at u + fraction x step, and the mark of a node is the least factor
+/// that its corners allow. In the last rounds, where `factor` is negative, the mark is 0 at corners that fall below the
+/// bound. Each fraction is multiplied by the least mark of the node and its neighbours. If no node of a chart is
+/// marked, the fractions from before the round remain valid.
 @compute @workgroup_size(256)
 fn shrink(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) t: u32) {
     let block = block_of_workgroup(group, t);

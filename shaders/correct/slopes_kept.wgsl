@@ -1,5 +1,5 @@
-// For assemble.wgsl: the slopes of a patch in workgroup memory. Each is computed once for the nine nodes that need it. They
-// take 7776 bytes, more than WebGPU's default limits leave beside a patch.
+// For assemble.wgsl: the slopes of a patch in workgroup memory. Each is computed once for the nine nodes that need it.
+// They take 7776 bytes, more than WebGPU's default limits leave beside a patch.
 
 /// Per coordinate of the surface (or component of the metric), its slopes along x and y.
 var<workgroup> kept_x: array<vec2f, 324>;

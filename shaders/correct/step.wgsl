@@ -1,5 +1,5 @@
-// correct: takes a fraction of the step and resamples the surface (method §7.7). In addition to what `resample` does, it
-// reads 20 bytes of vectors per node, and in the first trial 8 of the state, and writes 20 there.
+// correct: takes a fraction of the step and resamples the surface (method §7.7). In addition to what `resample` does,
+// it reads 20 bytes of vectors per node, and in the first trial 8 of the state, and writes 20 there.
 
 /// Sets u = u0 + `factor` psi phi x (method §7.7): the displacement before the step plus the trial's fraction, times
 /// the chart's step fraction, times the node's step fraction, of the step x. In the first trial, u0 and x replace the

@@ -5,8 +5,8 @@
 /// The smallest normal f32: keeps a quotient finite.
 const SMALLEST: f32 = 1.1754944e-38;
 
-/// The smallest fraction that the twelve corners of node n allow if each keeps the fraction `left` of its margin (method
-/// §7.6, Fraction per corner).
+/// The smallest fraction that the twelve corners of node n allow if each keeps the fraction `left` of its margin
+/// (method §7.6, Fraction per corner).
 fn allowed_fraction(n: vec2i, left: f32) -> f32 {
     var fraction = 1.0;
     for (var q = 0u; q < 4u; q++) {

@@ -110,7 +110,7 @@ fn sample_surface(b: u32, node: vec2i, u: vec2f, start: u32) -> Sample {
     return sample_on_triangle(t, node, u);
 }
 
-/// Whether samples have tangents.
+/// True if samples have tangents.
 const TANGENTS: bool = true;
 
 /// The tangents df/dx and df/dy on triangle t; 0 without a triangle.

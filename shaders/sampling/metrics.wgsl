@@ -33,7 +33,7 @@ fn sample_surface(b: u32, node: vec2i, u: vec2f, start: u32) -> Sample {
     return Sample(true, south + fraction.y * (north - south), NONE);
 }
 
-/// Whether samples have tangents.
+/// True if samples have tangents.
 const TANGENTS: bool = false;
 
 fn tangents(t: u32) -> mat2x3f {

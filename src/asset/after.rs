@@ -25,8 +25,8 @@ impl After {
         self.rest + if self.has_time(budget) { self.blend } else { Duration::ZERO }
     }
 
-    /// Somewhat less: what is not tried is not measured again, and a machine that is taken for a slow one is to be taken for a
-    /// quicker one.
+    /// Somewhat less: what is not tried is not measured again, and a machine that is taken for a slow one is to be
+    /// taken for a quicker one.
     pub fn less(self) -> After {
         After { blend: self.blend.mul_f64(0.95), rest: self.rest.mul_f64(0.75) }
     }

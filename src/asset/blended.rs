@@ -11,7 +11,8 @@ use vrtm_core::grid::Grid;
 /// The key of the copies of all tiles.
 #[derive(Debug, PartialEq)]
 pub(super) struct CopiesKey {
-    /// Of the tiles that are blended together. A grid is of one mesh alone, and those of the others are always the same.
+    /// Of the tiles that are blended together. A grid is of one mesh alone, and those of the others are always the
+    /// same.
     pub grids: Vec<Option<Same<Grid>>>,
 }
 

@@ -72,7 +72,7 @@ const MOST_STROKES: usize = 256;
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct GridKey {
     pub tile: usize,
-    /// That of the tile's rigidity and mask.
+    /// Generation of the tile's rigidity and mask.
     pub generation: u64,
     /// That from which on the mask is this.
     masked: u64,
@@ -95,8 +95,8 @@ impl GridKey {
     }
 }
 
-/// A tile in which a collar of another one lies: the generation of its maps, that of its mask, and the size of its grid, at
-/// which they are read.
+/// A tile in which a collar of another one lies: the generation of its maps, that of its mask, and the size of its
+/// grid, at which they are read.
 #[derive(Clone, Debug, PartialEq)]
 struct There {
     tile: u32,
@@ -105,7 +105,7 @@ struct There {
     size: [usize; 2],
 }
 
-/// What has changed for a grid.
+/// Change of a grid's inputs.
 #[derive(Debug)]
 pub(crate) enum Change<'a> {
     Nothing,
@@ -134,7 +134,8 @@ impl Given {
         MapsOfTile { own: &self.maps[tile], all: &self.maps }
     }
 
-    /// Bytes of a tile's maps, and of what the choice of its grid keeps. Maps that layers share count for the first layer.
+    /// Bytes of a tile's maps, and of what the choice of its grid keeps. Maps that layers share count for the first
+    /// layer.
     pub fn bytes(&self, mesh: &Mesh, tile: usize) -> u64 {
         let covered = self.covered[tile].as_ref().map_or(0, Covered::bytes);
         let TileMaps { rigidity, mask, .. } = &self.maps[tile];
@@ -232,7 +233,7 @@ impl Given {
         (0..self.maps.len()).filter(stays).map(|other| other as u32).collect()
     }
 
-    /// What has changed of a grid's inputs since it had this key.
+    /// The change of a grid's inputs since it had this key.
     pub fn change_since(&self, key: &GridKey) -> Change<'_> {
         let now = self.grid_key(key.tile, key.beyond.iter().map(|there| there.tile));
         let mut like_then = now.clone();

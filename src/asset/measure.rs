@@ -13,8 +13,8 @@ use vrtm_core::strain::measure;
 use vrtm_core::team::Team;
 use vrtm_core::view::Strided;
 
-/// Bytes of what a measurement holds per node of a grid, also where nothing moves: coverage, maps, displacements, positions at
-/// rest and in the pose.
+/// Bytes of what a measurement holds per node of a grid, also where nothing moves: coverage, maps, displacements,
+/// positions at rest and in the pose.
 const BYTES_PER_NODE: u64 = 140;
 
 impl Asset {

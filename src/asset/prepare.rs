@@ -181,8 +181,8 @@ impl TileState {
     }
 }
 
-/// Tells of a grid that was asked for and has a quarter of the cells on a side that resolve the rigidity, or four times as
-/// many.
+/// Tells of a grid that was asked for and has a quarter of the cells on a side that resolve the rigidity, or four times
+/// as many.
 fn compare(call: &Call, tile: usize, name: &str) {
     let maps = &call.given.maps[tile];
     if !call.device.has_log() || maps.settings.grid == [None; 2] {

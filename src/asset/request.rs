@@ -34,13 +34,15 @@ pub struct SolveRequest<'a> {
     /// The tiles to solve, in any order; `None` = all. The others keep their results.
     pub tiles: Option<&'a [usize]>,
     /// The vertices that have moved since the last solve, in any order; `None` = any may have. Tiles without a moved
-    /// vertex keep their results, unless their maps, settings or the options have changed since, or they have no result.
+    /// vertex keep their results, unless their maps, settings or the options have changed since, or they have no
+    /// result.
     pub dirty_vertices: Option<&'a [u32]>,
-    /// Drop the results of the tiles to be solved before solving them, which saves their memory, 8 bytes per node of the
-    /// blocks in use. They cannot be read until the solve succeeds, and no part of them can be reused.
+    /// Drop the results of the tiles to be solved before solving them, which saves their memory, 8 bytes per node of
+    /// the blocks in use. They cannot be read until the solve succeeds, and no part of them can be reused.
     pub release_last: bool,
-    /// Free the memory of each tile's solver once the tile is solved, about 110 bytes per node of the blocks in use: tiles
-    /// are then solved one after the other, also on a GPU, and need that of one. The next solve has to allocate it again.
+    /// Free the memory of each tile's solver once the tile is solved, about 110 bytes per node of the blocks in use:
+    /// tiles are then solved one after the other, also on a GPU, and need that of one. The next solve has to allocate
+    /// it again.
     pub release_solvers: bool,
     /// Cancels the call and reports its progress.
     pub control: Option<Arc<Control>>,

@@ -82,14 +82,15 @@ impl Results {
         self.0.mesh.tiles.iter().position(|tile| tile.udim == udim && tile.uv_set == uv_set)
     }
 
-    /// The layer that the tile at `index` is, and the number of layers of its UDIM number; panics if the index is out of
-    /// range.
+    /// The layer that the tile at `index` is, and the number of layers of its UDIM number; panics if the index is out
+    /// of range.
     #[must_use]
     pub fn tile_layer(&self, index: usize) -> (u32, u32) {
         (self.0.mesh.tiles[index].layer, self.0.mesh.layers(index).len() as u32)
     }
 
-    /// The layer of each face in a UV set: which of the tiles with its UDIM number it belongs to; 0 for a face in no tile.
+    /// The layer of each face in a UV set: which of the tiles with its UDIM number it belongs to; 0 for a face in no
+    /// tile.
     ///
     /// # Errors
     /// `InvalidArgument` for an unknown UV set, or if the length is not the number of faces.
@@ -176,15 +177,15 @@ impl Results {
         })
     }
 
-    /// Writes what a texture must hold around a tile's charts: for each texel whose centre lies beside them, up to `reach`
-    /// (in UV, at most 0.5) from a seam, the UV among all tiles, as in [`FetchKind::RedirectionUdim`], of the texel that
-    /// shows what the surface shows there; for all other texels their own centre. The fourth channel, if the image has one,
-    /// is 1 in charts and where a UV was found, and 0 elsewhere. It depends on the rest pose and the UVs alone, and needs no
-    /// solve. Two to four channels.
+    /// Writes what a texture must hold around a tile's charts: for each texel whose centre lies beside them, up to
+    /// `reach` (in UV, at most 0.5) from a seam, the UV among all tiles, as in [`FetchKind::RedirectionUdim`], of the
+    /// texel that shows what the surface shows there; for all other texels their own centre. The fourth channel, if the
+    /// image has one, is 1 in charts and where a UV was found, and 0 elsewhere. It depends on the rest pose and the UVs
+    /// alone, and needs no solve. Two to four channels.
     ///
     /// # Errors
-    /// `InvalidArgument` for an unknown tile, a reach out of range or an impossible number of channels; `OutOfMemory`. Nothing
-    /// is written then.
+    /// `InvalidArgument` for an unknown tile, a reach out of range or an impossible number of channels; `OutOfMemory`.
+    /// Nothing is written then.
     pub fn fetch_dilation(&self, tile: usize, reach: f64, image: &mut ImageViewMut) -> Result<()> {
         let Shared { device, mesh, .. } = &*self.0;
         self.check_tile(tile)?;
@@ -232,14 +233,15 @@ impl Results {
         Ok(())
     }
 
-    /// Writes a redirection of a tile's result into memory of the host's own graphics device, which must be the same GPU,
-    /// without passing through the CPU. The texels, in f32 or f16, are bit-identical to those of [`Results::fetch`]. The call returns
-    /// when they are written, so no semaphore is needed. The caller remains responsible for the handle.
+    /// Writes a redirection of a tile's result into memory of the host's own graphics device, which must be the same
+    /// GPU, without passing through the CPU. The texels, in f32 or f16, are bit-identical to those of
+    /// [`Results::fetch`]. The call returns when they are written, so no semaphore is needed. The caller remains
+    /// responsible for the handle.
     ///
     /// # Errors
     /// `NotSolved` before the first solve; `Unsupported` on the CPU, for kinds other than redirections, and for memory
-    /// that this GPU does not import; `InvalidArgument`, naming the field, for a layout that does not fit; `OutOfMemory`.
-    /// In all of these cases nothing is written. `DeviceLost`: the texels are undefined.
+    /// that this GPU does not import; `InvalidArgument`, naming the field, for a layout that does not fit;
+    /// `OutOfMemory`. In all of these cases nothing is written. `DeviceLost`: the texels are undefined.
     ///
     /// # Safety
     /// The handle refers to memory as the image describes it, and during the call no other program or device uses the

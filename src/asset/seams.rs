@@ -1,5 +1,5 @@
-//! The blend of results at seams, after all tiles are solved: it is part of what is published, never of what a later solve
-//! starts from.
+//! The blend of results at seams, after all tiles are solved: it is part of what is published, never of what a later
+//! solve starts from.
 
 use std::sync::Arc;
 
@@ -22,9 +22,9 @@ use vrtm_core::report::report;
 use vrtm_core::team::Team;
 
 impl Asset {
-    /// Blends the results of a call with one another; returns what is to be published instead of them, where that is something
-    /// else. Tiles without a result of this call take no part: their results may be those of another pose. Without time, results
-    /// stay as they are.
+    /// Blends the results of a call with one another; returns what is to be published instead of them, where that is
+    /// something else. Tiles without a result of this call take no part: their results may be those of another pose.
+    /// Without time, results stay as they are.
     pub(super) fn blend(
         &mut self,
         team: &Team,
@@ -96,15 +96,15 @@ impl Asset {
         Ok(published)
     }
 
-    /// The results of tiles that were asked for and need no solve, since nothing in them has moved, but whose neighbours may
-    /// say something else at their seams.
+    /// The results of tiles that were asked for and need no solve, since nothing in them has moved, but whose
+    /// neighbours may say something else at their seams.
     pub(super) fn beside(&self, asked: &[bool], wanted: &[bool]) -> Vec<(usize, Arc<Solved>)> {
         let tiles = (0..self.tiles.len()).filter(|&tile| asked[tile] && !wanted[tile]);
         tiles.filter_map(|tile| Some((tile, self.tiles[tile].last.as_ref()?.solved.clone()))).collect()
     }
 }
 
-/// Where charts have what lies beyond their seams.
+/// Finds the places of the surface beyond seams in the charts that have collars.
 fn find_places<'a>(
     device: &Device,
     mesh: &Mesh,

@@ -30,8 +30,8 @@ pub(crate) struct Call<'a> {
     pub given: &'a Given,
 }
 
-/// The key of a tile's triangles: the borders beyond which its charts go on, with the tiles whose charts do not go on beyond
-/// seams, and the welds that are torn.
+/// The key of a tile's triangles: the borders beyond which its charts go on, with the tiles whose charts do not go on
+/// beyond seams, and the welds that are torn.
 pub(super) type ShapeKey = (Option<(Beyond, Vec<u32>)>, Vec<u32>);
 
 /// A tile as it hangs together, and what is made for that.

@@ -44,7 +44,8 @@ impl Asset {
     /// Solves every tile for a pose.
     ///
     /// # Errors
-    /// `InvalidArgument` for a wrong count or a position that is not finite; `OutOfMemory`. The last good result is kept.
+    /// `InvalidArgument` for a wrong count or a position that is not finite; `OutOfMemory`. The last good result is
+    /// kept.
     pub fn solve(&mut self, positions: Strided, options: &SolveOptions) -> Result<()> {
         self.redirect(positions, options, &mut [])
     }
@@ -102,10 +103,10 @@ impl Asset {
         let _working = team.control().map(|control| control.begin());
         team.check_or_unwind();
         let plan = Plan::new(&request.options);
-        let asked = self.asked(request);
-        let wanted = self.wanted(request, &plan, &asked);
+        let may_solve = self.may_solve(request);
+        let must_solve = self.must_solve(request, &plan, &may_solve);
         if request.release_last {
-            self.release_results(&wanted);
+            self.release_results(&must_solve);
         }
         let Asset { device, mesh, given, tiles, after, .. } = &mut *self;
         let is_elastic = |maps: &TileMaps| matches!(maps.rigidity, Values::None);
@@ -114,7 +115,7 @@ impl Asset {
         }
         let has_seams = given.maps.iter().any(|maps| maps.settings.beyond().is_some());
         // Collars read maps as the grids of other tiles do.
-        let sized = (0..wanted.len()).filter(|&tile| wanted[tile] || has_seams);
+        let sized = (0..must_solve.len()).filter(|&tile| must_solve[tile] || has_seams);
         given.find_sizes(team, mesh, sized, device.memory_budget());
         let call = SolveCall {
             on: Call { team, device, mesh, given },
@@ -126,7 +127,7 @@ impl Asset {
             progress: if has_seams { 1.0 - after::SHARE } else { 1.0 },
             learns: true,
         };
-        let states = tiles.iter_mut().filter(|state| wanted[state.tile]).collect();
+        let states = tiles.iter_mut().filter(|state| must_solve[state.tile]).collect();
         let solved = match request.options.time_budget {
             Some(budget) => in_turn(&call, budget.saturating_sub(after.of(budget)), states)?,
             None => solve(&call, crew, states)?,
@@ -134,7 +135,7 @@ impl Asset {
         let begin = Instant::now();
         let of = |new: &TileSolved| (new.tile(), new.solved.clone());
         let mut results: Vec<(usize, Arc<Solved>)> = solved.iter().map(of).collect();
-        results.extend(self.beside(&asked, &wanted));
+        results.extend(self.beside(&may_solve, &must_solve));
         let has_time = request.options.time_budget.is_none_or(|budget| self.after.has_time(budget));
         let (new, mut published) = (solved.len(), self.blend(team, &results, has_time)?);
         let blended = begin.elapsed();
@@ -165,32 +166,32 @@ impl Asset {
     }
 
     /// Per tile, whether its result may change.
-    fn asked(&self, request: &SolveRequest) -> Vec<bool> {
-        let mut asked = vec![request.tiles.is_none(); self.tiles.len()];
+    fn may_solve(&self, request: &SolveRequest) -> Vec<bool> {
+        let mut may_solve = vec![request.tiles.is_none(); self.tiles.len()];
         for &tile in request.tiles.unwrap_or_default() {
-            asked[tile] = true;
+            may_solve[tile] = true;
         }
-        self.given.frozen.iter().zip(&mut asked).for_each(|(frozen, asked)| *asked &= !frozen);
-        asked
+        self.given.frozen.iter().zip(&mut may_solve).for_each(|(frozen, may_solve)| *may_solve &= !frozen);
+        may_solve
     }
 
     /// Per tile, whether it has to be solved.
-    fn wanted(&self, request: &SolveRequest, plan: &Plan, asked: &[bool]) -> Vec<bool> {
-        let mut wanted = Vec::from(asked);
+    fn must_solve(&self, request: &SolveRequest, plan: &Plan, may_solve: &[bool]) -> Vec<bool> {
+        let mut must_solve = Vec::from(may_solve);
         if let Some(dirty) = request.dirty_vertices {
             let mut is_dirty = zeroed(self.mesh.rest.len());
             for &vertex in dirty {
                 is_dirty[vertex as usize] = true;
             }
-            for (state, wanted) in self.tiles.iter().zip(&mut wanted) {
+            for (state, must_solve) in self.tiles.iter().zip(&mut must_solve) {
                 let last = state.last.as_ref().filter(|last| last.is_of(plan, &self.given));
-                *wanted &= last.is_none_or(|TileSolved { solved, .. }| {
+                *must_solve &= last.is_none_or(|TileSolved { solved, .. }| {
                     let charts = &solved.extended.as_ref().unwrap_or(&solved.mesh).charts;
                     charts.iter().flat_map(Chart::of_mesh).any(|vertex| is_dirty[vertex as usize])
                 });
             }
         }
-        wanted
+        must_solve
     }
 
     /// Drops the results of tiles.
@@ -269,8 +270,8 @@ fn results(units: Vec<Vec<Queued>>) -> Result<Vec<TileSolved>> {
     queue.into_iter().filter_map(|queued| queued.result).collect::<Result<Vec<_>>>()
 }
 
-/// Solves tiles one after the other within a time budget, dividing the remaining time among the remaining tiles. A GPU solves
-/// together what it can.
+/// Solves tiles one after the other within a time budget, dividing the remaining time among the remaining tiles. A GPU
+/// solves together what it can.
 fn in_turn(call: &SolveCall, budget: Duration, tiles: Vec<&mut TileState>) -> Result<Vec<TileSolved>> {
     if call.on.device.gpu().is_some() {
         let mut units = units(call, prepare(call, tiles)?);

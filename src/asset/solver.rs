@@ -67,8 +67,8 @@ impl BookedSolver {
     }
 }
 
-/// True if a solver may be used again after this: a cancelled solve leaves its memory usable, since each solve writes what it
-/// reads.
+/// True if a solver may be used again after this: a cancelled solve leaves its memory usable, since each solve writes
+/// what it reads.
 pub(super) fn is_usable_after(solution: &Result<TileSolution>) -> bool {
     solution.as_ref().err().is_none_or(|error| error.kind == ErrorKind::Cancelled)
 }

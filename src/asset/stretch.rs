@@ -1,5 +1,5 @@
-//! Measures how much longer a pose's edges are than at rest, to detect a pose in other units, or with vertices in another
-//! order.
+//! Measures how much longer a pose's edges are than at rest, to detect a pose in other units, or with vertices in
+//! another order.
 
 use glam::DVec3;
 

@@ -28,7 +28,8 @@ use super::solver::{BookedSolver, Shared, SolveCall, is_usable_after};
 use crate::solved::Solved;
 use vrtm_core::backend::{TileSolution, Warp};
 
-/// A tile's derived things, made from the mesh, from maps and settings of the host, and from poses. Each stores its key.
+/// A tile's derived things, made from the mesh, from maps and settings of the host, and from poses. Each stores its
+/// key.
 #[derive(Debug)]
 pub(crate) struct TileState {
     /// Its number in the mesh.
@@ -151,8 +152,8 @@ impl TileState {
         Begun { pose, tasks, results, warp, spent: start.elapsed() }
     }
 
-    /// Solves the prepared tile with its own solver. The last result is unchanged: the caller replaces it when all tiles are
-    /// solved.
+    /// Solves the prepared tile with its own solver. The last result is unchanged: the caller replaces it when all
+    /// tiles are solved.
     pub fn solve(&mut self, call: &SolveCall, prepared: &Prepared, begun: &mut Begun) -> Result<TileSolved> {
         let start = Instant::now();
         let solution = match begun.warp {

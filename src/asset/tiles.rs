@@ -40,8 +40,9 @@ impl Asset {
         Ok(given.maps[tile].grid_size().map(|cells| cells as u32))
     }
 
-    /// The memory for preparing and solving a tile with its present maps and settings. It counts the movable nodes, which
-    /// takes a small part of the time and memory of preparing the tile, and keeps nothing but the collars of its charts.
+    /// The memory for preparing and solving a tile with its present maps and settings. It counts the movable nodes,
+    /// which takes a small part of the time and memory of preparing the tile, and keeps nothing but the collars of its
+    /// charts.
     ///
     /// # Errors
     /// `InvalidArgument` if `tile` is out of range.
@@ -50,7 +51,8 @@ impl Asset {
         self.on_tile(tile, TileState::estimate)
     }
 
-    /// A tile, prepared with its present maps and settings, as bytes that [`Asset::load_tile`] takes on another machine.
+    /// A tile, prepared with its present maps and settings, as bytes that [`Asset::load_tile`] takes on another
+    /// machine.
     ///
     /// # Errors
     /// `InvalidArgument` if `tile` is out of range; `OutOfMemory`.
@@ -121,8 +123,8 @@ impl Asset {
         Ok(size)
     }
 
-    /// Loads a tile that was prepared elsewhere, so that it need not be prepared here. Its maps and settings must be set
-    /// as they were when it was saved: the bytes hold what was derived from the maps, not the maps themselves.
+    /// Loads a tile that was prepared elsewhere, so that it need not be prepared here. Its maps and settings must be
+    /// set as they were when it was saved: the bytes hold what was derived from the maps, not the maps themselves.
     ///
     /// # Errors
     /// `InvalidArgument` for bytes that are damaged, of another version, or saved with another mesh, map or setting;
@@ -149,8 +151,9 @@ impl Asset {
         })
     }
 
-    /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid), for all of its layers; `None` removes it. Where a tile has none, the
-    /// rigidity of the vertices counts ([`Asset::set_vertex_rigidity`]); without that, too, the tile is the identity.
+    /// Sets a tile's rigidity, 0 (elastic) to 1 (rigid), for all of its layers; `None` removes it. Where a tile has
+    /// none, the rigidity of the vertices counts ([`Asset::set_vertex_rigidity`]); without that, too, the tile is the
+    /// identity.
     ///
     /// # Errors
     /// `InvalidArgument` for a value that is not finite.
@@ -158,8 +161,8 @@ impl Asset {
         self.set_map("rigidity", Which::Rigidity, tile, image)
     }
 
-    /// Sets a tile's warp mask, for all of its layers: texels under 0.5 do not move; `None` removes it. Where a tile has none,
-    /// the mask of the vertices counts ([`Asset::set_vertex_mask`]); without that, too, all may move.
+    /// Sets a tile's warp mask, for all of its layers: texels under 0.5 do not move; `None` removes it. Where a tile
+    /// has none, the mask of the vertices counts ([`Asset::set_vertex_mask`]); without that, too, all may move.
     ///
     /// # Errors
     /// `InvalidArgument` for a value that is not finite.
@@ -235,8 +238,8 @@ impl Asset {
     }
 
     /// Sets the mask of all vertices, linear over each triangle, for the tiles that have no mask of their own
-    /// ([`Asset::set_mask`]), in whatever order both are set: nodes within half a cell of a value under 0.5 do not move;
-    /// `None` removes it.
+    /// ([`Asset::set_mask`]), in whatever order both are set: nodes within half a cell of a value under 0.5 do not
+    /// move; `None` removes it.
     ///
     /// # Errors
     /// `InvalidArgument` for a wrong count or a value that is not finite.

@@ -30,7 +30,7 @@ pub(super) struct Queued<'a> {
     pub result: Option<Result<TileSolved>>,
 }
 
-/// What its memory is called in errors.
+/// Name of its memory in errors.
 const WHAT: &str = "solving tiles together";
 
 /// Divides tiles into those that can be solved together. Who frees solvers after each tile wants the memory of one.
@@ -60,7 +60,7 @@ pub(super) fn units<'a>(call: &SolveCall, queue: Vec<Queued<'a>>) -> Vec<Vec<Que
     units
 }
 
-/// What a tile's solve starts from: the last result, if there is one, and whether that is on the GPU.
+/// Start of a tile's solve: the last result, if there is one, and if it is on the GPU.
 fn start(call: &SolveCall, queued: &Queued) -> Option<bool> {
     let last = queued.state.last_warp(&queued.prepared.grid).filter(|_| call.plan.warm);
     last.map(|last| last.on_gpu().is_some())
@@ -161,8 +161,8 @@ fn make(call: &SolveCall, unit: &mut [Queued]) -> Result<Option<Shared>> {
     Ok(Some(shared))
 }
 
-/// Some tiles and, since which have to be solved differs from pose to pose, those before that can still be solved together
-/// with them; with the place where all find the solver.
+/// Some tiles and, since which have to be solved differs from pose to pose, those before that can still be solved
+/// together with them; with the place where all find the solver.
 fn members(
     call: &SolveCall,
     unit: &[Queued],

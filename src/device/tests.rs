@@ -15,8 +15,8 @@ fn make(backend: Backend, adapter: u32) -> Result<Device> {
     )
 }
 
-/// A device on the first GPU, software or not. `None`, with a printed note, if no GPU was found; VRTM_REQUIRE_GPU=1 makes
-/// that a failure.
+/// A device on the first GPU, software or not. `None`, with a printed note, if no GPU was found; VRTM_REQUIRE_GPU=1
+/// makes that a failure.
 pub(crate) fn gpu() -> Option<Device> {
     let found = find();
     if found.infos().is_empty() {

@@ -28,8 +28,8 @@ impl Canvas {
         self.put_from(0, x, y, values);
     }
 
-    /// Writes a row from the bytes of its first two channels, in the image's format and without gaps; a third channel is 0.
-    /// Row 0 is at v = 0.
+    /// Writes a row from the bytes of its first two channels, in the image's format and without gaps; a third channel
+    /// is 0. Row 0 is at v = 0.
     pub fn put_row(&self, y: usize, bytes: &[u8]) {
         let TexelLayout { width, height, channels, format, pixel_stride, .. } = self.layout;
         let (width, pair, third) =

@@ -14,7 +14,7 @@ use vrtm_core::mesh::{Mesh, TileMesh};
 use vrtm_core::settings::Beyond;
 use vrtm_core::team::Team;
 
-/// What a texel beside the charts shows.
+/// Source of a texel beside the charts.
 #[derive(Clone, Copy)]
 struct Found {
     /// Distance to the border on the surface, as a length in the chart's plane.

@@ -9,7 +9,8 @@ use vrtm_core::image::external::{ExternalImage, ExternalTexels};
 use super::{FetchKind, Form};
 
 /// # Errors
-/// `Unsupported` for kinds other than redirections; `InvalidArgument`, naming the field, for a layout that does not fit.
+/// `Unsupported` for kinds other than redirections; `InvalidArgument`, naming the field, for a layout that does not
+/// fit.
 pub(crate) fn check(kind: FetchKind, image: &ExternalImage) -> Result<ExternalTexels> {
     let texels = image.check("image")?;
     if kind.is_redirection() {

@@ -32,7 +32,7 @@ pub(crate) struct Output<'a> {
     part: ImagePart,
     /// The charts of texels, where the charts of the result may lie over one another.
     owners: Option<Owners>,
-    /// What was limited.
+    /// Texels with a redirection that was clamped to the gutter.
     limited: LimitedTexels,
     content: Content<'a>,
 }

@@ -20,8 +20,8 @@ use vrtm_core::backend::{Gpu, GpuOutput, GpuWarp, Warp};
 /// A redirection that is limited by less, in texels, does not count.
 const LEAST: f32 = 1e-5;
 
-/// Memory for images fetched from a GPU. One serves all tiles of an asset in turn: most of the time their images have the
-/// same size.
+/// Memory for images fetched from a GPU. One serves all tiles of an asset in turn: most of the time their images have
+/// the same size.
 #[derive(Debug, Default)]
 pub(crate) struct Outputs {
     gpu: Option<Box<dyn GpuOutput>>,
@@ -41,8 +41,8 @@ impl Centres {
     }
 }
 
-/// The part of an image that is inverted; where the charts of the result go on beyond their borders, the charts of its texels;
-/// and the room for that, if redirections are to stay where there is some.
+/// The part of an image that is inverted; where the charts of the result go on beyond their borders, the charts of its
+/// texels; and the room for that, if redirections are to stay where there is some.
 pub(crate) struct Area<'a> {
     pub part: &'a ImagePart,
     pub owners: Option<&'a Owners>,
@@ -60,8 +60,8 @@ pub(crate) struct Room<'a> {
 const KEPT: u64 = 1 << 28;
 
 impl Outputs {
-    /// Calls `put(x, y, uv, delta)` for all texels of a part of an image, with their places in the part, rows from v = 0
-    /// upward: `uv` is W⁻¹ at the texel centre, and `delta` is `uv` minus the centre. A texel may come twice, and its
+    /// Calls `put(x, y, uv, delta)` for all texels of a part of an image, with their places in the part, rows from v =
+    /// 0 upward: `uv` is W⁻¹ at the texel centre, and `delta` is `uv` minus the centre. A texel may come twice, and its
     /// last call counts, but never on two threads at once.
     pub fn invert(
         &mut self,
@@ -114,8 +114,8 @@ impl Outputs {
         })
     }
 
-    /// Writes the first three channels of a redirection, which the GPU computes as the image holds them. Returns false, and
-    /// writes nothing, where the CPU computes it.
+    /// Writes the first three channels of a redirection, which the GPU computes as the image holds them. Returns false,
+    /// and writes nothing, where the CPU computes it.
     pub fn redirect(
         &mut self,
         device: &Device,
@@ -136,8 +136,8 @@ impl Outputs {
         })
     }
 
-    /// Has the GPU write a whole image with two channels of this format. Returns false where the CPU does it: where charts may
-    /// lie over one another, it tells their texels apart.
+    /// Has the GPU write a whole image with two channels of this format. Returns false where the CPU does it: where
+    /// charts may lie over one another, it tells their texels apart.
     fn on_gpu(
         &mut self,
         device: &Device,
@@ -201,8 +201,8 @@ impl Outputs {
     }
 }
 
-/// Calls `put(x, y, jacobian)` for all texels of a part of an image, as `Outputs::invert` does: the derivatives of W⁻¹ by
-/// the UV, one row per component.
+/// Calls `put(x, y, jacobian)` for all texels of a part of an image, as `Outputs::invert` does: the derivatives of W⁻¹
+/// by the UV, one row per component.
 pub(crate) fn jacobians(
     team: &Team,
     solved: &Solved,

@@ -121,8 +121,8 @@ impl<'a> NodeRows<'a> {
         self.owners.as_ref().and_then(|owners| owners.of(block.x, block.y))
     }
 
-    /// True if a node's displacement is that of a block: where charts share a square, each chart has its own movable nodes,
-    /// unless they have collars.
+    /// True if a node's displacement is that of a block: where charts share a square, each chart has its own movable
+    /// nodes, unless they have collars.
     fn is_of(&self, b: usize, s: usize, owners: Option<&Plane<u32>>) -> bool {
         self.level.movable[b][s] != 0
             && owners.is_none_or(|owners| owners[s] == self.level.blocks.list[b].chart)

@@ -1,5 +1,5 @@
-//! Redirections written as UVs of another UV set: a tile's map is looked up by the UVs that the warp was solved in, and gives
-//! those that textures use.
+//! Redirections written as UVs of another UV set: a tile's map is looked up by the UVs that the warp was solved in, and
+//! gives those that textures use.
 
 use glam::DVec2;
 
@@ -14,8 +14,8 @@ use vrtm_core::mesh::{Mesh, NONE, TileMesh};
 use vrtm_core::strain::exact::Locator;
 use vrtm_core::team::Team;
 
-/// Texels beside a chart up to this far from it go on with the UVs of the chart's nearest triangle, so that a renderer that
-/// interpolates between texels reads the chart's own UVs at its border.
+/// Texels beside a chart up to this far from it go on with the UVs of the chart's nearest triangle, so that a renderer
+/// that interpolates between texels reads the chart's own UVs at its border.
 const MARGIN: usize = 2;
 
 /// The UVs of another set on the triangles of a tile, and the triangle under each texel of an image.
@@ -119,8 +119,8 @@ pub(crate) struct Drawn<'a> {
 }
 
 impl Drawn<'_> {
-    /// Writes a texel whose redirected UV within the tile is `uv`, `delta` away from its centre: 0 beside all charts, and as
-    /// the fourth channel whether a chart covers the centre.
+    /// Writes a texel whose redirected UV within the tile is `uv`, `delta` away from its centre: 0 beside all charts,
+    /// and as the fourth channel whether a chart covers the centre.
     pub fn put(&self, canvas: &Canvas, x: usize, y: usize, uv: [f64; 2], delta: [f64; 2]) {
         let home = self.locator.under(x, y);
         let value = if home == NONE { DVec2::ZERO } else { self.value(home, uv.into(), delta.into()) };

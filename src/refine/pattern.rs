@@ -8,12 +8,12 @@ use vrtm_refine::Source;
 /// Destination of a refinement's pattern; fields that are `None` are skipped. A host uses the pattern to interpolate
 /// positions and all other attributes of its vertices and corners.
 ///
-/// Sources have weights that add up to 1. A vertex or corner that needs fewer than three has weight 0 for the rest, which
-/// repeat the first.
+/// Sources have weights that add up to 1. A vertex or corner that needs fewer than three has weight 0 for the rest,
+/// which repeat the first.
 #[derive(Debug, Default)]
 pub struct RefinementPattern<'a> {
-    /// Per vertex, up to three vertices of the mesh. The mesh's own vertices come first, in their order, each with itself
-    /// as its source.
+    /// Per vertex, up to three vertices of the mesh. The mesh's own vertices come first, in their order, each with
+    /// itself as its source.
     pub vertex_sources: Option<&'a mut [[u32; 3]]>,
     /// Per vertex, the weights of its sources.
     pub vertex_weights: Option<&'a mut [[f32; 3]]>,

@@ -1,4 +1,5 @@
-//! What a frame costs beside its arithmetic: allocations. They are counted, not timed, so that the bounds hold on any machine.
+//! What a frame costs beside its arithmetic: allocations. They are counted, not timed, so that the bounds hold on any
+//! machine.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ffi::c_void;

@@ -35,8 +35,8 @@ fn ways() -> Vec<SolveOptions> {
     ]
 }
 
-/// Cancels solves before each of many items of their work. What was there before stays, and the next solve gives what it
-/// gives without any cancelled one. Returns how many were cancelled.
+/// Cancels solves before each of many items of their work. What was there before stays, and the next solve gives what
+/// it gives without any cancelled one. Returns how many were cancelled.
 fn cancel_everywhere(model: &Model, points: u64, make: impl Fn() -> Asset) -> usize {
     let mut cancelled = 0;
     for options in ways() {

@@ -2,7 +2,8 @@
 //! cancelled and released before: random histories of an asset, in which each result is compared with that of a fresh
 //! asset, bit for bit.
 //!
-//! Left out is what depends on the past by intention: a warm start, a time budget, and reports of times, memory and work.
+//! Left out is what depends on the past by intention: a warm start, a time budget, and reports of times, memory and
+//! work.
 
 use std::sync::Arc;
 

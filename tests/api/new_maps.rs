@@ -1,5 +1,5 @@
-//! A tile that gets a whole new rigidity keeps what does not depend on it, and is then what a fresh asset with that rigidity
-//! is, bit for bit: as it is prepared, and solved.
+//! A tile that gets a whole new rigidity keeps what does not depend on it, and is then what a fresh asset with that
+//! rigidity is, bit for bit: as it is prepared, and solved.
 
 use crate::common::{Model, bits, cpu, options};
 use crate::fresh::{Random, TILES, model, values};

@@ -45,7 +45,8 @@ fn alone() -> std::sync::MutexGuard<'static, ()> {
     ALONE.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
-/// Bytes that devices with counted memory take while `f` runs, at most and when it ends, less those before; and its result.
+/// Bytes that devices with counted memory take while `f` runs, at most and when it ends, less those before; and its
+/// result.
 fn counted<R>(f: impl FnOnce() -> R) -> (u64, u64, R) {
     let before = LIVE.load(Ordering::Relaxed);
     PEAK.store(before, Ordering::Relaxed);

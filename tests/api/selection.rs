@@ -1,5 +1,5 @@
-//! Solves of some tiles: those that are named, those that moved vertices touch, all but frozen ones; and results that are
-//! given up for the next ones.
+//! Solves of some tiles: those that are named, those that moved vertices touch, all but frozen ones; and results that
+//! are given up for the next ones.
 
 use crate::common::{self, Model, bits, scenes};
 use vrtm::{Asset, ErrorKind, Quality, SolveOptions, SolveRequest};

@@ -1,5 +1,5 @@
-//! What is set last does not count, but what is nearer: a tile's maps before the values of the vertices. And values in another
-//! range than 0..1 are told of.
+//! What is set last does not count, but what is nearer: a tile's maps before the values of the vertices. And values in
+//! another range than 0..1 are told of.
 
 use std::sync::{Arc, Mutex};
 

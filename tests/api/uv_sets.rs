@@ -9,7 +9,8 @@ use vrtm::{
 const SIDE: usize = 12;
 const MAP: u32 = 64;
 
-/// A sheet of squares, (SIDE + 1)^2 vertices over -1..1, whose set 0 is unique. Set 1 is `second` of the place on the sheet.
+/// A sheet of squares, (SIDE + 1)^2 vertices over -1..1, whose set 0 is unique. Set 1 is `second` of the place on the
+/// sheet.
 struct Sheet {
     rest: Vec<[f32; 3]>,
     pose: Vec<[f32; 3]>,

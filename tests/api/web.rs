@@ -1,5 +1,5 @@
-//! Maps that the npm package must give bit for bit, too: bindings/web/tests/bits.test.mjs computes the same hashes. Written
-//! anew with `VRTM_UPDATE_BITS=1 cargo test --test api web::`.
+//! Maps that the npm package must give bit for bit, too: bindings/web/tests/bits.test.mjs computes the same hashes.
+//! Written anew with `VRTM_UPDATE_BITS=1 cargo test --test api web::`.
 
 use std::fmt::Write;
 

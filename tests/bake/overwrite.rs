@@ -1,4 +1,5 @@
-//! Nothing that is somebody's work is written over: not the files that a bake reads, and no others that vrtm did not write.
+//! Nothing that is somebody's work is written over: not the files that a bake reads, and no others that vrtm did not
+//! write.
 
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,6 +1,6 @@
-//! Programs that were compiled against the first header run with this library. `tests/abi/` has a copy of that header and a
-//! program from its time, both never changed: the program is compiled, linked and run, and each declaration of the copy is
-//! held against today's header, whose structs may have grown at their end only.
+//! Programs that were compiled against the first header run with this library. `tests/abi/` has a copy of that header
+//! and a program from its time, both never changed: the program is compiled, linked and run, and each declaration of
+//! the copy is held against today's header, whose structs may have grown at their end only.
 
 #![cfg(any(unix, all(windows, target_env = "gnu")))] // The compiler's flags are those of gcc and clang.
 
@@ -166,8 +166,8 @@ fn compare_layouts(name: &str, header: &Path) -> Result<String, String> {
     compile(&source, &["-fsyntax-only"]).map(|()| assertions)
 }
 
-/// The first header without its structs and versions, to be read after another header: a compiler takes functions, types
-/// and constants that are declared twice only if they are the same.
+/// The first header without its structs and versions, to be read after another header: a compiler takes functions,
+/// types and constants that are declared twice only if they are the same.
 fn declarations() -> String {
     let text = promised();
     let body = text.split_once("#define VRTM_H\n").unwrap().1;

@@ -15,8 +15,8 @@ pub fn scratch() -> &'static Path {
     Path::new(env!("CARGO_TARGET_TMPDIR"))
 }
 
-/// The path of the library as a host links it. Cargo builds it, a dev-dependency, into the folder of this test, so that it
-/// is never older than the test. (A copy in the folder above may be older: only `cargo build` renews that one.)
+/// The path of the library as a host links it. Cargo builds it, a dev-dependency, into the folder of this test, so that
+/// it is never older than the test. (A copy in the folder above may be older: only `cargo build` renews that one.)
 pub fn library() -> PathBuf {
     let name = format!("{}vrtm{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);
     let test = std::env::current_exe().unwrap();
@@ -25,8 +25,8 @@ pub fn library() -> PathBuf {
     path
 }
 
-/// The library's folder, as a linker's `-rpath` wants it: with a link under the name by which programs load the library,
-/// which capi/build.rs writes into it.
+/// The library's folder, as a linker's `-rpath` wants it: with a link under the name by which programs load the
+/// library, which capi/build.rs writes into it.
 #[cfg(unix)]
 fn loader_folder() -> PathBuf {
     let library = library();
@@ -44,8 +44,8 @@ fn loader_folder() -> PathBuf {
     }
 }
 
-/// What a linker is told to find the library, now and when the program starts. On Windows it links the import library, and
-/// programs find the DLL by `PATH`: see [`search_path`].
+/// What a linker is told to find the library, now and when the program starts. On Windows it links the import library,
+/// and programs find the DLL by `PATH`: see [`search_path`].
 pub fn link_arguments() -> Vec<OsString> {
     #[cfg(unix)]
     return vec![library().into(), format!("-Wl,-rpath,{}", loader_folder().display()).into()];

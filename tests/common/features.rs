@@ -108,8 +108,8 @@ pub fn of_asset(model: &Model, pose: &[[f32; 3]], asset: &Asset) -> Vec<Feature>
     features(model, pose, &warps, &collars)
 }
 
-/// As `of_asset`, but at the texels of the maps in place of the nodes of the grids, which may be much coarser. Charts must
-/// end at their borders.
+/// As `of_asset`, but at the texels of the maps in place of the nodes of the grids, which may be much coarser. Charts
+/// must end at their borders.
 pub fn at_texels(model: &Model, pose: &[[f32; 3]], asset: &Asset) -> Vec<Feature> {
     let of = |maps: &Maps| {
         let warp = Warp::of(asset, asset.find_tile(maps.udim).unwrap());
@@ -126,8 +126,8 @@ const LEAST_EDGES: usize = 12;
 /// A node of a grid: the warp's index, and the node's in it.
 type Node = (usize, usize);
 
-/// The features of a model in a pose; `warps` are those of its maps, in their order, and `collars` what lies beyond the seams
-/// of their charts, where redirections lead over them.
+/// The features of a model in a pose; `warps` are those of its maps, in their order, and `collars` what lies beyond the
+/// seams of their charts, where redirections lead over them.
 fn features(
     model: &Model,
     pose: &[[f32; 3]],

@@ -1,5 +1,5 @@
-//! Reads and writes asset folders: asset.json, rest.obj, frames.f32 (little-endian, frames x vertices x 3), rigidity maps
-//! as PNG.
+//! Reads and writes asset folders: asset.json, rest.obj, frames.f32 (little-endian, frames x vertices x 3), rigidity
+//! maps as PNG.
 
 use std::path::{Path, PathBuf};
 

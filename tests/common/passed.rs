@@ -1,6 +1,7 @@
-//! Tests that judge how good results are say nothing new while the results keep their bits, which `tests/bits.txt` holds.
-//! Such a test runs in a long run, and when the bits, or what judges them, differ from those with which it last passed:
-//! `tests/passed.txt` has a line of each. A run with a GPU and with the assets writes the lines of the tests that pass.
+//! Tests that judge how good results are say nothing new while the results keep their bits, which `tests/bits.txt`
+//! holds. Such a test runs in a long run, and when the bits, or what judges them, differ from those with which it last
+//! passed: `tests/passed.txt` has a line of each. A run with a GPU and with the assets writes the lines of the tests
+//! that pass.
 
 use std::any::type_name;
 use std::fs::{File, OpenOptions};

@@ -1,5 +1,5 @@
-//! The results that tests of quality judge: each scene is solved once, on 512 x 512 cells with `normal`, and its features, the
-//! gaps at its seams and its strain are read from that.
+//! The results that tests of quality judge: each scene is solved once, on 512 x 512 cells with `normal`, and its
+//! features, the gaps at its seams and its strain are read from that.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, LazyLock, Mutex, OnceLock};

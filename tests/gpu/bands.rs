@@ -29,8 +29,8 @@ fn dispatches(asset: &Asset) -> u64 {
     asset.gpu_work(0).unwrap().unwrap().dispatches()
 }
 
-/// Limits of the adapter above WebGPU's defaults are not needed. With more workgroup memory other kernels relax and assemble,
-/// whose sums compilers may round otherwise.
+/// Limits of the adapter above WebGPU's defaults are not needed. With more workgroup memory other kernels relax and
+/// assemble, whose sums compilers may round otherwise.
 #[test]
 fn webgpu_s_limits_give_the_same_result() {
     let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
@@ -83,8 +83,8 @@ fn bands_give_the_same_bits() {
     }
 }
 
-/// With 320 cells a side the second level is divided, too: it has rows of ten or eleven blocks. What blocks contribute to its
-/// right-hand side crosses bands.
+/// With 320 cells a side the second level is divided, too: it has rows of ten or eleven blocks. What blocks contribute
+/// to its right-hand side crosses bands.
 #[test]
 fn bands_of_two_levels_give_the_same_bits() {
     if !common::has_gpu() || !long::only("bands of two levels") {

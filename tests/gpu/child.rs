@@ -4,8 +4,8 @@ use std::process::Command;
 
 const CHILD: &str = "VRTM_TEST_CHILD";
 
-/// Runs the test `name`, with its module's name before it, again in a child process with other variables. Returns true in
-/// the child.
+/// Runs the test `name`, with its module's name before it, again in a child process with other variables. Returns true
+/// in the child.
 ///
 /// The test must not print in the child: all that appears on stdout or stderr comes from the library.
 pub fn in_a_child(name: &str, variables: &[(&str, &str)]) -> bool {

@@ -73,18 +73,18 @@ impl fmt::Display for Difference {
 }
 
 /// Allowed difference of the backends in a solve that does not magnify rounding. Displacements: as much as after one
-/// relaxation from the same state, in which single nodes decide otherwise (`relax` in tests/gpu/lock_step.rs). Energies:
-/// four times the 1.1e-6 measured on scenes with room. Smallest corner Jacobian: the GPU reports a lower bound, smaller
-/// by four units of rounding (method §8), for which tests/gpu/lock_step.rs allows 4e-6.
+/// relaxation from the same state, in which single nodes decide otherwise (`relax` in tests/gpu/lock_step.rs).
+/// Energies: four times the 1.1e-6 measured on scenes with room. Smallest corner Jacobian: the GPU reports a lower
+/// bound, smaller by four units of rounding (method §8), for which tests/gpu/lock_step.rs allows 4e-6.
 const ONE_STAGE: Difference =
     Difference { max: 1e-2, p999: 1e-2, rms: 1e-4, energy: 5e-6, identity_energy: 5e-6, jacobian: 1e-5 };
 
 /// Allowed difference of the backends beyond `ONE_STAGE`, in multiples of the sensitivity, which is the largest change
 /// of the CPU's own result over three poses with noise. A stage on both backends differs by rounding alone
-/// (tests/gpu/lock_step.rs), and a solve magnifies that as it magnifies noise in the pose: little where there is room, and
-/// up to another minimum where charts are crowded (method §13). How far away that minimum lies is not known beforehand.
-/// The largest multiple that was needed with Mesa's software driver is 7. The margin is for the small number of samples, and
-/// for other drivers.
+/// (tests/gpu/lock_step.rs), and a solve magnifies that as it magnifies noise in the pose: little where there is room,
+/// and up to another minimum where charts are crowded (method §13). How far away that minimum lies is not known
+/// beforehand. The largest multiple that was needed with Mesa's software driver is 7. The margin is for the small
+/// number of samples, and for other drivers.
 const FACTOR: f64 = 10.0;
 
 /// What 99.9 % of the nodes stay under on real meshes, `normal`, 256 x 256 cells: less than anyone sees.
@@ -99,11 +99,12 @@ const REAL_MISSED: [(&str, usize, u32, f64); 4] = [
     ("ict_inner", 4, 1005, 0.044),
 ];
 
-/// Relative difference of energies that is allowed where a chart is crushed to the bound of J, whatever the sensitivity to
-/// three poses with noise: minima lie side by side there, and these poses may all end in one of them. Measured: 4e-4.
+/// Relative difference of energies that is allowed where a chart is crushed to the bound of J, whatever the sensitivity
+/// to three poses with noise: minima lie side by side there, and these poses may all end in one of them. Measured:
+/// 4e-4.
 const CRUSHED_ENERGY: f64 = 1e-3;
-/// A solve in which one decision falls otherwise on a GPU and in none of the three poses with noise, with one and a half
-/// times the relative difference of energies that is measured.
+/// A solve in which one decision falls otherwise on a GPU and in none of the three poses with noise, with one and a
+/// half times the relative difference of energies that is measured.
 const ENERGY_MISSED: (&str, usize, u32, f64) = ("mh_face", 6, 1001, 3e-5);
 /// A tile with a smaller least corner Jacobian is crushed to the bound of 0.02.
 const CRUSHED: f64 = 0.021;

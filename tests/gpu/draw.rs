@@ -1,5 +1,5 @@
-//! The ways of the example `render` to draw through a redirection map: they agree with each other and with a texture that was
-//! warped beforehand, and what they avoid is worse.
+//! The ways of the example `render` to draw through a redirection map: they agree with each other and with a texture
+//! that was warped beforehand, and what they avoid is worse.
 
 use crate::common::has_gpu;
 use crate::render::camera::View;
@@ -65,7 +65,8 @@ fn redirected_pictures_are_those_of_a_warped_texture() {
     ] {
         let d = difference(&drawn.picture(a, &material), &drawn.picture(b, &material));
         println!("{a} and {b}: {d:?}");
-        // Derivatives and deltas have 11 bits, samplers weigh with 8, and the levels that these choose blend into each other.
+        // Derivatives and deltas have 11 bits, samplers weigh with 8, and the levels that these choose blend into each
+        // other.
         assert!(d.mean < 0.1 && d.p99 <= 2, "{a} and {b}: {d:?}");
     }
     // The sampler's own derivatives may be those of one pixel for each block of two by two.
@@ -80,8 +81,8 @@ fn redirected_pictures_are_those_of_a_warped_texture() {
     assert!(original.mean > 4.0 * forward.mean && original.p99 > 80, "{original:?}");
 }
 
-/// Seen from its edge, a sheet shows many texels of the map in each pixel, in one direction; a coarser level of the map is
-/// coarser in the other one as well, and there it leaves features where they are not.
+/// Seen from its edge, a sheet shows many texels of the map in each pixel, in one direction; a coarser level of the map
+/// is coarser in the other one as well, and there it leaves features where they are not.
 #[test]
 fn a_map_with_mips_is_worse() {
     if !has_gpu() {

@@ -1,5 +1,5 @@
-//! A host that has a Vulkan device of its own: vrtm computes on the same GPU, found by its UUID, and writes results into
-//! memory that the host reads with its own device.
+//! A host that has a Vulkan device of its own: vrtm computes on the same GPU, found by its UUID, and writes results
+//! into memory that the host reads with its own device.
 
 #![cfg(target_os = "linux")]
 
@@ -117,8 +117,8 @@ fn adapters_have_vulkan_s_own_identities() {
     assert!(seen > 0, "{:?}", adapters());
 }
 
-/// All redirections of all tiles, in both formats and several layouts, are bit by bit those of the ordinary fetch when the host reads them;
-/// no other byte is written.
+/// All redirections of all tiles, in both formats and several layouts, are bit by bit those of the ordinary fetch when
+/// the host reads them; no other byte is written.
 #[test]
 fn the_host_reads_what_the_ordinary_fetch_gives() {
     let Some((device, host)) = host() else { return };

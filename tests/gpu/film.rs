@@ -1,5 +1,5 @@
-//! The film of the example `render`: its left halves are the mesh with the original UVs, its right halves redirected, frame
-//! by frame; and its textures come from files.
+//! The film of the example `render`: its left halves are the mesh with the original UVs, its right halves redirected,
+//! frame by frame; and its textures come from files.
 
 use std::path::{Path, PathBuf};
 
@@ -58,8 +58,9 @@ fn halves_differ_only_where_the_pose_stretches() {
     let [rest, pose, again] = [1, 2, 3].map(|frame| halves(&out, frame));
     let [at_rest, posed] = [&rest, &pose].map(|[left, right]| apart(left, right));
     println!("halves apart at rest {at_rest:.3}, in the pose {posed:.3}");
-    // At rest the map is the identity, up to the rounding of f32 and of the sampler's weights, which on hardware have about
-    // 8 bits (an NVIDIA H100 gives 0.048); in the pose the discs' outlines are elsewhere, which is a small part of a picture.
+    // At rest the map is the identity, up to the rounding of f32 and of the sampler's weights, which on hardware have
+    // about 8 bits (an NVIDIA H100 gives 0.048); in the pose the discs' outlines are elsewhere, which is a small part
+    // of a picture.
     let most = if gpu.software { 0.02 } else { 0.1 };
     assert!(at_rest < most, "{at_rest}");
     assert!(posed > 0.5, "{posed}");

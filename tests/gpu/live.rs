@@ -1,5 +1,5 @@
-//! The example `render --live`: frames that are solved, inverted and drawn with the maps in memory of the GPU alone have
-//! the pictures of frames whose maps pass through the CPU.
+//! The example `render --live`: frames that are solved, inverted and drawn with the maps in memory of the GPU alone
+//! have the pictures of frames whose maps pass through the CPU.
 
 use crate::common::has_gpu;
 use crate::render::camera::View;

@@ -11,10 +11,10 @@ use vrtm_lab::StageDifference;
 /// Bounds of the difference of a quantity after one stage: for the maximum and for the RMS, the factor of the largest
 /// magnitude on the CPU, and an absolute part. Both backends evaluate the same expressions in f32. A GPU may fuse
 /// multiplications and additions, and divides and takes roots to 2.5 units of rounding (WGSL's accuracy), where the CPU
-/// rounds each operation. All bounds are several times what is measured with Mesa's software driver. An NVIDIA H100 keeps
-/// all but three, in corrections of ict_inner, the crowded one: 2e-3 of the chart's size for a position where 5e-4 is allowed, an
-/// RMS of 3e-2 for the limited part of a step where 5e-3 is, and 4e-4 of the energy of all charts where 1e-4 is. Whole solves
-/// agree there to the bounds of `cpu_gpu.rs`.
+/// rounds each operation. All bounds are several times what is measured with Mesa's software driver. An NVIDIA H100
+/// keeps all but three, in corrections of ict_inner, the crowded one: 2e-3 of the chart's size for a position where
+/// 5e-4 is allowed, an RMS of 3e-2 for the limited part of a step where 5e-3 is, and 4e-4 of the energy of all charts
+/// where 1e-4 is. Whole solves agree there to the bounds of `cpu_gpu.rs`.
 fn tolerance(model: &str, difference: &StageDifference) -> ([f64; 2], [f64; 2]) {
     let stage = difference.stage.split('@').next().unwrap();
     match (difference.quantity, stage) {
@@ -44,8 +44,8 @@ fn tolerance(model: &str, difference: &StageDifference) -> ([f64; 2], [f64; 2]) 
         // chart's size. 5.0e-5 was measured (creature), and an RMS of 2.6e-6.
         ("right-hand side", _) => ([0.0; 2], [2e-4, 1e-5]),
         // Pairs are rounded to bfloat16: an error of the size of f32's rounding may change one to the next bfloat16,
-        // 1/128 of it away. Few pairs are that close to the middle between two bfloat16 (an RMS of 1.3e-5 of the largest was
-        // measured), and on either backend the diagonal makes up for what rounding took from a pair.
+        // 1/128 of it away. Few pairs are that close to the middle between two bfloat16 (an RMS of 1.3e-5 of the
+        // largest was measured), and on either backend the diagonal makes up for what rounding took from a pair.
         ("assembled rows", _) => ([8e-3, 3e-5], [0.0; 2]),
         // Sums of 81 terms of either sign, over up to five levels; on regular grids many are close to the middle
         // between two bfloat16.

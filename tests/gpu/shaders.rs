@@ -1,5 +1,5 @@
-//! The shaders of docs/rendering.md, straight out of the document: they parse, are valid, and read the redirection map at
-//! its first level and the textures with explicit gradients.
+//! The shaders of docs/rendering.md, straight out of the document: they parse, are valid, and read the redirection map
+//! at its first level and the textures with explicit gradients.
 
 use std::path::Path;
 
@@ -45,8 +45,8 @@ fn valid(module: Module) -> Result<Module, String> {
     Ok(module)
 }
 
-/// How each texture is read, by name: the map at a level, the pictures with gradients. A plain sample would take the map's
-/// level, or the pictures', from derivatives of what is not looked up there.
+/// How each texture is read, by name: the map at a level, the pictures with gradients. A plain sample would take the
+/// map's level, or the pictures', from derivatives of what is not looked up there.
 fn reads(module: &Module) -> Vec<(String, &'static str)> {
     let mut reads = Vec::new();
     let functions = module.functions.iter().map(|(_, f)| f);

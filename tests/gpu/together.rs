@@ -1,5 +1,5 @@
-//! Tiles that a GPU solves together: each has the bits that it has alone, whatever was solved together before, and all take
-//! the dispatches of one.
+//! Tiles that a GPU solves together: each has the bits that it has alone, whatever was solved together before, and all
+//! take the dispatches of one.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,7 +17,8 @@ const SIZE: usize = 64;
 const TILES: usize = 4;
 const FRAMES: usize = 4;
 
-/// A sheet in each of four tiles. They bend and stretch, each in its own way; the last one stays as it is in the first pose.
+/// A sheet in each of four tiles. They bend and stretch, each in its own way; the last one stays as it is in the first
+/// pose.
 fn model() -> Model {
     let mut model = Model { frames: vec![Vec::new(); FRAMES], ..Model::default() };
     for tile in 0..TILES {
@@ -240,7 +241,8 @@ fn a_time_budget_is_that_of_all_tiles() {
     assert!(truncated == [true; TILES] && results != whole.2);
 }
 
-/// A call that is cancelled once its tiles are being solved leaves the results before it, and a solver that can be used.
+/// A call that is cancelled once its tiles are being solved leaves the results before it, and a solver that can be
+/// used.
 #[test]
 fn a_cancelled_call_changes_nothing() {
     let Some(device) = gpu(&DeviceSettings::default()) else { return };

@@ -1,5 +1,5 @@
-//! The order of the house. Between crates the compiler holds it. Within a crate a module imports only modules below it, which
-//! `lib.rs` lists from the ground up; and no files import one another in a circle.
+//! The order of the house. Between crates the compiler holds it. Within a crate a module imports only modules below it,
+//! which `lib.rs` lists from the ground up; and no files import one another in a circle.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

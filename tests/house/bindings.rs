@@ -1,5 +1,5 @@
-//! The order of the bindings: a Python file imports only files of its own row, or of a row further down, in the table of
-//! docs/architecture.md; and no files import one another in a circle.
+//! The order of the bindings: a Python file imports only files of its own row, or of a row further down, in the table
+//! of docs/architecture.md; and no files import one another in a circle.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -1,5 +1,5 @@
-//! Links within the documents: each relative link leads to a file or folder, each anchor to a heading of that document, and
-//! the index of `docs/` names every page there.
+//! Links within the documents: each relative link leads to a file or folder, each anchor to a heading of that document,
+//! and the index of `docs/` names every page there.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,8 @@ fn documents(folder: &Path, found: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
-        let left_out = name.starts_with('.') || ["target", "out", "build", "node_modules"].contains(&name.as_str());
+        let left_out =
+            name.starts_with('.') || ["target", "out", "build", "node_modules"].contains(&name.as_str());
         if path.is_dir() && !left_out {
             documents(&path, found);
         } else if name.ends_with(".md") {

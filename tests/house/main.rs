@@ -1,5 +1,7 @@
-//! The house itself: who imports whom, and whether the documents' links lead anywhere. Nothing of the library is run.
+//! The house itself: who imports whom, whether the links of documents lead anywhere, and how comments begin. Nothing of the
+//! library is run.
 
 mod arrows;
 mod bindings;
 mod links;
+mod words;

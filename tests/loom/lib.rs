@@ -1,6 +1,6 @@
-//! Model checks of the protocol between a team's threads, `crates/core/src/team/protocol.rs`. Loom runs each model in all
-//! interleavings, and with all values that the memory model lets a load return. It reports a lost wakeup as a deadlock,
-//! and an access to a job that is not ordered before the job's end as a race.
+//! Model checks of the protocol between a team's threads, `crates/core/src/team/protocol.rs`. Loom runs each model in
+//! all interleavings, and with all values that the memory model lets a load return. It reports a lost wakeup as a
+//! deadlock, and an access to a job that is not ordered before the job's end as a race.
 //!
 //! Where all interleavings are too many, those are checked in which a thread is interrupted, where it could go on, at
 //! most a few times. The environment variable LOOM_MAX_PREEMPTIONS sets another bound for all models.

@@ -3,8 +3,8 @@
 use crate::common::{self, Model, bits, cpu, long, scenes};
 use vrtm::{Asset, Backend, Device, DeviceSettings, Quality, SolveOptions, Strided};
 
-/// The CPU, and a GPU if there is one, each with the grid size (cells a side) that is solved on it: a software driver takes
-/// seconds for 256.
+/// The CPU, and a GPU if there is one, each with the grid size (cells a side) that is solved on it: a software driver
+/// takes seconds for 256.
 fn devices() -> Vec<(Device, u32)> {
     let side = long::cases(256, 128, "cells a side on a GPU") as u32;
     let gpu = common::gpu(&DeviceSettings::default()).map(|device| (device, side));
@@ -167,9 +167,9 @@ fn nothing_active_takes_no_solver() {
 /// 256, 178 and 217 at 512; on the GPU 248 and 352, 217 and 264.)
 ///
 /// The design's bar is 128, and is not met. A node of a stored block takes 153 bytes on the CPU, more than half of them
-/// for the rows and vectors of corrections, and 152 on a GPU (method §12). In addition there are the fixed nodes of stored
-/// blocks, the maps, the triangles, and with a GPU the host's copy of the constants. On small grids these are divided
-/// among few movable nodes.
+/// for the rows and vectors of corrections, and 152 on a GPU (method §12). In addition there are the fixed nodes of
+/// stored blocks, the maps, the triangles, and with a GPU the host's copy of the constants. On small grids these are
+/// divided among few movable nodes.
 fn measured_bytes(backend: Backend) -> [(u32, f64); 2] {
     match backend {
         Backend::Gpu => [(256, 352.0), (512, 264.0)],
@@ -245,8 +245,8 @@ fn work_is_bounded() {
             // Sweeps follow each correction, or come alone on a level without corrections.
             let planned: u32 = [0, 1].map(|k| sweeps[k] * corrections[k].max(1)).iter().sum();
             assert_eq!(report.sweeps, planned, "{quality:?}");
-            // Sweeps follow each of the three trials of a correction, and come alone if no trial is accepted. Level 1 has at most a quarter of
-            // the movable nodes of level 0.
+            // Sweeps follow each of the three trials of a correction, and come alone if no trial is accepted. Level 1
+            // has at most a quarter of the movable nodes of level 0.
             let nodes = report.nodes_active;
             let updates = [0, 1].map(|k| u64::from(sweeps[k] * (4 * corrections[k]).max(1)) * nodes);
             let most = updates[0] + updates[1] / 4;

@@ -1,6 +1,6 @@
 //! Cuts without width inside a chart: two borders with the same UVs, such as lips that are all but closed. Whatever the
-//! pose does to them, no node crosses one, wherever it runs: on lines of the grid, between them, across them, and where it
-//! ends or meets another.
+//! pose does to them, no node crosses one, wherever it runs: on lines of the grid, between them, across them, and where
+//! it ends or meets another.
 
 use crate::common::{Maps, Model, cpu, gpu, options};
 use vrtm::{Device, DeviceSettings, Quality};
@@ -50,8 +50,8 @@ impl Cut {
     }
 }
 
-/// A unit sheet with cuts, whose sides lie a little apart at rest and far apart in the pose, and with discs of rigidity.
-/// Its UVs begin at `shift` cells and are scaled so that they fit.
+/// A unit sheet with cuts, whose sides lie a little apart at rest and far apart in the pose, and with discs of
+/// rigidity. Its UVs begin at `shift` cells and are scaled so that they fit.
 fn sheet(cuts: &[Cut], shift: f64) -> Model {
     let at = |[i, j]: [usize; 2]| j * (QUADS + 1) + i;
     let place = |v: usize| [v % (QUADS + 1), v / (QUADS + 1)].map(|x| x as f32 / QUADS as f32);

@@ -5,8 +5,8 @@ use crate::common::{self, Model, scenes};
 use vrtm::{DeviceSettings, Quality, SolveOptions, TileReport};
 use vrtm_lab::Lab as _;
 
-/// The energies that a draft reports are those of level 1. Their ratio is near the one on level 0, the warp lowers the energy
-/// there, too, and it has no folds.
+/// The energies that a draft reports are those of level 1. Their ratio is near the one on level 0, the warp lowers the
+/// energy there, too, and it has no folds.
 #[test]
 fn its_energies_tell_what_it_gains_on_level_0() {
     let Some(_run) = unless_passed(its_energies_tell_what_it_gains_on_level_0) else { return };

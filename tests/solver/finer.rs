@@ -1,5 +1,5 @@
-//! Where features are crowded, a finer grid is not worse than a coarser one, and more effort not worse than less: steps that
-//! are many cells long are limited without being refused (method §7.6).
+//! Where features are crowded, a finer grid is not worse than a coarser one, and more effort not worse than less: steps
+//! that are many cells long are limited without being refused (method §7.6).
 
 use crate::common::scenes::analytic::{squash, torus};
 use crate::common::unless_passed;

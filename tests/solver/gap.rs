@@ -22,11 +22,11 @@ const CROWDED: f64 = 0.4;
 const WITH_ROOM: [f64; 2] = [1e-3, 1e-4];
 const WITHOUT: [f64; 2] = [1e-2, 3e-3];
 
-/// Scenes that miss a bar, with bounds a little above what is measured. cesium_man: the reference finds a minimum that is
-/// 10 % lower than the one near which solver and reference both ended when slopes were tangents; the solver now comes
-/// closer to it than to the other, but not to the bar. (On triangles E has kinks, and hence many
-/// minima close to one another. "own" in the table is the gap to the minimum that the reference reaches from the result
-/// itself; the rest of the gap is there because another minimum is lower.)
+/// Scenes that miss a bar, with bounds a little above what is measured. cesium_man: the reference finds a minimum that
+/// is 10 % lower than the one near which solver and reference both ended when slopes were tangents; the solver now
+/// comes closer to it than to the other, but not to the bar. (On triangles E has kinks, and hence many minima close to
+/// one another. "own" in the table is the gap to the minimum that the reference reaches from the result itself; the
+/// rest of the gap is there because another minimum is lower.)
 const KNOWN: [(&str, [f64; 2]); 1] = [("cesium_man 3", [1e-2, 7e-3])];
 
 struct Case<'a> {

@@ -1,6 +1,6 @@
-//! Gaps of a chart that are thinner than a cell: slits, notches and crossings, at all angles, in sheets that a pose squashes
-//! and shears, with more than half of them rigid. No node ends in one, whether the gap is a border of the chart or welding
-//! has closed it. Nodes are found among the triangles that the host gave, by brute force in f64.
+//! Gaps of a chart that are thinner than a cell: slits, notches and crossings, at all angles, in sheets that a pose
+//! squashes and shears, with more than half of them rigid. No node ends in one, whether the gap is a border of the
+//! chart or welding has closed it. Nodes are found among the triangles that the host gave, by brute force in f64.
 
 use std::f64::consts::PI;
 

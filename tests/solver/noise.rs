@@ -1,5 +1,5 @@
-//! Noise of UVs: the corners of one vertex differ by less than the tolerance, as in polygon soups, or where a program has written
-//! each face by itself. What is welded is one UV, the mean, and nothing else changes but by the noise.
+//! Noise of UVs: the corners of one vertex differ by less than the tolerance, as in polygon soups, or where a program
+//! has written each face by itself. What is welded is one UV, the mean, and nothing else changes but by the noise.
 
 use std::collections::BTreeMap;
 
@@ -36,8 +36,8 @@ pub fn sheet([low, high]: [f64; 2]) -> Model {
     }
 }
 
-/// The model with a UV for each corner, moved by noise of up to `most` in u and in v; that of the corners of a face is the
-/// same if it is `by_face`.
+/// The model with a UV for each corner, moved by noise of up to `most` in u and in v; that of the corners of a face is
+/// the same if it is `by_face`.
 pub fn noisy(model: &Model, most: f64, by_face: bool) -> Model {
     let noise = |k: u64| {
         let mixed = (k + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -108,7 +108,8 @@ fn noise_changes_a_warp_by_little_more_than_itself() {
             (Warp::of(&asset, 0), info.movable_nodes)
         };
         let (expected, movable) = warp(&clean);
-        // A border on a line of the grid is on it up to 0.001 cell. (By more noise, part of a row of nodes is fixed beside it.)
+        // A border on a line of the grid is on it up to 0.001 cell. (By more noise, part of a row of nodes is fixed
+        // beside it.)
         let noises: &[f64] = if range == [0.1, 0.9] { &[1e-6, 1e-5, 5e-5] } else { &[1e-6, 5e-6] };
         for &most in noises {
             let (found, of_noisy) = warp(&noisy(&clean, most, false));

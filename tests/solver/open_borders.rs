@@ -1,4 +1,5 @@
-//! Texture that slides along open borders: how far it leaves them, what features there gain, and what holds for every result.
+//! Texture that slides along open borders: how far it leaves them, what features there gain, and what holds for every
+//! result.
 
 use std::f64::consts::TAU;
 
@@ -20,7 +21,8 @@ pub struct Sheet {
     outline: Vec<[f64; 2]>,
 }
 
-/// A sheet of rings of a square or a disc around the middle of the UV plane, with rigid discs, some of them over its border.
+/// A sheet of rings of a square or a disc around the middle of the UV plane, with rigid discs, some of them over its
+/// border.
 pub fn sheet(round: bool) -> Sheet {
     const RINGS: usize = 12;
     const SECTORS: usize = 96;
@@ -207,8 +209,8 @@ fn a_gpu_gives_the_same_to_a_fraction_of_a_cell() {
     }
 }
 
-/// A scene, and of its features at open borders, for fixed and sliding ones: how many may have an error over 0.05, and the
-/// largest mean error.
+/// A scene, and of its features at open borders, for fixed and sliding ones: how many may have an error over 0.05, and
+/// the largest mean error.
 const BARS: [(&str, [(usize, f64); 2]); 3] = [
     ("strips", [(0, 0.034), (0, 0.019)]),
     ("mh_face", [(9, 0.079), (6, 0.049)]),

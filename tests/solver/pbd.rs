@@ -1,5 +1,6 @@
 //! The paper's solver (method §10) through the public API, on both backends: which invariants it keeps, how it reports
-//! folds, and the behaviour of the paper's figure 5. `cargo test --test solver pbd:: -- --show-output` shows its figures.
+//! folds, and the behaviour of the paper's figure 5. `cargo test --test solver pbd:: -- --show-output` shows its
+//! figures.
 
 use crate::common::unless_passed;
 use crate::common::{self, Model, Warp, bits, cpu, fetch, gpu, scenes};

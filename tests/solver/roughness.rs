@@ -1,7 +1,7 @@
 //! A smooth motion gives a smooth warp, and noise of the size of f32's rounding is not magnified (method §11.3): the
 //! second difference of W over poses that are 0.5 % of a motion apart, and the change of W under noise in the pose, on
-//! all scenes and assets, both backends, both qualities. `cargo test --test solver roughness:: -- --show-output` shows the
-//! table; `cargo bench --bench roughness` measures larger grids.
+//! all scenes and assets, both backends, both qualities. `cargo test --test solver roughness:: -- --show-output` shows
+//! the table; `cargo bench --bench roughness` measures larger grids.
 
 #[allow(dead_code)] // The alternating poses are those of the bench.
 #[path = "../../benches/speed_error/scenes.rs"]
@@ -24,9 +24,10 @@ const BARS: Bars = [0.01, 0.001, 0.5, 0.01];
 const DRAFT: Bars = [0.03, 0.01, 0.8, 0.01];
 
 /// Scenes that miss a bar, with about one and a half times what is measured. The steps of their charts are limited at
-/// crushed corners. At 256 x 256 cells nine tenths and more of the second differences over 0.1 lie where two minima are side by
-/// side, or where the minimum itself jumps; those of strips at 128 x 128 are the solver's (benches/results/roughness.md, "Whose
-/// jumps they are"). That says nothing of the noise of arm, squash, ict_inner and fox, whose cause is not known.
+/// crushed corners. At 256 x 256 cells nine tenths and more of the second differences over 0.1 lie where two minima are
+/// side by side, or where the minimum itself jumps; those of strips at 128 x 128 are the solver's
+/// (benches/results/roughness.md, "Whose jumps they are"). That says nothing of the noise of arm, squash, ict_inner and
+/// fox, whose cause is not known.
 const MISSED: [(&str, u32, Quality, Bars); 9] = [
     ("squash to 40 %", 256, Quality::Draft, [0.17, 0.22, 1.6, 0.0125]),
     ("squash to 40 %", 256, Quality::Normal, [0.048, 0.02, 1.3, 0.028]),

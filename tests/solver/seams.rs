@@ -24,8 +24,8 @@ pub struct Place {
 
 const STAYS: Place = Place { turn: 0.0, mirrored: false, scale: 1.0, shift: [0.0, 0.0] };
 
-/// A flat sheet over the square from 0.06 to 0.46 of the UV plane, with columns of rigid discs, two of them over its middle;
-/// beyond the middle its UVs lie elsewhere, so that it has two charts. Without a place it is whole.
+/// A flat sheet over the square from 0.06 to 0.46 of the UV plane, with columns of rigid discs, two of them over its
+/// middle; beyond the middle its UVs lie elsewhere, so that it has two charts. Without a place it is whole.
 pub fn sheet(second: Option<Place>) -> Model {
     const N: usize = 40;
     let point = |i: usize, j: usize| [i as f64 / N as f64, j as f64 / N as f64];
@@ -231,8 +231,8 @@ fn bits_depend_neither_on_threads_nor_on_frames_before() {
     }
 }
 
-/// A call that names the vertices that have moved gives what a solve of the whole pose gives: also for vertices on which only
-/// the far end of a collar depends, and where charts of the other tile do not go on.
+/// A call that names the vertices that have moved gives what a solve of the whole pose gives: also for vertices on
+/// which only the far end of a collar depends, and where charts of the other tile do not go on.
 #[test]
 fn tiles_that_nothing_moved_in_are_kept_with_the_same_bits() {
     let model = sheet(Some(places()[4].1));
@@ -324,9 +324,9 @@ fn a_tile_follows_the_maps_of_its_neighbour() {
     assert!(before == solve(&mut fresh), "a loaded tile");
 }
 
-/// A scene; of its features at seams how many may have an error over 0.05, how many may be worse than with the original UVs
-/// by 0.02, and the largest mean error; the same of features inside of charts; and how far both sides of a seam may be apart
-/// at 50, 90 and 99 % of the vertices on seams, in texels of a texture of 4096 by 4096.
+/// A scene; of its features at seams how many may have an error over 0.05, how many may be worse than with the original
+/// UVs by 0.02, and the largest mean error; the same of features inside of charts; and how far both sides of a seam may
+/// be apart at 50, 90 and 99 % of the vertices on seams, in texels of a texture of 4096 by 4096.
 type Bars = (&'static str, (usize, usize, f64), (usize, usize, f64), [f64; 3]);
 
 const BARS: [Bars; 6] = [
@@ -361,8 +361,8 @@ fn features_over_seams_keep_their_shape_and_stay_together() {
     assert!(failed.is_empty(), "\n{}", failed.join("\n"));
 }
 
-/// Two charts with a gutter of one and a half cells between them: what leads over a seam ends in its own half of the gutter, where
-/// a dilated texture shows what lies beyond the chart, and the report tells.
+/// Two charts with a gutter of one and a half cells between them: what leads over a seam ends in its own half of the
+/// gutter, where a dilated texture shows what lies beyond the chart, and the report tells.
 #[test]
 fn redirections_end_where_the_gutter_does() {
     const GUTTER: f64 = 0.006;

@@ -1,8 +1,8 @@
-//! Charts that go on beyond their seams have their surfaces in common there: each says where a point goes. Their warps are
-//! blended, so that both sides of a seam say the same.
+//! Charts that go on beyond their seams have their surfaces in common there: each says where a point goes. Their warps
+//! are blended, so that both sides of a seam say the same.
 //!
-//! The part that each warp has of the blend depends on the place on the surface alone: at a seam all charts that meet there
-//! have equal parts, and a chart's part falls to nothing where its collar ends (method §16).
+//! The part that each warp has of the blend depends on the place on the surface alone: at a seam all charts that meet
+//! there have equal parts, and a chart's part falls to nothing where its collar ends (method §16).
 
 mod copies;
 mod depths;
@@ -35,8 +35,9 @@ pub struct Side<'a> {
     pub u: &'a [[Plane; 2]],
 }
 
-/// Blends the warp of a tile with those of what its charts have in common with others. `sides` are the results of all tiles of
-/// the mesh, if they are there. Places of one point that are `farthest` apart, in UV, are no longer brought together.
+/// Blends the warp of a tile with those of what its charts have in common with others. `sides` are the results of all
+/// tiles of the mesh, if they are there. Places of one point that are `farthest` apart, in UV, are no longer brought
+/// together.
 pub fn blend(
     team: &Team,
     places: &Places,
@@ -91,8 +92,8 @@ impl Blending<'_> {
         f64::from(node.fade) * change
     }
 
-    /// Where the chart of a copy sends it, as a UV in the plane of the chart of the node, which lies at `at` on the triangle
-    /// `home`.
+    /// Target of a copy under its chart's warp, as a UV in the plane of the chart of the node, which lies at
+    /// `at` on the triangle `home`.
     fn through(&self, copy: &NodeCopy, chart: u32, home: u32, at: DVec2) -> Option<DVec2> {
         let there = self.sides[copy.tile as usize].as_ref()?;
         let triangle = &there.tile.triangles[copy.triangle as usize];

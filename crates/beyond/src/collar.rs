@@ -1,7 +1,8 @@
-//! What lies beyond a chart's border on the surface, laid into the chart's own UV plane: its *collar*. Across a seam the
-//! surface goes on elsewhere in the UV plane; the collar is a copy of that part of it, continued from the seam with as
-//! little change of shape as possible. Beyond an open border the surface goes on with its mirror image, if that is asked
-//! for: what is the same on both sides of a border can only slide along it. The collar depends on the rest pose alone.
+//! What lies beyond a chart's border on the surface, laid into the chart's own UV plane: its *collar*. Across a seam
+//! the surface goes on elsewhere in the UV plane; the collar is a copy of that part of it, continued from the seam with
+//! as little change of shape as possible. Beyond an open border the surface goes on with its mirror image, if that is
+//! asked for: what is the same on both sides of a border can only slide along it. The collar depends on the rest pose
+//! alone.
 
 mod flatten;
 mod patch;
@@ -11,8 +12,8 @@ use flatten::BANDS;
 pub use flatten::{Across, Collar, CollarTriangle};
 pub use surface::{Surface, Twin};
 
-/// The largest reach of a chart's collar on the surface, in mean widths of the chart: the area of a collar is then a few times
-/// that of its chart at most, and so is what collars add to a tile of many small charts.
+/// The largest reach of a chart's collar on the surface, in mean widths of the chart: the area of a collar is then a
+/// few times that of its chart at most, and so is what collars add to a tile of many small charts.
 const WIDEST: f64 = 1.0;
 
 /// The collar of a chart of the surface's tile, which reaches over `reach` in UV at most. `check` is called between its

@@ -1,5 +1,5 @@
-//! A tile whose charts go on beyond their borders: each chart with its collar, as far as it lies over nothing else of the same
-//! chart. What is left out of a collar is beyond a border, as everything is without collars.
+//! A tile whose charts go on beyond their borders: each chart with its collar, as far as it lies over nothing else of
+//! the same chart. What is left out of a collar is beyond a border, as everything is without collars.
 
 mod sides;
 #[cfg(test)]
@@ -18,8 +18,8 @@ use vrtm_core::mesh::{Chart, Cut, FacePoint, Mesh, Mirror, NONE, Source, TileMes
 use vrtm_core::settings::Beyond;
 use vrtm_core::team::Team;
 
-/// A tile with collars. Triangles of charts keep their numbers. Charts that lie over others get no collars: what they share
-/// must stay where it is. `stay` are the tiles whose charts do not go on beyond their seams.
+/// A tile with collars. Triangles of charts keep their numbers. Charts that lie over others get no collars: what they
+/// share must stay where it is. `stay` are the tiles whose charts do not go on beyond their seams.
 pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond, stay: &[u32]) -> TileMesh {
     let source = &mesh.tiles[tile];
     let surface = Surface::new(mesh, tile, beyond);
@@ -78,7 +78,8 @@ struct Used {
 }
 
 impl Used {
-    /// Keeps the triangles that lie over nothing else of the chart, nearer ones first, as far as they hang together with it.
+    /// Keeps the triangles that lie over nothing else of the chart, nearer ones first, as far as they hang together
+    /// with it.
     fn new(tile: &TileMesh, chart: usize, collar: Collar, stays: impl Fn(&Source) -> bool) -> Used {
         let own = tile.charts[chart].triangles.clone();
         let list = &collar.triangles;
@@ -110,9 +111,9 @@ impl Used {
     }
 }
 
-/// Shuts the parts of seams at which only one of two charts could move, since they would come apart there. The other chart does
-/// not go on, or lies in a tile of `stay`; charts of further tiles are taken to go on. Short runs of parts stay open: corners of
-/// charts have some, and features over them would lose more than is gained.
+/// Shuts the parts of seams at which only one of two charts could move, since they would come apart there. The other
+/// chart does not go on, or lies in a tile of `stay`; charts of further tiles are taken to go on. Short runs of parts
+/// stay open: corners of charts have some, and features over them would lose more than is gained.
 fn shut_one_sided(
     source: &TileMesh,
     surface: &Surface,
@@ -293,8 +294,8 @@ fn add(tile: &mut TileMesh, chart: &Chart, used: &Used) -> Chart {
     Chart { triangles: chart.triangles.clone(), collar: range, reach: collar.reach, vertices, points }
 }
 
-/// Sets the depths of a collar's corners: the distance to where the collar ends, in the plane, over the reach; and at most what
-/// is left of the reach.
+/// Sets the depths of a collar's corners: the distance to where the collar ends, in the plane, over the reach; and at
+/// most what is left of the reach.
 fn set_depths(tile: &mut TileMesh, collar: Range<usize>, reach: f64) {
     let own = tile.own() as u32;
     let mut numbers: Table<[u64; 2], u32> = Table::default();

@@ -1,6 +1,6 @@
-//! Where redirections may lead beyond the borders of charts: as far as the texture has room for what lies there. A texel
-//! beside all charts shows what lies beyond the nearest border; farther out, another chart begins, or its surroundings do
-//! (method §16).
+//! Where redirections may lead beyond the borders of charts: as far as the texture has room for what lies there. A
+//! texel beside all charts shows what lies beyond the nearest border; farther out, another chart begins, or its
+//! surroundings do (method §16).
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 
@@ -13,8 +13,8 @@ use vrtm_core::team::Team;
 /// Squares along each side of a tile in which owners are looked up. It does not depend on the size of an image, so that
 /// images of all sizes hold the same.
 const SQUARES: usize = 1024;
-/// How far from texture of another chart a redirection must stay, in squares: a bilinear lookup then reads none of it (but of
-/// tips that are a square wide), in a texture of this size or a finer one.
+/// Least distance of a redirection from texture of another chart, in squares: a bilinear lookup then reads none
+/// of it (but of tips that are a square wide), in a texture of this size or a finer one.
 const APART: f64 = 1.5;
 /// Points around a place at this distance, as unit vectors.
 const AROUND: [[f64; 2]; 8] = {
@@ -30,8 +30,8 @@ const OTHERS: u32 = NONE - 1;
 /// The room beside the charts of a tile.
 #[derive(Debug)]
 pub struct Gutter {
-    /// Per square, twice the chart that owns it, plus 1 if it lies in the chart itself, or `NONE`, or `OTHERS`; rows from
-    /// v = 0 upward.
+    /// Per square, twice the chart that owns it, plus 1 if it lies in the chart itself, or `NONE`, or `OTHERS`; rows
+    /// from v = 0 upward.
     squares: Vec<u32>,
 }
 
@@ -64,8 +64,8 @@ impl Gutter {
     /// Bytes that it holds.
     pub const BYTES: u64 = 4 * (SQUARES * SQUARES) as u64;
 
-    /// Where the redirection of a chart's texel may lead, instead of `to`: on the way from there to the texel's centre `at`, all
-    /// in UV within the tile. `None` if nothing is in the way.
+    /// Nearest permitted target of a chart's texel, instead of `to`: on the way from there to the texel's
+    /// centre `at`, all in UV within the tile. `None` if nothing is in the way.
     pub fn limit(&self, chart: u32, at: [f64; 2], to: [f64; 2]) -> Option<[f64; 2]> {
         let [at, to] = [at, to].map(|p| p.map(|x| x * SQUARES as f64));
         if self.has_room(chart, to, APART) {
@@ -96,8 +96,8 @@ impl Gutter {
         Some(on_way(with_room).map(|x| x / SQUARES as f64))
     }
 
-    /// True if a place, in squares, lies in the chart itself, or there is no texture of another one there and around it, at the
-    /// distance `apart`.
+    /// True if a place, in squares, lies in the chart itself, or there is no texture of another one there and around
+    /// it, at the distance `apart`.
     fn has_room(&self, chart: u32, [x, y]: [f64; 2], apart: f64) -> bool {
         let owner = |x: f64, y: f64| {
             let is_in = |x: f64| (0.0..SQUARES as f64).contains(&x);

@@ -14,8 +14,8 @@ use vrtm_core::team::Team;
 /// Rows that one item of work draws.
 const BAND: usize = 64;
 
-/// Charts that the texels of a part of an image belong to: the one that a texel's centre lies in; beside all charts, the one
-/// whose border is nearest on the surface, if its collar lies there.
+/// Charts that the texels of a part of an image belong to: the one that a texel's centre lies in; beside all charts,
+/// the one whose border is nearest on the surface, if its collar lies there.
 pub struct Owners {
     width: usize,
     /// Bands of rows, from v = 0 upward.

@@ -8,7 +8,7 @@ use super::status::{Failure, Outcome, chars, vrtm_status};
 use vrtm::adapters;
 use vrtm_core::settings::AdapterId;
 
-/// How vrtm_device_desc names a GPU.
+/// Kind of name by which vrtm_device_desc selects a GPU.
 pub type vrtm_adapter_by = i32;
 /// By its number, vrtm_device_desc.adapter; the default.
 pub const VRTM_ADAPTER_BY_NUMBER: vrtm_adapter_by = 0;

@@ -21,7 +21,7 @@ choice! {
     }
 }
 
-/// How important a log line is.
+/// Importance of a log line.
 pub type vrtm_log_level = i32;
 /// Something to show to the artist: clipped faces, overlapping charts.
 pub const VRTM_LOG_WARNING: vrtm_log_level = 1;
@@ -50,7 +50,8 @@ pub struct vrtm_device_desc {
     /// used instead of `adapter`, so that vrtm can compute on the GPU that the host draws with. With `backend` GPU, the
     /// adapter must exist; AUTO uses it if it is a usable hardware GPU, and the CPU otherwise.
     pub adapter_by: vrtm_adapter_by,
-    /// Which GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU and `adapter_by` is NUMBER; ignored otherwise.
+    /// Number of the GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU and `adapter_by` is NUMBER;
+    /// ignored otherwise.
     pub adapter: u32,
     /// The identity of the adapter, in memory order; unused bytes are zero.
     pub adapter_id: [u8; 16],
@@ -82,7 +83,7 @@ pub struct vrtm_device_data {
     pub backend: vrtm_backend,
     /// The processor's or adapter's name, UTF-8.
     pub name: [c_char; 128],
-    /// Why this backend was chosen, in a sentence, UTF-8. If the GPU was lost, the cause comes first.
+    /// Reason for the choice of this backend, a sentence, UTF-8. If the GPU was lost, the cause comes first.
     pub reason: [c_char; 256],
     /// CPU threads per solve.
     pub threads: u32,

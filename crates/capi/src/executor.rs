@@ -30,8 +30,8 @@ pub type vrtm_spawn_fn =
 pub struct vrtm_executor {
     /// sizeof(vrtm_executor); set by vrtm_executor_init().
     pub struct_size: u32,
-    /// Runs the parallel loops of solves and fetches; `count` is the number of threads that the device or the solve asks
-    /// for. Required.
+    /// Runs the parallel loops of solves and fetches; `count` is the number of threads that the device or the solve
+    /// asks for. Required.
     pub parallel_for: vrtm_parallel_for_fn,
     /// Runs jobs; null = the library starts a thread for each job.
     pub spawn: vrtm_spawn_fn,

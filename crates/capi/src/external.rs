@@ -16,9 +16,9 @@ pub const VRTM_EXTERNAL_OPAQUE_FD: vrtm_external_kind = 1;
 /// Compiled, but never run by the authors of this version.
 pub const VRTM_EXTERNAL_OPAQUE_WIN32: vrtm_external_kind = 2;
 
-/// An output image in memory of the host's own Vulkan device: rows of texels of two floats each, laid out as in a buffer
-/// that shaders read or that is copied to an image (VK_FORMAT_R32G32_SFLOAT, with f16 VK_FORMAT_R16G16_SFLOAT). Start
-/// from vrtm_external_image_init().
+/// An output image in memory of the host's own Vulkan device: rows of texels of two floats each, laid out as in a
+/// buffer that shaders read or that is copied to an image (VK_FORMAT_R32G32_SFLOAT, with f16 VK_FORMAT_R16G16_SFLOAT).
+/// Start from vrtm_external_image_init().
 ///
 /// The host allocates the memory with VkExportMemoryAllocateInfo, without VkMemoryDedicatedAllocateInfo, on a device
 /// whose deviceUUID and driverUUID equal those of the adapter (vrtm_adapter_data), as Vulkan requires.
@@ -94,9 +94,9 @@ unsafe fn read(image: *const vrtm_external_image, name: &str) -> Outcome<Externa
 ///
 /// Errors: those of vrtm_tile_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
 /// formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT,
-/// naming the field, for an unknown value, a zero size, an offset or stride that is too short or no multiple of a texel,
-/// memory that is too small, a handle that does not refer to memory, or a memory type that cannot hold buffers. On
-/// these errors nothing is written. After VRTM_ERROR_DEVICE_LOST the texels are undefined. Never busy.
+/// naming the field, for an unknown value, a zero size, an offset or stride that is too short or no multiple of a
+/// texel, memory that is too small, a handle that does not refer to memory, or a memory type that cannot hold buffers.
+/// On these errors nothing is written. After VRTM_ERROR_DEVICE_LOST the texels are undefined. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_fetch_external(
     tile: vrtm_tile,

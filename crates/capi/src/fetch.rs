@@ -61,7 +61,7 @@ pub struct vrtm_fetch {
     pub kind: vrtm_fetch_kind,
     /// A tile of the asset. Required.
     pub tile: vrtm_tile,
-    /// Where to write. Required.
+    /// The destination. Required.
     pub image: *const vrtm_image_out,
     /// The layer to read, counted from that of `tile`: 0 (the default) = `tile` itself.
     pub layer: u32,
@@ -94,8 +94,7 @@ pub(super) fn fetch_kind(kind: vrtm_fetch_kind, name: &str) -> Outcome<FetchKind
 }
 
 impl vrtm_fetch {
-    /// What messages call a field of the fetch `name`, its asset, the index of the tile, the kind of output and its
-    /// destination.
+    /// The fetch `name`, checked: its asset, the index of the tile, the kind of output and its destination.
     unsafe fn wanted(&self, name: &str) -> Outcome<(Arc<SharedAsset>, Wanted)> {
         let (asset, first) = handle::tile(&format!("{name}.tile"), self.tile)?;
         let (own, layers) = asset.results.tile_layer(first);

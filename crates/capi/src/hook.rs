@@ -1,8 +1,8 @@
 //! The panic boundary of the C functions: a panic inside never unwinds into the host, and writes nothing to its stderr.
 //!
-//! The standard hook prints panics. The hook installed here records the place of panics inside a boundary, on the thread
-//! that entered it or on a worker thread (workers have no name), and passes all others to the previous hook. It applies
-//! to the whole process.
+//! The standard hook prints panics. The hook installed here records the place of panics inside a boundary, on the
+//! thread that entered it or on a worker thread (workers have no name), and passes all others to the previous hook. It
+//! applies to the whole process.
 
 use std::fmt::Write;
 use std::panic::{PanicHookInfo, set_hook, take_hook};

@@ -9,7 +9,7 @@ use super::desc::{Out, Place, Sized32};
 use super::guard::guard;
 use super::handle::{self, Kind, Table, gone, pack, unpack, vrtm_asset, vrtm_job};
 use super::shared::Claim;
-use super::solve::{Wishes, vrtm_solve_options};
+use super::solve::{CheckedOptions, vrtm_solve_options};
 use super::status::{
     Failure, Outcome, VRTM_ERROR_BUSY, VRTM_ERROR_CANCELLED, VRTM_ERROR_OUT_OF_MEMORY, VRTM_ERROR_TIMEOUT,
     VRTM_OK, status_of, vrtm_status,
@@ -28,7 +28,7 @@ use vrtm_core::view::Packed;
 /// For vrtm_job_wait: wait as long as it takes.
 pub const VRTM_FOREVER: u32 = u32::MAX;
 
-/// What a job is doing.
+/// State of a job.
 pub type vrtm_job_state = i32;
 /// It has not begun, or is under way.
 pub const VRTM_JOB_RUNNING: vrtm_job_state = 0;
@@ -43,7 +43,7 @@ pub struct vrtm_job_data {
     pub struct_size: u32,
     /// VRTM_JOB_RUNNING (0) or VRTM_JOB_DONE.
     pub state: vrtm_job_state,
-    /// How it ended: VRTM_OK or an error; VRTM_OK while it is running.
+    /// Its result: VRTM_OK or an error; VRTM_OK while it is running.
     pub status: vrtm_status,
     /// Predicted fraction (0..1) of the work that is done; it never decreases.
     pub progress: f32,
@@ -89,12 +89,12 @@ enum State {
     },
 }
 
-/// What a job needs: the asset, which no other call may change meanwhile, and copies of the inputs.
+/// Inputs of a job: the asset, which no other call may change meanwhile, and copies of the inputs.
 struct Work {
     claim: Claim,
     positions: Packed,
     dirty_vertices: Option<Vec<u32>>,
-    wishes: Wishes<'static>,
+    checked: CheckedOptions<'static>,
 }
 
 impl std::fmt::Debug for Work {
@@ -105,10 +105,10 @@ impl std::fmt::Debug for Work {
 
 impl Work {
     fn run(mut self) -> Outcome<()> {
-        let Work { claim, positions, dirty_vertices, wishes } = &mut self;
-        let request = wishes.request(positions.view());
+        let Work { claim, positions, dirty_vertices, checked } = &mut self;
+        let request = checked.request(positions.view());
         let request = SolveRequest { dirty_vertices: dirty_vertices.as_deref(), ..request };
-        claim.solve(&wishes.control, |asset| Ok(asset.run(&request, &mut [])?))
+        claim.solve(&checked.control, |asset| Ok(asset.run(&request, &mut [])?))
     }
 }
 
@@ -119,7 +119,7 @@ fn cancelled() -> Failure {
 impl Job {
     fn new(work: Work) -> Job {
         Job {
-            control: work.wishes.control.clone(),
+            control: work.checked.control.clone(),
             submitted: Instant::now(),
             state: Mutex::new(State::Waiting(boxed(work))),
             done: Condvar::new(),
@@ -246,16 +246,16 @@ pub unsafe extern "C" fn vrtm_asset_submit(
         let out = Place::new(job, "job")?;
         let shared = handle::asset(asset)?;
         // SAFETY: the host's pointers, valid during the call.
-        let (positions, wishes) =
-            unsafe { (strided(positions, 3, "positions")?, Wishes::read(asset, options)?) };
+        let (positions, checked) =
+            unsafe { (strided(positions, 3, "positions")?, CheckedOptions::read(asset, options)?) };
         let mut claim = shared.claim()?;
-        claim.asset().check_request(&wishes.request(positions))?;
+        claim.asset().check_request(&checked.request(positions))?;
         let executor = claim.asset().device().executor().cloned();
         let device = claim.asset().device().clone();
-        let copies = || Ok((Packed::copy(&positions), wishes.dirty_vertices.map(Vec::from)));
+        let copies = || Ok((Packed::copy(&positions), checked.dirty_vertices.map(Vec::from)));
         let (positions, dirty_vertices) = device.call(copies)?;
-        claim.announce(&wishes.control);
-        let work = Work { claim, positions, dirty_vertices, wishes: wishes.without_dirty_vertices() };
+        claim.announce(&checked.control);
+        let work = Work { claim, positions, dirty_vertices, checked: checked.without_dirty_vertices() };
         let (handle, job) = add(Job::new(work))?;
         let own = job.clone();
         #[expect(
@@ -336,8 +336,8 @@ pub unsafe extern "C" fn vrtm_job_cancel(job: vrtm_job) -> vrtm_status {
 /// Destroys a job. A job that is not done is cancelled. The call waits until the job and its thread have ended. Destroy
 /// all jobs before the library is unloaded.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY on a thread that does the job's
-/// work, as in its own progress function.
+/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY on a thread that does the
+/// job's work, as in its own progress function.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_job_destroy(job: vrtm_job) -> vrtm_status {
     guard("vrtm_job_destroy", || {

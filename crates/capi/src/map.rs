@@ -26,7 +26,7 @@ pub struct vrtm_map_desc {
     pub one_to_one: u32,
 }
 
-/// How accurate a redirection map is when it is read with bilinear interpolation. Errors are lengths in UV; multiply
+/// Accuracy of a redirection map that is read with bilinear interpolation. Errors are lengths in UV; multiply
 /// them by a texture's size to get its texels. Start from vrtm_map_data_init().
 #[repr(C)]
 #[derive(Clone, Copy)]

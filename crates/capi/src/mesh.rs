@@ -7,7 +7,8 @@ use vrtm_core::allocation::Vec;
 use vrtm_core::error::{Error, ErrorKind};
 use vrtm_core::mesh::{MeshSource, POSITION_TOLERANCE, UV_TOLERANCE, UvSource, Weld, WeldBy};
 
-/// How corners of different faces are recognised as one corner, so that a chart continues across the edge between them.
+/// Rule by which corners of different faces are one corner, so that a chart continues across the edge between
+/// them.
 pub type vrtm_weld = i32;
 /// The same vertex, and UVs within the tolerance; the default. The host's vertices define connectivity: a cut in the
 /// modelling program is a cut here, even between lips that are closed at rest, and in every pose.

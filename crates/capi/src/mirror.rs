@@ -31,7 +31,7 @@ pub struct Field {
     pub from: &'static str,
     /// The comment of a field that Rust does not have, or not so.
     pub about: &'static str,
-    /// Where it lies.
+    /// Its offset in bytes.
     pub offset: usize,
 }
 

@@ -13,7 +13,7 @@ use vrtm::RefinementPattern;
 use vrtm::{Refinement, RefinementInfo, RefinementSettings, TOLERANCE};
 use vrtm_core::panics::lock;
 
-/// How a mesh is refined. Start from vrtm_refinement_desc_init(), which sets the defaults.
+/// Settings of a refinement. Start from vrtm_refinement_desc_init(), which sets the defaults.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_refinement_desc {
@@ -36,8 +36,9 @@ mirror! {
     }
 }
 
-/// Where to write the pattern of a refinement: the caller's arrays; null arrays are skipped. From the pattern a host
-/// interpolates positions and all other values per vertex or corner. Start from vrtm_refinement_pattern_init().
+/// Destinations of the pattern of a refinement: the caller's arrays; null arrays are skipped. From the pattern
+/// a host interpolates positions and all other values per vertex or corner. Start from
+/// vrtm_refinement_pattern_init().
 ///
 /// Each vertex and corner has three sources, with weights that add up to 1. If fewer are needed, the others repeat the
 /// first source with weight 0.

@@ -26,8 +26,8 @@ mirror! {
         ms_pbd: f32 = r.times.pbd, ms_certify: f32 = r.times.certify, ms_invert: f32 = r.times.invert,
         ms_total: f32 = r.times.total,
         /// 1 if the solve measured strain; otherwise this and the fields below are 0. They describe segments between
-        /// neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `edges_fixed` cover the segments
-        /// that a border, an overlap or the mask fixes at both ends, and the other fields cover the rest.
+        /// neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `edges_fixed` cover the
+        /// segments that a border, an overlap or the mask fixes at both ends, and the other fields cover the rest.
         measured: u32 = r.strain.is_some(),
         before: vrtm_strain = r.strain.unwrap_or_default().before,
         after: vrtm_strain = r.strain.unwrap_or_default().after,

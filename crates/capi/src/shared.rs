@@ -25,7 +25,7 @@ pub(super) struct SharedAsset {
     asset: UnsafeCell<Asset>,
     /// Control of the solve in progress.
     solving: Mutex<Option<Arc<Control>>>,
-    /// Whether the handle was destroyed.
+    /// True once the handle was destroyed.
     ended: AtomicBool,
 }
 

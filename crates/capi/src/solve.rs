@@ -40,19 +40,20 @@ mirror! {
         /// CPU threads of this solve, at most 1024; 0 = the device's. The result is the same bit for bit.
         threads: u32,
         measure: u32,
-        /// What is released to save memory, as a sum. 1: the last results of the solved tiles before solving, 8 bytes per
-        /// node of the blocks in use; they cannot be read until the solve succeeds. 2: the memory of each tile's solver once
-        /// the tile is solved, about 110 bytes per node, so that tiles which are solved one after the other need that of
-        /// one; the next solve takes longer, as a first one does. 0 (the default): nothing; results can be read at any time.
+        /// Memory to release, as a sum of flags. 1: the last results of the solved tiles before solving, 8
+        /// bytes per node of the blocks in use; they cannot be read until the solve succeeds. 2: the memory of
+        /// each tile's solver once the tile is solved, about 110 bytes per node, so that tiles which are solved
+        /// one after the other need that of one; the next solve takes longer, as a first one does. 0 (the
+        /// default): nothing; results can be read at any time.
         release_last: u32,
         solver: vrtm_solver, pbd: vrtm_pbd_settings,
         /// The tiles to solve, in any order; null = all. The others keep their results.
         tiles: *const vrtm_tile,
         /// The length of `tiles`. Ignored when that is null.
         tile_count: usize,
-        /// The vertices that have moved since the last solve, in any order; null = any vertex may have moved. Tiles that
-        /// none of these vertices touches keep their results, unless they have no result yet, or their maps, settings or
-        /// these options have changed.
+        /// The vertices that have moved since the last solve, in any order; null = any vertex may have moved. Tiles
+        /// that none of these vertices touches keep their results, unless they have no result yet, or their maps,
+        /// settings or these options have changed.
         dirty_vertices: *const u32,
         /// The length of `dirty_vertices`. Ignored when that is null.
         dirty_vertex_count: usize,
@@ -65,14 +66,14 @@ mirror! {
 }
 
 /// A host's function that receives a solve's predicted progress, 0..1, which never decreases. If it returns a nonzero
-/// value, the solve is cancelled. A solve that succeeds reports 1 at its end, when it can no longer be cancelled. It may
-/// call vrtm functions: results of the asset can be read, and calls that would change the asset give VRTM_ERROR_BUSY. On
-/// a device with an executor, such calls use only the calling thread, so that they never wait for threads that wait for
-/// this function. It must return normally: no exception, no longjmp.
+/// value, the solve is cancelled. A solve that succeeds reports 1 at its end, when it can no longer be cancelled. It
+/// may call vrtm functions: results of the asset can be read, and calls that would change the asset give
+/// VRTM_ERROR_BUSY. On a device with an executor, such calls use only the calling thread, so that they never wait for
+/// threads that wait for this function. It must return normally: no exception, no longjmp.
 pub type vrtm_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, progress: f32) -> u32>;
 
 /// A host's checked options for one solve.
-pub(super) struct Wishes<'a> {
+pub(super) struct CheckedOptions<'a> {
     options: SolveOptions,
     threads: Option<NonZeroU32>,
     tiles: Option<Vec<usize>>,
@@ -82,9 +83,9 @@ pub(super) struct Wishes<'a> {
     pub control: Arc<Control>,
 }
 
-impl<'a> Wishes<'a> {
+impl<'a> CheckedOptions<'a> {
     /// Reads a host's options for an asset.
-    pub unsafe fn read(asset: vrtm_asset, pointer: *const vrtm_solve_options) -> Outcome<Wishes<'a>> {
+    pub unsafe fn read(asset: vrtm_asset, pointer: *const vrtm_solve_options) -> Outcome<CheckedOptions<'a>> {
         // SAFETY: the host's pointer.
         let from: vrtm_solve_options = unsafe { desc::read_or_default(pointer, "options") }?;
         let mut tiles = None;
@@ -116,7 +117,7 @@ impl<'a> Wishes<'a> {
             let host = HostProgress { call, user: from.progress_user };
             Control::with_progress(Arc::new(move |progress| host.tell(progress)))
         });
-        Ok(Wishes {
+        Ok(CheckedOptions {
             options: from.settings()?,
             threads: NonZeroU32::new(from.threads),
             tiles,
@@ -142,8 +143,8 @@ impl<'a> Wishes<'a> {
     }
 
     /// These options without the host's list of dirty vertices, of which a job keeps a copy.
-    pub fn without_dirty_vertices<'b>(self) -> Wishes<'b> {
-        Wishes { dirty_vertices: None, ..self }
+    pub fn without_dirty_vertices<'b>(self) -> CheckedOptions<'b> {
+        CheckedOptions { dirty_vertices: None, ..self }
     }
 }
 
@@ -186,10 +187,10 @@ pub unsafe extern "C" fn vrtm_asset_solve(
     guard("vrtm_asset_solve", || {
         let shared = handle::asset(asset)?;
         // SAFETY: the host's pointers, valid during the call.
-        let (positions, wishes) =
-            unsafe { (strided(positions, 3, "positions")?, Wishes::read(asset, options)?) };
-        let request = wishes.request(positions);
-        shared.claim()?.solve(&wishes.control, |asset| Ok(asset.run(&request, &mut [])?))
+        let (positions, checked) =
+            unsafe { (strided(positions, 3, "positions")?, CheckedOptions::read(asset, options)?) };
+        let request = checked.request(positions);
+        shared.claim()?.solve(&checked.control, |asset| Ok(asset.run(&request, &mut [])?))
     })
 }
 
@@ -212,8 +213,8 @@ pub unsafe extern "C" fn vrtm_asset_redirect(
     guard("vrtm_asset_redirect", || {
         let shared = handle::asset(asset)?;
         // SAFETY: the host's pointers, valid during the call.
-        let (view, wishes) =
-            unsafe { (strided_and_span(positions, 3, "positions")?, Wishes::read(asset, options)?) };
+        let (view, checked) =
+            unsafe { (strided_and_span(positions, 3, "positions")?, CheckedOptions::read(asset, options)?) };
         let (positions, span) = view;
         // SAFETY: as above; `targets` checks that no two of the images write the same byte, and that none overlaps the
         // positions.
@@ -223,8 +224,8 @@ pub unsafe extern "C" fn vrtm_asset_redirect(
             // SAFETY: the host vouches for the memory, and no other view shares it.
             wanted.push(Fetch { tile: *tile, kind: *kind, image: unsafe { target.view(name) }? });
         }
-        let request = wishes.request(positions);
-        shared.claim()?.solve(&wishes.control, |asset| Ok(asset.run(&request, &mut wanted)?))
+        let request = checked.request(positions);
+        shared.claim()?.solve(&checked.control, |asset| Ok(asset.run(&request, &mut wanted)?))
     })
 }
 

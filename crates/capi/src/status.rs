@@ -127,7 +127,7 @@ pub(super) fn status_of(panic: &Panicked) -> vrtm_status {
 /// Result of the functions inside the guard.
 pub(super) type Outcome<T> = Result<T, Failure>;
 
-/// What a thread is told that has no memory for a message.
+/// The message for threads without memory for one.
 const NO_RECORD: &CStr = c"out of memory for what the library keeps for each thread";
 
 /// Keeps a message for [`vrtm_last_error`].

@@ -15,9 +15,9 @@ pub(super) struct Strips {
 }
 
 impl Strips {
-    /// Whether the two share a byte. Interleaved pieces, such as two parts of one image, share none. Takes time
-    /// proportional to the number of rows if the pieces of both have the same spacing, and otherwise to the number of
-    /// pieces.
+    /// True if the two share a byte. Interleaved pieces, such as two parts of one image, share none. Takes time
+    /// proportional to the number of rows if the pieces of both have the same spacing, and otherwise to the
+    /// number of pieces.
     pub fn meet(&self, other: &Strips) -> bool {
         let (mut own, mut others) = (0, 0);
         while own < self.steps[1].0 && others < other.steps[1].0 {
@@ -38,7 +38,7 @@ impl Strips {
         start..start + (count - 1) * step + self.size
     }
 
-    /// Whether the row that begins at `a` shares a byte with the row of `other` that begins at `b`.
+    /// True if the row that begins at `a` shares a byte with the row of `other` that begins at `b`.
     fn rows_meet(&self, a: usize, other: &Strips, b: usize) -> bool {
         let ([(count, step), _], [(other_count, other_step), _]) = (self.steps, other.steps);
         if b < a {

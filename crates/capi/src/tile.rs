@@ -65,9 +65,9 @@ pub unsafe extern "C" fn vrtm_tile_udim(tile: vrtm_tile, udim: *mut u32, uv_set:
     })
 }
 
-/// Which layer of its UDIM number a tile is, and how many layers there are: 0 and 1 unless vrtm_mesh_desc.max_layers is
-/// over 1. `layers` may be null. Layers share their maps and settings: what is set for one of them holds for all.
-/// Unlike vrtm_tile_info, it does not prepare the tile. Never busy.
+/// The tile's layer within its UDIM number, and the number of layers: 0 and 1 unless vrtm_mesh_desc.max_layers
+/// is over 1. `layers` may be null. Layers share their maps and settings: what is set for one of them holds for
+/// all. Unlike vrtm_tile_info, it does not prepare the tile. Never busy.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `layer` is null.
 #[unsafe(no_mangle)]

@@ -48,7 +48,7 @@ pub const VRTM_PIXEL_U16: vrtm_pixel_format = 2;
 /// 8-bit integer, 0..255 for 0..1. Inputs only.
 pub const VRTM_PIXEL_U8: vrtm_pixel_format = 3;
 
-/// Where in the tile the first row of an image lies.
+/// Side of the tile at which the first row of an image lies.
 pub type vrtm_origin = i32;
 /// The first row is at v = 1, as in image files; the default.
 pub const VRTM_ORIGIN_TOP: vrtm_origin = 0;
@@ -100,7 +100,7 @@ pub struct vrtm_image_out {
     pub channels: u32,
     /// Has no function any more: 0. Another value is refused with VRTM_ERROR_UNSUPPORTED.
     pub one_to_one: u32,
-    /// Where to write the first texel of the first row. Need not be aligned.
+    /// Address of the first texel of the first row. Need not be aligned.
     pub data: *mut c_void,
     /// Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
     pub pixel_stride: usize,

@@ -1,6 +1,6 @@
 //! Fallible allocation for memory sized by user input. When memory runs short, a call must fail instead of aborting the
-//! host's process, as the standard library's collections do when they grow. `Vec` and the functions here unwind (`unwind`)
-//! instead.
+//! host's process, as the standard library's collections do when they grow. `Vec` and the functions here unwind
+//! (`unwind`) instead.
 //!
 //! `clippy.toml` lists the standard library's own, and the library's code is checked for them.
 

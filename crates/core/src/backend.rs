@@ -120,7 +120,7 @@ impl<'a> TileSolve<'a> {
     }
 }
 
-/// How a GPU is opened.
+/// Options for opening a GPU.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Options {
     /// True to open with WebGPU's default limits (bindings of 128 MiB, buffers of 256 MiB) and no optional feature
@@ -238,8 +238,8 @@ pub trait GpuOutput: Debug + Send + Sync {
         read: &mut dyn FnMut(usize, &[[f32; 2]]),
     ) -> Result<()>;
 
-    /// Calls `read(row, bytes)` for the same bands, with a redirection's texels: two channels of `format`, measured from where
-    /// `write_external` measures them.
+    /// Calls `read(row, bytes)` for the same bands, with a redirection's texels: two channels of `format`, measured
+    /// from where `write_external` measures them.
     fn redirect(
         &self,
         u: &dyn GpuWarp,

@@ -9,8 +9,8 @@ use crate::local;
 use crate::panics::lock;
 use crate::unwind::{Stop, unwind};
 
-/// A host's function that receives the progress of a call, 0..1, on the thread that does the call's work. Returning true
-/// cancels the call. A call that succeeds reports 1 at its end; what is returned then has no effect.
+/// A host's function that receives the progress of a call, 0..1, on the thread that does the call's work. Returning
+/// true cancels the call. A call that succeeds reports 1 at its end; what is returned then has no effect.
 pub type ProgressFn = Arc<dyn Fn(f32) -> bool + Send + Sync>;
 
 /// Control over one call: its progress, and the means to cancel it from any thread. It can serve several calls in turn,
@@ -59,8 +59,8 @@ pub struct Control {
     state: AtomicU8,
     /// The fraction that is done: the bits of an f32.
     done: AtomicU32,
-    /// Highest progress reported; it never decreases. Stored as the bits of an f32: those of positive numbers sort as the
-    /// numbers do.
+    /// Highest progress reported; it never decreases. Stored as the bits of an f32: those of positive numbers sort as
+    /// the numbers do.
     told: AtomicU32,
     /// The stage in progress.
     stage: Mutex<Option<Stage>>,
@@ -141,8 +141,8 @@ impl Control {
         f32::from_bits(self.told.fetch_max(bits, Ordering::Relaxed).max(bits))
     }
 
-    /// Begins a call's work: until the returned value is dropped, the calling thread is the one whose items of work call
-    /// the host's function.
+    /// Begins a call's work: until the returned value is dropped, the calling thread is the one whose items of work
+    /// call the host's function.
     #[must_use]
     pub fn begin(&self) -> Working<'_> {
         let _ = self.state.compare_exchange(DONE, GOING, Ordering::Relaxed, Ordering::Relaxed);

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 pub struct Setting {
     /// Its name.
     pub name: &'static str,
-    /// What it is for, in the words of its documentation.
+    /// Its purpose, in the words of its documentation.
     pub about: &'static str,
     /// The default, as an expression of Rust.
     pub default: &'static str,

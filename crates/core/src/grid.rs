@@ -1,6 +1,6 @@
 //! The grid of a tile (method §1 to §3), built from the mesh, the maps and the settings: rigidity, mobility, blocks,
-//! rest lengths and weights of interpolation on every level, and the triangle under each node of level 0. First a survey
-//! finds the nodes that may move; everything else is then computed for their blocks alone.
+//! rest lengths and weights of interpolation on every level, and the triangle under each node of level 0. First a
+//! survey finds the nodes that may move; everything else is then computed for their blocks alone.
 
 pub mod squares;
 mod cover;
@@ -103,7 +103,7 @@ pub struct Grid {
     pub overlap: f32,
     /// Nodes inside charts that gaps in the UVs fix.
     pub at_gaps: u64,
-    /// Whether nodes have a density, or something that holds them.
+    /// True if nodes have a density, or something that holds them.
     pub has_extra: bool,
     /// The rest pose, in units of the charts.
     pub rest: Arc<Pose>,

@@ -81,8 +81,8 @@ impl ImageLayout {
         self.resolve_within(name, channels, usize::MAX - data.addr())
     }
 
-    /// Checks the layout of an image that may span at most `most` bytes, the limit set by its address. The error blames a
-    /// stride if the image would fit without it.
+    /// Checks the layout of an image that may span at most `most` bytes, the limit set by its address. The error blames
+    /// a stride if the image would fit without it.
     pub fn resolve_within(&self, name: &str, channels: u32, most: usize) -> Result<TexelLayout> {
         let &ImageLayout { width, height, format, origin, .. } = self;
         if width == 0 || height == 0 {
@@ -279,11 +279,12 @@ unsafe impl Send for ImageViewMut<'_> {}
 unsafe impl Sync for ImageViewMut<'_> {}
 
 impl<'a> ImageViewMut<'a> {
-    /// A view of `bytes` with `layout.channels` channels per texel, f16 or f32; bytes skipped by strides are left alone.
+    /// A view of `bytes` with `layout.channels` channels per texel, f16 or f32; bytes skipped by strides are left
+    /// alone.
     ///
     /// # Errors
-    /// `InvalidArgument` for a zero size, a short stride, channels that are not 1 to 4, or too few bytes; `Unsupported` for
-    /// integer formats.
+    /// `InvalidArgument` for a zero size, a short stride, channels that are not 1 to 4, or too few bytes; `Unsupported`
+    /// for integer formats.
     pub fn new(name: &str, bytes: &'a mut [u8], layout: ImageLayout) -> Result<ImageViewMut<'a>> {
         // SAFETY: the bytes are borrowed for as long as the view lives, and their number is checked here.
         let view = unsafe { ImageViewMut::from_raw(name, bytes.as_mut_ptr(), layout) }?;

@@ -1,8 +1,8 @@
 //! vrtm's numerical core, for the crates of vrtm alone: `vrtm` is the Rust API.
 //!
-//! The data flows through the modules in this order: a host's arrays (`view`, `image`) become a validated mesh with tiles
-//! and charts (`mesh`); each tile's maps become a grid with movable nodes and active blocks (`grid`); for each pose,
-//! `method::schedule` calls the stages of a backend level by level, of which the one for the CPU is here (`cpu`).
+//! The data flows through the modules in this order: a host's arrays (`view`, `image`) become a validated mesh with
+//! tiles and charts (`mesh`); each tile's maps become a grid with movable nodes and active blocks (`grid`); for each
+//! pose, `method::schedule` calls the stages of a backend level by level, of which the one for the CPU is here (`cpu`).
 
 #![allow(missing_docs, reason = "documented for users where `vrtm` hands it on")]
 // Allocations sized by user input must be fallible: clippy.toml lists the infallible ones.

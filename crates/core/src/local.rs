@@ -1,5 +1,5 @@
-//! What the library keeps for each thread, in one record: plain values without a destructor, so that nothing is registered
-//! with the thread, which would keep the library from being unloaded, or would run after it was unloaded.
+//! What the library keeps for each thread, in one record: plain values without a destructor, so that nothing is
+//! registered with the thread, which would keep the library from being unloaded, or would run after it was unloaded.
 
 mod record;
 

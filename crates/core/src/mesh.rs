@@ -74,8 +74,8 @@ impl FacePoint {
     }
 }
 
-/// The plane through an edge of the mesh at right angles to the triangle there: the surface ends at the edge, and goes on with
-/// its mirror image.
+/// The plane through an edge of the mesh at right angles to the triangle there: the surface ends at the edge, and goes
+/// on with its mirror image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Mirror {
     pub edge: [u32; 2],
@@ -131,7 +131,8 @@ impl Chart {
         vertices.chain(points.map(move |local| self.position(local, of_vertex)))
     }
 
-    /// The value at a vertex or point, given the values at the mesh's vertices; mirror images have those of what they are of.
+    /// The value at a vertex or point, given the values at the mesh's vertices; mirror images have those of what they
+    /// are of.
     pub fn value<const D: usize>(&self, local: u32, of_vertex: impl Fn(u32) -> [f64; D]) -> [f64; D] {
         match self.vertices.get(local as usize) {
             Some(&v) => of_vertex(v),
@@ -145,19 +146,19 @@ impl Chart {
     }
 }
 
-/// Where the surface has a triangle of a collar.
+/// The triangle of the surface that a collar's triangle was copied from.
 #[derive(Clone, Copy, Debug)]
 pub struct Source {
     /// Its tile in `Mesh::tiles`, and the triangle there that it is a part of.
     pub tile: u32,
     pub triangle: u32,
-    /// Whether it is the mirror image of that part, beyond an open border.
+    /// True for the mirror image of that part, beyond an open border.
     pub image: bool,
     /// UVs within that tile.
     pub uv: [DVec2; 3],
     /// Distances from the chart's border along the surface, as lengths in the chart's plane.
     pub distance: [f32; 3],
-    /// How much of the collar is left around each corner: 1 at the chart's border, 0 where the collar ends.
+    /// Share of the collar that is left around each corner: 1 at the chart's border, 0 where the collar ends.
     pub depth: [f32; 3],
 }
 
@@ -188,14 +189,14 @@ pub struct TileMesh {
     pub uv_set: u32,
     /// Number of the layer, among the tiles of its UDIM number; see `MeshSource::max_layers`.
     pub layer: u32,
-    /// Sorted by chart; charts are numbered by their first face. The triangles of the charts' collars follow, if the tile
-    /// has been extended, sorted by chart, too.
+    /// Sorted by chart; charts are numbered by their first face. The triangles of the charts' collars follow, if the
+    /// tile has been extended, sorted by chart, too.
     pub triangles: Vec<Triangle>,
     /// For the triangles of collars.
     pub sources: Vec<Source>,
     pub charts: Vec<Chart>,
-    /// Parts of sides beyond which a chart ends although it goes on beyond the rest of the side, and the outlines of gaps that
-    /// welding closed, sorted by triangle.
+    /// Parts of sides beyond which a chart ends although it goes on beyond the rest of the side, and the outlines of
+    /// gaps that welding closed, sorted by triangle.
     pub cuts: Vec<Cut>,
     /// The chart of each triangle, in the order of the mesh's faces: the numbers that `Corner` and `WeldedEdge` use.
     pub chart_of: Vec<u32>,
@@ -221,7 +222,7 @@ impl TileMesh {
         (of_charts + arrays.into_iter().chain(further).sum::<usize>()) as u64
     }
 
-    /// How messages call the tile.
+    /// The tile's name in messages.
     pub fn name(&self) -> String {
         let layer = if self.layer > 0 { format!(" layer {}", self.layer) } else { String::new() };
         format!("tile {}{layer}", self.udim)
@@ -254,17 +255,17 @@ impl TileMesh {
         self.triangles.len() - self.sources.len()
     }
 
-    /// Where the surface has a triangle, if it is one of a collar.
+    /// The origin of a collar's triangle on the surface; `None` for the tile's own.
     pub fn source(&self, triangle: usize) -> Option<&Source> {
         triangle.checked_sub(self.own()).map(|k| &self.sources[k])
     }
 
-    /// Whether a triangle is a mirror image of a part of the surface.
+    /// True if a triangle is a mirror image of a part of the surface.
     pub fn is_image(&self, triangle: u32) -> bool {
         self.source(triangle as usize).is_some_and(|source| source.image)
     }
 
-    /// Whether any triangle is one.
+    /// True if any triangle is a mirror image.
     pub fn has_images(&self) -> bool {
         self.sources.iter().any(|source| source.image)
     }
@@ -302,7 +303,8 @@ pub struct Mesh {
     pub corners: Vec<Vec<Corner>>,
     /// Ordered by UV set, then by UDIM number, then by layer.
     pub tiles: Vec<Arc<TileMesh>>,
-    /// Per tile, the corners of each triangle, by its number in `TileMesh::chart_of`; empty unless there are several UV sets.
+    /// Per tile, the corners of each triangle, by its number in `TileMesh::chart_of`; empty unless there are several UV
+    /// sets.
     pub corners_of: Vec<Vec<[u32; 3]>>,
     /// The distance in a pose beyond which welded vertices are torn apart, before the pose's rounding is added.
     pub torn: f64,

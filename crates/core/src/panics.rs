@@ -1,6 +1,6 @@
-//! Catches panics of this library and of the libraries that it calls, and turns them into an `Err` with the panic's text.
-//! If the C functions have installed their hook (`hook`), the place of the panic is known and nothing is printed; a Rust
-//! program keeps its own panic hook.
+//! Catches panics of this library and of the libraries that it calls, and turns them into an `Err` with the panic's
+//! text. If the C functions have installed their hook (`hook`), the place of the panic is known and nothing is printed;
+//! a Rust program keeps its own panic hook.
 
 use std::any::Any;
 use std::fmt;
@@ -12,7 +12,7 @@ use crate::line::Line;
 use crate::local::{self, PLACE_BYTES};
 use crate::unwind::{Stop, why};
 
-/// Why a body did not return.
+/// Reason for which a body did not return.
 pub struct Panicked {
     payload: Box<dyn Any + Send>,
     /// Formatted as " (file:line:column)", or empty.

@@ -26,7 +26,7 @@ pub struct DeviceInfo {
     pub backend: Backend,
     /// The processor's or adapter's name.
     pub name: String,
-    /// Why this backend was chosen, in a sentence; if the GPU was lost since, also how.
+    /// Reason for the choice of this backend, a sentence; if the GPU was lost since, also the cause.
     pub reason: String,
     /// CPU threads per solve.
     pub threads: u32,
@@ -148,14 +148,13 @@ pub struct TileInfo {
     /// Fraction (0..1) of the rigid nodes that cannot move: of the covered nodes with a rigidity of at least 0.5, those
     /// that a border, an overlap or the mask fixes. Near 1, the rigidity map can have almost no effect.
     pub frozen: f32,
-    /// Which layer of its UDIM number the tile is: 0 unless [`crate::mesh::MeshSource::max_layers`] is over 1.
+    /// The tile's layer within its UDIM number: 0 unless [`crate::mesh::MeshSource::max_layers`] is over 1.
     pub layer: u32,
     /// Layers of its UDIM number: 1 or more.
     pub layers: u32,
     /// Rigid nodes: covered nodes with a rigidity of at least 0.5.
     pub rigid_nodes: u64,
-    /// How many of these lie under more than one triangle, as those of charts in the same layer that lie over one
-    /// another.
+    /// Number of these under more than one triangle, as in charts of one layer that lie over one another.
     pub rigid_overlapped: u64,
     /// Nodes inside charts that cannot move because of a gap in the UVs that welding closes, such as a slit narrower
     /// than [`crate::mesh::Weld::uv_tolerance`]. Noise of the UVs makes none.
@@ -361,7 +360,8 @@ pub struct AssetReport {
     pub stretched_share: f32,
 }
 
-/// Dispatches, submissions and transfers of a tile's last solve on a GPU. Tiles that were solved together have the same.
+/// Dispatches, submissions and transfers of a tile's last solve on a GPU. Tiles that were solved together have the
+/// same.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct GpuWork {
@@ -392,7 +392,7 @@ pub struct GpuWork {
 pub struct GpuKernel {
     /// Its entry point and its parts of `shaders/`.
     pub name: String,
-    /// How often it was dispatched.
+    /// Number of its dispatches.
     pub dispatches: u64,
     /// Its workgroups: 16x16 blocks, for most kernels.
     pub workgroups: u64,

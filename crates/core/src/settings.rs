@@ -13,7 +13,7 @@ use crate::team::Executor;
 /// Most CPU threads per solve.
 pub const MAX_THREADS: u32 = 1024;
 
-/// Where assets are solved.
+/// Backend on which assets are solved.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backend {
     /// A hardware GPU, discrete before integrated; the CPU if no such GPU was found or it cannot be opened. A software
@@ -26,7 +26,7 @@ pub enum Backend {
     Gpu,
 }
 
-/// How important a log line is.
+/// Importance of a log line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum LogLevel {
@@ -95,9 +95,9 @@ impl fmt::Display for AdapterId {
 /// Settings of a new device. The default is: choose the backend, all cores, no budget, no log.
 #[derive(Clone, Default)]
 pub struct DeviceSettings {
-    /// Which backend.
+    /// The backend.
     pub backend: Backend,
-    /// Which adapter, for [`Backend::Gpu`]: its place in `adapters`.
+    /// Number of the adapter, for [`Backend::Gpu`]: its place in `adapters`.
     pub adapter: u32,
     /// The adapter's identity instead of its number, such as that of the GPU that the host draws with. [`Backend::Gpu`]
     /// requires it to exist; [`Backend::Auto`] uses it if it is usable hardware, and the CPU otherwise. `None` = by
@@ -108,7 +108,7 @@ pub struct DeviceSettings {
     /// Most bytes that the tiles of all assets of the device may hold together between calls: maps, grids, solvers,
     /// results; `None` = no limit.
     pub memory_budget: Option<u64>,
-    /// Where warnings go; `None` = nowhere.
+    /// Receiver of warnings; `None` = none.
     pub log: Option<LogFn>,
     /// The host's threads, on which solves and fetches work instead of the library's own, with bit-identical results;
     /// `None` = the library's own, which end with each call.
@@ -132,7 +132,7 @@ impl fmt::Debug for DeviceSettings {
     }
 }
 
-/// Which chart moves texels that several charts of a tile share, or that a chart shares with itself. With
+/// Rule for texels that several charts of a tile share, or that a chart shares with itself. With
 /// [`crate::mesh::MeshSource::max_layers`] over 1, charts share texels only where these layers do not suffice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Overlap {
@@ -143,7 +143,7 @@ pub enum Overlap {
     FirstFace,
 }
 
-/// What happens where the surface goes on beyond a chart's border, elsewhere in the UV plane.
+/// Treatment of seams, where the surface continues beyond a chart's border elsewhere in the UV plane.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Seams {
     /// Nothing moves at a border, and any texture will do.
@@ -161,8 +161,7 @@ pub enum Seams {
     Keep,
 }
 
-/// What happens at a border of a chart beyond which the surface ends: along an edge that only one face with texture
-/// has.
+/// Treatment of open borders, beyond which the surface ends: along an edge that only one face with texture has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OpenBorders {
     /// Nothing moves at an open border. The surface may go on in a mesh that is not known here, as a head's neck does.
@@ -175,7 +174,7 @@ pub enum OpenBorders {
     Slide,
 }
 
-/// What charts go on beyond, and how far in UV.
+/// Borders beyond which charts continue, and the reach in UV.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Beyond {
     pub seams: bool,
@@ -186,9 +185,10 @@ pub struct Beyond {
 settings! {
     /// A tile's settings. All have a working default; a change rebuilds only what depends on it.
     pub struct TileSettings in "settings" {
-        /// Cells of the grid in u and v: the resolution of the solve. `None` = as many as resolve the rigid features, 20
-        /// across the narrowest (method §1): 64 to 4096, and no finer than the rigidity map and 256, or than an equal share
-        /// of the device's memory budget allows. Other numbers are rounded up to a multiple of 16, at most 16384.
+        /// Cells of the grid in u and v: the resolution of the solve. `None` = as many as resolve the rigid features,
+        /// 20 across the narrowest (method §1): 64 to 4096, and no finer than the rigidity map and 256, or than an
+        /// equal share of the device's memory budget allows. Other numbers are rounded up to a multiple of 16, at most
+        /// 16384.
         pub grid: [Option<u32>; 2] = [None; 2];
         /// Who owns overlapped texels.
         pub overlap: Overlap = Overlap::Fixed;
@@ -208,22 +208,22 @@ settings! {
         pub room: f32 = 0.3, 0.0 to 1e6;
         /// Fraction of a cell's area under which that penalty starts: a threshold of its corner Jacobians.
         pub room_threshold: f32 = 0.4, 0.0 to 1.0;
-        /// What happens at seams. [`Seams::Continue`] goes only with an `orientation_density` of 0.
+        /// Treatment of seams. [`Seams::Continue`] goes only with an `orientation_density` of 0.
         pub seams: Seams = Seams::Shut;
-        /// How far charts go on beyond their seams with [`Seams::Continue`], and beyond their open borders with
+        /// Reach of charts beyond their seams with [`Seams::Continue`], and beyond their open borders with
         /// [`OpenBorders::Slide`], in UV: about the size of a large rigid feature. Over 0, at most 0.5.
         pub seam_reach: f32 = 0.03125;
-        /// What happens at open borders. [`OpenBorders::Slide`] goes only with an `orientation_density` of 0.
+        /// Treatment of open borders. [`OpenBorders::Slide`] goes only with an `orientation_density` of 0.
         pub open_borders: OpenBorders = OpenBorders::Fixed;
-        /// How far rigid features that the pose does not strain come before those that it strains. At 0 each gives way
-        /// alike, and in a crowd a feature may come out worse than without the warp; the higher this is, the fewer do,
-        /// and the others keep a little more strain. For [`Solver::Descent`]. Experimental.
+        /// Priority, 0..1, of rigid features that the pose does not strain over strained ones. At 0 each gives
+        /// way alike, and in a crowd a feature may come out worse than without the warp; the higher this is,
+        /// the fewer do, and the others keep a little more strain. For [`Solver::Descent`]. Experimental.
         pub protect: f32 = 0.0, 0.0 to 1.0;
     }
 }
 
 impl TileSettings {
-    /// What the energy depends on, but for the maps (method §4).
+    /// Numbers that the energy depends on, but for the maps (method §4).
     #[doc(hidden)]
     #[must_use]
     pub fn weights(&self) -> [f32; 7] {
@@ -232,7 +232,7 @@ impl TileSettings {
         [smoothness, smoothness_floor, orientation, orientation_density, room, room_threshold, protect]
     }
 
-    /// What charts go on beyond, if anything.
+    /// Borders beyond which charts continue, if any.
     pub fn beyond(&self) -> Option<Beyond> {
         let seams = self.seams == Seams::Continue;
         let open_borders = self.open_borders == OpenBorders::Slide;
@@ -268,7 +268,7 @@ pub const MAX_SEAM_REACH: f32 = 0.5;
 /// Most cells on a side of a tile's grid.
 pub const MAX_GRID: u32 = 16384;
 
-/// How much work a solve does on each level of its grid.
+/// Amount of work of a solve on each level of its grid.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Quality {
@@ -281,7 +281,7 @@ pub enum Quality {
     Normal,
 }
 
-/// How a solve finds its warp.
+/// Method by which a solve finds its warp.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Solver {
@@ -308,7 +308,7 @@ settings! {
         pub damping: f32 = 0.0, 0.0 to 1.0;
         /// Fraction of its turn that a segment takes back after its projection.
         pub orientation_preservation: f32 = 0.0, 0.0 to 1.0;
-        /// How much as-rigid-as-possible material is smoothed (eq. 4).
+        /// Smoothing of as-rigid-as-possible material (eq. 4).
         pub smoothing: f32 = 0.8, 0.0 to 1.0;
         /// Factor on the corrections of each level over those of the next finer one.
         pub coarse_correction: f32 = 0.7, 0.0 to 1.0;
@@ -318,7 +318,7 @@ settings! {
 settings! {
     /// Options of one solve.
     pub struct SolveOptions in "options" {
-        /// How much work a solve does. This and the two limits below apply to [`Solver::Descent`] only.
+        /// Amount of work of a solve. This and the two limits below apply to [`Solver::Descent`] only.
         pub quality: Quality = Quality::Normal;
         /// Maximum corrections on the finest level, 1..64, in place of the quality's limit; `None` = the quality's own.
         /// With more than four, a sweep more follows each, and a chart goes on until one gains less than 0.01 %, or
@@ -351,7 +351,7 @@ settings! {
         pub temporal_weight: f32 = 0.0, 0.0 to 1e6;
         /// True: also measure the strain on the mesh (in f64), for the tiles' reports. Slow.
         pub measure: bool = false;
-        /// How the warp is found.
+        /// Method by which the warp is found.
         pub solver: Solver = Solver::Descent;
         /// Settings of [`Solver::Pbd`].
         pub pbd: PbdSettings = PbdSettings::default();

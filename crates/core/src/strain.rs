@@ -29,10 +29,10 @@ const HELP: f64 = 0.10;
 /// |Strain| is limited to this: enough for any scene, and statistics stay finite in f32.
 const LARGEST: f64 = 1e12;
 
-/// Measures the strain of a warp of one tile, whose triangles `coverage` and `maps` name. `u(i, j)` is the displacement of node (i, j) in cells; `pose` has one
-/// position per vertex. An edge counts if both of its ends are covered and rigid. If at least one end may move, one chart
-/// must cover both. Edges with two fixed ends are counted separately, if the surface continues from one end to the other:
-/// no warp changes their strain.
+/// Measures the strain of a warp of one tile, whose triangles `coverage` and `maps` name. `u(i, j)` is the displacement
+/// of node (i, j) in cells; `pose` has one position per vertex. An edge counts if both of its ends are covered and
+/// rigid. If at least one end may move, one chart must cover both. Edges with two fixed ends are counted separately, if
+/// the surface continues from one end to the other: no warp changes their strain.
 pub fn measure(
     mesh: &Mesh,
     tile: &TileMesh,
@@ -109,7 +109,7 @@ fn strain(posed: f64, rest: f64) -> f64 {
     (posed / rest - 1.0).abs().min(LARGEST)
 }
 
-/// Where an edge lies.
+/// Place of an edge.
 #[derive(Clone, Copy)]
 struct Place {
     /// True if an end is near a chart's border.

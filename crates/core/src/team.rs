@@ -1,5 +1,5 @@
-//! The threads of one call: scoped, so that none outlives it, and kept awake between the short jobs of a solve. They are
-//! the library's own, or a host's (`executor`).
+//! The threads of one call: scoped, so that none outlives it, and kept awake between the short jobs of a solve. They
+//! are the library's own, or a host's (`executor`).
 
 use std::cell::UnsafeCell;
 use std::marker::PhantomData;
@@ -41,7 +41,7 @@ impl Crew {
 pub struct Team {
     threads: usize,
     protocol: Protocol<JobFn>,
-    /// Whether a job is running.
+    /// True while a job is running.
     running: AtomicBool,
     start: Start,
     control: Option<Arc<Control>>,
@@ -66,11 +66,12 @@ impl Drop for Turn<'_> {
     }
 }
 
-/// What starts the helpers, until the first job that needs them; `None` where they are running or there are none.
+/// Starter of the helpers, until the first job that needs them; `None` where they are running or there are
+/// none.
 struct Start(UnsafeCell<Option<*const dyn Fn()>>);
 
-// SAFETY: only the thread whose turn it is to run a job uses it, after it has been set; the function itself is called on the
-// thread that called `Team::of`, as `run_dyn` says.
+// SAFETY: only the thread whose turn it is to run a job uses it, after it has been set; the function itself is called
+// on the thread that called `Team::of`, as `run_dyn` says.
 unsafe impl Sync for Start {}
 // SAFETY: as above.
 unsafe impl Send for Start {}
@@ -87,9 +88,9 @@ impl Team {
         Team::of(&Crew { threads, ..Crew::default() }, f)
     }
 
-    /// Calls `f` with the team of a crew. With a host's threads, `f` may run on another thread than this one. If this is
-    /// called from within a host's function, which one of these threads called in the middle of its work, `f` runs on
-    /// that thread alone.
+    /// Calls `f` with the team of a crew. With a host's threads, `f` may run on another thread than this one. If this
+    /// is called from within a host's function, which one of these threads called in the middle of its work, `f` runs
+    /// on that thread alone.
     pub fn of<R: Send>(crew: &Crew, f: impl FnOnce(&Team) -> R + Send) -> R {
         let most = if crew.executor.is_some() && is_lent() { 1 } else { Protocol::<JobFn>::MAX_THREADS };
         let threads = crew.threads.clamp(1, most);
@@ -118,8 +119,8 @@ impl Team {
             Some(executor) => executor::with(&**executor, threads, help, body),
             // A call that has little to do starts no thread.
             None => threads::with(1..threads, help, |start| {
-                // SAFETY: only the lifetime changes. `body` runs all jobs of the team on this thread and has ended them when it
-                // returns.
+                // SAFETY: only the lifetime changes. `body` runs all jobs of the team on this thread and has ended them
+                // when it returns.
                 let start = unsafe {
                     std::mem::transmute::<*const (dyn Fn() + '_), *const (dyn Fn() + 'static)>(start)
                 };
@@ -151,8 +152,8 @@ impl Team {
     /// Calls `f(0)` to `f(count - 1)`, in any order and on any of the threads; returns when all are done.
     ///
     /// # Panics
-    /// If an item panics, this panics with one of the payloads after all threads have left the job; other items may then
-    /// not have run. Also if a job is already running: an item must not call this.
+    /// If an item panics, this panics with one of the payloads after all threads have left the job; other items may
+    /// then not have run. Also if a job is already running: an item must not call this.
     ///
     /// If the call is cancelled, items that have not begun are skipped, and this unwinds.
     pub fn run(&self, count: usize, f: impl Fn(usize) + Sync) {
@@ -228,8 +229,8 @@ impl Team {
         let first = Elements(elements.as_mut_ptr());
         self.run_few_on(few, count, |worker, k| {
             let first = &first;
-            // SAFETY: `run` calls each item once, so that references to an element never overlap, and returns before the
-            // borrow of `elements` ends.
+            // SAFETY: `run` calls each item once, so that references to an element never overlap, and returns before
+            // the borrow of `elements` ends.
             f(worker, k, unsafe { &mut *first.0.add(k) });
         });
     }
@@ -243,8 +244,8 @@ impl Team {
                 *const (dyn Fn(&Worker, usize) + Sync + 'static),
             >(f)
         });
-        // SAFETY: it is this thread's turn, and the function is alive as long as jobs can be run. With threads of the library,
-        // only the thread that called `Team::of` runs jobs, so the function is called where it was made.
+        // SAFETY: it is this thread's turn, and the function is alive as long as jobs can be run. With threads of the
+        // library, only the thread that called `Team::of` runs jobs, so the function is called where it was made.
         if let Some(start) = unsafe { (*self.start.0.get()).take() } {
             // SAFETY: as above.
             unsafe { (*start)() };
@@ -353,8 +354,8 @@ impl<T> SharedSlice<T> {
     /// If `i` is out of range.
     ///
     /// # Safety
-    /// While the reference is in use, the slice is alive, and no item, including this one, uses a `get_mut` reference to
-    /// this element.
+    /// While the reference is in use, the slice is alive, and no item, including this one, uses a `get_mut` reference
+    /// to this element.
     #[inline(always)]
     pub unsafe fn get<'a>(self, i: usize) -> &'a T {
         assert!(i < self.1);
@@ -368,8 +369,8 @@ impl<T> SharedSlice<T> {
     /// If `i` is out of range.
     ///
     /// # Safety
-    /// While the reference is in use, the slice is alive, and no item, including this one, uses another reference to this
-    /// element.
+    /// While the reference is in use, the slice is alive, and no item, including this one, uses another reference to
+    /// this element.
     #[inline(always)]
     #[allow(clippy::mut_from_ref)]
     pub unsafe fn get_mut<'a>(self, i: usize) -> &'a mut T {

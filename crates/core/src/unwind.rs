@@ -1,6 +1,6 @@
-//! Deliberate unwinding from the middle of a solve, when a call is cancelled or runs out of memory. It is not a panic: no
-//! hook is called, and nothing is printed. This keeps the hundreds of places that build arrays, and the stages, free of
-//! error handling; unwinding frees what they had built.
+//! Deliberate unwinding from the middle of a solve, when a call is cancelled or runs out of memory. It is not a panic:
+//! no hook is called, and nothing is printed. This keeps the hundreds of places that build arrays, and the stages, free
+//! of error handling; unwinding frees what they had built.
 
 use std::any::Any;
 use std::fmt;
@@ -8,7 +8,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 
 use crate::error::{Error, ErrorKind, Result};
 
-/// Why a call unwinds.
+/// Reason for which a call unwinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stop {
     Cancelled,
@@ -42,7 +42,7 @@ pub fn unwind(stop: Stop) -> ! {
     resume_unwind(Box::new(stop))
 }
 
-/// Why a body unwound; `None` for a panic.
+/// Reason for which a body unwound; `None` for a panic.
 pub fn why(payload: &(dyn Any + Send)) -> Option<Stop> {
     payload.downcast_ref().copied()
 }

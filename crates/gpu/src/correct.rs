@@ -73,9 +73,9 @@ impl Run<'_> {
         self.energy_is_known = level > 0 || self.pull == 0.0;
     }
 
-    /// Whether a chart takes part in a further correction of the level, from the records of the charts after the work
-    /// so far. Reading them takes one wait but saves about seventy dispatches, which would turn out empty for charts
-    /// with room.
+    /// True if a chart takes part in a further correction of the level, from the records of the charts after
+    /// the work so far. Reading them takes one wait but saves about seventy dispatches, which would turn out
+    /// empty for charts with room.
     fn is_wanted(&mut self) -> bool {
         if self.error.is_some() {
             return false;
@@ -260,8 +260,8 @@ impl Run<'_> {
         self.gate = None;
     }
 
-    /// Lets the fractions fall off after `rounds` rounds: along the rows of nodes, then along the columns. Bands own whole
-    /// rows of blocks; along columns the falloff goes from the first to the last band and back.
+    /// Lets the fractions fall off after `rounds` rounds: along the rows of nodes, then along the columns. Bands own
+    /// whole rows of blocks; along columns the falloff goes from the first to the last band and back.
     fn fall_off(&mut self, level: usize, rounds: u32) {
         let params = Params { mode: 2 * rounds, ..self.params };
         self.dispatch_active(Kernel::Falloff, level, params, Some(BandBuffer::Vectors));

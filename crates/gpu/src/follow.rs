@@ -43,8 +43,8 @@ impl Memory {
     }
 }
 
-/// The first run of blocks among some that have another rigidity, or other weights of interpolation, than before; if that is
-/// not known, all have.
+/// The first run of blocks among some that have another rigidity, or other weights of interpolation, than before; if
+/// that is not known, all have.
 fn changed(before: Option<&Level>, level: &Level, among: Range<usize>) -> Option<Range<usize>> {
     let is_changed = |&b: &usize| {
         before.is_none_or(|before| {

@@ -1,5 +1,6 @@
-//! invert: computes W⁻¹ at texel centres (method §9) from a result's buffers, and hands it or the redirection of it to the
-//! host. All steps that can fail precede the first texel that is handed out, except for mapping the staging buffers.
+//! invert: computes W⁻¹ at texel centres (method §9) from a result's buffers, and hands it or the redirection of it to
+//! the host. All steps that can fail precede the first texel that is handed out, except for mapping the staging
+//! buffers.
 
 use std::num::NonZeroU64;
 use std::ops::Range;
@@ -54,8 +55,8 @@ fn band_bytes(rows: &Range<usize>, size: [usize; 2], texel: u64) -> u64 {
 }
 
 impl Output {
-    /// Bytes that `new` allocates. `None` if such images cannot be written: a row must fit into a binding, and no side may
-    /// exceed 2^20 texels, so that f32 resolves texels.
+    /// Bytes that `new` allocates. `None` if such images cannot be written: a row must fit into a binding, and no side
+    /// may exceed 2^20 texels, so that f32 resolves texels.
     pub fn bytes_for(context: &Context, size: [usize; 2], format: PixelFormat) -> Option<u64> {
         let most = max_binding(context);
         let fits = size[0] as u64 * INVERSE_BYTES <= most && size.iter().all(|&n| n <= 1 << 20);
@@ -91,8 +92,8 @@ impl Output {
         Ok(Output { context: context.clone(), max_binding, inverse, values, staging })
     }
 
-    /// Computes W⁻¹ at all texels, with the pipeline of `Kernel::Invert`, and of it the values of a redirection, if one is
-    /// wanted; hands out the bytes of these, or of W⁻¹.
+    /// Computes W⁻¹ at all texels, with the pipeline of `Kernel::Invert`, and of it the values of a redirection, if one
+    /// is wanted; hands out the bytes of these, or of W⁻¹.
     fn run(
         &self,
         pipeline: &Pipeline,

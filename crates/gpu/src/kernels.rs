@@ -58,7 +58,8 @@ use slot::*;
 
 macro_rules! kernels {
     ($($kernel:ident $entry:literal [$($part:literal),*] [$($binding:expr),*] $bytes:literal;)*) => {
-        /// A kernel. Those that sample the surface come in two versions: chords for level 0, metrics for coarser levels.
+        /// A kernel. Those that sample the surface come in two versions: chords for level 0, metrics for coarser
+        /// levels.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
         pub enum Kernel {
             $($kernel,)*
@@ -183,7 +184,7 @@ impl Kernel {
     /// Bytes of a triangle's record that the kernel reads. All nodes on a triangle share its record, which stays in the
     /// cache, so it counts once per dispatch over all of the triangles' blocks.
     pub fn bytes_per_triangle(self) -> u32 {
-        /// What a walk reads: corner, rows of the inverse edge matrix, neighbours.
+        /// Bytes that a walk reads: corner, rows of the inverse edge matrix, neighbours.
         const WALK: u32 = 8 + 16 + 12;
         /// The pose: position and tangents.
         const POSE: u32 = 36;
@@ -201,7 +202,8 @@ impl Kernel {
     }
 }
 
-/// Bytes of workgroup memory that some files need besides a patch, and the files that take their place on devices with less.
+/// Bytes of workgroup memory that some files need besides a patch, and the files that take their place on devices with
+/// less.
 const LARGE: u32 = 24 << 10;
 const SMALL: [[&str; 2]; 2] = [
     [text!("correct/slopes_kept"), text!("correct/slopes_anew")],

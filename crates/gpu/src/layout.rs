@@ -25,8 +25,8 @@ pub mod shared {
         /// The energy of an invalid state: more than any other energy.
         INVALID_ENERGY: f32 = 3e38;
 
-        /// Plane of the rigidity's code (16 bits), of what it has lost in this pose (15 bits) and of the sign bit of fixed
-        /// nodes.
+        /// Plane of the rigidity's code (16 bits), of what it has lost in this pose (15 bits) and of the sign bit of
+        /// fixed nodes.
         RIGIDITY: usize = 0;
         /// First of the two planes of rest lengths: the codes of the owned edges 0 and 1, then of 2 and 3, the first of
         /// a pair in the lower 16 bits.
@@ -55,7 +55,8 @@ pub mod shared {
 
         /// Planes per block of the vectors of a correction. A plane holds different quantities one after the other.
         VECTOR_PLANES: usize = 7;
-        /// The residual (2); on the corrected level, once the second V-cycle is done, the second preconditioned residual z1.
+        /// The residual (2); on the corrected level, once the second V-cycle is done, the second preconditioned
+        /// residual z1.
         RESIDUAL: usize = 0;
         /// The result of the V-cycle (2); on the corrected level that of the first one, z0.
         DIRECTION: usize = 2;
@@ -63,8 +64,8 @@ pub mod shared {
         SMOOTHED: usize = 4;
         /// The block's energy before a correction, at its first node, from assembly until z0 takes its place.
         ENERGY_BEFORE: usize = 2;
-        /// The step fraction of each node, in two planes used alternately, while the step is limited and tried. Until the
-        /// first trial, the step itself is a combination of z0, z1 and the last step.
+        /// The step fraction of each node, in two planes used alternately, while the step is limited and tried. Until
+        /// the first trial, the step itself is a combination of z0, z1 and the last step.
         FRACTION: usize = 4;
         /// The step (2), while it is tried.
         STEP: usize = 2;
@@ -72,7 +73,8 @@ pub mod shared {
         LAST_STEP: usize = 6;
         /// The displacement before the step (2), while the step is tried.
         U_BEFORE: usize = 0;
-        /// Scratch memory of the V-cycle (2) on the levels that one dispatch works on, behind the vectors of these levels.
+        /// Scratch memory of the V-cycle (2) on the levels that one dispatch works on, behind the vectors of these
+        /// levels.
         SCRATCH: usize = 7;
 
         /// Quantities that are summed per block.
@@ -172,8 +174,8 @@ pub const THREADS: u32 = 64;
 pub const METRIC_PLANES: usize = 3;
 
 /// Planes per block of the constants of a grid's nodes: rigidity, four rest lengths (two planes), triangle under the
-/// node (level 0) or coverage (coarser levels) and, where a setting asks for it, density of rigid material or what holds
-/// nodes.
+/// node (level 0) or coverage (coarser levels) and, where a setting asks for it, density of rigid material or what
+/// holds nodes.
 pub fn node_planes(grid: &Grid) -> usize {
     EXTRA + usize::from(grid.has_extra)
 }
@@ -279,8 +281,8 @@ structs! {
         min_jacobian: f32,
         max_displacement: f32,
         folds: u32,
-        /// Dispatches of the step limit that found something to limit, the first fractions included; 0 if the step is not
-        /// limited.
+        /// Dispatches of the step limit that found something to limit, the first fractions included; 0 if the step is
+        /// not limited.
         limit_rounds: u32 as "atomic<u32>",
         /// The longest component of the present step, in cells, as bits.
         longest: u32 as "atomic<u32>",
@@ -300,8 +302,9 @@ structs! {
         y: u32,
         /// 1 if the block has a movable node.
         is_active: u32,
-        /// The block of the next coarser level that holds the nodes at this block's even nodes; its neighbours on the side of
-        /// the quarter of it that this block is, along x, along y and across the corner; NONE where that level has no block.
+        /// The block of the next coarser level that holds the nodes at this block's even nodes; its neighbours on the
+        /// side of the quarter of it that this block is, along x, along y and across the corner; NONE where that level
+        /// has no block.
         parents: [u32; 4],
         /// One bit per parent: 1 if it has a movable node.
         active_parents: u32,

@@ -1,4 +1,5 @@
-//! The memory of a solver on the GPU, of one tile or of several as one: constants, which are uploaded once per grid, and the state of a solve.
+//! The memory of a solver on the GPU, of one tile or of several as one: constants, which are uploaded once per grid,
+//! and the state of a solve.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -106,7 +107,7 @@ fn active_blocks_of(level: &Level) -> usize {
     level.blocks.list.iter().filter(|block| block.active).count()
 }
 
-/// What the choice of kernels depends on, and the layout of buffers.
+/// Key of the choice of kernels and of the layout of buffers.
 pub fn kind(grid: &Grid) -> impl PartialEq + use<> {
     let finest = &grid.levels[0];
     let is_wide: Vec<bool> = grid.levels.iter().map(|level| active_blocks_of(level) <= WIDE_BLOCKS).collect();
@@ -237,7 +238,8 @@ impl Memory {
         Ok(result)
     }
 
-    /// The last results of the tiles in the buffers of one result, each where a solve reads it; `None` if no tile has one.
+    /// The last results of the tiles in the buffers of one result, each where a solve reads it; `None` if no tile has
+    /// one.
     pub fn last_result(&mut self, lasts: &[Option<&Displacements>]) -> Result<Option<Arc<ResultBuffers>>> {
         let Some(first) = lasts.iter().flatten().next() else { return Ok(None) };
         let is_there = |(last, part): (&Option<&Displacements>, &Range<usize>)| {

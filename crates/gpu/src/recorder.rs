@@ -267,8 +267,8 @@ impl Recorder {
         self.commands.push(Command::Dispatch { kernel, pipeline, group, offset, size });
     }
 
-    /// Counts a barrier if a dispatch that uses these buffers has to wait for earlier ones. As wgpu does, a use that may
-    /// write waits for all earlier uses, and a use that reads waits for those that may have written.
+    /// Counts a barrier if a dispatch that uses these buffers has to wait for earlier ones. As wgpu does, a use that
+    /// may write waits for all earlier uses, and a use that reads waits for those that may have written.
     fn count_barrier(&mut self, uses: &[(wgpu::Buffer, bool)]) {
         let mut waits = false;
         make_room_in(&mut self.written, uses.len());

@@ -61,7 +61,7 @@ pub struct RowBand {
     pub step: u32,
 }
 
-/// What is written.
+/// Values to write.
 #[derive(Clone, Copy, Debug)]
 pub struct Values {
     /// The image's width and height.

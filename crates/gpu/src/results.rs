@@ -63,7 +63,7 @@ impl Displacements {
         first - band.buffered.start..end - band.buffered.start
     }
 
-    /// Those that this backend has made.
+    /// Displacements that this backend has made.
     pub fn of(u: &dyn GpuWarp) -> Result<&Displacements> {
         let other = || Error::new(ErrorKind::Internal, "the result of another backend");
         (u as &dyn Any).downcast_ref().ok_or_else(other)

@@ -30,7 +30,7 @@ pub struct Run<'a> {
     pub(super) smoothness: Vec<f32>,
     /// The weights from the settings; the parameters of every dispatch are derived from these.
     pub(super) params: Params,
-    /// What rigidity loses at most in this pose, in multiples of 1 / `LOST_STEPS`.
+    /// Largest weight reduction of rigidity in this pose, in multiples of 1 / `LOST_STEPS`.
     pub(super) most_lost: f32,
     /// Weight of the pull towards the last result, on level 0.
     pub(super) pull: f32,
@@ -47,14 +47,14 @@ pub struct Run<'a> {
     upload_ms: f32,
     /// The time when recording began.
     recording: Instant,
-    /// Whether the result is the identity because time ran out.
+    /// True if the result is the identity because time ran out.
     pub(super) gave_up: bool,
-    /// Whether no chart takes part in further corrections of the present level.
+    /// True if no chart takes part in further corrections of the present level.
     pub(super) settled: bool,
     /// The active blocks on level 0 of the charts that take part in the present correction, and of all charts that are
     /// solved; equal unless some charts are known to take no part.
     pub(super) share: [u64; 2],
-    /// Whether the records of the charts hold the energies of the present state.
+    /// True if the records of the charts hold the energies of the present state.
     pub(super) energy_is_known: bool,
     /// The control of the call, by which it may be cancelled while it waits for the GPU.
     pub(super) control: Option<Arc<Control>>,

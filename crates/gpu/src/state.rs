@@ -1,5 +1,5 @@
-//! Reads and sets a run's state, for comparing the two backends. A module of `gpu`, so that it can access private state.
-//! Every call submits the commands recorded so far; calls that read wait for them.
+//! Reads and sets a run's state, for comparing the two backends. A module of `gpu`, so that it can access private
+//! state. Every call submits the commands recorded so far; calls that read wait for them.
 
 use super::bands::Band;
 use super::dispatch::BandBuffer;

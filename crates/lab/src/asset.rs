@@ -40,8 +40,8 @@ pub struct ReferenceMinimum {
     pub converged: bool,
 }
 
-/// Corners in the chart's plane, as UVs within the tile; and the vertices of the mesh with their weights that each of them is
-/// on the surface.
+/// Corners in the chart's plane, as UVs within the tile; and the vertices of the mesh with their weights that each of
+/// them is on the surface.
 pub type CollarTriangleInSpace = ([[f64; 2]; 3], [[(u32, f64); 3]; 3]);
 
 /// The collar of a chart.
@@ -53,7 +53,7 @@ pub struct CollarOfChart {
     pub triangles: Vec<CollarTriangleInSpace>,
 }
 
-/// What tests and benches learn of an asset beyond its API.
+/// Access for tests and benches to an asset's inner state.
 pub trait Lab {
     /// Displacements of the last result, in cells, row by row from v = 0, (nx + 1) x (ny + 1).
     ///
@@ -61,15 +61,15 @@ pub trait Lab {
     /// `NotSolved` before the first solve.
     fn displacements(&self, tile: usize) -> Result<Vec<[f32; 2]>>;
 
-    /// Displacements of the last result, as [`Lab::displacements`] returns them, of each chart by itself: with its collar,
-    /// which may lie over other charts.
+    /// Displacements of the last result, as [`Lab::displacements`] returns them, of each chart by itself: with its
+    /// collar, which may lie over other charts.
     ///
     /// # Errors
     /// `NotSolved` before the first solve.
     fn displacements_of_charts(&self, tile: usize) -> Result<Vec<Vec<[f32; 2]>>>;
 
-    /// What lies beyond the seams of each chart in the chart's own plane, as it was solved with: empty unless charts go on
-    /// beyond seams. What is a mirror image beyond an open border is left out.
+    /// The collar of each chart in the chart's own plane, as it was solved with: empty unless charts continue
+    /// beyond seams. Mirror images beyond open borders are left out.
     ///
     /// # Errors
     /// `NotSolved` before the first solve.
@@ -81,8 +81,8 @@ pub trait Lab {
     /// `InvalidArgument` for a pose that does not fit the mesh.
     fn reference_energy(&self, tile: usize, positions: Strided, u: &[[f64; 2]]) -> Result<f64>;
 
-    /// The energies of the identity and of the last result on level 0, in f32 as the CPU computes them. The report has those
-    /// of a coarser level where work has ended there.
+    /// The energies of the identity and of the last result on level 0, in f32 as the CPU computes them. The report has
+    /// those of a coarser level where work has ended there.
     ///
     /// # Errors
     /// `NotSolved` before the first solve.

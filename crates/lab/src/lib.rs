@@ -1,5 +1,5 @@
-//! Tools for vrtm's tests and benches: the f64 minimum that results are compared with (`reference`, which shares no numerical
-//! code with the solver), and a comparison of both backends, stage by stage (`parity`).
+//! Tools for vrtm's tests and benches: the f64 minimum that results are compared with (`reference`, which shares no
+//! numerical code with the solver), and a comparison of both backends, stage by stage (`parity`).
 
 // Ordered from the bottom up.
 mod reference;

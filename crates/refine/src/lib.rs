@@ -1,6 +1,6 @@
-//! Refines a mesh so that corner UVs approximate a redirection closely: for hosts that support UV sets only. Its triangles
-//! are split where linear interpolation of redirected corner UVs errs by more than a tolerance. The door is [`RefinedMesh`];
-//! results come through [`Redirection`].
+//! Refines a mesh so that corner UVs approximate a redirection closely: for hosts that support UV sets only. Its
+//! triangles are split where linear interpolation of redirected corner UVs errs by more than a tolerance. The door is
+//! [`RefinedMesh`]; results come through [`Redirection`].
 
 #![allow(missing_docs, reason = "for the crates of vrtm alone")]
 // Allocations sized by user input must be fallible: clippy.toml lists the infallible ones.
@@ -50,8 +50,8 @@ impl RefinedMesh {
         RefinedMesh { base: Arc::new(Base::new(mesh, uv_set)), pieces: None }
     }
 
-    /// Splits triangles until no error is above the tolerance, in UV, or there would be more than `most`. Returns the largest
-    /// error left, and whether it is within the tolerance. Existing splits remain.
+    /// Splits triangles until no error is above the tolerance, in UV, or there would be more than `most`. Returns the
+    /// largest error left, and whether it is within the tolerance. Existing splits remain.
     pub fn refine(
         &mut self,
         team: &Team,

@@ -16,8 +16,8 @@ use crate::split::{Piece, Pieces, Splitter};
 /// Number of elements per item of work.
 const CHUNK: usize = 64;
 /// A triangle whose sides are shorter than this, in cells, is not split: where charts that share texels meet, the
-/// redirection may jump, and splitting does not help. Elsewhere it is steep at most: thirty cells per cell in a squashed
-/// region.
+/// redirection may jump, and splitting does not help. Elsewhere it is steep at most: thirty cells per cell in a
+/// squashed region.
 const SHORT: f64 = 1.0 / 1024.0;
 /// Splitting a triangle into four divides its error by four where the redirection is smooth: if that does not suffice,
 /// all of its edges are split at once.
@@ -190,8 +190,8 @@ fn measure(
     });
 }
 
-/// The faces that stay polygons: none of their triangles is split, and no other triangulation of them has an error above
-/// the tolerance.
+/// The faces that stay polygons: none of their triangles is split, and no other triangulation of them has an error
+/// above the tolerance.
 fn whole(
     team: &Team,
     mesh: &Mesh,

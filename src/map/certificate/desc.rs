@@ -27,8 +27,8 @@ pub struct MapReport {
     /// Quads of four neighbouring texel centres on which the interpolated map is not one-to-one. 0 certifies that it is
     /// one-to-one on the whole tile, except for the half texel along its border that interpolation does not reach.
     pub folds: u64,
-    /// Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves): greater than 0 if there are
-    /// no folds.
+    /// Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves): greater than 0 if there
+    /// are no folds.
     pub min_jacobian: f64,
     /// Root of the mean square error over the charts.
     pub error_rms: f64,

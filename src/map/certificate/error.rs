@@ -28,8 +28,8 @@ struct Found {
     bins: Vec<u64>,
 }
 
-/// Measures the error of a map on a lattice of samples: at least two per texel and per cell of the grid along each axis.
-/// Only samples in charts count.
+/// Measures the error of a map on a lattice of samples: at least two per texel and per cell of the grid along each
+/// axis. Only samples in charts count.
 pub fn measure(reader: &mut Reader, desc: &MapDesc) -> Result<Errors> {
     let size = desc.sizes();
     let level = &reader.solved.grid.levels[0];

@@ -81,8 +81,8 @@ impl Strip {
     }
 }
 
-/// Divides `count` rows of `width` texels into ranges large enough to be worth writing, each of which shares its last row
-/// with the next range.
+/// Divides `count` rows of `width` texels into ranges large enough to be worth writing, each of which shares its last
+/// row with the next range.
 pub fn bands(width: usize, count: usize) -> impl Iterator<Item = Range<usize>> {
     let rows = ((1 << 21) / width).max(64);
     (0..count.max(2) - 1).step_by(rows).map(move |row| row..(row + rows + 1).min(count))

@@ -1,4 +1,5 @@
-//! Charts that lie over one another, in layers of their own (`MeshSource::max_layers`): each is solved as if it were alone.
+//! Charts that lie over one another, in layers of their own (`MeshSource::max_layers`): each is solved as if it were
+//! alone.
 
 mod stacks;
 
@@ -267,8 +268,8 @@ fn unique_layouts_have_one_layer_and_the_same_bits() {
     }
 }
 
-/// A sheet whose halves lie over one another, the second one `shift` farther along u; three discs are on the line where they meet,
-/// where the first half has it.
+/// A sheet whose halves lie over one another, the second one `shift` farther along u; three discs are on the line where
+/// they meet, where the first half has it.
 fn folded(shift: f32) -> Stack {
     const HALF: usize = 16;
     let mut stack = mirrored();
@@ -305,8 +306,8 @@ fn folded(shift: f32) -> Stack {
     stack
 }
 
-/// The halves of a body meet at a seam: each is the other's mirror image in the UV plane, and in another layer. They are solved
-/// as if each had a UDIM tile to itself, also where they go on beyond the seam.
+/// The halves of a body meet at a seam: each is the other's mirror image in the UV plane, and in another layer. They
+/// are solved as if each had a UDIM tile to itself, also where they go on beyond the seam.
 #[test]
 fn a_layer_is_what_a_tile_of_its_own_would_be() {
     let stack = folded(0.0);
@@ -335,10 +336,12 @@ fn a_layer_is_what_a_tile_of_its_own_would_be() {
     }
 }
 
-/// All layers share a texture: what one of them has beyond its border must not come out of another one's chart, nor go there.
+/// All layers share a texture: what one of them has beyond its border must not come out of another one's chart, nor go
+/// there.
 #[test]
 fn nothing_leads_beyond_a_border_into_a_chart_of_another_layer() {
-    // The second half begins an eighth of the tile farther left, so that it lies beyond the first one's seam, or in tile 1002.
+    // The second half begins an eighth of the tile farther left, so that it lies beyond the first one's seam, or in
+    // tile 1002.
     let farthest = [-0.125, 1.0].map(|shift| {
         let mut stack = folded(shift);
         // The surface is stretched on one side of the line and squeezed on the other, so that the discs move over it.

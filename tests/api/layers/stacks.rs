@@ -1,5 +1,6 @@
-//! Random models of islands that lie over one another in the UV plane. Each island is a sheet of squares, whose UVs are a
-//! turned, mirrored and scaled square: that is all that the checks know of it, and it shares no code with the library.
+//! Random models of islands that lie over one another in the UV plane. Each island is a sheet of squares, whose UVs are
+//! a turned, mirrored and scaled square: that is all that the checks know of it, and it shares no code with the
+//! library.
 
 use vrtm::{Asset, Device, MeshSource, Strided, TileSettings, UvSource};
 

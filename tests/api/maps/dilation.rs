@@ -1,6 +1,6 @@
-//! What a texture holds around charts: with the dilation, a lookup beside a seam shows what the surface shows there. The
-//! texture of these tests has the surface's own position at rest in each texel, so that a lookup tells where on the surface
-//! its content is from, and both sides of a seam can be compared.
+//! What a texture holds around charts: with the dilation, a lookup beside a seam shows what the surface shows there.
+//! The texture of these tests has the surface's own position at rest in each texel, so that a lookup tells where on the
+//! surface its content is from, and both sides of a seam can be compared.
 
 use std::collections::HashMap;
 
@@ -136,8 +136,8 @@ impl Painted {
         f64::from(beside) / f64::from(copied.max(1))
     }
 
-    /// How far apart the content of both sides of the seams is, in texels of the coarser side along the seam: median, 90 %,
-    /// and the share over two texels.
+    /// How far apart the content of both sides of the seams is, in texels of the coarser side along the seam: median,
+    /// 90 %, and the share over two texels.
     fn apart(&self) -> [f64; 3] {
         let mut apart = Vec::new();
         for (sides, length) in &self.seams {
@@ -184,7 +184,8 @@ fn paint(texture: &mut Texture, at: [[f64; 2]; 3], p: [[f64; 3]; 3]) {
     }
 }
 
-/// What is allowed, about a third more than is measured: the median and 90 % of the distances, in texels, and the share over two texels.
+/// What is allowed, about a third more than is measured: the median and 90 % of the distances, in texels, and the share
+/// over two texels.
 const BARS: [(&str, [f64; 3]); 6] = [
     ("creature", [0.09, 0.6, 0.001]),
     ("mh_face", [0.28, 1.05, 0.035]),

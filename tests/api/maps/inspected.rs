@@ -39,8 +39,8 @@ fn errors_are_those_of_bilinear_interpolation() {
     // Its charts cover a part of the tile: errors beside them do not count.
     let model = Model::from(scenes::mug_to_jug());
     let asset = solved(&model, &cpu(0));
-    // The redirection itself at points whose places differ from the library's samples: texel centres of a map with an odd
-    // multiple of the size.
+    // The redirection itself at points whose places differ from the library's samples: texel centres of a map with an
+    // odd multiple of the size.
     let (n, fine) = (96usize, 96 * 7);
     let size = |n: usize| [n as u32; 2];
     let coarse = pairs(&map(&asset, 0, FetchKind::RedirectionDelta, size(n), 2));

@@ -94,7 +94,8 @@ fn depth(faces: &[Vec<[f64; 2]>], p: [f64; 2]) -> f64 {
     deepest
 }
 
-/// The derivatives of the redirection at a texel centre, by inverting those of the warp's triangle there; `None` on an edge.
+/// The derivatives of the redirection at a texel centre, by inverting those of the warp's triangle there; `None` on an
+/// edge.
 fn expected(warp: &Warp, redirected: [f64; 2]) -> Option<[[f64; 2]; 2]> {
     let cells = [warp.nx as f64, warp.ny as f64];
     let p = [redirected[0] * cells[0], redirected[1] * cells[1]];

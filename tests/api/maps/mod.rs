@@ -1,4 +1,5 @@
-//! What renderers read: forms of the redirection, further channels, derivatives, and what is said of maps that are interpolated. Everything is checked by code that shares nothing with the library but the nodes of the warp.
+//! What renderers read: forms of the redirection, further channels, derivatives, and what is said of maps that are
+//! interpolated. Everything is checked by code that shares nothing with the library but the nodes of the warp.
 
 mod dilation;
 mod inspected;
@@ -29,8 +30,8 @@ fn pairs(map: &[f32]) -> Vec<[f64; 2]> {
     map.chunks_exact(2).map(|uv| [f64::from(uv[0]), f64::from(uv[1])]).collect()
 }
 
-/// The number of quads of a map, within the tile, on which its bilinear interpolation turns over somewhere: it does if it does
-/// so at a corner.
+/// The number of quads of a map, within the tile, on which its bilinear interpolation turns over somewhere: it does if
+/// it does so at a corner.
 fn folds(map: &[[f64; 2]], [width, height]: [usize; 2]) -> usize {
     let mut count = 0;
     for y in 1..height {

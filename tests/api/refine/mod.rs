@@ -1,5 +1,5 @@
-//! Refined meshes: no cracks, a pattern that adds up, and corner UVs that keep the tolerance everywhere, checked against
-//! the redirection maps by code that shares nothing with the library.
+//! Refined meshes: no cracks, a pattern that adds up, and corner UVs that keep the tolerance everywhere, checked
+//! against the redirection maps by code that shares nothing with the library.
 
 mod refined;
 mod strain;
@@ -42,7 +42,8 @@ fn check(model: &Model, grid: u32, frame: usize, tolerance: f64) {
     );
     assert!(info.reached && info.error <= tolerance, "{}: {info:?}", model.name);
     assert!(texels > 10_000, "{}: {texels}", model.name);
-    // The tolerance holds at each texel, and the error told is the largest one and no loose bound: a texel comes near it.
+    // The tolerance holds at each texel, and the error told is the largest one and no loose bound: a texel comes near
+    // it.
     assert!(error <= tolerance + ROUNDING, "{}: {error}", model.name);
     assert!(error >= 0.7 * info.error, "{}: {error} of {}", model.name, info.error);
     assert!(

@@ -1,6 +1,7 @@
-//! Strain inside rigid features by each way to redirect: the mesh's corner UVs, refined ones, and the map. Measured from
-//! what a host gets: segments between neighbouring texel centres of the rigidity map, both rigid, lie somewhere on the
-//! posed surface in each case; their lengths there are compared with those at rest. Those count that the warp moves.
+//! Strain inside rigid features by each way to redirect: the mesh's corner UVs, refined ones, and the map. Measured
+//! from what a host gets: segments between neighbouring texel centres of the rigidity map, both rigid, lie somewhere on
+//! the posed surface in each case; their lengths there are compared with those at rest. Those count that the warp
+//! moves.
 
 use vrtm::{Asset, RefinementSettings};
 

@@ -1,6 +1,6 @@
-//! Writes the C header from `crates/capi/src` into the template `crates/capi/src/vrtm.h.in`: what `mirrored` writes, and
-//! the rest by cbindgen. `@name@` in the template is the type, with its
-//! constants, or the function of that name; or, if it is the name of a file, all of it that has no place of its own.
+//! Writes the C header from `crates/capi/src` into the template `crates/capi/src/vrtm.h.in`: what `mirrored` writes,
+//! and the rest by cbindgen. `@name@` in the template is the type, with its constants, or the function of that name;
+//! or, if it is the name of a file, all of it that has no place of its own.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -108,7 +108,8 @@ fn item_name(item: &str) -> &str {
     head.trim().rsplit([' ', '\n', '*']).next().unwrap_or("")
 }
 
-/// The items of a section. cbindgen writes all constants of a typedef'd type at the end: each belongs right below its type.
+/// The items of a section. cbindgen writes all constants of a typedef'd type at the end: each belongs right below its
+/// type.
 fn constants_below_their_type(section: &str, source: &Path) -> Result<Vec<String>, String> {
     let text = std::fs::read_to_string(source).map_err(|error| format!("{}: {error}", source.display()))?;
     let types: HashMap<&str, &str> = text

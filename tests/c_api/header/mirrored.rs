@@ -193,7 +193,8 @@ This page is written from the declarations in `crates/core/src/settings.rs`: do 
 ([CONTRIBUTING.md](../CONTRIBUTING.md#a-setting)).
 ";
 
-/// What the initialiser of a struct sets besides its size: the defaults of the first version's fields that are not zero.
+/// What the initialiser of a struct sets besides its size: the defaults of the first version's fields that are not
+/// zero.
 pub fn initialiser(of: &Struct, path: &str) -> Vec<String> {
     let mut lines = Vec::new();
     for field in of.fields {

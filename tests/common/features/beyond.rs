@@ -41,7 +41,8 @@ impl Beyond {
         Beyond { triangles }
     }
 
-    /// The position of the surface in a pose at a point in cells, in the chart of the triangle `home` or beyond its seams.
+    /// The position of the surface in a pose at a point in cells, in the chart of the triangle `home` or beyond its
+    /// seams.
     pub fn position(
         &self,
         charts: &Charts,

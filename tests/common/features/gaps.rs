@@ -9,8 +9,8 @@ use super::beyond::Beyond;
 use super::charts::{Charts, distance};
 use crate::common::{Model, Warp};
 
-/// The distances on the surface at rest between what both charts show at the vertices on seams, in texels of a texture of
-/// 4096 by 4096, ascending.
+/// The distances on the surface at rest between what both charts show at the vertices on seams, in texels of a texture
+/// of 4096 by 4096, ascending.
 pub fn gaps(model: &Model, asset: &Asset) -> Vec<f64> {
     let tiles: Vec<usize> = model.maps.iter().map(|maps| asset.find_tile(maps.udim).unwrap()).collect();
     let warps: Vec<Warp> = tiles.iter().map(|&tile| Warp::of(asset, tile)).collect();

@@ -64,8 +64,8 @@ fn other_units_and_other_orders_are_noticed() {
 
 #[test]
 fn the_edges_of_a_large_mesh_are_sampled_evenly() {
-    // A grid of squares, stretched along x alone, to lengths from 1 at x = 0 to 5 at x = 1: half of the edges along x are
-    // over 3 times as long, the edges along y are as at rest, and the diagonals lie between.
+    // A grid of squares, stretched along x alone, to lengths from 1 at x = 0 to 5 at x = 1: half of the edges along x
+    // are over 3 times as long, the edges along y are as at rest, and the diagonals lie between.
     const N: u32 = 64;
     let rest: Vec<[f32; 3]> =
         (0..=N).flat_map(|j| (0..=N).map(move |i| [i as f32 / N as f32, j as f32 / N as f32, 0.0])).collect();
@@ -96,9 +96,9 @@ fn the_edges_of_a_large_mesh_are_sampled_evenly() {
         "{} {expected}",
         found.stretched_share
     );
-    // A third of all stretches is 1, and those of the diagonals, √((1 + s²) / 2), lie under those along x, s. So below a
-    // stretch m there are 1/3, and (m - 1) / 4 / 3 of those along x and (√(2 m² - 1) - 1) / 4 / 3 of the diagonals: 1/2 for
-    // m = √33 - 4 = 1.74.
+    // A third of all stretches is 1, and those of the diagonals, √((1 + s²) / 2), lie under those along x, s. So below
+    // a stretch m there are 1/3, and (m - 1) / 4 / 3 of those along x and (√(2 m² - 1) - 1) / 4 / 3 of the diagonals:
+    // 1/2 for m = √33 - 4 = 1.74.
     let below = |m: f64| (1.0 + (m - 1.0) / 4.0 + ((2.0 * m * m - 1.0).sqrt() - 1.0) / 4.0) / 3.0;
     let share = below(f64::from(found.median_stretch));
     assert!((share - 0.5).abs() < 0.02, "{} is over {share} of all", found.median_stretch);

@@ -1,5 +1,5 @@
-//! The borders of charts that a model has whatever the library makes of it, and the nodes that they hold. The warp is the
-//! identity in each cell that a border crosses, and on each edge of the grid that a border runs along; since it is
+//! The borders of charts that a model has whatever the library makes of it, and the nodes that they hold. The warp is
+//! the identity in each cell that a border crosses, and on each edge of the grid that a border runs along; since it is
 //! one-to-one, nothing crosses a border then.
 
 use std::collections::{HashMap, HashSet};

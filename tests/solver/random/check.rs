@@ -162,8 +162,8 @@ fn goes_on(recipe: &Recipe) -> bool {
     recipe.settings.seams == Seams::Continue || recipe.settings.open_borders == OpenBorders::Slide
 }
 
-/// The warps whose displacements of a tile are checked: one of all charts, or one of each if charts go on beyond their borders,
-/// where they may lie over one another.
+/// The warps whose displacements of a tile are checked: one of all charts, or one of each if charts go on beyond their
+/// borders, where they may lie over one another.
 fn warps(recipe: &Recipe, asset: &Asset, tile: usize) -> Vec<Warp> {
     let whole = Warp::of(asset, tile);
     if !goes_on(recipe) {
@@ -313,8 +313,8 @@ fn redirection(recipe: &Recipe, asset: &mut Asset, tile: usize) -> Vec<u32> {
     floats.iter().map(|x| x.to_bits()).collect()
 }
 
-/// True if a redirection to `from` of the point `to`, both in cells, can be one that was drawn back because there is no room in the
-/// gutter: on the ray from `to` through `from`, farther out, lies a point that W maps to `to`.
+/// True if a redirection to `from` of the point `to`, both in cells, can be one that was drawn back because there is no
+/// room in the gutter: on the ray from `to` through `from`, farther out, lies a point that W maps to `to`.
 fn is_drawn_back(warps: &[Warp], from: [f64; 2], to: [f64; 2], scale: [f64; 2]) -> bool {
     let way = [from[0] - to[0], from[1] - to[1]];
     let length = way[0].hypot(way[1]);
@@ -373,8 +373,8 @@ fn origin_of(uvs: &[[f64; 2]]) -> [f64; 2] {
     [0, 1].map(|c| (uvs.iter().map(|uv| uv[c]).sum::<f64>() / uvs.len() as f64).floor())
 }
 
-/// False for a face that the library may have dropped a part of. A polygon may be cut into triangles of any three corners
-/// that follow one another, or into a fan.
+/// False for a face that the library may have dropped a part of. A polygon may be cut into triangles of any three
+/// corners that follow one another, or into a fan.
 fn is_solid(recipe: &Recipe, p: &[[f64; 2]]) -> bool {
     let n = p.len();
     // Noise in UVs may turn a thin triangle over.

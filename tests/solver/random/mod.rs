@@ -1,8 +1,8 @@
 //! Random small models: for every valid input the result is certified. Each failure that was ever found is a case in
 //! `named.rs`.
 //!
-//! A run without variables draws the same models every time. `VRTM_RANDOM_CASES=200000` draws that number of other models,
-//! from a seed that is printed; `VRTM_RANDOM_SEED` sets the seed.
+//! A run without variables draws the same models every time. `VRTM_RANDOM_CASES=200000` draws that number of other
+//! models, from a seed that is printed; `VRTM_RANDOM_SEED` sets the seed.
 
 mod borders;
 mod build;
@@ -23,8 +23,8 @@ use proptest::test_runner::{Config, RngAlgorithm, TestError, TestRng, TestRunner
 use recipe::Recipe;
 use vrtm::{Device, DeviceSettings};
 
-/// Number of models of a long run, and of those that a GPU solves as well: a software one takes tens of milliseconds for
-/// each. A short run has a tenth of them.
+/// Number of models of a long run, and of those that a GPU solves as well: a software one takes tens of milliseconds
+/// for each. A short run has a tenth of them.
 const CASES: u64 = 10_000;
 const GPU_CASES: u64 = 200;
 

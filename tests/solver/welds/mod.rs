@@ -16,8 +16,8 @@ fn by(by: WeldBy) -> Weld {
     Weld { by, ..Weld::default() }
 }
 
-/// A unit sheet of quads with UVs equal to its positions, one `vt` per vertex, stretched along u by the pose, with discs of
-/// rigidity.
+/// A unit sheet of quads with UVs equal to its positions, one `vt` per vertex, stretched along u by the pose, with
+/// discs of rigidity.
 fn sheet(quads: usize) -> Model {
     let count = (quads + 1) * (quads + 1);
     let place = |v: usize| [v % (quads + 1), v / (quads + 1)].map(|x| x as f32 / quads as f32);
@@ -46,8 +46,9 @@ fn sheet(quads: usize) -> Model {
     }
 }
 
-/// The same with a slit along v = 0.5 from u = 0.25 to u = 0.75: its vertices are doubled, at equal positions with equal
-/// UVs, and the pose opens it. `two_vt`: the UVs are doubled, too. Returns the doubled vertices, as (below, above).
+/// The same with a slit along v = 0.5 from u = 0.25 to u = 0.75: its vertices are doubled, at equal positions with
+/// equal UVs, and the pose opens it. `two_vt`: the UVs are doubled, too. Returns the doubled vertices, as (below,
+/// above).
 pub fn slit(two_vt: bool) -> (Model, Vec<[u32; 2]>) {
     let mut model = sheet(QUADS);
     let at = |i: usize| (QUADS / 2 * (QUADS + 1) + i) as u32;

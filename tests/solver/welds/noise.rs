@@ -113,8 +113,8 @@ fn small_triangles_are_not_welded_away() {
             }
         }
     }
-    // Vertices nearer than the tolerance in space, with a far one that makes the mesh large: equal ones are welded, near
-    // ones are not.
+    // Vertices nearer than the tolerance in space, with a far one that makes the mesh large: equal ones are welded,
+    // near ones are not.
     let mut model = unwelded(&sheet(16));
     let far = model.rest.len() as u32;
     for points in [&mut model.rest, &mut model.frames[0]] {
@@ -131,8 +131,8 @@ fn small_triangles_are_not_welded_away() {
 
 #[test]
 fn a_million_vertices_at_one_place_take_no_longer_than_elsewhere() {
-    // Triangles around one vertex that every one has for itself, an ulp from the others': a square of their number would
-    // take minutes.
+    // Triangles around one vertex that every one has for itself, an ulp from the others': a square of their number
+    // would take minutes.
     let n = 300_000u32;
     let mut model = Model { weld: by(WeldBy::Position), ..Model::default() };
     for k in 0..n {

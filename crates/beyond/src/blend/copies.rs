@@ -20,7 +20,8 @@ pub(super) struct Node {
     count: u16,
     /// The index of the first one.
     first: u32,
-    /// Which part of the blend it takes: where the collar comes to its end, the node keeps what its own chart says.
+    /// Weight of the copy in the blend, 0..1: where the collar comes to its end, the node keeps what its own
+    /// chart says.
     pub fade: f32,
 }
 
@@ -36,15 +37,17 @@ pub(super) struct NodeCopy {
     pub block: u32,
     /// Its part of the blend.
     pub part: f32,
-    /// Whether one of the node and the copy lies on a mirror image of the surface: what the copy's chart says is mirrored, too.
+    /// True if one of the node and the copy lies on a mirror image of the surface: what the copy's chart says
+    /// is mirrored, too.
     pub mirrored: bool,
 }
 
-/// What a tile's nodes are blended of. It depends on the mesh, on the grid's size and on which nodes may move.
+/// Copies that a tile's nodes are blended of. They depend on the mesh, on the grid's size and on which nodes
+/// may move.
 #[derive(Debug)]
 pub struct Copies {
-    /// The blocks with nodes that are blended, ascending, and the index of each one's first node, followed by the number of
-    /// all nodes.
+    /// The blocks with nodes that are blended, ascending, and the index of each one's first node, followed by the
+    /// number of all nodes.
     blocks: Vec<u32>,
     starts: Vec<u32>,
     nodes: Vec<Node>,

@@ -1,6 +1,6 @@
-//! How deep inside of each chart a node of the surface lies, from 0 where the chart's collar ends to 1 on the chart itself: the
-//! measure of a chart's part in the blend there. On a rigid feature it is the same everywhere, so that the feature moves as one
-//! piece; around features it changes little faster than elsewhere.
+//! How deep inside of each chart a node of the surface lies, from 0 where the chart's collar ends to 1 on the chart
+//! itself: the measure of a chart's part in the blend there. On a rigid feature it is the same everywhere, so that the
+//! feature moves as one piece; around features it changes little faster than elsewhere.
 
 use glam::DVec2;
 
@@ -23,8 +23,9 @@ const MOST_ROUNDS: f32 = 1000.0;
 /// The depth of a chart at a node.
 #[derive(Clone, Copy, Debug)]
 struct Depth {
-    /// Four times the chart's number among those of all tiles; plus 1 for the collar of the node's own chart, which goes on in
-    /// itself; plus 2 for the mirror image of the chart, which has the node where the chart has the node's image.
+    /// Four times the chart's number among those of all tiles; plus 1 for the collar of the node's own chart, which
+    /// goes on in itself; plus 2 for the mirror image of the chart, which has the node where the chart has the node's
+    /// image.
     key: u32,
     depth: f32,
 }
@@ -376,7 +377,8 @@ impl<'a> Depths<'a> {
 }
 
 impl Depths<'_> {
-    /// Gives charts that cannot move their whole weight, and the others what is left of 1: at their seams nothing moves.
+    /// Gives charts that cannot move their whole weight, and the others what is left of 1: at their seams nothing
+    /// moves.
     fn hold(&self, sheets: &[OnChart], weights: &mut [f32]) {
         let stays = |on: &OnChart| {
             let grid = self.tiles[on.tile as usize].grid;

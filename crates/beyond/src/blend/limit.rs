@@ -1,4 +1,5 @@
-//! How much of the blend each node takes: the whole of it, but less around cells that it would crush, falling off smoothly.
+//! How much of the blend each node takes: the whole of it, but less around cells that it would crush, falling off
+//! smoothly.
 
 use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::cpu::certify::{Certificate, certify_block, corner_jacobians};
@@ -9,19 +10,20 @@ use vrtm_core::mesh::NONE;
 use vrtm_core::method::law::STEP_MIN_JACOBIAN;
 use vrtm_core::team::Team;
 
-/// Rounds in which fractions are lowered around cells that are crushed; then the charts that still have one give the blend up.
+/// Rounds in which fractions are lowered around cells that are crushed; then the charts that still have one give the
+/// blend up.
 const ROUNDS: usize = 24;
-/// How much more than a cell needs its nodes give up, so that rounds come to an end: a cell that is just crushed still takes
+/// Over-relaxation of the reduction, so that rounds come to an end: a cell that is just crushed still takes
 /// nearly all of the change, so that fractions change with the pose in small steps alone.
-const MORE: f64 = 1.25;
+const OVER_RELAXATION: f64 = 1.25;
 /// The largest factor of a round; and from round `LATE` on, so that a chart rather takes less than give the blend up.
 const LARGEST: f32 = 1.0 - 1.0 / 64.0;
 const LARGEST_LATE: f32 = 0.5;
 const LATE: usize = 12;
 /// A fraction under this one becomes 0.
 const SMALLEST: f32 = 1.0 / 32.0;
-/// The greatest change of the fraction from node to node, and that of what it makes of a chart's largest change, in cells: more
-/// would crush the next cells.
+/// The greatest change of the fraction from node to node, and that of what it makes of a chart's largest change, in
+/// cells: more would crush the next cells.
 const SLOPE: f32 = 0.125;
 const STEP: f32 = 0.25;
 /// Passes of the falloff in a round.
@@ -180,7 +182,7 @@ fn factors(level: &Level, before: &[[Plane; 2]], u: &[[Plane; 2]], b: usize) -> 
             });
             let (start, half) = (corner_jacobians(start, i, j), corner_jacobians(half, i, j));
             let part = (0..4).map(|k| part_of([start[k], half[k], after[k]], bound)).fold(1.0, f64::min);
-            let factor = ((1.0 - MORE * (1.0 - part)).max(0.0) as f32).min(LARGEST);
+            let factor = ((1.0 - OVER_RELAXATION * (1.0 - part)).max(0.0) as f32).min(LARGEST);
             for (x, y) in [(i, j), (i + 1, j), (i, j + 1), (i + 1, j + 1)] {
                 if (1..=SIDE).contains(&x) && (1..=SIDE).contains(&y) {
                     let own = &mut factors[slot(x - 1, y - 1)];
@@ -192,8 +194,8 @@ fn factors(level: &Level, before: &[[Plane; 2]], u: &[[Plane; 2]], b: usize) -> 
     (certificate, found.map(|(_, _, factors)| factors))
 }
 
-/// The largest part of a change, 0 to 1, up to which a corner's Jacobian is at least `bound`: it is quadratic in the part, and is
-/// given without the change, with half and with the whole of it.
+/// The largest part of a change, 0 to 1, up to which a corner's Jacobian is at least `bound`: it is quadratic in the
+/// part, and is given without the change, with half and with the whole of it.
 fn part_of([start, half, whole]: [f64; 3], bound: f64) -> f64 {
     if whole >= bound {
         return 1.0;

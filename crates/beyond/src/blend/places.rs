@@ -1,4 +1,5 @@
-//! Which charts have a point of the surface: the one whose triangle it lies on, and those whose collars hold that triangle.
+//! Which charts have a point of the surface: the one whose triangle it lies on, and those whose collars hold that
+//! triangle.
 
 use std::sync::Arc;
 
@@ -9,8 +10,8 @@ use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::mesh::TileMesh;
 use vrtm_core::mesh::triangle::barycentrics;
 
-/// A point of the surface: a triangle of a chart, by its tile and its number there, and a UV within the tile; or the mirror
-/// image of such a point beyond an open border.
+/// A point of the surface: a triangle of a chart, by its tile and its number there, and a UV within the tile; or the
+/// mirror image of such a point beyond an open border.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Place {
     pub tile: u32,
@@ -92,8 +93,8 @@ impl Places {
         &self.entries[self.starts[number] as usize..self.starts[number + 1] as usize]
     }
 
-    /// Where a chart of `tile`, the mesh's tile `index`, has a point of the surface: the place that is nearest to `at`. `home`
-    /// is a triangle that may contain it.
+    /// The place in a chart of `tile`, the mesh's tile `index`, of a point of the surface, nearest to `at`.
+    /// `home` is a triangle that may contain it.
     pub(super) fn in_chart(
         &self,
         tile: &TileMesh,
@@ -118,8 +119,8 @@ impl Places {
     }
 }
 
-/// The least barycentric coordinate of a place on a triangle of a tile, and the UV there in the plane of the triangle's chart;
-/// `None` if the triangle is no part of that triangle of the mesh. A place and its image are not told apart.
+/// The least barycentric coordinate of a place on a triangle of a tile, and the UV there in the plane of the triangle's
+/// chart; `None` if the triangle is no part of that triangle of the mesh. A place and its image are not told apart.
 pub(super) fn seen_by(tile: &TileMesh, index: u32, t: u32, place: Place) -> Option<(f64, DVec2)> {
     let uv = tile.triangles[t as usize].uv;
     let surface = match tile.source(t as usize) {

@@ -1,11 +1,11 @@
 //! Lays a region of the surface out in the plane of a chart, from the chart's border outwards.
 //!
-//! The small triangles are taken in the order of their distance from the border, each across a side of one that was taken
-//! before. The chart's own triangle at that place of the border says by which matrix lengths on the surface become lengths
-//! in the plane, so that UVs go on across the border as they came to it. Band by band, the corners of a band are then placed
-//! so that the triangles differ from that by as little more than a rotation as possible (Liu et al., "A Local/Global
-//! Approach to Mesh Parameterization", 2008), with all that was placed before held in its place. Triangles that come out
-//! mirrored or of another size are left out, and with them all that was reached across them.
+//! The small triangles are taken in the order of their distance from the border, each across a side of one that was
+//! taken before. The chart's own triangle at that place of the border says by which matrix lengths on the surface
+//! become lengths in the plane, so that UVs go on across the border as they came to it. Band by band, the corners of a
+//! band are then placed so that the triangles differ from that by as little more than a rotation as possible (Liu et
+//! al., "A Local/Global Approach to Mesh Parameterization", 2008), with all that was placed before held in its place.
+//! Triangles that come out mirrored or of another size are left out, and with them all that was reached across them.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -18,8 +18,8 @@ use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::mesh::triangle::doubled_area;
 use vrtm_core::mesh::{FacePoint, Mirror, NONE, Source};
 
-/// The collar of a chart has this many bands of equal width, each laid out after the ones nearer to the border: what is far
-/// away must not bend what is near.
+/// The collar of a chart has this many bands of equal width, each laid out after the ones nearer to the border: what is
+/// far away must not bend what is near.
 pub(super) const BANDS: usize = 6;
 
 /// A triangle of a collar.
@@ -32,17 +32,18 @@ pub struct CollarTriangle {
     pub points: [FacePoint; 3],
     /// Their distances from the chart's border, along the surface, as lengths in the chart's plane.
     pub distance: [f64; 3],
-    /// What lies across the side opposite to each corner.
+    /// Neighbours across the sides opposite to the corners.
     pub across: [Across; 3],
 }
 
-/// What lies across a side of a collar's triangle.
+/// The neighbour across a side of a collar's triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Across {
     Nothing,
     /// A triangle of the collar, by its place in the list.
     Collar(u32),
-    /// The chart itself: a side of a triangle, by its number in the tile. Several triangles of the collar may lie at it.
+    /// The chart itself: a side of a triangle, by its number in the tile. Several triangles of the collar may lie at
+    /// it.
     Chart(Side),
 }
 
@@ -77,13 +78,14 @@ struct Piece {
     /// The piece across whose side it was reached, or `NONE` at the border.
     parent: u32,
     distance: f64,
-    /// What it is the image in, if it is one.
+    /// The mirror, if the triangle is an image.
     mirror: Option<Mirror>,
     /// Its corners in the plane of the first triangle on the way here, if all triangles on the way are turned into that
-    /// plane, and the sign of its doubled area there. The side at the border lies on the x axis, the first triangle above.
+    /// plane, and the sign of its doubled area there. The side at the border lies on the x axis, the first triangle
+    /// above.
     flat: [DVec2; 3],
     sign: f64,
-    /// What lies at (x, y) there is expected at `origin` + `map` (x, y) in the chart's plane.
+    /// The point (x, y) there is expected at `origin` + `map` (x, y) in the chart's plane.
     origin: DVec2,
     map: DMat2,
 }
@@ -206,8 +208,8 @@ fn pieces(surface: &Surface, patch: &Patch, reach: f64) -> Vec<Piece> {
     let rim_of = patch.rim_of_sides();
     let mut taken: Vec<bool> = zeroed(patch.triangles.len());
     let mut pieces: Vec<Piece> = Vec::new();
-    // (distance, triangle, its entry, the piece that it is reached from). Distances are not negative, so that their bits
-    // have their order. Each triangle that is taken adds two entries at most: there is room for all.
+    // (distance, triangle, its entry, the piece that it is reached from). Distances are not negative, so that their
+    // bits have their order. Each triangle that is taken adds two entries at most: there is room for all.
     let room = Vec::with_capacity(patch.rims.len() + 2 * patch.triangles.len());
     let mut open: BinaryHeap<Reverse<(u64, u32, u8, u32)>> = BinaryHeap::from(room);
     patch.rims.iter().for_each(|((t, k), _)| open.push(Reverse((0, *t, *k, NONE))));
@@ -247,8 +249,8 @@ fn pieces(surface: &Surface, patch: &Patch, reach: f64) -> Vec<Piece> {
     pieces
 }
 
-/// What a small triangle is the image in that is reached across its side opposite to corner `k`: the mirror there, or that of
-/// the image from which it is reached.
+/// The mirror of a small triangle that is reached across its side opposite to corner `k`: the one there, or
+/// that of the image from which it is reached.
 fn mirror(
     surface: &Surface,
     patch: &Patch,
@@ -270,7 +272,7 @@ fn side(corners: &[DVec3; 3], k: usize) -> DVec3 {
     corners[(k + 2) % 3] - corners[(k + 1) % 3]
 }
 
-/// Where the corners of a triangle come to lie if its side opposite to corner `k` is laid on `base`. `sign` is that of the
+/// Positions of a triangle's corners with its side opposite to corner `k` laid on `base`. `sign` is that of the
 /// doubled area of the ends of the base and the corner.
 fn turned(corners: &[DVec3; 3], k: usize, base: [DVec2; 2], sign: f64) -> [DVec2; 3] {
     let along = side(corners, k);
@@ -339,8 +341,8 @@ impl Corners {
         sets.numbered(pieces.len())
     }
 
-    /// What each corner is the image in: that of the first piece there. Those at the chart's border, and those of pieces that
-    /// are no images, lie on the mirror.
+    /// The mirror of each corner: that of the first piece there. Corners at the chart's border, and of pieces
+    /// that are no images, lie on the mirror.
     fn mirrors(&self, pieces: &[Piece]) -> Vec<Option<Mirror>> {
         let mut mirrors = vec![None; self.fixed.len()];
         for (piece, of) in pieces.iter().zip(&self.of).rev() {
@@ -444,8 +446,8 @@ fn place(
         for k in 0..3 {
             let c = of[k] as usize;
             if places[c].is_none() && slots[c] == NONE {
-                // As far from where it is expected as the other corners are, which have a place or a guess: the piece was
-                // reached across the side between them.
+                // As far from where it is expected as the other corners are, which have a place or a guess: the piece
+                // was reached across the side between them.
                 let off = [1, 2].map(|d| {
                     let c = of[(k + d) % 3] as usize;
                     let guess = (slots[c] != NONE).then(|| at[slots[c] as usize]);
@@ -475,7 +477,8 @@ fn element(piece: &Piece, corners: [u32; 3]) -> Element {
     Element { corners, gradients: [0, 1, 2].map(gradient), wanted: root * piece.map }
 }
 
-/// The sum of the squared differences between the maps of the elements and what is wanted, turned to fit best, becomes least: rotations and places in turn, places by conjugate gradients.
+/// The sum of the squared differences between the maps of the elements and what is wanted, turned to fit best, becomes
+/// least: rotations and places in turn, places by conjugate gradients.
 fn solve(elements: &[Element], places: &[Option<DVec2>], slots: &[u32], at: &mut [DVec2]) {
     let n = at.len();
     let [mut residual, mut direction, mut product]: [Vec<DVec2>; 3] =

@@ -28,7 +28,7 @@ pub(super) struct PatchTriangle {
     pub weights: [[f64; 3]; 3],
     /// The side of another triangle beyond each side, or (NONE, 0).
     pub across: [Side; 3],
-    /// Whether the second end of each side is the first end of the side beyond it.
+    /// True for each side with a second end that is the first end of the side beyond it.
     pub turns: [bool; 3],
 }
 
@@ -120,7 +120,8 @@ impl Patch {
         edges.sort_unstable_by_key(|edge| (edge.ends, edge.side));
         for at_edge in edges.chunk_by(|a, b| a.ends == b.ends) {
             for a in at_edge {
-                // More than two where a third triangle stands on an edge that two others connect, and with mirror images.
+                // More than two where a third triangle stands on an edge that two others connect, and with mirror
+                // images.
                 let fits = |b: &&Edge| b.side != a.side && a.beyond == b.of && b.beyond == a.of;
                 if let Some(b) = at_edge.iter().take(8).find(fits) {
                     let triangle = &mut self.triangles[a.side.0 as usize];

@@ -21,9 +21,9 @@ const CORNER: f64 = 50.0 / 180.0 * PI;
 /// A side of a triangle: the triangle's number in the UV set, and the corner opposite to the side.
 pub(super) type Side = (u32, u8);
 
-/// The triangles of all tiles of a UV set, numbered tile by tile. The number of a triangle's mirror image, with which the
-/// surface goes on beyond open borders, is greater by the number of all triangles. Surface and image together have no border:
-/// this is the *double* of the surface.
+/// The triangles of all tiles of a UV set, numbered tile by tile. The number of a triangle's mirror image, with which
+/// the surface goes on beyond open borders, is greater by the number of all triangles. Surface and image together have
+/// no border: this is the *double* of the surface.
 pub struct Surface<'a> {
     mesh: &'a Mesh,
     /// The tiles of the UV set, and the first one's index in the mesh.
@@ -36,8 +36,8 @@ pub struct Surface<'a> {
     first_chart: Vec<u32>,
     /// The tile whose charts get collars, as an index in `tiles`.
     home: usize,
-    /// The side beyond each side that is a border of its chart, where exactly these two sides form an edge of the surface; the
-    /// side itself at an open border that is a mirror.
+    /// The side beyond each side that is a border of its chart, where exactly these two sides form an edge of the
+    /// surface; the side itself at an open border that is a mirror.
     beyond: Table<Side, Side>,
     /// Places at which mirrors meet at an angle: images end there.
     corners: Table<u32, ()>,
@@ -58,7 +58,8 @@ pub(super) struct Rim {
     pub uv: [DVec2; 2],
     /// The chart's own side there: its triangle, by its number in the tile.
     pub own: Side,
-    /// How the chart's UVs change per length on the surface, at right angles to the side and away from the chart.
+    /// Change of the chart's UVs per length on the surface, at right angles to the side and away from the
+    /// chart.
     pub across: DVec2,
 }
 
@@ -138,7 +139,8 @@ impl<'a> Surface<'a> {
         self.find_corners(&mirrors);
     }
 
-    /// Finds the places at which the mirrors' edges meet at an angle on the surface: one that differs much from half a turn.
+    /// Finds the places at which the mirrors' edges meet at an angle on the surface: one that differs much from half a
+    /// turn.
     fn find_corners(&mut self, mirrors: &[[u32; 2]]) {
         let mut angles: Table<u32, f64> = Table::default();
         mirrors.iter().flatten().for_each(|&place| _ = enter(&mut angles, place, 0.0));
@@ -174,7 +176,8 @@ impl<'a> Surface<'a> {
         (if base == g { g + self.chart_of.len() as u32 } else { base }, k)
     }
 
-    /// Where a triangle, or the one that it is the image of, is found: its tile, that one's index, and its number there.
+    /// Place of a triangle, or of the one that it is the image of: its tile, the tile's index, and its number
+    /// there.
     fn place(&self, g: u32) -> (&TileMesh, usize, usize) {
         let g = self.base(g);
         let tile = self.first.partition_point(|&first| first <= g) - 1;
@@ -277,8 +280,8 @@ impl<'a> Surface<'a> {
         (0..3u8).find(same).map(|k| (other, k))
     }
 
-    /// Length in the UV plane over length on the surface, in the mean over a chart of the tile; and the chart's mean width on
-    /// the surface: that of a strip of its area and border.
+    /// Length in the UV plane over length on the surface, in the mean over a chart of the tile; and the chart's mean
+    /// width on the surface: that of a strip of its area and border.
     pub fn size(&self, chart: usize) -> [f64; 2] {
         let tile = &self.tiles[self.home];
         let (mut plane, mut surface, mut border) = (0.0, 0.0, 0.0);
@@ -296,7 +299,8 @@ impl<'a> Surface<'a> {
         [(plane / surface).sqrt(), surface / border]
     }
 
-    /// The triangles beyond the border of a chart of the tile with a vertex that is nearer than `reach` along the mesh's edges.
+    /// The triangles beyond the border of a chart of the tile with a vertex that is nearer than `reach` along the
+    /// mesh's edges.
     pub(super) fn region(&self, chart: usize, reach: f64, check: &dyn Fn()) -> Region {
         let tile = &self.tiles[self.home];
         let number = self.first_chart[self.home] + chart as u32;

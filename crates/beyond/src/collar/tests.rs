@@ -10,12 +10,12 @@ use vrtm_core::view::{Scalar, Strided};
 pub(crate) struct Sheet {
     pub n: usize,
     pub cut: usize,
-    /// Where the point (i, j) of the sheet is on the surface.
+    /// Position of the sheet's point (i, j) on the surface.
     pub point: fn(f64, f64) -> [f32; 3],
     /// The second chart's UVs, from those that the uncut sheet would have there.
     pub turn: DMat2,
     pub shift: DVec2,
-    /// Whether the last column's right border is the first one's left border on the surface.
+    /// True if the last column's right border is the first one's left border on the surface.
     pub closed: bool,
 }
 
@@ -83,7 +83,7 @@ fn of_tile(mesh: &Mesh, tile: usize, reach: f64) -> Vec<Vec<CollarTriangle>> {
     charts.map(|chart| collar(&surface, chart, reach, &|| ()).triangles).collect()
 }
 
-/// Where the surface has the corners, in the plane of all tiles.
+/// UVs of the corners on the surface, in the plane of all tiles.
 fn source(mesh: &Mesh, triangle: &CollarTriangle) -> [DVec2; 3] {
     triangle.source.uv.map(|uv| uv + mesh.tiles[triangle.source.tile as usize].origin())
 }

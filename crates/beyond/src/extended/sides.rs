@@ -9,8 +9,8 @@ use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::mesh::TileMesh;
 use vrtm_core::mesh::hash::{Table, enter};
 
-/// A run of parts of a seam at which only one of two charts goes on is shut if it is longer than this part of the reach,
-/// nearly two of a collar's bands.
+/// A run of parts of a seam at which only one of two charts goes on is shut if it is longer than this part of the
+/// reach, nearly two of a collar's bands.
 const SHORTEST: f64 = 0.3;
 
 /// A side of a chart's triangle: the triangle, and the corner opposite to the side.

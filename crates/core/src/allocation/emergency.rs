@@ -19,7 +19,7 @@ struct Pool {
     memory: UnsafeCell<[u8; BYTES]>,
     /// True while a thread uses `taken`.
     locked: AtomicBool,
-    /// Which units are taken.
+    /// True for the units that are taken.
     taken: UnsafeCell<[bool; UNITS]>,
 }
 

@@ -18,7 +18,7 @@ pub struct Buffers {
     pub triangle: Vec<Plane<u32>>,
     /// Pose metrics at the nodes; coarser levels only.
     pub metric: Vec<[Plane; 3]>,
-    /// What the nodes' rigidity has lost (`protect`); empty if nothing is protected.
+    /// Weight reduction of the nodes' rigidity (`protect`); empty if nothing is protected.
     pub lost: Vec<Plane<u16>>,
 }
 
@@ -68,6 +68,6 @@ pub struct State {
     pub value: SharedSlice<[Plane; 3]>,
     /// The triangle under W(p) on the finest level; empty on coarser ones.
     pub triangle: SharedSlice<Plane<u32>>,
-    /// What rigidity has lost; sweeps only read it.
+    /// Weight reduction of rigidity; sweeps only read it.
     pub lost: SharedSlice<Plane<u16>>,
 }

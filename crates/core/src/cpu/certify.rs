@@ -165,9 +165,9 @@ pub fn certify_block(level: &Level, u: &[[Plane; 2]], b: usize) -> Certificate {
     certificate
 }
 
-/// The least corner Jacobian and the longest displacement of a block and its adjacent cells. A loop over a row has no branches,
-/// so that the compiler makes vectors of it. Its `folds` only tell whether a corner is folded: a cell that two blocks share
-/// is seen by both.
+/// The least corner Jacobian and the longest displacement of a block and its adjacent cells. A loop over a row has no
+/// branches, so that the compiler makes vectors of it. Its `folds` only tell whether a corner is folded: a cell that
+/// two blocks share is seen by both.
 struct Bounds<'a> {
     u: &'a [Plane; 2],
     windows: &'a [Window; 2],

@@ -57,9 +57,10 @@ impl Run<'_> {
 struct Energies {
     level: usize,
     weights: Weights,
-    /// Whether crushed cells count with their terms instead of making the energy infinite.
+    /// True if crushed cells count with their terms instead of making the energy infinite.
     allow_folds: bool,
-    /// Whether the state is the identity, whatever is stored. On level 0 the stored samples must be those of the identity.
+    /// True if the state is the identity, whatever is stored. On level 0 the stored samples must be those of
+    /// the identity.
     is_identity: bool,
 }
 

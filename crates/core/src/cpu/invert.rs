@@ -1,6 +1,6 @@
 //! invert: computes W⁻¹ at texel centres or at single points from the displacements of the finest level (the paper's
-//! eq. 9, method §9). Texel centres in the bounding box of a warped cell are candidates (`batch`); one that lies in a triangle
-//! of the cell is assigned the barycentric interpolation of the triangle's corners at rest.
+//! eq. 9, method §9). Texel centres in the bounding box of a warped cell are candidates (`batch`); one that lies in a
+//! triangle of the cell is assigned the barycentric interpolation of the triangle's corners at rest.
 
 mod batch;
 mod point;
@@ -51,8 +51,8 @@ const CHUNK: usize = 8;
 
 /// Calls `put(x, y, inverse)` for each texel of a part of an image whose centre lies in a moved cell, with its position
 /// in the whole image and W⁻¹ at the centre. W⁻¹ is the identity at all other texels. No texel is visited twice if the
-/// warp is free of folds. `reach` must be at least the largest component of any displacement; the triangles of charts are the
-/// first `own` ones, or all if that is `None`.
+/// warp is free of folds. `reach` must be at least the largest component of any displacement; the triangles of charts
+/// are the first `own` ones, or all if that is `None`.
 pub fn texels(
     team: &Team,
     grid: &Grid,
@@ -144,7 +144,8 @@ impl<F> Texels<'_, F> {
         high * scale < self.part.first[axis] as f64 || low * scale > self.part.end[axis] as f64 + 1.0
     }
 
-    /// A block's node (i, j), warped, in texels: centres are the integer points. All cells at a node compute the same numbers.
+    /// A block's node (i, j), warped, in texels: centres are the integer points. All cells at a node compute the same
+    /// numbers.
     #[inline(always)]
     fn warped(&self, windows: &[Window; 2], first: [usize; 2], i: usize, j: usize) -> [f64; 2] {
         let at = place(i + 1, j + 1);
@@ -162,8 +163,8 @@ impl<F> Texels<'_, F> {
     }
 }
 
-/// Finds the texels in the bounding boxes of a block's warped cells. Boxes are widened a little, because they are computed in
-/// f32; whether a texel lies in its cell is decided in f64 later.
+/// Finds the texels in the bounding boxes of a block's warped cells. Boxes are widened a little, because they are
+/// computed in f32; whether a texel lies in its cell is decided in f64 later.
 struct Boxes<'a> {
     part: &'a ImagePart,
     /// A texel near the block's first node. Numbers in vectors are texels from there.
@@ -172,7 +173,7 @@ struct Boxes<'a> {
     first: [f32; 2],
     /// Texels per cell.
     scale: [f32; 2],
-    /// How far a box is widened, in texels: more than the rounding errors of vectors in f32.
+    /// Widening of a box, in texels: more than the rounding errors of vectors in f32.
     slack: [f32; 2],
 }
 
@@ -190,8 +191,8 @@ impl Boxes<'_> {
         }
     }
 
-    /// The cells of a row of nodes, as bits, that have moved and whose box contains a texel; and the columns and the rows of
-    /// each one's texels, first and last.
+    /// The cells of a row of nodes, as bits, that have moved and whose box contains a texel; and the columns and the
+    /// rows of each one's texels, first and last.
     #[inline(always)]
     fn of_row<V: Lanes>(
         &self,

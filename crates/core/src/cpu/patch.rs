@@ -46,7 +46,7 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// Whether the energy has an orientation term.
+    /// True if the energy has an orientation term.
     #[inline(always)]
     pub fn orients(&self) -> bool {
         self.orientation > 0.0 || self.orientation_density > 0.0
@@ -93,7 +93,7 @@ pub struct Patch {
     /// √`HOLD` times what holds the nodes of the block, without the halo, and whether anything does.
     pub hold: [Plane; 2],
     pub has_hold: bool,
-    /// Whether the level stores densities.
+    /// True if the level stores densities.
     pub has_density: bool,
     /// Displacements of the previous result; loaded only if there is a pull.
     pub anchor: [Window; 2],

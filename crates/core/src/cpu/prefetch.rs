@@ -1,5 +1,5 @@
-//! Prefetching. Blocks are large and are visited once per pass, so that a kernel that waits for each of its cache lines may
-//! spend half of its time on that: a `normal` solve takes 5 to 9 % longer without.
+//! Prefetching. Blocks are large and are visited once per pass, so that a kernel that waits for each of its cache lines
+//! may spend half of its time on that: a `normal` solve takes 5 to 9 % longer without.
 
 /// Asks for all cache lines of a value that is used now, in order. A kernel that reads many short runs of a value in
 /// parallel does not reach the memory's full bandwidth by itself.
@@ -15,8 +15,8 @@ pub fn prefetch<T>(value: *const T) {
     let _ = value;
 }
 
-/// Asks for all cache lines of a value of the next block, while this one is computed: they go to the second-level cache,
-/// since the first one is full of this block.
+/// Asks for all cache lines of a value of the next block, while this one is computed: they go to the second-level
+/// cache, since the first one is full of this block.
 #[inline(always)]
 pub fn prefetch_next<T>(value: *const T) {
     #[cfg(target_arch = "x86_64")]

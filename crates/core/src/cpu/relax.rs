@@ -168,7 +168,8 @@ fn step<V: Lanes, S: Surface>(patch: &mut Patch, surface: S, weights: &Weights, 
     }
 }
 
-/// The step -H⁻¹γ, clamped to `MAX_NODE_STEP` and limited so that every corner Jacobian keeps most of what it has over ε.
+/// The step -H⁻¹γ, clamped to `MAX_NODE_STEP` and limited so that every corner Jacobian keeps most of what it has over
+/// ε.
 #[inline(always)]
 fn newton_step<V: Lanes>(model: &QuadraticModel<V>) -> [V; 2] {
     let ([gx, gy], [xx, xy, yy]) = (model.gradient, model.matrix);

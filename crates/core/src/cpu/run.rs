@@ -126,8 +126,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Calls `f(worker, k, block)` for the `k`-th of the blocks, for all of them. Before that, `next` is called with the
-    /// block that is probably this thread's next one, to prefetch it.
+    /// Calls `f(worker, k, block)` for the `k`-th of the blocks, for all of them. Before that, `next` is called with
+    /// the block that is probably this thread's next one, to prefetch it.
     pub(super) fn each_of(
         &self,
         blocks: &[u32],

@@ -52,7 +52,7 @@ impl GridRow {
 
 /// The surface map of a level: how it is sampled, and how the lengths of edges are computed from samples.
 pub trait Surface: Copy + Sync {
-    /// Whether lengths are chords, as on the finest level.
+    /// True if lengths are chords, as on the finest level.
     const CHORDS: bool;
 
     /// Samples the surface at a row's nodes displaced by u, in the given lanes. Point location begins at the triangles
@@ -75,8 +75,8 @@ pub trait Surface: Copy + Sync {
     /// The tangents on eight triangles; see `tangents`.
     fn tangents_row<V: Lanes>(&self, triangle: &[u32; LANES]) -> Slopes<V>;
 
-    /// Lengths L of the edges between nodes with the values p and n, given the tangents at p, the offsets d, and whether
-    /// both ends are on one triangle.
+    /// Lengths L of the edges between nodes with the values p and n, given the tangents at p, the offsets d, and
+    /// whether both ends are on one triangle.
     fn length<V: Lanes>(p: &[V; 3], tangents: &Slopes<V>, n: &[V; 3], same: V::Mask, d: &[V; 2]) -> V;
 
     /// Lengths as computed by `length`, their gradients ∂L/∂u_p from the slopes at p, and the terms from which

@@ -90,8 +90,8 @@ impl Patch {
         (energy, each!([0, 1], |c| -(change[c] * stiffness)))
     }
 
-    /// Whether an edge at one of a row's nodes has a weight above 0, or the energy has an orientation term. Otherwise
-    /// smoothness is the only edge term.
+    /// True if an edge at one of a row's nodes has a weight above 0, or the energy has an orientation term.
+    /// Otherwise smoothness is the only edge term.
     #[inline(always)]
     pub fn has_stiff_edges<V: Lanes>(&self, row: Row, weights: &Weights) -> bool {
         if weights.orients() {
@@ -246,7 +246,8 @@ impl Patch {
         self.with_room(row, p, edges, gradient, matrix, weights)
     }
 
-    /// The direction across the border at a row's nodes, with the root of the hold's weight, and the displacement along it.
+    /// The direction across the border at a row's nodes, with the root of the hold's weight, and the displacement along
+    /// it.
     #[inline(always)]
     fn moved_across<V: Lanes>(&self, row: Row, p: &NodeState<V>) -> ([V; 2], V) {
         let across = each!([0, 1], |c| V::load(&self.hold[c], row.slot()));
@@ -341,7 +342,7 @@ pub fn room_energy<V: Lanes>(jacobian: V, weights: &Weights) -> V {
 pub struct Edge<V: Lanes> {
     /// The neighbours' sampled values.
     pub value: [V; 3],
-    /// Whether both ends lie on one triangle.
+    /// True where both ends lie on one triangle.
     pub same_triangle: V::Mask,
     /// Offset d in the plane, in cells.
     pub d: [V; 2],

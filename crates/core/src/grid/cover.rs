@@ -228,8 +228,8 @@ impl<'a> Coverer<'a> {
     }
 }
 
-/// Where the borders of charts are, including cuts of zero width. Each entry is a chart, `SEVERAL` for several charts,
-/// or `NONE`.
+/// The borders of charts, including cuts of zero width. Each entry is a chart, `SEVERAL` for several charts, or
+/// `NONE`.
 struct Borders {
     /// Per cell of the window, the chart whose border crosses its interior.
     cells: [u32; CELLS * CELLS],
@@ -237,12 +237,12 @@ struct Borders {
     nodes: [u32; SIDE * SIDE],
 }
 
-/// Cells by which a border may be off a line of the grid and counts as on it: otherwise rounding of its UVs would decide on
-/// whole rows of nodes.
+/// Cells by which a border may be off a line of the grid and counts as on it: otherwise rounding of its UVs would
+/// decide on whole rows of nodes.
 const OFF_LINE: f64 = 1e-3;
 
-/// A triangle's side that lies on a grid line but for noise, moved there; its ends are moved to nodes if they are as near.
-/// `None` for other sides, and for those of slivers beside the line.
+/// A triangle's side that lies on a grid line but for noise, moved there; its ends are moved to nodes if they are as
+/// near. `None` for other sides, and for those of slivers beside the line.
 fn on_line([a, b, opposite]: [DVec2; 3]) -> Option<[DVec2; 2]> {
     let near = |x: f64| (x - x.round()).abs() <= OFF_LINE;
     let is_along = |line: usize| {
@@ -257,8 +257,8 @@ fn on_line([a, b, opposite]: [DVec2; 3]) -> Option<[DVec2; 2]> {
 }
 
 /// If the segment from `a` to `b` lies on a grid line, calls `f` for the nodes of each grid edge that it covers at
-/// least partly. Only nodes of the square that begins at the node `first`, with `count` nodes on a side, count; `f` receives
-/// their position in it.
+/// least partly. Only nodes of the square that begins at the node `first`, with `count` nodes on a side, count; `f`
+/// receives their position in it.
 fn nodes_of_segment(a: DVec2, b: DVec2, first: [usize; 2], count: usize, mut f: impl FnMut(usize, usize)) {
     let first = first.map(|x| x as f64);
     for axis in 0..2 {

@@ -21,7 +21,7 @@ struct Edge {
     high: DVec2,
     /// 1 if the inside is to its left, -1 if it is to its right.
     sign: f64,
-    /// Whether its points belong to the triangle.
+    /// True if its points belong to the triangle.
     is_owned: bool,
 }
 
@@ -31,8 +31,8 @@ impl Fill {
         let edge = |a: DVec2, b: DVec2| {
             let falls = (a.y, a.x) > (b.y, b.x);
             let (low, high, sign) = if falls { (b, a, -sign) } else { (a, b, sign) };
-            // If the sign is positive, the edge is a right one or, if horizontal, a lower one. Left and lower edges belong
-            // to the triangle.
+            // If the sign is positive, the edge is a right one or, if horizontal, a lower one. Left and lower edges
+            // belong to the triangle.
             Edge { low, high, sign, is_owned: if a.y == b.y { sign > 0.0 } else { sign < 0.0 } }
         };
         let [a, b, c] = corners;

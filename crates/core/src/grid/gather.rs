@@ -204,7 +204,8 @@ struct Polygon {
 
 impl Polygon {
     fn add(&mut self, corner: DVec2) {
-        // A triangle clipped by four lines has at most seven corners; rounding adds none, as each line adds at most one.
+        // A triangle clipped by four lines has at most seven corners; rounding adds none, as each line adds at most
+        // one.
         self.corners[self.count] = corner;
         self.count += 1;
     }

@@ -9,8 +9,8 @@
 //! have no effect and no stiffness. The model depends on rigidity, but not on the pose, so it is built once per map.
 //!
 //! It is computed patch by patch: for a square of 32 by 32 nodes, which a block of the coarser level covers, from these
-//! nodes and a margin around them. Even and odd columns of a patch stand apart, as in planes, so that the columns of a row
-//! are computed side by side.
+//! nodes and a margin around them. Even and odd columns of a patch stand apart, as in planes, so that the columns of a
+//! row are computed side by side.
 
 use super::codes::{decode_rigidity, encode_weight};
 use super::survey::SurveyLevel;
@@ -33,8 +33,8 @@ pub enum Source<'a> {
     Stiffness(&'a [StiffnessPlanes]),
 }
 
-/// The nodes of a level around a block of the next coarser one: its 32 by 32 nodes, 8 more around them, and one more row
-/// and column.
+/// The nodes of a level around a block of the next coarser one: its 32 by 32 nodes, 8 more around them, and one more
+/// row and column.
 pub const PATCH: usize = 2 * SIDE + 2 * MARGIN + 1;
 /// Twice the reach of the Galerkin product and of its weights, and even.
 pub const MARGIN: usize = 8;
@@ -127,7 +127,8 @@ const COLUMNS: usize = PATCH / 2 + 1;
 /// One quantity on a patch, at even or odd columns.
 type Half<T = Row> = [T; PATCH];
 
-/// The even columns of the coarser level's block, and those whose stiffness on even columns and all rows it follows from.
+/// The even columns of the coarser level's block, and those whose stiffness on even columns and all rows it follows
+/// from.
 const OWN: std::ops::Range<usize> = MARGIN / 2..MARGIN / 2 + SIDE;
 const AROUND: std::ops::Range<usize> = OWN.start - 2..OWN.end + 2;
 /// The rows of these, and those whose weights and edges they follow from.
@@ -140,8 +141,8 @@ struct Model {
     /// Rigidity, and 1 for nodes that may move, at even and odd columns.
     rigidity: [Half; 2],
     movable: [Half; 2],
-    /// A weight belongs to a node's lower neighbour: the western one at odd columns, the southern one at even columns and
-    /// odd rows. The upper neighbour has the remaining weight.
+    /// A weight belongs to a node's lower neighbour: the western one at odd columns, the southern one at even columns
+    /// and odd rows. The upper neighbour has the remaining weight.
     west: Half,
     south: Half,
     /// The Galerkin product on even columns and all rows.
@@ -154,8 +155,8 @@ struct Model {
 unsafe impl Plain for Model {}
 
 impl Model {
-    /// Takes over what the source has at the nodes of the patch over the block at (x, y) of the coarser level of a chart; 0
-    /// where the chart has no stored block. `children` are the finer blocks under that block.
+    /// Takes over what the source has at the nodes of the patch over the block at (x, y) of the coarser level of a
+    /// chart; 0 where the chart has no stored block. `children` are the finer blocks under that block.
     fn load(
         &mut self,
         finer: &SurveyLevel,

@@ -49,8 +49,8 @@ fn renumbered<'a, T: 'a>(
 }
 
 impl Grid {
-    /// The grids of several tiles as one: all have as many levels. `before` is one of grids that differ from these in rigidity
-    /// at most, whose other parts it shares.
+    /// The grids of several tiles as one: all have as many levels. `before` is one of grids that differ from these in
+    /// rigidity at most, whose other parts it shares.
     pub fn joined(grids: &[Arc<Grid>], before: Option<&Grid>) -> Grid {
         let charts = firsts(grids.iter().map(|grid| grid.movable.len()));
         let triangles = firsts(grids.iter().map(|grid| grid.triangles.len()));

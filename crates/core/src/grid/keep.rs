@@ -11,7 +11,7 @@ use crate::grid::planes::SIDE;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RigidPart {
     pub part: Part,
-    /// Those that are fixed: at first those at a border.
+    /// Fixed nodes: at first the ones at a border.
     pub fixed: NodeSet,
 }
 

@@ -46,17 +46,17 @@ pub struct TileMaps {
 #[derive(Clone, Copy)]
 pub struct MapsOfTile<'a> {
     pub own: &'a TileMaps,
-    /// Those of all tiles of the mesh, for a tile with collars; otherwise they may be missing.
+    /// Maps of all tiles of the mesh, for a tile with collars; otherwise they may be missing.
     pub all: &'a [TileMaps],
 }
 
 impl<'a> MapsOfTile<'a> {
-    /// Those of a tile without collars.
+    /// Maps of a tile without collars.
     pub fn alone(own: &'a TileMaps) -> MapsOfTile<'a> {
         MapsOfTile { own, all: &[] }
     }
 
-    /// Those of a tile, by its number in the mesh.
+    /// Maps of a tile, by its number in the mesh.
     pub fn of(&self, tile: u32) -> Option<&'a TileMaps> {
         self.all.get(tile as usize)
     }
@@ -66,8 +66,8 @@ impl<'a> MapsOfTile<'a> {
 const VERTEX_GRID: usize = 1024;
 
 impl TileMaps {
-    /// Cells of the grid, a multiple of 16: the size from the settings, or the one that resolves the rigidity. Where that
-    /// was not looked for, it is the map's.
+    /// Cells of the grid, a multiple of 16: the size from the settings, or the one that resolves the rigidity. Where
+    /// that was not looked for, it is the map's.
     pub fn grid_size(&self) -> [usize; 2] {
         let default = match (&self.rigidity, self.resolving) {
             // No node will be movable: the smallest grid is enough.

@@ -1,5 +1,5 @@
-//! What holds texture at open borders beyond which the surface goes on as its own mirror image (method §16): at nodes near such
-//! a border, the direction across it, in which they should not move.
+//! What holds texture at open borders beyond which the surface goes on as its own mirror image (method §16): at nodes
+//! near such a border, the direction across it, in which they should not move.
 
 use glam::DVec2;
 
@@ -8,8 +8,8 @@ use super::planes::{NODES, Plane, slot};
 use crate::allocation::{Vec, vec};
 use crate::mesh::{NONE, TileMesh};
 
-/// The direction across the border with the length 1 - distance in cells, as two 16-bit fractions of 32767, the first one in
-/// the lower half; 0 for nodes that nothing holds.
+/// The direction across the border with the length 1 - distance in cells, as two 16-bit fractions of 32767, the first
+/// one in the lower half; 0 for nodes that nothing holds.
 pub type Hold = u32;
 
 const STEPS: f64 = 32767.0;
@@ -25,8 +25,8 @@ pub fn decode(hold: Hold) -> [f32; 2] {
     [hold as u16, (hold >> 16) as u16].map(|x| f32::from(x as i16) / STEPS as f32)
 }
 
-/// What holds the nodes of the blocks of level `level` of a grid of `cells` on level 0; empty if no chart has an image. `charts` are those of the
-/// tile's triangles.
+/// Stiffness that holds the nodes of the blocks of level `level` of a grid of `cells` on level 0; empty if no
+/// chart has an image. `charts` are those of the tile's triangles.
 pub(super) fn hold(
     tile: &TileMesh,
     charts: &[u32],
@@ -67,7 +67,8 @@ pub(super) fn hold(
     hold
 }
 
-/// Calls `f` for the nodes that are less than a cell away from a segment: with the node, the distance, and the direction across.
+/// Calls `f` for the nodes that are less than a cell away from a segment: with the node, the distance, and the
+/// direction across.
 fn near([a, b]: [DVec2; 2], mut f: impl FnMut(i64, i64, f64, DVec2)) {
     let along = (b - a).normalize_or(DVec2::X);
     let [low, high] = [a.min(b) - 1.0, a.max(b) + 1.0].map(|p| p.to_array());

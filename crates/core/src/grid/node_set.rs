@@ -62,7 +62,7 @@ impl NodeWindow {
         }))
     }
 
-    /// Whether the node (i - 1, j - 1) is in the window.
+    /// True if the node (i - 1, j - 1) is in the window.
     pub fn contains(&self, i: usize, j: usize) -> bool {
         self.0[j] >> i & 1 != 0
     }

@@ -35,7 +35,7 @@ const BYTES: f64 = 200.0;
 pub struct Covered {
     /// Places on a side.
     side: usize,
-    /// Whether they are, in bits, row by row from v = 0; each row begins a word.
+    /// Bits of the places that are, row by row from v = 0; each row begins a word.
     places: Vec<u64>,
 }
 
@@ -76,8 +76,8 @@ fn draw(uv: [DVec2; 3], side: usize, rows: &Range<usize>, mut f: impl FnMut(usiz
     });
 }
 
-/// Cells on a side of a grid that resolves the rigid pieces of a tile, or of the finest one that a solve in so many bytes
-/// can have; `None` if nothing is rigid. `covered` is kept for the next rigidity of the tile.
+/// Cells on a side of a grid that resolves the rigid pieces of a tile, or of the finest one that a solve in so many
+/// bytes can have; `None` if nothing is rigid. `covered` is kept for the next rigidity of the tile.
 pub fn resolving(
     team: &Team,
     tile: &TileMesh,

@@ -1,5 +1,5 @@
-//! Rigidity on all levels (method §3), in the blocks of a survey. It is stored at the nodes that are *relevant*, which are
-//! the movable nodes and their neighbours; edges between other nodes have no effect.
+//! Rigidity on all levels (method §3), in the blocks of a survey. It is stored at the nodes that are *relevant*, which
+//! are the movable nodes and their neighbours; edges between other nodes have no effect.
 
 use super::codes::{decode_rigidity, encode_rigidity};
 use super::node_set::{NodeSet, NodeWindow};
@@ -59,8 +59,8 @@ pub fn coarser_block(
     }
 }
 
-/// The mean rigidity of the relevant nodes among the 3x3 nodes around each odd node of row `j` of a window. That of other nodes
-/// is 0.
+/// The mean rigidity of the relevant nodes among the 3x3 nodes around each odd node of row `j` of a window. That of
+/// other nodes is 0.
 fn gaussian(values: &[f32; WINDOW_NODES], relevant: &NodeWindow, j: usize) -> [f32; SIDE / 2] {
     const WEIGHTS: [f32; 3] = [1.0, 2.0, 1.0];
     const ALL: u32 = (1 << (SIDE + 1)) - 1;
@@ -81,8 +81,8 @@ fn gaussian(values: &[f32; WINDOW_NODES], relevant: &NodeWindow, j: usize) -> [f
                 weights += if relevant.contains(2 * i + x, y) { of_row * of_column } else { 0.0 };
             }
         }
-        // A relevant node is movable or has a movable neighbour, around which all finer nodes are relevant: the sum of the
-        // weights is not 0.
+        // A relevant node is movable or has a movable neighbour, around which all finer nodes are relevant: the sum of
+        // the weights is not 0.
         sums[i] / weights
     })
 }

@@ -65,7 +65,8 @@ fn set(level: &mut Level, (codes, lengths): Stored) {
     (level.rest_length, level.lengths) = (Arc::new(codes), lengths);
 }
 
-/// What a thread needs to compute a block's lengths, on the heap because the stack of a host's thread may be small.
+/// Memory of a thread that computes a block's lengths, on the heap because the stack of a host's thread may be
+/// small.
 struct Scratch {
     /// The lengths of the edges that the block's nodes own.
     lengths: [Plane; 4],

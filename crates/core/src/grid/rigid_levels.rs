@@ -1,4 +1,5 @@
-//! What follows from the rigidity of a tile on all levels (method §3 and §7.5), for all nodes or within a rectangle of them.
+//! What follows from the rigidity of a tile on all levels (method §3 and §7.5), for all nodes or within a rectangle of
+//! them.
 
 use super::Level;
 use super::blocks::Block;
@@ -74,7 +75,7 @@ impl Nodes {
         Nodes { first: self.first.map(first), last: self.last.map(|x| first(x) + patch - 1) }
     }
 
-    /// Whether the square at (x, y), of `side` nodes, contains one of these nodes.
+    /// True if the square at (x, y), of `side` nodes, contains one of these nodes.
     pub fn meet(self, [x, y]: [u32; 2], side: usize) -> bool {
         [x, y].into_iter().zip(self.first.into_iter().zip(self.last)).all(|(x, (first, last))| {
             let start = i64::from(x) * side as i64;
@@ -95,7 +96,7 @@ pub(super) fn allocate(levels: &mut [Level]) {
     }
 }
 
-/// What a block of level 0 shows.
+/// Facts about a block of level 0.
 pub(super) struct OfBlock {
     pub block: usize,
     /// The nodes of its square with some rigidity, of whatever chart.
@@ -104,7 +105,8 @@ pub(super) struct OfBlock {
     pub changed: bool,
 }
 
-/// Computes the rigidity of level 0 in the blocks that have some of these nodes. `triangles` are those under each block's nodes.
+/// Computes the rigidity of level 0 in the blocks that have some of these nodes. `triangles` are those under each
+/// block's nodes.
 pub(super) fn finest(
     team: &Team,
     rigidity: &NodeRigidity,
@@ -174,8 +176,8 @@ fn coarser_rigidity(team: &Team, survey: &[SurveyLevel], levels: &mut [Level], m
     }
 }
 
-/// Computes the weights of interpolation, and the stiffness from which they follow, at the nodes whose edges have another
-/// stiffness.
+/// Computes the weights of interpolation, and the stiffness from which they follow, at the nodes whose edges have
+/// another stiffness.
 fn stiffness(
     team: &Team,
     survey: &[SurveyLevel],

@@ -1,5 +1,5 @@
-//! Rigidity and mask at the nodes of a square (method §1), from maps or from values per vertex. In a collar they are those
-//! of the place that the surface has there.
+//! Rigidity and mask at the nodes of a square (method §1), from maps or from values per vertex. In a collar they are
+//! those of the place that the surface has there.
 
 use glam::DVec2;
 
@@ -122,8 +122,8 @@ impl<'a> NodeRigidity<'a> {
         (first, [0, 1].map(|axis| SIDE.min((self.cells[axis] + 1).saturating_sub(first[axis]))))
     }
 
-    /// If a triangle belongs to a collar: the maps of the tile in which the surface has it, and the UV there of a point in
-    /// cells.
+    /// If a triangle belongs to a collar: the maps of the tile in which the surface has it, and the UV there of a point
+    /// in cells.
     fn beyond(&self, triangle: u32, at: [f32; 2]) -> Option<(&TileMaps, [f64; 2])> {
         if triangle == NONE {
             return None;

@@ -1,5 +1,5 @@
-//! The nodes of the squares that triangles cover, by all that does not depend on rigidity: another rigidity then needs no
-//! triangles to tell which charts may move, and how much of what is rigid is fixed.
+//! The nodes of the squares that triangles cover, by all that does not depend on rigidity: another rigidity then needs
+//! no triangles to tell which charts may move, and how much of what is rigid is fixed.
 
 use super::blocks::Part;
 use super::cover::Cover;
@@ -13,11 +13,11 @@ use crate::mesh::TileMesh;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SquareNodes {
     pub square: Square,
-    /// Those that a triangle of a chart covers, not only one of a collar.
+    /// Nodes that a triangle of a chart covers, not only one of a collar.
     pub covered: NodeSet,
-    /// Those that may move if their chart has rigidity.
+    /// Nodes that may move if their chart has rigidity.
     pub free: NodeSet,
-    /// Those that more than one layer covers.
+    /// Nodes that more than one layer covers.
     pub layered: NodeSet,
 }
 
@@ -35,9 +35,9 @@ pub const RIGID: f32 = 0.5;
 /// The nodes of a square with some rigidity.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct RigidSets {
-    /// Those with any.
+    /// Nodes with any rigidity.
     pub any: NodeSet,
-    /// Those with at least `RIGID`.
+    /// Nodes with a rigidity of at least `RIGID`.
     pub rigid: NodeSet,
 }
 
@@ -75,8 +75,8 @@ impl<'a> SquaresOf<'a> {
         self.list.binary_search_by_key(&square.key(), |nodes| nodes.square.key()).ok()
     }
 
-    /// True if rigidity is not 0 at a node of a part or next to one: the weight of an edge is the larger rigidity of its
-    /// two ends. `sets` has an entry per square.
+    /// True if rigidity is not 0 at a node of a part or next to one: the weight of an edge is the larger rigidity of
+    /// its two ends. `sets` has an entry per square.
     pub fn is_near_rigidity(&self, part: &Part, sets: &[RigidSets]) -> bool {
         let any = |square: Option<usize>| square.map_or(NodeSet::EMPTY, |k| sets[k].any);
         if !any(self.find(part.chart, [part.x, part.y])).and(part.nodes).is_empty() {

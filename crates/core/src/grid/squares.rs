@@ -10,8 +10,8 @@ use crate::mesh::{Chart, Cut, TileMesh};
 
 /// A square of 16 by 16 nodes of a layer.
 ///
-/// A chart with a collar is a layer of its own, since its collar may lie over other charts; all other charts are layer 0
-/// together.
+/// A chart with a collar is a layer of its own, since its collar may lie over other charts; all other charts are layer
+/// 0 together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Square {
     pub layer: u32,

@@ -19,7 +19,7 @@ use crate::mesh::{NONE, TileMesh};
 use crate::settings::Seams;
 use crate::team::Team;
 
-/// Which nodes of a tile may move.
+/// The nodes of a tile that may move.
 pub struct Survey<'a> {
     pub coverer: Coverer<'a>,
     pub triangles: Vec<UvTriangle>,
@@ -35,7 +35,7 @@ pub struct Survey<'a> {
     pub squares: Vec<SquareNodes>,
     /// The rigid nodes of these squares, sorted by y, x.
     pub rigid_nodes: Vec<RigidNodes>,
-    /// Whether nodes have a density, or something that holds them.
+    /// True if nodes have a density, or something that holds them.
     pub has_extra: bool,
 }
 
@@ -141,9 +141,9 @@ pub(super) fn movable_of_charts(charts: usize, parts: &[Part], rigid: &[bool]) -
     movable
 }
 
-/// The blocks of all levels. A coarse node may move only if all of the 3x3 finer nodes around it may (the paper's eq. 8),
-/// so that bilinear prolongation never moves a fixed node, nor one of another chart. An odd last column or row of cells
-/// is dropped; the nodes at its inner side are fixed by the same rule.
+/// The blocks of all levels. A coarse node may move only if all of the 3x3 finer nodes around it may (the paper's eq.
+/// 8), so that bilinear prolongation never moves a fixed node, nor one of another chart. An odd last column or row of
+/// cells is dropped; the nodes at its inner side are fixed by the same rule.
 pub(super) fn levels(team: &Team, size: [usize; 2], movable: &[u64], parts: &[Part]) -> Vec<SurveyLevel> {
     let parts: Vec<Part> = parts.iter().filter(|part| movable[part.chart as usize] > 0).copied().collect();
     let charts = movable.len();
@@ -198,7 +198,7 @@ fn coarser_parts(team: &Team, finer: &SurveyLevel) -> Vec<Part> {
     parts
 }
 
-/// What a thread found in some squares.
+/// Findings of a thread in some squares.
 #[derive(Default)]
 struct Found {
     parts: Vec<Part>,
@@ -206,7 +206,7 @@ struct Found {
     squares: Vec<SquareNodes>,
     /// Of each square.
     sets: Vec<RigidSets>,
-    /// Whether features at borders are kept; and then the rigid nodes of charts.
+    /// True if features at borders are kept; and then the rigid nodes of charts.
     keeps: bool,
     of_features: Vec<RigidPart>,
 }

@@ -16,9 +16,9 @@ pub enum ExternalHandle {
     OpaqueWin32(isize),
 }
 
-/// An output image in memory of the host's graphics device: rows of texels in a buffer, two channels per texel. The memory
-/// must be allocated without `VkMemoryDedicatedAllocateInfo`, on a device whose `deviceUUID` and `driverUUID` are those
-/// of the adapter ([`crate::AdapterInfo`]).
+/// An output image in memory of the host's graphics device: rows of texels in a buffer, two channels per texel. The
+/// memory must be allocated without `VkMemoryDedicatedAllocateInfo`, on a device whose `deviceUUID` and `driverUUID`
+/// are those of the adapter ([`crate::AdapterInfo`]).
 #[derive(Clone, Copy, Debug)]
 pub struct ExternalImage {
     /// The exported memory.

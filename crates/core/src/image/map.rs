@@ -81,8 +81,8 @@ impl Map {
         ([self.width, self.height], self.format)
     }
 
-    /// Sets texels of a row, from a column on, from their bytes in the map's format; those on pages that are not stored are
-    /// left out.
+    /// Sets texels of a row, from a column on, from their bytes in the map's format; those on pages that are not stored
+    /// are left out.
     pub fn put_row(&mut self, first: usize, y: usize, bytes: &[u8]) {
         let size = self.format.size();
         let end = first + bytes.len() / size;
@@ -191,8 +191,8 @@ pub fn is_free(mask: &Map, cells: [usize; 2], uv: [f64; 2]) -> bool {
     texels(1, mask.height).all(|y| columns.clone().all(|x| mask.value(x, y) >= 0.5))
 }
 
-/// Calls `put(i, j)` for the nodes, counted from `first`, at which the mask has no texel under 0.5 within half a cell. A fixed
-/// line one texel wide is thus a barrier, however coarse the grid.
+/// Calls `put(i, j)` for the nodes, counted from `first`, at which the mask has no texel under 0.5 within half a cell.
+/// A fixed line one texel wide is thus a barrier, however coarse the grid.
 pub fn free_nodes(
     mask: &Map,
     cells: [usize; 2],

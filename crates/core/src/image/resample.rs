@@ -5,8 +5,8 @@ use std::ops::Range;
 use super::map::{Line, Map};
 use crate::allocation::Vec;
 
-/// A map with the texels that each node of a grid averages: a box of one cell around the node where the map is finer than
-/// the grid, and else a bilinear filter between texel centres. They are found once, for rows and columns.
+/// A map with the texels that each node of a grid averages: a box of one cell around the node where the map is finer
+/// than the grid, and else a bilinear filter between texel centres. They are found once, for rows and columns.
 pub struct Resampled<'a> {
     map: &'a Map,
     axes: [Axis; 2],
@@ -48,8 +48,8 @@ impl<'a> Resampled<'a> {
         Resampled { map, axes: [0, 1].map(|axis| Axis::new(map.size()[axis], cells[axis])) }
     }
 
-    /// Calls `put(i, j, value)` for first[0]..first[0] + count[0] along u, and likewise along v; (i, j) are counted from
-    /// `first`.
+    /// Calls `put(i, j, value)` for first[0]..first[0] + count[0] along u, and likewise along v; (i, j) are counted
+    /// from `first`.
     pub fn at_nodes(&self, first: [usize; 2], count: [usize; 2], mut put: impl FnMut(usize, usize, f32)) {
         if count.contains(&0) {
             return;

@@ -20,7 +20,8 @@ mod sealed {
 /// A texel of a map to be read: [`u8`] or [`u16`], whose largest value stands for 1, [`struct@f16`] or [`f32`].
 pub trait InputTexel: sealed::Texel {}
 
-/// A texel of an image to be written: [`struct@f16`] or [`f32`], or an array of two to four of them, one for each channel.
+/// A texel of an image to be written: [`struct@f16`] or [`f32`], or an array of two to four of them, one for each
+/// channel.
 pub trait OutputTexel: sealed::Texel {}
 
 macro_rules! texels {
@@ -49,8 +50,8 @@ fn layout<T: sealed::Texel>(name: &str, count: usize, [width, height]: [u32; 2])
 }
 
 impl<'a> ImageView<'a> {
-    /// A view of the texels of a map, row by row, with the first row at v = 1. `size` is its width and height; `name` is the
-    /// argument's name, for messages.
+    /// A view of the texels of a map, row by row, with the first row at v = 1. `size` is its width and height; `name`
+    /// is the argument's name, for messages.
     ///
     /// # Errors
     /// `InvalidArgument` for a zero size, or another number of texels.
@@ -68,8 +69,8 @@ impl<'a> ImageView<'a> {
 }
 
 impl<'a> ImageViewMut<'a> {
-    /// A view of texels that a map is to be written to, row by row, with the first row at v = 1. `size` is its width and
-    /// height; `name` is the argument's name, for messages.
+    /// A view of texels that a map is to be written to, row by row, with the first row at v = 1. `size` is its width
+    /// and height; `name` is the argument's name, for messages.
     ///
     /// # Errors
     /// `InvalidArgument` for a zero size, or another number of texels.
@@ -106,8 +107,8 @@ impl<'a> ImageViewMut<'a> {
         size: [u32; 2],
     ) -> Result<ImageViewMut<'a>> {
         let layout = layout::<T>(name, texels.len(), size)?;
-        // SAFETY: the texels are borrowed for as long as the view lives, are as many as the layout says, and may have any
-        // bytes.
+        // SAFETY: the texels are borrowed for as long as the view lives, are as many as the layout says, and may have
+        // any bytes.
         unsafe { ImageViewMut::from_raw(name, texels.as_mut_ptr().cast(), layout) }
     }
 

@@ -1,6 +1,6 @@
-//! The record where the compiler has no thread locals of the loader's: std's then take one of the process's 1088 indices
-//! each, for good, even if the library is unloaded; and before Rust 1.93 their first use on a thread calls the global
-//! allocator, which itself reads the record.
+//! The record where the compiler has no thread locals of the loader's: std's then take one of the process's 1088
+//! indices each, for good, even if the library is unloaded; and before Rust 1.93 their first use on a thread calls the
+//! global allocator, which itself reads the record.
 //!
 //! This is one index of fiber-local storage. The system calls `free` for the record of each thread that ends, and for
 //! all records when the index is given back, which happens when the library is unloaded.
@@ -102,8 +102,8 @@ unsafe extern "system" fn free(local: *mut c_void) {
     unsafe { System.dealloc(local.cast(), Layout::new::<Local>()) };
 }
 
-/// The loader calls the functions in such sections in the order of their sections' names: this one after that of std, whose
-/// destructors may still use the record.
+/// The loader calls the functions in such sections in the order of their sections' names: this one after that of std,
+/// whose destructors may still use the record.
 #[unsafe(link_section = ".CRT$XLX")]
 #[used]
 static AT_UNLOAD: unsafe extern "system" fn(*mut c_void, u32, *mut c_void) = at_unload;

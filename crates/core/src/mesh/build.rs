@@ -57,7 +57,7 @@ impl Mesh {
     }
 }
 
-/// How a mesh is welded.
+/// Rules by which a mesh is welded.
 pub(super) struct Welding<'a> {
     weld: Weld,
     rest: &'a [[f64; 3]],
@@ -97,8 +97,8 @@ impl<'a> Welding<'a> {
         Welding { weld: source.weld, rest, tolerance, shortest, place, max_layers: source.max_layers }
     }
 
-    /// Reads a UV set and welds it: corners that are one UV corner have the mean of their UVs, rounded to f32. What follows
-    /// sees nothing of the UVs that the host gave, and so has the bits of a mesh with these means.
+    /// Reads a UV set and welds it: corners that are one UV corner have the mean of their UVs, rounded to f32. What
+    /// follows sees nothing of the UVs that the host gave, and so has the bits of a mesh with these means.
     pub fn read(&self, source: &MeshSource, given: &Given, uv_set: u32, info: &mut AssetInfo) -> UvSet {
         /// Means may come within reach of one another, and are welded in turn; but not for ever.
         const ROUNDS: usize = 4;

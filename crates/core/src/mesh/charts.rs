@@ -13,10 +13,10 @@ pub(super) type Seams = Vec<[u32; 2]>;
 
 /// Builds the charts of a tile's triangles, sorted by chart.
 ///
-/// Two triangles are neighbours if exactly these two share a UV edge, lie on opposite sides of it, and it is not a seam:
-/// a mirrored half folded onto the other one, and an edge of three triangles, are borders. `numbers` holds the numbers of
-/// each triangle's UV corners; `given`, the UVs before welding. Also returns the UV corners at gaps that welding closed,
-/// ascending.
+/// Two triangles are neighbours if exactly these two share a UV edge, lie on opposite sides of it, and it is not a
+/// seam: a mirrored half folded onto the other one, and an edge of three triangles, are borders. `numbers` holds the
+/// numbers of each triangle's UV corners; `given`, the UVs before welding. Also returns the UV corners at gaps that
+/// welding closed, ascending.
 pub(super) fn build(
     udim: u32,
     raw: &[RawTriangle],
@@ -71,8 +71,8 @@ impl TileMesh {
         TileMesh { udim: self.udim, uv_set: self.uv_set, layer: self.layer, ..tile }
     }
 
-    /// A layer of the tile: the triangles for which `layers` has its number, numbered anew in their order. A chart has its
-    /// triangles in one layer.
+    /// A layer of the tile: the triangles for which `layers` has its number, numbered anew in their order. A chart has
+    /// its triangles in one layer.
     pub fn of_layer(&self, layers: &[u32], layer: u32) -> TileMesh {
         let order = order(&self.chart_of);
         let new_index = inverse(&order);
@@ -202,8 +202,8 @@ pub(super) fn pairs(
     numbers: &[[u32; 3]],
     sides: impl Iterator<Item = Side>,
 ) -> Vec<[Side; 2]> {
-    // Entries of (edge as a sorted pair of UV corners, its vertices, triangle, its corner opposite to the edge), sorted,
-    // so that the triangles at an edge are adjacent, and among these the ones with the same vertices.
+    // Entries of (edge as a sorted pair of UV corners, its vertices, triangle, its corner opposite to the edge),
+    // sorted, so that the triangles at an edge are adjacent, and among these the ones with the same vertices.
     let with_ends = |(t, k): Side| {
         let ends = ends(numbers, t, k);
         let edge = ends.map(|c| numbers[t as usize][c]);

@@ -1,6 +1,6 @@
 //! Gaps that welding closes (method §1). Corners whose UVs differ become one, so that the chart covers what lay between
-//! them and the surface map goes on across it. Where that is a slit of the host's layout, and not noise of its UVs, no node
-//! may end there, since no triangle of the host covers it.
+//! them and the surface map goes on across it. Where that is a slit of the host's layout, and not noise of its UVs, no
+//! node may end there, since no triangle of the host covers it.
 
 use glam::DVec2;
 use half::f16;
@@ -10,12 +10,12 @@ use crate::allocation::{Vec, zeroed};
 
 /// UVs that differ by no more than this differ by rounding: that of five digits, or of integers of 16 bits.
 const ROUNDING: f64 = 2e-5;
-/// No gap is narrower than this: an eighth of a cell on a grid of 1024 by 1024. It is what shells that were sewn by hand
-/// are apart.
+/// No gap is narrower than this: an eighth of a cell on a grid of 1024 by 1024. It is what shells that were sewn by
+/// hand are apart.
 const NARROWEST: f64 = 1.0 / 8192.0;
-/// Where more than this share of the edges inside a chart are apart by more than rounding, the UVs of the chart are noisy,
-/// as those of faces that were written one by one. Beside a gap there are edges that are not apart.
-const NOISY: f64 = 0.6;
+/// Share of the edges inside a chart that are apart by more than rounding, from which on the chart's UVs are
+/// noisy, as UVs of faces that were written one by one. Beside a gap there are edges that are not apart.
+const NOISY_SHARE: f64 = 0.6;
 
 /// The UV that the host gave a face corner.
 pub(super) type Given<'a> = dyn Fn(usize) -> Option<[f32; 2]> + 'a;
@@ -23,8 +23,8 @@ pub(super) type Given<'a> = dyn Fn(usize) -> Option<[f32; 2]> + 'a;
 /// The gaps of a tile.
 #[derive(Default)]
 pub(super) struct Gaps {
-    /// The sides that the host gave where they are apart from those across, or from the border that welding made of them,
-    /// and what joins the ends of both. Triangles have the numbers of `raw`.
+    /// The sides that the host gave where they are apart from those across, or from the border that welding made of
+    /// them, and what joins the ends of both. Triangles have the numbers of `raw`.
     pub outlines: Vec<Cut>,
     /// The numbers of the UV corners on them, ascending.
     pub corners: Vec<u32>,
@@ -75,7 +75,7 @@ pub(super) fn find(
         }
     }
     let mut gaps = Gaps::default();
-    let is_noisy = |[inside, apart]: [u32; 2]| f64::from(apart) > NOISY * f64::from(inside);
+    let is_noisy = |[inside, apart]: [u32; 2]| f64::from(apart) > NOISY_SHARE * f64::from(inside);
     for (triangle, chart, corners, [here, there]) in found {
         if is_noisy(edges[chart]) || !corners.iter().any(|&corner| joined[corner as usize]) {
             continue;
@@ -90,12 +90,12 @@ pub(super) fn find(
     gaps
 }
 
-/// Whether two UVs differ as much as those at a gap, and by more than one step of half floats, if they are such.
+/// True if two UVs differ as much as UVs at a gap, and by more than one step of half floats, if they are such.
 fn are_apart(a: DVec2, b: DVec2) -> bool {
     (0..2).any(|c| (a[c] - b[c]).abs() > NARROWEST && !are_adjacent_halves(a[c], b[c]))
 }
 
-/// Whether two numbers are half floats that follow one another, or 1 minus such: v may have been turned over.
+/// True if two numbers are half floats that follow one another, or 1 minus such: v may have been turned over.
 fn are_adjacent_halves(a: f64, b: f64) -> bool {
     let adjacent = |a: f64, b: f64| {
         let [p, q] = [a, b].map(f16::from_f64);

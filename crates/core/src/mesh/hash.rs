@@ -18,8 +18,8 @@ pub fn enter<K: Eq + Hash, V>(table: &mut Table<K, V>, key: K, value: V) -> Opti
     table.insert(key, value)
 }
 
-/// Multiplies each word by a number without a pattern and folds the product's halves onto each other, so that words with
-/// many trailing zeros, such as round numbers, spread as well as others.
+/// Multiplies each word by a number without a pattern and folds the product's halves onto each other, so that words
+/// with many trailing zeros, such as round numbers, spread as well as others.
 #[derive(Default)]
 pub struct Folded(u64);
 

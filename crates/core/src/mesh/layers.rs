@@ -7,12 +7,13 @@ use super::overlaps::{Overlaps, overlap};
 use super::{NONE, RawTriangle, TileMesh};
 use crate::allocation::{Vec, vec, zeroed};
 
-/// Charts that lie over one another nowhere deeper than this, in UV, are neighbours: a quarter of a texel of a map of 1024.
-/// What they share is then part of their borders, which do not move.
+/// Charts that lie over one another nowhere deeper than this, in UV, are neighbours: a quarter of a texel of a map of
+/// 1024. What they share is then part of their borders, which do not move.
 const DEPTH: f64 = 1.0 / 4096.0;
 
-/// The layer of each triangle, by its number in `chart_of`, below `most`: of each chart the first layer in which it lies over
-/// nothing else; charts come in the order of their first faces. Charts that have a face in common come together.
+/// The layer of each triangle, by its number in `chart_of`, below `most`: of each chart the first layer in which it
+/// lies over nothing else; charts come in the order of their first faces. Charts that have a face in common come
+/// together.
 pub(super) fn layers(tile: &TileMesh, raw: &[RawTriangle], most: u32) -> Vec<u32> {
     if tile.charts.len() == 1 {
         return zeroed(raw.len());
@@ -78,8 +79,8 @@ impl<'a> Stacks<'a> {
         Stacks { tile, charts, triangles, borders, of_border }
     }
 
-    /// The layer for a group of charts: the first one below `most` in which no chart lies over one of the group. If charts of all
-    /// these layers do, it is the last layer.
+    /// The layer for a group of charts: the first one below `most` in which no chart lies over one of the group. If
+    /// charts of all these layers do, it is the last layer.
     fn free_layer(&self, group: &[(u32, u32)], layer_of: &[u32], most: u32) -> u32 {
         let mut taken: Vec<bool> = Vec::new();
         for &(_, chart) in group {

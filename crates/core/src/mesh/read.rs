@@ -40,7 +40,8 @@ pub(super) fn read(
             info.faces += 1;
             info.faces_skipped += u64::from(!is_face);
         }
-        // Faces without corners must not be looked up: at the end of the mesh, their first corner would be out of range.
+        // Faces without corners must not be looked up: at the end of the mesh, their first corner would be out of
+        // range.
         let has_texture = is_face && textured.as_ref().is_none_or(|t| t[f]) && uv_of(face.start).is_some();
         if !has_texture {
             info.faces_untextured += u64::from(is_face);
@@ -98,8 +99,8 @@ pub(super) fn edges(source: &MeshSource) -> impl Iterator<Item = [u32; 2]> {
     })
 }
 
-/// The host's seams, as sorted pairs. Pairs that are not an edge of any face are left out and counted: a host that reads
-/// seams from a file, or from before an edit, loses only these.
+/// The host's seams, as sorted pairs. Pairs that are not an edge of any face are left out and counted: a host that
+/// reads seams from a file, or from before an edit, loses only these.
 pub(super) fn seams(source: &MeshSource, info: &mut AssetInfo) -> Seams {
     let sorted = |[a, b]: [u32; 2]| [a.min(b), a.max(b)];
     let mut seams: Seams = source.seams.iter().copied().map(sorted).collect();

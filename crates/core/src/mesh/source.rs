@@ -23,8 +23,8 @@ pub struct MeshSource<'a> {
     /// Corners per face; `None` = all triangles, unless `face_offsets` is given. Faces with fewer than three corners
     /// (points, lines) are skipped and counted; their corners keep their places in the order.
     pub face_counts: Option<&'a [u32]>,
-    /// Instead of `face_counts`: the first corner of each face, followed by the number of all corners, so that face f has
-    /// the corners `face_offsets[f]..face_offsets[f + 1]`.
+    /// Instead of `face_counts`: the first corner of each face, followed by the number of all corners, so that face f
+    /// has the corners `face_offsets[f]..face_offsets[f + 1]`.
     pub face_offsets: Option<&'a [u32]>,
     /// Index of each face corner's vertex.
     pub indices: &'a [u32],
@@ -32,21 +32,21 @@ pub struct MeshSource<'a> {
     pub uvs: UvSource<'a>,
     /// Further UV sets, from set 1 on. Each has its own tiles, which follow those of the previous set.
     pub uv_sets: &'a [UvSource<'a>],
-    /// Edges at which charts end in all UV sets, each as its two vertices. A pair that is not an edge of any face has no
-    /// effect, and is counted.
+    /// Edges at which charts end in all UV sets, each as its two vertices. A pair that is not an edge of any face has
+    /// no effect, and is counted.
     pub seams: &'a [[u32; 2]],
     /// The faces that carry the texture, in any order; `None` = all. All others count as faces without UVs.
     pub textured_faces: Option<&'a [u32]>,
-    /// How corners of faces are welded.
+    /// Rules by which corners of faces are welded.
     pub weld: Weld,
-    /// The largest number of layers of a UDIM tile, in all UV sets. Up to 1, its charts are one tile, wherever they lie.
-    /// Otherwise charts that lie over others, by more than a border, come into layers of their own, each of which is a tile:
-    /// a chart goes into the first layer where nothing lies under it, the charts of the first faces first. Charts for which
-    /// there is no such layer are left in the last one.
+    /// The largest number of layers of a UDIM tile, in all UV sets. Up to 1, its charts are one tile, wherever they
+    /// lie. Otherwise charts that lie over others, by more than a border, come into layers of their own, each of which
+    /// is a tile: a chart goes into the first layer where nothing lies under it, the charts of the first faces first.
+    /// Charts for which there is no such layer are left in the last one.
     pub max_layers: u32,
 }
 
-/// How two corners of different faces are recognised as one, so that charts continue across the edges between them.
+/// Rule by which two corners of different faces are one, so that charts continue across the edges between them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WeldBy {
@@ -73,11 +73,11 @@ pub struct Weld {
     /// of a coordinate at rest is added. For each vertex it is limited to a quarter of its shortest edge. Applies to
     /// [`WeldBy::Position`] only.
     pub position_tolerance: Option<f64>,
-    /// Largest difference of welded UVs in u and in v, 0..1; `None` = 1/2048, half a texel of a map of 1024, and the step
-    /// of half floats under 1. For corners of small triangles it is limited to a quarter of the least height in UV of the
-    /// triangles at the vertex. Welded corners have the mean of their UVs. Nodes do not move beside a slit that this closes: one
-    /// wider than 1/8192 (or a step of half floats), unless all edges beside it are apart,
-    /// by noise of the UVs.
+    /// Largest difference of welded UVs in u and in v, 0..1; `None` = 1/2048, half a texel of a map of 1024, and the
+    /// step of half floats under 1. For corners of small triangles it is limited to a quarter of the least height in UV
+    /// of the triangles at the vertex. Welded corners have the mean of their UVs. Nodes do not move beside a slit that
+    /// this closes: one wider than 1/8192 (or a step of half floats), unless all edges beside it are apart, by noise of
+    /// the UVs.
     pub uv_tolerance: Option<f64>,
 }
 

@@ -42,7 +42,8 @@ pub fn triangulate(uv: &[DVec2]) -> Vec<[usize; 3]> {
                 // Points equal to a corner are skipped: a polygon with holes has bridges, whose points occur twice.
                 && !open.iter().any(|&p| ![uv[a], uv[b], uv[c]].contains(&uv[p]) && inside(uv[p]))
         };
-        // The search begins at 1, which yields the fan. A polygon without an ear has almost no area: any corner will do.
+        // The search begins at 1, which yields the fan. A polygon without an ear has almost no area: any corner will
+        // do.
         let ear = (1..m).chain([0]).find(|&k| is_ear(k)).unwrap_or(1);
         triangles.push([open[(ear + m - 1) % m], open[ear], open[(ear + 1) % m]]);
         open.remove(ear);

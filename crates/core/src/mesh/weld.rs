@@ -1,6 +1,6 @@
-//! Decides which corners of triangles are one UV corner (method §1): first which vertices lie at one place, then which of
-//! their UVs match. In both, later ones join the first, so that the result does not depend on the order of a hash table,
-//! and chains of neighbours never join distant points.
+//! Decides which corners of triangles are one UV corner (method §1): first which vertices lie at one place, then which
+//! of their UVs match. In both, later ones join the first, so that the result does not depend on the order of a hash
+//! table, and chains of neighbours never join distant points.
 
 use std::hash::Hash;
 
@@ -15,11 +15,12 @@ use crate::allocation::{Vec, vec};
 /// host's input from making this quadratic.
 const LOOKED_AT: usize = 16;
 
-/// The vertices that lie at one place: per vertex, the first vertex there. Vertices that are not `wanted` stay separate.
+/// The vertices that lie at one place: per vertex, the first vertex there. Vertices that are not `wanted` stay
+/// separate.
 ///
 /// `tolerance` is a length. For each vertex it is limited to a quarter of its shortest edge (`shortest`), so that the
-/// ends of an edge stay apart. Vertices with edges shorter than half of the tolerance are welded to equal ones only: any
-/// number of them may lie within the tolerance.
+/// ends of an edge stay apart. Vertices with edges shorter than half of the tolerance are welded to equal ones only:
+/// any number of them may lie within the tolerance.
 pub(super) fn places(
     rest: &[[f64; 3]],
     shortest: &[f64],
@@ -104,9 +105,9 @@ fn distance(p: [f64; 3], q: [f64; 3]) -> f64 {
     [0, 1, 2].map(|c| (p[c] - q[c]).powi(2)).iter().sum::<f64>().sqrt()
 }
 
-/// Per vertex, how far the UVs of its corners may be moved: a quarter of the least height of the triangles at it, slivers left
-/// out. Even if all three corners of a triangle move, it keeps its orientation and more than a quarter of its height; and
-/// since two of its corners are a height apart, they never merge.
+/// Per vertex, how far the UVs of its corners may be moved: a quarter of the least height of the triangles at it,
+/// slivers left out. Even if all three corners of a triangle move, it keeps its orientation and more than a quarter of
+/// its height; and since two of its corners are a height apart, they never merge.
 pub(super) fn rooms<'a>(triangles: impl Iterator<Item = &'a RawTriangle>, vertices: usize) -> Vec<f64> {
     /// A triangle whose height is under this share of its longest side is a sliver, as at a corner in the middle of a
     /// polygon's side: it would be as thin as the noise, and keep all corners there apart.

@@ -50,9 +50,9 @@ impl Correction {
     /// It grows with the gain of this correction, but to at most [`FRACTION_GROWTH`] times this one's fraction. After a
     /// first correction whose model is trusted it grows with the error of the model's prediction instead: the next
     /// correction gains about as much as the prediction was wrong, which is next to nothing on scenes with room and 1
-    /// to 3 % of the energy in crowded ones. Where the step was limited, the sweeps may by chance make up for the gain that
-    /// was cut off, so that this counts as an error, too. Both ramps are continuous, so that a warp does not jump from one
-    /// frame to the next where a chart comes to need another correction.
+    /// to 3 % of the energy in crowded ones. Where the step was limited, the sweeps may by chance make up for the gain
+    /// that was cut off, so that this counts as an error, too. Both ramps are continuous, so that a warp does not jump
+    /// from one frame to the next where a chart comes to need another correction.
     pub fn next_fraction<F: Real>(&self, gain: &Gain<F>) -> F {
         let identity = F::from_f64(IDENTITY_ENERGY_WEIGHT) * gain.identity;
         let unit = F::from(self.tolerance) * (gain.before + identity);

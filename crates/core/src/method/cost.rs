@@ -1,5 +1,5 @@
-//! Relative costs of the stages of a solve, for time budgets and for progress. Costs are microseconds on two cores of 2.5
-//! GHz; the actual times on this machine are measured (`deadline`, `progress`).
+//! Relative costs of the stages of a solve, for time budgets and for progress. Costs are microseconds on two cores of
+//! 2.5 GHz; the actual times on this machine are measured (`deadline`, `progress`).
 
 use crate::allocation::Vec;
 use crate::grid::Level;

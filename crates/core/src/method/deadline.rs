@@ -6,15 +6,15 @@ use std::time::Duration;
 use crate::clock::Instant;
 
 /// Seconds that a stage takes at least, for waking threads and lists of charts.
-const LEAST: f64 = 50e-6;
+const LEAST_SECONDS: f64 = 50e-6;
 /// Weight of the pace of earlier solves against this solve's measurements, in seconds of cost.
-const PRIOR: f64 = 500e-6;
+const PRIOR_SECONDS: f64 = 500e-6;
 /// Factor for the first use of memory, which also allocates its pages.
-const FRESH: f64 = 1.5;
+const FIRST_USE_FACTOR: f64 = 1.5;
 /// Safety factor on predictions, since charts and poses differ.
-const MARGIN: f64 = 1.1;
-/// How many times slower or quicker than before a machine may be taken for from one solve to the next.
-const CHANGE: f64 = 2.0;
+const PREDICTION_MARGIN: f64 = 1.1;
+/// Clamp on the change of a machine's pace from one solve to the next.
+const LARGEST_CHANGE: f64 = 2.0;
 
 /// The time that a solve may take, and its pace.
 #[derive(Clone, Debug)]
@@ -41,7 +41,7 @@ impl Deadline {
             let over = most.mul_f64(1.17).saturating_add(Duration::from_millis(3));
             Some([start.checked_add(budget)?, start.checked_add(over)?])
         });
-        let fresh = if fresh { FRESH } else { 1.0 };
+        let fresh = if fresh { FIRST_USE_FACTOR } else { 1.0 };
         Deadline { ends, prior: pace, cost: 0.0, measured: 0.0, fresh, clock: Instant::now }
     }
 
@@ -60,32 +60,32 @@ impl Deadline {
 
     /// Seconds per second of cost.
     fn pace(&self) -> f64 {
-        (self.prior * self.fresh * PRIOR + self.measured) / (PRIOR + self.cost)
+        (self.prior * self.fresh * PRIOR_SECONDS + self.measured) / (PRIOR_SECONDS + self.cost)
     }
 
-    /// The pace for the device's next solves: this solve's, or as near to it as may be. One moment in which the machine was
-    /// busy must not spoil all later solves.
+    /// The pace for the device's next solves: this solve's, or as near to it as may be. One moment in which the machine
+    /// was busy must not spoil all later solves.
     pub fn learnt(&self) -> f64 {
         if self.cost == 0.0 {
             return self.prior;
         }
-        (self.pace() / self.fresh).clamp(self.prior / CHANGE, self.prior * CHANGE)
+        (self.pace() / self.fresh).clamp(self.prior / LARGEST_CHANGE, self.prior * LARGEST_CHANGE)
     }
 
     /// The cost of work that took this many seconds.
     pub fn cost_of(&self, seconds: f64) -> f64 {
-        (seconds - LEAST).max(0.0) * 1e6 / self.pace()
+        (seconds - LEAST_SECONDS).max(0.0) * 1e6 / self.pace()
     }
 
     /// True if stages of this cost, `margin` times slower than predicted, end before this time.
     fn within(&self, end: Instant, cost: f64, margin: f64) -> bool {
-        let seconds = (LEAST + cost * 1e-6 * self.pace()) * margin;
+        let seconds = (LEAST_SECONDS + cost * 1e-6 * self.pace()) * margin;
         seconds <= end.saturating_duration_since(self.now()).as_secs_f64()
     }
 
     /// True if stages of this cost fit into the remaining budget.
     pub fn fits(&self, cost: f64) -> bool {
-        self.ends.is_none_or(|[end, _]| self.within(end, cost, MARGIN))
+        self.ends.is_none_or(|[end, _]| self.within(end, cost, PREDICTION_MARGIN))
     }
 
     /// True if stages of this cost cannot end even within the grace period.
@@ -93,12 +93,12 @@ impl Deadline {
         self.ends.is_some_and(|[_, end]| !self.within(end, cost, 1.0))
     }
 
-    /// True if a solve of at least this cost can end within the grace period. If not, a machine that is taken for a slow one
-    /// is then taken for a quicker one, since nothing was measured.
+    /// True if a solve of at least this cost can end within the grace period. If not, a machine that is taken for a
+    /// slow one is then taken for a quicker one, since nothing was measured.
     pub fn may_begin(&mut self, least: f64) -> bool {
         let begins = !self.is_over(least);
         if !begins && self.prior > 1.0 {
-            self.prior = (self.prior / CHANGE).max(1.0);
+            self.prior = (self.prior / LARGEST_CHANGE).max(1.0);
         }
         begins
     }
@@ -107,7 +107,7 @@ impl Deadline {
     pub fn learn(&mut self, cost: f64, seconds: f64) {
         if self.is_limited() {
             self.cost += cost * 1e-6;
-            self.measured += (seconds - LEAST).max(0.0);
+            self.measured += (seconds - LEAST_SECONDS).max(0.0);
         }
     }
 }

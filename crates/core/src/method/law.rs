@@ -20,8 +20,8 @@ constants! {
     /// Greatest length of a node's step in a sweep, in cells along either axis: the linear model is not trusted
     /// further.
     MAX_NODE_STEP: f32 = 2.0;
-    /// A node's step in a sweep takes at most this fraction of what a corner Jacobian has over `MIN_JACOBIAN`: a corner with
-    /// next to nothing left would decide about the whole chart's next correction.
+    /// A node's step in a sweep takes at most this fraction of what a corner Jacobian has over `MIN_JACOBIAN`: a corner
+    /// with next to nothing left would decide about the whole chart's next correction.
     SWEPT_MARGIN: f32 = 0.25;
     /// A step whose predicted gain is under this fraction of the node's energy is lost in that energy's rounding: it is
     /// not taken.
@@ -36,19 +36,19 @@ constants! {
     /// along it instead of being limited by it.
     NEAR_BOUND_STIFFNESS: f32 = 10.0;
 
-    /// Weight of the tangents in the slopes of the finest level (method §2); differences have the rest. More of it follows
-    /// the energy more closely across the edges of triangles, and jumps more there.
+    /// Weight of the tangents in the slopes of the finest level (method §2); differences have the rest. More of it
+    /// follows the energy more closely across the edges of triangles, and jumps more there.
     TANGENT_WEIGHT: f32 = 0.15;
 
     /// Weight of the hold at open borders along which texture slides (method §16).
     HOLD: f32 = 4.0;
 
-    /// Protection (method §4): with `protect` at 1, rigid material that the pose does not strain has 1 plus this times the
-    /// weight of what it strains most.
+    /// Protection (method §4): with `protect` at 1, rigid material that the pose does not strain has 1 plus this times
+    /// the weight of what it strains most.
     PROTECTION: f32 = 9.0;
     /// The strain at which half of that is left.
     PROTECTED_STRAIN: f32 = 0.04;
-    /// What rigid material has lost of its weight is stored as a multiple of 1 / this.
+    /// Resolution of stored weight reductions: they are multiples of 1 / this.
     LOST_STEPS: f32 = 32768.0;
 
     /// Stress stiffness (method §4, Derivatives): the factor of the strain of an edge that is longer than at rest ...
@@ -62,8 +62,8 @@ constants! {
     SMOOTHER_SWEEPS: u32 = 3;
     /// Sweeps of the smoother on either side on the coarsest level.
     COARSEST_SWEEPS: u32 = 6;
-    /// Most iterations of conjugate gradients in a correction: more gain less than the next level or the next correction
-    /// does, which continues along the last step, and need more memory (method §7.3).
+    /// Most iterations of conjugate gradients in a correction: more gain less than the next level or the next
+    /// correction does, which continues along the last step, and need more memory (method §7.3).
     CG_ITERATIONS: u32 = 2;
     /// The last step is a direction of conjugate gradients if at least this part of its curvature is left once it is
     /// conjugate to the other directions.
@@ -71,20 +71,20 @@ constants! {
     /// A component of a step of this many cells or more is replaced by 0: it exceeds the largest grid.
     MAX_STEP: f32 = 32768.0;
 
-    /// The bound on the Jacobian of a correction's step (method §7.6). It is lower than that of the sweeps, so that corners
-    /// which these have brought close to theirs leave the step room.
+    /// The bound on the Jacobian of a correction's step (method §7.6). It is lower than that of the sweeps, so that
+    /// corners which these have brought close to theirs leave the step room.
     STEP_MIN_JACOBIAN: f32 = 0.65 * MIN_JACOBIAN;
     /// A step leaves at least this fraction of what a corner Jacobian has over `STEP_MIN_JACOBIAN`.
     MARGIN_LEFT: f32 = 0.1;
     /// The step fractions of neighbouring nodes differ by at most this ...
     FRACTION_FALLOFF: f32 = 0.125;
-    /// ... and by at most what makes this many cells of the chart's longest step: a step that changes abruptly from node to
-    /// node folds by itself.
+    /// ... and by at most what makes this many cells of the chart's longest step: a step that changes abruptly from
+    /// node to node folds by itself.
     STEP_FALLOFF: f32 = 0.25;
     /// Rounds that multiply the step fractions around corners which would still lose too much by what these allow.
     SHRINKING_ROUNDS: u32 = 8;
-    /// Rounds in all on level 0: after the shrinking ones, nodes around corners that would still fall under the bound stay
-    /// where they are. A chart that is not free of folds after all rounds is refused for its energy.
+    /// Rounds in all on level 0: after the shrinking ones, nodes around corners that would still fall under the bound
+    /// stay where they are. A chart that is not free of folds after all rounds is refused for its energy.
     LIMIT_ROUNDS: u32 = 16;
     /// Rounds on each of the other levels, where three have been enough in all scenes and hard cases.
     COARSER_LIMIT_ROUNDS: u32 = 4;
@@ -110,8 +110,8 @@ pub fn passes(sweeps: u32) -> impl Iterator<Item = u32> {
     (0..sweeps).step_by(SWEEPS_PER_PASS as usize).map(move |done| (sweeps - done).min(SWEEPS_PER_PASS))
 }
 
-/// The fraction of a corner's margin that round `round` of the step limit leaves: a little less than the round before, so
-/// that corners which kept enough then are not limited again. `None` in the rounds after the shrinking ones.
+/// The fraction of a corner's margin that round `round` of the step limit leaves: a little less than the round before,
+/// so that corners which kept enough then are not limited again. `None` in the rounds after the shrinking ones.
 pub fn margin_left(round: u32) -> Option<f32> {
     (round < SHRINKING_ROUNDS).then(|| MARGIN_LEFT * (1.0 - (round + 1) as f32 / SHRINKING_ROUNDS as f32))
 }

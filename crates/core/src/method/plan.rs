@@ -42,11 +42,11 @@ impl Input<'_> {
     }
 }
 
-/// What a solver's memory is used for.
+/// Use of a solver's memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Purpose {
     pub solver: Solver,
-    /// Whether rigid material loses weight where the pose strains it (method §4, Protection).
+    /// True if rigid material loses weight where the pose strains it (method §4, Protection).
     pub protects: bool,
 }
 
@@ -71,10 +71,11 @@ pub struct ChartResult {
 /// The work to be done by a solve, derived from its options.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plan {
-    /// Sweeps after each correction, on levels 0 and 1; on a level without corrections, all of its sweeps. Coarser levels have
-    /// none: what they leave rough does not reach the finer ones.
+    /// Sweeps after each correction, on levels 0 and 1; on a level without corrections, all of its sweeps. Coarser
+    /// levels have none: what they leave rough does not reach the finer ones.
     pub sweeps: [u32; 2],
-    /// The finest level that is worked on, unless the solve starts from the last result: its result is interpolated to level 0.
+    /// The finest level that is worked on, unless the solve starts from the last result: its result is interpolated to
+    /// level 0.
     pub finest: usize,
     /// Iterations of conjugate gradients in each correction, on levels 0 and 1; coarser levels have one.
     pub iterations: [u32; 2],
@@ -109,24 +110,24 @@ impl Plan {
         // hundreds of sweeps alone would. A chart with room is done after one correction on the finest level; the
         // further ones go to crowded charts.
         let (sweeps, corrections, tolerance, trusts_model) = if draft {
-            // No correction follows on the finest level: the coarser levels have to be solved with the λ of the finest. The
-            // sweeps of level 0 are those of a solve that starts from the last result.
+            // No correction follows on the finest level: the coarser levels have to be solved with the λ of the finest.
+            // The sweeps of level 0 are those of a solve that starts from the last result.
             ([3, 1], [0, 1], 0.0, true)
         } else if most <= CORRECTIONS {
             ([2, 2], [most, 1], 3e-3, true)
         } else {
-            // They gain hardly any energy, and let rounding decide where crowded charts end. A third sweep makes the warp
-            // of crowded charts smoother in the pose.
+            // They gain hardly any energy, and let rounding decide where crowded charts end. A third sweep makes the
+            // warp of crowded charts smoother in the pose.
             ([3, 2], [most, 1], 1e-4, false)
         };
         let continuation = if draft { 1.0 } else { 2.0 };
-        // A second iteration on level 1 lowers the strain of a draft by a tenth, for a fifth of its time, and makes crowded
-        // charts rougher. `normal` needs it there: where charts are crowded, it is rougher without.
+        // A second iteration on level 1 lowers the strain of a draft by a tenth, for a fifth of its time, and makes
+        // crowded charts rougher. `normal` needs it there: where charts are crowded, it is rougher without.
         let iterations = [CG_ITERATIONS, if draft { 1 } else { CG_ITERATIONS }];
         // Options that the solver ignores must not make two plans differ.
         let descent = pbd.is_none();
-        // Where features have room, level 1 leaves 1.1 to 1.8 times the strain that a whole solve leaves, in a third of the
-        // time (method §5).
+        // Where features have room, level 1 leaves 1.1 to 1.8 times the strain that a whole solve leaves, in a third of
+        // the time (method §5).
         Plan {
             finest: usize::from(descent && draft),
             sweeps: if descent { sweeps } else { [0; 2] },
@@ -162,10 +163,10 @@ impl Plan {
         Stage::Start { level, from }
     }
 
-    /// The `n`-th stage after a level's start, from 0; `None` after the last. Corrections include their sweeps; no sweeps
-    /// come before the first correction: a prolonged state is as good a start as a relaxed one (the gaps of scenes with
-    /// room are the same or smaller without). `warm` on level 0 of a warm solve: the last frame's result is relaxed for
-    /// this pose first.
+    /// The `n`-th stage after a level's start, from 0; `None` after the last. Corrections include their sweeps; no
+    /// sweeps come before the first correction: a prolonged state is as good a start as a relaxed one (the gaps of
+    /// scenes with room are the same or smaller without). `warm` on level 0 of a warm solve: the last frame's result is
+    /// relaxed for this pose first.
     pub fn step(&self, level: usize, n: u32, warm: bool) -> Option<Stage> {
         let coarser = usize::from(level > 0);
         let corrections = self.corrections[coarser];

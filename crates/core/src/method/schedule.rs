@@ -1,9 +1,9 @@
-//! The schedule of a solve (method §5), written once for both backends: surface; pyramid; on each level, coarsest first,
-//! its start and its steps, which are corrections or relaxation alone, or the iterations of the paper's solver; certify. A
-//! draft ends its steps on level 1, and is interpolated from there.
+//! The schedule of a solve (method §5), written once for both backends: surface; pyramid; on each level, coarsest
+//! first, its start and its steps, which are corrections or relaxation alone, or the iterations of the paper's solver;
+//! certify. A draft ends its steps on level 1, and is interpolated from there.
 //!
-//! With a time budget, only steps are begun that leave time for making a result of their level (`timed`). After the first
-//! one that does not, the best level so far is interpolated to level 0 and certified.
+//! With a time budget, only steps are begun that leave time for making a result of their level (`timed`). After the
+//! first one that does not, the best level so far is interpolated to level 0 and certified.
 
 use std::iter::repeat_n;
 

@@ -22,9 +22,9 @@ pub enum Stage {
     Iterate { level: usize, iteration: Iteration },
     /// Computes the energies of the identity and of the present state on a level on which work ends before level 0.
     Energies { level: usize, allow_folds: bool },
-    /// Computes corner Jacobians, and energies unless `Energies` has, and applies the fallback (method §8): a chart that
-    /// is folded, or whose energy is not finite or above that of the identity, becomes the identity; with `allow_folds`,
-    /// only one whose energy is not finite.
+    /// Computes corner Jacobians, and energies unless `Energies` has, and applies the fallback (method §8): a chart
+    /// that is folded, or whose energy is not finite or above that of the identity, becomes the identity; with
+    /// `allow_folds`, only one whose energy is not finite.
     Certify { allow_folds: bool },
     /// Makes the identity the result instead of certifying one, with as little work as possible.
     GiveUp,

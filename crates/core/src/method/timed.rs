@@ -6,8 +6,8 @@ use super::plan::{Input, Plan, Summary};
 use super::progress::Progress;
 use super::stage::{Stage, Stages};
 
-/// How much longer than usual a level's first correction may take where charts are crowded.
-const CROWDED: f64 = 1.3;
+/// Factor on the time of a level's first correction where charts are crowded.
+const CROWDED_FACTOR: f64 = 1.3;
 
 /// A backend whose stages are timed.
 pub struct Timed<'a, S> {
@@ -60,7 +60,7 @@ impl<'a, S: Stages> Timed<'a, S> {
     /// True if there is time for stages on a level and for making a result of the level.
     pub fn fits<'b>(&self, stages: impl Iterator<Item = &'b Stage>, level: usize) -> bool {
         let most = |stage: &Stage| match stage {
-            Stage::Correct { correction, .. } if correction.first => CROWDED * self.costs.of(stage),
+            Stage::Correct { correction, .. } if correction.first => CROWDED_FACTOR * self.costs.of(stage),
             // Charts may skip it, but need not.
             Stage::Correct { .. } => self.correction,
             _ => self.costs.of(stage),

@@ -1,5 +1,6 @@
-//! The exact surface map f from the UV plane to space (method §2), affine on each triangle, in f64, with point location.
-//! Used by the reference solver and for the strain on the mesh; it shares no numbers with the solver's own f32 surface.
+//! The exact surface map f from the UV plane to space (method §2), affine on each triangle, in f64, with point
+//! location. Used by the reference solver and for the strain on the mesh; it shares no numbers with the solver's own
+//! f32 surface.
 
 use glam::DVec2;
 
@@ -44,8 +45,8 @@ impl Locator {
         Locator::of(tile, [nx, ny], |uv| uv * cells, under)
     }
 
-    /// A locator over another lattice of (nx + 1) x (ny + 1) points than a grid's nodes; `place` takes a UV to a place among
-    /// them.
+    /// A locator over another lattice of (nx + 1) x (ny + 1) points than a grid's nodes; `place` takes a UV to a place
+    /// among them.
     pub fn of(
         tile: &TileMesh,
         [nx, ny]: [usize; 2],
@@ -127,8 +128,8 @@ impl Locator {
     }
 }
 
-/// f in D dimensions: affine on each triangle, and relative to the first vertex of its chart, so that a mesh far from the
-/// origin loses no precision.
+/// f in D dimensions: affine on each triangle, and relative to the first vertex of its chart, so that a mesh far from
+/// the origin loses no precision.
 #[derive(Debug)]
 pub struct Surface<const D: usize> {
     triangles: Vec<Affine<D>>,

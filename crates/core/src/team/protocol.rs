@@ -1,12 +1,12 @@
 //! How a team's caller and its helpers agree on who runs which item of which job, and when a job is over.
 //!
-//! A job is any value that can be copied, and `help` is told how to run its items. The caller publishes the job, works on
-//! it like the helpers, closes it, and waits until every helper that joined has left: from then on no helper uses the
-//! job, even if an item panicked. `Team` relies on this; nothing in this file is unsafe.
+//! A job is any value that can be copied, and `help` is told how to run its items. The caller publishes the job, works
+//! on it like the helpers, closes it, and waits until every helper that joined has left: from then on no helper uses
+//! the job, even if an item panicked. `Team` relies on this; nothing in this file is unsafe.
 //!
-//! `super::sync` provides the atomics and locks. In the library they are std's; `tests/loom` compiles this same file with
-//! loom's and runs it in all interleavings. Loom does not model the total order of `SeqCst` accesses. None is needed: all
-//! decisions between caller and helpers are in one word, `state`.
+//! `super::sync` provides the atomics and locks. In the library they are std's; `tests/loom` compiles this same file
+//! with loom's and runs it in all interleavings. Loom does not model the total order of `SeqCst` accesses. None is
+//! needed: all decisions between caller and helpers are in one word, `state`.
 
 use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
@@ -19,8 +19,9 @@ use super::sync::{
 /// The shared state of one caller and its helpers; `J` is the type of a job.
 pub struct Protocol<J> {
     threads: usize,
-    /// Whether the team ends (`QUIT`), the job's number (in units of `EPOCH`), whether a helper sleeps (`SLEEPING`),
-    /// whether the job is open for helpers (`OPEN`), and how many helpers have joined it (`JOINED`).
+    /// Flag that the team ends (`QUIT`), the job's number (in units of `EPOCH`), whether a helper sleeps
+    /// (`SLEEPING`), whether the job is open for helpers (`OPEN`), and how many helpers have joined it
+    /// (`JOINED`).
     state: AtomicU64,
     /// The job and the number of its items.
     job: Mutex<Option<(J, usize)>>,

@@ -8,8 +8,8 @@ use std::ops::Range;
 #[cfg(not(unix))]
 use crate::allocation::Vec;
 
-/// Runs `body` on this thread. Once that calls the function that it is given, `help(number)` runs on a thread for each of the
-/// numbers. `body` must make the helpers return; it does not unwind.
+/// Runs `body` on this thread. Once that calls the function that it is given, `help(number)` runs on a thread for each
+/// of the numbers. `body` must make the helpers return; it does not unwind.
 #[cfg(unix)]
 pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl FnOnce(&dyn Fn()) -> R) -> R {
     posix::with(numbers, help, body)
@@ -53,8 +53,8 @@ impl Thread {
     }
 }
 
-/// POSIX threads without std: a thread that starts others through std gets a record that is freed by a destructor when it
-/// ends, and until then the system keeps the library in memory, even after a host has closed it.
+/// POSIX threads without std: a thread that starts others through std gets a record that is freed by a destructor when
+/// it ends, and until then the system keeps the library in memory, even after a host has closed it.
 #[cfg(unix)]
 mod posix {
     use std::cell::RefCell;
@@ -69,7 +69,7 @@ mod posix {
     /// The stack size of std's threads.
     const STACK: usize = 2 << 20;
 
-    /// What a helper runs.
+    /// Work of a helper.
     struct Start<'a> {
         help: &'a (dyn Fn(usize) + Sync),
         number: usize,

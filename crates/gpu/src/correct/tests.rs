@@ -141,8 +141,8 @@ fn both_backends_decide_alike() {
     let Some(context) = gpu(Options::default()) else { return };
     let cases = table();
     let found = on_gpu(&context, &cases);
-    // Vulkan allows an error of 2.5 units in the last place per division, and there are two divisions in a row, the second of
-    // a difference.
+    // Vulkan allows an error of 2.5 units in the last place per division, and there are two divisions in a row, the
+    // second of a difference.
     let tolerance = if is_software(&context.adapter) { 0.0 } else { 1e-6 };
     let mut between = 0;
     for (case, found) in cases.iter().zip(&found) {

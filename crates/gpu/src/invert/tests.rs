@@ -127,7 +127,7 @@ fn counting(context: &Context, exact: bool) -> Pipeline {
     Pipeline::from_text(&context.device, source, text)
 }
 
-/// How often each texel is written.
+/// Number of writes to each texel.
 fn writes(output: &Output, counting: &Pipeline, u: &Displacements, size: [usize; 2]) -> Vec<u32> {
     let mut all = Vec::new();
     // The counts, one per texel, fill the first half of the image's bytes.

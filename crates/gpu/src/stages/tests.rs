@@ -17,8 +17,8 @@ use vrtm_core::method::plan::{Input, Summary};
 use vrtm_core::method::stage::{Stage, Stages, Start};
 use vrtm_core::settings::TileSettings;
 
-/// Solves level 0 of a stretched sheet, lets `change` alter its state, and certifies it. Returns the outcome, and whether
-/// any node moved.
+/// Solves level 0 of a stretched sheet, lets `change` alter its state, and certifies it. Returns the outcome, and
+/// whether any node moved.
 fn certified(context: &Arc<crate::context::Context>, change: impl Fn(&mut [u32])) -> (TileSolution, bool) {
     let mesh = sheet(8, |u, v| [u, v, 0.0]);
     let tile = &mesh.tiles[0];

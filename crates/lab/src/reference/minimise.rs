@@ -112,8 +112,8 @@ impl Minimiser<'_> {
         best
     }
 
-    /// Follows the minimum from the rest metric towards that of the pose: in a crowded chart the minimum reached depends
-    /// on the path, and using the pose's metric at once drives nodes into the bound unnecessarily.
+    /// Follows the minimum from the rest metric towards that of the pose: in a crowded chart the minimum reached
+    /// depends on the path, and using the pose's metric at once drives nodes into the bound unnecessarily.
     fn ease(&mut self, grid: &mut Multigrid, initial: f64, mut u: Vec<DVec2>) -> Vec<DVec2> {
         for t in STAGES {
             let surface = (self.surface)(t);

@@ -1,4 +1,5 @@
-//! The falloff of step fractions (method §7.6): lowers them until those of neighbouring nodes differ by at most a chart's
+//! The falloff of step fractions (method §7.6): lowers them until those of neighbouring nodes differ by at most a
+//! chart's
 //! *slope*. It reaches as far as it has to: it goes along the rows of nodes, forth and back, and then along the columns,
 //! through all blocks that lie side by side.
 

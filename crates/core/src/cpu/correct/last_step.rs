@@ -32,8 +32,8 @@ impl Run<'_> {
         self.each_block(level, |_| {}, |_, b, _| encode(b));
     }
 
-    /// Adds to the step of `level` the part of the last step that is conjugate to both directions, at the length that is
-    /// best for the model, and what it gains to `predicted`. The residual is that between the two directions.
+    /// Adds to the step of `level` the part of the last step that is conjugate to both directions, at the length that
+    /// is best for the model, and what it gains to `predicted`. The residual is that between the two directions.
     pub(super) fn add_last_step(
         &self,
         level: usize,
@@ -90,8 +90,8 @@ impl Run<'_> {
     }
 }
 
-/// The factors of the step of chart `c`, and what the last step gains. `products` are those of A p with the last step p,
-/// the step so far x and the second direction s1, and that of p with the residual.
+/// The factors of the step of chart `c`, and what the last step gains. `products` are those of A p with the last step
+/// p, the step so far x and the second direction s1, and that of p with the residual.
 fn combined(products: [f64; 4], directions: &Directions, c: usize) -> (Factors, f64) {
     const UNCHANGED: (Factors, f64) = ([1.0, 0.0, 0.0], 0.0);
     let [curvature, of_step, of_second, of_residual] = products;

@@ -1,6 +1,6 @@
 //! The preconditioner of conjugate gradients: a V(3,3) cycle (method §7.4). The smoother is additive over blocks of
-//! nodes, which are therefore independent of one another; inside a block it is Gauss-Seidel of 2x2 matrices in four node
-//! colours. It runs backwards after the coarse correction, so that the cycle is symmetric, as conjugate gradients
+//! nodes, which are therefore independent of one another; inside a block it is Gauss-Seidel of 2x2 matrices in four
+//! node colours. It runs backwards after the coarse correction, so that the cycle is symmetric, as conjugate gradients
 //! require.
 
 use super::super::lanes::{LANES, Lanes, Vectorised, dispatch, each};
@@ -44,7 +44,8 @@ pub fn precondition(run: &Run, level: usize, levels: &mut [SolvingLevel]) -> Vec
     run.sum_active_per_chart(level, &dots)
 }
 
-/// Approximately solves the coarsest level: a pass forwards, from 0, and one backwards, with more sweeps than elsewhere.
+/// Approximately solves the coarsest level: a pass forwards, from 0, and one backwards, with more sweeps than
+/// elsewhere.
 fn smooth_coarsest(run: &Run, level: usize, system: &mut SolvingLevel, dots: Option<&mut Vec<f64>>) {
     let SolvingLevel { rows, residual: r, direction, product } = system;
     let sweeps = Sweeps { count: COARSEST_SWEEPS, backwards: false };
@@ -116,7 +117,7 @@ struct SmoothBlock<'a> {
     r: &'a [Plane; 2],
     windows: &'a mut [Window; 2],
     sweeps: Sweeps,
-    /// Whether to compute r·z.
+    /// True to compute r·z.
     dot: bool,
     z: &'a mut [Plane],
 }

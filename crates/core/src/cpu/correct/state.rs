@@ -1,5 +1,5 @@
-//! Reads the intermediate results of corrections (method §7), for comparing the two backends. A module of `cpu::correct`,
-//! so that it can access private state.
+//! Reads the intermediate results of corrections (method §7), for comparing the two backends. A module of
+//! `cpu::correct`, so that it can access private state.
 
 use super::super::run::Run;
 use super::super::state::flat;

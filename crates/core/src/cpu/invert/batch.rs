@@ -1,7 +1,7 @@
-//! Texel centres in the bounding boxes of warped cells, and in which triangle of its cell each lies. A cell is split by its
-//! diagonal from (0,0) to (1,1) into two triangles, on each of which W is affine. The fill rule is that of `grid::fill`:
-//! each centre belongs to exactly one triangle, because the triangles at an edge evaluate it on the same coordinates, from
-//! its lower to its higher end.
+//! Texel centres in the bounding boxes of warped cells, and in which triangle of its cell each lies. A cell is split by
+//! its diagonal from (0,0) to (1,1) into two triangles, on each of which W is affine. The fill rule is that of
+//! `grid::fill`: each centre belongs to exactly one triangle, because the triangles at an edge evaluate it on the same
+//! coordinates, from its lower to its higher end.
 //!
 //! The loop over a batch has no branches, so that the compiler makes vectors of it.
 
@@ -74,8 +74,8 @@ impl Batch {
         self.len += 1;
     }
 
-    /// Finds the triangles in which the candidates lie, calls `f(self, n, triangle)` for those that lie in one, in order, and
-    /// empties the batch.
+    /// Finds the triangles in which the candidates lie, calls `f(self, n, triangle)` for those that lie in one, in
+    /// order, and empties the batch.
     #[inline(always)]
     pub fn flush(&mut self, mut f: impl FnMut(&Batch, usize, usize)) {
         self.locate();
@@ -122,8 +122,8 @@ impl Batch {
         ]
     }
 
-    /// Finds the triangles. One without area, which only the paper's solver makes, contains nothing. In a sliver the rounded
-    /// coordinates are clamped to the triangle.
+    /// Finds the triangles. One without area, which only the paper's solver makes, contains nothing. In a sliver the
+    /// rounded coordinates are clamped to the triangle.
     #[inline(always)]
     fn locate(&mut self) {
         let Batch { x, y, node, corners: [a, b, c, d], triangle, p: [px, py], .. } = self;
@@ -161,7 +161,8 @@ impl Batch {
 struct Side {
     /// Positive to the left of the edge from its lower to its higher end, negative to its right.
     side: f64,
-    /// 1 if the edge goes from its lower to its higher end (of a horizontal one: from left to right), -1 if the other way.
+    /// 1 if the edge goes from its lower to its higher end (of a horizontal one: from left to right), -1 if the other
+    /// way.
     sign: f64,
     is_horizontal: bool,
 }
@@ -177,8 +178,8 @@ impl Side {
         Side { side: cross(along, minus(at, low)), sign: select(1.0, -1.0), is_horizontal: along.1 == 0.0 }
     }
 
-    /// True if a triangle of this signed area, which has the edge the same way round (`way` 1) or the other (-1), contains the
-    /// point as far as this edge tells. Its left and its lower edges belong to a triangle.
+    /// True if a triangle of this signed area, which has the edge the same way round (`way` 1) or the other (-1),
+    /// contains the point as far as this edge tells. Its left and its lower edges belong to a triangle.
     #[inline(always)]
     fn holds(&self, area: f64, way: f64) -> bool {
         let sign = if area < 0.0 { -way * self.sign } else { way * self.sign };

@@ -9,8 +9,8 @@ use fearless_simd::{f32x4, f32x8, mask32x8, u8x16, u16x8, u32x8};
 use super::{LANES, Lanes, Mask, each, token};
 use crate::grid::codes::Lengths;
 
-/// Whether the level's own maximum and minimum are those of x86 processors, which return the second operand if one is
-/// NaN.
+/// True if the level's own maximum and minimum are those of x86 processors, which return the second operand if
+/// one is NaN.
 #[inline(always)]
 fn has_x86_order<S: Simd>(level: S) -> bool {
     cfg!(target_arch = "x86_64") && !level.level().is_fallback()

@@ -17,7 +17,7 @@ use crate::team::SharedSlice;
 /// The parameters of integration and prediction.
 #[derive(Clone, Copy)]
 pub struct Velocity {
-    /// Whether this is the last iteration of the level, which is not followed by a prediction.
+    /// True for the last iteration of the level, which is not followed by a prediction.
     pub last: bool,
     /// Fraction of its velocity that a node keeps: 1 - damping.
     pub momentum: f32,

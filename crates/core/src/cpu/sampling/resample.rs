@@ -13,7 +13,7 @@ use super::chords::Chords;
 use super::metrics::Metrics;
 use super::{GridRow, Samples, Surface};
 
-/// Where the walk to the triangle under W(p) begins.
+/// Start of the walk to the triangle under W(p).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Start {
     /// No walk: W is the identity, and each node has its triangle at rest. Fixed nodes are sampled, too.

@@ -28,7 +28,7 @@ fn clock() -> Instant {
     *START + NOW.get()
 }
 
-/// How long a stage of a cost takes, both in seconds.
+/// Time of a stage of a cost, both in seconds.
 type Seconds = dyn Fn(&Stage, f64) -> f64 + Sync;
 
 /// A backend on a machine that takes `seconds` for a stage.
