@@ -1,0 +1,28 @@
+"""Where a map that is interpolated bilinearly is not one-to-one, by the rule of the library's certificate of maps
+(method §9): over four neighbouring texel centres the Jacobian is smallest at one of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+_ROUNDING = 1e-11
+"""A Jacobian as small as this is one of coarsely rounded neighbours that are equal."""
+
+
+def folds(delta: np.ndarray) -> tuple[int, float]:
+    """Of the map `UV + delta`: the quads that fold, and the smallest Jacobian (1 at most). `delta`: (height, width, 2),
+    the first row at the top, v up."""
+    height, width = delta.shape[:2]
+    rows, columns = np.mgrid[:height, :width].astype(np.float64)
+    at = np.stack([columns + delta[..., 0] * float(width), (height - 1 - rows) + delta[..., 1] * float(height)], -1)
+    across, up = np.diff(at, axis=1), -np.diff(at, axis=0)
+    if not across.size or not up.size:
+        return 0, 1.0
+    low, high, left, right = across[1:], across[:-1], up[:, :-1], up[:, 1:]
+    least = np.minimum.reduce([_cross(edge, side) for edge in (low, high) for side in (left, right)])
+    least[np.abs(least) < _ROUNDING] = 0
+    return int((least <= 0).sum()), min(1.0, float(least.min()))
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -1,0 +1,167 @@
+"""Basis maps: the fit and its bound, folds, weights of controls, strain. The checks are computed here, from their
+definitions."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import vrtm
+from conftest import studs
+from vrtm.basis.controls import drive
+from vrtm.basis.fit import fit, summed
+from vrtm.basis.folds import folds
+from vrtm.basis.strain import Ruler, Strain
+
+SIDE = 24
+
+
+def bumps(count: int, seed: int = 1, size: float = 0.01) -> np.ndarray:
+    """(count, texels, 2): smooth deltas, each of another place."""
+    random = np.random.default_rng(seed)
+    x, y = np.meshgrid(*(np.arange(SIDE) / SIDE,) * 2)
+    made = []
+    for _ in range(count):
+        u, v = random.uniform(0.2, 0.8, 2)
+        made.append(np.exp(-((x - u) ** 2 + (y - v) ** 2) / 0.01)[..., None] * random.uniform(-size, size, 2))
+    return np.array(made, np.float32).reshape(count, -1, 2)
+
+
+def largest(maps: np.ndarray, weights: np.ndarray, deltas: np.ndarray) -> np.ndarray:
+    """(frames,): the largest error, by plain loops."""
+    found = []
+    for row, delta in zip(weights, deltas):
+        total = np.zeros(delta.shape)
+        for weight, one in zip(row, maps):
+            total += float(weight) * one.astype(float)
+        found.append(np.hypot(*(total - delta).T).max())
+    return np.array(found)
+
+
+def test_sums_stay_within_the_bound_with_as_few_maps_as_that_takes() -> None:
+    """Twelve frames of three shapes take three maps; with a coarse bound fewer do."""
+    shapes, random = bumps(3), np.random.default_rng(2)
+    deltas = np.einsum("fk,ktc->ftc", random.uniform(-1, 1, (12, 3)), shapes).astype(np.float32)
+    # Three maps in f16 are off by some 2^-11 of their largest value, 0.01.
+    basis = fit(deltas, 2e-5)
+    assert basis is not None and len(basis) == 3
+    found = largest(basis.maps, basis.weights, deltas)
+    assert (found <= 2e-5).all()
+    np.testing.assert_allclose(found, basis.errors, rtol=1e-6)
+    assert basis.maps.dtype == np.float16
+    np.testing.assert_allclose(np.abs(basis.weights).max(axis=0), 1, rtol=0.01)
+    coarse = fit(deltas, 0.5 * np.hypot(*deltas.reshape(-1, 2).T).max())
+    assert coarse is not None and len(coarse) < 3
+    assert fit(deltas, 1e-9) is None, "f16 cannot hold it"
+
+
+def test_frames_at_rest_take_no_map() -> None:
+    basis = fit(np.zeros((3, 10, 2), np.float32), 1e-3)
+    assert basis is not None and len(basis) == 0 and basis.weights.shape == (3, 0)
+
+
+def test_a_sum_of_maps_without_folds_may_fold_and_is_told_apart() -> None:
+    """Two shears along different axes, each one-to-one: together they turn a quad over."""
+    ramp = np.linspace(0, 1, SIDE)
+    x, y = np.meshgrid(ramp, ramp[::-1])
+    one, other = np.stack([-0.8 * x, 0 * x], -1), np.stack([-0.8 * x, 0 * x], -1)
+    assert folds(one)[0] == 0 and folds(other)[0] == 0
+    count, least = folds(one + other)
+    assert count == (SIDE - 1) ** 2
+    # x becomes x - 1.6 x, over texels that are 1/24 apart and ramps of 1/23.
+    assert least == pytest.approx(1 - 1.6 * SIDE / (SIDE - 1))
+    turned = np.stack([0 * x, -0.9 * y], -1)
+    assert folds(turned)[1] == pytest.approx(1 - 0.9 * SIDE / (SIDE - 1)), "rows go down, v goes up"
+
+
+def test_folds_are_counted_as_by_the_library(asset: vrtm.Asset, model: SimpleNamespace) -> None:
+    asset.solve(model.pose)
+    tile = asset.tile(1001)
+    for size in (32, 64):
+        told = tile.inspect_map("redirection_delta", size)
+        count, least = folds(tile.fetch("redirection_delta", size)[..., :2].astype(float))
+        assert count == told.folds and least == pytest.approx(told.min_jacobian, abs=1e-6)
+
+
+def test_what_does_not_hold_takes_more_maps() -> None:
+    """The basis grows until it is accepted."""
+    deltas = bumps(4)
+    basis = fit(deltas, 1.0, lambda basis: len(basis) >= 3)
+    assert basis is not None and len(basis) == 3
+    assert fit(deltas, 1.0, lambda basis: False) is None
+
+
+POSES = {
+    "one shape": [(1,)],
+    "two shapes and their combination": [(1, 0), (0, 0.5), (1, 1)],
+    "in between": [(0.5,), (1,), (-1,)],
+    "mixtures": [(0.2, 0.4, 0.1), (0.9, 0.1, 0.3), (0.5, 0.5, 0.5), (0.1, 0.2, 0.9)],
+}
+
+
+@pytest.mark.parametrize("poses", POSES.values(), ids=POSES)
+def test_weights_are_exact_at_the_poses_and_0_at_rest(poses: list[tuple[float, ...]]) -> None:
+    controls = np.array(poses)
+    weights = np.random.default_rng(3).uniform(-1, 1, (len(controls), 2))
+    driver = drive(tuple("abc"[: controls.shape[1]]), controls, weights)
+    np.testing.assert_allclose(driver(controls), weights, atol=1e-12)
+    np.testing.assert_allclose(driver(np.zeros((1, controls.shape[1]))), 0, atol=1e-12)
+
+
+def test_products_of_controls_are_those_of_the_poses() -> None:
+    """w(a, b) = 2 a + 3 b + 5 a b, from three poses; and in between, linear from pose to pose."""
+    controls = np.array(POSES["two shapes and their combination"])
+    driver = drive(("a", "b"), controls, (2 * controls[:, :1] + 3 * controls[:, 1:] + 5 * controls.prod(1)[:, None]))
+    assert driver.form == "products" and driver.term_names() == ["a", "b", "a*b"]
+    for a, b in itertools.product((0, 0.3, 0.7, 1), repeat=2):
+        assert driver(np.array([[a, b]]))[0, 0] == pytest.approx(2 * a + 3 * b + 5 * a * b)
+    line = drive(("a",), np.array([[0.5], [1.0]]), np.array([[3.0], [4.0]]))
+    assert [line(np.array([[x]]))[0, 0] for x in (0.25, 0.75)] == pytest.approx([1.5, 3.5])
+
+
+def test_poses_with_the_same_controls_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"two poses have the controls \{'a': 1.0\}"):
+        drive(("a",), np.array([[1.0], [1.0]]), np.array([[1.0], [2.0]]))
+
+
+def test_strain_of_a_stretch_and_of_the_map_that_undoes_it() -> None:
+    """A square that is stretched by 1.5 in x: 0.5 along x with its own UVs, and none where the map samples the texture
+    1.5 times as fast."""
+    uvs = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
+    triangles = np.array([[0, 1, 2], [0, 2, 3]])
+    rest = np.hstack([uvs, np.zeros((4, 1))])
+    ruler = Ruler(uvs[triangles], triangles, triangles, np.ones((SIDE, SIDE)))
+    own = Strain.of(*ruler.strains(np.zeros((SIDE, SIDE, 2)), rest, rest * (1.5, 1, 1)))
+    # In equal numbers, less a row or a column: along x, along y, and along both diagonals, which grow to sqrt(1.625).
+    sizes = {0.5: SIDE * (SIDE - 1), 0.0: SIDE * (SIDE - 1), math.sqrt(1.625) - 1: 2 * (SIDE - 1) ** 2}
+    mean = sum(size**2 * count for size, count in sizes.items()) / sum(sizes.values())
+    assert own.rms == pytest.approx(math.sqrt(mean)) and own.max == pytest.approx(0.5)
+    assert own.segments == sum(sizes.values()) and own.lost == 0
+    x = (np.arange(SIDE) + 0.5) / SIDE
+    delta = np.zeros((SIDE, SIDE, 2))
+    delta[..., 0] = 0.5 * (x - x[0])
+    values, lost = ruler.strains(delta, rest, rest * (1.5, 1, 1))
+    assert np.abs(values).max() < 1e-9
+    assert lost > 0, "what leaves the chart is told"
+
+
+def test_strain_is_that_of_the_librarys_own_measure(asset: vrtm.Asset, model: SimpleNamespace) -> None:
+    """Segments of the one are those between texels of the surface, of the other those between nodes of the texture: the
+    mean of many is about the same."""
+    asset.solve(model.pose, measure=True)
+    tile, faces = asset.tile(1001), model.faces
+    triangles = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
+    ruler = Ruler(model.uvs[triangles], triangles, triangles, studs() / 255)
+    report = tile.report()
+    for delta, told in ((np.zeros((128, 128, 2)), report.before), (tile.fetch("redirection_delta"), report.after)):
+        found = Strain.of(*ruler.strains(delta[..., :2], model.rest, model.pose))
+        assert found.lost == 0 and found.rms == pytest.approx(told.rms, rel=0.05, abs=1e-3)
+
+
+def test_sums_are_of_the_stored_numbers() -> None:
+    maps, weights = bumps(2).astype(np.float16), np.array([[0.25, -1.5]], np.float32)
+    np.testing.assert_array_equal(summed(maps, weights)[0], 0.25 * maps[0].astype(float) - 1.5 * maps[1].astype(float))
