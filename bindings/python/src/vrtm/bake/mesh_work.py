@@ -155,9 +155,10 @@ class MeshWork:
         yield from ((copy, paths[tile.udim]) for copy, paths in tile.part.textures if tile.udim in paths)
 
     def _image_names(self, tiles: Sequence[TileWork], frame: Frame, pattern: Pattern) -> list[str]:
-        return [self._name(pattern, of.kind, frame, tile, path) for tile in tiles for of, path in self._images(tile)]
+        return [self.path(pattern, of.kind, frame, tile, path) for tile in tiles for of, path in self._images(tile)]
 
-    def _name(self, pattern: Pattern, kind: str, frame: Frame, tile: TileWork, texture: str = "") -> str:
+    def path(self, pattern: Pattern, kind: str, frame: Frame, tile: TileWork, texture: str = "") -> str:
+        """The file of a tile; that of a basis map has its number in the frame's place."""
         ending = warped.extension(texture) if texture else ".exr"
         name = pattern.name(self.shape.name, kind, frame, tile.udim, ending, tile.layer, tile.part.subset)
         return os.path.join(self.settings.out, name)
@@ -178,7 +179,7 @@ class MeshWork:
         facts = self._facts(output.kind, frame, tile, inputs)
         if output.form is not None:
             facts["vrtm:form"] = output.form
-        name = self._name(pattern, output.kind, frame, tile)
+        name = self.path(pattern, output.kind, frame, tile)
         # Blender and OpenImageIO take the first for the colour space. No chromaticities: a program that reads those
         # converts what it takes for a colour. Edges are clamped where the wrap mode is read.
         said = {"colorInteropID": "data", "oiio:ColorSpace": "data", "wrapmodes": "clamp"}
@@ -191,7 +192,7 @@ class MeshWork:
     def _copy(self, frame: Frame, tile: TileWork, copy: warped.Copy, path: str, pose: str, pattern: Pattern) -> Piece:
         texture = copy.read(path)
         inputs = tile.inputs.copy().text(pose, texture.inputs, copy.is_normal, copy.down)
-        name, facts = self._name(pattern, copy.kind, frame, tile, path), self._facts(copy.kind, frame, tile, inputs)
+        name, facts = self.path(pattern, copy.kind, frame, tile, path), self._facts(copy.kind, frame, tile, inputs)
         target = texture.target(name, facts)
         return Piece(tile, target, copy=copy, texture=path)
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 
-from vrtm.bake import cores, dry_run, layer_file, left_out, remarks, report, sheet, staging
+from vrtm.bake import basis_maps, cores, dry_run, layer_file, left_out, remarks, report, sheet, staging
 from vrtm.bake.console import Console
 from vrtm.bake.failure import DEVICE, DONE, SIGNAL, Failure, describe
 from vrtm.bake.frames import Frame
@@ -112,6 +112,12 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
             if settings.sheet:
                 _sheets(work, console, stop, results)
             failure = report.nothing(results) or report.tolerance(work, results)
+            if settings.basis:
+                console.status("fitting basis maps")
+                lines, wrong = basis_maps.write(work, results, stop.check)
+                for line in lines:
+                    console.info(line)
+                failure = failure or wrong
             if settings.layer:
                 console.status(f"writing {settings.layer}")
                 notes, idle = layer_file.write(work)

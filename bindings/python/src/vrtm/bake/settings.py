@@ -76,6 +76,9 @@ class Settings:
     sheet: bool = False
     max_strain: float | None = None
     max_error: float | None = None
+    basis: bool = False
+    controls: str | None = None
+    held_out: tuple[Frame, ...] | None = None
     texture_size: int = 4096
 
     @property

@@ -99,8 +99,7 @@ class Work:
         self.idle: dict[str, dict[gain.Group, str]] = {}
         """What gains nothing, by the mesh's name."""
         # Without --measure, for the last lines of the bake alone.
-        last = len(self.frames) - 1
-        self._measured = {self.frames[k] for k in (last // 4, last // 2, last)}
+        self._measured = {self.frames[k * (len(self.frames) - 1) // 4] for k in (1, 2, 4)}
         self._poses: dict[str, list[str]] = {}
         if choices is not None:
             self.leave_out(choices.idle)
@@ -167,7 +166,7 @@ class Work:
         # Not by the frames and tiles of this call: another task may write the others.
         counts = {
             "<mesh>": len(self.shapes),
-            "<kind>": len(next(iter(self.meshes.values())).listed) + len(copies),
+            "<kind>": len(next(iter(self.meshes.values())).listed) + len(copies) + self.settings.basis,
             "<frame>": len(self.frames),
             "<UDIM>": max(len(mesh.all_udims) for mesh in self.meshes.values()),
         }
@@ -250,12 +249,10 @@ class Work:
         for mesh in self.meshes.values() if not self.settings.only_layer else ():
             for tile in mesh.tiles:
                 for frame in self.frames:
-                    name = self.pattern.name(
-                        mesh.shape.name, "redirect", frame, tile.udim, layer=tile.layer, subset=tile.part.subset
-                    )
-                    found = image_file.told(os.path.join(self.settings.out, name))
+                    name = mesh.path(self.pattern, "redirect", frame, tile)
+                    found = image_file.told(name)
                     if fact in found:
-                        yield os.path.join(self.settings.out, name), found[fact]
+                        yield name, found[fact]
 
     def check_files(self, of_layer: Sequence[str] = ()) -> None:
         """Raises Conflict if a file cannot be written without the loss of another, Failure if a folder is missing.
@@ -270,9 +267,9 @@ class Work:
             inputs += [(path, f"--{option}") for option, paths in part.maps.items() for path in paths.values()]
             inputs += [(path, "--texture") for _, paths in part.textures for path in paths.values()]
         inputs += [(path, "a file of the scene") for path in self.scene.files]
-        if settings.log is not None:
-            # It is open.
-            inputs.append((settings.log, "--log"))
+        # The log is open.
+        further = {"--controls": settings.controls, "--log": settings.log}
+        inputs += [(path, option) for option, path in further.items() if path is not None]
         outputs += [(path, "--layer") for path in of_layer]
         outputs += [(path, option) for option, path in settings.beside.items()]
         for name in (settings.out, *settings.beside.values()):
@@ -294,9 +291,18 @@ class Work:
                 )
 
     def _names(self) -> Iterator[str]:
-        return (
-            name for mesh in self.meshes.values() for frame in self.frames for name in mesh.names(frame, self.pattern)
-        )
+        for mesh in self.meshes.values():
+            for frame in self.frames:
+                yield from mesh.names(frame, self.pattern)
+            if self.settings.basis and mesh.gains:
+                yield self.basis_file(mesh.shape.name)
+                # There may be as many basis maps as frames.
+                numbers = range(len(self.frames))
+                yield from (mesh.path(self.pattern, "basis", k, tile) for tile in mesh.tiles for k in numbers)
+
+    def basis_file(self, mesh: str) -> str:
+        """The path of a mesh's weights of basis maps."""
+        return os.path.join(self.settings.out, f"{mesh}.basis.json" if len(self.shapes) > 1 else "basis.json")
 
     def sheets(self) -> dict[str, str]:
         """The file of each mesh's sheet, if sheets are to be drawn."""

@@ -1,0 +1,49 @@
+"""The options of basis maps."""
+
+from __future__ import annotations
+
+import argparse
+
+from vrtm.bake import frames
+from vrtm.bake.parsing import flag, listed
+from vrtm.bake.settings import AUTO
+
+
+def add(group: argparse._ArgumentGroup) -> None:
+    """Adds them."""
+    flag(
+        group,
+        "--basis",
+        "also write as few maps as it takes, and weights per frame, such that the weighted sum of these maps is off by "
+        "at most --max-error texels (1) from the redirection of any frame",
+    )
+    group.add_argument(
+        "--controls",
+        metavar="FILE",
+        help="with --basis: the frames are poses of a rig, and the weights functions of its controls: a table with "
+        "commas, the first line 'frame' and the controls' names, then a line of numbers per frame",
+    )
+    group.add_argument(
+        "--held-out",
+        type=listed(frames.parse),
+        metavar="LIST",
+        help="with --basis: frames to measure the sum on that it is not fitted to",
+    )
+
+
+def wrong(a: argparse.Namespace) -> dict[str, object]:
+    """What may be wrong with them, each with whether it is."""
+    both = "exclude each other"
+    return {
+        "--controls needs --basis": a.controls is not None and not a.basis,
+        "--held-out needs --basis": a.held_out is not None and not a.basis,
+        **{
+            f"--basis and {option} {both}": a.basis and given
+            for option, given in {
+                f"--map-size {AUTO}": a.map_size == AUTO,
+                "--only-layer": a.only_layer,
+                "--texture-uv": a.texture_uv is not None,
+                "--tiles": a.tiles is not None,
+            }.items()
+        },
+    }

@@ -1,0 +1,283 @@
+"""Basis maps: a few maps whose weighted sums stand for those of all frames, with the weights and what was measured."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+import vrtm
+from vrtm.bake import basis_tiles, image_file, staging
+from vrtm.bake.basis_tiles import TileMaps
+from vrtm.bake.controls_file import Controls, read
+from vrtm.bake.failure import INPUT, TOLERANCE, Failure
+from vrtm.bake.fingerprint import Fingerprint
+from vrtm.bake.frames import Frame
+from vrtm.bake.image_file import Target
+from vrtm.bake.mesh_work import FrameResult, MeshWork
+from vrtm.bake.words import counted
+from vrtm.bake.work import Work
+from vrtm.basis.controls import Driver, drive
+from vrtm.basis.fit import Basis, fit, fitted_weights, summed
+
+VERSION = 1
+"""Of the way of fitting: maps that were fitted in another way are not up to date."""
+_RANDOM = 32
+"""Poses of random controls that are looked at for folds."""
+
+
+def write(work: Work, results: Sequence[FrameResult], stop: Callable[[], None]) -> tuple[list[str], Failure | None]:
+    """Writes the basis maps of each mesh, and a file of weights. Returns what is to be said of them, and why they are
+    not as asked for, if so. Raises Failure, SceneError."""
+    controls = read(work.settings.controls) if work.settings.controls else None
+    lines: list[str] = []
+    failure: Failure | None = None
+    for name, mesh in work.meshes.items():
+        there = sorted(result.frame for result in results if result.mesh == name and result.tiles)
+        if there:
+            document, state = _MeshBasis(work, mesh, there, controls, stop).made()
+            lines += _told(document, work.basis_file(name), state)
+            failure = failure or _failure(document, name)
+    return lines, failure
+
+
+@dataclass
+class _MeshBasis:
+    """The basis of a mesh in the frames that have maps."""
+
+    work: Work
+    mesh: MeshWork
+    frames: list[Frame]
+    controls: Controls | None
+    stop: Callable[[], None]
+
+    def made(self) -> tuple[dict, str]:
+        """The document of weights, and whether it was written or up to date."""
+        settings = self.work.settings
+        held = [frame for frame in self.frames if frame in (settings.held_out or ())]
+        fitted = [frame for frame in self.frames if frame not in held]
+        if not fitted:
+            raise Failure(INPUT, f"--held-out: no frame of {self.mesh.shape.path} is left to fit basis maps to")
+        bound = (1.0 if settings.max_error is None else settings.max_error) / settings.texture_size
+        path = self.work.basis_file(self.mesh.shape.name)
+        inputs = Fingerprint().text(VERSION, vrtm.version(), bound, settings.texture_size, fitted, held)
+        for frame in self.frames:
+            for file in self._files(frame):
+                inputs.text(image_file.told(file).get("vrtm:inputs"))
+        if self.controls is not None:
+            inputs.text(self.controls.names, self.controls.of(self.frames).tolist())
+        known = None if settings.force else self._known(path, inputs.hex())
+        if known is not None:
+            return known, "up to date"
+        deltas, sizes = self._deltas(fitted)
+        tiles = basis_tiles.tile_maps(self.mesh, sizes)
+        # A map per frame may fold where few texels squeeze much; the sum must not in more places.
+        allowed = [basis_tiles.fold_counts(tiles, delta) for delta in deltas]
+        basis = fit(deltas, bound, lambda basis: not self._folding(tiles, basis, allowed))
+        if basis is None:
+            raise Failure(
+                INPUT,
+                f"{self.mesh.shape.path}: maps of 16 bits are off by more than {bound * settings.texture_size:g} "
+                "texels, or fold: --max-error must be larger, or --texture-size smaller",
+            )
+        document = self._document(tiles, basis, deltas, fitted, held) | {"inputs": inputs.hex()}
+        files = self._write(tiles, basis, inputs)
+        document["files"] = files
+        self._sweep(len(basis))
+        ordered = {"program": {"name": "vrtm bake", "version": vrtm.version()}} | document
+        staging.write_bytes(path, (json.dumps(ordered, indent=1) + "\n").encode())
+        return ordered, "written"
+
+    def _known(self, path: str, inputs: str) -> dict | None:
+        """The document that is there, if it and its maps are made of these inputs."""
+        try:
+            with open(path, encoding="utf-8") as file:
+                document = json.load(file)
+            if document.get("inputs") != inputs:
+                return None
+            for tile in self.mesh.tiles:
+                for number in range(document["maps"]):
+                    target = self._target(tile, number, (0, 0), inputs)
+                    if image_file.up_to_date(target, self.work.settings.overwrite) is None:
+                        return None
+            return document
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return None
+
+    def _files(self, frame: Frame) -> list[str]:
+        """The redirection maps of a frame, one per tile."""
+        return [self.mesh.path(self.work.pattern, "redirect", frame, tile) for tile in self.mesh.tiles]
+
+    def _deltas(self, wanted: list[Frame]) -> tuple[np.ndarray, list[tuple[int, int]]]:
+        """(frames, texels of all tiles, 2), and the tiles' sizes."""
+        rows, sizes = [], []
+        for frame in wanted:
+            self.stop()
+            images = [basis_tiles.read_delta(path, self.work.settings.form) for path in self._files(frame)]
+            sizes = [image.shape[1::-1] for image in images]
+            rows.append(np.concatenate([image.reshape(-1, 2) for image in images]))
+        return np.stack(rows), sizes
+
+    def _folding(self, tiles: list[TileMaps], basis: Basis, allowed: list[list[int]]) -> bool:
+        """Whether the sum of a frame folds where the frame's own map does not."""
+        for weights, own in zip(basis.weights, allowed):
+            self.stop()
+            counts = basis_tiles.fold_counts(tiles, summed(basis.maps, weights[None])[0])
+            if any(count > most for count, most in zip(counts, own)):
+                return True
+        return False
+
+    def _document(
+        self, tiles: list[TileMaps], basis: Basis, deltas: np.ndarray, fitted: list[Frame], held: list[Frame]
+    ) -> dict:
+        driver = None
+        if self.controls is not None:
+            try:
+                driver = drive(self.controls.names, self.controls.of(fitted), basis.weights)
+            except ValueError as error:
+                raise Failure(INPUT, f"--controls {self.controls.path}: {error}") from None
+        rows = [
+            self._row(tiles, basis, weights, delta, frame)
+            for weights, delta, frame in zip(basis.weights, deltas, fitted)
+        ]
+        outside = []
+        for frame in held:
+            delta = self._deltas([frame])[0]
+            if driver is not None and self.controls is not None:
+                weights = driver(self.controls.of([frame])).astype(np.float32)
+            else:
+                weights = fitted_weights(basis.maps, delta)
+            outside.append(self._row(tiles, basis, weights[0], delta[0], frame))
+        texels = sum(width * height for width, height in (tile.size for tile in tiles))
+        settings = self.work.settings
+        return {
+            "mesh": self.mesh.shape.name,
+            "maps": len(basis),
+            "max_error": 1.0 if settings.max_error is None else settings.max_error,
+            "texture_size": settings.texture_size,
+            "bytes": {"basis": 4 * texels * len(basis), "maps": 4 * texels * len(fitted)},
+            "worst": max(rows, key=lambda row: row["error"]),
+            "worst_held_out": max(outside, key=lambda row: row["error"], default=None),
+            "random": self._random(tiles, basis, driver, fitted, max(row["folds"]["map"] for row in rows)),
+            "driver": None if driver is None else driver.document(),
+            "frames": rows,
+            "held_out": outside,
+        }
+
+    def _row(self, tiles: list[TileMaps], basis: Basis, weights: np.ndarray, delta: np.ndarray, frame: Frame) -> dict:
+        """What is measured of a frame. Errors are in texels of the texture."""
+        self.stop()
+        total = summed(basis.maps, weights[None])[0]
+        off = np.linalg.norm(total - delta, axis=1)[delta.any(axis=1) | total.any(axis=1)]
+        off = off * self.work.settings.texture_size if len(off) else np.zeros(1)
+        pose = self.work.scene.positions(self.mesh.shape, frame)
+        strains = {
+            name: basis_tiles.strain(tiles, self.mesh.shape, pose, maps)
+            for name, maps in (("own_uvs", np.zeros_like(delta)), ("map", delta), ("basis", total))
+        }
+        return {
+            "frame": frame,
+            "weights": [float(weight) for weight in weights],
+            "error": float(off.max()),
+            "error_p99": float(np.quantile(off, 0.99)),
+            "error_mean": float(off.mean()),
+            "folds": {"map": basis_tiles.folds_of(tiles, delta), "basis": basis_tiles.folds_of(tiles, total)},
+            "strain": {name: None if found is None else dataclasses.asdict(found) for name, found in strains.items()},
+        }
+
+    def _random(
+        self, tiles: list[TileMaps], basis: Basis, driver: Driver | None, fitted: list[Frame], most: int
+    ) -> dict | None:
+        """Whether the sum folds in more than `most` places, those of the poses' own maps, where controls are anywhere
+        between the least and the largest of the poses."""
+        if driver is None or self.controls is None:
+            return None
+        known = self.controls.of(fitted)
+        low, high = np.minimum(known.min(axis=0), 0), np.maximum(known.max(axis=0), 0)
+        # The same in each bake.
+        tried = np.random.default_rng(1).uniform(low, high, (_RANDOM, len(low)))
+        worst, count, folding = None, 0, 0
+        for values, weights in zip(tried, driver(tried)):
+            self.stop()
+            found = basis_tiles.folds_of(tiles, summed(basis.maps, weights[None].astype(np.float32))[0])
+            folding += found > most
+            if found > count:
+                worst, count = dict(zip(driver.names, map(float, values.round(4)))), found
+        return {"poses": _RANDOM, "folding": folding, "folds": count, "folds_of_maps": most, "worst": worst}
+
+    def _target(self, tile, number: int, size: tuple[int, int], inputs: str) -> Target:
+        facts: dict[str, str | int] = {
+            "vrtm:kind": "basis",
+            "vrtm:form": "delta",
+            "vrtm:mesh": self.mesh.shape.name,
+            "vrtm:udim": tile.udim,
+            "vrtm:map": number,
+            "vrtm:version": vrtm.version(),
+            "vrtm:inputs": inputs,
+        }
+        said = {"colorInteropID": "data", "oiio:ColorSpace": "data", "wrapmodes": "clamp"}
+        attributes = {name: ("string", value) for name, value in said.items()}
+        path = self.mesh.path(self.work.pattern, "basis", number, tile)
+        return Target(path, *size, ("R", "G", "B"), "float16", facts, attributes)
+
+    def _write(self, tiles: list[TileMaps], basis: Basis, inputs: Fingerprint) -> list[dict]:
+        files = []
+        for maps in tiles:
+            names = []
+            for number, texels in enumerate(basis.maps):
+                self.stop()
+                target = self._target(maps.tile, number, maps.size, inputs.hex())
+                image = maps.image(texels)
+                pixels = np.concatenate([image, np.zeros_like(image[..., :1])], axis=-1)
+                # Raises Failure for one that somebody has painted on.
+                image_file.up_to_date(target, self.work.settings.overwrite)
+                image_file.write(target, pixels)
+                names.append(os.path.relpath(target.path, self.work.settings.out))
+            files.append({"udim": maps.tile.udim, "layer": maps.tile.layer, "size": list(maps.size), "maps": names})
+        return files
+
+    def _sweep(self, count: int) -> None:
+        """Removes maps of an earlier basis that had more of them."""
+        for tile in self.mesh.tiles:
+            for number in range(count, len(self.work.frames)):
+                image_file.remove(self.mesh.path(self.work.pattern, "basis", number, tile), self.mesh.shape.name)
+
+
+def _told(document: dict, path: str, state: str) -> list[str]:
+    worst, share = document["worst"], document["bytes"]
+    lines = [
+        f"{path}: {counted(document['maps'], 'basis map')} in place of {counted(len(document['frames']), 'map')}, "
+        f"{share['basis'] / 1e6:.1f} MB of {share['maps'] / 1e6:.1f} MB, {state}; frame {worst['frame']} is the worst: "
+        f"off by {worst['error']:.2f} texels{_strain(worst)}"
+    ]
+    outside = document["worst_held_out"]
+    if outside is not None:
+        lines.append(
+            f"held out: frame {outside['frame']} is the worst: off by {outside['error']:.2f} texels{_strain(outside)}"
+        )
+    return lines
+
+
+def _strain(row: dict) -> str:
+    own, one, total = (row["strain"][name] for name in ("own_uvs", "map", "basis"))
+    return (
+        ""
+        if total is None
+        else f", strain {own['rms']:.4f}, with its own map {one['rms']:.4f}, with the sum {total['rms']:.4f}"
+    )
+
+
+def _failure(document: dict, name: str) -> Failure | None:
+    random = document["random"]
+    if random is None or not random["folding"]:
+        return None
+    values = ", ".join(f"{control} {value:g}" for control, value in random["worst"].items())
+    return Failure(
+        TOLERANCE,
+        f"{name}: the sum of basis maps folds in {counted(random['folding'], 'pose')} of {random['poses']} with random "
+        f"controls, in {counted(random['folds'], 'place')} with {values}: a frame with such a pose helps",
+    )

@@ -1,0 +1,184 @@
+"""`vrtm bake --basis`: the sums of the maps that it writes, computed here from the files, against the map of each
+frame."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pxr import Gf, Usd, UsdGeom
+
+from bake_scenes import MESH, attributes, files, image, pixels, run, sheet, sheet_arguments
+
+TILES = (1001, 1002)
+# Texels of the texture per side, and the bound on errors in these.
+SIZE = 1024
+BOUND = 4.0
+
+
+def gentle(folder: Path, frames: int) -> None:
+    """The sheet with a third of its motion: what is squeezed by more folds between the texels of small maps."""
+    stage = Usd.Stage.Open(str(sheet(folder / "scene", frames=frames, cells=4)))
+    prim = stage.GetPrimAtPath(MESH)
+    rest = np.array(UsdGeom.PrimvarsAPI(prim).GetPrimvar("Pref").Get())
+    points = UsdGeom.Mesh(prim).GetPointsAttr()
+    for frame in range(1, frames + 1):
+        points.Set([Gf.Vec3f(*map(float, p)) for p in rest + (np.array(points.Get(frame)) - rest) / 3], frame)
+    stage.Save()
+
+
+def bake(folder: Path, *more: object, expect: int | None = 0, scene: Path | None = None) -> str:
+    scene = scene or folder / "scene" / "sheet.usda"
+    arguments = sheet_arguments(scene, folder / "out", "--size", 32, "--texture-size", SIZE)
+    ended = run(*arguments, "--basis", "--jobs", 1, *more, expect=expect)
+    return ended.stdout + ended.stderr
+
+
+def document(folder: Path) -> dict:
+    return json.loads((folder / "out" / "basis.json").read_text())
+
+
+def off(out: Path, frame: int, weights: list[float], count: int) -> float:
+    """The largest distance of the sum from a frame's map, in texels of the texture, over both tiles."""
+    most = 0.0
+    for udim in TILES:
+        own = pixels(out / f"redirect.{frame:04}.{udim}.exr")[..., :2].astype(float)
+        height, width = own.shape[:2]
+        x, y = np.meshgrid((np.arange(width) + 0.5) / width, 1 - (np.arange(height) + 0.5) / height)
+        total = np.stack([x, y], -1)
+        for number in range(count):
+            total += weights[number] * pixels(out / f"basis.{number:04}.{udim}.exr")[..., :2].astype(float)
+        most = max(most, SIZE * float(np.hypot(*np.moveaxis(total - own, -1, 0)).max()))
+    return most
+
+
+@pytest.fixture(scope="module")
+def motion(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("motion")
+    gentle(folder, 6)
+    bake(folder, "--max-error", BOUND, "--held-out", 4, expect=None)
+    return folder
+
+
+def test_sums_are_within_the_bound_in_each_frame_and_the_worst_is_named(motion: Path) -> None:
+    told, out = document(motion), motion / "out"
+    assert 0 < told["maps"] < 5 and told["max_error"] == BOUND and told["texture_size"] == SIZE
+    assert [row["frame"] for row in told["frames"]] == [1, 2, 3, 5, 6]
+    found = {row["frame"]: off(out, row["frame"], row["weights"], told["maps"]) for row in told["frames"]}
+    for row in told["frames"]:
+        # The maps hold UVs in f32, and what is compared here is not rounded in between.
+        assert row["error"] == pytest.approx(found[row["frame"]], abs=2e-4)
+        assert found[row["frame"]] <= BOUND + 2e-4 and row["folds"] == {"map": 0, "basis": 0}
+        strain = row["strain"]
+        assert strain["basis"]["rms"] < 0.5 * strain["own_uvs"]["rms"]
+        assert strain["basis"]["rms"] == pytest.approx(strain["map"]["rms"], abs=0.01)
+    assert told["worst"]["frame"] == max(found, key=lambda frame: found[frame])
+    [held] = told["held_out"]
+    assert held["frame"] == 4 == told["worst_held_out"]["frame"]
+    assert held["error"] == pytest.approx(off(out, 4, held["weights"], told["maps"]), abs=2e-4)
+
+
+def test_maps_are_data_of_16_bits_and_one_less_does_not_do(motion: Path, tmp_path: Path) -> None:
+    told = document(motion)
+    path = motion / "out" / "basis.0000.1001.exr"
+    assert pixels(path).dtype == np.float16 and attributes(path)["colorInteropID"] == "data"
+    listed = [name for tile in told["files"] for name in tile["maps"]]
+    assert sorted(listed) == sorted(p.name for p in (motion / "out").glob("basis.*.exr"))
+    # Three maps hold three frames of their own: the fit would be of no use if it took as many.
+    assert len(listed) == 2 * told["maps"]
+    stacked = np.stack(
+        [
+            np.concatenate([pixels(motion / "out" / f"redirect.{f:04}.{u}.exr")[..., :2].ravel() for u in TILES])
+            for f in (1, 2, 3, 5, 6)
+        ]
+    ).astype(float)
+    at = (np.arange(32) + 0.5) / 32
+    own = np.stack(np.meshgrid(at, at[::-1]), -1).ravel()
+    values = np.linalg.svd(stacked - np.tile(own, 2), compute_uv=False)
+    least = values[told["maps"] - 1 :]
+    # What any sum of one map less leaves is off by more in the mean square than the bound allows at most.
+    assert np.sqrt((least**2).sum() / stacked[0].size * 2) * SIZE > 0.05 * BOUND
+
+
+def test_what_is_up_to_date_stays_and_what_is_missing_is_written(motion: Path) -> None:
+    arguments = ("--max-error", BOUND, "--held-out", 4)
+    before = files(motion / "out")
+    assert "up to date" in bake(motion, *arguments, expect=None).split("basis.json")[1].split(";")[0]
+    assert files(motion / "out") == before
+    (motion / "out" / "basis.0000.1002.exr").unlink()
+    assert ", written" in bake(motion, *arguments, expect=None)
+    assert files(motion / "out") == before, "the same bytes"
+
+
+def test_nothing_of_others_is_replaced_and_maps_that_are_left_over_go(tmp_path: Path) -> None:
+    gentle(tmp_path, 3)
+    painted = image(tmp_path / "strange.exr", np.ones((4, 4, 3), np.float32))
+    (tmp_path / "out").mkdir()
+    for name, content in (("basis.json", b'{"mine": 1}'), ("basis.0001.1001.exr", painted.read_bytes())):
+        (tmp_path / "out" / name).write_bytes(content)
+        assert f"{name} is there, and is no file that vrtm has written" in bake(tmp_path, expect=2)
+        assert files(tmp_path / "out") == {name: content}
+        (tmp_path / "out" / name).unlink()
+    bake(tmp_path, "--max-error", 0.1, expect=None)
+    many = document(tmp_path)["maps"]
+    bake(tmp_path, "--max-error", 40, expect=None)
+    few = document(tmp_path)["maps"]
+    assert few < many and len(list((tmp_path / "out").glob("basis.*.1001.exr"))) == few
+
+
+def test_weights_of_controls_are_exact_at_the_poses_and_measured_between(tmp_path: Path) -> None:
+    """Frame N of the sheet is N times one shape."""
+    gentle(tmp_path, 5)
+    table = tmp_path / "controls.csv"
+    table.write_text("frame,pull\n" + "".join(f"{n},{n / 5}\n" for n in range(1, 6)))
+    bake(tmp_path, "--controls", table, "--held-out", "2,4", "--max-error", 0.2, expect=None)
+    told = document(tmp_path)
+    driver, out = told["driver"], tmp_path / "out"
+    assert driver["controls"] == ["pull"] and driver["form"] == "distances"
+
+    def weights(pull: float) -> np.ndarray:
+        scaled = pull / np.array(driver["ranges"])
+        away = [np.linalg.norm(scaled - np.array(centre)) for centre in driver["centres"]]
+        return np.array([*away, *scaled, 1.0]) @ np.array(driver["coefficients"])
+
+    for row in told["frames"]:
+        np.testing.assert_allclose(weights(row["frame"] / 5), row["weights"], atol=1e-5)
+    # Linear in between, from pose to pose.
+    np.testing.assert_allclose(weights(0.4), (weights(0.2) + weights(0.6)) / 2, atol=1e-9)
+    for row in told["held_out"]:
+        assert row["error"] == pytest.approx(off(out, row["frame"], weights(row["frame"] / 5), told["maps"]), abs=1e-3)
+    assert told["random"]["poses"] == 32 and told["random"]["folding"] == 0
+
+
+@pytest.mark.parametrize(
+    ("table", "said"),
+    [
+        ("frame,pull\n1,0.5\n", "no row for frame 2-3"),
+        ("frame,pull\n1,x\n", ":2: '1,x' is not a frame and numbers"),
+        ("frame,pull\n1,nan\n", ":2: 1 finite numbers are needed"),
+        ("frame,pull\n1,1\n1,2\n", ":3: frame 1 is there twice"),
+        ("frame\n1\n", ":1: the first line must be 'frame', and the names"),
+        ("frame,a,a\n", ":1: each control needs a name of its own"),
+        ("frame,pull\n1,1\n2,1\n3,2\n", "two poses have the controls {'pull': 1.0}"),
+    ],
+)
+def test_bad_tables_of_controls_are_named(tmp_path: Path, table: str, said: str) -> None:
+    sheet(tmp_path / "scene", frames=3, cells=2)
+    (tmp_path / "controls.csv").write_text(table)
+    assert said in bake(tmp_path, "--controls", tmp_path / "controls.csv", expect=2)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--basis", "--map-size", "auto"), "--basis and --map-size auto exclude each other"),
+        (("--basis", "--tiles", 1001), "--basis and --tiles exclude each other"),
+        (("--controls", "a.csv"), "--controls needs --basis"),
+        (("--held-out", 1), "--held-out needs --basis"),
+    ],
+)
+def test_options_that_do_not_go_together(tmp_path: Path, options: tuple, said: str) -> None:
+    ended = run("bake", "scene.usda", "--rigidity", "r.png", *options, expect=2)
+    assert said in ended.stderr
