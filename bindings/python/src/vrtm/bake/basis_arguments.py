@@ -17,6 +17,12 @@ def add(group: argparse._ArgumentGroup) -> None:
         "also write as few maps as it takes, and weights per frame, such that the weighted sum of these maps is off by "
         "at most --max-error texels (1) from the redirection of any frame",
     )
+    flag(
+        group,
+        "--gltf",
+        "with --basis: also write glTF, the mesh with morph targets of UVs that its own weights drive: for engines and "
+        "materials without a map; it is split where UVs would be off in between",
+    )
     group.add_argument(
         "--controls",
         metavar="FILE",
@@ -36,6 +42,8 @@ def wrong(a: argparse.Namespace) -> dict[str, object]:
     both = "exclude each other"
     return {
         "--controls needs --basis": a.controls is not None and not a.basis,
+        "--gltf needs --basis": a.gltf and not a.basis,
+        f"--gltf and --subsets {both}": a.gltf and a.subsets,
         "--held-out needs --basis": a.held_out is not None and not a.basis,
         **{
             f"--basis and {option} {both}": a.basis and given

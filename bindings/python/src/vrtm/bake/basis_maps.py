@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import vrtm
-from vrtm.bake import basis_tiles, image_file, staging
+from vrtm.bake import basis_gltf, basis_tiles, image_file, staging
 from vrtm.bake.basis_tiles import TileMaps
 from vrtm.bake.controls_file import Controls, read
 from vrtm.bake.failure import INPUT, TOLERANCE, Failure
@@ -21,7 +21,7 @@ from vrtm.bake.image_file import Target
 from vrtm.bake.mesh_work import FrameResult, MeshWork
 from vrtm.bake.words import counted
 from vrtm.bake.work import Work
-from vrtm.basis.controls import Driver, drive
+from vrtm.basis.controls import PRODUCTS, Driver, drive
 from vrtm.basis.fit import Basis, fit, fitted_weights, summed
 
 VERSION = 1
@@ -87,6 +87,8 @@ class _MeshBasis:
         document = self._document(tiles, basis, deltas, fitted, held) | {"inputs": inputs.hex()}
         files = self._write(tiles, basis, inputs)
         document["files"] = files
+        if settings.gltf:
+            document["gltf"] = self._geometry(fitted, basis)
         self._sweep(len(basis))
         ordered = {"program": {"name": "vrtm bake", "version": vrtm.version()}} | document
         staging.write_bytes(path, (json.dumps(ordered, indent=1) + "\n").encode())
@@ -104,6 +106,9 @@ class _MeshBasis:
                     target = self._target(tile, number, (0, 0), inputs)
                     if image_file.up_to_date(target, self.work.settings.overwrite) is None:
                         return None
+            glb = self.work.basis_file(self.mesh.shape.name, ".glb")
+            if self.work.settings.gltf and document["gltf"]["bytes"] != os.path.getsize(glb):
+                return None
             return document
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
@@ -239,6 +244,16 @@ class _MeshBasis:
                 names.append(os.path.relpath(target.path, self.work.settings.out))
             files.append({"udim": maps.tile.udim, "layer": maps.tile.layer, "size": list(maps.size), "maps": names})
         return files
+
+    def _geometry(self, fitted: list[Frame], basis: Basis) -> dict:
+        """Writes the mesh with morph targets: of the rig's controls and their products, or of the basis maps."""
+        names, weights = [f"basis {k + 1}" for k in range(len(basis))], basis.weights
+        if self.controls is not None:
+            driver = drive(self.controls.names, self.controls.of(fitted), weights)
+            if driver.form == PRODUCTS:
+                names, weights = driver.term_names(), driver.terms(self.controls.of(fitted))
+        path = self.work.basis_file(self.mesh.shape.name, ".glb")
+        return basis_gltf.write(self.work, self.mesh, fitted, names, weights, path, self.stop)
 
     def _sweep(self, count: int) -> None:
         """Removes maps of an earlier basis that had more of them."""

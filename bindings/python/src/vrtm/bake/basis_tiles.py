@@ -49,12 +49,11 @@ def read_delta(path: str, form: str) -> np.ndarray:
 
 def tile_maps(mesh: MeshWork, sizes: list[tuple[int, int]]) -> list[TileMaps]:
     """The tiles of a mesh, with these sizes of maps."""
-    triangles = Triangles(mesh.shape)
     layers, found, start = mesh.face_layers(), [], 0
     for tile, (width, height) in zip(mesh.tiles, sizes):
         texels = slice(start, start + width * height)
         start = texels.stop
-        found.append(TileMaps(tile, (width, height), texels, _ruler(mesh, tile, (width, height), triangles, layers)))
+        found.append(TileMaps(tile, (width, height), texels, _ruler(mesh, tile, (width, height), layers)))
     return found
 
 
@@ -77,27 +76,21 @@ def strain(tiles: list[TileMaps], shape: Shape, pose: np.ndarray, deltas: np.nda
     return Strain.of(np.concatenate([values for values, _ in found]), sum(lost for _, lost in found))
 
 
-class Triangles:
-    """The faces of a mesh, split as fans."""
-
-    def __init__(self, shape: Shape) -> None:
-        counts = np.asarray(shape.face_counts, np.int64)
-        per_face = np.maximum(counts - 2, 0)
-        self.faces = np.repeat(np.arange(len(counts)), per_face)
-        step = np.arange(len(self.faces)) - np.repeat(np.cumsum(per_face) - per_face, per_face)
-        first = (np.cumsum(counts) - counts)[self.faces]
-        self.corners = np.stack([first, first + step + 1, first + step + 2], -1)
-        """(triangles, 3): the corners of the mesh."""
+def fans(counts: np.ndarray) -> np.ndarray:
+    """(triangles, 3): the corners of faces with these numbers of them, split as fans."""
+    counts = np.asarray(counts, np.int64)
+    per_face = np.maximum(counts - 2, 0)
+    first = np.repeat(np.cumsum(counts) - counts, per_face)
+    step = np.arange(len(first)) - np.repeat(np.cumsum(per_face) - per_face, per_face)
+    return np.stack([first, first + step + 1, first + step + 2], -1)
 
 
-def _ruler(
-    mesh: MeshWork, tile: TileWork, size: tuple[int, int], triangles: Triangles, layers: np.ndarray
-) -> Ruler | None:
+def _ruler(mesh: MeshWork, tile: TileWork, size: tuple[int, int], layers: np.ndarray) -> Ruler | None:
     shape, part = mesh.shape, tile.part
     own = shape.textured & (layers == tile.layer)
     if part.faces is not None:
         own &= np.isin(np.arange(len(own)), part.faces)
-    corners = triangles.corners[own[triangles.faces]]
+    corners = fans(shape.face_counts)[np.repeat(own, np.maximum(shape.face_counts - 2, 0))]
     uvs = shape.uvs[shape.uv_indices[corners]].astype(np.float64)
     place = np.array([(tile.udim - 1001) % 10, (tile.udim - 1001) // 10])
     inside = (np.floor(uvs.mean(axis=1)) == place).all(axis=1)

@@ -15,6 +15,8 @@ _IN_IMAGE = re.compile(rb"vrtm:(inputs|kind)[\0\"]")
 # How the texts begin that are no images, less what stands between the words.
 _REPORT = b'{"program":{"name":"vrtmbake"'
 _TEMPLATE = b"#vrtmfarm-template"
+_GLTF = b'{"asset":{"generator":"vrtm'
+"""After 20 bytes of a binary glTF's headers."""
 _BEGINNING = 1 << 16
 """Bytes at a file's beginning among which an image's mark stands, as a rule."""
 _LEAST_EXR = 256
@@ -98,6 +100,8 @@ def is_ours(path: str) -> bool:
         from vrtm.bake.mark import is_marked_file
 
         return is_marked_file(path)
+    if start.startswith(b"glTF"):
+        return text[20:].startswith(_GLTF)
     return b"".join(text[: 1 << 10].split()).startswith((_REPORT, _TEMPLATE))
 
 

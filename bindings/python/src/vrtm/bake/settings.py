@@ -77,6 +77,7 @@ class Settings:
     max_strain: float | None = None
     max_error: float | None = None
     basis: bool = False
+    gltf: bool = False
     controls: str | None = None
     held_out: tuple[Frame, ...] | None = None
     texture_size: int = 4096

@@ -296,13 +296,14 @@ class Work:
                 yield from mesh.names(frame, self.pattern)
             if self.settings.basis and mesh.gains:
                 yield self.basis_file(mesh.shape.name)
+                yield from [self.basis_file(mesh.shape.name, ".glb")] if self.settings.gltf else ()
                 # There may be as many basis maps as frames.
                 numbers = range(len(self.frames))
                 yield from (mesh.path(self.pattern, "basis", k, tile) for tile in mesh.tiles for k in numbers)
 
-    def basis_file(self, mesh: str) -> str:
-        """The path of a mesh's weights of basis maps."""
-        return os.path.join(self.settings.out, f"{mesh}.basis.json" if len(self.shapes) > 1 else "basis.json")
+    def basis_file(self, mesh: str, ending: str = ".json") -> str:
+        """The path of a mesh's weights of basis maps, or of its morph targets."""
+        return os.path.join(self.settings.out, (f"{mesh}." if len(self.shapes) > 1 else "") + f"basis{ending}")
 
     def sheets(self) -> dict[str, str]:
         """The file of each mesh's sheet, if sheets are to be drawn."""

@@ -1,0 +1,174 @@
+"""`vrtm bake --basis --gltf`: the file, read here by its specification, against the library's own corner UVs."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import struct
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bake_scenes import files, run, sheet_arguments, solved_alone
+from test_bake_basis import document, gentle
+from vrtm.bake.scene import Scene
+
+# Texels of the texture per side, and the bound on errors in these.
+SIZE, BOUND = 1024, 4.0
+WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
+
+
+class Glb:
+    """A binary glTF; what breaks the specification raises."""
+
+    def __init__(self, path: Path) -> None:
+        data = path.read_bytes()
+        magic, version, length = struct.unpack_from("<4sII", data)
+        assert (magic, version, length) == (b"glTF", 2, len(data))
+        size, kind = struct.unpack_from("<I4s", data, 12)
+        assert kind == b"JSON" and size % 4 == 0
+        self.json = json.loads(data[20 : 20 + size])
+        rest, kind = struct.unpack_from("<I4s", data, 20 + size)
+        assert kind == b"BIN\0" and rest == len(data) - 28 - size == self.json["buffers"][0]["byteLength"]
+        self.bytes = data[28 + size :]
+
+    def accessor(self, number: int) -> np.ndarray:
+        accessor = self.json["accessors"][number]
+        view = self.json["bufferViews"][accessor["bufferView"]]
+        width = WIDTH[accessor["type"]]
+        assert view["byteOffset"] % 4 == 0 and view["byteLength"] == 4 * width * accessor["count"]
+        assert view["byteOffset"] + view["byteLength"] <= len(self.bytes)
+        kind = {5126: "<f4", 5125: "<u4"}[accessor["componentType"]]
+        values = np.frombuffer(self.bytes, kind, accessor["count"] * width, view["byteOffset"]).reshape(-1, width)
+        if "min" in accessor:
+            assert values.min(axis=0).tolist() == accessor["min"] and values.max(axis=0).tolist() == accessor["max"]
+        return values
+
+    def posed(self, primitive: dict, weights: np.ndarray) -> dict[str, np.ndarray]:
+        """Positions and UVs with v down, with these weights."""
+        found = {name: self.accessor(number).astype(float) for name, number in primitive["attributes"].items()}
+        for weight, target in zip(weights, primitive["targets"], strict=True):
+            for name, number in target.items():
+                found[name] = found[name] + float(weight) * self.accessor(number)
+        return found
+
+    def animation(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times, and weights (frames, targets)."""
+        (animation,) = self.json["animations"]
+        (channel,), (sampler,) = animation["channels"], animation["samplers"]
+        assert channel == {"sampler": 0, "target": {"node": 0, "path": "weights"}}
+        times = self.accessor(sampler["input"]).ravel()
+        return times, self.accessor(sampler["output"]).reshape(len(times), -1)
+
+
+def bake(folder: Path, *more: object, expect: int | None = None) -> str:
+    arguments = sheet_arguments(folder / "scene" / "sheet.usda", folder / "out", "--size", 32, "--texture-size", SIZE)
+    ended = run(*arguments, "--basis", "--gltf", "--jobs", 1, "--max-error", BOUND, *more, expect=expect)
+    return ended.stdout + ended.stderr
+
+
+@pytest.fixture(scope="module")
+def baked(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("gltf")
+    gentle(folder, 4)
+    bake(folder)
+    return folder
+
+
+def largest(folder: Path, glb: Glb) -> tuple[float, float]:
+    """The largest errors of UVs, in texels, and of positions, in units, at the corners of the mesh in all frames."""
+    _, weights = glb.animation()
+    scene = folder / "scene" / "sheet.usda"
+    with Scene(str(scene)) as file:
+        (shape,) = file.shapes
+        poses = {frame: file.positions(shape, frame) for frame in file.frames}
+    of_uvs, of_positions = 0.0, 0.0
+    for row, (frame, pose) in zip(weights, sorted(poses.items())):
+        wanted = solved_alone(scene, frame, scene.parent / "rigid.<UDIM>.png", 32).corner_uvs()
+        found = {}
+        for primitive in glb.json["meshes"][0]["primitives"]:
+            udim = int(glb.json["materials"][primitive["material"]]["name"])
+            rest = glb.posed(primitive, np.zeros(len(row)))
+            posed = glb.posed(primitive, row)
+            for vertex in np.unique(glb.accessor(primitive["indices"])):
+                u, v = rest["TEXCOORD_0"][vertex]
+                key = tuple(np.round([*rest["POSITION"][vertex], u + udim - 1001, 1 - v], 5))
+                x, y = posed["TEXCOORD_0"][vertex]
+                found[key] = (x + udim - 1001, 1 - y), posed["POSITION"][vertex]
+        for corner, vertex in enumerate(shape.indices):
+            key = tuple(
+                np.round([*map(float, shape.rest[vertex]), *map(float, shape.uvs[shape.uv_indices[corner]])], 5)
+            )
+            uv, position = found[key]
+            of_uvs = max(of_uvs, SIZE * float(np.hypot(*(np.array(uv) - wanted[corner]))))
+            of_positions = max(of_positions, float(np.linalg.norm(position - pose[vertex])))
+    return of_uvs, of_positions
+
+
+def test_weights_drive_positions_and_uvs_together(baked: Path) -> None:
+    glb, told = Glb(baked / "out" / "basis.glb"), document(baked)["gltf"]
+    times, weights = glb.animation()
+    np.testing.assert_allclose(times, np.arange(4) / 24)
+    assert weights.shape[1] == len(told["targets"]) == len(glb.json["meshes"][0]["weights"])
+    assert glb.json["meshes"][0]["extras"]["targetNames"] == told["targets"]
+    uvs, positions = largest(baked, glb)
+    # The corners of the mesh are some of the vertices that the error is the largest of.
+    assert uvs <= told["error"] + 0.01 and told["error"] <= 1.5 * BOUND
+    assert positions <= 5e-4 * 2.2, "of the size of two sheets"
+    assert told["error_between"] <= SIZE * max(BOUND / SIZE, 1 / 2048) * 1.001
+    assert told["triangles"] > told["mesh_triangles"]
+
+
+def test_controls_are_targets_of_their_own_names(tmp_path: Path) -> None:
+    """Frame 1 is one shape, 2 another, and 3 both: bilinear, and exact at these poses."""
+    gentle(tmp_path, 3)
+    (tmp_path / "controls.csv").write_text("frame,pull,bend\n1,0.5,0\n2,0,1\n3,1,1\n")
+    bake(tmp_path, "--controls", tmp_path / "controls.csv")
+    glb, told = Glb(tmp_path / "out" / "basis.glb"), document(tmp_path)
+    assert told["driver"]["form"] == "products" and told["gltf"]["targets"] == ["pull", "bend", "pull*bend"]
+    np.testing.assert_allclose(glb.animation()[1], [[0.5, 0, 0], [0, 1, 0], [1, 1, 1]])
+    uvs, positions = largest(tmp_path, glb)
+    # In f32, and of UVs of 2: some 1e-7 of each.
+    assert uvs < 0.01 and positions < 1e-5
+
+
+def test_it_stays_if_it_is_up_to_date_and_others_files_stay(baked: Path, tmp_path: Path) -> None:
+    before = files(baked / "out")
+    bake(baked)
+    assert files(baked / "out") == before
+    (baked / "out" / "basis.glb").unlink()
+    bake(baked)
+    assert files(baked / "out") == before, "the same bytes"
+    gentle(tmp_path, 2)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "basis.glb").write_bytes(b"glTF" + bytes(16) + b'{"asset":{"generator":"other"')
+    assert "basis.glb is there, and is no file that vrtm has written" in bake(tmp_path, expect=2)
+
+
+def test_khronos_validator_finds_no_error(baked: Path, tmp_path: Path) -> None:
+    """Where Node has the package `gltf-validator`, in NODE_PATH."""
+    script = (
+        "require('gltf-validator').validateBytes(new Uint8Array(require('fs').readFileSync(process.argv[1])))"
+        ".then(r => console.log(JSON.stringify(r.issues)))"
+    )
+    node = shutil.which("node")
+    if node is None or subprocess.run([node, "-e", "require('gltf-validator')"], capture_output=True).returncode:
+        pytest.skip("skipped: no gltf-validator")
+    ended = subprocess.run(
+        [node, "-e", script, str(baked / "out" / "basis.glb")], capture_output=True, text=True, check=True
+    )
+    issues = json.loads(ended.stdout)
+    assert issues["numErrors"] == 0 and issues["numWarnings"] == 0, issues
+
+
+def test_a_still_target_is_no_excuse_for_a_file_without_positions(baked: Path) -> None:
+    """Programs differ in what they make of a target without positions."""
+    for primitive in Glb(baked / "out" / "basis.glb").json["meshes"][0]["primitives"]:
+        assert all(set(target) == {"POSITION", "TEXCOORD_0"} for target in primitive["targets"])
+
+
+def test_subsets_have_no_one_mesh(tmp_path: Path) -> None:
+    ended = run("bake", "a.usda", "--rigidity", "r.png", "--basis", "--gltf", "--subsets", expect=2)
+    assert "--gltf and --subsets exclude each other" in ended.stderr
