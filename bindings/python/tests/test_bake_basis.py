@@ -11,6 +11,7 @@ import pytest
 from pxr import Gf, Usd, UsdGeom
 
 from bake_scenes import MESH, attributes, files, image, pixels, run, sheet, sheet_arguments
+from vrtm.bake import basis_tiles
 
 TILES = (1001, 1002)
 # Texels of the texture per side, and the bound on errors in these.
@@ -150,6 +151,35 @@ def test_weights_of_controls_are_exact_at_the_poses_and_measured_between(tmp_pat
     for row in told["held_out"]:
         assert row["error"] == pytest.approx(off(out, row["frame"], weights(row["frame"] / 5), told["maps"]), abs=1e-3)
     assert told["random"]["poses"] == 32 and told["random"]["folding"] == 0
+
+
+def test_controls_at_which_the_sum_folds_are_named(tmp_path: Path) -> None:
+    """Two poses squeeze the same place: both at once fold it in more places than either."""
+    sheet(tmp_path / "scene", frames=5, cells=4)
+    (tmp_path / "controls.csv").write_text("frame,one,other\n3,1,0\n5,0,1\n")
+    said = bake(tmp_path, "--frames", "3,5", "--controls", tmp_path / "controls.csv", expect=3)
+    told = document(tmp_path)["random"]
+    assert told["folds"] > told["folds_of_maps"] and 0 < told["folding"] <= 32
+    one, other = (told["worst"][name] for name in ("one", "other"))
+    assert f"places with one {one:g}, other {other:g}: a frame with such a pose helps" in said
+    assert 0 <= one <= 1 and 0 <= other <= 1
+
+
+def test_a_sum_that_folds_where_the_frame_does_not_takes_more_maps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gentle(tmp_path, 3)
+    bake(tmp_path, "--max-error", 1000)
+    assert document(tmp_path)["maps"] == 1
+    own = [basis_tiles.read_delta(str(path), "tile") for path in (tmp_path / "out").glob("redirect.*.exr")]
+
+    def folds(delta: np.ndarray) -> tuple[int, float]:
+        """What is not a frame's own map, but for the rounding to 16 bits, is taken to fold."""
+        return int(min(np.abs(delta - other).max() for other in own) > 1e-4), 0.0
+
+    monkeypatch.setattr(basis_tiles, "folds", folds)
+    bake(tmp_path, "--max-error", 900)
+    assert document(tmp_path)["maps"] == 3
 
 
 @pytest.mark.parametrize(

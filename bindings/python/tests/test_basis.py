@@ -15,6 +15,7 @@ from conftest import studs
 from vrtm.basis.controls import drive
 from vrtm.basis.fit import fit, summed
 from vrtm.basis.folds import folds
+from vrtm.basis.morph import morphs
 from vrtm.basis.strain import Ruler, Strain
 
 SIDE = 24
@@ -160,6 +161,19 @@ def test_strain_is_that_of_the_librarys_own_measure(asset: vrtm.Asset, model: Si
     for delta, told in ((np.zeros((128, 128, 2)), report.before), (tile.fetch("redirection_delta"), report.after)):
         found = Strain.of(*ruler.strains(delta[..., :2], model.rest, model.pose))
         assert found.lost == 0 and found.rms == pytest.approx(told.rms, rel=0.05, abs=1e-3)
+
+
+def test_positions_that_the_weights_do_not_drive_get_targets_of_their_own() -> None:
+    """Two shapes over time, of which the UVs follow one."""
+    random = np.random.default_rng(4)
+    weights, other = random.uniform(-1, 1, (2, 9, 1))
+    shapes, uvs = random.uniform(-1, 1, (2, 20, 3)), random.uniform(-1, 1, (20, 2))
+    positions = np.multiply.outer(weights[:, 0], shapes[0]) + np.multiply.outer(other[:, 0], shapes[1])
+    made, driving = morphs(["one"], weights, positions, np.multiply.outer(weights[:, 0], uvs), 1e-6)
+    assert [morph.name for morph in made] == ["one", "shape 1"]
+    np.testing.assert_allclose(sum(np.multiply.outer(w, m.positions) for w, m in zip(driving.T, made)), positions)
+    np.testing.assert_allclose(made[0].uvs, uvs)
+    assert not made[1].uvs.any() and np.abs(driving[:, 1]).max() == pytest.approx(1)
 
 
 def test_sums_are_of_the_stored_numbers() -> None:

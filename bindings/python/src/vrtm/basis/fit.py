@@ -52,7 +52,7 @@ def fit(deltas: np.ndarray, bound: float, accepts: Callable[[Basis], bool] = lam
     columns = np.ascontiguousarray(deltas[:, moving], np.float32)
 
     def of(count: int) -> Basis:
-        found = _of_size(columns, count)
+        found = _of_size(columns, count, bound)
         maps = np.zeros((count, texels, 2), np.float16)
         maps[:, moving] = found.maps
         return Basis(maps, found.weights, found.errors)
@@ -99,8 +99,9 @@ def summed(maps: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return np.tensordot(weights.astype(np.float64), maps.astype(np.float64), 1)
 
 
-def _of_size(columns: np.ndarray, count: int) -> Basis:
-    """The basis of `count` maps with the least largest error of those that are tried."""
+def _of_size(columns: np.ndarray, count: int, bound: float) -> Basis:
+    """The first basis of `count` maps that is within the bound, or that with the least largest error of those that are
+    tried: the first of them is the nearest in the mean square."""
     importance, best = np.ones(columns.shape[1]), None
     for _ in range(_ROUNDS if count < len(columns) else 1):
         maps = _rounded(columns, _leading(columns, importance, count))
@@ -108,6 +109,8 @@ def _of_size(columns: np.ndarray, count: int) -> Basis:
         of_frames, of_texels = errors(maps, weights, columns)
         if best is None or of_frames.max() < best.errors.max():
             best = Basis(maps, weights, of_frames)
+        if of_frames.max() <= bound:
+            break
         importance *= _FLOOR + of_texels / max(of_texels.max(), 1e-30)
         importance /= importance.mean()
     assert best is not None
