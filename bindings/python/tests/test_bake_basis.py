@@ -106,10 +106,11 @@ def test_maps_are_data_of_16_bits_and_one_less_does_not_do(motion: Path, tmp_pat
 def test_what_is_up_to_date_stays_and_what_is_missing_is_written(motion: Path) -> None:
     arguments = ("--max-error", BOUND, "--held-out", 4)
     before = files(motion / "out")
-    assert "up to date" in bake(motion, *arguments, expect=None).split("basis.json")[1].split(";")[0]
+    count = 12 + 1 + 2 * document(motion)["maps"]
+    assert f"0 files written, {count} up to date" in bake(motion, *arguments, expect=None)
     assert files(motion / "out") == before
     (motion / "out" / "basis.0000.1002.exr").unlink()
-    assert ", written" in bake(motion, *arguments, expect=None)
+    assert f"{count - 12} files written, 12 up to date" in bake(motion, *arguments, expect=None)
     assert files(motion / "out") == before, "the same bytes"
 
 
@@ -198,6 +199,15 @@ def test_bad_tables_of_controls_are_named(tmp_path: Path, table: str, said: str)
     sheet(tmp_path / "scene", frames=3, cells=2)
     (tmp_path / "controls.csv").write_text(table)
     assert said in bake(tmp_path, "--controls", tmp_path / "controls.csv", expect=2)
+    if "two poses" not in said:
+        assert not (tmp_path / "out").exists(), "it is known before the first solve"
+
+
+def test_held_out_frames_are_some_of_those_that_are_baked(tmp_path: Path) -> None:
+    sheet(tmp_path / "scene", frames=2, cells=2)
+    assert "--held-out 3: none of 1-2" in bake(tmp_path, "--held-out", 3, expect=2)
+    assert "--held-out: no frame is left" in bake(tmp_path, "--held-out", "1,2", expect=2)
+    assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.parametrize(

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 import vrtm
-from vrtm.bake import basis_gltf, basis_tiles, image_file, staging
+from vrtm.bake import basis_gltf, basis_tiles, frames, image_file, staging
+from vrtm.bake.basis_measure import Measure
 from vrtm.bake.basis_tiles import TileMaps
 from vrtm.bake.controls_file import Controls, read
 from vrtm.bake.failure import INPUT, TOLERANCE, Failure
@@ -21,28 +21,53 @@ from vrtm.bake.image_file import Target
 from vrtm.bake.mesh_work import FrameResult, MeshWork
 from vrtm.bake.words import counted
 from vrtm.bake.work import Work
-from vrtm.basis.controls import PRODUCTS, Driver, drive
+from vrtm.basis.controls import PRODUCTS, drive
 from vrtm.basis.fit import Basis, fit, fitted_weights, summed
 
 VERSION = 1
 """Of the way of fitting: maps that were fitted in another way are not up to date."""
-_RANDOM = 32
-"""Poses of random controls that are looked at for folds."""
 
 
-def write(work: Work, results: Sequence[FrameResult], stop: Callable[[], None]) -> tuple[list[str], Failure | None]:
-    """Writes the basis maps of each mesh, and a file of weights. Returns what is to be said of them, and why they are
-    not as asked for, if so. Raises Failure, SceneError."""
-    controls = read(work.settings.controls) if work.settings.controls else None
-    lines: list[str] = []
+@dataclass
+class Made:
+    """What became of the basis maps of all meshes."""
+
+    lines: list[str] = field(default_factory=list)
+    """What is to be said of them."""
     failure: Failure | None = None
+    """Why they are not as asked for."""
+    written: int = 0
+    """Files."""
+    skipped: int = 0
+    """Files that were up to date."""
+
+
+def check(work: Work) -> Controls | None:
+    """The controls of the frames. Raises Failure if they lack a frame, or none is left to fit maps to."""
+    settings = work.settings
+    missing = sorted(set(settings.held_out or ()) - set(work.frames))
+    if missing:
+        raise Failure(INPUT, f"--held-out {frames.text(missing)}: none of {frames.text(work.frames)}")
+    if set(settings.held_out or ()) == set(work.frames):
+        raise Failure(INPUT, "--held-out: no frame is left to fit basis maps to")
+    controls = None if settings.controls is None else read(settings.controls)
+    if controls is not None:
+        controls.of(work.frames)
+    return controls
+
+
+def write(work: Work, results: Sequence[FrameResult], stop: Callable[[], None]) -> Made:
+    """Writes the basis maps of each mesh, and a file of weights. Raises Failure, SceneError."""
+    controls, made = check(work), Made()
     for name, mesh in work.meshes.items():
         there = sorted(result.frame for result in results if result.mesh == name and result.tiles)
         if there:
-            document, state = _MeshBasis(work, mesh, there, controls, stop).made()
-            lines += _told(document, work.basis_file(name), state)
-            failure = failure or _failure(document, name)
-    return lines, failure
+            document, is_new = _MeshBasis(work, mesh, there, controls, stop).made()
+            made.lines += _told(document, work.basis_file(name))
+            made.failure = made.failure or _failure(document, name)
+            count = 1 + sum(len(tile["maps"]) for tile in document["files"]) + ("gltf" in document)
+            made.written, made.skipped = made.written + is_new * count, made.skipped + (not is_new) * count
+    return made
 
 
 @dataclass
@@ -55,13 +80,13 @@ class _MeshBasis:
     controls: Controls | None
     stop: Callable[[], None]
 
-    def made(self) -> tuple[dict, str]:
-        """The document of weights, and whether it was written or up to date."""
+    def made(self) -> tuple[dict, bool]:
+        """The document of weights, and whether it was written, not up to date."""
         settings = self.work.settings
         held = [frame for frame in self.frames if frame in (settings.held_out or ())]
         fitted = [frame for frame in self.frames if frame not in held]
         if not fitted:
-            raise Failure(INPUT, f"--held-out: no frame of {self.mesh.shape.path} is left to fit basis maps to")
+            raise Failure(INPUT, f"--held-out: {self.mesh.shape.path} has no map of any other frame")
         bound = (1.0 if settings.max_error is None else settings.max_error) / settings.texture_size
         path = self.work.basis_file(self.mesh.shape.name)
         inputs = Fingerprint().text(VERSION, vrtm.version(), bound, settings.texture_size, fitted, held)
@@ -72,7 +97,7 @@ class _MeshBasis:
             inputs.text(self.controls.names, self.controls.of(self.frames).tolist())
         known = None if settings.force else self._known(path, inputs.hex())
         if known is not None:
-            return known, "up to date"
+            return known, False
         deltas, sizes = self._deltas(fitted)
         tiles = basis_tiles.tile_maps(self.mesh, sizes)
         # A map per frame may fold where few texels squeeze much; the sum must not in more places.
@@ -92,7 +117,7 @@ class _MeshBasis:
         self._sweep(len(basis))
         ordered = {"program": {"name": "vrtm bake", "version": vrtm.version()}} | document
         staging.write_bytes(path, (json.dumps(ordered, indent=1) + "\n").encode())
-        return ordered, "written"
+        return ordered, True
 
     def _known(self, path: str, inputs: str) -> dict | None:
         """The document that is there, if it and its maps are made of these inputs."""
@@ -139,16 +164,16 @@ class _MeshBasis:
     def _document(
         self, tiles: list[TileMaps], basis: Basis, deltas: np.ndarray, fitted: list[Frame], held: list[Frame]
     ) -> dict:
-        driver = None
+        driver, known = None, None
         if self.controls is not None:
+            known = self.controls.of(fitted)
             try:
-                driver = drive(self.controls.names, self.controls.of(fitted), basis.weights)
+                driver = drive(self.controls.names, known, basis.weights)
             except ValueError as error:
                 raise Failure(INPUT, f"--controls {self.controls.path}: {error}") from None
-        rows = [
-            self._row(tiles, basis, weights, delta, frame)
-            for weights, delta, frame in zip(basis.weights, deltas, fitted)
-        ]
+        settings = self.work.settings
+        measure = Measure(self.work, self.mesh.shape, tiles, basis.maps, self.stop)
+        rows = [measure.row(*of_frame) for of_frame in zip(basis.weights, deltas, fitted)]
         outside = []
         for frame in held:
             delta = self._deltas([frame])[0]
@@ -156,9 +181,9 @@ class _MeshBasis:
                 weights = driver(self.controls.of([frame])).astype(np.float32)
             else:
                 weights = fitted_weights(basis.maps, delta)
-            outside.append(self._row(tiles, basis, weights[0], delta[0], frame))
-        texels = sum(width * height for width, height in (tile.size for tile in tiles))
-        settings = self.work.settings
+            outside.append(measure.row(weights[0], delta[0], frame))
+        most = max(row["folds"]["map"] for row in rows)
+        texels = tiles[-1].texels.stop
         return {
             "mesh": self.mesh.shape.name,
             "maps": len(basis),
@@ -167,52 +192,11 @@ class _MeshBasis:
             "bytes": {"basis": 4 * texels * len(basis), "maps": 4 * texels * len(fitted)},
             "worst": max(rows, key=lambda row: row["error"]),
             "worst_held_out": max(outside, key=lambda row: row["error"], default=None),
-            "random": self._random(tiles, basis, driver, fitted, max(row["folds"]["map"] for row in rows)),
+            "random": None if driver is None or known is None else measure.random(driver, known, most),
             "driver": None if driver is None else driver.document(),
             "frames": rows,
             "held_out": outside,
         }
-
-    def _row(self, tiles: list[TileMaps], basis: Basis, weights: np.ndarray, delta: np.ndarray, frame: Frame) -> dict:
-        """What is measured of a frame. Errors are in texels of the texture."""
-        self.stop()
-        total = summed(basis.maps, weights[None])[0]
-        off = np.linalg.norm(total - delta, axis=1)[delta.any(axis=1) | total.any(axis=1)]
-        off = off * self.work.settings.texture_size if len(off) else np.zeros(1)
-        pose = self.work.scene.positions(self.mesh.shape, frame)
-        strains = {
-            name: basis_tiles.strain(tiles, self.mesh.shape, pose, maps)
-            for name, maps in (("own_uvs", np.zeros_like(delta)), ("map", delta), ("basis", total))
-        }
-        return {
-            "frame": frame,
-            "weights": [float(weight) for weight in weights],
-            "error": float(off.max()),
-            "error_p99": float(np.quantile(off, 0.99)),
-            "error_mean": float(off.mean()),
-            "folds": {"map": basis_tiles.folds_of(tiles, delta), "basis": basis_tiles.folds_of(tiles, total)},
-            "strain": {name: None if found is None else dataclasses.asdict(found) for name, found in strains.items()},
-        }
-
-    def _random(
-        self, tiles: list[TileMaps], basis: Basis, driver: Driver | None, fitted: list[Frame], most: int
-    ) -> dict | None:
-        """Whether the sum folds in more than `most` places, those of the poses' own maps, where controls are anywhere
-        between the least and the largest of the poses."""
-        if driver is None or self.controls is None:
-            return None
-        known = self.controls.of(fitted)
-        low, high = np.minimum(known.min(axis=0), 0), np.maximum(known.max(axis=0), 0)
-        # The same in each bake.
-        tried = np.random.default_rng(1).uniform(low, high, (_RANDOM, len(low)))
-        worst, count, folding = None, 0, 0
-        for values, weights in zip(tried, driver(tried)):
-            self.stop()
-            found = basis_tiles.folds_of(tiles, summed(basis.maps, weights[None].astype(np.float32))[0])
-            folding += found > most
-            if found > count:
-                worst, count = dict(zip(driver.names, map(float, values.round(4)))), found
-        return {"poses": _RANDOM, "folding": folding, "folds": count, "folds_of_maps": most, "worst": worst}
 
     def _target(self, tile, number: int, size: tuple[int, int], inputs: str) -> Target:
         facts: dict[str, str | int] = {
@@ -262,11 +246,11 @@ class _MeshBasis:
                 image_file.remove(self.mesh.path(self.work.pattern, "basis", number, tile), self.mesh.shape.name)
 
 
-def _told(document: dict, path: str, state: str) -> list[str]:
+def _told(document: dict, path: str) -> list[str]:
     worst, share = document["worst"], document["bytes"]
     lines = [
         f"{path}: {counted(document['maps'], 'basis map')} in place of {counted(len(document['frames']), 'map')}, "
-        f"{share['basis'] / 1e6:.1f} MB of {share['maps'] / 1e6:.1f} MB, {state}; frame {worst['frame']} is the worst: "
+        f"{share['basis'] / 1e6:.1f} MB of {share['maps'] / 1e6:.1f} MB; frame {worst['frame']} is the worst: "
         f"off by {worst['error']:.2f} texels{_strain(worst)}"
     ]
     outside = document["worst_held_out"]

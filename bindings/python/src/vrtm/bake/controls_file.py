@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +22,7 @@ class Controls:
     names: tuple[str, ...]
     rows: dict[Frame, tuple[float, ...]]
 
-    def of(self, wanted: list[Frame]) -> np.ndarray:
+    def of(self, wanted: Sequence[Frame]) -> np.ndarray:
         """(frames, controls). Raises Failure for a frame that the table lacks."""
         lacking = [frame for frame in wanted if frame not in self.rows]
         if lacking:

@@ -77,6 +77,8 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
             work.look_for_gain(stop.check)
             if settings.layer:
                 layer_file.check(work)
+            if settings.basis:
+                basis_maps.check(work)
             work.check_files(layer_file.names(settings)[1:] if settings.layer else ())
             for note in [*remarks.notes(work), *(layer_file.foretell(work) if settings.layer else ())]:
                 warn(note)
@@ -93,6 +95,7 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
                     console.info(line)
                 return report.strict(settings, work.left_out)
         results: list[FrameResult] = []
+        basis = basis_maps.Made()
         # Better known now than after hours.
         failure = report.strict(settings, work.left_out)
         if failure is None:
@@ -114,10 +117,10 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
             failure = report.nothing(results) or report.tolerance(work, results)
             if settings.basis:
                 console.status("fitting basis maps")
-                lines, wrong = basis_maps.write(work, results, stop.check)
-                for line in lines:
+                basis = basis_maps.write(work, results, stop.check)
+                for line in basis.lines:
                     console.info(line)
-                failure = failure or wrong
+                failure = failure or basis.failure
             if settings.layer:
                 console.status(f"writing {settings.layer}")
                 notes, idle = layer_file.write(work)
@@ -142,8 +145,8 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
                 if failure is not None:
                     warn(error.message)
                 failure = failure or error
-    written = sum(result.count("written") for result in results)
-    skipped = sum(result.count("skipped") for result in results)
+    written = sum(result.count("written") for result in results) + basis.written
+    skipped = sum(result.count("skipped") for result in results) + basis.skipped
     console.close()
     for _, mesh in summaries(work.meshes, results):
         console.info(mesh.line())
