@@ -282,7 +282,8 @@ def _work(group: argparse._ArgumentGroup) -> None:
         "--max-error",
         type=positive,
         metavar="TEXELS",
-        help="exit code 3 if 1 %% of a map is further off than that, in texels of the texture",
+        help="exit code 3 if 1 %% of a map is further off than that, in texels of the texture; with --basis also the "
+        "most that a sum may be off from the map of its frame",
     )
     flag(
         group,

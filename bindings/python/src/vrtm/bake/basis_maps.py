@@ -19,6 +19,7 @@ from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.image_file import Target
 from vrtm.bake.mesh_work import FrameResult, MeshWork
+from vrtm.bake.part import TileWork
 from vrtm.bake.words import counted
 from vrtm.bake.work import Work
 from vrtm.basis.controls import PRODUCTS, drive
@@ -198,7 +199,7 @@ class _MeshBasis:
             "held_out": outside,
         }
 
-    def _target(self, tile, number: int, size: tuple[int, int], inputs: str) -> Target:
+    def _target(self, tile: TileWork, number: int, size: tuple[int, int], inputs: str) -> Target:
         facts: dict[str, str | int] = {
             "vrtm:kind": "basis",
             "vrtm:form": "delta",
