@@ -13,7 +13,7 @@ import pytest
 import vrtm
 from conftest import studs
 from vrtm.basis.controls import drive
-from vrtm.basis.fit import fit, summed
+from vrtm.basis.fit import fit, fitted_weights, summed
 from vrtm.basis.folds import folds
 from vrtm.basis.morph import morphs
 from vrtm.basis.strain import Ruler, Strain
@@ -63,6 +63,12 @@ def test_sums_stay_within_the_bound_with_as_few_maps_as_that_takes() -> None:
 def test_frames_at_rest_take_no_map() -> None:
     basis = fit(np.zeros((3, 10, 2), np.float32), 1e-3)
     assert basis is not None and len(basis) == 0 and basis.weights.shape == (3, 0)
+    # All that follows takes no map, too.
+    assert fitted_weights(basis.maps, np.ones((2, 10, 2))).shape == (2, 0)
+    assert not summed(basis.maps, basis.weights).any()
+    assert drive(("a",), np.array([[1.0], [0.5], [2.0]]), basis.weights)(np.ones((4, 1))).shape == (4, 0)
+    made, weights = morphs([], basis.weights, np.ones((3, 5, 3)), np.zeros((3, 5, 2)), 1e-9)
+    assert [morph.name for morph in made] == ["shape 1"] and weights.shape == (3, 1)
 
 
 def test_a_sum_of_maps_without_folds_may_fold_and_is_told_apart() -> None:

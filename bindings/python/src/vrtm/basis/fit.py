@@ -78,7 +78,8 @@ def fitted_weights(maps: np.ndarray, deltas: np.ndarray) -> np.ndarray:
     """(frames, K) float32: the weights whose sums of these maps come nearest to deltas, in the mean square."""
     of_maps, mixed = np.zeros((len(maps),) * 2), np.zeros((len(deltas), len(maps)))
     for part in _parts(maps.shape[1]):
-        own, wanted = (values[:, part].reshape(len(values), -1).astype(np.float64) for values in (maps, deltas))
+        size = 2 * (min(part.stop, maps.shape[1]) - part.start)
+        own, wanted = (values[:, part].reshape(len(values), size).astype(np.float64) for values in (maps, deltas))
         of_maps += own @ own.T
         mixed += wanted @ own.T
     return np.linalg.lstsq(of_maps, mixed.T, rcond=1e-12)[0].T.astype(np.float32)

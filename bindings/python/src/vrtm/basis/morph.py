@@ -18,12 +18,12 @@ def morphs(
     rest. What positions lack then by more than `tolerance` gets targets of its own, that leave the UVs alone: as many
     of its singular vectors as it takes."""
     count = len(positions)
-    given = np.asarray(weights, np.float64).reshape(count, -1)
+    given = np.asarray(weights, np.float64)
     flat = [values.reshape(count, -1).astype(np.float64) for values in (positions, uvs)]
     solved = [np.linalg.lstsq(given, values, rcond=1e-9)[0] for values in flat]
     left = (flat[0] - given @ solved[0]).reshape(positions.shape)
     more, of_positions = _residual(left, tolerance)
-    shapes = [values.reshape(-1, *like.shape[1:]) for values, like in zip(solved, (positions, uvs))]
+    shapes = [values.reshape(len(values), *like.shape[1:]) for values, like in zip(solved, (positions, uvs))]
     made = [Morph(name, *parts) for name, *parts in zip(names, *shapes)]
     still = np.zeros(uvs.shape[1:])
     made += [Morph(f"shape {k + 1}", shape, still) for k, shape in enumerate(of_positions)]
