@@ -203,6 +203,11 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
     return values.reshape(image.size[1], image.size[0], -1)
 
 
+def in_file(values: np.ndarray) -> np.ndarray:
+    """A result's pixels as a saved file has them: as floats of 16 bits."""
+    return values.astype(np.float16).astype(np.float32)
+
+
 def uv_layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
     values = np.empty(len(mesh.loops) * 2, np.float32)
     mesh.uv_layers[name].uv.foreach_get("vector", values)

@@ -7,7 +7,7 @@ import tempfile
 import numpy as np
 
 import test_panel
-from support import Arm, Case, bpy, nodes_of, part, pixels
+from support import Arm, Case, bpy, in_file, nodes_of, part, pixels
 
 
 class Keep(Case):
@@ -81,7 +81,7 @@ class Keep(Case):
                 bpy.data.images[name].user_clear()
                 self.saved()
                 self.assertIn(name, bpy.data.images)
-                self.assertSame(pixels(bpy.data.images[name]), expected)
+                self.assertSame(pixels(bpy.data.images[name]), in_file(expected))
                 self.assertEqual(self.read(self.group()), bpy.data.images[name])
 
     def test_files_of_earlier_versions_are_mended(self):
@@ -179,7 +179,7 @@ class Keep(Case):
         expected = pixels(image)
         obj = self.saved()
         # Resized, and in the file as it was.
-        self.assertSame(pixels(obj.vrtm.image), expected)
+        self.assertSame(pixels(obj.vrtm.image), in_file(expected))
         self.assertEqual((obj.vrtm.image.name, self.read(self.group())), ("a", obj.vrtm.image))
 
     def test_a_result_is_packed_each_time(self):
@@ -189,7 +189,7 @@ class Keep(Case):
             bpy.ops.vrtm.update()
             expected = pixels(arm.object.vrtm.image)
             arm.object = self.saved()
-            self.assertSame(pixels(arm.object.vrtm.image), expected)
+            self.assertSame(pixels(arm.object.vrtm.image), in_file(expected))
             self.assertNotIn("press Update Now", " ".join(self.shown(arm.object)))
 
     def test_a_file_without_the_pixels_says_so(self):
@@ -216,6 +216,36 @@ class Keep(Case):
         self.assertGreater(np.abs(pixels(image)[..., :2]).max(), 0)
         expected = pixels(image)
         obj = self.saved()
+        self.assertSame(pixels(obj.vrtm.image), in_file(expected))
+
+    def test_a_result_is_packed_small(self):
+        arm = self.arm()
+        obj, image = arm.object, arm.object.vrtm.image
+        obj.vrtm.map_size = 512
+        bpy.ops.vrtm.update()
+        expected, tree = pixels(image), nodes_of(arm.mesh.materials[0])
+        links = sorted((link.from_node.name, link.to_node.name) for link in tree.links)
+        interpretation = image.alpha_mode, image.colorspace_settings.name
+        obj = self.saved()
+        image, found = obj.vrtm.image, pixels(obj.vrtm.image)
+        # Blender itself packs 16 bytes for each texel.
+        self.assertLess(image.packed_file.size, 16 * 512 * 512 / 8)
+        self.assertEqual((image.is_dirty, image.source, image.is_float), (False, "FILE", True))
+        off = np.abs(found - expected)
+        self.assertLess((off - np.abs(expected) / 2048).max(), 2.0**-25)
+        # In texels of a texture of 4096.
+        self.assertLess(4096 * off.max(), 2 * np.abs(expected[..., :2]).max())
+        self.assertSame(found[..., 2:], expected[..., 2:])
+        tree = nodes_of(obj.data.materials[0])
+        self.assertEqual(sorted((link.from_node.name, link.to_node.name) for link in tree.links), links)
+        self.assertEqual(interpretation, (image.alpha_mode, image.colorspace_settings.name))
+        self.assertEqual(self.read(self.group()), image)
+        self.assertFalse(part("nodes").stale_groups(obj))
+        # Saved again without a change it is the same file, and what is solved then is written as ever.
+        data = image.packed_file.data
+        obj = self.saved()
+        self.assertEqual(obj.vrtm.image.packed_file.data, data)
+        bpy.ops.vrtm.update()
         self.assertSame(pixels(obj.vrtm.image), expected)
 
     def test_captured_rest_shapes_and_uv_maps_are_in_the_file(self):

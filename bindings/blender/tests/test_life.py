@@ -6,7 +6,7 @@ import tempfile
 
 import numpy as np
 
-from support import EXTENSION, Arm, Case, bpy, part, pixels, poll_until, uv_layer
+from support import EXTENSION, Arm, Case, bpy, in_file, part, pixels, poll_until, uv_layer
 
 
 class Life(Case):
@@ -108,7 +108,7 @@ class Life(Case):
             obj = bpy.data.objects["arm"]
             self.assertEqual((obj.vrtm.live, obj.vrtm.rigidity_image.name), (True, "arm rigidity"))
             # What was shown is in the file.
-            self.assertSame(pixels(obj.vrtm.image), expected)
+            self.assertSame(pixels(obj.vrtm.image), in_file(expected))
             self.assertFalse(obj.vrtm.image.is_dirty)
             arm.object, arm.mesh, arm.rig = obj, obj.data, bpy.data.objects["arm rig"]
             bpy.context.scene.frame_set(3)

@@ -1,4 +1,4 @@
-"""EXR files of one picture: 32-bit floats, compressed without loss, with attributes that tell whose they are.
+"""EXR files of one picture: floats of 32 or 16 bits, compressed without loss, with attributes that tell whose they are.
 
 Blender's own `Image.save` takes no attributes, and Blender brings no OpenImageIO to Python on all systems. The format:
 https://openexr.com/en/latest/OpenEXRFileLayout.html
@@ -6,11 +6,13 @@ https://openexr.com/en/latest/OpenEXRFileLayout.html
 
 from __future__ import annotations
 
+import io
 import os
 import struct
 import zlib
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
+from typing import BinaryIO
 
 import numpy as np
 
@@ -23,11 +25,28 @@ _CHANNELS = (("A", 3), ("B", 2), ("G", 1), ("R", 0))
 _LEVEL = 4
 
 
+# Channels' types by their numbers in a file.
+_TYPES = {1: "<f2", 2: "<f4"}
+
+
 def write(path: str, pixels: np.ndarray, facts: Mapping[str, str | int]) -> None:
     """Writes (height, width, 4) float32 pixels, the bottom row first. `facts` are attributes. Raises OSError."""
+    with open(path, "wb") as file:
+        _write(file, pixels, facts, 2)
+
+
+def halves(pixels: np.ndarray) -> bytes:
+    """The file of such pixels with 16 bits for each value: each is off by 1 / 2048 of itself at most, or by 2^-25 where
+    that is more."""
+    file = io.BytesIO()
+    _write(file, pixels, {}, 1)
+    return file.getvalue()
+
+
+def _write(file: BinaryIO, pixels: np.ndarray, facts: Mapping[str, str | int], of: int) -> None:
     height, width = pixels.shape[:2]
     box = struct.pack("<4i", 0, 0, width - 1, height - 1)
-    channels = b"".join(name.encode() + b"\0" + struct.pack("<iiii", 2, 0, 1, 1) for name, _ in _CHANNELS) + b"\0"
+    channels = b"".join(name.encode() + b"\0" + struct.pack("<iiii", of, 0, 1, 1) for name, _ in _CHANNELS) + b"\0"
     header = []
     # In front, so that they are there whatever else of the file is not.
     for name, value in sorted(facts.items()):
@@ -46,9 +65,9 @@ def write(path: str, pixels: np.ndarray, facts: Mapping[str, str | int]) -> None
     ]
     start = _MAGIC + b"".join(header) + b"\0"
     # Rows from the top, and in each of them a channel after the other.
-    rows = np.ascontiguousarray(pixels[::-1, :, [place for _, place in _CHANNELS]].transpose(0, 2, 1), "<f4")
+    rows = np.ascontiguousarray(pixels[::-1, :, [place for _, place in _CHANNELS]].transpose(0, 2, 1), _TYPES[of])
     firsts = range(0, height, _ROWS)
-    with open(path, "wb") as file, ThreadPoolExecutor(os.cpu_count()) as pool:
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
         offset = len(start) + 8 * len(firsts)
         table = bytearray()
         file.write(start + bytes(8 * len(firsts)))

@@ -49,7 +49,7 @@ def keep_results() -> None:
             _count_again(image)
         if image.is_dirty or image.packed_file is None:
             try:
-                image.pack()
+                result_image.pack(image)
             except RuntimeError as error:
                 session.log.error("image %r cannot be packed into the file: %s", image.name, messages.text_of(error))
 

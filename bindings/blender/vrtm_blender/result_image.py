@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
+from . import exr
 from .messages import Problem
 
 if TYPE_CHECKING:
@@ -75,6 +76,19 @@ def redirection(asset: vrtm.Asset, layout: Layout, layer: int) -> np.ndarray:
         part = tile.fetch("redirection_delta", (layout.size, layout.size), channels=2, origin="bottom")
         image[rows, columns, :2] = part
     return image
+
+
+def pack(image: bpy.types.Image) -> None:
+    """Packs an image into the file as EXR of 16-bit floats, compressed; what is in memory is then what was packed: of
+    what is to be added to u and v 1 / 2048 is lost at most, a tenth of a texel of 4096 where it is 0.05. Blender's own
+    `pack` takes 16 bytes for each texel. Raises RuntimeError."""
+    pixels = np.empty((image.size[1], image.size[0], 4), np.float32)
+    image.pixels.foreach_get(pixels.ravel())
+    data = exr.halves(pixels)
+    image.pack(data=data, data_len=len(data))
+    # From now on it is read from there.
+    image.source = "FILE"
+    image.buffers_free()
 
 
 def is_result(image: bpy.types.Image | None) -> bool:
