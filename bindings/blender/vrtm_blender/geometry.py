@@ -79,6 +79,11 @@ def mesh_of(obj: bpy.types.Object) -> bpy.types.Mesh:
     return obj.data
 
 
+def is_linked(obj: bpy.types.Object) -> bool:
+    """Whether the mesh is another file's, so that nothing can be written to it: the result is an image alone."""
+    return obj.data is not None and obj.data.library is not None
+
+
 def source_uv_layer(obj: bpy.types.Object) -> bpy.types.MeshUVLoopLayer:
     """The UV map of the texture: the one that is named, or else the one that renders, but never a result."""
     mesh, settings = mesh_of(obj), obj.vrtm
@@ -139,6 +144,8 @@ def rest_positions(obj: bpy.types.Object) -> np.ndarray:
 def store_rest(obj: bpy.types.Object, positions: np.ndarray, frame: int) -> None:
     """Keeps a rest shape, the evaluated one of a frame, in the mesh."""
     mesh = mesh_of(obj)
+    if is_linked(obj):
+        raise Problem(f"{obj.name}: its mesh is linked, and cannot keep a rest shape: choose Mesh or Shape Key as Rest")
     write(mesh, REST_NAME, "POINT", "FLOAT_VECTOR", positions)
     mesh[REST_FRAME_NAME] = frame
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 
 import bpy
 
-from . import nodes
+from . import geometry, nodes
 from .messages import Problem
 from .tap import is_tap
 
@@ -30,16 +30,21 @@ def own_material(obj: bpy.types.Object, slot: bpy.types.MaterialSlot) -> bpy.typ
     others = [
         other for other in bpy.data.objects if other != obj and material in [s.material for s in other.material_slots]
     ]
-    if others:
-        groups = nodes.reach(material.node_tree)
+    if others or is_copied(obj, material):
+        groups, name = nodes.reach(material.node_tree), material.name
         copy = material.copy()
-        _own_groups(copy.node_tree, groups.__contains__)
-        copy.name = f"{material.name} {obj.name}"
-        if slot.link == "DATA" and obj.data.users > 1:
+        _own_groups(copy.node_tree, lambda inner: inner in groups or inner.library is not None)
+        copy.name = f"{name} {obj.name}"
+        if slot.link == "DATA" and (obj.data.users > 1 or geometry.is_linked(obj)):
             slot.link = "OBJECT"
         slot.material = copy
         material = copy
     return material
+
+
+def is_copied(obj: bpy.types.Object, material: bpy.types.Material) -> bool:
+    """Whether a material is another file's, as the object's mesh is: then a copy of it stands in the object's slot."""
+    return material.library is not None and geometry.is_linked(obj)
 
 
 def _own_groups(tree: bpy.types.NodeTree, which: Callable[[bpy.types.NodeTree], bool]) -> None:
@@ -113,9 +118,10 @@ def insert(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.t
 
 def check(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.types.MeshUVLoopLayer) -> None:
     """Raises a Problem if a material cannot be redirected."""
-    tree, renders = material.node_tree, source_uv.active_render
-    trees = nodes.reach(tree)
-    if material.library is not None:
+    tree, renders, copied = material.node_tree, source_uv.active_render, is_copied(obj, material)
+    # Of a copy all groups are its own.
+    trees = nodes.reach(tree, alone=not copied, linked=copied)
+    if material.library is not None and not copied:
         raise Problem(f"material {material.name!r} is linked from another file: make it local")
     if tree is None:
         raise NoTexture(f"material {material.name!r} has no nodes")

@@ -348,15 +348,17 @@ def remove_unused_groups() -> None:
         bpy.data.node_groups.remove(tree)
 
 
-def reach(tree: bpy.types.NodeTree | None, alone: bool = True) -> dict[bpy.types.NodeTree, bpy.types.Node | None]:
+def reach(
+    tree: bpy.types.NodeTree | None, alone: bool = True, linked: bool = False
+) -> dict[bpy.types.NodeTree, bpy.types.Node | None]:
     """A material's tree and the artist's groups in it, and in these, with the node that each group is; `alone`: only
-    groups that nothing else uses, which may be changed for the material."""
+    groups that nothing else uses, which may be changed for the material; `linked`: other files' groups, too."""
     found: dict[bpy.types.NodeTree, bpy.types.Node | None] = {tree: None} if tree is not None else {}
     ahead = list(found)
     while ahead:
         for node in ahead.pop().nodes:
             inner = node.node_tree if node.bl_idname == "ShaderNodeGroup" else None
-            if inner is None or inner in found or inner.library is not None or is_ours_tree(inner):
+            if inner is None or inner in found or is_ours_tree(inner) or (inner.library is not None and not linked):
                 continue
             if not alone or inner.users == 1:
                 found[inner] = node

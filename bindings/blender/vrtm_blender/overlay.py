@@ -63,7 +63,7 @@ def write(obj: bpy.types.Object, values: np.ndarray) -> None:
 
 def remove(obj: bpy.types.Object) -> None:
     attributes = obj.data.color_attributes
-    if NAME in attributes:
+    if NAME in attributes and not geometry.is_linked(obj):
         attributes.remove(attributes[NAME])
 
 

@@ -91,7 +91,10 @@ class VRTM_PT_quality(_Panel, bpy.types.Panel):
             layout.prop(settings, "seam_reach")
         column = layout.column(heading="Write")
         for name in ("write_image", "write_uvs", "write_delta", "write_strain"):
-            column.prop(settings, name)
+            row = column.row()
+            # A linked mesh takes nothing.
+            row.enabled = name == "write_image" or not geometry.is_linked(context.object)
+            row.prop(settings, name)
         if settings.write_image and settings.image is not None:
             layout.prop(settings, "image")
 
@@ -122,6 +125,7 @@ class VRTM_PT_strain(_Panel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
+        layout.enabled = not geometry.is_linked(context.object)
         layout.row().prop(context.object.vrtm, "strain", expand=True)
         layout.prop(context.object.vrtm, "strain_rigid")
         layout.label(text="Red: stretched. Blue: squeezed", icon="INFO")

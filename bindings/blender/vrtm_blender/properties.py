@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty
 
 from . import live, overlay, session
+
+# Settings of linked objects that are overridden are kept in the file, too.
+BoolProperty, EnumProperty, FloatProperty, IntProperty, PointerProperty, StringProperty = (
+    partial(getattr(bpy.props, f"{kind}Property"), override={"LIBRARY_OVERRIDABLE"})
+    for kind in ("Bool", "Enum", "Float", "Int", "Pointer", "String")
+)
 
 SOURCES = [
     ("NONE", "None", "No map"),

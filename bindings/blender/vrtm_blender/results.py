@@ -37,12 +37,17 @@ def missing(obj: bpy.types.Object) -> str | None:
             return f"The redirection that is shown is that of {owner.name!r}"
     for tree in materials.of_others(obj):
         return f"A material shows the redirection of another object ({tree.name!r})"
-    if settings.write_uvs and settings.uv_name not in obj.data.uv_layers:
+    if is_written(obj, "uvs") and settings.uv_name not in obj.data.uv_layers:
         return "The result UV map is not there"
-    for name, written in ((delta_name(settings), settings.write_delta), (strain_name(settings), settings.write_strain)):
-        if written and name not in obj.data.attributes:
+    for output, name in (("delta", delta_name(settings)), ("strain", strain_name(settings))):
+        if is_written(obj, output) and name not in obj.data.attributes:
             return f"The result attribute {name!r} is not there"
     return None
+
+
+def is_written(obj: bpy.types.Object, output: str) -> bool:
+    """Whether an output is switched on, and there is somewhere to write it: a linked mesh takes nothing."""
+    return getattr(obj.vrtm, f"write_{output}") and (output == "image" or not geometry.is_linked(obj))
 
 
 def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outcome) -> None:
@@ -52,7 +57,8 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
     _update()
     before, session.writing = session.writing, True
     try:
-        own_name(obj)
+        if not geometry.is_linked(obj):
+            own_name(obj)
         if outputs.images is not None:
             write_image(obj, outputs.layout, *outputs.images)
             layers.write(obj, outputs.layers)

@@ -29,7 +29,9 @@ def read(obj: bpy.types.Object, state: State) -> None:
 
 
 def _read_mesh(obj: bpy.types.Object, state: State) -> None:
-    device, max_layers = obj.vrtm.device, layers.MOST if obj.vrtm.overlaps == "each" else 0
+    # A linked mesh cannot keep which layer a face looks up.
+    layered = obj.vrtm.overlaps == "each" and not geometry.is_linked(obj)
+    device, max_layers = obj.vrtm.device, layers.MOST if layered else 0
     topology, rest = geometry.topology(obj), geometry.rest_positions(obj)
     stamp = (topology.stamp, geometry.stamp_of(rest), device, max_layers)
     if state.stamps.get("mesh") != stamp:
@@ -119,14 +121,13 @@ def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph)
     positions, options = geometry.pose(obj, depsgraph), options_of(obj)
     settings = obj.vrtm
     # Without a rigidity there is strain to be shown, and nothing to be redirected.
-    written = (
-        obj.vrtm.is_set_up and getattr(settings, f"write_{name}") for name in ("image", "uvs", "delta", "strain")
-    )
-    outputs = (level_of(obj)[2], *written, settings.strain, settings.strain_rigid)
+    written = (obj.vrtm.is_set_up and results.is_written(obj, name) for name in ("image", "uvs", "delta", "strain"))
+    strain = "NONE" if geometry.is_linked(obj) else settings.strain
+    outputs = (level_of(obj)[2], *written, strain, settings.strain_rigid)
     inputs = repr((sorted(options.items()), outputs, sorted(state.stamps.items()))).encode()
     stamp = geometry.stamp_of(positions) + inputs
     frame, by_uv_map = depsgraph.scene.frame_current, nodes.shows_uv_map(obj)
-    return Request(positions, options, stamp, obj.name, *outputs, frame, by_uv_map)
+    return Request(positions, options, stamp, obj.name, *outputs, frame, by_uv_map, geometry.is_linked(obj))
 
 
 def draft(request: Request) -> Request:

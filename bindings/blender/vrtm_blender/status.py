@@ -118,6 +118,8 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
         found.append(Line(f"{on_seams} on seams, which do not continue: press Continue Seams", "INFO"))
     if settings.seams in ("continue", borders.AUTO) and dilate.left_of(obj):
         found.append(Line("Textures end at seams: press Dilate Textures", "INFO"))
+    if geometry.is_linked(obj):
+        found.append(Line("The mesh is linked from another file: the result is an image alone", "INFO"))
     found += [Line(text, "ERROR") for text in keep.unsaved_maps(obj)]
     if state is not None and not state.error:
         found += [Line(text, "INFO") for text in state.notes]

@@ -47,7 +47,7 @@ class Work:
             raise concurrent.futures.CancelledError
         prepared.asset.solve(request.positions, progress=self._tell, **request.options)
         outputs = outcome.fetch(prepared, request)
-        told = prepared.notes(notes) + outcome.notes(prepared, request.by_uv_map)
+        told = prepared.notes(notes) + outcome.notes(prepared, request)
         return Outcome(outputs, outcome.figures(prepared, request, outputs), told)
 
     def _tell(self, fraction: float) -> bool:

@@ -24,7 +24,7 @@ class OnObject:
             cls.poll_message_set("Choose a mesh object")
             return False
         if not is_own(context.object):
-            cls.poll_message_set("The object is linked from another file: make it local, or override it with its mesh")
+            cls.poll_message_set("The object is linked from another file: make a library override of it")
             return False
         return True
 
@@ -58,4 +58,5 @@ class OnObject:
 
 
 def is_own(obj: bpy.types.Object) -> bool:
-    return obj.library is None and obj.data.library is None
+    """Its mesh may be linked, as that of an overridden character is."""
+    return obj.library is None

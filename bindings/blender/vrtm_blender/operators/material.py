@@ -44,6 +44,8 @@ def redirect(context: bpy.types.Context, obj: bpy.types.Object, slots: list[bpy.
     if not results.are_there(obj):
         solve.run(obj, context.evaluated_depsgraph_get())
     source = geometry.source_uv_layer(obj)
+    if by == nodes.BY_UV_MAP and geometry.is_linked(obj):
+        raise Problem(f"{obj.name}: its mesh is linked, and cannot take a UV map: press Set Up by Image")
     for slot in slots:
         materials.check(obj, slot.material, source)
     shown = nodes.shows_uv_map(obj)

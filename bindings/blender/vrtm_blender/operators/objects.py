@@ -108,6 +108,8 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
         names = results.names_of(settings) | {geometry.REST_NAME}
         for other in sharing:
             names -= results.names_of(other.vrtm) | {geometry.REST_NAME}
+        if geometry.is_linked(obj):
+            names, sharing = set(), [obj]
         for name in names:
             if name in mesh.attributes:
                 mesh.attributes.remove(mesh.attributes[name])

@@ -1,0 +1,143 @@
+"""Objects that are linked from another file and overridden without their mesh, as a studio's characters are: the result
+is an image alone, and a copy of the material in the object's own slot."""
+
+import os
+import tempfile
+
+import numpy as np
+
+import test_panel
+from support import Arm, Case, bpy, in_file, nodes_of, part, pixels, rgba, studs
+
+
+class Linked(Case):
+    def setUp(self):
+        super().setUp()
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = folder.name
+
+    def at(self, name):
+        return os.path.join(self.folder, name)
+
+    def character(self, prepare=lambda arm: None):
+        """A character in a file of its own, linked into another one and overridden; its rest of what it was there."""
+        arm = Arm()
+        material = bpy.data.materials.new("skin")
+        inner = bpy.data.node_groups.new("skin group", "ShaderNodeTree")
+        inner.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
+        texture, out = inner.nodes.new("ShaderNodeTexImage"), inner.nodes.new("NodeGroupOutput")
+        texture.image = bpy.data.images.new("albedo", 64, 64)
+        texture.image.pixels.foreach_set(rgba(studs(64)).ravel())
+        texture.image.pack()
+        inner.links.new(texture.outputs["Color"], out.inputs[0])
+        tree = nodes_of(material)
+        tree.nodes.new("ShaderNodeGroup").node_tree = inner
+        arm.mesh.materials.append(material)
+        arm.paint_image().pack()
+        prepare(arm)
+        expected = arm.asset()
+        bpy.context.scene.frame_set(5)
+        expected.solve(arm.pose())
+        delta = arm.delta(expected)
+        arm.object.vrtm.property_unset("rigidity_image")
+        arm.object.vrtm.property_unset("rigidity_source")
+        arm.mesh.asset_mark()
+        bpy.data.images["rigidity"].use_fake_user = True
+        bpy.ops.wm.save_as_mainfile(filepath=self.at("character.blend"))
+        super().setUp()
+        with bpy.data.libraries.load(self.at("character.blend"), link=True) as (_, into):
+            into.objects, into.images = ["arm"], ["rigidity"]
+        linked = into.objects[0]
+        obj = linked.override_create()
+        bpy.context.collection.objects.link(obj)
+        bpy.context.view_layer.objects.active = obj
+        obj.select_set(True)
+        bpy.context.scene.frame_set(5)
+        self.assertIsNone(obj.library)
+        self.assertIsNotNone(obj.data.library)
+        return obj, delta
+
+    def untouched(self, obj):
+        """Nothing of the linked data has changed."""
+        mesh, material = obj.data, obj.data.materials[0]
+        self.assertEqual([layer.name for layer in mesh.uv_layers], ["UVMap"])
+        self.assertFalse([a.name for a in mesh.attributes if "vrtm" in a.name])
+        self.assertIsNotNone(material.library)
+        self.assertFalse([n for n in material.node_tree.nodes if part("nodes").is_ours(n)])
+
+    def shown(self, obj):
+        return test_panel.Panel.draw(self, obj)
+
+    def test_the_result_is_an_image_alone(self):
+        obj, delta = self.character()
+        settings = obj.vrtm
+        self.assertEqual(bpy.ops.vrtm.set_up(), {"FINISHED"})
+        self.assertEqual((settings.rigidity_image.name, settings.live), ("rigidity", True))
+        self.assertSame(pixels(settings.image)[..., :2], delta)
+        [slot] = obj.material_slots
+        self.assertEqual((slot.link, slot.material.library), ("OBJECT", None))
+        # The texture lies in a group, which is a copy, too.
+        redirected = part("materials").redirected(slot.material.node_tree)
+        self.assertEqual([(node.image.name, node.id_data.library) for node in redirected], [("albedo", None)])
+        self.assertEqual(part("nodes").image_of(next(iter(part("nodes").groups_of(obj)))), settings.image)
+        self.untouched(obj)
+        shown = self.shown(obj)
+        self.assertIn("Up to date", shown)
+        self.assertIn("The mesh is linked from another file: the result is an image alone", shown)
+        # Saved and opened, all of it is there.
+        settings.protect = 0.5
+        bpy.ops.wm.save_as_mainfile(filepath=self.at("shot.blend"))
+        bpy.ops.wm.open_mainfile(filepath=self.at("shot.blend"))
+        obj = next(o for o in bpy.data.objects if o.override_library)
+        settings, [slot] = obj.vrtm, obj.material_slots
+        self.assertEqual((settings.rigidity_image.name, settings.live, settings.protect), ("rigidity", True, 0.5))
+        self.assertEqual((slot.link, slot.material.library), ("OBJECT", None))
+        self.assertSame(pixels(settings.image)[..., :2], in_file(delta))
+        self.assertIsNone(part("results").missing(obj))
+        self.untouched(obj)
+
+    def test_what_a_linked_mesh_cannot_take_is_said(self):
+        obj, _ = self.character()
+        bpy.ops.vrtm.set_up()
+        obj.vrtm.strain, obj.vrtm.write_delta, obj.vrtm.write_strain = "AFTER", True, True
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.assertIn("Up to date", self.shown(obj))
+        for call, text in (
+            (lambda: bpy.ops.vrtm.set_up_material(by="uv_map"), "cannot take a UV map: press Set Up by Image"),
+            (bpy.ops.vrtm.capture_rest, "cannot keep a rest shape"),
+        ):
+            with self.assertRaisesRegex(RuntimeError, text):
+                call()
+        self.untouched(obj)
+        self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
+        self.assertFalse(obj.vrtm.is_set_up)
+        self.untouched(obj)
+        self.assertFalse([image for image in bpy.data.images if image.name.startswith("vrtm")])
+
+    def test_baked_files_are_read(self):
+        obj, delta = self.character()
+        bpy.ops.vrtm.set_up()
+        settings = bpy.context.scene.vrtm_bake
+        settings.directory, settings.frame_start, settings.frame_end = self.folder, 4, 5
+        self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
+        self.assertEqual(bpy.ops.vrtm.use_baked(), {"FINISHED"})
+        image = bpy.data.images.load(self.at("arm.redirect.1001.0005.exr"))
+        image.colorspace_settings.name = "Non-Color"
+        self.assertSame(pixels(image)[..., :2], delta)
+        self.untouched(obj)
+
+    def test_islands_over_islands_are_told(self):
+        def stacked(arm):
+            arm.uvs[:, 1] = np.where(np.arange(len(arm.uvs)) // 4 % 24 < 12, arm.uvs[:, 1], arm.uvs[:, 1] - 0.46)
+            arm.mesh.uv_layers[0].uv.foreach_set("vector", arm.uvs.ravel())
+
+        obj, _ = self.character(stacked)
+        bpy.ops.vrtm.set_up()
+        self.assertIn("which is linked, cannot keep apart", " ".join(self.shown(obj)))
+
+    def test_a_linked_object_is_not_for_buttons(self):
+        obj, _ = self.character()
+        linked = obj.override_library.reference
+        with bpy.context.temp_override(object=linked, active_object=linked):
+            self.assertFalse(bpy.ops.vrtm.set_up.poll())
