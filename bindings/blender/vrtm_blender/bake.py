@@ -11,6 +11,7 @@ import numpy as np
 
 from . import exr, geometry, layers, reads, result_image, session, solve, states
 from .messages import Problem
+from .outcome import surface_strain
 
 if TYPE_CHECKING:
     import vrtm
@@ -42,9 +43,9 @@ def frames_of(scene: bpy.types.Scene) -> range:
     return frames
 
 
-def file_name(obj: bpy.types.Object, part: str, frame: int) -> str:
+def file_name(obj: bpy.types.Object, part: str, frame: int, kind: str = "redirect") -> str:
     """Blender counts the frames of a sequence by the last number in a name, so that the tile stands before it."""
-    return f"{bpy.path.clean_name(obj.name)}.redirect.{part}.{frame:0{4 + (frame < 0)}d}.exr"
+    return f"{bpy.path.clean_name(obj.name)}.{kind}.{part}.{frame:0{4 + (frame < 0)}d}.exr"
 
 
 def part_of(place: int | str, layer: int) -> str:
@@ -79,7 +80,7 @@ class Bake:
 
     def __init__(self, scene: bpy.types.Scene, objects: list[bpy.types.Object]) -> None:
         self.folder, self.frames = folder_of(scene), frames_of(scene)
-        self.form, self.overwrite = scene.vrtm_bake.form, scene.vrtm_bake.overwrite
+        self.form, self.overwrite, self.strain = (getattr(scene.vrtm_bake, n) for n in ("form", "overwrite", "strain"))
         self.uids = [session.uid_of(obj) for obj in objects]
         self.names = [obj.name for obj in objects]
         self.kept = scene.frame_current
@@ -141,11 +142,12 @@ class Bake:
                 if other != obj and other.library is None and other.vrtm.is_set_up:
                     if file_name(other, "", 0).casefold() == name:
                         raise Problem(f"{obj.name}: its files have the names of those of {other.name}: rename one")
-            parts = self._prepared(obj)[2]
+            asset, _, parts = self._prepared(obj)
+            kinds = [(part_of(*part), "redirect") for part in parts] + [(n, "strain") for n in self._strained(asset)]
             outputs += [
-                (str(self.folder / file_name(obj, part_of(*part), frame)), obj.name)
+                (str(self.folder / file_name(obj, part, frame, kind)), obj.name)
                 for frame in self.frames
-                for part in parts
+                for part, kind in kinds
             ]
         try:
             overwrite.check(outputs, reads.files(), self.overwrite)
@@ -158,7 +160,8 @@ class Bake:
 
     def _write(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
         asset, layout, parts = self._prepared(obj)
-        asset.solve(geometry.pose(obj, depsgraph), **solve.options_of(obj))
+        positions = geometry.pose(obj, depsgraph)
+        asset.solve(positions, **solve.options_of(obj))
         facts = {
             # The mark by which a file is known as one that may be replaced.
             "vrtm:kind": "redirect",
@@ -169,9 +172,7 @@ class Bake:
         }
         written = []
         for place, layer in parts:
-            path = self.folder / file_name(obj, part_of(place, layer), frame)
-            if str(path) not in self.planned:
-                raise Problem(f"{obj.name} has other tiles at frame {frame} than at first")
+            path = self._path(obj, part_of(place, layer), frame)
             if place == "tiles":
                 pixels = result_image.redirection(asset, layout, layer)
             else:
@@ -182,7 +183,25 @@ class Bake:
             of = ({} if place == "tiles" else {"vrtm:udim": place}) | ({"vrtm:layer": layer} if layer else {})
             save(pixels, path, facts | of)
             written.append(path)
+        if self.strain:
+            prepared = states.state_of(obj).prepared
+            pixels = prepared.raster_of(layout).image(surface_strain(prepared, positions)[:, :2])
+            del facts["vrtm:form"]
+            for udim in self._strained(asset):
+                path = self._path(obj, udim, frame, "strain")
+                save(pixels[layout.place(udim)], path, facts | {"vrtm:kind": "strain", "vrtm:udim": udim})
+                written.append(path)
         return written
+
+    def _strained(self, asset: vrtm.Asset) -> list[int]:
+        """The tiles of which there are files of strain: one each, whatever their layers."""
+        return sorted({tile.udim for tile in asset.tiles}) if self.strain else []
+
+    def _path(self, obj: bpy.types.Object, part: int | str, frame: int, kind: str = "redirect") -> Path:
+        path = self.folder / file_name(obj, str(part), frame, kind)
+        if str(path) not in self.planned:
+            raise Problem(f"{obj.name} has other tiles at frame {frame} than at first")
+        return path
 
 
 def save(pixels: np.ndarray, path: Path, facts: dict[str, str | int]) -> None:

@@ -43,7 +43,7 @@ def keep_results() -> None:
     """Packs the images of results, which exist in memory only: so they are there again when the file is opened, with or
     without this add-on."""
     for image in bpy.data.images:
-        if not result_image.is_result(image) or image.library is not None:
+        if not result_image.is_cache(image) or image.library is not None:
             continue
         if not image.users:
             _count_again(image)
@@ -64,9 +64,10 @@ def _count_again(image: bpy.types.Image) -> None:
     """Gives an image a user again if something uses it: Blender does not save an image whose count of users is 0.
     Assigning the image counts its users again; a count of 0 does not become negative."""
     for obj in bpy.data.objects:
-        if obj.vrtm.image == image:
-            obj.vrtm.image = image
-            return
+        for name in ("image", "strain_image"):
+            if getattr(obj.vrtm, name) == image:
+                setattr(obj.vrtm, name, image)
+                return
     for other in bpy.data.images:
         if other.vrtm_next == image:
             other.vrtm_next = image

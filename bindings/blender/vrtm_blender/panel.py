@@ -90,10 +90,10 @@ class VRTM_PT_quality(_Panel, bpy.types.Panel):
         if settings.seams in ("auto", "continue") or settings.open_borders in ("auto", "slide"):
             layout.prop(settings, "seam_reach")
         column = layout.column(heading="Write")
-        for name in ("write_image", "write_uvs", "write_delta", "write_strain"):
+        for name in ("write_image", "write_uvs", "write_delta", "write_strain", "write_strain_image"):
             row = column.row()
             # A linked mesh takes nothing.
-            row.enabled = name == "write_image" or not geometry.is_linked(context.object)
+            row.enabled = name.endswith("image") or not geometry.is_linked(context.object)
             row.prop(settings, name)
         if settings.write_image and settings.image is not None:
             layout.prop(settings, "image")
@@ -163,6 +163,7 @@ class VRTM_PT_bake(_Panel, bpy.types.Panel):
         for name in ("frame_start", "frame_end", "frame_step"):
             column.prop(given, name, text=name.removeprefix("frame_").capitalize())
         layout.prop(settings, "form")
+        layout.prop(settings, "strain")
         layout.prop(settings, "overwrite")
         layout.operator("vrtm.bake", icon="RENDER_ANIMATION")
         baked = context.object.vrtm.shows_baked

@@ -243,6 +243,12 @@ class VrtmSettings(bpy.types.PropertyGroup):
         "than at rest, Y where it is a fifth shorter",
         update=_changed,
     )
+    write_strain_image: BoolProperty(
+        name="Strain Image",
+        description="Write the same to an image over the UV map, red and green, for an Image Texture with the mesh's "
+        "own UVs",
+        update=_changed,
+    )
     strain_rigid: BoolProperty(
         name="Rigid Only", description="Show the strain of what is rigid alone", default=True, update=_changed
     )
@@ -264,6 +270,7 @@ class VrtmSettings(bpy.types.PropertyGroup):
     goes_on: BoolProperty()
     # The outputs. A pointer follows renaming, undo and saving; a UV map has no pointer, so its name is kept.
     image: PointerProperty(name="Redirection", type=bpy.types.Image)
+    strain_image: PointerProperty(name="Strain Image", type=bpy.types.Image)
     uv_name: StringProperty(name="Redirected UV Map", default="vrtm")
     # Set by the operators that switch between the result image and baked files.
     shows_baked: BoolProperty(name="Shows Baked Files")
@@ -307,6 +314,11 @@ class VrtmBakeSettings(bpy.types.PropertyGroup):
             ("tile", "Tile", "The UV within the tile, for programs with one texture per tile"),
         ],
         default="delta",
+    )
+    strain: BoolProperty(
+        name="Strain",
+        description="Write how much the surface is stretched (red) and squashed (green), too, for an Image Texture "
+        "with the mesh's own UVs",
     )
     overwrite: BoolProperty(
         name="Overwrite",

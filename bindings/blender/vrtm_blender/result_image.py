@@ -14,6 +14,8 @@ from .messages import Problem
 if TYPE_CHECKING:
     import vrtm
 
+# Of an image that holds the surface's strain: lookups of it are not redirected.
+STRAIN = "vrtm_strain"
 # Where the layout of a result's image is kept: in the image, for the node group and for bakes.
 LAYOUT = "vrtm_layout"
 
@@ -95,6 +97,11 @@ def is_result(image: bpy.types.Image | None) -> bool:
     """Whether an image was made for a result. The artist may choose another one in the panel, which is not written
     to."""
     return image is not None and LAYOUT in image
+
+
+def is_cache(image: bpy.types.Image | None) -> bool:
+    """Whether an image is written by solves: a redirection, or the surface's strain."""
+    return is_result(image) or (image is not None and STRAIN in image)
 
 
 def has_pixels(image: bpy.types.Image) -> bool:

@@ -8,8 +8,11 @@ import numpy as np
 from . import geometry, layers, materials, nodes, overlay, session
 from .messages import Problem
 from .outcome import Outcome, Request
-from .result_image import LAYOUT, Layout, has_pixels, is_result
+from .result_image import LAYOUT, STRAIN, Layout, has_pixels, is_result
 from .states import State
+
+# As the settings name them.
+OUTPUTS = ("image", "uvs", "delta", "strain", "strain_image")
 
 
 def are_there(obj: bpy.types.Object) -> bool:
@@ -42,12 +45,14 @@ def missing(obj: bpy.types.Object) -> str | None:
     for output, name in (("delta", delta_name(settings)), ("strain", strain_name(settings))):
         if is_written(obj, output) and name not in obj.data.attributes:
             return f"The result attribute {name!r} is not there"
+    if settings.write_strain_image and (settings.strain_image is None or not has_pixels(settings.strain_image)):
+        return "The strain image is not there"
     return None
 
 
 def is_written(obj: bpy.types.Object, output: str) -> bool:
     """Whether an output is switched on, and there is somewhere to write it: a linked mesh takes nothing."""
-    return getattr(obj.vrtm, f"write_{output}") and (output == "image" or not geometry.is_linked(obj))
+    return getattr(obj.vrtm, f"write_{output}") and (output.endswith("image") or not geometry.is_linked(obj))
 
 
 def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outcome) -> None:
@@ -70,6 +75,8 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
             write_attribute(obj, strain_name(obj.vrtm), "POINT", outputs.surface)
         if obj.vrtm.is_set_up:
             own_materials(obj)
+        if outputs.stretch is not None:
+            fill(own_strain_image(obj, outputs.layout), outputs.stretch)
         if outputs.strain is not None:
             overlay.write(obj, outputs.strain)
         _update()
@@ -79,7 +86,7 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
     state.notes = list(outcome.notes) if obj.vrtm.is_set_up else []
     still_right(state, request)
     if obj.vrtm.is_set_up and all(
-        output is None for output in (outputs.images, outputs.uvs, outputs.delta, outputs.surface)
+        output is None for output in (outputs.images, outputs.uvs, outputs.delta, outputs.surface, outputs.stretch)
     ):
         state.notes.append("No output is switched on: see Quality and Outputs")
     state.say("")
@@ -115,10 +122,34 @@ def was_taken_back(obj: bpy.types.Object, state: State) -> bool:
 def write_image(obj: bpy.types.Object, layout: Layout, *pixels: np.ndarray) -> None:
     """Writes the images of all layers."""
     for image, values in zip(own_images(obj, layout, len(pixels)), pixels):
-        image.pixels.foreach_set(values.ravel())
-        image.update()
-        # Tells viewport renders that the image has changed.
-        image.update_tag()
+        fill(image, values)
+
+
+def fill(image: bpy.types.Image, values: np.ndarray) -> None:
+    image.pixels.foreach_set(values.ravel())
+    image.update()
+    # Tells viewport renders that the image has changed.
+    image.update_tag()
+
+
+def own_strain_image(obj: bpy.types.Object, layout: Layout) -> bpy.types.Image:
+    """The object's image of strain, in the layout's size."""
+    image, size = obj.vrtm.strain_image, (layout.width, layout.height)
+    shared = any(other != obj and other.vrtm.strain_image == image for other in bpy.data.objects)
+    if image is None or image.library is not None or shared:
+        image = obj.vrtm.strain_image = _new_image(obj, *size, name=f"vrtm {obj.name} strain")
+        image[STRAIN] = 1
+    resize(image, size)
+    return image
+
+
+def resize(image: bpy.types.Image, size: tuple[int, int]) -> None:
+    if not image.size[0]:
+        # Its file is gone: it is one in memory again.
+        image.source, image.use_generated_float = "GENERATED", True
+        image.generated_width, image.generated_height = size
+    elif tuple(image.size) != size:
+        image.scale(*size)
 
 
 def owner_of_image(obj: bpy.types.Object) -> bpy.types.Object | None:
@@ -149,8 +180,8 @@ def own_materials(obj: bpy.types.Object) -> None:
             materials.separate(obj, others.__contains__, own)
 
 
-def _new_image(obj: bpy.types.Object, width: int, height: int, layer: int = 0) -> bpy.types.Image:
-    name = f"vrtm {obj.name} layer {layer}" if layer else f"vrtm {obj.name}"
+def _new_image(obj: bpy.types.Object, width: int, height: int, layer: int = 0, name: str = "") -> bpy.types.Image:
+    name = name or (f"vrtm {obj.name} layer {layer}" if layer else f"vrtm {obj.name}")
     image = bpy.data.images.new(name, width, height, alpha=True, float_buffer=True, is_data=True)
     image.alpha_mode = "CHANNEL_PACKED"
     image.file_format = "OPEN_EXR"
@@ -167,12 +198,7 @@ def own_images(obj: bpy.types.Object, layout: Layout, number: int) -> list[bpy.t
     images = layers.own_images(settings.image, number, lambda layer: _new_image(obj, *size, layer))
     rebuild = False
     for image in images:
-        if not image.size[0]:
-            # Its file is gone: it is one in memory again.
-            image.source, image.use_generated_float = "GENERATED", True
-            image.generated_width, image.generated_height = size
-        elif tuple(image.size) != size:
-            image.scale(*size)
+        resize(image, size)
         before, now = list(image.get(LAYOUT, ())), layout.numbers()
         if before != now:
             image[LAYOUT] = now
