@@ -20,8 +20,9 @@ class Linked(Case):
     def at(self, name):
         return os.path.join(self.folder, name)
 
-    def character(self, prepare=lambda arm: None):
-        """A character in a file of its own, linked into another one and overridden; its rest of what it was there."""
+    def character(self, prepare=lambda arm: None, keep=False):
+        """A character in a file of its own, linked into another one and overridden, and the result of frame 5; what was
+        set there stays with `keep`."""
         arm = Arm()
         material = bpy.data.materials.new("skin")
         inner = bpy.data.node_groups.new("skin group", "ShaderNodeTree")
@@ -40,9 +41,9 @@ class Linked(Case):
         bpy.context.scene.frame_set(5)
         expected.solve(arm.pose())
         delta = arm.delta(expected)
-        arm.object.vrtm.property_unset("rigidity_image")
-        arm.object.vrtm.property_unset("rigidity_source")
-        arm.mesh.asset_mark()
+        if not keep:
+            arm.object.vrtm.property_unset("rigidity_image")
+            arm.object.vrtm.property_unset("rigidity_source")
         bpy.data.images["rigidity"].use_fake_user = True
         bpy.ops.wm.save_as_mainfile(filepath=self.at("character.blend"))
         super().setUp()
@@ -96,6 +97,24 @@ class Linked(Case):
         self.assertSame(pixels(settings.image)[..., :2], in_file(delta))
         self.assertIsNone(part("results").missing(obj))
         self.untouched(obj)
+
+    def test_a_character_that_was_set_up_in_its_own_file(self):
+        def prepared(arm):
+            bpy.ops.vrtm.set_up()
+            arm.object.vrtm.live = False
+
+        obj, delta = self.character(prepared, keep=True)
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        # The result is the shot's own, which the linked material does not show.
+        self.assertIsNone(obj.vrtm.image.library)
+        shown = self.shown(obj)
+        self.assertIn("Not what it should be: see Status", shown)
+        self.assertIn("Material 'skin' is linked, and shows what its own file has: press Set Up by Image", shown)
+        self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
+        self.assertIn("Up to date", self.shown(obj))
+        [group] = [tree for tree in part("nodes").used_by(obj) if part("nodes").is_ours_tree(tree)]
+        self.assertEqual(part("nodes").image_of(group), obj.vrtm.image)
+        self.assertSame(pixels(obj.vrtm.image)[..., :2], delta)
 
     def test_what_a_linked_mesh_cannot_take_is_said(self):
         obj, _ = self.character()

@@ -204,3 +204,10 @@ class Status(Case):
         self.assertEqual(" ".join(lines), text)
         context.region.width = 3000
         self.assertEqual(self.status._wrapped(text, context), [text])
+
+    def test_gaps_are_told_in_an_artists_words(self):
+        prepared = part("prepared").Prepared()
+        said = "tile 1001: 318 nodes are fixed at gaps in the UVs that welding closes: if they are none, give UVs"
+        for _ in range(2):
+            [told] = prepared.notes([said])
+            self.assertTrue(told.startswith("Tile 1001: 318 points do not move, where UV edges nearly touch"), told)

@@ -80,6 +80,19 @@ def of_others(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
     return [tree for tree in trees if nodes.is_of_another(tree, obj)]
 
 
+def of_other_files(obj: bpy.types.Object) -> list[bpy.types.Material]:
+    """The object's linked materials that show what was saved in their own file, and not its result."""
+    return [
+        material
+        for material in materials_of(obj)
+        if material.library is not None
+        for tree in nodes.reach(material.node_tree, alone=False, linked=True)
+        for node in tree.nodes
+        if nodes.is_ours(node) and node.node_tree[nodes.KIND] == nodes.BY_IMAGE
+        if nodes.image_of(node.node_tree) != obj.vrtm.image
+    ]
+
+
 def _instances(tree: bpy.types.NodeTree | None) -> list[bpy.types.Node]:
     return [node for inner in nodes.reach(tree, alone=False) for node in inner.nodes if nodes.is_ours(node)]
 

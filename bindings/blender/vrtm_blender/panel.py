@@ -105,8 +105,8 @@ class VRTM_PT_advanced(_Panel, bpy.types.Panel):
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
+        # Names stand within the fields: beside them the longest is cut at the panel's usual width.
         layout = self.layout
-        layout.use_property_split, layout.use_property_decorate = True, False
         for name, text in (
             ("protect", "Up: fewer features look worse than before"),
             ("calm", "Up: no jitter in films. Down: rounder features"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +32,12 @@ LASTING = {
     " at gaps in the UVs": ("mesh", "settings"),
     " nothing that may move": ("mesh", "rigidity", "mask", "settings"),
 }
+# The library's words, and an artist's.
+WORDS = re.compile(r"^tile (\d+): (\d+) nodes are fixed at gaps in the UVs.*")
+ARTISTS = (
+    r"Tile \1: \2 points do not move, where UV edges nearly touch. Where they belong together, merge them in the UV "
+    r"editor (UV > Merge > By Distance)"
+)
 # What outcome.py tells in other words.
 SAID = " of it is overlapped"
 
@@ -176,7 +183,7 @@ class Prepared:
             for part in [part for part in LASTING if part in line]:
                 self.told[line] = {which: self.stamps.get(which) for which in LASTING[part]}
         self.told = {line: of for line, of in self.told.items() if of.items() <= self.stamps.items()}
-        return list(dict.fromkeys([*self.told, *said]))
+        return [WORDS.sub(ARTISTS, line) for line in dict.fromkeys([*self.told, *said])]
 
     def rigid_share(self) -> tuple[float, float, float]:
         """The share of the textured surface, by its area in the UV map, whose rigidity is over 0.5; of values by

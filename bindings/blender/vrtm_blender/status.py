@@ -75,6 +75,8 @@ def wrong(obj: bpy.types.Object) -> list[str]:
         text = f"Node {node.name!r} of {node.id_data.name!r} reads UV map {name!r}, which the mesh does not have"
         mended = materials.MADE in node or nodes.is_ours_tree(node.id_data)
         found.append(f"{text}: {'press Set Up by Image' if mended else 'choose another one there'}")
+    for material in materials.of_other_files(obj):
+        found.append(f"Material {material.name!r} is linked, and shows what its own file has: press Set Up by Image")
     rendered = next((layer.name for layer in obj.data.uv_layers if layer.active_render), "")
     if rendered in geometry.result_names(obj.data):
         found.append(f"UV map {rendered!r}, which is a result, is the one that renders: have the texture's render")
