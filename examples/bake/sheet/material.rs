@@ -1,15 +1,15 @@
-//! The texture of the sheet, painted from the rigidity map: studs on dark skin with a fine UV grid.
+//! The texture of the sheet, painted from the rigidity map: gold studs on blue enamel with a fine UV grid.
 
 use crate::maps::{Field, Map};
 
 /// Linear RGB.
 pub type Colour = [f32; 3];
 
-const SKIN: Colour = [0.115, 0.042, 0.030];
-const LINES: Colour = [0.30, 0.135, 0.095];
-const STUD: Colour = [0.90, 0.62, 0.24];
-const RIM: Colour = [0.018, 0.008, 0.006];
-/// Approximate width in pixels of a cell of the UV grid on the skin.
+const ENAMEL: Colour = [0.020, 0.095, 0.330];
+const LINES: Colour = [0.070, 0.200, 0.480];
+const STUD: Colour = [0.92, 0.60, 0.20];
+const RIM: Colour = [0.004, 0.012, 0.050];
+/// Approximate width in pixels of a cell of the UV grid on the enamel.
 const CELL: f32 = 26.0;
 /// Half of the width of an outline and of a grid line, in pixels.
 const OUTLINE_WIDTH: f32 = 1.4;
@@ -47,7 +47,7 @@ impl Material {
             let distance = (0.5 - ((x * cells).fract().abs() - 0.5).abs()) * self.pixels / cells;
             1.0 - step(0.5 * LINE_WIDTH, 1.5 * LINE_WIDTH, distance)
         };
-        let colour = mix(SKIN, LINES, line(uv[0]).max(line(uv[1])));
+        let colour = mix(ENAMEL, LINES, line(uv[0]).max(line(uv[1])));
         let Some(map) = &self.rigidity else { return colour };
         let r = map.sample(uv)[0];
         let texel = map.size.map(|n| 1.0 / n as f32);
@@ -59,7 +59,7 @@ impl Material {
         ];
         // Light from the texture's upper left makes the rim of a stud look raised.
         let relief = 1.0 + 0.9 * (0.6 * slope[0] - 0.8 * slope[1]);
-        let stud = mix(SKIN, STUD, 0.35 + 0.65 * r).map(|c| c * relief);
+        let stud = mix(ENAMEL, STUD, 0.35 + 0.65 * r).map(|c| c * relief);
         let colour = mix(colour, stud, step(OUTLINE - 0.05, OUTLINE + 0.05, r));
         // Distance to the outline in pixels. The outline is at least a texel wide, otherwise the bilinear filter would
         // become visible.

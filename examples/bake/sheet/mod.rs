@@ -230,7 +230,8 @@ fn key([x, y, z]: [f32; 3]) -> f32 {
 fn light(colour: Colour, s: &Sample) -> Colour {
     let (key, sky) = (key(s.normal), 0.5 + 0.5 * s.normal[1]);
     let strength = (0.80 * key + 0.20 * sky + 0.10) * if s.inside { 0.45 } else { 1.0 };
-    colour.map(|c| c * strength + key.powi(24) * 0.05)
+    // A small, strong highlight, as glaze has it.
+    colour.map(|c| c * strength + key.powi(40) * 0.22)
 }
 
 /// Shades flat enough to read colours from, but varied enough to show the shape.
