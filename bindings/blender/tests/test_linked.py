@@ -98,6 +98,15 @@ class Linked(Case):
         self.assertIsNone(part("results").missing(obj))
         self.untouched(obj)
 
+    def test_rigidity_from_a_linked_texture(self):
+        obj, _ = self.character()
+        self.assertEqual(bpy.ops.vrtm.rigidity_from_texture(), {"FINISHED"})
+        image = obj.vrtm.rigidity_image
+        self.assertEqual((image.library, tuple(image.size)), (None, (64, 64)))
+        # The texture is white where studs are.
+        self.assertGreater(np.corrcoef(pixels(image)[..., 0].ravel(), studs(64).ravel())[0, 1], 0.9)
+        self.untouched(obj)
+
     def test_a_character_that_was_set_up_in_its_own_file(self):
         def prepared(arm):
             bpy.ops.vrtm.set_up()

@@ -12,7 +12,9 @@ HEIGHTS = ("ShaderNodeBump", "ShaderNodeDisplacement")
 
 def textures_of(obj: bpy.types.Object) -> list[bpy.types.Node]:
     """The Image Texture nodes of the object's materials, the active one's first, without this add-on's images."""
-    trees = [tree for material in materials.materials_of(obj) for tree in nodes.reach(material.node_tree, alone=False)]
+    own = [material.node_tree for material in materials.materials_of(obj)]
+    # Also those in other files' groups, which are only read.
+    trees = [tree for each in own for tree in nodes.reach(each, alone=False, linked=True)]
     found = [node for tree in trees for node in nodes.own_textures(tree)]
     return [node for node in found if node.image is not None]
 
