@@ -135,7 +135,7 @@ def check_walk():
     obj = sample_file()
     yield 1
     yield from arrange()
-    yield 2
+    yield 4
     picture("1_opened")
     with at("PROPERTIES"):
         bpy.ops.vrtm.set_up("INVOKE_DEFAULT")
@@ -146,7 +146,7 @@ def check_walk():
     press("mousemove", str(area("PROPERTIES").x + 150), "491")
     yield 0.5
     press("click", "1")
-    yield 1
+    yield 3
     picture("3_menu")
     press("key", "Escape")
     yield 0.5
@@ -157,18 +157,21 @@ def check_walk():
     yield from until(lambda: obj.vrtm.rigidity_image != rigidity)
     yield from solved(obj)
     press("mousemove", "110", "955", "click", "1")
-    yield 1
+    yield 3
     picture("3_from_texture")
-    press("mousemove", "110", "802", "click", "1")
+    press("mousemove", "110", "779", "click", "1")
+    yield 3
     obj.vrtm.rigidity_image = rigidity
     # Status, the last panel.
     properties = area("PROPERTIES")
     press("mousemove", str(properties.x + 150), "600")
     press(*["click", "5"] * 30)
-    obj.vrtm.rigidity_channel = "A"
     yield from solved(obj)
     yield 2
     picture("3_status")
+    obj.vrtm.rigidity_channel = "A"
+    yield from solved(obj)
+    assert "All is rigid" in " ".join(line.text for line in part("status").notes(obj, window().scene))
     obj.vrtm.rigidity_channel = "R"
     yield from solved(obj)
     area("VIEW_3D").spaces.active.shading.type = "SOLID"
