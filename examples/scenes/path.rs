@@ -23,6 +23,17 @@ impl<'a> Path<'a> {
         Ok(Path { keys, times })
     }
 
+    /// A path that passes through each key at its frame; the frames ascend from 1.
+    ///
+    /// # Errors
+    /// If there are not as many frames as keys, or fewer than two.
+    pub fn through(keys: Vec<&'a [[f32; 3]]>, times: &[usize]) -> Result<Path<'a>, String> {
+        if keys.len() < 2 || times.len() != keys.len() {
+            return Err(format!("{} frames for {} keys", times.len(), keys.len()));
+        }
+        Ok(Path { keys, times: times.to_vec() })
+    }
+
     /// The pose of a frame, numbered from 1, rounded to f32 as hosts hand it over.
     pub fn pose(&self, frame: usize) -> Vec<[f32; 3]> {
         let before = self.times[1..self.times.len() - 1].iter().filter(|&&time| time <= frame).count();

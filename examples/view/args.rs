@@ -25,12 +25,13 @@ pub struct Args {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["rest", "scene"])]
     pub asset: Option<PathBuf>,
 
-    /// Mesh at rest, with UVs
-    #[arg(long, value_name = "FILE.obj", requires = "pose", conflicts_with = "scene")]
+    /// Mesh at rest, with UVs; without poses to paint on it
+    #[arg(long, value_name = "FILE.obj", conflicts_with = "scene")]
     pub rest: Option<PathBuf>,
 
     /// Poses in the order of the timeline: each OBJ is one, a .f32 file (little-endian f32, frames x vertices x 3) as
-    /// many as it holds; the vertices in the order of the rest mesh
+    /// many as it holds; the vertices in the order of the rest mesh. Numbers in the names of OBJ files, as in
+    /// walk.0101.obj, are those of the frames
     #[arg(long, value_name = "FILE", num_args = 1.., requires = "rest")]
     pub pose: Vec<PathBuf>,
 
@@ -52,9 +53,10 @@ pub struct Args {
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1600x1000", value_parser = size)]
     pub size: [f32; 2],
 
-    /// Frame of the timeline to begin at, from 1 [default: that of the pose that stretches most]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
-    pub frame: Option<u32>,
+    /// Frame of the timeline to begin at: its number, or from 1 where poses have no numbers [default: that of the pose
+    /// that stretches most]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub frame: Option<i64>,
 
     /// How to draw the surface to begin with
     #[arg(long, default_value = "side-by-side", value_parser = one_of(VIEWS))]
@@ -121,7 +123,7 @@ mod tests {
             Args::try_parse_from(all).expect_err("should fail").to_string()
         };
         assert!(says(&["--scene", "nothing"]).contains("--scene"));
-        assert!(says(&["--rest", "a.obj"]).contains("--pose"));
+        assert!(says(&["--pose", "a.obj"]).contains("--rest"));
         assert!(says(&["--size", "3"]).contains("--size"));
     }
 }

@@ -10,6 +10,7 @@ mod args;
 mod brush;
 mod draw;
 mod model;
+mod numbers;
 mod panel;
 mod save;
 mod solve;

@@ -5,7 +5,9 @@ use std::path::PathBuf;
 use crate::failure::Result;
 use crate::maps::Map;
 use crate::mesh::{Mesh, Positions, Triangle};
+use crate::numbers;
 use crate::source::{Files, Frame, Source};
+use crate::timeline::Timeline;
 
 /// A mesh with its poses and maps.
 pub struct Model {
@@ -15,6 +17,8 @@ pub struct Model {
     /// The rest pose, and those of the frames, in f32 and near the origin.
     pub rest: Vec<[f32; 3]>,
     pub poses: Vec<Vec<[f32; 3]>>,
+    /// The frames of rest and of the poses.
+    pub timeline: Timeline,
     /// Sorted by tile.
     pub triangles: Vec<Triangle>,
     pub tiles: Vec<Tile>,
@@ -63,6 +67,7 @@ impl Model {
         let (centre, radius) = ball(rest.iter().chain(poses.iter().flatten()));
         let (starts, around) = surroundings(&triangles, rest.len());
         Ok(Model {
+            timeline: timeline(&files.pose, frames.len()),
             name,
             mesh,
             frames,
@@ -102,8 +107,8 @@ impl Model {
     pub fn note(&self, key: usize) -> String {
         match key.checked_sub(1).map(|k| &self.frames[k]) {
             None => "rest".into(),
-            Some(frame) if frame.note.is_empty() => format!("pose {}", frame.number),
-            Some(frame) => format!("pose {}: {}", frame.number, frame.note),
+            Some(frame) if frame.note.is_empty() => format!("pose {}", self.timeline.label(key)),
+            Some(frame) => format!("pose {}: {}", self.timeline.label(key), frame.note),
         }
     }
 
@@ -137,6 +142,18 @@ impl Model {
             }
         }
         normals.into_iter().map(unit).collect()
+    }
+}
+
+/// Poses of files that are numbered as the frames of a shot have these numbers.
+fn timeline(files: &[PathBuf], poses: usize) -> Timeline {
+    let stems: Vec<_> =
+        files.iter().filter_map(|path| path.file_stem()).map(|s| s.to_string_lossy()).collect();
+    let names: Vec<&str> = stems.iter().map(AsRef::as_ref).collect();
+    // A file that holds several poses says nothing of their frames.
+    match numbers::frames(&names).filter(|numbers| numbers.len() == poses) {
+        Some(numbers) => Timeline::of_shot(&numbers),
+        None => Timeline::new(poses + 1),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Where in the motion the view is: a frame between the first and the last, and whether it plays.
 
-/// Frames from one key to the next.
+/// Frames from one key to the next, where their poses have no numbers, and from rest to the first pose.
 const PER_KEY: usize = 24;
 /// Frames per second.
 pub const RATE: f64 = 24.0;
@@ -14,6 +14,8 @@ pub struct Timeline {
     pub frame: usize,
     /// The frame of each key; the first is rest.
     pub keys: Vec<usize>,
+    /// What a frame's number in its shot is larger by; `None` if the poses are none of a shot.
+    offset: Option<i64>,
     /// Where and when playing began.
     playing: Option<(usize, f64)>,
 }
@@ -21,8 +23,36 @@ pub struct Timeline {
 impl Timeline {
     /// `keys` counts rest and all poses.
     pub fn new(keys: usize) -> Timeline {
-        let keys: Vec<usize> = (0..keys.max(1)).map(|k| 1 + k * PER_KEY).collect();
-        Timeline { last: keys[keys.len() - 1], frame: 1, keys, playing: None }
+        Timeline::of((0..keys.max(1)).map(|k| 1 + k * PER_KEY).collect(), None)
+    }
+
+    /// The poses have the numbers of a shot, which ascend; the way from rest leads up to the first of them.
+    pub fn of_shot(numbers: &[i64]) -> Timeline {
+        let offset = numbers[0] - 1 - PER_KEY as i64;
+        let poses = numbers.iter().map(|number| (number - offset) as usize);
+        Timeline::of(std::iter::once(1).chain(poses).collect(), Some(offset))
+    }
+
+    fn of(keys: Vec<usize>, offset: Option<i64>) -> Timeline {
+        Timeline { last: keys[keys.len() - 1], frame: 1, keys, offset, playing: None }
+    }
+
+    /// The number that a frame has in its shot.
+    pub fn number(&self, frame: usize) -> i64 {
+        frame as i64 + self.offset.unwrap_or(0)
+    }
+
+    /// The name of a pose's key: its number in the shot, or among the poses.
+    pub fn label(&self, key: usize) -> String {
+        match self.offset {
+            None => key.to_string(),
+            Some(_) => self.number(self.keys[key]).to_string(),
+        }
+    }
+
+    /// The frame with a number.
+    pub fn frame_of(&self, number: i64) -> usize {
+        (number - self.offset.unwrap_or(0)).clamp(1, self.last as i64) as usize
     }
 
     /// Goes to a frame and stops there.
@@ -73,6 +103,22 @@ mod tests {
         assert_eq!(line.frame, 1);
         line.go(1000);
         assert_eq!(line.frame, 49);
+    }
+
+    #[test]
+    fn frames_of_a_shot_have_its_numbers() {
+        let line = Timeline::of_shot(&[1001, 1002, 1005]);
+        assert_eq!((line.last, line.keys.clone()), (29, vec![1, 25, 26, 29]));
+        assert_eq!([1, 25, 29].map(|frame| line.number(frame)), [977, 1001, 1005]);
+        assert_eq!([0, 1002, 2000].map(|number| line.frame_of(number)), [1, 26, 29]);
+    }
+
+    #[test]
+    fn rest_alone_is_one_frame() {
+        let mut line = Timeline::new(1);
+        line.toggle(0.0);
+        line.tick(3.0);
+        assert_eq!((line.frame, line.last), (1, 1));
     }
 
     #[test]

@@ -117,7 +117,7 @@ impl App {
         };
         app.open_with(&args.files(), args.texture.as_deref());
         if let (Some(open), Some(frame)) = (&mut app.open, args.frame) {
-            open.line.go(frame as usize);
+            open.line.go(open.line.frame_of(frame));
         }
         Ok(app)
     }

@@ -16,7 +16,6 @@ use crate::model::Model;
 use crate::panel::figures::History;
 use crate::solve::inbox::Edit;
 use crate::source::Files;
-use crate::timeline::Timeline;
 
 impl App {
     /// Opens files. If that fails, what was open stays.
@@ -47,7 +46,7 @@ impl App {
         self.notice = None;
         self.screen.changed();
         self.stroke.moved();
-        let mut line = Timeline::new(model.frames.len() + 1);
+        let mut line = model.timeline.clone();
         // What one sees first is what there is to see.
         line.go(line.keys[model.most_stretched()]);
         self.open = Some(Open {
@@ -108,9 +107,6 @@ fn files_of(paths: &[PathBuf], open: Option<&Files>) -> Result<Files, String> {
     if files.rest.is_none() {
         return Err(format!("{}: not an asset folder, an OBJ file, poses or a map", paths[0].display()));
     }
-    if files.pose.is_empty() {
-        return Err("--pose: drop the mesh at rest together with its poses (OBJ files, or one .f32)".into());
-    }
     Ok(files)
 }
 
@@ -143,7 +139,8 @@ mod tests {
         let more = files_of(&paths(&["b/more.f32"]), Some(&files)).expect("files");
         assert_eq!(more.pose, paths(&["a/pose2.obj", "b/more.f32"]));
         assert!(files_of(&paths(&["a/r.png"]), None).expect_err("no mesh").starts_with("a/r.png: "));
-        assert!(files_of(&paths(&["a/rest.obj"]), None).expect_err("no pose").starts_with("--pose: "));
+        let alone = files_of(&paths(&["a/rest.obj"]), None).expect("files");
+        assert_eq!((alone.rest, alone.pose), (Some("a/rest.obj".into()), Vec::new()));
         assert_eq!(pattern("maps.2020/r.png"), "maps.2020/r.png");
     }
 }

@@ -32,7 +32,9 @@ impl App {
             Pressed::Rigidity => {
                 Job::Rigidity(rigidity::paths(folder, &name, open.model.tiles.iter().map(|tile| tile.udim)))
             }
-            Pressed::Picture => Job::Picture(folder.join(format!("{name}_{:04}.png", open.line.frame))),
+            Pressed::Picture => {
+                Job::Picture(folder.join(format!("{name}_{:04}.png", open.line.number(open.line.frame))))
+            }
             Pressed::Clip => Job::Clip(folder.join(format!("{name}_clip.png"))),
         };
         let files = file::existing(job.paths(), &open.model.inputs);

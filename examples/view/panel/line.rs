@@ -37,9 +37,12 @@ pub fn show(
         if button(ui, "next key", Icon::Next, "The key after this frame (Page Down)") {
             line.step_to_key(true);
         }
-        let number = RichText::new(format!("{:>4}", line.frame)).monospace().size(18.0).color(style::ACCENT);
+        let number = RichText::new(format!("{:>4}", line.number(line.frame)))
+            .monospace()
+            .size(18.0)
+            .color(style::ACCENT);
         ui.label(number);
-        ui.label(RichText::new(format!("of {}", line.last)).color(style::QUIET));
+        ui.label(RichText::new(format!("of {}", line.number(line.last))).color(style::QUIET));
         ui.add_space(6.0);
 
         let (area, response) =
@@ -55,6 +58,7 @@ pub fn show(
         painter.rect_filled(track, 3.0, style::BACK);
         let past = Rect::from_min_max(track.min, pos2(x_of(line.frame), track.bottom()));
         painter.rect_filled(past, 3.0, style::ACCENT.gamma_multiply(0.45));
+        let mut free = f32::MIN;
         for (key, &frame) in line.keys.iter().enumerate() {
             let x = x_of(frame);
             let colour = if frame == line.frame { style::ACCENT } else { style::QUIET };
@@ -62,13 +66,19 @@ pub fn show(
                 [pos2(x, track.top() - 3.0), pos2(x, track.bottom() + 3.0)],
                 Stroke::new(1.5, colour),
             );
-            let name = if key == 0 { "rest".into() } else { key.to_string() };
-            let align = match key {
-                0 => Align2::LEFT_TOP,
-                _ if key + 1 == line.keys.len() => Align2::RIGHT_TOP,
-                _ => Align2::CENTER_TOP,
+            let (name, align) = match key {
+                0 => ("rest".into(), Align2::LEFT_TOP),
+                _ if key + 1 == line.keys.len() => (line.label(key), Align2::RIGHT_TOP),
+                _ => (line.label(key), Align2::CENTER_TOP),
             };
-            painter.text(pos2(x, track.bottom() + 4.0), align, name, FontId::proportional(10.0), colour);
+            let place = pos2(x, track.bottom() + 4.0);
+            let text = painter.layout_no_wrap(name, FontId::proportional(10.0), colour);
+            let place = align.anchor_size(place, text.size());
+            // Of keys that lie close together only some have their names.
+            if place.left() > free {
+                free = place.right() + 8.0;
+                painter.galley(place.min, text, colour);
+            }
         }
         let at = pos2(x_of(line.frame), track.center().y);
         painter.circle_filled(at, 7.0, style::ACCENT);
@@ -79,7 +89,8 @@ pub fn show(
         };
         if let Some(at) = response.hover_pos().filter(|_| !response.dragged()) {
             let near = line.keys.iter().position(|&frame| (x_of(frame) - at.x).abs() < 6.0);
-            let text = near.map_or_else(|| format!("frame {}", frame_at(at.x)), |key| model.note(key));
+            let text =
+                near.map_or_else(|| format!("frame {}", line.number(frame_at(at.x))), |key| model.note(key));
             response.clone().on_hover_text_at_pointer(text);
         }
         // The button may go down, move and up again between two passes over the window.
@@ -92,6 +103,12 @@ pub fn show(
         }
         ends = [track.left(), track.right()];
     });
+    if line.keys.len() == 1 {
+        let text =
+            "The mesh at rest, to paint on. Add poses in the menu open, or drop their files on the window.";
+        ui.label(RichText::new(text).color(style::QUIET));
+        return dragged;
+    }
     let [left, right] = ends;
     let last = line.last;
     let x_of = |frame: usize| left + (frame - 1) as f32 / (last.max(2) - 1) as f32 * (right - left);

@@ -178,7 +178,7 @@ impl Open {
 
     fn solve(&mut self, request: Request, control: Arc<vrtm::Control>) -> vrtm::Result<Answer> {
         let keys = self.model.keys();
-        let pose = match Path::new(keys.clone(), request.last) {
+        let pose = match Path::through(keys.clone(), &self.model.timeline.keys) {
             Ok(path) => path.pose(request.frame.clamp(1, request.last)),
             // Rest alone.
             Err(_) => keys[0].to_vec(),
