@@ -187,7 +187,7 @@ fn files(rest: &Path, wanted: &Files) -> Result<Source> {
 }
 
 /// The existing files of a pattern, one per tile; a path without a token serves a mesh with one tile.
-fn existing(pattern: &str, mesh: &Mesh) -> Result<BTreeMap<u32, PathBuf>> {
+pub fn existing(pattern: &str, mesh: &Mesh) -> Result<BTreeMap<u32, PathBuf>> {
     let failure = |reason: String| Failure::named(&format!("--rigidity {pattern}"), reason);
     let path = |udim: u32| (udim, PathBuf::from(tiled(pattern, udim)));
     let mut found: BTreeMap<_, _> = mesh.faces().filter_map(|face| mesh.udim(face)).map(path).collect();

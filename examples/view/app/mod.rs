@@ -1,10 +1,12 @@
 //! The program: what is open, what is shown, and one pass over the window.
 
+pub mod dialogs;
 mod draw;
 mod open;
 mod saving;
 mod stroke;
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use eframe::egui::{self, Align, Key, Layout, Modifiers, Panel, RichText, ScrollArea, Ui, ViewportCommand};
@@ -15,9 +17,11 @@ use crate::args::Args;
 use crate::brush::painter::{Brush, Painter};
 use crate::draw::camera::Orbit;
 use crate::draw::gpu::Gpu;
+use crate::draw::paint::Textures;
 use crate::draw::scene::Scene;
 use crate::model::Model;
 use crate::panel::bar::{self, Wish};
+use crate::panel::brush::Brightness;
 use crate::panel::figures::{self, History};
 use crate::panel::settings::{self, Settings};
 use crate::panel::side::section;
@@ -30,6 +34,7 @@ use crate::solve::inbox::Edit;
 use crate::solve::worker::{News, Worker};
 use crate::timeline::Timeline;
 use crate::trace::Trace;
+use dialogs::{Ask, Dialogs};
 use draw::Screen;
 use saving::Question;
 use stroke::Stroke;
@@ -39,6 +44,9 @@ pub struct Open {
     model: Arc<Model>,
     painter: Painter,
     scene: Scene,
+    textures: Textures,
+    /// The files that were read.
+    inputs: Vec<PathBuf>,
     line: Timeline,
     orbit: Orbit,
     /// The first edit that belongs to it: earlier answers are of another mesh.
@@ -52,6 +60,7 @@ pub struct App {
     open: Option<Open>,
     look: Look,
     brush: Brush,
+    brightness: Brightness,
     settings: Settings,
     /// The settings that the thread has.
     told: Settings,
@@ -62,6 +71,9 @@ pub struct App {
     stroke: Stroke,
     clip: Option<Clip>,
     question: Option<Question>,
+    dialogs: Dialogs,
+    /// The dialog to show next.
+    asked: Option<Ask>,
     /// The text of the fields for paths.
     path: String,
     folder: String,
@@ -101,6 +113,7 @@ impl App {
                 brush: false,
             },
             brush: Brush::default(),
+            brightness: Brightness::default(),
             settings: Settings::default(),
             told: Settings::default(),
             flow: Flow::default(),
@@ -110,6 +123,8 @@ impl App {
             stroke: Stroke::default(),
             clip: None,
             question: None,
+            dialogs: Dialogs::new(),
+            asked: None,
             path: String::new(),
             folder: std::env::current_dir().map_or(".".into(), |folder| folder.display().to_string()),
             device: String::new(),
@@ -206,6 +221,8 @@ impl App {
         match (wish.inner, &mut self.open) {
             (Some(Wish::Save(pressed)), _) => self.press(pressed),
             (Some(Wish::Open(files)), _) => self.open_files(&files),
+            (Some(Wish::Path(path)), _) => self.open_path(path),
+            (Some(Wish::Ask(ask)), _) => self.asked = Some(ask),
             (Some(Wish::Reset), Some(open)) => {
                 open.orbit = Orbit {
                     z_up: open.orbit.z_up,
@@ -219,9 +236,9 @@ impl App {
 
     /// Returns whether something is being dragged.
     fn side(&mut self, ui: &mut Ui, scale: f32) -> bool {
-        let App { settings, brush, look, trace, open, history, shown, screen, clip, .. } = self;
+        let App { settings, brush, brightness, look, trace, open, history, shown, screen, clip, .. } = self;
         let mut noted = |name: &str, rect: egui::Rect| trace.widget(name, rect, scale);
-        let (mut dragged, mut undo) = (false, false);
+        let (mut dragged, mut wish) = (false, None);
         let frame = style::frame(10);
         Panel::right("side").frame(frame).resizable(false).exact_size(348.0).show(ui, |ui| {
             ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
@@ -232,17 +249,22 @@ impl App {
                         });
                     }
                     if look.brush {
-                        let can_undo = open.as_ref().is_some_and(|open| open.painter.can_undo());
-                        undo = section(ui, "Brush", true, |ui| brush::show(ui, brush, can_undo, &mut noted))
-                            .unwrap_or(false);
+                        if let Some(open) = open {
+                            let textured = open.textures.iter().any(Option::is_some);
+                            let given = textured.then_some(brightness);
+                            wish = section(ui, "Brush", true, |ui| {
+                                brush::show(ui, brush, given, &open.painter.steps, &mut noted)
+                            })
+                            .flatten();
+                        }
                     }
                     dragged |= section(ui, "Solve", true, |ui| settings::show(ui, settings, &mut noted))
                         .unwrap_or(false);
                 });
             });
         });
-        if undo {
-            self.undo();
+        if let Some(wish) = wish {
+            self.brush_wish(wish);
         }
         dragged
     }
@@ -302,7 +324,7 @@ impl App {
 }
 
 impl eframe::App for App {
-    fn ui(&mut self, ui: &mut Ui, _frame: &mut eframe::Frame) {
+    fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
         let scale = ui.ctx().pixels_per_point();
         self.hear();
         if ui.input_mut(|i| i.consume_key(Modifiers::COMMAND, Key::Q)) {
@@ -319,6 +341,7 @@ impl eframe::App for App {
         }
         self.ask(moving);
         self.ask_question(ui, scale);
+        self.dialog(ui, frame);
         self.trace.end_frame();
     }
 

@@ -1,40 +1,67 @@
 //! Opening a mesh.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use eframe::egui::Ui;
-use image::RgbaImage;
 use serde_json::json;
 
+use super::dialogs::{Ask, Told};
 use super::{App, Open};
+use crate::brush::canvas::Canvas;
 use crate::brush::painter::Painter;
 use crate::draw::camera::Orbit;
-use crate::draw::paint;
+use crate::draw::paint::{self, Textures};
 use crate::draw::scene::Scene;
+use crate::failure::Failure;
+use crate::maps::Map;
 use crate::model::Model;
 use crate::panel::figures::History;
+use crate::save::rigidity::pattern;
 use crate::solve::inbox::Edit;
-use crate::source::Files;
+use crate::source::{self, Files};
 
 impl App {
-    /// Opens files. If that fails, what was open stays.
+    /// Opens files. If that fails, what was open stays; poses for the mesh that is open leave what is painted.
     pub(super) fn open_files(&mut self, files: &Files) {
-        self.open_with(files, None);
-    }
-
-    /// Opens files, and the textures of the tiles.
-    pub(super) fn open_with(&mut self, files: &Files, texture: Option<&str>) {
         let model = match Model::load(files) {
-            Ok(model) => Arc::new(model),
+            Ok(model) => model,
             Err(failure) => return self.say(failure.0),
         };
-        let textures = match textures_of(&model, texture) {
-            Ok(textures) => textures,
-            Err(message) => return self.say(message),
+        let same = |open: &&mut Open| {
+            let before = &open.model.files;
+            files.rest.is_some()
+                && (&before.rest, &before.rigidity) == (&files.rest, &files.rigidity)
+                && open.model.triangles.len() == model.triangles.len()
+                && open.model.tiles.len() == model.tiles.len()
         };
-        self.give_clip_up();
+        let kept = self.open.as_mut().filter(same).map(|open| {
+            (std::mem::take(&mut open.painter), std::mem::take(&mut open.textures), open.inputs.clone())
+        });
+        let (painter, textures, inputs) = kept
+            .unwrap_or_else(|| (Painter::new(&model), vec![None; model.tiles.len()], Vec::new()));
+        self.begin(Arc::new(model), painter, textures);
+        if let Some(open) = &mut self.open {
+            open.inputs.extend(inputs);
+        }
+    }
+
+    /// Opens files with the textures of the tiles.
+    pub(super) fn open_with(&mut self, files: &Files, texture: Option<&str>) {
+        let model = match Model::load(files) {
+            Ok(model) => model,
+            Err(failure) => return self.say(failure.0),
+        };
+        let textures = match texture.map(|path| textures_of(&model, path)).transpose() {
+            Ok(textures) => textures.unwrap_or_else(|| vec![None; model.tiles.len()]),
+            Err(message) => return self.say(format!("--texture: {message}")),
+        };
         let painter = Painter::new(&model);
+        self.begin(Arc::new(model), painter, textures);
+    }
+
+    fn begin(&mut self, model: Arc<Model>, painter: Painter, textures: Textures) {
+        self.give_clip_up();
         let scene = Scene::new(&self.gpu, &model, &painter.canvases, &textures);
         self.flow.edit += 1;
         self.worker.inbox.post(Edit::Open(model.clone(), painter.canvases.clone()));
@@ -55,12 +82,60 @@ impl App {
             first: self.flow.edit,
             painter,
             scene,
+            textures,
+            inputs: model.inputs.clone(),
             model,
         });
     }
 
+    /// Opens rigidity maps for the mesh that is open, in the place of what is painted.
+    pub(super) fn open_rigidity(&mut self, pattern: &str) {
+        let Some(open) = &mut self.open else { return self.say(NO_MESH.into()) };
+        let read = source::existing(pattern, &open.model.mesh).and_then(|found| {
+            let map = |(udim, path): (u32, PathBuf)| Ok((udim, Map::load(&path)?, path));
+            found.into_iter().map(map).collect::<Result<Vec<_>, Failure>>()
+        });
+        let read = match read {
+            Ok(read) => read,
+            Err(failure) => return self.say(failure.0),
+        };
+        let mut canvases = open.painter.canvases.clone();
+        for (tile, canvas) in open.model.tiles.iter().zip(&mut canvases) {
+            if let Some((_, map, path)) = read.iter().find(|(udim, ..)| *udim == tile.udim) {
+                *canvas = Canvas::new(Some(map));
+                open.inputs.push(path.clone());
+            }
+        }
+        open.painter.replace(canvases);
+        self.flow.edit += 1;
+        self.worker.inbox.post(Edit::Open(open.model.clone(), open.painter.canvases.clone()));
+        self.notice = None;
+        self.draw_anew();
+    }
+
+    /// Opens colour textures for the mesh that is open.
+    pub(super) fn open_texture(&mut self, pattern: &str) {
+        let Some(open) = &mut self.open else { return self.say(NO_MESH.into()) };
+        match textures_of(&open.model, pattern) {
+            Ok(textures) => open.textures = textures,
+            Err(message) => return self.say(message),
+        }
+        self.notice = None;
+        self.draw_anew();
+    }
+
+    /// Hands maps and textures to the GPU once more.
+    fn draw_anew(&mut self) {
+        let Some(open) = &mut self.open else { return };
+        open.scene = Scene::new(&self.gpu, &open.model, &open.painter.canvases, &open.textures);
+        if let Some(answer) = &self.shown {
+            open.scene.show(&self.gpu, answer);
+        }
+        self.screen.changed();
+    }
+
     /// Opens what was dropped on the window: a folder is an asset; OBJ files are rest and its poses, in the order of
-    /// their names, and a PNG among them a rigidity map.
+    /// their names; a PNG is a rigidity map, or with colours a texture.
     pub(super) fn open_dropped(&mut self, ui: &Ui) {
         let dropped = ui.input(|i| i.raw.dropped_files.clone());
         let mut paths: Vec<PathBuf> = dropped.iter().map(|file| file.path().into()).collect();
@@ -68,22 +143,75 @@ impl App {
             return;
         }
         paths.sort();
+        if self.open.is_some()
+            && paths.iter().all(|path| ends(path, "png"))
+        {
+            let pattern = pattern(&paths[0].display().to_string());
+            return if is_coloured(&paths[0]) {
+                self.open_texture(&pattern)
+            } else {
+                self.open_rigidity(&pattern)
+            };
+        }
         match files_of(&paths, self.open.as_ref().map(|open| &open.model.files)) {
             Ok(files) => self.open_files(&files),
             Err(message) => self.say(message),
         }
     }
+
+    /// Opens a folder or an OBJ file.
+    pub(super) fn open_path(&mut self, path: PathBuf) {
+        let files = if ends(&path, "obj") {
+            Files { rest: Some(path), ..Files::default() }
+        } else {
+            Files { asset: Some(path), ..Files::default() }
+        };
+        self.open_files(&files);
+    }
+
+    /// Does what a dialog was shown for.
+    pub(super) fn open_told(&mut self, (ask, said): Told) {
+        let mut paths = match said {
+            Ok(paths) => paths,
+            Err(message) => return self.say(message),
+        };
+        paths.sort();
+        let Some(path) = paths.first().cloned() else { return };
+        let text = path.display().to_string();
+        match ask {
+            Ask::Rest | Ask::Asset => self.open_path(path),
+            Ask::Rigidity => self.open_rigidity(&pattern(&text)),
+            Ask::Texture => self.open_texture(&pattern(&text)),
+            Ask::Folder => self.folder = text,
+            Ask::SaveRigidity | Ask::SavePicture => self.save_as(ask, &path),
+            Ask::Poses => match self.open.as_ref().map(|open| open.model.files.clone()) {
+                Some(files) if files.rest.is_some() => self.open_files(&Files { pose: paths, ..files }),
+                _ => self.say("open a mesh at rest first: scenes and asset folders have their own poses".into()),
+            },
+        }
+    }
 }
 
+const NO_MESH: &str = "open a mesh first";
+
 /// The textures of a mesh's tiles. A path that leads to none of them is an error.
-fn textures_of(model: &Model, path: Option<&str>) -> Result<Vec<Option<RgbaImage>>, String> {
-    let Some(path) = path else { return Ok(vec![None; model.tiles.len()]) };
-    let all = model.tiles.iter().map(|tile| paint::read(path, tile.udim));
-    let all: Vec<Option<RgbaImage>> = all.collect::<Result<_, _>>()?;
+fn textures_of(model: &Model, path: &str) -> Result<Textures, String> {
+    let read = |udim: u32| paint::read(path, udim).map(|image| image.map(Arc::new));
+    let all = model.tiles.iter().map(|tile| read(tile.udim)).collect::<Result<Textures, _>>()?;
     if all.iter().all(Option::is_none) {
-        return Err(format!("--texture: {path}: there is no such file for any tile"));
+        return Err(format!("{path}: there is no such file for any tile"));
     }
     Ok(all)
+}
+
+fn ends(path: &Path, end: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(end))
+}
+
+/// Whether an image has colours: then it is no rigidity map.
+fn is_coloured(path: &Path) -> bool {
+    let grey = |pixel: &image::Rgb<u8>| pixel.0[0] == pixel.0[1] && pixel.0[1] == pixel.0[2];
+    image::open(path).is_ok_and(|image| !image.into_rgb8().pixels().all(grey))
 }
 
 /// What dropped paths mean; further poses and maps belong to the OBJ that is open.
@@ -93,7 +221,6 @@ fn files_of(paths: &[PathBuf], open: Option<&Files>) -> Result<Files, String> {
     {
         return Ok(Files { asset: Some(folder.clone()), ..Files::default() });
     }
-    let ends = |path: &PathBuf, end: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(end));
     let mut files = open.filter(|files| files.rest.is_some()).cloned().unwrap_or_default();
     let mut meshes = paths.iter().filter(|path| ends(path, "obj"));
     if files.rest.is_none() || paths.iter().filter(|path| ends(path, "obj")).count() > 1 {
@@ -108,21 +235,6 @@ fn files_of(paths: &[PathBuf], open: Option<&Files>) -> Result<Files, String> {
         return Err(format!("{}: not an asset folder, an OBJ file, poses or a map", paths[0].display()));
     }
     Ok(files)
-}
-
-/// A path in which `<UDIM>` stands for the four digits of a tile's number, if its name has them.
-fn pattern(path: &str) -> String {
-    let parts: Vec<&str> = path.split('.').collect();
-    let is_udim = |part: &&str| part.parse::<u32>().is_ok_and(|n| (1001..=9999).contains(&n));
-    match parts.iter().rposition(is_udim) {
-        Some(k) => parts
-            .iter()
-            .enumerate()
-            .map(|(j, part)| if j == k { "<UDIM>" } else { part })
-            .collect::<Vec<_>>()
-            .join("."),
-        None => path.into(),
-    }
 }
 
 #[cfg(test)]
@@ -141,6 +253,5 @@ mod tests {
         assert!(files_of(&paths(&["a/r.png"]), None).expect_err("no mesh").starts_with("a/r.png: "));
         let alone = files_of(&paths(&["a/rest.obj"]), None).expect("files");
         assert_eq!((alone.rest, alone.pose), (Some("a/rest.obj".into()), Vec::new()));
-        assert_eq!(pattern("maps.2020/r.png"), "maps.2020/r.png");
     }
 }

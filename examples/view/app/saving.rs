@@ -5,28 +5,35 @@ use std::path::{Path, PathBuf};
 use eframe::egui::Ui;
 use serde_json::json;
 
+use super::dialogs::Ask;
 use super::{App, Notice};
 use crate::draw::picture::Picture;
 use crate::panel::save::{self, Job, Pressed};
 use crate::save::clip::Clip;
+use crate::save::file::Existing;
 use crate::save::{encode, file, rigidity};
 use crate::solve::inbox::{Purpose, Request};
 
 /// What waits for an answer.
 pub struct Question {
     job: Job,
-    files: Vec<String>,
+    files: Vec<Existing>,
+}
+
+/// A model's name as a part of a file's.
+fn plain(name: &str) -> String {
+    name.replace(|c: char| !c.is_alphanumeric() && c != '-', "_")
 }
 
 impl App {
-    /// A button was pressed: saves, unless files are there already; then the user decides.
+    /// A button was pressed: saves to the folder.
     pub(super) fn press(&mut self, pressed: Pressed) {
         let Some(open) = &self.open else { return };
         if pressed != Pressed::Stop && self.clip.is_some() {
             return;
         }
         let folder = Path::new(self.folder.trim());
-        let name = open.model.name.replace(|c: char| !c.is_alphanumeric() && c != '-', "_");
+        let name = plain(&open.model.name);
         let job = match pressed {
             Pressed::Stop => return self.give_clip_up(),
             Pressed::Rigidity => {
@@ -37,12 +44,47 @@ impl App {
             }
             Pressed::Clip => Job::Clip(folder.join(format!("{name}_clip.png"))),
         };
-        let files = file::existing(job.paths(), &open.model.inputs);
+        self.save_unless(job, |_| true);
+    }
+
+    /// Saves under a name that was chosen in a dialog.
+    pub(super) fn save_as(&mut self, ask: Ask, path: &Path) {
+        let Some(open) = &self.open else { return };
+        let job = if ask == Ask::SaveRigidity {
+            let udims: Vec<u32> = open.model.tiles.iter().map(|tile| tile.udim).collect();
+            Job::Rigidity(rigidity::paths_of(path, &udims))
+        } else {
+            Job::Picture(file::with_ending(path, "png"))
+        };
+        // The dialog has asked about the very file that was chosen.
+        self.save_unless(job, |found| found.read || found.path != path);
+    }
+
+    /// Saves, unless such files are there already; then the user decides.
+    fn save_unless(&mut self, job: Job, asks: impl Fn(&Existing) -> bool) {
+        let Some(open) = &self.open else { return };
+        let mut files = file::existing(job.paths(), &open.inputs);
+        files.retain(asks);
         if files.is_empty() {
             self.save(job);
         } else {
             self.question = Some(Question { job, files });
         }
+    }
+
+    /// Shows the dialog that is asked for, and does what the last one was shown for.
+    pub(super) fn dialog(&mut self, ui: &Ui, frame: &eframe::Frame) {
+        if let Some(told) = self.dialogs.told() {
+            self.open_told(told);
+        }
+        let Some(ask) = self.asked.take() else { return };
+        let name = self.open.as_ref().map_or(String::new(), |open| plain(&open.model.name));
+        let file = match (ask, &self.open) {
+            (Ask::SaveRigidity, _) => format!("{name}_rigidity.png"),
+            (Ask::SavePicture, Some(open)) => format!("{name}_{:04}.png", open.line.number(open.line.frame)),
+            _ => String::new(),
+        };
+        self.dialogs.open(ask, (self.folder.trim().into(), &file), frame, ui.ctx());
     }
 
     /// Shows the question, if there is one.

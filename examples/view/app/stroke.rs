@@ -3,10 +3,14 @@
 use eframe::egui::{Key, Modifiers, Rect, Ui};
 use serde_json::json;
 
-use super::App;
-use crate::brush::painter::{Brush, Change};
+use super::{App, Open};
+use crate::brush::mirror;
+use crate::brush::painter::Brush;
 use crate::brush::pick::{Hit, Projected};
+use crate::brush::steps::Change;
+use crate::brush::whole;
 use crate::draw::camera::Camera;
+use crate::panel::brush::BrushWish;
 use crate::panel::viewport::Mouse;
 use crate::solve::inbox::Edit;
 
@@ -38,11 +42,20 @@ impl App {
         if ui.ctx().egui_wants_keyboard_input() || !self.look.brush {
             return;
         }
-        if ui.input_mut(|i| i.consume_key(Modifiers::COMMAND, Key::Z)) {
-            self.undo();
+        let again = Modifiers::COMMAND | Modifiers::SHIFT;
+        // The longer one first: that without Shift would take it.
+        for (modifiers, key, wish) in [
+            (again, Key::Z, BrushWish::Redo),
+            (Modifiers::COMMAND, Key::Y, BrushWish::Redo),
+            (Modifiers::COMMAND, Key::Z, BrushWish::Undo),
+        ] {
+            if ui.input_mut(|i| i.consume_key(modifiers, key)) {
+                self.brush_wish(wish);
+            }
         }
         let pressed = |key| ui.input(|i| i.key_pressed(key));
         self.brush.erase ^= pressed(Key::E);
+        self.brush.symmetry ^= pressed(Key::X);
         for (key, factor) in [(Key::OpenBracket, 1.0 / 1.2), (Key::CloseBracket, 1.2)] {
             if pressed(key) {
                 self.brush.radius = (self.brush.radius * factor).clamp(2.0, 200.0);
@@ -89,11 +102,26 @@ impl App {
             return false;
         }
         // A mouse that is held still paints nothing new.
-        if self.stroke.last.replace((pane, at)) == Some((pane, at)) {
+        let before = self.stroke.last.replace((pane, at));
+        if before == Some((pane, at)) {
             return true;
         }
         let erase = self.brush.erase ^ ui.input(|i| i.modifiers.command);
         let brush = Brush { erase, ..self.brush };
+        if brush.symmetry {
+            let plane = mirror::plane(model);
+            let other = |hit: &Hit| mirror::opposite(model, positions, hit, plane, radius(hit));
+            hits.extend(hits.iter().filter_map(other).collect::<Vec<_>>());
+        }
+        if brush.fills {
+            // One press fills once.
+            if before.is_none() {
+                let fill = |hit: &Hit| open.painter.fill_island(model, hit.triangle, &brush);
+                let changes = hits.iter().flat_map(fill).collect();
+                self.send(changes);
+            }
+            return true;
+        }
         if !open.painter.is_painting() {
             open.painter.begin();
         }
@@ -111,8 +139,24 @@ impl App {
         true
     }
 
-    pub(super) fn undo(&mut self) {
-        let changes = self.open.as_mut().map(|open| open.painter.undo()).unwrap_or_default();
+    /// Does what a button of the brush asks for.
+    pub(super) fn brush_wish(&mut self, wish: BrushWish) {
+        let Some(Open { painter, model, textures, .. }) = &mut self.open else { return };
+        let changes = match wish {
+            BrushWish::Undo => painter.undo(),
+            BrushWish::Redo => painter.redo(),
+            BrushWish::Use(tool) => {
+                painter.change(model, |_, canvas, charts| Some(whole::used(tool, canvas, charts)))
+            }
+            BrushWish::Brightness(given) => {
+                let images = textures.iter().flatten().map(|image| &**image);
+                let threshold = if given.threshold > 0.0 { given.threshold } else { whole::otsu(images) };
+                painter.change(model, |tile, canvas, _| {
+                    let texture = textures[tile].as_ref()?;
+                    Some(whole::of_brightness(texture, threshold, given.dark, canvas.size))
+                })
+            }
+        };
         self.send(changes);
     }
 

@@ -65,7 +65,7 @@ fn part(triangle: usize, uvs: [[f32; 2]; 3], corners: [[f32; 3]; 3], weights: [f
 }
 
 /// The weights of the corners of a triangle at its point that is closest to another point.
-fn closest(p: [f32; 3], [a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
+pub fn closest(p: [f32; 3], [a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
     let n = cross(minus(b, a), minus(c, a));
     let area = dot(n, n);
     if area > 0.0 {

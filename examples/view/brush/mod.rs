@@ -1,8 +1,13 @@
-//! The brush: the point under the mouse (`pick`), what of the surface lies around it (`disc`), which triangle is at a
-//! texel (`ids`), and what a stroke changes in the maps (`painter`).
+//! The brush: the point under the mouse (`pick`) and that opposite to it (`mirror`), what of the surface lies around it
+//! (`disc`) or in its chart (`islands`), which triangle is at a texel (`ids`), what a stroke changes in the maps
+//! (`painter`), tools that change all of a map (`whole`), and taking back what was done (`steps`).
 
 pub mod canvas;
 pub mod disc;
 pub mod ids;
+pub mod islands;
+pub mod mirror;
 pub mod painter;
 pub mod pick;
+pub mod steps;
+pub mod whole;

@@ -1,14 +1,13 @@
-//! The maps of all tiles while they are painted: strokes, and undoing them.
+//! The maps of all tiles while they are painted: strokes, fills and tools for whole maps.
 
 use super::canvas::{Canvas, Rect};
 use super::disc::{Part, disc};
 use super::ids::Ids;
+use super::islands::islands;
 use super::pick::Hit;
+use super::steps::{Change, Steps};
 use crate::model::{Model, length, minus};
 use crate::solve::answer::{Maps, Solved};
-
-/// Strokes that can be undone.
-const MOST: usize = 32;
 
 /// What the brush does.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,11 +20,15 @@ pub struct Brush {
     pub softness: f32,
     /// Whether it paints 0 instead.
     pub erase: bool,
+    /// Whether a click fills the chart under it.
+    pub fills: bool,
+    /// Whether it paints on the opposite side of the mesh, too.
+    pub symmetry: bool,
 }
 
 impl Default for Brush {
     fn default() -> Brush {
-        Brush { radius: 28.0, value: 1.0, softness: 0.25, erase: false }
+        Brush { radius: 28.0, value: 1.0, softness: 0.25, erase: false, fills: false, symmetry: false }
     }
 }
 
@@ -39,15 +42,6 @@ impl Brush {
     fn target(&self) -> f32 {
         if self.erase { 0.0 } else { self.value.clamp(0.0, 1.0) * 65535.0 }
     }
-}
-
-/// A change of a tile.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Change {
-    pub tile: usize,
-    pub rect: Rect,
-    /// The new texels of the rectangle.
-    pub texels: Vec<u16>,
 }
 
 /// A tile's part in a stroke.
@@ -65,18 +59,17 @@ struct Touched {
 pub struct Painter {
     pub canvases: Vec<Canvas>,
     ids: Vec<Option<Ids>>,
+    /// The chart of each triangle.
+    islands: Vec<u32>,
     stroke: Option<Vec<Touched>>,
-    /// For each stroke, what was there before.
-    undo: Vec<Vec<Change>>,
-    /// Whether there is something to save.
-    pub changed: bool,
+    pub steps: Steps,
 }
 
 impl Painter {
     pub fn new(model: &Model) -> Painter {
         let canvases: Vec<_> = model.tiles.iter().map(|tile| Canvas::new(tile.rigidity.as_ref())).collect();
         let ids = canvases.iter().map(|_| None).collect();
-        Painter { canvases, ids, ..Painter::default() }
+        Painter { canvases, ids, islands: islands(&model.triangles), ..Painter::default() }
     }
 
     /// Begins a stroke.
@@ -86,10 +79,6 @@ impl Painter {
 
     pub fn is_painting(&self) -> bool {
         self.stroke.is_some()
-    }
-
-    pub fn can_undo(&self) -> bool {
-        !self.undo.is_empty()
     }
 
     /// Paints around a point of the surface; `radius` in space. `seen` holds the results through which the texture is
@@ -115,7 +104,6 @@ impl Painter {
                 }
             }
         }
-        self.changed |= !dirty.is_empty();
         let change = |(tile, rect)| Change { tile, rect, texels: self.canvases[tile].copy(rect) };
         dirty.into_iter().map(change).collect()
     }
@@ -131,10 +119,7 @@ impl Painter {
         (brush, radius): (&Brush, f32),
     ) -> Option<Rect> {
         let canvas = &mut self.canvases[tile];
-        let ids = self.ids[tile].get_or_insert_with(|| {
-            let range = model.tiles[tile].range.clone();
-            Ids::new(range.clone().zip(&model.triangles[range]), canvas.size)
-        });
+        let ids = self.ids[tile].get_or_insert_with(|| ids_of(model, tile, canvas.size));
         let stroke = self.stroke.get_or_insert_default();
         let touched = match stroke.iter().position(|touched| touched.tile == tile) {
             Some(k) => &mut stroke[k],
@@ -174,6 +159,73 @@ impl Painter {
         changed
     }
 
+    /// Takes other maps, which can be undone where they have as many texels.
+    pub fn replace(&mut self, canvases: Vec<Canvas>) {
+        self.end();
+        let before = std::mem::replace(&mut self.canvases, canvases);
+        if before.iter().zip(&self.canvases).any(|(before, now)| before.size != now.size) {
+            self.ids.iter_mut().for_each(|ids| *ids = None);
+            return self.steps.clear();
+        }
+        let whole = |(tile, canvas): (usize, Canvas)| {
+            let rect = Rect { first: [0, 0], size: canvas.size };
+            Change { tile, rect, texels: canvas.texels }
+        };
+        self.steps.keep(before.into_iter().enumerate().map(whole).collect());
+    }
+
+    /// Gives all of the chart of a triangle one value. Returns what changed.
+    pub fn fill_island(&mut self, model: &Model, triangle: usize, brush: &Brush) -> Vec<Change> {
+        let (tile, island) = (model.tile_of(triangle), self.islands[triangle]);
+        let charts = self.charts(model, tile);
+        let value = brush.target().round() as u16;
+        let texels = self.canvases[tile].texels.iter().zip(charts);
+        let texels = texels.map(|(&texel, of)| if of == Some(island) { value } else { texel }).collect();
+        self.set(vec![(tile, texels)])
+    }
+
+    /// Changes all maps: `change` gives a map's new texels from its tile, the map and the charts of its texels. Returns
+    /// what changed.
+    pub fn change(
+        &mut self,
+        model: &Model,
+        change: impl Fn(usize, &Canvas, &[Option<u32>]) -> Option<Vec<u16>>,
+    ) -> Vec<Change> {
+        let mut all = Vec::new();
+        for tile in 0..self.canvases.len() {
+            let charts = self.charts(model, tile);
+            all.extend(change(tile, &self.canvases[tile], &charts).map(|texels| (tile, texels)));
+        }
+        self.set(all)
+    }
+
+    /// The chart of each texel of a tile.
+    fn charts(&mut self, model: &Model, tile: usize) -> Vec<Option<u32>> {
+        let canvas = &self.canvases[tile];
+        let ids = self.ids[tile].get_or_insert_with(|| ids_of(model, tile, canvas.size));
+        let texels = (0..canvas.size[1]).flat_map(|y| (0..canvas.size[0]).map(move |x| [x, y]));
+        texels.map(|at| ids.at(canvas.uv(at)).map(|triangle| self.islands[triangle])).collect()
+    }
+
+    /// Takes the new texels of tiles as one step. Returns what changed.
+    fn set(&mut self, tiles: Vec<(usize, Vec<u16>)>) -> Vec<Change> {
+        self.end();
+        let (mut before, mut after) = (Vec::new(), Vec::new());
+        for (tile, texels) in tiles {
+            let canvas = &mut self.canvases[tile];
+            let width = canvas.size[0] as usize;
+            let differing = (0..texels.len()).filter(|&k| texels[k] != canvas.texels[k]);
+            let at = |k: usize| [(k % width) as u32, (k / width) as u32];
+            let rect = differing.fold(None, |rect, k| Some(Rect::around(rect, at(k))));
+            let Some(rect) = rect else { continue };
+            before.push(Change { tile, rect, texels: canvas.copy(rect) });
+            canvas.texels = texels;
+            after.push(Change { tile, rect, texels: canvas.copy(rect) });
+        }
+        self.steps.keep(before);
+        after
+    }
+
     /// Ends a stroke, which can be undone from now on.
     pub fn end(&mut self) {
         let touched = self.stroke.take().unwrap_or_default();
@@ -183,22 +235,25 @@ impl Painter {
             Change { tile, rect, texels: canvas.copy(rect) }
         };
         let changes: Vec<_> = touched.into_iter().filter(|t| t.rect.size != [0, 0]).map(before).collect();
-        if !changes.is_empty() {
-            self.undo.push(changes);
-            let over = self.undo.len().saturating_sub(MOST);
-            self.undo.drain(..over);
-        }
+        self.steps.keep(changes);
     }
 
-    /// Takes the last stroke back.
+    /// Takes the last step back. Returns what changed.
     pub fn undo(&mut self) -> Vec<Change> {
         self.end();
-        let changes = self.undo.pop().unwrap_or_default();
-        for Change { tile, rect, texels } in &changes {
-            self.canvases[*tile].paste(*rect, texels);
-        }
-        changes
+        self.steps.undo(&mut self.canvases)
     }
+
+    /// Does it again.
+    pub fn redo(&mut self) -> Vec<Change> {
+        self.end();
+        self.steps.redo(&mut self.canvases)
+    }
+}
+
+fn ids_of(model: &Model, tile: usize, size: [u32; 2]) -> Ids {
+    let range = model.tiles[tile].range.clone();
+    Ids::new(range.clone().zip(&model.triangles[range]), size)
 }
 
 /// The least and greatest UV of the texture that is seen on a part of a triangle, with a margin of a texel.
@@ -235,6 +290,7 @@ fn weights([a, b, c]: [[f32; 2]; 3], uv: [f32; 2]) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::brush::whole::{Tool, used};
     use crate::source::Files;
 
     /// A scene with empty maps, and a point on it.
@@ -249,7 +305,8 @@ mod tests {
         (model, painter, Hit { triangle, position, normal: [0.0, 0.0, 1.0], depth: 1.0 })
     }
 
-    const BRUSH: Brush = Brush { radius: 1.0, value: 1.0, softness: 0.5, erase: false };
+    const BRUSH: Brush =
+        Brush { radius: 1.0, value: 1.0, softness: 0.5, erase: false, fills: false, symmetry: false };
 
     #[test]
     fn a_dab_paints_a_disc_on_the_surface_and_nothing_else() {
@@ -297,9 +354,33 @@ mod tests {
         let wide = painter.dab(&model, &model.rest, None, &hit, (&brush, 1.5 * radius));
         assert!(!wide.is_empty());
         painter.end();
-        assert!(painter.can_undo());
+        assert!(painter.steps.can_undo());
+        let after = painter.canvases.clone();
         painter.undo();
-        assert!(painter.canvases == before && !painter.can_undo());
+        assert!(painter.canvases == before && !painter.steps.can_undo());
+        painter.redo();
+        assert!(painter.canvases == after && painter.steps.can_undo());
+    }
+
+    #[test]
+    fn a_fill_covers_the_chart_alone_and_is_one_step() {
+        let (model, mut painter, hit) = scene();
+        let other = |k: &usize| painter.islands[*k] != painter.islands[hit.triangle];
+        let beside = (0..model.triangles.len()).find(other).expect("the mug has several charts");
+        let changes = painter.fill_island(&model, hit.triangle, &BRUSH);
+        assert_eq!(changes.len(), 1);
+        let value = |painter: &Painter, triangle: usize| {
+            let canvas = &painter.canvases[0];
+            let uvs = model.triangles[triangle].uvs;
+            let uv = [0, 1].map(|c| (uvs.iter().map(|uv| uv[c]).sum::<f64>() / 3.0) as f32);
+            canvas.texels[canvas.index(canvas.texel(uv))]
+        };
+        assert_eq!([hit.triangle, beside].map(|k| value(&painter, k)), [65535, 0]);
+        painter.change(&model, |_, canvas, charts| Some(used(Tool::Invert, canvas, charts)));
+        assert_eq!([hit.triangle, beside].map(|k| value(&painter, k)), [0, 65535]);
+        painter.undo();
+        painter.undo();
+        assert!(!painter.steps.can_undo() && painter.canvases[0].texels.iter().all(|&texel| texel == 0));
     }
 
     #[test]

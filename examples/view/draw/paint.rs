@@ -1,6 +1,7 @@
 //! Colour textures of the tiles: image files, with levels for where texels are smaller than pixels.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use image::imageops::FilterType;
 use image::{RgbaImage, imageops};
@@ -9,6 +10,9 @@ use super::gpu::{COLOUR, Gpu};
 
 /// Most texels on a side: what every GPU that draws a window has.
 const LARGEST: u32 = 8192;
+
+/// The texture of each tile; `None` if it has none.
+pub type Textures = Vec<Option<Arc<RgbaImage>>>;
 
 /// Reads the texture of a tile; `None` if the tile has none. In the path `<UDIM>` stands for the tile's number.
 ///

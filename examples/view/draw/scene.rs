@@ -7,7 +7,7 @@ use image::RgbaImage;
 use super::camera::View;
 use super::gpu::{Gpu, METRIC};
 use super::levels::Levels;
-use super::paint;
+use super::paint::{self, Textures};
 use crate::brush::canvas::{Canvas, Rect};
 use crate::model::Model;
 use crate::solve::answer::{Answer, Maps};
@@ -38,8 +38,7 @@ pub struct Tile {
 }
 
 impl Scene {
-    /// `textures` has one per tile, or `None`.
-    pub fn new(gpu: &Gpu, model: &Model, canvases: &[Canvas], textures: &[Option<RgbaImage>]) -> Scene {
+    pub fn new(gpu: &Gpu, model: &Model, canvases: &[Canvas], textures: &Textures) -> Scene {
         let mut bytes = Vec::with_capacity(model.triangles.len() * 36);
         for triangle in &model.triangles {
             for (vertex, uv) in triangle.vertices.iter().zip(triangle.uvs) {
@@ -57,7 +56,7 @@ impl Scene {
         let view = scene.view(gpu, &View { range: METRIC_SIDE as f32, ..View::default() });
         for ((tile, canvas), texture) in model.tiles.iter().zip(canvases).zip(textures) {
             let range = 3 * tile.range.start as u32..3 * tile.range.end as u32;
-            let made = scene.tile(gpu, &view, range, canvas, texture.as_ref());
+            let made = scene.tile(gpu, &view, range, canvas, texture.as_deref());
             scene.tiles.push(made);
         }
         scene

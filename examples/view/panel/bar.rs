@@ -1,17 +1,24 @@
 //! The bar at the top: what is open, and how it is looked at.
 
+use std::path::PathBuf;
+
 use eframe::egui::containers::menu::{MenuButton, MenuConfig};
 use eframe::egui::{self, PopupCloseBehavior, Rect, RichText, Ui};
 
+use super::open;
 use super::save::{self, Pressed};
 use super::style;
 use super::viewport::{Look, Panes, Shown};
-use crate::scenes;
+use crate::app::dialogs::Ask;
 use crate::source::Files;
 
 /// What the bar asks for.
 pub enum Wish {
     Open(Files),
+    /// A folder, or an OBJ file.
+    Path(PathBuf),
+    /// Show a dialog.
+    Ask(Ask),
     /// See the whole mesh again.
     Reset,
     /// Turn z up, or y.
@@ -36,30 +43,14 @@ pub fn show(
             MenuButton::new(name).config(stays)
         };
         let (opens, _) = menu("open").ui(ui, |ui| {
-            ui.label(RichText::new("built-in scenes").color(style::QUIET));
-            for scene in scenes::NAMES {
-                let item = ui.button(scene);
-                noted(&format!("scene {scene}"), item.rect);
-                if item.clicked() {
-                    wish = Some(Wish::Open(Files { scene: Some(scene.into()), ..Files::default() }));
-                    ui.close();
-                }
+            if let Some(asked) = open::show(ui, path, &mut noted) {
+                wish = Some(asked);
             }
-            ui.separator();
-            ui.label(RichText::new("asset folder, or drop one on the window").color(style::QUIET));
-            ui.horizontal(|ui| {
-                let field = ui.add(egui::TextEdit::singleline(path).desired_width(260.0).hint_text("path"));
-                let entered = field.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
-                if (ui.button("open").clicked() || entered) && !path.trim().is_empty() {
-                    wish = Some(Wish::Open(Files { asset: Some(path.trim().into()), ..Files::default() }));
-                    ui.close();
-                }
-            });
         });
         noted("open", opens.rect);
         let (saves, _) = menu("save").ui(ui, |ui| {
-            if let Some(pressed) = save::show(ui, folder, &mut noted) {
-                wish = Some(Wish::Save(pressed));
+            if let Some(asked) = save::show(ui, folder, &mut noted) {
+                wish = Some(asked);
                 ui.close();
             }
         });

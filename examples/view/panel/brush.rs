@@ -1,12 +1,52 @@
-//! The brush's settings.
+//! The brush's settings and tools.
 
 use eframe::egui::{self, Slider, Ui};
 
 use super::side::row;
 use crate::brush::painter::Brush;
+use crate::brush::steps::Steps;
+use crate::brush::whole::Tool;
 
-/// Shows the settings of the brush.
-pub fn show(ui: &mut Ui, brush: &mut Brush, can_undo: bool, mut noted: impl FnMut(&str, egui::Rect)) -> bool {
+/// What a button asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum BrushWish {
+    Undo,
+    Redo,
+    Use(Tool),
+    /// Make what is bright in the colour texture rigid.
+    Brightness(Brightness),
+}
+
+/// Which pixels of a texture are rigid.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Brightness {
+    /// 0..1; 0 = what parts bright and dark pixels best.
+    pub threshold: f32,
+    /// Whether those that are darker are rigid.
+    pub dark: bool,
+}
+
+/// Shows the settings of the brush; `brightness` where there is a colour texture.
+pub fn show(
+    ui: &mut Ui,
+    brush: &mut Brush,
+    brightness: Option<&mut Brightness>,
+    steps: &Steps,
+    mut noted: impl FnMut(&str, egui::Rect),
+) -> Option<BrushWish> {
+    row(ui, "tool", "What a click does on the surface.", |ui| {
+        ui.spacing_mut().item_spacing.x = 2.0;
+        for (fills, name, about) in [
+            (false, "paint", "Paint around the mouse"),
+            (true, "fill island", "Make all of the UV island under the mouse rigid, or elastic with erase"),
+        ] {
+            let chosen = ui.selectable_label(brush.fills == fills, name).on_hover_text(about);
+            noted(name, chosen.rect);
+            if chosen.clicked() {
+                brush.fills = fills;
+            }
+        }
+    });
     let mut number = |ui: &mut Ui, value: &mut f32, range, name: &str, about: &str| {
         let slider = Slider::new(value, range).fixed_decimals(2);
         let response = row(ui, name, about, |ui| ui.add(slider));
@@ -33,14 +73,44 @@ pub fn show(ui: &mut Ui, brush: &mut Brush, can_undo: bool, mut noted: impl FnMu
         "softness",
         "The part of the radius over which the brush fades out.",
     );
-    let mut undo = false;
+    let mut wish = None;
+    let mut button = |ui: &mut Ui, is_enabled: bool, name: &str, about: &str, asks: BrushWish| {
+        let response = ui.add_enabled(is_enabled, egui::Button::new(name)).on_hover_text(about);
+        noted(name, response.rect);
+        if response.clicked() {
+            wish = Some(asks);
+        }
+    };
     ui.horizontal(|ui| {
-        let erase =
-            ui.checkbox(&mut brush.erase, "erase").on_hover_text("Paint elastic material (E, or hold Ctrl).");
-        noted("erase", erase.rect);
-        let response = ui.add_enabled(can_undo, egui::Button::new("undo stroke")).on_hover_text("Ctrl+Z");
-        noted("undo", response.rect);
-        undo = response.clicked();
+        ui.checkbox(&mut brush.erase, "erase").on_hover_text("Paint elastic material (E, or hold Ctrl).");
+        let about = "Paint the opposite side of the mesh, too, mirrored in x at rest (X).";
+        ui.checkbox(&mut brush.symmetry, "symmetry x").on_hover_text(about);
     });
-    undo
+    ui.horizontal(|ui| {
+        button(ui, steps.can_undo(), "undo", "Take the last step back (Ctrl+Z)", BrushWish::Undo);
+        button(ui, steps.can_redo(), "redo", "Do it again (Ctrl+Shift+Z or Ctrl+Y)", BrushWish::Redo);
+        ui.separator();
+        for (tool, name, about) in [
+            (Tool::Grow, "grow", "Make all features a little larger, each within its island"),
+            (Tool::Shrink, "shrink", "Make all features a little smaller"),
+            (Tool::Invert, "invert", "Make elastic what is rigid, and rigid what is elastic"),
+        ] {
+            button(ui, true, name, about, BrushWish::Use(tool));
+        }
+    });
+    if let Some(given) = brightness {
+        let about = "How bright a pixel of the colour texture is rigid; auto = what parts bright and dark best.";
+        row(ui, "brighter than", about, |ui| {
+            let slider = Slider::new(&mut given.threshold, 0.0..=1.0).custom_formatter(|value, _| {
+                if value == 0.0 { "auto".into() } else { format!("{value:.2}") }
+            });
+            ui.add(slider)
+        });
+        ui.horizontal(|ui| {
+            ui.checkbox(&mut given.dark, "darker instead").on_hover_text("Rigid is what is darker.");
+            let about = "Replace the map: rigid is what is bright in the colour texture, as `vrtm rigidity` does it.";
+            button(ui, true, "from brightness", about, BrushWish::Brightness(*given));
+        });
+    }
+    wish
 }

@@ -5,6 +5,7 @@ pub mod bar;
 pub mod brush;
 pub mod figures;
 pub mod line;
+pub mod open;
 pub mod save;
 pub mod settings;
 pub mod side;

@@ -4,7 +4,10 @@ use std::path::PathBuf;
 
 use eframe::egui::{self, Rect, RichText, Ui};
 
+use super::bar::Wish;
 use super::style;
+use crate::app::dialogs::Ask;
+use crate::save::file::Existing;
 
 /// What to save.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,11 +37,17 @@ pub enum Pressed {
 }
 
 /// Shows the folder and what can be saved there.
-pub fn show(ui: &mut Ui, folder: &mut String, mut noted: impl FnMut(&str, Rect)) -> Option<Pressed> {
-    ui.label(RichText::new("folder").color(style::QUIET));
-    ui.add(egui::TextEdit::singleline(folder).desired_width(300.0));
-    ui.separator();
-    let mut pressed = None;
+pub fn show(ui: &mut Ui, folder: &mut String, mut noted: impl FnMut(&str, Rect)) -> Option<Wish> {
+    let mut wish = None;
+    ui.label(RichText::new("to this folder").color(style::QUIET));
+    ui.horizontal(|ui| {
+        ui.add(egui::TextEdit::singleline(folder).desired_width(260.0));
+        let choose = ui.button("...").on_hover_text("Choose the folder");
+        noted("save to", choose.rect);
+        if choose.clicked() {
+            wish = Some(Wish::Ask(Ask::Folder));
+        }
+    });
     for (which, name, about) in [
         (Pressed::Rigidity, "rigidity maps", "A PNG per tile: <name>_rigidity.<UDIM>.png, white = rigid"),
         (Pressed::Picture, "picture", "This view as a PNG, without panels: <name>_<frame>.png"),
@@ -51,10 +60,19 @@ pub fn show(ui: &mut Ui, folder: &mut String, mut noted: impl FnMut(&str, Rect))
         let response = ui.button(name).on_hover_text(about);
         noted(&format!("save {name}"), response.rect);
         if response.clicked() {
-            pressed = Some(which);
+            wish = Some(Wish::Save(which));
         }
     }
-    pressed
+    ui.separator();
+    ui.label(RichText::new("under a name of your own").color(style::QUIET));
+    for (ask, name) in [(Ask::SaveRigidity, "rigidity maps as..."), (Ask::SavePicture, "picture as...")] {
+        let response = ui.button(name);
+        noted(&format!("save {name}"), response.rect);
+        if response.clicked() {
+            wish = Some(Wish::Ask(ask));
+        }
+    }
+    wish
 }
 
 /// Shows how far a clip is. Returns whether the user gives it up.
@@ -65,7 +83,7 @@ pub fn progress(ui: &mut Ui, (next, last): (usize, usize)) -> bool {
 }
 
 /// Asks whether files may be replaced; `None` until it is answered.
-pub fn replace(ui: &Ui, files: &[String], mut noted: impl FnMut(&str, Rect)) -> Option<bool> {
+pub fn replace(ui: &Ui, files: &[Existing], mut noted: impl FnMut(&str, Rect)) -> Option<bool> {
     let mut answer = None;
     egui::Modal::new(egui::Id::unique("replace")).show(ui.ctx(), |ui| {
         ui.set_max_width(460.0);
@@ -73,7 +91,7 @@ pub fn replace(ui: &Ui, files: &[String], mut noted: impl FnMut(&str, Rect)) -> 
         ui.heading(if files.len() == 1 { "Replace this file?" } else { "Replace these files?" });
         ui.add_space(6.0);
         for file in files {
-            ui.label(file);
+            ui.label(file.to_string());
         }
         ui.add_space(10.0);
         ui.horizontal(|ui| {

@@ -51,16 +51,35 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), String> {
     whole.finish()
 }
 
-/// Of some files, those that exist, each with a word about it if it was opened as an input.
-pub fn existing(paths: &[PathBuf], inputs: &[PathBuf]) -> Vec<String> {
+/// A path that ends as its format does.
+pub fn with_ending(path: &Path, ending: &str) -> PathBuf {
+    let ends = path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+    if ends { path.into() } else { format!("{}.{ending}", path.display()).into() }
+}
+
+/// A file that would be replaced.
+pub struct Existing {
+    pub path: PathBuf,
+    /// Whether it was opened as an input.
+    pub read: bool,
+}
+
+impl std::fmt::Display for Existing {
+    fn fmt(&self, out: &mut std::fmt::Formatter) -> std::fmt::Result {
+        write!(out, "{}{}", self.path.display(), if self.read { " (this was opened)" } else { "" })
+    }
+}
+
+/// Of some files, those that exist.
+pub fn existing(paths: &[PathBuf], inputs: &[PathBuf]) -> Vec<Existing> {
     let real = |path: &Path| path.canonicalize().ok();
     let inputs: Vec<_> = inputs.iter().filter_map(|input| real(input)).collect();
     let there = paths.iter().filter(|path| path.symlink_metadata().is_ok());
-    let line = |path: &PathBuf| {
-        let read = real(path).is_some_and(|path| inputs.contains(&path));
-        format!("{}{}", path.display(), if read { " (this was opened)" } else { "" })
+    let one = |path: &PathBuf| Existing {
+        path: path.clone(),
+        read: real(path).is_some_and(|path| inputs.contains(&path)),
     };
-    there.map(line).collect()
+    there.map(one).collect()
 }
 
 #[cfg(test)]
@@ -83,6 +102,7 @@ mod tests {
         let error = write(&folder.join("none/a.txt"), b"").expect_err("no folder");
         assert!(error.contains("none"), "{error}");
         let said = existing(&[path.clone(), folder.join("b.txt")], &[folder.join(".").join("a.txt")]);
+        let said: Vec<String> = said.iter().map(ToString::to_string).collect();
         assert!(said.len() == 1 && said[0].ends_with("a.txt (this was opened)"), "{said:?}");
         fs::remove_dir_all(&folder).expect("removed");
     }

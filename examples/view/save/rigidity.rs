@@ -10,6 +10,33 @@ pub fn paths(folder: &Path, name: &str, udims: impl Iterator<Item = u32>) -> Vec
     udims.map(|udim| folder.join(format!("{name}_rigidity.{udim}.png"))).collect()
 }
 
+/// The file of each tile under a chosen name: of several tiles, with the tile's number.
+pub fn paths_of(chosen: &Path, udims: &[u32]) -> Vec<PathBuf> {
+    let path = file::with_ending(chosen, "png");
+    let [_, _, ..] = udims else { return vec![path] };
+    let text = path.display().to_string();
+    let pattern = match pattern(&text) {
+        same if same == text => format!("{}.<UDIM>.png", text.strip_suffix(".png").unwrap_or(&text)),
+        pattern => pattern,
+    };
+    udims.iter().map(|udim| pattern.replace("<UDIM>", &udim.to_string()).into()).collect()
+}
+
+/// A path in which `<UDIM>` stands for the four digits of a tile's number, if its name has them.
+pub fn pattern(path: &str) -> String {
+    let parts: Vec<&str> = path.split('.').collect();
+    let is_udim = |part: &&str| part.parse::<u32>().is_ok_and(|n| (1001..=9999).contains(&n));
+    match parts.iter().rposition(is_udim) {
+        Some(k) => parts
+            .iter()
+            .enumerate()
+            .map(|(j, part)| if j == k { "<UDIM>" } else { part })
+            .collect::<Vec<_>>()
+            .join("."),
+        None => path.into(),
+    }
+}
+
 /// Writes all maps, with as many bits as those that were opened.
 ///
 /// # Errors
@@ -36,6 +63,18 @@ fn encoded(canvas: &Canvas) -> Result<Vec<u8>, String> {
 mod tests {
     use super::*;
     use crate::maps::Map;
+
+    #[test]
+    fn a_chosen_name_holds_the_numbers_of_tiles() {
+        let names = |chosen: &str, udims: &[u32]| {
+            let paths = paths_of(Path::new(chosen), udims);
+            paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>()
+        };
+        assert_eq!(names("a/mine", &[1001]), ["a/mine.png"]);
+        assert_eq!(names("a/mine.png", &[1001, 1012]), ["a/mine.1001.png", "a/mine.1012.png"]);
+        assert_eq!(names("a/mine.1012.png", &[1001, 1012]), ["a/mine.1001.png", "a/mine.1012.png"]);
+        assert_eq!(pattern("maps.2020/r.png"), "maps.2020/r.png");
+    }
 
     #[test]
     fn what_is_saved_is_what_is_opened() {

@@ -269,6 +269,42 @@ fn the_brush_and_what_is_saved() {
     assert!(left.iter().all(|name| !name.to_string_lossy().ends_with(".part")), "{left:?}");
 }
 
+/// Dialogs open what is chosen in them; where there are none the window says so, and all that was open stays.
+#[cfg(unix)]
+#[test]
+fn dialogs_open_files_and_say_where_there_are_none() {
+    use std::os::unix::fs::PermissionsExt;
+
+    let Some((server, folder)) = start("dialogs") else { return };
+    let [rest, wide] = sheet(&folder);
+    let mut view = Program::start(&server, &folder, &["--scene", "squash", "--size", SIZE]);
+    view.wait("drawn", |event| event["purpose"] == "final");
+    let choose = |view: &mut Program, what: &str| {
+        view.click("open");
+        view.wait("layout", |event| event["widgets"][what].is_array());
+        view.click(what);
+    };
+    choose(&mut view, "mesh at rest...");
+    let notice = view.wait("notice", |_| true);
+    assert!(notice["text"].as_str().expect("a text").starts_with("no file dialog here"), "{notice}");
+    // A program in the place of zenity, which the dialogs fall back to, chooses.
+    let chooses = |path: &str| {
+        let program = folder.join("bin/zenity");
+        std::fs::create_dir_all(folder.join("bin")).expect("a folder");
+        std::fs::write(&program, format!("#!/bin/sh\necho '{path}'\n")).expect("written");
+        std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("a program");
+    };
+    chooses(&rest);
+    choose(&mut view, "mesh at rest...");
+    let opened = view.wait("open", |event| event["name"] == "rest");
+    assert_eq!(opened["poses"], 0);
+    chooses(&wide);
+    choose(&mut view, "poses...");
+    view.wait("open", |event| event["poses"] == 1);
+    view.wait("drawn", |event| event["purpose"] == "final");
+    view.quit();
+}
+
 #[test]
 fn a_missing_file_is_named_in_the_window() {
     let Some((server, folder)) = start("missing") else { return };

@@ -39,6 +39,9 @@ impl Program {
             .env("DISPLAY", &server.display)
             .env_remove("WAYLAND_DISPLAY")
             .env_remove("WAYLAND_SOCKET")
+            // No desktop's portal, and dialogs of a program that a test puts there.
+            .env_remove("DBUS_SESSION_BUS_ADDRESS")
+            .env("PATH", folder.join("bin"))
             .stdout(Stdio::null())
             .stderr(Stdio::inherit())
             .spawn()

@@ -1,0 +1,147 @@
+//! The desktop's dialogs for files. They run on a thread of their own, and the window goes on.
+
+use std::path::PathBuf;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Mutex, PoisonError};
+
+use eframe::egui;
+use log::{LevelFilter, Log, Metadata, Record};
+use rfd::{AsyncFileDialog, FileHandle};
+
+/// What a dialog asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ask {
+    Rest,
+    Poses,
+    Rigidity,
+    Texture,
+    Asset,
+    /// The folder to save to.
+    Folder,
+    SaveRigidity,
+    SavePicture,
+}
+
+impl Ask {
+    fn title(self) -> &'static str {
+        match self {
+            Ask::Rest => "Open a mesh at rest",
+            Ask::Poses => "Open its poses, all at once",
+            Ask::Rigidity => "Open a rigidity map",
+            Ask::Texture => "Open a colour texture",
+            Ask::Asset => "Open an asset folder",
+            Ask::Folder => "Save to a folder",
+            Ask::SaveRigidity => "Save the rigidity map",
+            Ask::SavePicture => "Save a picture of the view",
+        }
+    }
+
+    fn files(self) -> (&'static str, &'static [&'static str]) {
+        match self {
+            Ask::Rest => ("meshes (OBJ)", &["obj"]),
+            Ask::Poses => ("poses (OBJ, f32)", &["obj", "f32"]),
+            Ask::Rigidity | Ask::Texture => ("images (PNG)", &["png"]),
+            Ask::SaveRigidity | Ask::SavePicture => ("PNG", &["png"]),
+            Ask::Asset | Ask::Folder => ("folders", &["*"]),
+        }
+    }
+}
+
+/// What a dialog says: nothing if it was closed.
+pub type Told = (Ask, Result<Vec<PathBuf>, String>);
+
+/// The way back from dialogs.
+pub struct Dialogs {
+    sender: Sender<Told>,
+    told: Receiver<Told>,
+    /// Whether one is on the screen.
+    is_open: bool,
+}
+
+impl Dialogs {
+    pub fn new() -> Dialogs {
+        // Fails if there are other ears already, as in a test that opens several.
+        let _ = log::set_logger(&EARS);
+        log::set_max_level(LevelFilter::Error);
+        let (sender, told) = channel();
+        Dialogs { sender, told, is_open: false }
+    }
+
+    /// Shows a dialog, one at a time; `start` is the folder or file to begin at.
+    pub fn open(&mut self, ask: Ask, start: (PathBuf, &str), frame: &eframe::Frame, ctx: &egui::Context) {
+        if std::mem::replace(&mut self.is_open, true) {
+            return;
+        }
+        let (name, endings) = ask.files();
+        let mut dialog = AsyncFileDialog::new().set_title(ask.title()).set_parent(frame);
+        if !matches!(ask, Ask::Asset | Ask::Folder) {
+            dialog = dialog.add_filter(name, endings);
+        }
+        let (folder, file) = start;
+        if folder.is_dir() {
+            dialog = dialog.set_directory(folder);
+        }
+        if !file.is_empty() {
+            dialog = dialog.set_file_name(file);
+        }
+        let (sender, ctx) = (self.sender.clone(), ctx.clone());
+        let tell = move |paths: Option<Vec<PathBuf>>| {
+            let failed = EARS.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+            let said = match (paths, failed) {
+                (Some(paths), _) => Ok(paths),
+                (None, None) => Ok(Vec::new()),
+                (None, Some(reason)) => Err(format!(
+                    "no file dialog here, neither the desktop's portal nor zenity: {reason}; type a path into the \
+                     menu, or drop files on the window"
+                )),
+            };
+            // Nobody listens once the window is closed.
+            let _ = sender.send((ask, said));
+            ctx.request_repaint();
+        };
+        let one = |file: Option<FileHandle>| file.map(|file| vec![PathBuf::from(file.path())]);
+        let all =
+            |files: Option<Vec<FileHandle>>| files.map(|f| f.iter().map(|f| f.path().into()).collect());
+        // Some systems want dialogs made on the window's thread, but waiting there would stop the window.
+        match ask {
+            Ask::Poses => wait(dialog.pick_files(), move |files| tell(all(files))),
+            Ask::Rest | Ask::Rigidity | Ask::Texture => {
+                wait(dialog.pick_file(), move |file| tell(one(file)));
+            }
+            Ask::Asset | Ask::Folder => wait(dialog.pick_folder(), move |file| tell(one(file))),
+            Ask::SaveRigidity | Ask::SavePicture => {
+                wait(dialog.save_file(), move |file| tell(one(file)));
+            }
+        }
+    }
+
+    /// What the dialog said, once it is closed.
+    pub fn told(&mut self) -> Option<Told> {
+        let told = self.told.try_recv().ok()?;
+        self.is_open = false;
+        Some(told)
+    }
+}
+
+fn wait<T>(future: impl Future<Output = T> + Send + 'static, then: impl FnOnce(T) + Send + 'static) {
+    std::thread::spawn(|| then(pollster::block_on(future)));
+}
+
+/// Hears why there is no dialog: that it failed is told to the log alone, and looks like a closed one.
+struct Ears(Mutex<Option<String>>);
+
+static EARS: Ears = Ears(Mutex::new(None));
+
+impl Log for Ears {
+    fn enabled(&self, metadata: &Metadata) -> bool {
+        metadata.target().starts_with("rfd")
+    }
+
+    fn log(&self, record: &Record) {
+        if self.enabled(record.metadata()) {
+            *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(record.args().to_string());
+        }
+    }
+
+    fn flush(&self) {}
+}
