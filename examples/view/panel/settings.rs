@@ -1,9 +1,11 @@
-//! The settings of solves, under the names of the C header and with its words.
+//! The settings of solves: those that artists need under the names that they have in Blender, with what one will see,
+//! and the others under the library's names, with its words.
 
-use eframe::egui::{self, ComboBox, Slider, SliderClamping, Ui};
+use eframe::egui::{self, ComboBox, RichText, Slider, SliderClamping, Ui};
 use vrtm::{OpenBorders, Overlap, Quality, Seams, TileSettings};
 
 use super::side::row;
+use super::style;
 
 /// What solves are asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -21,10 +23,61 @@ const QUALITIES: [(Quality, &str, &str); 2] = [
     ),
 ];
 
+/// A number under the name that it has in Blender, too.
+struct Knob {
+    name: &'static str,
+    /// The library's name for it.
+    setting: &'static str,
+    range: [f32; 2],
+    about: &'static str,
+}
+
+const KNOBS: [Knob; 4] = [
+    Knob {
+        name: "Protect",
+        setting: "protect",
+        range: [0.0, 1.0],
+        about: "Features that the pose does not strain stay round, before those that it strains. At 0.5 hardly any looks \
+                worse than without vrtm, and the strained ones keep a little more strain; 1 is for stills.",
+    },
+    Knob {
+        name: "Calm",
+        setting: SMOOTHNESS,
+        range: [-1.0, 1.0],
+        about: "Over time: raise it where features jitter in a film, which leaves more strain. Lower, down to -1, \
+                features are rounder, and the skin between them is squeezed harder.",
+    },
+    Knob {
+        name: "Keep Direction",
+        setting: "orientation_density",
+        range: [0.0, 1.0],
+        about: "Features turn less where they are dense, such as scales and lettering: 0.15 is a beginning, 0.5 is much. \
+                It leaves more strain, and does not go with open borders that slide.",
+    },
+    Knob {
+        name: "Room",
+        setting: "room",
+        range: [0.0, 3.0],
+        about: "How much the skin between features resists being crushed. Nearly always 0.3 is best: lower or higher \
+                leaves more strain.",
+    },
+];
+
+const SMOOTHNESS: &str = "smoothness";
+
+/// The smoothness of a value of Calm: 1 and -1 are the ends of what is of use, 4 times the default and a quarter of it.
+fn smoothness(calm: f32) -> f32 {
+    TileSettings::default().smoothness * 4f32.powf(calm)
+}
+
+fn calm(smoothness: f32) -> f32 {
+    (smoothness / TileSettings::default().smoothness).log(4.0)
+}
+
 /// Shows the settings; `noted` learns where each of them is. Returns whether one is being dragged.
 pub fn show(ui: &mut Ui, settings: &mut Settings, mut noted: impl FnMut(&str, egui::Rect)) -> bool {
     let mut dragged = false;
-    row(ui, "quality", "How much work a solve does on each level of its grid.", |ui| {
+    row(ui, "Quality", "How much work a solve does on each level of its grid (quality).", |ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
         for (quality, name, about) in QUALITIES {
             let chosen = ui.selectable_label(settings.quality == quality, name).on_hover_text(about);
@@ -35,6 +88,81 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, mut noted: impl FnMut(&str, eg
         }
     });
     let tile = &mut settings.tile;
+    for Knob { name, setting, range: [least, most], about } in KNOBS {
+        let Some(value) = tile.number(setting) else { continue };
+        let is_calm = setting == SMOOTHNESS;
+        let mut shown = if is_calm { calm(*value) } else { *value };
+        let slider = Slider::new(&mut shown, least..=most).clamping(SliderClamping::Always).max_decimals(2);
+        let response = row(ui, name, &format!("{about} ({setting})"), |ui| ui.add(slider));
+        noted(name, response.rect);
+        dragged |= response.dragged();
+        if response.changed() {
+            *value = if is_calm { smoothness(shown) } else { shown };
+        }
+    }
+    // `continue` needs a texture that shows what lies beyond the seams.
+    choice(
+        ui,
+        ("Seams", "What happens to features at the seams of the UV map (seams)."),
+        &mut tile.seams,
+        &[
+            (Seams::Shut, "Shut", "Nothing moves at a seam: a feature on one keeps its width there"),
+            (Seams::Keep, "Keep", "A feature that touches a border stays as it is, whole"),
+        ],
+        &mut noted,
+    );
+    choice(
+        ui,
+        ("Open Borders", "What happens where the mesh ends (open_borders)."),
+        &mut tile.open_borders,
+        &[
+            (OpenBorders::Fixed, "Fixed", "Nothing moves there, as is right where another mesh begins"),
+            (
+                OpenBorders::Slide,
+                "Slide",
+                "Textures slide along the border, so that features there keep their shape",
+            ),
+        ],
+        &mut noted,
+    );
+    choice(
+        ui,
+        (
+            "Overlaps",
+            "What happens where islands lie over one another in the UV map, as mirrored halves do (overlap).",
+        ),
+        &mut tile.overlap,
+        &[
+            (Overlap::Fixed, "Fixed", "Nothing moves where islands share the texture"),
+            (
+                Overlap::FirstFace,
+                "First Face",
+                "The island with the first face moves all of them: for those that bend alike",
+            ),
+        ],
+        &mut noted,
+    );
+    if tile.open_borders == OpenBorders::Slide && tile.orientation_density > 0.0 {
+        let text =
+            "Keep Direction does not go with open borders that slide: set it to 0, or Open Borders to Fixed.";
+        ui.label(RichText::new(text).small().color(style::ERROR));
+    }
+    let mut back = ui.button("defaults").on_hover_text("All settings of tiles as they were");
+    noted("defaults", back.rect);
+    if back.clicked() {
+        *tile = TileSettings::default();
+        back.mark_changed();
+    }
+    ui.add_space(4.0);
+    egui::CollapsingHeader::new(RichText::new("under the library's names").color(style::QUIET))
+        .id_salt("more")
+        .show_unindented(ui, |ui| dragged |= more(ui, tile, &mut noted));
+    dragged
+}
+
+/// The settings that have no name of an artist's.
+fn more(ui: &mut Ui, tile: &mut TileSettings, mut noted: impl FnMut(&str, egui::Rect)) -> bool {
+    let mut dragged = false;
     // 0 = as many as resolve the features, then 64, 128, ... cells.
     let mut step = tile.grid[0].map_or(0, |cells| cells.ilog2() as i32 - 5);
     let cells = |step: i32| (step > 0).then(|| 32u32 << step);
@@ -51,7 +179,7 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, mut noted: impl FnMut(&str, eg
     if response.changed() {
         tile.grid = [cells(step); 2];
     }
-    for setting in TileSettings::SETTINGS {
+    for setting in TileSettings::SETTINGS.iter().filter(|s| KNOBS.iter().all(|k| k.setting != s.name)) {
         let (Some([least, most]), Some(value)) = (setting.limits, tile.number(setting.name)) else {
             continue;
         };
@@ -65,61 +193,6 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, mut noted: impl FnMut(&str, eg
         noted(setting.name, response.rect);
         dragged |= response.dragged();
     }
-    choice(
-        ui,
-        (
-            "overlap",
-            "Which chart moves texels that several charts of a tile share, or that a chart shares with itself.",
-        ),
-        &mut tile.overlap,
-        &[
-            (Overlap::Fixed, "fixed", "Shared texels do not move, so that nothing gets worse; the default."),
-            (
-                Overlap::FirstFace,
-                "first_face",
-                "The chart with the first face moves them: for mirrored halves that deform alike.",
-            ),
-        ],
-    );
-    // `continue` needs a texture that shows what lies beyond the seams, which the painted material does not.
-    choice(
-        ui,
-        (
-            "seams",
-            "What happens where the surface goes on beyond a chart's border, elsewhere in the UV plane.",
-        ),
-        &mut tile.seams,
-        &[
-            (Seams::Shut, "shut", "Nothing moves at a border, and any texture will do; the default."),
-            (
-                Seams::Keep,
-                "keep",
-                "Rigid features that touch a border of their chart stay as they were, whole, and their \
-                                   elastic surroundings give way: never half of a feature.",
-            ),
-        ],
-    );
-    choice(
-        ui,
-        ("open_borders", "What happens at a border of a chart beyond which the surface ends."),
-        &mut tile.open_borders,
-        &[
-            (OpenBorders::Fixed, "fixed", "Nothing moves at an open border; the default."),
-            (
-                OpenBorders::Slide,
-                "slide",
-                "Texture slides along open borders, as if the surface were mirrored there, so \
-                                           that a feature at a border keeps its shape; only with an orientation_density \
-                                           of 0.",
-            ),
-        ],
-    );
-    let mut back = ui.button("defaults").on_hover_text("All settings of tiles as they were");
-    noted("defaults", back.rect);
-    if back.clicked() {
-        *tile = TileSettings::default();
-        back.mark_changed();
-    }
     dragged
 }
 
@@ -128,13 +201,45 @@ fn choice<T: Copy + PartialEq>(
     (name, about): (&str, &str),
     value: &mut T,
     all: &[(T, &str, &str)],
+    mut noted: impl FnMut(&str, egui::Rect),
 ) {
     let now = all.iter().find(|(of, ..)| of == value).map_or("", |(_, name, _)| name);
     row(ui, name, about, |ui| {
-        ComboBox::from_id_salt(name).width(118.0).selected_text(now).show_ui(ui, |ui| {
+        let list = ComboBox::from_id_salt(name).width(118.0).selected_text(now).show_ui(ui, |ui| {
             for &(of, name, about) in all {
                 ui.selectable_value(value, of, name).on_hover_text(about);
             }
         });
+        noted(name, list.response.rect);
     });
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Blender's add-on has the same words.
+    const ADD_ON: &str = include_str!("../../../bindings/blender/vrtm_blender/properties.py");
+
+    #[test]
+    fn knobs_are_those_of_the_add_on() {
+        // Its strings are cut into lines.
+        let text = ADD_ON.replace("\"\n        \"", "");
+        for knob in KNOBS {
+            assert!(text.contains(&format!("name=\"{}\"", knob.name)), "{}", knob.name);
+            let about = knob.about.split_whitespace().collect::<Vec<_>>().join(" ");
+            let first = about.split(". ").next().unwrap_or_default().trim_end_matches('.');
+            assert!(text.contains(first), "{}: {first}", knob.name);
+            assert!(TileSettings::default().number(knob.setting).is_some(), "{}", knob.setting);
+        }
+    }
+
+    #[test]
+    fn calm_is_a_power_of_four_of_the_default() {
+        assert_eq!(smoothness(0.0), 0.02);
+        for value in [-1.0, -0.25, 0.5, 1.0] {
+            assert!((calm(smoothness(value)) - value).abs() < 1e-5);
+        }
+        assert!((smoothness(1.0) - 0.08).abs() < 1e-6 && (smoothness(-1.0) - 0.005).abs() < 1e-6);
+    }
 }
