@@ -68,8 +68,12 @@ pub struct Args {
 }
 
 const DEVICES: [(&str, Backend); 3] = [("auto", Backend::Auto), ("cpu", Backend::Cpu), ("gpu", Backend::Gpu)];
-const VIEWS: [(&str, Panes); 3] =
-    [("original", Panes::Original), ("redirected", Panes::Redirected), ("side-by-side", Panes::SideBySide)];
+const VIEWS: [(&str, Panes); 4] = [
+    ("original", Panes::Original),
+    ("redirected", Panes::Redirected),
+    ("side-by-side", Panes::SideBySide),
+    ("wipe", Panes::Wipe),
+];
 
 impl Args {
     /// What to open.
@@ -85,7 +89,9 @@ impl Args {
 }
 
 /// Parses a name into the value that it denotes.
-fn one_of<T: Copy + Send + Sync + 'static>(all: [(&'static str, T); 3]) -> impl TypedValueParser<Value = T> {
+fn one_of<T: Copy + Send + Sync + 'static, const N: usize>(
+    all: [(&'static str, T); N],
+) -> impl TypedValueParser<Value = T> {
     PossibleValuesParser::new(all.map(|(name, _)| name))
         .map(move |text| all.iter().find(|(name, _)| *name == text).expect("one of the names").1)
 }

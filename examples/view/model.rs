@@ -9,6 +9,10 @@ use crate::numbers;
 use crate::source::{Files, Frame, Source};
 use crate::timeline::Timeline;
 
+/// Keys, and points of each of them, that are looked at to tell how much room a mesh takes.
+const MOST_KEYS: usize = 12;
+const MOST_POINTS: usize = 20_000;
+
 /// A mesh with its poses and maps.
 pub struct Model {
     pub name: String,
@@ -87,6 +91,14 @@ impl Model {
     /// Rest and all poses: the keys of the timeline.
     pub fn keys(&self) -> Vec<&[[f32; 3]]> {
         std::iter::once(&self.rest).chain(&self.poses).map(Vec::as_slice).collect()
+    }
+
+    /// Points of all poses, or of some, that tell how much room the mesh takes.
+    pub fn sample(&self) -> Vec<[f32; 3]> {
+        let keys = self.keys();
+        let keys = keys.iter().step_by(keys.len().div_ceil(MOST_KEYS));
+        let step = self.rest.len().div_ceil(MOST_POINTS);
+        keys.flat_map(|key| key.iter().step_by(step)).copied().collect()
     }
 
     /// The key that stretches or squeezes the edges of the mesh most, in the mean of the squares of relative changes.

@@ -100,8 +100,7 @@ impl Dialogs {
             ctx.request_repaint();
         };
         let one = |file: Option<FileHandle>| file.map(|file| vec![PathBuf::from(file.path())]);
-        let all =
-            |files: Option<Vec<FileHandle>>| files.map(|f| f.iter().map(|f| f.path().into()).collect());
+        let all = |files: Option<Vec<FileHandle>>| files.map(|f| f.iter().map(|f| f.path().into()).collect());
         // Some systems want dialogs made on the window's thread, but waiting there would stop the window.
         match ask {
             Ask::Poses => wait(dialog.pick_files(), move |files| tell(all(files))),
@@ -138,8 +137,10 @@ impl Log for Ears {
     }
 
     fn log(&self, record: &Record) {
-        if self.enabled(record.metadata()) {
-            *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(record.args().to_string());
+        // Where there is no portal, zenity may well do.
+        let text = record.args().to_string();
+        if self.enabled(record.metadata()) && text.contains("zenity") {
+            *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(text);
         }
     }
 

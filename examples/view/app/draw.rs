@@ -19,6 +19,7 @@ pub struct Screen {
     picture: Option<(Picture, TextureId)>,
     /// What the picture shows.
     views: Vec<View>,
+    wipe: Option<f32>,
     fresh: bool,
     /// How long it took.
     pub milliseconds: f64,
@@ -26,7 +27,7 @@ pub struct Screen {
 
 impl Screen {
     pub fn new(renderer: Arc<RwLock<Renderer>>) -> Screen {
-        Screen { renderer, picture: None, views: Vec::new(), fresh: false, milliseconds: 0.0 }
+        Screen { renderer, picture: None, views: Vec::new(), wipe: None, fresh: false, milliseconds: 0.0 }
     }
 
     /// Tells that the mesh or its maps changed.
@@ -38,8 +39,8 @@ impl Screen {
         self.picture.as_ref().map_or([640, 480], |(picture, _)| picture.size)
     }
 
-    pub fn views(&self) -> &[View] {
-        &self.views
+    pub fn views(&self) -> (&[View], Option<f32>) {
+        (&self.views, self.wipe)
     }
 }
 
@@ -58,15 +59,20 @@ impl App {
             return false;
         };
         let recording = self.clip.is_some();
-        let (area, _, mouse) = viewport::mouse(ui, &self.look, &mut open.orbit);
-        let count = self.look.redirected().len();
+        let (area, _, mouse) = viewport::mouse(ui, &mut self.look, &mut open.orbit);
         self.trace.widget("view", area, scale);
-        let camera = open.orbit.camera(area.width() / count as f32 / area.height());
+        let pane = self.look.pane(area, 0);
+        let aspect = pane.width() / pane.height();
+        if std::mem::take(&mut open.frames) {
+            let keys = open.model.sample();
+            open.orbit.frame(keys.iter(), aspect);
+        }
+        let camera = open.orbit.camera(aspect);
         let painting = if recording {
             false
         } else {
             self.brush_keys(ui);
-            self.paint(ui, (area, count), &camera, &mouse)
+            self.paint(ui, pane.size(), &camera, &mouse)
         };
         let cells = self
             .shown
@@ -84,7 +90,8 @@ impl App {
         let has_strain = self.shown.is_some();
         viewport::overlay(ui, area, &self.look, has_strain);
         if let Some((pane, hit, radius)) = self.stroke.under.filter(|_| self.look.brush && !recording) {
-            viewport::outline(ui, area, (count, pane), &camera, &hit, radius);
+            let places = (self.look.pane(area, pane), self.look.seen(area, pane));
+            viewport::outline(ui, places, &camera, &hit, radius);
         }
         painting
     }
@@ -107,16 +114,17 @@ impl App {
             screen.picture = Some((picture, id));
             screen.fresh = false;
         }
-        if screen.fresh && screen.views == views {
+        let wipe = self.look.line();
+        if screen.fresh && screen.views == views && screen.wipe == wipe {
             return;
         }
         let start = Instant::now();
         let Some((picture, _)) = &screen.picture else { return };
-        picture.draw(&self.gpu, self.open.as_ref().map(|open| &open.scene), &views);
+        picture.draw(&self.gpu, self.open.as_ref().map(|open| &open.scene), &views, wipe);
         // Waiting makes the time honest; a lost GPU is told by the window's own drawing.
         let _ = self.gpu.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: None });
         screen.milliseconds = start.elapsed().as_secs_f64() * 1e3;
-        (screen.views, screen.fresh) = (views, true);
+        (screen.views, screen.wipe, screen.fresh) = (views, wipe, true);
         if let Some(answer) = &self.shown {
             let request = &answer.request;
             let facts = json!({

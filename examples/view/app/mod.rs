@@ -25,7 +25,7 @@ use crate::panel::brush::Brightness;
 use crate::panel::figures::{self, History};
 use crate::panel::settings::{self, Settings};
 use crate::panel::side::section;
-use crate::panel::viewport::{Look, Shown};
+use crate::panel::viewport::Look;
 use crate::panel::{brush, line, style};
 use crate::save::clip::Clip;
 use crate::solve::answer::Answer;
@@ -49,6 +49,8 @@ pub struct Open {
     inputs: Vec<PathBuf>,
     line: Timeline,
     orbit: Orbit,
+    /// Whether the mesh is to fill its pane as soon as the pane's shape is known.
+    frames: bool,
     /// The first edit that belongs to it: earlier answers are of another mesh.
     first: u64,
 }
@@ -104,14 +106,7 @@ impl App {
             worker: Worker::new(args.device, wake),
             trace,
             open: None,
-            look: Look {
-                panes: args.view,
-                shown: Shown::Texture,
-                grid: false,
-                every: 8,
-                range: 0.3,
-                brush: false,
-            },
+            look: Look { panes: args.view, ..Look::default() },
             brush: Brush::default(),
             brightness: Brightness::default(),
             settings: Settings::default(),
@@ -223,46 +218,54 @@ impl App {
             (Some(Wish::Open(files)), _) => self.open_files(&files),
             (Some(Wish::Path(path)), _) => self.open_path(path),
             (Some(Wish::Ask(ask)), _) => self.asked = Some(ask),
-            (Some(Wish::Reset), Some(open)) => {
-                open.orbit = Orbit {
-                    z_up: open.orbit.z_up,
-                    ..Orbit::of(&open.model.rest, open.model.centre, open.model.radius)
-                };
+            (Some(Wish::Frame(side)), Some(open)) => {
+                open.frames = true;
+                if let Some(side) = side {
+                    open.orbit.look_from(side);
+                }
             }
-            (Some(Wish::Up(z_up)), Some(open)) => open.orbit.z_up = z_up,
+            (Some(Wish::Up(z_up)), Some(open)) => (open.orbit.z_up, open.frames) = (z_up, true),
             _ => {}
         }
     }
 
     /// Returns whether something is being dragged.
     fn side(&mut self, ui: &mut Ui, scale: f32) -> bool {
+        let width = ui.ctx().content_rect().width();
+        if !self.look.has_side(width) {
+            return false;
+        }
         let App { settings, brush, brightness, look, trace, open, history, shown, screen, clip, .. } = self;
         let mut noted = |name: &str, rect: egui::Rect| trace.widget(name, rect, scale);
         let (mut dragged, mut wish) = (false, None);
         let frame = style::frame(10);
-        Panel::right("side").frame(frame).resizable(false).exact_size(348.0).show(ui, |ui| {
-            ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                ui.add_enabled_ui(clip.is_none(), |ui| {
-                    if let Some(answer) = shown {
-                        section(ui, "This frame", true, |ui| {
-                            figures::show(ui, answer, history, screen.milliseconds)
-                        });
-                    }
-                    if look.brush {
-                        if let Some(open) = open {
-                            let textured = open.textures.iter().any(Option::is_some);
-                            let given = textured.then_some(brightness);
-                            wish = section(ui, "Brush", true, |ui| {
-                                brush::show(ui, brush, given, &open.painter.steps, &mut noted)
-                            })
-                            .flatten();
+        Panel::right("side")
+            .frame(frame)
+            .resizable(false)
+            .exact_size(if width < 1000.0 { 320.0 } else { 348.0 })
+            .show(ui, |ui| {
+                ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                    ui.add_enabled_ui(clip.is_none(), |ui| {
+                        if let Some(answer) = shown {
+                            section(ui, "This frame", true, |ui| {
+                                figures::show(ui, answer, history, screen.milliseconds)
+                            });
                         }
-                    }
-                    dragged |= section(ui, "Solve", true, |ui| settings::show(ui, settings, &mut noted))
-                        .unwrap_or(false);
+                        if look.brush {
+                            if let Some(open) = open {
+                                let textured = open.textures.iter().any(Option::is_some);
+                                let given = textured.then_some(brightness);
+                                wish = section(ui, "Brush", true, |ui| {
+                                    brush::show(ui, brush, given, &open.painter.steps, &mut noted)
+                                })
+                                .flatten();
+                            }
+                        }
+                        dragged |= section(ui, "Solve", true, |ui| settings::show(ui, settings, &mut noted))
+                            .unwrap_or(false);
+                    });
                 });
             });
-        });
         if let Some(wish) = wish {
             self.brush_wish(wish);
         }
@@ -305,18 +308,29 @@ impl App {
                         *notice = None;
                     }
                     let colour = if is_error { style::ERROR } else { style::TEXT };
-                    ui.label(RichText::new(text).small().color(colour));
+                    // What does not fit is told under the mouse.
+                    ui.add(egui::Label::new(RichText::new(text).small().color(colour)).truncate());
+                    return;
                 }
                 ui.with_layout(Layout::right_to_left(Align::Center), |ui| {
                     ui.add(egui::Label::new(RichText::new(&*device).small().color(style::QUIET)).truncate());
                 });
             });
         });
-        Panel::bottom("timeline").frame(style::frame(8)).exact_size(92.0).show(ui, |ui| {
+        // A low window has no room for the plot.
+        let plots = ui.ctx().content_rect().height() >= 560.0;
+        let height = if plots { 92.0 } else { 58.0 };
+        Panel::bottom("timeline").frame(style::frame(8)).exact_size(height).show(ui, |ui| {
             ui.add_enabled_ui(clip.is_none(), |ui| {
-                dragged = line::show(ui, &mut open.line, (&open.model, history), now, |name, rect| {
-                    trace.widget(name, rect, scale);
-                });
+                dragged = line::show(
+                    ui,
+                    &mut open.line,
+                    (&open.model, plots.then_some(history)),
+                    now,
+                    |name, rect| {
+                        trace.widget(name, rect, scale);
+                    },
+                );
             });
         });
         dragged

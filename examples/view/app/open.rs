@@ -38,8 +38,8 @@ impl App {
         let kept = self.open.as_mut().filter(same).map(|open| {
             (std::mem::take(&mut open.painter), std::mem::take(&mut open.textures), open.inputs.clone())
         });
-        let (painter, textures, inputs) = kept
-            .unwrap_or_else(|| (Painter::new(&model), vec![None; model.tiles.len()], Vec::new()));
+        let (painter, textures, inputs) =
+            kept.unwrap_or_else(|| (Painter::new(&model), vec![None; model.tiles.len()], Vec::new()));
         self.begin(Arc::new(model), painter, textures);
         if let Some(open) = &mut self.open {
             open.inputs.extend(inputs);
@@ -79,6 +79,7 @@ impl App {
         self.open = Some(Open {
             line,
             orbit: Orbit::of(&model.rest, model.centre, model.radius),
+            frames: true,
             first: self.flow.edit,
             painter,
             scene,
@@ -143,9 +144,7 @@ impl App {
             return;
         }
         paths.sort();
-        if self.open.is_some()
-            && paths.iter().all(|path| ends(path, "png"))
-        {
+        if self.open.is_some() && paths.iter().all(|path| ends(path, "png")) {
             let pattern = pattern(&paths[0].display().to_string());
             return if is_coloured(&paths[0]) {
                 self.open_texture(&pattern)
@@ -186,7 +185,8 @@ impl App {
             Ask::SaveRigidity | Ask::SavePicture => self.save_as(ask, &path),
             Ask::Poses => match self.open.as_ref().map(|open| open.model.files.clone()) {
                 Some(files) if files.rest.is_some() => self.open_files(&Files { pose: paths, ..files }),
-                _ => self.say("open a mesh at rest first: scenes and asset folders have their own poses".into()),
+                _ => self
+                    .say("open a mesh at rest first: scenes and asset folders have their own poses".into()),
             },
         }
     }

@@ -125,8 +125,8 @@ impl App {
 
     /// The pixels of the view, without what lies over it.
     fn pixels(&self, size: [u32; 2]) -> Result<Vec<u8>, String> {
-        let picture = Picture::new(&self.gpu, size);
-        picture.draw(&self.gpu, self.open.as_ref().map(|open| &open.scene), self.screen.views());
+        let (picture, (views, wipe)) = (Picture::new(&self.gpu, size), self.screen.views());
+        picture.draw(&self.gpu, self.open.as_ref().map(|open| &open.scene), views, wipe);
         picture.read(&self.gpu)
     }
 

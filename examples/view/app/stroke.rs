@@ -1,6 +1,6 @@
 //! The brush in the view: where it is, and what a stroke changes.
 
-use eframe::egui::{Key, Modifiers, Rect, Ui};
+use eframe::egui::{Key, Modifiers, Ui, Vec2};
 use serde_json::json;
 
 use super::{App, Open};
@@ -63,14 +63,8 @@ impl App {
         }
     }
 
-    /// Follows the mouse, and paints if its button is held. Returns whether it does.
-    pub(super) fn paint(
-        &mut self,
-        ui: &Ui,
-        (area, count): (Rect, usize),
-        camera: &Camera,
-        mouse: &Mouse,
-    ) -> bool {
+    /// Follows the mouse in panes of this size, and paints if its button is held. Returns whether it does.
+    pub(super) fn paint(&mut self, ui: &Ui, size: Vec2, camera: &Camera, mouse: &Mouse) -> bool {
         let Some(open) = &mut self.open else { return false };
         self.stroke.under = None;
         if !mouse.paints {
@@ -87,9 +81,8 @@ impl App {
         }
         let Some((_, projected)) = &self.stroke.projected else { return false };
         let model = &open.model;
-        let radius = |hit: &Hit| self.brush.radius / area.height() * camera.height(hit.depth);
+        let radius = |hit: &Hit| self.brush.radius / size.y * camera.height(hit.depth);
         let mut hits: Vec<Hit> = Vec::new();
-        let size = [area.width() / count as f32, area.height()];
         let from = self.stroke.last.filter(|(of, _)| mouse.paints && *of == pane).map_or(at, |(_, at)| at);
         let way = [0, 1].map(|c| (at[c] - from[c]) * size[c]);
         let steps = (way[0].hypot(way[1]) / self.brush.radius * DENSITY).ceil().max(1.0) as usize;

@@ -15,7 +15,8 @@ pub fn plane(model: &Model) -> f32 {
 /// The point of the surface opposite to another one, if it lies within `reach` of the mirrored place at rest.
 pub fn opposite(model: &Model, positions: &[[f32; 3]], hit: &Hit, plane: f32, reach: f32) -> Option<Hit> {
     let corners = |k: usize, of: &[[f32; 3]]| model.triangles[k].vertices.map(|v| of[v as usize]);
-    let within = |w: [f32; 3], corners: [[f32; 3]; 3]| [0, 1, 2].map(|c| (0..3).map(|k| w[k] * corners[k][c]).sum());
+    let within =
+        |w: [f32; 3], corners: [[f32; 3]; 3]| [0, 1, 2].map(|c| (0..3).map(|k| w[k] * corners[k][c]).sum());
     let weights = closest(hit.position, corners(hit.triangle, positions));
     let [x, y, z]: [f32; 3] = within(weights, corners(hit.triangle, &model.rest));
     let place = [2.0 * plane - x, y, z];
@@ -49,7 +50,8 @@ mod tests {
 
     #[test]
     fn the_opposite_point_is_that_of_the_mirrored_place_at_rest() {
-        let model = Model::load(&Files { scene: Some("squash".into()), ..Files::default() }).expect("a scene");
+        let model =
+            Model::load(&Files { scene: Some("squash".into()), ..Files::default() }).expect("a scene");
         let x = plane(&model);
         // In another pose, in which everything lies elsewhere.
         let pose: Vec<_> = model.rest.iter().map(|p| [3.0 * p[0] + 7.0, p[1] + p[0], p[2]]).collect();

@@ -93,7 +93,8 @@ pub fn of_brightness(texture: &RgbaImage, threshold: f32, dark: bool, size: [u32
             let columns = pixels(x, width, texture.width());
             let all = (rows.len() * columns.len()) as f32;
             let over = |(x, y)| (brightness(texture.get_pixel(x, y)) > threshold) != dark;
-            let count = rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y))).filter(|&at| over(at));
+            let count =
+                rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y))).filter(|&at| over(at));
             inside.push(count.count() as f32 / all);
         }
     }
@@ -124,8 +125,7 @@ mod tests {
         let (mut canvas, charts) = canvas();
         canvas.texels = used(Tool::Grow, &canvas, &charts);
         let rigid: Vec<usize> = (0..144).filter(|&k| canvas.texels[k] > 0).collect();
-        let expected: Vec<usize> =
-            [4, 5, 6].into_iter().flat_map(|y| [4, 5].map(|x| 12 * y + x)).collect();
+        let expected: Vec<usize> = [4, 5, 6].into_iter().flat_map(|y| [4, 5].map(|x| 12 * y + x)).collect();
         assert_eq!(rigid, expected, "the chart ends at column 6");
         canvas.texels = used(Tool::Shrink, &canvas, &charts);
         assert_eq!((0..144).filter(|&k| canvas.texels[k] > 0).collect::<Vec<_>>(), [5 * 12 + 5]);

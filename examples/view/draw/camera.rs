@@ -23,6 +23,18 @@ pub struct Orbit {
     pub z_up: bool,
 }
 
+/// A direction to look from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Side {
+    Front,
+    /// From the right of the picture that the front shows.
+    Right,
+    Top,
+}
+
+/// The part of a pane that the mesh fills.
+const FILLED: f32 = 0.92;
+
 /// The camera as numbers: what projects a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
@@ -64,6 +76,43 @@ impl Orbit {
         let flat = extent(2) < 0.02 * extent(0).max(extent(1));
         let (yaw, pitch) = if flat { (0.0, 0.0) } else { (-25.0, 14.0) };
         Orbit { yaw, pitch, zoom: 1.0, target: centre, radius, z_up: false }
+    }
+
+    /// Looks from a side.
+    pub fn look_from(&mut self, side: Side) {
+        (self.yaw, self.pitch) = match side {
+            Side::Front => (0.0, 0.0),
+            Side::Right => (90.0, 0.0),
+            Side::Top => (0.0, 90.0),
+        };
+    }
+
+    /// Comes as close as all of these points allow in a picture of this shape, with their outline in its middle.
+    pub fn frame<'a>(&mut self, points: impl Iterator<Item = &'a [f32; 3]> + Clone, aspect: f32) {
+        // The middle of the outline depends on the distance: each step is exact for the one before.
+        for _ in 0..8 {
+            let camera = self.camera(aspect);
+            // How far a point wants the viewer to be from the target.
+            let wants = |&point: &[f32; 3]| {
+                let way = minus(point, self.target);
+                let [x, y] = [dot(way, camera.right) / aspect, dot(way, camera.up)].map(f32::abs);
+                let clear = (x.max(y) / (FILLED * camera.tangent)).max(0.05 * self.radius);
+                clear - dot(way, camera.forward)
+            };
+            let distance = points.clone().map(wants).fold(0.0, f32::max);
+            self.zoom = (self.zoom * distance / self.distance()).clamp(0.02, 8.0);
+            let camera = self.camera(aspect);
+            let (mut low, mut high) = ([f32::MAX; 2], [f32::MIN; 2]);
+            for at in points.clone().filter_map(|&point| camera.project(point)) {
+                low = [0, 1].map(|c| low[c].min(at[c]));
+                high = [0, 1].map(|c| high[c].max(at[c]));
+            }
+            let off = [0, 1].map(|c| 0.5 * (low[c] + high[c]) - 0.5);
+            if off.iter().any(|x| !x.is_finite()) {
+                return;
+            }
+            self.pan(&camera, [-off[0] * aspect, -off[1]]);
+        }
     }
 
     /// Turns by a way of the mouse, in points.
@@ -167,6 +216,29 @@ mod tests {
                 assert!((at[1] / at[3] - (1.0 - 2.0 * y)).abs() < 1e-4);
                 assert!((at[3] - depth).abs() < 1e-3 && (0.0..1.0).contains(&(at[2] / at[3])));
             }
+        }
+    }
+
+    #[test]
+    fn a_mesh_fills_the_pane_whatever_its_shape() {
+        // Long in x, beside the point that is looked at.
+        let points = [[0.0, 0.0, 0.0], [4.0, 0.5, 0.3], [4.0, -0.5, -0.3], [2.0, 0.2, 1.0]];
+        for (aspect, side) in [(0.5, Side::Front), (1.3, Side::Front), (2.6, Side::Right), (1.0, Side::Top)] {
+            let mut orbit =
+                Orbit { yaw: 0.0, pitch: 0.0, zoom: 1.0, target: [1.0, 1.0, 0.0], radius: 4.0, z_up: false };
+            orbit.look_from(side);
+            orbit.frame(points.iter(), aspect);
+            let camera = orbit.camera(aspect);
+            let at = points.map(|point| camera.project(point).expect("before the viewer"));
+            let end =
+                |c: usize, pick: fn(f32, f32) -> f32| at.iter().map(|p| p[c]).reduce(pick).expect("points");
+            let [low, high] = [[end(0, f32::min), end(1, f32::min)], [end(0, f32::max), end(1, f32::max)]];
+            let size = (high[0] - low[0]).max(high[1] - low[1]);
+            assert!((size - FILLED).abs() < 0.01, "{aspect} {side:?}: {size}");
+            assert!(
+                (0..2).all(|c| (low[c] + high[c] - 1.0).abs() < 0.01),
+                "{aspect} {side:?}: {low:?} {high:?}"
+            );
         }
     }
 

@@ -7,6 +7,11 @@ use super::scene::{Scene, attachment};
 /// Behind the mesh: the same as in the window.
 const BACKGROUND: wgpu::Color = wgpu::Color { r: 0.0085, g: 0.0095, b: 0.0115, a: 1.0 };
 
+/// The column at which a wipe changes from one view to the other; both are seen.
+pub fn line(width: u32, part: f32) -> u32 {
+    ((width as f32 * part).round() as u32).clamp(1.min(width - 1), (width - 1).max(1))
+}
+
 /// A texture to draw to, with what drawing needs.
 pub struct Picture {
     pub size: [u32; 2],
@@ -30,14 +35,20 @@ impl Picture {
         Picture { size, texture, resolved, samples: target(COLOUR), depth: target(DEPTH) }
     }
 
-    /// The width of each of several panes, and where it begins.
-    pub fn panes(&self, count: u32) -> impl Iterator<Item = [u32; 2]> {
-        let width = self.size[0] / count;
-        (0..count).map(move |k| [k * width, width])
+    /// For each of several views, where it begins and its width, and the part of that which is seen: side by side, or
+    /// one over the other, of which a line shows the first on its left.
+    fn panes(&self, count: u32, wipe: Option<f32>) -> impl Iterator<Item = [[u32; 2]; 2]> {
+        let all = self.size[0];
+        let width = all / count;
+        (0..count).map(move |k| match wipe.map(|part| line(all, part)) {
+            None => [[k * width, width]; 2],
+            Some(line) if k == 0 => [[0, all], [0, line]],
+            Some(line) => [[0, all], [line, all - line]],
+        })
     }
 
-    /// Draws the mesh in each view, side by side.
-    pub fn draw(&self, gpu: &Gpu, scene: Option<&Scene>, views: &[View]) {
+    /// Draws the mesh in each view, side by side, or with a wipe at this part of the width.
+    pub fn draw(&self, gpu: &Gpu, scene: Option<&Scene>, views: &[View], wipe: Option<f32>) {
         let groups: Vec<_> =
             scene.iter().flat_map(|scene| views.iter().map(|view| scene.view(gpu, view))).collect();
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
@@ -55,10 +66,11 @@ impl Picture {
                 ..Default::default()
             });
             if let Some(scene) = scene {
-                for ([x, width], group) in self.panes(groups.len() as u32).zip(&groups) {
+                for ([[x, width], [from, seen]], group) in self.panes(groups.len() as u32, wipe).zip(&groups)
+                {
                     let height = self.size[1];
                     pass.set_viewport(x as f32, 0.0, width as f32, height as f32, 0.0, 1.0);
-                    pass.set_scissor_rect(x, 0, width, height);
+                    pass.set_scissor_rect(from, 0, seen, height);
                     scene.draw(gpu, &mut pass, group);
                 }
             }

@@ -99,7 +99,8 @@ pub fn show(
         }
     });
     if let Some(given) = brightness {
-        let about = "How bright a pixel of the colour texture is rigid; auto = what parts bright and dark best.";
+        let about =
+            "How bright a pixel of the colour texture is rigid; auto = what parts bright and dark best.";
         row(ui, "brighter than", about, |ui| {
             let slider = Slider::new(&mut given.threshold, 0.0..=1.0).custom_formatter(|value, _| {
                 if value == 0.0 { "auto".into() } else { format!("{value:.2}") }
@@ -108,7 +109,8 @@ pub fn show(
         });
         ui.horizontal(|ui| {
             ui.checkbox(&mut given.dark, "darker instead").on_hover_text("Rigid is what is darker.");
-            let about = "Replace the map: rigid is what is bright in the colour texture, as `vrtm rigidity` does it.";
+            let about =
+                "Replace the map: rigid is what is bright in the colour texture, as `vrtm rigidity` does it.";
             button(ui, true, "from brightness", about, BrushWish::Brightness(*given));
         });
     }

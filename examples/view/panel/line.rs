@@ -9,11 +9,11 @@ use super::style;
 use crate::model::Model;
 use crate::timeline::Timeline;
 
-/// Shows the timeline; `noted` learns where its parts are. Returns whether it is being dragged.
+/// Shows the timeline, and the plot of what is known under it; `noted` learns where its parts are. Returns whether it is being dragged.
 pub fn show(
     ui: &mut Ui,
     line: &mut Timeline,
-    (model, history): (&Model, &History),
+    (model, history): (&Model, Option<&History>),
     now: f64,
     mut noted: impl FnMut(&str, Rect),
 ) -> bool {
@@ -103,6 +103,7 @@ pub fn show(
         }
         ends = [track.left(), track.right()];
     });
+    let Some(history) = history else { return dragged };
     if line.keys.len() == 1 {
         let text =
             "The mesh at rest, to paint on. Add poses in the menu open, or drop their files on the window.";

@@ -10,4 +10,5 @@ pub mod save;
 pub mod settings;
 pub mod side;
 pub mod style;
+pub mod view;
 pub mod viewport;

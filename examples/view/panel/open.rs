@@ -16,7 +16,11 @@ pub fn show(ui: &mut Ui, path: &mut String, mut noted: impl FnMut(&str, Rect)) -
     for (ask, name, about) in [
         (Ask::Rest, "mesh at rest...", "An OBJ file with UVs"),
         (Ask::Poses, "poses...", "OBJ or .f32 files with the vertices of the mesh; what is painted stays"),
-        (Ask::Rigidity, "rigidity map...", "PNG, white = rigid; of several tiles, any of r.1001.png, r.1002.png"),
+        (
+            Ask::Rigidity,
+            "rigidity map...",
+            "PNG, white = rigid; of several tiles, any of r.1001.png, r.1002.png",
+        ),
         (Ask::Texture, "colour texture...", "PNG; of several tiles, any of skin.1001.png, skin.1002.png"),
         (Ask::Asset, "asset folder...", "A folder with asset.json"),
     ] {

@@ -16,6 +16,8 @@ pub enum Panes {
     Original,
     Redirected,
     SideBySide,
+    /// One picture: the original on the left of a line, the redirection on its right.
+    Wipe,
 }
 
 /// What the surface shows.
@@ -30,6 +32,8 @@ pub enum Shown {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
     pub panes: Panes,
+    /// Where the line of a wipe is, as a part of the width.
+    pub wipe: f32,
     pub shown: Shown,
     /// Whether lines of the grid are drawn, and how many cells apart.
     pub grid: bool,
@@ -38,16 +42,73 @@ pub struct Look {
     pub range: f32,
     /// Whether the left mouse button paints.
     pub brush: bool,
+    /// Whether the panel at the side is there; `None` = if the window is wide enough.
+    pub side: Option<bool>,
 }
 
+impl Default for Look {
+    fn default() -> Look {
+        Look {
+            panes: Panes::SideBySide,
+            wipe: 0.5,
+            shown: Shown::Texture,
+            grid: false,
+            every: 8,
+            range: 0.3,
+            brush: false,
+            side: None,
+        }
+    }
+}
+
+/// Points of the window's width from which the panel at the side is there unasked.
+const WIDE: f32 = 1000.0;
+
 impl Look {
+    /// Whether the panel at the side is there.
+    pub fn has_side(&self, width: f32) -> bool {
+        self.side.unwrap_or(width >= WIDE)
+    }
+
     /// Whether each pane is redirected.
     pub fn redirected(&self) -> &'static [bool] {
         match self.panes {
             Panes::Original => &[false],
             Panes::Redirected => &[true],
-            Panes::SideBySide => &[false, true],
+            Panes::SideBySide | Panes::Wipe => &[false, true],
         }
+    }
+
+    /// The line of the wipe, if there is one.
+    pub fn line(&self) -> Option<f32> {
+        (self.panes == Panes::Wipe).then_some(self.wipe)
+    }
+
+    /// The place of a pane.
+    pub fn pane(&self, area: Rect, pane: usize) -> Rect {
+        if self.panes != Panes::SideBySide {
+            return area;
+        }
+        let half = vec2(0.5 * area.width(), area.height());
+        Rect::from_min_size(area.min + vec2(pane as f32 * half.x, 0.0), half)
+    }
+
+    /// The part of a pane that is seen.
+    pub fn seen(&self, area: Rect, pane: usize) -> Rect {
+        let place = self.pane(area, pane);
+        match self.line().map(|part| area.left() + part * area.width()) {
+            None => place,
+            Some(x) if pane == 0 => place.with_max_x(x),
+            Some(x) => place.with_min_x(x),
+        }
+    }
+
+    /// The pane at a point, and where in it the point lies.
+    pub fn place(&self, area: Rect, at: Pos2) -> (usize, [f32; 2]) {
+        let last = self.redirected().len() - 1;
+        let pane = usize::from(last > 0 && at.x >= self.seen(area, 1).left());
+        let place = self.pane(area, pane);
+        (pane, [(at.x - place.left()) / place.width(), (at.y - place.top()) / place.height()])
     }
 
     /// The views to draw; `cells` is the grid's size along a side, `scale` pixels per point.
@@ -82,11 +143,21 @@ pub struct Mouse {
 }
 
 /// Reserves the place, and reads the mouse.
-pub fn mouse(ui: &mut Ui, look: &Look, orbit: &mut Orbit) -> (Rect, Response, Mouse) {
+pub fn mouse(ui: &mut Ui, look: &mut Look, orbit: &mut Orbit) -> (Rect, Response, Mouse) {
     let (area, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
-    let count = look.redirected().len();
-    let width = area.width() / count as f32;
-    let camera = orbit.camera(width / area.height());
+    let pane = look.pane(area, 0);
+    let camera = orbit.camera(pane.width() / area.height());
+    if look.panes == Panes::Wipe {
+        let place = look.seen(area, 1);
+        let handle = place.with_max_x(place.left()).expand2(vec2(7.0, 0.0));
+        let line = ui.interact(handle, ui.scope_id().with("wipe"), Sense::drag());
+        if let Some(at) = line.interact_pointer_pos() {
+            look.wipe = ((at.x - area.left()) / area.width()).clamp(0.02, 0.98);
+        }
+        if line.hovered() || line.dragged() {
+            ui.set_cursor_icon(CursorIcon::ResizeHorizontal);
+        }
+    }
     let mut mouse = Mouse::default();
     let (alt, shift) = ui.input(|i| (i.modifiers.alt, i.modifiers.shift));
     let held = |button| response.dragged_by(button);
@@ -109,7 +180,7 @@ pub fn mouse(ui: &mut Ui, look: &Look, orbit: &mut Orbit) -> (Rect, Response, Mo
     }
     let pointer =
         ui.input(|i| i.pointer.latest_pos()).filter(|&at| response.contains_pointer() && area.contains(at));
-    mouse.over = pointer.map(|at| place(area, count, at));
+    mouse.over = pointer.map(|at| look.place(area, at));
     // The button may go down, move and up again between two passes over the window.
     let held =
         response.is_pointer_button_down_on() && ui.input(|i| i.pointer.button_down(PointerButton::Primary));
@@ -122,27 +193,33 @@ pub fn mouse(ui: &mut Ui, look: &Look, orbit: &mut Orbit) -> (Rect, Response, Mo
     (area, response, mouse)
 }
 
-/// The pane of a point, and where in it the point lies.
-pub fn place(area: Rect, count: usize, at: Pos2) -> (usize, [f32; 2]) {
-    let part = ((at.x - area.left()) / area.width() * count as f32).clamp(0.0, count as f32 - 1e-3);
-    (part as usize, [part.fract(), (at.y - area.top()) / area.height()])
-}
-
 /// Draws what lies over the picture: names of panes, the legend, the brush.
 pub fn overlay(ui: &Ui, area: Rect, look: &Look, has_strain: bool) {
     let painter = ui.painter_at(area);
-    let count = look.redirected().len();
-    let width = area.width() / count as f32;
     for (k, &redirected) in look.redirected().iter().enumerate() {
-        let left = area.left() + k as f32 * width;
+        let place = look.seen(area, k);
         let name = if redirected { "redirected" } else { "original" };
         let font = FontId::proportional(13.0);
-        painter.text(pos2(left + 14.0, area.top() + 12.0), Align2::LEFT_TOP, name, font, style::QUIET);
+        // Beside the line of a wipe, where the eye is.
+        let (at, align) = match (look.panes, k) {
+            (Panes::Wipe, 0) => (place.right_top() + vec2(-14.0, 12.0), Align2::RIGHT_TOP),
+            _ => (place.left_top() + vec2(14.0, 12.0), Align2::LEFT_TOP),
+        };
+        let text = painter.layout_no_wrap(name.into(), font, style::QUIET);
+        // A part that is too narrow for its name goes without.
+        if text.size().x + 20.0 < place.width() {
+            let place = align.anchor_size(at, text.size());
+            painter.rect_filled(place.expand2(vec2(6.0, 3.0)), 4.0, style::BACK.gamma_multiply(0.8));
+            painter.galley(place.min, text, style::QUIET);
+        }
         if k > 0 {
-            painter.line_segment(
-                [pos2(left, area.top()), pos2(left, area.bottom())],
-                Stroke::new(1.0, style::LINE),
-            );
+            let (colour, width) =
+                if look.panes == Panes::Wipe { (style::TEXT, 1.5) } else { (style::LINE, 1.0) };
+            painter.line_segment([place.left_top(), place.left_bottom()], Stroke::new(width, colour));
+            if look.panes == Panes::Wipe {
+                let handle = Rect::from_center_size(place.left_center(), vec2(10.0, 34.0));
+                painter.rect_filled(handle, 5.0, style::TEXT);
+            }
         }
     }
     if look.shown == Shown::Strain && has_strain {
@@ -175,17 +252,15 @@ fn legend(painter: &egui::Painter, area: Rect, range: f32) {
 }
 
 /// The brush's outline: a circle on the plane that touches the surface.
-pub fn outline(ui: &Ui, area: Rect, (count, pane): (usize, usize), camera: &Camera, hit: &Hit, radius: f32) {
-    let painter = ui.painter_at(area);
-    let width = area.width() / count as f32;
-    let left = area.left() + pane as f32 * width;
+pub fn outline(ui: &Ui, (pane, seen): (Rect, Rect), camera: &Camera, hit: &Hit, radius: f32) {
+    let painter = ui.painter_at(seen);
     let [a, b] = camera.tangents(hit.normal);
     let points: Vec<Pos2> = (0..48)
         .filter_map(|k| {
             let (sin, cos) = (k as f32 / 48.0 * std::f32::consts::TAU).sin_cos();
             let point = plus(plus(hit.position, a, radius * cos), b, radius * sin);
             let [x, y, _] = camera.project(point)?;
-            Some(pos2(left + x * width, area.top() + y * area.height()))
+            Some(pane.lerp_inside(vec2(x, y)))
         })
         .collect();
     // Dark under light, so that it is seen on any surface.
@@ -200,10 +275,22 @@ mod tests {
     #[test]
     fn panes_lie_side_by_side() {
         let area = Rect::from_min_size(pos2(10.0, 20.0), vec2(400.0, 100.0));
-        assert_eq!(place(area, 1, pos2(210.0, 70.0)), (0, [0.5, 0.5]));
-        assert_eq!(place(area, 2, pos2(110.0, 20.0)), (0, [0.5, 0.0]));
-        let (pane, [x, y]) = place(area, 2, pos2(310.0, 120.0));
+        let one = Look { panes: Panes::Original, ..Look::default() };
+        assert_eq!(one.place(area, pos2(210.0, 70.0)), (0, [0.5, 0.5]));
+        let both = Look::default();
+        assert_eq!(both.place(area, pos2(110.0, 20.0)), (0, [0.5, 0.0]));
+        let (pane, [x, y]) = both.place(area, pos2(310.0, 120.0));
         assert!(pane == 1 && (x - 0.5).abs() < 1e-6 && y == 1.0);
-        assert_eq!(place(area, 2, pos2(410.0, 20.0)).0, 1, "the right edge");
+        assert_eq!(both.place(area, pos2(410.0, 20.0)).0, 1, "the right edge");
+    }
+
+    #[test]
+    fn the_line_of_a_wipe_parts_one_picture() {
+        let area = Rect::from_min_size(pos2(10.0, 20.0), vec2(400.0, 100.0));
+        let wipe = Look { panes: Panes::Wipe, wipe: 0.25, ..Look::default() };
+        assert_eq!(wipe.place(area, pos2(90.0, 70.0)), (0, [0.2, 0.5]));
+        assert_eq!(wipe.place(area, pos2(210.0, 70.0)), (1, [0.5, 0.5]));
+        assert_eq!([0, 1].map(|k| wipe.seen(area, k).width()), [100.0, 300.0]);
+        assert_eq!([0, 1].map(|k| wipe.pane(area, k)), [area; 2]);
     }
 }

@@ -100,7 +100,19 @@ fn the_timeline_the_panes_and_the_quality() {
     view.click("redirected");
     view.wait("drawn", |event| event["panes"] == serde_json::json!([true]));
     let redirected = server.shot().cut(area);
+    // A wipe has the one on the left of its line, and the other on the right.
+    view.click("wipe");
+    view.wait("drawn", |event| event["panes"] == serde_json::json!([false, true]));
+    let wipe = server.shot().cut(area);
     view.quit();
+    let [middle, top] = [wipe.size[0] / 2, LABEL[1]];
+    for (place, one) in [
+        ([0, top, middle - 12, wipe.size[1]], &original),
+        ([middle + 12, top, wipe.size[0], wipe.size[1]], &redirected),
+    ] {
+        let share = wipe.cut(place).differing(&one.cut(place));
+        assert!(share < 1e-4, "{share} of {place:?} differs from the pane alone");
+    }
     let same = redirected.differing(&jug);
     assert!(same < 1e-4, "{same} of the pixels differ from those after dragging");
     assert!(original.differing(&redirected) > 0.05, "the redirection changes nothing");
@@ -277,7 +289,7 @@ fn dialogs_open_files_and_say_where_there_are_none() {
 
     let Some((server, folder)) = start("dialogs") else { return };
     let [rest, wide] = sheet(&folder);
-    let mut view = Program::start(&server, &folder, &["--scene", "squash", "--size", SIZE]);
+    let mut view = Program::start(&server, &folder, &["--rest", &rest, "--size", SIZE]);
     view.wait("drawn", |event| event["purpose"] == "final");
     let choose = |view: &mut Program, what: &str| {
         view.click("open");
@@ -294,11 +306,11 @@ fn dialogs_open_files_and_say_where_there_are_none() {
         std::fs::write(&program, format!("#!/bin/sh\necho '{path}'\n")).expect("written");
         std::fs::set_permissions(&program, std::fs::Permissions::from_mode(0o755)).expect("a program");
     };
-    chooses(&rest);
-    choose(&mut view, "mesh at rest...");
-    let opened = view.wait("open", |event| event["name"] == "rest");
-    assert_eq!(opened["poses"], 0);
     chooses(&wide);
+    choose(&mut view, "mesh at rest...");
+    let opened = view.wait("open", |event| event["name"] == "wide");
+    assert_eq!(opened["poses"], 0);
+    chooses(&rest);
     choose(&mut view, "poses...");
     view.wait("open", |event| event["poses"] == 1);
     view.wait("drawn", |event| event["purpose"] == "final");
