@@ -23,6 +23,7 @@ use crate::model::Model;
 use crate::panel::bar::{self, Wish};
 use crate::panel::brush::Brightness;
 use crate::panel::figures::{self, History};
+use crate::panel::save::Saving;
 use crate::panel::settings::{self, Settings};
 use crate::panel::side::section;
 use crate::panel::viewport::Look;
@@ -76,9 +77,9 @@ pub struct App {
     dialogs: Dialogs,
     /// The dialog to show next.
     asked: Option<Ask>,
-    /// The text of the fields for paths.
+    /// The text of the field for paths.
     path: String,
-    folder: String,
+    saving: Saving,
     device: String,
     notice: Option<Notice>,
 }
@@ -121,7 +122,10 @@ impl App {
             dialogs: Dialogs::new(),
             asked: None,
             path: String::new(),
-            folder: std::env::current_dir().map_or(".".into(), |folder| folder.display().to_string()),
+            saving: Saving {
+                folder: std::env::current_dir().map_or(".".into(), |folder| folder.display().to_string()),
+                ..Saving::default()
+            },
             device: String::new(),
             notice: None,
         };
@@ -204,10 +208,10 @@ impl App {
             .open
             .as_ref()
             .map_or(("nothing open", false), |open| (open.model.name.as_str(), open.orbit.z_up));
-        let App { look, path, folder, trace, clip, .. } = self;
+        let App { look, path, saving, trace, clip, .. } = self;
         let progress = clip.as_ref().map(|clip| (clip.next.min(clip.last), clip.last));
         let mut wish = Panel::top("bar").frame(style::frame(0)).exact_size(42.0).show(ui, |ui| {
-            let fields = (&mut *look, path, folder);
+            let fields = (&mut *look, path, saving);
             bar::show(ui, (name, z_up), fields, progress, |name, rect| trace.widget(name, rect, scale))
         });
         if progress.is_none() && !ui.ctx().egui_wants_keyboard_input() {

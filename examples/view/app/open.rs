@@ -181,7 +181,7 @@ impl App {
             Ask::Rest | Ask::Asset => self.open_path(path),
             Ask::Rigidity => self.open_rigidity(&pattern(&text)),
             Ask::Texture => self.open_texture(&pattern(&text)),
-            Ask::Folder => self.folder = text,
+            Ask::Folder => self.saving.folder = text,
             Ask::SaveRigidity | Ask::SavePicture => self.save_as(ask, &path),
             Ask::Poses => match self.open.as_ref().map(|open| open.model.files.clone()) {
                 Some(files) if files.rest.is_some() => self.open_files(&Files { pose: paths, ..files }),

@@ -9,7 +9,7 @@ use super::dialogs::Ask;
 use super::{App, Notice};
 use crate::draw::picture::Picture;
 use crate::panel::save::{self, Job, Pressed};
-use crate::save::clip::Clip;
+use crate::save::clip::{Clip, Format};
 use crate::save::file::Existing;
 use crate::save::{encode, file, rigidity};
 use crate::solve::inbox::{Purpose, Request};
@@ -32,7 +32,7 @@ impl App {
         if pressed != Pressed::Stop && self.clip.is_some() {
             return;
         }
-        let folder = Path::new(self.folder.trim());
+        let folder = Path::new(self.saving.folder.trim());
         let name = plain(&open.model.name);
         let job = match pressed {
             Pressed::Stop => return self.give_clip_up(),
@@ -42,7 +42,11 @@ impl App {
             Pressed::Picture => {
                 Job::Picture(folder.join(format!("{name}_{:04}.png", open.line.number(open.line.frame))))
             }
-            Pressed::Clip => Job::Clip(folder.join(format!("{name}_clip.png"))),
+            Pressed::Clip => {
+                let (format, line) = (self.saving.format, &open.line);
+                let numbers = (1..=line.last).map(|frame| line.number(frame));
+                Job::Clip(format, format.paths(folder, &name, numbers))
+            }
         };
         self.save_unless(job, |_| true);
     }
@@ -84,7 +88,7 @@ impl App {
             (Ask::SavePicture, Some(open)) => format!("{name}_{:04}.png", open.line.number(open.line.frame)),
             _ => String::new(),
         };
-        self.dialogs.open(ask, (self.folder.trim().into(), &file), frame, ui.ctx());
+        self.dialogs.open(ask, (self.saving.folder.trim().into(), &file), frame, ui.ctx());
     }
 
     /// Shows the question, if there is one.
@@ -108,7 +112,7 @@ impl App {
                 None => Ok(()),
             },
             Job::Picture(path) => self.picture(path),
-            Job::Clip(path) => return self.begin_clip(path.clone()),
+            Job::Clip(format, paths) => return self.begin_clip(*format, paths.clone()),
         };
         match saved {
             Ok(()) => self.tell_saved(job.paths()),
@@ -137,10 +141,10 @@ impl App {
         file::write(path, &bytes)
     }
 
-    fn begin_clip(&mut self, path: PathBuf) {
+    fn begin_clip(&mut self, format: Format, paths: Vec<PathBuf>) {
         let Some(open) = &mut self.open else { return };
         open.line.go(1);
-        match Clip::new(&path, self.screen.size(), open.line.last) {
+        match Clip::new(format, paths, self.screen.size(), open.line.last) {
             Ok(clip) => {
                 self.clip = Some(clip);
                 self.ask_clip();
@@ -182,7 +186,7 @@ impl App {
         }
         self.flow.reset();
         match self.clip.take().map(Clip::finish) {
-            Some(Ok(path)) => self.tell_saved(&[path]),
+            Some(Ok(paths)) => self.tell_saved(&paths),
             Some(Err(message)) => self.say(message),
             None => {}
         }

@@ -21,6 +21,11 @@ impl Whole {
         Ok((Whole { path: path.into(), part, done: false }, BufWriter::new(file)))
     }
 
+    /// Where it is until then.
+    pub fn part(&self) -> &Path {
+        &self.part
+    }
+
     /// Gives the file its name.
     ///
     /// # Errors
