@@ -89,8 +89,8 @@ impl Orbit {
 
     /// Comes as close as all of these points allow in a picture of this shape, with their outline in its middle.
     pub fn frame<'a>(&mut self, points: impl Iterator<Item = &'a [f32; 3]> + Clone, aspect: f32) {
-        // The middle of the outline depends on the distance: each step is exact for the one before.
-        for _ in 0..8 {
+        // The middle of the outline depends on the distance: several steps lead there.
+        for _ in 0..16 {
             let camera = self.camera(aspect);
             // How far a point wants the viewer to be from the target.
             let wants = |&point: &[f32; 3]| {
@@ -107,7 +107,10 @@ impl Orbit {
                 low = [0, 1].map(|c| low[c].min(at[c]));
                 high = [0, 1].map(|c| high[c].max(at[c]));
             }
-            let off = [0, 1].map(|c| 0.5 * (low[c] + high[c]) - 0.5);
+            // What is near moves most: a step that is right for it overshoots nowhere.
+            let depth = |point: &[f32; 3]| dot(minus(*point, camera.eye), camera.forward);
+            let part = points.clone().map(depth).fold(distance, f32::min) / distance;
+            let off = [0, 1].map(|c| part * (0.5 * (low[c] + high[c]) - 0.5));
             if off.iter().any(|x| !x.is_finite()) {
                 return;
             }
