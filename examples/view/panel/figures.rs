@@ -39,7 +39,6 @@ impl History {
 /// Shows the figures of a result.
 pub fn show(ui: &mut Ui, answer: &Answer, history: &History, draw_ms: f64) {
     let strain = answer.strain().or_else(|| history.strain(answer.request.frame));
-    let preview = answer.request.purpose == Purpose::Preview;
     egui::Grid::new("figures").num_columns(3).spacing(vec2(14.0, 3.0)).show(ui, |ui| {
         let quiet = |text: &str| RichText::new(text).color(style::QUIET);
         let number = |text: String| RichText::new(text).monospace();
@@ -68,7 +67,15 @@ pub fn show(ui: &mut Ui, answer: &Answer, history: &History, draw_ms: f64) {
             ui.end_row();
         }
     });
-    ui.add_space(4.0);
+    let times = RichText::new("times and charts").color(style::QUIET);
+    egui::CollapsingHeader::new(times)
+        .id_salt("times")
+        .show_unindented(ui, |ui| times_of(ui, answer, draw_ms));
+}
+
+/// How long a result took, and what was solved for it.
+fn times_of(ui: &mut Ui, answer: &Answer, draw_ms: f64) {
+    let preview = answer.request.purpose == Purpose::Preview;
     egui::Grid::new("times").num_columns(2).spacing(vec2(14.0, 3.0)).show(ui, |ui| {
         let mut row = |name: &str, value: String, about: &str| {
             ui.label(RichText::new(name).color(style::QUIET)).on_hover_text(about);
