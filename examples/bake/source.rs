@@ -16,7 +16,7 @@ use crate::scenes::{self, Scene};
 pub type Input = (&'static str, PathBuf);
 
 /// What to load: the options of the command line. Without any it is a built-in scene.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Files {
     pub scene: Option<String>,
     pub asset: Option<PathBuf>,

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use crate::failure::Result;
+use vrtm::{Asset, Backend, Device, DeviceSettings, MeshSource, Strided, UvSource};
+
+use crate::failure::{Failure, Result};
 use crate::maps::Map;
 use crate::mesh::{Mesh, Positions, Triangle};
 use crate::numbers;
@@ -11,7 +13,7 @@ use crate::timeline::Timeline;
 
 /// Keys, and points of each of them, that are looked at to tell how much room a mesh takes.
 const MOST_KEYS: usize = 12;
-const MOST_POINTS: usize = 20_000;
+const MOST_POINTS: usize = 5_000;
 
 /// A mesh with its poses and maps.
 pub struct Model {
@@ -26,6 +28,9 @@ pub struct Model {
     /// Sorted by tile.
     pub triangles: Vec<Triangle>,
     pub tiles: Vec<Tile>,
+    pub pages: Vec<Page>,
+    /// Most layers of a page; 0 = charts that lie over one another are solved together.
+    pub layers: u32,
     /// The files that were read: they are replaced only if the user says so.
     pub inputs: Vec<PathBuf>,
     /// What was asked for.
@@ -38,35 +43,56 @@ pub struct Model {
     around: Vec<u32>,
 }
 
-/// A tile with at least one triangle.
+/// The layers that charts come into at most where they lie over one another, as in Blender.
+pub const LAYERS: u32 = 32;
+
+/// What is solved by itself: a UDIM number with at least one triangle, or a layer of it.
 pub struct Tile {
-    pub udim: u32,
+    pub page: usize,
+    /// Which of the tiles of its page it is.
+    pub layer: u32,
     /// Its triangles.
     pub range: std::ops::Range<usize>,
+}
+
+/// The maps of a UDIM number, which its layers share.
+pub struct Page {
+    pub udim: u32,
     pub rigidity: Option<Map>,
     pub mask: Option<Map>,
 }
 
 impl Model {
+    /// Without layers.
+    #[cfg(test)]
+    pub fn load(files: &Files) -> Result<Model> {
+        Model::layered(files, 0)
+    }
+
+    /// Charts that lie over one another come into up to so many layers.
+    ///
     /// # Errors
     /// A missing or invalid file, naming it.
-    pub fn load(files: &Files) -> Result<Model> {
-        let Source { name, mesh, frames, mut maps, inputs, .. } = Source::load(files)?;
-        let mut triangles = mesh.triangles();
-        triangles.sort_by_key(|t| t.udim);
-        let mut tiles: Vec<Tile> = Vec::new();
-        for (k, triangle) in triangles.iter().enumerate() {
-            match tiles.last_mut() {
-                Some(tile) if tile.udim == triangle.udim => tile.range.end = k + 1,
-                _ => {
-                    let of_tile = maps.remove(&triangle.udim).unwrap_or_default();
-                    let (rigidity, mask) = (of_tile.rigidity, of_tile.mask);
-                    tiles.push(Tile { udim: triangle.udim, range: k..k + 1, rigidity, mask });
-                }
-            }
-        }
+    pub fn layered(files: &Files, layers: u32) -> Result<Model> {
+        let Source { name, origin, mesh, frames, mut maps, inputs, .. } = Source::load(files)?;
         let near = |pose: &Positions| pose.around(pose.origin(&mesh.rest));
         let rest = near(&mesh.rest);
+        let of_triangles = layers_of(&mesh, &rest, layers).map_err(|e| Failure::named(&origin, e.message))?;
+        let mut sorted: Vec<_> = mesh.triangles().into_iter().zip(of_triangles).collect();
+        sorted.sort_by_key(|(triangle, layer)| (triangle.udim, *layer));
+        let (mut tiles, mut pages): (Vec<Tile>, Vec<Page>) = (Vec::new(), Vec::new());
+        for (k, (triangle, layer)) in sorted.iter().enumerate() {
+            if pages.last().is_none_or(|page| page.udim != triangle.udim) {
+                let of_page = maps.remove(&triangle.udim).unwrap_or_default();
+                pages.push(Page { udim: triangle.udim, rigidity: of_page.rigidity, mask: of_page.mask });
+            }
+            let page = pages.len() - 1;
+            match tiles.last_mut() {
+                Some(tile) if (tile.page, tile.layer) == (page, *layer) => tile.range.end = k + 1,
+                _ => tiles.push(Tile { page, layer: *layer, range: k..k + 1 }),
+            }
+        }
+        let triangles: Vec<Triangle> = sorted.into_iter().map(|(triangle, _)| triangle).collect();
         let poses: Vec<_> = frames.iter().map(|frame| near(&frame.positions)).collect();
         let (centre, radius) = ball(rest.iter().chain(poses.iter().flatten()));
         let (starts, around) = surroundings(&triangles, rest.len());
@@ -79,6 +105,8 @@ impl Model {
             poses,
             triangles,
             tiles,
+            pages,
+            layers,
             inputs: inputs.into_iter().map(|(_, path)| path).collect(),
             files: files.clone(),
             centre,
@@ -155,6 +183,30 @@ impl Model {
         }
         normals.into_iter().map(unit).collect()
     }
+}
+
+/// A mesh as vrtm takes it.
+pub fn mesh_source<'a>(mesh: &'a Mesh, rest: &'a [[f32; 3]], layers: u32) -> MeshSource<'a> {
+    MeshSource {
+        positions: Strided::from_f32x3(rest),
+        face_counts: Some(&mesh.face_counts),
+        indices: &mesh.indices,
+        uvs: UvSource { u: Strided::from_f32x2(&mesh.uvs), v: None, indices: Some(&mesh.uv_indices) },
+        max_layers: layers,
+        ..MeshSource::default()
+    }
+}
+
+/// The layer of each triangle.
+fn layers_of(mesh: &Mesh, rest: &[[f32; 3]], layers: u32) -> vrtm::Result<Vec<u32>> {
+    let mut of_faces = vec![0; mesh.face_counts.len()];
+    if layers > 1 {
+        let device = Device::new(&DeviceSettings { backend: Backend::Cpu, ..DeviceSettings::default() })?;
+        Asset::new(&device, &mesh_source(mesh, rest, layers))?.results().face_layers(0, &mut of_faces)?;
+    }
+    let faces = mesh.faces().zip(of_faces).filter(|(face, _)| mesh.udim(face.clone()).is_some());
+    let triangles = |(face, layer): (std::ops::Range<usize>, u32)| std::iter::repeat_n(layer, face.len() - 2);
+    Ok(faces.flat_map(triangles).collect())
 }
 
 /// Poses of files that are numbered as the frames of a shot have these numbers.

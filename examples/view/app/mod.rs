@@ -14,7 +14,8 @@ use eframe::egui_wgpu;
 use serde_json::json;
 
 use crate::args::Args;
-use crate::brush::painter::{Brush, Painter};
+use crate::brush::kind::Brush;
+use crate::brush::painter::Painter;
 use crate::draw::camera::Orbit;
 use crate::draw::gpu::Gpu;
 use crate::draw::paint::Textures;
@@ -186,6 +187,16 @@ impl App {
     /// Asks for what the window should show.
     fn ask(&mut self, moving: bool) {
         let Some(open) = &self.open else { return };
+        if self.settings.overlaps.layers() != self.told.overlaps.layers() {
+            self.told.overlaps = self.settings.overlaps;
+            let (files, line) = (open.model.files.clone(), open.line.clone());
+            let orbit = open.orbit;
+            self.open_files(&files);
+            if let Some(open) = &mut self.open {
+                (open.line, open.orbit, open.frames) = (line, orbit, false);
+            }
+            return;
+        }
         if self.settings.tile != self.told.tile {
             self.flow.edit += 1;
             self.worker.inbox.post(Edit::Settings(self.settings.tile));

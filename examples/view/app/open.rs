@@ -24,22 +24,23 @@ use crate::source::{self, Files};
 impl App {
     /// Opens files. If that fails, what was open stays; poses for the mesh that is open leave what is painted.
     pub(super) fn open_files(&mut self, files: &Files) {
-        let model = match Model::load(files) {
+        let model = match Model::layered(files, self.settings.overlaps.layers()) {
             Ok(model) => model,
             Err(failure) => return self.say(failure.0),
         };
         let same = |open: &&mut Open| {
             let before = &open.model.files;
-            files.rest.is_some()
-                && (&before.rest, &before.rigidity) == (&files.rest, &files.rigidity)
+            let maps = (&before.scene, &before.asset, &before.rest, &before.rigidity);
+            maps == (&files.scene, &files.asset, &files.rest, &files.rigidity)
                 && open.model.triangles.len() == model.triangles.len()
-                && open.model.tiles.len() == model.tiles.len()
+                && open.model.pages.len() == model.pages.len()
         };
         let kept = self.open.as_mut().filter(same).map(|open| {
-            (std::mem::take(&mut open.painter), std::mem::take(&mut open.textures), open.inputs.clone())
+            let painter = std::mem::take(&mut open.painter).for_model(&model);
+            (painter, std::mem::take(&mut open.textures), open.inputs.clone())
         });
         let (painter, textures, inputs) =
-            kept.unwrap_or_else(|| (Painter::new(&model), vec![None; model.tiles.len()], Vec::new()));
+            kept.unwrap_or_else(|| (Painter::new(&model), vec![None; model.pages.len()], Vec::new()));
         self.begin(Arc::new(model), painter, textures);
         if let Some(open) = &mut self.open {
             open.inputs.extend(inputs);
@@ -48,12 +49,12 @@ impl App {
 
     /// Opens files with the textures of the tiles.
     pub(super) fn open_with(&mut self, files: &Files, texture: Option<&str>) {
-        let model = match Model::load(files) {
+        let model = match Model::layered(files, self.settings.overlaps.layers()) {
             Ok(model) => model,
             Err(failure) => return self.say(failure.0),
         };
         let textures = match texture.map(|path| textures_of(&model, path)).transpose() {
-            Ok(textures) => textures.unwrap_or_else(|| vec![None; model.tiles.len()]),
+            Ok(textures) => textures.unwrap_or_else(|| vec![None; model.pages.len()]),
             Err(message) => return self.say(format!("--texture: {message}")),
         };
         let painter = Painter::new(&model);
@@ -65,7 +66,7 @@ impl App {
         let scene = Scene::new(&self.gpu, &model, &painter.canvases, &textures);
         self.flow.edit += 1;
         self.worker.inbox.post(Edit::Open(model.clone(), painter.canvases.clone()));
-        let udims: Vec<u32> = model.tiles.iter().map(|tile| tile.udim).collect();
+        let udims: Vec<u32> = model.pages.iter().map(|page| page.udim).collect();
         let facts = json!({ "name": model.name, "tiles": udims, "poses": model.frames.len() });
         self.trace.event("open", facts);
         self.shown = None;
@@ -101,8 +102,8 @@ impl App {
             Err(failure) => return self.say(failure.0),
         };
         let mut canvases = open.painter.canvases.clone();
-        for (tile, canvas) in open.model.tiles.iter().zip(&mut canvases) {
-            if let Some((_, map, path)) = read.iter().find(|(udim, ..)| *udim == tile.udim) {
+        for (page, canvas) in open.model.pages.iter().zip(&mut canvases) {
+            if let Some((_, map, path)) = read.iter().find(|(udim, ..)| *udim == page.udim) {
                 *canvas = Canvas::new(Some(map));
                 open.inputs.push(path.clone());
             }
@@ -197,7 +198,7 @@ const NO_MESH: &str = "open a mesh first";
 /// The textures of a mesh's tiles. A path that leads to none of them is an error.
 fn textures_of(model: &Model, path: &str) -> Result<Textures, String> {
     let read = |udim: u32| paint::read(path, udim).map(|image| image.map(Arc::new));
-    let all = model.tiles.iter().map(|tile| read(tile.udim)).collect::<Result<Textures, _>>()?;
+    let all = model.pages.iter().map(|page| read(page.udim)).collect::<Result<Textures, _>>()?;
     if all.iter().all(Option::is_none) {
         return Err(format!("{path}: there is no such file for any tile"));
     }

@@ -37,7 +37,7 @@ impl App {
         let job = match pressed {
             Pressed::Stop => return self.give_clip_up(),
             Pressed::Rigidity => {
-                Job::Rigidity(rigidity::paths(folder, &name, open.model.tiles.iter().map(|tile| tile.udim)))
+                Job::Rigidity(rigidity::paths(folder, &name, open.model.pages.iter().map(|page| page.udim)))
             }
             Pressed::Picture => {
                 Job::Picture(folder.join(format!("{name}_{:04}.png", open.line.number(open.line.frame))))
@@ -55,7 +55,7 @@ impl App {
     pub(super) fn save_as(&mut self, ask: Ask, path: &Path) {
         let Some(open) = &self.open else { return };
         let job = if ask == Ask::SaveRigidity {
-            let udims: Vec<u32> = open.model.tiles.iter().map(|tile| tile.udim).collect();
+            let udims: Vec<u32> = open.model.pages.iter().map(|page| page.udim).collect();
             Job::Rigidity(rigidity::paths_of(path, &udims))
         } else {
             Job::Picture(file::with_ending(path, "png"))

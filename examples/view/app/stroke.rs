@@ -4,8 +4,8 @@ use eframe::egui::{Key, Modifiers, Ui, Vec2};
 use serde_json::json;
 
 use super::{App, Open};
+use crate::brush::kind::Brush;
 use crate::brush::mirror;
-use crate::brush::painter::Brush;
 use crate::brush::pick::{Hit, Projected};
 use crate::brush::steps::Change;
 use crate::brush::whole;
@@ -122,7 +122,7 @@ impl App {
         let mut changes: Vec<Change> = Vec::new();
         for hit in &hits {
             for change in open.painter.dab(model, positions, seen, hit, (&brush, radius(hit))) {
-                match changes.iter_mut().find(|known| known.tile == change.tile) {
+                match changes.iter_mut().find(|known| known.page == change.page) {
                     Some(known) => known.rect = known.rect.with(change.rect),
                     None => changes.push(change),
                 }
@@ -144,8 +144,8 @@ impl App {
             BrushWish::Brightness(given) => {
                 let images = textures.iter().flatten().map(|image| &**image);
                 let threshold = if given.threshold > 0.0 { given.threshold } else { whole::otsu(images) };
-                painter.change(model, |tile, canvas, _| {
-                    let texture = textures[tile].as_ref()?;
+                painter.change(model, |page, canvas, _| {
+                    let texture = textures[page].as_ref()?;
                     Some(whole::of_brightness(texture, threshold, given.dark, canvas.size))
                 })
             }
@@ -156,13 +156,13 @@ impl App {
     /// Hands changed rectangles to the picture and to the solving thread.
     fn send(&mut self, changes: Vec<Change>) {
         let Some(open) = &mut self.open else { return };
-        for Change { tile, rect, .. } in changes {
-            let canvas = &open.painter.canvases[tile];
-            open.scene.paint(&self.gpu, tile, canvas, rect);
+        for Change { page, rect, .. } in changes {
+            let canvas = &open.painter.canvases[page];
+            open.scene.paint(&self.gpu, page, canvas, rect);
             let facts =
-                json!({ "tile": open.model.tiles[tile].udim, "first": rect.first, "size": rect.size });
+                json!({ "tile": open.model.pages[page].udim, "first": rect.first, "size": rect.size });
             self.trace.event("paint", facts);
-            self.worker.inbox.post(Edit::Paint { tile, rect, texels: canvas.copy(rect) });
+            self.worker.inbox.post(Edit::Paint { page, rect, texels: canvas.copy(rect) });
             self.flow.edit += 1;
             self.screen.changed();
         }

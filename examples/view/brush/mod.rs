@@ -1,4 +1,4 @@
-//! The brush: the point under the mouse (`pick`) and that opposite to it (`mirror`), what of the surface lies around it
+//! The brush (`kind`): the point under the mouse (`pick`) and that opposite to it (`mirror`), what of the surface lies around it
 //! (`disc`) or in its chart (`islands`), which triangle is at a texel (`ids`), what a stroke changes in the maps
 //! (`painter`), tools that change all of a map (`whole`), and taking back what was done (`steps`).
 
@@ -6,6 +6,7 @@ pub mod canvas;
 pub mod disc;
 pub mod ids;
 pub mod islands;
+pub mod kind;
 pub mod mirror;
 pub mod painter;
 pub mod pick;

@@ -1,52 +1,18 @@
-//! The maps of all tiles while they are painted: strokes, fills and tools for whole maps.
+//! The maps of all pages while they are painted: strokes, fills and tools for whole maps.
 
 use super::canvas::{Canvas, Rect};
 use super::disc::{Part, disc};
 use super::ids::Ids;
 use super::islands::islands;
+use super::kind::Brush;
 use super::pick::Hit;
 use super::steps::{Change, Steps};
 use crate::model::{Model, length, minus};
 use crate::solve::answer::{Maps, Solved};
 
-/// What the brush does.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Brush {
-    /// Radius on the screen, in points.
-    pub radius: f32,
-    /// The rigidity that it paints, 0..1.
-    pub value: f32,
-    /// The part of the radius over which it fades out, 0..1.
-    pub softness: f32,
-    /// Whether it paints 0 instead.
-    pub erase: bool,
-    /// Whether a click fills the chart under it.
-    pub fills: bool,
-    /// Whether it paints on the opposite side of the mesh, too.
-    pub symmetry: bool,
-}
-
-impl Default for Brush {
-    fn default() -> Brush {
-        Brush { radius: 28.0, value: 1.0, softness: 0.25, erase: false, fills: false, symmetry: false }
-    }
-}
-
-impl Brush {
-    /// How much it covers at a distance, in units of its radius.
-    fn cover(&self, distance: f32) -> f32 {
-        let t = ((1.0 - distance) / self.softness.max(1e-3)).clamp(0.0, 1.0);
-        t * t * (3.0 - 2.0 * t)
-    }
-
-    fn target(&self) -> f32 {
-        if self.erase { 0.0 } else { self.value.clamp(0.0, 1.0) * 65535.0 }
-    }
-}
-
-/// A tile's part in a stroke.
+/// A page's part in a stroke.
 struct Touched {
-    tile: usize,
+    page: usize,
     /// The texels before it.
     before: Vec<u16>,
     /// How much the stroke covers each texel: parts of it that overlap do not add up.
@@ -57,7 +23,9 @@ struct Touched {
 /// The maps, and what happened to them.
 #[derive(Default)]
 pub struct Painter {
+    /// Per page.
     pub canvases: Vec<Canvas>,
+    /// Per tile: layers of a page have triangles of their own at a texel.
     ids: Vec<Option<Ids>>,
     /// The chart of each triangle.
     islands: Vec<u32>,
@@ -67,9 +35,14 @@ pub struct Painter {
 
 impl Painter {
     pub fn new(model: &Model) -> Painter {
-        let canvases: Vec<_> = model.tiles.iter().map(|tile| Canvas::new(tile.rigidity.as_ref())).collect();
-        let ids = canvases.iter().map(|_| None).collect();
-        Painter { canvases, ids, islands: islands(&model.triangles), ..Painter::default() }
+        let canvases = model.pages.iter().map(|page| Canvas::new(page.rigidity.as_ref())).collect();
+        Painter { canvases, ..Painter::default() }.for_model(model)
+    }
+
+    /// The same maps for a model with the same pages.
+    pub fn for_model(self, model: &Model) -> Painter {
+        let ids = model.tiles.iter().map(|_| None).collect();
+        Painter { ids, islands: islands(&model.triangles), ..self }
     }
 
     /// Begins a stroke.
@@ -98,13 +71,14 @@ impl Painter {
             let maps = seen.map(|seen| &*seen[tile].maps);
             if let Some(rect) = self.fill(model, positions, maps, (part, tile), hit.position, (brush, radius))
             {
-                match dirty.iter_mut().find(|(of, _)| *of == tile) {
+                let page = model.tiles[tile].page;
+                match dirty.iter_mut().find(|(of, _)| *of == page) {
                     Some((_, all)) => *all = all.with(rect),
-                    None => dirty.push((tile, rect)),
+                    None => dirty.push((page, rect)),
                 }
             }
         }
-        let change = |(tile, rect)| Change { tile, rect, texels: self.canvases[tile].copy(rect) };
+        let change = |(page, rect)| Change { page, rect, texels: self.canvases[page].copy(rect) };
         dirty.into_iter().map(change).collect()
     }
 
@@ -118,14 +92,15 @@ impl Painter {
         centre: [f32; 3],
         (brush, radius): (&Brush, f32),
     ) -> Option<Rect> {
-        let canvas = &mut self.canvases[tile];
+        let page = model.tiles[tile].page;
+        let canvas = &mut self.canvases[page];
         let ids = self.ids[tile].get_or_insert_with(|| ids_of(model, tile, canvas.size));
         let stroke = self.stroke.get_or_insert_default();
-        let touched = match stroke.iter().position(|touched| touched.tile == tile) {
+        let touched = match stroke.iter().position(|touched| touched.page == page) {
             Some(k) => &mut stroke[k],
             None => {
                 let (before, cover) = (canvas.texels.clone(), vec![0.0; canvas.texels.len()]);
-                stroke.push(Touched { tile, before, cover, rect: Rect { first: canvas.size, size: [0, 0] } });
+                stroke.push(Touched { page, before, cover, rect: Rect { first: canvas.size, size: [0, 0] } });
                 stroke.last_mut()?
             }
         };
@@ -167,9 +142,9 @@ impl Painter {
             self.ids.iter_mut().for_each(|ids| *ids = None);
             return self.steps.clear();
         }
-        let whole = |(tile, canvas): (usize, Canvas)| {
+        let whole = |(page, canvas): (usize, Canvas)| {
             let rect = Rect { first: [0, 0], size: canvas.size };
-            Change { tile, rect, texels: canvas.texels }
+            Change { page, rect, texels: canvas.texels }
         };
         self.steps.keep(before.into_iter().enumerate().map(whole).collect());
     }
@@ -177,14 +152,15 @@ impl Painter {
     /// Gives all of the chart of a triangle one value. Returns what changed.
     pub fn fill_island(&mut self, model: &Model, triangle: usize, brush: &Brush) -> Vec<Change> {
         let (tile, island) = (model.tile_of(triangle), self.islands[triangle]);
-        let charts = self.charts(model, tile);
+        let (charts, page) = (self.charts(model, tile), model.tiles[tile].page);
         let value = brush.target().round() as u16;
-        let texels = self.canvases[tile].texels.iter().zip(charts);
+        let texels = self.canvases[page].texels.iter().zip(charts);
         let texels = texels.map(|(&texel, of)| if of == Some(island) { value } else { texel }).collect();
-        self.set(vec![(tile, texels)])
+        self.set(vec![(page, texels)])
     }
 
-    /// Changes all maps: `change` gives a map's new texels from its tile, the map and the charts of its texels. Returns
+    /// Changes all maps: `change` gives a map's new texels from its page, the map and the charts of its texels, where several
+    /// lie over one another those of the first layer. Returns
     /// what changed.
     pub fn change(
         &mut self,
@@ -192,35 +168,36 @@ impl Painter {
         change: impl Fn(usize, &Canvas, &[Option<u32>]) -> Option<Vec<u16>>,
     ) -> Vec<Change> {
         let mut all = Vec::new();
-        for tile in 0..self.canvases.len() {
+        for page in 0..self.canvases.len() {
+            let tile = model.tiles.partition_point(|tile| tile.page < page);
             let charts = self.charts(model, tile);
-            all.extend(change(tile, &self.canvases[tile], &charts).map(|texels| (tile, texels)));
+            all.extend(change(page, &self.canvases[page], &charts).map(|texels| (page, texels)));
         }
         self.set(all)
     }
 
     /// The chart of each texel of a tile.
     fn charts(&mut self, model: &Model, tile: usize) -> Vec<Option<u32>> {
-        let canvas = &self.canvases[tile];
+        let canvas = &self.canvases[model.tiles[tile].page];
         let ids = self.ids[tile].get_or_insert_with(|| ids_of(model, tile, canvas.size));
         let texels = (0..canvas.size[1]).flat_map(|y| (0..canvas.size[0]).map(move |x| [x, y]));
         texels.map(|at| ids.at(canvas.uv(at)).map(|triangle| self.islands[triangle])).collect()
     }
 
-    /// Takes the new texels of tiles as one step. Returns what changed.
-    fn set(&mut self, tiles: Vec<(usize, Vec<u16>)>) -> Vec<Change> {
+    /// Takes the new texels of pages as one step. Returns what changed.
+    fn set(&mut self, pages: Vec<(usize, Vec<u16>)>) -> Vec<Change> {
         self.end();
         let (mut before, mut after) = (Vec::new(), Vec::new());
-        for (tile, texels) in tiles {
-            let canvas = &mut self.canvases[tile];
+        for (page, texels) in pages {
+            let canvas = &mut self.canvases[page];
             let width = canvas.size[0] as usize;
             let differing = (0..texels.len()).filter(|&k| texels[k] != canvas.texels[k]);
             let at = |k: usize| [(k % width) as u32, (k / width) as u32];
             let rect = differing.fold(None, |rect, k| Some(Rect::around(rect, at(k))));
             let Some(rect) = rect else { continue };
-            before.push(Change { tile, rect, texels: canvas.copy(rect) });
+            before.push(Change { page, rect, texels: canvas.copy(rect) });
             canvas.texels = texels;
-            after.push(Change { tile, rect, texels: canvas.copy(rect) });
+            after.push(Change { page, rect, texels: canvas.copy(rect) });
         }
         self.steps.keep(before);
         after
@@ -230,9 +207,9 @@ impl Painter {
     pub fn end(&mut self) {
         let touched = self.stroke.take().unwrap_or_default();
         let before = |touched: Touched| {
-            let Touched { tile, before, rect, .. } = touched;
-            let canvas = Canvas { texels: before, ..self.canvases[tile].clone() };
-            Change { tile, rect, texels: canvas.copy(rect) }
+            let Touched { page, before, rect, .. } = touched;
+            let canvas = Canvas { texels: before, ..self.canvases[page].clone() };
+            Change { page, rect, texels: canvas.copy(rect) }
         };
         let changes: Vec<_> = touched.into_iter().filter(|t| t.rect.size != [0, 0]).map(before).collect();
         self.steps.keep(changes);

@@ -6,16 +6,16 @@ use super::canvas::{Canvas, Rect};
 const MOST: usize = 32;
 const MOST_TEXELS: usize = 1 << 27;
 
-/// A change of a tile.
+/// A change of a page's map.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
-    pub tile: usize,
+    pub page: usize,
     pub rect: Rect,
     /// The texels of the rectangle.
     pub texels: Vec<u16>,
 }
 
-/// For each step, at most one change per tile: what was there before it, or after it.
+/// For each step, at most one change per page: what was there before it, or after it.
 #[derive(Default)]
 pub struct Steps {
     undo: Vec<Vec<Change>>,
@@ -65,11 +65,11 @@ impl Steps {
 
 /// Pastes changes; returns what was there.
 fn swap(canvases: &mut [Canvas], changes: &[Change]) -> Vec<Change> {
-    let one = |Change { tile, rect, texels }: &Change| {
-        let canvas = &mut canvases[*tile];
+    let one = |Change { page, rect, texels }: &Change| {
+        let canvas = &mut canvases[*page];
         let before = canvas.copy(*rect);
         canvas.paste(*rect, texels);
-        Change { tile: *tile, rect: *rect, texels: before }
+        Change { page: *page, rect: *rect, texels: before }
     };
     changes.iter().map(one).collect()
 }
@@ -84,7 +84,7 @@ mod tests {
         let mut steps = Steps::default();
         let set = |steps: &mut Steps, canvases: &mut [Canvas], value: u16| {
             let rect = Rect { first: [1, 0], size: [1, 1] };
-            steps.keep(vec![Change { tile: 0, rect, texels: canvases[0].copy(rect) }]);
+            steps.keep(vec![Change { page: 0, rect, texels: canvases[0].copy(rect) }]);
             canvases[0].texels[1] = value;
         };
         set(&mut steps, &mut canvases, 1);

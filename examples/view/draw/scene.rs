@@ -26,6 +26,7 @@ pub struct Scene {
 
 /// A tile on the GPU.
 pub struct Tile {
+    page: usize,
     /// Its corners.
     range: std::ops::Range<u32>,
     levels: Levels,
@@ -54,10 +55,11 @@ impl Scene {
         let normals = storage(&model.normals(rest));
         let mut scene = Scene { corners, positions, normals, rest: rest_buffer, tiles: Vec::new() };
         let view = scene.view(gpu, &View { range: METRIC_SIDE as f32, ..View::default() });
-        for ((tile, canvas), texture) in model.tiles.iter().zip(canvases).zip(textures) {
+        for tile in &model.tiles {
+            let (canvas, texture) = (&canvases[tile.page], &textures[tile.page]);
             let range = 3 * tile.range.start as u32..3 * tile.range.end as u32;
             let made = scene.tile(gpu, &view, range, canvas, texture.as_deref());
-            scene.tiles.push(made);
+            scene.tiles.push(Tile { page: tile.page, ..made });
         }
         scene
     }
@@ -102,7 +104,7 @@ impl Scene {
         ];
         let group = gpu.group(&gpu.tile, &resources);
         let (map_texture, map) = map_of(gpu, &Maps::identity());
-        Tile { range, levels, rigidity, group, map, map_texture, shown: None }
+        Tile { page: 0, range, levels, rigidity, group, map, map_texture, shown: None }
     }
 
     /// A view of the mesh, as bindings.
@@ -131,10 +133,11 @@ impl Scene {
     }
 
     /// Follows a stroke.
-    pub fn paint(&mut self, gpu: &Gpu, tile: usize, canvas: &Canvas, rect: Rect) {
-        let tile = &mut self.tiles[tile];
-        for part in tile.levels.update(canvas, rect) {
-            gpu.write(&tile.rigidity, part.level, part.rect.first, part.rect.size, &part.texels);
+    pub fn paint(&mut self, gpu: &Gpu, page: usize, canvas: &Canvas, rect: Rect) {
+        for tile in self.tiles.iter_mut().filter(|tile| tile.page == page) {
+            for part in tile.levels.update(canvas, rect) {
+                gpu.write(&tile.rigidity, part.level, part.rect.first, part.rect.size, &part.texels);
+            }
         }
     }
 

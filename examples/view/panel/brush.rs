@@ -3,7 +3,7 @@
 use eframe::egui::{self, Slider, Ui};
 
 use super::side::row;
-use crate::brush::painter::Brush;
+use crate::brush::kind::Brush;
 use crate::brush::steps::Steps;
 use crate::brush::whole::Tool;
 

@@ -6,12 +6,30 @@ use vrtm::{OpenBorders, Overlap, Quality, Seams, TileSettings};
 
 use super::side::row;
 use super::style;
+use crate::model::LAYERS;
 
 /// What solves are asked for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Settings {
     pub quality: Quality,
+    pub overlaps: Overlaps,
     pub tile: TileSettings,
+}
+
+/// What happens where islands lie over one another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Overlaps {
+    #[default]
+    Each,
+    Fixed,
+    FirstFace,
+}
+
+impl Overlaps {
+    /// Most layers of a page.
+    pub fn layers(self) -> u32 {
+        if self == Overlaps::Each { LAYERS } else { 0 }
+    }
 }
 
 const QUALITIES: [(Quality, &str, &str); 2] = [
@@ -129,19 +147,26 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, mut noted: impl FnMut(&str, eg
         ui,
         (
             "Overlaps",
-            "What happens where islands lie over one another in the UV map, as mirrored halves do (overlap).",
+            "What happens where islands lie over one another in the UV map, as mirrored halves do (max_layers, overlap).",
         ),
-        &mut tile.overlap,
+        &mut settings.overlaps,
         &[
-            (Overlap::Fixed, "Fixed", "Nothing moves where islands share the texture"),
             (
-                Overlap::FirstFace,
+                Overlaps::Each,
+                "Each",
+                "Every island is solved as if it were alone: each layer of islands has its own result",
+            ),
+            (Overlaps::Fixed, "Fixed", "Nothing moves where islands share the texture"),
+            (
+                Overlaps::FirstFace,
                 "First Face",
                 "The island with the first face moves all of them: for those that bend alike",
             ),
         ],
         &mut noted,
     );
+    let first = settings.overlaps == Overlaps::FirstFace;
+    tile.overlap = if first { Overlap::FirstFace } else { Overlap::Fixed };
     if tile.open_borders == OpenBorders::Slide && tile.orientation_density > 0.0 {
         let text =
             "Keep Direction does not go with open borders that slide: set it to 0, or Open Borders to Fixed.";
@@ -150,7 +175,7 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, mut noted: impl FnMut(&str, eg
     let mut back = ui.button("defaults").on_hover_text("All settings of tiles as they were");
     noted("defaults", back.rect);
     if back.clicked() {
-        *tile = TileSettings::default();
+        (*tile, settings.overlaps) = (TileSettings::default(), Overlaps::default());
         back.mark_changed();
     }
     ui.add_space(4.0);

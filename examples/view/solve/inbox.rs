@@ -39,8 +39,8 @@ pub enum Edit {
     Open(Arc<Model>, Vec<Canvas>),
     /// The settings of all tiles.
     Settings(TileSettings),
-    /// A part of a tile's rigidity map, after a stroke of the brush.
-    Paint { tile: usize, rect: Rect, texels: Vec<u16> },
+    /// A part of a page's rigidity map, after a stroke of the brush.
+    Paint { page: usize, rect: Rect, texels: Vec<u16> },
 }
 
 /// A piece of work.
@@ -145,7 +145,7 @@ mod tests {
     }
 
     fn paint(x: u32) -> Edit {
-        Edit::Paint { tile: 0, rect: Rect { first: [x, 0], size: [1, 1] }, texels: vec![1] }
+        Edit::Paint { page: 0, rect: Rect { first: [x, 0], size: [1, 1] }, texels: vec![1] }
     }
 
     #[test]

@@ -6,14 +6,14 @@ use std::thread::JoinHandle;
 use std::time::Instant;
 
 use vrtm::{
-    Asset, Backend, Device, DeviceSettings, ErrorKind, ImageLayout, ImageView, MeshSource, PixelFormat,
-    SolveOptions, SolveRequest, Strided, TileSettings, UvSource,
+    Asset, Backend, Device, DeviceSettings, ErrorKind, ImageLayout, ImageView, PixelFormat, SolveOptions,
+    SolveRequest, Strided, TileSettings,
 };
 
 use super::answer::{Answer, Maps, Solved};
 use super::inbox::{Edit, Inbox, Purpose, Request, Work};
 use crate::brush::canvas::Canvas;
-use crate::model::Model;
+use crate::model::{Model, Tile, mesh_source};
 use crate::scenes::path::Path;
 
 /// What the thread tells.
@@ -94,9 +94,9 @@ fn serve(device: &Device, inbox: &Inbox, told: &Told) {
                     settings = new;
                     open.as_mut().map_or(Ok(()), |open| open.set(&settings))
                 }
-                Edit::Paint { tile, rect, texels } => open.as_mut().map_or(Ok(()), |open| {
-                    open.canvases[tile].paste(rect, &texels);
-                    open.paint(tile, Some(rect))
+                Edit::Paint { page, rect, texels } => open.as_mut().map_or(Ok(()), |open| {
+                    open.canvases[page].paste(rect, &texels);
+                    open.paint(page, Some(rect))
                 }),
             };
             if let Err(error) = changed {
@@ -136,23 +136,16 @@ impl Open {
         canvases: Vec<Canvas>,
         settings: &TileSettings,
     ) -> vrtm::Result<Open> {
-        let mesh = &model.mesh;
-        let asset = Asset::new(
-            device,
-            &MeshSource {
-                positions: Strided::from_f32x3(&model.rest),
-                face_counts: Some(&mesh.face_counts),
-                indices: &mesh.indices,
-                uvs: UvSource { u: Strided::from_f32x2(&mesh.uvs), v: None, indices: Some(&mesh.uv_indices) },
-                ..MeshSource::default()
-            },
-        )?;
-        let tiles = model.tiles.iter().map(|tile| asset.find_tile(tile.udim)).collect();
+        let asset = Asset::new(device, &mesh_source(&model.mesh, &model.rest, model.layers))?;
+        // The layers of a page follow one another.
+        let place = |tile: &Tile| Some(asset.find_tile(model.pages[tile.page].udim)? + tile.layer as usize);
+        let tiles = model.tiles.iter().map(place).collect();
         let maps = model.tiles.iter().map(|_| Arc::new(Maps::identity())).collect();
         let mut open = Open { model, asset, tiles, canvases, maps, measure_ms: f64::MAX };
-        for (tile, place) in open.tiles.clone().into_iter().enumerate() {
-            open.paint(tile, None)?;
-            let Some((place, mask)) = place.zip(open.model.tiles[tile].mask.clone()) else { continue };
+        for page in 0..open.model.pages.len() {
+            open.paint(page, None)?;
+            let mask = open.model.pages[page].mask.clone();
+            let Some((place, mask)) = open.place_of(page).zip(mask) else { continue };
             let layout = ImageLayout::packed(mask.size[0], mask.size[1], mask.format);
             open.asset.set_mask(place, Some(ImageView::new("mask", &mask.bytes, layout)?))?;
         }
@@ -164,10 +157,16 @@ impl Open {
         self.tiles.iter().flatten().try_for_each(|&tile| self.asset.set_settings(tile, settings))
     }
 
-    /// Hands a tile's map over, or the part of it that a stroke changed.
-    fn paint(&mut self, tile: usize, part: Option<crate::brush::canvas::Rect>) -> vrtm::Result<()> {
-        let Some(place) = self.tiles[tile] else { return Ok(()) };
-        let Canvas { size, texels, .. } = &self.canvases[tile];
+    /// The asset's tile that stands for all layers of a page.
+    fn place_of(&self, page: usize) -> Option<usize> {
+        let mut tiles = self.model.tiles.iter().zip(&self.tiles);
+        *tiles.find(|(tile, _)| tile.page == page)?.1
+    }
+
+    /// Hands a page's map over, or the part of it that a stroke changed.
+    fn paint(&mut self, page: usize, part: Option<crate::brush::canvas::Rect>) -> vrtm::Result<()> {
+        let Some(place) = self.place_of(page) else { return Ok(()) };
+        let Canvas { size, texels, .. } = &self.canvases[page];
         let layout = ImageLayout::packed(size[0], size[1], PixelFormat::U16);
         let view = ImageView::new("rigidity", bytemuck::cast_slice(texels), layout)?;
         match part {
@@ -242,4 +241,75 @@ impl Open {
 
 fn milliseconds(start: Instant) -> f64 {
     start.elapsed().as_secs_f64() * 1e3
+}
+
+#[cfg(test)]
+mod tests {
+    use vrtm::Quality;
+
+    use super::*;
+    use crate::source::Files;
+
+    /// Two sheets that lie over one another in the UV plane, of which one is stretched: by itself it is solved as if
+    /// alone, and the other one stays.
+    #[test]
+    fn layers_are_solved_each_by_itself() {
+        let folder = std::env::temp_dir().join(format!("vrtm-view-layers-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let write = |name: &str, stretch: f64| {
+            let (cells, mut text) = (8, String::new());
+            for sheet in 0..2 {
+                for k in 0..(cells + 1) * (cells + 1) {
+                    let [u, v] = [k % (cells + 1), k / (cells + 1)].map(|x| f64::from(x) / f64::from(cells));
+                    let x = if sheet == 1 { stretch } else { 1.0 } * u;
+                    text += &format!("v {x} {v} {sheet}\nvt {} {}\n", 0.02 + 0.96 * u, 0.02 + 0.96 * v);
+                }
+                for k in 0..cells * cells {
+                    let first = sheet * (cells + 1) * (cells + 1) + k / cells * (cells + 1) + k % cells + 1;
+                    let face = [first, first + 1, first + cells + 2, first + cells + 1];
+                    text +=
+                        &format!("f {0}/{0} {1}/{1} {2}/{2} {3}/{3}\n", face[0], face[1], face[2], face[3]);
+                }
+            }
+            std::fs::write(folder.join(name), text).expect("written");
+            folder.join(name)
+        };
+        let files = Files {
+            rest: Some(write("rest.obj", 1.0)),
+            pose: vec![write("wide.obj", 1.6)],
+            ..Files::default()
+        };
+        let strain = |layers: u32| {
+            let model = Arc::new(Model::layered(&files, layers).expect("a mesh"));
+            let side = 64;
+            let rigid = |k: i32| (k % side - 32).pow(2) + (k / side - 32).pow(2) < 64;
+            let texels = (0..side * side).map(|k| if rigid(k) { 65535 } else { 0 }).collect();
+            let canvas = Canvas { size: [side as u32; 2], texels, deep: false };
+            let worker = Worker::new(Backend::Cpu, || {});
+            worker.inbox.post(Edit::Open(model.clone(), vec![canvas]));
+            let last = model.timeline.last;
+            let (quality, purpose) = (Quality::Normal, Purpose::Final);
+            worker.inbox.ask(Request { frame: last, last, quality, purpose, edit: 0 });
+            loop {
+                match worker.news.recv().expect("the thread lives") {
+                    News::Solved(answer) => {
+                        let of = |solved: &Solved| {
+                            let strain = solved.report.strain.as_ref().filter(|s| s.edges > 0);
+                            strain.map(|s| s.after.rms)
+                        };
+                        return answer.tiles.iter().map(of).collect::<Vec<_>>();
+                    }
+                    News::Failed(text) => panic!("{text}"),
+                    News::Device(_) => {}
+                }
+            }
+        };
+        let together = strain(0);
+        assert_eq!(together.len(), 1);
+        let apart: Vec<f32> = strain(crate::model::LAYERS).into_iter().flatten().collect();
+        assert_eq!(apart.len(), 2);
+        assert!(apart.iter().all(|&strain| strain < 0.05), "{apart:?}");
+        assert!(together[0].is_none_or(|strain| strain > 0.2), "{together:?}");
+        std::fs::remove_dir_all(&folder).expect("removed");
+    }
 }
