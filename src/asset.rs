@@ -2,7 +2,7 @@
 
 mod after;
 mod blended;
-mod derived;
+pub(crate) mod derived;
 mod given;
 mod inside;
 mod log;

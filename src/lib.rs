@@ -71,10 +71,12 @@ mod solved;
 mod map;
 mod asset;
 mod refine;
+mod carrier;
 
 pub use asset::Asset;
 pub use asset::request::{Fetch, SolveRequest};
 pub use asset::results::Results;
+pub use carrier::{Carried, Carrier, CarrierInfo, CarrierSettings};
 pub use device::{Device, adapters};
 pub use half::f16;
 pub use map::FetchKind;
@@ -83,6 +85,7 @@ pub use map::certificate::desc::{MapDesc, MapReport};
 pub use refine::TOLERANCE;
 pub use refine::pattern::RefinementPattern;
 pub use refine::{Refinement, RefinementInfo, RefinementSettings};
+pub use vrtm_carry::{By, Fit, State};
 pub use vrtm_core::allocation::{Allocator, HostAllocator};
 pub use vrtm_core::control::{Control, ProgressFn};
 pub use vrtm_core::declare::Setting;
@@ -101,4 +104,4 @@ pub use vrtm_core::settings::{
     Quality, Seams, SolveOptions, Solver, TileSettings,
 };
 pub use vrtm_core::team::{Executor, Task};
-pub use vrtm_core::view::{Scalar, Strided};
+pub use vrtm_core::view::{Scalar, Strided, StridedMut};

@@ -3,12 +3,14 @@
 #[cfg(test)]
 mod tests;
 
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, TryLockError};
 
-use crate::device::{Device, LiveAsset};
+use crate::device::{Booked, Device, LiveAsset};
 use vrtm_core::allocation::Vec;
 use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::grid::maps::TileMaps;
 use vrtm_core::image::external::ExternalImage;
 use vrtm_core::image::{ImagePart, ImageViewMut};
 use vrtm_core::mesh::Mesh;
@@ -16,6 +18,7 @@ use vrtm_core::panics::lock;
 use vrtm_core::report::{AssetReport, GpuWork, TileReport, report};
 use vrtm_core::team::Team;
 use vrtm_core::unwind::caught;
+use vrtm_core::view::{Packed, Strided};
 
 use super::stretch::Stretch;
 use crate::map::canvas::Canvas;
@@ -39,6 +42,8 @@ struct Shared {
     /// Locked only briefly, to read or replace the pointer.
     last: Mutex<Arc<Last>>,
     outputs: Mutex<Outputs>,
+    /// Number of carriers, for which solves keep their poses.
+    carriers: AtomicUsize,
     /// Dropped after all fields above.
     _live: LiveAsset,
 }
@@ -52,6 +57,31 @@ pub(crate) struct Last {
     pub solved_ms: Option<f32>,
     /// The stretch of the last pose.
     pub stretch: Stretch,
+    /// The last pose, if there were carriers.
+    pub pose: Option<Arc<KeptPose>>,
+}
+
+/// What carriers need of a solve besides its results.
+#[derive(Debug)]
+pub(crate) struct KeptPose {
+    pub positions: Packed,
+    /// The maps of all tiles.
+    pub maps: Vec<TileMaps>,
+    /// Dropped after them.
+    _booked: Booked,
+}
+
+impl KeptPose {
+    pub fn new(device: &Device, positions: &Strided, maps: &[TileMaps]) -> Result<KeptPose> {
+        let mut booked = device.booking();
+        let element = positions.components() as u64 * if positions.epsilon() < 1e-10 { 8 } else { 4 };
+        booked.set(positions.len() as u64 * element, "the pose for carriers")?;
+        Ok(KeptPose {
+            positions: Packed::copy(positions),
+            maps: maps.iter().cloned().collect(),
+            _booked: booked,
+        })
+    }
 }
 
 /// The result of a tile.
@@ -72,6 +102,7 @@ impl Results {
             mesh: mesh.clone(),
             last: Mutex::default(),
             outputs: Mutex::default(),
+            carriers: AtomicUsize::new(0),
             _live: LiveAsset::new(device),
         }))
     }
@@ -119,6 +150,11 @@ impl Results {
 
     pub(crate) fn mesh(&self) -> &Arc<Mesh> {
         &self.0.mesh
+    }
+
+    /// Counts the carriers of the asset, one more or less; returns how many there were.
+    pub(crate) fn count_carriers(&self, change: isize) -> usize {
+        self.0.carriers.fetch_add(change as usize, Ordering::Relaxed)
     }
 
     /// The present results.

@@ -19,7 +19,7 @@ use vrtm_core::view::Strided;
 use super::Asset;
 use super::after;
 use super::request::{Fetch, SolveRequest};
-use super::results::{Last, TileResult, not_solved};
+use super::results::{KeptPose, Last, TileResult, not_solved};
 use super::shape::{Call, Prepared};
 use super::side_by_side::together;
 use super::solver::SolveCall;
@@ -146,7 +146,9 @@ impl Asset {
         let solved_ms = start.elapsed().as_secs_f32() * 1000.0;
         let stretch = Stretch::new(&self.mesh, &request.positions);
         stretch.warn(&self.device);
-        let mut last = Last { tiles: self.kept(), solved_ms: Some(solved_ms), stretch };
+        let keep = || KeptPose::new(&self.device, &request.positions, &self.given.maps).map(Arc::new);
+        let pose = (self.results.count_carriers(0) > 0).then(keep).transpose()?;
+        let mut last = Last { tiles: self.kept(), solved_ms: Some(solved_ms), stretch, pose };
         for (k, ((tile, solved), published)) in results.into_iter().zip(published).enumerate() {
             let kept = k >= new;
             // What is beside the new results was blended again, where it changes.
@@ -199,7 +201,7 @@ impl Asset {
         let last = self.results.last();
         let stays = |(tile, result): (usize, &Option<TileResult>)| result.clone().filter(|_| !tiles[tile]);
         let rest = last.tiles.iter().enumerate().map(stays).collect();
-        self.results.replace(Last { tiles: rest, solved_ms: last.solved_ms, stretch: last.stretch });
+        self.results.replace(Last { tiles: rest, pose: last.pose.clone(), ..*last });
         for (state, _) in self.tiles.iter_mut().zip(tiles).filter(|(_, of)| **of) {
             state.last = None;
             state.blended.free();

@@ -1,5 +1,7 @@
 //! Views of a host's vertex arrays: any byte stride, f32 or f64, read without alignment.
 
+use std::marker::PhantomData;
+
 use crate::allocation::Vec;
 use crate::error::{Error, Result};
 
@@ -208,6 +210,107 @@ impl<'a> Strided<'a> {
             }
         }
         Ok(())
+    }
+}
+
+/// A host's array to write to: `count` elements of `components` scalars, each `stride` bytes after the one before it.
+#[derive(Debug)]
+pub struct StridedMut<'a> {
+    first: *mut u8,
+    scalar: Scalar,
+    components: usize,
+    count: usize,
+    stride: usize,
+    bytes: PhantomData<&'a mut [u8]>,
+}
+
+// SAFETY: elements are written through `put` alone, whose caller keeps threads apart.
+unsafe impl Sync for StridedMut<'_> {}
+
+impl<'a> StridedMut<'a> {
+    /// A view of raw bytes, as with [`Strided::new`].
+    ///
+    /// # Errors
+    /// Those of [`Strided::new`].
+    pub fn new(
+        name: &str,
+        bytes: &'a mut [u8],
+        scalar: Scalar,
+        components: usize,
+        count: usize,
+        stride: usize,
+    ) -> Result<StridedMut<'a>> {
+        let stride = Strided::new(name, bytes, scalar, components, count, stride)?.stride;
+        let first = bytes.as_mut_ptr();
+        Ok(StridedMut { first, scalar, components, count, stride, bytes: PhantomData })
+    }
+
+    /// A view of memory in which other arrays may lie between the elements.
+    ///
+    /// # Safety
+    /// The elements are writable, and nothing else uses them, as long as the view is used.
+    pub unsafe fn from_raw(
+        first: *mut u8,
+        scalar: Scalar,
+        components: usize,
+        count: usize,
+        stride: usize,
+    ) -> StridedMut<'a> {
+        StridedMut { first, scalar, components, count, stride, bytes: PhantomData }
+    }
+
+    /// Packed f32 elements, such as positions or quaternions.
+    #[must_use]
+    pub fn from_f32<const N: usize>(values: &'a mut [[f32; N]]) -> StridedMut<'a> {
+        let (first, count, stride) = (values.as_mut_ptr().cast(), values.len(), 4 * N);
+        StridedMut { first, scalar: Scalar::F32, components: N, count, stride, bytes: PhantomData }
+    }
+
+    /// Packed f64 elements.
+    #[must_use]
+    pub fn from_f64<const N: usize>(values: &'a mut [[f64; N]]) -> StridedMut<'a> {
+        let (first, count, stride) = (values.as_mut_ptr().cast(), values.len(), 8 * N);
+        StridedMut { first, scalar: Scalar::F64, components: N, count, stride, bytes: PhantomData }
+    }
+
+    /// Number of elements.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.count
+    }
+
+    /// True if the view has no elements.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Components per element.
+    #[must_use]
+    pub fn components(&self) -> usize {
+        self.components
+    }
+
+    /// Writes an element.
+    ///
+    /// # Panics
+    /// If `i` is out of range, or there are too few values.
+    ///
+    /// # Safety
+    /// No other thread writes the same element at the same time.
+    #[inline(always)]
+    pub unsafe fn put(&self, i: usize, values: &[f64]) {
+        assert!(i < self.count && values.len() >= self.components);
+        // SAFETY: within the array, by the checks of `new` or the promise of `from_raw`; never aligned for certain.
+        unsafe {
+            let element = self.first.add(i * self.stride);
+            for (c, &value) in values[..self.components].iter().enumerate() {
+                match self.scalar {
+                    Scalar::F32 => element.cast::<f32>().add(c).write_unaligned(value as f32),
+                    Scalar::F64 => element.cast::<f64>().add(c).write_unaligned(value),
+                }
+            }
+        }
     }
 }
 

@@ -1,0 +1,222 @@
+//! Bound points in a pose.
+
+use glam::{DMat3, DQuat, DVec2, DVec3};
+
+use vrtm_core::allocation::{Vec, vec};
+use vrtm_core::mesh::{Mesh, NONE};
+use vrtm_core::team::Team;
+
+use crate::bind::{Binding, Bound};
+use crate::course::{Course, Fit, Point, absolute, from_rest, on_skin};
+use crate::features::smooth;
+use crate::frame::{Frame, Motion, blended, polar, product, quaternion};
+use crate::surface::{Place, Posed, uv_of};
+use crate::tile::Tile;
+
+/// Points that the host says move as one body, by the numbers that it gives them.
+#[derive(Debug)]
+pub struct Pieces {
+    /// Per point, the index of its piece; `NONE` for a point of no piece.
+    of_point: Vec<u32>,
+    /// Per piece, its points in a row, and where each row ends.
+    points: Vec<u32>,
+    ends: Vec<u32>,
+}
+
+impl Pieces {
+    pub fn new(ids: &[u32]) -> Pieces {
+        let mut sorted: Vec<(u32, u32)> = (0..).zip(ids).filter(|(_, id)| **id != NONE).map(|(k, id)| (*id, k)).collect();
+        sorted.sort_unstable();
+        let mut of_point = vec![NONE; ids.len()];
+        let mut ends = Vec::new();
+        let mut end = 0;
+        for piece in sorted.chunk_by(|a, b| a.0 == b.0) {
+            piece.iter().for_each(|(_, k)| of_point[*k as usize] = ends.len() as u32);
+            end += piece.len() as u32;
+            ends.push(end);
+        }
+        Pieces { of_point, points: sorted.iter().map(|(_, k)| *k).collect(), ends }
+    }
+
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.of_point) + size_of_val(&*self.points) + size_of_val(&*self.ends)
+    }
+}
+
+/// Where a point has gone.
+#[derive(Clone, Copy, Debug)]
+pub struct Carried {
+    pub position: DVec3,
+    /// From the host's frame at rest, or from rest.
+    pub rotation: DQuat,
+    /// What is left of the stretch of the surface: the larger singular value first.
+    pub stretch: [f64; 2],
+    /// Where the surface has the texture of the point, among all tiles.
+    pub uv: DVec2,
+}
+
+/// A point as the skin carries it.
+struct OnSkin {
+    place: Place,
+    axes: DMat3,
+    stretch: [f64; 2],
+    uv: DVec2,
+}
+
+impl OnSkin {
+    /// `inverse` is that of the stretch at rest.
+    fn new(place: Place, tangents: [DVec3; 2], inverse: [f64; 3], uv: DVec2) -> OnSkin {
+        let [a, b] = from_rest(tangents, inverse);
+        let Frame { axes, stretch } = polar(a, b);
+        OnSkin { place, axes, stretch, uv }
+    }
+}
+
+/// What carries points into a pose.
+pub struct Carriage<'a> {
+    mesh: &'a Mesh,
+    tiles: &'a [Tile<'a>],
+    binding: &'a Binding,
+    course: &'a Course,
+    pieces: Option<&'a Pieces>,
+    fit: Fit,
+    /// The height up to which points are blended from the surface to their feature's motion.
+    skirt: f64,
+    position: &'a (dyn Fn(u32) -> [f64; 3] + Sync),
+    posed: Vec<Posed>,
+    features: Vec<Option<Motion>>,
+    of_pieces: Vec<Option<Motion>>,
+    /// The largest distance of a node of a rim from the surface.
+    pub rim: f64,
+}
+
+/// The parts of a carrier.
+#[derive(Clone, Copy)]
+pub struct Parts<'a> {
+    pub mesh: &'a Mesh,
+    pub binding: &'a Binding,
+    pub course: &'a Course,
+    pub pieces: Option<&'a Pieces>,
+    pub fit: Fit,
+    pub skirt: f64,
+}
+
+impl<'a> Carriage<'a> {
+    /// Poses the surface, and finds the motions of features.
+    pub fn new(
+        team: &Team,
+        parts: &Parts<'a>,
+        tiles: &'a [Tile<'a>],
+        position: &'a (dyn Fn(u32) -> [f64; 3] + Sync),
+    ) -> Carriage<'a> {
+        let Parts { mesh, binding, course, pieces, fit, skirt } = *parts;
+        let posed = |k: usize| match &course.surfaces[k] {
+            Some(surface) => surface.posed(team, tiles[k].surface(), &course.charts[k], position),
+            None => Vec::new(),
+        };
+        let posed = (0..tiles.len()).map(posed).collect();
+        let (features, of_pieces) = (Vec::new(), Vec::new());
+        let mut carriage = Carriage {
+            mesh, tiles, binding, course, pieces, fit, skirt, position, posed, features, of_pieces, rim: 0.0,
+        };
+        let fits = team.map(course.features(), |feature| carriage.fit_feature(feature));
+        carriage.rim = fits.iter().fold(0.0, |most: f64, (_, rim)| most.max(*rim));
+        carriage.features = fits.into_iter().map(|(motion, _)| motion).collect();
+        let pieces = pieces.filter(|_| fit == Fit::Feature);
+        carriage.of_pieces =
+            pieces.map_or_else(Vec::new, |pieces| team.map(pieces.ends.len(), |k| carriage.fit_piece(pieces, k)));
+        carriage
+    }
+
+    /// The motion of a feature, and how far its rim is from the surface then.
+    fn fit_feature(&self, feature: usize) -> (Option<Motion>, f64) {
+        let nodes = &self.course.nodes[self.course.nodes_of(feature)];
+        let of_node = |k: usize| {
+            let node = &nodes[k];
+            let tile = &self.tiles[node.tile as usize];
+            let to = node.uv + tile.displacement(node.node) / DVec2::from(tile.cells().map(|n| n as f64));
+            self.on_surface(node.tile, node.triangle, to).0.at
+        };
+        let posed: Vec<DVec3> = (0..nodes.len()).map(of_node).collect();
+        let fitted = nodes.iter().zip(&posed).filter(|(node, _)| node.weight > 0.0);
+        let motion = Motion::fit(fitted.map(|(node, at)| (node.weight, node.rest, *at)));
+        let rim = nodes.iter().zip(&posed).filter(|(node, _)| node.is_rim);
+        let apart = |motion: Motion| rim.fold(0.0, |most: f64, (node, at)| most.max(motion.at(node.rest).distance(*at)));
+        (motion, motion.map_or(0.0, apart))
+    }
+
+    /// The motion of a piece, by where its points stand on the surface.
+    fn fit_piece(&self, pieces: &Pieces, piece: usize) -> Option<Motion> {
+        let first = piece.checked_sub(1).map_or(0, |before| pieces.ends[before]) as usize;
+        let points = &pieces.points[first..pieces.ends[piece] as usize];
+        let of_point = |&k: &u32| {
+            let skin = self.skin(k as usize);
+            let offset = DVec3::from(self.course.points[k as usize].offset.map(f64::from));
+            (1.0, self.course.points[k as usize].rest, skin.place.at + skin.axes * offset)
+        };
+        let moved: Vec<(f64, DVec3, DVec3)> = points.iter().map(of_point).collect();
+        Motion::fit(moved.iter().copied())
+    }
+
+    /// The surface under a UV of a tile, reached from a triangle, and the UV there among all tiles.
+    fn on_surface(&self, tile: u32, triangle: u32, uv: DVec2) -> (Place, DVec2) {
+        let (k, of) = (tile as usize, &self.tiles[tile as usize]);
+        let surface = self.course.surfaces[k].as_ref().expect("its tile is used");
+        let mut spot = surface.walk(triangle, uv);
+        if !spot.is_inside {
+            // A border between may have stopped the walk: from the nodes around the UV there is none.
+            let at = uv * DVec2::from(of.cells().map(|n| n as f64));
+            let [i, j] = at.floor().to_array().map(|x| x as i64);
+            for (di, dj) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                let near = of.under(surface.chart(triangle), i + di, j + dj).map(|t| surface.walk(t, uv));
+                if let Some(near) = near.filter(|near| near.is_inside) {
+                    spot = near;
+                    break;
+                }
+            }
+        }
+        let origin = |tile: u32| self.mesh.tiles[tile as usize].origin();
+        (surface.place(&self.posed[k], &spot), uv_of(of.surface(), &spot, uv, origin))
+    }
+
+    /// A point as the skin carries it.
+    fn skin(&self, k: usize) -> OnSkin {
+        let (bound, point): (&Bound, &Point) = (&self.binding.points[k], &self.course.points[k]);
+        let inverse = point.inverse.map(f64::from);
+        if bound.tile == NONE {
+            let place = on_skin(&self.binding.skins[bound.triangle as usize], self.position);
+            return OnSkin::new(place, place.tangents, inverse, bound.uv);
+        }
+        let warp = point.mean.warp(&self.tiles[bound.tile as usize]).filter(|_| self.fit != Fit::None);
+        let Some((moved, [du, dv])) = warp else {
+            let place = self.on_surface(bound.tile, point.triangle, bound.uv).0;
+            let uv = absolute(self.mesh, bound.tile, bound.uv);
+            return OnSkin::new(place, place.tangents, inverse, uv);
+        };
+        let (place, uv) = self.on_surface(bound.tile, point.triangle, bound.uv + moved);
+        let [a, b] = place.tangents;
+        OnSkin::new(place, [du.x * a + du.y * b, dv.x * a + dv.y * b], inverse, uv)
+    }
+
+    /// A point in the pose.
+    pub fn carry(&self, k: usize) -> Carried {
+        let point = &self.course.points[k];
+        let OnSkin { place, axes, stretch, uv } = self.skin(k);
+        let offset = DVec3::from(point.offset.map(f64::from));
+        let own = DQuat::from_array(point.own.map(f64::from));
+        let position = place.at + axes * offset;
+        let rotation = product(quaternion(&axes), own);
+        let carried = Carried { position, rotation, stretch, uv };
+        let piece = self.pieces.and_then(|pieces| self.of_pieces.get(pieces.of_point[k] as usize).copied().flatten());
+        let feature = || Some((self.features.get(point.feature as usize).copied().flatten()?, f64::from(point.part)));
+        let Some((motion, part)) = piece.map(|motion| (motion, 1.0)).or_else(feature) else { return carried };
+        let part = if self.skirt > 0.0 { part * smooth(offset.z / self.skirt) } else { part };
+        let host = DQuat::from_array(point.host.map(f64::from));
+        let (at, turned) = (motion.at(point.rest), product(motion.rotation, host));
+        if part >= 1.0 {
+            return Carried { position: at, rotation: turned, ..carried };
+        }
+        let position = position + part * (at - position);
+        Carried { position, rotation: blended(rotation, turned, part), ..carried }
+    }
+}

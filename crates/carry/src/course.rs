@@ -1,0 +1,207 @@
+//! Where bound points stand on the tiles of a result: all that does not depend on the pose.
+
+use glam::{DMat3, DQuat, DVec2, DVec3};
+
+use vrtm_core::allocation::Vec;
+use vrtm_core::mesh::{Mesh, NONE};
+use vrtm_core::team::Team;
+use vrtm_core::view::Strided;
+
+use crate::bind::{Binding, Skin};
+use crate::features::{FeatureNode, Features};
+use crate::frame::{polar, product, quaternion};
+use crate::surface::{Place, Posed, Surface};
+use crate::tile::{Mean, Tile};
+
+/// How points move.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Fit {
+    /// Points of rigid features as one body each, all others with the skin under the warp.
+    #[default]
+    Feature,
+    /// All points with the skin under the warp.
+    Surface,
+    /// All points with the skin alone, as if nothing were redirected.
+    None,
+}
+
+/// A point's course.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Point {
+    /// The triangle under the point in the surface of its tile.
+    pub triangle: u32,
+    pub mean: Mean,
+    /// The rest position, in the frame at rest.
+    pub offset: [f32; 3],
+    /// The inverse of the symmetric stretch of the tangents at rest: its diagonal, and what is beside it.
+    pub inverse: [f32; 3],
+    /// The host's frame in the frame at rest.
+    pub own: [f32; 4],
+    /// The host's frame at rest.
+    pub host: [f32; 4],
+    pub rest: DVec3,
+    pub feature: u32,
+    /// How far the point moves with its feature.
+    pub part: f32,
+}
+
+/// The courses of a carrier's points.
+#[derive(Debug)]
+pub struct Course {
+    pub(crate) points: Vec<Point>,
+    /// Per tile; `None` where there are no points and no features of theirs.
+    pub(crate) surfaces: Vec<Option<Surface>>,
+    /// Per tile, the charts whose vertices are needed.
+    pub(crate) charts: Vec<Vec<bool>>,
+    pub(crate) nodes: Vec<FeatureNode>,
+    /// The end of each feature's nodes.
+    pub(crate) ends: Vec<u32>,
+}
+
+/// The frame that the tangents at a point have, the inverse of their stretch, and the frame's coordinates of a vector.
+pub(crate) fn rest_frame(place: &Place) -> (DMat3, [f64; 3]) {
+    let axes = polar(place.tangents[0], place.tangents[1]).axes;
+    let [a, b] = place.tangents;
+    // The stretch is symmetric: its inverse, too.
+    let (x, y, z) = (axes.x_axis.dot(a), axes.x_axis.dot(b), axes.y_axis.dot(b));
+    let det = x * z - y * y;
+    let inverse = [z / det, x / det, -y / det];
+    let is_whole = inverse.iter().all(|x| x.is_finite() && (*x as f32).is_finite());
+    (axes, if is_whole { inverse } else { [1.0, 1.0, 0.0] })
+}
+
+/// The tangents of a map from the frame at rest.
+pub(crate) fn from_rest([a, b]: [DVec3; 2], [x, z, y]: [f64; 3]) -> [DVec3; 2] {
+    [a * x + b * y, a * y + b * z]
+}
+
+/// The place of a point of the skin, with the sides of its triangle as tangents.
+pub(crate) fn on_skin(skin: &Skin, position: impl Fn(u32) -> [f64; 3]) -> Place {
+    let [p, q, r] = skin.vertices.map(|v| DVec3::from(position(v)));
+    let [a, b, c] = skin.weights;
+    Place { at: a * p + b * q + c * r, tangents: [q - p, r - p] }
+}
+
+impl Course {
+    /// The courses of bound points on the tiles of a result. `frames` are the host's own at rest.
+    pub fn new(
+        team: &Team,
+        mesh: &Mesh,
+        tiles: &[Tile],
+        binding: &Binding,
+        frames: Option<&Strided>,
+        fit: Fit,
+    ) -> Course {
+        let mut is_used: Vec<bool> = tiles.iter().map(|_| false).collect();
+        let on_tiles = || binding.points.iter().filter(|point| point.tile != NONE);
+        on_tiles().for_each(|point| is_used[point.tile as usize] = true);
+        let set = tiles.iter().zip(&is_used).find(|(_, used)| **used).map(|(tile, _)| tile.mesh.uv_set);
+        // Features reach over all tiles of the set.
+        let needed = |k: usize| {
+            is_used[k] || (fit == Fit::Feature && set == Some(tiles[k].mesh.uv_set) && tiles[k].grid.is_some())
+        };
+        let surfaces: Vec<Option<Surface>> =
+            team.map(tiles.len(), |k| needed(k).then(|| Surface::new(tiles[k].surface())));
+        let sorted: Vec<Vec<u32>> = tiles.iter().map(|tile| inverse(&tile.mesh.numbers())).collect();
+        let rest: Vec<Posed> = tiles
+            .iter()
+            .zip(&surfaces)
+            .map(|(tile, surface)| {
+                let Some(surface) = surface else { return Vec::new() };
+                let all: Vec<bool> = tile.surface().charts.iter().map(|_| true).collect();
+                surface.posed(team, tile.surface(), &all, |v| mesh.rest[v as usize])
+            })
+            .collect();
+        let features = (fit == Fit::Feature).then(|| Features::new(mesh, tiles, &surfaces));
+        let mut points = team.map(binding.points.len(), |k| {
+            let bound = &binding.points[k];
+            let (triangle, mean, place) = match tiles.get(bound.tile as usize) {
+                None => {
+                    let skin = &binding.skins[bound.triangle as usize];
+                    let place = on_skin(skin, |v| mesh.rest[v as usize]);
+                    (bound.triangle, None, place)
+                }
+                Some(tile) => {
+                    let number = sorted[bound.tile as usize][bound.triangle as usize];
+                    let surface = surfaces[bound.tile as usize].as_ref().expect("its tile is used");
+                    let spot = surface.walk(number, bound.uv);
+                    let place = surface.place(&rest[bound.tile as usize], &spot);
+                    (number, Some(tile.mean(surface.chart(number), bound.uv)), place)
+                }
+            };
+            let (axes, inverse) = rest_frame(&place);
+            let offset = axes.transpose() * (bound.foot - place.at) + DVec3::new(0.0, 0.0, bound.height);
+            let host = host_frame(frames, k);
+            let own = product(quaternion(&axes).conjugate(), host);
+            let found = features.as_ref().filter(|_| bound.tile != NONE);
+            let found = found.and_then(|features| features.at(bound.tile, triangle, bound.uv));
+            let (feature, part) = found.unwrap_or((NONE, 0.0));
+            Point {
+                triangle,
+                mean: mean.unwrap_or(Mean::STILL),
+                offset: offset.to_array().map(|x| x as f32),
+                inverse: inverse.map(|x| x as f32),
+                own: own.to_array().map(|x| x as f32),
+                host: host.to_array().map(|x| x as f32),
+                rest: place.at + axes * offset,
+                feature,
+                part,
+            }
+        });
+        let (mut nodes, mut ends) = (Vec::new(), Vec::new());
+        if let Some(features) = features {
+            let mut used: Vec<u32> = points.iter().map(|point| point.feature).collect();
+            (nodes, ends) = features.of_use(tiles, &rest, &mut used);
+            points.iter_mut().zip(&used).for_each(|(point, &feature)| point.feature = feature);
+        }
+        let charts = (0..tiles.len())
+            .map(|k| {
+                let Some(surface) = &surfaces[k] else { return Vec::new() };
+                let of_points = binding.points.iter().zip(&points);
+                let own = of_points.filter(|(bound, _)| bound.tile as usize == k).map(|(_, point)| point.triangle);
+                let of_nodes = nodes.iter().filter(|node| node.tile as usize == k).map(|node| node.triangle);
+                surface.charts(own.chain(of_nodes))
+            })
+            .collect();
+        Course { points, surfaces, charts, nodes, ends }
+    }
+
+    /// Number of features that points move with.
+    pub fn features(&self) -> usize {
+        self.ends.len()
+    }
+
+    pub fn bytes(&self) -> usize {
+        let surfaces: usize = self.surfaces.iter().flatten().map(Surface::bytes).sum();
+        surfaces + size_of_val(&*self.points) + size_of_val(&*self.nodes) + size_of_val(&*self.ends)
+    }
+
+    /// The nodes of a feature.
+    pub(crate) fn nodes_of(&self, feature: usize) -> std::ops::Range<usize> {
+        let first = feature.checked_sub(1).map_or(0, |before| self.ends[before]);
+        first as usize..self.ends[feature] as usize
+    }
+}
+
+/// The host's frame of a point: a quaternion, or the rows of a matrix; the identity without frames.
+pub(crate) fn host_frame(frames: Option<&Strided>, k: usize) -> DQuat {
+    let Some(frames) = frames else { return DQuat::IDENTITY };
+    let get = |c: usize| frames.get(k, c);
+    if frames.components() == 4 {
+        return crate::frame::normalised([0, 1, 2, 3].map(get));
+    }
+    let row = |r: usize| DVec3::new(get(3 * r), get(3 * r + 1), get(3 * r + 2));
+    let columns = DMat3::from_cols(row(0), row(1), row(2)).transpose();
+    quaternion(&polar(columns.x_axis, columns.y_axis).axes)
+}
+
+fn inverse(order: &[u32]) -> Vec<u32> {
+    let mut new_index: Vec<u32> = order.iter().map(|_| NONE).collect();
+    order.iter().enumerate().for_each(|(new, &old)| new_index[old as usize] = new as u32);
+    new_index
+}
+
+/// A UV of a tile among all tiles.
+pub(crate) fn absolute(mesh: &Mesh, tile: u32, uv: DVec2) -> DVec2 {
+    mesh.tiles.get(tile as usize).map_or(uv, |tile| uv + tile.origin())
+}

@@ -1,0 +1,190 @@
+//! Frames of tangent maps, quaternions (x, y, z, w), and the rigid motion that fits points best. Of f64, by + - * / and square
+//! roots alone, so that the bits are the same on any machine.
+
+use glam::{DMat3, DQuat, DVec3};
+
+/// The rotation nearest to the tangents of a surface, with its normal as third axis, and what is left of their stretch.
+#[derive(Clone, Copy, Debug)]
+pub struct Frame {
+    pub axes: DMat3,
+    /// The singular values of the tangents, the larger first.
+    pub stretch: [f64; 2],
+}
+
+/// A share of the squared lengths of two tangents below which they have no plane.
+const FLAT: f64 = 1e-24;
+
+/// The polar decomposition of two tangents. With n their normal, the rotation takes the first axis to the direction of
+/// a - n x b: of all rotations within the plane, that one maximises the trace of its product with the tangents. Tangents
+/// without a plane get one that is continued from the longer of them.
+pub fn polar(a: DVec3, b: DVec3) -> Frame {
+    let (aa, bb) = (a.length_squared(), b.length_squared());
+    let cross = a.cross(b);
+    let area2 = cross.length_squared();
+    // Also false for values that are not finite.
+    let normal = if area2 > FLAT * aa * bb && area2.is_finite() { cross / area2.sqrt() } else { any_normal(a, b) };
+    let turned = normal.cross(b);
+    let (along, apart) = (a - turned, (a + turned).length());
+    let sum = along.length();
+    let first = if sum > 0.0 && sum.is_finite() { along / sum } else { any_normal(normal, DVec3::ZERO) };
+    let stretch = if sum.is_finite() { [0.5 * (sum + apart), 0.5 * (sum - apart).abs()] } else { [0.0; 2] };
+    Frame { axes: DMat3::from_cols(first, normal.cross(first), normal), stretch }
+}
+
+/// A unit vector at right angles to the longer of two vectors.
+fn any_normal(a: DVec3, b: DVec3) -> DVec3 {
+    let (aa, bb) = (a.length_squared(), b.length_squared());
+    let longer = if bb > aa { b } else { a };
+    let length2 = longer.length_squared();
+    if length2 <= 0.0 || !length2.is_finite() {
+        return DVec3::Z;
+    }
+    let size = longer.abs();
+    let axis = match () {
+        () if size.z <= size.x && size.z <= size.y => DVec3::Z,
+        () if size.y <= size.x => DVec3::Y,
+        () => DVec3::X,
+    };
+    let apart = axis - longer * (axis.dot(longer) / length2);
+    apart / apart.length()
+}
+
+/// The quaternion of a rotation.
+pub fn quaternion(m: &DMat3) -> DQuat {
+    let [[a, b, c], [d, e, f], [g, h, i]] = m.to_cols_array_2d();
+    // The largest component first: its square is a quarter at least.
+    let q = match () {
+        () if a + e + i > 0.0 => [f - h, g - c, b - d, 1.0 + a + e + i],
+        () if a >= e && a >= i => [1.0 + a - e - i, b + d, g + c, f - h],
+        () if e >= i => [b + d, 1.0 - a + e - i, f + h, g - c],
+        () => [g + c, f + h, 1.0 - a - e + i, b - d],
+    };
+    normalised(q)
+}
+
+/// A unit quaternion; the identity if that is not possible.
+pub fn normalised(q: [f64; 4]) -> DQuat {
+    let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+    if length > 0.0 && length.is_finite() { DQuat::from_array(q.map(|x| x / length)) } else { DQuat::IDENTITY }
+}
+
+/// From one rotation to another, the short way; `t` from 0 to 1.
+pub fn blended(from: DQuat, to: DQuat, t: f64) -> DQuat {
+    let sign = if from.dot(to) < 0.0 { -1.0 } else { 1.0 };
+    let (p, q) = (from.to_array(), to.to_array());
+    normalised([0, 1, 2, 3].map(|k| p[k] + t * (sign * q[k] - p[k])))
+}
+
+/// A rigid motion: rotation about a point, which goes to another.
+#[derive(Clone, Copy, Debug)]
+pub struct Motion {
+    pub rotation: DQuat,
+    matrix: DMat3,
+    from: DVec3,
+    to: DVec3,
+}
+
+impl Motion {
+    pub fn at(&self, point: DVec3) -> DVec3 {
+        self.to + self.matrix * (point - self.from)
+    }
+
+    /// The motion that takes points nearest to others, in the sense of least squares: of (weight, from, to). A rotation by
+    /// Horn's quaternion, never a reflection. `None` if points, or where they go, lie on a line: nothing then says how they
+    /// turn about it.
+    pub fn fit(points: impl Iterator<Item = (f64, DVec3, DVec3)> + Clone) -> Option<Motion> {
+        let (mut sum, mut p, mut q) = (0.0, DVec3::ZERO, DVec3::ZERO);
+        // Differences from the first point: what is far from the origin loses nothing.
+        let (_, p0, q0) = points.clone().next()?;
+        for (w, a, b) in points.clone() {
+            (sum, p, q) = (sum + w, p + w * (a - p0), q + w * (b - q0));
+        }
+        let (from, to) = (p0 + p / sum, q0 + q / sum);
+        let (mut m, mut rest) = (DMat3::ZERO, DMat3::ZERO);
+        for (w, a, b) in points {
+            let (a, b) = (a - from, b - to);
+            m += DMat3::from_cols(w * b.x * a, w * b.y * a, w * b.z * a);
+            rest += DMat3::from_cols(w * a.x * a, w * a.y * a, w * a.z * a);
+        }
+        // Rows: components of `from`; columns: components of `to`.
+        let s = |i: usize, j: usize| m.col(j)[i];
+        let (values, vectors) = eigen([
+            [s(0, 0) + s(1, 1) + s(2, 2), s(1, 2) - s(2, 1), s(2, 0) - s(0, 2), s(0, 1) - s(1, 0)],
+            [s(1, 2) - s(2, 1), s(0, 0) - s(1, 1) - s(2, 2), s(0, 1) + s(1, 0), s(2, 0) + s(0, 2)],
+            [s(2, 0) - s(0, 2), s(0, 1) + s(1, 0), s(1, 1) - s(0, 0) - s(2, 2), s(1, 2) + s(2, 1)],
+            [s(0, 1) - s(1, 0), s(2, 0) + s(0, 2), s(1, 2) + s(2, 1), s(2, 2) - s(0, 0) - s(1, 1)],
+        ]);
+        let best = (1..4).fold(0, |best, k| if values[k] > values[best] { k } else { best });
+        let second = (0..4).filter(|&k| k != best).map(|k| values[k]).fold(f64::NEG_INFINITY, f64::max);
+        // On a line the two largest are equal.
+        let trace = rest.col(0)[0] + rest.col(1)[1] + rest.col(2)[2];
+        let is_unique = values[best] - second > LINE * values[best].max(trace);
+        if !is_unique || !values[best].is_finite() {
+            return None;
+        }
+        let [w, x, y, z] = vectors[best];
+        let rotation = normalised([x, y, z, w]);
+        Some(Motion { rotation, matrix: matrix(rotation), from, to })
+    }
+}
+
+/// The share of the largest eigenvalue by which it exceeds the second, under which a rotation is undetermined.
+const LINE: f64 = 1e-9;
+
+/// The matrix of a rotation.
+pub fn matrix(q: DQuat) -> DMat3 {
+    let [x, y, z, w] = q.to_array();
+    DMat3::from_cols(
+        DVec3::new(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)),
+        DVec3::new(2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)),
+        DVec3::new(2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)),
+    )
+}
+
+/// The product of two rotations, the right one first.
+pub fn product(a: DQuat, b: DQuat) -> DQuat {
+    let ([ax, ay, az, aw], [bx, by, bz, bw]) = (a.to_array(), b.to_array());
+    DQuat::from_xyzw(
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
+    )
+}
+
+/// Eigenvalues and eigenvectors of a symmetric matrix, by Jacobi's rotations in their cyclic order.
+fn eigen(mut a: [[f64; 4]; 4]) -> ([f64; 4], [[f64; 4]; 4]) {
+    const SWEEPS: usize = 24;
+    let mut v = [0, 1, 2, 3].map(|k| [0, 1, 2, 3].map(|l| f64::from(u8::from(k == l))));
+    for _ in 0..SWEEPS {
+        let mut is_done = true;
+        for p in 0..3 {
+            for q in p + 1..4 {
+                let (apq, diagonal) = (a[p][q], a[p][p].abs() + a[q][q].abs());
+                // Also for what is not finite.
+                if !(apq.abs() > 1e-17 * diagonal) || !apq.is_finite() || !diagonal.is_finite() {
+                    continue;
+                }
+                is_done = false;
+                let theta = (a[q][q] - a[p][p]) / (2.0 * apq);
+                let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
+                let c = 1.0 / (t * t + 1.0).sqrt();
+                let s = t * c;
+                for k in 0..4 {
+                    (a[k][p], a[k][q]) = (c * a[k][p] - s * a[k][q], s * a[k][p] + c * a[k][q]);
+                }
+                for k in 0..4 {
+                    (a[p][k], a[q][k]) = (c * a[p][k] - s * a[q][k], s * a[p][k] + c * a[q][k]);
+                }
+                (a[p][q], a[q][p]) = (0.0, 0.0);
+                for row in &mut v {
+                    (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
+                }
+            }
+        }
+        if is_done {
+            break;
+        }
+    }
+    ([0, 1, 2, 3].map(|k| a[k][k]), [0, 1, 2, 3].map(|k| [0, 1, 2, 3].map(|l| v[l][k])))
+}

@@ -1,0 +1,400 @@
+//! Carries points, curves and detail meshes that are bound to the rest surface into the pose of the last solve.
+
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex};
+use std::time::Instant;
+
+use crate::asset::Asset;
+use crate::asset::derived::Same;
+use crate::asset::results::{KeptPose, Last, Results, TileResult};
+use crate::device::Booked;
+use crate::solved::Solved;
+use vrtm_carry::{Binding, By, Carriage, Course, Fit, Parts, Pieces, State, Tile, matrix};
+use vrtm_core::allocation::Vec;
+use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::grid::Grid;
+use vrtm_core::mesh::TileMesh;
+use vrtm_core::panics::lock;
+use vrtm_core::team::Team;
+use vrtm_core::view::{Packed, Strided, StridedMut};
+
+/// Points that one item of work carries.
+const CHUNK: usize = 1024;
+/// Bytes per node of a grid while its features are found: coverage, maps, numbers.
+const BYTES_PER_NODE: u64 = 32;
+
+/// Which points are bound, and how they move.
+#[derive(Clone, Copy, Debug)]
+pub struct CarrierSettings<'a> {
+    /// The UV set whose tiles carry the points.
+    pub uv_set: u32,
+    /// Where the points are.
+    pub by: By<'a>,
+    /// The height of each point above the surface, along its normal; one component.
+    pub heights: Option<Strided<'a>>,
+    /// The frame of each point at rest, which the rotations then begin from: a quaternion x, y, z, w, or 9 components, a matrix
+    /// row by row.
+    pub frames: Option<Strided<'a>>,
+    /// Per point, the number of a piece that is one rigid body; `u32::MAX` = no piece. Pieces come before features.
+    pub pieces: Option<&'a [u32]>,
+    /// What moves as one body.
+    pub fit: Fit,
+    /// The height up to which a point of a rigid body is blended from the surface to that body; 0 = not at all.
+    pub skirt: f64,
+}
+
+/// Sizes of a carrier, and what its points are bound to.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct CarrierInfo {
+    /// Number of points.
+    pub points: u64,
+    /// Points outside of all charts. They move with the skin nearest to them, without a warp.
+    pub outside: u64,
+    /// Points on triangles whose UVs are turned over within their chart; they move with the skin as well.
+    pub folded: u64,
+    /// Points farther from the surface than the largest distance; they move with the skin as well.
+    pub far: u64,
+    /// Features that points moved with in the last fetch.
+    pub features: u64,
+    /// The largest distance by which the rim of one of these features left the surface in the last fetch, lifted off or cut in.
+    pub rim: f64,
+    /// Bytes held by the carrier, excluding the mesh and the results.
+    pub bytes: u64,
+    /// Milliseconds that the last fetch took.
+    pub ms: f32,
+}
+
+/// Where to write carried points; each array has an element for each point.
+#[derive(Debug, Default)]
+pub struct Carried<'a> {
+    /// Positions in the pose; 3 components.
+    pub positions: Option<StridedMut<'a>>,
+    /// Rotations from the frames at rest: quaternions x, y, z, w, or 9 components, matrices row by row.
+    pub rotations: Option<StridedMut<'a>>,
+    /// The stretch of the surface under what is painted that is left, as two factors, the larger first; 2 components.
+    pub stretch: Option<StridedMut<'a>>,
+    /// Where the surface has the texture of each point, with the tile's offset; 2 components.
+    pub uvs: Option<StridedMut<'a>>,
+}
+
+/// Points bound to the rest surface of an asset, which go with it into each pose that is solved from then on.
+///
+/// A point painted at UV p is on the surface where the texture at p is shown: at f(W(p)), exactly on the triangle there. Its
+/// rotation is that of the tangents of f ∘ W from rest to pose, and its height is kept along the normal. Points of a rigid
+/// feature move as one body. It keeps the mesh and the results that it needs alive: it may be used while the asset exists and
+/// after it is dropped.
+///
+/// # Example
+///
+/// ```
+/// # use vrtm::{Asset, By, Carried, CarrierSettings, Device, DeviceSettings, Fit, MeshSource, SolveOptions, Strided, StridedMut, UvSource};
+/// # fn main() -> vrtm::Result<()> {
+/// let rest = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+/// let uvs = rest.map(|[x, y, _]: [f32; 3]| [x, y]);
+/// # let device = Device::new(&DeviceSettings::default())?;
+/// # let uvs = UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() };
+/// # let source = MeshSource { positions: Strided::from_f32x3(&rest), face_counts: Some(&[4]), indices: &[0, 1, 2, 3], uvs, ..MeshSource::default() };
+/// let mut asset = Asset::new(&device, &source)?;
+/// // A spike of height 0.1 in the middle.
+/// let carrier = asset.carrier(&CarrierSettings {
+///     heights: Some(Strided::from_f32(&[0.1])),
+///     ..CarrierSettings::new(By::Uv { uvs: Strided::from_f32x2(&[[0.5, 0.5]]), layers: None })
+/// })?;
+/// let pose = rest.map(|[x, y, z]| [z, y, 2.0 * x]);
+/// asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default())?;
+/// let mut positions = [[0.0f32; 3]];
+/// carrier.fetch(&Carried { positions: Some(StridedMut::from_f32(&mut positions)), ..Carried::default() })?;
+/// assert_eq!(positions, [[-0.1, 0.5, 1.0]]);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug)]
+pub struct Carrier {
+    results: Counted,
+    binding: Binding,
+    frames: Option<Packed>,
+    pieces: Option<Pieces>,
+    fit: Fit,
+    skirt: f64,
+    course: Mutex<Option<Arc<Kept>>>,
+    info: CarrierInfo,
+    /// Of the last fetch: features, the bits of `rim` and of `ms`.
+    last: (AtomicU64, AtomicU64, AtomicU32),
+    /// Dropped after all fields above.
+    _booked: Booked,
+}
+
+/// Results whose asset has one more carrier.
+#[derive(Debug)]
+struct Counted(Results);
+
+impl Drop for Counted {
+    fn drop(&mut self) {
+        self.0.count_carriers(-1);
+    }
+}
+
+/// What a course follows from: per tile, how it hangs together, with collars or not, and its grid.
+type Key = Vec<Option<(Same<TileMesh>, Option<Same<TileMesh>>, Same<Grid>)>>;
+
+/// A course with its key.
+#[derive(Debug)]
+struct Kept {
+    key: Key,
+    course: Course,
+    booked: Booked,
+}
+
+impl<'a> CarrierSettings<'a> {
+    /// The defaults: on the surface of UV set 0, features as rigid bodies.
+    #[must_use]
+    pub fn new(by: By<'a>) -> CarrierSettings<'a> {
+        CarrierSettings {
+            uv_set: 0, by, heights: None, frames: None, pieces: None, fit: Fit::default(), skirt: 0.0,
+        }
+    }
+
+    /// Checks everything but the values of indices; returns the number of points.
+    fn check(&self) -> Result<usize> {
+        let (count, name) = match self.by {
+            By::Uv { uvs, layers } => {
+                check_array("uvs", &uvs, &[2])?;
+                check_count("layers", layers.map(<[u32]>::len), uvs.len())?;
+                (uvs.len(), "uvs")
+            }
+            By::Corners { corners, weights } => {
+                check_array("weights", &weights, &[3])?;
+                check_count("weights", Some(weights.len()), corners.len())?;
+                (corners.len(), "corners")
+            }
+            By::Nearest { positions, farthest } => {
+                check_array("positions", &positions, &[3])?;
+                if let Some(farthest) = farthest.filter(|farthest| !(*farthest >= 0.0)) {
+                    return Err(Error::argument(format!("farthest: {farthest} is not at least 0")));
+                }
+                (positions.len(), "positions")
+            }
+        };
+        if count >= u32::MAX as usize {
+            return Err(Error::argument(format!("{name}: {count} are too many")));
+        }
+        for (name, array, components) in [("heights", &self.heights, &[1][..]), ("frames", &self.frames, &[4, 9])] {
+            if let Some(array) = array {
+                check_array(name, array, components)?;
+                check_count(name, Some(array.len()), count)?;
+            }
+        }
+        check_count("pieces", self.pieces.map(<[u32]>::len), count)?;
+        if !(self.skirt >= 0.0 && self.skirt.is_finite()) {
+            return Err(Error::argument(format!("skirt: {} is not at least 0 and finite", self.skirt)));
+        }
+        Ok(count)
+    }
+}
+
+fn check_array(name: &str, array: &Strided, components: &[usize]) -> Result<()> {
+    if !array.is_empty() && !components.contains(&array.components()) {
+        let given = array.components();
+        return Err(Error::argument(format!("{name}: {given} components, but {components:?} are needed")));
+    }
+    array.check_finite(name)
+}
+
+fn check_count(name: &str, given: Option<usize>, needed: usize) -> Result<()> {
+    match given {
+        Some(given) if given != needed => {
+            Err(Error::argument(format!("{name}: {given} elements, but there are {needed} points")))
+        }
+        _ => Ok(()),
+    }
+}
+
+impl Results {
+    /// Binds points to the rest surface. Nothing is kept of the arrays given.
+    ///
+    /// # Errors
+    /// `InvalidArgument` naming the array, and the index, for a wrong count or a value that is not finite, corners that are not of
+    /// one face, and an unknown UV set; `OutOfMemory`.
+    pub fn carrier(&self, settings: &CarrierSettings) -> Result<Carrier> {
+        let mesh = self.mesh();
+        mesh.check_uv_set(settings.uv_set)?;
+        let count = settings.check()?;
+        self.device().call(|| {
+            let heights = settings.heights.as_ref();
+            let bind = |team: &Team| Binding::new(team, mesh, settings.uv_set as usize, &settings.by, heights);
+            let binding = self.device().team(bind)?;
+            let frames = settings.frames.as_ref().map(Packed::copy);
+            let pieces = settings.pieces.map(Pieces::new);
+            let mut booked = self.device().booking();
+            let of_frames = frames.as_ref().map_or(0, |frames| frames.view().components() * 8 * count);
+            let bytes = binding.bytes() + of_frames + pieces.as_ref().map_or(0, Pieces::bytes);
+            booked.set(bytes as u64, "a carrier")?;
+            let of = |state: State| binding.states.iter().filter(|of| **of == state).count() as u64;
+            let info = CarrierInfo {
+                points: count as u64,
+                outside: of(State::Outside),
+                folded: of(State::Folded),
+                far: of(State::Far),
+                bytes: bytes as u64,
+                ..CarrierInfo::default()
+            };
+            self.count_carriers(1);
+            Ok(Carrier {
+                results: Counted(self.clone()),
+                binding,
+                frames,
+                pieces,
+                fit: settings.fit,
+                skirt: settings.skirt,
+                course: Mutex::default(),
+                info,
+                last: Default::default(),
+                _booked: booked,
+            })
+        })
+    }
+}
+
+impl Asset {
+    /// See [`Results::carrier`].
+    ///
+    /// # Errors
+    /// Those of [`Results::carrier`].
+    pub fn carrier(&self, settings: &CarrierSettings) -> Result<Carrier> {
+        self.results().carrier(settings)
+    }
+}
+
+impl Carrier {
+    /// Sizes, and what the last fetch found.
+    #[must_use]
+    pub fn info(&self) -> CarrierInfo {
+        let (features, rim, ms) = &self.last;
+        let of_course = lock(&self.course).as_ref().map_or(0, |kept| kept.booked.bytes());
+        CarrierInfo {
+            features: features.load(Ordering::Relaxed),
+            rim: f64::from_bits(rim.load(Ordering::Relaxed)),
+            ms: f32::from_bits(ms.load(Ordering::Relaxed)),
+            bytes: self.info.bytes + of_course,
+            ..self.info
+        }
+    }
+
+    /// How each point is bound.
+    #[must_use]
+    pub fn states(&self) -> &[State] {
+        &self.binding.states
+    }
+
+    /// Carries the points into the pose of the asset's last solve, and writes what is asked for. The bits do not depend on the
+    /// number of threads.
+    ///
+    /// # Errors
+    /// `NotSolved` before the first solve after the carrier was made, which is the first one to keep its pose; `InvalidArgument`
+    /// if an array has another number of elements or components; `OutOfMemory`, `DeviceLost`. Nothing is written then.
+    pub fn fetch(&self, out: &Carried) -> Result<()> {
+        let arrays = [
+            ("positions", &out.positions, &[3][..]),
+            ("rotations", &out.rotations, &[4, 9]),
+            ("stretch", &out.stretch, &[2]),
+            ("uvs", &out.uvs, &[2]),
+        ];
+        let count = self.binding.points.len();
+        for (name, array, components) in arrays {
+            let Some(array) = array else { continue };
+            check_count(name, Some(array.len()), count)?;
+            if !components.contains(&array.components()) {
+                let given = array.components();
+                return Err(Error::argument(format!("{name}: {given} components, but {components:?} are needed")));
+            }
+        }
+        let results = &self.results.0;
+        results.device().call(|| {
+            let start = Instant::now();
+            let last = results.solved_asset()?;
+            let pose = last.pose.as_ref().ok_or_else(|| {
+                let why = "carrier: there was no solve since it was made, and poses from before are not kept";
+                Error::new(ErrorKind::NotSolved, why)
+            })?;
+            results.device().team(|team| self.write(team, &last, pose, out))?;
+            self.last.2.store((start.elapsed().as_secs_f32() * 1000.0).to_bits(), Ordering::Relaxed);
+            Ok(())
+        })
+    }
+
+    fn write(&self, team: &Team, last: &Last, pose: &KeptPose, out: &Carried) -> Result<()> {
+        let mesh = self.results.0.mesh();
+        let mut tiles: Vec<Tile> = Vec::with_capacity(mesh.tiles.len());
+        for (k, maps) in pose.maps.iter().enumerate() {
+            tiles.push(match &last.tiles[k] {
+                // It has a pose nevertheless.
+                None => Tile { mesh: &mesh.tiles[k], extended: None, grid: None, maps, u: &[] },
+                Some(TileResult { solved, .. }) => Tile {
+                    mesh: &solved.mesh,
+                    extended: solved.extended.as_deref(),
+                    grid: Some(&solved.grid),
+                    maps,
+                    u: solved.warp.host()?,
+                },
+            });
+        }
+        let kept = self.course(team, last, &tiles)?;
+        let parts = Parts {
+            mesh,
+            binding: &self.binding,
+            course: &kept.course,
+            pieces: self.pieces.as_ref(),
+            fit: self.fit,
+            skirt: self.skirt,
+        };
+        let positions = pose.positions.view();
+        let position = |v: u32| positions.get3(v as usize);
+        let carriage = Carriage::new(team, &parts, &tiles, &position);
+        let count = self.binding.points.len();
+        team.run(count.div_ceil(CHUNK), |chunk| {
+            for k in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
+                let carried = carriage.carry(k);
+                let put = |array: &Option<StridedMut>, values: &[f64]| {
+                    if let Some(array) = array {
+                        // SAFETY: each point belongs to one item.
+                        unsafe { array.put(k, values) };
+                    }
+                };
+                put(&out.positions, &carried.position.to_array());
+                match &out.rotations {
+                    Some(array) if array.components() == 9 => {
+                        put(&out.rotations, &matrix(carried.rotation).transpose().to_cols_array());
+                    }
+                    rotations => put(rotations, &carried.rotation.to_array()),
+                }
+                put(&out.stretch, &carried.stretch);
+                put(&out.uvs, &carried.uv.to_array());
+            }
+        });
+        self.last.0.store(kept.course.features() as u64, Ordering::Relaxed);
+        self.last.1.store(carriage.rim.to_bits(), Ordering::Relaxed);
+        Ok(())
+    }
+
+    /// The points' course on these results: the last one, if it is of the same meshes and grids.
+    fn course(&self, team: &Team, last: &Last, tiles: &[Tile]) -> Result<Arc<Kept>> {
+        let of = |solved: &Solved| {
+            (Same::of(&solved.mesh), solved.extended.as_ref().map(Same::of), Same::of(&solved.grid))
+        };
+        let key: Key = last.tiles.iter().map(|tile| tile.as_ref().map(|tile| of(&tile.solved))).collect();
+        if let Some(kept) = lock(&self.course).clone().filter(|kept| kept.key == key) {
+            return Ok(kept);
+        }
+        let mut booked = self.results.0.device().booking();
+        let nodes: u64 = tiles.iter().map(Tile::cells).map(|[nx, ny]| (nx * ny) as u64).sum();
+        booked.set(BYTES_PER_NODE * nodes, "a carrier's features")?;
+        let frames = self.frames.as_ref().map(Packed::view);
+        let mesh = self.results.0.mesh();
+        let course = Course::new(team, mesh, tiles, &self.binding, frames.as_ref(), self.fit);
+        booked.set(course.bytes() as u64, "a carrier's course")?;
+        let kept = Arc::new(Kept { key, course, booked });
+        *lock(&self.course) = Some(kept.clone());
+        Ok(kept)
+    }
+}
