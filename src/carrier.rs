@@ -151,7 +151,13 @@ impl<'a> CarrierSettings<'a> {
     #[must_use]
     pub fn new(by: By<'a>) -> CarrierSettings<'a> {
         CarrierSettings {
-            uv_set: 0, by, heights: None, frames: None, pieces: None, fit: Fit::default(), skirt: 0.0,
+            uv_set: 0,
+            by,
+            heights: None,
+            frames: None,
+            pieces: None,
+            fit: Fit::default(),
+            skirt: 0.0,
         }
     }
 
@@ -179,7 +185,9 @@ impl<'a> CarrierSettings<'a> {
         if count >= u32::MAX as usize {
             return Err(Error::argument(format!("{name}: {count} are too many")));
         }
-        for (name, array, components) in [("heights", &self.heights, &[1][..]), ("frames", &self.frames, &[4, 9])] {
+        for (name, array, components) in
+            [("heights", &self.heights, &[1][..]), ("frames", &self.frames, &[4, 9])]
+        {
             if let Some(array) = array {
                 check_array(name, array, components)?;
                 check_count(name, Some(array.len()), count)?;
@@ -222,7 +230,8 @@ impl Results {
         let count = settings.check()?;
         self.device().call(|| {
             let heights = settings.heights.as_ref();
-            let bind = |team: &Team| Binding::new(team, mesh, settings.uv_set as usize, &settings.by, heights);
+            let bind =
+                |team: &Team| Binding::new(team, mesh, settings.uv_set as usize, &settings.by, heights);
             let binding = self.device().team(bind)?;
             let frames = settings.frames.as_ref().map(Packed::copy);
             let pieces = settings.pieces.map(Pieces::new);
@@ -306,7 +315,9 @@ impl Carrier {
             check_count(name, Some(array.len()), count)?;
             if !components.contains(&array.components()) {
                 let given = array.components();
-                return Err(Error::argument(format!("{name}: {given} components, but {components:?} are needed")));
+                return Err(Error::argument(format!(
+                    "{name}: {given} components, but {components:?} are needed"
+                )));
             }
         }
         let results = &self.results.0;

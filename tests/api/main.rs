@@ -6,6 +6,7 @@ mod common;
 mod allocations;
 mod beyond;
 mod budget;
+mod carry;
 mod control;
 mod fresh;
 mod grid;

@@ -247,7 +247,9 @@ fn check_corners(mesh: &Mesh, corners: &[[u32; 3]], weights: &Strided) -> Result
         let face = mesh.faces.partition_point(|&first| first <= a) - 1;
         let is_of = |corner: u32| face + 1 < mesh.faces.len() && mesh.face(face).contains(&(corner as usize));
         if !(is_of(a) && is_of(b) && is_of(c)) {
-            return Err(Error::argument(format!("corners[{k}]: {a}, {b}, {c} are not three corners of one face")));
+            return Err(Error::argument(format!(
+                "corners[{k}]: {a}, {b}, {c} are not three corners of one face"
+            )));
         }
         let sum: f64 = (0..3).map(|c| weights.get(k, c)).sum();
         if !(sum.abs() > 1e-6) {
@@ -258,12 +260,7 @@ fn check_corners(mesh: &Mesh, corners: &[[u32; 3]], weights: &Strided) -> Result
     Ok(faces)
 }
 
-fn of_uv(
-    triangles: &Triangles,
-    search: &Nearest,
-    uv: DVec2,
-    layers: std::ops::RangeInclusive<u32>,
-) -> Hit {
+fn of_uv(triangles: &Triangles, search: &Nearest, uv: DVec2, layers: std::ops::RangeInclusive<u32>) -> Hit {
     let find = |layer: u32| search.find(uv.extend(layer.into()));
     let found = layers.filter_map(find).reduce(|best, next| {
         let is_better = best.distance > BESIDE && next.distance < best.distance;

@@ -25,7 +25,8 @@ pub struct Pieces {
 
 impl Pieces {
     pub fn new(ids: &[u32]) -> Pieces {
-        let mut sorted: Vec<(u32, u32)> = (0..).zip(ids).filter(|(_, id)| **id != NONE).map(|(k, id)| (*id, k)).collect();
+        let mut sorted: Vec<(u32, u32)> =
+            (0..).zip(ids).filter(|(_, id)| **id != NONE).map(|(k, id)| (*id, k)).collect();
         sorted.sort_unstable();
         let mut of_point = vec![NONE; ids.len()];
         let mut ends = Vec::new();
@@ -117,14 +118,25 @@ impl<'a> Carriage<'a> {
         let posed = (0..tiles.len()).map(posed).collect();
         let (features, of_pieces) = (Vec::new(), Vec::new());
         let mut carriage = Carriage {
-            mesh, tiles, binding, course, pieces, fit, skirt, position, posed, features, of_pieces, rim: 0.0,
+            mesh,
+            tiles,
+            binding,
+            course,
+            pieces,
+            fit,
+            skirt,
+            position,
+            posed,
+            features,
+            of_pieces,
+            rim: 0.0,
         };
         let fits = team.map(course.features(), |feature| carriage.fit_feature(feature));
         carriage.rim = fits.iter().fold(0.0, |most: f64, (_, rim)| most.max(*rim));
         carriage.features = fits.into_iter().map(|(motion, _)| motion).collect();
         let pieces = pieces.filter(|_| fit == Fit::Feature);
-        carriage.of_pieces =
-            pieces.map_or_else(Vec::new, |pieces| team.map(pieces.ends.len(), |k| carriage.fit_piece(pieces, k)));
+        carriage.of_pieces = pieces
+            .map_or_else(Vec::new, |pieces| team.map(pieces.ends.len(), |k| carriage.fit_piece(pieces, k)));
         carriage
     }
 
@@ -141,7 +153,9 @@ impl<'a> Carriage<'a> {
         let fitted = nodes.iter().zip(&posed).filter(|(node, _)| node.weight > 0.0);
         let motion = Motion::fit(fitted.map(|(node, at)| (node.weight, node.rest, *at)));
         let rim = nodes.iter().zip(&posed).filter(|(node, _)| node.is_rim);
-        let apart = |motion: Motion| rim.fold(0.0, |most: f64, (node, at)| most.max(motion.at(node.rest).distance(*at)));
+        let apart = |motion: Motion| {
+            rim.fold(0.0, |most: f64, (node, at)| most.max(motion.at(node.rest).distance(*at)))
+        };
         (motion, motion.map_or(0.0, apart))
     }
 
@@ -207,8 +221,10 @@ impl<'a> Carriage<'a> {
         let position = place.at + axes * offset;
         let rotation = product(quaternion(&axes), own);
         let carried = Carried { position, rotation, stretch, uv };
-        let piece = self.pieces.and_then(|pieces| self.of_pieces.get(pieces.of_point[k] as usize).copied().flatten());
-        let feature = || Some((self.features.get(point.feature as usize).copied().flatten()?, f64::from(point.part)));
+        let piece =
+            self.pieces.and_then(|pieces| self.of_pieces.get(pieces.of_point[k] as usize).copied().flatten());
+        let feature =
+            || Some((self.features.get(point.feature as usize).copied().flatten()?, f64::from(point.part)));
         let Some((motion, part)) = piece.map(|motion| (motion, 1.0)).or_else(feature) else { return carried };
         let part = if self.skirt > 0.0 { part * smooth(offset.z / self.skirt) } else { part };
         let host = DQuat::from_array(point.host.map(f64::from));

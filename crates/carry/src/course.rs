@@ -98,7 +98,8 @@ impl Course {
         let set = tiles.iter().zip(&is_used).find(|(_, used)| **used).map(|(tile, _)| tile.mesh.uv_set);
         // Features reach over all tiles of the set.
         let needed = |k: usize| {
-            is_used[k] || (fit == Fit::Feature && set == Some(tiles[k].mesh.uv_set) && tiles[k].grid.is_some())
+            is_used[k]
+                || (fit == Fit::Feature && set == Some(tiles[k].mesh.uv_set) && tiles[k].grid.is_some())
         };
         let surfaces: Vec<Option<Surface>> =
             team.map(tiles.len(), |k| needed(k).then(|| Surface::new(tiles[k].surface())));
@@ -158,7 +159,8 @@ impl Course {
             .map(|k| {
                 let Some(surface) = &surfaces[k] else { return Vec::new() };
                 let of_points = binding.points.iter().zip(&points);
-                let own = of_points.filter(|(bound, _)| bound.tile as usize == k).map(|(_, point)| point.triangle);
+                let own =
+                    of_points.filter(|(bound, _)| bound.tile as usize == k).map(|(_, point)| point.triangle);
                 let of_nodes = nodes.iter().filter(|node| node.tile as usize == k).map(|node| node.triangle);
                 surface.charts(own.chain(of_nodes))
             })

@@ -121,7 +121,8 @@ impl<'a> Features<'a> {
     fn join_neighbours(&mut self) {
         for a in 0..self.rigid.len() {
             let (tile, n) = self.rigid[a];
-            let (Some(nodes), Some(surface)) = (&self.nodes[tile as usize], &self.surfaces[tile as usize]) else {
+            let (Some(nodes), Some(surface)) = (&self.nodes[tile as usize], &self.surfaces[tile as usize])
+            else {
                 continue;
             };
             let ([width, height], n) = (nodes.size, n as usize);
@@ -194,7 +195,10 @@ impl<'a> Features<'a> {
         let mut best: Option<(f64, u32)> = None;
         for (n, weight) in nodes.corners(uv) {
             let is_of = |t: u32| t != NONE && surface.chart(t) == surface.chart(triangle);
-            if nodes.rigid[n] != NONE && is_of(nodes.triangle[n]) && best.is_none_or(|(most, _)| weight > most) {
+            if nodes.rigid[n] != NONE
+                && is_of(nodes.triangle[n])
+                && best.is_none_or(|(most, _)| weight > most)
+            {
                 best = Some((weight, nodes.rigid[n]));
             }
         }
@@ -214,7 +218,11 @@ impl<'a> Features<'a> {
             }
         }
         // A corner exactly at the point has all of the weight.
-        let rigidity = if all > 0.0 { (sum / all) as f32 } else { nodes.rigidity[self.rigid[feature as usize].1 as usize] };
+        let rigidity = if all > 0.0 {
+            (sum / all) as f32
+        } else {
+            nodes.rigidity[self.rigid[feature as usize].1 as usize]
+        };
         let part = smooth(f64::from((rigidity - RIGID) / (WHOLE - RIGID))) as f32;
         (part > 0.0).then_some((feature, part))
     }
@@ -257,7 +265,9 @@ impl<'a> Features<'a> {
                 let is_rim = self.is_rim(a);
                 rim += usize::from(is_rim);
                 let is_rim = is_rim && rim % rim_stride == 0;
-                let Some((nodes, surface)) = nodes.zip(self.surfaces[tile as usize].as_ref()) else { continue };
+                let Some((nodes, surface)) = nodes.zip(self.surfaces[tile as usize].as_ref()) else {
+                    continue;
+                };
                 let n = n as usize;
                 let (i, j) = (n % nodes.size[0], n / nodes.size[0]);
                 let fits = i % stride == 0 && j % stride == 0;

@@ -22,7 +22,8 @@ pub fn polar(a: DVec3, b: DVec3) -> Frame {
     let cross = a.cross(b);
     let area2 = cross.length_squared();
     // Also false for values that are not finite.
-    let normal = if area2 > FLAT * aa * bb && area2.is_finite() { cross / area2.sqrt() } else { any_normal(a, b) };
+    let normal =
+        if area2 > FLAT * aa * bb && area2.is_finite() { cross / area2.sqrt() } else { any_normal(a, b) };
     let turned = normal.cross(b);
     let (along, apart) = (a - turned, (a + turned).length());
     let sum = along.length();
@@ -65,7 +66,11 @@ pub fn quaternion(m: &DMat3) -> DQuat {
 /// A unit quaternion; the identity if that is not possible.
 pub fn normalised(q: [f64; 4]) -> DQuat {
     let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
-    if length > 0.0 && length.is_finite() { DQuat::from_array(q.map(|x| x / length)) } else { DQuat::IDENTITY }
+    if length > 0.0 && length.is_finite() {
+        DQuat::from_array(q.map(|x| x / length))
+    } else {
+        DQuat::IDENTITY
+    }
 }
 
 /// From one rotation to another, the short way; `t` from 0 to 1.

@@ -85,7 +85,9 @@ impl Nearest {
             }
             if node.count == 0 {
                 let mut children = [own + 1, node.at];
-                if distance2(&self.nodes[own as usize + 1], to) <= distance2(&self.nodes[node.at as usize], to) {
+                if distance2(&self.nodes[own as usize + 1], to)
+                    <= distance2(&self.nodes[node.at as usize], to)
+                {
                     children.swap(0, 1);
                 }
                 for child in children {
@@ -98,9 +100,9 @@ impl Nearest {
                 let corners = &self.triangles[triangle as usize];
                 let weights = nearest_weights(corners, to);
                 let d2 = (weighed(corners, weights) - to).length_squared();
-                let is_better = best.as_ref().is_none_or(|(least, found)| {
-                    d2 < *least || (d2 == *least && triangle < found.triangle)
-                });
+                let is_better = best
+                    .as_ref()
+                    .is_none_or(|(least, found)| d2 < *least || (d2 == *least && triangle < found.triangle));
                 if is_better {
                     best = Some((d2, Found { triangle, weights, distance: d2.sqrt() }));
                 }

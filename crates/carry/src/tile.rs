@@ -72,11 +72,12 @@ impl<'a> Tile<'a> {
         let is_upper = s < t;
         let third = if is_upper { [0, 1] } else { [1, 0] };
         let shares = [s.max(t) as f32, s.min(t) as f32];
-        let nodes_of = |chart: u32| {
-            [[0, 0], third, [1, 1]].map(|[di, dj]: [i64; 2]| self.node(chart, i + di, j + dj))
-        };
+        let nodes_of =
+            |chart: u32| [[0, 0], third, [1, 1]].map(|[di, dj]: [i64; 2]| self.node(chart, i + di, j + dj));
         let moves = |chart: u32| {
-            [(0, 0), (1, 0), (0, 1), (1, 1)].iter().any(|&(di, dj)| self.is_movable(self.node(chart, i + di, j + dj)))
+            [(0, 0), (1, 0), (0, 1), (1, 1)]
+                .iter()
+                .any(|&(di, dj)| self.is_movable(self.node(chart, i + di, j + dj)))
         };
         let still = Mean { nodes: [NONE; 3], shares, is_upper };
         if !is_inside(s) || !is_inside(t) {
@@ -85,7 +86,8 @@ impl<'a> Tile<'a> {
         let has_collar = |chart: &u32| !self.surface().charts[*chart as usize].collar.is_empty();
         let shares_texels = self.maps.settings.overlap == Overlap::FirstFace && !has_collar(&chart);
         let others = if shares_texels { self.mesh.charts.len() as u32 } else { 0 };
-        let of = std::iter::once(chart).chain((0..others).filter(|other| !has_collar(other))).find(|&c| moves(c));
+        let of =
+            std::iter::once(chart).chain((0..others).filter(|other| !has_collar(other))).find(|&c| moves(c));
         of.map_or(still, |chart| Mean { nodes: nodes_of(chart), ..still })
     }
 }

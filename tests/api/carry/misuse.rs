@@ -1,0 +1,154 @@
+//! Wrong arguments, and the order of calls.
+
+use super::sheet::{Layout, Sheet, by_uv, disc, fetch, lattice, solve};
+use super::{bulge, uvs, warped};
+use vrtm::{
+    By, Carried, CarrierSettings, ErrorKind, Fit, Scalar, SolveOptions, Strided, StridedMut, TileSettings,
+};
+
+fn sheet() -> Sheet {
+    Sheet::new(8, Layout::Whole, bulge)
+}
+
+#[test]
+fn wrong_arguments_are_named() {
+    let asset = sheet().asset(1, 32, |_| 0.0, TileSettings::default());
+    let uvs = [[0.5f32, 0.5], [0.4, f32::NAN]];
+    let refused = |settings: &CarrierSettings, words: &str| {
+        let error = asset.carrier(settings).unwrap_err();
+        assert_eq!(error.kind, ErrorKind::InvalidArgument);
+        assert!(error.message.contains(words), "{words}: {}", error.message);
+    };
+    let of = |uvs| CarrierSettings::new(By::Uv { uvs: Strided::from_f32x2(uvs), layers: None });
+    refused(&of(&uvs), "uvs[1]: component 1 is NaN");
+    let good = of(&uvs[..1]);
+    refused(&CarrierSettings { uv_set: 1, ..good }, "uv_set: 1");
+    refused(
+        &CarrierSettings { heights: Some(Strided::from_f32(&[1.0, 2.0])), ..good },
+        "heights: 2 elements",
+    );
+    refused(&CarrierSettings { heights: Some(Strided::from_f32(&[f32::INFINITY])), ..good }, "heights[0]");
+    refused(
+        &CarrierSettings { frames: Some(Strided::from_f32x3(&[[0.0; 3]])), ..good },
+        "frames: 3 components",
+    );
+    refused(&CarrierSettings { pieces: Some(&[1, 2]), ..good }, "pieces: 2 elements");
+    refused(&CarrierSettings { skirt: -1.0, ..good }, "skirt: -1");
+    refused(&CarrierSettings { skirt: f64::NAN, ..good }, "skirt: NaN");
+    let layers = By::Uv { uvs: Strided::from_f32x2(&uvs[..1]), layers: Some(&[]) };
+    refused(&CarrierSettings::new(layers), "layers: 0 elements");
+    let near = By::Nearest { positions: Strided::from_f32x3(&[[0.0; 3]]), farthest: Some(f64::NAN) };
+    refused(&CarrierSettings::new(near), "farthest: NaN");
+    let corners = |corners: [u32; 3], weights: &[[f32; 3]], words: &str| {
+        let by = By::Corners { corners: &[corners], weights: Strided::from_f32x3(weights) };
+        refused(&CarrierSettings::new(by), words);
+    };
+    corners([0, 1, 4], &[[1.0, 0.0, 0.0]], "corners[0]: 0, 1, 4 are not three corners of one face");
+    corners([0, 1, u32::MAX], &[[1.0, 0.0, 0.0]], "not three corners");
+    corners([0, 1, 2], &[[1.0, -1.0, 0.0]], "weights[0]: their sum is 0");
+    corners([0, 1, 2], &[], "weights: 0 elements");
+}
+
+#[test]
+fn a_fetch_needs_a_solve_after_the_carrier_and_fitting_arrays() {
+    let sheet = sheet();
+    let mut asset = sheet.asset(1, 32, disc([0.5, 0.5], 0.2), TileSettings::default());
+    let uvs = uvs(Layout::Whole, &lattice(5));
+    let early = by_uv(&asset, &uvs, None, Fit::Feature, 0);
+    let mut positions = vec![[7.0f32; 3]; 25];
+    let out = Carried { positions: Some(StridedMut::from_f32(&mut positions)), ..Carried::default() };
+    assert_eq!(early.fetch(&out).unwrap_err().kind, ErrorKind::NotSolved);
+    drop(early);
+    solve(&mut asset, &sheet.rest);
+    let carrier = by_uv(&asset, &uvs, None, Fit::Feature, 0);
+    let error = carrier.fetch(&out).unwrap_err();
+    assert_eq!(error.kind, ErrorKind::NotSolved);
+    assert!(error.message.contains("no solve since"), "{}", error.message);
+    solve(&mut asset, &sheet.pose(warped));
+    let short = Carried { positions: Some(StridedMut::from_f32(&mut positions[..24])), ..Carried::default() };
+    assert!(carrier.fetch(&short).unwrap_err().message.contains("positions: 24 elements"));
+    let mut wrong = vec![[0.0f32; 5]; 25];
+    let out = Carried { rotations: Some(StridedMut::from_f32(&mut wrong)), ..Carried::default() };
+    assert!(carrier.fetch(&out).unwrap_err().message.contains("rotations: 5 components"));
+    assert!(positions.iter().all(|p| *p == [7.0; 3]), "nothing is written");
+    carrier.fetch(&Carried::default()).unwrap();
+    let none = by_uv(&asset, &[], None, Fit::Feature, 0);
+    solve(&mut asset, &sheet.rest);
+    assert_eq!(fetch(&none).positions.len(), 0);
+}
+
+#[test]
+fn strides_and_formats_are_kept() {
+    let sheet = sheet();
+    let mut asset = sheet.asset(1, 32, disc([0.5, 0.5], 0.2), TileSettings::default());
+    let carrier = by_uv(&asset, &uvs(Layout::Whole, &lattice(6)), None, Fit::Feature, 0);
+    solve(&mut asset, &sheet.pose(warped));
+    let all = fetch(&carrier);
+    let mut bytes = vec![0xAA_u8; 36 * 17];
+    let positions = StridedMut::new("positions", &mut bytes, Scalar::F32, 3, 36, 17).unwrap();
+    carrier.fetch(&Carried { positions: Some(positions), ..Carried::default() }).unwrap();
+    for k in 0..36 {
+        for c in 0..3 {
+            let at = 17 * k + 4 * c;
+            let x = f32::from_ne_bytes(bytes[at..at + 4].try_into().unwrap());
+            assert_eq!(x, all.positions[k][c] as f32);
+        }
+        assert!(bytes[17 * k + 12..17 * k + 17].iter().all(|byte| *byte == 0xAA));
+    }
+    assert!(StridedMut::new("positions", &mut bytes, Scalar::F64, 3, 36, 17).is_err());
+    let mut rotations = vec![[0.0f64; 4]; 36];
+    carrier
+        .fetch(&Carried { rotations: Some(StridedMut::from_f64(&mut rotations)), ..Carried::default() })
+        .unwrap();
+    for ([x, y, z, w], m) in rotations.into_iter().zip(&all.rotations) {
+        assert!(
+            (1.0 - 2.0 * (y * y + z * z) - m[0]).abs() < 1e-12
+                && (2.0 * (x * y + w * z) - m[3]).abs() < 1e-12
+        );
+    }
+}
+
+#[test]
+fn it_follows_other_grids_and_maps_and_outlives_the_asset() {
+    let sheet = sheet();
+    let pose = sheet.pose(warped);
+    let points = uvs(Layout::Whole, &lattice(9));
+    let mut asset = sheet.asset(1, 32, disc([0.5, 0.5], 0.2), TileSettings::default());
+    let carrier = by_uv(&asset, &points, None, Fit::Feature, 0);
+    solve(&mut asset, &pose);
+    let first = fetch(&carrier);
+    let settings = TileSettings { grid: [Some(64); 2], ..asset.settings(0).unwrap() };
+    asset.set_settings(0, &settings).unwrap();
+    assert_eq!(fetch(&carrier), first, "settings change nothing before the next solve");
+    solve(&mut asset, &pose);
+    let second = fetch(&carrier);
+    let mut other = sheet.asset(1, 32, disc([0.5, 0.5], 0.2), settings);
+    other.set_settings(0, &settings).unwrap();
+    let fresh = by_uv(&other, &points, None, Fit::Feature, 0);
+    solve(&mut other, &pose);
+    assert!(fetch(&fresh) == second && second != first);
+    asset.set_rigidity(0, None).unwrap();
+    solve(&mut asset, &pose);
+    assert_eq!((fetch(&carrier).uvs.len(), carrier.info().features), (81, 0));
+    drop(asset);
+    assert_eq!(fetch(&carrier).positions.len(), 81);
+    drop(carrier);
+}
+
+#[test]
+fn bytes_are_on_the_account_and_go_back() {
+    let sheet = sheet();
+    let mut asset = sheet.asset(1, 32, disc([0.5, 0.5], 0.2), TileSettings::default());
+    asset.solve(Strided::from_f64x3(&sheet.rest), &SolveOptions::default()).unwrap();
+    let before = asset.device().info().bytes_held;
+    let carrier = by_uv(&asset, &uvs(Layout::Whole, &lattice(40)), None, Fit::Feature, 0);
+    let bound = carrier.info().bytes;
+    solve(&mut asset, &sheet.rest);
+    fetch(&carrier);
+    assert!(bound >= 1600 * 32 && carrier.info().bytes > 2 * bound);
+    let pose = 24 * sheet.rest.len() as u64;
+    assert_eq!(asset.device().info().bytes_held, before + carrier.info().bytes + pose);
+    drop(carrier);
+    solve(&mut asset, &sheet.rest);
+    assert_eq!(asset.device().info().bytes_held, before);
+}
