@@ -9,7 +9,7 @@ use crate::asset::derived::Same;
 use crate::asset::results::{KeptPose, Last, Results, TileResult};
 use crate::device::Booked;
 use crate::solved::Solved;
-use vrtm_carry::{Binding, By, Carriage, Course, Fit, Parts, Pieces, State, Tile, matrix};
+use vrtm_carry::{Bind, Binding, Carriage, Course, Fit, Parts, Pieces, PointState, Tile, matrix};
 use vrtm_core::allocation::Vec;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::Grid;
@@ -29,7 +29,7 @@ pub struct CarrierSettings<'a> {
     /// The UV set whose tiles carry the points.
     pub uv_set: u32,
     /// Where the points are.
-    pub by: By<'a>,
+    pub by: Bind<'a>,
     /// The height of each point above the surface, along its normal; one component.
     pub heights: Option<Strided<'a>>,
     /// The frame of each point at rest, which the rotations then begin from: a quaternion x, y, z, w, or 9 components, a matrix
@@ -88,7 +88,7 @@ pub struct Carried<'a> {
 /// # Example
 ///
 /// ```
-/// # use vrtm::{Asset, By, Carried, CarrierSettings, Device, DeviceSettings, Fit, MeshSource, SolveOptions, Strided, StridedMut, UvSource};
+/// # use vrtm::{Asset, Bind, Carried, CarrierSettings, Device, DeviceSettings, Fit, MeshSource, SolveOptions, Strided, StridedMut, UvSource};
 /// # fn main() -> vrtm::Result<()> {
 /// let rest = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 /// let uvs = rest.map(|[x, y, _]: [f32; 3]| [x, y]);
@@ -99,7 +99,7 @@ pub struct Carried<'a> {
 /// // A spike of height 0.1 in the middle.
 /// let carrier = asset.carrier(&CarrierSettings {
 ///     heights: Some(Strided::from_f32(&[0.1])),
-///     ..CarrierSettings::new(By::Uv { uvs: Strided::from_f32x2(&[[0.5, 0.5]]), layers: None })
+///     ..CarrierSettings::new(Bind::Uv { uvs: Strided::from_f32x2(&[[0.5, 0.5]]), layers: None })
 /// })?;
 /// let pose = rest.map(|[x, y, z]| [z, y, 2.0 * x]);
 /// asset.solve(Strided::from_f32x3(&pose), &SolveOptions::default())?;
@@ -149,7 +149,7 @@ struct Kept {
 impl<'a> CarrierSettings<'a> {
     /// The defaults: on the surface of UV set 0, features as rigid bodies.
     #[must_use]
-    pub fn new(by: By<'a>) -> CarrierSettings<'a> {
+    pub fn new(by: Bind<'a>) -> CarrierSettings<'a> {
         CarrierSettings {
             uv_set: 0,
             by,
@@ -164,17 +164,17 @@ impl<'a> CarrierSettings<'a> {
     /// Checks everything but the values of indices; returns the number of points.
     fn check(&self) -> Result<usize> {
         let (count, name) = match self.by {
-            By::Uv { uvs, layers } => {
+            Bind::Uv { uvs, layers } => {
                 check_array("uvs", &uvs, &[2])?;
                 check_count("layers", layers.map(<[u32]>::len), uvs.len())?;
                 (uvs.len(), "uvs")
             }
-            By::Corners { corners, weights } => {
+            Bind::Corners { corners, weights } => {
                 check_array("weights", &weights, &[3])?;
                 check_count("weights", Some(weights.len()), corners.len())?;
                 (corners.len(), "corners")
             }
-            By::Nearest { positions, farthest } => {
+            Bind::Nearest { positions, farthest } => {
                 check_array("positions", &positions, &[3])?;
                 if let Some(farthest) = farthest.filter(|farthest| !(*farthest >= 0.0)) {
                     return Err(Error::argument(format!("farthest: {farthest} is not at least 0")));
@@ -239,12 +239,12 @@ impl Results {
             let of_frames = frames.as_ref().map_or(0, |frames| frames.view().components() * 8 * count);
             let bytes = binding.bytes() + of_frames + pieces.as_ref().map_or(0, Pieces::bytes);
             booked.set(bytes as u64, "a carrier")?;
-            let of = |state: State| binding.states.iter().filter(|of| **of == state).count() as u64;
+            let of = |state: PointState| binding.states.iter().filter(|of| **of == state).count() as u64;
             let info = CarrierInfo {
                 points: count as u64,
-                outside: of(State::Outside),
-                folded: of(State::Folded),
-                far: of(State::Far),
+                outside: of(PointState::Outside),
+                folded: of(PointState::Folded),
+                far: of(PointState::Far),
                 bytes: bytes as u64,
                 ..CarrierInfo::default()
             };
@@ -292,7 +292,7 @@ impl Carrier {
 
     /// How each point is bound.
     #[must_use]
-    pub fn states(&self) -> &[State] {
+    pub fn states(&self) -> &[PointState] {
         &self.binding.states
     }
 

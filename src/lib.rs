@@ -85,7 +85,7 @@ pub use map::certificate::desc::{MapDesc, MapReport};
 pub use refine::TOLERANCE;
 pub use refine::pattern::RefinementPattern;
 pub use refine::{Refinement, RefinementInfo, RefinementSettings};
-pub use vrtm_carry::{By, Fit, State};
+pub use vrtm_carry::{Bind, Fit, PointState};
 pub use vrtm_core::allocation::{Allocator, HostAllocator};
 pub use vrtm_core::control::{Control, ProgressFn};
 pub use vrtm_core::declare::Setting;

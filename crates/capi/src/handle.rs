@@ -6,7 +6,7 @@
 //! ```text
 //! bit 63..60  kind
 //!     59..40  index of the tile, in tile handles
-//!     39..0   serial number of the device, asset, job or refinement
+//!     39..0   serial number of the device, asset, job, refinement or carrier
 //! ```
 
 use std::collections::BTreeMap;
@@ -64,6 +64,15 @@ pub struct vrtm_refinement {
     pub id: u64,
 }
 
+/// A carrier: points bound to an asset's rest surface, which its solves move along. Created by vrtm_carrier_create, destroyed by
+/// vrtm_carrier_destroy. Zero = no carrier.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct vrtm_carrier {
+    /// Opaque.
+    pub id: u64,
+}
+
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Kind {
     Device = 1,
@@ -71,6 +80,7 @@ pub(super) enum Kind {
     Tile = 3,
     Job = 4,
     Refinement = 5,
+    Carrier = 6,
 }
 
 const SERIAL_BITS: u32 = 40;

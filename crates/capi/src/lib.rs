@@ -35,6 +35,7 @@ pub mod job;
 pub mod map;
 pub mod prepare;
 pub mod refine;
+pub mod carrier;
 pub mod report;
 pub mod tile;
 
@@ -46,6 +47,7 @@ static ALLOCATOR: vrtm_core::allocation::Allocator = vrtm_core::allocation::Allo
 /// The structs that mirror those of the Rust API, for the header.
 pub const MIRRORED: &[mirror::Struct] = &[
     asset::vrtm_asset_data::MIRROR,
+    carrier::vrtm_carrier_data::MIRROR,
     solve::vrtm_pbd_settings::MIRROR,
     solve::vrtm_solve_options::MIRROR,
     prepare::vrtm_tile_needs::MIRROR,
@@ -58,5 +60,13 @@ pub const MIRRORED: &[mirror::Struct] = &[
 ];
 
 /// Their constants.
-pub const CHOICES: &[mirror::Choice] =
-    &[device::BACKENDS, solve::QUALITIES, solve::SOLVERS, tile::OVERLAPS, tile::SEAMS, tile::OPEN_BORDERS];
+pub const CHOICES: &[mirror::Choice] = &[
+    device::BACKENDS,
+    solve::QUALITIES,
+    solve::SOLVERS,
+    tile::OVERLAPS,
+    tile::SEAMS,
+    tile::OPEN_BORDERS,
+    carrier::FITS,
+    carrier::STATES,
+];

@@ -17,7 +17,7 @@ const BESIDE: f64 = 1.5e-5;
 
 /// What says where points are.
 #[derive(Clone, Copy, Debug)]
-pub enum By<'a> {
+pub enum Bind<'a> {
     /// UVs among all tiles of the set, and each point's layer; without layers, the first layer that has a chart there.
     Uv { uvs: Strided<'a>, layers: Option<&'a [u32]> },
     /// Three corners of one face for each point, and their weights, of which only the ratio matters.
@@ -29,7 +29,7 @@ pub enum By<'a> {
 /// How a point is bound.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u32)]
-pub enum State {
+pub enum PointState {
     #[default]
     Bound = 0,
     /// No chart is there.
@@ -65,7 +65,7 @@ pub struct Skin {
 #[derive(Debug)]
 pub struct Binding {
     pub points: Vec<Bound>,
-    pub states: Vec<State>,
+    pub states: Vec<PointState>,
     pub skins: Vec<Skin>,
 }
 
@@ -165,7 +165,7 @@ struct Hit {
     uv: DVec2,
     foot: DVec3,
     skin: Skin,
-    state: State,
+    state: PointState,
 }
 
 impl Binding {
@@ -177,13 +177,13 @@ impl Binding {
         team: &Team,
         mesh: &Mesh,
         uv_set: usize,
-        by: &By,
+        by: &Bind,
         heights: Option<&Strided>,
     ) -> Result<Binding> {
         let triangles = Triangles::new(mesh, uv_set);
         let folded = triangles.folded();
         let hits: Vec<Hit> = match by {
-            By::Uv { uvs, layers } => {
+            Bind::Uv { uvs, layers } => {
                 let search = triangles.by_uv();
                 let most = mesh.tiles.iter().map(|tile| tile.layer).max().unwrap_or_default();
                 team.map(uvs.len(), |k| {
@@ -192,7 +192,7 @@ impl Binding {
                     of_uv(&triangles, &search, uv, layers)
                 })
             }
-            By::Corners { corners, weights } => {
+            Bind::Corners { corners, weights } => {
                 let of_faces = check_corners(mesh, corners, weights)?;
                 let (search, by_vertex) = (triangles.by_uv(), triangles.by_vertex());
                 team.map(corners.len(), |k| {
@@ -201,7 +201,7 @@ impl Binding {
                     of_corners(&triangles, &search, &by_vertex, face, corners[k], weights)
                 })
             }
-            By::Nearest { positions, farthest } => {
+            Bind::Nearest { positions, farthest } => {
                 let all = (0..triangles.all.len()).map(|k| triangles.rest(k)).collect();
                 let search = Nearest::new(all);
                 team.map(positions.len(), |k| {
@@ -218,8 +218,9 @@ impl Binding {
         for (k, hit) in hits.into_iter().enumerate() {
             let height = heights.map_or(0.0, |heights| heights.get(k, 0));
             let is_folded = hit.triangle.is_some_and(|triangle| folded[triangle]);
-            let state = if is_folded && hit.state == State::Bound { State::Folded } else { hit.state };
-            let found = hit.triangle.filter(|_| state == State::Bound).map(|k| triangles.all[k]);
+            let state =
+                if is_folded && hit.state == PointState::Bound { PointState::Folded } else { hit.state };
+            let found = hit.triangle.filter(|_| state == PointState::Bound).map(|k| triangles.all[k]);
             let (tile, triangle) = match found {
                 Some((tile, t)) => (tile, numbers[tile as usize][t as usize]),
                 None => {
@@ -269,17 +270,17 @@ fn of_uv(triangles: &Triangles, search: &Nearest, uv: DVec2, layers: std::ops::R
     let Some(found) = found else {
         let skin = Skin { vertices: [0; 3], weights: [1.0, 0.0, 0.0] };
         let foot = DVec3::from(triangles.mesh.rest[0]);
-        return Hit { triangle: None, uv, foot, skin, state: State::Outside };
+        return Hit { triangle: None, uv, foot, skin, state: PointState::Outside };
     };
     let triangle = found.triangle as usize;
-    let state = if found.distance <= BESIDE { State::Bound } else { State::Outside };
+    let state = if found.distance <= BESIDE { PointState::Bound } else { PointState::Outside };
     let skin = Skin { vertices: triangles.vertices[triangle], weights: found.weights };
     let foot = weighed(&triangles.rest(triangle), found.weights);
     // A point beside the border is put on it.
     let (corners, tile) = triangles.uv(triangle);
     let [a, b, c] = found.weights;
     let on_border = a * corners[0] + b * corners[1] + c * corners[2] + tile.origin();
-    let uv = if state == State::Bound && found.distance > 0.0 { on_border } else { uv };
+    let uv = if state == PointState::Bound && found.distance > 0.0 { on_border } else { uv };
     Hit { triangle: Some(triangle), uv, foot, skin, state }
 }
 
@@ -302,7 +303,7 @@ fn of_corners(
     let uv = weights_given[0] * a + weights_given[1] * b + weights_given[2] * c;
     let hit = |triangle, uv, state| Hit { triangle, uv, foot, skin, state };
     let Some(corner) = of_set[face.clone()].iter().find(|corner| corner.triangle != NONE) else {
-        return hit(None, uv, State::Outside);
+        return hit(None, uv, PointState::Outside);
     };
     let is_of_face = |v: u32| face.clone().any(|c| mesh.indices[c] == v);
     let mut best: Option<(f64, usize)> = None;
@@ -320,7 +321,7 @@ fn of_corners(
         }
     }
     if let Some((_, k)) = best.filter(|(depth, _)| *depth >= -1e-6) {
-        return hit(Some(k), uv, State::Bound);
+        return hit(Some(k), uv, PointState::Bound);
     }
     // Beside the face, as by corners of a concave one.
     let layer = mesh.tiles[corner.tile as usize].layer;
@@ -331,16 +332,16 @@ fn of_corners(
 fn nearest(triangles: &Triangles, search: &Nearest, at: DVec3, farthest: Option<f64>) -> Hit {
     let Some(found) = search.find(at) else {
         let skin = Skin { vertices: [0; 3], weights: [1.0, 0.0, 0.0] };
-        return Hit { triangle: None, uv: DVec2::ZERO, foot: at, skin, state: State::Outside };
+        return Hit { triangle: None, uv: DVec2::ZERO, foot: at, skin, state: PointState::Outside };
     };
     let k = found.triangle as usize;
     let weights = clamped(found.weights);
     let skin = Skin { vertices: triangles.vertices[k], weights };
     let is_textured = k < triangles.textured;
     let state = match () {
-        () if farthest.is_some_and(|farthest| found.distance > farthest) => State::Far,
-        () if !is_textured => State::Outside,
-        () => State::Bound,
+        () if farthest.is_some_and(|farthest| found.distance > farthest) => PointState::Far,
+        () if !is_textured => PointState::Outside,
+        () => PointState::Bound,
     };
     let uv = if is_textured {
         let (corners, tile) = triangles.uv(k);

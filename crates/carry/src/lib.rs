@@ -16,7 +16,7 @@ mod features;
 mod course;
 mod carried;
 
-pub use bind::{Binding, By, State};
+pub use bind::{Bind, Binding, PointState};
 pub use carried::{Carriage, Carried, Parts, Pieces};
 pub use course::{Course, Fit};
 pub use frame::matrix;

@@ -3,7 +3,7 @@
 use super::sheet::{Layout, Sheet, by_uv, disc, fetch, lattice, solve};
 use super::{bulge, uvs, warped};
 use vrtm::{
-    By, Carried, CarrierSettings, ErrorKind, Fit, Scalar, SolveOptions, Strided, StridedMut, TileSettings,
+    Bind, Carried, CarrierSettings, ErrorKind, Fit, Scalar, SolveOptions, Strided, StridedMut, TileSettings,
 };
 
 fn sheet() -> Sheet {
@@ -19,7 +19,7 @@ fn wrong_arguments_are_named() {
         assert_eq!(error.kind, ErrorKind::InvalidArgument);
         assert!(error.message.contains(words), "{words}: {}", error.message);
     };
-    let of = |uvs| CarrierSettings::new(By::Uv { uvs: Strided::from_f32x2(uvs), layers: None });
+    let of = |uvs| CarrierSettings::new(Bind::Uv { uvs: Strided::from_f32x2(uvs), layers: None });
     refused(&of(&uvs), "uvs[1]: component 1 is NaN");
     let good = of(&uvs[..1]);
     refused(&CarrierSettings { uv_set: 1, ..good }, "uv_set: 1");
@@ -35,12 +35,12 @@ fn wrong_arguments_are_named() {
     refused(&CarrierSettings { pieces: Some(&[1, 2]), ..good }, "pieces: 2 elements");
     refused(&CarrierSettings { skirt: -1.0, ..good }, "skirt: -1");
     refused(&CarrierSettings { skirt: f64::NAN, ..good }, "skirt: NaN");
-    let layers = By::Uv { uvs: Strided::from_f32x2(&uvs[..1]), layers: Some(&[]) };
+    let layers = Bind::Uv { uvs: Strided::from_f32x2(&uvs[..1]), layers: Some(&[]) };
     refused(&CarrierSettings::new(layers), "layers: 0 elements");
-    let near = By::Nearest { positions: Strided::from_f32x3(&[[0.0; 3]]), farthest: Some(f64::NAN) };
+    let near = Bind::Nearest { positions: Strided::from_f32x3(&[[0.0; 3]]), farthest: Some(f64::NAN) };
     refused(&CarrierSettings::new(near), "farthest: NaN");
     let corners = |corners: [u32; 3], weights: &[[f32; 3]], words: &str| {
-        let by = By::Corners { corners: &[corners], weights: Strided::from_f32x3(weights) };
+        let by = Bind::Corners { corners: &[corners], weights: Strided::from_f32x3(weights) };
         refused(&CarrierSettings::new(by), words);
     };
     corners([0, 1, 4], &[[1.0, 0.0, 0.0]], "corners[0]: 0, 1, 4 are not three corners of one face");

@@ -6,7 +6,7 @@ mod seams;
 mod sheet;
 
 use sheet::{Layout, P2, P3, Sheet, by_uv, disc, distance, fetch, lattice, solve, turned, uv};
-use vrtm::{By, Carrier, CarrierSettings, Fit, State, Strided, TileSettings};
+use vrtm::{Bind, Carrier, CarrierSettings, Fit, PointState, Strided, TileSettings};
 
 /// A surface with a bend in both directions.
 fn bulge([x, y]: P2) -> P3 {
@@ -36,7 +36,7 @@ fn all_ways(sheet: &Sheet, asset: &vrtm::Asset, fit: Fit) -> Vec<(&'static str, 
     let frames = vec![[0.6f32, 0.0, 0.0, 0.8]; points.len()];
     let frames =
         Some(Strided::new("frames", as_bytes(&frames), vrtm::Scalar::F32, 4, points.len(), 0).unwrap());
-    let by = By::Nearest { positions: Strided::from_f64x3(&off), farthest: None };
+    let by = Bind::Nearest { positions: Strided::from_f64x3(&off), farthest: None };
     ways.push((
         "nearest",
         asset.carrier(&CarrierSettings { fit, frames, ..CarrierSettings::new(by) }).unwrap(),
@@ -45,7 +45,7 @@ fn all_ways(sheet: &Sheet, asset: &vrtm::Asset, fit: Fit) -> Vec<(&'static str, 
     let corners: Vec<[u32; 3]> = (0..81).map(|k| [4 * k, 4 * k + 1, 4 * k + 3]).collect();
     let weights = vec![[1.0f32, 2.0, 1.0]; 81];
     let weights = Strided::from_f32x3(&weights);
-    let by = By::Corners { corners: &corners, weights };
+    let by = Bind::Corners { corners: &corners, weights };
     ways.push(("corners", asset.carrier(&CarrierSettings { fit, ..CarrierSettings::new(by) }).unwrap()));
     let of_corners = |c: &[u32; 3]| {
         let [a, b, c] = c.map(|c| sheet.rest[sheet.indices[c as usize] as usize]);
@@ -285,7 +285,7 @@ fn rigidity_blends_and_skirts_hold_on() {
     let with = |heights: &[f64], skirt: f64| {
         let pairs: Vec<[f32; 2]> = uvs.iter().map(|uv| uv.map(|x| x as f32)).collect();
         let heights: Vec<f32> = heights.iter().map(|h| *h as f32).collect();
-        let by = By::Uv { uvs: Strided::from_f32x2(&pairs), layers: None };
+        let by = Bind::Uv { uvs: Strided::from_f32x2(&pairs), layers: None };
         let heights = Some(Strided::from_f32(&heights));
         asset.carrier(&CarrierSettings { heights, skirt, ..CarrierSettings::new(by) }).unwrap()
     };
@@ -322,7 +322,7 @@ fn pieces_are_bodies() {
     let quarter = |p: &P2| u32::from(p[0] > 0.5) + 2 * u32::from(p[1] > 0.5);
     let mut pieces: Vec<u32> = points.iter().map(quarter).collect();
     (pieces[0], pieces[1], pieces[2]) = (77, u32::MAX, u32::MAX);
-    let by = By::Nearest { positions: Strided::from_f64x3(&rest), farthest: None };
+    let by = Bind::Nearest { positions: Strided::from_f64x3(&rest), farthest: None };
     let settings = CarrierSettings { pieces: Some(&pieces), ..CarrierSettings::new(by) };
     let carrier = asset.carrier(&settings).unwrap();
     let plain = asset.carrier(&CarrierSettings { pieces: None, ..settings }).unwrap();
@@ -344,9 +344,10 @@ fn what_cannot_be_bound_keeps_the_motion_of_the_skin() {
     let sheet = Sheet::new(8, Layout::Whole, bulge);
     let mut asset = sheet.asset(1, 64, disc([0.5, 0.5], 0.3), TileSettings::default());
     let at = [0.5, 0.5, 0.7];
-    let far = By::Nearest { positions: Strided::from_f64x3(std::slice::from_ref(&at)), farthest: Some(0.1) };
+    let far =
+        Bind::Nearest { positions: Strided::from_f64x3(std::slice::from_ref(&at)), farthest: Some(0.1) };
     let far = asset.carrier(&CarrierSettings::new(far)).unwrap();
-    assert_eq!((far.states(), far.info().far), (&[State::Far][..], 1));
+    assert_eq!((far.states(), far.info().far), (&[PointState::Far][..], 1));
     let outside = by_uv(&asset, &[[0.99, 0.5], [7.3, 0.2], [-1.0, 4.0]], None, Fit::Feature, 0);
     assert_eq!(outside.info().outside, 3);
     solve(&mut asset, &sheet.pose(|p| rigid(bulge(p))));

@@ -1,8 +1,8 @@
 //! A sheet of squares over the unit square of parameters, as one chart or cut into two, and what is exactly known of it.
 
 use vrtm::{
-    Asset, Backend, By, Carried, Carrier, CarrierSettings, Device, DeviceSettings, FetchKind, Fit, ImageView,
-    ImageViewMut, MeshSource, SolveOptions, Strided, StridedMut, TileSettings, UvSource,
+    Asset, Backend, Bind, Carried, Carrier, CarrierSettings, Device, DeviceSettings, FetchKind, Fit,
+    ImageView, ImageViewMut, MeshSource, SolveOptions, Strided, StridedMut, TileSettings, UvSource,
 };
 
 pub type P2 = [f64; 2];
@@ -193,7 +193,7 @@ pub fn by_uv(asset: &Asset, uvs: &[P2], heights: Option<&[f64]>, fit: Fit, uv_se
     };
     let heights: Option<Vec<u8>> =
         heights.map(|heights| heights.iter().flat_map(|x| x.to_ne_bytes()).collect());
-    let by = By::Uv { uvs: of(&pairs, 2), layers: None };
+    let by = Bind::Uv { uvs: of(&pairs, 2), layers: None };
     let heights = heights.as_deref().map(|bytes| of(bytes, 1));
     asset.carrier(&CarrierSettings { uv_set, heights, fit, ..CarrierSettings::new(by) }).unwrap()
 }

@@ -9,7 +9,7 @@ use vrtm_capi::{CHOICES, MIRRORED};
 
 use super::mirrored::{Words, initialiser};
 
-const SECTIONS: [&str; 19] = [
+const SECTIONS: [&str; 20] = [
     "status",
     "handle",
     "types",
@@ -29,6 +29,7 @@ const SECTIONS: [&str; 19] = [
     "job",
     "report",
     "refine",
+    "carrier",
 ];
 
 pub fn header(root: &Path) -> Result<String, String> {

@@ -10,7 +10,14 @@ use vrtm_capi::mirror::{Choice, Field, Struct};
 use vrtm_capi::{CHOICES, MIRRORED};
 
 /// Where the Rust API documents what is mirrored.
-const SOURCES: [&str; 3] = ["crates/core/src/settings.rs", "crates/core/src/report.rs", "src/refine.rs"];
+const SOURCES: [&str; 6] = [
+    "crates/core/src/settings.rs",
+    "crates/core/src/report.rs",
+    "src/refine.rs",
+    "src/carrier.rs",
+    "crates/carry/src/bind.rs",
+    "crates/carry/src/course.rs",
+];
 
 /// What Rust calls what has another place in C.
 const OTHER_NAMES: [(&str, &str); 6] = [
@@ -169,7 +176,7 @@ impl Words {
                 text += &format!("| `{}` | {} |\n", field.name, self.comment(of, field)?);
             }
         }
-        for choice in CHOICES.iter().filter(|choice| choice.of != "Backend") {
+        for choice in CHOICES.iter().filter(|choice| !["Backend", "PointState"].contains(&choice.of)) {
             text += &format!("\n## {}\n\n", choice.name);
             text += &format!(
                 "{}\n\n| value | meaning |\n|---|---|\n",

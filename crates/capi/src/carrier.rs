@@ -1,0 +1,350 @@
+//! Carriers: points that ride on the warped surface.
+
+use std::ffi::c_void;
+use std::sync::Arc;
+
+use super::desc::{self, Out, Place, Sized32};
+use super::guard::guard;
+use super::handle::{self, Kind, Table, gone, pack, unpack, vrtm_asset, vrtm_carrier};
+use super::mirror::{Mirror, choice, mirror};
+use super::status::{Failure, Outcome, vrtm_status};
+use super::strips::Strips;
+use super::types::{VRTM_SCALAR_F32, VRTM_SCALAR_F64, strided, vrtm_array, vrtm_scalar};
+use vrtm::{Bind, Carried, Carrier, CarrierInfo, CarrierSettings, Fit, PointState};
+use vrtm_core::view::{Scalar, Strided, StridedMut};
+
+/// What says where the points of a carrier are.
+pub type vrtm_bind = i32;
+/// `uvs`, among all tiles of the UV set, and `layers`; the default. A point less than 1.5e-5 beside a chart is put on its border.
+pub const VRTM_BIND_UV: vrtm_bind = 0;
+/// `corners`, three of one face for each point, and `weights`. For a triangle these are its three corners and barycentric
+/// coordinates; for a polygon any three, such as those of the host's own triangle.
+pub const VRTM_BIND_CORNERS: vrtm_bind = 1;
+/// `positions`: the nearest point of the surface at rest. What is left of the distance is kept in the point's frame, so that a
+/// detail mesh keeps its form.
+pub const VRTM_BIND_NEAREST: vrtm_bind = 2;
+
+choice! {
+    FITS: vrtm_fit of Fit { VRTM_FIT_FEATURE = 0: Feature, VRTM_FIT_SURFACE = 1: Surface, VRTM_FIT_NONE = 2: None }
+}
+
+choice! {
+    STATES: vrtm_point_state of PointState {
+        VRTM_POINT_BOUND = 0: Bound, VRTM_POINT_OUTSIDE = 1: Outside, VRTM_POINT_FOLDED = 2: Folded, VRTM_POINT_FAR = 3: Far,
+    }
+}
+
+/// The points of a carrier. Start from vrtm_carrier_desc_init(). All arrays have an element for each point, and are copied
+/// before the call returns; those that `bind` does not name are ignored.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_carrier_desc {
+    /// sizeof(vrtm_carrier_desc); set by vrtm_carrier_desc_init().
+    pub struct_size: u32,
+    /// The UV set whose tiles carry the points: 0 <= uv_set < vrtm_asset_data.uv_sets.
+    pub uv_set: u32,
+    /// One of VRTM_BIND_: UV (0, the default), CORNERS, NEAREST.
+    pub bind: vrtm_bind,
+    /// One of VRTM_FIT_: FEATURE (0, the default), SURFACE, NONE.
+    pub fit: vrtm_fit,
+    /// VRTM_BIND_UV: UVs, 2 components, with the tile's place added, as those of the mesh.
+    pub uvs: *const vrtm_array,
+    /// VRTM_BIND_UV: the layer of each point (vrtm_mesh_desc.max_layers); null = the first layer that has a chart there.
+    pub layers: *const u32,
+    /// VRTM_BIND_CORNERS: three corners of one face for each point, as corners of the mesh are counted.
+    pub corners: *const u32,
+    /// VRTM_BIND_CORNERS: the weights of these corners, 3 components, of which only the ratio matters.
+    pub weights: *const vrtm_array,
+    /// VRTM_BIND_NEAREST: positions at rest, 3 components.
+    pub positions: *const vrtm_array,
+    /// VRTM_BIND_NEAREST: the largest distance from the surface; 0 = any.
+    pub farthest: f64,
+    /// The height of each point above the surface, along its normal, 1 component; null = 0. The normal is that on whose side the
+    /// corners of faces go round against the clock.
+    pub heights: *const vrtm_array,
+    /// The frame of each point at rest, from which its rotations begin: quaternions x, y, z, w, 4 components; null = the axes of
+    /// the mesh.
+    pub frames: *const vrtm_array,
+    /// Instead of `frames`: matrices row by row, 9 components. Null = absent.
+    pub matrices: *const vrtm_array,
+    /// For hosts that know their pieces: the number of the piece that a point belongs to, which moves as one rigid body;
+    /// UINT32_MAX = none. Null = no pieces. A piece whose points lie on a line is none.
+    pub pieces: *const u32,
+    /// The height up to which a point of a rigid body is blended from the surface (at height 0) to that body; 0 (the default) =
+    /// not at all.
+    pub skirt: f64,
+}
+
+mirror! {
+    report vrtm_carrier_data of r: CarrierInfo {
+        ms: f32, points: u64, outside: u64, folded: u64, far: u64, features: u64, rim: f64, bytes: u64,
+    }
+}
+
+/// An array of vectors in the caller's memory. Start from vrtm_array_out_init(). It need not be aligned; bytes that the stride
+/// skips are left unchanged.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_array_out {
+    /// sizeof(vrtm_array_out); set by vrtm_array_out_init().
+    pub struct_size: u32,
+    /// VRTM_SCALAR_F32 (0, the default) or VRTM_SCALAR_F64.
+    pub format: vrtm_scalar,
+    /// Where to write the first component of the first element.
+    pub data: *mut c_void,
+    /// Number of elements: vrtm_carrier_data.points.
+    pub count: usize,
+    /// Bytes from one element to the next; 0 = tightly packed. At least the size of an element.
+    pub stride: usize,
+}
+
+/// Where to write carried points; null arrays are skipped. Elements of different arrays may be interleaved. Start from
+/// vrtm_carried_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_carried {
+    /// sizeof(vrtm_carried); set by vrtm_carried_init().
+    pub struct_size: u32,
+    /// Positions in the pose, 3 components.
+    pub positions: *const vrtm_array_out,
+    /// Rotations of the frames at rest: quaternions x, y, z, w, 4 components.
+    pub rotations: *const vrtm_array_out,
+    /// Instead of `rotations`: matrices row by row, 9 components.
+    pub matrices: *const vrtm_array_out,
+    /// The stretch of the surface under what is painted that is left, as two factors, the larger first: 2 components.
+    pub stretch: *const vrtm_array_out,
+    /// Where the surface has the texture of each point, with the tile's place added: 2 components.
+    pub uvs: *const vrtm_array_out,
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers and raw pointers.
+unsafe impl Sized32 for vrtm_carrier_desc {
+    const NAME: &'static str = "vrtm_carrier_desc";
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for vrtm_array_out {
+    const NAME: &'static str = "vrtm_array_out";
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for vrtm_carried {
+    const NAME: &'static str = "vrtm_carried";
+}
+
+static CARRIERS: Table<Carrier> = Table::new();
+
+fn living(handle: vrtm_carrier) -> Outcome<Arc<Carrier>> {
+    unpack(Kind::Carrier, handle.id)
+        .and_then(|(serial, _)| CARRIERS.get(serial))
+        .ok_or_else(|| gone("carrier", "carrier", handle.id))
+}
+
+/// An array that may be null.
+unsafe fn optional<'a>(
+    array: *const vrtm_array,
+    components: usize,
+    name: &str,
+) -> Outcome<Option<Strided<'a>>> {
+    // SAFETY: the host's pointer.
+    (!array.is_null()).then(|| unsafe { strided(array, components, name) }).transpose()
+}
+
+/// Binds points to the rest surface of an asset, for what is geometry on it and not painted: studs, scales, spikes, hair roots,
+/// decals. Curves and detail meshes are points, whose connectivity the host keeps.
+///
+/// A carrier follows the solves that come after it was created. A point painted at UV p is where the texture at p is shown: at
+/// f(W(p)), exactly on the triangle there, f being the surface in the pose and W the warp. Its rotation is that of the tangents of
+/// f o W from rest to the pose, and its height is kept along the normal. With VRTM_FIT_FEATURE, points where the rigidity is over
+/// 0.75 move with their feature, a connected region with a rigidity over 0.5, as one rigid body, beyond seams as well; between
+/// 0.5 and 0.75 they are blended to the surface. Points that cannot be bound are counted in vrtm_carrier_data, and move with the
+/// skin alone.
+///
+/// The caller destroys `*carrier`. It keeps the data that it needs alive, including the mesh and the last result, and may be used
+/// after the asset is destroyed. Never busy.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field and the index, for arrays of different
+/// counts, values that are not finite, corners that are not of one face, or if `desc` or `carrier` is null;
+/// VRTM_ERROR_OUT_OF_MEMORY.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_carrier_create(
+    asset: vrtm_asset,
+    desc: *const vrtm_carrier_desc,
+    carrier: *mut vrtm_carrier,
+) -> vrtm_status {
+    guard("vrtm_carrier_create", || {
+        let out = Place::new(carrier, "carrier")?;
+        let asset = handle::asset(asset)?;
+        // SAFETY: the host vouches for its pointers.
+        let carrier = unsafe {
+            let d = desc::read(desc, "desc")?;
+            let weights = optional(d.weights, 3, "desc.weights")?;
+            let count = match d.bind {
+                VRTM_BIND_UV => desc::read(d.uvs, "desc.uvs")?.count,
+                VRTM_BIND_CORNERS => desc::read(d.weights, "desc.weights")?.count,
+                VRTM_BIND_NEAREST => desc::read(d.positions, "desc.positions")?.count,
+                other => return Err(Failure::argument(format!("desc.bind is {other}, no VRTM_BIND_ value"))),
+            };
+            let numbers = |pointer: *const u32, name: &str| {
+                (!pointer.is_null()).then(|| desc::slice(pointer, count, name)).transpose()
+            };
+            let by = match (d.bind, weights) {
+                (VRTM_BIND_UV, _) => {
+                    let layers = numbers(d.layers, "desc.layers")?;
+                    Bind::Uv { uvs: strided(d.uvs, 2, "desc.uvs")?, layers }
+                }
+                (VRTM_BIND_CORNERS, Some(weights)) => {
+                    Bind::Corners { corners: desc::slice(d.corners.cast(), count, "desc.corners")?, weights }
+                }
+                _ => Bind::Nearest {
+                    positions: strided(d.positions, 3, "desc.positions")?,
+                    farthest: (d.farthest != 0.0).then_some(d.farthest),
+                },
+            };
+            let frames = optional(d.frames, 4, "desc.frames")?;
+            let matrices = optional(d.matrices, 9, "desc.matrices")?;
+            if frames.is_some() && matrices.is_some() {
+                return Err(Failure::argument("desc.frames and desc.matrices are both given".to_owned()));
+            }
+            asset.results.carrier(&CarrierSettings {
+                uv_set: d.uv_set,
+                heights: optional(d.heights, 1, "desc.heights")?,
+                frames: frames.or(matrices),
+                pieces: numbers(d.pieces, "desc.pieces")?,
+                fit: Fit::from_c(d.fit, "desc.fit")?,
+                skirt: d.skirt,
+                ..CarrierSettings::new(by)
+            })?
+        };
+        out.write(vrtm_carrier { id: pack(Kind::Carrier, CARRIERS.insert(carrier)?, 0) });
+        Ok(())
+    })
+}
+
+/// Gets the sizes of a carrier, the points that could not be bound, and what the last fetch found. Never busy.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_carrier_info(
+    carrier: vrtm_carrier,
+    data: *mut vrtm_carrier_data,
+) -> vrtm_status {
+    guard("vrtm_carrier_info", || {
+        let out = Out::new(data, "data")?;
+        out.write(living(carrier)?.info().into());
+        Ok(())
+    })
+}
+
+/// Carries the points into the pose of the asset's last solve, and writes what `carried` asks for. The result depends on that
+/// solve and on the carrier alone. Never busy: it reads the last good result, even during a solve.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve after vrtm_carrier_create: poses from before
+/// are not kept; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `carried` is null, a count is not the number of points, or
+/// elements overlap; VRTM_ERROR_OUT_OF_MEMORY, VRTM_ERROR_DEVICE_LOST. On any error nothing is written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_carrier_fetch(
+    carrier: vrtm_carrier,
+    carried: *const vrtm_carried,
+) -> vrtm_status {
+    guard("vrtm_carrier_fetch", || {
+        let carrier = living(carrier)?;
+        // SAFETY: the host vouches for its pointers; `Elements` checks that no two elements overlap.
+        unsafe {
+            let c = desc::read(carried, "carried")?;
+            if !c.rotations.is_null() && !c.matrices.is_null() {
+                return Err(Failure::argument(
+                    "carried.rotations and carried.matrices are both given".to_owned(),
+                ));
+            }
+            let mut elements = Elements(carrier.info().points as usize, [None; 5], 0);
+            let positions = elements.array(c.positions, 3, "carried.positions")?;
+            let rotations = elements.array(c.rotations, 4, "carried.rotations")?;
+            let matrices = elements.array(c.matrices, 9, "carried.matrices")?;
+            let stretch = elements.array(c.stretch, 2, "carried.stretch")?;
+            let uvs = elements.array(c.uvs, 2, "carried.uvs")?;
+            Ok(carrier.fetch(&Carried { positions, rotations: rotations.or(matrices), stretch, uvs })?)
+        }
+    })
+}
+
+/// Writes how each point is bound, one of VRTM_POINT_, to `count` elements, as many as there are points. Never busy.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `states` is null or `count` is not the number of points.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_carrier_fetch_states(
+    carrier: vrtm_carrier,
+    states: *mut vrtm_point_state,
+    count: usize,
+) -> vrtm_status {
+    guard("vrtm_carrier_fetch_states", || {
+        let carrier = living(carrier)?;
+        let of_points = carrier.states();
+        if count != of_points.len() {
+            let message = format!("count is {count}, but the carrier has {} points", of_points.len());
+            return Err(Failure::argument(message));
+        }
+        // SAFETY: the host vouches for `count` elements during the call.
+        let out = unsafe { desc::slice_mut(states, count, "states") }?;
+        out.iter_mut().zip(of_points).for_each(|(out, state)| *out = state.to_c());
+        Ok(())
+    })
+}
+
+/// Destroys a carrier. Calls that are using it run to their end; the memory is freed afterwards.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_carrier_destroy(carrier: vrtm_carrier) -> vrtm_status {
+    guard("vrtm_carrier_destroy", || {
+        unpack(Kind::Carrier, carrier.id)
+            .and_then(|(serial, _)| CARRIERS.remove(serial))
+            .map(drop)
+            .ok_or_else(|| gone("carrier", "carrier", carrier.id))
+    })
+}
+
+/// The number of points, and the names and elements of the output arrays, which must not overlap.
+struct Elements(usize, [Option<(&'static str, Strips)>; 5], usize);
+
+impl Elements {
+    /// An array of the host's, unless it is null.
+    unsafe fn array<'a>(
+        &mut self,
+        array: *const vrtm_array_out,
+        components: usize,
+        name: &'static str,
+    ) -> Outcome<Option<StridedMut<'a>>> {
+        if array.is_null() {
+            return Ok(None);
+        }
+        // SAFETY: the host's pointer.
+        let array = unsafe { desc::read(array, name) }?;
+        if array.count != self.0 {
+            let message = format!("{name}.count is {}, but the carrier has {} points", array.count, self.0);
+            return Err(Failure::argument(message));
+        }
+        // It is checked as an input of the same layout is.
+        let input = vrtm_array {
+            format: array.format,
+            data: array.data.cast_const(),
+            count: array.count,
+            stride: array.stride,
+            ..Sized32::zeroed()
+        };
+        // SAFETY: the host vouches for the memory.
+        unsafe { strided(&raw const input, components, name) }?;
+        let scalar = if array.format == VRTM_SCALAR_F64 { Scalar::F64 } else { Scalar::F32 };
+        debug_assert!(array.format == VRTM_SCALAR_F64 || array.format == VRTM_SCALAR_F32);
+        let size = scalar.size() * components;
+        let stride = if array.stride == 0 { size } else { array.stride };
+        let steps = [(self.0, stride), (1, stride * self.0)];
+        let strips = Strips { start: array.data.addr(), size, steps };
+        if let Some((other, _)) = self.1.iter().flatten().find(|(_, taken)| taken.meet(&strips)) {
+            return Err(Failure::argument(format!("{other} and {name} overlap in memory")));
+        }
+        (self.1[self.2], self.2) = (Some((name, strips)), self.2 + 1);
+        // SAFETY: as above; no other element overlaps.
+        Ok(Some(unsafe { StridedMut::from_raw(array.data.cast(), scalar, components, self.0, stride) }))
+    }
+}
