@@ -525,6 +525,7 @@ inline void destroy(vrtm_device device) noexcept { static_cast<void>(vrtm_device
 inline void destroy(vrtm_asset asset) noexcept { static_cast<void>(vrtm_asset_destroy(asset)); }
 inline void destroy(vrtm_job job) noexcept { static_cast<void>(vrtm_job_destroy(job)); }
 inline void destroy(vrtm_refinement refinement) noexcept { static_cast<void>(vrtm_refinement_destroy(refinement)); }
+inline void destroy(vrtm_carrier carrier) noexcept { static_cast<void>(vrtm_carrier_destroy(carrier)); }
 
 // Owns a handle, which may be zero, and the host's functions that it needs until it is destroyed.
 template <class Handle> class Owner {
@@ -1245,6 +1246,113 @@ private:
     detail::Owner<vrtm_refinement> owner_;
 };
 
+// ---- Carrier ----
+
+// The points of a carrier. The fields are those of vrtm.h; the arrays that they point to must live until it is created.
+struct CarrierDesc : vrtm_carrier_desc {
+    CarrierDesc() noexcept : vrtm_carrier_desc(vrtm_carrier_desc_init()) {}
+    // UVs among all tiles.
+    CarrierDesc &at_uvs(const Array &array) noexcept
+    {
+        bind = VRTM_BIND_UV;
+        uvs = &array.c();
+        return *this;
+    }
+    // Three corners of one face and their weights for each point.
+    CarrierDesc &at_corners(const Indices &indices, const Array &array) noexcept
+    {
+        bind = VRTM_BIND_CORNERS;
+        corners = indices.data();
+        weights = &array.c();
+        return *this;
+    }
+    // The nearest points of the surface at rest, up to this distance; 0 = any.
+    CarrierDesc &at_nearest(const Array &array, double distance = 0) noexcept
+    {
+        bind = VRTM_BIND_NEAREST;
+        positions = &array.c();
+        farthest = distance;
+        return *this;
+    }
+};
+
+// Where to write vectors: the caller's memory.
+class ArrayOut {
+public:
+    ArrayOut(float *data, std::size_t count, std::size_t stride = 0) noexcept
+        : ArrayOut(Scalar::f32, data, count, stride)
+    {
+    }
+    ArrayOut(double *data, std::size_t count, std::size_t stride = 0) noexcept
+        : ArrayOut(Scalar::f64, data, count, stride)
+    {
+    }
+    ArrayOut(Scalar format, void *data, std::size_t count, std::size_t stride = 0) noexcept
+    {
+        c_.format = vrtm::value(format);
+        c_.data = data;
+        c_.count = count;
+        c_.stride = stride;
+    }
+
+    const vrtm_array_out &c() const noexcept { return c_; }
+
+private:
+    vrtm_array_out c_ = vrtm_array_out_init();
+};
+
+// What of carried points is written where. The fields are those of vrtm.h.
+struct Carried : vrtm_carried {
+    Carried() noexcept : vrtm_carried(vrtm_carried_init()) {}
+};
+
+// Points bound to an asset's rest surface, which its solves move along.
+class Carrier {
+public:
+    // Empty: no carrier.
+    Carrier() noexcept = default;
+
+    explicit operator bool() const noexcept { return handle().id != 0; }
+    vrtm_carrier handle() const noexcept { return owner_.handle(); }
+    // Destroys the handle, unless it is empty.
+    void reset() noexcept { *this = Carrier(); }
+
+    Result<vrtm_carrier_data> info() const noexcept
+    {
+        vrtm_carrier_data data = vrtm_carrier_data_init();
+        const vrtm_status status = vrtm_carrier_info(handle(), &data);
+        return {data, status};
+    }
+    // Carries the points into the pose of the last solve.
+    Result<> fetch(const vrtm_carried &carried) const noexcept
+    {
+        return Result<>(vrtm_carrier_fetch(handle(), &carried));
+    }
+    // Positions alone.
+    Result<> positions(const ArrayOut &out) const noexcept
+    {
+        Carried carried;
+        carried.positions = &out.c();
+        return fetch(carried);
+    }
+    // How each point is bound, one of VRTM_POINT_.
+    Result<std::vector<vrtm_point_state>> states() const
+    {
+        const Result<vrtm_carrier_data> data = info();
+        std::vector<vrtm_point_state> states(static_cast<std::size_t>(data->points));
+        Result<> result = data;
+        if (result) {
+            result = Result<>(vrtm_carrier_fetch_states(handle(), states.data(), states.size()));
+        }
+        return {std::move(states), result};
+    }
+
+private:
+    friend class Asset;
+
+    detail::Owner<vrtm_carrier> owner_;
+};
+
 // ---- Asset ----
 
 // One mesh with its tiles, their maps, settings and results.
@@ -1399,6 +1507,16 @@ public:
         Refinement refinement;
         refinement.owner_ = detail::Owner<vrtm_refinement>(handle_of_refinement, owner_.keep());
         return {std::move(refinement), status};
+    }
+
+    // Binds points to the rest surface; they follow the solves that come after.
+    Result<Carrier> carrier(const vrtm_carrier_desc &desc) const noexcept
+    {
+        vrtm_carrier handle_of_carrier{};
+        const vrtm_status status = vrtm_carrier_create(handle(), &desc, &handle_of_carrier);
+        Carrier carrier;
+        carrier.owner_ = detail::Owner<vrtm_carrier>(handle_of_carrier, owner_.keep());
+        return {std::move(carrier), status};
     }
 
     Result<vrtm_asset_report_data> report() const noexcept

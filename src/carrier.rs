@@ -363,9 +363,10 @@ impl Carrier {
         let position = |v: u32| positions.get3(v as usize);
         let carriage = Carriage::new(team, &parts, &tiles, &position);
         let count = self.binding.points.len();
+        let on_surface = out.stretch.is_some() || out.uvs.is_some();
         team.run(count.div_ceil(CHUNK), |chunk| {
             for k in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
-                let carried = carriage.carry(k);
+                let carried = carriage.carry(k, on_surface);
                 let put = |array: &Option<StridedMut>, values: &[f64]| {
                     if let Some(array) = array {
                         // SAFETY: each point belongs to one item.
@@ -402,7 +403,8 @@ impl Carrier {
         booked.set(BYTES_PER_NODE * nodes, "a carrier's features")?;
         let frames = self.frames.as_ref().map(Packed::view);
         let mesh = self.results.0.mesh();
-        let course = Course::new(team, mesh, tiles, &self.binding, frames.as_ref(), self.fit);
+        let course =
+            Course::new(team, mesh, tiles, &self.binding, frames.as_ref(), self.pieces.as_ref(), self.fit);
         booked.set(course.bytes() as u64, "a carrier's course")?;
         let kept = Arc::new(Kept { key, course, booked });
         *lock(&self.course) = Some(kept.clone());

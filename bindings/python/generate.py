@@ -53,6 +53,7 @@ RECORDS = {
     "vrtm_tile_report_data": "TileReport",
     "vrtm_asset_report_data": "AssetReport",
     "vrtm_refinement_data": "RefinementInfo",
+    "vrtm_carrier_data": "CarrierInfo",
 }
 
 # Of these the caller reads all, one below another.

@@ -695,6 +695,40 @@ void refinements(const vrtm::Device &device)
     refuses("a wrong tolerance", ready(device).refine(desc), vrtm::Code::invalid_argument, "tolerance");
 }
 
+void carriers(const vrtm::Device &device)
+{
+    const vrtm::Carrier empty;
+    check_that(!empty && empty.handle().id == 0, "an empty carrier", "");
+    refuses("has no points", empty.states(), vrtm::Code::invalid_handle, "carrier");
+    vrtm::Asset asset = ready(device);
+    const float uvs[] = {0.5F, 0.5F, 0.25F, 0.75F};
+    const vrtm::Array at(uvs, 2);
+    vrtm::CarrierDesc desc;
+    vrtm::Carrier carrier = *asset.carrier(desc.at_uvs(at));
+    check_that(carrier.info()->points == 2 && carrier.states()->size() == 2, "two points", "");
+    double points[2][4] = {{0, 0, 0, 7}, {0, 0, 0, 7}};
+    const vrtm::ArrayOut out(points[0], 2, sizeof points[0]);
+    refuses("a fetch before a solve", carrier.positions(out), vrtm::Code::not_solved, "");
+    works("a pose", asset.solve({pose, VERTICES}));
+    works("positions", carrier.positions(out));
+    check_that((points[0][0] != 0 || points[0][1] != 0) && points[1][3] == 7, "are carried", "");
+    float turns[2][4];
+    const vrtm::ArrayOut rotations(turns[0], 2);
+    vrtm::Carried carried;
+    carried.rotations = &rotations.c();
+    works("rotations", carrier.fetch(carried));
+    const std::uint32_t corners[] = {0, 1, 2};
+    const float weights[] = {1, 1, 1};
+    const vrtm::Array of_corners(weights, 1);
+    works("corners", asset.carrier(vrtm::CarrierDesc().at_corners({corners, 3}, of_corners)));
+    const vrtm::Array places(points[0], 2, sizeof points[0]);
+    const vrtm::Carrier near = *asset.carrier(vrtm::CarrierDesc().at_nearest(places, 0.5));
+    asset.reset();
+    const vrtm::Carrier moved(std::move(carrier));
+    check_that(!carrier && moved.info()->points == 2 && near, "it goes on without the asset", "");
+    refuses("no points", ready(device).carrier(vrtm::CarrierDesc()), vrtm::Code::invalid_argument, "uvs");
+}
+
 /* A solve that takes a while: 1024 x 1024 cells. */
 vrtm::Asset slow(const vrtm::Device &device)
 {
@@ -814,5 +848,6 @@ int main()
     progress(device);
     jobs(device);
     refinements(device);
+    carriers(device);
     return finish();
 }

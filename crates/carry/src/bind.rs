@@ -69,6 +69,42 @@ pub struct Binding {
     pub skins: Vec<Skin>,
 }
 
+/// Points that the host says move as one body, by the numbers that it gives them.
+#[derive(Debug)]
+pub struct Pieces {
+    /// Per point, the index of its piece; `NONE` for a point of no piece.
+    pub(crate) of_point: Vec<u32>,
+    /// Per piece, its points in a row, and where each row ends.
+    pub(crate) points: Vec<u32>,
+    pub(crate) ends: Vec<u32>,
+}
+
+impl Pieces {
+    pub fn new(ids: &[u32]) -> Pieces {
+        let mut sorted: Vec<(u32, u32)> =
+            (0..).zip(ids).filter(|(_, id)| **id != NONE).map(|(k, id)| (*id, k)).collect();
+        sorted.sort_unstable();
+        let mut of_point = vec![NONE; ids.len()];
+        let mut ends = Vec::new();
+        let mut end = 0;
+        for piece in sorted.chunk_by(|a, b| a.0 == b.0) {
+            piece.iter().for_each(|(_, k)| of_point[*k as usize] = ends.len() as u32);
+            end += piece.len() as u32;
+            ends.push(end);
+        }
+        Pieces { of_point, points: sorted.iter().map(|(_, k)| *k).collect(), ends }
+    }
+
+    /// True if a point belongs to a piece.
+    pub fn has(&self, point: usize) -> bool {
+        self.of_point[point] != NONE
+    }
+
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.of_point) + size_of_val(&*self.points) + size_of_val(&*self.ends)
+    }
+}
+
 /// The triangles of a UV set, in the order of tiles, then of faces with no triangle in a tile.
 struct Triangles<'a> {
     mesh: &'a Mesh,

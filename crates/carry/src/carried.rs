@@ -2,47 +2,16 @@
 
 use glam::{DMat3, DQuat, DVec2, DVec3};
 
-use vrtm_core::allocation::{Vec, vec};
+use vrtm_core::allocation::Vec;
 use vrtm_core::mesh::{Mesh, NONE};
 use vrtm_core::team::Team;
 
-use crate::bind::{Binding, Bound};
-use crate::course::{Course, Fit, Point, absolute, from_rest, on_skin};
+use crate::bind::{Binding, Pieces};
+use crate::course::{Course, Fit, absolute, from_rest, on_skin};
 use crate::features::smooth;
 use crate::frame::{Frame, Motion, blended, polar, product, quaternion};
 use crate::surface::{Place, Posed, uv_of};
 use crate::tile::Tile;
-
-/// Points that the host says move as one body, by the numbers that it gives them.
-#[derive(Debug)]
-pub struct Pieces {
-    /// Per point, the index of its piece; `NONE` for a point of no piece.
-    of_point: Vec<u32>,
-    /// Per piece, its points in a row, and where each row ends.
-    points: Vec<u32>,
-    ends: Vec<u32>,
-}
-
-impl Pieces {
-    pub fn new(ids: &[u32]) -> Pieces {
-        let mut sorted: Vec<(u32, u32)> =
-            (0..).zip(ids).filter(|(_, id)| **id != NONE).map(|(k, id)| (*id, k)).collect();
-        sorted.sort_unstable();
-        let mut of_point = vec![NONE; ids.len()];
-        let mut ends = Vec::new();
-        let mut end = 0;
-        for piece in sorted.chunk_by(|a, b| a.0 == b.0) {
-            piece.iter().for_each(|(_, k)| of_point[*k as usize] = ends.len() as u32);
-            end += piece.len() as u32;
-            ends.push(end);
-        }
-        Pieces { of_point, points: sorted.iter().map(|(_, k)| *k).collect(), ends }
-    }
-
-    pub fn bytes(&self) -> usize {
-        size_of_val(&*self.of_point) + size_of_val(&*self.points) + size_of_val(&*self.ends)
-    }
-}
 
 /// Where a point has gone.
 #[derive(Clone, Copy, Debug)]
@@ -166,7 +135,8 @@ impl<'a> Carriage<'a> {
         let of_point = |&k: &u32| {
             let skin = self.skin(k as usize);
             let offset = DVec3::from(self.course.points[k as usize].offset.map(f64::from));
-            (1.0, self.course.points[k as usize].rest, skin.place.at + skin.axes * offset)
+            let body = &self.course.bodies[self.course.points[k as usize].body as usize];
+            (1.0, body.rest, skin.place.at + skin.axes * offset)
         };
         let moved: Vec<(f64, DVec3, DVec3)> = points.iter().map(of_point).collect();
         Motion::fit(moved.iter().copied())
@@ -195,44 +165,54 @@ impl<'a> Carriage<'a> {
 
     /// A point as the skin carries it.
     fn skin(&self, k: usize) -> OnSkin {
-        let (bound, point): (&Bound, &Point) = (&self.binding.points[k], &self.course.points[k]);
+        let point = &self.course.points[k];
         let inverse = point.inverse.map(f64::from);
-        if bound.tile == NONE {
-            let place = on_skin(&self.binding.skins[bound.triangle as usize], self.position);
-            return OnSkin::new(place, place.tangents, inverse, bound.uv);
+        if point.tile == NONE {
+            let place = on_skin(&self.binding.skins[point.triangle as usize], self.position);
+            return OnSkin::new(place, place.tangents, inverse, point.uv);
         }
-        let warp = point.mean.warp(&self.tiles[bound.tile as usize]).filter(|_| self.fit != Fit::None);
+        let warp = point.mean.warp(&self.tiles[point.tile as usize]).filter(|_| self.fit != Fit::None);
         let Some((moved, [du, dv])) = warp else {
-            let place = self.on_surface(bound.tile, point.triangle, bound.uv).0;
-            let uv = absolute(self.mesh, bound.tile, bound.uv);
+            let place = self.on_surface(point.tile, point.triangle, point.uv).0;
+            let uv = absolute(self.mesh, point.tile, point.uv);
             return OnSkin::new(place, place.tangents, inverse, uv);
         };
-        let (place, uv) = self.on_surface(bound.tile, point.triangle, bound.uv + moved);
+        let (place, uv) = self.on_surface(point.tile, point.triangle, point.uv + moved);
         let [a, b] = place.tangents;
         OnSkin::new(place, [du.x * a + du.y * b, dv.x * a + dv.y * b], inverse, uv)
     }
 
-    /// A point in the pose.
-    pub fn carry(&self, k: usize) -> Carried {
+    /// A point in the pose. Without `on_surface`, stretch and UV of a point that moves with its body alone are left out.
+    pub fn carry(&self, k: usize, on_surface: bool) -> Carried {
         let point = &self.course.points[k];
-        let OnSkin { place, axes, stretch, uv } = self.skin(k);
         let offset = DVec3::from(point.offset.map(f64::from));
-        let own = DQuat::from_array(point.own.map(f64::from));
-        let position = place.at + axes * offset;
-        let rotation = product(quaternion(&axes), own);
-        let carried = Carried { position, rotation, stretch, uv };
-        let piece =
-            self.pieces.and_then(|pieces| self.of_pieces.get(pieces.of_point[k] as usize).copied().flatten());
-        let feature =
-            || Some((self.features.get(point.feature as usize).copied().flatten()?, f64::from(point.part)));
-        let Some((motion, part)) = piece.map(|motion| (motion, 1.0)).or_else(feature) else { return carried };
-        let part = if self.skirt > 0.0 { part * smooth(offset.z / self.skirt) } else { part };
-        let host = DQuat::from_array(point.host.map(f64::from));
-        let (at, turned) = (motion.at(point.rest), product(motion.rotation, host));
-        if part >= 1.0 {
-            return Carried { position: at, rotation: turned, ..carried };
+        let body = self.body(k, offset.z);
+        if let Some((motion, host, rest, 1.0)) = body.filter(|_| !on_surface) {
+            let (position, rotation) = (motion.at(rest), product(motion.rotation, host));
+            return Carried { position, rotation, stretch: [0.0; 2], uv: DVec2::ZERO };
         }
-        let position = position + part * (at - position);
-        Carried { position, rotation: blended(rotation, turned, part), ..carried }
+        let OnSkin { place, axes, stretch, uv } = self.skin(k);
+        let position = place.at + axes * offset;
+        let rotation = product(quaternion(&axes), DQuat::from_array(point.own.map(f64::from)));
+        let Some((motion, host, rest, part)) = body else {
+            return Carried { position, rotation, stretch, uv };
+        };
+        let (at, turned) = (motion.at(rest), product(motion.rotation, host));
+        let (position, rotation) = match part {
+            1.0 => (at, turned),
+            _ => (position + part * (at - position), blended(rotation, turned, part)),
+        };
+        Carried { position, rotation, stretch, uv }
+    }
+
+    /// The motion of a point's body, the host's frame and the position at rest, and how far the point moves with it.
+    fn body(&self, k: usize, height: f64) -> Option<(Motion, DQuat, DVec3, f64)> {
+        let body = self.course.bodies.get(self.course.points[k].body as usize)?;
+        let piece = self.pieces.and_then(|pieces| *self.of_pieces.get(pieces.of_point[k] as usize)?);
+        let feature =
+            || Some((self.features.get(body.feature as usize).copied().flatten()?, f64::from(body.part)));
+        let (motion, part) = piece.map(|motion| (motion, 1.0)).or_else(feature)?;
+        let part = if self.skirt > 0.0 { part * smooth(height / self.skirt) } else { part };
+        Some((motion, DQuat::from_array(body.host.map(f64::from)), body.rest, part))
     }
 }

@@ -7,7 +7,7 @@ use vrtm_core::mesh::{Mesh, NONE};
 use vrtm_core::team::Team;
 use vrtm_core::view::Strided;
 
-use crate::bind::{Binding, Skin};
+use crate::bind::{Binding, Pieces, Skin};
 use crate::features::{FeatureNode, Features};
 use crate::frame::{polar, product, quaternion};
 use crate::surface::{Place, Posed, Surface};
@@ -28,7 +28,10 @@ pub enum Fit {
 /// A point's course.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Point {
-    /// The triangle under the point in the surface of its tile.
+    /// As those of `Bound`.
+    pub tile: u32,
+    pub uv: DVec2,
+    /// The triangle under the point in the surface of its tile, or its index in `Binding::skins`.
     pub triangle: u32,
     pub mean: Mean,
     /// The rest position, in the frame at rest.
@@ -37,9 +40,17 @@ pub(crate) struct Point {
     pub inverse: [f32; 3],
     /// The host's frame in the frame at rest.
     pub own: [f32; 4],
+    /// Its index among the bodies; `NONE` for a point that moves with the surface alone.
+    pub body: u32,
+}
+
+/// A point of a rigid body.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Body {
+    pub rest: DVec3,
     /// The host's frame at rest.
     pub host: [f32; 4],
-    pub rest: DVec3,
+    /// `NONE` if it belongs to a piece alone.
     pub feature: u32,
     /// How far the point moves with its feature.
     pub part: f32,
@@ -49,6 +60,7 @@ pub(crate) struct Point {
 #[derive(Debug)]
 pub struct Course {
     pub(crate) points: Vec<Point>,
+    pub(crate) bodies: Vec<Body>,
     /// Per tile; `None` where there are no points and no features of theirs.
     pub(crate) surfaces: Vec<Option<Surface>>,
     /// Per tile, the charts whose vertices are needed.
@@ -90,6 +102,7 @@ impl Course {
         tiles: &[Tile],
         binding: &Binding,
         frames: Option<&Strided>,
+        pieces: Option<&Pieces>,
         fit: Fit,
     ) -> Course {
         let mut is_used: Vec<bool> = tiles.iter().map(|_| false).collect();
@@ -114,7 +127,7 @@ impl Course {
             })
             .collect();
         let features = (fit == Fit::Feature).then(|| Features::new(mesh, tiles, &surfaces));
-        let mut points = team.map(binding.points.len(), |k| {
+        let all = team.map(binding.points.len(), |k| {
             let bound = &binding.points[k];
             let (triangle, mean, place) = match tiles.get(bound.tile as usize) {
                 None => {
@@ -137,35 +150,43 @@ impl Course {
             let found = features.as_ref().filter(|_| bound.tile != NONE);
             let found = found.and_then(|features| features.at(bound.tile, triangle, bound.uv));
             let (feature, part) = found.unwrap_or((NONE, 0.0));
-            Point {
+            let point = Point {
+                tile: bound.tile,
+                uv: bound.uv,
                 triangle,
                 mean: mean.unwrap_or(Mean::STILL),
                 offset: offset.to_array().map(|x| x as f32),
                 inverse: inverse.map(|x| x as f32),
                 own: own.to_array().map(|x| x as f32),
-                host: host.to_array().map(|x| x as f32),
-                rest: place.at + axes * offset,
-                feature,
-                part,
-            }
+                body: NONE,
+            };
+            let host = host.to_array().map(|x| x as f32);
+            (point, Body { rest: place.at + axes * offset, host, feature, part })
         });
+        let (mut points, mut bodies) = (Vec::with_capacity(all.len()), Vec::new());
+        for (k, (mut point, body)) in all.into_iter().enumerate() {
+            if body.feature != NONE || pieces.is_some_and(|pieces| pieces.has(k)) {
+                point.body = bodies.len() as u32;
+                bodies.push(body);
+            }
+            points.push(point);
+        }
         let (mut nodes, mut ends) = (Vec::new(), Vec::new());
         if let Some(features) = features {
-            let mut used: Vec<u32> = points.iter().map(|point| point.feature).collect();
+            let mut used: Vec<u32> = bodies.iter().map(|body: &Body| body.feature).collect();
             (nodes, ends) = features.of_use(tiles, &rest, &mut used);
-            points.iter_mut().zip(&used).for_each(|(point, &feature)| point.feature = feature);
+            bodies.iter_mut().zip(&used).for_each(|(body, &feature)| body.feature = feature);
         }
         let charts = (0..tiles.len())
             .map(|k| {
                 let Some(surface) = &surfaces[k] else { return Vec::new() };
-                let of_points = binding.points.iter().zip(&points);
-                let own =
-                    of_points.filter(|(bound, _)| bound.tile as usize == k).map(|(_, point)| point.triangle);
+                let on_tile = points.iter().filter(|point: &&Point| point.tile as usize == k);
+                let own = on_tile.map(|point| point.triangle);
                 let of_nodes = nodes.iter().filter(|node| node.tile as usize == k).map(|node| node.triangle);
                 surface.charts(own.chain(of_nodes))
             })
             .collect();
-        Course { points, surfaces, charts, nodes, ends }
+        Course { points, bodies, surfaces, charts, nodes, ends }
     }
 
     /// Number of features that points move with.
@@ -175,7 +196,11 @@ impl Course {
 
     pub fn bytes(&self) -> usize {
         let surfaces: usize = self.surfaces.iter().flatten().map(Surface::bytes).sum();
-        surfaces + size_of_val(&*self.points) + size_of_val(&*self.nodes) + size_of_val(&*self.ends)
+        surfaces
+            + size_of_val(&*self.points)
+            + size_of_val(&*self.bodies)
+            + size_of_val(&*self.nodes)
+            + size_of_val(&*self.ends)
     }
 
     /// The nodes of a feature.

@@ -16,8 +16,8 @@ mod features;
 mod course;
 mod carried;
 
-pub use bind::{Bind, Binding, PointState};
-pub use carried::{Carriage, Carried, Parts, Pieces};
+pub use bind::{Bind, Binding, Pieces, PointState};
+pub use carried::{Carriage, Carried, Parts};
 pub use course::{Course, Fit};
 pub use frame::matrix;
 pub use tile::Tile;

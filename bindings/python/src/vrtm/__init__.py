@@ -18,6 +18,7 @@ that solves or changes an asset while another does raises BusyError.
 
 from . import rigidity
 from ._asset import Asset
+from ._carrier import Carried, Carrier
 from ._device import Device, adapters
 from ._errors import (
     BusyError,
@@ -42,6 +43,7 @@ from ._records import (
     AssetInfo,
     AssetReport,
     Backend,
+    CarrierInfo,
     DeviceInfo,
     FetchKind,
     LogLevel,
@@ -74,6 +76,9 @@ __all__ = [
     "Backend",
     "BusyError",
     "CancelledError",
+    "Carried",
+    "Carrier",
+    "CarrierInfo",
     "Device",
     "DeviceInfo",
     "DeviceLostError",

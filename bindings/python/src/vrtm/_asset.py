@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import _abi, _mesh
 from ._arrays import Pinned, Pixels, output
 from ._call import interruptible
+from ._carrier import Carrier
 from ._device import Device
 from ._errors import InvalidArgumentError
 from ._fetch import Fetch
@@ -21,7 +22,7 @@ from ._job import Job
 from ._library import check, library, new
 from ._names import natural, record
 from ._options import SolveOptions, build
-from ._records import AssetInfo, AssetReport, Weld
+from ._records import AssetInfo, AssetReport, Fit, Weld
 from ._refinement import Refinement
 from ._tile import Tile
 
@@ -226,8 +227,39 @@ class Asset:
         has)."""
         return Refinement(self._handle, uv_set, tolerance, max_triangles)
 
+    def carrier(
+        self,
+        uvs: ArrayLike | None = None,
+        *,
+        layers: ArrayLike | None = None,
+        corners: ArrayLike | None = None,
+        weights: ArrayLike | None = None,
+        positions: ArrayLike | None = None,
+        farthest: float = 0,
+        heights: ArrayLike | None = None,
+        frames: ArrayLike | None = None,
+        pieces: ArrayLike | None = None,
+        uv_set: int = 0,
+        fit: Fit = "feature",
+        skirt: float = 0,
+    ) -> Carrier:
+        """Binds points to the rest surface: studs, scales, hair roots, the vertices of detail meshes. They are where the
+        texture at `uvs` is shown, (points, 2), in `layers`; or at `weights` of three `corners` of a face, (points, 3)
+        both; or at the nearest point to `positions`, (points, 3), up to a distance of `farthest` (0 = any).
+
+        heights   above the surface, along its normal, (points,)
+        frames    their orientation at rest: quaternions x, y, z, w, (points, 4), or matrices, (points, 3, 3)
+        pieces    the number of the rigid piece that each point belongs to, (points,); -1 = none
+        fit       "feature": points of rigid features as one body each; "surface": all with the surface; "none": with
+                  the skin, as if nothing were redirected
+        skirt     the height up to which points of a body are blended to the surface
+        """
+        points = {"uvs": uvs, "layers": layers, "corners": corners, "weights": weights, "positions": positions}
+        settings = {"farthest": farthest, "heights": heights, "frames": frames, "pieces": pieces}
+        return Carrier(self._handle, points, settings | {"uv_set": uv_set, "fit": fit, "skirt": skirt})
+
     def close(self) -> None:
-        """Ends the asset and all of its tiles, and cancels a solve in progress. Refinements stay usable."""
+        """Ends the asset and all of its tiles, and cancels a solve in progress. Refinements and carriers stay usable."""
         self._end()
 
     @property

@@ -1,0 +1,145 @@
+"""Carriers: points that are bound to the rest surface, and ride on the warped one."""
+
+from __future__ import annotations
+
+import ctypes
+import weakref
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from . import _abi
+from ._arrays import FLOATS, Pinned, floats
+from ._library import check, library, new
+from ._names import natural, record, value_of
+from ._records import CarrierInfo
+
+
+@dataclass(frozen=True)
+class Carried:
+    """Where points have gone: arrays with a row for each point, None for what was not asked for."""
+
+    positions: NDArray[np.floating[Any]] | None = None
+    """(points, 3): positions in the pose."""
+    rotations: NDArray[np.floating[Any]] | None = None
+    """(points, 4): rotations of the frames at rest, as quaternions x, y, z, w."""
+    matrices: NDArray[np.floating[Any]] | None = None
+    """(points, 3, 3): the same as matrices, whose columns are the axes."""
+    stretch: NDArray[np.floating[Any]] | None = None
+    """(points, 2): the stretch of the surface that is left, as two factors, the larger first."""
+    uvs: NDArray[np.floating[Any]] | None = None
+    """(points, 2): where the surface has the texture of each point, with the tile's place added."""
+
+
+_COLUMNS = {"positions": (3,), "rotations": (4,), "matrices": (3, 3), "stretch": (2,), "uvs": (2,)}
+
+
+class Carrier:
+    """Points bound to the rest surface of an asset; made by Asset.carrier. It follows the solves that come after it was
+    made, keeps the data that it needs, and may be used after the asset is closed."""
+
+    def __init__(self, asset: _abi.vrtm_asset, points: dict[str, Any], settings: dict[str, Any]) -> None:
+        given = {name: value for name, value in points.items() if value is not None}
+        bind = {"uvs": "uv", "corners": "corners", "positions": "nearest"}
+        ways = [name for name in bind if name in given]
+        if len(ways) != 1:
+            raise ValueError(f"one of uvs, corners and positions says where the points are, not {ways or 'none'}")
+        with_ = {"uvs": {"layers"}, "corners": {"weights"}, "positions": set()}[ways[0]]
+        if wrong := sorted(set(given) - with_ - {ways[0]}):
+            raise ValueError(f"{wrong[0]}: does not go with {ways[0]}")
+        if ways[0] == "corners" and "weights" not in given:
+            raise ValueError("weights: missing, three for each point")
+        pinned, desc = Pinned(), new(_abi.vrtm_carrier_desc)
+        desc.bind = value_of("bind", bind[ways[0]])
+        desc.fit = value_of("fit", settings["fit"])
+        desc.uv_set = natural("uv_set", settings["uv_set"], 32)
+        desc.farthest, desc.skirt = settings["farthest"], settings["skirt"]
+        frames = settings["frames"]
+        if frames is not None:
+            frames = floats("frames", frames)
+            frames = frames.reshape(len(frames), 9) if frames.shape[1:] == (3, 3) else frames
+        arrays = {
+            "uvs": (points["uvs"], 2),
+            "weights": (points["weights"], 3),
+            "positions": (points["positions"], 3),
+            "heights": (settings["heights"], 1),
+        }
+        if frames is not None and frames.shape[-1] == 9:
+            arrays["matrices"] = (frames, 9)
+        elif frames is not None:
+            arrays["frames"] = (frames, 4)
+        for name, (value, components) in arrays.items():
+            if value is not None:
+                setattr(desc, name, ctypes.pointer(pinned.vectors(name, value, components)))
+        count = len(np.asarray(points["weights" if ways[0] == "corners" else ways[0]]))
+        for name, value, each in (
+            ("layers", points["layers"], 1),
+            ("corners", points["corners"], 3),
+            ("pieces", settings["pieces"], 1),
+        ):
+            if value is not None:
+                numbers = pinned.indices(name, value, none=name == "pieces")
+                if len(numbers) != each * count:
+                    raise ValueError(f"{name}: has {len(numbers)} elements, not {each} for each of {count} points")
+                setattr(desc, name, numbers.ctypes.data)
+        handle = _abi.vrtm_carrier()
+        check(library.vrtm_carrier_create(asset, ctypes.byref(desc), ctypes.byref(handle)))
+        self._handle = handle
+        self._end = weakref.finalize(self, library.vrtm_carrier_destroy, handle)
+
+    @property
+    def info(self) -> CarrierInfo:
+        """Numbers of points, also of those that could not be bound, and what the last fetch found."""
+        struct = new(_abi.vrtm_carrier_data)
+        check(library.vrtm_carrier_info(self._handle, ctypes.byref(struct)))
+        return record(CarrierInfo, struct)
+
+    def __len__(self) -> int:
+        return self.info.points
+
+    def states(self) -> NDArray[np.int32]:
+        """How each point is bound, (points,): 0 on a chart; 1 outside of all, 2 in folded UVs and 3 too far from the
+        surface, where it moves with the skin alone."""
+        states = np.empty(self.info.points, np.int32)
+        check(library.vrtm_carrier_fetch_states(self._handle, states.ctypes.data, len(states)))
+        return states
+
+    def fetch(
+        self, *names: str, dtype: DTypeLike = np.float32, out: dict[str, NDArray[np.floating[Any]]] | None = None
+    ) -> Carried:
+        """Carries the points into the pose of the asset's last solve. `names`: what is wanted of positions, rotations,
+        matrices, stretch and uvs; by default positions and rotations. Arrays in `out`, by these names, are written
+        in place, whatever the distance of their rows. Raises NotSolvedError before the first solve that came after the
+        carrier was made."""
+        wanted = names or ("positions", "rotations")
+        count, carried = self.info.points, new(_abi.vrtm_carried)
+        arrays: dict[str, Any] = {}
+        for name in wanted:
+            if name not in _COLUMNS:
+                raise ValueError(f"{name!r} is none of {', '.join(_COLUMNS)}")
+            shape, given = (count, *_COLUMNS[name]), (out or {}).get(name)
+            array = np.empty(shape, dtype) if given is None else given
+            if array.shape != shape or array.dtype not in FLOATS or not array.flags.writeable:
+                raise ValueError(f"{name}: is {array.dtype} {array.shape}, not a writable array of floats {shape}")
+            row = array[:1]
+            if count and (not row.flags.c_contiguous or array.strides[0] < row.nbytes):
+                raise ValueError(f"{name}: its rows are not contiguous")
+            struct = new(_abi.vrtm_array_out)
+            struct.format, struct.data = FLOATS[array.dtype], array.ctypes.data
+            struct.count, struct.stride = count, array.strides[0] if count > 1 else 0
+            arrays[name] = array
+            setattr(carried, name, ctypes.pointer(struct))
+        check(library.vrtm_carrier_fetch(self._handle, ctypes.byref(carried)))
+        return Carried(**arrays)
+
+    def close(self) -> None:
+        """Destroys the carrier."""
+        self._end()
+
+    def __enter__(self) -> Carrier:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
