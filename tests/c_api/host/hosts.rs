@@ -135,7 +135,7 @@ fn unindented(text: &str) -> String {
 /// What documents show is code that runs: each block stands in one of the programs above, line for line.
 #[test]
 fn the_code_in_the_documents_is_in_programs_that_run() {
-    let programs: Vec<String> = ["maya_plugin", "houdini_cook", "viewport", "farm", "grid"]
+    let programs: Vec<String> = ["maya_plugin", "houdini_cook", "viewport", "farm", "grid", "wrapper"]
         .map(|name| unindented(&read(&format!("tests/host/{name}.cpp"))))
         .to_vec();
     let document = read("docs/hosts.md");
