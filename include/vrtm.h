@@ -18,6 +18,7 @@
  *   facts    vrtm_tile_report, vrtm_asset_report
  *   refine   vrtm_refinement_create, then vrtm_refinement_fetch_corner_uvs every frame, for hosts that support
  *            only UV sets
+ *   carry    vrtm_carrier_create, then vrtm_carrier_fetch every frame, for what is geometry on the surface
  *
  * A redirection map has two channels: for a surface point's UV it holds the UV at which to sample the texture. A shader
  * uses it as follows, with v pointing up and texture coordinates within the tile (see VRTM_FETCH_ for other forms):
@@ -255,6 +256,13 @@ typedef struct vrtm_refinement {
     // Opaque.
     uint64_t id;
 } vrtm_refinement;
+
+// A carrier: points bound to an asset's rest surface, which its solves move along. Created by vrtm_carrier_create,
+// destroyed by vrtm_carrier_destroy. Zero = no carrier.
+typedef struct vrtm_carrier {
+    // Opaque.
+    uint64_t id;
+} vrtm_carrier;
 
 /* ---- Arrays and images ---- */
 
@@ -1962,6 +1970,198 @@ vrtm_status vrtm_refinement_fetch_corner_uvs(vrtm_refinement refinement,
 // Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 VRTM_API vrtm_status vrtm_refinement_destroy(vrtm_refinement refinement);
 
+/* ---- Carriers ---- */
+
+// What says where the points of a carrier are.
+typedef int32_t vrtm_bind;
+
+// `uvs`, among all tiles of the UV set, and `layers`; the default. A point less than 1.5e-5 beside a chart is put on
+// its border.
+#define VRTM_BIND_UV 0
+
+// `corners`, three of one face for each point, and `weights`. For a triangle these are its three corners and
+// barycentric coordinates; for a polygon any three, such as those of the host's own triangle.
+#define VRTM_BIND_CORNERS 1
+
+// `positions`: the nearest point of the surface at rest. What is left of the distance is kept in the point's frame,
+// so that a detail mesh keeps its form.
+#define VRTM_BIND_NEAREST 2
+
+// How points move.
+typedef int32_t vrtm_fit;
+
+// Points of rigid features as one body each, all others with the skin under the warp. The default.
+#define VRTM_FIT_FEATURE 0
+
+// All points with the skin under the warp.
+#define VRTM_FIT_SURFACE 1
+
+// All points with the skin alone, as if nothing were redirected.
+#define VRTM_FIT_NONE 2
+
+// How a point is bound.
+typedef int32_t vrtm_point_state;
+
+// It stands on a chart. The default.
+#define VRTM_POINT_BOUND 0
+
+// No chart is there.
+#define VRTM_POINT_OUTSIDE 1
+
+// The UVs of the triangle there are turned over within their chart.
+#define VRTM_POINT_FOLDED 2
+
+// The surface is farther than the largest distance.
+#define VRTM_POINT_FAR 3
+
+// The points of a carrier. Start from vrtm_carrier_desc_init(). All arrays have an element for each point, and are
+// copied before the call returns; those that `bind` does not name are ignored.
+typedef struct vrtm_carrier_desc {
+    // sizeof(vrtm_carrier_desc); set by vrtm_carrier_desc_init().
+    uint32_t struct_size;
+    // The UV set whose tiles carry the points: 0 <= uv_set < vrtm_asset_data.uv_sets.
+    uint32_t uv_set;
+    // One of VRTM_BIND_: UV (0, the default), CORNERS, NEAREST.
+    vrtm_bind bind;
+    // One of VRTM_FIT_: FEATURE (0, the default), SURFACE, NONE.
+    vrtm_fit fit;
+    // VRTM_BIND_UV: UVs, 2 components, with the tile's place added, as those of the mesh.
+    const vrtm_array *uvs;
+    // VRTM_BIND_UV: the layer of each point (vrtm_mesh_desc.max_layers); null = the first layer that has a chart
+    // there.
+    const uint32_t *layers;
+    // VRTM_BIND_CORNERS: three corners of one face for each point, as corners of the mesh are counted.
+    const uint32_t *corners;
+    // VRTM_BIND_CORNERS: the weights of these corners, 3 components, of which only the ratio matters.
+    const vrtm_array *weights;
+    // VRTM_BIND_NEAREST: positions at rest, 3 components.
+    const vrtm_array *positions;
+    // VRTM_BIND_NEAREST: the largest distance from the surface; 0 = any.
+    double farthest;
+    // The height of each point above the surface, along its normal, 1 component; null = 0. The normal is that on
+    // whose side the corners of faces go round against the clock.
+    const vrtm_array *heights;
+    // The frame of each point at rest, from which its rotations begin: quaternions x, y, z, w, 4 components; null =
+    // the axes of the mesh.
+    const vrtm_array *frames;
+    // Instead of `frames`: matrices row by row, 9 components. Null = absent.
+    const vrtm_array *matrices;
+    // For hosts that know their pieces: the number of the piece that a point belongs to, which moves as one rigid
+    // body; UINT32_MAX = none. Null = no pieces. A piece whose points lie on a line is none.
+    const uint32_t *pieces;
+    // The height up to which a point of a rigid body is blended from the surface (at height 0) to that body; 0 (the
+    // default) = not at all.
+    double skirt;
+} vrtm_carrier_desc;
+
+// Sizes of a carrier, and what its points are bound to. Start from vrtm_carrier_data_init().
+typedef struct vrtm_carrier_data {
+    // sizeof(vrtm_carrier_data); set by vrtm_carrier_data_init().
+    uint32_t struct_size;
+    // Milliseconds that the last fetch took.
+    float ms;
+    // Number of points.
+    uint64_t points;
+    // Points outside of all charts. They move with the skin nearest to them, without a warp.
+    uint64_t outside;
+    // Points on triangles whose UVs are turned over within their chart; they move with the skin as well.
+    uint64_t folded;
+    // Points farther from the surface than the largest distance; they move with the skin as well.
+    uint64_t far;
+    // Features that points moved with in the last fetch.
+    uint64_t features;
+    // The largest distance by which the rim of one of these features left the surface in the last fetch, lifted off or
+    // cut in.
+    double rim;
+    // Bytes held by the carrier, excluding the mesh and the results.
+    uint64_t bytes;
+} vrtm_carrier_data;
+
+// An array of vectors in the caller's memory. Start from vrtm_array_out_init(). It need not be aligned; bytes that
+// the stride skips are left unchanged.
+typedef struct vrtm_array_out {
+    // sizeof(vrtm_array_out); set by vrtm_array_out_init().
+    uint32_t struct_size;
+    // VRTM_SCALAR_F32 (0, the default) or VRTM_SCALAR_F64.
+    vrtm_scalar format;
+    // Where to write the first component of the first element.
+    void *data;
+    // Number of elements: vrtm_carrier_data.points.
+    size_t count;
+    // Bytes from one element to the next; 0 = tightly packed. At least the size of an element.
+    size_t stride;
+} vrtm_array_out;
+
+// Where to write carried points; null arrays are skipped. Elements of different arrays may be interleaved. Start from
+// vrtm_carried_init().
+typedef struct vrtm_carried {
+    // sizeof(vrtm_carried); set by vrtm_carried_init().
+    uint32_t struct_size;
+    // Positions in the pose, 3 components.
+    const vrtm_array_out *positions;
+    // Rotations of the frames at rest: quaternions x, y, z, w, 4 components.
+    const vrtm_array_out *rotations;
+    // Instead of `rotations`: matrices row by row, 9 components.
+    const vrtm_array_out *matrices;
+    // The stretch of the surface under what is painted that is left, as two factors, the larger first: 2 components.
+    const vrtm_array_out *stretch;
+    // Where the surface has the texture of each point, with the tile's place added: 2 components.
+    const vrtm_array_out *uvs;
+} vrtm_carried;
+
+// Binds points to the rest surface of an asset, for what is geometry on it and not painted: studs, scales, spikes,
+// hair roots, decals. Curves and detail meshes are points, whose connectivity the host keeps.
+//
+// A carrier follows the solves that come after it was created. A point painted at UV p is where the texture at p is
+// shown: at f(W(p)), exactly on the triangle there, f being the surface in the pose and W the warp. Its rotation is
+// that of the tangents of f o W from rest to the pose, and its height is kept along the normal. With
+// VRTM_FIT_FEATURE, points where the rigidity is over 0.75 move with their feature, a connected region with a
+// rigidity over 0.5, as one rigid body, beyond seams as well; between 0.5 and 0.75 they are blended to the surface.
+// Points that cannot be bound are counted in vrtm_carrier_data, and move with the skin alone.
+//
+// The caller destroys `*carrier`. It keeps the data that it needs alive, including the mesh and the last result, and
+// may be used after the asset is destroyed. Never busy.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field and the index, for arrays of
+// different counts, values that are not finite, corners that are not of one face, or if `desc` or `carrier` is null;
+// VRTM_ERROR_OUT_OF_MEMORY.
+VRTM_API
+vrtm_status vrtm_carrier_create(vrtm_asset asset,
+                                const vrtm_carrier_desc *desc,
+                                vrtm_carrier *carrier);
+
+// Gets the sizes of a carrier, the points that could not be bound, and what the last fetch found. Never busy.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+VRTM_API
+vrtm_status vrtm_carrier_info(vrtm_carrier carrier,
+                              vrtm_carrier_data *data);
+
+// Carries the points into the pose of the asset's last solve, and writes what `carried` asks for. The result depends
+// on that solve and on the carrier alone. Never busy: it reads the last good result, even during a solve.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve after vrtm_carrier_create: poses
+// from before are not kept; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `carried` is null, a count is not the
+// number of points, or elements overlap; VRTM_ERROR_OUT_OF_MEMORY, VRTM_ERROR_DEVICE_LOST. On any error nothing is
+// written.
+VRTM_API
+vrtm_status vrtm_carrier_fetch(vrtm_carrier carrier,
+                               const vrtm_carried *carried);
+
+// Writes how each point is bound, one of VRTM_POINT_, to `count` elements, as many as there are points. Never busy.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `states` is null or `count` is not the number of
+// points.
+VRTM_API
+vrtm_status vrtm_carrier_fetch_states(vrtm_carrier carrier,
+                                      vrtm_point_state *states,
+                                      size_t count);
+
+// Destroys a carrier. Calls that are using it run to their end; the memory is freed afterwards.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
+VRTM_API vrtm_status vrtm_carrier_destroy(vrtm_carrier carrier);
+
 /* ---- Initialisers: set struct_size and nonzero defaults; all else is zero ---- */
 
 #define VRTM_DEFINE_INIT_WITH_(type, defaults) \
@@ -2010,6 +2210,10 @@ VRTM_DEFINE_INIT_(vrtm_tile_report_data)
 VRTM_DEFINE_INIT_(vrtm_asset_report_data)
 VRTM_DEFINE_INIT_(vrtm_refinement_data)
 VRTM_DEFINE_INIT_(vrtm_refinement_pattern)
+VRTM_DEFINE_INIT_(vrtm_carrier_desc)
+VRTM_DEFINE_INIT_(vrtm_carrier_data)
+VRTM_DEFINE_INIT_(vrtm_array_out)
+VRTM_DEFINE_INIT_(vrtm_carried)
 
 #undef VRTM_DEFINE_INIT_
 #undef VRTM_DEFINE_INIT_WITH_

@@ -32,8 +32,8 @@ pub struct CarrierSettings<'a> {
     pub by: Bind<'a>,
     /// The height of each point above the surface, along its normal; one component.
     pub heights: Option<Strided<'a>>,
-    /// The frame of each point at rest, which the rotations then begin from: a quaternion x, y, z, w, or 9 components, a matrix
-    /// row by row.
+    /// The frame of each point at rest, which the rotations then begin from: a quaternion x, y, z, w, or 9 components,
+    /// a matrix row by row.
     pub frames: Option<Strided<'a>>,
     /// Per point, the number of a piece that is one rigid body; `u32::MAX` = no piece. Pieces come before features.
     pub pieces: Option<&'a [u32]>,
@@ -57,7 +57,8 @@ pub struct CarrierInfo {
     pub far: u64,
     /// Features that points moved with in the last fetch.
     pub features: u64,
-    /// The largest distance by which the rim of one of these features left the surface in the last fetch, lifted off or cut in.
+    /// The largest distance by which the rim of one of these features left the surface in the last fetch, lifted off
+    /// or cut in.
     pub rim: f64,
     /// Bytes held by the carrier, excluding the mesh and the results.
     pub bytes: u64,
@@ -80,21 +81,29 @@ pub struct Carried<'a> {
 
 /// Points bound to the rest surface of an asset, which go with it into each pose that is solved from then on.
 ///
-/// A point painted at UV p is on the surface where the texture at p is shown: at f(W(p)), exactly on the triangle there. Its
-/// rotation is that of the tangents of f ∘ W from rest to pose, and its height is kept along the normal. Points of a rigid
-/// feature move as one body. It keeps the mesh and the results that it needs alive: it may be used while the asset exists and
-/// after it is dropped.
+/// A point painted at UV p is on the surface where the texture at p is shown: at f(W(p)), exactly on the triangle
+/// there. Its rotation is that of the tangents of f ∘ W from rest to pose, and its height is kept along the normal.
+/// Points of a rigid feature move as one body. It keeps the mesh and the results that it needs alive: it may be used
+/// while the asset exists and after it is dropped.
 ///
 /// # Example
 ///
 /// ```
-/// # use vrtm::{Asset, Bind, Carried, CarrierSettings, Device, DeviceSettings, Fit, MeshSource, SolveOptions, Strided, StridedMut, UvSource};
+/// # use vrtm::{
+/// #     Asset, Bind, Carried, CarrierSettings, Device, DeviceSettings, MeshSource, SolveOptions, Strided, StridedMut,
+/// #     UvSource,
+/// # };
 /// # fn main() -> vrtm::Result<()> {
 /// let rest = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 /// let uvs = rest.map(|[x, y, _]: [f32; 3]| [x, y]);
 /// # let device = Device::new(&DeviceSettings::default())?;
-/// # let uvs = UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() };
-/// # let source = MeshSource { positions: Strided::from_f32x3(&rest), face_counts: Some(&[4]), indices: &[0, 1, 2, 3], uvs, ..MeshSource::default() };
+/// # let source = MeshSource {
+/// #     positions: Strided::from_f32x3(&rest),
+/// #     face_counts: Some(&[4]),
+/// #     indices: &[0, 1, 2, 3],
+/// #     uvs: UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() },
+/// #     ..MeshSource::default()
+/// # };
 /// let mut asset = Asset::new(&device, &source)?;
 /// // A spike of height 0.1 in the middle.
 /// let carrier = asset.carrier(&CarrierSettings {
@@ -222,8 +231,8 @@ impl Results {
     /// Binds points to the rest surface. Nothing is kept of the arrays given.
     ///
     /// # Errors
-    /// `InvalidArgument` naming the array, and the index, for a wrong count or a value that is not finite, corners that are not of
-    /// one face, and an unknown UV set; `OutOfMemory`.
+    /// `InvalidArgument` naming the array, and the index, for a wrong count or a value that is not finite, corners
+    /// that are not of one face, and an unknown UV set; `OutOfMemory`.
     pub fn carrier(&self, settings: &CarrierSettings) -> Result<Carrier> {
         let mesh = self.mesh();
         mesh.check_uv_set(settings.uv_set)?;
@@ -296,12 +305,13 @@ impl Carrier {
         &self.binding.states
     }
 
-    /// Carries the points into the pose of the asset's last solve, and writes what is asked for. The bits do not depend on the
-    /// number of threads.
+    /// Carries the points into the pose of the asset's last solve, and writes what is asked for. The bits do not
+    /// depend on the number of threads.
     ///
     /// # Errors
-    /// `NotSolved` before the first solve after the carrier was made, which is the first one to keep its pose; `InvalidArgument`
-    /// if an array has another number of elements or components; `OutOfMemory`, `DeviceLost`. Nothing is written then.
+    /// `NotSolved` before the first solve after the carrier was made, which is the first one to keep its pose;
+    /// `InvalidArgument` if an array has another number of elements or components; `OutOfMemory`, `DeviceLost`.
+    /// Nothing is written then.
     pub fn fetch(&self, out: &Carried) -> Result<()> {
         let arrays = [
             ("positions", &out.positions, &[3][..]),

@@ -128,6 +128,11 @@ fn refinements() {
 }
 
 #[test]
+fn carriers() {
+    run_host("carry.c", 45);
+}
+
+#[test]
 fn deformer() {
     run_host("deformer.cpp", 15);
 }

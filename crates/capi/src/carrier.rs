@@ -15,13 +15,14 @@ use vrtm_core::view::{Scalar, Strided, StridedMut};
 
 /// What says where the points of a carrier are.
 pub type vrtm_bind = i32;
-/// `uvs`, among all tiles of the UV set, and `layers`; the default. A point less than 1.5e-5 beside a chart is put on its border.
+/// `uvs`, among all tiles of the UV set, and `layers`; the default. A point less than 1.5e-5 beside a chart is put on
+/// its border.
 pub const VRTM_BIND_UV: vrtm_bind = 0;
-/// `corners`, three of one face for each point, and `weights`. For a triangle these are its three corners and barycentric
-/// coordinates; for a polygon any three, such as those of the host's own triangle.
+/// `corners`, three of one face for each point, and `weights`. For a triangle these are its three corners and
+/// barycentric coordinates; for a polygon any three, such as those of the host's own triangle.
 pub const VRTM_BIND_CORNERS: vrtm_bind = 1;
-/// `positions`: the nearest point of the surface at rest. What is left of the distance is kept in the point's frame, so that a
-/// detail mesh keeps its form.
+/// `positions`: the nearest point of the surface at rest. What is left of the distance is kept in the point's frame,
+/// so that a detail mesh keeps its form.
 pub const VRTM_BIND_NEAREST: vrtm_bind = 2;
 
 choice! {
@@ -30,12 +31,13 @@ choice! {
 
 choice! {
     STATES: vrtm_point_state of PointState {
-        VRTM_POINT_BOUND = 0: Bound, VRTM_POINT_OUTSIDE = 1: Outside, VRTM_POINT_FOLDED = 2: Folded, VRTM_POINT_FAR = 3: Far,
+        VRTM_POINT_BOUND = 0: Bound, VRTM_POINT_OUTSIDE = 1: Outside,
+        VRTM_POINT_FOLDED = 2: Folded, VRTM_POINT_FAR = 3: Far,
     }
 }
 
-/// The points of a carrier. Start from vrtm_carrier_desc_init(). All arrays have an element for each point, and are copied
-/// before the call returns; those that `bind` does not name are ignored.
+/// The points of a carrier. Start from vrtm_carrier_desc_init(). All arrays have an element for each point, and are
+/// copied before the call returns; those that `bind` does not name are ignored.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_carrier_desc {
@@ -49,7 +51,8 @@ pub struct vrtm_carrier_desc {
     pub fit: vrtm_fit,
     /// VRTM_BIND_UV: UVs, 2 components, with the tile's place added, as those of the mesh.
     pub uvs: *const vrtm_array,
-    /// VRTM_BIND_UV: the layer of each point (vrtm_mesh_desc.max_layers); null = the first layer that has a chart there.
+    /// VRTM_BIND_UV: the layer of each point (vrtm_mesh_desc.max_layers); null = the first layer that has a chart
+    /// there.
     pub layers: *const u32,
     /// VRTM_BIND_CORNERS: three corners of one face for each point, as corners of the mesh are counted.
     pub corners: *const u32,
@@ -59,19 +62,19 @@ pub struct vrtm_carrier_desc {
     pub positions: *const vrtm_array,
     /// VRTM_BIND_NEAREST: the largest distance from the surface; 0 = any.
     pub farthest: f64,
-    /// The height of each point above the surface, along its normal, 1 component; null = 0. The normal is that on whose side the
-    /// corners of faces go round against the clock.
+    /// The height of each point above the surface, along its normal, 1 component; null = 0. The normal is that on
+    /// whose side the corners of faces go round against the clock.
     pub heights: *const vrtm_array,
-    /// The frame of each point at rest, from which its rotations begin: quaternions x, y, z, w, 4 components; null = the axes of
-    /// the mesh.
+    /// The frame of each point at rest, from which its rotations begin: quaternions x, y, z, w, 4 components; null =
+    /// the axes of the mesh.
     pub frames: *const vrtm_array,
     /// Instead of `frames`: matrices row by row, 9 components. Null = absent.
     pub matrices: *const vrtm_array,
-    /// For hosts that know their pieces: the number of the piece that a point belongs to, which moves as one rigid body;
-    /// UINT32_MAX = none. Null = no pieces. A piece whose points lie on a line is none.
+    /// For hosts that know their pieces: the number of the piece that a point belongs to, which moves as one rigid
+    /// body; UINT32_MAX = none. Null = no pieces. A piece whose points lie on a line is none.
     pub pieces: *const u32,
-    /// The height up to which a point of a rigid body is blended from the surface (at height 0) to that body; 0 (the default) =
-    /// not at all.
+    /// The height up to which a point of a rigid body is blended from the surface (at height 0) to that body; 0 (the
+    /// default) = not at all.
     pub skirt: f64,
 }
 
@@ -81,8 +84,8 @@ mirror! {
     }
 }
 
-/// An array of vectors in the caller's memory. Start from vrtm_array_out_init(). It need not be aligned; bytes that the stride
-/// skips are left unchanged.
+/// An array of vectors in the caller's memory. Start from vrtm_array_out_init(). It need not be aligned; bytes that
+/// the stride skips are left unchanged.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_array_out {
@@ -150,21 +153,21 @@ unsafe fn optional<'a>(
     (!array.is_null()).then(|| unsafe { strided(array, components, name) }).transpose()
 }
 
-/// Binds points to the rest surface of an asset, for what is geometry on it and not painted: studs, scales, spikes, hair roots,
-/// decals. Curves and detail meshes are points, whose connectivity the host keeps.
+/// Binds points to the rest surface of an asset, for what is geometry on it and not painted: studs, scales, spikes,
+/// hair roots, decals. Curves and detail meshes are points, whose connectivity the host keeps.
 ///
-/// A carrier follows the solves that come after it was created. A point painted at UV p is where the texture at p is shown: at
-/// f(W(p)), exactly on the triangle there, f being the surface in the pose and W the warp. Its rotation is that of the tangents of
-/// f o W from rest to the pose, and its height is kept along the normal. With VRTM_FIT_FEATURE, points where the rigidity is over
-/// 0.75 move with their feature, a connected region with a rigidity over 0.5, as one rigid body, beyond seams as well; between
-/// 0.5 and 0.75 they are blended to the surface. Points that cannot be bound are counted in vrtm_carrier_data, and move with the
-/// skin alone.
+/// A carrier follows the solves that come after it was created. A point painted at UV p is where the texture at p is
+/// shown: at f(W(p)), exactly on the triangle there, f being the surface in the pose and W the warp. Its rotation is
+/// that of the tangents of f o W from rest to the pose, and its height is kept along the normal. With
+/// VRTM_FIT_FEATURE, points where the rigidity is over 0.75 move with their feature, a connected region with a
+/// rigidity over 0.5, as one rigid body, beyond seams as well; between 0.5 and 0.75 they are blended to the surface.
+/// Points that cannot be bound are counted in vrtm_carrier_data, and move with the skin alone.
 ///
-/// The caller destroys `*carrier`. It keeps the data that it needs alive, including the mesh and the last result, and may be used
-/// after the asset is destroyed. Never busy.
+/// The caller destroys `*carrier`. It keeps the data that it needs alive, including the mesh and the last result, and
+/// may be used after the asset is destroyed. Never busy.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field and the index, for arrays of different
-/// counts, values that are not finite, corners that are not of one face, or if `desc` or `carrier` is null;
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field and the index, for arrays of
+/// different counts, values that are not finite, corners that are not of one face, or if `desc` or `carrier` is null;
 /// VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_carrier_create(
@@ -236,12 +239,13 @@ pub unsafe extern "C" fn vrtm_carrier_info(
     })
 }
 
-/// Carries the points into the pose of the asset's last solve, and writes what `carried` asks for. The result depends on that
-/// solve and on the carrier alone. Never busy: it reads the last good result, even during a solve.
+/// Carries the points into the pose of the asset's last solve, and writes what `carried` asks for. The result depends
+/// on that solve and on the carrier alone. Never busy: it reads the last good result, even during a solve.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve after vrtm_carrier_create: poses from before
-/// are not kept; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `carried` is null, a count is not the number of points, or
-/// elements overlap; VRTM_ERROR_OUT_OF_MEMORY, VRTM_ERROR_DEVICE_LOST. On any error nothing is written.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve after vrtm_carrier_create: poses
+/// from before are not kept; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `carried` is null, a count is not the
+/// number of points, or elements overlap; VRTM_ERROR_OUT_OF_MEMORY, VRTM_ERROR_DEVICE_LOST. On any error nothing is
+/// written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_carrier_fetch(
     carrier: vrtm_carrier,
@@ -270,7 +274,8 @@ pub unsafe extern "C" fn vrtm_carrier_fetch(
 
 /// Writes how each point is bound, one of VRTM_POINT_, to `count` elements, as many as there are points. Never busy.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `states` is null or `count` is not the number of points.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `states` is null or `count` is not the number of
+/// points.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_carrier_fetch_states(
     carrier: vrtm_carrier,

@@ -64,8 +64,8 @@ pub struct vrtm_refinement {
     pub id: u64,
 }
 
-/// A carrier: points bound to an asset's rest surface, which its solves move along. Created by vrtm_carrier_create, destroyed by
-/// vrtm_carrier_destroy. Zero = no carrier.
+/// A carrier: points bound to an asset's rest surface, which its solves move along. Created by vrtm_carrier_create,
+/// destroyed by vrtm_carrier_destroy. Zero = no carrier.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct vrtm_carrier {

@@ -12,7 +12,8 @@ use vrtm_core::view::Strided;
 use crate::nearest::{Nearest, weighed};
 use crate::surface::{clamped, weights as barycentric};
 
-/// A UV this far beside a chart still lies on its border: a quarter of a texel of 16384, and more than the rounding of f32.
+/// A UV this far beside a chart still lies on its border: a quarter of a texel of 16384, and more than the rounding of
+/// f32.
 const BESIDE: f64 = 1.5e-5;
 
 /// What says where points are.
@@ -30,6 +31,7 @@ pub enum Bind<'a> {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u32)]
 pub enum PointState {
+    /// It stands on a chart.
     #[default]
     Bound = 0,
     /// No chart is there.
@@ -208,7 +210,8 @@ impl Binding {
     /// Binds points to the rest surface of a UV set; `heights` are above it.
     ///
     /// # Errors
-    /// `InvalidArgument` with the index of a point whose corners are not three of one face, or whose weights add up to nothing.
+    /// `InvalidArgument` with the index of a point whose corners are not three of one face, or whose weights add up to
+    /// nothing.
     pub fn new(
         team: &Team,
         mesh: &Mesh,

@@ -182,7 +182,8 @@ impl<'a> Carriage<'a> {
         OnSkin::new(place, [du.x * a + du.y * b, dv.x * a + dv.y * b], inverse, uv)
     }
 
-    /// A point in the pose. Without `on_surface`, stretch and UV of a point that moves with its body alone are left out.
+    /// A point in the pose. Without `on_surface`, stretch and UV of a point that moves with its body alone are left
+    /// out.
     pub fn carry(&self, k: usize, on_surface: bool) -> Carried {
         let point = &self.course.points[k];
         let offset = DVec3::from(point.offset.map(f64::from));

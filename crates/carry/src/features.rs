@@ -1,4 +1,5 @@
-//! Features: connected rigid regions of the surface, over all tiles of a UV set and beyond seams, by the nodes of the grids.
+//! Features: connected rigid regions of the surface, over all tiles of a UV set and beyond seams, by the nodes of the
+//! grids.
 
 use glam::{DVec2, DVec3};
 
@@ -146,7 +147,8 @@ impl<'a> Features<'a> {
         }
     }
 
-    /// Joins what faces each other across seams: two sides of triangles with the same two vertices, which no third one has.
+    /// Joins what faces each other across seams: two sides of triangles with the same two vertices, which no third one
+    /// has.
     fn join_seams(&mut self, mesh: &Mesh, tiles: &[Tile]) {
         /// A side without a neighbour: its vertices, tile, triangle and corner.
         type Side = ([u32; 2], u32, u32, u8);
@@ -205,8 +207,9 @@ impl<'a> Features<'a> {
         best.map(|(_, rigid)| rigid)
     }
 
-    /// The feature at a point of a triangle, as the number of one of its nodes, and how far the point moves with it: from 0 where
-    /// features end to 1. Beside a chart there are no nodes, so that the mean is one of those that there are.
+    /// The feature at a point of a triangle, as the number of one of its nodes, and how far the point moves with it:
+    /// from 0 where features end to 1. Beside a chart there are no nodes, so that the mean is one of those that there
+    /// are.
     pub fn at(&self, tile: u32, triangle: u32, uv: DVec2) -> Option<(u32, f32)> {
         let nodes = self.nodes[tile as usize].as_ref()?;
         let surface = self.surfaces[tile as usize].as_ref()?;
@@ -227,8 +230,8 @@ impl<'a> Features<'a> {
         (part > 0.0).then_some((feature, part))
     }
 
-    /// Numbers the features that are `used`, given by one of their nodes, and replaces these by the numbers. Returns the nodes by
-    /// which they move, those of each feature in a row, and where each row ends.
+    /// Numbers the features that are `used`, given by one of their nodes, and replaces these by the numbers. Returns
+    /// the nodes by which they move, those of each feature in a row, and where each row ends.
     pub fn of_use(
         mut self,
         tiles: &[Tile],

@@ -1,5 +1,5 @@
-//! Frames of tangent maps, quaternions (x, y, z, w), and the rigid motion that fits points best. Of f64, by + - * / and square
-//! roots alone, so that the bits are the same on any machine.
+//! Frames of tangent maps, quaternions (x, y, z, w), and the rigid motion that fits points best. Of f64, by + - * /
+//! and square roots alone, so that the bits are the same on any machine.
 
 use glam::{DMat3, DQuat, DVec3};
 
@@ -15,8 +15,8 @@ pub struct Frame {
 const FLAT: f64 = 1e-24;
 
 /// The polar decomposition of two tangents. With n their normal, the rotation takes the first axis to the direction of
-/// a - n x b: of all rotations within the plane, that one maximises the trace of its product with the tangents. Tangents
-/// without a plane get one that is continued from the longer of them.
+/// a - n x b: of all rotations within the plane, that one maximises the trace of its product with the tangents.
+/// Tangents without a plane get one that is continued from the longer of them.
 pub fn polar(a: DVec3, b: DVec3) -> Frame {
     let (aa, bb) = (a.length_squared(), b.length_squared());
     let cross = a.cross(b);
@@ -94,9 +94,9 @@ impl Motion {
         self.to + self.matrix * (point - self.from)
     }
 
-    /// The motion that takes points nearest to others, in the sense of least squares: of (weight, from, to). A rotation by
-    /// Horn's quaternion, never a reflection. `None` if points, or where they go, lie on a line: nothing then says how they
-    /// turn about it.
+    /// The motion that takes points nearest to others, in the sense of least squares: of (weight, from, to). A
+    /// rotation by Horn's quaternion, never a reflection. `None` if points, or where they go, lie on a line: nothing
+    /// then says how they turn about it.
     pub fn fit(points: impl Iterator<Item = (f64, DVec3, DVec3)> + Clone) -> Option<Motion> {
         let (mut sum, mut p, mut q) = (0.0, DVec3::ZERO, DVec3::ZERO);
         // Differences from the first point: what is far from the origin loses nothing.

@@ -1,6 +1,6 @@
-//! Carriers: points that are bound to the rest surface of an asset, and ride on it in any pose, under the warp, those of rigid
-//! features as one body each. [`Binding`] binds them, [`Course`] finds where they stand on the tiles of a result, and
-//! [`Carriage`] carries them into a pose.
+//! Carriers: points that are bound to the rest surface of an asset, and ride on it in any pose, under the warp, those
+//! of rigid features as one body each. [`Binding`] binds them, [`Course`] finds where they stand on the tiles of a
+//! result, and [`Carriage`] carries them into a pose.
 
 #![allow(missing_docs, reason = "for the crates of vrtm alone")]
 // Allocations sized by user input must be fallible: clippy.toml lists the infallible ones.

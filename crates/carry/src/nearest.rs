@@ -1,4 +1,5 @@
-//! The nearest of many triangles to a point, by a tree of boxes. Of several triangles at the same distance it is the first.
+//! The nearest of many triangles to a point, by a tree of boxes. Of several triangles at the same distance it is the
+//! first.
 
 use glam::DVec3;
 
@@ -122,7 +123,8 @@ fn distance2(node: &Node, to: DVec3) -> f64 {
     (to - to.max(node.low).min(node.high)).length_squared()
 }
 
-/// The barycentric coordinates of the point of a triangle that is nearest to another: in its inside, on a side, or a corner.
+/// The barycentric coordinates of the point of a triangle that is nearest to another: in its inside, on a side, or a
+/// corner.
 fn nearest_weights(&[a, b, c]: &[DVec3; 3], to: DVec3) -> [f64; 3] {
     // 0 for a side without a length.
     let share = |part: f64, whole: f64| if whole > 0.0 { part / whole } else { 0.0 };

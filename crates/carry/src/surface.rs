@@ -1,5 +1,5 @@
-//! The surface of a tile as carriers see it: f on the triangle under any UV, and its tangents as means at vertices, which
-//! have no jumps at the sides of triangles.
+//! The surface of a tile as carriers see it: f on the triangle under any UV, and its tangents as means at vertices,
+//! which have no jumps at the sides of triangles.
 
 use glam::{DVec2, DVec3};
 
@@ -28,8 +28,8 @@ struct Triangle {
 pub struct Spot {
     pub triangle: u32,
     pub weights: [f64; 3],
-    /// False if the point of the UV plane is outside, as far as neighbours lead; the weights are then those of the nearest
-    /// place by clamping.
+    /// False if the point of the UV plane is outside, as far as neighbours lead; the weights are then those of the
+    /// nearest place by clamping.
     pub is_inside: bool,
 }
 
@@ -91,8 +91,8 @@ impl Surface {
 
     /// The places of the vertices of the wanted charts.
     ///
-    /// A vertex has the mean of the tangents of its triangles, weighted by their areas in UV: the sum of products of edges, which
-    /// needs no division by the area of a sliver, and is linear in the positions.
+    /// A vertex has the mean of the tangents of its triangles, weighted by their areas in UV: the sum of products of
+    /// edges, which needs no division by the area of a sliver, and is linear in the positions.
     pub fn posed(
         &self,
         team: &Team,
@@ -144,8 +144,8 @@ impl Surface {
         Spot { triangle, weights, is_inside: weights.iter().all(|&weight| weight >= -SLACK) }
     }
 
-    /// Walks from a triangle to the one under a point of the UV plane: always over the side that the point is farthest beyond, of
-    /// those with a neighbour. Ends at the last triangle if there is none.
+    /// Walks from a triangle to the one under a point of the UV plane: always over the side that the point is farthest
+    /// beyond, of those with a neighbour. Ends at the last triangle if there is none.
     pub fn walk(&self, from: u32, uv: DVec2) -> Spot {
         let mut spot = self.spot(from, uv);
         for _ in 0..MOST_STEPS {

@@ -197,8 +197,8 @@ fn an_inflated_sphere() {
     };
     let [coarse, fine] = [of_side(24), of_side(48)];
     println!("sphere: 24 {coarse:?}, 48 {fine:?}");
-    // Frames and stretch are exact, as the pose is a multiple of the rest; positions have the sagitta, and h times the error of
-    // the normal.
+    // Frames and stretch are exact, as the pose is a multiple of the rest; positions have the sagitta, and h times the
+    // error of the normal.
     assert!(fine[1] < 1e-6 && fine[2] < 1e-5 && fine[0] < 2e-4, "{fine:?}");
     assert!(fine[0] < 0.35 * coarse[0], "{coarse:?} {fine:?}");
 }

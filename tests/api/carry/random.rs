@@ -1,5 +1,5 @@
-//! Random sheets, poses, maps and points against a checker that shares no code with the library: it reads the warp as an image,
-//! looks triangles up one by one, and knows of features only that they are rigid.
+//! Random sheets, poses, maps and points against a checker that shares no code with the library: it reads the warp as
+//! an image, looks triangles up one by one, and knows of features only that they are rigid.
 
 use super::sheet::{All, Layout, P2, P3, Sheet, by_uv, disc, distance, fetch, solve, turned, uv};
 use vrtm::{FetchKind, Fit, ImageViewMut, Seams, TileSettings};
@@ -163,7 +163,8 @@ impl Warp {
     }
 }
 
-/// The place of a UV of a chart in the pose, by the triangle of the sheet that contains it best, and how deep it lies in it.
+/// The place of a UV of a chart in the pose, by the triangle of the sheet that contains it best, and how deep it lies
+/// in it.
 fn under(sheet: &Sheet, pose: &[P3], at: P2, right: bool) -> (P3, f64) {
     let mut best = ([0.0; 3], f64::NEG_INFINITY);
     for face in 0..sheet.indices.len() / 4 {

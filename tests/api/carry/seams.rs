@@ -1,4 +1,5 @@
-//! What is carried coincides with what is painted, found by inverting the map: also beside seams, in layers, in a second UV set.
+//! What is carried coincides with what is painted, found by inverting the map: also beside seams, in layers, in a
+//! second UV set.
 
 use super::sheet::{
     Layout, P2, P3, Sheet, by_uv, disc, distance, fetch, lattice, map, on_chart, parameter, solve, uv,
@@ -14,8 +15,8 @@ fn pulled([x, y]: P2) -> P3 {
     [s.sin(), y * (1.0 + 0.2 * x), 1.0 - s.cos()]
 }
 
-/// Binds points at what the map shows at the centres of texels, and compares where they are carried with the places of these
-/// texels on the sheet in the pose. Returns the number of points, and the errors in cells, ascending.
+/// Binds points at what the map shows at the centres of texels, and compares where they are carried with the places of
+/// these texels on the sheet in the pose. Returns the number of points, and the errors in cells, ascending.
 fn rims(layout: Layout, seams: Seams, tile: usize, copy: usize) -> Vec<f64> {
     let sheet = Sheet::new(24, layout, |[x, y]| [x, y, 0.0]);
     let settings = TileSettings { seams, seam_reach: 0.125, ..TileSettings::default() };
@@ -88,7 +89,8 @@ fn painted_rims_coincide() {
 #[test]
 fn painted_rims_coincide_beyond_seams() {
     let errors = rims(Layout::Cut, Seams::Continue, 0, 0);
-    // Where the gutter is too narrow for a redirection, and where the blend had to stop, the two charts' maps themselves differ.
+    // Where the gutter is too narrow for a redirection, and where the blend had to stop, the two charts' maps
+    // themselves differ.
     let apart = errors.iter().filter(|error| **error > 0.05).count();
     assert!(1000 * apart < 5 * errors.len() && errors[errors.len() - 1] < 0.5, "{apart}");
 }

@@ -1,4 +1,5 @@
-//! A sheet of squares over the unit square of parameters, as one chart or cut into two, and what is exactly known of it.
+//! A sheet of squares over the unit square of parameters, as one chart or cut into two, and what is exactly known of
+//! it.
 
 use vrtm::{
     Asset, Backend, Bind, Carried, Carrier, CarrierSettings, Device, DeviceSettings, FetchKind, Fit,

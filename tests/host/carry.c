@@ -1,0 +1,160 @@
+/*
+ * Carriers through the C API: points with rows of their own stride, what they keep alive, and wrong arguments.
+ */
+
+#include "check.h"
+
+static sheet s;
+static double pose[VERTICES][4];
+
+/* A point of a host's: everything that is carried, interleaved. */
+typedef struct point {
+    double position[3];
+    float rotation[4];
+    float stretch[2];
+    float uv[2];
+    float own;
+} point;
+
+enum { POINTS = 25 };
+
+static point points[POINTS];
+static float uvs[POINTS][2];
+
+static vrtm_array_out rows(void *first, vrtm_scalar format)
+{
+    vrtm_array_out out = vrtm_array_out_init();
+    out.data = first;
+    out.format = format;
+    out.count = POINTS;
+    out.stride = sizeof(point);
+    return out;
+}
+
+/* All arrays of the points. */
+typedef struct request {
+    vrtm_array_out positions, rotations, stretch, uvs;
+    vrtm_carried carried;
+} request;
+
+static void ask(request *r)
+{
+    r->positions = rows(points[0].position, VRTM_SCALAR_F64);
+    r->rotations = rows(points[0].rotation, VRTM_SCALAR_F32);
+    r->stretch = rows(points[0].stretch, VRTM_SCALAR_F32);
+    r->uvs = rows(points[0].uv, VRTM_SCALAR_F32);
+    r->carried = vrtm_carried_init();
+    r->carried.positions = &r->positions;
+    r->carried.rotations = &r->rotations;
+    r->carried.stretch = &r->stretch;
+    r->carried.uvs = &r->uvs;
+}
+
+static void wrong_arguments(vrtm_asset asset, vrtm_carrier carrier)
+{
+    const vrtm_status bad = VRTM_ERROR_INVALID_ARGUMENT;
+    vrtm_carrier made = {7}, none = {0};
+    vrtm_carrier_desc desc = vrtm_carrier_desc_init();
+    vrtm_carrier_data data = vrtm_carrier_data_init();
+    vrtm_point_state states[POINTS];
+    vrtm_array at = vrtm_array_init();
+    request r;
+    at.data = uvs, at.count = POINTS;
+    fails("no desc", vrtm_carrier_create(asset, NULL, &made), bad, "desc is null");
+    fails("no place", vrtm_carrier_create(asset, &desc, NULL), bad, "carrier is null");
+    fails("no UVs", vrtm_carrier_create(asset, &desc, &made), bad, "desc.uvs is null");
+    desc.uvs = &at, desc.bind = 3;
+    fails("no such way", vrtm_carrier_create(asset, &desc, &made), bad, "desc.bind is 3");
+    desc.bind = VRTM_BIND_CORNERS;
+    fails("no weights", vrtm_carrier_create(asset, &desc, &made), bad, "desc.weights is null");
+    desc.bind = VRTM_BIND_NEAREST;
+    fails("no positions", vrtm_carrier_create(asset, &desc, &made), bad, "desc.positions is null");
+    desc.bind = VRTM_BIND_UV, desc.fit = 9;
+    fails("no such fit", vrtm_carrier_create(asset, &desc, &made), bad, "desc.fit is 9");
+    desc.fit = 0, desc.skirt = NAN;
+    fails("no skirt", vrtm_carrier_create(asset, &desc, &made), bad, "skirt");
+    desc.skirt = 0, desc.uv_set = 1;
+    fails("no such UV set", vrtm_carrier_create(asset, &desc, &made), bad, "uv_set: 1");
+    desc.uv_set = 0, desc.frames = &at, desc.matrices = &at;
+    fails("two frames", vrtm_carrier_create(asset, &desc, &made), bad, "desc.frames");
+    desc.frames = NULL, desc.matrices = NULL, at.count = 0;
+    fails("no points", vrtm_carrier_create(asset, &desc, &made), bad, "desc.uvs.count is 0");
+    at.count = POINTS, at.stride = 4;
+    fails("a short stride", vrtm_carrier_create(asset, &desc, &made), bad, "desc.uvs.stride");
+    check_that(made.id == 7, "nothing is written", "");
+    made.id = asset.id;
+    fails("zero", vrtm_carrier_info(none, &data), VRTM_ERROR_INVALID_HANDLE, "carrier: the handle is zero");
+    fails("another kind", vrtm_carrier_fetch(made, &r.carried), VRTM_ERROR_INVALID_HANDLE, "is no living carrier");
+    fails("end it", vrtm_carrier_destroy(made), VRTM_ERROR_INVALID_HANDLE, "carrier");
+    fails("no data", vrtm_carrier_info(carrier, NULL), bad, "data is null");
+    fails("no states", vrtm_carrier_fetch_states(carrier, NULL, POINTS), bad, "states is null");
+    fails("too few", vrtm_carrier_fetch_states(carrier, states, 3), bad, "count is 3");
+    fails("nothing to write to", vrtm_carrier_fetch(carrier, NULL), bad, "carried is null");
+    ask(&r), r.positions.count = 3;
+    fails("too short", vrtm_carrier_fetch(carrier, &r.carried), bad, "carried.positions.count is 3");
+    ask(&r), r.stretch.data = points[0].rotation + 2;
+    fails("they overlap", vrtm_carrier_fetch(carrier, &r.carried), bad, "carried.rotations and carried.stretch");
+    ask(&r), r.carried.matrices = &r.rotations;
+    fails("two rotations", vrtm_carrier_fetch(carrier, &r.carried), bad, "carried.matrices");
+    ask(&r), r.uvs.format = 5;
+    fails("no such format", vrtm_carrier_fetch(carrier, &r.carried), bad, "carried.uvs.format is 5");
+    ask(&r), r.uvs.data = NULL;
+    fails("no memory", vrtm_carrier_fetch(carrier, &r.carried), bad, "carried.uvs.data is null");
+}
+
+int main(void)
+{
+    vrtm_device device;
+    vrtm_asset asset;
+    vrtm_tile tile;
+    vrtm_carrier carrier;
+    sheet_desc d;
+    request r;
+    vrtm_point_state states[POINTS];
+    vrtm_carrier_data data = vrtm_carrier_data_init();
+    vrtm_carrier_desc desc = vrtm_carrier_desc_init();
+    vrtm_array at = vrtm_array_init(), posed = vrtm_array_init();
+    sheet_make(&s);
+    sheet_pose(&s, 3, pose);
+    sheet_describe(&s, &d);
+    succeeds("a device", vrtm_device_create(NULL, &device));
+    succeeds("an asset", vrtm_asset_create(device, &d.mesh, &asset));
+    succeeds("its tile", vrtm_asset_find_tile(asset, 1001, &tile));
+    const vrtm_image rigidity = sheet_rigidity(&s);
+    succeeds("its rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
+    for (int k = 0; k < POINTS; ++k) {
+        uvs[k][0] = 0.3F + 0.1F * (float)(k % 5);
+        uvs[k][1] = 0.3F + 0.1F * (float)(k / 5);
+        points[k].own = 7;
+    }
+    at.data = uvs, at.count = POINTS;
+    desc.uvs = &at;
+    succeeds("a carrier", vrtm_carrier_create(asset, &desc, &carrier));
+    succeeds("states", vrtm_carrier_fetch_states(carrier, states, POINTS));
+    check_that(states[0] == VRTM_POINT_BOUND && states[24] == VRTM_POINT_BOUND, "are bound", "");
+    wrong_arguments(asset, carrier);
+    ask(&r);
+    fails("no solve yet", vrtm_carrier_fetch(carrier, &r.carried), VRTM_ERROR_NOT_SOLVED, "");
+    posed.data = s.points, posed.format = VRTM_SCALAR_F64, posed.count = VERTICES, posed.stride = sizeof s.points[0];
+    succeeds("rest", vrtm_asset_solve(asset, &posed, NULL));
+    succeeds("fetch", vrtm_carrier_fetch(carrier, &r.carried));
+    int good = 1;
+    for (int k = 0; k < POINTS; ++k) {
+        const point *p = &points[k];
+        good = good && fabsf(p->rotation[3]) > 0.999999F && fabsf(p->stretch[0] - 1) < 1e-5F && p->own == 7 &&
+               p->uv[0] == uvs[k][0] && p->uv[1] == uvs[k][1];
+    }
+    check_that(good, "nothing turns, stretches or moves at rest", "");
+    const point before = points[12];
+    posed.data = pose;
+    succeeds("a pose", vrtm_asset_solve(asset, &posed, NULL));
+    succeeds("the asset goes", vrtm_asset_destroy(asset));
+    succeeds("fetch again", vrtm_carrier_fetch(carrier, &r.carried));
+    check_that(memcmp(before.position, points[12].position, sizeof before.position) != 0, "it has moved", "");
+    succeeds("info", vrtm_carrier_info(carrier, &data));
+    check_that(data.points == POINTS && data.outside == 0 && data.bytes > 0, "of all points", "");
+    succeeds("the carrier goes", vrtm_carrier_destroy(carrier));
+    fails("twice", vrtm_carrier_destroy(carrier), VRTM_ERROR_INVALID_HANDLE, "is no living carrier");
+    succeeds("the device goes", vrtm_device_destroy(device));
+    return finish();
+}
