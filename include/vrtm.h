@@ -2067,7 +2067,7 @@ typedef struct vrtm_carrier_data {
     // Points on triangles whose UVs are turned over within their chart; they move with the skin as well.
     uint64_t folded;
     // Points farther from the surface than the largest distance; they move with the skin as well.
-    uint64_t far;
+    uint64_t too_far;
     // Features that points moved with in the last fetch.
     uint64_t features;
     // The largest distance by which the rim of one of these features left the surface in the last fetch, lifted off or

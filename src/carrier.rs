@@ -54,7 +54,7 @@ pub struct CarrierInfo {
     /// Points on triangles whose UVs are turned over within their chart; they move with the skin as well.
     pub folded: u64,
     /// Points farther from the surface than the largest distance; they move with the skin as well.
-    pub far: u64,
+    pub too_far: u64,
     /// Features that points moved with in the last fetch.
     pub features: u64,
     /// The largest distance by which the rim of one of these features left the surface in the last fetch, lifted off
@@ -253,7 +253,7 @@ impl Results {
                 points: count as u64,
                 outside: of(PointState::Outside),
                 folded: of(PointState::Folded),
-                far: of(PointState::Far),
+                too_far: of(PointState::Far),
                 bytes: bytes as u64,
                 ..CarrierInfo::default()
             };

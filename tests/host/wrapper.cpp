@@ -722,10 +722,10 @@ void carriers(const vrtm::Device &device)
     const vrtm::Array of_corners(weights, 1);
     works("corners", asset.carrier(vrtm::CarrierDesc().at_corners({corners, 3}, of_corners)));
     const vrtm::Array places(points[0], 2, sizeof points[0]);
-    const vrtm::Carrier near = *asset.carrier(vrtm::CarrierDesc().at_nearest(places, 0.5));
+    const vrtm::Carrier other_one = *asset.carrier(vrtm::CarrierDesc().at_nearest(places, 0.5));
     asset.reset();
     const vrtm::Carrier moved(std::move(carrier));
-    check_that(!carrier && moved.info()->points == 2 && near, "it goes on without the asset", "");
+    check_that(!carrier && moved.info()->points == 2 && other_one, "it goes on without the asset", "");
     refuses("no points", ready(device).carrier(vrtm::CarrierDesc()), vrtm::Code::invalid_argument, "uvs");
 }
 

@@ -80,7 +80,7 @@ pub struct vrtm_carrier_desc {
 
 mirror! {
     report vrtm_carrier_data of r: CarrierInfo {
-        ms: f32, points: u64, outside: u64, folded: u64, far: u64, features: u64, rim: f64, bytes: u64,
+        ms: f32, points: u64, outside: u64, folded: u64, too_far: u64, features: u64, rim: f64, bytes: u64,
     }
 }
 

@@ -347,7 +347,7 @@ fn what_cannot_be_bound_keeps_the_motion_of_the_skin() {
     let far =
         Bind::Nearest { positions: Strided::from_f64x3(std::slice::from_ref(&at)), farthest: Some(0.1) };
     let far = asset.carrier(&CarrierSettings::new(far)).unwrap();
-    assert_eq!((far.states(), far.info().far), (&[PointState::Far][..], 1));
+    assert_eq!((far.states(), far.info().too_far), (&[PointState::Far][..], 1));
     let outside = by_uv(&asset, &[[0.99, 0.5], [7.3, 0.2], [-1.0, 4.0]], None, Fit::Feature, 0);
     assert_eq!(outside.info().outside, 3);
     solve(&mut asset, &sheet.pose(|p| rigid(bulge(p))));
