@@ -243,7 +243,7 @@ class Asset:
         fit: Fit = "feature",
         skirt: float = 0,
     ) -> Carrier:
-        """Binds points to the rest surface: studs, scales, hair roots, the vertices of detail meshes. They are where the
+        """Binds points to the rest surface: studs, scales, hair roots, vertices of detail meshes. They are where the
         texture at `uvs` is shown, (points, 2), in `layers`; or at `weights` of three `corners` of a face, (points, 3)
         both; or at the nearest point to `positions`, (points, 3), up to a distance of `farthest` (0 = any).
 
@@ -259,7 +259,7 @@ class Asset:
         return Carrier(self._handle, points, settings | {"uv_set": uv_set, "fit": fit, "skirt": skirt})
 
     def close(self) -> None:
-        """Ends the asset and all of its tiles, and cancels a solve in progress. Refinements and carriers stay usable."""
+        """Ends the asset and its tiles, and cancels a solve in progress. Refinements and carriers stay usable."""
         self._end()
 
     @property

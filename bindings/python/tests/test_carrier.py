@@ -1,0 +1,71 @@
+"""Carried points against what they must be."""
+
+import numpy as np
+import pytest
+
+import vrtm
+
+GRID = [(x, y) for x in (0.2, 0.4, 0.6) for y in (0.3, 0.5, 0.7)]
+
+
+def test_points_go_with_the_surface(asset, model):
+    with asset.carrier(GRID, heights=np.full(9, 0.1), fit="surface") as carrier:
+        assert len(carrier) == 9 and not carrier.states().any()
+        with pytest.raises(vrtm.NotSolvedError):
+            carrier.fetch()
+        asset.solve(model.rest)
+        rest = carrier.fetch("positions", "rotations", "matrices", "stretch", "uvs", dtype=np.float64)
+        assert np.allclose(rest.uvs, GRID, atol=1e-6) and np.allclose(rest.stretch, 1, atol=1e-5)
+        assert np.allclose(rest.matrices, np.eye(3), atol=1e-6) and np.allclose(np.abs(rest.rotations[:, 3]), 1)
+        asset.solve(model.rest + [3, 2, 1])
+        assert np.allclose(carrier.fetch().positions, rest.positions + [3, 2, 1], atol=1e-5)
+        asset.close()
+        assert carrier.info.points == 9
+
+
+def test_the_ways_to_bind_agree(asset, model):
+    corners = np.arange(12).reshape(4, 3)
+    weights = np.full((4, 3), 1 / 3)
+    # A row of the sheet's own faces: the first three corners of each.
+    wide = model.faces.shape[1]
+    corners = np.arange(4)[:, None] * wide + np.arange(3)
+    vertices = model.faces.reshape(-1)[corners]
+    points = model.rest[vertices].mean(1)
+    uvs = model.uvs[vertices].mean(1)
+    carriers = [
+        asset.carrier(uvs, fit="surface"),
+        asset.carrier(corners=corners, weights=weights, fit="surface"),
+        asset.carrier(positions=points, farthest=1, fit="surface"),
+    ]
+    asset.solve(model.pose)
+    found = [carrier.fetch().positions for carrier in carriers]
+    assert np.allclose(found[0], found[1], atol=1e-5) and np.allclose(found[0], found[2], atol=1e-5)
+
+
+def test_frames_pieces_and_arrays_of_the_caller(asset, model):
+    quaternion = np.tile([0.6, 0, 0, 0.8], (9, 1))
+    turned = np.tile([[1, 0, 0], [0, 0.28, -0.96], [0, 0.96, 0.28]], (9, 1, 1))
+    pieces = [0, 0, 0, 0, 1, 1, 1, 1, -1]
+    carriers = [asset.carrier(GRID, frames=frames, pieces=pieces) for frames in (quaternion, turned)]
+    asset.solve(model.pose)
+    rows = np.full((9, 8), 7, np.float32)
+    first, second = (carrier.fetch("rotations", out={"rotations": rows[:, 2:6]}).rotations for carrier in carriers)
+    assert np.allclose(np.abs((first * second).sum(1)), 1, atol=1e-5)
+    assert (rows[:, :2] == 7).all() and (rows[:, 6:] == 7).all()
+
+
+def test_what_is_wrong_is_named(asset):
+    for arguments, words in (
+        ({}, "one of uvs, corners and positions"),
+        ({"uvs": GRID, "positions": GRID}, "one of uvs"),
+        ({"uvs": GRID, "weights": GRID}, "weights: does not go with uvs"),
+        ({"corners": [[0, 1, 2]]}, "weights: missing"),
+        ({"uvs": GRID, "pieces": [1]}, "pieces: has 1 elements"),
+        ({"uvs": GRID, "fit": "best"}, "fit: 'best'"),
+        ({"uvs": GRID, "heights": [1, 2]}, "heights: 2 elements"),
+        ({"corners": [[0, 1, 9]], "weights": [[1, 1, 1]]}, "not three corners of one face"),
+    ):
+        with pytest.raises((ValueError, vrtm.InvalidArgumentError), match=words):
+            asset.carrier(**arguments)
+    with pytest.raises(ValueError, match="'places' is none of"):
+        asset.carrier(GRID).fetch("places")
