@@ -17,14 +17,14 @@ def test_points_go_with_the_surface(asset, model):
         rest = carrier.fetch("positions", "rotations", "matrices", "stretch", "uvs", dtype=np.float64)
         assert np.allclose(rest.uvs, GRID, atol=1e-6) and np.allclose(rest.stretch, 1, atol=1e-5)
         assert np.allclose(rest.matrices, np.eye(3), atol=1e-6) and np.allclose(np.abs(rest.rotations[:, 3]), 1)
-        asset.solve(model.rest + [3, 2, 1])
-        assert np.allclose(carrier.fetch().positions, rest.positions + [3, 2, 1], atol=1e-5)
+        step = np.array([3, 2, 1])
+        asset.solve(model.rest + step)
+        assert np.allclose(carrier.fetch().positions, rest.positions + step, atol=1e-5)
         asset.close()
         assert carrier.info.points == 9
 
 
 def test_the_ways_to_bind_agree(asset, model):
-    corners = np.arange(12).reshape(4, 3)
     weights = np.full((4, 3), 1 / 3)
     # A row of the sheet's own faces: the first three corners of each.
     wide = model.faces.shape[1]
