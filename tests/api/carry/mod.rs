@@ -369,3 +369,42 @@ fn the_bits_do_not_depend_on_threads() {
     let one = of(1);
     assert!([2, 5].into_iter().all(|threads| of(threads) == one));
 }
+
+/// Poses in steps of 0.5 % of a motion give second differences within the bars for warps.
+#[test]
+fn carried_points_are_smooth_in_the_pose() {
+    let sheet = Sheet::new(20, Layout::Whole, bulge);
+    let spots = |[x, y]: P2| disc([0.5, 0.5], 0.3)([(5.0 * x).fract(), (5.0 * y).fract()]);
+    let mut asset = sheet.asset(2, 128, spots, TileSettings::default());
+    let points = lattice(20);
+    let heights = vec![0.02; points.len()];
+    let carriers = [Fit::Feature, Fit::Surface]
+        .map(|fit| by_uv(&asset, &uvs(Layout::Whole, &points), Some(&heights), fit, 0));
+    let mut frames: [Vec<sheet::All>; 2] = Default::default();
+    for k in 0..12 {
+        let t = 0.5 + 0.005 * f64::from(k);
+        let pose = sheet.pose(|p| {
+            let (a, b) = (bulge(p), warped(p));
+            std::array::from_fn(|c| a[c] + t * (b[c] - a[c]))
+        });
+        solve(&mut asset, &pose);
+        frames.iter_mut().zip(&carriers).for_each(|(frames, carrier)| frames.push(fetch(carrier)));
+    }
+    let cell = 1.0 / (0.9 * 128.0);
+    for (frames, name) in frames.iter().zip(["feature", "surface"]) {
+        let (mut squares, mut turns, mut jumps, mut count) = (0.0f64, 0.0f64, 0, 0);
+        for three in frames.windows(3) {
+            for k in 0..points.len() {
+                let second =
+                    |of: &dyn Fn(&sheet::All) -> f64| of(&three[0]) - 2.0 * of(&three[1]) + of(&three[2]);
+                let square: f64 = (0..3).map(|c| second(&|all| all.positions[k][c]).powi(2)).sum();
+                turns += (0..9).map(|c| second(&|all| all.rotations[k][c]).powi(2)).sum::<f64>();
+                (squares, count) = (squares + square / (cell * cell), count + 1);
+                jumps += usize::from(square.sqrt() > 0.1 * cell);
+            }
+        }
+        let [rms, turn] = [squares, turns].map(|sum| (sum / f64::from(count)).sqrt());
+        println!("{name}: second differences {rms:e} cells, {turn:e} of rotations, {jumps} of {count} jumps");
+        assert!(rms < 0.01 && turn < 2e-3 && 1000 * jumps <= count as usize, "{name}: {rms} {turn} {jumps}");
+    }
+}
