@@ -2,7 +2,6 @@
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
-use std::time::Instant;
 
 use crate::asset::Asset;
 use crate::asset::derived::Same;
@@ -11,6 +10,7 @@ use crate::device::Booked;
 use crate::solved::Solved;
 use vrtm_carry::{Bind, Binding, Carriage, Course, Fit, Parts, Pieces, PointState, Tile, matrix};
 use vrtm_core::allocation::Vec;
+use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::Grid;
 use vrtm_core::mesh::TileMesh;
@@ -23,12 +23,12 @@ const CHUNK: usize = 1024;
 /// Bytes per node of a grid while its features are found: coverage, maps, numbers.
 const BYTES_PER_NODE: u64 = 32;
 
-/// Which points are bound, and how they move.
+/// Points to bind, and the way they move.
 #[derive(Clone, Copy, Debug)]
 pub struct CarrierSettings<'a> {
     /// The UV set whose tiles carry the points.
     pub uv_set: u32,
-    /// Where the points are.
+    /// Places of the points.
     pub by: Bind<'a>,
     /// The height of each point above the surface, along its normal; one component.
     pub heights: Option<Strided<'a>>,
@@ -37,7 +37,7 @@ pub struct CarrierSettings<'a> {
     pub frames: Option<Strided<'a>>,
     /// Per point, the number of a piece that is one rigid body; `u32::MAX` = no piece. Pieces come before features.
     pub pieces: Option<&'a [u32]>,
-    /// What moves as one body.
+    /// Rule for points that move as one body.
     pub fit: Fit,
     /// The height up to which a point of a rigid body is blended from the surface to that body; 0 = not at all.
     pub skirt: f64,
@@ -66,7 +66,7 @@ pub struct CarrierInfo {
     pub ms: f32,
 }
 
-/// Where to write carried points; each array has an element for each point.
+/// Destinations of carried points; each array has an element for each point.
 #[derive(Debug, Default)]
 pub struct Carried<'a> {
     /// Positions in the pose; 3 components.
@@ -75,7 +75,7 @@ pub struct Carried<'a> {
     pub rotations: Option<StridedMut<'a>>,
     /// The stretch of the surface under what is painted that is left, as two factors, the larger first; 2 components.
     pub stretch: Option<StridedMut<'a>>,
-    /// Where the surface has the texture of each point, with the tile's offset; 2 components.
+    /// Redirected UV of each point, with the tile's offset; 2 components.
     pub uvs: Option<StridedMut<'a>>,
 }
 
@@ -144,7 +144,7 @@ impl Drop for Counted {
     }
 }
 
-/// What a course follows from: per tile, how it hangs together, with collars or not, and its grid.
+/// Key of a course: per tile, its connectivity, with collars or not, and its grid.
 type Key = Vec<Option<(Same<TileMesh>, Option<Same<TileMesh>>, Same<Grid>)>>;
 
 /// A course with its key.
@@ -299,7 +299,7 @@ impl Carrier {
         }
     }
 
-    /// How each point is bound.
+    /// Binding of each point.
     #[must_use]
     pub fn states(&self) -> &[PointState] {
         &self.binding.states

@@ -61,7 +61,7 @@ pub(crate) struct Last {
     pub pose: Option<Arc<KeptPose>>,
 }
 
-/// What carriers need of a solve besides its results.
+/// Inputs of carriers from a solve, besides its results.
 #[derive(Debug)]
 pub(crate) struct KeptPose {
     pub positions: Packed,

@@ -13,7 +13,7 @@ use super::types::{VRTM_SCALAR_F32, VRTM_SCALAR_F64, strided, vrtm_array, vrtm_s
 use vrtm::{Bind, Carried, Carrier, CarrierInfo, CarrierSettings, Fit, PointState};
 use vrtm_core::view::{Scalar, Strided, StridedMut};
 
-/// What says where the points of a carrier are.
+/// Kind of place by which the points of a carrier are given.
 pub type vrtm_bind = i32;
 /// `uvs`, among all tiles of the UV set, and `layers`; the default. A point less than 1.5e-5 beside a chart is put on
 /// its border.
@@ -93,7 +93,7 @@ pub struct vrtm_array_out {
     pub struct_size: u32,
     /// VRTM_SCALAR_F32 (0, the default) or VRTM_SCALAR_F64.
     pub format: vrtm_scalar,
-    /// Where to write the first component of the first element.
+    /// Address of the first component of the first element.
     pub data: *mut c_void,
     /// Number of elements: vrtm_carrier_data.points.
     pub count: usize,
@@ -101,8 +101,8 @@ pub struct vrtm_array_out {
     pub stride: usize,
 }
 
-/// Where to write carried points; null arrays are skipped. Elements of different arrays may be interleaved. Start from
-/// vrtm_carried_init().
+/// Destinations of carried points; null arrays are skipped. Elements of different arrays may be interleaved.
+/// Start from vrtm_carried_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_carried {
@@ -116,7 +116,7 @@ pub struct vrtm_carried {
     pub matrices: *const vrtm_array_out,
     /// The stretch of the surface under what is painted that is left, as two factors, the larger first: 2 components.
     pub stretch: *const vrtm_array_out,
-    /// Where the surface has the texture of each point, with the tile's place added: 2 components.
+    /// Redirected UV of each point, with the tile's place added: 2 components.
     pub uvs: *const vrtm_array_out,
 }
 

@@ -16,7 +16,7 @@ use crate::surface::{clamped, weights as barycentric};
 /// f32.
 const BESIDE: f64 = 1.5e-5;
 
-/// What says where points are.
+/// Kind of place by which points are given.
 #[derive(Clone, Copy, Debug)]
 pub enum Bind<'a> {
     /// UVs among all tiles of the set, and each point's layer; without layers, the first layer that has a chart there.
@@ -27,7 +27,7 @@ pub enum Bind<'a> {
     Nearest { positions: Strided<'a>, farthest: Option<f64> },
 }
 
-/// How a point is bound.
+/// Binding of a point.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u32)]
 pub enum PointState {

@@ -13,15 +13,15 @@ use crate::frame::{Frame, Motion, blended, polar, product, quaternion};
 use crate::surface::{Place, Posed, uv_of};
 use crate::tile::Tile;
 
-/// Where a point has gone.
+/// A carried point in the pose.
 #[derive(Clone, Copy, Debug)]
 pub struct Carried {
     pub position: DVec3,
     /// From the host's frame at rest, or from rest.
     pub rotation: DQuat,
-    /// What is left of the stretch of the surface: the larger singular value first.
+    /// Stretch of the surface that is left: the larger singular value first.
     pub stretch: [f64; 2],
-    /// Where the surface has the texture of the point, among all tiles.
+    /// Redirected UV of the point, among all tiles.
     pub uv: DVec2,
 }
 
@@ -42,7 +42,7 @@ impl OnSkin {
     }
 }
 
-/// What carries points into a pose.
+/// Carries points into a pose.
 pub struct Carriage<'a> {
     mesh: &'a Mesh,
     tiles: &'a [Tile<'a>],

@@ -13,7 +13,7 @@ use crate::frame::{polar, product, quaternion};
 use crate::surface::{Place, Posed, Surface};
 use crate::tile::{Mean, Tile};
 
-/// How points move.
+/// Motion of points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Fit {
     /// Points of rigid features as one body each, all others with the skin under the warp.
@@ -52,7 +52,7 @@ pub(crate) struct Body {
     pub host: [f32; 4],
     /// `NONE` if it belongs to a piece alone.
     pub feature: u32,
-    /// How far the point moves with its feature.
+    /// Share of its feature's motion in the point's, 0..1.
     pub part: f32,
 }
 

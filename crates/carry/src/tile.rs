@@ -60,8 +60,8 @@ impl<'a> Tile<'a> {
         DVec2::new(u[s].into(), v[s].into())
     }
 
-    /// How the displacement at a UV of a chart follows from those of nodes. Where charts share texels that the first
-    /// face owns, another chart may move there.
+    /// Weights of the nodes' displacements at a UV of a chart. Where charts share texels that the first face
+    /// owns, another chart may move there.
     pub fn mean(&self, chart: u32, uv: DVec2) -> Mean {
         let cells = self.cells().map(|n| n as f64);
         let at = uv * DVec2::from(cells);
