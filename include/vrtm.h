@@ -1972,7 +1972,7 @@ VRTM_API vrtm_status vrtm_refinement_destroy(vrtm_refinement refinement);
 
 /* ---- Carriers ---- */
 
-// What says where the points of a carrier are.
+// Kind of place by which the points of a carrier are given.
 typedef int32_t vrtm_bind;
 
 // `uvs`, among all tiles of the UV set, and `layers`; the default. A point less than 1.5e-5 beside a chart is put on
@@ -1987,7 +1987,7 @@ typedef int32_t vrtm_bind;
 // so that a detail mesh keeps its form.
 #define VRTM_BIND_NEAREST 2
 
-// How points move.
+// Motion of points.
 typedef int32_t vrtm_fit;
 
 // Points of rigid features as one body each, all others with the skin under the warp. The default.
@@ -1999,7 +1999,7 @@ typedef int32_t vrtm_fit;
 // All points with the skin alone, as if nothing were redirected.
 #define VRTM_FIT_NONE 2
 
-// How a point is bound.
+// Binding of a point.
 typedef int32_t vrtm_point_state;
 
 // It stands on a chart. The default.
@@ -2084,7 +2084,7 @@ typedef struct vrtm_array_out {
     uint32_t struct_size;
     // VRTM_SCALAR_F32 (0, the default) or VRTM_SCALAR_F64.
     vrtm_scalar format;
-    // Where to write the first component of the first element.
+    // Address of the first component of the first element.
     void *data;
     // Number of elements: vrtm_carrier_data.points.
     size_t count;
@@ -2092,8 +2092,8 @@ typedef struct vrtm_array_out {
     size_t stride;
 } vrtm_array_out;
 
-// Where to write carried points; null arrays are skipped. Elements of different arrays may be interleaved. Start from
-// vrtm_carried_init().
+// Destinations of carried points; null arrays are skipped. Elements of different arrays may be interleaved.
+// Start from vrtm_carried_init().
 typedef struct vrtm_carried {
     // sizeof(vrtm_carried); set by vrtm_carried_init().
     uint32_t struct_size;
@@ -2105,7 +2105,7 @@ typedef struct vrtm_carried {
     const vrtm_array_out *matrices;
     // The stretch of the surface under what is painted that is left, as two factors, the larger first: 2 components.
     const vrtm_array_out *stretch;
-    // Where the surface has the texture of each point, with the tile's place added: 2 components.
+    // Redirected UV of each point, with the tile's place added: 2 components.
     const vrtm_array_out *uvs;
 } vrtm_carried;
 
