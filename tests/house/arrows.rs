@@ -186,6 +186,20 @@ fn module<'a>(own: &str, path: &str, modules: &'a BTreeMap<String, PathBuf>) -> 
     (1..=at.len()).rev().find_map(known).map(|(name, _)| name)
 }
 
+/// std's clock panics in browsers.
+#[test]
+fn the_clock_alone_asks_std_for_the_time() {
+    let mut files = Vec::new();
+    crates().iter().for_each(|root| sources(root, &mut files));
+    let asks = |path: &PathBuf| {
+        let code = code(path);
+        // In one path or in a list of imports.
+        code.contains("time::Instant") || code.contains("time::{") && code.contains("Instant}")
+    };
+    let found: Vec<&PathBuf> = files.iter().filter(|path| asks(path)).collect();
+    assert!(found.len() == 1 && found[0].ends_with("core/src/clock.rs"), "{found:?}");
+}
+
 #[test]
 fn no_files_import_one_another_in_a_circle() {
     let (mut files, mut count, mut circles) = (0, 0, Vec::new());
