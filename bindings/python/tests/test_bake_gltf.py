@@ -119,6 +119,18 @@ def test_weights_drive_positions_and_uvs_together(baked: Path) -> None:
     assert positions <= 5e-4 * 2.2, "of the size of two sheets"
     assert told["error_between"] <= SIZE * max(BOUND / SIZE, 1 / 2048) * 1.001
     assert told["triangles"] > told["mesh_triangles"]
+    most = 0
+    for row in weights:
+        count = 0
+        for primitive in glb.json["meshes"][0]["primitives"]:
+            corners = glb.accessor(primitive["indices"]).reshape(-1, 3)
+            signs = []
+            for posed in (np.zeros(len(row)), row):
+                uvs = glb.posed(primitive, posed)["TEXCOORD_0"][corners]
+                signs.append(np.sign(np.linalg.det(uvs[:, 1:] - uvs[:, :1])))
+            count += int((signs[0] * signs[1] < 0).sum())
+        most = max(most, count)
+    assert most == told["folds"] == 0
 
 
 def test_controls_are_targets_of_their_own_names(tmp_path: Path) -> None:

@@ -74,6 +74,7 @@ def write(
     made, all_weights = morphs(names, weights, moved, shifted, _SHAPE * size)
     total = np.einsum("fm,mvc->fvc", all_weights, np.stack([morph.uvs for morph in made])) if made else 0 * shifted
     off = np.linalg.norm(total - shifted, axis=-1).max(axis=1, initial=0) * settings.texture_size
+    turned = _areas(own + total, triangles) * _areas(own, triangles) < 0
     of_tile = {1001 + u + 10 * v: (tiles == (u, v)).all(axis=1) for u, v in np.unique(tiles, axis=0).tolist()}
     content = glb(
         mesh.shape.name,
@@ -95,7 +96,15 @@ def write(
         "error": float(off.max(initial=0)),
         "worst": frames[int(off.argmax())],
         "error_between": between * settings.texture_size,
+        "folds": int(turned.sum(axis=1).max(initial=0)),
     }
+
+
+def _areas(uvs: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(..., triangles): twice the areas, with their signs."""
+    a, b, c = (uvs[..., triangles[:, k], :] for k in range(3))
+    one, other = b - a, c - a
+    return one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
 
 
 def _rate(fps: float | str | None) -> float:
