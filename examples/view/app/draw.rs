@@ -63,9 +63,9 @@ impl App {
         self.trace.widget("view", area, scale);
         let pane = self.look.pane(area, 0);
         let aspect = pane.width() / pane.height();
-        if std::mem::take(&mut open.frames) {
-            let keys = open.model.sample();
-            open.orbit.frame(keys.iter(), aspect);
+        if open.framed.is_none_or(|(orbit, of)| orbit == open.orbit && of != aspect) {
+            open.orbit.frame(open.model.sample().iter(), aspect);
+            open.framed = Some((open.orbit, aspect));
         }
         let camera = open.orbit.camera(aspect);
         let painting = if recording {

@@ -51,8 +51,8 @@ pub struct Open {
     inputs: Vec<PathBuf>,
     line: Timeline,
     orbit: Orbit,
-    /// Whether the mesh is to fill its pane as soon as the pane's shape is known.
-    frames: bool,
+    /// How the mesh was last made to fill its pane, and the pane's shape: until the user moves, it follows that shape.
+    framed: Option<(Orbit, f32)>,
     /// The first edit that belongs to it: earlier answers are of another mesh.
     first: u64,
 }
@@ -190,10 +190,10 @@ impl App {
         if self.settings.overlaps.layers() != self.told.overlaps.layers() {
             self.told.overlaps = self.settings.overlaps;
             let (files, line) = (open.model.files.clone(), open.line.clone());
-            let orbit = open.orbit;
+            let view = (open.orbit, open.framed);
             self.open_files(&files);
             if let Some(open) = &mut self.open {
-                (open.line, open.orbit, open.frames) = (line, orbit, false);
+                (open.line, (open.orbit, open.framed)) = (line, view);
             }
             return;
         }
@@ -234,12 +234,12 @@ impl App {
             (Some(Wish::Path(path)), _) => self.open_path(path),
             (Some(Wish::Ask(ask)), _) => self.asked = Some(ask),
             (Some(Wish::Frame(side)), Some(open)) => {
-                open.frames = true;
+                open.framed = None;
                 if let Some(side) = side {
                     open.orbit.look_from(side);
                 }
             }
-            (Some(Wish::Up(z_up)), Some(open)) => (open.orbit.z_up, open.frames) = (z_up, true),
+            (Some(Wish::Up(z_up)), Some(open)) => (open.orbit.z_up, open.framed) = (z_up, None),
             _ => {}
         }
     }

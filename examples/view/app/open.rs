@@ -80,7 +80,7 @@ impl App {
         self.open = Some(Open {
             line,
             orbit: Orbit::of(&model.rest, model.centre, model.radius),
-            frames: true,
+            framed: None,
             first: self.flow.edit,
             painter,
             scene,
