@@ -109,8 +109,8 @@ class Carrier:
     def fetch(
         self, *names: str, dtype: DTypeLike = np.float32, out: dict[str, NDArray[np.floating[Any]]] | None = None
     ) -> Carried:
-        """Carries the points into the pose of the asset's last solve. `names`: what is wanted of positions, rotations,
-        matrices, stretch and uvs; by default positions and rotations. Arrays in `out`, by these names, are written
+        """Carries the points into the pose of the asset's last solve. `names`: what is wanted of positions, rotations
+        or matrices, stretch and uvs; by default positions and rotations. Arrays in `out`, by these names, are written
         in place, whatever the distance of their rows. Raises NotSolvedError before the first solve that came after the
         carrier was made."""
         wanted = names or ("positions", "rotations")
