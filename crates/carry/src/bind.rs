@@ -292,7 +292,7 @@ fn check_corners(mesh: &Mesh, corners: &[[u32; 3]], weights: &Strided) -> Result
             )));
         }
         let sum: f64 = (0..3).map(|c| weights.get(k, c)).sum();
-        if !(sum.abs() > 1e-6) {
+        if sum.is_nan() || sum.abs() <= 1e-6 {
             return Err(Error::argument(format!("weights[{k}]: their sum is {sum}")));
         }
         faces.push(face as u32);

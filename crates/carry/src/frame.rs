@@ -166,8 +166,8 @@ fn eigen(mut a: [[f64; 4]; 4]) -> ([f64; 4], [[f64; 4]; 4]) {
         for p in 0..3 {
             for q in p + 1..4 {
                 let (apq, diagonal) = (a[p][q], a[p][p].abs() + a[q][q].abs());
-                // Also for what is not finite.
-                if !(apq.abs() > 1e-17 * diagonal) || !apq.is_finite() || !diagonal.is_finite() {
+                let is_finite = apq.is_finite() && diagonal.is_finite();
+                if !is_finite || apq.abs() <= 1e-17 * diagonal {
                     continue;
                 }
                 is_done = false;
@@ -175,11 +175,12 @@ fn eigen(mut a: [[f64; 4]; 4]) -> ([f64; 4], [[f64; 4]; 4]) {
                 let t = theta.signum() / (theta.abs() + (theta * theta + 1.0).sqrt());
                 let c = 1.0 / (t * t + 1.0).sqrt();
                 let s = t * c;
-                for k in 0..4 {
-                    (a[k][p], a[k][q]) = (c * a[k][p] - s * a[k][q], s * a[k][p] + c * a[k][q]);
+                for row in &mut a {
+                    (row[p], row[q]) = (c * row[p] - s * row[q], s * row[p] + c * row[q]);
                 }
-                for k in 0..4 {
-                    (a[p][k], a[q][k]) = (c * a[p][k] - s * a[q][k], s * a[p][k] + c * a[q][k]);
+                let (upper, lower) = a.split_at_mut(q);
+                for (x, y) in upper[p].iter_mut().zip(&mut lower[0]) {
+                    (*x, *y) = (c * *x - s * *y, s * *x + c * *y);
                 }
                 (a[p][q], a[q][p]) = (0.0, 0.0);
                 for row in &mut v {

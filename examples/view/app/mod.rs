@@ -266,15 +266,15 @@ impl App {
                                 figures::show(ui, answer, history, screen.milliseconds)
                             });
                         }
-                        if look.brush {
-                            if let Some(open) = open {
-                                let textured = open.textures.iter().any(Option::is_some);
-                                let given = textured.then_some(brightness);
-                                wish = section(ui, "Brush", true, |ui| {
-                                    brush::show(ui, brush, given, &open.painter.steps, &mut noted)
-                                })
-                                .flatten();
-                            }
+                        if look.brush
+                            && let Some(open) = open
+                        {
+                            let textured = open.textures.iter().any(Option::is_some);
+                            let given = textured.then_some(brightness);
+                            wish = section(ui, "Brush", true, |ui| {
+                                brush::show(ui, brush, given, &open.painter.steps, &mut noted)
+                            })
+                            .flatten();
                         }
                         dragged |= section(ui, "Solve", true, |ui| settings::show(ui, settings, &mut noted))
                             .unwrap_or(false);

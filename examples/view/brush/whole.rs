@@ -74,7 +74,7 @@ pub fn otsu<'a>(textures: impl Iterator<Item = &'a RgbaImage>) -> f32 {
     // Where nothing lies between both, in the middle of the gap.
     let mut best = (0..256).filter(|&k| all[k] == most);
     let first = best.next().unwrap_or(128);
-    ((first + best.last().unwrap_or(first)) as f32 / 2.0 - 0.5) / 255.0
+    ((first + best.next_back().unwrap_or(first)) as f32 / 2.0 - 0.5) / 255.0
 }
 
 /// Rigid where a texture is brighter than a threshold, or darker; borders are about a texel wide. The first row of the
