@@ -375,8 +375,8 @@ impl Carrier {
         let count = self.binding.points.len();
         let on_surface = out.stretch.is_some() || out.uvs.is_some();
         team.run(count.div_ceil(CHUNK), |chunk| {
-            for k in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
-                let carried = carriage.carry(k, on_surface);
+            for n in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
+                let (k, carried) = carriage.carry(n, out.rotations.is_some(), on_surface);
                 let put = |array: &Option<StridedMut>, values: &[f64]| {
                     if let Some(array) = array {
                         // SAFETY: each point belongs to one item.

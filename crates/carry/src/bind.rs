@@ -69,6 +69,10 @@ pub struct Binding {
     pub points: Vec<Bound>,
     pub states: Vec<PointState>,
     pub skins: Vec<Skin>,
+    /// The points in the order of their triangles, in which they are carried: neighbours share what is read.
+    pub(crate) order: Vec<u32>,
+    /// Per point, its place in that order.
+    pub(crate) place: Vec<u32>,
 }
 
 /// Points that the host says move as one body, by the numbers that it gives them.
@@ -253,6 +257,8 @@ impl Binding {
             points: Vec::with_capacity(hits.len()),
             states: Vec::with_capacity(hits.len()),
             skins: Vec::new(),
+            order: (0..hits.len() as u32).collect(),
+            place: vec![0; hits.len()],
         };
         for (k, hit) in hits.into_iter().enumerate() {
             let height = heights.map_or(0.0, |heights| heights.get(k, 0));
@@ -271,12 +277,19 @@ impl Binding {
             binding.points.push(Bound { tile, triangle, uv: hit.uv - origin, foot: hit.foot, height });
             binding.states.push(state);
         }
+        let Binding { points, order, place, .. } = &mut binding;
+        order.sort_unstable_by_key(|&k| {
+            let point = &points[k as usize];
+            (point.tile, point.triangle, k)
+        });
+        (0..).zip(&*order).for_each(|(n, &k)| place[k as usize] = n);
         Ok(binding)
     }
 
     /// Bytes held.
     pub fn bytes(&self) -> usize {
-        size_of_val(&*self.points) + size_of_val(&*self.states) + size_of_val(&*self.skins)
+        let order = size_of_val(&*self.order) + size_of_val(&*self.place);
+        size_of_val(&*self.points) + size_of_val(&*self.states) + size_of_val(&*self.skins) + order
     }
 }
 

@@ -133,9 +133,10 @@ impl<'a> Carriage<'a> {
         let first = piece.checked_sub(1).map_or(0, |before| pieces.ends[before]) as usize;
         let points = &pieces.points[first..pieces.ends[piece] as usize];
         let of_point = |&k: &u32| {
-            let skin = self.skin(k as usize);
-            let offset = DVec3::from(self.course.points[k as usize].offset.map(f64::from));
-            let body = &self.course.bodies[self.course.points[k as usize].body as usize];
+            let n = self.binding.place[k as usize] as usize;
+            let (skin, point) = (self.skin(n), &self.course.points[n]);
+            let offset = DVec3::from(point.offset.map(f64::from));
+            let body = &self.course.bodies[point.body as usize];
             (1.0, body.rest, skin.place.at + skin.axes * offset)
         };
         let moved: Vec<(f64, DVec3, DVec3)> = points.iter().map(of_point).collect();
@@ -163,9 +164,9 @@ impl<'a> Carriage<'a> {
         (surface.place(&self.posed[k], &spot), uv_of(of.surface(), &spot, uv, origin))
     }
 
-    /// A point as the skin carries it.
-    fn skin(&self, k: usize) -> OnSkin {
-        let point = &self.course.points[k];
+    /// The `n`-th point as the skin carries it.
+    fn skin(&self, n: usize) -> OnSkin {
+        let point = &self.course.points[n];
         let inverse = point.inverse.map(f64::from);
         if point.tile == NONE {
             let place = on_skin(&self.binding.skins[point.triangle as usize], self.position);
@@ -182,19 +183,24 @@ impl<'a> Carriage<'a> {
         OnSkin::new(place, [du.x * a + du.y * b, dv.x * a + dv.y * b], inverse, uv)
     }
 
-    /// A point in the pose. Without `on_surface`, stretch and UV of a point that moves with its body alone are left
-    /// out.
-    pub fn carry(&self, k: usize, on_surface: bool) -> Carried {
-        let point = &self.course.points[k];
+    /// The `n`-th point in the pose, in the order of the binding, and its number. Without `on_surface`, stretch and UV of a
+    /// point that moves with its body alone are left out; without `rotates`, rotations.
+    pub fn carry(&self, n: usize, rotates: bool, on_surface: bool) -> (usize, Carried) {
+        (self.binding.order[n] as usize, self.carried(n, rotates, on_surface))
+    }
+
+    fn carried(&self, n: usize, rotates: bool, on_surface: bool) -> Carried {
+        let point = &self.course.points[n];
         let offset = DVec3::from(point.offset.map(f64::from));
-        let body = self.body(k, offset.z);
+        let body = self.body(n, offset.z);
         if let Some((motion, host, rest, 1.0)) = body.filter(|_| !on_surface) {
             let (position, rotation) = (motion.at(rest), product(motion.rotation, host));
             return Carried { position, rotation, stretch: [0.0; 2], uv: DVec2::ZERO };
         }
-        let OnSkin { place, axes, stretch, uv } = self.skin(k);
+        let OnSkin { place, axes, stretch, uv } = self.skin(n);
         let position = place.at + axes * offset;
-        let rotation = product(quaternion(&axes), DQuat::from_array(point.own.map(f64::from)));
+        let own = |own: [f32; 4]| product(quaternion(&axes), DQuat::from_array(own.map(f64::from)));
+        let rotation = if rotates { own(point.own) } else { DQuat::IDENTITY };
         let Some((motion, host, rest, part)) = body else {
             return Carried { position, rotation, stretch, uv };
         };
@@ -207,9 +213,10 @@ impl<'a> Carriage<'a> {
     }
 
     /// The motion of a point's body, the host's frame and the position at rest, and how far the point moves with it.
-    fn body(&self, k: usize, height: f64) -> Option<(Motion, DQuat, DVec3, f64)> {
-        let body = self.course.bodies.get(self.course.points[k].body as usize)?;
-        let piece = self.pieces.and_then(|pieces| *self.of_pieces.get(pieces.of_point[k] as usize)?);
+    fn body(&self, n: usize, height: f64) -> Option<(Motion, DQuat, DVec3, f64)> {
+        let body = self.course.bodies.get(self.course.points[n].body as usize)?;
+        let number = |pieces: &Pieces| pieces.of_point[self.binding.order[n] as usize];
+        let piece = self.pieces.and_then(|pieces| *self.of_pieces.get(number(pieces) as usize)?);
         let feature =
             || Some((self.features.get(body.feature as usize).copied().flatten()?, f64::from(body.part)));
         let (motion, part) = piece.map(|motion| (motion, 1.0)).or_else(feature)?;

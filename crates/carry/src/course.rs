@@ -59,6 +59,7 @@ pub(crate) struct Body {
 /// The courses of a carrier's points.
 #[derive(Debug)]
 pub struct Course {
+    /// In the binding's order.
     pub(crate) points: Vec<Point>,
     pub(crate) bodies: Vec<Body>,
     /// Per tile; `None` where there are no points and no features of theirs.
@@ -127,7 +128,8 @@ impl Course {
             })
             .collect();
         let features = (fit == Fit::Feature).then(|| Features::new(mesh, tiles, &surfaces));
-        let all = team.map(binding.points.len(), |k| {
+        let all = team.map(binding.points.len(), |n| {
+            let k = binding.order[n] as usize;
             let bound = &binding.points[k];
             let (triangle, mean, place) = match tiles.get(bound.tile as usize) {
                 None => {
@@ -164,8 +166,8 @@ impl Course {
             (point, Body { rest: place.at + axes * offset, host, feature, part })
         });
         let (mut points, mut bodies) = (Vec::with_capacity(all.len()), Vec::new());
-        for (k, (mut point, body)) in all.into_iter().enumerate() {
-            if body.feature != NONE || pieces.is_some_and(|pieces| pieces.has(k)) {
+        for ((mut point, body), &k) in all.into_iter().zip(&binding.order) {
+            if body.feature != NONE || pieces.is_some_and(|pieces| pieces.has(k as usize)) {
                 point.body = bodies.len() as u32;
                 bodies.push(body);
             }
