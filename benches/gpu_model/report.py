@@ -16,7 +16,7 @@ default. A map has as many texels as the grid has cells; its time is that of the
 """
 SIZES = (512, 2048)
 # Scenes with many charts or tiles, which are solved together.
-MESHES, MESH_SIZES = ("mh_face", "ict_inner"), (256, 512)
+MESHES, MESH_SIZES = ("mh_face", "ict_inner"), (256, 512, 1024, 2048)
 
 
 def kernels(all_kernels):
