@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from vrtm._records import about_settings
-from vrtm.bake import basis_arguments, frames
+from vrtm.bake import basis_arguments, carry_arguments, frames
 from vrtm.bake.parsing import (
     LARGEST,
     WELDS,
@@ -44,6 +44,7 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     _borders(parser.add_argument_group("borders"))
     _material(parser.add_argument_group("material"))
     basis_arguments.add(parser.add_argument_group("basis maps"))
+    carry_arguments.add(parser.add_argument_group("geometry on the skin"))
     _layer(parser.add_argument_group("USD layer"))
     _work(parser.add_argument_group("work"))
     _messages(parser.add_argument_group("messages"))
@@ -361,6 +362,7 @@ def _wrong(a: argparse.Namespace) -> dict[str, object]:
         "--only-layer needs --layer": a.only_layer and a.layer is None,
         f"--only-layer and --sheet {both}: a sheet shows a frame that was baked": a.only_layer and a.sheet,
         **basis_arguments.wrong(a),
+        **carry_arguments.wrong(a),
         "--root needs --layer": a.root is not None and not a.layer,
         "--freeze needs --layer": a.freeze is not None and not a.layer,
         f"--freeze {a.freeze}: it is none of --frames {frames.text(a.frames or ())}": a.freeze is not None

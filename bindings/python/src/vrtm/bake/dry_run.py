@@ -34,6 +34,7 @@ def lines(work: Work) -> Iterator[str]:
         yield f"files: {len(names)} below {settings.out}, {there} of which are there: {names[0]} to {names[-1]}"
     for path in layer_file.names(settings) if settings.layer else ():
         yield f"layer: {path}"
+    yield from [f"carried: {settings.carry_file}"] if settings.carry_file else []
     yield from (f"sheet: {path}" for path in work.sheets().values())
     for what in ("root", "report", "log"):
         path = getattr(settings, what)

@@ -14,12 +14,19 @@ Found = TypeVar("Found")
 _KIND, _CONTENT, _MESHES = "vrtm_kind", "vrtm_content", "vrtm_meshes"
 CORNERS = "corners"
 """The kind of files of corner UVs. They are many and large: their content is looked at when they are read."""
+CARRIED = "carried"
+"""The kind of layers with geometry on the skin."""
 
 
 def mark(layer: Sdf.Layer, kind: str, meshes: Sequence[str] = ()) -> None:
     """Marks a layer, whose content must not change afterwards. `meshes`: the paths of those that it redirects."""
     told: dict = {_KIND: kind} if kind == CORNERS else {_KIND: kind, _CONTENT: _content(layer)}
     layer.customLayerData = told | ({_MESHES: Vt.StringArray(list(meshes))} if meshes else {})
+
+
+def is_carried(layer: Sdf.Layer) -> bool:
+    """Whether a layer tells that it moves geometry on the skin."""
+    return layer.customLayerData.get(_KIND) == CARRIED
 
 
 def meshes_of(path: str) -> list[str]:

@@ -54,8 +54,9 @@ def document(
     failure: Failure | None,
     warnings: Sequence[str],
     missing: Sequence[LeftOut],
+    carried: Sequence[dict] = (),
 ) -> dict:
-    """All figures, frames and meshes in order. `missing`: what is not baked."""
+    """All figures, frames and meshes in order. `missing`: what is not baked; `carried`: what each mesh carries."""
     settings = work.settings
     info = work.device.info
     baked = dict(summaries(work.meshes, results))
@@ -87,6 +88,7 @@ def document(
             }
             for result in sorted(results, key=lambda result: (result.frame, result.mesh))
         ],
+        "carried": list(carried),
         "not_baked": [entry.row() for entry in missing],
         "written": sum(result.count("written") for result in results),
         "skipped": sum(result.count("skipped") for result in results),

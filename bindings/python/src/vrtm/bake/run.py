@@ -12,7 +12,7 @@ from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 
-from vrtm.bake import basis_maps, cores, dry_run, layer_file, left_out, remarks, report, sheet, staging
+from vrtm.bake import basis_maps, carry, cores, dry_run, layer_file, left_out, remarks, report, sheet, staging
 from vrtm.bake.console import Console
 from vrtm.bake.failure import DEVICE, DONE, SIGNAL, Failure, describe
 from vrtm.bake.frames import Frame
@@ -79,12 +79,23 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
                 layer_file.check(work)
             if settings.basis:
                 basis_maps.check(work)
-            work.check_files(layer_file.names(settings)[1:] if settings.layer else ())
-            for note in [*remarks.notes(work), *(layer_file.foretell(work) if settings.layer else ())]:
+            carried = carry.Carry(work) if settings.carry_prims else None
+            of_layer = layer_file.names(settings)[1:] if settings.layer else ()
+            work.check_files(of_layer, carried.files if carried else ())
+            for note in [
+                *remarks.notes(work),
+                *(carried.warnings if carried else ()),
+                *(layer_file.foretell(work) if settings.layer else ()),
+            ]:
                 warn(note)
             for line in left_out.lines(left_out.unmeant(work.left_out)):
                 warn(line)
-            for line in (*remarks.facts(work), *remarks.borders(work), *remarks.hints(work)):
+            for line in (
+                *remarks.facts(work),
+                *remarks.borders(work),
+                *remarks.hints(work),
+                *(carried.facts() if carried else ()),
+            ):
                 console.info(line)
             for line in work.told():
                 console.verbose(line)
@@ -95,7 +106,7 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
                     console.info(line)
                 return report.strict(settings, work.left_out)
         results: list[FrameResult] = []
-        basis = basis_maps.Made()
+        basis, riding, is_new = basis_maps.Made(), [], False
         # Better known now than after hours.
         failure = report.strict(settings, work.left_out)
         if failure is None:
@@ -121,6 +132,11 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
                 for line in basis.lines:
                     console.info(line)
                 failure = failure or basis.failure
+            if carried is not None:
+                console.status("carrying what is on the skin")
+                riding, is_new = carried.write(stop.check)
+                for row in riding:
+                    console.info(f"{settings.carry_file}: {carry.line(row)}")
             if settings.layer:
                 console.status(f"writing {settings.layer}")
                 notes, idle = layer_file.write(work)
@@ -140,13 +156,15 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
         seconds = time.perf_counter() - start
         if settings.report is not None:
             try:
-                report.write(settings.report, report.document(work, results, seconds, failure, warnings, missing))
+                report.write(
+                    settings.report, report.document(work, results, seconds, failure, warnings, missing, riding)
+                )
             except Failure as error:
                 if failure is not None:
                     warn(error.message)
                 failure = failure or error
-    written = sum(result.count("written") for result in results) + basis.written
-    skipped = sum(result.count("skipped") for result in results) + basis.skipped
+    written = sum(result.count("written") for result in results) + basis.written + is_new
+    skipped = sum(result.count("skipped") for result in results) + basis.skipped + (bool(riding) and not is_new)
     console.close()
     for _, mesh in summaries(work.meshes, results):
         console.info(mesh.line())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field, fields, replace
 
 import vrtm
@@ -81,6 +82,10 @@ class Settings:
     controls: str | None = None
     held_out: tuple[Frame, ...] | None = None
     texture_size: int = 4096
+    carry: str | None = None
+    carry_prims: tuple[str, ...] = ()
+    carry_farthest: float | None = None
+    carry_fit: vrtm.Fit = "feature"
 
     @property
     def tile_settings(self) -> dict[str, object]:
@@ -99,6 +104,11 @@ class Settings:
         """The files besides those below `out`, by their options."""
         files = {"--layer": self.layer or None, "--root": self.root, "--report": self.report}
         return {option: path for option, path in files.items() if path is not None}
+
+    @property
+    def carry_file(self) -> str | None:
+        """The layer with what is carried."""
+        return os.path.join(self.out, "carried.usdc") if self.carry_prims else None
 
     @property
     def corner_uvs(self) -> bool:

@@ -254,9 +254,9 @@ class Work:
                     if fact in found:
                         yield name, found[fact]
 
-    def check_files(self, of_layer: Sequence[str] = ()) -> None:
+    def check_files(self, of_layer: Sequence[str] = (), of_carry: Sequence[str] = ()) -> None:
         """Raises Conflict if a file cannot be written without the loss of another, Failure if a folder is missing.
-        `of_layer`: what is written beside the layer."""
+        `of_layer`: what is written beside the layer; `of_carry`: what is read for what is carried."""
         settings = self.settings
         # What is there where nothing is gained is removed, or wrong.
         there = [name for _, name in self._idle_names() if os.path.lexists(name)]
@@ -267,8 +267,9 @@ class Work:
             inputs += [(path, f"--{option}") for option, paths in part.maps.items() for path in paths.values()]
             inputs += [(path, "--texture") for _, paths in part.textures for path in paths.values()]
         inputs += [(path, "a file of the scene") for path in self.scene.files]
+        inputs += [(path, "a file of --carry") for path in of_carry]
         # The log is open.
-        further = {"--controls": settings.controls, "--log": settings.log}
+        further = {"--controls": settings.controls, "--carry": settings.carry, "--log": settings.log}
         inputs += [(path, option) for option, path in further.items() if path is not None]
         outputs += [(path, "--layer") for path in of_layer]
         outputs += [(path, option) for option, path in settings.beside.items()]
@@ -291,6 +292,7 @@ class Work:
                 )
 
     def _names(self) -> Iterator[str]:
+        yield from filter(None, [self.settings.carry_file])
         for mesh in self.meshes.values():
             for frame in self.frames:
                 yield from mesh.names(frame, self.pattern)

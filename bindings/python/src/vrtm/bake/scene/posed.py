@@ -57,11 +57,14 @@ class PosedMesh:
 
     def _rest(self) -> tuple[np.ndarray, str]:
         """(points, 3) of the cage at rest, in the space of the poses, and where it is from."""
-        wanted, frame = self._options.rest, self._frames[0]
-        if wanted is not None and wanted.startswith("frame:"):
-            frame = frame_number(wanted)
-        points, rest_from = self._found_rest(wanted)
-        return self._placed(points, frame), rest_from
+        points, rest_from = self._found_rest(self._options.rest)
+        return self._placed(points, self.rest_frame), rest_from
+
+    @property
+    def rest_frame(self) -> float:
+        """The frame whose transforms lie above the rest."""
+        wanted = self._options.rest
+        return frame_number(wanted) if wanted is not None and wanted.startswith("frame:") else self._frames[0]
 
     def _shape(
         self,

@@ -215,6 +215,14 @@ class UsdMesh(PosedMesh):
             prim = prim.GetParent()
         return False
 
+    def to_world(self, frame: float) -> np.ndarray:
+        """(4, 4) f64, by which rows of positions of a frame are multiplied to lie in the world."""
+        matrix = np.array(UsdGeom.Imageable(self._space).ComputeLocalToWorldTransform(self._code(frame)))
+        if self._options.world:
+            # They have the linear part.
+            matrix[:3, :3] = np.eye(3)
+        return matrix
+
     def _linear(self, frame: float) -> np.ndarray:
         matrix = UsdGeom.Imageable(self._space).ComputeLocalToWorldTransform(self._code(frame))
         return np.array(matrix)[:3, :3]

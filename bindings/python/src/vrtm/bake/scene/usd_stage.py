@@ -11,7 +11,7 @@ from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade
 
 from vrtm.bake import overwrite
 from vrtm.bake.left_out import LeftOut
-from vrtm.bake.mark import is_marked
+from vrtm.bake.mark import is_carried, is_marked
 from vrtm.bake.scene.timing import FILE, Clock, rate
 from vrtm.bake.scene.topology import whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions
@@ -35,6 +35,9 @@ def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
         raise SceneError(f"{path}: {cause(error)}") from error
     if stage is None:
         raise SceneError(f"{path}: cannot be opened as a USD stage")
+    for layer in filter(is_carried, stage.GetUsedLayers()):
+        # What an earlier bake moved is read at rest.
+        stage.MuteLayer(layer.identifier)
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         for prim_path, name, variant in options.variants:
             prim = stage.GetPrimAtPath(prim_path) if Sdf.Path.IsValidPathString(prim_path) else None

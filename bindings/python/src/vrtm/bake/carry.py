@@ -1,0 +1,283 @@
+"""Geometry on the skin: instances, points, curves and detail meshes that ride on the redirected surface over a shot."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom
+
+import vrtm
+from vrtm.bake.carry_prims import KINDS, CarriedPrim, Motion, listed, read
+from vrtm.bake.failure import INPUT, Failure, describe, one_line
+from vrtm.bake.fingerprint import Fingerprint
+from vrtm.bake.frames import Frame
+from vrtm.bake.layer import export
+from vrtm.bake.layer.write import STAGE_FIELDS
+from vrtm.bake.mark import CARRIED, found_in, is_marked, mark
+from vrtm.bake.mesh_work import MeshWork
+from vrtm.bake.scene import SceneError, SceneOptions
+from vrtm.bake.scene.usd_stage import open_stage, stage_files
+from vrtm.bake.words import counted, near
+from vrtm.bake.work import Work
+
+VERSION = 1
+"""Of the way of carrying: a layer that was made in another way is not up to date."""
+_FAR = 0.05
+"""Of the diagonal of a mesh's bounding box: the largest distance, unless one is asked for."""
+_LOOKED_AT = 256
+"""Points of a prim whose distances tell which mesh it goes with."""
+_INPUTS, _TOLD = "vrtm_inputs", "vrtm_told"
+_TOO_FAR = 3
+"""State of a point of a carrier; 1 and 2 are outside of charts, and in folded UVs."""
+
+
+class Carry:
+    """The prims that are carried, each bound to the mesh that is nearest. Raises Failure, SceneError."""
+
+    def __init__(self, work: Work) -> None:
+        settings = work.settings
+        file = settings.carry or settings.scene
+        if not work.scene.is_usd:
+            raise Failure(INPUT, f"--carry-prims: {settings.scene} is no USD file, and has no world to carry in")
+        if not os.path.isfile(file):
+            raise Failure(INPUT, f"--carry {file}: no such file")
+        self.work, self.file = work, file
+        with work.scene.listening():
+            self.stage = open_stage(file, settings.options if file == settings.scene else SceneOptions())
+            self.files = stage_files(self.stage)
+            self._unit = _unit(self.stage, work.scene.source.stage)
+            prims = self._prims()
+        self.groups = self._grouped(prims)
+        self.warnings = [line for group in self.groups for line in group.told()]
+        if all((group.states == _TOO_FAR).all() for group in self.groups):
+            raise Failure(INPUT, f"--carry-prims: {self.warnings[0]}: {file} must be in the world of the mesh at rest")
+
+    def facts(self) -> list[str]:
+        """What is carried, and by which mesh."""
+        return [
+            f"{prim.path}: {prim.kind}, {counted(len(prim.roots), 'place')}, carried by {group.mesh.shape.path}"
+            for group in self.groups
+            for prim in group.prims
+        ]
+
+    def write(self, stop: Callable[[], None]) -> tuple[list[dict], bool]:
+        """Writes the layer, unless it is up to date; returns what the report tells of each mesh, and whether it was
+        written. Each frame is solved once more, by the main process. Raises Failure."""
+        settings = self.work.settings
+        path = settings.carry_file
+        assert path is not None
+        with self.work.scene.listening():
+            inputs = self._inputs(stop)
+            known = None if settings.force else _known(path, inputs)
+            if known is not None:
+                return known, False
+            layer, rows = self._solved(stop)
+            mark(layer, CARRIED)
+            layer.customLayerData |= {_INPUTS: inputs, _TOLD: json.dumps(rows)}
+            try:
+                export(layer, path, Sdf.Layer.ExportToString)
+            except OSError as error:
+                raise Failure(INPUT, f"{path}: {one_line(error.strerror or error)}") from error
+        return rows, True
+
+    def _prims(self) -> list[CarriedPrim]:
+        work, file = self.work, self.file
+        baked = [path for shape in work.shapes for path in shape.instances if file == work.settings.scene]
+        self._rest = self._code(work.scene.source.rest_frame(work.shapes[0]))
+        prims: dict[str, CarriedPrim] = {}
+        for path in work.settings.carry_prims:
+            where = f"--carry-prims {path}"
+            if not (Sdf.Path.IsValidPathString(path) and self.stage.GetPrimAtPath(path)):
+                there = [str(prim.GetPath()) for prim in Usd.PrimRange.Stage(self.stage)]
+                raise Failure(INPUT, f"{where}: {file} has no such prim{near(path, there)}")
+            found = listed(self.stage, path, baked)
+            if not found:
+                kinds = ", ".join(schema.__name__ for schema in KINDS.values())
+                raise Failure(INPUT, f"{where}: in {file} it is none of {kinds} that is not baked, nor has one below")
+            for prim in found:
+                carried = read(prim, self._rest)
+                if isinstance(carried, str):
+                    raise Failure(INPUT, f"{where}: {file} {prim.GetPath()}: {carried}")
+                prims[carried.path] = carried
+        return list(prims.values())
+
+    def _code(self, frame: float) -> Usd.TimeCode:
+        return Usd.TimeCode(self.work.scene.clock.time(frame))
+
+    def _to_mesh(self, mesh: MeshWork, prim: CarriedPrim) -> np.ndarray:
+        """(4, 4) from a prim's space to the mesh's at rest."""
+        to_world = self.work.scene.source.to_world(mesh.shape, None)
+        return prim.to_world(self._rest, self._unit) @ _inverse(to_world, mesh.shape.path)
+
+    def _from_mesh(self, mesh: MeshWork, prim: CarriedPrim, frame: Frame) -> np.ndarray:
+        """(4, 4) from a mesh's space to the prim's in a pose."""
+        to_world = self.work.scene.source.to_world(mesh.shape, frame)
+        return to_world @ _inverse(prim.to_world(self._code(frame), self._unit), prim.path)
+
+    def _grouped(self, prims: list[CarriedPrim]) -> list[Group]:
+        meshes = list(self.work.meshes.values())
+        of: dict[str, list[CarriedPrim]] = {}
+        for prim in prims:
+            away = [_distance(mesh, prim, self._to_mesh(mesh, prim)) if len(meshes) > 1 else 0.0 for mesh in meshes]
+            of.setdefault(meshes[int(np.argmin(away))].shape.name, []).append(prim)
+        return [Group(mesh, of[name], self._to_mesh) for name, mesh in self.work.meshes.items() if name in of]
+
+    def _poses(self, mesh: MeshWork, stop: Callable[[], None]) -> Iterator[tuple[Frame, np.ndarray]]:
+        for frame in self.work.frames:
+            stop()
+            try:
+                positions = self.work.scene.positions(mesh.shape, frame)
+            except SceneError:
+                # The bake says so.
+                continue
+            yield frame, positions
+
+    def _inputs(self, stop: Callable[[], None]) -> str:
+        """A hash of all that the layer depends on."""
+        inputs = Fingerprint().text(VERSION, vrtm.version(), self.work.settings.carry_fit)
+        for group in self.groups:
+            inputs.text(group.mesh.common.hex(), group.farthest)
+            for prim, to_mesh in zip(group.prims, group.to_mesh):
+                inputs.text(prim.path, prim.kind).array(prim.points).array(prim.roots).array(prim.turns).array(to_mesh)
+            for frame, positions in self._poses(group.mesh, stop):
+                inputs.text(frame, self._code(frame)).array(positions)
+                for prim in group.prims:
+                    inputs.array(self._from_mesh(group.mesh, prim, frame))
+        return inputs.hex()
+
+    def _solved(self, stop: Callable[[], None]) -> tuple[Sdf.Layer, list[dict]]:
+        """The layer with all frames, and what the report tells of each mesh."""
+        rows = []
+        motion = Motion(self.work.scene.source.stage.GetRootLayer(), [f for f in STAGE_FIELDS if f != "defaultPrim"])
+        times: set[float] = set()
+        for group in self.groups:
+            worst, features, mesh, warm = (0.0, None), 0, group.mesh, False
+            for frame, positions in self._poses(mesh, stop):
+                try:
+                    # The first one does not start from what the bake solved last.
+                    mesh.parts[0].solve(frame, positions, mesh.every_tile, False, mesh.releases, warm, stop)
+                except SceneError:
+                    continue
+                warm = mesh.settings.warm
+                places, turns = group.fetched()
+                info, time = group.carrier.info, self._code(frame).GetValue()
+                features = max(features, info.features)
+                worst = max(worst, (info.rim, frame), key=lambda entry: entry[0])
+                for prim, to_mesh, own in zip(group.prims, group.to_mesh, group.own):
+                    from_mesh = self._from_mesh(mesh, prim, frame)
+                    bound = group.states[own] != _TOO_FAR
+                    motion.add(prim, time, *prim.moved(places[own], turns[own], bound, to_mesh, from_mesh))
+                times.add(time)
+            rows.append(group.row() | {"features": features, "rim": worst[0], "rim_frame": worst[1]})
+        motion.add_extents([prim for group in self.groups for prim in group.prims], sorted(times))
+        return motion.layer, rows
+
+
+class Group:
+    """The prims that a mesh carries. Raises Failure."""
+
+    def __init__(
+        self,
+        mesh: MeshWork,
+        prims: Sequence[CarriedPrim],
+        to_mesh: Callable[[MeshWork, CarriedPrim], np.ndarray],
+    ) -> None:
+        settings = mesh.settings
+        self.mesh, self.prims = mesh, prims
+        self.to_mesh = [to_mesh(mesh, prim) for prim in prims]
+        places = [_placed(prim.points[prim.roots], own) for prim, own in zip(prims, self.to_mesh)]
+        ends = np.cumsum([0, *map(len, places)])
+        self.own = [slice(*ends[k : k + 2]) for k in range(len(prims))]
+        """Of each prim, its places among all."""
+        self.farthest = settings.carry_farthest or _FAR * float(np.linalg.norm(np.ptp(mesh.shape.rest, axis=0)))
+        try:
+            self.carrier = mesh.parts[0].asset.carrier(
+                positions=np.concatenate(places), farthest=self.farthest, fit=settings.carry_fit
+            )
+        except vrtm.Error as error:
+            raise describe(error, f"--carry-prims: {mesh.shape.path}") from error
+        self.states = self.carrier.states()
+
+    def fetched(self) -> tuple[np.ndarray, np.ndarray]:
+        """(places, 3) and (places, 3, 3) in the pose that was solved last."""
+        found = self.carrier.fetch("positions", "matrices", dtype=np.float64)
+        assert found.positions is not None and found.matrices is not None
+        return found.positions, found.matrices
+
+    def told(self) -> list[str]:
+        """What is to be warned of, each as a sentence."""
+        lines = []
+        for prim, own in zip(self.prims, self.own):
+            states, whole = self.states[own], counted(len(prim.roots), "place")
+            far, outside = np.count_nonzero(states == _TOO_FAR), np.count_nonzero((states > 0) & (states < _TOO_FAR))
+            if far:
+                lines.append(
+                    f"{prim.path}: {far} of {whole} {'is' if far == 1 else 'are'} farther than {self.farthest:.4g} "
+                    f"(--carry-farthest) from {self.mesh.shape.path}, and left where the shot has them"
+                )
+            if outside:
+                lines.append(
+                    f"{prim.path}: {outside} of {whole} lie where {self.mesh.shape.path} has no UVs, or folded ones, "
+                    "and ride as if nothing were redirected"
+                )
+        return lines
+
+    def row(self) -> dict:
+        """What the report tells, less what frames do."""
+        prims = []
+        for prim, own in zip(self.prims, self.own):
+            counts = np.bincount(self.states[own], minlength=4).tolist()
+            row = {"prim": prim.path, "kind": prim.kind, "places": len(prim.roots), "bound": counts[0]}
+            prims.append(row | {"outside": counts[1], "folded": counts[2], "too_far": counts[3]})
+        return {"mesh": self.mesh.shape.name, "farthest": self.farthest, "prims": prims}
+
+
+def line(row: dict) -> str:
+    """What is said of a row."""
+    count = {name: sum(prim[name] for prim in row["prims"]) for name in ("bound", "outside", "folded", "too_far")}
+    rim = f", whose rims leave the surface by {row['rim']:.3g} (frame {row['rim_frame']})" if row["features"] else ""
+    return (
+        f"{row['mesh']} carries {counted(count['bound'], 'place')}, {counted(row['features'], 'rigid feature')}{rim}; "
+        f"{count['outside'] + count['folded']} outside of UVs, {count['too_far']} too far"
+    )
+
+
+def _known(path: str, inputs: str) -> list[dict] | None:
+    """The rows of a layer that is there, made of these inputs, and as it was written."""
+
+    def look(layer: Sdf.Layer) -> list[dict] | None:
+        told = layer.customLayerData
+        return json.loads(told[_TOLD]) if told.get(_INPUTS) == inputs and is_marked(layer) else None
+
+    return found_in(path, look, None) if os.path.isfile(path) else None
+
+
+def _placed(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    return points @ matrix[:3, :3] + matrix[3, :3]
+
+
+def _inverse(matrix: np.ndarray, path: str) -> np.ndarray:
+    if abs(np.linalg.det(matrix[:3, :3])) == 0:
+        raise Failure(INPUT, f"--carry-prims: the transforms above {path} have a scale of 0")
+    return np.linalg.inv(matrix)
+
+
+def _unit(stage: Usd.Stage, shot: Usd.Stage) -> float:
+    """How many units of the shot one of the file is, as far as both say it."""
+    if stage is shot or not all(map(UsdGeom.StageHasAuthoredMetersPerUnit, (stage, shot))):
+        return 1.0
+    return UsdGeom.GetStageMetersPerUnit(stage) / UsdGeom.GetStageMetersPerUnit(shot)
+
+
+def _distance(mesh: MeshWork, prim: CarriedPrim, to_mesh: np.ndarray) -> float:
+    """How far a prim is from a mesh's vertices and faces' centres, in the median, over the mesh's size."""
+    shape = mesh.shape
+    ends = np.cumsum(shape.face_counts)
+    corners = np.add.reduceat(shape.rest[shape.indices], (ends - shape.face_counts)[shape.face_counts > 0], axis=0)
+    there = np.concatenate([shape.rest, corners / shape.face_counts[shape.face_counts > 0, None]])
+    roots = prim.roots[:: -(-len(prim.roots) // _LOOKED_AT)]
+    away = [np.linalg.norm(there - place, axis=1).min() for place in _placed(prim.points[roots], to_mesh)]
+    return float(np.median(away))
