@@ -240,6 +240,17 @@ def test_a_second_run_does_nothing_and_a_change_is_taken(tmp_path: Path) -> None
     )
 
 
+def test_a_frame_without_a_pose_is_left_out(tmp_path: Path) -> None:
+    stage = scene(tmp_path)
+    scales(stage)
+    points = UsdGeom.Mesh(stage.GetPrimAtPath(MESH)).GetPointsAttr()
+    points.Set([Gf.Vec3f(float("nan"))] * len(points.Get(1)), 3)
+    stage.SetEndTimeCode(3)
+    assert "carries 4 places" in bake(tmp_path, stage, "--carry-prims", SCALES)
+    layer = Sdf.Layer.FindOrOpen(str(tmp_path / "out" / "carried.usdc"))
+    assert layer.ListTimeSamplesForPath(f"{SCALES}.positions") == [1, 2]
+
+
 def test_another_file_in_other_units_and_the_nearest_of_two_meshes(tmp_path: Path) -> None:
     stage = scene(tmp_path)
     UsdGeom.SetStageMetersPerUnit(stage, 1)
