@@ -40,20 +40,23 @@ function say(error: unknown): void {
 async function show(name: Name): Promise<void> {
   const { folder, direction, colours, radius } = SCENES[name];
   const scene = await openScene(`scenes/${folder}`);
+  open?.asset.free();
+  open = undefined;
   const surface = new Surface(scene);
   const skin = new Skin(view.renderer, surface.geometry, scene.rigidity, scene.size, colours as [number[], number[]]);
   skin.brushRadius.value = radius;
+  skin.look = (document.querySelector("[name=look]:checked") as HTMLInputElement).value as Look;
   view.renderer.setClearColor(0x14171d, 1);
+  // The mesh is there before the solver is.
+  surface.pose(poseAt(scene, Number(slider.value)));
+  view.show(surface, skin, direction);
   const asset = await WorkerAsset.create(scene.mesh, {
     worker: new Worker("worker.js", { type: "module" }),
     wasm: new URL("vrtm_bg.wasm", location.href).href,
   });
   await asset.setRigidity(0, scene.rigidity, scene.size, scene.size);
-  open?.asset.free();
   open = { scene, surface, skin, asset, radius, delta: new Uint16Array(2 * MAP * MAP) };
-  skin.look = (document.querySelector("[name=look]:checked") as HTMLInputElement).value as Look;
-  surface.pose(poseAt(scene, 1));
-  view.show(surface, skin, direction);
+  await solve("draft");
   await solve("normal");
 }
 
