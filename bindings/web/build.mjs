@@ -17,7 +17,7 @@ try {
 const built = process.env.CARGO_TARGET_DIR ?? `${root}target`;
 const flags = `-C target-feature=+simd128 --remap-path-prefix ${root}=. --remap-path-prefix ${process.env.HOME}=~`;
 run("cargo", ["build", "--profile", "dist", "--package", "vrtm-web", "--target", target], { RUSTFLAGS: flags });
-// In a folder of its own the module would be taken for a part of the sources.
+// The compiler wants the module's types beside the sources that import it.
 run("cargo", ["run", "--quiet", "--package", "vrtm-web-pack", "--", `${built}/${target}/dist/vrtm_web.wasm`, `${here}src/wasm`]);
 rmSync(`${here}dist`, { recursive: true, force: true });
 run(process.execPath, [`${here}node_modules/typescript/bin/tsc`, "--project", here]);
