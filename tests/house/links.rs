@@ -1,5 +1,5 @@
 //! Links within the documents: each relative link leads to a file or folder, each anchor to a heading of that document,
-//! and the index of `docs/` names every page there.
+//! and the indices in `docs/` and its folders name every page there.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -89,12 +89,15 @@ fn every_relative_link_and_anchor_leads_somewhere() {
 }
 
 #[test]
-fn the_index_names_every_page() {
-    let index = std::fs::read_to_string(root().join("docs/README.md")).unwrap();
-    for entry in std::fs::read_dir(root().join("docs")).unwrap() {
-        let name = entry.unwrap().file_name().into_string().unwrap();
-        if name.ends_with(".md") && name != "README.md" {
-            assert!(index.contains(&format!("]({name})")), "docs/README.md does not name {name}");
+fn indices_name_every_page() {
+    for folder in ["docs", "docs/decisions"] {
+        let folder = root().join(folder);
+        let index = std::fs::read_to_string(folder.join("README.md")).unwrap();
+        for entry in std::fs::read_dir(&folder).unwrap() {
+            let name = entry.unwrap().file_name().into_string().unwrap();
+            if name.ends_with(".md") && name != "README.md" {
+                assert!(index.contains(&format!("]({name})")), "{} does not name {name}", folder.display());
+            }
         }
     }
 }
