@@ -1,4 +1,4 @@
-//! The shaders of docs/rendering.md, straight out of the document: they parse, are valid, and read the redirection map
+//! The shaders of docs/rendering, straight out of these pages: they parse, are valid, and read the redirection map
 //! at its first level and the textures with explicit gradients.
 
 use std::path::Path;
@@ -7,17 +7,10 @@ use naga::front::{glsl, wgsl};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{Expression, Module, SampleLevel, ShaderStage};
 
-/// Where the document has the shader of layers.
-const LAYERS: &str = "Mirrored, stacked and tiled UVs";
-
-/// The one code block in that language under a heading.
-fn block_under(heading: &str, language: &str) -> String {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/rendering.md");
-    let text = std::fs::read_to_string(path).expect("docs/rendering.md");
-    let title = format!("\n## {heading}\n");
-    let section = text.find(&title).expect("the heading") + title.len();
-    let text = &text[section..];
-    let text = &text[..text.find("\n## ").unwrap_or(text.len())];
+/// The one code block in that language on a page.
+fn block_of(page: &str, language: &str) -> String {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("docs/rendering/{page}.md"));
+    let text = std::fs::read_to_string(path).expect(page);
     let fence = format!("\n```{language}\n");
     assert_eq!(text.matches(&fence).count(), 1, "one block in {language}");
     let start = text.find(&fence).unwrap() + fence.len();
@@ -26,7 +19,7 @@ fn block_under(heading: &str, language: &str) -> String {
 }
 
 fn block(language: &str) -> String {
-    block_under(&language.to_uppercase(), language)
+    block_of(language, language)
 }
 
 fn glsl(source: &str) -> Result<Module, String> {
@@ -80,7 +73,7 @@ fn the_documents_glsl_is_valid() {
 
 #[test]
 fn the_documents_glsl_of_layers_is_valid() {
-    let module = glsl(&block_under(LAYERS, "glsl")).unwrap_or_else(|e| panic!("{e}"));
+    let module = glsl(&block_of("layers", "glsl")).unwrap_or_else(|e| panic!("{e}"));
     let expected = [("albedo", "gradient"), ("redirections", "level")];
     assert_eq!(reads(&module), expected.map(|(name, how)| (name.to_owned(), how)));
 }

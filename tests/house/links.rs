@@ -90,7 +90,7 @@ fn every_relative_link_and_anchor_leads_somewhere() {
 
 #[test]
 fn indices_name_every_page() {
-    for folder in ["docs", "docs/decisions"] {
+    for folder in ["docs", "docs/decisions", "docs/rendering"] {
         let folder = root().join(folder);
         let index = std::fs::read_to_string(folder.join("README.md")).unwrap();
         for entry in std::fs::read_dir(&folder).unwrap() {

@@ -43,11 +43,11 @@ def run(*parts):
 
 
 def document(heading, language):
-    """The code block in that language under that heading of docs/rendering.md: what users read is what is tested."""
-    text = (REPOSITORY / "docs" / "rendering.md").read_text()
+    """The code block in that language under that heading in docs/rendering: what users read is what is tested."""
+    text = "".join(page.read_text() for page in sorted((REPOSITORY / "docs" / "rendering").glob("*.md")))
     sections = re.split(r"^#+ ", text, flags=re.M)
     found = [block for section in sections if section.split("\n")[0] == heading
              for block in re.findall(rf"^```{language}\n(.*?)^```", section, flags=re.M | re.S)]
     if len(found) != 1:
-        raise LookupError(f"docs/rendering.md: {len(found)} blocks in {language} under {heading!r}, not one")
+        raise LookupError(f"docs/rendering: {len(found)} blocks in {language} under {heading!r}, not one")
     return found[0]

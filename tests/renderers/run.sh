@@ -1,5 +1,5 @@
 #!/bin/sh
-# Runs the recipes of docs/rendering.md: a line per check ("ok ...", "FAILED ..." or "... skipped: why"), and at the end how
+# Runs the recipes of docs/rendering: a line per check ("ok ...", "FAILED ..." or "... skipped: why"), and at the end how
 # many there were. The exit code is 0 if none failed.
 #
 #     tests/renderers/run.sh
