@@ -58,10 +58,10 @@ struct Args {
     /// Degrees around the mesh, and upward.
     #[arg(long, value_name = "YAW,PITCH", allow_hyphen_values = true, value_parser = pair)]
     view: Option<[f64; 2]>,
-    /// How much larger than the picture the mesh is.
+    /// Size of the mesh relative to the picture.
     #[arg(long, value_name = "X", default_value_t = 1.0)]
     zoom: f64,
-    /// What the picture's middle shows: the middle of the mesh, moved to the right and up by fractions of its size.
+    /// Point in the picture's middle: the middle of the mesh, moved to the right and up by fractions of its size.
     #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = pair, default_value = "0,0")]
     middle: [f64; 2],
     /// Z points up, not y.
@@ -87,7 +87,7 @@ struct Args {
     /// PNG file of heights, grey, 8 or 16 bits.
     #[arg(long, value_name = "PATTERN", requires = "colour")]
     height: Option<String>,
-    /// How high white is above black, as a fraction of the tile's side.
+    /// Height of white above black, as a fraction of the tile's side.
     #[arg(long, value_name = "X", default_value_t = 0.005)]
     bump: f32,
     /// Number of the GPU; hardware comes first.
@@ -265,7 +265,7 @@ fn live(args: &Args, gpu: &Gpu, model: &Model, count: usize) -> Result<()> {
     Ok(())
 }
 
-/// What a frame took.
+/// Times of a frame.
 #[cfg(target_os = "linux")]
 fn line(name: &str, t: &live::Times) -> String {
     let Times { solve, map, draw } = t;

@@ -7,8 +7,8 @@ use vrtm::{Asset, FetchKind};
 use crate::common::features::of_asset;
 use crate::common::{Maps, Model, fetch};
 
-/// Where a scene is looked at from: degrees around it and upward, how much larger than the picture it is, and what the
-/// middle shows, in extents of the mesh from its own middle, to the right and up.
+/// Camera of a scene: degrees around it and upward, its size relative to the picture, and the point in the middle, in
+/// extents of the mesh from its own middle, to the right and up.
 pub struct View {
     pub turn: [f64; 2],
     pub zoom: f64,

@@ -126,7 +126,7 @@ fn excess(device: &Device, model: &Model, size: u32, all: &Sums) -> Result<Strin
     Ok(format!("{:.4}", 100.0 * (all.energy - best) / (all.before - best)))
 }
 
-/// What a solve leaves of the strain, RMS on the mesh, if the asset has a single tile; the words follow others.
+/// Strain after a solve, RMS on the mesh, if the asset has a single tile; the words follow others.
 fn strain(asset: &mut Asset, model: &Model, options: &SolveOptions) -> vrtm::Result<String> {
     if asset.tile_count() > 1 {
         return Ok(String::new());

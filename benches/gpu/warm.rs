@@ -4,7 +4,7 @@
 use std::process::Command;
 use std::time::{Duration, Instant};
 
-/// How long a GPU works before it is measured.
+/// Time that a GPU works before it is measured.
 const LOAD: Duration = Duration::from_secs(2);
 
 /// Repeats `solve` until the GPU is warm. Returns what the first call returned.

@@ -21,7 +21,7 @@ pub struct Followed {
     pub smoothness: [Smoothness; 3],
     /// Energies over those of the solves from the identity, the mean over the poses: forwards, backwards.
     pub energy: [f64; 2],
-    /// How much the last solve of a pose still moved a node, the largest of all.
+    /// Largest movement of a node in the last solve of a pose.
     pub moved: f64,
     /// Fraction of the nodes and poses where the minimum forwards and the one backwards are over 0.1 cells apart.
     pub apart: f64,

@@ -36,19 +36,19 @@ struct Args {
     /// Cells on a side of the grids.
     #[arg(long, default_value_t = 256)]
     grid: u32,
-    /// How much work per frame.
+    /// Quality of each frame.
     #[arg(long, value_enum, default_value = "normal")]
     quality: Quality,
     /// Start each frame from the one before it, not from the identity.
     #[arg(long)]
     warm: bool,
-    /// How strongly each frame is held to the one before it.
+    /// Weight that holds each frame to the one before it.
     #[arg(long, requires = "warm", default_value_t = 0.0)]
     temporal_weight: f32,
     /// Solve on a GPU.
     #[arg(long)]
     gpu: bool,
-    /// Where to write: a folder per scene.
+    /// Folder to write to, with a folder per scene.
     #[arg(long, required_if_eq("bench", "true"))]
     out: Option<PathBuf>,
     /// Passed by `cargo bench` and not by `cargo test`; without it one small scene is played.

@@ -9,7 +9,7 @@ use crate::efforts::{Effort, NORMAL, Who};
 use crate::rows::{Row, Times, median};
 use crate::scenes::Case;
 
-/// How often each effort is timed.
+/// Number of timed runs of each effort.
 #[derive(Clone, Copy, Debug)]
 pub struct Repeats {
     /// The maximum number of rounds.

@@ -47,7 +47,7 @@ pub struct Args {
     #[arg(long, value_name = "LIST", value_parser = parse_frames)]
     pub frames: Option<Frames>,
 
-    /// Where to write
+    /// Folder to write to
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
 
@@ -71,7 +71,7 @@ pub struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_GRID)))]
     pub map_size: Option<u32>,
 
-    /// How much work
+    /// Quality of each frame
     #[arg(long, default_value = "normal", value_parser = one_of(QUALITIES))]
     pub quality: Quality,
 
@@ -79,17 +79,17 @@ pub struct Args {
     #[arg(long)]
     pub warm: bool,
 
-    /// How strongly each frame is held to the one before it, against jitter; 0.03 to 0.3 is a useful range
+    /// Weight that holds each frame to the one before it, against jitter; 0.03 to 0.3 is a useful range
     #[arg(long, value_name = "X", requires = "warm", default_value_t = 0.0)]
     pub temporal_weight: f32,
 
-    /// Where to compute; auto takes a hardware GPU if there is one, the CPU otherwise
+    /// Device to compute on; auto takes a hardware GPU if there is one, the CPU otherwise
     #[arg(long, default_value = "auto", value_parser = one_of(DEVICES))]
     pub device: Backend,
 }
 
 impl Args {
-    /// What to load.
+    /// Files to load.
     pub fn files(&self) -> Files {
         Files {
             scene: self.scene.clone(),

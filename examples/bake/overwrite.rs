@@ -94,7 +94,7 @@ fn real_folder(folder: &Path) -> Result<PathBuf> {
     Ok(real)
 }
 
-/// Whether vrtm wrote a file, be it complete or cut off after its header. An empty file counts as written by nobody.
+/// True if vrtm wrote the file, complete or cut off after its header. Nobody wrote an empty file.
 fn is_marked(path: &Path) -> io::Result<bool> {
     let mut header = Vec::new();
     File::open(path)?.take(HEADER).read_to_end(&mut header)?;

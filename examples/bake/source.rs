@@ -15,7 +15,7 @@ use crate::scenes::{self, Scene};
 /// An input file, after the option that names it.
 pub type Input = (&'static str, PathBuf);
 
-/// What to load: the options of the command line. Without any it is a built-in scene.
+/// Files to load, from the command line's options. Without any it is a built-in scene.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Files {
     pub scene: Option<String>,

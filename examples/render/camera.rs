@@ -8,11 +8,11 @@ pub struct View {
     /// Degrees of the viewer around the mesh, and upward.
     pub yaw: f64,
     pub pitch: f64,
-    /// Whether z points up instead of y.
+    /// True if z points up instead of y.
     pub z_up: bool,
     /// 1 = the mesh fills the picture; 3 = a third of the mesh fills it.
     pub zoom: f64,
-    /// What the picture's middle shows: the middle of the mesh, moved to the right and up by fractions of its size on the
+    /// Point in the picture's middle: the middle of the mesh, moved to the right and up by fractions of its size on the
     /// screen.
     pub middle: [f64; 2],
 }

@@ -12,9 +12,9 @@ pub struct Gpu {
     /// The adapter's own name, and the name with interface and driver.
     pub adapter: String,
     pub name: String,
-    /// Whether the driver is software; its times say nothing about GPUs.
+    /// True for a software driver, which has no meaningful times.
     pub software: bool,
-    /// Whether samplers filter rg32float.
+    /// True if samplers filter rg32float.
     pub filterable: bool,
     /// Nanoseconds per timestamp tick, if passes can be timed.
     pub tick: Option<f64>,

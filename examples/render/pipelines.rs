@@ -27,7 +27,7 @@ pub struct Pipelines {
     pub mesh: wgpu::RenderPipeline,
     /// The pass over the screen of a deferred way.
     pub screen: Option<wgpu::RenderPipeline>,
-    /// Whether the map is bound with its sampler.
+    /// True if the map is bound with its sampler.
     pub filtered: bool,
 }
 

@@ -19,9 +19,9 @@ pub enum Map {
 pub struct Way {
     pub name: &'static str,
     pub map: Map,
-    /// Whether the lookup is made in a second pass, once per visible pixel.
+    /// True if a second pass looks up, once per visible pixel.
     pub deferred: bool,
-    /// Whether the texture is read with explicit derivatives of the UV, or with those that the sampler computes.
+    /// True if the texture is read with explicit derivatives of the UV, false if the sampler computes them.
     pub explicit: bool,
 }
 

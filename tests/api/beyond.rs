@@ -194,7 +194,7 @@ fn beside_a_still_chart_both_sides_stay_together() {
     assert!(right == 0.0 && left < 0.05 && inside > 1.0, "{inside}, at the seam {left} and {right} cells");
 }
 
-/// Where a neighbour's charts no longer go on, the tile is solved anew, also if no vertex has moved.
+/// A tile is solved anew when a neighbour's charts no longer continue, even if no vertex has moved.
 #[test]
 fn a_tile_follows_the_setting_of_its_neighbour() {
     let device = cpu(1);
@@ -222,7 +222,7 @@ fn a_tile_follows_the_setting_of_its_neighbour() {
     assert!(before == run(&mut asset, Some(&[][..])), "and back");
 }
 
-/// Where the collar of one of two charts has no room beside a part of their seam, neither side moves over that part, so
+/// If the collar of one of two charts has no room beside a part of their seam, neither side moves over that part, so
 /// that both stay together; over the rest of the seam texture moves.
 #[test]
 fn beside_a_slit_both_sides_stay_together() {

@@ -91,7 +91,7 @@ pub fn model() -> Model {
     model
 }
 
-/// What a host has set.
+/// State that a host has set.
 #[derive(Clone)]
 struct Given {
     rigidity: [Option<Vec<u8>>; TILES],
@@ -256,7 +256,7 @@ fn seen(asset: &mut Asset, tile: usize) -> Seen {
     )
 }
 
-/// What happened in histories.
+/// Counts of events in histories.
 #[derive(Clone, Copy, Default)]
 struct Counts {
     compared: u32,

@@ -125,7 +125,7 @@ fn a_memory_budget_bounds_the_grid() {
     asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
 }
 
-/// What fewer cells cost: at most a thirtieth of the strain, at the texels of the image.
+/// Fewer cells cost at most a thirtieth of the strain, at the texels of the image.
 #[test]
 fn features_keep_their_shape_on_the_grid_that_is_chosen() {
     let scene = analytic().into_iter().find(|model| model.name == "squash").unwrap();

@@ -47,7 +47,7 @@ impl Texels {
     }
 }
 
-/// What is set once, before the maps.
+/// Mesh and settings, set once, before the maps.
 struct Case {
     settings: TileSettings,
     mask: Option<Texels>,

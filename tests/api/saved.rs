@@ -5,7 +5,7 @@ use crate::common::{Model, cpu, fetch, gpu, options};
 use vrtm::{Asset, Device, DeviceSettings, ErrorKind, FetchKind, Quality, TileSettings};
 use xxhash_rust::xxh3::xxh3_128;
 
-/// Where the checksum and the checked bytes begin.
+/// Offsets of the checksum and of the checked bytes.
 const CHECKSUM: usize = 40;
 const PAYLOAD: usize = 56;
 

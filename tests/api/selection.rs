@@ -161,7 +161,7 @@ fn solvers_are_given_back() {
     assert_eq!(held(&asset), with);
 }
 
-/// What release_last saves, and what it costs.
+/// Savings and cost of release_last.
 #[test]
 fn a_result_that_is_given_up_is_gone_until_the_next_one() {
     let (model, mut asset) = arm();

@@ -17,7 +17,7 @@ fn values(of: &[f32]) -> Strided<'_> {
     Strided::new("values", bytes, vrtm::Scalar::F32, 1, of.len(), 0).unwrap()
 }
 
-/// What a host may set, in any order.
+/// Maps and settings that a host may set, in any order.
 #[derive(Clone, Copy, Debug)]
 enum Step {
     Map(bool),

@@ -149,7 +149,7 @@ fn a_mirrored_set() {
     assert!((0.98..=1.0).contains(&overlap), "{overlap}");
 }
 
-/// Where the other set has a border in the middle of a chart, each texel has the UVs of one of its sides.
+/// If the other set has a border in the middle of a chart, each texel has the UVs of one of its sides.
 #[test]
 fn a_border_of_the_other_set_inside_of_a_chart() {
     let second = |[x, y]: [f64; 2]| [0.3 * x + if x < 0.0 { 0.35 } else { 3.65 }, 0.5 + 0.4 * y];
@@ -237,7 +237,7 @@ fn the_tile_s_own_set_is_the_redirection_itself() {
     }
 }
 
-/// Where features go on over seams, the other set's UVs are those of where the surface goes on.
+/// If features continue over seams, the other set's UVs come from the continued surface.
 #[test]
 fn charts_that_go_on_beyond_seams() {
     // Set 0 has a seam at x = 0: its left half lies elsewhere in the tile.

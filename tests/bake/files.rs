@@ -324,7 +324,7 @@ fn vertices_in_another_order_are_warned_of() {
     assert!(asset["stretched_share"].as_f64().unwrap() > 0.05, "{asset}");
 }
 
-/// What is printed may go to a file on a full disk: the maps are there in any case.
+/// Output may go to a file on a full disk: the maps are there in any case.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_bake_does_not_fail_for_what_it_prints() {

@@ -22,7 +22,7 @@ fn limited(blocks: u32, out: &Path) -> Output {
     sh.env_remove("VRTM_DEVICE").env_remove("VRTM_THREADS").output().expect("sh runs")
 }
 
-/// Whether a file can be read back.
+/// True if a file can be read back.
 fn is_whole(path: &Path) -> bool {
     match path.extension().and_then(|end| end.to_str()) {
         Some("exr") => exr::prelude::read_first_flat_layer_from_file(path).is_ok(),
@@ -82,7 +82,7 @@ fn send(signal: &str, child: &Child) {
     assert!(status.success());
 }
 
-/// Whether a file is being written, or is there already.
+/// True if a file is being written, or is there already.
 fn has(out: &Path, ending: &str) -> bool {
     names(out).iter().any(|name| name.ends_with(ending))
 }

@@ -11,7 +11,7 @@ use std::process::Command;
 
 use crate::tools::{self, compiler, link_arguments, root, scratch, search_path, system_libraries};
 
-/// What the first header declares, and the hashes (XXH3, 64 bits) of that header and of the program.
+/// Number of functions of the first header, and the hashes (XXH3, 64 bits) of that header and of the program.
 const FUNCTIONS: usize = 43;
 const HEADER_HASH: u64 = 0x69b2_234f_b355_da2a;
 const PROGRAM_HASH: u64 = 0x0d85_1116_1cd0_6fca;
@@ -202,7 +202,7 @@ fn functions_types_and_constants_are_those_of_the_first_header() {
     compare_declarations("today", &root().join("include/vrtm.h")).unwrap();
 }
 
-/// What the comparison must find: each of these changes would break a compiled program.
+/// The comparison finds each of these changes, which would break a compiled program.
 #[test]
 fn changes_that_break_programs_are_found() {
     let today = read(&root().join("include/vrtm.h"));

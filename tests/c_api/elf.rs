@@ -13,7 +13,7 @@ use crate::tools::{library, root};
 
 type Header = FileHeader64<Endianness>;
 
-/// What the loader reads of a library.
+/// Entries of a library that the loader reads.
 struct Needs {
     soname: String,
     libraries: Vec<String>,

@@ -192,7 +192,7 @@ fn a_stack_of_48_kib_is_enough_on_the_cpu() {
     run_host("stack.c", 6);
 }
 
-/// How often a step of a host's work fails for want of memory: at so many of its allocations, evenly spaced.
+/// Number of allocations, evenly spaced, at which a step of a host's work fails for want of memory.
 /// VRTM_ALLOCATE_ROUNDS sets another number; 0 lets each allocation fail in turn.
 fn rounds(all: u64, few: u64) -> PathBuf {
     let rounds = || long::cases(all, few, "allocations of each step that fail").to_string().into();

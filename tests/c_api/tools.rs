@@ -44,8 +44,8 @@ fn loader_folder() -> PathBuf {
     }
 }
 
-/// What a linker is told to find the library, now and when the program starts. On Windows it links the import library,
-/// and programs find the DLL by `PATH`: see [`search_path`].
+/// Arguments by which a linker finds the library, now and when the program starts. On Windows it links the import
+/// library, and programs find the DLL by `PATH`: see [`search_path`].
 pub fn link_arguments() -> Vec<OsString> {
     #[cfg(unix)]
     return vec![library().into(), format!("-Wl,-rpath,{}", loader_folder().display()).into()];

@@ -20,7 +20,7 @@ use beyond::Beyond;
 use charts::{Border, Charts, distance, interpolate};
 pub use gaps::gaps;
 
-/// Where a feature lies: in the order of preference, if it is at borders of several kinds.
+/// Place of a feature: in the order of preference, if it is at borders of several kinds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Kind {
     /// No node is within a cell of a chart's border.
@@ -76,7 +76,7 @@ pub fn rms(numbers: impl Iterator<Item = f64>) -> f64 {
     (sum / count.max(1.0)).sqrt()
 }
 
-/// What happens at the borders of charts.
+/// Settings at the borders of charts.
 pub type Borders = (Seams, OpenBorders);
 
 /// Nothing moves there.
@@ -252,7 +252,7 @@ impl Sets {
     }
 }
 
-/// What a table says of the features of one kind.
+/// Row of a table for the features of one kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
     pub count: usize,

@@ -15,7 +15,7 @@ pub fn only(what: &str) -> bool {
     long()
 }
 
-/// How many of `all` cases a sweep runs: all of them in a long run, otherwise `few`, and a line says so.
+/// Number of cases that a sweep runs: `all` in a long run, otherwise `few`, and a line says so.
 pub fn cases(all: u64, few: u64, what: &str) -> u64 {
     if long() {
         return all;

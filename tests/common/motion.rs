@@ -4,7 +4,7 @@ use super::Model;
 
 pub type Points = Vec<[f64; 3]>;
 
-/// How large values are: the root of the mean square, what 99.9 % stay under, the largest, and where that is.
+/// Size of values: the root of the mean square, the bound of 99.9 %, the largest, and the place of that.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Spread {
     pub rms: f64,

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use super::{files, gpu, long};
 
-/// What all such tests judge with, beside their own file and its folder.
+/// Files that all such tests judge with, beside their own file and its folder.
 const JUDGES: [&str; 5] = [
     "benches/speed_error/scenes.rs",
     "crates/lab/src/reference",

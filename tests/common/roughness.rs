@@ -38,7 +38,7 @@ pub struct Roughness {
     pub ms: f64,
 }
 
-/// How smoothly warps change from pose to pose.
+/// Smoothness of warps from pose to pose.
 #[derive(Clone, Debug, Default)]
 pub struct Smoothness {
     /// RMS of the first difference W(t + dt) - W(t).
@@ -116,7 +116,7 @@ pub fn moving(warps: &[Warp]) -> Vec<usize> {
     (0..warps[0].len()).filter(|&n| warps.iter().any(|warp| warp[n] != [0.0; 2])).collect()
 }
 
-/// How far apart the nodes of two warps are.
+/// Distances between the nodes of two warps.
 pub fn apart<'a>(a: &'a Warp, b: &'a Warp) -> impl Iterator<Item = f64> + 'a {
     a.iter().zip(b).map(|(a, b)| larger_component([a[0] - b[0], a[1] - b[1]]))
 }

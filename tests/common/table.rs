@@ -9,10 +9,10 @@ use vrtm::{Quality, Seams, SolveOptions, TileReport};
 use super::features::{Borders, CASES, Feature, Kind, Summary, gaps, models, of_asset, solve};
 use super::{Model, options};
 
-/// What one result is judged by.
+/// Figures by which one result is judged.
 pub struct Judged {
     pub features: Vec<Feature>,
-    /// How far both sides of a seam are apart, where charts go on beyond seams: see `gaps`.
+    /// Distances between both sides of seams, if charts continue beyond them: see `gaps`.
     pub gaps: Vec<f64>,
     /// Of the tiles, with their strain.
     pub reports: Vec<TileReport>,
@@ -40,7 +40,7 @@ pub fn frame(name: &str) -> usize {
     CASES.iter().find(|case| case.0 == name).unwrap().1
 }
 
-/// What a call of `judge` waits for, once it has been solved.
+/// Result of a call of `judge`, once it has been solved.
 pub struct Entry(Arc<OnceLock<Judged>>);
 
 impl std::ops::Deref for Entry {

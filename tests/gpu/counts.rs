@@ -27,8 +27,8 @@ const fn most(
     Most { scene, grid, quality, dispatches, empty, moved, held }
 }
 
-/// What was counted, with room for a few more: another driver's rounding may make a chart take another trial. Empty
-/// ones are mostly rounds of the step limit, of three dispatches each, which only crowded charts need.
+/// Counts, with room for a few more: another driver's rounding may make a chart take another trial. Empty ones are
+/// mostly rounds of the step limit, of three dispatches each, which only crowded charts need.
 const TABLE: [Most; 5] = [
     most("bulge", 256, Quality::Draft, [118, 125, 380, 255]),
     most("bulge", 512, Quality::Draft, [152, 142, 315, 226]),

@@ -16,16 +16,16 @@ struct Case<'a> {
     frame: usize,
     grid: u32,
     quality: Quality,
-    /// Whether it is a real mesh.
+    /// True for a real mesh.
     real: bool,
 }
 
-/// How much two results of one tile differ.
+/// Differences between two results of one tile.
 #[derive(Clone, Copy, Default)]
 struct Difference {
     /// Largest difference of a displacement along an axis, in cells.
     max: f64,
-    /// What 99.9 % of the movable nodes stay under, in cells.
+    /// Bound of 99.9 % of the movable nodes, in cells.
     p999: f64,
     /// RMS difference of the displacements over movable nodes, in cells.
     rms: f64,
@@ -87,7 +87,7 @@ const ONE_STAGE: Difference =
 /// number of samples, and for other drivers.
 const FACTOR: f64 = 10.0;
 
-/// What 99.9 % of the nodes stay under on real meshes, `normal`, 256 x 256 cells: less than anyone sees.
+/// Bound of 99.9 % of the nodes on real meshes, `normal`, 256 x 256 cells: less than anyone sees.
 const REAL: f64 = 0.02;
 
 /// Tiles of real meshes that miss it, with one and a half times what is measured: their charts are crushed to the bound

@@ -89,7 +89,7 @@ fn expected(
     all
 }
 
-/// What the library lists is what Vulkan itself says of each GPU.
+/// The library's list agrees with Vulkan's own account of each GPU.
 #[test]
 fn adapters_have_vulkan_s_own_identities() {
     if !has_gpu() {

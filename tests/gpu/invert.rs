@@ -175,8 +175,8 @@ fn a_delta_in_f16_is_off_by_a_thirtieth_of_a_texel_of_4096() {
     }
 }
 
-/// What a fetch of each format holds on the GPU for the next one, per texel: W⁻¹, the values, and their copy for the
-/// host.
+/// Bytes per texel that a fetch of each format holds on the GPU for the next one: W⁻¹, the values, and their copy for
+/// the host.
 #[test]
 fn a_fetch_in_f16_holds_two_thirds() {
     if !has_gpu() {

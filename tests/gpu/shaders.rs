@@ -38,8 +38,8 @@ fn valid(module: Module) -> Result<Module, String> {
     Ok(module)
 }
 
-/// How each texture is read, by name: the map at a level, the pictures with gradients. A plain sample would take the
-/// map's level, or the pictures', from derivatives of what is not looked up there.
+/// Kind of read of each texture, by name: the map at a level, the pictures with gradients. A plain sample would take
+/// the level from derivatives of another UV than the one of the lookup.
 fn reads(module: &Module) -> Vec<(String, &'static str)> {
     let mut reads = Vec::new();
     let functions = module.functions.iter().map(|(_, f)| f);

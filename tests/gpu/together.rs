@@ -142,7 +142,7 @@ fn tiles_together_take_the_dispatches_of_one() {
     assert_eq!(work(&both.all, 3).dispatches(), all.dispatches());
 }
 
-/// What is solved together differs from call to call, and so do the results that solves start from.
+/// Tiles that are solved together differ from call to call, and so do the results that solves start from.
 #[test]
 fn histories_leave_no_trace() {
     let Some(device) = gpu(&DeviceSettings::default()) else { return };

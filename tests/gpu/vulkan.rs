@@ -4,7 +4,7 @@ use std::ffi::CStr;
 
 use ash::{Device, Entry, Instance, khr, vk};
 
-/// What Vulkan itself says of a GPU.
+/// Vulkan's own account of a GPU.
 pub struct Gpu {
     pub name: String,
     pub uuid: [u8; 16],

@@ -60,7 +60,7 @@ fn code(path: &Path) -> String {
     code
 }
 
-/// What follows each `crate::` in the code: the names of modules, or of what `lib.rs` exports.
+/// Names after each `crate::` in the code: modules, or exports of `lib.rs`.
 fn imported(code: &str) -> Vec<String> {
     let name = |text: &str| text.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
     let mut names = Vec::new();

@@ -35,7 +35,7 @@ fn sources(base: &Path, folder: &Path, found: &mut BTreeMap<String, String>) {
     found.retain(|name, _| !GENERATED.contains(&name.as_str()));
 }
 
-/// What a file imports, each as a package or module and one of its names, which is empty for `import module`.
+/// Imports of a file, each as a package or module and one of its names, which is empty for `import module`.
 fn imports(file: &str, code: &str) -> Vec<(String, String)> {
     let mut found = Vec::new();
     let mut lines = code.lines().map(|line| line.split('#').next().unwrap().trim());
@@ -62,7 +62,7 @@ fn imports(file: &str, code: &str) -> Vec<(String, String)> {
     found
 }
 
-/// Which file imports which, of all packages.
+/// Imports between files, of all packages.
 fn arrows() -> Arrows {
     let mut files = BTreeMap::new();
     for (package, folder) in PACKAGES {

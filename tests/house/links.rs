@@ -38,7 +38,7 @@ fn prose(path: &Path) -> Vec<String> {
     lines
 }
 
-/// What links in a line lead to; images are links, too.
+/// Targets of the links in a line; images are links, too.
 fn targets(line: &str) -> Vec<&str> {
     // Every other piece between backticks is code.
     let pieces = line.split('`').step_by(2);

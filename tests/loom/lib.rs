@@ -35,7 +35,7 @@ struct Model {
     name: &'static str,
     helpers: usize,
     jobs: &'static [Job],
-    /// How often a thread that could go on is interrupted, at most; none = all interleavings.
+    /// Most interruptions of a thread that could continue; none = all interleavings.
     preemptions: Option<usize>,
 }
 
@@ -128,7 +128,7 @@ fn a_job_after_a_panic_of_three_threads() {
 struct Data {
     panics: bool,
     alive: UnsafeCell<bool>,
-    /// How often each item ran.
+    /// Number of runs of each item.
     runs: Vec<UnsafeCell<usize>>,
 }
 

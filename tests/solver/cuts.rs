@@ -32,14 +32,14 @@ impl Cut {
         (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
     }
 
-    /// Where the point's foot on the line lies: 0 at one end of the cut, 1 at the other.
+    /// Position of the point's foot on the line: 0 at one end of the cut, 1 at the other.
     fn along(self, p: [f64; 2]) -> f64 {
         let [a, b] = [self.from, self.to].map(|p| p.map(|x| x as f64));
         let d = [b[0] - a[0], b[1] - a[1]];
         (d[0] * (p[0] - a[0]) + d[1] * (p[1] - a[1])) / (d[0] * d[0] + d[1] * d[1])
     }
 
-    /// Whether the way from `p` to `q` meets the cut between its ends.
+    /// True if the way from `p` to `q` meets the cut between its ends.
     fn is_crossed(self, p: [f64; 2], q: [f64; 2]) -> bool {
         let (s, t) = (self.side(p), self.side(q));
         if s * t >= 0.0 {

@@ -6,7 +6,7 @@ use crate::common::unless_passed;
 use crate::common::{Model, cpu, set_grid};
 use vrtm::{Quality, SolveOptions, Strided};
 
-/// How much more strain is tolerated.
+/// Tolerated ratio of strain.
 const TOLERANCE: f32 = 1.05;
 
 /// A sheet with small discs, squashed to half of its width.

@@ -15,9 +15,9 @@ const ROUNDING: f64 = 1e-3;
 /// A straight gap along the lines of the sheet's quads.
 #[derive(Clone, Copy, Debug)]
 struct Gap {
-    /// Whether it runs along the second axis.
+    /// True if it runs along the second axis.
     upright: bool,
-    /// Where it runs, and from where to where, as parts of the sheet's side.
+    /// Its position, and its two ends, as parts of the sheet's side.
     at: f64,
     from: f64,
     to: f64,
@@ -31,7 +31,7 @@ const fn across(at: f64, from: f64, to: f64) -> Gap {
     Gap { upright: true, at, from, to }
 }
 
-/// How the corners on both sides of a gap belong together.
+/// Relation of the corners on both sides of a gap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Sides {
     /// Vertices of their own: the gap is a border.
@@ -190,7 +190,7 @@ impl Triangles {
         Triangles { grid, corners, near }
     }
 
-    /// How far a point is outside of all triangles, in cells; at most 1.
+    /// Distance of a point from all triangles, in cells; at most 1.
     fn outside(&self, p: [f64; 2]) -> f64 {
         let [x, y] = p.map(|x| (x.max(0.0) as usize).min(self.grid - 1));
         let away = |&t: &u32| distance(&self.corners[t as usize], p);

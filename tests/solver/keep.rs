@@ -48,7 +48,7 @@ fn solved(asset: &mut Asset, model: &Model) -> Vec<[u32; 2]> {
     bits(asset)
 }
 
-/// What a stroke of the brush, another setting or saved bytes leave is what an asset that begins so has.
+/// After a stroke of the brush, another setting or saved bytes an asset is as one that begins so.
 #[test]
 fn what_is_kept_follows_maps_and_settings() {
     let model = Model::from(crate::common::scenes::by_name("strips").unwrap());

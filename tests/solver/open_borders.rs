@@ -94,7 +94,7 @@ fn distance(outline: &[[f64; 2]], [x, y]: [f64; 2]) -> f64 {
     ends.map(of).fold(f64::INFINITY, f64::min)
 }
 
-/// How far points of the border move off it, ascending, and how far they move at all, at most; in cells.
+/// Distances that points of the border move off it, ascending, and the largest that they move at all; in cells.
 fn off_border(sheet: &Sheet, asset: &Asset, grid: usize) -> (Vec<f64>, f64) {
     let u = &asset.displacements_of_charts(0).unwrap()[0];
     let node = |i: usize, j: usize| u[j * (grid + 1) + i].map(f64::from);

@@ -149,7 +149,7 @@ fn redirections_of_folds_stay_in_the_tile() {
     assert!(folds > 1000, "{folds}");
 }
 
-/// What the header says at VRTM_SOLVER_PBD: its nodes may leave the tile, which those of `descent` never do.
+/// Its nodes may leave the tile, as the header says at VRTM_SOLVER_PBD; nodes of `descent` never do.
 #[test]
 fn nodes_leave_the_tile_by_no_more_than_the_header_says() {
     // The sheet covers all of the tile, and shrinks to a tenth, so that discs want to grow over the border.

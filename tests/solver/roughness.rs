@@ -17,7 +17,7 @@ use vrtm::{Asset, Device, DeviceSettings, OpenBorders, Quality, Seams, TileSetti
 /// Largest d2 RMS, fraction of d2 over 0.1, largest d2 and change under noise at 99.9 %, in cells.
 type Bars = [f64; 4];
 
-/// What `normal` holds wherever features have room, and on most crowded scenes.
+/// Bars that `normal` holds wherever features have room, and on most crowded scenes.
 const BARS: Bars = [0.01, 0.001, 0.5, 0.01];
 
 /// `draft` has no corrections on the finest level, and features of a few cells are coarse on the one before.

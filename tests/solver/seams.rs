@@ -13,7 +13,7 @@ use crate::common::table::{self, judge};
 use crate::common::unless_passed;
 use crate::common::{self, Maps, Model, Warp, bits, cpu, on_all_cores, options};
 
-/// Where the second half of a cut sheet lies in the UV plane: turned by an angle, mirrored or not, scaled, and moved.
+/// Place of a cut sheet's second half in the UV plane: turned by an angle, mirrored or not, scaled, and moved.
 #[derive(Clone, Copy)]
 pub struct Place {
     turn: f64,

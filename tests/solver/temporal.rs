@@ -43,7 +43,7 @@ fn distance(a: &Warp, b: &Warp) -> f64 {
 const MOVING: usize = 24;
 const RESTING: usize = 48;
 
-/// What a temporal weight does on one scene.
+/// Effect of a temporal weight on one scene.
 struct Figures {
     /// RMS of the second difference of W over the frames of the motion, in cells.
     jitter: f64,

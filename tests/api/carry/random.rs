@@ -115,7 +115,7 @@ fn distance3(a: P2, b: P2) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-/// How far from rotations the matrices are; never a reflection.
+/// Largest distance of the matrices from rotations; never a reflection.
 fn rotations(all: &All, case: u64) -> f64 {
     let mut worst: f64 = 0.0;
     for m in &all.rotations {

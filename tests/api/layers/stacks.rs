@@ -68,7 +68,7 @@ impl Island {
         [0, 1].map(|k| self.origin[k] + s * self.sides[0][k] + t * self.sides[1][k])
     }
 
-    /// How far inside of the island a UV lies; negative outside.
+    /// Depth of a UV inside of the island; negative outside.
     pub fn depth(&self, uv: [f64; 2]) -> f64 {
         let [[a, b], [c, d]] = self.sides;
         let (x, y) = (uv[0] - self.origin[0], uv[1] - self.origin[1]);
@@ -78,7 +78,7 @@ impl Island {
         [s, 1.0 - s, t, 1.0 - t].into_iter().fold(f64::INFINITY, f64::min) * side
     }
 
-    /// How deep the deepest point of both lies in both; negative if there is none.
+    /// Depth of the deepest common point; negative if there is none.
     pub fn shared_depth(&self, other: &Island) -> f64 {
         // The least of several linear functions has no maxima but the greatest one.
         let at = |u: f64, v: f64| self.depth([u, v]).min(other.depth([u, v]));

@@ -136,7 +136,7 @@ impl Painted {
         f64::from(beside) / f64::from(copied.max(1))
     }
 
-    /// How far apart the content of both sides of the seams is, in texels of the coarser side along the seam: median,
+    /// Distance between the contents of both sides of the seams, in texels of the coarser side along the seam: median,
     /// 90 %, and the share over two texels.
     fn apart(&self) -> [f64; 3] {
         let mut apart = Vec::new();
@@ -184,8 +184,8 @@ fn paint(texture: &mut Texture, at: [[f64; 2]; 3], p: [[f64; 3]; 3]) {
     }
 }
 
-/// What is allowed, about a third more than is measured: the median and 90 % of the distances, in texels, and the share
-/// over two texels.
+/// Bounds, about a third above the measured values: the median and 90 % of the distances, in texels, and the share over
+/// two texels.
 const BARS: [(&str, [f64; 3]); 6] = [
     ("creature", [0.09, 0.6, 0.001]),
     ("mh_face", [0.28, 1.05, 0.035]),

@@ -70,7 +70,7 @@ fn faces(model: &Model) -> Vec<Vec<[f64; 2]>> {
     model.faces().map(|face| face.map(uv).collect()).collect()
 }
 
-/// How far a point lies inside the convex face that it is deepest in; negative outside of all.
+/// Depth of a point inside the convex face that it is deepest in; negative outside of all.
 fn depth(faces: &[Vec<[f64; 2]>], p: [f64; 2]) -> f64 {
     let mut deepest = f64::NEG_INFINITY;
     for corners in faces {

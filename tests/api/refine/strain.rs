@@ -9,7 +9,7 @@ use super::refined::Refined;
 use super::truth::visit;
 use crate::common::{Model, Warp};
 
-/// Where each texel centre of the texture lies: the place in space, and the chart. `None` where nothing shows it.
+/// Place in space and chart of each texel centre of the texture. `None` if nothing shows it.
 type Places = Vec<Option<([f64; 3], u32)>>;
 
 /// The strain of one frame of a model's first tile.
@@ -19,7 +19,7 @@ pub struct Measured<'a> {
     charts: Vec<u32>,
     size: usize,
     at_rest: Places,
-    /// Whether the warp moves a texel's centre.
+    /// True if the warp moves the texel's centre.
     moves: Vec<bool>,
     whole: Refined,
 }

@@ -9,7 +9,7 @@ use vrtm::{PbdSettings, Setting, SolveOptions, TileSettings};
 use vrtm_capi::mirror::{Choice, Field, Struct};
 use vrtm_capi::{CHOICES, MIRRORED};
 
-/// Where the Rust API documents what is mirrored.
+/// Files of the Rust API with the mirrored documentation.
 const SOURCES: [&str; 6] = [
     "crates/core/src/settings.rs",
     "crates/core/src/report.rs",
@@ -19,7 +19,7 @@ const SOURCES: [&str; 6] = [
     "crates/carry/src/course.rs",
 ];
 
-/// What Rust calls what has another place in C.
+/// Names of Rust for items with another place in C.
 const OTHER_NAMES: [(&str, &str); 6] = [
     ("DeviceInfo::reason", "vrtm_device_info"),
     ("DeviceSettings", "vrtm_device_desc"),
@@ -200,8 +200,7 @@ This page is written from the declarations in `crates/core/src/settings.rs`: do 
 ([CONTRIBUTING.md](../CONTRIBUTING.md#a-setting)).
 ";
 
-/// What the initialiser of a struct sets besides its size: the defaults of the first version's fields that are not
-/// zero.
+/// Settings of a struct's initialiser besides its size: the defaults of the first version's fields that are not zero.
 pub fn initialiser(of: &Struct, path: &str) -> Vec<String> {
     let mut lines = Vec::new();
     for field in of.fields {

@@ -132,7 +132,7 @@ fn unindented(text: &str) -> String {
     text.lines().map(|line| format!("{}\n", line.trim_start())).collect()
 }
 
-/// What documents show is code that runs: each block stands in one of the programs above, line for line.
+/// Documents show code that runs: each block stands in one of the programs above, line for line.
 #[test]
 fn the_code_in_the_documents_is_in_programs_that_run() {
     let programs: Vec<String> = ["maya_plugin", "houdini_cook", "viewport", "farm", "grid", "wrapper"]

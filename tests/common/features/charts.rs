@@ -113,7 +113,7 @@ impl Charts {
         Some(self.triangles[found].chart)
     }
 
-    /// Whether the surface goes on from a triangle to a point that is near to it.
+    /// True if the surface continues from a triangle to a point that is near to it.
     pub fn goes_on(&self, from: usize, to: Point) -> bool {
         let mut t = from;
         for _ in 0..200 {

@@ -11,7 +11,7 @@ use crate::common::scenes::{analytic, arm, by_name, creature, mug_to_jug};
 use crate::common::{Model, assets, options, view};
 use crate::{cuts, gaps, hard_cases, noise, open_borders, random, seams, welds};
 
-/// What is solved of a model, and how.
+/// Model, and the options of its solves.
 #[derive(Clone)]
 pub struct Small {
     pub what: String,
@@ -22,7 +22,7 @@ pub struct Small {
     /// Frames that are solved one after the other, numbered from 1.
     frames: Vec<usize>,
     prepare: fn(&mut Asset),
-    /// Whether a software GPU has the time for it.
+    /// True if a software GPU has the time for it.
     pub on_gpu: bool,
 }
 
@@ -145,7 +145,7 @@ fn borders(list: &mut Vec<Small>) {
     }
 }
 
-/// What is welded, torn, cut, apart by a gap, over one another, or noisy.
+/// Meshes that are welded, torn, cut, split by a gap, overlapping, or noisy.
 fn meshes(list: &mut Vec<Small>) {
     for by in [WeldBy::Index, WeldBy::Position, WeldBy::Off] {
         let model = Model { weld: Weld { by, ..Weld::default() }, ..welds::slit(true).0 };

@@ -91,7 +91,7 @@ pub fn hold([p, q]: [[f64; 2]; 2], n: [usize; 2], held: &mut [bool]) {
     }
 }
 
-/// Whether the way from `p` to `q` comes into the middle of a cell (clipping after Liang and Barsky).
+/// True if the way from `p` to `q` crosses the middle of a cell (clipping after Liang and Barsky).
 fn comes_into([p, q]: [[f64; 2]; 2], cell: [f64; 2]) -> bool {
     let (mut from, mut to) = (0.0f64, 1.0f64);
     for c in 0..2 {

@@ -21,7 +21,7 @@ pub fn cpu(threads: u32) -> Device {
     .unwrap()
 }
 
-/// What happened in a case, for counting how many cases test something.
+/// Events of a case, for counting the cases that test something.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Seen {
     /// A chart was solved.
@@ -173,7 +173,7 @@ fn warps(recipe: &Recipe, asset: &Asset, tile: usize) -> Vec<Warp> {
     of_charts.into_iter().map(|u| Warp { u, ..whole }).collect()
 }
 
-/// How far the warp that comes nearest takes a point from another one, along the axis of the greater distance.
+/// Distance from `to` at which the nearest warp puts `from`, along the axis of the greater distance.
 fn off(warps: &[Warp], from: [f64; 2], to: [f64; 2], scale: [f64; 2]) -> f64 {
     let of = |warp: &Warp| {
         let back = warp.at(from);

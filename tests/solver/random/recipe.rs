@@ -54,7 +54,7 @@ pub struct Piece {
     pub seed: u32,
 }
 
-/// What hangs together, and how the library is told.
+/// Connection of the faces, and the way to tell it to the library.
 #[derive(Clone, Debug, Default)]
 pub struct Joints {
     /// Chance of a face to be one of those that have copies of their vertices, at the same places: the edges between
