@@ -171,7 +171,7 @@ impl Words {
             ("Settings of the paper's solver", "vrtm_pbd_settings"),
         ] {
             let of = MIRRORED.iter().find(|of| of.name == name).unwrap();
-            text += &format!("\n## {title}\n\n`{name}`\n\n| name | what it is for |\n|---|---|\n");
+            text += &format!("\n## {title}\n\n`{name}`\n\n| name | purpose |\n|---|---|\n");
             for field in of.fields {
                 text += &format!("| `{}` | {} |\n", field.name, self.comment(of, field)?);
             }
@@ -192,11 +192,11 @@ impl Words {
 
 const PAGE: &str = "# Settings
 
-All settings with their limits and defaults. They have the same names in the C header, in Rust and in Python, where a value
-such as `VRTM_SEAMS_KEEP` is `\"keep\"`; `vrtm bake` takes those of a tile as options, such as `--smoothness-floor` and
-`--seams keep`. [quality.md](quality.md) says which of them to change, and why.
+This page lists all settings with their limits and defaults. They have the same names in the C header, in Rust and in
+Python, where a value such as `VRTM_SEAMS_KEEP` is `\"keep\"`. `vrtm bake` takes a tile's settings as options, such as
+`--smoothness-floor` and `--seams keep`. [Quality](quality.md) shows the effect of a change.
 
-This page is written from the declarations in `crates/core/src/settings.rs`: do not edit it
+A test writes this page from the declarations in `crates/core/src/settings.rs`: do not edit it
 ([CONTRIBUTING.md](../CONTRIBUTING.md#a-setting)).
 ";
 
