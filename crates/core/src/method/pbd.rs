@@ -15,7 +15,7 @@
 //! After every fourth iteration and after the last one come regularisation (eq. 4-5), integration and, except after the
 //! last one, damping and prediction: p + (1 - damping) (p - p'), where p' is the position at the previous integration.
 //!
-//! What the paper leaves open, what was chosen, and the figures that chose it, stand in method §10.
+//! docs/decisions/paper_solver.md has the numbers that the paper leaves open, and the figures behind them.
 
 use crate::grid::planes::EDGES;
 use crate::settings::PbdSettings;
