@@ -10,12 +10,13 @@
  *   asset    vrtm_asset_create            once per mesh: topology, rest positions, UVs
  *   maps     vrtm_tile_set_rigidity,      per UDIM tile, and again when the artist paints
  *            vrtm_tile_set_mask
- *            vrtm_tile_update_rigidity  after a stroke of a brush
- *   prepare  vrtm_tile_estimate, vrtm_tile_save, vrtm_tile_load   if memory or the first frame's time matter
+ *            vrtm_tile_update_rigidity    after a stroke of a brush
+ *   prepare  vrtm_tile_get_estimate,      if memory or the first frame's time matter
+ *            vrtm_tile_save, vrtm_tile_load
  *   frame    vrtm_asset_redirect          every frame: new positions in, redirection maps out
  *            or vrtm_asset_solve, then vrtm_tile_fetch and vrtm_asset_fetch_corner_uvs
  *   job      vrtm_asset_submit, then vrtm_job_wait    solves in the background; can be cancelled
- *   facts    vrtm_tile_report, vrtm_asset_report
+ *   facts    vrtm_tile_get_report, vrtm_asset_get_report, vrtm_tile_get_info, vrtm_asset_get_info
  *   refine   vrtm_refinement_create, then vrtm_refinement_fetch_corner_uvs every frame, for hosts that support
  *            only UV sets
  *   carry    vrtm_carrier_create, then vrtm_carrier_fetch every frame, for what is geometry on the surface
@@ -40,7 +41,7 @@
  *   vrtm_asset asset;
  *   vrtm_asset_create(device, &mesh, &asset);
  *   vrtm_tile tile;
- *   vrtm_asset_find_tile(asset, 1001, &tile);
+ *   vrtm_asset_find_tile(asset, &(vrtm_tile_key){.udim = 1001}, &tile);
  *   vrtm_image rigidity = vrtm_image_init();
  *   rigidity.data = bytes;   rigidity.format = VRTM_PIXEL_U8;  rigidity.width = 512;  rigidity.height = 512;
  *   vrtm_tile_set_rigidity(tile, &rigidity);
@@ -55,78 +56,47 @@
  *   vrtm_asset_destroy(asset);
  *   vrtm_device_destroy(device);
  *
- * RULES FOR ALL FUNCTIONS
+ * RULES FOR ALL FUNCTIONS (docs/hosts.md, "Rules of the C API", has them in detail)
  *
  * Status. Every function but vrtm_version, vrtm_status_string and vrtm_last_error returns VRTM_OK (0) or an error.
- * After an error, vrtm_last_error() on the same thread says which argument, and which element of it, was wrong. Outputs
- * are written only on VRTM_OK, and an asset's last good result stays readable after a failed call. Besides its listed
+ * vrtm_last_error() on the same thread then says which argument, and which element of it, was wrong. Outputs are
+ * written only on VRTM_OK, and an asset's last good result stays readable after a failed call. Besides its listed
  * errors, any function may give VRTM_ERROR_INTERNAL, a defect of the library that leaves the asset unchanged, and any
- * function that computes may give VRTM_ERROR_OUT_OF_MEMORY.
+ * function that computes may give VRTM_ERROR_OUT_OF_MEMORY, after which the call may be repeated.
+ *
+ * Names. vrtm_X_get_Y fills a vrtm_X_Y with facts about an X; vrtm_X_fetch_Y writes results into the caller's arrays
+ * or images.
  *
  * Handles are numbers and may be copied freely. A zero, destroyed or foreign handle gives an error and does no harm; a
  * handle's number is never reused. Objects may be destroyed in any order.
  *
  * Structs that start with struct_size may grow at their end in later versions. Get them from their _init() function,
- * which sets struct_size and the defaults. The library accepts structs of older headers (missing fields count as zero,
- * which is the default of every added field) and of newer headers, as long as the fields that it does not know are
- * zero; otherwise it gives VRTM_ERROR_UNSUPPORTED. Structs that the library fills keep the caller's struct_size.
+ * or vrtm_defaults(). The library accepts structs of older headers (missing fields count as zero, which is the default
+ * of every added field), and of newer headers if the fields that it does not know are zero; otherwise it gives
+ * VRTM_ERROR_UNSUPPORTED. Structs that the library fills keep the caller's struct_size.
  *
- * Memory. Inputs are read during the call and copied where needed: the caller may free or change them as soon as it
- * returns. Outputs are written to the caller's memory. Neither side frees memory that the other allocated. Pointers
- * must be null or valid for the size that goes with them, structs and number arrays aligned as in C; the data of
- * vrtm_array, vrtm_image and vrtm_image_out need no alignment. Strides are in bytes.
- *
- * Out of memory. A call that runs out of memory gives VRTM_ERROR_OUT_OF_MEMORY, and the message says how many bytes
- * could not be allocated: nothing was written, maps and the last result are unchanged, and the call may be repeated.
- * Prepared grids and a solver's memory may have been freed; they are rebuilt when needed. The process keeps running:
- * this holds for all memory that is sized by user input. Small allocations of the GPU code use a reserve of 256 KiB
- * when the system has no memory left; a driver may behave differently. The host can supply the allocator
- * (vrtm_allocator).
- *
- * Floating point. Functions, and the host's log function that they call, run in the processor's default mode (rounding
- * to nearest, no flushing to zero, no traps), and restore the mode of the calling thread (on x86-64 and ARM64).
+ * Memory. Inputs are read during the call and copied where needed; outputs are written to the caller's memory. Neither
+ * side frees memory that the other allocated. Pointers must be null or valid for the size that goes with them, structs
+ * and number arrays aligned as in C; the data of arrays and images need no alignment. Strides are in bytes.
  *
  * Threads. Any function may be called from any thread. Different assets can be used at the same time. Calls on one
- * asset do not wait for each other. Results (maps, corner UVs, reports), descriptions of a device, an asset or a job,
- * and tile handles can be read at any time; while the next result is computed, results are the last good ones. A call
- * that solves or changes anything gives VRTM_ERROR_BUSY while another call, or a job, is using the asset. So do
- * vrtm_tile_info and vrtm_tile_save, which may have to prepare the tile, vrtm_tile_grid, which may have to choose its
- * grid, and vrtm_tile_estimate, which may have to lay out what charts have beyond their borders;
- * vrtm_tile_get_settings does while one of these calls runs. A solve uses
- * threads of its own, which end before it returns, or the host's (vrtm_executor). No lock is held while a function of
- * the host runs.
+ * asset do not wait for each other: results, descriptions and tile handles can be read at any time, during a solve the
+ * last good ones, and a call that solves or changes anything, or may have to prepare a tile, gives VRTM_ERROR_BUSY
+ * while another call or a job uses the asset. No lock is held while a function of the host runs. Functions of the host
+ * must return normally: no exception, no longjmp.
  *
- * Stack. On the CPU a thread with a stack of 48 KiB may call any function. The stack that a GPU's driver needs is
- * unknown: use threads with the system's usual stack of megabytes there.
- *
- * Process. The library prints nothing, changes no signal handler, locale or other state of the process, and its results
- * do not depend on them. Its threads leave signals to the host's threads, except those of faults and SIGPROF. After a
- * fork while no call runs and no job is alive, both processes may use all devices and assets on the CPU; a child of a
- * fork during a call may only exec or _exit, as POSIX has it. The child must not use GPUs. The library may be unloaded
- * when no call is running, and loaded again, any number of times. Nothing of it stays in memory then, unless a thread
- * that lives on has looked for GPUs or used one (VRTM_BACKEND_AUTO looks, too); on Windows, a DLL that was built with
- * GNU's tools leaves about 100 bytes for each other thread that called it and lives on.
+ * Process. The library prints nothing and changes no signal handler, locale or floating-point mode. On the CPU, a
+ * thread with a stack of 48 KiB may call any function.
  *
  * VERSIONS
  *
  * A program that was compiled against this header runs with this library and any later one of the same major version,
- * without being recompiled. The major version is in the file name by which the program loads the library: libvrtm.so.0,
- * libvrtm.0.dylib (a DLL has the same name in all versions: vrtm_version() tells). This holds from 0.1 on, also before
- * 1.0.
- *
- *   patch   0.1.x   declares nothing new. Results keep their bits, except for defects that the changelog names.
- *   minor   0.x     adds functions, types, constants and, at the end of structs that start with struct_size, fields;
- *                   zero in a new field means the library's earlier behaviour. Nothing is removed, renamed, renumbered
- *                   or given another type. Results may differ in their bits, defaults may improve, former errors may
- *                   become allowed, messages may change, and tiles that were saved by an earlier
- *                   version may be refused by vrtm_tile_load: prepare and save them again.
- *                   Everything under "Experimental" may change, be renamed or be removed.
- *   major   x       may change anything, and is loaded by another name, so that both can be installed. 1.0 will be the
- *                   next; what it removes is marked as obsolete in an earlier minor version.
- *
- * Conversely, a program that uses features of a later library does not start with an older one, or gets
- * VRTM_ERROR_UNSUPPORTED for a field that the older one lacks. Names that start with vrtm_ or VRTM_ are reserved for
- * the library.
+ * without being recompiled, from 0.1 on. The major version is in the file name by which the program loads the library:
+ * libvrtm.so.0, libvrtm.0.dylib (a DLL has the same name in all versions: vrtm_version() tells). A patch version
+ * declares nothing new, and results keep their bits, except for defects that the changelog names. A minor version adds
+ * functions, types, constants and fields at the end of sized structs, where zero means the earlier behaviour; results
+ * may differ in their bits. Everything under "Experimental" may change, be renamed or be removed. Names that start with
+ * vrtm_ or VRTM_ are reserved for the library.
  */
 
 #ifndef VRTM_H
@@ -355,8 +325,6 @@ typedef struct vrtm_image_out {
     // channel is 0; with 4, for a redirection, the fourth is 1 where a chart covers the texel's centre and 0
     // elsewhere.
     uint32_t channels;
-    // Has no function any more: 0. Another value is refused with VRTM_ERROR_UNSUPPORTED.
-    uint32_t one_to_one;
     // Address of the first texel of the first row. Need not be aligned.
     void *data;
     // Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
@@ -374,7 +342,7 @@ struct vrtm_allocator;
 typedef int32_t vrtm_backend;
 
 // A hardware GPU, discrete before integrated; the CPU if no such GPU was found or it cannot be opened. A software
-// driver does not count as a GPU. vrtm_device_info says what was chosen and why. The default.
+// driver does not count as a GPU. vrtm_device_get_info says what was chosen and why. The default.
 #define VRTM_BACKEND_AUTO 0
 
 // The CPU.
@@ -409,11 +377,9 @@ typedef int32_t vrtm_log_level;
 // The chosen backend and device, and the reason.
 #define VRTM_LOG_INFO 2
 
-// A host's log function. It is called on the thread that called into vrtm, during that call (on one of a host's
-// threads, if the device has an executor, and on a job's thread); several threads may call it at once. `message` is
-// one UTF-8 line without a line break, valid during the call. It may call vrtm functions; calls that use the asset of
-// the current call give VRTM_ERROR_BUSY, as does waiting for the current job. It must return normally: no exception,
-// no longjmp.
+// A host's log function. It is called during a call into vrtm, on the thread that does the call's work, also by
+// several threads at once. `message` is one UTF-8 line without a line break, valid during the call. It may call vrtm
+// functions; calls that use the asset of the current call give VRTM_ERROR_BUSY, as does waiting for the current job.
 typedef void (*vrtm_log_fn)(void *user, vrtm_log_level level, const char *message);
 
 // Settings of a new device. Start from vrtm_device_desc_init(), whose defaults are: automatic backend, all cores, no
@@ -451,20 +417,16 @@ typedef struct vrtm_device_desc {
     const struct vrtm_allocator *allocator;
 } vrtm_device_desc;
 
-// Makes a device. `desc` may be null, which means all defaults. The caller destroys `*device`.
-//
-// Looking for GPUs and opening one loads drivers, which takes tens of milliseconds, the first time more; an open GPU
-// keeps threads of its driver alive until the device and all of its assets are destroyed. So make one device and keep
-// it. The library prints nothing, but a driver may: Mesa's writes a line to stderr where XDG_RUNTIME_DIR is not set.
-//
-// The environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's default limits (bindings of 128 MiB,
-// buffers of 256 MiB) and without optional features, for support.
+// Makes a device. `desc` may be null, which means all defaults. The caller destroys `*device`. Make one device and
+// keep it: looking for GPUs and opening one loads drivers, which takes tens of milliseconds, and an open GPU keeps
+// threads of its driver alive. For support, the environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's
+// default limits and without optional features.
 //
 // Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range or an identity that no adapter
 // has (VRTM_BACKEND_GPU; the message lists the available ones), more than 1024 threads, an allocator without a
-// function, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
-// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if no GPU was found or it cannot be opened, and for an allocator if the
-// library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
+// function, or an environment variable that cannot be read; VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if no GPU was
+// found or it cannot be opened, and for an allocator if the library was built without the feature for it;
+// VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
 vrtm_status vrtm_device_create(const vrtm_device_desc *desc,
                                vrtm_device *device);
@@ -562,26 +524,21 @@ typedef struct vrtm_mesh_desc {
     size_t seam_count;
     // One of VRTM_WELD_: INDEX (0, the default), POSITION, OFF.
     vrtm_weld weld;
-    // The tolerance of VRTM_WELD_POSITION, the largest distance of vertices that it welds: this fraction (0..1) of the
-    // longest side of the bounding box at rest; default 1e-5. Unless it is 0, an allowance for rounding is added:
-    // 2^-23 (2^-52 for f64 positions) times the largest magnitude of a rest coordinate. The tolerance of a vertex is
-    // at most a quarter of its shortest edge; a vertex with an edge shorter than half of the tolerance is welded only
-    // to vertices at the same position.
+    // Largest distance of vertices that VRTM_WELD_POSITION welds, as a fraction (0..1) of the longest side of the
+    // bounding box at rest; default 1e-5. Unless it is 0, an allowance for rounding is added. A vertex is welded over
+    // at most a quarter of its shortest edge, and one with an edge shorter than half of the tolerance only to vertices
+    // at the same position.
     double weld_position_tolerance;
-    // Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024. It is
-    // smaller at small triangles: at most a quarter of the smallest UV height of the triangles at the vertex. Welded
-    // corners have the mean of their UVs. Beside a slit in the UVs that this closes, one wider than 1/8192 or a step
-    // of half floats, nothing moves (vrtm_tile_data.gap_nodes); where all edges around are apart, that is noise
-    // and no slit.
+    // Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024, and at
+    // most a quarter of the smallest UV height of the triangles at the vertex. Welded corners have the mean of their
+    // UVs. Beside a slit in the UVs that this closes nothing moves (vrtm_tile_info.gap_nodes).
     double weld_uv_tolerance;
     // The largest number of layers of a tile, for meshes whose charts lie over one another: mirrored halves, stacked
     // islands. 0 (the default) or 1: texels that several charts share do not move (see VRTM_OVERLAP_). From 2 on,
-    // charts that lie over others, deeper than by 1/4096, get layers of their own, so that every chart is solved as if
-    // it were alone; a mirrored character has two. Each layer is a tile with its own redirection map: layer 0 has the
-    // charts of the first faces, layer 1 those that lie under them, and so on. vrtm_asset_fetch_face_layers says which
-    // layer's map each face reads. Corner UVs and refinements need no layers to be told. Charts for which the layers
-    // do not suffice are left in the last one. What of a chart lies over the same chart does not move in any layer.
-    // UVs without overlaps have one layer, with the same results as before.
+    // charts that lie over others, deeper than by 1/4096, get layers of their own, each a tile with its own
+    // redirection map: vrtm_asset_fetch_face_layers says which map each face reads. Corner UVs and refinements know
+    // the layers. Charts for which the layers do not suffice stay in the last one; a chart that lies over itself does
+    // not move there.
     uint64_t max_layers;
 } vrtm_mesh_desc;
 
@@ -603,25 +560,36 @@ vrtm_status vrtm_asset_create(vrtm_device device,
 VRTM_API
 vrtm_status vrtm_asset_destroy(vrtm_asset asset);
 
-// The tile with a UDIM number (1001 + U + 10 V) in UV set 0; if it has layers, layer 0.
+// Names a tile. A plain value that never grows.
+typedef struct vrtm_tile_key {
+    // UDIM number: 1001 + U + 10 V.
+    uint32_t udim;
+    // UV set: 0 <= uv_set < vrtm_asset_info.uv_sets.
+    uint32_t uv_set;
+    // Layer within the UDIM number: 0 <= layer < layers.
+    uint32_t layer;
+    // Layers of the UDIM number: 1, or up to vrtm_mesh_desc.max_layers. vrtm_asset_find_tile ignores it.
+    uint32_t layers;
+} vrtm_tile_key;
+
+// The tile of an asset with a key: one of UV set 0 without layers needs only `key->udim`, all else zero. Never busy.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the mesh has no triangle there or `tile` is
-// null. Never busy.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if there is no such tile, or if
+// `key` or `tile` is null.
 VRTM_API
 vrtm_status vrtm_asset_find_tile(vrtm_asset asset,
-                                 uint32_t udim,
+                                 const vrtm_tile_key *key,
                                  vrtm_tile *tile);
 
 // Sets a tile's rigidity, for all of its layers: 0 is infinitely elastic, 1 as rigid as possible; values outside are
 // clamped. The map may have any size; it is resampled to the grid. Null removes the map. A tile without one has the
 // rigidity of the vertices (vrtm_asset_set_vertex_rigidity), and without that, too, does not move at all. The last
-// result stays readable until the next solve. May be called between frames: only what depends on the rigidity is
-// computed again, in a quarter of the time of a draft, and charts whose rigidity stays the same keep their results.
-// But the tile is prepared from the start where a chart gains its first rigidity or loses its last, where the grid
-// gets another size (vrtm_tile_grid), and with features that are kept at seams or orientation_density in use.
+// result stays readable until the next solve. Only what depends on the rigidity is computed again, and charts whose
+// rigidity stays the same keep their results; the tile is prepared from the start where a chart gains its first
+// rigidity or loses its last, or where the grid gets another size.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a
-// zero size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a zero
+// size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
 vrtm_status vrtm_tile_set_rigidity(vrtm_tile tile,
                                    const vrtm_image *rigidity);
@@ -646,9 +614,9 @@ typedef int32_t vrtm_solver;
 #define VRTM_SOLVER_DESCENT 0
 
 // The solver of the paper that the library follows: position-based dynamics on a hierarchy of grids (its section 4).
-// For comparison: its result is returned unchecked, and may fold (vrtm_tile_report_data.folds) or be worse than the
-// mesh's own UVs. Where it folds, a texel has several possible lookups and gets one of them. Nodes may leave their
-// charts, and even the tile, by 0.08 of its side in the worst pose tested. Redirections stay within the tile.
+// For comparison: its result is returned unchecked, and may fold (vrtm_tile_report.folds) or be worse than the mesh's
+// own UVs. Where it folds, a texel has several possible lookups and gets one of them. Nodes may leave their charts,
+// and even the tile, by 0.08 of its side in the worst pose tested. Redirections stay within the tile.
 #define VRTM_SOLVER_PBD 1
 
 // Settings of VRTM_SOLVER_PBD, with the paper's names. A plain value that never grows.
@@ -668,10 +636,9 @@ typedef struct vrtm_pbd_settings {
 } vrtm_pbd_settings;
 
 // A host's function that receives a solve's predicted progress, 0..1, which never decreases. If it returns a nonzero
-// value, the solve is cancelled. A solve that succeeds reports 1 at its end, when it can no longer be cancelled. It
-// may call vrtm functions: results of the asset can be read, and calls that would change the asset give
-// VRTM_ERROR_BUSY. On a device with an executor, such calls use only the calling thread, so that they never wait for
-// threads that wait for this function. It must return normally: no exception, no longjmp.
+// value, the solve is cancelled; one that succeeds reports 1 at its end, when it can no longer be cancelled. The
+// function may call vrtm: results of the asset can be read, and calls that would change the asset give
+// VRTM_ERROR_BUSY.
 typedef uint32_t (*vrtm_progress_fn)(void *user, float progress);
 
 // Options of one solve. Start from vrtm_solve_options_init(), which sets the defaults.
@@ -682,24 +649,21 @@ typedef struct vrtm_solve_options {
     // (0, the default) or VRTM_QUALITY_DRAFT.
     vrtm_quality quality;
     // Maximum corrections on the finest level, 1..64, in place of the quality's limit; 0 = the quality's own. With
-    // more than four, a sweep more follows each, and a chart goes on until one gains less than 0.01 %, or `tolerance`,
-    // whatever its quadratic model predicts: seven lower the energy by 0.3 % in the mean, for up to twice the time,
-    // and make some crowded charts rougher over the pose. A draft with a number of corrections is VRTM_QUALITY_NORMAL
-    // with that number.
+    // more than four, a sweep more follows each, and a chart continues until one gains less than 0.01 %, or
+    // `tolerance`: seven lower the energy by 0.3 % in the mean, for up to twice the time, and make some crowded charts
+    // rougher over the pose.
     uint32_t max_corrections;
     // A chart is done when a correction gains less than this fraction of its energy (to which 6 % of the energy of the
-    // original UVs is added), or when the gain of a level's first correction matches the prediction of its quadratic
-    // model to a quarter of that fraction; over 0 and under 1. Up to four times the former and eight times the latter,
-    // the next correction is applied in part. 0 = the quality's own.
+    // original UVs is added), or when a level's first correction gains what its quadratic model predicts to a quarter
+    // of that fraction; over 0 and under 1. 0 = the quality's own.
     float tolerance;
     // The time that the call may take, excluding fetches, measuring and rebuilding after a change of maps or settings;
-    // 0 = no limit. The result comes from the finest level of the grid that the time allows, interpolated to the
-    // finest level and certified: never worse than the identity, and the identity itself if no level fits (the report
-    // is then `truncated`, with energies of 0). Costs are predicted from the last solves: the call returns within 1.2
-    // times the budget plus 5 ms, unless the machine is suddenly busier than before. Where charts go on beyond their
-    // borders, what they have in common is brought together if that takes half of the budget at most; else the report
-    // counts them in `charts_apart`. On a GPU this holds up to delays of the driver. With a limit the result depends
-    // on the speed of the machine. In milliseconds.
+    // 0 = no limit. The result comes from the finest level of the grid that the time allows, certified, and never
+    // worse than the identity, which it is if no level fits (the report is then `truncated`, with energies of 0).
+    // Costs are predicted from the last solves: the call returns within 1.2 times the budget plus 5 ms, unless the
+    // machine is suddenly busier. Seams are brought together if that takes half of the budget at most; else the report
+    // counts their charts in `charts_apart`. With a limit the result depends on the speed of the machine. In
+    // milliseconds.
     float time_budget_ms;
     // 0 (the default): start from the identity, so that a frame's result depends on its inputs alone. 1: start from
     // the last result, for interactive use: faster on small changes, but it depends on the order of the frames.
@@ -713,11 +677,9 @@ typedef struct vrtm_solve_options {
     uint32_t threads;
     // 1: also measure the strain on the mesh (in f64), for the tiles' reports. Slow.
     uint32_t measure;
-    // Memory to release, as a sum of flags. 1: the last results of the solved tiles before solving, 8 bytes per node
-    // of the blocks in use; they cannot be read until the solve succeeds. 2: the memory of each tile's solver once the
-    // tile is solved, about 110 bytes per node, so that tiles which are solved one after the other need that of one;
-    // the next solve takes longer, as a first one does. 0 (the default): nothing; results can be read at any time.
-    uint32_t release_last;
+    // Memory to release: a sum of VRTM_RELEASE_ flags; 0 (the default) = none, so that results can be read at any
+    // time.
+    uint32_t release;
     // Method by which the warp is found. VRTM_SOLVER_DESCENT (0, the default) or VRTM_SOLVER_PBD.
     vrtm_solver solver;
     // Settings of VRTM_SOLVER_PBD.
@@ -751,11 +713,10 @@ typedef int32_t vrtm_fetch_kind;
 #define VRTM_FETCH_REDIRECTION_DELTA 1
 
 // The warp, the inverse of the redirection: for a UV of the texture, the UV of the surface point that shows it,
-// absolute within the tile (nodes of VRTM_SOLVER_PBD may lie a little outside of it). The first and last texels of a
-// row or column lie on the tile's border; with the grid's size plus one in both directions the texels are the grid's
-// nodes. Between the nodes the warp is affine on two triangles per cell, split by the diagonal from the cell's corner
-// of least u and v to the corner of greatest u and v. All outputs of a result use this split, so that at any size the
-// warp maps a redirected UV back to the UV. Use f32.
+// absolute within the tile (nodes of VRTM_SOLVER_PBD may lie a little outside of it). The outermost texels lie on the
+// tile's border; with the grid's size plus one in both directions the texels are the grid's nodes. Between the nodes
+// the warp is affine on two triangles per cell, split from the corner of least u and v to the corner of greatest. Use
+// f32.
 #define VRTM_FETCH_WARP 2
 
 // The redirection plus the offset (U, V) of the UDIM tile: UVs in the mesh's own range, for lookups in a texture of
@@ -772,20 +733,18 @@ typedef int32_t vrtm_fetch_kind;
 // sufficient.
 #define VRTM_FETCH_FILTER_SCALE 5
 
-// UVs of another UV set, vrtm_fetch.uv_set, for meshes whose textures use another set than the warp is solved in (one
-// without overlaps, say): where the redirection leads to a point of the surface, the UV of that point in the other
-// set, as the mesh has it, whatever its range. The map is looked up by the UVs of the tile's own set. 0 beside charts,
-// but for a margin of two texels that goes on with the nearest triangle's UVs. Where the other set has a border inside
-// a chart, texels on both sides of it differ: look the map up without interpolation there, or use the delta. Use f32.
-// With 4 channels, the fourth is 1 where a chart covers the texel's centre. By vrtm_tile_fetch_output or
-// vrtm_asset_redirect.
+// UVs of another UV set, vrtm_fetch.uv_set, for meshes whose textures use another set than the warp is solved in:
+// where the redirection leads to a point of the surface, the UV of that point in the other set, whatever its range.
+// The map is looked up by the UVs of the tile's own set. 0 beside charts, but for a margin of two texels. Where the
+// other set has a border inside a chart, look the map up without interpolation, or use the delta. Use f32. With 4
+// channels, the fourth is 1 where a chart covers the texel's centre.
 #define VRTM_FETCH_UV_SET 6
 
 // As VRTM_FETCH_UV_SET, minus the UV in that set of the texel's own point of the surface: the offset to add to the UV
 // that the textures use; 0 where nothing moves. f16 is sufficient. Works with textures that repeat.
 #define VRTM_FETCH_UV_SET_DELTA 7
 
-// One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
+// One output of a solve. Start from vrtm_fetch_init().
 typedef struct vrtm_fetch {
     // sizeof(vrtm_fetch); set by vrtm_fetch_init(). All elements of an array must have the same value.
     uint32_t struct_size;
@@ -796,15 +755,25 @@ typedef struct vrtm_fetch {
     vrtm_tile tile;
     // The destination. Required.
     const vrtm_image_out *image;
-    // The layer to read, counted from that of `tile`: 0 (the default) = `tile` itself.
-    uint32_t layer;
     // For VRTM_FETCH_UV_SET and VRTM_FETCH_UV_SET_DELTA: the UV set that the values are UVs of, 0 <= uv_set <
-    // vrtm_asset_data.uv_sets. 0 (the default) for all other kinds.
+    // vrtm_asset_info.uv_sets. 0 (the default) for all other kinds.
     uint32_t uv_set;
+    // Texels in u of the whole image, if `image` is a rectangle of a larger one, such as a band of one that does not
+    // fit into memory. On the CPU, rectangles equal those of the whole image bit for bit. 0 (the default) = `image` is
+    // the whole.
+    uint32_t whole_width;
+    // Texels in v of the whole image; 0 exactly if `whole_width` is.
+    uint32_t whole_height;
+    // First column of the rectangle in the whole image.
+    uint32_t x;
+    // First row of the rectangle in the whole image, counted in the order of image->origin.
+    uint32_t y;
+    // Must be 0.
+    uint32_t reserved;
 } vrtm_fetch;
 
 // Solves every tile for a pose and writes `count` outputs, in one call: all that a host's compute() needs for a frame.
-// Equivalent to vrtm_asset_solve followed by a vrtm_tile_fetch for each of `fetches`, except that all arguments are
+// Equivalent to vrtm_asset_solve followed by vrtm_tile_fetch, except that all arguments are
 // checked before any work, and nothing else can use the asset in between. `fetches` may be null if `count` is 0. No
 // two images may write the same byte, but they may be interleaved, such as two pairs of channels of one image. No
 // image may overlap the memory that the positions span.
@@ -834,28 +803,31 @@ vrtm_status vrtm_asset_solve(vrtm_asset asset,
                              const vrtm_array *positions,
                              const vrtm_solve_options *options);
 
-// Writes one output of the last solve into the caller's memory. Any size is allowed; the result does not depend on
-// other fetches.
+// Writes `count` outputs of an asset's last solve into the caller's memory. All are of one and the same solve, even if
+// another one ends meanwhile. Any size is allowed; an output does not depend on other fetches. All tiles belong to one
+// asset. No two images may write the same byte, but they may be interleaved, such as two pairs of channels of one
+// image. `fetches` may be null if `count` is 0.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
 // integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride, channels that
-// the kind does not have or an unknown value; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never
+// the kind does not have, an unknown value, a rectangle that is not inside the whole image, or images that overlap;
+// VRTM_ERROR_OUT_OF_MEMORY. On any error no image is written, unless a GPU fails while the images are written. Never
 // busy.
 VRTM_API
-vrtm_status vrtm_tile_fetch(vrtm_tile tile,
-                            vrtm_fetch_kind kind,
-                            const vrtm_image_out *image);
+vrtm_status vrtm_tile_fetch(const vrtm_fetch *fetches,
+                            size_t count);
 
-// Writes the redirected UV of every face corner of the mesh in UV set 0: `count` pairs (u, v), in corner order, with
+// Writes the redirected UV of every face corner of the mesh in a UV set: `count` pairs (u, v), in corner order, with
 // the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. For hosts that set UVs
-// instead of reading a map. `count` is the number of corners, vrtm_asset_data.corners; `uvs` has room for 2 * count
+// instead of reading a map. `count` is the number of corners, vrtm_asset_info.corners; `uvs` has room for 2 * count
 // floats.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
-// `uvs` is null or `count` is not the number of corners. On any error nothing is written. Never busy. In tiles that
-// have not been solved yet, the UVs are the mesh's own.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT for an
+// unknown UV set, if `uvs` is null or `count` is not the number of corners. On any error nothing is written. Never
+// busy. In tiles that have not been solved yet, the UVs are the mesh's own.
 VRTM_API
 vrtm_status vrtm_asset_fetch_corner_uvs(vrtm_asset asset,
+                                        uint32_t uv_set,
                                         float *uvs,
                                         size_t count);
 
@@ -863,9 +835,9 @@ vrtm_status vrtm_asset_fetch_corner_uvs(vrtm_asset asset,
 
 /* ---- Device ---- */
 
-// Description of a device. Start from vrtm_device_data_init().
-typedef struct vrtm_device_data {
-    // sizeof(vrtm_device_data); set by vrtm_device_data_init().
+// Description of a device. Start from vrtm_device_info_init().
+typedef struct vrtm_device_info {
+    // sizeof(vrtm_device_info); set by vrtm_device_info_init().
     uint32_t struct_size;
     // The backend in use: VRTM_BACKEND_CPU or VRTM_BACKEND_GPU.
     vrtm_backend backend;
@@ -877,19 +849,19 @@ typedef struct vrtm_device_data {
     uint32_t threads;
     // Bytes that all assets of the device currently hold.
     uint64_t bytes_held;
-} vrtm_device_data;
+} vrtm_device_info;
 
 // Describes a device: its backend, why it was chosen, and how much memory its assets hold. Works even after the GPU
 // was lost.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
-vrtm_status vrtm_device_info(vrtm_device device,
-                             vrtm_device_data *info);
+vrtm_status vrtm_device_get_info(vrtm_device device,
+                                 vrtm_device_info *info);
 
-// A GPU that a device can be made on. Start from vrtm_adapter_data_init().
-typedef struct vrtm_adapter_data {
-    // sizeof(vrtm_adapter_data); set by vrtm_adapter_data_init().
+// A GPU that a device can be made on. Start from vrtm_adapter_info_init().
+typedef struct vrtm_adapter_info {
+    // sizeof(vrtm_adapter_info); set by vrtm_adapter_info_init().
     uint32_t struct_size;
     // 1 for an adapter that is emulated on the CPU (or does not identify as hardware): VRTM_BACKEND_AUTO never chooses
     // it. 0 otherwise.
@@ -919,7 +891,7 @@ typedef struct vrtm_adapter_data {
     uint8_t luid[8];
     // The number MTLDevice.registryID, in memory order; all bytes are 0 if the GPU is not driven through Metal.
     uint8_t registry_id[8];
-} vrtm_adapter_data;
+} vrtm_adapter_info;
 
 // Number of GPUs that a device can be made on: those that run compute shaders with at least WebGPU's default limits,
 // through Vulkan, Direct3D 12 or Metal. Hardware is listed before software, discrete before integrated; the order is
@@ -934,8 +906,8 @@ vrtm_status vrtm_adapter_count(uint32_t *count);
 //
 // Errors: VRTM_ERROR_INVALID_ARGUMENT for an index out of range, or if `info` is null or has a wrong struct_size.
 VRTM_API
-vrtm_status vrtm_adapter_info(uint32_t index,
-                              vrtm_adapter_data *info);
+vrtm_status vrtm_adapter_get_info(uint32_t index,
+                                  vrtm_adapter_info *info);
 
 /* ---- Threads of the host ---- */
 
@@ -943,10 +915,9 @@ vrtm_status vrtm_adapter_info(uint32_t index,
 typedef void (*vrtm_task_fn)(void *data, size_t index);
 
 // A host's parallel loop, such as TBB's parallel_for: it calls `task(data, index)` for each index from 0 to `count` -
-// 1, exactly once, on any threads and in any order, in parallel or in sequence, and returns when all of these calls
-// have returned. It may be called by several threads at once. The first task to begin does the work of the call, and
-// the others help it, so the calling thread should run tasks too; it may even run all of them. It must return
-// normally: no exception, no longjmp.
+// 1, exactly once, on any threads and in any order, and returns when all of these calls have returned. Several threads
+// may call it at once. The first task to begin does the work of the call, and the others help it, so the calling
+// thread should run tasks too.
 typedef void (*vrtm_parallel_for_fn)(void *user, size_t count, vrtm_task_fn task, void *data);
 
 // A host's task queue: it calls `task(data, 0)` once, on any thread, immediately or later. It must return normally.
@@ -969,9 +940,9 @@ typedef struct vrtm_executor {
 
 /* ---- Asset ---- */
 
-// Description of a mesh. Start from vrtm_asset_data_init().
-typedef struct vrtm_asset_data {
-    // sizeof(vrtm_asset_data); set by vrtm_asset_data_init().
+// Description of a mesh. Start from vrtm_asset_info_init().
+typedef struct vrtm_asset_info {
+    // sizeof(vrtm_asset_info); set by vrtm_asset_info_init().
     uint32_t struct_size;
     // UV sets, 1 or more. All counts that concern UVs are sums over the sets.
     uint32_t uv_sets;
@@ -1007,58 +978,38 @@ typedef struct vrtm_asset_data {
     uint64_t edges_apart;
     // Seams that are not an edge of any face.
     uint64_t seams_unused;
-} vrtm_asset_data;
+} vrtm_asset_info;
 
 // Describes the mesh. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
-vrtm_status vrtm_asset_info(vrtm_asset asset,
-                            vrtm_asset_data *info);
+vrtm_status vrtm_asset_get_info(vrtm_asset asset,
+                                vrtm_asset_info *info);
 
-// Number of tiles with at least one triangle. Never busy.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
-VRTM_API vrtm_status vrtm_asset_tile_count(vrtm_asset asset, uint32_t *count);
-
-// The tile at `index`, 0 <= index < vrtm_asset_tile_count, first those of UV set 0 in the order of their UDIM numbers,
+// The tile at `index`, 0 <= index < vrtm_asset_info.tiles, first those of UV set 0 in the order of their UDIM numbers,
 // then those of set 1, and so on; the layers of a UDIM number follow one another. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for an index out of range or if `tile` is null.
 VRTM_API
-vrtm_status vrtm_asset_tile(vrtm_asset asset,
-                            uint32_t index,
-                            vrtm_tile *tile);
-
-// The tile with a UDIM number in the UV set `uv_set`, 0 <= uv_set < vrtm_asset_data.uv_sets.
-//
-// Errors: those of vrtm_asset_find_tile.
-VRTM_API
-vrtm_status vrtm_asset_find_tile_of_set(vrtm_asset asset,
-                                        uint32_t uv_set,
-                                        uint32_t udim,
-                                        vrtm_tile *tile);
-
-// A layer of the tile with a UDIM number: `layer` is less than the `layers` of vrtm_tile_layer.
-//
-// Errors: those of vrtm_asset_find_tile_of_set; VRTM_ERROR_INVALID_ARGUMENT if the tile has no such layer.
-VRTM_API
-vrtm_status vrtm_asset_find_tile_of_layer(vrtm_asset asset,
-                                          uint32_t uv_set,
-                                          uint32_t udim,
-                                          uint32_t layer,
-                                          vrtm_tile *tile);
+vrtm_status vrtm_asset_get_tile(vrtm_asset asset,
+                                uint32_t index,
+                                vrtm_tile *tile);
 
 /* ---- Tile ---- */
 
-// Facts about a tile that need no solve. Start from vrtm_tile_data_init().
-typedef struct vrtm_tile_data {
-    // sizeof(vrtm_tile_data); set by vrtm_tile_data_init().
+// Facts about a tile that need no solve. Start from vrtm_tile_info_init().
+typedef struct vrtm_tile_info {
+    // sizeof(vrtm_tile_info); set by vrtm_tile_info_init().
     uint32_t struct_size;
     // UDIM number: 1001 + U + 10 V.
     uint32_t udim;
     // The UV set that the tile belongs to.
     uint32_t uv_set;
+    // The tile's layer within its UDIM number: 0 unless vrtm_mesh_desc.max_layers is over 1.
+    uint32_t layer;
+    // Layers of its UDIM number: 1 or more.
+    uint32_t layers;
     // Charts in the tile: connected pieces of UV triangles.
     uint32_t charts;
     // Triangles in the tile.
@@ -1067,7 +1018,7 @@ typedef struct vrtm_tile_data {
     uint64_t border_edges;
     // Edges inside charts whose two sides have different vertices: welded by position.
     uint64_t welded_edges;
-    // Edges whose two sides coincide but are not connected: see vrtm_asset_data.edges_apart.
+    // Edges whose two sides coincide but are not connected: see vrtm_asset_info.edges_apart.
     uint64_t edges_apart;
     // Cells of the grid in u. A grid of w x h cells has (w + 1) x (h + 1) nodes.
     uint32_t grid_width;
@@ -1080,10 +1031,6 @@ typedef struct vrtm_tile_data {
     // Fraction (0..1) of the rigid nodes that cannot move: of the covered nodes with a rigidity of at least 0.5, those
     // that a border, an overlap or the mask fixes. Near 1, the rigidity map can have almost no effect.
     float frozen;
-    // The tile's layer within its UDIM number: 0 unless vrtm_mesh_desc.max_layers is over 1.
-    uint32_t layer;
-    // Layers of its UDIM number: 1 or more.
-    uint32_t layers;
     // Rigid nodes: covered nodes with a rigidity of at least 0.5.
     uint64_t rigid_nodes;
     // Number of these under more than one triangle, as in charts of one layer that lie over one another.
@@ -1091,7 +1038,7 @@ typedef struct vrtm_tile_data {
     // Nodes inside charts that cannot move because of a gap in the UVs that welding closes, such as a slit narrower
     // than vrtm_mesh_desc.weld_uv_tolerance. Noise of the UVs makes none.
     uint64_t gap_nodes;
-} vrtm_tile_data;
+} vrtm_tile_info;
 
 // Rule for texels that several charts of a tile share, or that a chart shares with itself. With
 // vrtm_mesh_desc.max_layers over 1, charts share texels only where these layers do not suffice.
@@ -1168,47 +1115,41 @@ typedef struct vrtm_tile_settings {
     // default), VRTM_SEAMS_CONTINUE or VRTM_SEAMS_KEEP.
     vrtm_seams seams;
     // Reach of charts beyond their seams with VRTM_SEAMS_CONTINUE, and beyond their open borders with
-    // VRTM_OPEN_BORDERS_SLIDE, in UV: about the size of a large rigid feature. Over 0, at most 0.5. 0 (the default) =
-    // 0.03125.
+    // VRTM_OPEN_BORDERS_SLIDE, in UV: about the size of a large rigid feature. Over 0, at most 0.5. Default 0.03125.
     float seam_reach;
     // Treatment of open borders. VRTM_OPEN_BORDERS_SLIDE goes only with an `orientation_density` of 0.
     // VRTM_OPEN_BORDERS_FIXED (0, the default) or VRTM_OPEN_BORDERS_SLIDE.
     vrtm_open_borders open_borders;
     // Priority, 0..1, of rigid features that the pose does not strain over strained ones. At 0 each gives way alike,
     // and in a crowd a feature may come out worse than without the warp; the higher this is, the fewer do, and the
-    // others keep a little more strain. For VRTM_SOLVER_DESCENT. Experimental. 0 to 1; default 0.
+    // others keep a little more strain. For VRTM_SOLVER_DESCENT. 0 to 1; default 0.
     float protect;
 } vrtm_tile_settings;
 
-// UDIM number (1001 + U + 10 V) and UV set of a tile. `uv_set` may be null. Unlike vrtm_tile_info, it does not prepare
-// the tile. Never busy.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `udim` is null.
-VRTM_API
-vrtm_status vrtm_tile_udim(vrtm_tile tile,
-                           uint32_t *udim,
-                           uint32_t *uv_set);
+// Size of a grid. A plain value that never grows.
+typedef struct vrtm_tile_grid {
+    // Cells in u.
+    uint32_t width;
+    // Cells in v.
+    uint32_t height;
+} vrtm_tile_grid;
 
-// The tile's layer within its UDIM number, and the number of layers: 0 and 1 unless vrtm_mesh_desc.max_layers
-// is over 1. `layers` may be null. Layers share their maps and settings: what is set for one of them holds for
-// all. Unlike vrtm_tile_info, it does not prepare the tile. Never busy.
+// Gets the key of a tile. Layers share their maps and settings: what is set for one of them holds for all. Never busy.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `layer` is null.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `key` is null.
 VRTM_API
-vrtm_status vrtm_tile_layer(vrtm_tile tile,
-                            uint32_t *layer,
-                            uint32_t *layers);
+vrtm_status vrtm_tile_get_key(vrtm_tile tile,
+                              vrtm_tile_key *key);
 
-// Cells of the grid that a tile has with its present rigidity and settings: where vrtm_tile_settings.grid_width or
-// grid_height is 0, those that resolve the rigid features. `height` may be null. Unlike vrtm_tile_info, it does not
-// prepare the tile: it takes some milliseconds after a change of the rigidity.
+// Gets the grid that a tile has with its present rigidity and settings: where vrtm_tile_settings.grid_width or
+// grid_height is 0, the cells that resolve the rigid features. Unlike vrtm_tile_get_info, it does not prepare the
+// tile: it takes some milliseconds after a change of the rigidity.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `width` is null; VRTM_ERROR_BUSY;
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `grid` is null; VRTM_ERROR_BUSY;
 // VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
-vrtm_status vrtm_tile_grid(vrtm_tile tile,
-                           uint32_t *width,
-                           uint32_t *height);
+vrtm_status vrtm_tile_get_grid(vrtm_tile tile,
+                               vrtm_tile_grid *grid);
 
 // Describes a tile. The first call, and the first after a change of map or settings, builds the tile's
 // grid, which takes time.
@@ -1216,8 +1157,8 @@ vrtm_status vrtm_tile_grid(vrtm_tile tile,
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size;
 // VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
-vrtm_status vrtm_tile_info(vrtm_tile tile,
-                           vrtm_tile_data *info);
+vrtm_status vrtm_tile_get_info(vrtm_tile tile,
+                               vrtm_tile_info *info);
 
 // Updates a part of a tile's rigidity map, for instance after a brush stroke: `width` x `height` texels from the
 // column `x` and the row `y`, in memory order. `rigidity` describes the whole map, with the size and the format of the
@@ -1283,9 +1224,9 @@ VRTM_API
 vrtm_status vrtm_tile_freeze(vrtm_tile tile,
                              uint32_t frozen);
 
-// The predicted cost of preparing and solving a tile. Start from vrtm_tile_needs_init().
-typedef struct vrtm_tile_needs {
-    // sizeof(vrtm_tile_needs); set by vrtm_tile_needs_init().
+// The predicted cost of preparing and solving a tile. Start from vrtm_tile_estimate_init().
+typedef struct vrtm_tile_estimate {
+    // sizeof(vrtm_tile_estimate); set by vrtm_tile_estimate_init().
     uint32_t struct_size;
     // Nodes of the grid that may move: time and memory grow with their number.
     uint64_t movable_nodes;
@@ -1295,18 +1236,18 @@ typedef struct vrtm_tile_needs {
     uint64_t preparing_bytes;
     // Bytes at the peak of a solve with VRTM_SOLVER_DESCENT. With a GPU this counts its memory and the host's.
     uint64_t solving_bytes;
-} vrtm_tile_needs;
+} vrtm_tile_estimate;
 
 // Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings. Takes
 // a small fraction of the time and memory of preparing the tile, and keeps nothing but what charts have beyond their
 // borders, if they go on there. The same estimate is checked against a device's memory_budget before a tile is
 // prepared.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `needs` is null or has a wrong struct_size;
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `estimate` is null or has a wrong struct_size;
 // VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
-vrtm_status vrtm_tile_estimate(vrtm_tile tile,
-                               vrtm_tile_needs *needs);
+vrtm_status vrtm_tile_get_estimate(vrtm_tile tile,
+                                   vrtm_tile_estimate *estimate);
 
 // Writes a prepared tile to the host's memory, for vrtm_tile_load on another machine or in a later session. Prepares
 // the tile if necessary. `size` gets the number of bytes: call once with `data` null and `capacity` 0 to learn it,
@@ -1323,9 +1264,8 @@ vrtm_status vrtm_tile_save(vrtm_tile tile,
 
 // Loads a tile that was prepared elsewhere, so that it need not be prepared here. Before this call, set the mesh, maps
 // and settings that the tile was saved with; they are compared. `size` is the number of bytes. The bytes need not be
-// trusted: anything but an intact saved tile is refused. The checksum is not a signature: bytes that were changed on
-// purpose, together with their checksum, may be accepted. At worst they give a different warp, which is certified like
-// any other; they never cause a crash.
+// trusted: anything but an intact saved tile is refused. The checksum is no signature: bytes that were forged together
+// with it may give a different warp, which is certified like any other.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null, for bytes that are damaged, in another
 // version of the format, or saved with another mesh, map or setting; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any
@@ -1337,14 +1277,8 @@ vrtm_status vrtm_tile_load(vrtm_tile tile,
 
 /* ---- Results ---- */
 
-// Writes one output of the last solve, as a vrtm_fetch describes it: any layer of a tile, and UVs of another set.
-//
-// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a layer or a UV set out of range.
-VRTM_API
-vrtm_status vrtm_tile_fetch_output(const vrtm_fetch *fetch);
-
 // Writes the layer of every face in a UV set: which of the tiles with the face's UDIM number has its redirection (see
-// vrtm_mesh_desc.max_layers); 0 for faces in no tile. `count` is the number of faces, vrtm_asset_data.faces. All
+// vrtm_mesh_desc.max_layers); 0 for faces in no tile. `count` is the number of faces, vrtm_asset_info.faces. All
 // corners of a face are in its layer. It depends on the mesh alone: no solve is needed, and once per mesh is enough.
 // Make it an attribute of faces, by which a shader picks the layer's map. Never busy.
 //
@@ -1355,29 +1289,6 @@ vrtm_status vrtm_asset_fetch_face_layers(vrtm_asset asset,
                                          uint32_t uv_set,
                                          uint32_t *layers,
                                          size_t count);
-
-// Writes a part of one output of the last solve, for images that are too large to be held in memory at once: of an
-// image of `width` x `height` texels, the rectangle of `image`'s size that starts at the column `x` and the row `y`.
-// Rows are counted in the order of image->origin. On the CPU, parts equal those of the whole image bit for bit.
-//
-// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside the whole image.
-VRTM_API
-vrtm_status vrtm_tile_fetch_part(vrtm_tile tile,
-                                 vrtm_fetch_kind kind,
-                                 const vrtm_image_out *image,
-                                 uint32_t x,
-                                 uint32_t y,
-                                 uint32_t width,
-                                 uint32_t height);
-
-// As vrtm_asset_fetch_corner_uvs, for any UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
-//
-// Errors: those of vrtm_asset_fetch_corner_uvs; VRTM_ERROR_INVALID_ARGUMENT for an unknown UV set.
-VRTM_API
-vrtm_status vrtm_asset_fetch_corner_uvs_of_set(vrtm_asset asset,
-                                               uint32_t uv_set,
-                                               float *uvs,
-                                               size_t count);
 
 // The kind, format and size of a redirection map to inspect. Start from vrtm_map_desc_init().
 typedef struct vrtm_map_desc {
@@ -1391,14 +1302,12 @@ typedef struct vrtm_map_desc {
     uint32_t width;
     // Texels in v, 1 to 16384.
     uint32_t height;
-    // Has no function any more: 0. Another value is refused with VRTM_ERROR_UNSUPPORTED.
-    uint32_t one_to_one;
 } vrtm_map_desc;
 
 // Accuracy of a redirection map that is read with bilinear interpolation. Errors are lengths in UV; multiply
-// them by a texture's size to get its texels. Start from vrtm_map_data_init().
-typedef struct vrtm_map_data {
-    // sizeof(vrtm_map_data); set by vrtm_map_data_init().
+// them by a texture's size to get its texels. Start from vrtm_map_info_init().
+typedef struct vrtm_map_info {
+    // sizeof(vrtm_map_info); set by vrtm_map_info_init().
     uint32_t struct_size;
     // Quads of four neighbouring texel centres on which the interpolated map, in the numbers that a fetch writes, is
     // not one-to-one: 0 certifies that the map is one-to-one everywhere between the centres of the tile's outermost
@@ -1417,24 +1326,32 @@ typedef struct vrtm_map_data {
     uint32_t sufficient_width;
     // Height at which the map has no folds; see `sufficient_width`.
     uint32_t sufficient_height;
-} vrtm_map_data;
+} vrtm_map_info;
 
-// Inspects the map that a vrtm_tile_fetch of this kind, size and format would write for the last result. A warp
-// without folds has an inverse without folds, but a map samples the inverse at texel centres only, and a renderer's
-// interpolation between them may fold where the warp squeezes. This function reports whether it folds, how far it is
-// from the exact redirection, and which size suffices. It takes about as long as fetching the map and a second map of
-// twice its size or the grid's, and longer if it has to search for another size. The map is computed on the
-// CPU: if a GPU writes it, single quads that almost fold may be counted differently.
+// Inspects the map that a vrtm_tile_fetch of this kind, size and format would write for the last result. A map samples
+// the redirection at texel centres only, and a renderer's interpolation between them may fold where the warp squeezes.
+// This function reports whether it folds, how far it is from the exact redirection, and which size suffices. It takes
+// about as long as fetching the map and a second map of twice its size or the grid's. The map is computed on the CPU:
+// if a GPU writes it, single quads that almost fold may be counted differently.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
-// integer format or a one_to_one that is not 0; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that
-// is not a redirection, or a size out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
+// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is not a redirection, or a size
+// out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_inspect_map(vrtm_tile tile,
                                   const vrtm_map_desc *desc,
-                                  vrtm_map_data *data);
+                                  vrtm_map_info *info);
 
 /* ---- Solve ---- */
+
+// For vrtm_solve_options.release: the last results of the solved tiles, before solving, 8 bytes per node of the blocks
+// in use; they cannot be read until the solve succeeds.
+#define VRTM_RELEASE_RESULTS 1
+
+// For vrtm_solve_options.release: the memory of each tile's solver once the tile is solved, about 110 bytes per node,
+// so that tiles which are solved one after the other need that of one; the next solve takes longer, as a first one
+// does.
+#define VRTM_RELEASE_SOLVERS 2
 
 // Cancels the solve of an asset that is in progress, whether another thread's call or a job: it soon gives
 // VRTM_ERROR_CANCELLED, and the last good result stays. A solve that already has its result is not cancelled. Does
@@ -1455,12 +1372,12 @@ typedef int32_t vrtm_job_state;
 // It has not begun, or is under way.
 #define VRTM_JOB_RUNNING 0
 
-// It has ended: vrtm_job_data.status says how.
+// It has ended: vrtm_job_progress.status says how.
 #define VRTM_JOB_DONE 1
 
-// The state and progress of a job. Start from vrtm_job_data_init().
-typedef struct vrtm_job_data {
-    // sizeof(vrtm_job_data); set by vrtm_job_data_init().
+// The state and progress of a job. Start from vrtm_job_progress_init().
+typedef struct vrtm_job_progress {
+    // sizeof(vrtm_job_progress); set by vrtm_job_progress_init().
     uint32_t struct_size;
     // VRTM_JOB_RUNNING (0) or VRTM_JOB_DONE.
     vrtm_job_state state;
@@ -1470,7 +1387,7 @@ typedef struct vrtm_job_data {
     float progress;
     // Milliseconds from submission until now, or until the job ended.
     float ms;
-} vrtm_job_data;
+} vrtm_job_progress;
 
 // Begins to solve an asset for a pose, and returns at once, so that the host can keep drawing. Positions and options
 // are copied; everything else is as in vrtm_asset_solve. The caller destroys `*job`.
@@ -1502,10 +1419,10 @@ vrtm_status vrtm_job_wait(vrtm_job job,
 
 // Gets the state and progress of a job. Never waits.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `progress` is null or has a wrong struct_size.
 VRTM_API
-vrtm_status vrtm_job_progress(vrtm_job job,
-                              vrtm_job_data *data);
+vrtm_status vrtm_job_get_progress(vrtm_job job,
+                                  vrtm_job_progress *progress);
 
 // Cancels a job: it ends soon after with VRTM_ERROR_CANCELLED, and the asset keeps its last good result. A job that
 // already has its result ends normally. Never waits.
@@ -1543,9 +1460,9 @@ typedef struct vrtm_strain {
     float interior_rms;
 } vrtm_strain;
 
-// A tile's last solve. Start from vrtm_tile_report_data_init().
-typedef struct vrtm_tile_report_data {
-    // sizeof(vrtm_tile_report_data); set by vrtm_tile_report_data_init().
+// A tile's last solve. Start from vrtm_tile_report_init().
+typedef struct vrtm_tile_report {
+    // sizeof(vrtm_tile_report); set by vrtm_tile_report_init().
     uint32_t struct_size;
     // UDIM number: 1001 + U + 10 V.
     uint32_t udim;
@@ -1585,6 +1502,9 @@ typedef struct vrtm_tile_report_data {
     uint32_t charts_identity;
     // Charts that fell back to the identity because nothing better was found.
     uint32_t charts_fallback;
+    // With VRTM_SEAMS_CONTINUE: charts that could not be brought together at their seams with what their neighbours
+    // say, or not wholly, without crushing a cell.
+    uint32_t charts_apart;
     // Levels of the grid that the solver works on.
     uint32_t levels;
     // Blocks of 16 x 16 nodes that were visited on the finest level.
@@ -1620,10 +1540,18 @@ typedef struct vrtm_tile_report_data {
     float ms_pbd;
     // Milliseconds: the certificate.
     float ms_certify;
-    // Milliseconds: the latest inversion of the warp; not part of the total.
-    float ms_invert;
+    // Milliseconds: bringing charts together at seams.
+    float ms_blend;
     // Milliseconds: the whole solve of this tile, without measuring strain.
     float ms_total;
+    // Milliseconds: the latest inversion of the warp; not part of the total.
+    float ms_invert;
+    // With VRTM_SEAMS_CONTINUE or VRTM_OPEN_BORDERS_SLIDE: texels in charts whose redirection was limited in the
+    // latest image, or part of one, since it would have led over the border of the chart into texture of another
+    // chart.
+    uint64_t texels_limited;
+    // By how much at most, in texels of that image.
+    float max_limit;
     // 1 if the solve measured strain; otherwise this and the fields below are 0. They describe segments between
     // neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `edges_fixed` cover the segments
     // that a border, an overlap or the mask fixes at both ends, and the other fields cover the rest.
@@ -1643,22 +1571,11 @@ typedef struct vrtm_tile_report_data {
     uint64_t edges;
     // Segments that are fixed at both ends.
     uint64_t edges_fixed;
-    // With VRTM_SEAMS_CONTINUE: charts that could not be brought together at their seams with what their neighbours
-    // say, or not wholly, without crushing a cell.
-    uint32_t charts_apart;
-    // Milliseconds: bringing charts together at seams.
-    float ms_blend;
-    // With VRTM_SEAMS_CONTINUE or VRTM_OPEN_BORDERS_SLIDE: texels in charts whose redirection was limited in the
-    // latest image, or part of one, since it would have led over the border of the chart into texture of another
-    // chart.
-    uint64_t texels_limited;
-    // By how much at most, in texels of that image.
-    float max_limit;
-} vrtm_tile_report_data;
+} vrtm_tile_report;
 
-// An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().
-typedef struct vrtm_asset_report_data {
-    // sizeof(vrtm_asset_report_data); set by vrtm_asset_report_data_init().
+// An asset's last solve, over all tiles. Start from vrtm_asset_report_init().
+typedef struct vrtm_asset_report {
+    // sizeof(vrtm_asset_report); set by vrtm_asset_report_init().
     uint32_t struct_size;
     // Tiles in the asset.
     uint32_t tiles;
@@ -1691,23 +1608,36 @@ typedef struct vrtm_asset_report_data {
     // Share (0..1) of these edges that are more than 3 times as long as at rest. If it is over 0.05, the log warns:
     // the pose's vertices are probably in another order than the mesh's.
     float stretched_share;
-} vrtm_asset_report_data;
+} vrtm_asset_report;
 
 // Reports on a tile's last solve.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
 // `report` is null or has a wrong struct_size. Never busy.
 VRTM_API
-vrtm_status vrtm_tile_report(vrtm_tile tile,
-                             vrtm_tile_report_data *report);
+vrtm_status vrtm_tile_get_report(vrtm_tile tile,
+                                 vrtm_tile_report *report);
 
 // Reports on an asset's last solve, over all tiles.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
 // `report` is null or has a wrong struct_size. Never busy.
 VRTM_API
-vrtm_status vrtm_asset_report(vrtm_asset asset,
-                              vrtm_asset_report_data *report);
+vrtm_status vrtm_asset_get_report(vrtm_asset asset,
+                                  vrtm_asset_report *report);
+
+/* ---- Defaults for other languages ---- */
+
+// Writes a struct's defaults, as its _init() function does, for languages that cannot call C's inline functions.
+// `name` is the struct's name, such as "vrtm_solve_options"; `size` is the size of the caller's struct in bytes, which
+// becomes its struct_size. Fields that this library does not know become zero.
+//
+// Errors: VRTM_ERROR_INVALID_ARGUMENT for a name of no struct with a struct_size, for null, or for a size that the
+// struct never had.
+VRTM_API
+vrtm_status vrtm_defaults(const char *name,
+                          void *value,
+                          size_t size);
 
 /* ==== Experimental: may change in a minor version ==== */
 
@@ -1720,17 +1650,12 @@ typedef void *(*vrtm_alloc_fn)(void *user, size_t size, size_t alignment);
 // A host's function that frees memory, given the size and alignment of its allocation. Never called with null.
 typedef void (*vrtm_free_fn)(void *user, void *pointer, size_t size, size_t alignment);
 
-// A host's allocator, for all memory of a device that is sized by user input: meshes, maps, grids, results, a solve's
-// arrays. Blocks of at least 4 KiB come from it; smaller ones (messages, lists of a few tiles) come from the system,
-// as does the memory of a GPU's driver. Start from vrtm_allocator_init().
+// A host's allocator, for all memory of a device that is sized by user input. Blocks of at least 4 KiB come from it;
+// smaller ones come from the system, as does the memory of a GPU's driver. Start from vrtm_allocator_init().
 //
-// Both functions are called on any thread that works in a call, also by several at once. They must return normally
-// (no exception, no longjmp) and must not call vrtm. They and `user` must stay valid until the device and all of its
-// assets are destroyed; by then everything has been freed.
-//
-// If `alloc` returns null, the call fails with VRTM_ERROR_OUT_OF_MEMORY: nothing was written, the asset is as it was,
-// and the call may be made again. Internal allocations of the GPU code fall back to the system if `alloc` returns
-// null.
+// Both functions are called on any thread that works in a call, also by several at once, and must not call vrtm. They
+// and `user` must stay valid until the device and all of its assets are destroyed; by then everything has been freed.
+// If `alloc` returns null, the call fails with VRTM_ERROR_OUT_OF_MEMORY.
 typedef struct vrtm_allocator {
     // sizeof(vrtm_allocator); set by vrtm_allocator_init().
     uint32_t struct_size;
@@ -1759,7 +1684,7 @@ typedef int32_t vrtm_external_kind;
 // Start from vrtm_external_image_init().
 //
 // The host allocates the memory with VkExportMemoryAllocateInfo, without VkMemoryDedicatedAllocateInfo, on a device
-// whose deviceUUID and driverUUID equal those of the adapter (vrtm_adapter_data), as Vulkan requires.
+// whose deviceUUID and driverUUID equal those of the adapter (vrtm_adapter_info), as Vulkan requires.
 typedef struct vrtm_external_image {
     // sizeof(vrtm_external_image); set by vrtm_external_image_init().
     uint32_t struct_size;
@@ -1788,16 +1713,10 @@ typedef struct vrtm_external_image {
 
 // Writes a redirection of the last solve into memory of the host's own Vulkan device, which must be the same GPU
 // (vrtm_device_desc.adapter_by), without copying through the CPU. The texels equal those of vrtm_tile_fetch bit for
-// bit.
+// bit. Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM, of two channels.
 //
-// Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM. Other kinds are computed on the CPU and not supported
-// here; nor are a third or fourth channel, parts of an image, VkImage, memory dedicated to a
-// resource, D3D12 resources or semaphores. Use vrtm_tile_fetch for these.
-//
-// Synchronisation: nothing on the host's device may use the texels during the call. The call returns when the GPU has
-// written them, so that the host needs no semaphore. If the buffer's sharing mode is exclusive, the host first
-// acquires it from VK_QUEUE_FAMILY_EXTERNAL, to which vrtm releases it. To preserve other bytes of the buffer, the
-// host releases it to that family before the call.
+// Nothing on the host's device may use the texels during the call. The call returns when the GPU has written them, so
+// that the host needs no semaphore. docs/hosts.md says how a buffer with exclusive sharing is handed over.
 //
 // Errors: those of vrtm_tile_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
 // formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT,
@@ -1813,13 +1732,11 @@ vrtm_status vrtm_tile_fetch_external(vrtm_tile tile,
 
 // Writes what a texture must hold around a tile's charts, so that a lookup beside a seam shows what the surface shows
 // there: for each texel whose centre lies beside the charts, up to about `reach` from a seam, the UV of the texel to
-// copy from, in the mesh's own range as with VRTM_FETCH_REDIRECTION_UDIM, since it may lie in another tile; for all
-// other texels their own centre. `reach` is a length in UV, over 0 and at most 0.5; 1/16 is more than most gutters are
-// wide. Two to four channels: u, v, 0, and 1 in charts and where a UV was found, 0 elsewhere. Use f32. A triangle is
-// left out, with what lies beyond it, if it would come out mirrored, or with an area other than a quarter to four
-// times that which the chart has at its border. Texels in charts of other layers of the tile are their own, too:
-// layers share a texture. It depends on the rest positions and the UVs alone: no solve is needed, and once per mesh
-// and size is enough.
+// copy from, in the mesh's own range as with VRTM_FETCH_REDIRECTION_UDIM; for all other texels their own centre.
+// `reach` is a length in UV, over 0 and at most 0.5. Two to four channels: u, v, 0, and 1 in charts and where a UV was
+// found, 0 elsewhere. Use f32. It depends on the rest positions and the UVs alone: no solve is needed, and once per
+// mesh and size is enough. Triangles that would come out mirrored, or with less than a quarter or more than four times
+// the chart's area at its border, are left out.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the argument or the field, for a reach out of
 // range, null, a zero size, a short stride, or other numbers of channels; VRTM_ERROR_UNSUPPORTED for an integer
@@ -1835,7 +1752,7 @@ vrtm_status vrtm_tile_fetch_dilation(vrtm_tile tile,
 typedef struct vrtm_refinement_desc {
     // sizeof(vrtm_refinement_desc); set by vrtm_refinement_desc_init().
     uint32_t struct_size;
-    // The UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
+    // The UV set: 0 <= uv_set < vrtm_asset_info.uv_sets.
     uint32_t uv_set;
     // Largest error of linear interpolation on a triangle, in UV of a tile, over 0 and at most 1; default 1/2048, half
     // a texel of a texture of 1024. Halving it needs up to three times as many triangles.
@@ -1845,9 +1762,9 @@ typedef struct vrtm_refinement_desc {
     uint64_t max_triangles;
 } vrtm_refinement_desc;
 
-// Sizes and accuracy of a refinement. Start from vrtm_refinement_data_init().
-typedef struct vrtm_refinement_data {
-    // sizeof(vrtm_refinement_data); set by vrtm_refinement_data_init().
+// Sizes and accuracy of a refinement. Start from vrtm_refinement_info_init().
+typedef struct vrtm_refinement_info {
+    // sizeof(vrtm_refinement_info); set by vrtm_refinement_info_init().
     uint32_t struct_size;
     // The UV set.
     uint32_t uv_set;
@@ -1869,7 +1786,7 @@ typedef struct vrtm_refinement_data {
     uint32_t reached;
     // Milliseconds that the creation or the last extension took.
     float ms;
-} vrtm_refinement_data;
+} vrtm_refinement_info;
 
 // Destinations of the pattern of a refinement: the caller's arrays; null arrays are skipped. From the pattern
 // a host interpolates positions and all other values per vertex or corner. Start from
@@ -1880,11 +1797,11 @@ typedef struct vrtm_refinement_data {
 typedef struct vrtm_refinement_pattern {
     // sizeof(vrtm_refinement_pattern); set by vrtm_refinement_pattern_init().
     uint32_t struct_size;
-    // vrtm_refinement_data.vertices: the room in the arrays by vertex.
+    // vrtm_refinement_info.vertices: the room in the arrays by vertex.
     size_t vertex_count;
-    // vrtm_refinement_data.faces: the room in the arrays by face.
+    // vrtm_refinement_info.faces: the room in the arrays by face.
     size_t face_count;
-    // vrtm_refinement_data.corners: the room in the arrays by corner.
+    // vrtm_refinement_info.corners: the room in the arrays by corner.
     size_t corner_count;
     // Three per vertex: vertices of the mesh. The mesh's own vertices come first, in their original order, each its
     // own source.
@@ -1925,11 +1842,11 @@ vrtm_status vrtm_refinement_create(vrtm_asset asset,
                                    const vrtm_refinement_desc *desc,
                                    vrtm_refinement *refinement);
 
-// Refines further, for the asset's last result. Existing splits stay: a refinement that was extended for each frame of
-// a shot has one topology for all frames. Vertices keep their numbers, and new ones are appended; faces and corners
-// are renumbered. vrtm_refinement_info gives the new sizes. To keep the tolerance in all frames, repeat the pass over
-// the frames until the number of triangles no longer changes: a split for one frame may push another slightly over the
-// tolerance.
+// Refines further, for the asset's last result. Existing splits stay: a refinement that was extended for each frame
+// of a shot has one topology for all frames. Vertices keep their numbers, and new ones are appended; faces and
+// corners are renumbered. vrtm_refinement_get_info gives the new sizes. To keep the tolerance in all frames, repeat
+// the pass over the frames until the number of triangles no longer changes: a split for one frame may push another
+// slightly over the tolerance.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY while another call extends the same refinement;
 // VRTM_ERROR_OUT_OF_MEMORY. On any error the refinement is as it was.
@@ -1938,15 +1855,15 @@ vrtm_status vrtm_refinement_extend(vrtm_refinement refinement);
 
 // Gets the sizes and the accuracy of a refinement. Never busy.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
-vrtm_status vrtm_refinement_info(vrtm_refinement refinement,
-                                 vrtm_refinement_data *data);
+vrtm_status vrtm_refinement_get_info(vrtm_refinement refinement,
+                                     vrtm_refinement_info *info);
 
 // Writes the pattern into the caller's arrays. It changes only when the refinement is extended. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `pattern` is null, a count
-// differs from vrtm_refinement_info, or two arrays overlap. On any error nothing is written.
+// differs from vrtm_refinement_get_info, or two arrays overlap. On any error nothing is written.
 VRTM_API
 vrtm_status vrtm_refinement_fetch_pattern(vrtm_refinement refinement,
                                           const vrtm_refinement_pattern *pattern);
@@ -1954,7 +1871,7 @@ vrtm_status vrtm_refinement_fetch_pattern(vrtm_refinement refinement,
 // Writes the redirected UV of every corner of the refined mesh in the asset's last result: `count` pairs (u, v), with
 // the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. Call it after each frame's
 // solve. At corners of the mesh the UVs equal those of vrtm_asset_fetch_corner_uvs_of_set bit for bit. `count` is the
-// number of corners, vrtm_refinement_data.corners; `uvs` has room for 2 * count floats. Never busy.
+// number of corners, vrtm_refinement_info.corners; `uvs` has room for 2 * count floats. Never busy.
 //
 // For a pose that the refinement was not created or extended for, the error may exceed the tolerance.
 //
@@ -2019,7 +1936,7 @@ typedef int32_t vrtm_point_state;
 typedef struct vrtm_carrier_desc {
     // sizeof(vrtm_carrier_desc); set by vrtm_carrier_desc_init().
     uint32_t struct_size;
-    // The UV set whose tiles carry the points: 0 <= uv_set < vrtm_asset_data.uv_sets.
+    // The UV set whose tiles carry the points: 0 <= uv_set < vrtm_asset_info.uv_sets.
     uint32_t uv_set;
     // One of VRTM_BIND_: UV (0, the default), CORNERS, NEAREST.
     vrtm_bind bind;
@@ -2054,9 +1971,9 @@ typedef struct vrtm_carrier_desc {
     double skirt;
 } vrtm_carrier_desc;
 
-// Sizes of a carrier, and what its points are bound to. Start from vrtm_carrier_data_init().
-typedef struct vrtm_carrier_data {
-    // sizeof(vrtm_carrier_data); set by vrtm_carrier_data_init().
+// Sizes of a carrier, and what its points are bound to. Start from vrtm_carrier_info_init().
+typedef struct vrtm_carrier_info {
+    // sizeof(vrtm_carrier_info); set by vrtm_carrier_info_init().
     uint32_t struct_size;
     // Milliseconds that the last fetch took.
     float ms;
@@ -2075,7 +1992,7 @@ typedef struct vrtm_carrier_data {
     double rim;
     // Bytes held by the carrier, excluding the mesh and the results.
     uint64_t bytes;
-} vrtm_carrier_data;
+} vrtm_carrier_info;
 
 // An array of vectors in the caller's memory. Start from vrtm_array_out_init(). It need not be aligned; bytes that
 // the stride skips are left unchanged.
@@ -2086,7 +2003,7 @@ typedef struct vrtm_array_out {
     vrtm_scalar format;
     // Address of the first component of the first element.
     void *data;
-    // Number of elements: vrtm_carrier_data.points.
+    // Number of elements: vrtm_carrier_info.points.
     size_t count;
     // Bytes from one element to the next; 0 = tightly packed. At least the size of an element.
     size_t stride;
@@ -2117,7 +2034,7 @@ typedef struct vrtm_carried {
 // that of the tangents of f o W from rest to the pose, and its height is kept along the normal. With
 // VRTM_FIT_FEATURE, points where the rigidity is over 0.75 move with their feature, a connected region with a
 // rigidity over 0.5, as one rigid body, beyond seams as well; between 0.5 and 0.75 they are blended to the surface.
-// Points that cannot be bound are counted in vrtm_carrier_data, and move with the skin alone.
+// Points that cannot be bound are counted in vrtm_carrier_info, and move with the skin alone.
 //
 // The caller destroys `*carrier`. It keeps the data that it needs alive, including the mesh and the last result, and
 // may be used after the asset is destroyed. Never busy.
@@ -2132,10 +2049,10 @@ vrtm_status vrtm_carrier_create(vrtm_asset asset,
 
 // Gets the sizes of a carrier, the points that could not be bound, and what the last fetch found. Never busy.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
-vrtm_status vrtm_carrier_info(vrtm_carrier carrier,
-                              vrtm_carrier_data *data);
+vrtm_status vrtm_carrier_get_info(vrtm_carrier carrier,
+                                  vrtm_carrier_info *info);
 
 // Carries the points into the pose of the asset's last solve, and writes what `carried` asks for. The result depends
 // on that solve and on the carrier alone. Never busy: it reads the last good result, even during a solve.
@@ -2183,7 +2100,8 @@ VRTM_DEFINE_INIT_WITH_(vrtm_tile_settings,
     value.smoothness = 0.02f;
     value.smoothness_floor = 0.0005f;
     value.room = 0.3f;
-    value.room_threshold = 0.4f;)
+    value.room_threshold = 0.4f;
+    value.seam_reach = 0.03125f;)
 VRTM_DEFINE_INIT_WITH_(vrtm_solve_options,
     value.pbd.iterations = 16;
     value.pbd.smoothing = 0.8f;
@@ -2193,25 +2111,25 @@ VRTM_DEFINE_INIT_WITH_(vrtm_refinement_desc,
 VRTM_DEFINE_INIT_(vrtm_allocator)
 VRTM_DEFINE_INIT_(vrtm_executor)
 VRTM_DEFINE_INIT_(vrtm_device_desc)
-VRTM_DEFINE_INIT_(vrtm_device_data)
-VRTM_DEFINE_INIT_(vrtm_adapter_data)
+VRTM_DEFINE_INIT_(vrtm_device_info)
+VRTM_DEFINE_INIT_(vrtm_adapter_info)
 VRTM_DEFINE_INIT_(vrtm_array)
 VRTM_DEFINE_INIT_(vrtm_image)
 VRTM_DEFINE_INIT_(vrtm_image_out)
-VRTM_DEFINE_INIT_(vrtm_asset_data)
-VRTM_DEFINE_INIT_(vrtm_tile_data)
-VRTM_DEFINE_INIT_(vrtm_tile_needs)
+VRTM_DEFINE_INIT_(vrtm_asset_info)
+VRTM_DEFINE_INIT_(vrtm_tile_info)
+VRTM_DEFINE_INIT_(vrtm_tile_estimate)
 VRTM_DEFINE_INIT_(vrtm_fetch)
 VRTM_DEFINE_INIT_(vrtm_external_image)
 VRTM_DEFINE_INIT_(vrtm_map_desc)
-VRTM_DEFINE_INIT_(vrtm_map_data)
-VRTM_DEFINE_INIT_(vrtm_job_data)
-VRTM_DEFINE_INIT_(vrtm_tile_report_data)
-VRTM_DEFINE_INIT_(vrtm_asset_report_data)
-VRTM_DEFINE_INIT_(vrtm_refinement_data)
+VRTM_DEFINE_INIT_(vrtm_map_info)
+VRTM_DEFINE_INIT_(vrtm_job_progress)
+VRTM_DEFINE_INIT_(vrtm_tile_report)
+VRTM_DEFINE_INIT_(vrtm_asset_report)
+VRTM_DEFINE_INIT_(vrtm_refinement_info)
 VRTM_DEFINE_INIT_(vrtm_refinement_pattern)
 VRTM_DEFINE_INIT_(vrtm_carrier_desc)
-VRTM_DEFINE_INIT_(vrtm_carrier_data)
+VRTM_DEFINE_INIT_(vrtm_carrier_info)
 VRTM_DEFINE_INIT_(vrtm_array_out)
 VRTM_DEFINE_INIT_(vrtm_carried)
 

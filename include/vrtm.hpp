@@ -504,13 +504,13 @@ private:
 
 // The GPUs that a device can be made on; DeviceDesc::adapter is an index into this list, and DeviceDesc::set_uuid()
 // takes the UUID of one.
-inline Result<std::vector<vrtm_adapter_data>> adapters()
+inline Result<std::vector<vrtm_adapter_info>> adapters()
 {
     std::uint32_t count = 0;
     Result<> result(vrtm_adapter_count(&count));
-    std::vector<vrtm_adapter_data> adapters(count, vrtm_adapter_data_init());
+    std::vector<vrtm_adapter_info> adapters(count, vrtm_adapter_info_init());
     for (std::uint32_t i = 0; i < count && result; ++i) {
-        result = Result<>(vrtm_adapter_info(i, &adapters[i]));
+        result = Result<>(vrtm_adapter_get_info(i, &adapters[i]));
     }
     return {std::move(adapters), result};
 }
@@ -581,10 +581,10 @@ public:
     // Destroys the handle, unless it is empty.
     void reset() noexcept { *this = Device(); }
 
-    Result<vrtm_device_data> info() const noexcept
+    Result<vrtm_device_info> info() const noexcept
     {
-        vrtm_device_data data = vrtm_device_data_init();
-        const vrtm_status status = vrtm_device_info(handle(), &data);
+        vrtm_device_info data = vrtm_device_info_init();
+        const vrtm_status status = vrtm_device_get_info(handle(), &data);
         return {data, status};
     }
 
@@ -770,6 +770,20 @@ struct TileSettings : vrtm_tile_settings {
     }
 };
 
+namespace detail {
+
+inline vrtm_fetch fetch(vrtm_tile tile, FetchKind kind, const ImageOut &image, std::uint32_t uv_set) noexcept
+{
+    vrtm_fetch c = vrtm_fetch_init();
+    c.tile = tile;
+    c.kind = vrtm::value(kind);
+    c.image = &image.c();
+    c.uv_set = uv_set;
+    return c;
+}
+
+} // namespace detail
+
 // A tile of an asset: a plain handle that ends with the asset.
 class Tile {
 public:
@@ -782,36 +796,22 @@ public:
     friend bool operator==(Tile a, Tile b) noexcept { return a.handle_.id == b.handle_.id; }
     friend bool operator!=(Tile a, Tile b) noexcept { return a.handle_.id != b.handle_.id; }
 
+    // UDIM number, UV set and layer.
+    Result<vrtm_tile_key> key() const noexcept
+    {
+        vrtm_tile_key key{};
+        const vrtm_status status = vrtm_tile_get_key(handle_, &key);
+        return {key, status};
+    }
     Result<std::uint32_t> udim() const noexcept
     {
-        std::uint32_t udim = 0;
-        const vrtm_status status = vrtm_tile_udim(handle_, &udim, nullptr);
-        return {udim, status};
+        const Result<vrtm_tile_key> found = key();
+        return {found->udim, found};
     }
-    Result<std::uint32_t> uv_set() const noexcept
+    Result<vrtm_tile_info> info() const noexcept
     {
-        std::uint32_t udim = 0, uv_set = 0;
-        const vrtm_status status = vrtm_tile_udim(handle_, &udim, &uv_set);
-        return {uv_set, status};
-    }
-    // Which layer of its UDIM number the tile is.
-    Result<std::uint32_t> layer() const noexcept
-    {
-        std::uint32_t layer = 0;
-        const vrtm_status status = vrtm_tile_layer(handle_, &layer, nullptr);
-        return {layer, status};
-    }
-    // The layers of its UDIM number.
-    Result<std::uint32_t> layers() const noexcept
-    {
-        std::uint32_t layer = 0, layers = 0;
-        const vrtm_status status = vrtm_tile_layer(handle_, &layer, &layers);
-        return {layers, status};
-    }
-    Result<vrtm_tile_data> info() const noexcept
-    {
-        vrtm_tile_data data = vrtm_tile_data_init();
-        const vrtm_status status = vrtm_tile_info(handle_, &data);
+        vrtm_tile_info data = vrtm_tile_info_init();
+        const vrtm_status status = vrtm_tile_get_info(handle_, &data);
         return {data, status};
     }
 
@@ -852,18 +852,18 @@ public:
     Result<> freeze(bool frozen) const noexcept { return Result<>(vrtm_tile_freeze(handle_, frozen ? 1 : 0)); }
 
     // Cells of the grid in u and v with the present rigidity and settings.
-    Result<std::array<std::uint32_t, 2>> grid() const noexcept
+    Result<vrtm_tile_grid> grid() const noexcept
     {
-        std::array<std::uint32_t, 2> cells{};
-        const vrtm_status status = vrtm_tile_grid(handle_, &cells[0], &cells[1]);
+        vrtm_tile_grid cells{};
+        const vrtm_status status = vrtm_tile_get_grid(handle_, &cells);
         return {cells, status};
     }
 
-    Result<vrtm_tile_needs> estimate() const noexcept
+    Result<vrtm_tile_estimate> estimate() const noexcept
     {
-        vrtm_tile_needs needs = vrtm_tile_needs_init();
-        const vrtm_status status = vrtm_tile_estimate(handle_, &needs);
-        return {needs, status};
+        vrtm_tile_estimate estimate = vrtm_tile_estimate_init();
+        const vrtm_status status = vrtm_tile_get_estimate(handle_, &estimate);
+        return {estimate, status};
     }
 
     // The prepared tile, for load().
@@ -893,24 +893,22 @@ public:
         return load(data.data(), data.size());
     }
 
-    Result<> fetch(FetchKind kind, const ImageOut &image) const noexcept
+    // One output of the last solve; for FetchKind::uv_set and uv_set_delta UVs of the set `uv_set`.
+    Result<> fetch(FetchKind kind, const ImageOut &image, std::uint32_t uv_set = 0) const noexcept
     {
-        return Result<>(vrtm_tile_fetch(handle_, vrtm::value(kind), &image.c()));
+        const vrtm_fetch c = detail::fetch(handle_, kind, image, uv_set);
+        return Result<>(vrtm_tile_fetch(&c, 1));
     }
-    // For FetchKind::uv_set and uv_set_delta: UVs of the set `uv_set`.
-    Result<> fetch(FetchKind kind, const ImageOut &image, std::uint32_t uv_set) const noexcept
-    {
-        vrtm_fetch c = vrtm_fetch_init();
-        c.kind = vrtm::value(kind);
-        c.tile = handle_;
-        c.image = &image.c();
-        c.uv_set = uv_set;
-        return Result<>(vrtm_tile_fetch_output(&c));
-    }
+    // Of an image of `width` x `height` texels the rectangle of `image`'s size that begins at (x, y).
     Result<> fetch_part(FetchKind kind, const ImageOut &image, std::uint32_t x, std::uint32_t y,
                             std::uint32_t width, std::uint32_t height) const noexcept
     {
-        return Result<>(vrtm_tile_fetch_part(handle_, vrtm::value(kind), &image.c(), x, y, width, height));
+        vrtm_fetch c = detail::fetch(handle_, kind, image, 0);
+        c.x = x;
+        c.y = y;
+        c.whole_width = width;
+        c.whole_height = height;
+        return Result<>(vrtm_tile_fetch(&c, 1));
     }
 
     // What a texture must hold around the tile's charts, up to `reach` in UV from their seams. Needs no solve.
@@ -926,17 +924,17 @@ public:
     }
 
     // Inspects the map that a fetch would write, read with bilinear interpolation.
-    Result<vrtm_map_data> inspect_map(const MapDesc &map) const noexcept
+    Result<vrtm_map_info> inspect_map(const MapDesc &map) const noexcept
     {
-        vrtm_map_data data = vrtm_map_data_init();
+        vrtm_map_info data = vrtm_map_info_init();
         const vrtm_status status = vrtm_tile_inspect_map(handle_, &map.c(), &data);
         return {data, status};
     }
 
-    Result<vrtm_tile_report_data> report() const noexcept
+    Result<vrtm_tile_report> report() const noexcept
     {
-        vrtm_tile_report_data report = vrtm_tile_report_data_init();
-        const vrtm_status status = vrtm_tile_report(handle_, &report);
+        vrtm_tile_report report = vrtm_tile_report_init();
+        const vrtm_status status = vrtm_tile_get_report(handle_, &report);
         return {report, status};
     }
 
@@ -973,11 +971,7 @@ public:
 
     Fetches &add(const Fetch &fetch)
     {
-        vrtm_fetch c = vrtm_fetch_init();
-        c.kind = vrtm::value(fetch.kind);
-        c.tile = fetch.tile.handle();
-        c.uv_set = fetch.uv_set;
-        fetches_.push_back(c);
+        fetches_.push_back(detail::fetch(fetch.tile.handle(), fetch.kind, fetch.image, fetch.uv_set));
         images_.push_back(fetch.image.c());
         link();
         return *this;
@@ -1092,7 +1086,7 @@ private:
 // ---- Jobs ----
 
 // The state and progress of a job.
-struct JobData {
+struct JobProgress {
     JobState state;
     Code code;
     float progress;
@@ -1126,12 +1120,12 @@ public:
     {
         return Result<>(vrtm_job_wait(handle(), whole_ms(std::chrono::duration<double, std::milli>(time).count())));
     }
-    Result<JobData> progress() const noexcept
+    Result<JobProgress> progress() const noexcept
     {
-        vrtm_job_data c = vrtm_job_data_init();
-        const vrtm_status status = vrtm_job_progress(handle(), &c);
-        return {JobData{JobState(c.state), Code(c.status), c.progress, std::chrono::duration<float, std::milli>(c.ms)},
-                status};
+        vrtm_job_progress c = vrtm_job_progress_init();
+        const vrtm_status status = vrtm_job_get_progress(handle(), &c);
+        const std::chrono::duration<float, std::milli> time(c.ms);
+        return {JobProgress{JobState(c.state), Code(c.status), c.progress, time}, status};
     }
     Result<> cancel() const noexcept { return Result<>(vrtm_job_cancel(handle())); }
 
@@ -1184,15 +1178,15 @@ public:
 
     // Refines further, for the asset's last result.
     Result<> extend() const noexcept { return Result<>(vrtm_refinement_extend(handle())); }
-    Result<vrtm_refinement_data> info() const noexcept
+    Result<vrtm_refinement_info> info() const noexcept
     {
-        vrtm_refinement_data data = vrtm_refinement_data_init();
-        const vrtm_status status = vrtm_refinement_info(handle(), &data);
+        vrtm_refinement_info data = vrtm_refinement_info_init();
+        const vrtm_status status = vrtm_refinement_get_info(handle(), &data);
         return {data, status};
     }
     Result<RefinementPattern> pattern() const
     {
-        const Result<vrtm_refinement_data> data = info();
+        const Result<vrtm_refinement_info> data = info();
         Result<> result = data;
         RefinementPattern p;
         if (result) {
@@ -1220,7 +1214,7 @@ public:
     // UVs of the last result: one pair (u, v) per corner of the refined mesh.
     Result<std::vector<float>> corner_uvs() const
     {
-        const Result<vrtm_refinement_data> data = info();
+        const Result<vrtm_refinement_info> data = info();
         std::vector<float> uvs(2 * static_cast<std::size_t>(data->corners));
         Result<> result = data;
         if (result) {
@@ -1317,10 +1311,10 @@ public:
     // Destroys the handle, unless it is empty.
     void reset() noexcept { *this = Carrier(); }
 
-    Result<vrtm_carrier_data> info() const noexcept
+    Result<vrtm_carrier_info> info() const noexcept
     {
-        vrtm_carrier_data data = vrtm_carrier_data_init();
-        const vrtm_status status = vrtm_carrier_info(handle(), &data);
+        vrtm_carrier_info data = vrtm_carrier_info_init();
+        const vrtm_status status = vrtm_carrier_get_info(handle(), &data);
         return {data, status};
     }
     // Carries the points into the pose of the last solve.
@@ -1338,7 +1332,7 @@ public:
     // How each point is bound, one of VRTM_POINT_.
     Result<std::vector<vrtm_point_state>> states() const
     {
-        const Result<vrtm_carrier_data> data = info();
+        const Result<vrtm_carrier_info> data = info();
         std::vector<vrtm_point_state> states(static_cast<std::size_t>(data->points));
         Result<> result = data;
         if (result) {
@@ -1379,27 +1373,26 @@ public:
     // Destroys the handle, unless it is empty.
     void reset() noexcept { *this = Asset(); }
 
-    Result<vrtm_asset_data> info() const noexcept
+    Result<vrtm_asset_info> info() const noexcept
     {
-        vrtm_asset_data data = vrtm_asset_data_init();
-        const vrtm_status status = vrtm_asset_info(handle(), &data);
+        vrtm_asset_info data = vrtm_asset_info_init();
+        const vrtm_status status = vrtm_asset_get_info(handle(), &data);
         return {data, status};
     }
 
     Result<std::uint32_t> tile_count() const noexcept
     {
-        std::uint32_t count = 0;
-        const vrtm_status status = vrtm_asset_tile_count(handle(), &count);
-        return {count, status};
+        const Result<vrtm_asset_info> of = info();
+        return {of->tiles, of};
     }
     Result<Tile> tile(std::uint32_t index) const noexcept
     {
         vrtm_tile tile{};
-        const vrtm_status status = vrtm_asset_tile(handle(), index, &tile);
+        const vrtm_status status = vrtm_asset_get_tile(handle(), index, &tile);
         return {Tile(tile), status};
     }
-    // All tiles: those of UV set 0 in the order of their UDIM numbers, then those of set 1, and so on. The layers of a UDIM
-    // number follow one another.
+    // All tiles: those of UV set 0 in the order of their UDIM numbers, then those of set 1, and so on. The layers of a
+    // UDIM number follow one another.
     Result<std::vector<Tile>> tiles() const
     {
         const Result<std::uint32_t> count = tile_count();
@@ -1412,22 +1405,17 @@ public:
         }
         return {std::move(tiles), result};
     }
-    Result<Tile> find_tile(std::uint32_t udim, std::uint32_t uv_set = 0) const noexcept
+    Result<Tile> find_tile(std::uint32_t udim, std::uint32_t uv_set = 0, std::uint32_t layer = 0) const noexcept
     {
+        const vrtm_tile_key key{udim, uv_set, layer, 0};
         vrtm_tile tile{};
-        const vrtm_status status = vrtm_asset_find_tile_of_set(handle(), uv_set, udim, &tile);
-        return {Tile(tile), status};
-    }
-    Result<Tile> find_tile(std::uint32_t udim, std::uint32_t uv_set, std::uint32_t layer) const noexcept
-    {
-        vrtm_tile tile{};
-        const vrtm_status status = vrtm_asset_find_tile_of_layer(handle(), uv_set, udim, layer, &tile);
+        const vrtm_status status = vrtm_asset_find_tile(handle(), &key, &tile);
         return {Tile(tile), status};
     }
     // The layer of each face in a UV set.
     Result<std::vector<std::uint32_t>> face_layers(std::uint32_t uv_set = 0) const
     {
-        const Result<vrtm_asset_data> data = info();
+        const Result<vrtm_asset_info> data = info();
         std::vector<std::uint32_t> layers(static_cast<std::size_t>(data->faces));
         Result<> result = data;
         if (result) {
@@ -1485,7 +1473,7 @@ public:
     // Redirected UVs: one pair (u, v) per face corner.
     Result<std::vector<float>> corner_uvs(std::uint32_t uv_set = 0) const
     {
-        const Result<vrtm_asset_data> data = info();
+        const Result<vrtm_asset_info> data = info();
         std::vector<float> uvs(2 * static_cast<std::size_t>(data->corners));
         Result<> result = data;
         if (result) {
@@ -1496,7 +1484,7 @@ public:
     // Writes the UVs into the caller's memory: `count` pairs, as many as the mesh has corners.
     Result<> corner_uvs(float *uvs, std::size_t count, std::uint32_t uv_set = 0) const noexcept
     {
-        return Result<>(vrtm_asset_fetch_corner_uvs_of_set(handle(), uv_set, uvs, count));
+        return Result<>(vrtm_asset_fetch_corner_uvs(handle(), uv_set, uvs, count));
     }
 
     // Refines the mesh for the last result.
@@ -1519,10 +1507,10 @@ public:
         return {std::move(carrier), status};
     }
 
-    Result<vrtm_asset_report_data> report() const noexcept
+    Result<vrtm_asset_report> report() const noexcept
     {
-        vrtm_asset_report_data report = vrtm_asset_report_data_init();
-        const vrtm_status status = vrtm_asset_report(handle(), &report);
+        vrtm_asset_report report = vrtm_asset_report_init();
+        const vrtm_status status = vrtm_asset_get_report(handle(), &report);
         return {report, status};
     }
 

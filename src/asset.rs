@@ -122,21 +122,6 @@ impl Asset {
         self.results.fetch(tile, kind, image)
     }
 
-    /// See [`Results::fetch_part`].
-    ///
-    /// # Errors
-    /// Those of [`Results::fetch_part`].
-    pub fn fetch_part(
-        &self,
-        tile: usize,
-        kind: FetchKind,
-        image: &mut ImageViewMut,
-        size: [u32; 2],
-        first: [u32; 2],
-    ) -> Result<()> {
-        self.results.fetch_part(tile, kind, image, size, first)
-    }
-
     /// See [`Results::fetch_external`].
     ///
     /// # Errors

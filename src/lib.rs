@@ -74,13 +74,13 @@ mod refine;
 mod carrier;
 
 pub use asset::Asset;
-pub use asset::request::{Fetch, SolveRequest};
+pub use asset::request::SolveRequest;
 pub use asset::results::Results;
 pub use carrier::{Carried, Carrier, CarrierInfo, CarrierSettings};
 pub use device::{Device, adapters};
 pub use half::f16;
-pub use map::FetchKind;
 pub use map::certificate::desc::{MapDesc, MapReport};
+pub use map::{Fetch, FetchKind};
 #[doc(hidden)]
 pub use refine::TOLERANCE;
 pub use refine::pattern::RefinementPattern;

@@ -17,6 +17,7 @@ use std::ops::RangeInclusive;
 use glam::DVec2;
 
 use vrtm_core::error::{Error, Result};
+use vrtm_core::image::ImageViewMut;
 use vrtm_core::mesh::TileMesh;
 
 /// The content of a fetched image, f32 or f16. UVs have two channels (u, v); an image may have a third channel, which
@@ -50,6 +51,17 @@ pub enum FetchKind {
     UvSet(u32),
     /// As `UvSet`, minus the UV that the texel's own point of the surface has in that set: 0 where nothing moves.
     UvSetDelta(u32),
+}
+
+/// One output of [`crate::Asset::redirect`] or [`crate::Results::fetch_all`].
+#[derive(Debug)]
+pub struct Fetch<'a> {
+    /// Index of the tile.
+    pub tile: usize,
+    /// The kind of image.
+    pub kind: FetchKind,
+    /// The destination.
+    pub image: ImageViewMut<'a>,
 }
 
 impl FetchKind {

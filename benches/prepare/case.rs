@@ -91,10 +91,9 @@ impl Case {
             let layout = ImageLayout::packed(self.grid, BAND, PixelFormat::F32);
             let mut image = vec![0; self.grid as usize * BAND as usize * 8];
             for first in (0..self.grid).step_by(BAND as usize) {
-                let mut view = ImageViewMut::new("image", &mut image, layout).map_err(|e| e.to_string())?;
-                let size = [self.grid; 2];
-                asset
-                    .fetch_part(0, FetchKind::Redirection, &mut view, size, [0, first])
+                ImageViewMut::new("image", &mut image, layout)
+                    .and_then(|view| view.part_of("image", [self.grid; 2], [0, first]))
+                    .and_then(|mut view| asset.fetch(0, FetchKind::Redirection, &mut view))
                     .map_err(|e| e.to_string())?;
             }
             let fetched = start.elapsed().as_secs_f64();

@@ -157,10 +157,10 @@ namespace Vrtm
         }
 
         /// <summary>Figures of a tile's last solve.</summary>
-        public vrtm_tile_report_data Report(uint udim)
+        public vrtm_tile_report Report(uint udim)
         {
-            var report = vrtm_tile_report_data.Init();
-            Check(vrtm_tile_report(Tile(udim), &report));
+            var report = vrtm_tile_report.Init();
+            Check(vrtm_tile_get_report(Tile(udim), &report));
             return report;
         }
 
@@ -193,13 +193,18 @@ namespace Vrtm
             image.origin = origin;
             image.width = (uint)width;
             image.height = (uint)height;
-            Check(vrtm_tile_fetch(Tile(udim), kind, &image));
+            var fetch = vrtm_fetch.Init();
+            fetch.tile = Tile(udim);
+            fetch.kind = kind;
+            fetch.image = &image;
+            Check(vrtm_tile_fetch(&fetch, (UIntPtr)1));
         }
 
         private vrtm_tile Tile(uint udim)
         {
             vrtm_tile tile;
-            Check(vrtm_asset_find_tile(asset, udim, &tile));
+            var key = new vrtm_tile_key { udim = udim };
+            Check(vrtm_asset_find_tile(asset, &key, &tile));
             return tile;
         }
 

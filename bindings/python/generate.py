@@ -42,22 +42,22 @@ SCALARS = {
 # The structs that become dataclasses, and their names.
 RECORDS = {
     "vrtm_strain": "Strain",
-    "vrtm_device_data": "DeviceInfo",
-    "vrtm_adapter_data": "Adapter",
-    "vrtm_asset_data": "AssetInfo",
-    "vrtm_tile_data": "TileInfo",
+    "vrtm_device_info": "DeviceInfo",
+    "vrtm_adapter_info": "Adapter",
+    "vrtm_asset_info": "AssetInfo",
+    "vrtm_tile_info": "TileInfo",
     "vrtm_tile_settings": "TileSettings",
-    "vrtm_tile_needs": "TileNeeds",
-    "vrtm_map_data": "MapInfo",
+    "vrtm_tile_estimate": "TileEstimate",
+    "vrtm_map_info": "MapInfo",
     "vrtm_pbd_settings": "PbdSettings",
-    "vrtm_tile_report_data": "TileReport",
-    "vrtm_asset_report_data": "AssetReport",
-    "vrtm_refinement_data": "RefinementInfo",
-    "vrtm_carrier_data": "CarrierInfo",
+    "vrtm_tile_report": "TileReport",
+    "vrtm_asset_report": "AssetReport",
+    "vrtm_refinement_info": "RefinementInfo",
+    "vrtm_carrier_info": "CarrierInfo",
 }
 
 # Of these the caller reads all, one below another.
-TABLES = {name for name in RECORDS if name.endswith("report_data")}
+TABLES = {name for name in RECORDS if name.endswith("report")}
 
 # Of these the caller sets fields, so that all of them have a default.
 SETTINGS = {"vrtm_tile_settings", "vrtm_pbd_settings", "vrtm_solve_options"}
@@ -67,7 +67,7 @@ TILE = "vrtm_tile_settings"
 # Those that are given as keyword arguments, as a TypedDict for type checkers, and the fields that Python has otherwise.
 KEYWORDS = {
     "TileSettingsFields": ("vrtm_tile_settings", set()),
-    "SolveFields": ("vrtm_solve_options", {"release_last", "tile_count", "dirty_vertex_count", "progress"}),
+    "SolveFields": ("vrtm_solve_options", {"release", "tile_count", "dirty_vertex_count", "progress"}),
 }
 
 # Integers that say yes or no.
@@ -241,9 +241,7 @@ def abi(header: Header) -> str:
         decls = header.structs[name]
         fields = [f'        ("{d.name}", {header.type(d.type)}),' for d in decls]
         lines += ["", "", f"class {name}(Structure):", "    _fields_ = [", *fields, "    ]"]
-    lines += ["", "", "# What the _init() functions set."]
-    lines += [f"defaults = {header.defaults!r}"]
-    lines += ["", "# Result and arguments of each function."]
+    lines += ["", "", "# Result and arguments of each function."]
     lines += ["functions: dict[str, list] = {"]
     lines += [f'    "{name}": {header.signature(node, "[{}]")},' for name, node in header.functions.items()]
     lines += ["}", ""]

@@ -271,7 +271,7 @@ pub unsafe fn small_grids(asset: vrtm_asset) {
         settings.grid_height = 16;
         // SAFETY: all pointers are valid.
         unsafe {
-            if vrtm_asset_tile(asset, index, &mut tile) != VRTM_OK {
+            if vrtm_asset_get_tile(asset, index, &mut tile) != VRTM_OK {
                 break;
             }
             check(vrtm_tile_set_settings(tile, &settings));
@@ -292,7 +292,7 @@ pub fn options(input: &mut Input) -> vrtm_solve_options {
     options.solver = input.odd(VRTM_SOLVER_DESCENT, &[VRTM_SOLVER_PBD, VRTM_SOLVER_PBD, 2, -1]);
     options.pbd.iterations = input.odd(1, &[3, 20]);
     options.threads = input.odd(0, &[1, 2, 5000]);
-    options.release_last = input.odd(0, &[1, 2]);
+    options.release = input.odd(0, &[1, 2]);
     options.pbd.smoothing = input.odd(0.8, &[0.5, 0.0, 1.5, f32::NAN]);
     options
 }

@@ -121,7 +121,7 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
                     handles.add(ASSETS, made.id);
                     for index in 0..2 {
                         let mut tile = vrtm_tile { id: 77 };
-                        if check(vrtm_asset_tile(made, index, &mut tile)) {
+                        if check(vrtm_asset_get_tile(made, index, &mut tile)) {
                             handles.add(TILES, tile.id);
                         }
                     }
@@ -129,17 +129,18 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
                     assert_eq!(made.id, 77);
                 }
             }
-            3 => _ = check(vrtm_device_info(device, &mut sized())),
+            3 => _ = check(vrtm_device_get_info(device, &mut sized())),
             4 if input.below(3) == 2 => _ = check(vrtm_device_destroy(device)),
             5 if input.below(2) == 1 => _ = check(vrtm_asset_destroy(asset)),
-            4 | 5 => _ = check(vrtm_asset_info(asset, &mut sized())),
-            6 => _ = check(vrtm_asset_tile_count(asset, input.odd(&mut 0, &[ptr::null_mut()]))),
+            4 | 5 => _ = check(vrtm_asset_get_info(asset, &mut sized())),
+            6 => _ = check(vrtm_tile_get_key(tile, &mut vrtm_tile_key::default())),
             7 => {
                 let mut found = vrtm_tile { id: 0 };
                 let udim = input.odd(1002, &[0, 1001, 1003, u32::MAX]);
-                check(vrtm_asset_find_tile_of_set(asset, input.odd(0, &[1]), udim, &mut found));
+                let key = vrtm_tile_key { udim, uv_set: input.odd(0, &[1]), layer: input.odd(0, &[1]), layers: 0 };
+                check(vrtm_asset_find_tile(asset, &key, &mut found));
             }
-            8 => _ = check(vrtm_tile_info(tile, &mut sized())),
+            8 => _ = check(vrtm_tile_get_info(tile, &mut sized())),
             9 | 10 => _ = check(vrtm_tile_set_rigidity(tile, input.odd(&raw const image, &[ptr::null()]))),
             11 => _ = check(vrtm_tile_set_mask(tile, input.odd(ptr::null(), &[&raw const image]))),
             12 => {
@@ -167,7 +168,7 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
                     check(vrtm_tile_load(other, data.as_ptr().cast(), size));
                 }
             }
-            15 => _ = check(vrtm_tile_estimate(tile, &mut sized())),
+            15 => _ = check(vrtm_tile_get_estimate(tile, &mut sized())),
             16..=18 => {
                 sheet.bend(input);
                 check(vrtm_asset_solve(asset, &sheet.positions(), &options(input)));
@@ -182,7 +183,9 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
                     VRTM_FETCH_FILTER_SCALE,
                     9,
                 ]);
-                let done = check(vrtm_tile_fetch(tile, kind, &target));
+                let mut fetch = sized::<vrtm_fetch>();
+                (fetch.kind, fetch.tile, fetch.image) = (kind, tile, &raw const target);
+                let done = check(vrtm_tile_fetch(&fetch, 1));
                 assert!(if done { map.iter().all(|x| x.is_finite()) } else { untouched(&map) });
             }
             20 => {
@@ -196,11 +199,11 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
             }
             21 => {
                 let mut uvs = [f32::NAN; 2 * CORNERS];
-                let done = check(vrtm_asset_fetch_corner_uvs(asset, uvs.as_mut_ptr(), CORNERS));
+                let done = check(vrtm_asset_fetch_corner_uvs(asset, input.odd(0, &[1]), uvs.as_mut_ptr(), CORNERS));
                 assert!(if done { uvs.iter().all(|x| x.is_finite()) } else { untouched(&uvs) });
             }
-            22 => _ = check(vrtm_tile_report(tile, &mut sized())),
-            23 => _ = check(vrtm_asset_report(asset, &mut sized())),
+            22 => _ = check(vrtm_tile_get_report(tile, &mut sized())),
+            23 => _ = check(vrtm_asset_get_report(asset, &mut sized())),
             24 | 25 => {
                 sheet.bend(input);
                 let mut options = options(input);
@@ -224,8 +227,8 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
                     27 => _ = check(vrtm_job_wait(job, input.pick(&[0, 1, 5, VRTM_FOREVER]))),
                     28 => _ = check(vrtm_job_cancel(job)),
                     29 => {
-                        let mut data = sized::<vrtm_job_data>();
-                        if check(vrtm_job_progress(job, &mut data)) {
+                        let mut data = sized::<vrtm_job_progress>();
+                        if check(vrtm_job_get_progress(job, &mut data)) {
                             assert!((0.0..=1.0).contains(&data.progress) && data.ms >= 0.0);
                         }
                     }

@@ -167,7 +167,7 @@ fuzz_target!(|bytes: &[u8]| {
     sheet.bend(&mut input);
     // SAFETY: all pointers are null or point to memory of the claimed size; those to nowhere claim more than there can be.
     unsafe {
-        assert!(check(vrtm_asset_tile(asset, 0, &mut tile)));
+        assert!(check(vrtm_asset_get_tile(asset, 0, &mut tile)));
         for _ in 0..12 {
             if input.ended() {
                 break;
@@ -205,15 +205,19 @@ unsafe fn step(input: &mut Input, sheet: &Sheet, asset: vrtm_asset, tile: vrtm_t
             }
             3 | 4 => {
                 let mut target = Target::new(input)?;
-                let done = check(vrtm_tile_fetch(tile, input.pick(&kinds), &target.c));
+                let mut fetch = sized::<vrtm_fetch>();
+                (fetch.kind, fetch.tile, fetch.image) = (input.pick(&kinds), tile, &target.c);
+                let done = check(vrtm_tile_fetch(&fetch, 1));
                 target.compare(done);
             }
             5 => {
                 let mut target = Target::new(input)?;
                 let [x, y] = [(); 2].map(|()| input.pick(&places));
-                let [width, height] = [input.pick(&places), input.pick(&places)];
-                let done =
-                    check(vrtm_tile_fetch_part(tile, input.pick(&kinds), &target.c, x, y, width, height));
+                let mut fetch = sized::<vrtm_fetch>();
+                (fetch.x, fetch.y) = (x, y);
+                (fetch.whole_width, fetch.whole_height) = (input.pick(&places), input.pick(&places));
+                (fetch.kind, fetch.tile, fetch.image) = (input.pick(&kinds), tile, &target.c);
+                let done = check(vrtm_tile_fetch(&fetch, 1));
                 target.compare(done);
             }
             6 => {
@@ -235,7 +239,7 @@ unsafe fn step(input: &mut Input, sheet: &Sheet, asset: vrtm_asset, tile: vrtm_t
                 [desc.width, desc.height] = [(); 2].map(|()| input.odd(33, &[0, 1, 2, 200, 20_000]));
                 desc.kind = input.pick(&kinds);
                 desc.format = input.pick(&[VRTM_PIXEL_F32, VRTM_PIXEL_F16, VRTM_PIXEL_U8, -1]);
-                let mut data = sized::<vrtm_map_data>();
+                let mut data = sized::<vrtm_map_info>();
                 if check(vrtm_tile_inspect_map(tile, &desc, &mut data)) {
                     assert!(data.error_rms <= data.error_max && data.error_p99 <= data.error_max);
                     assert!((data.folds == 0) == (data.min_jacobian > 0.0));

@@ -52,8 +52,8 @@ fuzz_target!(|bytes: &[u8]| {
         (mesh.textured_faces, mesh.textured_face_count) = list(&mut input, &textured);
     }
     mesh.weld = input.odd(input_weld(vertices), &[VRTM_WELD_INDEX, VRTM_WELD_POSITION, VRTM_WELD_OFF, -1, 3]);
-    mesh.weld_position_tolerance = input.odd(0.0, &[1e-30, 0.1, 1.0, -1.0, f32::NAN]);
-    mesh.weld_uv_tolerance = input.odd(0.0, &[1e-30, 0.1, 1.0, -1.0, f32::NAN]);
+    mesh.weld_position_tolerance = input.odd(0.0, &[1e-30, 0.1, 1.0, -1.0, f64::NAN]);
+    mesh.weld_uv_tolerance = input.odd(0.0, &[1e-30, 0.1, 1.0, -1.0, f64::NAN]);
 
     // To turn an input that fails into a test.
     if std::env::var_os("VRTM_FUZZ_SHOW").is_some() {
@@ -187,35 +187,37 @@ impl Uvs {
 /// # Safety
 /// Any handle may be given.
 unsafe fn solve(input: &mut Input, asset: vrtm_asset, vertices: usize, corners: usize) {
-    let mut info = sized::<vrtm_asset_data>();
+    let mut info = sized::<vrtm_asset_info>();
     let positions = array(input, vertices, 3);
     let rigidity = array(input, vertices, 1);
     let options = options(input);
     // SAFETY: all pointers point to memory of the claimed size.
     unsafe {
-        assert!(check(vrtm_asset_info(asset, &mut info)));
+        assert!(check(vrtm_asset_get_info(asset, &mut info)));
         assert_eq!((info.vertices, info.corners), (vertices as u64, corners as u64));
         small_grids(asset);
         check(vrtm_asset_set_vertex_rigidity(asset, &rigidity.c));
         if !check(vrtm_asset_solve(asset, &positions.c, &options)) {
             return;
         }
-        let mut report = sized::<vrtm_asset_report_data>();
-        assert!(check(vrtm_asset_report(asset, &mut report)));
+        let mut report = sized::<vrtm_asset_report>();
+        assert!(check(vrtm_asset_get_report(asset, &mut report)));
         if options.solver == VRTM_SOLVER_DESCENT {
             assert!(report.folds == 0 && report.min_jacobian > 0.0, "{} folds", report.folds);
         }
         let mut uvs = vec![f32::NAN; 2 * corners];
-        assert!(check(vrtm_asset_fetch_corner_uvs(asset, uvs.as_mut_ptr(), corners)));
+        assert!(check(vrtm_asset_fetch_corner_uvs(asset, 0, uvs.as_mut_ptr(), corners)));
         assert!(uvs.iter().all(|x| x.is_finite()), "a corner's UV is not finite");
         let mut tile = vrtm_tile { id: 0 };
-        if vrtm_asset_tile(asset, input.below(4) as u32, &mut tile) == VRTM_OK {
+        if vrtm_asset_get_tile(asset, input.below(4) as u32, &mut tile) == VRTM_OK {
             let mut map = vec![f32::NAN; 2 * 9 * 5];
             let mut image = sized::<vrtm_image_out>();
             (image.width, image.height) = (9, 5);
             image.data = map.as_mut_ptr().cast();
             let kind = input.pick(&[VRTM_FETCH_REDIRECTION, VRTM_FETCH_REDIRECTION_DELTA, VRTM_FETCH_WARP]);
-            assert!(check(vrtm_tile_fetch(tile, kind, &image)));
+            let mut fetch = sized::<vrtm_fetch>();
+            (fetch.kind, fetch.tile, fetch.image) = (kind, tile, &image);
+            assert!(check(vrtm_tile_fetch(&fetch, 1)));
             assert!(map.iter().all(|x| x.is_finite()), "a texel is not finite");
         }
         refine(input, asset);
@@ -239,8 +241,8 @@ unsafe fn refine(input: &mut Input, asset: vrtm_asset) {
         if input.below(2) == 1 {
             assert!(check(vrtm_refinement_extend(refinement)));
         }
-        let mut data = sized::<vrtm_refinement_data>();
-        assert!(check(vrtm_refinement_info(refinement, &mut data)));
+        let mut data = sized::<vrtm_refinement_info>();
+        assert!(check(vrtm_refinement_get_info(refinement, &mut data)));
         let (vertices, corners) = (data.vertices as usize, data.corners as usize);
         let mut uvs = vec![f32::NAN; 2 * corners];
         assert!(check(vrtm_refinement_fetch_corner_uvs(refinement, uvs.as_mut_ptr(), corners)));

@@ -40,7 +40,7 @@ fn make() -> (vrtm_asset, vrtm_tile) {
     image.data = texels.as_ptr().cast();
     // SAFETY: all pointers point to memory of the claimed size.
     unsafe {
-        assert!(check(vrtm_asset_tile(asset, 0, &mut tile)));
+        assert!(check(vrtm_asset_get_tile(asset, 0, &mut tile)));
         assert!(check(vrtm_tile_set_rigidity(tile, &image)));
     }
     (asset, tile)
@@ -96,10 +96,12 @@ fuzz_target!(|bytes: &[u8]| {
         let loaded = check(vrtm_tile_load(tile, data.as_ptr().cast(), data.len()));
         assert!(loaded || data != *SAVED, "a saved tile is refused");
         if check(vrtm_asset_solve(asset, &sheet.positions(), &options)) {
-            check(vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+            let mut fetch = sized::<vrtm_fetch>();
+            (fetch.tile, fetch.image) = (tile, &image);
+            check(vrtm_tile_fetch(&fetch, 1));
         }
-        let mut needs = sized::<vrtm_tile_needs>();
-        check(vrtm_tile_estimate(tile, &mut needs));
+        let mut needs = sized::<vrtm_tile_estimate>();
+        check(vrtm_tile_get_estimate(tile, &mut needs));
         assert!(check(vrtm_asset_destroy(asset)));
     }
 });

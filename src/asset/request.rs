@@ -4,23 +4,10 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use super::Asset;
-use crate::map::FetchKind;
 use vrtm_core::control::Control;
 use vrtm_core::error::{Error, Result};
-use vrtm_core::image::ImageViewMut;
 use vrtm_core::settings::{MAX_THREADS, SolveOptions};
 use vrtm_core::view::Strided;
-
-/// One output of [`Asset::redirect`].
-#[derive(Debug)]
-pub struct Fetch<'a> {
-    /// Index of the tile.
-    pub tile: usize,
-    /// The kind of image.
-    pub kind: FetchKind,
-    /// The destination.
-    pub image: ImageViewMut<'a>,
-}
 
 /// The request for a solve: pose, options and threads. The default solves every tile, on the device's threads.
 #[derive(Clone, Debug, Default)]

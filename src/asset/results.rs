@@ -11,8 +11,8 @@ use vrtm_core::allocation::Vec;
 use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::maps::TileMaps;
+use vrtm_core::image::ImageViewMut;
 use vrtm_core::image::external::ExternalImage;
-use vrtm_core::image::{ImagePart, ImageViewMut};
 use vrtm_core::mesh::Mesh;
 use vrtm_core::panics::lock;
 use vrtm_core::report::{AssetReport, GpuWork, TileReport, report};
@@ -26,7 +26,7 @@ use crate::map::certificate::desc::{MapDesc, MapReport};
 use crate::map::dilation::Dilation;
 use crate::map::fetch::{self, Output};
 use crate::map::inverse::Outputs;
-use crate::map::{FetchKind, certificate, external};
+use crate::map::{Fetch, FetchKind, certificate, external};
 use crate::solved::Solved;
 
 /// The last good results of an asset. A clone is another handle to the same results; any thread may keep and read it
@@ -174,42 +174,27 @@ impl Results {
     /// # Errors
     /// `NotSolved` before the first solve; on a GPU, `OutOfMemory` and `DeviceLost`. Nothing is written then.
     pub fn fetch(&self, tile: usize, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
-        let part = image.whole();
-        self.fetch_of(tile, kind, &part, image)
-    }
-
-    /// Writes a part of one output of a tile's result: of an image of `size` texels, those from the column and row
-    /// `first` that fit into `image`. Rows are counted in the image's own order. Large outputs can thus be fetched in
-    /// bands; on the CPU the parts are bit-identical to the whole image.
-    ///
-    /// # Errors
-    /// Those of [`Results::fetch`]; `InvalidArgument` if the part is not inside of the whole.
-    pub fn fetch_part(
-        &self,
-        tile: usize,
-        kind: FetchKind,
-        image: &mut ImageViewMut,
-        size: [u32; 2],
-        first: [u32; 2],
-    ) -> Result<()> {
-        self.solved(tile)?;
-        let part = image.part("image", size, first)?;
-        self.fetch_of(tile, kind, &part, image)
-    }
-
-    fn fetch_of(
-        &self,
-        tile: usize,
-        kind: FetchKind,
-        part: &ImagePart,
-        image: &mut ImageViewMut,
-    ) -> Result<()> {
         kind.check_channels("image", image.layout.channels)?;
         let device = &self.0.device;
         device.call(|| {
             let solved = self.solved(tile)?.solved;
-            let output = Output::new(&self.0.mesh, &solved, kind, part, &image.layout)?;
+            let output = Output::new(&self.0.mesh, &solved, kind, image.part(), &image.layout)?;
             device.team(|team| self.write(team, output, image))
+        })
+    }
+
+    /// Writes outputs of one and the same solve, even if another one ends meanwhile.
+    ///
+    /// # Errors
+    /// Those of [`Results::fetch`], for an unknown tile `InvalidArgument`. No image is written then, unless a GPU fails
+    /// while the images are written.
+    pub fn fetch_all(&self, fetches: &mut [Fetch]) -> Result<()> {
+        self.check_fetches(fetches)?;
+        let device = &self.0.device;
+        device.call(|| {
+            device.alive()?;
+            let last = self.last();
+            device.team(|team| self.write_all(team, &last, fetches))
         })
     }
 
@@ -229,18 +214,39 @@ impl Results {
             return Err(Error::argument(format!("reach: {reach} is not over 0 and at most {MAX_REACH}")));
         }
         FetchKind::RedirectionUdim.check_channels("image", image.layout.channels)?;
-        let part = image.whole();
         device.call(|| {
             device.team(|team| {
-                let dilation = Dilation::new(team, mesh, tile, reach, &part);
+                let dilation = Dilation::new(team, mesh, tile, reach, image.part());
                 dilation.write(team, &Canvas::new(image));
                 Ok(())
             })
         })
     }
 
+    /// Checks the tiles and the channels of fetches.
+    pub(crate) fn check_fetches(&self, fetches: &[Fetch]) -> Result<()> {
+        fetches.iter().enumerate().try_for_each(|(k, Fetch { tile, kind, image })| {
+            self.check_tile(*tile)?;
+            kind.check_channels(format_args!("fetches[{k}].image"), image.layout.channels)
+        })
+    }
+
+    /// Writes outputs of results, which may not be published yet.
+    pub(crate) fn write_all(&self, team: &Team, last: &Last, fetches: &mut [Fetch]) -> Result<()> {
+        let output = |fetch: &Fetch| {
+            let result = last.tiles.get(fetch.tile).and_then(Option::as_ref).ok_or_else(not_solved)?;
+            Output::new(&self.0.mesh, &result.solved, fetch.kind, fetch.image.part(), &fetch.image.layout)
+        };
+        // All memory is allocated first, so that no output is written if memory runs short.
+        let outputs: Vec<Output> = fetches.iter().map(output).collect::<Result<Vec<_>>>()?;
+        for (fetch, output) in fetches.iter_mut().zip(outputs) {
+            self.write(team, output, &mut fetch.image)?;
+        }
+        Ok(())
+    }
+
     /// Writes an output.
-    pub(crate) fn write(&self, team: &Team, output: Output, image: &mut ImageViewMut) -> Result<()> {
+    fn write(&self, team: &Team, output: Output, image: &mut ImageViewMut) -> Result<()> {
         let start = Instant::now();
         let device = &self.0.device;
         let solved = output.solved;

@@ -18,15 +18,15 @@ use vrtm_core::view::Strided;
 
 use super::Asset;
 use super::after;
-use super::request::{Fetch, SolveRequest};
-use super::results::{KeptPose, Last, TileResult, not_solved};
+use super::request::SolveRequest;
+use super::results::{KeptPose, Last, TileResult};
 use super::shape::{Call, Prepared};
 use super::side_by_side::together;
 use super::solver::SolveCall;
 use super::stretch::Stretch;
 use super::tile::{Begun, TileSolved, TileState};
 use super::together::{Queued, solve as solve_unit, units};
-use crate::map::fetch::Output;
+use crate::map::Fetch;
 use crate::solved::Solved;
 
 /// The share of a call's progress for preparing its tiles, if any tile needs it.
@@ -72,17 +72,13 @@ impl Asset {
     pub fn run(&mut self, request: &SolveRequest, fetches: &mut [Fetch]) -> Result<()> {
         let start = Instant::now();
         self.check_request(request)?;
-        for (k, fetch) in fetches.iter().enumerate() {
-            self.check_tile(fetch.tile)?;
-            let channels = fetch.image.layout.channels;
-            fetch.kind.check_channels(format_args!("fetches[{k}].image"), channels)?;
-        }
+        self.results.check_fetches(fetches)?;
         let crew = self.device.crew(request.threads, request.control.clone());
         self.device.clone().call(|| {
             caught(|| {
                 Team::of(&crew, |team| {
                     let fresh = self.solve_tiles(team, &crew, request, start)?;
-                    self.write(team, &fresh, fetches)?;
+                    self.results.write_all(team, &fresh.last, fetches)?;
                     self.publish(fresh);
                     if let Some(control) = team.control() {
                         control.tell_end();
@@ -213,20 +209,6 @@ impl Asset {
         let last = self.results.last();
         let kept = |tile: usize| Some(TileResult { kept: true, ..last.tiles.get(tile)?.clone()? });
         (0..self.tiles.len()).map(kept).collect()
-    }
-
-    /// Writes outputs of results that are not yet published.
-    fn write(&self, team: &Team, fresh: &Fresh, fetches: &mut [Fetch]) -> Result<()> {
-        let output = |fetch: &Fetch| {
-            let result = fresh.last.tiles[fetch.tile].as_ref().ok_or_else(not_solved)?;
-            Output::new(&self.mesh, &result.solved, fetch.kind, &fetch.image.whole(), &fetch.image.layout)
-        };
-        // All memory is allocated first, so that no output is written if memory runs short.
-        let outputs: Vec<Output> = fetches.iter().map(output).collect::<Result<Vec<_>>>()?;
-        for (fetch, output) in fetches.iter_mut().zip(outputs) {
-            self.results.write(team, output, &mut fetch.image)?;
-        }
-        Ok(())
     }
 
     /// Replaces the last results, all at once. Cannot fail.

@@ -63,33 +63,33 @@ static void devices(vrtm_device *device)
 {
     uint32_t count = 99;
     vrtm_device_desc desc = vrtm_device_desc_init();
-    vrtm_device_data info = vrtm_device_data_init();
+    vrtm_device_info info = vrtm_device_info_init();
     desc.backend = VRTM_BACKEND_CPU;
     desc.threads = 2;
     desc.log = log_line;
     desc.log_user = &lines;
     CALL(vrtm_device_create(&desc, device));
     check(lines > 0, "the log function was called");
-    CALL(vrtm_device_info(*device, &info));
+    CALL(vrtm_device_get_info(*device, &info));
     check(info.struct_size == sizeof info && info.backend == VRTM_BACKEND_CPU && info.threads == 2 && info.reason[0],
           "the device is described");
     CALL(vrtm_adapter_count(&count));
     check(count != 99, "adapters are counted");
     for (uint32_t i = 0; i < count; ++i) {
-        vrtm_adapter_data adapter = vrtm_adapter_data_init();
-        CALL(vrtm_adapter_info(i, &adapter));
+        vrtm_adapter_info adapter = vrtm_adapter_info_init();
+        CALL(vrtm_adapter_get_info(i, &adapter));
     }
-    vrtm_adapter_data none = vrtm_adapter_data_init();
-    REFUSED(vrtm_adapter_info(count, &none), VRTM_ERROR_INVALID_ARGUMENT);
+    vrtm_adapter_info none = vrtm_adapter_info_init();
+    REFUSED(vrtm_adapter_get_info(count, &none), VRTM_ERROR_INVALID_ARGUMENT);
 }
 
 static void assets(vrtm_device device, vrtm_asset *asset, vrtm_tile *tile)
 {
-    uint32_t count = 0;
     vrtm_tile found;
+    vrtm_tile_key key = {1001, 0, 0, 0};
     vrtm_array positions = vrtm_array_init(), pairs = vrtm_array_init();
     vrtm_mesh_desc mesh = vrtm_mesh_desc_init();
-    vrtm_asset_data info = vrtm_asset_data_init();
+    vrtm_asset_info info = vrtm_asset_info_init();
     vrtm_uv_set set = {0};
     positions.data = points;
     positions.count = VERTICES;
@@ -104,28 +104,32 @@ static void assets(vrtm_device device, vrtm_asset *asset, vrtm_tile *tile)
     mesh.uv_sets = &set;
     mesh.uv_set_count = 1;
     CALL(vrtm_asset_create(device, &mesh, asset));
-    CALL(vrtm_asset_info(*asset, &info));
+    CALL(vrtm_asset_get_info(*asset, &info));
     check(info.vertices == VERTICES && info.faces == FACES && info.corners == CORNERS && info.charts == 2,
           "the mesh is described");
-    CALL(vrtm_asset_tile_count(*asset, &count));
-    check(count == 2, "a tile for each set of UVs");
-    CALL(vrtm_asset_find_tile(*asset, 1001, tile));
-    CALL(vrtm_asset_tile(*asset, 0, &found));
+    check(info.tiles == 2, "a tile for each set of UVs");
+    CALL(vrtm_asset_find_tile(*asset, &key, tile));
+    CALL(vrtm_asset_get_tile(*asset, 0, &found));
     check(found.id == tile->id, "both give the same tile");
-    CALL(vrtm_asset_find_tile_of_set(*asset, 1, 1001, &found));
+    key.uv_set = 1;
+    CALL(vrtm_asset_find_tile(*asset, &key, &found));
     check(found.id != tile->id, "the other set has another tile");
-    uint32_t udim = 0, of_set = 99;
-    CALL(vrtm_tile_udim(found, &udim, &of_set));
-    check(udim == 1001 && of_set == 1, "a tile has a number and a set");
+    memset(&key, 0, sizeof key);
+    CALL(vrtm_tile_get_key(found, &key));
+    check(key.udim == 1001 && key.uv_set == 1 && key.layer == 0 && key.layers == 1, "a tile has a key");
+    uint32_t layers[FACES] = {9};
+    CALL(vrtm_asset_fetch_face_layers(*asset, 0, layers, FACES));
+    check(layers[0] == 0, "and a face a layer");
 }
 
 static void tiles(vrtm_asset asset, vrtm_tile tile)
 {
     size_t size = 0;
     vrtm_image rigidity = vrtm_image_init();
-    vrtm_tile_data info = vrtm_tile_data_init();
+    vrtm_tile_info info = vrtm_tile_info_init();
     vrtm_tile_settings settings = vrtm_tile_settings_init();
-    vrtm_tile_needs needs = vrtm_tile_needs_init();
+    vrtm_tile_estimate needs = vrtm_tile_estimate_init();
+    vrtm_tile_grid grid = {0, 0};
     vrtm_array numbers = vrtm_array_init();
     rigidity.data = texels;
     rigidity.format = VRTM_PIXEL_U8;
@@ -149,9 +153,11 @@ static void tiles(vrtm_asset asset, vrtm_tile tile)
     settings = vrtm_tile_settings_init();
     settings.grid_width = settings.grid_height = MAP;
     CALL(vrtm_tile_set_settings(tile, &settings));
-    CALL(vrtm_tile_info(tile, &info));
+    CALL(vrtm_tile_get_grid(tile, &grid));
+    check(grid.width == MAP && grid.height == MAP, "the grid is as asked for");
+    CALL(vrtm_tile_get_info(tile, &info));
     check(info.udim == 1001 && info.grid_width == MAP && info.movable_nodes > 0, "the tile is described");
-    CALL(vrtm_tile_estimate(tile, &needs));
+    CALL(vrtm_tile_get_estimate(tile, &needs));
     check(needs.movable_nodes == info.movable_nodes && needs.solving_bytes > 0, "the tile is estimated");
     CALL(vrtm_tile_save(tile, bytes, sizeof bytes, &size));
     CALL(vrtm_tile_load(tile, bytes, size));
@@ -163,9 +169,9 @@ static void solves(vrtm_asset asset, vrtm_tile tile)
     vrtm_solve_options options = vrtm_solve_options_init();
     vrtm_image_out image = vrtm_image_out_init(), nodes = vrtm_image_out_init();
     vrtm_fetch fetches[2] = {vrtm_fetch_init(), vrtm_fetch_init()};
-    vrtm_tile_report_data report = vrtm_tile_report_data_init();
-    vrtm_asset_report_data whole = vrtm_asset_report_data_init();
-    REFUSED(vrtm_tile_report(tile, &report), VRTM_ERROR_NOT_SOLVED);
+    vrtm_tile_report report = vrtm_tile_report_init();
+    vrtm_asset_report whole = vrtm_asset_report_init();
+    REFUSED(vrtm_tile_get_report(tile, &report), VRTM_ERROR_NOT_SOLVED);
     positions.data = pose;
     positions.count = VERTICES;
     options.max_corrections = 7;
@@ -173,43 +179,45 @@ static void solves(vrtm_asset asset, vrtm_tile tile)
     CALL(vrtm_asset_solve(asset, &positions, &options));
     image.data = map;
     image.width = image.height = MAP;
-    CALL(vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
-    check(map[0] > 0 && map[0] < 1 && map[1] > 0 && map[1] < 1, "the map holds UVs");
-    image.data = again;
-    CALL(vrtm_tile_fetch_part(tile, VRTM_FETCH_REDIRECTION, &image, 0, 0, MAP, MAP));
-    check(memcmp(map, again, sizeof map) == 0, "a part that is all gives the same");
-    memset(again, 0, sizeof again);
-    nodes.data = warp;
-    nodes.width = nodes.height = MAP + 1;
     fetches[0].tile = fetches[1].tile = tile;
     fetches[0].image = &image;
     fetches[1].image = &nodes;
+    CALL(vrtm_tile_fetch(fetches, 1));
+    check(map[0] > 0 && map[0] < 1 && map[1] > 0 && map[1] < 1, "the map holds UVs");
+    image.data = again;
+    fetches[0].whole_width = fetches[0].whole_height = MAP;
+    CALL(vrtm_tile_fetch(fetches, 1));
+    check(memcmp(map, again, sizeof map) == 0, "a rectangle that is all gives the same");
+    fetches[0].whole_width = fetches[0].whole_height = 0;
+    memset(again, 0, sizeof again);
+    nodes.data = warp;
+    nodes.width = nodes.height = MAP + 1;
     fetches[1].kind = VRTM_FETCH_WARP;
     CALL(vrtm_asset_redirect(asset, &positions, &options, fetches, 2));
     check(memcmp(map, again, sizeof map) == 0, "redirect gives the same bits");
-    CALL(vrtm_asset_fetch_corner_uvs(asset, corners, CORNERS));
+    CALL(vrtm_asset_fetch_corner_uvs(asset, 0, corners, CORNERS));
     check(fabsf(corners[0] - 0.1f) < 1e-3f && fabsf(corners[1] - 0.1f) < 1e-3f, "corners have UVs");
-    CALL(vrtm_asset_fetch_corner_uvs_of_set(asset, 1, corners, CORNERS));
-    CALL(vrtm_tile_report(tile, &report));
+    CALL(vrtm_asset_fetch_corner_uvs(asset, 1, corners, CORNERS));
+    CALL(vrtm_tile_get_report(tile, &report));
     check(report.struct_size == sizeof report && report.udim == 1001 && report.folds == 0 && report.min_jacobian > 0 &&
               report.energy < report.energy_before && report.measured == 1,
           "the report certifies the result");
-    CALL(vrtm_asset_report(asset, &whole));
+    CALL(vrtm_asset_get_report(asset, &whole));
     check(whole.struct_size == sizeof whole && whole.tiles == 2 && whole.bytes > 0, "so does the asset's");
 }
 
 static void jobs(vrtm_asset asset, vrtm_tile tile)
 {
     vrtm_job job = {0};
-    vrtm_job_data state = vrtm_job_data_init();
+    vrtm_job_progress state = vrtm_job_progress_init();
     vrtm_map_desc desc = vrtm_map_desc_init();
-    vrtm_map_data data = vrtm_map_data_init();
+    vrtm_map_info data = vrtm_map_info_init();
     vrtm_array positions = vrtm_array_init();
     positions.data = pose;
     positions.count = VERTICES;
     CALL(vrtm_asset_submit(asset, &positions, NULL, &job));
     CALL(vrtm_job_wait(job, VRTM_FOREVER));
-    CALL(vrtm_job_progress(job, &state));
+    CALL(vrtm_job_get_progress(job, &state));
     check(state.state == VRTM_JOB_DONE && state.status == VRTM_OK && state.progress == 1, "the job is done");
     CALL(vrtm_job_cancel(job));
     CALL(vrtm_job_destroy(job));
@@ -227,6 +235,9 @@ int main(void)
     check(vrtm_version() / 1000000 == VRTM_VERSION_MAJOR && vrtm_version() >= VRTM_VERSION,
           "the library is as new as the header");
     check(vrtm_last_error()[0] == 0, "no error at first");
+    vrtm_tile_settings settings = {0}, same = vrtm_tile_settings_init();
+    CALL(vrtm_defaults("vrtm_tile_settings", &settings, sizeof settings));
+    check(memcmp(&settings, &same, sizeof same) == 0, "defaults are those of the header");
     check(strcmp(vrtm_status_string(VRTM_ERROR_BUSY), "VRTM_ERROR_BUSY") == 0, "a status has a name");
     make();
     devices(&device);

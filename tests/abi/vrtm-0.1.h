@@ -2,7 +2,7 @@
  * vrtm: keeps painted features rigid while the surface under them deforms.
  *
  * SPDX-License-Identifier: MIT OR Apache-2.0
- * Generated from src/ffi: do not edit. `VRTM_UPDATE_HEADER=1 cargo test --test c_api header::` writes it again.
+ * Generated from crates/capi/src: do not edit. `VRTM_UPDATE_HEADER=1 cargo test --test c_api header::` writes it again.
  *
  * THE PIPELINE
  *
@@ -10,14 +10,16 @@
  *   asset    vrtm_asset_create            once per mesh: topology, rest positions, UVs
  *   maps     vrtm_tile_set_rigidity,      per UDIM tile, and again when the artist paints
  *            vrtm_tile_set_mask
- *            vrtm_tile_update_rigidity  after a stroke of a brush
- *   prepare  vrtm_tile_estimate, vrtm_tile_save, vrtm_tile_load   if memory or the first frame's time matter
+ *            vrtm_tile_update_rigidity    after a stroke of a brush
+ *   prepare  vrtm_tile_get_estimate,      if memory or the first frame's time matter
+ *            vrtm_tile_save, vrtm_tile_load
  *   frame    vrtm_asset_redirect          every frame: new positions in, redirection maps out
  *            or vrtm_asset_solve, then vrtm_tile_fetch and vrtm_asset_fetch_corner_uvs
  *   job      vrtm_asset_submit, then vrtm_job_wait    solves in the background; can be cancelled
- *   facts    vrtm_tile_report, vrtm_asset_report
+ *   facts    vrtm_tile_get_report, vrtm_asset_get_report, vrtm_tile_get_info, vrtm_asset_get_info
  *   refine   vrtm_refinement_create, then vrtm_refinement_fetch_corner_uvs every frame, for hosts that support
  *            only UV sets
+ *   carry    vrtm_carrier_create, then vrtm_carrier_fetch every frame, for what is geometry on the surface
  *
  * A redirection map has two channels: for a surface point's UV it holds the UV at which to sample the texture. A shader
  * uses it as follows, with v pointing up and texture coordinates within the tile (see VRTM_FETCH_ for other forms):
@@ -39,7 +41,7 @@
  *   vrtm_asset asset;
  *   vrtm_asset_create(device, &mesh, &asset);
  *   vrtm_tile tile;
- *   vrtm_asset_find_tile(asset, 1001, &tile);
+ *   vrtm_asset_find_tile(asset, &(vrtm_tile_key){.udim = 1001}, &tile);
  *   vrtm_image rigidity = vrtm_image_init();
  *   rigidity.data = bytes;   rigidity.format = VRTM_PIXEL_U8;  rigidity.width = 512;  rigidity.height = 512;
  *   vrtm_tile_set_rigidity(tile, &rigidity);
@@ -54,75 +56,47 @@
  *   vrtm_asset_destroy(asset);
  *   vrtm_device_destroy(device);
  *
- * RULES FOR ALL FUNCTIONS
+ * RULES FOR ALL FUNCTIONS (docs/hosts.md, "Rules of the C API", has them in detail)
  *
  * Status. Every function but vrtm_version, vrtm_status_string and vrtm_last_error returns VRTM_OK (0) or an error.
- * After an error, vrtm_last_error() on the same thread says which argument, and which element of it, was wrong. Outputs
- * are written only on VRTM_OK, and an asset's last good result stays readable after a failed call. Besides its listed
+ * vrtm_last_error() on the same thread then says which argument, and which element of it, was wrong. Outputs are
+ * written only on VRTM_OK, and an asset's last good result stays readable after a failed call. Besides its listed
  * errors, any function may give VRTM_ERROR_INTERNAL, a defect of the library that leaves the asset unchanged, and any
- * function that computes may give VRTM_ERROR_OUT_OF_MEMORY.
+ * function that computes may give VRTM_ERROR_OUT_OF_MEMORY, after which the call may be repeated.
+ *
+ * Names. vrtm_X_get_Y fills a vrtm_X_Y with facts about an X; vrtm_X_fetch_Y writes results into the caller's arrays
+ * or images.
  *
  * Handles are numbers and may be copied freely. A zero, destroyed or foreign handle gives an error and does no harm; a
  * handle's number is never reused. Objects may be destroyed in any order.
  *
  * Structs that start with struct_size may grow at their end in later versions. Get them from their _init() function,
- * which sets struct_size and the defaults. The library accepts structs of older headers (missing fields count as zero,
- * which is the default of every added field) and of newer headers, as long as the fields that it does not know are
- * zero; otherwise it gives VRTM_ERROR_UNSUPPORTED. Structs that the library fills keep the caller's struct_size.
+ * or vrtm_defaults(). The library accepts structs of older headers (missing fields count as zero, which is the default
+ * of every added field), and of newer headers if the fields that it does not know are zero; otherwise it gives
+ * VRTM_ERROR_UNSUPPORTED. Structs that the library fills keep the caller's struct_size.
  *
- * Memory. Inputs are read during the call and copied where needed: the caller may free or change them as soon as it
- * returns. Outputs are written to the caller's memory. Neither side frees memory that the other allocated. Pointers
- * must be null or valid for the size that goes with them, structs and number arrays aligned as in C; the data of
- * vrtm_array, vrtm_image and vrtm_image_out need no alignment. Strides are in bytes.
- *
- * Out of memory. A call that runs out of memory gives VRTM_ERROR_OUT_OF_MEMORY, and the message says how many bytes
- * could not be allocated: nothing was written, maps and the last result are unchanged, and the call may be repeated.
- * Prepared grids and a solver's memory may have been freed; they are rebuilt when needed. The process keeps running:
- * this holds for all memory that is sized by user input. Small allocations of the GPU code use a reserve of 256 KiB
- * when the system has no memory left; a driver may behave differently. The host can supply the allocator
- * (vrtm_allocator).
- *
- * Floating point. Functions, and the host's log function that they call, run in the processor's default mode (rounding
- * to nearest, no flushing to zero, no traps), and restore the mode of the calling thread (on x86-64 and ARM64).
+ * Memory. Inputs are read during the call and copied where needed; outputs are written to the caller's memory. Neither
+ * side frees memory that the other allocated. Pointers must be null or valid for the size that goes with them, structs
+ * and number arrays aligned as in C; the data of arrays and images need no alignment. Strides are in bytes.
  *
  * Threads. Any function may be called from any thread. Different assets can be used at the same time. Calls on one
- * asset do not wait for each other. Results (maps, corner UVs, reports), descriptions of a device, an asset or a job,
- * and tile handles can be read at any time; while the next result is computed, results are the last good ones. A call
- * that solves or changes anything gives VRTM_ERROR_BUSY while another call, or a job, is using the asset, and so do
- * vrtm_tile_info (which may have to prepare the tile), vrtm_tile_get_settings and vrtm_tile_estimate while such a call
- * runs. A solve uses threads of its own, which end before it returns, or the host's (vrtm_executor). No lock is held
- * while a function of the host runs.
+ * asset do not wait for each other: results, descriptions and tile handles can be read at any time, during a solve the
+ * last good ones, and a call that solves or changes anything, or may have to prepare a tile, gives VRTM_ERROR_BUSY
+ * while another call or a job uses the asset. No lock is held while a function of the host runs. Functions of the host
+ * must return normally: no exception, no longjmp.
  *
- * Stack. On the CPU a thread with a stack of 48 KiB may call any function. The stack that a GPU's driver needs is
- * unknown: use threads with the system's usual stack of megabytes there.
- *
- * Process. The library prints nothing, changes no signal handler, locale or other state of the process, and its results
- * do not depend on them. Its threads leave signals to the host's threads, except those of faults and SIGPROF. After a
- * fork while no call runs and no job is alive, both processes may use all devices and assets on the CPU; a child of a
- * fork during a call may only exec or _exit, as POSIX has it. The child must not use GPUs. The library may be unloaded
- * when no call is running, and loaded again. Nothing of it stays in memory then, unless a thread that lives on has
- * looked for GPUs or used one (VRTM_BACKEND_AUTO looks, too).
+ * Process. The library prints nothing and changes no signal handler, locale or floating-point mode. On the CPU, a
+ * thread with a stack of 48 KiB may call any function.
  *
  * VERSIONS
  *
  * A program that was compiled against this header runs with this library and any later one of the same major version,
- * without being recompiled. The major version is in the file name by which the program loads the library: libvrtm.so.0,
- * libvrtm.0.dylib (a DLL has the same name in all versions: vrtm_version() tells). This holds from 0.1 on, also before
- * 1.0.
- *
- *   patch   0.1.x   declares nothing new. Results keep their bits, except for defects that the changelog names.
- *   minor   0.x     adds functions, types, constants and, at the end of structs that start with struct_size, fields;
- *                   zero in a new field means the library's earlier behaviour. Nothing is removed, renamed, renumbered
- *                   or given another type. Results may differ in their bits, defaults may improve, former errors may
- *                   become allowed, messages may change, and tiles that were saved by an earlier
- *                   version may be refused by vrtm_tile_load: prepare and save them again.
- *                   Everything under "Experimental" may change, be renamed or be removed.
- *   major   x       may change anything, and is loaded by another name, so that both can be installed. 1.0 will be the
- *                   next; what it removes is marked as obsolete in an earlier minor version.
- *
- * Conversely, a program that uses features of a later library does not start with an older one, or gets
- * VRTM_ERROR_UNSUPPORTED for a field that the older one lacks. Names that start with vrtm_ or VRTM_ are reserved for
- * the library.
+ * without being recompiled, from 0.1 on. The major version is in the file name by which the program loads the library:
+ * libvrtm.so.0, libvrtm.0.dylib (a DLL has the same name in all versions: vrtm_version() tells). A patch version
+ * declares nothing new, and results keep their bits, except for defects that the changelog names. A minor version adds
+ * functions, types, constants and fields at the end of sized structs, where zero means the earlier behaviour; results
+ * may differ in their bits. Everything under "Experimental" may change, be renamed or be removed. Names that start with
+ * vrtm_ or VRTM_ are reserved for the library.
  */
 
 #ifndef VRTM_H
@@ -232,8 +206,8 @@ typedef struct vrtm_asset {
     uint64_t id;
 } vrtm_asset;
 
-// A tile: one UDIM unit square of an asset. It belongs to the asset and is destroyed with it. Handles of the same tile
-// are equal. Zero = no tile.
+// A tile: one UDIM unit square of an asset, or one layer of it (vrtm_mesh_desc.max_layers). It belongs to the asset
+// and is destroyed with it. Handles of the same tile are equal. Zero = no tile.
 typedef struct vrtm_tile {
     // Opaque.
     uint64_t id;
@@ -252,6 +226,13 @@ typedef struct vrtm_refinement {
     // Opaque.
     uint64_t id;
 } vrtm_refinement;
+
+// A carrier: points bound to an asset's rest surface, which its solves move along. Created by vrtm_carrier_create,
+// destroyed by vrtm_carrier_destroy. Zero = no carrier.
+typedef struct vrtm_carrier {
+    // Opaque.
+    uint64_t id;
+} vrtm_carrier;
 
 /* ---- Arrays and images ---- */
 
@@ -279,7 +260,7 @@ typedef int32_t vrtm_pixel_format;
 // 8-bit integer, 0..255 for 0..1. Inputs only.
 #define VRTM_PIXEL_U8 3
 
-// Where in the tile the first row of an image lies.
+// Side of the tile at which the first row of an image lies.
 typedef int32_t vrtm_origin;
 
 // The first row is at v = 1, as in image files; the default.
@@ -344,16 +325,7 @@ typedef struct vrtm_image_out {
     // channel is 0; with 4, for a redirection, the fourth is 1 where a chart covers the texel's centre and 0
     // elsewhere.
     uint32_t channels;
-    // 1 = make a redirection one-to-one even when a renderer interpolates between its texels: values around folds of
-    // the interpolated map are moved, by less than a texel in most maps, and by several where a warp is crumpled or
-    // the format is f16 (vrtm_tile_inspect_map reports the error). No f32 map is known that keeps folds. f16 may be
-    // too coarse for the map's size: the call then succeeds, writes the values as without one_to_one, the log warns,
-    // and vrtm_tile_inspect_map with the same settings counts the `folds`. The call needs 9 bytes per texel and up to
-    // 11 MB of additional memory. It takes little longer than without one_to_one for most maps, and up to two hundred
-    // times as long for crumpled ones. Not available for a part of an image (vrtm_tile_fetch_part). 0 (the default) =
-    // every value is that of the redirection at the texel's centre. Ignored for other kinds.
-    uint32_t one_to_one;
-    // Where to write the first texel of the first row. Need not be aligned.
+    // Address of the first texel of the first row. Need not be aligned.
     void *data;
     // Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
     size_t pixel_stride;
@@ -366,11 +338,11 @@ typedef struct vrtm_image_out {
 struct vrtm_executor;
 struct vrtm_allocator;
 
-// Where assets are solved.
+// Backend on which assets are solved.
 typedef int32_t vrtm_backend;
 
-// A hardware GPU, discrete before integrated; the CPU if no such GPU was found or it cannot be opened; the default. A
-// software driver does not count as a GPU. vrtm_device_info says what was chosen and why.
+// A hardware GPU, discrete before integrated; the CPU if no such GPU was found or it cannot be opened. A software
+// driver does not count as a GPU. vrtm_device_get_info says what was chosen and why. The default.
 #define VRTM_BACKEND_AUTO 0
 
 // The CPU.
@@ -379,7 +351,7 @@ typedef int32_t vrtm_backend;
 // The GPU that vrtm_device_desc selects, even a software driver; never falls back to the CPU.
 #define VRTM_BACKEND_GPU 2
 
-// How vrtm_device_desc names a GPU.
+// Kind of name by which vrtm_device_desc selects a GPU.
 typedef int32_t vrtm_adapter_by;
 
 // By its number, vrtm_device_desc.adapter; the default.
@@ -396,7 +368,7 @@ typedef int32_t vrtm_adapter_by;
 // By its registry ID, 8 bytes: the number MTLDevice.registryID.
 #define VRTM_ADAPTER_BY_REGISTRY_ID 3
 
-// How important a log line is.
+// Importance of a log line.
 typedef int32_t vrtm_log_level;
 
 // Something to show to the artist: clipped faces, overlapping charts.
@@ -405,11 +377,9 @@ typedef int32_t vrtm_log_level;
 // The chosen backend and device, and the reason.
 #define VRTM_LOG_INFO 2
 
-// A host's log function. It is called on the thread that called into vrtm, during that call (on one of a host's
-// threads, if the device has an executor, and on a job's thread); several threads may call it at once. `message` is
-// one UTF-8 line without a line break, valid during the call. It may call vrtm functions; calls that use the asset of
-// the current call give VRTM_ERROR_BUSY, as does waiting for the current job. It must return normally: no exception,
-// no longjmp.
+// A host's log function. It is called during a call into vrtm, on the thread that does the call's work, also by
+// several threads at once. `message` is one UTF-8 line without a line break, valid during the call. It may call vrtm
+// functions; calls that use the asset of the current call give VRTM_ERROR_BUSY, as does waiting for the current job.
 typedef void (*vrtm_log_fn)(void *user, vrtm_log_level level, const char *message);
 
 // Settings of a new device. Start from vrtm_device_desc_init(), whose defaults are: automatic backend, all cores, no
@@ -424,7 +394,8 @@ typedef struct vrtm_device_desc {
     // used instead of `adapter`, so that vrtm can compute on the GPU that the host draws with. With `backend` GPU, the
     // adapter must exist; AUTO uses it if it is a usable hardware GPU, and the CPU otherwise.
     vrtm_adapter_by adapter_by;
-    // Which GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU and `adapter_by` is NUMBER; ignored otherwise.
+    // Number of the GPU, 0 <= adapter < vrtm_adapter_count, if `backend` is GPU and `adapter_by` is NUMBER;
+    // ignored otherwise.
     uint32_t adapter;
     // The identity of the adapter, in memory order; unused bytes are zero.
     uint8_t adapter_id[16];
@@ -446,20 +417,16 @@ typedef struct vrtm_device_desc {
     const struct vrtm_allocator *allocator;
 } vrtm_device_desc;
 
-// Makes a device. `desc` may be null, which means all defaults. The caller destroys `*device`.
-//
-// Looking for GPUs and opening one loads drivers, which takes tens of milliseconds, the first time more; an open GPU
-// keeps threads of its driver alive until the device and all of its assets are destroyed. So make one device and keep
-// it. The library prints nothing, but a driver may: Mesa's writes a line to stderr where XDG_RUNTIME_DIR is not set.
-//
-// The environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's default limits (bindings of 128 MiB,
-// buffers of 256 MiB) and without optional features, for support.
+// Makes a device. `desc` may be null, which means all defaults. The caller destroys `*device`. Make one device and
+// keep it: looking for GPUs and opening one loads drivers, which takes tens of milliseconds, and an open GPU keeps
+// threads of its driver alive. For support, the environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's
+// default limits and without optional features.
 //
 // Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range or an identity that no adapter
 // has (VRTM_BACKEND_GPU; the message lists the available ones), more than 1024 threads, an allocator without a
-// function, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
-// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if no GPU was found or it cannot be opened, and for an allocator if the
-// library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
+// function, or an environment variable that cannot be read; VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if no GPU was
+// found or it cannot be opened, and for an allocator if the library was built without the feature for it;
+// VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
 vrtm_status vrtm_device_create(const vrtm_device_desc *desc,
                                vrtm_device *device);
@@ -473,7 +440,8 @@ vrtm_status vrtm_device_destroy(vrtm_device device);
 
 /* ---- Asset ---- */
 
-// How corners of different faces are recognised as one corner, so that a chart continues across the edge between them.
+// Rule by which corners of different faces are one corner, so that a chart continues across the edge between
+// them.
 typedef int32_t vrtm_weld;
 
 // The same vertex, and UVs within the tolerance; the default. The host's vertices define connectivity: a cut in the
@@ -556,15 +524,22 @@ typedef struct vrtm_mesh_desc {
     size_t seam_count;
     // One of VRTM_WELD_: INDEX (0, the default), POSITION, OFF.
     vrtm_weld weld;
-    // The tolerance of VRTM_WELD_POSITION, the largest distance of vertices that it welds: this fraction (0..1) of the
-    // longest side of the bounding box at rest; default 1e-5. Unless it is 0, an allowance for rounding is added:
-    // 2^-23 (2^-52 for f64 positions) times the largest magnitude of a rest coordinate. The tolerance of a vertex is
-    // at most a quarter of its shortest edge; a vertex with an edge shorter than half of the tolerance is welded only
-    // to vertices at the same position.
+    // Largest distance of vertices that VRTM_WELD_POSITION welds, as a fraction (0..1) of the longest side of the
+    // bounding box at rest; default 1e-5. Unless it is 0, an allowance for rounding is added. A vertex is welded over
+    // at most a quarter of its shortest edge, and one with an edge shorter than half of the tolerance only to vertices
+    // at the same position.
     double weld_position_tolerance;
-    // Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024. It is
-    // smaller at small triangles: at most a quarter of the smallest UV height of the triangles at the vertex.
+    // Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024, and at
+    // most a quarter of the smallest UV height of the triangles at the vertex. Welded corners have the mean of their
+    // UVs. Beside a slit in the UVs that this closes nothing moves (vrtm_tile_info.gap_nodes).
     double weld_uv_tolerance;
+    // The largest number of layers of a tile, for meshes whose charts lie over one another: mirrored halves, stacked
+    // islands. 0 (the default) or 1: texels that several charts share do not move (see VRTM_OVERLAP_). From 2 on,
+    // charts that lie over others, deeper than by 1/4096, get layers of their own, each a tile with its own
+    // redirection map: vrtm_asset_fetch_face_layers says which map each face reads. Corner UVs and refinements know
+    // the layers. Charts for which the layers do not suffice stay in the last one; a chart that lies over itself does
+    // not move there.
+    uint64_t max_layers;
 } vrtm_mesh_desc;
 
 // Makes an asset from a mesh. The caller destroys `*asset`; it may outlive `device`.
@@ -585,105 +560,127 @@ vrtm_status vrtm_asset_create(vrtm_device device,
 VRTM_API
 vrtm_status vrtm_asset_destroy(vrtm_asset asset);
 
-// The tile with a UDIM number (1001 + U + 10 V) in UV set 0.
+// Names a tile. A plain value that never grows.
+typedef struct vrtm_tile_key {
+    // UDIM number: 1001 + U + 10 V.
+    uint32_t udim;
+    // UV set: 0 <= uv_set < vrtm_asset_info.uv_sets.
+    uint32_t uv_set;
+    // Layer within the UDIM number: 0 <= layer < layers.
+    uint32_t layer;
+    // Layers of the UDIM number: 1, or up to vrtm_mesh_desc.max_layers. vrtm_asset_find_tile ignores it.
+    uint32_t layers;
+} vrtm_tile_key;
+
+// The tile of an asset with a key: one of UV set 0 without layers needs only `key->udim`, all else zero. Never busy.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the mesh has no triangle there or `tile` is
-// null. Never busy.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if there is no such tile, or if
+// `key` or `tile` is null.
 VRTM_API
 vrtm_status vrtm_asset_find_tile(vrtm_asset asset,
-                                 uint32_t udim,
+                                 const vrtm_tile_key *key,
                                  vrtm_tile *tile);
 
-// Sets a tile's rigidity: 0 is infinitely elastic, 1 as rigid as possible; values outside are clamped. The map may
-// have any size; it is resampled to the grid. Null removes the map: a tile without rigidity does not move at all. The
-// last result stays readable until the next solve. May be called between frames; only data that depends on the map is
-// rebuilt.
+// Sets a tile's rigidity, for all of its layers: 0 is infinitely elastic, 1 as rigid as possible; values outside are
+// clamped. The map may have any size; it is resampled to the grid. Null removes the map. A tile without one has the
+// rigidity of the vertices (vrtm_asset_set_vertex_rigidity), and without that, too, does not move at all. The last
+// result stays readable until the next solve. Only what depends on the rigidity is computed again, and charts whose
+// rigidity stays the same keep their results; the tile is prepared from the start where a chart gains its first
+// rigidity or loses its last, or where the grid gets another size.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a
-// zero size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a zero
+// size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
 vrtm_status vrtm_tile_set_rigidity(vrtm_tile tile,
                                    const vrtm_image *rigidity);
 
 /* ---- Frame ---- */
 
-// How much work a solve does on each level of its grid.
+// Amount of work of a solve on each level of its grid.
 typedef int32_t vrtm_quality;
 
-// One correction on each level, and more on the finest level in crowded charts; the default.
+// One correction on each level; on the finest, up to four for crowded charts, while they gain 0.3 % of the chart's
+// energy. The default.
 #define VRTM_QUALITY_NORMAL 0
 
-// As VRTM_QUALITY_NORMAL, but with relaxation only on the finest level: a preview.
+// A preview: one correction on each level up to the one before the finest, so that the warp has half as many cells
+// along each axis. With vrtm_solve_options.warm, relaxation of the last result on the finest level.
 #define VRTM_QUALITY_DRAFT 1
 
-// How a solve finds its warp.
+// Method by which a solve finds its warp.
 typedef int32_t vrtm_solver;
 
-// Gauss-Newton corrections and relaxation, which never folds; the default.
+// Gauss-Newton corrections and relaxation, which never folds. The default.
 #define VRTM_SOLVER_DESCENT 0
 
-// The solver of the paper that the library follows: position-based dynamics on a hierarchy of grids. For comparison:
-// its result is returned unchecked, and may fold (the report's `folds`) or be worse than the mesh's own UVs. Where it
-// folds, a texel has several possible lookups and gets one of them. Nodes may leave their charts, and even the tile,
-// by 0.08 of its side in the worst pose tested. Redirections stay within the tile.
+// The solver of the paper that the library follows: position-based dynamics on a hierarchy of grids (its section 4).
+// For comparison: its result is returned unchecked, and may fold (vrtm_tile_report.folds) or be worse than the mesh's
+// own UVs. Where it folds, a texel has several possible lookups and gets one of them. Nodes may leave their charts,
+// and even the tile, by 0.08 of its side in the worst pose tested. Redirections stay within the tile.
 #define VRTM_SOLVER_PBD 1
 
-// Settings of VRTM_SOLVER_PBD; vrtm_solve_options_init() sets the defaults. A plain value that never grows.
+// Settings of VRTM_SOLVER_PBD, with the paper's names. A plain value that never grows.
 typedef struct vrtm_pbd_settings {
-    // Iterations on each level of the grid, 1..1024; default 16. Each projects all constraints once; every fourth is
-    // followed by a regularisation.
+    // Iterations on each level of the grid. Each projects all constraints once; every fourth is followed by a
+    // regularisation. 1 to 1024; default 16.
     uint32_t iterations;
-    // Fraction (0..1) of its velocity that a node loses from one regularisation to the next; default 0.
+    // Fraction of its velocity that a node loses from one regularisation to the next. Without forces the time step
+    // cancels out, so it is not a setting. 0 to 1; default 0.
     float damping;
-    // Fraction (0..1) of its turn that a segment takes back after its projection; default 0.
+    // Fraction of its turn that a segment takes back after its projection. 0 to 1; default 0.
     float orientation_preservation;
-    // How much (0..1) as-rigid-as-possible material is smoothed; default 0.8.
+    // Smoothing of as-rigid-as-possible material (eq. 4). 0 to 1; default 0.8.
     float smoothing;
-    // Factor (0..1) on the corrections of each level over those of the next finer one; default 0.7.
+    // Factor on the corrections of each level over those of the next finer one. 0 to 1; default 0.7.
     float coarse_correction;
 } vrtm_pbd_settings;
 
 // A host's function that receives a solve's predicted progress, 0..1, which never decreases. If it returns a nonzero
-// value, the solve is cancelled. It may call vrtm functions: results of the asset can be read, and calls that would
-// change the asset give VRTM_ERROR_BUSY. On a device with an executor, such calls use only the calling thread, so that
-// they never wait for threads that wait for this function. It must return normally: no exception, no longjmp.
+// value, the solve is cancelled; one that succeeds reports 1 at its end, when it can no longer be cancelled. The
+// function may call vrtm: results of the asset can be read, and calls that would change the asset give
+// VRTM_ERROR_BUSY.
 typedef uint32_t (*vrtm_progress_fn)(void *user, float progress);
 
 // Options of one solve. Start from vrtm_solve_options_init(), which sets the defaults.
 typedef struct vrtm_solve_options {
     // sizeof(vrtm_solve_options); set by vrtm_solve_options_init().
     uint32_t struct_size;
-    // VRTM_QUALITY_NORMAL (0, the default) or DRAFT. This and the two limits below apply to VRTM_SOLVER_DESCENT only.
+    // Amount of work of a solve. This and the two limits below apply to VRTM_SOLVER_DESCENT only. VRTM_QUALITY_NORMAL
+    // (0, the default) or VRTM_QUALITY_DRAFT.
     vrtm_quality quality;
-    // Maximum corrections on the finest level, 0..64, overriding the quality's limit; 0 = the quality's own.
+    // Maximum corrections on the finest level, 1..64, in place of the quality's limit; 0 = the quality's own. With
+    // more than four, a sweep more follows each, and a chart continues until one gains less than 0.01 %, or
+    // `tolerance`: seven lower the energy by 0.3 % in the mean, for up to twice the time, and make some crowded charts
+    // rougher over the pose.
     uint32_t max_corrections;
     // A chart is done when a correction gains less than this fraction of its energy (to which 6 % of the energy of the
-    // original UVs is added), or when the gain of a level's first correction matches the prediction of its quadratic
-    // model to a quarter of that fraction; 0 <= tolerance < 1; 0 = the quality's own.
+    // original UVs is added), or when a level's first correction gains what its quadratic model predicts to a quarter
+    // of that fraction; over 0 and under 1. 0 = the quality's own.
     float tolerance;
-    // Milliseconds that the call may take, excluding fetches, measuring and rebuilding after a change of maps or
-    // settings; 0 = no limit. The result comes from the finest level of the grid that the time allows, interpolated to
-    // the finest level and certified: never worse than the identity, and the identity itself if no level fits (the
-    // report is then `truncated`, with energies of 0). Costs are predicted from the last solves: the call returns
-    // within 1.2 times the budget plus 5 ms, unless the machine is suddenly busier than before. On a GPU this holds up
-    // to delays of the driver. With a limit the result depends on the speed of the machine.
+    // The time that the call may take, excluding fetches, measuring and rebuilding after a change of maps or settings;
+    // 0 = no limit. The result comes from the finest level of the grid that the time allows, certified, and never
+    // worse than the identity, which it is if no level fits (the report is then `truncated`, with energies of 0).
+    // Costs are predicted from the last solves: the call returns within 1.2 times the budget plus 5 ms, unless the
+    // machine is suddenly busier. Seams are brought together if that takes half of the budget at most; else the report
+    // counts their charts in `charts_apart`. With a limit the result depends on the speed of the machine. In
+    // milliseconds.
     float time_budget_ms;
     // 0 (the default): start from the identity, so that a frame's result depends on its inputs alone. 1: start from
     // the last result, for interactive use: faster on small changes, but it depends on the order of the frames.
     uint32_t warm;
-    // With `warm` and VRTM_SOLVER_DESCENT: how strongly the warp is pulled towards the last result, 0..1e6, in the
-    // unit of the tile settings' smoothness; 0 = not at all. 0.03 to 0.3 is a useful range: 0.1 reduces jumps between
-    // frames to between three quarters and a fifth, and delays the warp of a steady motion by one to two frames.
-    // Without `warm` it has no effect.
+    // With `warm` and VRTM_SOLVER_DESCENT: how strongly the warp is pulled towards the last result, in the unit of the
+    // tile settings' smoothness; 0 = not at all. 0.03 to 0.3 is a useful range: 0.1 reduces jumps between frames to
+    // between three quarters and a fifth, and delays the warp of a steady motion by one to two frames. Without `warm`
+    // it has no effect. 0 to 1e6; default 0.
     float temporal_weight;
     // CPU threads of this solve, at most 1024; 0 = the device's. The result is the same bit for bit.
     uint32_t threads;
-    // 1: also measure the strain on the mesh, for vrtm_tile_report. Slow.
+    // 1: also measure the strain on the mesh (in f64), for the tiles' reports. Slow.
     uint32_t measure;
-    // 1: drop the last results of the solved tiles before solving, which saves 8 bytes per node of the blocks in use.
-    // These results cannot be read until the solve succeeds. 0 (the default): results can be read at any time.
-    uint32_t release_last;
-    // VRTM_SOLVER_DESCENT (0, the default) or PBD.
+    // Memory to release: a sum of VRTM_RELEASE_ flags; 0 (the default) = none, so that results can be read at any
+    // time.
+    uint32_t release;
+    // Method by which the warp is found. VRTM_SOLVER_DESCENT (0, the default) or VRTM_SOLVER_PBD.
     vrtm_solver solver;
     // Settings of VRTM_SOLVER_PBD.
     vrtm_pbd_settings pbd;
@@ -716,11 +713,10 @@ typedef int32_t vrtm_fetch_kind;
 #define VRTM_FETCH_REDIRECTION_DELTA 1
 
 // The warp, the inverse of the redirection: for a UV of the texture, the UV of the surface point that shows it,
-// absolute within the tile (nodes of VRTM_SOLVER_PBD may lie a little outside of it). The first and last texels of a
-// row or column lie on the tile's border; with the grid's size plus one in both directions the texels are the grid's
-// nodes. Between the nodes the warp is affine on two triangles per cell, split by the diagonal from the cell's corner
-// of least u and v to the corner of greatest u and v. All outputs of a result use this split, so that at any size the
-// warp maps a redirected UV back to the UV. Use f32.
+// absolute within the tile (nodes of VRTM_SOLVER_PBD may lie a little outside of it). The outermost texels lie on the
+// tile's border; with the grid's size plus one in both directions the texels are the grid's nodes. Between the nodes
+// the warp is affine on two triangles per cell, split from the corner of least u and v to the corner of greatest. Use
+// f32.
 #define VRTM_FETCH_WARP 2
 
 // The redirection plus the offset (U, V) of the UDIM tile: UVs in the mesh's own range, for lookups in a texture of
@@ -737,21 +733,47 @@ typedef int32_t vrtm_fetch_kind;
 // sufficient.
 #define VRTM_FETCH_FILTER_SCALE 5
 
-// One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
+// UVs of another UV set, vrtm_fetch.uv_set, for meshes whose textures use another set than the warp is solved in:
+// where the redirection leads to a point of the surface, the UV of that point in the other set, whatever its range.
+// The map is looked up by the UVs of the tile's own set. 0 beside charts, but for a margin of two texels. Where the
+// other set has a border inside a chart, look the map up without interpolation, or use the delta. Use f32. With 4
+// channels, the fourth is 1 where a chart covers the texel's centre.
+#define VRTM_FETCH_UV_SET 6
+
+// As VRTM_FETCH_UV_SET, minus the UV in that set of the texel's own point of the surface: the offset to add to the UV
+// that the textures use; 0 where nothing moves. f16 is sufficient. Works with textures that repeat.
+#define VRTM_FETCH_UV_SET_DELTA 7
+
+// One output of a solve. Start from vrtm_fetch_init().
 typedef struct vrtm_fetch {
     // sizeof(vrtm_fetch); set by vrtm_fetch_init(). All elements of an array must have the same value.
     uint32_t struct_size;
     // One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP, REDIRECTION_UDIM, JACOBIAN,
-    // FILTER_SCALE.
+    // FILTER_SCALE, UV_SET, UV_SET_DELTA.
     vrtm_fetch_kind kind;
     // A tile of the asset. Required.
     vrtm_tile tile;
-    // Where to write. Required.
+    // The destination. Required.
     const vrtm_image_out *image;
+    // For VRTM_FETCH_UV_SET and VRTM_FETCH_UV_SET_DELTA: the UV set that the values are UVs of, 0 <= uv_set <
+    // vrtm_asset_info.uv_sets. 0 (the default) for all other kinds.
+    uint32_t uv_set;
+    // Texels in u of the whole image, if `image` is a rectangle of a larger one, such as a band of one that does not
+    // fit into memory. On the CPU, rectangles equal those of the whole image bit for bit. 0 (the default) = `image` is
+    // the whole.
+    uint32_t whole_width;
+    // Texels in v of the whole image; 0 exactly if `whole_width` is.
+    uint32_t whole_height;
+    // First column of the rectangle in the whole image.
+    uint32_t x;
+    // First row of the rectangle in the whole image, counted in the order of image->origin.
+    uint32_t y;
+    // Must be 0.
+    uint32_t reserved;
 } vrtm_fetch;
 
 // Solves every tile for a pose and writes `count` outputs, in one call: all that a host's compute() needs for a frame.
-// Equivalent to vrtm_asset_solve followed by a vrtm_tile_fetch for each of `fetches`, except that all arguments are
+// Equivalent to vrtm_asset_solve followed by vrtm_tile_fetch, except that all arguments are
 // checked before any work, and nothing else can use the asset in between. `fetches` may be null if `count` is 0. No
 // two images may write the same byte, but they may be interleaved, such as two pairs of channels of one image. No
 // image may overlap the memory that the positions span.
@@ -781,28 +803,31 @@ vrtm_status vrtm_asset_solve(vrtm_asset asset,
                              const vrtm_array *positions,
                              const vrtm_solve_options *options);
 
-// Writes one output of the last solve into the caller's memory. Any size is allowed; the result does not depend on
-// other fetches.
+// Writes `count` outputs of an asset's last solve into the caller's memory. All are of one and the same solve, even if
+// another one ends meanwhile. Any size is allowed; an output does not depend on other fetches. All tiles belong to one
+// asset. No two images may write the same byte, but they may be interleaved, such as two pairs of channels of one
+// image. `fetches` may be null if `count` is 0.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
 // integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride, channels that
-// the kind does not have or an unknown value; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never
+// the kind does not have, an unknown value, a rectangle that is not inside the whole image, or images that overlap;
+// VRTM_ERROR_OUT_OF_MEMORY. On any error no image is written, unless a GPU fails while the images are written. Never
 // busy.
 VRTM_API
-vrtm_status vrtm_tile_fetch(vrtm_tile tile,
-                            vrtm_fetch_kind kind,
-                            const vrtm_image_out *image);
+vrtm_status vrtm_tile_fetch(const vrtm_fetch *fetches,
+                            size_t count);
 
-// Writes the redirected UV of every face corner of the mesh in UV set 0: `count` pairs (u, v), in corner order, with
+// Writes the redirected UV of every face corner of the mesh in a UV set: `count` pairs (u, v), in corner order, with
 // the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. For hosts that set UVs
-// instead of reading a map. `count` is the number of corners, vrtm_asset_data.corners; `uvs` has room for 2 * count
+// instead of reading a map. `count` is the number of corners, vrtm_asset_info.corners; `uvs` has room for 2 * count
 // floats.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if `uvs`
-// is null or `count` is not the number of corners. On any error nothing is written. Never busy. In tiles that have not
-// been solved yet, the UVs are the mesh's own.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT for an
+// unknown UV set, if `uvs` is null or `count` is not the number of corners. On any error nothing is written. Never
+// busy. In tiles that have not been solved yet, the UVs are the mesh's own.
 VRTM_API
 vrtm_status vrtm_asset_fetch_corner_uvs(vrtm_asset asset,
+                                        uint32_t uv_set,
                                         float *uvs,
                                         size_t count);
 
@@ -810,33 +835,33 @@ vrtm_status vrtm_asset_fetch_corner_uvs(vrtm_asset asset,
 
 /* ---- Device ---- */
 
-// Description of a device. Start from vrtm_device_data_init().
-typedef struct vrtm_device_data {
-    // sizeof(vrtm_device_data); set by vrtm_device_data_init().
+// Description of a device. Start from vrtm_device_info_init().
+typedef struct vrtm_device_info {
+    // sizeof(vrtm_device_info); set by vrtm_device_info_init().
     uint32_t struct_size;
     // The backend in use: VRTM_BACKEND_CPU or VRTM_BACKEND_GPU.
     vrtm_backend backend;
     // The processor's or adapter's name, UTF-8.
     char name[128];
-    // Why this backend was chosen, in a sentence, UTF-8. If the GPU was lost, the cause comes first.
+    // Reason for the choice of this backend, a sentence, UTF-8. If the GPU was lost, the cause comes first.
     char reason[256];
     // CPU threads per solve.
     uint32_t threads;
     // Bytes that all assets of the device currently hold.
     uint64_t bytes_held;
-} vrtm_device_data;
+} vrtm_device_info;
 
 // Describes a device: its backend, why it was chosen, and how much memory its assets hold. Works even after the GPU
 // was lost.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
-vrtm_status vrtm_device_info(vrtm_device device,
-                             vrtm_device_data *info);
+vrtm_status vrtm_device_get_info(vrtm_device device,
+                                 vrtm_device_info *info);
 
-// A GPU that a device can be made on. Start from vrtm_adapter_data_init().
-typedef struct vrtm_adapter_data {
-    // sizeof(vrtm_adapter_data); set by vrtm_adapter_data_init().
+// A GPU that a device can be made on. Start from vrtm_adapter_info_init().
+typedef struct vrtm_adapter_info {
+    // sizeof(vrtm_adapter_info); set by vrtm_adapter_info_init().
     uint32_t struct_size;
     // 1 for an adapter that is emulated on the CPU (or does not identify as hardware): VRTM_BACKEND_AUTO never chooses
     // it. 0 otherwise.
@@ -866,7 +891,7 @@ typedef struct vrtm_adapter_data {
     uint8_t luid[8];
     // The number MTLDevice.registryID, in memory order; all bytes are 0 if the GPU is not driven through Metal.
     uint8_t registry_id[8];
-} vrtm_adapter_data;
+} vrtm_adapter_info;
 
 // Number of GPUs that a device can be made on: those that run compute shaders with at least WebGPU's default limits,
 // through Vulkan, Direct3D 12 or Metal. Hardware is listed before software, discrete before integrated; the order is
@@ -881,8 +906,8 @@ vrtm_status vrtm_adapter_count(uint32_t *count);
 //
 // Errors: VRTM_ERROR_INVALID_ARGUMENT for an index out of range, or if `info` is null or has a wrong struct_size.
 VRTM_API
-vrtm_status vrtm_adapter_info(uint32_t index,
-                              vrtm_adapter_data *info);
+vrtm_status vrtm_adapter_get_info(uint32_t index,
+                                  vrtm_adapter_info *info);
 
 /* ---- Threads of the host ---- */
 
@@ -890,10 +915,9 @@ vrtm_status vrtm_adapter_info(uint32_t index,
 typedef void (*vrtm_task_fn)(void *data, size_t index);
 
 // A host's parallel loop, such as TBB's parallel_for: it calls `task(data, index)` for each index from 0 to `count` -
-// 1, exactly once, on any threads and in any order, in parallel or in sequence, and returns when all of these calls
-// have returned. It may be called by several threads at once. The first task to begin does the work of the call, and
-// the others help it, so the calling thread should run tasks too; it may even run all of them. It must return
-// normally: no exception, no longjmp.
+// 1, exactly once, on any threads and in any order, and returns when all of these calls have returned. Several threads
+// may call it at once. The first task to begin does the work of the call, and the others help it, so the calling
+// thread should run tasks too.
 typedef void (*vrtm_parallel_for_fn)(void *user, size_t count, vrtm_task_fn task, void *data);
 
 // A host's task queue: it calls `task(data, 0)` once, on any thread, immediately or later. It must return normally.
@@ -905,8 +929,8 @@ typedef void (*vrtm_spawn_fn)(void *user, vrtm_task_fn task, void *data);
 typedef struct vrtm_executor {
     // sizeof(vrtm_executor); set by vrtm_executor_init().
     uint32_t struct_size;
-    // Runs the parallel loops of solves and fetches; `count` is the number of threads that the device or the solve asks
-    // for. Required.
+    // Runs the parallel loops of solves and fetches; `count` is the number of threads that the device or the solve
+    // asks for. Required.
     vrtm_parallel_for_fn parallel_for;
     // Runs jobs; null = the library starts a thread for each job.
     vrtm_spawn_fn spawn;
@@ -916,13 +940,13 @@ typedef struct vrtm_executor {
 
 /* ---- Asset ---- */
 
-// Description of a mesh. Start from vrtm_asset_data_init().
-typedef struct vrtm_asset_data {
-    // sizeof(vrtm_asset_data); set by vrtm_asset_data_init().
+// Description of a mesh. Start from vrtm_asset_info_init().
+typedef struct vrtm_asset_info {
+    // sizeof(vrtm_asset_info); set by vrtm_asset_info_init().
     uint32_t struct_size;
-    // UV sets, 1 or more.
+    // UV sets, 1 or more. All counts that concern UVs are sums over the sets.
     uint32_t uv_sets;
-    // Tiles with at least one triangle.
+    // Tiles with at least one triangle; each layer of a tile counts.
     uint32_t tiles;
     // Charts, over all tiles.
     uint32_t charts;
@@ -934,8 +958,7 @@ typedef struct vrtm_asset_data {
     uint64_t corners;
     // Triangles kept, over all tiles.
     uint64_t triangles;
-    // Untextured faces: without UVs, or not among the textured faces. Like the other counts that concern UVs, a sum
-    // over all UV sets.
+    // Untextured faces: without UVs, or not among the textured faces.
     uint64_t faces_untextured;
     // Faces skipped because they have fewer than 3 corners.
     uint64_t faces_skipped;
@@ -955,48 +978,38 @@ typedef struct vrtm_asset_data {
     uint64_t edges_apart;
     // Seams that are not an edge of any face.
     uint64_t seams_unused;
-} vrtm_asset_data;
+} vrtm_asset_info;
 
 // Describes the mesh. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
-vrtm_status vrtm_asset_info(vrtm_asset asset,
-                            vrtm_asset_data *info);
+vrtm_status vrtm_asset_get_info(vrtm_asset asset,
+                                vrtm_asset_info *info);
 
-// Number of tiles with at least one triangle. Never busy.
-//
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `count` is null.
-VRTM_API vrtm_status vrtm_asset_tile_count(vrtm_asset asset, uint32_t *count);
-
-// The tile at `index`, 0 <= index < vrtm_asset_tile_count, first those of UV set 0 in the order
-// of their UDIM numbers, then those of set 1, and so on. Never busy.
+// The tile at `index`, 0 <= index < vrtm_asset_info.tiles, first those of UV set 0 in the order of their UDIM numbers,
+// then those of set 1, and so on; the layers of a UDIM number follow one another. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for an index out of range or if `tile` is null.
 VRTM_API
-vrtm_status vrtm_asset_tile(vrtm_asset asset,
-                            uint32_t index,
-                            vrtm_tile *tile);
-
-// The tile with a UDIM number in the UV set `uv_set`, 0 <= uv_set < vrtm_asset_data.uv_sets.
-//
-// Errors: those of vrtm_asset_find_tile.
-VRTM_API
-vrtm_status vrtm_asset_find_tile_of_set(vrtm_asset asset,
-                                        uint32_t uv_set,
-                                        uint32_t udim,
-                                        vrtm_tile *tile);
+vrtm_status vrtm_asset_get_tile(vrtm_asset asset,
+                                uint32_t index,
+                                vrtm_tile *tile);
 
 /* ---- Tile ---- */
 
-// Facts of a tile that need no solve. Start from vrtm_tile_data_init().
-typedef struct vrtm_tile_data {
-    // sizeof(vrtm_tile_data); set by vrtm_tile_data_init().
+// Facts about a tile that need no solve. Start from vrtm_tile_info_init().
+typedef struct vrtm_tile_info {
+    // sizeof(vrtm_tile_info); set by vrtm_tile_info_init().
     uint32_t struct_size;
     // UDIM number: 1001 + U + 10 V.
     uint32_t udim;
     // The UV set that the tile belongs to.
     uint32_t uv_set;
+    // The tile's layer within its UDIM number: 0 unless vrtm_mesh_desc.max_layers is over 1.
+    uint32_t layer;
+    // Layers of its UDIM number: 1 or more.
+    uint32_t layers;
     // Charts in the tile: connected pieces of UV triangles.
     uint32_t charts;
     // Triangles in the tile.
@@ -1005,7 +1018,7 @@ typedef struct vrtm_tile_data {
     uint64_t border_edges;
     // Edges inside charts whose two sides have different vertices: welded by position.
     uint64_t welded_edges;
-    // Edges whose two sides coincide but are not connected: see vrtm_asset_data.edges_apart.
+    // Edges whose two sides coincide but are not connected: see vrtm_asset_info.edges_apart.
     uint64_t edges_apart;
     // Cells of the grid in u. A grid of w x h cells has (w + 1) x (h + 1) nodes.
     uint32_t grid_width;
@@ -1018,53 +1031,125 @@ typedef struct vrtm_tile_data {
     // Fraction (0..1) of the rigid nodes that cannot move: of the covered nodes with a rigidity of at least 0.5, those
     // that a border, an overlap or the mask fixes. Near 1, the rigidity map can have almost no effect.
     float frozen;
-} vrtm_tile_data;
+    // Rigid nodes: covered nodes with a rigidity of at least 0.5.
+    uint64_t rigid_nodes;
+    // Number of these under more than one triangle, as in charts of one layer that lie over one another.
+    uint64_t rigid_overlapped;
+    // Nodes inside charts that cannot move because of a gap in the UVs that welding closes, such as a slit narrower
+    // than vrtm_mesh_desc.weld_uv_tolerance. Noise of the UVs makes none.
+    uint64_t gap_nodes;
+} vrtm_tile_info;
 
-// Which chart moves texels that several charts, or two layers of one chart, share.
+// Rule for texels that several charts of a tile share, or that a chart shares with itself. With
+// vrtm_mesh_desc.max_layers over 1, charts share texels only where these layers do not suffice.
 typedef int32_t vrtm_overlap;
 
-// Shared texels do not move, so that nothing gets worse; the default.
+// Shared texels do not move, so that nothing gets worse. The default.
 #define VRTM_OVERLAP_FIXED 0
 
 // The chart with the first face moves them: for mirrored halves that deform alike.
 #define VRTM_OVERLAP_FIRST_FACE 1
 
-// A tile's settings. Start from vrtm_tile_settings_init(), which sets the defaults.
+// Treatment of seams, where the surface continues beyond a chart's border elsewhere in the UV plane.
+typedef int32_t vrtm_seams;
+
+// Nothing moves at a border, and any texture will do. The default.
+#define VRTM_SEAMS_SHUT 0
+
+// Each chart is solved together with what lies beyond its seams, laid out in its own plane up to
+// vrtm_tile_settings.seam_reach. Redirections near a seam then lead over the border of the chart: the texture must
+// show there what lies beyond it, as vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and
+// charts that lie over one another in a layer, stay as they are with VRTM_SEAMS_SHUT. Tiles that are solved in one
+// call are brought together at their seams.
+#define VRTM_SEAMS_CONTINUE 1
+
+// As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart (with VRTM_OPEN_BORDERS_SLIDE: a seam)
+// stay as they were, whole, and their elastic surroundings give way: never half of a feature. A feature is what hangs
+// together of nodes with a rigidity of at least 0.5. Any texture will do.
+#define VRTM_SEAMS_KEEP 2
+
+// Treatment of open borders, beyond which the surface ends: along an edge that only one face with texture has.
+typedef int32_t vrtm_open_borders;
+
+// Nothing moves at an open border. The surface may go on in a mesh that is not known here, as a head's neck does. The
+// default.
+#define VRTM_OPEN_BORDERS_FIXED 0
+
+// Texture slides along open borders, as if the surface were mirrored there, so that a feature at a border keeps its
+// shape; any texture will do. Corners of more than 50 degrees stay where they are, and so do ends of a chart's seam
+// with itself. Edges whose vertices are not welded look like open borders, and so do those at which faces of other
+// sizes meet, or beyond which faces have no texture.
+#define VRTM_OPEN_BORDERS_SLIDE 1
+
+// A tile's settings. All have a working default; a change rebuilds only what depends on it. Start from
+// vrtm_tile_settings_init(), which sets the defaults.
 typedef struct vrtm_tile_settings {
     // sizeof(vrtm_tile_settings); set by vrtm_tile_settings_init().
     uint32_t struct_size;
-    // Cells of the grid in u: the resolution of the solve. 0 = the rigidity map's width, or 1024 without a
-    // map. Rounded up to a multiple of 16, at most 16384.
+    // Cells of the grid in u: the resolution of the solve. 0 = as many as resolve the rigid features, 20 across the
+    // narrowest (method §1): 64 to 4096, and no finer than the rigidity map and 256, or than an equal share of the
+    // device's memory budget allows. Other numbers are rounded up to a multiple of 16, at most 16384.
     uint32_t grid_width;
-    // Cells of the grid in v, with the same rules as `grid_width`.
+    // Cells of the grid in v: the resolution of the solve.
     uint32_t grid_height;
-    // VRTM_OVERLAP_FIXED (0, the default) or VRTM_OVERLAP_FIRST_FACE.
+    // Who owns overlapped texels. VRTM_OVERLAP_FIXED (0, the default) or VRTM_OVERLAP_FIRST_FACE.
     vrtm_overlap overlap;
-    // Smoothness of elastic material against the stiffness 1 of rigid material, 0 to 1e6; default 0.02. Lower values
-    // keep the shape of rigid features better, and make material of low rigidity more rigid.
+    // Smoothness of elastic material against the stiffness 1 of rigid material. Lower values keep the shape of rigid
+    // features better, and make material of low rigidity more rigid. 0 to 1e6; default 0.02.
     float smoothness;
-    // Smoothness of all material, 1e-6 to 1e6; default 0.0005.
+    // Smoothness of all material, which keeps every node's problem well-posed. 1e-6 to 1e6; default 0.0005.
     float smoothness_floor;
-    // Weight that keeps rigid features from turning, 0 (the default) to 1e6.
+    // Weight that keeps rigid features from turning (the paper's section 4.2). 0 to 1e6; default 0.
     float orientation;
     // Addition to `orientation` where rigid features are dense, times that density (the mean rigidity, 0..1, over a
-    // tent of half of the tile), 0 (the default) to 1e6. Sparse features then turn to keep their shape, and dense ones
-    // keep their orientation. VRTM_SOLVER_PBD adds it to the fraction of its turn that a segment takes back.
+    // tent of half of the tile; the heuristic of the paper's figure 5). Sparse features then turn to keep their shape,
+    // and dense ones keep their orientation. VRTM_SOLVER_PBD adds it to the fraction of its turn that a segment takes
+    // back. 0 to 1e6; default 0.
     float orientation_density;
-    // Weight of the penalty on cells that lose their area, 0 to 1e6; default 0.3.
+    // Weight of the penalty on cells that lose their area. 0 to 1e6; default 0.3.
     float room;
-    // Fraction of a cell's area, 0 to 1, under which that penalty starts; default 0.4.
+    // Fraction of a cell's area under which that penalty starts: a threshold of its corner Jacobians. 0 to 1; default
+    // 0.4.
     float room_threshold;
+    // Treatment of seams. VRTM_SEAMS_CONTINUE goes only with an `orientation_density` of 0. VRTM_SEAMS_SHUT (0, the
+    // default), VRTM_SEAMS_CONTINUE or VRTM_SEAMS_KEEP.
+    vrtm_seams seams;
+    // Reach of charts beyond their seams with VRTM_SEAMS_CONTINUE, and beyond their open borders with
+    // VRTM_OPEN_BORDERS_SLIDE, in UV: about the size of a large rigid feature. Over 0, at most 0.5. Default 0.03125.
+    float seam_reach;
+    // Treatment of open borders. VRTM_OPEN_BORDERS_SLIDE goes only with an `orientation_density` of 0.
+    // VRTM_OPEN_BORDERS_FIXED (0, the default) or VRTM_OPEN_BORDERS_SLIDE.
+    vrtm_open_borders open_borders;
+    // Priority, 0..1, of rigid features that the pose does not strain over strained ones. At 0 each gives way alike,
+    // and in a crowd a feature may come out worse than without the warp; the higher this is, the fewer do, and the
+    // others keep a little more strain. For VRTM_SOLVER_DESCENT. 0 to 1; default 0.
+    float protect;
 } vrtm_tile_settings;
 
-// UDIM number (1001 + U + 10 V) and UV set of a tile. `uv_set` may be null. Unlike vrtm_tile_info, it does not prepare
-// the tile. Never busy.
+// Size of a grid. A plain value that never grows.
+typedef struct vrtm_tile_grid {
+    // Cells in u.
+    uint32_t width;
+    // Cells in v.
+    uint32_t height;
+} vrtm_tile_grid;
+
+// Gets the key of a tile. Layers share their maps and settings: what is set for one of them holds for all. Never busy.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `udim` is null.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `key` is null.
 VRTM_API
-vrtm_status vrtm_tile_udim(vrtm_tile tile,
-                           uint32_t *udim,
-                           uint32_t *uv_set);
+vrtm_status vrtm_tile_get_key(vrtm_tile tile,
+                              vrtm_tile_key *key);
+
+// Gets the grid that a tile has with its present rigidity and settings: where vrtm_tile_settings.grid_width or
+// grid_height is 0, the cells that resolve the rigid features. Unlike vrtm_tile_get_info, it does not prepare the
+// tile: it takes some milliseconds after a change of the rigidity.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `grid` is null; VRTM_ERROR_BUSY;
+// VRTM_ERROR_OUT_OF_MEMORY.
+VRTM_API
+vrtm_status vrtm_tile_get_grid(vrtm_tile tile,
+                               vrtm_tile_grid *grid);
 
 // Describes a tile. The first call, and the first after a change of map or settings, builds the tile's
 // grid, which takes time.
@@ -1072,14 +1157,13 @@ vrtm_status vrtm_tile_udim(vrtm_tile tile,
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size;
 // VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
-vrtm_status vrtm_tile_info(vrtm_tile tile,
-                           vrtm_tile_data *info);
+vrtm_status vrtm_tile_get_info(vrtm_tile tile,
+                               vrtm_tile_info *info);
 
 // Updates a part of a tile's rigidity map, for instance after a brush stroke: `width` x `height` texels from the
 // column `x` and the row `y`, in memory order. `rigidity` describes the whole map, with the size and the format of the
 // one that was set; its other texels are not read. Updating a small part takes a small fraction of the time of setting
-// the map, unless a chart gains its first rigidity or loses its last, or orientation_density is in use: then the tile
-// is prepared again.
+// the map, unless the tile has to be prepared from the start (vrtm_tile_set_rigidity).
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if the tile has no map of this size and format, if
 // the part is empty or not inside the map, and in the cases of vrtm_tile_set_rigidity; VRTM_ERROR_BUSY;
@@ -1092,7 +1176,8 @@ vrtm_status vrtm_tile_update_rigidity(vrtm_tile tile,
                                       uint32_t width,
                                       uint32_t height);
 
-// Sets a tile's warp mask: points under a texel below 0.5 do not move. Null: all may move, the default. In other
+// Sets a tile's warp mask: points under a texel below 0.5 do not move. Null removes it. A tile without one has the
+// mask of the vertices (vrtm_asset_set_vertex_mask), and without that, too, all may move: the default. In other
 // respects as vrtm_tile_set_rigidity.
 //
 // Errors: those of vrtm_tile_set_rigidity.
@@ -1100,8 +1185,9 @@ VRTM_API
 vrtm_status vrtm_tile_set_mask(vrtm_tile tile,
                                const vrtm_image *mask);
 
-// Sets the rigidity of all tiles from one value per vertex (1 component, as many as vertices, 0..1), linear over each
-// triangle. Null removes it. Without a rigidity map, a tile's grid has the size in its settings, or 1024 x 1024.
+// Sets the rigidity of the vertices (1 component, as many as vertices, 0..1), linear over each triangle. A tile with
+// a map (vrtm_tile_set_rigidity) has that of its map, in whatever order the two are set. Null removes the values and
+// leaves the maps. Without a map, a tile's grid has the size in its settings, or 1024 x 1024.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null data, a wrong count, a short stride or a
 // value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -1109,15 +1195,16 @@ VRTM_API
 vrtm_status vrtm_asset_set_vertex_rigidity(vrtm_asset asset,
                                            const vrtm_array *rigidity);
 
-// Sets the warp mask of all tiles from one value per vertex (1 component, as many as vertices), linear over each
-// triangle: points below 0.5 do not move. Null: all may move, the default.
+// Sets the warp mask of the vertices (1 component, as many as vertices), linear over each triangle: points below 0.5
+// do not move. A tile with a mask (vrtm_tile_set_mask) has its own, in whatever order the two are set. Null removes
+// the values and leaves the tiles' masks.
 //
 // Errors: those of vrtm_asset_set_vertex_rigidity.
 VRTM_API
 vrtm_status vrtm_asset_set_vertex_mask(vrtm_asset asset,
                                        const vrtm_array *mask);
 
-// Sets a tile's settings. Null: all defaults.
+// Sets a tile's settings, for all of its layers. Null: all defaults.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field; VRTM_ERROR_BUSY.
 VRTM_API vrtm_status vrtm_tile_set_settings(vrtm_tile tile, const vrtm_tile_settings *settings);
@@ -1137,9 +1224,9 @@ VRTM_API
 vrtm_status vrtm_tile_freeze(vrtm_tile tile,
                              uint32_t frozen);
 
-// The predicted cost of preparing and solving a tile. Start from vrtm_tile_needs_init().
-typedef struct vrtm_tile_needs {
-    // sizeof(vrtm_tile_needs); set by vrtm_tile_needs_init().
+// The predicted cost of preparing and solving a tile. Start from vrtm_tile_estimate_init().
+typedef struct vrtm_tile_estimate {
+    // sizeof(vrtm_tile_estimate); set by vrtm_tile_estimate_init().
     uint32_t struct_size;
     // Nodes of the grid that may move: time and memory grow with their number.
     uint64_t movable_nodes;
@@ -1149,17 +1236,18 @@ typedef struct vrtm_tile_needs {
     uint64_t preparing_bytes;
     // Bytes at the peak of a solve with VRTM_SOLVER_DESCENT. With a GPU this counts its memory and the host's.
     uint64_t solving_bytes;
-} vrtm_tile_needs;
+} vrtm_tile_estimate;
 
 // Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings. Takes
-// a small fraction of the time and memory of preparing the tile, and caches nothing. The same estimate is checked
-// against a device's memory_budget before a tile is prepared.
+// a small fraction of the time and memory of preparing the tile, and keeps nothing but what charts have beyond their
+// borders, if they go on there. The same estimate is checked against a device's memory_budget before a tile is
+// prepared.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `needs` is null or has a wrong struct_size;
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `estimate` is null or has a wrong struct_size;
 // VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
 VRTM_API
-vrtm_status vrtm_tile_estimate(vrtm_tile tile,
-                               vrtm_tile_needs *needs);
+vrtm_status vrtm_tile_get_estimate(vrtm_tile tile,
+                                   vrtm_tile_estimate *estimate);
 
 // Writes a prepared tile to the host's memory, for vrtm_tile_load on another machine or in a later session. Prepares
 // the tile if necessary. `size` gets the number of bytes: call once with `data` null and `capacity` 0 to learn it,
@@ -1176,9 +1264,8 @@ vrtm_status vrtm_tile_save(vrtm_tile tile,
 
 // Loads a tile that was prepared elsewhere, so that it need not be prepared here. Before this call, set the mesh, maps
 // and settings that the tile was saved with; they are compared. `size` is the number of bytes. The bytes need not be
-// trusted: anything but an intact saved tile is refused. The checksum is not a signature: bytes that were changed on
-// purpose, together with their checksum, may be accepted. At worst they give a different warp, which is certified like
-// any other; they never cause a crash.
+// trusted: anything but an intact saved tile is refused. The checksum is no signature: bytes that were forged together
+// with it may give a different warp, which is certified like any other.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null, for bytes that are damaged, in another
 // version of the format, or saved with another mesh, map or setting; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any
@@ -1190,30 +1277,18 @@ vrtm_status vrtm_tile_load(vrtm_tile tile,
 
 /* ---- Results ---- */
 
-// Writes a part of one output of the last solve, for images that are too large to be held in memory at once: of an
-// image of `width` x `height` texels, the rectangle of `image`'s size that starts at the column `x` and the row `y`.
-// Rows are counted in the order of image->origin. On the CPU, parts equal those of the whole image bit for bit. A
-// redirection with one_to_one depends on the whole map and must be fetched whole.
+// Writes the layer of every face in a UV set: which of the tiles with the face's UDIM number has its redirection (see
+// vrtm_mesh_desc.max_layers); 0 for faces in no tile. `count` is the number of faces, vrtm_asset_info.faces. All
+// corners of a face are in its layer. It depends on the mesh alone: no solve is needed, and once per mesh is enough.
+// Make it an attribute of faces, by which a shader picks the layer's map. Never busy.
 //
-// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside the whole image;
-// VRTM_ERROR_UNSUPPORTED for a redirection with image->one_to_one, unless the part is the whole.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for an unknown UV set, if `layers` is null or `count`
+// is not the number of faces. On any error nothing is written.
 VRTM_API
-vrtm_status vrtm_tile_fetch_part(vrtm_tile tile,
-                                 vrtm_fetch_kind kind,
-                                 const vrtm_image_out *image,
-                                 uint32_t x,
-                                 uint32_t y,
-                                 uint32_t width,
-                                 uint32_t height);
-
-// As vrtm_asset_fetch_corner_uvs, for any UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
-//
-// Errors: those of vrtm_asset_fetch_corner_uvs; VRTM_ERROR_INVALID_ARGUMENT for an unknown UV set.
-VRTM_API
-vrtm_status vrtm_asset_fetch_corner_uvs_of_set(vrtm_asset asset,
-                                               uint32_t uv_set,
-                                               float *uvs,
-                                               size_t count);
+vrtm_status vrtm_asset_fetch_face_layers(vrtm_asset asset,
+                                         uint32_t uv_set,
+                                         uint32_t *layers,
+                                         size_t count);
 
 // The kind, format and size of a redirection map to inspect. Start from vrtm_map_desc_init().
 typedef struct vrtm_map_desc {
@@ -1227,18 +1302,16 @@ typedef struct vrtm_map_desc {
     uint32_t width;
     // Texels in v, 1 to 16384.
     uint32_t height;
-    // As vrtm_image_out.one_to_one.
-    uint32_t one_to_one;
 } vrtm_map_desc;
 
-// How accurate a redirection map is when it is read with bilinear interpolation. Errors are lengths in UV; multiply
-// them by a texture's size to get its texels. Start from vrtm_map_data_init().
-typedef struct vrtm_map_data {
-    // sizeof(vrtm_map_data); set by vrtm_map_data_init().
+// Accuracy of a redirection map that is read with bilinear interpolation. Errors are lengths in UV; multiply
+// them by a texture's size to get its texels. Start from vrtm_map_info_init().
+typedef struct vrtm_map_info {
+    // sizeof(vrtm_map_info); set by vrtm_map_info_init().
     uint32_t struct_size;
     // Quads of four neighbouring texel centres on which the interpolated map, in the numbers that a fetch writes, is
     // not one-to-one: 0 certifies that the map is one-to-one everywhere between the centres of the tile's outermost
-    // texels. If a map with one_to_one has more than 0, its format is too coarse for its size, and no value was moved.
+    // texels.
     uint64_t folds;
     // Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves).
     double min_jacobian;
@@ -1249,21 +1322,17 @@ typedef struct vrtm_map_data {
     // Largest error in the charts.
     double error_max;
     // Width at which the map has no folds: the given size, or the first that works of two and four times that size,
-    // then a half, a quarter and so on; 0 if no size was found. Larger maps often have more folds; one_to_one removes
-    // all folds at any size if the format is precise enough: f32, or f16 for REDIRECTION_DELTA unless a region moves
-    // far and is squeezed.
+    // then a half, a quarter and so on; 0 if no size was found. Larger maps often have more folds.
     uint32_t sufficient_width;
     // Height at which the map has no folds; see `sufficient_width`.
     uint32_t sufficient_height;
-} vrtm_map_data;
+} vrtm_map_info;
 
-// Inspects the map that a vrtm_tile_fetch of this kind, size and format would write for the last result. A warp
-// without folds has an inverse without folds, but a map samples the inverse at texel centres only, and a renderer's
-// interpolation between them may fold where the warp squeezes. This function reports whether it folds, how far it is
-// from the exact redirection, and which size suffices. It takes about as long as fetching the map and a second map of
-// twice its size or the grid's, and longer if it has to search for another size. With one_to_one, the map is inspected
-// exactly as it would be written. Other maps are computed on the CPU: if a GPU writes them, single quads that almost
-// fold may be counted differently.
+// Inspects the map that a vrtm_tile_fetch of this kind, size and format would write for the last result. A map samples
+// the redirection at texel centres only, and a renderer's interpolation between them may fold where the warp squeezes.
+// This function reports whether it folds, how far it is from the exact redirection, and which size suffices. It takes
+// about as long as fetching the map and a second map of twice its size or the grid's. The map is computed on the CPU:
+// if a GPU writes it, single quads that almost fold may be counted differently.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
 // integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is not a redirection, or a size
@@ -1271,9 +1340,18 @@ typedef struct vrtm_map_data {
 VRTM_API
 vrtm_status vrtm_tile_inspect_map(vrtm_tile tile,
                                   const vrtm_map_desc *desc,
-                                  vrtm_map_data *data);
+                                  vrtm_map_info *info);
 
 /* ---- Solve ---- */
+
+// For vrtm_solve_options.release: the last results of the solved tiles, before solving, 8 bytes per node of the blocks
+// in use; they cannot be read until the solve succeeds.
+#define VRTM_RELEASE_RESULTS 1
+
+// For vrtm_solve_options.release: the memory of each tile's solver once the tile is solved, about 110 bytes per node,
+// so that tiles which are solved one after the other need that of one; the next solve takes longer, as a first one
+// does.
+#define VRTM_RELEASE_SOLVERS 2
 
 // Cancels the solve of an asset that is in progress, whether another thread's call or a job: it soon gives
 // VRTM_ERROR_CANCELLED, and the last good result stays. A solve that already has its result is not cancelled. Does
@@ -1288,28 +1366,28 @@ vrtm_status vrtm_asset_cancel(vrtm_asset asset);
 // For vrtm_job_wait: wait as long as it takes.
 #define VRTM_FOREVER UINT32_MAX
 
-// What a job is doing.
+// State of a job.
 typedef int32_t vrtm_job_state;
 
 // It has not begun, or is under way.
 #define VRTM_JOB_RUNNING 0
 
-// It has ended: vrtm_job_data.status says how.
+// It has ended: vrtm_job_progress.status says how.
 #define VRTM_JOB_DONE 1
 
-// The state and progress of a job. Start from vrtm_job_data_init().
-typedef struct vrtm_job_data {
-    // sizeof(vrtm_job_data); set by vrtm_job_data_init().
+// The state and progress of a job. Start from vrtm_job_progress_init().
+typedef struct vrtm_job_progress {
+    // sizeof(vrtm_job_progress); set by vrtm_job_progress_init().
     uint32_t struct_size;
     // VRTM_JOB_RUNNING (0) or VRTM_JOB_DONE.
     vrtm_job_state state;
-    // How it ended: VRTM_OK or an error; VRTM_OK while it is running.
+    // Its result: VRTM_OK or an error; VRTM_OK while it is running.
     vrtm_status status;
     // Predicted fraction (0..1) of the work that is done; it never decreases.
     float progress;
     // Milliseconds from submission until now, or until the job ended.
     float ms;
-} vrtm_job_data;
+} vrtm_job_progress;
 
 // Begins to solve an asset for a pose, and returns at once, so that the host can keep drawing. Positions and options
 // are copied; everything else is as in vrtm_asset_solve. The caller destroys `*job`.
@@ -1341,10 +1419,10 @@ vrtm_status vrtm_job_wait(vrtm_job job,
 
 // Gets the state and progress of a job. Never waits.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `progress` is null or has a wrong struct_size.
 VRTM_API
-vrtm_status vrtm_job_progress(vrtm_job job,
-                              vrtm_job_data *data);
+vrtm_status vrtm_job_get_progress(vrtm_job job,
+                                  vrtm_job_progress *progress);
 
 // Cancels a job: it ends soon after with VRTM_ERROR_CANCELLED, and the asset keeps its last good result. A job that
 // already has its result ends normally. Never waits.
@@ -1356,8 +1434,8 @@ vrtm_status vrtm_job_cancel(vrtm_job job);
 // Destroys a job. A job that is not done is cancelled. The call waits until the job and its thread have ended. Destroy
 // all jobs before the library is unloaded.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY on a thread that does the job's
-// work, as in its own progress function.
+// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before; VRTM_ERROR_BUSY on a thread that does the
+// job's work, as in its own progress function.
 VRTM_API
 vrtm_status vrtm_job_destroy(vrtm_job job);
 
@@ -1382,9 +1460,9 @@ typedef struct vrtm_strain {
     float interior_rms;
 } vrtm_strain;
 
-// A tile's last solve. Start from vrtm_tile_report_data_init().
-typedef struct vrtm_tile_report_data {
-    // sizeof(vrtm_tile_report_data); set by vrtm_tile_report_data_init().
+// A tile's last solve. Start from vrtm_tile_report_init().
+typedef struct vrtm_tile_report {
+    // sizeof(vrtm_tile_report); set by vrtm_tile_report_init().
     uint32_t struct_size;
     // UDIM number: 1001 + U + 10 V.
     uint32_t udim;
@@ -1392,10 +1470,11 @@ typedef struct vrtm_tile_report_data {
     uint32_t grid_width;
     // Cells of the grid in v.
     uint32_t grid_height;
-    // Energy of the identity, summed over the charts that were solved or reused. It and `energy` are 0 if a time
-    // budget left no time to compute them.
+    // Energy of the identity, summed over the charts that were solved or reused, on the finest level that was worked
+    // on: level 1 for a draft, a coarser one if time was up there. It and `energy` are 0 if a time budget left no time
+    // to compute them.
     double energy_before;
-    // Energy of the result.
+    // Energy of the result, on the same level.
     double energy;
     // Smallest corner Jacobian of the result (1 at rest), computed in double precision (on a GPU in single precision
     // minus a bound of the rounding error, so never too large): greater than 0 certifies that the warp is one-to-one
@@ -1418,11 +1497,15 @@ typedef struct vrtm_tile_report_data {
     uint32_t charts_active;
     // Charts that kept their last result because none of their inputs changed.
     uint32_t charts_reused;
-    // Charts whose warp is the identity: nothing rigid, nothing movable, or deformed without strain.
+    // Charts whose warp is the identity: nothing rigid, nothing movable, no extent at rest, or deformed without
+    // strain.
     uint32_t charts_identity;
     // Charts that fell back to the identity because nothing better was found.
     uint32_t charts_fallback;
-    // Levels of the grid.
+    // With VRTM_SEAMS_CONTINUE: charts that could not be brought together at their seams with what their neighbours
+    // say, or not wholly, without crushing a cell.
+    uint32_t charts_apart;
+    // Levels of the grid that the solver works on.
     uint32_t levels;
     // Blocks of 16 x 16 nodes that were visited on the finest level.
     uint64_t blocks_active;
@@ -1430,11 +1513,13 @@ typedef struct vrtm_tile_report_data {
     uint64_t blocks;
     // Movable nodes of the solved charts on the finest level.
     uint64_t nodes_active;
-    // Relaxation sweeps, or iterations of VRTM_SOLVER_PBD, over all levels.
+    // Relaxation sweeps of the schedule, or iterations of VRTM_SOLVER_PBD, over all levels (without those after a
+    // partial step that was rejected).
     uint32_t sweeps;
-    // Gauss-Newton corrections, over all levels.
+    // Gauss-Newton corrections of the schedule, over all levels; charts that gain too little skip the last ones.
     uint32_t corrections;
-    // Node updates by relaxation sweeps or iterations, over all levels.
+    // Node updates by relaxation sweeps or iterations, over all levels. On a GPU this assumes that the whole schedule
+    // ran, and that each level has a quarter of the next finer one's nodes.
     uint64_t node_updates;
     // Bytes held for this tile: maps, state, result.
     uint64_t bytes;
@@ -1455,10 +1540,18 @@ typedef struct vrtm_tile_report_data {
     float ms_pbd;
     // Milliseconds: the certificate.
     float ms_certify;
-    // Milliseconds: the latest inversion of the warp; not part of the total.
-    float ms_invert;
+    // Milliseconds: bringing charts together at seams.
+    float ms_blend;
     // Milliseconds: the whole solve of this tile, without measuring strain.
     float ms_total;
+    // Milliseconds: the latest inversion of the warp; not part of the total.
+    float ms_invert;
+    // With VRTM_SEAMS_CONTINUE or VRTM_OPEN_BORDERS_SLIDE: texels in charts whose redirection was limited in the
+    // latest image, or part of one, since it would have led over the border of the chart into texture of another
+    // chart.
+    uint64_t texels_limited;
+    // By how much at most, in texels of that image.
+    float max_limit;
     // 1 if the solve measured strain; otherwise this and the fields below are 0. They describe segments between
     // neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `edges_fixed` cover the segments
     // that a border, an overlap or the mask fixes at both ends, and the other fields cover the rest.
@@ -1471,19 +1564,18 @@ typedef struct vrtm_tile_report_data {
     float harm;
     // Fraction of the segments whose strain fell by more than 0.10.
     float help;
-    // RMS strain of the segments that are fixed at both ends; the warp does not change it. The RMS strain of all rigid
-    // segments is the root of (edges * rms^2 + edges_fixed * strain_fixed^2) / (edges + edges_fixed), with before.rms
-    // or after.rms.
+    // RMS strain of the segments that are fixed at both ends; the warp does not change it. The mean square over all
+    // rigid segments is that of both kinds, weighted by `edges` and `edges_fixed`.
     float strain_fixed;
     // Segments that are not fixed at both ends.
     uint64_t edges;
     // Segments that are fixed at both ends.
     uint64_t edges_fixed;
-} vrtm_tile_report_data;
+} vrtm_tile_report;
 
-// An asset's last solve, over all tiles. Start from vrtm_asset_report_data_init().
-typedef struct vrtm_asset_report_data {
-    // sizeof(vrtm_asset_report_data); set by vrtm_asset_report_data_init().
+// An asset's last solve, over all tiles. Start from vrtm_asset_report_init().
+typedef struct vrtm_asset_report {
+    // sizeof(vrtm_asset_report); set by vrtm_asset_report_init().
     uint32_t struct_size;
     // Tiles in the asset.
     uint32_t tiles;
@@ -1516,23 +1608,36 @@ typedef struct vrtm_asset_report_data {
     // Share (0..1) of these edges that are more than 3 times as long as at rest. If it is over 0.05, the log warns:
     // the pose's vertices are probably in another order than the mesh's.
     float stretched_share;
-} vrtm_asset_report_data;
+} vrtm_asset_report;
 
 // Reports on a tile's last solve.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
 // `report` is null or has a wrong struct_size. Never busy.
 VRTM_API
-vrtm_status vrtm_tile_report(vrtm_tile tile,
-                             vrtm_tile_report_data *report);
+vrtm_status vrtm_tile_get_report(vrtm_tile tile,
+                                 vrtm_tile_report *report);
 
 // Reports on an asset's last solve, over all tiles.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
 // `report` is null or has a wrong struct_size. Never busy.
 VRTM_API
-vrtm_status vrtm_asset_report(vrtm_asset asset,
-                              vrtm_asset_report_data *report);
+vrtm_status vrtm_asset_get_report(vrtm_asset asset,
+                                  vrtm_asset_report *report);
+
+/* ---- Defaults for other languages ---- */
+
+// Writes a struct's defaults, as its _init() function does, for languages that cannot call C's inline functions.
+// `name` is the struct's name, such as "vrtm_solve_options"; `size` is the size of the caller's struct in bytes, which
+// becomes its struct_size. Fields that this library does not know become zero.
+//
+// Errors: VRTM_ERROR_INVALID_ARGUMENT for a name of no struct with a struct_size, for null, or for a size that the
+// struct never had.
+VRTM_API
+vrtm_status vrtm_defaults(const char *name,
+                          void *value,
+                          size_t size);
 
 /* ==== Experimental: may change in a minor version ==== */
 
@@ -1545,17 +1650,12 @@ typedef void *(*vrtm_alloc_fn)(void *user, size_t size, size_t alignment);
 // A host's function that frees memory, given the size and alignment of its allocation. Never called with null.
 typedef void (*vrtm_free_fn)(void *user, void *pointer, size_t size, size_t alignment);
 
-// A host's allocator, for all memory of a device that is sized by user input: meshes, maps, grids, results, a solve's
-// arrays. Blocks of at least 4 KiB come from it; smaller ones (messages, lists of a few tiles) come from the system,
-// as does the memory of a GPU's driver. Start from vrtm_allocator_init().
+// A host's allocator, for all memory of a device that is sized by user input. Blocks of at least 4 KiB come from it;
+// smaller ones come from the system, as does the memory of a GPU's driver. Start from vrtm_allocator_init().
 //
-// Both functions are called on any thread that works in a call, also by several at once. They must return normally
-// (no exception, no longjmp) and must not call vrtm. They and `user` must stay valid until the device and all of its
-// assets are destroyed; by then everything has been freed.
-//
-// If `alloc` returns null, the call fails with VRTM_ERROR_OUT_OF_MEMORY: nothing was written, the asset is as it was,
-// and the call may be made again. Internal allocations of the GPU code fall back to the system if `alloc` returns
-// null.
+// Both functions are called on any thread that works in a call, also by several at once, and must not call vrtm. They
+// and `user` must stay valid until the device and all of its assets are destroyed; by then everything has been freed.
+// If `alloc` returns null, the call fails with VRTM_ERROR_OUT_OF_MEMORY.
 typedef struct vrtm_allocator {
     // sizeof(vrtm_allocator); set by vrtm_allocator_init().
     uint32_t struct_size;
@@ -1579,12 +1679,12 @@ typedef int32_t vrtm_external_kind;
 // Compiled, but never run by the authors of this version.
 #define VRTM_EXTERNAL_OPAQUE_WIN32 2
 
-// An output image in memory of the host's own Vulkan device: rows of texels of two 32-bit floats each, laid out as in
-// a buffer that shaders read or that is copied to an image (VK_FORMAT_R32G32_SFLOAT). Start from
-// vrtm_external_image_init().
+// An output image in memory of the host's own Vulkan device: rows of texels of two floats each, laid out as in a
+// buffer that shaders read or that is copied to an image (VK_FORMAT_R32G32_SFLOAT, with f16 VK_FORMAT_R16G16_SFLOAT).
+// Start from vrtm_external_image_init().
 //
 // The host allocates the memory with VkExportMemoryAllocateInfo, without VkMemoryDedicatedAllocateInfo, on a device
-// whose deviceUUID and driverUUID equal those of the adapter (vrtm_adapter_data), as Vulkan requires.
+// whose deviceUUID and driverUUID equal those of the adapter (vrtm_adapter_info), as Vulkan requires.
 typedef struct vrtm_external_image {
     // sizeof(vrtm_external_image); set by vrtm_external_image_init().
     uint32_t struct_size;
@@ -1597,7 +1697,7 @@ typedef struct vrtm_external_image {
     uint64_t memory_size;
     // VkMemoryAllocateInfo::memoryTypeIndex of the memory.
     uint32_t memory_type;
-    // VRTM_PIXEL_F32 (0, the default).
+    // VRTM_PIXEL_F32 (0, the default) or VRTM_PIXEL_F16, which is for the delta and takes half of the bytes.
     vrtm_pixel_format format;
     // Texels in u, at least 1.
     uint32_t width;
@@ -1605,42 +1705,54 @@ typedef struct vrtm_external_image {
     uint32_t height;
     // VRTM_ORIGIN_TOP (0, the default) or VRTM_ORIGIN_BOTTOM.
     vrtm_origin origin;
-    // Bytes from the start of the memory to the first texel of the first row, a multiple of 8.
+    // Bytes from the start of the memory to the first texel of the first row, a multiple of a texel's: 8, with f16 4.
     uint64_t offset;
-    // Bytes from one row to the next, a multiple of 8; 0 = tightly packed. Bytes between rows are not written.
+    // Bytes from one row to the next, a multiple of a texel's; 0 = tightly packed. Bytes between rows are not written.
     uint64_t row_stride;
 } vrtm_external_image;
 
 // Writes a redirection of the last solve into memory of the host's own Vulkan device, which must be the same GPU
 // (vrtm_device_desc.adapter_by), without copying through the CPU. The texels equal those of vrtm_tile_fetch bit for
-// bit.
+// bit. Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM, of two channels.
 //
-// Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM. Other kinds are computed on the CPU and not supported
-// here; nor are f16, a third or fourth channel, one_to_one, parts of an image, VkImage, memory dedicated to a
-// resource, D3D12 resources or semaphores. Use vrtm_tile_fetch for these.
-//
-// Synchronisation: nothing on the host's device may use the texels during the call. The call returns when the GPU has
-// written them, so that the host needs no semaphore. If the buffer's sharing mode is exclusive, the host first
-// acquires it from VK_QUEUE_FAMILY_EXTERNAL, to which vrtm releases it. To preserve other bytes of the buffer, the
-// host releases it to that family before the call.
+// Nothing on the host's device may use the texels during the call. The call returns when the GPU has written them, so
+// that the host needs no semaphore. docs/hosts.md says how a buffer with exclusive sharing is handed over.
 //
 // Errors: those of vrtm_tile_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
 // formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT,
-// naming the field, for an unknown value, a zero size, an offset or stride that is too short or not a multiple of 8,
-// memory that is too small, a handle that does not refer to memory, or a memory type that cannot hold buffers. On
-// these errors nothing is written. After VRTM_ERROR_DEVICE_LOST the texels are undefined. Never busy.
+// naming the field, for an unknown value, a zero size, an offset or stride that is too short or no multiple of a
+// texel, memory that is too small, a handle that does not refer to memory, or a memory type that cannot hold buffers.
+// On these errors nothing is written. After VRTM_ERROR_DEVICE_LOST the texels are undefined. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_fetch_external(vrtm_tile tile,
                                      vrtm_fetch_kind kind,
                                      const vrtm_external_image *image);
 
+/* ---- Dilation of textures ---- */
+
+// Writes what a texture must hold around a tile's charts, so that a lookup beside a seam shows what the surface shows
+// there: for each texel whose centre lies beside the charts, up to about `reach` from a seam, the UV of the texel to
+// copy from, in the mesh's own range as with VRTM_FETCH_REDIRECTION_UDIM; for all other texels their own centre.
+// `reach` is a length in UV, over 0 and at most 0.5. Two to four channels: u, v, 0, and 1 in charts and where a UV was
+// found, 0 elsewhere. Use f32. It depends on the rest positions and the UVs alone: no solve is needed, and once per
+// mesh and size is enough. Triangles that would come out mirrored, or with less than a quarter or more than four times
+// the chart's area at its border, are left out.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the argument or the field, for a reach out of
+// range, null, a zero size, a short stride, or other numbers of channels; VRTM_ERROR_UNSUPPORTED for an integer
+// format; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never busy.
+VRTM_API
+vrtm_status vrtm_tile_fetch_dilation(vrtm_tile tile,
+                                     double reach,
+                                     const vrtm_image_out *image);
+
 /* ---- Refinements ---- */
 
-// How a mesh is refined. Start from vrtm_refinement_desc_init(), which sets the defaults.
+// Settings of a refinement. Start from vrtm_refinement_desc_init(), which sets the defaults.
 typedef struct vrtm_refinement_desc {
     // sizeof(vrtm_refinement_desc); set by vrtm_refinement_desc_init().
     uint32_t struct_size;
-    // The UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
+    // The UV set: 0 <= uv_set < vrtm_asset_info.uv_sets.
     uint32_t uv_set;
     // Largest error of linear interpolation on a triangle, in UV of a tile, over 0 and at most 1; default 1/2048, half
     // a texel of a texture of 1024. Halving it needs up to three times as many triangles.
@@ -1650,9 +1762,9 @@ typedef struct vrtm_refinement_desc {
     uint64_t max_triangles;
 } vrtm_refinement_desc;
 
-// Sizes and accuracy of a refinement. Start from vrtm_refinement_data_init().
-typedef struct vrtm_refinement_data {
-    // sizeof(vrtm_refinement_data); set by vrtm_refinement_data_init().
+// Sizes and accuracy of a refinement. Start from vrtm_refinement_info_init().
+typedef struct vrtm_refinement_info {
+    // sizeof(vrtm_refinement_info); set by vrtm_refinement_info_init().
     uint32_t struct_size;
     // The UV set.
     uint32_t uv_set;
@@ -1670,25 +1782,26 @@ typedef struct vrtm_refinement_data {
     double tolerance;
     // Largest remaining error, in UV of a tile, for the result that the refinement was created or last extended for.
     double error;
-    // 1 if `error` is within the tolerance; 0 if max_triangles was reached before.
+    // 1 if `error` is within the tolerance; otherwise there were too many triangles.
     uint32_t reached;
     // Milliseconds that the creation or the last extension took.
     float ms;
-} vrtm_refinement_data;
+} vrtm_refinement_info;
 
-// Where to write the pattern of a refinement: the caller's arrays; null arrays are skipped. From the pattern a host
-// interpolates positions and all other values per vertex or corner. Start from vrtm_refinement_pattern_init().
+// Destinations of the pattern of a refinement: the caller's arrays; null arrays are skipped. From the pattern
+// a host interpolates positions and all other values per vertex or corner. Start from
+// vrtm_refinement_pattern_init().
 //
 // Each vertex and corner has three sources, with weights that add up to 1. If fewer are needed, the others repeat the
 // first source with weight 0.
 typedef struct vrtm_refinement_pattern {
     // sizeof(vrtm_refinement_pattern); set by vrtm_refinement_pattern_init().
     uint32_t struct_size;
-    // vrtm_refinement_data.vertices: the room in the arrays by vertex.
+    // vrtm_refinement_info.vertices: the room in the arrays by vertex.
     size_t vertex_count;
-    // vrtm_refinement_data.faces: the room in the arrays by face.
+    // vrtm_refinement_info.faces: the room in the arrays by face.
     size_t face_count;
-    // vrtm_refinement_data.corners: the room in the arrays by corner.
+    // vrtm_refinement_info.corners: the room in the arrays by corner.
     size_t corner_count;
     // Three per vertex: vertices of the mesh. The mesh's own vertices come first, in their original order, each its
     // own source.
@@ -1729,11 +1842,11 @@ vrtm_status vrtm_refinement_create(vrtm_asset asset,
                                    const vrtm_refinement_desc *desc,
                                    vrtm_refinement *refinement);
 
-// Refines further, for the asset's last result. Existing splits stay: a refinement that was extended for each frame of
-// a shot has one topology for all frames. Vertices keep their numbers, and new ones are appended; faces and corners
-// are renumbered. vrtm_refinement_info gives the new sizes. To keep the tolerance in all frames, repeat the pass over
-// the frames until the number of triangles no longer changes: a split for one frame may push another slightly over the
-// tolerance.
+// Refines further, for the asset's last result. Existing splits stay: a refinement that was extended for each frame
+// of a shot has one topology for all frames. Vertices keep their numbers, and new ones are appended; faces and
+// corners are renumbered. vrtm_refinement_get_info gives the new sizes. To keep the tolerance in all frames, repeat
+// the pass over the frames until the number of triangles no longer changes: a split for one frame may push another
+// slightly over the tolerance.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY while another call extends the same refinement;
 // VRTM_ERROR_OUT_OF_MEMORY. On any error the refinement is as it was.
@@ -1742,15 +1855,15 @@ vrtm_status vrtm_refinement_extend(vrtm_refinement refinement);
 
 // Gets the sizes and the accuracy of a refinement. Never busy.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 VRTM_API
-vrtm_status vrtm_refinement_info(vrtm_refinement refinement,
-                                 vrtm_refinement_data *data);
+vrtm_status vrtm_refinement_get_info(vrtm_refinement refinement,
+                                     vrtm_refinement_info *info);
 
 // Writes the pattern into the caller's arrays. It changes only when the refinement is extended. Never busy.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `pattern` is null, a count
-// differs from vrtm_refinement_info, or two arrays overlap. On any error nothing is written.
+// differs from vrtm_refinement_get_info, or two arrays overlap. On any error nothing is written.
 VRTM_API
 vrtm_status vrtm_refinement_fetch_pattern(vrtm_refinement refinement,
                                           const vrtm_refinement_pattern *pattern);
@@ -1758,7 +1871,7 @@ vrtm_status vrtm_refinement_fetch_pattern(vrtm_refinement refinement,
 // Writes the redirected UV of every corner of the refined mesh in the asset's last result: `count` pairs (u, v), with
 // the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. Call it after each frame's
 // solve. At corners of the mesh the UVs equal those of vrtm_asset_fetch_corner_uvs_of_set bit for bit. `count` is the
-// number of corners, vrtm_refinement_data.corners; `uvs` has room for 2 * count floats. Never busy.
+// number of corners, vrtm_refinement_info.corners; `uvs` has room for 2 * count floats. Never busy.
 //
 // For a pose that the refinement was not created or extended for, the error may exceed the tolerance.
 //
@@ -1773,6 +1886,198 @@ vrtm_status vrtm_refinement_fetch_corner_uvs(vrtm_refinement refinement,
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 VRTM_API vrtm_status vrtm_refinement_destroy(vrtm_refinement refinement);
+
+/* ---- Carriers ---- */
+
+// Kind of place by which the points of a carrier are given.
+typedef int32_t vrtm_bind;
+
+// `uvs`, among all tiles of the UV set, and `layers`; the default. A point less than 1.5e-5 beside a chart is put on
+// its border.
+#define VRTM_BIND_UV 0
+
+// `corners`, three of one face for each point, and `weights`. For a triangle these are its three corners and
+// barycentric coordinates; for a polygon any three, such as those of the host's own triangle.
+#define VRTM_BIND_CORNERS 1
+
+// `positions`: the nearest point of the surface at rest. What is left of the distance is kept in the point's frame,
+// so that a detail mesh keeps its form.
+#define VRTM_BIND_NEAREST 2
+
+// Motion of points.
+typedef int32_t vrtm_fit;
+
+// Points of rigid features as one body each, all others with the skin under the warp. The default.
+#define VRTM_FIT_FEATURE 0
+
+// All points with the skin under the warp.
+#define VRTM_FIT_SURFACE 1
+
+// All points with the skin alone, as if nothing were redirected.
+#define VRTM_FIT_NONE 2
+
+// Binding of a point.
+typedef int32_t vrtm_point_state;
+
+// It stands on a chart. The default.
+#define VRTM_POINT_BOUND 0
+
+// No chart is there.
+#define VRTM_POINT_OUTSIDE 1
+
+// The UVs of the triangle there are turned over within their chart.
+#define VRTM_POINT_FOLDED 2
+
+// The surface is farther than the largest distance.
+#define VRTM_POINT_FAR 3
+
+// The points of a carrier. Start from vrtm_carrier_desc_init(). All arrays have an element for each point, and are
+// copied before the call returns; those that `bind` does not name are ignored.
+typedef struct vrtm_carrier_desc {
+    // sizeof(vrtm_carrier_desc); set by vrtm_carrier_desc_init().
+    uint32_t struct_size;
+    // The UV set whose tiles carry the points: 0 <= uv_set < vrtm_asset_info.uv_sets.
+    uint32_t uv_set;
+    // One of VRTM_BIND_: UV (0, the default), CORNERS, NEAREST.
+    vrtm_bind bind;
+    // One of VRTM_FIT_: FEATURE (0, the default), SURFACE, NONE.
+    vrtm_fit fit;
+    // VRTM_BIND_UV: UVs, 2 components, with the tile's place added, as those of the mesh.
+    const vrtm_array *uvs;
+    // VRTM_BIND_UV: the layer of each point (vrtm_mesh_desc.max_layers); null = the first layer that has a chart
+    // there.
+    const uint32_t *layers;
+    // VRTM_BIND_CORNERS: three corners of one face for each point, as corners of the mesh are counted.
+    const uint32_t *corners;
+    // VRTM_BIND_CORNERS: the weights of these corners, 3 components, of which only the ratio matters.
+    const vrtm_array *weights;
+    // VRTM_BIND_NEAREST: positions at rest, 3 components.
+    const vrtm_array *positions;
+    // VRTM_BIND_NEAREST: the largest distance from the surface; 0 = any.
+    double farthest;
+    // The height of each point above the surface, along its normal, 1 component; null = 0. The normal is that on
+    // whose side the corners of faces go round against the clock.
+    const vrtm_array *heights;
+    // The frame of each point at rest, from which its rotations begin: quaternions x, y, z, w, 4 components; null =
+    // the axes of the mesh.
+    const vrtm_array *frames;
+    // Instead of `frames`: matrices row by row, 9 components. Null = absent.
+    const vrtm_array *matrices;
+    // For hosts that know their pieces: the number of the piece that a point belongs to, which moves as one rigid
+    // body; UINT32_MAX = none. Null = no pieces. A piece whose points lie on a line is none.
+    const uint32_t *pieces;
+    // The height up to which a point of a rigid body is blended from the surface (at height 0) to that body; 0 (the
+    // default) = not at all.
+    double skirt;
+} vrtm_carrier_desc;
+
+// Sizes of a carrier, and what its points are bound to. Start from vrtm_carrier_info_init().
+typedef struct vrtm_carrier_info {
+    // sizeof(vrtm_carrier_info); set by vrtm_carrier_info_init().
+    uint32_t struct_size;
+    // Milliseconds that the last fetch took.
+    float ms;
+    // Number of points.
+    uint64_t points;
+    // Points outside of all charts. They move with the skin nearest to them, without a warp.
+    uint64_t outside;
+    // Points on triangles whose UVs are turned over within their chart; they move with the skin as well.
+    uint64_t folded;
+    // Points farther from the surface than the largest distance; they move with the skin as well.
+    uint64_t too_far;
+    // Features that points moved with in the last fetch.
+    uint64_t features;
+    // The largest distance by which the rim of one of these features left the surface in the last fetch, lifted off or
+    // cut in.
+    double rim;
+    // Bytes held by the carrier, excluding the mesh and the results.
+    uint64_t bytes;
+} vrtm_carrier_info;
+
+// An array of vectors in the caller's memory. Start from vrtm_array_out_init(). It need not be aligned; bytes that
+// the stride skips are left unchanged.
+typedef struct vrtm_array_out {
+    // sizeof(vrtm_array_out); set by vrtm_array_out_init().
+    uint32_t struct_size;
+    // VRTM_SCALAR_F32 (0, the default) or VRTM_SCALAR_F64.
+    vrtm_scalar format;
+    // Address of the first component of the first element.
+    void *data;
+    // Number of elements: vrtm_carrier_info.points.
+    size_t count;
+    // Bytes from one element to the next; 0 = tightly packed. At least the size of an element.
+    size_t stride;
+} vrtm_array_out;
+
+// Destinations of carried points; null arrays are skipped. Elements of different arrays may be interleaved.
+// Start from vrtm_carried_init().
+typedef struct vrtm_carried {
+    // sizeof(vrtm_carried); set by vrtm_carried_init().
+    uint32_t struct_size;
+    // Positions in the pose, 3 components.
+    const vrtm_array_out *positions;
+    // Rotations of the frames at rest: quaternions x, y, z, w, 4 components.
+    const vrtm_array_out *rotations;
+    // Instead of `rotations`: matrices row by row, 9 components.
+    const vrtm_array_out *matrices;
+    // The stretch of the surface under what is painted that is left, as two factors, the larger first: 2 components.
+    const vrtm_array_out *stretch;
+    // Redirected UV of each point, with the tile's place added: 2 components.
+    const vrtm_array_out *uvs;
+} vrtm_carried;
+
+// Binds points to the rest surface of an asset, for what is geometry on it and not painted: studs, scales, spikes,
+// hair roots, decals. Curves and detail meshes are points, whose connectivity the host keeps.
+//
+// A carrier follows the solves that come after it was created. A point painted at UV p is where the texture at p is
+// shown: at f(W(p)), exactly on the triangle there, f being the surface in the pose and W the warp. Its rotation is
+// that of the tangents of f o W from rest to the pose, and its height is kept along the normal. With
+// VRTM_FIT_FEATURE, points where the rigidity is over 0.75 move with their feature, a connected region with a
+// rigidity over 0.5, as one rigid body, beyond seams as well; between 0.5 and 0.75 they are blended to the surface.
+// Points that cannot be bound are counted in vrtm_carrier_info, and move with the skin alone.
+//
+// The caller destroys `*carrier`. It keeps the data that it needs alive, including the mesh and the last result, and
+// may be used after the asset is destroyed. Never busy.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field and the index, for arrays of
+// different counts, values that are not finite, corners that are not of one face, or if `desc` or `carrier` is null;
+// VRTM_ERROR_OUT_OF_MEMORY.
+VRTM_API
+vrtm_status vrtm_carrier_create(vrtm_asset asset,
+                                const vrtm_carrier_desc *desc,
+                                vrtm_carrier *carrier);
+
+// Gets the sizes of a carrier, the points that could not be bound, and what the last fetch found. Never busy.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
+VRTM_API
+vrtm_status vrtm_carrier_get_info(vrtm_carrier carrier,
+                                  vrtm_carrier_info *info);
+
+// Carries the points into the pose of the asset's last solve, and writes what `carried` asks for. The result depends
+// on that solve and on the carrier alone. Never busy: it reads the last good result, even during a solve.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve after vrtm_carrier_create: poses
+// from before are not kept; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `carried` is null, a count is not the
+// number of points, or elements overlap; VRTM_ERROR_OUT_OF_MEMORY, VRTM_ERROR_DEVICE_LOST. On any error nothing is
+// written.
+VRTM_API
+vrtm_status vrtm_carrier_fetch(vrtm_carrier carrier,
+                               const vrtm_carried *carried);
+
+// Writes how each point is bound, one of VRTM_POINT_, to `count` elements, as many as there are points. Never busy.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `states` is null or `count` is not the number of
+// points.
+VRTM_API
+vrtm_status vrtm_carrier_fetch_states(vrtm_carrier carrier,
+                                      vrtm_point_state *states,
+                                      size_t count);
+
+// Destroys a carrier. Calls that are using it run to their end; the memory is freed afterwards.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
+VRTM_API vrtm_status vrtm_carrier_destroy(vrtm_carrier carrier);
 
 /* ---- Initialisers: set struct_size and nonzero defaults; all else is zero ---- */
 
@@ -1795,7 +2100,8 @@ VRTM_DEFINE_INIT_WITH_(vrtm_tile_settings,
     value.smoothness = 0.02f;
     value.smoothness_floor = 0.0005f;
     value.room = 0.3f;
-    value.room_threshold = 0.4f;)
+    value.room_threshold = 0.4f;
+    value.seam_reach = 0.03125f;)
 VRTM_DEFINE_INIT_WITH_(vrtm_solve_options,
     value.pbd.iterations = 16;
     value.pbd.smoothing = 0.8f;
@@ -1805,23 +2111,27 @@ VRTM_DEFINE_INIT_WITH_(vrtm_refinement_desc,
 VRTM_DEFINE_INIT_(vrtm_allocator)
 VRTM_DEFINE_INIT_(vrtm_executor)
 VRTM_DEFINE_INIT_(vrtm_device_desc)
-VRTM_DEFINE_INIT_(vrtm_device_data)
-VRTM_DEFINE_INIT_(vrtm_adapter_data)
+VRTM_DEFINE_INIT_(vrtm_device_info)
+VRTM_DEFINE_INIT_(vrtm_adapter_info)
 VRTM_DEFINE_INIT_(vrtm_array)
 VRTM_DEFINE_INIT_(vrtm_image)
 VRTM_DEFINE_INIT_(vrtm_image_out)
-VRTM_DEFINE_INIT_(vrtm_asset_data)
-VRTM_DEFINE_INIT_(vrtm_tile_data)
-VRTM_DEFINE_INIT_(vrtm_tile_needs)
+VRTM_DEFINE_INIT_(vrtm_asset_info)
+VRTM_DEFINE_INIT_(vrtm_tile_info)
+VRTM_DEFINE_INIT_(vrtm_tile_estimate)
 VRTM_DEFINE_INIT_(vrtm_fetch)
 VRTM_DEFINE_INIT_(vrtm_external_image)
 VRTM_DEFINE_INIT_(vrtm_map_desc)
-VRTM_DEFINE_INIT_(vrtm_map_data)
-VRTM_DEFINE_INIT_(vrtm_job_data)
-VRTM_DEFINE_INIT_(vrtm_tile_report_data)
-VRTM_DEFINE_INIT_(vrtm_asset_report_data)
-VRTM_DEFINE_INIT_(vrtm_refinement_data)
+VRTM_DEFINE_INIT_(vrtm_map_info)
+VRTM_DEFINE_INIT_(vrtm_job_progress)
+VRTM_DEFINE_INIT_(vrtm_tile_report)
+VRTM_DEFINE_INIT_(vrtm_asset_report)
+VRTM_DEFINE_INIT_(vrtm_refinement_info)
 VRTM_DEFINE_INIT_(vrtm_refinement_pattern)
+VRTM_DEFINE_INIT_(vrtm_carrier_desc)
+VRTM_DEFINE_INIT_(vrtm_carrier_info)
+VRTM_DEFINE_INIT_(vrtm_array_out)
+VRTM_DEFINE_INIT_(vrtm_carried)
 
 #undef VRTM_DEFINE_INIT_
 #undef VRTM_DEFINE_INIT_WITH_

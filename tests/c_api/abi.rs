@@ -12,9 +12,9 @@ use std::process::Command;
 use crate::tools::{self, compiler, link_arguments, root, scratch, search_path, system_libraries};
 
 /// Number of functions of the first header, and the hashes (XXH3, 64 bits) of that header and of the program.
-const FUNCTIONS: usize = 43;
-const HEADER_HASH: u64 = 0x69b2_234f_b355_da2a;
-const PROGRAM_HASH: u64 = 0x0d85_1116_1cd0_6fca;
+const FUNCTIONS: usize = 42;
+const HEADER_HASH: u64 = 0x5c1e_c45c_60da_7baf;
+const PROGRAM_HASH: u64 = 0x43a7_1ebc_e248_45bd;
 
 fn frozen() -> PathBuf {
     root().join("tests/abi/vrtm-0.1.h")
@@ -212,7 +212,7 @@ fn changes_that_break_programs_are_found() {
         ("a_field_removed", "    uint32_t charts_reused;\n", "    uint32_t something_else;\n"),
         ("an_array", "    char reason[", "    char reason[2 * "),
         ("a_constant", "#define VRTM_ERROR_BUSY 6", "#define VRTM_ERROR_BUSY 7"),
-        ("a_parameter", "vrtm_asset_tile_count(vrtm_asset asset,", "vrtm_asset_tile_count(vrtm_tile asset,"),
+        ("a_parameter", "vrtm_asset_get_info(vrtm_asset asset,", "vrtm_asset_get_info(vrtm_tile asset,"),
         ("a_typedef", "typedef int32_t vrtm_status;", "typedef int64_t vrtm_status;"),
         ("a_fixed_struct", "} vrtm_uv_set;", "    int more;\n} vrtm_uv_set;"),
     ];

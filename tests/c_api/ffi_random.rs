@@ -243,7 +243,7 @@ impl Host {
             for index in 0..2 {
                 let mut tile = vrtm_tile { id: 77 };
                 // SAFETY: as above.
-                if unsafe { vrtm_asset_tile(asset, index, &mut tile) } == VRTM_OK {
+                if unsafe { vrtm_asset_get_tile(asset, index, &mut tile) } == VRTM_OK {
                     self.tiles.push(tile.id);
                     // The default grid is 1024 x 1024 where there is no map: too slow for thousands of calls.
                     let mut settings = vrtm_tile_settings::default();
@@ -292,24 +292,26 @@ impl Host {
                     status
                 }
                 1 => {
-                    let mut info = sized::<vrtm_device_data>();
-                    vrtm_device_info(self.device(), &mut info)
+                    let mut info = sized::<vrtm_device_info>();
+                    vrtm_device_get_info(self.device(), &mut info)
                 }
                 2 if self.random.one_in(3) => vrtm_device_destroy(self.device()),
                 3 if self.random.one_in(2) => vrtm_asset_destroy(self.asset()),
                 2..=4 => self.create_asset(),
                 5 => {
-                    let mut info = sized::<vrtm_asset_data>();
-                    vrtm_asset_info(self.asset(), &mut info)
+                    let mut info = sized::<vrtm_asset_info>();
+                    vrtm_asset_get_info(self.asset(), &mut info)
                 }
                 6 => {
                     let mut tile = vrtm_tile { id: 0 };
                     let udim = self.odd(1002, &[0, 1001, 1003, u32::MAX]);
-                    vrtm_asset_find_tile(self.asset(), udim, &mut tile)
+                    let key =
+                        vrtm_tile_key { udim, uv_set: self.odd(0, &[1, 7]), ..vrtm_tile_key::default() };
+                    vrtm_asset_find_tile(self.asset(), &key, &mut tile)
                 }
                 7 | 8 => {
-                    let mut info = sized::<vrtm_tile_data>();
-                    vrtm_tile_info(self.tile(), &mut info)
+                    let mut info = sized::<vrtm_tile_info>();
+                    vrtm_tile_get_info(self.tile(), &mut info)
                 }
                 9..=13 => {
                     let image = self.image();
@@ -356,9 +358,14 @@ impl Host {
                     vrtm_asset_solve(self.asset(), &positions, &options)
                 }
                 26..=29 => {
-                    let kind = self.odd(0, &[1, 2, 3, -1]);
                     let image = self.target(0);
-                    return (vrtm_tile_fetch(self.tile(), kind, &image), true);
+                    let mut fetch = sized::<vrtm_fetch>();
+                    fetch.kind = self.odd(0, &[1, 2, 3, -1]);
+                    (fetch.tile, fetch.image) = (self.tile(), &image);
+                    fetch.whole_width = self.odd(0, &[1, 64, u32::MAX]);
+                    fetch.whole_height = self.odd(0, &[1, 64, u32::MAX]);
+                    fetch.x = self.odd(0, &[1, u32::MAX]);
+                    return (vrtm_tile_fetch(&fetch, 1), true);
                 }
                 30..=34 => {
                     let (positions, options) = (self.positions(), self.solve_options());
@@ -376,21 +383,21 @@ impl Host {
                 35 => {
                     let count = self.odd(CORNERS, &[0, 1, CORNERS - 1, usize::MAX]);
                     let uvs = self.output.as_mut_ptr().cast();
-                    return (vrtm_asset_fetch_corner_uvs(self.asset(), uvs, count), true);
+                    return (vrtm_asset_fetch_corner_uvs(self.asset(), self.odd(0, &[1]), uvs, count), true);
                 }
                 36 | 37 => {
-                    let mut report = sized::<vrtm_tile_report_data>();
-                    let status = vrtm_tile_report(self.tile(), &mut report);
+                    let mut report = sized::<vrtm_tile_report>();
+                    let status = vrtm_tile_get_report(self.tile(), &mut report);
                     assert!(status != VRTM_OK || report.folds == 0 && report.min_jacobian > 0.0);
                     status
                 }
                 38 => {
-                    let mut report = sized::<vrtm_asset_report_data>();
-                    vrtm_asset_report(self.asset(), &mut report)
+                    let mut report = sized::<vrtm_asset_report>();
+                    vrtm_asset_get_report(self.asset(), &mut report)
                 }
                 _ => {
-                    let mut count = 0;
-                    vrtm_asset_tile_count(self.asset(), &mut count)
+                    let mut key = vrtm_tile_key::default();
+                    vrtm_tile_get_key(self.tile(), &mut key)
                 }
             };
             (status, false)

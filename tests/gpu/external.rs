@@ -348,7 +348,7 @@ fn the_c_functions_do_the_same() {
         (mesh.indices, mesh.index_count) = (corners.as_ptr(), 8);
         let (mut asset, mut tile) = (vrtm_asset { id: 0 }, vrtm_tile { id: 0 });
         done(vrtm_asset_create(device, &mesh, &mut asset));
-        done(vrtm_asset_tile(asset, 0, &mut tile));
+        done(vrtm_asset_get_tile(asset, 0, &mut tile));
         let spots: Vec<u8> = (0..64 * 64).map(|i| if i / 8 % 3 == 1 { 255 } else { 0 }).collect();
         let mut map: vrtm_image = sized();
         (map.data, map.width, map.height, map.format) = (spots.as_ptr().cast(), 64, 64, VRTM_PIXEL_U8);
@@ -379,7 +379,7 @@ fn the_c_functions_do_the_same() {
         let mut ordinary = vec![0u8; bytes];
         let mut out: vrtm_image_out = sized();
         (out.data, out.width, out.height) = (ordinary.as_mut_ptr().cast(), size[0], size[1]);
-        done(vrtm_tile_fetch(tile, kind, &out));
+        done(vrtm_tile_fetch(&vrtm_fetch { kind, tile, image: &out, ..sized() }, 1));
         assert!(ordinary.iter().any(|&byte| byte != 0) && shared.read() == ordinary);
         done(vrtm_asset_destroy(asset));
         assert_eq!(vrtm_tile_fetch_external(tile, kind, &target), VRTM_ERROR_INVALID_HANDLE);

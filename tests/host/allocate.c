@@ -107,7 +107,7 @@ static void extremes(int backend)
         options.tiles = w.tiles;
         options.tile_count = n;
         refused &= vrtm_asset_solve(w.asset, &good, &options) == VRTM_ERROR_INVALID_ARGUMENT;
-        refused &= vrtm_asset_fetch_corner_uvs(w.asset, w.corners[0], n) == VRTM_ERROR_INVALID_ARGUMENT;
+        refused &= vrtm_asset_fetch_corner_uvs(w.asset, 0, w.corners[0], n) == VRTM_ERROR_INVALID_ARGUMENT;
         refused &= vrtm_tile_load(w.tiles[0], w.saved, n) == VRTM_ERROR_INVALID_ARGUMENT;
         for (int which = 0; which < 3; ++which) {
             image.pixel_stride = which == 0 ? n : 0;
@@ -118,7 +118,7 @@ static void extremes(int backend)
             out.width = out.height = which == 2 ? UINT32_MAX : 16;
             refused &= vrtm_tile_set_rigidity(w.tiles[0], &image) == VRTM_ERROR_INVALID_ARGUMENT;
             refused &= vrtm_tile_set_mask(w.tiles[0], &image) == VRTM_ERROR_INVALID_ARGUMENT;
-            refused &= vrtm_tile_fetch(w.tiles[0], VRTM_FETCH_WARP, &out) == VRTM_ERROR_INVALID_ARGUMENT;
+            refused &= fetch_image(w.tiles[0], VRTM_FETCH_WARP, &out) == VRTM_ERROR_INVALID_ARGUMENT;
         }
         snprintf(line, sizeof line, "%zu of anything is refused", n);
         check_that(refused, line, vrtm_last_error());
@@ -129,12 +129,12 @@ static void extremes(int backend)
         vrtm_tile_settings settings = vrtm_tile_settings_init();
         int refused = vrtm_tile_update_rigidity(w.tiles[0], &image, n, 0, n, 1) == VRTM_ERROR_INVALID_ARGUMENT;
         refused &= vrtm_tile_update_rigidity(w.tiles[0], &image, 1, 1, n, n) == VRTM_ERROR_INVALID_ARGUMENT;
-        refused &= vrtm_tile_fetch_part(w.tiles[0], VRTM_FETCH_WARP, &out, n, n, n, n) == VRTM_ERROR_INVALID_ARGUMENT;
+        refused &= fetch_rectangle(w.tiles[0], VRTM_FETCH_WARP, &out, n, n, n, n) == VRTM_ERROR_INVALID_ARGUMENT;
         settings.grid_width = settings.grid_height = n;
         refused &= vrtm_tile_set_settings(w.tiles[0], &settings) == VRTM_ERROR_INVALID_ARGUMENT;
         /* A part of an image that is larger than any memory is as good as any other. */
-        refused &= vrtm_tile_fetch_part(w.tiles[0], VRTM_FETCH_REDIRECTION, &out, n / 2, n / 2, n, n) == VRTM_OK;
-        refused &= vrtm_tile_fetch_part(w.tiles[0], VRTM_FETCH_WARP, &out, n - OUT_WIDTH, n - OUT_HEIGHT, n, n) == VRTM_OK;
+        refused &= fetch_rectangle(w.tiles[0], VRTM_FETCH_REDIRECTION, &out, n / 2, n / 2, n, n) == VRTM_OK;
+        refused &= fetch_rectangle(w.tiles[0], VRTM_FETCH_WARP, &out, n - OUT_WIDTH, n - OUT_HEIGHT, n, n) == VRTM_OK;
         snprintf(line, sizeof line, "%u texels are refused, or taken for what they are", n);
         check_that(refused, line, vrtm_last_error());
     }

@@ -41,8 +41,8 @@ static uint64_t last_result(const work *w)
         return 1;
     }
     for (int tile = 0; tile < MAX_TILES; ++tile) {
-        vrtm_tile_report_data report = vrtm_tile_report_data_init();
-        vrtm_status status = vrtm_tile_report(w->tiles[tile], &report);
+        vrtm_tile_report report = vrtm_tile_report_init();
+        vrtm_status status = vrtm_tile_get_report(w->tiles[tile], &report);
         if (status != VRTM_OK) {
             return status == VRTM_ERROR_NOT_SOLVED || w->tiles[tile].id == 0 ? 1 : 2;
         }
@@ -56,14 +56,14 @@ static uint64_t last_result(const work *w)
         hash = hash_bytes(hash, &report.after, sizeof report.after);
         for (size_t k = 0; k < sizeof kinds / sizeof kinds[0]; ++k) {
             vrtm_image_out image = image_of(map, VRTM_PIXEL_F32);
-            if (vrtm_tile_fetch(w->tiles[tile], kinds[k], &image) != VRTM_OK) {
+            if (fetch_image(w->tiles[tile], kinds[k], &image) != VRTM_OK) {
                 return 2;
             }
             hash = hash_bytes(hash, map, sizeof map);
         }
     }
     for (uint32_t set = 0; set < 2; ++set) {
-        if (vrtm_asset_fetch_corner_uvs_of_set(w->asset, set, corners[0], QUAD_CORNERS) != VRTM_OK) {
+        if (vrtm_asset_fetch_corner_uvs(w->asset, set, corners[0], QUAD_CORNERS) != VRTM_OK) {
             return 2;
         }
         hash = hash_bytes(hash, corners, sizeof corners);
@@ -74,8 +74,8 @@ static uint64_t last_result(const work *w)
 /* What the device has on its account. */
 static uint64_t booked(const work *w)
 {
-    vrtm_device_data data = vrtm_device_data_init();
-    return w->device.id != 0 && vrtm_device_info(w->device, &data) == VRTM_OK ? data.bytes_held : 0;
+    vrtm_device_info data = vrtm_device_info_init();
+    return w->device.id != 0 && vrtm_device_get_info(w->device, &data) == VRTM_OK ? data.bytes_held : 0;
 }
 
 /* Which allocation of those to come fails, counted from 1; 0 = none. `and_later` lets all later ones fail as well. */

@@ -45,8 +45,8 @@ static vrtm_status make_asset(work *w)
 
 static vrtm_status find_tiles(work *w)
 {
-    vrtm_status status = vrtm_asset_tile(w->asset, 0, &w->tiles[0]);
-    return status == VRTM_OK ? vrtm_asset_tile(w->asset, 1, &w->tiles[1]) : status;
+    vrtm_status status = vrtm_asset_get_tile(w->asset, 0, &w->tiles[0]);
+    return status == VRTM_OK ? vrtm_asset_get_tile(w->asset, 1, &w->tiles[1]) : status;
 }
 
 static vrtm_status paint(work *w)
@@ -90,8 +90,8 @@ static vrtm_status settings_second(work *w)
 
 static vrtm_status describe(work *w, int which)
 {
-    vrtm_tile_data data = vrtm_tile_data_init();
-    return vrtm_tile_info(w->tiles[which], &data);
+    vrtm_tile_info data = vrtm_tile_info_init();
+    return vrtm_tile_get_info(w->tiles[which], &data);
 }
 
 static vrtm_status describe_first(work *w)
@@ -106,8 +106,8 @@ static vrtm_status describe_second(work *w)
 
 static vrtm_status estimate(work *w)
 {
-    vrtm_tile_needs needs = vrtm_tile_needs_init();
-    return vrtm_tile_estimate(w->tiles[0], &needs);
+    vrtm_tile_estimate needs = vrtm_tile_estimate_init();
+    return vrtm_tile_get_estimate(w->tiles[0], &needs);
 }
 
 static vrtm_status save(work *w)
@@ -169,7 +169,7 @@ static vrtm_status solve_pbd(work *w)
 static vrtm_status fetch(work *w, int tile, vrtm_fetch_kind kind)
 {
     vrtm_image_out image = image_of(w->out[0], VRTM_PIXEL_F32);
-    return vrtm_tile_fetch(w->tiles[tile], kind, &image);
+    return fetch_image(w->tiles[tile], kind, &image);
 }
 
 static vrtm_status fetch_redirection(work *w)
@@ -190,13 +190,13 @@ static vrtm_status fetch_warp(work *w)
 static vrtm_status fetch_half(work *w)
 {
     vrtm_image_out image = image_of(w->out_half, VRTM_PIXEL_F16);
-    return vrtm_tile_fetch(w->tiles[1], VRTM_FETCH_REDIRECTION, &image);
+    return fetch_image(w->tiles[1], VRTM_FETCH_REDIRECTION, &image);
 }
 
 static vrtm_status fetch_part(work *w)
 {
     vrtm_image_out image = image_of(w->out[1], VRTM_PIXEL_F32);
-    return vrtm_tile_fetch_part(w->tiles[0], VRTM_FETCH_WARP, &image, 700, 300, 2048, 1024);
+    return fetch_rectangle(w->tiles[0], VRTM_FETCH_WARP, &image, 700, 300, 2048, 1024);
 }
 
 static vrtm_status fetch_dilation(work *w)
@@ -207,7 +207,7 @@ static vrtm_status fetch_dilation(work *w)
 
 static vrtm_status fetch_corners(work *w)
 {
-    return vrtm_asset_fetch_corner_uvs_of_set(w->asset, 1, w->corners[0], QUAD_CORNERS);
+    return vrtm_asset_fetch_corner_uvs(w->asset, 1, w->corners[0], QUAD_CORNERS);
 }
 
 /* A refinement of the second set, extended and read. */
@@ -216,7 +216,7 @@ static vrtm_status refine(work *w)
     static float pairs[1 << 20];
     vrtm_refinement refinement;
     vrtm_refinement_desc desc = vrtm_refinement_desc_init();
-    vrtm_refinement_data data = vrtm_refinement_data_init();
+    vrtm_refinement_info data = vrtm_refinement_info_init();
     vrtm_status status;
     desc.uv_set = 1;
     desc.max_triangles = 10000;
@@ -224,7 +224,7 @@ static vrtm_status refine(work *w)
     if (status == VRTM_OK) {
         status = vrtm_refinement_extend(refinement);
         if (status == VRTM_OK) {
-            status = vrtm_refinement_info(refinement, &data);
+            status = vrtm_refinement_get_info(refinement, &data);
         }
         if (status == VRTM_OK) {
             status = vrtm_refinement_fetch_corner_uvs(refinement, pairs, (size_t)data.corners);

@@ -76,7 +76,7 @@ static model make(vrtm_device device, uint32_t width, uint32_t height)
     settings.grid_height = height;
     sheet_describe(&s, &d);
     NEED(vrtm_asset_create(device, &d.mesh, &m.asset));
-    NEED(vrtm_asset_find_tile(m.asset, 1001, &m.tile));
+    NEED(find_udim(m.asset, 1001, &m.tile));
     NEED(vrtm_tile_set_rigidity(m.tile, &rigidity));
     NEED(vrtm_tile_set_settings(m.tile, &settings));
     return m;
@@ -100,7 +100,7 @@ static uint64_t add_map(uint64_t hash, model m, vrtm_fetch_kind kind, vrtm_pixel
     image.format = format;
     image.width = image.height = size;
     image.channels = channels;
-    NEED(vrtm_tile_fetch(m.tile, kind, &image));
+    NEED(fetch_image(m.tile, kind, &image));
     hash = add(hash, data, bytes);
     free(data);
     return hash;
@@ -109,8 +109,8 @@ static uint64_t add_map(uint64_t hash, model m, vrtm_fetch_kind kind, vrtm_pixel
 /* Continues a hash with what a report says of the result: sums in double precision, strain, counts. */
 static uint64_t add_report(uint64_t hash, model m)
 {
-    vrtm_tile_report_data r = vrtm_tile_report_data_init();
-    NEED(vrtm_tile_report(m.tile, &r));
+    vrtm_tile_report r = vrtm_tile_report_init();
+    NEED(vrtm_tile_get_report(m.tile, &r));
     hash = add(hash, &r.energy_before, sizeof r.energy_before);
     hash = add(hash, &r.energy, sizeof r.energy);
     hash = add(hash, &r.min_jacobian, sizeof r.min_jacobian);
@@ -176,7 +176,7 @@ static void frames(vrtm_device device)
         static float corners[2 * CORNERS];
         char name[40];
         solve(m, 3 * frame, NULL);
-        NEED(vrtm_asset_fetch_corner_uvs(m.asset, corners, CORNERS));
+        NEED(vrtm_asset_fetch_corner_uvs(m.asset, 0, corners, CORNERS));
         snprintf(name, sizeof name, "frame %d", 3 * frame);
         tell(name, add(add_map(SEED, m, VRTM_FETCH_REDIRECTION, VRTM_PIXEL_F32, MAP, 2), corners, sizeof corners));
     }
@@ -214,9 +214,9 @@ static void kinds_and_formats(vrtm_device device)
 
     vrtm_refinement refinement;
     vrtm_refinement_desc desc = vrtm_refinement_desc_init();
-    vrtm_refinement_data data = vrtm_refinement_data_init();
+    vrtm_refinement_info data = vrtm_refinement_info_init();
     NEED(vrtm_refinement_create(m.asset, &desc, &refinement));
-    NEED(vrtm_refinement_info(refinement, &data));
+    NEED(vrtm_refinement_get_info(refinement, &data));
     float *uvs = malloc(data.corners * 2 * sizeof(float));
     NEED(vrtm_refinement_fetch_corner_uvs(refinement, uvs, data.corners));
     tell("a refined mesh", add(SEED, uvs, data.corners * 2 * sizeof(float)));

@@ -55,7 +55,7 @@ static void wrong_arguments(vrtm_asset asset, vrtm_carrier carrier)
     const vrtm_status bad = VRTM_ERROR_INVALID_ARGUMENT;
     vrtm_carrier made = {7}, none = {0};
     vrtm_carrier_desc desc = vrtm_carrier_desc_init();
-    vrtm_carrier_data data = vrtm_carrier_data_init();
+    vrtm_carrier_info data = vrtm_carrier_info_init();
     vrtm_point_state states[POINTS];
     vrtm_array at = vrtm_array_init();
     request r;
@@ -83,10 +83,10 @@ static void wrong_arguments(vrtm_asset asset, vrtm_carrier carrier)
     fails("a short stride", vrtm_carrier_create(asset, &desc, &made), bad, "desc.uvs.stride");
     check_that(made.id == 7, "nothing is written", "");
     made.id = asset.id;
-    fails("zero", vrtm_carrier_info(none, &data), VRTM_ERROR_INVALID_HANDLE, "carrier: the handle is zero");
+    fails("zero", vrtm_carrier_get_info(none, &data), VRTM_ERROR_INVALID_HANDLE, "carrier: the handle is zero");
     fails("another kind", vrtm_carrier_fetch(made, &r.carried), VRTM_ERROR_INVALID_HANDLE, "is no living carrier");
     fails("end it", vrtm_carrier_destroy(made), VRTM_ERROR_INVALID_HANDLE, "carrier");
-    fails("no data", vrtm_carrier_info(carrier, NULL), bad, "data is null");
+    fails("no data", vrtm_carrier_get_info(carrier, NULL), bad, "info is null");
     fails("no states", vrtm_carrier_fetch_states(carrier, NULL, POINTS), bad, "states is null");
     fails("too few", vrtm_carrier_fetch_states(carrier, states, 3), bad, "count is 3");
     fails("nothing to write to", vrtm_carrier_fetch(carrier, NULL), bad, "carried is null");
@@ -111,7 +111,7 @@ int main(void)
     sheet_desc d;
     request r;
     vrtm_point_state states[POINTS];
-    vrtm_carrier_data data = vrtm_carrier_data_init();
+    vrtm_carrier_info data = vrtm_carrier_info_init();
     vrtm_carrier_desc desc = vrtm_carrier_desc_init();
     vrtm_array at = vrtm_array_init(), posed = vrtm_array_init();
     sheet_make(&s);
@@ -119,7 +119,7 @@ int main(void)
     sheet_describe(&s, &d);
     succeeds("a device", vrtm_device_create(NULL, &device));
     succeeds("an asset", vrtm_asset_create(device, &d.mesh, &asset));
-    succeeds("its tile", vrtm_asset_find_tile(asset, 1001, &tile));
+    succeeds("its tile", find_udim(asset, 1001, &tile));
     const vrtm_image rigidity = sheet_rigidity(&s);
     succeeds("its rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
     for (int k = 0; k < POINTS; ++k) {
@@ -151,7 +151,7 @@ int main(void)
     succeeds("the asset goes", vrtm_asset_destroy(asset));
     succeeds("fetch again", vrtm_carrier_fetch(carrier, &r.carried));
     check_that(memcmp(before.position, points[12].position, sizeof before.position) != 0, "it has moved", "");
-    succeeds("info", vrtm_carrier_info(carrier, &data));
+    succeeds("info", vrtm_carrier_get_info(carrier, &data));
     check_that(data.points == POINTS && data.outside == 0 && data.bytes > 0, "of all points", "");
     succeeds("the carrier goes", vrtm_carrier_destroy(carrier));
     fails("twice", vrtm_carrier_destroy(carrier), VRTM_ERROR_INVALID_HANDLE, "is no living carrier");

@@ -38,6 +38,34 @@ static inline int fails(const char *name, vrtm_status status, vrtm_status wanted
     return check_that(status == wanted && strstr(vrtm_last_error(), text) != NULL, name, detail);
 }
 
+/* The tile with this UDIM number in UV set 0. */
+static inline vrtm_status find_udim(vrtm_asset asset, uint32_t udim, vrtm_tile *tile)
+{
+    const vrtm_tile_key key = {udim, 0, 0, 0};
+    return vrtm_asset_find_tile(asset, &key, tile);
+}
+
+/* One image of a tile: of a whole of `width` x `height` texels the rectangle that begins at (x, y). */
+static inline vrtm_status fetch_rectangle(vrtm_tile tile, vrtm_fetch_kind kind, const vrtm_image_out *image, uint32_t x,
+                                          uint32_t y, uint32_t width, uint32_t height)
+{
+    vrtm_fetch fetch = vrtm_fetch_init();
+    fetch.tile = tile;
+    fetch.kind = kind;
+    fetch.image = image;
+    fetch.x = x;
+    fetch.y = y;
+    fetch.whole_width = width;
+    fetch.whole_height = height;
+    return vrtm_tile_fetch(&fetch, 1);
+}
+
+/* One whole image of a tile. */
+static inline vrtm_status fetch_image(vrtm_tile tile, vrtm_fetch_kind kind, const vrtm_image_out *image)
+{
+    return fetch_rectangle(tile, kind, image, 0, 0, 0, 0);
+}
+
 static inline int finish(void)
 {
     printf("%d failed\n", failures);

@@ -66,7 +66,7 @@ public:
         tile_.set_rigidity({&painted.rigidity[0][0], MAP, MAP}).value();
     }
 
-    vrtm_tile_report_data report() const { return tile_.report().value(); }
+    vrtm_tile_report report() const { return tile_.report().value(); }
 
 private:
     static vrtm::Asset make(const vrtm::Device &device, const sheet &mesh)
@@ -108,7 +108,7 @@ void one_node(const vrtm::Device &device, const sheet &mesh, const std::vector<O
         bool sound = true;
         for (int frame : shuffled) {
             equal = equal && node.compute(frame) == expected[frame];
-            const vrtm_tile_report_data report = node.report();
+            const vrtm_tile_report report = node.report();
             sound = sound && report.folds == 0 && report.min_jacobian > 0;
         }
         check_that(equal, round == 0 ? "shuffled frames are the same bits" : "and so they are again", "");

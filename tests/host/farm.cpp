@@ -57,7 +57,7 @@ bool fits(const vrtm::Asset &asset, std::uint64_t bytes)
 {
     std::uint64_t prepared = 0, peak = 0;
     for (const vrtm::Tile tile : asset.tiles().value()) {
-        const vrtm_tile_needs needs = tile.estimate().value();
+        const vrtm_tile_estimate needs = tile.estimate().value();
         prepared += needs.prepared_bytes;
         peak += needs.solving_bytes;
     }
@@ -69,7 +69,7 @@ template <class Write>
 void final_frame(const vrtm::Asset &asset, const vrtm::Array &positions, std::uint32_t size, const Write &write)
 {
     vrtm::SolveOptions options;
-    options.release_last = 1 + 2;
+    options.release = VRTM_RELEASE_RESULTS + VRTM_RELEASE_SOLVERS;
     asset.solve(positions, options).value();
     const std::uint32_t rows = 64;
     Band band(2 * std::size_t(size) * rows);

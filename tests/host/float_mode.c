@@ -33,13 +33,13 @@ static void solve(float *map)
     image.width = image.height = MAP;
     if (succeeds("a device", vrtm_device_create(&device_desc, &device)) &&
         succeeds("an asset", vrtm_asset_create(device, &d.mesh, &asset))) {
-        succeeds("its tile", vrtm_asset_tile(asset, 0, &tile));
+        succeeds("its tile", vrtm_asset_get_tile(asset, 0, &tile));
         succeeds("its rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
         for (int quality = 0; quality < 2; ++quality) {
             options.quality = quality;
             succeeds("a solve", vrtm_asset_solve(asset, &positions, &options));
         }
-        succeeds("a fetch", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+        succeeds("a fetch", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
         vrtm_asset_destroy(asset);
         vrtm_device_destroy(device);
     }

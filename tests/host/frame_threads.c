@@ -58,7 +58,7 @@ int main(void)
     image.data = map;
     succeeds("a device", vrtm_device_create(&how, &device));
     succeeds("an asset", vrtm_asset_create(device, &desc.mesh, &asset));
-    succeeds("its tile", vrtm_asset_find_tile(asset, 1001, &tile));
+    succeeds("its tile", find_udim(asset, 1001, &tile));
     succeeds("its grid", vrtm_tile_set_settings(tile, &settings));
     succeeds("its map", vrtm_tile_set_rigidity(tile, &rigidity));
     sheet_pose(&s, 1, points);
@@ -66,9 +66,9 @@ int main(void)
     started(0, "none by then");
     succeeds("the first frame", vrtm_asset_solve(asset, &positions, NULL));
     started(THREADS - 1, "the calling thread works, too");
-    succeeds("its map", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    succeeds("its map", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
     started(THREADS - 1, "as for a solve");
-    succeeds("its UVs", vrtm_asset_fetch_corner_uvs(asset, &uvs[0][0], CORNERS));
+    succeeds("its UVs", vrtm_asset_fetch_corner_uvs(asset, 0, &uvs[0][0], CORNERS));
     started(THREADS - 1, "as for a solve");
     sheet_pose(&s, 2, points);
     succeeds("a further frame", vrtm_asset_solve(asset, &positions, NULL));

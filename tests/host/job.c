@@ -37,7 +37,7 @@ static scene make(const vrtm_executor *executor, uint32_t grid)
     sheet_describe(&s, &d);
     if (vrtm_device_create(&desc, &made.device) != VRTM_OK ||
         vrtm_asset_create(made.device, &d.mesh, &made.asset) != VRTM_OK ||
-        vrtm_asset_find_tile(made.asset, 1001, &made.tile) != VRTM_OK ||
+        find_udim(made.asset, 1001, &made.tile) != VRTM_OK ||
         vrtm_tile_set_rigidity(made.tile, &rigidity) != VRTM_OK ||
         vrtm_tile_set_settings(made.tile, &settings) != VRTM_OK) {
         check_that(0, "a scene is made", vrtm_last_error());
@@ -57,7 +57,7 @@ static vrtm_status fetch(scene of, float *to)
     vrtm_image_out image = vrtm_image_out_init();
     image.data = to;
     image.width = image.height = MAP;
-    return vrtm_tile_fetch(of.tile, VRTM_FETCH_REDIRECTION, &image);
+    return fetch_image(of.tile, VRTM_FETCH_REDIRECTION, &image);
 }
 
 static int same(const float *a, const float *b)
@@ -68,18 +68,18 @@ static int same(const float *a, const float *b)
 /* True if the first result is read, with all that belongs to it. */
 static int reads_first(scene of)
 {
-    vrtm_asset_report_data report = vrtm_asset_report_data_init();
+    vrtm_asset_report report = vrtm_asset_report_init();
     vrtm_tile found;
     return fetch(of, map) == VRTM_OK && same(first, map) &&
-           vrtm_asset_fetch_corner_uvs(of.asset, corners, CORNERS) == VRTM_OK &&
-           vrtm_asset_report(of.asset, &report) == VRTM_OK &&
-           vrtm_asset_find_tile(of.asset, 1001, &found) == VRTM_OK;
+           vrtm_asset_fetch_corner_uvs(of.asset, 0, corners, CORNERS) == VRTM_OK &&
+           vrtm_asset_get_report(of.asset, &report) == VRTM_OK &&
+           find_udim(of.asset, 1001, &found) == VRTM_OK;
 }
 
-static vrtm_job_data progress_of(vrtm_job job)
+static vrtm_job_progress progress_of(vrtm_job job)
 {
-    vrtm_job_data data = vrtm_job_data_init();
-    if (vrtm_job_progress(job, &data) != VRTM_OK) {
+    vrtm_job_progress data = vrtm_job_progress_init();
+    if (vrtm_job_get_progress(job, &data) != VRTM_OK) {
         data.state = -1;
     }
     return data;
@@ -167,7 +167,7 @@ static void plain_jobs(void)
     vrtm_array a = sheet_positions(pose), b = sheet_positions(other);
     const vrtm_solve_options options = through_gate();
     vrtm_job job, again;
-    vrtm_job_data data;
+    vrtm_job_progress data;
     close_gate();
     succeeds("submit", vrtm_asset_submit(made.asset, &a, &options, &job));
     await_solve();
@@ -196,7 +196,7 @@ static void plain_jobs(void)
     job.id = made.asset.id;
     fails("an asset is no job", vrtm_job_cancel(job), VRTM_ERROR_INVALID_HANDLE, "job");
     job.id = 0;
-    fails("zero is no job", vrtm_job_progress(job, &data), VRTM_ERROR_INVALID_HANDLE, "zero");
+    fails("zero is no job", vrtm_job_get_progress(job, &data), VRTM_ERROR_INVALID_HANDLE, "zero");
 
     /* The same bits as a blocking call's. */
     scene fresh = make(NULL, large);
@@ -273,10 +273,10 @@ static void bad_arguments(void)
     fails("too many threads", vrtm_asset_submit(made.asset, &a, &options, &job), VRTM_ERROR_INVALID_ARGUMENT,
           "options.threads: 1025");
     options.threads = 0;
-    options.release_last = 4;
-    fails("release_last", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_INVALID_ARGUMENT,
-          "options.release_last is 4");
-    options.release_last = 0;
+    options.release = 4;
+    fails("release", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_INVALID_ARGUMENT,
+          "options.release is 4");
+    options.release = 0;
     options.tiles = &foreign.tile;
     options.tile_count = 1;
     fails("a tile of another asset", vrtm_asset_solve(made.asset, &a, &options), VRTM_ERROR_INVALID_ARGUMENT,
@@ -303,13 +303,13 @@ static void selection(void)
     scene made = make(NULL, 64);
     vrtm_array a = sheet_positions(pose), b = sheet_positions(other);
     vrtm_solve_options options = vrtm_solve_options_init();
-    vrtm_tile_report_data report = vrtm_tile_report_data_init();
+    vrtm_tile_report report = vrtm_tile_report_init();
     const uint32_t vertex = 40;
     succeeds("solve", vrtm_asset_solve(made.asset, &a, NULL));
     fetch(made, first);
     succeeds("freeze", vrtm_tile_freeze(made.tile, 1));
     succeeds("solve a frozen tile", vrtm_asset_solve(made.asset, &b, NULL));
-    succeeds("report", vrtm_tile_report(made.tile, &report));
+    succeeds("report", vrtm_tile_get_report(made.tile, &report));
     check_that(report.kept == 1 && fetch(made, map) == VRTM_OK && same(first, map), "it kept its result", "");
     succeeds("let it go", vrtm_tile_freeze(made.tile, 0));
     options.dirty_vertices = &vertex;
@@ -320,10 +320,10 @@ static void selection(void)
     check_that(fetch(made, map) == VRTM_OK && !same(first, map), "the tile was solved", "");
     options.tiles = &made.tile;
     succeeds("no tile", vrtm_asset_solve(made.asset, &a, &options));
-    succeeds("report", vrtm_tile_report(made.tile, &report));
+    succeeds("report", vrtm_tile_get_report(made.tile, &report));
     check_that(report.kept == 1, "none was solved", "");
     options.tile_count = 1;
-    options.release_last = 1;
+    options.release = VRTM_RELEASE_RESULTS;
     succeeds("one tile", vrtm_asset_solve(made.asset, &a, &options));
     check_that(fetch(made, map) == VRTM_OK && same(first, map), "it was solved", "");
     end(made);
@@ -341,8 +341,8 @@ typedef struct watch {
 static uint32_t on_progress(void *user, float progress)
 {
     watch *w = user;
-    vrtm_asset_report_data report = vrtm_asset_report_data_init();
-    const vrtm_status status = vrtm_asset_report(w->asset, &report);
+    vrtm_asset_report report = vrtm_asset_report_init();
+    const vrtm_status status = vrtm_asset_get_report(w->asset, &report);
     w->calls += 1;
     if (w->calls <= 4) {
         platform_sleep(5); /* The next call is then due at once, so that even a quick solve has four. */

@@ -142,14 +142,14 @@ typedef struct watch {
 static void ask(watch *w, int at_end)
 {
     vrtm_image_out image = vrtm_image_out_init();
-    vrtm_job_data data = vrtm_job_data_init();
+    vrtm_job_progress data = vrtm_job_progress_init();
     image.data = map;
     image.width = image.height = MAP;
     w->wrong += vrtm_job_wait(w->job, VRTM_FOREVER) != VRTM_ERROR_BUSY;
     w->wrong += vrtm_job_wait(w->job, 1000) != VRTM_ERROR_BUSY;
     w->wrong += vrtm_job_destroy(w->job) != VRTM_ERROR_BUSY;
-    w->wrong += vrtm_job_progress(w->job, &data) != VRTM_OK || data.state != VRTM_JOB_RUNNING;
-    w->wrong += vrtm_tile_fetch(w->tile, VRTM_FETCH_REDIRECTION, &image) != VRTM_OK;
+    w->wrong += vrtm_job_get_progress(w->job, &data) != VRTM_OK || data.state != VRTM_JOB_RUNNING;
+    w->wrong += fetch_image(w->tile, VRTM_FETCH_REDIRECTION, &image) != VRTM_OK;
     w->wrong += (memcmp(map, before, sizeof map) != 0) != at_end;
 }
 
@@ -226,10 +226,10 @@ static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn s
     options.threads = threads;
     sheet_describe(&s, &d);
     if (vrtm_device_create(&desc, &device) != VRTM_OK || vrtm_asset_create(device, &d.mesh, &asset) != VRTM_OK ||
-        vrtm_asset_find_tile(asset, 1001, &w.tile) != VRTM_OK ||
+        find_udim(asset, 1001, &w.tile) != VRTM_OK ||
         vrtm_tile_set_settings(w.tile, &settings) != VRTM_OK ||
         vrtm_asset_solve(asset, &a, NULL) != VRTM_OK ||
-        vrtm_tile_fetch(w.tile, VRTM_FETCH_REDIRECTION, &image) != VRTM_OK ||
+        fetch_image(w.tile, VRTM_FETCH_REDIRECTION, &image) != VRTM_OK ||
         vrtm_tile_set_rigidity(w.tile, &rigidity) != VRTM_OK) {
         check_that(0, name, vrtm_last_error());
         return;
@@ -264,7 +264,7 @@ static void jobs_on(const char *name, vrtm_parallel_for_fn loop, vrtm_spawn_fn s
     int ended = 0;
     w.job.id = 0;
     succeeds("solve the pose before", vrtm_asset_solve(asset, &a, NULL));
-    vrtm_tile_fetch(w.tile, VRTM_FETCH_REDIRECTION, &image);
+    fetch_image(w.tile, VRTM_FETCH_REDIRECTION, &image);
     succeeds("submit again", vrtm_asset_submit(asset, &b, NULL, &job));
     for (int k = 0; k < 2; ++k) {
         pthread_create(&pair[k], NULL, destroy, &job);

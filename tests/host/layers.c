@@ -40,24 +40,26 @@ static vrtm_fetch fetch_of(vrtm_tile tile, const vrtm_image_out *image)
 static void layers(vrtm_asset asset)
 {
     static uint32_t of_face[FACES];
-    uint32_t count = 0, layer = 9, number = 9;
     vrtm_tile tiles[3], found;
-    succeeds("tile_count", vrtm_asset_tile_count(asset, &count));
-    check_that(count == 3, "two layers and a tile", "");
+    vrtm_tile_key key;
+    vrtm_asset_info facts = vrtm_asset_info_init();
+    succeeds("asset_info", vrtm_asset_get_info(asset, &facts));
+    check_that(facts.tiles == 3, "two layers and a tile", "");
     for (uint32_t k = 0; k < 3; ++k) {
-        succeeds("a tile", vrtm_asset_tile(asset, k, &tiles[k]));
+        succeeds("a tile", vrtm_asset_get_tile(asset, k, &tiles[k]));
     }
-    succeeds("its layer", vrtm_tile_layer(tiles[1], &layer, &number));
-    check_that(layer == 1 && number == 2, "is 1 of 2", "");
-    succeeds("that of set 1 alone", vrtm_tile_layer(tiles[2], &layer, NULL));
-    check_that(layer == 0, "is 0", "");
-    fails("no place for it", vrtm_tile_layer(tiles[2], NULL, NULL), VRTM_ERROR_INVALID_ARGUMENT, "layer is null");
-    succeeds("layer 1 by its number", vrtm_asset_find_tile_of_layer(asset, 0, 1001, 1, &found));
+    succeeds("its key", vrtm_tile_get_key(tiles[1], &key));
+    check_that(key.udim == 1001 && key.uv_set == 0 && key.layer == 1 && key.layers == 2, "is layer 1 of 2", "");
+    succeeds("layer 1 by its key", vrtm_asset_find_tile(asset, &key, &found));
     check_that(found.id == tiles[1].id, "is tile 1", "");
-    succeeds("no layer's number", vrtm_asset_find_tile(asset, 1001, &found));
+    key.layer = 2;
+    fails("layer 2", vrtm_asset_find_tile(asset, &key, &found), VRTM_ERROR_INVALID_ARGUMENT,
+          "key.layer is 2, but tile 1001 has 2");
+    succeeds("that of set 1", vrtm_tile_get_key(tiles[2], &key));
+    check_that(key.uv_set == 1 && key.layer == 0 && key.layers == 1, "is layer 0 of 1", "");
+    fails("no place for it", vrtm_tile_get_key(tiles[2], NULL), VRTM_ERROR_INVALID_ARGUMENT, "key is null");
+    succeeds("no layer's number", find_udim(asset, 1001, &found));
     check_that(found.id == tiles[0].id, "is layer 0", "");
-    fails("layer 2", vrtm_asset_find_tile_of_layer(asset, 0, 1001, 2, &found), VRTM_ERROR_INVALID_ARGUMENT,
-          "layer is 2, but tile 1001 has 2");
     succeeds("face layers", vrtm_asset_fetch_face_layers(asset, 0, of_face, FACES));
     int wrong = 0;
     for (uint32_t f = 0; f < FACES; ++f) {
@@ -70,8 +72,8 @@ static void layers(vrtm_asset asset)
     fails("too few", vrtm_asset_fetch_face_layers(asset, 0, of_face, FACES - 1), VRTM_ERROR_INVALID_ARGUMENT, "count");
     fails("no place", vrtm_asset_fetch_face_layers(asset, 0, NULL, FACES), VRTM_ERROR_INVALID_ARGUMENT, "layers is null");
     fails("of set 2", vrtm_asset_fetch_face_layers(asset, 2, of_face, FACES), VRTM_ERROR_INVALID_ARGUMENT, "uv_set");
-    vrtm_tile_data data = vrtm_tile_data_init();
-    succeeds("facts of layer 1", vrtm_tile_info(tiles[1], &data));
+    vrtm_tile_info data = vrtm_tile_info_init();
+    succeeds("facts of layer 1", vrtm_tile_get_info(tiles[1], &data));
     check_that(data.layer == 1 && data.layers == 2 && data.udim == 1001 && data.overlap == 0, "say so", "");
 }
 
@@ -81,7 +83,7 @@ static void maps(vrtm_asset asset)
     static double pose[VERTICES][4];
     vrtm_tile tiles[3];
     for (uint32_t k = 0; k < 3; ++k) {
-        succeeds("a tile", vrtm_asset_tile(asset, k, &tiles[k]));
+        succeeds("a tile", vrtm_asset_get_tile(asset, k, &tiles[k]));
     }
     const vrtm_image rigidity = sheet_rigidity(&s);
     /* What is set for layer 1 holds for layer 0. */
@@ -94,20 +96,19 @@ static void maps(vrtm_asset asset)
         images[k] = vrtm_image_out_init();
         images[k].data = data[k];
         images[k].width = images[k].height = MAP;
-        fetches[k] = fetch_of(tiles[k == 2 ? 2 : 0], &images[k]);
+        fetches[k] = fetch_of(tiles[k], &images[k]);
     }
-    /* Layer 1, named by the tile's handle and its number; and set 1, as UVs of set 0. */
-    fetches[1].layer = 1;
+    /* Both layers, and set 1, as UVs of set 0. */
     fetches[2].kind = VRTM_FETCH_UV_SET;
     sheet_pose(&s, 3, pose);
     const vrtm_array positions = sheet_positions(pose);
     succeeds("redirect", vrtm_asset_redirect(asset, &positions, NULL, fetches, 3));
     vrtm_image_out again = images[2];
     again.data = redirect;
-    succeeds("layer 1 again", vrtm_tile_fetch(tiles[1], VRTM_FETCH_REDIRECTION, &again));
+    succeeds("layer 1 again", fetch_image(tiles[1], VRTM_FETCH_REDIRECTION, &again));
     check_that(memcmp(second, redirect, sizeof second) == 0, "is what layer 1 has", "");
     check_that(memcmp(first, second, sizeof first) != 0, "and not what layer 0 has", "");
-    succeeds("set 1's own", vrtm_tile_fetch(tiles[2], VRTM_FETCH_REDIRECTION, &again));
+    succeeds("set 1's own", fetch_image(tiles[2], VRTM_FETCH_REDIRECTION, &again));
     double off = 0, moved = 0;
     for (int y = 4; y < MAP - 4; ++y) {
         for (int x = 4; x < MAP - 4; ++x) {
@@ -117,23 +118,28 @@ static void maps(vrtm_asset asset)
         }
     }
     check_that(off < 1e-5 && moved > 1e-3, "and it as UVs of set 0", "");
-    succeeds("by itself", vrtm_tile_fetch_output(&fetches[2]));
+    succeeds("by itself", vrtm_tile_fetch(&fetches[2], 1));
+    images[0].data = redirect;
+    succeeds("all at once", vrtm_tile_fetch(fetches, 3));
+    check_that(memcmp(first, redirect, sizeof first) == 0, "as after the solve", "");
+    succeeds("nothing", vrtm_tile_fetch(NULL, 0));
+    images[1].data = redirect;
+    fails("two in one place", vrtm_tile_fetch(fetches, 3), VRTM_ERROR_INVALID_ARGUMENT,
+          "fetches[0].image and fetches[1].image overlap");
     fetches[2].uv_set = 2;
-    fails("of set 2", vrtm_tile_fetch_output(&fetches[2]), VRTM_ERROR_INVALID_ARGUMENT,
-          "fetch.uv_set is 2, but the mesh has 2 UV sets");
+    fails("of set 2", vrtm_tile_fetch(&fetches[2], 1), VRTM_ERROR_INVALID_ARGUMENT,
+          "fetches[0].uv_set is 2, but the mesh has 2 UV sets");
     fetches[2].uv_set = 1;
     fetches[2].kind = VRTM_FETCH_REDIRECTION;
-    fails("of a kind without a set", vrtm_tile_fetch_output(&fetches[2]), VRTM_ERROR_INVALID_ARGUMENT, "fetch.uv_set is 1");
-    fetches[1].layer = 2;
-    fails("layer 2", vrtm_asset_redirect(asset, &positions, NULL, fetches, 2), VRTM_ERROR_INVALID_ARGUMENT,
-          "fetches[1].layer is 2");
-    fails("without a set", vrtm_tile_fetch(tiles[2], VRTM_FETCH_UV_SET, &again), VRTM_ERROR_INVALID_ARGUMENT,
-          "vrtm_tile_fetch_output");
-    fails("nothing", vrtm_tile_fetch_output(NULL), VRTM_ERROR_INVALID_ARGUMENT, "fetch is null");
-    /* A program of an older header has neither field. */
-    fetches[0].struct_size = (uint32_t)offsetof(vrtm_fetch, layer);
-    fetches[0].layer = fetches[0].uv_set = 77;
-    succeeds("an older struct", vrtm_tile_fetch_output(&fetches[0]));
+    fails("of a kind without a set", vrtm_tile_fetch(&fetches[2], 1), VRTM_ERROR_INVALID_ARGUMENT,
+          "fetches[0].uv_set is 1");
+    fails("no fetch", vrtm_tile_fetch(NULL, 1), VRTM_ERROR_INVALID_ARGUMENT, "fetches is null");
+    fetches[0].x = 1;
+    fails("a rectangle of nothing", vrtm_tile_fetch(&fetches[0], 1), VRTM_ERROR_INVALID_ARGUMENT,
+          "fetches[0].x and y are 1 and 0");
+    fetches[0].x = 0;
+    fetches[0].reserved = 1;
+    fails("a field of a later version", vrtm_tile_fetch(&fetches[0], 1), VRTM_ERROR_UNSUPPORTED, "reserved");
 }
 
 int main(void)

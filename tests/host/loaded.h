@@ -14,7 +14,7 @@
     X(vrtm_device_create)      \
     X(vrtm_device_destroy)     \
     X(vrtm_asset_create)       \
-    X(vrtm_asset_tile)         \
+    X(vrtm_asset_get_tile)         \
     X(vrtm_asset_destroy)      \
     X(vrtm_tile_set_rigidity)  \
     X(vrtm_asset_solve)        \
@@ -91,7 +91,7 @@ static inline void *use(void *without_gpu)
     gpu.threads = 2;
     if (api.vrtm_device_create(without_gpu != NULL ? &gpu : NULL, &device) != VRTM_OK ||
         api.vrtm_asset_create(device, &d.mesh, &asset) != VRTM_OK ||
-        api.vrtm_asset_tile(asset, 0, &fetch.tile) != VRTM_OK ||
+        api.vrtm_asset_get_tile(asset, 0, &fetch.tile) != VRTM_OK ||
         api.vrtm_tile_set_rigidity(fetch.tile, &rigidity) != VRTM_OK ||
         api.vrtm_asset_redirect(asset, &positions, &options, &fetch, 1) != VRTM_OK) {
         static char message[600];

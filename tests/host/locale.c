@@ -13,7 +13,7 @@ static char messages[6][512];
 static void run(float *map, char (*said)[512])
 {
     vrtm_device_desc desc = vrtm_device_desc_init();
-    vrtm_device_data info = vrtm_device_data_init();
+    vrtm_device_info info = vrtm_device_info_init();
     vrtm_tile_settings settings = vrtm_tile_settings_init();
     vrtm_solve_options options = vrtm_solve_options_init();
     vrtm_image rigidity = sheet_rigidity(&s);
@@ -26,9 +26,9 @@ static void run(float *map, char (*said)[512])
     sheet_describe(&s, &d);
     desc.backend = VRTM_BACKEND_CPU;
     succeeds("a device", vrtm_device_create(&desc, &device));
-    succeeds("its description", vrtm_device_info(device, &info));
+    succeeds("its description", vrtm_device_get_info(device, &info));
     succeeds("an asset", vrtm_asset_create(device, &d.mesh, &asset));
-    succeeds("its tile", vrtm_asset_find_tile(asset, 1001, &tile));
+    succeeds("its tile", find_udim(asset, 1001, &tile));
     succeeds("its rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
     settings.smoothness = -1.5f;
     fails("a setting that is wrong", vrtm_tile_set_settings(tile, &settings), VRTM_ERROR_INVALID_ARGUMENT, "-1.5");
@@ -42,7 +42,7 @@ static void run(float *map, char (*said)[512])
     image.data = map;
     image.width = image.height = MAP;
     succeeds("a solve", vrtm_asset_solve(asset, &positions, &options));
-    succeeds("a fetch", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    succeeds("a fetch", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
     succeeds("its end", vrtm_asset_destroy(asset));
     succeeds("the device's end", vrtm_device_destroy(device));
 }

@@ -22,16 +22,16 @@ static vrtm_image_out image_of(void *data)
 static void kinds(vrtm_tile tile)
 {
     vrtm_image_out image = image_of(two);
-    succeeds("the redirection", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    succeeds("the redirection", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
     image = image_of(udim);
-    succeeds("among all tiles", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION_UDIM, &image));
+    succeeds("among all tiles", fetch_image(tile, VRTM_FETCH_REDIRECTION_UDIM, &image));
     image = image_of(four);
     image.channels = 4;
-    succeeds("with coverage", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    succeeds("with coverage", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
     image = image_of(jacobian);
-    succeeds("four derivatives without being asked for them", vrtm_tile_fetch(tile, VRTM_FETCH_JACOBIAN, &image));
+    succeeds("four derivatives without being asked for them", fetch_image(tile, VRTM_FETCH_JACOBIAN, &image));
     image = image_of(scale);
-    succeeds("one scale", vrtm_tile_fetch(tile, VRTM_FETCH_FILTER_SCALE, &image));
+    succeeds("one scale", fetch_image(tile, VRTM_FETCH_FILTER_SCALE, &image));
     int same = 1, moved = 0, covered = 0;
     for (size_t k = 0; k < MAP * MAP; k++) {
         same &= two[2 * k] == udim[2 * k] && two[2 * k + 1] == udim[2 * k + 1]; /* tile 1001 */
@@ -77,27 +77,24 @@ static void refusals(vrtm_tile tile)
     static float before[4 * MAP * MAP];
     memcpy(before, four, sizeof four);
     image.channels = 5;
-    fails("five channels", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_INVALID_ARGUMENT, "image: 5 channels");
+    fails("five channels", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_INVALID_ARGUMENT, "image: 5 channels");
     image.channels = 1;
-    fails("one channel", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_INVALID_ARGUMENT, "2 to 4");
+    fails("one channel", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_INVALID_ARGUMENT, "2 to 4");
     image.channels = 2;
-    fails("half a Jacobian", vrtm_tile_fetch(tile, VRTM_FETCH_JACOBIAN, &image), VRTM_ERROR_INVALID_ARGUMENT, "Jacobian has 4");
+    fails("half a Jacobian", fetch_image(tile, VRTM_FETCH_JACOBIAN, &image), VRTM_ERROR_INVALID_ARGUMENT, "Jacobian has 4");
     image.channels = 4;
-    fails("a warp has no coverage", vrtm_tile_fetch(tile, VRTM_FETCH_WARP, &image), VRTM_ERROR_INVALID_ARGUMENT, "2 to 3");
+    fails("a warp has no coverage", fetch_image(tile, VRTM_FETCH_WARP, &image), VRTM_ERROR_INVALID_ARGUMENT, "2 to 3");
     image.pixel_stride = 12;
-    fails("four in the place of three", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_INVALID_ARGUMENT, "pixel_stride");
+    fails("four in the place of three", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_INVALID_ARGUMENT, "pixel_stride");
     image = image_of(four);
-    image.one_to_one = 1;
-    fails("what is gone", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_UNSUPPORTED, "image.one_to_one is 1");
-    image.one_to_one = 0;
     check_that(memcmp(before, four, sizeof four) == 0, "nothing was written", "");
-    succeeds("a part of a warp can be had", vrtm_tile_fetch_part(tile, VRTM_FETCH_WARP, &image, 0, 0, 2 * MAP, MAP));
+    succeeds("a part of a warp can be had", fetch_rectangle(tile, VRTM_FETCH_WARP, &image, 0, 0, 2 * MAP, MAP));
 }
 
 static void inspect(vrtm_tile tile)
 {
     vrtm_map_desc desc = vrtm_map_desc_init();
-    vrtm_map_data data = vrtm_map_data_init(), half = data;
+    vrtm_map_info data = vrtm_map_info_init(), half = data;
     desc.width = desc.height = MAP;
     succeeds("a map is looked at", vrtm_tile_inspect_map(tile, &desc, &data));
     check_that(data.folds == 0 && data.min_jacobian > 0 && data.sufficient_width == MAP && data.sufficient_height == MAP,
@@ -107,9 +104,6 @@ static void inspect(vrtm_tile tile)
     desc.width = desc.height = 4 * MAP;
     succeeds("a finer one", vrtm_tile_inspect_map(tile, &desc, &half));
     check_that(half.error_rms < data.error_rms, "is closer", "");
-    desc.one_to_one = 1;
-    fails("what is gone", vrtm_tile_inspect_map(tile, &desc, &half), VRTM_ERROR_UNSUPPORTED, "desc.one_to_one is 1");
-    desc.one_to_one = 0;
     desc.kind = VRTM_FETCH_WARP;
     fails("no redirection", vrtm_tile_inspect_map(tile, &desc, &half), VRTM_ERROR_INVALID_ARGUMENT, "kind");
     desc.kind = VRTM_FETCH_REDIRECTION;
@@ -123,7 +117,7 @@ static void inspect(vrtm_tile tile)
     desc.height = 20000;
     fails("too many rows", vrtm_tile_inspect_map(tile, &desc, &half), VRTM_ERROR_INVALID_ARGUMENT, "16384");
     fails("no desc", vrtm_tile_inspect_map(tile, NULL, &half), VRTM_ERROR_INVALID_ARGUMENT, "desc is null");
-    fails("no data", vrtm_tile_inspect_map(tile, &desc, NULL), VRTM_ERROR_INVALID_ARGUMENT, "data is null");
+    fails("no data", vrtm_tile_inspect_map(tile, &desc, NULL), VRTM_ERROR_INVALID_ARGUMENT, "info is null");
     vrtm_tile zero = {0};
     fails("no tile", vrtm_tile_inspect_map(zero, &desc, &half), VRTM_ERROR_INVALID_HANDLE, "tile");
 }
@@ -135,14 +129,14 @@ int main(void)
     vrtm_tile tile;
     sheet_desc d;
     vrtm_map_desc desc = vrtm_map_desc_init();
-    vrtm_map_data data = vrtm_map_data_init();
+    vrtm_map_info data = vrtm_map_info_init();
     sheet_make(&s);
     sheet_pose(&s, 3, pose);
     sheet_describe(&s, &d);
     vrtm_image rigidity = sheet_rigidity(&s);
     succeeds("a device", vrtm_device_create(NULL, &device));
     succeeds("an asset", vrtm_asset_create(device, &d.mesh, &asset));
-    succeeds("a tile", vrtm_asset_find_tile(asset, 1001, &tile));
+    succeeds("a tile", find_udim(asset, 1001, &tile));
     succeeds("rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
     desc.width = desc.height = MAP;
     fails("nothing to look at", vrtm_tile_inspect_map(tile, &desc, &data), VRTM_ERROR_NOT_SOLVED, "solve");

@@ -32,7 +32,7 @@ static double use(vrtm_device device, uint32_t grid)
     double held;
     sheet_describe(&s, &d);
     succeeds("an asset is made", vrtm_asset_create(device, &d.mesh, &asset));
-    succeeds("it has a tile", vrtm_asset_find_tile(asset, 1001, &tile));
+    succeeds("it has a tile", find_udim(asset, 1001, &tile));
     succeeds("with rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
     settings.grid_width = settings.grid_height = grid;
     succeeds("and a size", vrtm_tile_set_settings(tile, &settings));
@@ -42,8 +42,8 @@ static double use(vrtm_device device, uint32_t grid)
         sheet_pose(&s, frame, pose);
         options.quality = frame == 1 ? VRTM_QUALITY_NORMAL : VRTM_QUALITY_DRAFT;
         succeeds("it is solved", vrtm_asset_solve(asset, &positions, &options));
-        succeeds("and fetched", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
-        succeeds("and fetched again", vrtm_tile_fetch(tile, VRTM_FETCH_WARP, &image));
+        succeeds("and fetched", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
+        succeeds("and fetched again", fetch_image(tile, VRTM_FETCH_WARP, &image));
     }
     free((void *)image.data);
     held = resident();

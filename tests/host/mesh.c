@@ -7,12 +7,12 @@ static sheet s;
 static sheet_desc d;
 
 /* Makes an asset, reads its data, and ends it. */
-static vrtm_asset_data data_of(const char *name)
+static vrtm_asset_info data_of(const char *name)
 {
-    vrtm_asset_data data = vrtm_asset_data_init();
+    vrtm_asset_info data = vrtm_asset_info_init();
     vrtm_asset asset;
     if (succeeds(name, vrtm_asset_create(device, &d.mesh, &asset))) {
-        succeeds("its data", vrtm_asset_info(asset, &data));
+        succeeds("its data", vrtm_asset_get_info(asset, &data));
         succeeds("its end", vrtm_asset_destroy(asset));
     }
     return data;
@@ -28,7 +28,7 @@ static void offsets(void)
     d.mesh.face_counts = NULL;
     d.mesh.face_offsets = offsets;
     d.mesh.face_offset_count = FACES + 1;
-    vrtm_asset_data data = data_of("offsets");
+    vrtm_asset_info data = data_of("offsets");
     check_that(data.faces == FACES && data.charts == 1 && data.uv_sets == 1, "are counts", "");
     check_that(data.border_edges == 4 * SIDE && data.welded_edges == 0 && data.edges_apart == 0, "one border", "");
     /* The last quad becomes two lines. */
@@ -52,7 +52,7 @@ static void seams(void)
     sheet_describe(&s, &d);
     d.mesh.seams = pairs[0];
     d.mesh.seam_count = SIDE + 1;
-    const vrtm_asset_data data = data_of("seams");
+    const vrtm_asset_info data = data_of("seams");
     check_that(data.charts == 2 && data.seams_unused == 1 && data.border_edges == 6 * SIDE, "cut a chart", "");
 }
 
@@ -65,7 +65,7 @@ static void without_uvs(void)
     }
     sheet_describe(&s, &d);
     d.mesh.uv_indices = indices;
-    vrtm_asset_data data = data_of("faces without UVs");
+    vrtm_asset_info data = data_of("faces without UVs");
     check_that(data.faces_untextured == SIDE && data.triangles == 2 * (FACES - SIDE), "are left out", "");
     for (uint32_t f = 0; f < FACES / 2; ++f) {
         chosen[f] = FACES - 1 - f;
@@ -100,29 +100,27 @@ static void two_uv_sets(void)
     if (!succeeds("two UV sets", vrtm_asset_create(device, &d.mesh, &asset))) {
         return;
     }
-    succeeds("tile 0", vrtm_asset_tile(asset, 0, &tiles[0]));
-    succeeds("tile 1", vrtm_asset_tile(asset, 1, &tiles[1]));
-    succeeds("tile 1002 of set 1", vrtm_asset_find_tile_of_set(asset, 1, 1002, &found));
+    succeeds("tile 0", vrtm_asset_get_tile(asset, 0, &tiles[0]));
+    succeeds("tile 1", vrtm_asset_get_tile(asset, 1, &tiles[1]));
+    vrtm_tile_key key = {1002, 1, 0, 0};
+    succeeds("tile 1002 of set 1", vrtm_asset_find_tile(asset, &key, &found));
     check_that(found.id == tiles[1].id, "is tile 1", "");
-    fails("tile 1002 of set 0", vrtm_asset_find_tile(asset, 1002, &found), VRTM_ERROR_INVALID_ARGUMENT, "udim");
-    uint32_t udim = 0, uv_set = 77;
-    succeeds("the place of tile 0", vrtm_tile_udim(tiles[0], &udim, &uv_set));
-    check_that(udim == 1001 && uv_set == 0, "is 1001 of set 0", "");
-    succeeds("the place of tile 1", vrtm_tile_udim(tiles[1], &udim, &uv_set));
-    check_that(udim == 1002 && uv_set == 1, "is 1002 of set 1", "");
-    succeeds("its number alone", vrtm_tile_udim(tiles[0], &udim, NULL));
-    check_that(udim == 1001, "is 1001", "");
-    vrtm_tile_data data = vrtm_tile_data_init();
-    succeeds("tile_info", vrtm_tile_info(tiles[1], &data));
+    fails("tile 1002 of set 0", find_udim(asset, 1002, &found), VRTM_ERROR_INVALID_ARGUMENT, "udim");
+    succeeds("the key of tile 0", vrtm_tile_get_key(tiles[0], &key));
+    check_that(key.udim == 1001 && key.uv_set == 0 && key.layers == 1, "is 1001 of set 0", "");
+    succeeds("the key of tile 1", vrtm_tile_get_key(tiles[1], &key));
+    check_that(key.udim == 1002 && key.uv_set == 1, "is 1002 of set 1", "");
+    vrtm_tile_info data = vrtm_tile_info_init();
+    succeeds("tile_info", vrtm_tile_get_info(tiles[1], &data));
     check_that(data.uv_set == 1 && data.udim == 1002 && data.border_edges == 4 * SIDE, "says so", "");
     const vrtm_image rigidity = sheet_rigidity(&s);
     succeeds("rigidity of set 0", vrtm_tile_set_rigidity(tiles[0], &rigidity));
     sheet_pose(&s, 3, pose);
     const vrtm_array positions = sheet_positions(pose);
     succeeds("solve", vrtm_asset_solve(asset, &positions, NULL));
-    succeeds("corner UVs of set 0", vrtm_asset_fetch_corner_uvs(asset, first, CORNERS));
-    succeeds("corner UVs of set 1", vrtm_asset_fetch_corner_uvs_of_set(asset, 1, second, CORNERS));
-    fails("corner UVs of set 2", vrtm_asset_fetch_corner_uvs_of_set(asset, 2, second, CORNERS),
+    succeeds("corner UVs of set 0", vrtm_asset_fetch_corner_uvs(asset, 0, first, CORNERS));
+    succeeds("corner UVs of set 1", vrtm_asset_fetch_corner_uvs(asset, 1, second, CORNERS));
+    fails("corner UVs of set 2", vrtm_asset_fetch_corner_uvs(asset, 2, second, CORNERS),
           VRTM_ERROR_INVALID_ARGUMENT, "uv_set");
     double moved[2] = {0, 0};
     for (int c = 0; c < CORNERS; ++c) {
@@ -171,7 +169,7 @@ static void doubled(void)
     d.mesh.positions = &positions;
     d.mesh.uvs = &pairs;
     d.mesh.indices = d.mesh.uv_indices = corners;
-    vrtm_asset_data data = data_of("doubled vertices");
+    vrtm_asset_info data = data_of("doubled vertices");
     check_that(data.charts == FACES && data.edges_apart == 2 * SIDE * (SIDE - 1), "are apart, which is told", "");
     d.mesh.weld = VRTM_WELD_POSITION;
     data = data_of("welded by position");
@@ -180,20 +178,20 @@ static void doubled(void)
         return;
     }
     const vrtm_image rigidity = sheet_rigidity(&s);
-    succeeds("find_tile", vrtm_asset_find_tile(asset, 1001, &tile));
+    succeeds("find_tile", find_udim(asset, 1001, &tile));
     succeeds("rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
-    vrtm_tile_report_data report = vrtm_tile_report_data_init();
+    vrtm_tile_report report = vrtm_tile_report_init();
     for (int c = 0; c < CORNERS; ++c) {
         points[c][0] *= 1.2f;
     }
     succeeds("a stretched pose", vrtm_asset_solve(asset, &positions, NULL));
-    succeeds("its report", vrtm_tile_report(tile, &report));
+    succeeds("its report", vrtm_tile_get_report(tile, &report));
     check_that(report.welds_torn == 0 && report.charts == 1 && torn_lines == 0, "nothing is torn", "");
     for (int c = CORNERS / 2; c < CORNERS; ++c) {
         points[c][2] += 1;
     }
     succeeds("a torn pose", vrtm_asset_solve(asset, &positions, NULL));
-    succeeds("its report", vrtm_tile_report(tile, &report));
+    succeeds("its report", vrtm_tile_get_report(tile, &report));
     check_that(report.welds_torn == SIDE && report.charts == 2 && torn_lines == 1, "is torn in the middle", "");
     succeeds("the same again", vrtm_asset_solve(asset, &positions, NULL));
     check_that(torn_lines == 1, "is warned of once", "");

@@ -46,9 +46,9 @@ static void versions_of_structs(void)
     newer.later = 0;
     succeeds("a newer struct without", vrtm_device_create(&newer.known, &other));
     succeeds("its end", vrtm_device_destroy(other));
-    vrtm_device_data info = vrtm_device_data_init();
+    vrtm_device_info info = vrtm_device_info_init();
     info.struct_size = 12;
-    fails("an output's struct_size", vrtm_device_info(device, &info), BAD, "info.struct_size is 12");
+    fails("an output's struct_size", vrtm_device_get_info(device, &info), BAD, "info.struct_size is 12");
     check_that(info.threads == 0, "no info was written", "");
 }
 
@@ -70,19 +70,19 @@ static void devices(void)
          fails("5000 threads", vrtm_device_create(&desc, &other), BAD, "threads"));
     check_that(other.id == 77, "no device was written", "");
     fails("no place for the count", vrtm_adapter_count(NULL), BAD, "count is null");
-    vrtm_adapter_data adapter = vrtm_adapter_data_init();
-    fails("an adapter that is not there", vrtm_adapter_info(count, &adapter), BAD, "index is ");
+    vrtm_adapter_info adapter = vrtm_adapter_info_init();
+    fails("an adapter that is not there", vrtm_adapter_get_info(count, &adapter), BAD, "index is ");
     check_that(adapter.name[0] == 0, "no adapter was written", "");
-    fails("no place for the info", vrtm_device_info(device, NULL), BAD, "info is null");
-    vrtm_device_data info = vrtm_device_data_init();
-    fails("device zero", vrtm_device_info((vrtm_device){0}, &info), GONE, "device: the handle is zero");
-    fails("a device from nowhere", vrtm_device_info((vrtm_device){12345}, &info), GONE, "device");
-    fails("an asset as a device", vrtm_device_info((vrtm_device){asset.id}, &info), GONE, "device");
+    fails("no place for the info", vrtm_device_get_info(device, NULL), BAD, "info is null");
+    vrtm_device_info info = vrtm_device_info_init();
+    fails("device zero", vrtm_device_get_info((vrtm_device){0}, &info), GONE, "device: the handle is zero");
+    fails("a device from nowhere", vrtm_device_get_info((vrtm_device){12345}, &info), GONE, "device");
+    fails("an asset as a device", vrtm_device_get_info((vrtm_device){asset.id}, &info), GONE, "device");
     fails("destroy device zero", vrtm_device_destroy((vrtm_device){0}), GONE, "device");
     succeeds("a second device", vrtm_device_create(&desc, &other));
     succeeds("its end", vrtm_device_destroy(other));
     fails("destroyed twice", vrtm_device_destroy(other), GONE, "device");
-    fails("a stale device", vrtm_device_info(other, &info), GONE, "device");
+    fails("a stale device", vrtm_device_get_info(other, &info), GONE, "device");
     fails("an asset on a stale device", vrtm_asset_create(other, &d.mesh, &asset), GONE, "device");
 }
 
@@ -199,36 +199,38 @@ static void meshes(void)
 
 static void handles(void)
 {
-    vrtm_asset_data info = vrtm_asset_data_init();
+    vrtm_asset_info info = vrtm_asset_info_init();
     vrtm_tile other = {77};
-    uint32_t count = 77;
-    fails("asset zero", vrtm_asset_info((vrtm_asset){0}, &info), GONE, "asset: the handle is zero");
-    fails("a device as an asset", vrtm_asset_info((vrtm_asset){device.id}, &info), GONE, "asset");
-    fails("a tile as an asset", vrtm_asset_info((vrtm_asset){tile.id}, &info), GONE, "asset");
+    vrtm_tile_key key = {77, 77, 77, 77};
+    vrtm_tile_grid grid = {77, 77};
+    fails("asset zero", vrtm_asset_get_info((vrtm_asset){0}, &info), GONE, "asset: the handle is zero");
+    fails("a device as an asset", vrtm_asset_get_info((vrtm_asset){device.id}, &info), GONE, "asset");
+    fails("a tile as an asset", vrtm_asset_get_info((vrtm_asset){tile.id}, &info), GONE, "asset");
     fails("an asset as a tile", vrtm_tile_set_mask((vrtm_tile){asset.id}, NULL), GONE, "tile");
     fails("a tile from nowhere", vrtm_tile_set_mask((vrtm_tile){tile.id + (1ull << 40)}, NULL), GONE, "tile");
     fails("tile zero", vrtm_tile_set_mask((vrtm_tile){0}, NULL), GONE, "tile: the handle is zero");
-    fails("no place for the info", vrtm_asset_info(asset, NULL), BAD, "info is null");
-    fails("no place for the count", vrtm_asset_tile_count(asset, NULL), BAD, "count is null");
-    fails("no place for the tile", vrtm_asset_tile(asset, 0, NULL), BAD, "tile is null");
-    fails("tile 1 of one", vrtm_asset_tile(asset, 1, &other), BAD, "index is 1");
-    fails("tile UINT32_MAX", vrtm_asset_tile(asset, UINT32_MAX, &other), BAD, "index");
-    fails("tile 1002", vrtm_asset_find_tile(asset, 1002, &other), BAD, "udim");
-    fails("uv set 1", vrtm_asset_find_tile_of_set(asset, 1, 1001, &other), BAD, "uv_set is 1");
-    fails("no place for the cells", vrtm_tile_grid(tile, NULL, &count), BAD, "width is null");
-    fails("the grid of tile zero", vrtm_tile_grid((vrtm_tile){0}, &count, NULL), GONE, "tile: the handle is zero");
-    fails("no place for the number", vrtm_tile_udim(tile, NULL, &count), BAD, "udim is null");
-    fails("the place of tile zero", vrtm_tile_udim((vrtm_tile){0}, &count, &count), GONE, "tile: the handle is zero");
-    fails("a count of asset zero", vrtm_asset_tile_count((vrtm_asset){0}, &count), GONE, "asset");
-    check_that(other.id == 77 && count == 77 && info.faces == 0, "nothing was written", "");
+    fails("no place for the info", vrtm_asset_get_info(asset, NULL), BAD, "info is null");
+    fails("no place for the tile", vrtm_asset_get_tile(asset, 0, NULL), BAD, "tile is null");
+    fails("tile 1 of one", vrtm_asset_get_tile(asset, 1, &other), BAD, "index is 1");
+    fails("tile UINT32_MAX", vrtm_asset_get_tile(asset, UINT32_MAX, &other), BAD, "index");
+    fails("tile 1002", find_udim(asset, 1002, &other), BAD, "udim");
+    fails("no key", vrtm_asset_find_tile(asset, NULL, &other), BAD, "key is null");
+    key = (vrtm_tile_key){1001, 1, 0, 0};
+    fails("uv set 1", vrtm_asset_find_tile(asset, &key, &other), BAD, "key.uv_set is 1");
+    fails("no place for the cells", vrtm_tile_get_grid(tile, NULL), BAD, "grid is null");
+    fails("the grid of tile zero", vrtm_tile_get_grid((vrtm_tile){0}, &grid), GONE, "tile: the handle is zero");
+    key.udim = 77;
+    fails("no place for the key", vrtm_tile_get_key(tile, NULL), BAD, "key is null");
+    fails("the key of tile zero", vrtm_tile_get_key((vrtm_tile){0}, &key), GONE, "tile: the handle is zero");
+    check_that(other.id == 77 && grid.width == 77 && key.udim == 77 && info.faces == 0, "nothing was written", "");
 
     vrtm_asset second;
     vrtm_image rigidity = sheet_rigidity(&s);
     succeeds("a second asset", vrtm_asset_create(device, &d.mesh, &second));
-    succeeds("its tile", vrtm_asset_tile(second, 0, &other));
+    succeeds("its tile", vrtm_asset_get_tile(second, 0, &other));
     succeeds("its end", vrtm_asset_destroy(second));
     fails("destroyed twice", vrtm_asset_destroy(second), GONE, "asset");
-    fails("a stale asset", vrtm_asset_info(second, &info), GONE, "asset");
+    fails("a stale asset", vrtm_asset_get_info(second, &info), GONE, "asset");
     fails("a tile whose asset is gone", vrtm_tile_set_rigidity(other, &rigidity), GONE, "tile");
     vrtm_asset third;
     succeeds("a third asset", vrtm_asset_create(device, &d.mesh, &third));
@@ -324,12 +326,12 @@ static void before_a_solve(void)
     memset(map, 0x5A, sizeof map);
     memset(uvs, 0x5A, sizeof uvs);
     memcpy(before, map, sizeof before);
-    vrtm_tile_report_data report = vrtm_tile_report_data_init();
-    vrtm_asset_report_data whole = vrtm_asset_report_data_init();
-    fails("fetch before solve", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_NOT_SOLVED, "");
-    fails("corner uvs before solve", vrtm_asset_fetch_corner_uvs(asset, uvs, CORNERS), VRTM_ERROR_NOT_SOLVED, "");
-    fails("tile report before solve", vrtm_tile_report(tile, &report), VRTM_ERROR_NOT_SOLVED, "");
-    fails("asset report before solve", vrtm_asset_report(asset, &whole), VRTM_ERROR_NOT_SOLVED, "");
+    vrtm_tile_report report = vrtm_tile_report_init();
+    vrtm_asset_report whole = vrtm_asset_report_init();
+    fails("fetch before solve", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_NOT_SOLVED, "");
+    fails("corner uvs before solve", vrtm_asset_fetch_corner_uvs(asset, 0, uvs, CORNERS), VRTM_ERROR_NOT_SOLVED, "");
+    fails("tile report before solve", vrtm_tile_get_report(tile, &report), VRTM_ERROR_NOT_SOLVED, "");
+    fails("asset report before solve", vrtm_asset_get_report(asset, &whole), VRTM_ERROR_NOT_SOLVED, "");
     check_that(memcmp(map, before, sizeof map) == 0 && memcmp(uvs, map, sizeof uvs / 2) == 0 && report.udim == 0 &&
                    whole.tiles == 0,
                "nothing was written", "");
@@ -339,7 +341,7 @@ static void bad_fetch(const char *name, vrtm_fetch_kind kind, const vrtm_image_o
                       const char *text)
 {
     memset(map, 0x5A, sizeof map);
-    fails(name, vrtm_tile_fetch(tile, kind, image), status, text);
+    fails(name, fetch_image(tile, kind, image), status, text);
     for (size_t i = 0; i < sizeof map; ++i) {
         if (((const unsigned char *)map)[i] != 0x5A) {
             check_that(0, name, "the image was written");
@@ -361,7 +363,7 @@ static void solves_and_fetches(void)
     image.data = map;
     image.width = image.height = MAP;
     succeeds("a good solve", vrtm_asset_solve(asset, &positions, &options));
-    succeeds("a good fetch", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    succeeds("a good fetch", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
     memcpy(before, map, sizeof map);
 
     fails("no positions", vrtm_asset_solve(asset, NULL, NULL), BAD, "positions is null");
@@ -383,12 +385,20 @@ static void solves_and_fetches(void)
          fails("quality 2", vrtm_asset_solve(asset, &positions, &options), BAD, "options.quality is 2"));
     WITH(vrtm_solver, options.solver, 2,
          fails("solver 2", vrtm_asset_solve(asset, &positions, &options), BAD, "options.solver is 2"));
+    /* Fields of the other solver are not looked at. */
+    WITH(uint32_t, options.pbd.iterations, 0,
+         succeeds("no iterations of the other solver", vrtm_asset_solve(asset, &positions, &options)));
+    options.solver = VRTM_SOLVER_PBD;
+    WITH(float, options.tolerance, 1,
+         succeeds("a tolerance of the other solver", vrtm_asset_solve(asset, &positions, &options)));
     WITH(uint32_t, options.pbd.iterations, 1025,
          fails("1025 iterations", vrtm_asset_solve(asset, &positions, &options), BAD, "options.pbd.iterations: 1025"));
     WITH(float, options.pbd.damping, 1.5f,
          fails("damping 1.5", vrtm_asset_solve(asset, &positions, &options), BAD, "options.pbd.damping: 1.5"));
     WITH(float, options.pbd.smoothing, NAN,
          fails("a NaN smoothing", vrtm_asset_solve(asset, &positions, &options), BAD, "options.pbd.smoothing: NaN"));
+    options.solver = VRTM_SOLVER_DESCENT;
+    succeeds("the other solver again", vrtm_asset_solve(asset, &positions, &options));
     WITH(uint32_t, options.warm, 2,
          fails("warm 2", vrtm_asset_solve(asset, &positions, &options), BAD, "options.warm is 2"));
     WITH(float, options.temporal_weight, -1,
@@ -405,7 +415,7 @@ static void solves_and_fetches(void)
     const vrtm_fetch_kind redirection = VRTM_FETCH_REDIRECTION;
     bad_fetch("no image", redirection, NULL, BAD, "image is null");
     bad_fetch("kind 8", 8, &image, BAD, "kind is 8");
-    bad_fetch("a kind of another set", VRTM_FETCH_UV_SET, &image, BAD, "vrtm_tile_fetch_output");
+    bad_fetch("a kind of another set", VRTM_FETCH_UV_SET_DELTA + 1, &image, BAD, "fetches[0].kind is 8");
     WITH(room, image.data, NULL, bad_fetch("no image data", redirection, &image, BAD, "image.data is null"));
     WITH(uint32_t, image.width, 0, bad_fetch("no width", redirection, &image, BAD, "image"));
     WITH(size_t, image.pixel_stride, 7, bad_fetch("a short pixel stride", redirection, &image, BAD, "pixel_stride"));
@@ -418,15 +428,15 @@ static void solves_and_fetches(void)
          bad_fetch("an 8-bit output", redirection, &image, VRTM_ERROR_UNSUPPORTED, "image.format"));
     WITH(vrtm_pixel_format, image.format, 8,
          bad_fetch("pixel format 8", redirection, &image, BAD, "image.format is 8"));
-    fails("a corner too few", vrtm_asset_fetch_corner_uvs(asset, uvs, CORNERS - 1), BAD, "count is 575");
-    fails("no place for corner uvs", vrtm_asset_fetch_corner_uvs(asset, NULL, CORNERS), BAD, "uvs is null");
-    fails("no place for the report", vrtm_tile_report(tile, NULL), BAD, "report is null");
-    fails("no place for the asset's report", vrtm_asset_report(asset, NULL), BAD, "report is null");
+    fails("a corner too few", vrtm_asset_fetch_corner_uvs(asset, 0, uvs, CORNERS - 1), BAD, "count is 575");
+    fails("no place for corner uvs", vrtm_asset_fetch_corner_uvs(asset, 0, NULL, CORNERS), BAD, "uvs is null");
+    fails("no place for the report", vrtm_tile_get_report(tile, NULL), BAD, "report is null");
+    fails("no place for the asset's report", vrtm_asset_get_report(asset, NULL), BAD, "report is null");
 
     vrtm_asset second;
     vrtm_tile foreign;
     succeeds("a second asset", vrtm_asset_create(device, &d.mesh, &second));
-    succeeds("its tile", vrtm_asset_tile(second, 0, &foreign));
+    succeeds("its tile", vrtm_asset_get_tile(second, 0, &foreign));
     vrtm_fetch fetches[2] = {vrtm_fetch_init(), vrtm_fetch_init()};
     vrtm_image_out other = image;
     static float elsewhere[2 * MAP * MAP];
@@ -455,7 +465,7 @@ static void solves_and_fetches(void)
     check_that(kept, "no image was written", "");
     succeeds("its end", vrtm_asset_destroy(second));
 
-    succeeds("fetch after all that", vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image));
+    succeeds("fetch after all that", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
     check_that(memcmp(map, before, sizeof map) == 0, "the last good result is still there", "");
 }
 
@@ -468,7 +478,7 @@ int main(void)
     desc.threads = 1; /* one thread: this host runs under valgrind, where threads are slow; other hosts use more */
     if (!succeeds("device", vrtm_device_create(&desc, &device)) ||
         !succeeds("asset", vrtm_asset_create(device, &d.mesh, &asset)) ||
-        !succeeds("tile", vrtm_asset_tile(asset, 0, &tile)) ||
+        !succeeds("tile", vrtm_asset_get_tile(asset, 0, &tile)) ||
         !succeeds("rigidity", vrtm_tile_set_rigidity(tile, &rigidity))) {
         return finish();
     }

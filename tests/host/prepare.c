@@ -19,7 +19,7 @@ static model make(vrtm_device device, const vrtm_image *rigidity)
     model m;
     sheet_describe(&s, &d);
     check_that(vrtm_asset_create(device, &d.mesh, &m.asset) == VRTM_OK, "an asset is made", vrtm_last_error());
-    check_that(vrtm_asset_find_tile(m.asset, 1001, &m.tile) == VRTM_OK, "it has a tile", vrtm_last_error());
+    check_that(find_udim(m.asset, 1001, &m.tile) == VRTM_OK, "it has a tile", vrtm_last_error());
     check_that(vrtm_tile_set_rigidity(m.tile, rigidity) == VRTM_OK, "the tile has rigidity", vrtm_last_error());
     return m;
 }
@@ -32,22 +32,22 @@ static void solve(model m, float *map)
     image.data = map;
     image.width = image.height = MAP;
     check_that(vrtm_asset_solve(m.asset, &positions, NULL) == VRTM_OK, "it is solved", vrtm_last_error());
-    check_that(vrtm_tile_fetch(m.tile, VRTM_FETCH_REDIRECTION, &image) == VRTM_OK, "the map is fetched", vrtm_last_error());
+    check_that(fetch_image(m.tile, VRTM_FETCH_REDIRECTION, &image) == VRTM_OK, "the map is fetched", vrtm_last_error());
 }
 
 static void estimate(model m)
 {
-    vrtm_tile_needs needs = vrtm_tile_needs_init();
-    vrtm_tile_data info = vrtm_tile_data_init();
-    check_that(vrtm_tile_estimate(m.tile, &needs) == VRTM_OK, "a tile is estimated", vrtm_last_error());
-    check_that(vrtm_tile_info(m.tile, &info) == VRTM_OK, "a tile is described", vrtm_last_error());
+    vrtm_tile_estimate needs = vrtm_tile_estimate_init();
+    vrtm_tile_info info = vrtm_tile_info_init();
+    check_that(vrtm_tile_get_estimate(m.tile, &needs) == VRTM_OK, "a tile is estimated", vrtm_last_error());
+    check_that(vrtm_tile_get_info(m.tile, &info) == VRTM_OK, "a tile is described", vrtm_last_error());
     check_that(needs.movable_nodes == info.movable_nodes && needs.movable_nodes > 0, "the nodes are those that move", vrtm_last_error());
     check_that(needs.prepared_bytes > 0 && needs.preparing_bytes >= needs.prepared_bytes &&
               needs.solving_bytes > needs.prepared_bytes, "bytes grow from preparing to solving", vrtm_last_error());
     check_that(info.frozen >= 0 && info.frozen < 0.5f, "most rigid texels move", vrtm_last_error());
-    check_that(vrtm_tile_estimate(m.tile, NULL) == VRTM_ERROR_INVALID_ARGUMENT, "an estimate needs a struct", vrtm_last_error());
+    check_that(vrtm_tile_get_estimate(m.tile, NULL) == VRTM_ERROR_INVALID_ARGUMENT, "an estimate needs a struct", vrtm_last_error());
     vrtm_tile zero = {0};
-    check_that(vrtm_tile_estimate(zero, &needs) == VRTM_ERROR_INVALID_HANDLE, "an estimate needs a tile", vrtm_last_error());
+    check_that(vrtm_tile_get_estimate(zero, &needs) == VRTM_ERROR_INVALID_HANDLE, "an estimate needs a tile", vrtm_last_error());
 }
 
 static void saved(model from, model to)
@@ -106,7 +106,7 @@ static void parts(model m)
         image.origin = origin;
         image.width = image.height = MAP;
         image.data = whole;
-        check_that(vrtm_tile_fetch(m.tile, VRTM_FETCH_REDIRECTION_DELTA, &image) == VRTM_OK, "a whole map", vrtm_last_error());
+        check_that(fetch_image(m.tile, VRTM_FETCH_REDIRECTION_DELTA, &image) == VRTM_OK, "a whole map", vrtm_last_error());
         int good = 1;
         for (int y = 0; y < MAP; y += 11) {
             for (int x = 0; x < MAP; x += 50) {
@@ -114,7 +114,7 @@ static void parts(model m)
                 image.height = (uint32_t)(MAP - y < 11 ? MAP - y : 11);
                 image.row_stride = 8 * MAP;
                 image.data = bands + 2 * (y * MAP + x);
-                good &= vrtm_tile_fetch_part(m.tile, VRTM_FETCH_REDIRECTION_DELTA, &image, (uint32_t)x, (uint32_t)y,
+                good &= fetch_rectangle(m.tile, VRTM_FETCH_REDIRECTION_DELTA, &image, (uint32_t)x, (uint32_t)y,
                                              MAP, MAP) == VRTM_OK;
             }
         }
@@ -123,7 +123,7 @@ static void parts(model m)
     vrtm_image_out image = vrtm_image_out_init();
     image.width = image.height = 8;
     image.data = bands;
-    check_that(vrtm_tile_fetch_part(m.tile, VRTM_FETCH_WARP, &image, MAP - 7, 0, MAP, MAP) == VRTM_ERROR_INVALID_ARGUMENT, "a part lies in the whole", vrtm_last_error());
+    check_that(fetch_rectangle(m.tile, VRTM_FETCH_WARP, &image, MAP - 7, 0, MAP, MAP) == VRTM_ERROR_INVALID_ARGUMENT, "a part lies in the whole", vrtm_last_error());
 }
 
 int main(void)

@@ -46,7 +46,7 @@ static const char *make(model *m, uint32_t threads)
     settings.grid_width = settings.grid_height = 128;
     TRY(vrtm_device_create(&desc, &m->device))
     TRY(vrtm_asset_create(m->device, &d.mesh, &m->asset))
-    TRY(vrtm_asset_find_tile(m->asset, 1001, &m->tile))
+    TRY(find_udim(m->asset, 1001, &m->tile))
     TRY(vrtm_tile_set_settings(m->tile, &settings))
     TRY(vrtm_tile_set_rigidity(m->tile, &rigidity))
     return NULL;
@@ -59,7 +59,7 @@ static const char *solve(const model *m, int frame, float *map)
     image.data = map;
     image.width = image.height = MAP;
     TRY(vrtm_asset_solve(m->asset, &positions, NULL))
-    TRY(vrtm_tile_fetch(m->tile, VRTM_FETCH_REDIRECTION, &image))
+    TRY(fetch_image(m->tile, VRTM_FETCH_REDIRECTION, &image))
     return NULL;
 }
 

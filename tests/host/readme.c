@@ -24,7 +24,8 @@ int main(void)
     out.data = map, out.width = out.height = 256;
     fetch.image = &out;
     if (vrtm_device_create(NULL, &device) || vrtm_asset_create(device, &mesh, &asset) ||
-        vrtm_asset_find_tile(asset, 1001, &fetch.tile) || vrtm_tile_set_rigidity(fetch.tile, &rigidity))
+        vrtm_asset_find_tile(asset, &(vrtm_tile_key){.udim = 1001}, &fetch.tile) ||
+        vrtm_tile_set_rigidity(fetch.tile, &rigidity))
         return puts(vrtm_last_error()), 1;
     points.data = pose; /* from here on for every frame: positions in, map out */
     if (vrtm_asset_redirect(asset, &points, NULL, &fetch, 1))

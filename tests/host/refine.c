@@ -10,7 +10,7 @@ static double pose[VERTICES][4];
 
 /* The arrays of a pattern, and the corner UVs. */
 typedef struct refined {
-    vrtm_refinement_data data;
+    vrtm_refinement_info data;
     vrtm_refinement_pattern pattern;
     float *uvs;
 } refined;
@@ -43,8 +43,8 @@ static refined read_all(vrtm_refinement refinement)
 {
     refined r;
     memset(&r, 0, sizeof r);
-    r.data = vrtm_refinement_data_init();
-    succeeds("info", vrtm_refinement_info(refinement, &r.data));
+    r.data = vrtm_refinement_info_init();
+    succeeds("info", vrtm_refinement_get_info(refinement, &r.data));
     vrtm_refinement_pattern *p = &r.pattern;
     *p = vrtm_refinement_pattern_init();
     p->vertex_count = (size_t)r.data.vertices;
@@ -107,7 +107,7 @@ static void wrong_arguments(vrtm_asset asset, vrtm_refinement refinement)
 {
     vrtm_refinement none, made = {7};
     vrtm_refinement_desc desc = vrtm_refinement_desc_init();
-    vrtm_refinement_data data = vrtm_refinement_data_init();
+    vrtm_refinement_info data = vrtm_refinement_info_init();
     vrtm_refinement_pattern pattern = vrtm_refinement_pattern_init();
     float pair[2];
     none.id = 0;
@@ -122,16 +122,16 @@ static void wrong_arguments(vrtm_asset asset, vrtm_refinement refinement)
     fails("no struct", vrtm_refinement_create(asset, &desc, &made), VRTM_ERROR_INVALID_ARGUMENT, "desc.struct_size");
     check_that(made.id == 7, "nothing is written", "");
     made.id = asset.id;
-    fails("zero", vrtm_refinement_info(none, &data), VRTM_ERROR_INVALID_HANDLE, "refinement: the handle is zero");
-    fails("another kind", vrtm_refinement_info(made, &data), VRTM_ERROR_INVALID_HANDLE, "is no living refinement");
+    fails("zero", vrtm_refinement_get_info(none, &data), VRTM_ERROR_INVALID_HANDLE, "refinement: the handle is zero");
+    fails("another kind", vrtm_refinement_get_info(made, &data), VRTM_ERROR_INVALID_HANDLE, "is no living refinement");
     fails("extend it", vrtm_refinement_extend(made), VRTM_ERROR_INVALID_HANDLE, "is no living refinement");
     fails("its UVs", vrtm_refinement_fetch_corner_uvs(made, pair, 1), VRTM_ERROR_INVALID_HANDLE, "refinement");
     fails("its pattern", vrtm_refinement_fetch_pattern(made, &pattern), VRTM_ERROR_INVALID_HANDLE, "refinement");
     fails("end it", vrtm_refinement_destroy(made), VRTM_ERROR_INVALID_HANDLE, "refinement");
-    fails("no data", vrtm_refinement_info(refinement, NULL), VRTM_ERROR_INVALID_ARGUMENT, "data is null");
+    fails("no data", vrtm_refinement_get_info(refinement, NULL), VRTM_ERROR_INVALID_ARGUMENT, "info is null");
     fails("no pattern", vrtm_refinement_fetch_pattern(refinement, NULL), VRTM_ERROR_INVALID_ARGUMENT, "pattern is null");
     fails("no room", vrtm_refinement_fetch_corner_uvs(refinement, pair, 1), VRTM_ERROR_INVALID_ARGUMENT, "count is 1");
-    succeeds("sizes", vrtm_refinement_info(refinement, &data));
+    succeeds("sizes", vrtm_refinement_get_info(refinement, &data));
     fails("no array", vrtm_refinement_fetch_corner_uvs(refinement, NULL, (size_t)data.corners),
           VRTM_ERROR_INVALID_ARGUMENT, "uvs is null");
     fails("no counts", vrtm_refinement_fetch_pattern(refinement, &pattern), VRTM_ERROR_INVALID_ARGUMENT, "vertex_count is 0");
@@ -167,7 +167,7 @@ int main(void)
     const vrtm_array points = sheet_positions(pose);
     succeeds("a device", vrtm_device_create(NULL, &device));
     succeeds("an asset", vrtm_asset_create(device, &d.mesh, &asset));
-    succeeds("its tile", vrtm_asset_find_tile(asset, 1001, &tile));
+    succeeds("its tile", find_udim(asset, 1001, &tile));
     succeeds("its map", vrtm_tile_set_rigidity(tile, &rigidity));
     fails("too early", vrtm_refinement_create(asset, NULL, &refinement), VRTM_ERROR_NOT_SOLVED, "solve first");
 
@@ -199,8 +199,8 @@ int main(void)
 
     desc.max_triangles = 2 * FACES + 100;
     succeeds("little room", vrtm_refinement_create(asset, &desc, &small));
-    vrtm_refinement_data data = vrtm_refinement_data_init();
-    succeeds("its sizes", vrtm_refinement_info(small, &data));
+    vrtm_refinement_info data = vrtm_refinement_info_init();
+    succeeds("its sizes", vrtm_refinement_get_info(small, &data));
     check_that(data.triangles <= desc.max_triangles && data.triangles > 2 * FACES && data.reached == 0 &&
                    data.error > data.tolerance,
                "is used, and it says what is left", "");

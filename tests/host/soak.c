@@ -35,7 +35,7 @@ static const char *use(vrtm_asset asset, vrtm_tile tile, int round, int solves)
     vrtm_solve_options options = vrtm_solve_options_init();
     vrtm_image_out image = vrtm_image_out_init();
     vrtm_image rigidity = sheet_rigidity(&s);
-    vrtm_tile_report_data report = vrtm_tile_report_data_init();
+    vrtm_tile_report report = vrtm_tile_report_init();
     size_t size = 0;
     image.data = map;
     image.width = image.height = MAP;
@@ -46,9 +46,9 @@ static const char *use(vrtm_asset asset, vrtm_tile tile, int round, int solves)
         options.warm = (uint32_t)(k == 2);
         options.solver = round % 9 == 8 ? VRTM_SOLVER_PBD : VRTM_SOLVER_DESCENT;
         TRY(vrtm_asset_solve(asset, &positions, &options))
-        TRY(vrtm_tile_fetch(tile, (vrtm_fetch_kind)(k % 3), &image))
-        TRY(vrtm_asset_fetch_corner_uvs(asset, corners, CORNERS))
-        TRY(vrtm_tile_report(tile, &report))
+        TRY(fetch_image(tile, (vrtm_fetch_kind)(k % 3), &image))
+        TRY(vrtm_asset_fetch_corner_uvs(asset, 0, corners, CORNERS))
+        TRY(vrtm_tile_get_report(tile, &report))
         /* Failures must not keep anything either. */
         positions.count -= 1;
         if (vrtm_asset_solve(asset, &positions, &options) != VRTM_ERROR_INVALID_ARGUMENT) {
@@ -81,7 +81,7 @@ static const char *round_of(int round)
     for (int k = 0; k < ASSETS_PER_DEVICE; ++k) {
         vrtm_tile tile;
         TRY(vrtm_asset_create(device, &d.mesh, &assets[k]))
-        TRY(vrtm_asset_find_tile(assets[k], 1001, &tile))
+        TRY(find_udim(assets[k], 1001, &tile))
         if (!newer(assets[k].id, &last_asset) || !newer(tile.id, &last_tile)) {
             return "an asset's or a tile's handle was given out again";
         }

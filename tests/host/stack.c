@@ -38,7 +38,7 @@ static const char *all_calls(void)
     sheet_describe(&s, &d);
     TRY(vrtm_device_create(&desc, &device))
     TRY(vrtm_asset_create(device, &d.mesh, &asset))
-    TRY(vrtm_asset_find_tile(asset, 1001, &tile))
+    TRY(find_udim(asset, 1001, &tile))
     TRY(vrtm_tile_set_rigidity(tile, &rigidity))
     TRY(vrtm_tile_set_mask(tile, &rigidity))
     TRY(vrtm_tile_set_mask(tile, NULL))
@@ -61,11 +61,11 @@ static const char *all_calls(void)
             options.temporal_weight = 0.1f;
             sheet_pose(&s, 3 + (int)options.warm, pose);
             TRY(vrtm_asset_redirect(asset, &positions, &options, fetches, 2))
-            TRY(vrtm_asset_fetch_corner_uvs(asset, corners, CORNERS))
+            TRY(vrtm_asset_fetch_corner_uvs(asset, 0, corners, CORNERS))
         }
     }
-    vrtm_tile_report_data report = vrtm_tile_report_data_init();
-    TRY(vrtm_tile_report(tile, &report))
+    vrtm_tile_report report = vrtm_tile_report_init();
+    TRY(vrtm_tile_get_report(tile, &report))
     TRY(vrtm_asset_destroy(asset))
     TRY(vrtm_device_destroy(device))
     return NULL;

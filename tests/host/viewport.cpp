@@ -76,7 +76,7 @@ public:
             tile_.fetch(vrtm::FetchKind::redirection, {picture.data(), screen, screen});
         longest_fetch = std::max(longest_fetch, ms_since(start));
         start = Clock::now();
-        const vrtm::Result<vrtm_tile_report_data> report = tile_.report();
+        const vrtm::Result<vrtm_tile_report> report = tile_.report();
         const vrtm::Result<vrtm::Tile> found = asset_.find_tile(1001);
         longest_other = std::max(longest_other, ms_since(start));
         refused += !fetched || !report || !found;
@@ -88,7 +88,7 @@ public:
     bool ready()
     {
         const Clock::time_point start = Clock::now();
-        const vrtm::JobData data = job_.progress().value();
+        const vrtm::JobProgress data = job_.progress().value();
         longest_other = std::max(longest_other, ms_since(start));
         rises = rises && data.progress >= last_progress_;
         last_progress_ = data.state == vrtm::JobState::done ? 0 : data.progress;

@@ -108,13 +108,13 @@ void results()
 {
     const vrtm::Result<> good;
     check_that(good && good.message()[0] == 0, "a result is good at first", "");
-    vrtm::Result<vrtm_asset_data> bad = vrtm::Asset().info();
+    vrtm::Result<vrtm_asset_info> bad = vrtm::Asset().info();
     const vrtm::Result<vrtm::Tile> other = vrtm::Asset().find_tile(1001);
-    refuses("a failed result", bad, vrtm::Code::invalid_handle, "vrtm_asset_info");
+    refuses("a failed result", bad, vrtm::Code::invalid_handle, "vrtm_asset_get_info");
     refuses("and another, with its own message", other, vrtm::Code::invalid_handle, "vrtm_asset_find_tile");
     check_that(bad->corners == 0 && (*bad).tiles == 0 && !*other, "has nothing to give", "");
     bad->corners = 7;
-    const vrtm::Result<vrtm_asset_data> copy = bad;
+    const vrtm::Result<vrtm_asset_info> copy = bad;
     check_that(copy->corners == 7 && (*copy).corners == 7 && !copy, "and can be copied", "");
 }
 
@@ -160,9 +160,9 @@ void images(const vrtm::Device &device)
 {
     vrtm::Asset asset = ready(device);
     const vrtm::Tile tile = *asset.find_tile(1001);
-    check_that(*tile.udim() == 1001 && *tile.uv_set() == 0, "is 1001 of set 0", "");
-    refuses("no tile has no number", vrtm::Tile().udim(), vrtm::Code::invalid_handle, "vrtm_tile_udim");
-    check_that(*tile.layer() == 0 && *tile.layers() == 1 && asset.find_tile(1001, 0, 0)->handle().id == tile.handle().id,
+    check_that(*tile.udim() == 1001 && tile.key()->uv_set == 0, "is 1001 of set 0", "");
+    refuses("no tile has no number", vrtm::Tile().udim(), vrtm::Code::invalid_handle, "vrtm_tile_get_key");
+    check_that(tile.key()->layer == 0 && tile.key()->layers == 1 && asset.find_tile(1001, 0, 0)->handle().id == tile.handle().id,
                "is its only layer", "");
     refuses("layer 1", asset.find_tile(1001, 0, 1), vrtm::Code::invalid_argument, "layer is 1");
     check_that(*asset.face_layers() == std::vector<std::uint32_t>(FACES), "has all faces", "");
@@ -213,7 +213,7 @@ void images(const vrtm::Device &device)
     back.channels(3);
     check_that(back.c().channels == 3, "an image's settings", "");
     check_that(with_coverage[4 * (MAP / 2 * MAP + MAP / 2) + 3] == 1 && with_coverage[3] == 0, "coverage", "");
-    const vrtm::Result<vrtm_map_data> looked_at =
+    const vrtm::Result<vrtm_map_info> looked_at =
         tile.inspect_map(vrtm::MapDesc(MAP, MAP, vrtm::FetchKind::redirection_delta, vrtm::PixelFormat::f16));
     works("looks at a map", looked_at);
     check_that(looked_at->folds == 0 && looked_at->error_rms > 0, "its figures", "");
@@ -284,7 +284,7 @@ void meshes(const vrtm::Device &device)
     check_that(data_of(mesh).faces == FACES && data_of(mesh).uv_sets == 1, "face offsets", "");
     const std::vector<int> seams = {SIDE + 2, SIDE + 3, 0, 2}, half = {0, 1, 2};
     mesh.seams(seams).textured_faces(half).weld(vrtm::Weld::position, 1e-4, 1e-3);
-    vrtm_asset_data data = data_of(mesh);
+    vrtm_asset_info data = data_of(mesh);
     check_that(data.seams_unused == 1 && data.faces_untextured == FACES - 3, "seams, and faces with texture", "");
     const vrtm_mesh_desc c = mesh.c();
     check_that(c.weld == VRTM_WELD_POSITION && c.weld_position_tolerance == 1e-4 && c.weld_uv_tolerance == 1e-3 &&
@@ -329,7 +329,7 @@ void devices()
 {
     vrtm::Device empty;
     check_that(!empty && empty.handle().id == 0, "an empty device", "");
-    refuses("knows nothing", empty.info(), vrtm::Code::invalid_handle, "vrtm_device_info");
+    refuses("knows nothing", empty.info(), vrtm::Code::invalid_handle, "vrtm_device_get_info");
     refuses("and has no assets", vrtm::Asset::create(empty, quads()), vrtm::Code::invalid_handle, "device");
     vrtm::DeviceDesc desc;
     desc.threads = 1025;
@@ -351,7 +351,7 @@ void devices()
     if (count > 0) {
         vrtm::DeviceDesc desc;
         desc.set(vrtm::Backend::gpu);
-        const vrtm_adapter_data &one = adapters->front();
+        const vrtm_adapter_info &one = adapters->front();
         if (one.has_uuid) {
             works("a GPU by its UUID", vrtm::Device::create(desc.set_uuid(one.uuid)));
         }
@@ -495,12 +495,12 @@ void tiles(const vrtm::Device &device)
 {
     const vrtm::Tile none;
     check_that(!none && none == vrtm::Tile(vrtm_tile{}), "an empty tile", "");
-    refuses("knows nothing", none.info(), vrtm::Code::invalid_handle, "vrtm_tile_info");
+    refuses("knows nothing", none.info(), vrtm::Code::invalid_handle, "vrtm_tile_get_info");
     vrtm::Asset asset = ready(device);
     const vrtm::Tile tile = *asset.find_tile(1001);
     check_that(tile && vrtm::Tile(tile.handle()) == tile && tile != none, "a tile", "");
-    refuses("has no report yet", tile.report(), vrtm::Code::not_solved, "vrtm_tile_report");
-    check_that(tile.info()->udim == 1001 && tile.info()->grid_width == (*tile.grid())[0], "its data", "");
+    refuses("has no report yet", tile.report(), vrtm::Code::not_solved, "vrtm_tile_get_report");
+    check_that(tile.info()->udim == 1001 && tile.info()->grid_width == tile.grid()->width, "its data", "");
     check_that(tile.estimate()->movable_nodes > 0, "its needs", "");
 
     vrtm::TileSettings settings;
@@ -515,7 +515,7 @@ void tiles(const vrtm::Device &device)
     settings.room = -3;
     refuses("wrong settings", tile.set_settings(settings), vrtm::Code::invalid_argument, "room");
     works("no settings", tile.set_settings(nullptr));
-    check_that(tile.settings()->grid_width == 0 && tile.info()->grid_width == (*tile.grid())[0], "are the defaults", "");
+    check_that(tile.settings()->grid_width == 0 && tile.info()->grid_width == tile.grid()->width, "are the defaults", "");
 
     const Map expected = redirection(asset, {pose, VERTICES});
     check_that(tile.report()->udim == 1001 && tile.report()->folds == 0, "a report", "");
@@ -562,7 +562,7 @@ void outputs(const vrtm::Device &device)
     vrtm::Asset asset = ready(device);
     const vrtm::Tile tile = *asset.find_tile(1001);
     refuses("no corner UVs yet", asset.corner_uvs(), vrtm::Code::not_solved, "");
-    refuses("no report yet", asset.report(), vrtm::Code::not_solved, "vrtm_asset_report");
+    refuses("no report yet", asset.report(), vrtm::Code::not_solved, "vrtm_asset_get_report");
     const Map expected = redirection(asset, {pose, VERTICES});
     Map map(2 * MAP * MAP), warp(2 * (MAP + 1) * (MAP + 1)), fetched(warp.size());
     /* The descriptions of the images are gone when the list is used. */
@@ -660,8 +660,8 @@ void options(const vrtm::Device &device, const Map &expected)
     draft.set(vrtm::Quality::draft).set(vrtm::Solver::pbd).pbd.iterations = 1;
     check_that(draft.quality == VRTM_QUALITY_DRAFT && draft.solver == VRTM_SOLVER_PBD, "quality and solver", "");
     works("the paper's solver", asset.solve({pose, VERTICES}, draft));
-    draft.tolerance = 2;
-    refuses("a wrong option", asset.solve({pose, VERTICES}, draft), vrtm::Code::invalid_argument, "tolerance");
+    draft.pbd.damping = 2;
+    refuses("a wrong option", asset.solve({pose, VERTICES}, draft), vrtm::Code::invalid_argument, "damping");
 }
 
 void refinements(const vrtm::Device &device)
@@ -679,7 +679,7 @@ void refinements(const vrtm::Device &device)
     check_that(refinement.info()->faces == FACES, "nothing to refine", "");
     works("a pose", asset.solve({pose, VERTICES}));
     works("extend", refinement.extend());
-    const vrtm_refinement_data data = *refinement.info();
+    const vrtm_refinement_info data = *refinement.info();
     check_that(data.faces > FACES && data.reached == 1 && data.error <= desc.tolerance, "refines", "");
     const vrtm::RefinementPattern pattern = *refinement.pattern();
     check_that(pattern.face_sources.size() == data.faces && pattern.corner_uvs.size() == 2 * data.corners &&
@@ -793,7 +793,7 @@ void jobs(const vrtm::Device &device)
     refuses("and the job not done at once", moved.wait_for(std::chrono::microseconds(1)), vrtm::Code::timeout, "");
     check_that(!job && moved.progress()->state == vrtm::JobState::running, "it runs", "");
     works("wait", moved.wait());
-    const vrtm::JobData data = *moved.progress();
+    const vrtm::JobProgress data = *moved.progress();
     check_that(data.state == vrtm::JobState::done && data.code == vrtm::Code::ok && data.progress == 1 &&
                    data.time > std::chrono::microseconds(1),
                "it is done", "");

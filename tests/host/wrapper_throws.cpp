@@ -22,7 +22,7 @@ void values()
 {
     const vrtm::Device device = vrtm::Device::create(vrtm::DeviceDesc().set(vrtm::Backend::cpu)).value();
     check_that(vrtm::Backend(device.info().value().backend) == vrtm::Backend::cpu, "the value of a temporary", "");
-    vrtm::Result<vrtm_device_data> info = device.info();
+    vrtm::Result<vrtm_device_info> info = device.info();
     check_that(info.value().threads > 0, "the value of a result that stays", "");
     check_that(std::move(info).value().threads > 0, "the value of one that is moved from", "");
 }

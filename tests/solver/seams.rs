@@ -405,9 +405,10 @@ fn redirections_end_where_the_gutter_does() {
         // A part of the image is the same.
         let mut bytes = vec![0; 8 * 40 * 30];
         let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(40, 30, PixelFormat::F32) };
-        let mut image = vrtm::ImageViewMut::new("image", &mut bytes, layout).unwrap();
+        let image = vrtm::ImageViewMut::new("image", &mut bytes, layout).unwrap();
         let first = [size * 13 / 50 - 20, size / 4];
-        asset.results().fetch_part(0, FetchKind::Redirection, &mut image, [size; 2], first).unwrap();
+        let mut image = image.part_of("image", [size; 2], first).unwrap();
+        asset.fetch(0, FetchKind::Redirection, &mut image).unwrap();
         for (k, uv) in common::floats(&bytes).iter().enumerate() {
             let [x, y] = [first[0] as usize + k % 40, first[1] as usize + k / 40];
             assert_eq!(*uv, map[y * size as usize + x]);

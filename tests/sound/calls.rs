@@ -96,17 +96,19 @@ fn a_solve_and_its_outputs() {
         for (kind, format, channels) in outputs {
             let image = Image::new(format, channels);
             let fetch = vrtm_fetch { kind, tile: tiles[0], image: &image.c, ..sized() };
-            done(vrtm_tile_fetch_output(&fetch));
+            done(vrtm_tile_fetch(&fetch, 1));
             image.check();
         }
         let image = Image::new(VRTM_PIXEL_F32, 2);
-        done(vrtm_tile_fetch_part(tiles[1], VRTM_FETCH_REDIRECTION, &image.c, 2, 1, 16, 16));
+        let mut fetch = vrtm_fetch { tile: tiles[1], image: &image.c, ..sized() };
+        (fetch.x, fetch.y, fetch.whole_width, fetch.whole_height) = (2, 1, 16, 16);
+        done(vrtm_tile_fetch(&fetch, 1));
         image.check();
         let image = Image::new(VRTM_PIXEL_F32, 2);
         done(vrtm_tile_fetch_dilation(tiles[0], 0.1, &image.c));
         image.check();
         let mut uvs = [f32::NAN; 2 * CORNERS];
-        done(vrtm_asset_fetch_corner_uvs(asset, uvs.as_mut_ptr(), CORNERS));
+        done(vrtm_asset_fetch_corner_uvs(asset, 0, uvs.as_mut_ptr(), CORNERS));
         assert!(uvs.iter().all(|x| x.is_finite()));
         let mut layers = [7; FACES];
         done(vrtm_asset_fetch_face_layers(asset, 0, layers.as_mut_ptr(), FACES));
@@ -114,12 +116,12 @@ fn a_solve_and_its_outputs() {
         let map = vrtm_map_desc { width: 8, height: 8, ..sized() };
         done(vrtm_tile_inspect_map(tiles[0], &map, &mut sized()));
         for tile in tiles {
-            done(vrtm_tile_info(tile, &mut sized()));
-            done(vrtm_tile_estimate(tile, &mut sized()));
-            done(vrtm_tile_report(tile, &mut sized()));
+            done(vrtm_tile_get_info(tile, &mut sized()));
+            done(vrtm_tile_get_estimate(tile, &mut sized()));
+            done(vrtm_tile_get_report(tile, &mut sized()));
         }
-        done(vrtm_asset_report(asset, &mut sized()));
-        done(vrtm_device_info(device, &mut sized()));
+        done(vrtm_asset_get_report(asset, &mut sized()));
+        done(vrtm_device_get_info(device, &mut sized()));
     }
     end(device, asset);
 }
@@ -193,7 +195,7 @@ fn a_refinement_and_its_pattern() {
     let device = device(1);
     let (asset, _) = asset(device);
     let mut refinement = vrtm_refinement { id: 0 };
-    let mut info = sized::<vrtm_refinement_data>();
+    let mut info = sized::<vrtm_refinement_info>();
     // SAFETY: all pointers point to memory of the size that the structs tell.
     unsafe {
         done(vrtm_asset_solve(asset, &pose(0.5).c(), &least()));
@@ -201,7 +203,7 @@ fn a_refinement_and_its_pattern() {
             vrtm_refinement_desc { tolerance: 0.01, max_triangles: 60, ..vrtm_refinement_desc::default() };
         done(vrtm_refinement_create(asset, &desc, &mut refinement));
         done(vrtm_refinement_extend(refinement));
-        done(vrtm_refinement_info(refinement, &mut info));
+        done(vrtm_refinement_get_info(refinement, &mut info));
         let [vertices, faces, corners] =
             [info.vertices, info.faces, info.corners].map(|count| count as usize);
         let mut numbers = [3 * vertices, faces, faces, corners, 3 * corners].map(|count| vec![7u32; count]);
@@ -240,7 +242,7 @@ fn a_job_on_two_threads() {
     // SAFETY: all pointers point to memory of the size that the structs tell.
     unsafe {
         done(vrtm_asset_submit(asset, &pose(0.5).c(), &options, &mut job));
-        done(vrtm_job_progress(job, &mut sized()));
+        done(vrtm_job_get_progress(job, &mut sized()));
         done(vrtm_job_wait(job, VRTM_FOREVER));
         done(vrtm_job_destroy(job));
         done(vrtm_asset_submit(asset, &pose(0.25).c(), &options, &mut job));

@@ -125,7 +125,8 @@ pub fn asset(device: vrtm_device) -> (vrtm_asset, [vrtm_tile; 2]) {
     unsafe {
         done(vrtm_asset_create(device, &mesh, &mut asset));
         for (tile, udim) in tiles.iter_mut().zip([1001, 1002]) {
-            done(vrtm_asset_find_tile(asset, udim, tile));
+            let key = vrtm_tile_key { udim, ..vrtm_tile_key::default() };
+            done(vrtm_asset_find_tile(asset, &key, tile));
             done(vrtm_tile_set_settings(*tile, &settings));
             paint(*tile);
         }

@@ -54,7 +54,7 @@ impl Shared {
             solver: [VRTM_SOLVER_DESCENT, VRTM_SOLVER_PBD][random.below(2)],
             warm: random.below(2) as u32,
             measure: random.below(2) as u32,
-            release_last: random.below(2) as u32,
+            release: random.below(2) as u32,
             ..least()
         };
         let image = Image::new(VRTM_PIXEL_F32, 2);
@@ -73,17 +73,17 @@ impl Shared {
                 }
                 6 => vrtm_job_wait(job, [0, 1, VRTM_FOREVER][random.below(3)]),
                 7 => vrtm_job_cancel(job),
-                8 => vrtm_job_progress(job, &mut sized()),
+                8 => vrtm_job_get_progress(job, &mut sized()),
                 9 => vrtm_asset_cancel(asset),
-                10 => vrtm_tile_fetch(tile, VRTM_FETCH_REDIRECTION, &image.c),
+                10 => vrtm_tile_fetch(&vrtm_fetch { tile, image: &image.c, ..sized() }, 1),
                 11 => {
                     let fetch = vrtm_fetch { kind: VRTM_FETCH_WARP, tile, image: &image.c, ..sized() };
                     vrtm_asset_redirect(asset, &bent.c(), &options, &fetch, 1)
                 }
-                12 => vrtm_asset_fetch_corner_uvs(asset, [0.0; 2 * CORNERS].as_mut_ptr(), CORNERS),
-                13 => vrtm_tile_report(tile, &mut sized()),
-                14 => vrtm_asset_report(asset, &mut sized()),
-                15 => vrtm_tile_info(tile, &mut sized()),
+                12 => vrtm_asset_fetch_corner_uvs(asset, 0, [0.0; 2 * CORNERS].as_mut_ptr(), CORNERS),
+                13 => vrtm_tile_get_report(tile, &mut sized()),
+                14 => vrtm_asset_get_report(asset, &mut sized()),
+                15 => vrtm_tile_get_info(tile, &mut sized()),
                 16 => {
                     let map = vrtm_map_desc { width: 8, height: 8, ..sized() };
                     vrtm_tile_inspect_map(tile, &map, &mut sized())

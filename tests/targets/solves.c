@@ -10,7 +10,7 @@ int main(int count, char **arguments)
     unsigned long long updates = 0;
     vrtm_device_desc desc = vrtm_device_desc_init();
     vrtm_tile_settings settings = vrtm_tile_settings_init();
-    vrtm_tile_report_data report = vrtm_tile_report_data_init();
+    vrtm_tile_report report = vrtm_tile_report_init();
     vrtm_device device;
     vrtm_asset asset;
     vrtm_tile tile;
@@ -22,12 +22,12 @@ int main(int count, char **arguments)
     desc.threads = 1;
     settings.grid_width = settings.grid_height = 256;
     int bad = vrtm_device_create(&desc, &device) || vrtm_asset_create(device, &d.mesh, &asset) ||
-              vrtm_asset_find_tile(asset, 1001, &tile) || vrtm_tile_set_rigidity(tile, &rigidity) ||
+              find_udim(asset, 1001, &tile) || vrtm_tile_set_rigidity(tile, &rigidity) ||
               vrtm_tile_set_settings(tile, &settings);
     for (int k = 0; k < solves && !bad; ++k) {
         const vrtm_array positions = sheet_positions(pose);
         sheet_pose(&s, 4 + k, pose);
-        bad = vrtm_asset_solve(asset, &positions, NULL) || vrtm_tile_report(tile, &report);
+        bad = vrtm_asset_solve(asset, &positions, NULL) || vrtm_tile_get_report(tile, &report);
         updates += report.node_updates;
     }
     puts(bad ? vrtm_last_error() : "");

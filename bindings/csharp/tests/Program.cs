@@ -115,7 +115,7 @@ internal static unsafe class Program
         That(vrtm_mesh_desc.Init().weld_uv_tolerance == 1.0 / 2048, "weld_uv_tolerance");
         That(vrtm_solve_options.Init().pbd.iterations == 16 && vrtm_solve_options.Init().pbd.smoothing == .8f, "pbd");
         That(vrtm_tile_settings.Init().struct_size == sizeof(vrtm_tile_settings), "struct_size");
-        That(sizeof(vrtm_adapter_data) > 300, "names are part of the struct");
+        That(sizeof(vrtm_adapter_info) > 300, "names are part of the struct");
     }
 
     private static void Errors()

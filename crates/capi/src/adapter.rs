@@ -21,11 +21,11 @@ pub const VRTM_ADAPTER_BY_LUID: vrtm_adapter_by = 2;
 /// By its registry ID, 8 bytes: the number MTLDevice.registryID.
 pub const VRTM_ADAPTER_BY_REGISTRY_ID: vrtm_adapter_by = 3;
 
-/// A GPU that a device can be made on. Start from vrtm_adapter_data_init().
+/// A GPU that a device can be made on. Start from vrtm_adapter_info_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct vrtm_adapter_data {
-    /// sizeof(vrtm_adapter_data); set by vrtm_adapter_data_init().
+pub struct vrtm_adapter_info {
+    /// sizeof(vrtm_adapter_info); set by vrtm_adapter_info_init().
     pub struct_size: u32,
     /// 1 for an adapter that is emulated on the CPU (or does not identify as hardware): VRTM_BACKEND_AUTO never chooses
     /// it. 0 otherwise.
@@ -58,8 +58,8 @@ pub struct vrtm_adapter_data {
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
-unsafe impl Sized32 for vrtm_adapter_data {
-    const NAME: &'static str = "vrtm_adapter_data";
+unsafe impl Sized32 for vrtm_adapter_info {
+    const NAME: &'static str = "vrtm_adapter_info";
 }
 
 /// The GPU that a host names by its identity; `None` for one that it names by its number.
@@ -105,14 +105,14 @@ pub unsafe extern "C" fn vrtm_adapter_count(count: *mut u32) -> vrtm_status {
 ///
 /// Errors: VRTM_ERROR_INVALID_ARGUMENT for an index out of range, or if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_adapter_info(index: u32, info: *mut vrtm_adapter_data) -> vrtm_status {
-    guard("vrtm_adapter_info", || {
+pub unsafe extern "C" fn vrtm_adapter_get_info(index: u32, info: *mut vrtm_adapter_info) -> vrtm_status {
+    guard("vrtm_adapter_get_info", || {
         let out = Out::new(info, "info")?;
         let all = adapters();
         let adapter = all.get(index as usize).ok_or_else(|| {
             Failure::argument(format!("index is {index}, but the number of adapters is {}", all.len()))
         })?;
-        out.write(vrtm_adapter_data {
+        out.write(vrtm_adapter_info {
             struct_size: 0,
             software: u32::from(adapter.software),
             name: chars(&adapter.name),
@@ -146,15 +146,15 @@ mod tests {
         unsafe {
             assert_eq!(vrtm_adapter_count(&mut count), VRTM_OK);
             for (index, adapter) in adapters().iter().enumerate() {
-                let mut info: vrtm_adapter_data = Sized32::zeroed();
-                assert_eq!(vrtm_adapter_info(index as u32, &mut info), VRTM_OK);
+                let mut info: vrtm_adapter_info = Sized32::zeroed();
+                assert_eq!(vrtm_adapter_get_info(index as u32, &mut info), VRTM_OK);
                 assert_eq!(info.software == 1, adapter.software);
                 let text = [&info.name[..], &info.driver, &info.api]
                     .map(|text| CStr::from_ptr(text.as_ptr()).to_str().unwrap());
                 assert_eq!(text, [&adapter.name, &adapter.driver, adapter.api]);
             }
-            let mut info: vrtm_adapter_data = Sized32::zeroed();
-            assert_eq!(vrtm_adapter_info(count, &mut info), VRTM_ERROR_INVALID_ARGUMENT);
+            let mut info: vrtm_adapter_info = Sized32::zeroed();
+            assert_eq!(vrtm_adapter_get_info(count, &mut info), VRTM_ERROR_INVALID_ARGUMENT);
         }
     }
 }

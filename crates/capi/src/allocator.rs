@@ -15,17 +15,12 @@ pub type vrtm_alloc_fn =
 pub type vrtm_free_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, pointer: *mut c_void, size: usize, alignment: usize)>;
 
-/// A host's allocator, for all memory of a device that is sized by user input: meshes, maps, grids, results, a solve's
-/// arrays. Blocks of at least 4 KiB come from it; smaller ones (messages, lists of a few tiles) come from the system,
-/// as does the memory of a GPU's driver. Start from vrtm_allocator_init().
+/// A host's allocator, for all memory of a device that is sized by user input. Blocks of at least 4 KiB come from it;
+/// smaller ones come from the system, as does the memory of a GPU's driver. Start from vrtm_allocator_init().
 ///
-/// Both functions are called on any thread that works in a call, also by several at once. They must return normally
-/// (no exception, no longjmp) and must not call vrtm. They and `user` must stay valid until the device and all of its
-/// assets are destroyed; by then everything has been freed.
-///
-/// If `alloc` returns null, the call fails with VRTM_ERROR_OUT_OF_MEMORY: nothing was written, the asset is as it was,
-/// and the call may be made again. Internal allocations of the GPU code fall back to the system if `alloc` returns
-/// null.
+/// Both functions are called on any thread that works in a call, also by several at once, and must not call vrtm. They
+/// and `user` must stay valid until the device and all of its assets are destroyed; by then everything has been freed.
+/// If `alloc` returns null, the call fails with VRTM_ERROR_OUT_OF_MEMORY.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_allocator {

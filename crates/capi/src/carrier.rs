@@ -43,7 +43,7 @@ choice! {
 pub struct vrtm_carrier_desc {
     /// sizeof(vrtm_carrier_desc); set by vrtm_carrier_desc_init().
     pub struct_size: u32,
-    /// The UV set whose tiles carry the points: 0 <= uv_set < vrtm_asset_data.uv_sets.
+    /// The UV set whose tiles carry the points: 0 <= uv_set < vrtm_asset_info.uv_sets.
     pub uv_set: u32,
     /// One of VRTM_BIND_: UV (0, the default), CORNERS, NEAREST.
     pub bind: vrtm_bind,
@@ -79,7 +79,7 @@ pub struct vrtm_carrier_desc {
 }
 
 mirror! {
-    report vrtm_carrier_data of r: CarrierInfo {
+    report vrtm_carrier_info of r: CarrierInfo {
         ms: f32, points: u64, outside: u64, folded: u64, too_far: u64, features: u64, rim: f64, bytes: u64,
     }
 }
@@ -95,7 +95,7 @@ pub struct vrtm_array_out {
     pub format: vrtm_scalar,
     /// Address of the first component of the first element.
     pub data: *mut c_void,
-    /// Number of elements: vrtm_carrier_data.points.
+    /// Number of elements: vrtm_carrier_info.points.
     pub count: usize,
     /// Bytes from one element to the next; 0 = tightly packed. At least the size of an element.
     pub stride: usize,
@@ -161,7 +161,7 @@ unsafe fn optional<'a>(
 /// that of the tangents of f o W from rest to the pose, and its height is kept along the normal. With
 /// VRTM_FIT_FEATURE, points where the rigidity is over 0.75 move with their feature, a connected region with a
 /// rigidity over 0.5, as one rigid body, beyond seams as well; between 0.5 and 0.75 they are blended to the surface.
-/// Points that cannot be bound are counted in vrtm_carrier_data, and move with the skin alone.
+/// Points that cannot be bound are counted in vrtm_carrier_info, and move with the skin alone.
 ///
 /// The caller destroys `*carrier`. It keeps the data that it needs alive, including the mesh and the last result, and
 /// may be used after the asset is destroyed. Never busy.
@@ -226,14 +226,14 @@ pub unsafe extern "C" fn vrtm_carrier_create(
 
 /// Gets the sizes of a carrier, the points that could not be bound, and what the last fetch found. Never busy.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_carrier_info(
+pub unsafe extern "C" fn vrtm_carrier_get_info(
     carrier: vrtm_carrier,
-    data: *mut vrtm_carrier_data,
+    info: *mut vrtm_carrier_info,
 ) -> vrtm_status {
-    guard("vrtm_carrier_info", || {
-        let out = Out::new(data, "data")?;
+    guard("vrtm_carrier_get_info", || {
+        let out = Out::new(info, "info")?;
         out.write(living(carrier)?.info().into());
         Ok(())
     })

@@ -28,7 +28,7 @@ pub(super) unsafe trait Sized32: Copy {
 }
 
 /// Far larger than any struct: a larger `struct_size` must be uninitialised memory.
-const LARGEST: usize = 4096;
+pub(super) const LARGEST: usize = 4096;
 
 fn checked_size<T: Sized32>(pointer: *const T, name: &str) -> Outcome<usize> {
     check_pointer(pointer, name)?;

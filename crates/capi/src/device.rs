@@ -28,11 +28,9 @@ pub const VRTM_LOG_WARNING: vrtm_log_level = 1;
 /// The chosen backend and device, and the reason.
 pub const VRTM_LOG_INFO: vrtm_log_level = 2;
 
-/// A host's log function. It is called on the thread that called into vrtm, during that call (on one of a host's
-/// threads, if the device has an executor, and on a job's thread); several threads may call it at once. `message` is
-/// one UTF-8 line without a line break, valid during the call. It may call vrtm functions; calls that use the asset of
-/// the current call give VRTM_ERROR_BUSY, as does waiting for the current job. It must return normally: no exception,
-/// no longjmp.
+/// A host's log function. It is called during a call into vrtm, on the thread that does the call's work, also by
+/// several threads at once. `message` is one UTF-8 line without a line break, valid during the call. It may call vrtm
+/// functions; calls that use the asset of the current call give VRTM_ERROR_BUSY, as does waiting for the current job.
 pub type vrtm_log_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, level: vrtm_log_level, message: *const c_char)>;
 
@@ -73,11 +71,11 @@ pub struct vrtm_device_desc {
     pub allocator: *const vrtm_allocator,
 }
 
-/// Description of a device. Start from vrtm_device_data_init().
+/// Description of a device. Start from vrtm_device_info_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct vrtm_device_data {
-    /// sizeof(vrtm_device_data); set by vrtm_device_data_init().
+pub struct vrtm_device_info {
+    /// sizeof(vrtm_device_info); set by vrtm_device_info_init().
     pub struct_size: u32,
     /// The backend in use: VRTM_BACKEND_CPU or VRTM_BACKEND_GPU.
     pub backend: vrtm_backend,
@@ -104,8 +102,8 @@ impl Default for vrtm_device_desc {
 }
 
 // SAFETY: as above.
-unsafe impl Sized32 for vrtm_device_data {
-    const NAME: &'static str = "vrtm_device_data";
+unsafe impl Sized32 for vrtm_device_info {
+    const NAME: &'static str = "vrtm_device_info";
 }
 
 /// A host's log function and its user data.
@@ -155,20 +153,16 @@ unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
     })
 }
 
-/// Makes a device. `desc` may be null, which means all defaults. The caller destroys `*device`.
-///
-/// Looking for GPUs and opening one loads drivers, which takes tens of milliseconds, the first time more; an open GPU
-/// keeps threads of its driver alive until the device and all of its assets are destroyed. So make one device and keep
-/// it. The library prints nothing, but a driver may: Mesa's writes a line to stderr where XDG_RUNTIME_DIR is not set.
-///
-/// The environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's default limits (bindings of 128 MiB,
-/// buffers of 256 MiB) and without optional features, for support.
+/// Makes a device. `desc` may be null, which means all defaults. The caller destroys `*device`. Make one device and
+/// keep it: looking for GPUs and opening one loads drivers, which takes tens of milliseconds, and an open GPU keeps
+/// threads of its driver alive. For support, the environment variable VRTM_GPU_LIMITS=webgpu opens GPUs with WebGPU's
+/// default limits and without optional features.
 ///
 /// Errors: VRTM_ERROR_INVALID_ARGUMENT for an unknown backend, an adapter out of range or an identity that no adapter
 /// has (VRTM_BACKEND_GPU; the message lists the available ones), more than 1024 threads, an allocator without a
-/// function, or an environment variable VRTM_DEVICE, VRTM_THREADS or VRTM_GPU_LIMITS that cannot be read;
-/// VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if no GPU was found or it cannot be opened, and for an allocator if the
-/// library was built without the feature for it; VRTM_ERROR_OUT_OF_MEMORY.
+/// function, or an environment variable that cannot be read; VRTM_ERROR_UNSUPPORTED for VRTM_BACKEND_GPU if no GPU was
+/// found or it cannot be opened, and for an allocator if the library was built without the feature for it;
+/// VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_device_create(
     desc: *const vrtm_device_desc,
@@ -190,11 +184,14 @@ pub unsafe extern "C" fn vrtm_device_create(
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_device_info(device: vrtm_device, info: *mut vrtm_device_data) -> vrtm_status {
-    guard("vrtm_device_info", || {
+pub unsafe extern "C" fn vrtm_device_get_info(
+    device: vrtm_device,
+    info: *mut vrtm_device_info,
+) -> vrtm_status {
+    guard("vrtm_device_get_info", || {
         let out = Out::new(info, "info")?;
         let info = handle::device(device)?.info();
-        out.write(vrtm_device_data {
+        out.write(vrtm_device_info {
             struct_size: 0,
             backend: info.backend.to_c(),
             threads: info.threads,
@@ -220,11 +217,11 @@ mod tests {
     use std::ffi::CStr;
 
     use super::super::asset::{
-        vrtm_asset_create, vrtm_asset_destroy, vrtm_asset_tile, vrtm_asset_tile_count,
+        vrtm_asset_create, vrtm_asset_destroy, vrtm_asset_get_info, vrtm_asset_get_tile,
     };
     use super::super::fetch::vrtm_asset_fetch_corner_uvs;
     use super::super::handle::{vrtm_asset, vrtm_tile};
-    use super::super::report::vrtm_asset_report;
+    use super::super::report::vrtm_asset_get_report;
     use super::super::solve::vrtm_asset_solve;
     use super::super::status::{VRTM_ERROR_DEVICE_LOST, VRTM_ERROR_INVALID_HANDLE, VRTM_OK, vrtm_last_error};
     use super::super::tile::vrtm_tile_set_mask;
@@ -273,9 +270,8 @@ mod tests {
         // SAFETY: all pointers are null or point to living memory.
         unsafe {
             let mut tile = vrtm_tile { id: 0 };
-            let mut count = 0;
-            assert_eq!(vrtm_asset_tile_count(made, &mut count), VRTM_OK);
-            assert_eq!(vrtm_asset_tile(made, 0, &mut tile), VRTM_OK);
+            assert_eq!(vrtm_asset_get_info(made, &mut Sized32::zeroed()), VRTM_OK);
+            assert_eq!(vrtm_asset_get_tile(made, 0, &mut tile), VRTM_OK);
             said(vrtm_tile_set_mask(tile, std::ptr::null()), "vrtm_tile_set_mask");
             let points = [0.0f32; 18];
             let mut positions: vrtm_array = Sized32::zeroed();
@@ -284,7 +280,7 @@ mod tests {
             positions.format = VRTM_SCALAR_F32;
             said(vrtm_asset_solve(made, &positions, std::ptr::null()), "vrtm_asset_solve");
             said(
-                vrtm_asset_fetch_corner_uvs(made, [0.0f32; 12].as_mut_ptr(), 6),
+                vrtm_asset_fetch_corner_uvs(made, 0, [0.0f32; 12].as_mut_ptr(), 6),
                 "vrtm_asset_fetch_corner_uvs",
             );
             let mut uvs: vrtm_array = positions;
@@ -297,15 +293,15 @@ mod tests {
             said(vrtm_asset_create(device, &mesh, &mut other), "vrtm_asset_create");
             assert_eq!(other.id, 77);
 
-            let mut info: vrtm_device_data = Sized32::zeroed();
-            assert_eq!(vrtm_device_info(device, &mut info), VRTM_OK);
+            let mut info: vrtm_device_info = Sized32::zeroed();
+            assert_eq!(vrtm_device_get_info(device, &mut info), VRTM_OK);
             assert_eq!(info.backend, VRTM_BACKEND_GPU);
             assert!(CStr::from_ptr(info.reason.as_ptr()).to_str().unwrap().contains(" is lost: "));
             // In any order.
             assert_eq!(vrtm_device_destroy(device), VRTM_OK);
             said(vrtm_asset_solve(made, &positions, std::ptr::null()), "vrtm_asset_solve");
             assert_eq!(vrtm_asset_destroy(made), VRTM_OK);
-            assert_eq!(vrtm_asset_report(made, &mut Sized32::zeroed()), VRTM_ERROR_INVALID_HANDLE);
+            assert_eq!(vrtm_asset_get_report(made, &mut Sized32::zeroed()), VRTM_ERROR_INVALID_HANDLE);
         }
     }
 }

@@ -8,13 +8,11 @@ use vrtm::FetchKind;
 
 /// Writes what a texture must hold around a tile's charts, so that a lookup beside a seam shows what the surface shows
 /// there: for each texel whose centre lies beside the charts, up to about `reach` from a seam, the UV of the texel to
-/// copy from, in the mesh's own range as with VRTM_FETCH_REDIRECTION_UDIM, since it may lie in another tile; for all
-/// other texels their own centre. `reach` is a length in UV, over 0 and at most 0.5; 1/16 is more than most gutters are
-/// wide. Two to four channels: u, v, 0, and 1 in charts and where a UV was found, 0 elsewhere. Use f32. A triangle is
-/// left out, with what lies beyond it, if it would come out mirrored, or with an area other than a quarter to four
-/// times that which the chart has at its border. Texels in charts of other layers of the tile are their own, too:
-/// layers share a texture. It depends on the rest positions and the UVs alone: no solve is needed, and once per mesh
-/// and size is enough.
+/// copy from, in the mesh's own range as with VRTM_FETCH_REDIRECTION_UDIM; for all other texels their own centre.
+/// `reach` is a length in UV, over 0 and at most 0.5. Two to four channels: u, v, 0, and 1 in charts and where a UV was
+/// found, 0 elsewhere. Use f32. It depends on the rest positions and the UVs alone: no solve is needed, and once per
+/// mesh and size is enough. Triangles that would come out mirrored, or with less than a quarter or more than four times
+/// the chart's area at its border, are left out.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the argument or the field, for a reach out of
 /// range, null, a zero size, a short stride, or other numbers of channels; VRTM_ERROR_UNSUPPORTED for an integer

@@ -11,10 +11,9 @@ use vrtm_core::team::{Executor, Task};
 pub type vrtm_task_fn = Option<unsafe extern "C" fn(data: *mut c_void, index: usize)>;
 
 /// A host's parallel loop, such as TBB's parallel_for: it calls `task(data, index)` for each index from 0 to `count` -
-/// 1, exactly once, on any threads and in any order, in parallel or in sequence, and returns when all of these calls
-/// have returned. It may be called by several threads at once. The first task to begin does the work of the call, and
-/// the others help it, so the calling thread should run tasks too; it may even run all of them. It must return
-/// normally: no exception, no longjmp.
+/// 1, exactly once, on any threads and in any order, and returns when all of these calls have returned. Several threads
+/// may call it at once. The first task to begin does the work of the call, and the others help it, so the calling
+/// thread should run tasks too.
 pub type vrtm_parallel_for_fn =
     Option<unsafe extern "C" fn(user: *mut c_void, count: usize, task: vrtm_task_fn, data: *mut c_void)>;
 

@@ -21,7 +21,7 @@ pub const VRTM_EXTERNAL_OPAQUE_WIN32: vrtm_external_kind = 2;
 /// Start from vrtm_external_image_init().
 ///
 /// The host allocates the memory with VkExportMemoryAllocateInfo, without VkMemoryDedicatedAllocateInfo, on a device
-/// whose deviceUUID and driverUUID equal those of the adapter (vrtm_adapter_data), as Vulkan requires.
+/// whose deviceUUID and driverUUID equal those of the adapter (vrtm_adapter_info), as Vulkan requires.
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_external_image {
@@ -81,16 +81,10 @@ unsafe fn read(image: *const vrtm_external_image, name: &str) -> Outcome<Externa
 
 /// Writes a redirection of the last solve into memory of the host's own Vulkan device, which must be the same GPU
 /// (vrtm_device_desc.adapter_by), without copying through the CPU. The texels equal those of vrtm_tile_fetch bit for
-/// bit.
+/// bit. Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM, of two channels.
 ///
-/// Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM. Other kinds are computed on the CPU and not supported
-/// here; nor are a third or fourth channel, parts of an image, VkImage, memory dedicated to a
-/// resource, D3D12 resources or semaphores. Use vrtm_tile_fetch for these.
-///
-/// Synchronisation: nothing on the host's device may use the texels during the call. The call returns when the GPU has
-/// written them, so that the host needs no semaphore. If the buffer's sharing mode is exclusive, the host first
-/// acquires it from VK_QUEUE_FAMILY_EXTERNAL, to which vrtm releases it. To preserve other bytes of the buffer, the
-/// host releases it to that family before the call.
+/// Nothing on the host's device may use the texels during the call. The call returns when the GPU has written them, so
+/// that the host needs no semaphore. docs/hosts.md says how a buffer with exclusive sharing is handed over.
 ///
 /// Errors: those of vrtm_tile_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
 /// formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT,

@@ -1,15 +1,13 @@
 //! Reading results into the host's memory.
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use super::desc::{self, Sized32};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
-use super::shared::SharedAsset;
 use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{Target, vrtm_image_out};
-use vrtm::FetchKind;
+use vrtm::{Fetch, FetchKind};
 use vrtm_core::allocation::Vec;
 
 /// Content of a fetched image: two channels (u, v) per texel, unless stated otherwise.
@@ -21,11 +19,10 @@ pub const VRTM_FETCH_REDIRECTION: vrtm_fetch_kind = 0;
 /// The redirection minus the texel's own centre: the offset to add to a UV; 0 where nothing moves. f16 is sufficient.
 pub const VRTM_FETCH_REDIRECTION_DELTA: vrtm_fetch_kind = 1;
 /// The warp, the inverse of the redirection: for a UV of the texture, the UV of the surface point that shows it,
-/// absolute within the tile (nodes of VRTM_SOLVER_PBD may lie a little outside of it). The first and last texels of a
-/// row or column lie on the tile's border; with the grid's size plus one in both directions the texels are the grid's
-/// nodes. Between the nodes the warp is affine on two triangles per cell, split by the diagonal from the cell's corner
-/// of least u and v to the corner of greatest u and v. All outputs of a result use this split, so that at any size the
-/// warp maps a redirected UV back to the UV. Use f32.
+/// absolute within the tile (nodes of VRTM_SOLVER_PBD may lie a little outside of it). The outermost texels lie on the
+/// tile's border; with the grid's size plus one in both directions the texels are the grid's nodes. Between the nodes
+/// the warp is affine on two triangles per cell, split from the corner of least u and v to the corner of greatest. Use
+/// f32.
 pub const VRTM_FETCH_WARP: vrtm_fetch_kind = 2;
 /// The redirection plus the offset (U, V) of the UDIM tile: UVs in the mesh's own range, for lookups in a texture of
 /// several tiles. Use f32.
@@ -38,19 +35,17 @@ pub const VRTM_FETCH_JACOBIAN: vrtm_fetch_kind = 4;
 /// the texture than on the surface: for renderers that derive their filter width from the mesh's own UVs. f16 is
 /// sufficient.
 pub const VRTM_FETCH_FILTER_SCALE: vrtm_fetch_kind = 5;
-/// UVs of another UV set, vrtm_fetch.uv_set, for meshes whose textures use another set than the warp is solved in (one
-/// without overlaps, say): where the redirection leads to a point of the surface, the UV of that point in the other
-/// set, as the mesh has it, whatever its range. The map is looked up by the UVs of the tile's own set. 0 beside charts,
-/// but for a margin of two texels that goes on with the nearest triangle's UVs. Where the other set has a border inside
-/// a chart, texels on both sides of it differ: look the map up without interpolation there, or use the delta. Use f32.
-/// With 4 channels, the fourth is 1 where a chart covers the texel's centre. By vrtm_tile_fetch_output or
-/// vrtm_asset_redirect.
+/// UVs of another UV set, vrtm_fetch.uv_set, for meshes whose textures use another set than the warp is solved in:
+/// where the redirection leads to a point of the surface, the UV of that point in the other set, whatever its range.
+/// The map is looked up by the UVs of the tile's own set. 0 beside charts, but for a margin of two texels. Where the
+/// other set has a border inside a chart, look the map up without interpolation, or use the delta. Use f32. With 4
+/// channels, the fourth is 1 where a chart covers the texel's centre.
 pub const VRTM_FETCH_UV_SET: vrtm_fetch_kind = 6;
 /// As VRTM_FETCH_UV_SET, minus the UV in that set of the texel's own point of the surface: the offset to add to the UV
 /// that the textures use; 0 where nothing moves. f16 is sufficient. Works with textures that repeat.
 pub const VRTM_FETCH_UV_SET_DELTA: vrtm_fetch_kind = 7;
 
-/// One output of vrtm_asset_redirect. Start from vrtm_fetch_init().
+/// One output of a solve. Start from vrtm_fetch_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
 pub struct vrtm_fetch {
@@ -63,17 +58,25 @@ pub struct vrtm_fetch {
     pub tile: vrtm_tile,
     /// The destination. Required.
     pub image: *const vrtm_image_out,
-    /// The layer to read, counted from that of `tile`: 0 (the default) = `tile` itself.
-    pub layer: u32,
     /// For VRTM_FETCH_UV_SET and VRTM_FETCH_UV_SET_DELTA: the UV set that the values are UVs of, 0 <= uv_set <
-    /// vrtm_asset_data.uv_sets. 0 (the default) for all other kinds.
+    /// vrtm_asset_info.uv_sets. 0 (the default) for all other kinds.
     pub uv_set: u32,
+    /// Texels in u of the whole image, if `image` is a rectangle of a larger one, such as a band of one that does not
+    /// fit into memory. On the CPU, rectangles equal those of the whole image bit for bit. 0 (the default) = `image` is
+    /// the whole.
+    pub whole_width: u32,
+    /// Texels in v of the whole image; 0 exactly if `whole_width` is.
+    pub whole_height: u32,
+    /// First column of the rectangle in the whole image.
+    pub x: u32,
+    /// First row of the rectangle in the whole image, counted in the order of image->origin.
+    pub y: u32,
+    /// Must be 0.
+    pub reserved: u32,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers and a raw pointer.
 unsafe impl Sized32 for vrtm_fetch {
-    // It ended with `image`.
-    const FIRST: usize = std::mem::offset_of!(vrtm_fetch, layer);
     const NAME: &'static str = "vrtm_fetch";
 }
 
@@ -86,22 +89,18 @@ pub(super) fn fetch_kind(kind: vrtm_fetch_kind, name: &str) -> Outcome<FetchKind
         VRTM_FETCH_JACOBIAN => Ok(FetchKind::Jacobian),
         VRTM_FETCH_FILTER_SCALE => Ok(FetchKind::FilterScale),
         VRTM_FETCH_UV_SET | VRTM_FETCH_UV_SET_DELTA => {
-            let message = format!("{name}: the UV set is a field of vrtm_fetch: use vrtm_tile_fetch_output");
-            Err(Failure::argument(message))
+            Err(Failure::argument(format!("{name}: UVs of another set are for vrtm_fetch only")))
         }
         other => Err(Failure::argument(format!("{name} is {other}, no VRTM_FETCH_ value"))),
     }
 }
 
 impl vrtm_fetch {
-    /// The fetch `name`, checked: its asset, the index of the tile, the kind of output and its destination.
-    unsafe fn wanted(&self, name: &str) -> Outcome<(Arc<SharedAsset>, Wanted)> {
-        let (asset, first) = handle::tile(&format!("{name}.tile"), self.tile)?;
-        let (own, layers) = asset.results.tile_layer(first);
-        if self.layer >= layers - own {
-            let left = layers - own;
-            let message = format!("{name}.layer is {}, but the tile has {left} from its own on", self.layer);
-            return Err(Failure::argument(message));
+    /// The fetch `name`, checked.
+    unsafe fn checked(&self, name: &str) -> Outcome<Checked> {
+        let (asset, tile) = handle::tile(&format!("{name}.tile"), self.tile)?;
+        if self.reserved != 0 {
+            return Err(Failure::unsupported(format!("{name}.reserved is {}", self.reserved)));
         }
         let sets = asset.info.uv_sets;
         let kind = match self.kind {
@@ -120,57 +119,81 @@ impl vrtm_fetch {
         let image = format!("{name}.image");
         // SAFETY: the host's pointer.
         let target = unsafe { Target::read(self.image, &image, kind) }?;
-        Ok((asset, (image, first + self.layer as usize, kind, target)))
+        let whole = ([self.whole_width, self.whole_height], [self.x, self.y]);
+        if whole.0 == [0, 0] && whole.1 != [0, 0] {
+            let [x, y] = whole.1;
+            let message = format!("{name}.x and y are {x} and {y}, but whole_width and whole_height are 0");
+            return Err(Failure::argument(message));
+        }
+        let whole = (whole.0 != [0, 0]).then_some(whole);
+        Ok(Checked { image, tile, kind, target, whole })
     }
 }
 
-/// A checked fetch: the image's name for messages, the tile's index, the kind of output and its destination.
-pub(super) type Wanted = (String, usize, FetchKind, Target);
+/// A checked fetch.
+struct Checked {
+    /// The image's name, for messages.
+    image: String,
+    /// The tile's index.
+    tile: usize,
+    kind: FetchKind,
+    target: Target,
+    /// The size of the whole image, and the place of this one in it.
+    whole: Option<([u32; 2], [u32; 2])>,
+}
 
 /// Reads a host's array of fetches for `asset`, and checks that no two outputs write the same byte, and that none
 /// overlaps `input`.
-pub(super) unsafe fn targets(
+pub(super) unsafe fn wanted<'a>(
     asset: vrtm_asset,
     fetches: *const vrtm_fetch,
     count: usize,
     input: Range<usize>,
-) -> Outcome<Vec<Wanted>> {
+) -> Outcome<Vec<Fetch<'a>>> {
     let mut all = Vec::new();
-    if count == 0 {
-        return Ok(all);
-    }
-    // SAFETY: the host vouches for `count` structs, spaced by the first one's struct_size.
-    let stride = unsafe { desc::read(fetches, "fetches") }?.struct_size;
-    for index in 0..count {
-        let name = format!("fetches[{index}]");
-        let at = index.checked_mul(stride as usize).and_then(|n| fetches.addr().checked_add(n));
-        let at =
-            at.ok_or_else(|| Failure::argument(format!("count is {count}: exceeds the address space")))?;
-        // SAFETY: as above.
-        let fetch = unsafe { desc::read(fetches.with_addr(at), &name) }?;
-        if fetch.struct_size != stride {
-            return Err(Failure::argument(format!(
-                "{name}.struct_size is {}, but that of fetches[0] is {stride}",
-                fetch.struct_size
-            )));
+    if count > 0 {
+        // SAFETY: the host vouches for `count` structs, spaced by the first one's struct_size.
+        let stride = unsafe { desc::read(fetches, "fetches") }?.struct_size;
+        for index in 0..count {
+            let name = format!("fetches[{index}]");
+            let at = index.checked_mul(stride as usize).and_then(|n| fetches.addr().checked_add(n));
+            let at =
+                at.ok_or_else(|| Failure::argument(format!("count is {count}: exceeds the address space")))?;
+            // SAFETY: as above.
+            let fetch = unsafe { desc::read(fetches.with_addr(at), &name) }?;
+            if fetch.struct_size != stride {
+                return Err(Failure::argument(format!(
+                    "{name}.struct_size is {}, but that of fetches[0] is {stride}",
+                    fetch.struct_size
+                )));
+            }
+            // SAFETY: the host's pointers, valid during the call.
+            let checked = unsafe { fetch.checked(&name) }?;
+            if !handle::is_tile_of(fetch.tile, asset) {
+                return Err(Failure::argument(format!("{name}.tile belongs to another asset")));
+            }
+            all.push(checked);
         }
-        // SAFETY: the host's pointers, valid during the call.
-        let (_, wanted) = unsafe { fetch.wanted(&name) }?;
-        if !handle::is_tile_of(fetch.tile, asset) {
-            return Err(Failure::argument(format!("{name}.tile belongs to another asset")));
-        }
-        all.push(wanted);
     }
     check_apart(&all, input)?;
-    Ok(all)
+    let view = |of: &Checked| {
+        // SAFETY: the host vouches for the memory, and no other view writes to it.
+        let image = unsafe { of.target.view(&of.image) }?;
+        let image = match of.whole {
+            Some((size, first)) => image.part_of(&of.image, size, first)?,
+            None => image,
+        };
+        Ok(Fetch { tile: of.tile, kind: of.kind, image })
+    };
+    all.iter().map(view).collect()
 }
 
 /// Rejects outputs that write the same byte, which would be undefined behaviour. Images may be interleaved, such as two
 /// pairs of channels of one image. Positions are read as one slice of all bytes that they span, so no output may write
 /// there.
-fn check_apart(all: &[Wanted], input: Range<usize>) -> Outcome<()> {
+fn check_apart(all: &[Checked], input: Range<usize>) -> Outcome<()> {
     let overlap = |a: &str, b: &str| Err(Failure::argument(format!("{a} and {b} overlap in memory")));
-    let mut sorted: Vec<_> = all.iter().map(|(name, _, _, target)| (target, name.as_str())).collect();
+    let mut sorted: Vec<_> = all.iter().map(|of| (&of.target, of.image.as_str())).collect();
     sorted.sort_unstable_by_key(|(target, name)| (target.span().start, *name));
     for (k, (target, name)) in sorted.iter().enumerate() {
         let span = target.span();
@@ -188,46 +211,33 @@ fn check_apart(all: &[Wanted], input: Range<usize>) -> Outcome<()> {
     Ok(())
 }
 
-/// Writes one output of the last solve into the caller's memory. Any size is allowed; the result does not depend on
-/// other fetches.
+/// Writes `count` outputs of an asset's last solve into the caller's memory. All are of one and the same solve, even if
+/// another one ends meanwhile. Any size is allowed; an output does not depend on other fetches. All tiles belong to one
+/// asset. No two images may write the same byte, but they may be interleaved, such as two pairs of channels of one
+/// image. `fetches` may be null if `count` is 0.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
 /// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride, channels that
-/// the kind does not have or an unknown value; VRTM_ERROR_OUT_OF_MEMORY. On any error the image is not written. Never
+/// the kind does not have, an unknown value, a rectangle that is not inside the whole image, or images that overlap;
+/// VRTM_ERROR_OUT_OF_MEMORY. On any error no image is written, unless a GPU fails while the images are written. Never
 /// busy.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_tile_fetch(
-    tile: vrtm_tile,
-    kind: vrtm_fetch_kind,
-    image: *const vrtm_image_out,
-) -> vrtm_status {
+pub unsafe extern "C" fn vrtm_tile_fetch(fetches: *const vrtm_fetch, count: usize) -> vrtm_status {
     guard("vrtm_tile_fetch", || {
-        let (asset, tile) = handle::tile("tile", tile)?;
-        let kind = fetch_kind(kind, "kind")?;
+        if count == 0 {
+            return Ok(());
+        }
         // SAFETY: the host's pointer, valid during the call.
-        let target = unsafe { Target::read(image, "image", kind) }?;
-        // SAFETY: the host vouches for the memory, and this is the only view of it.
-        let mut view = unsafe { target.view("image") }?;
-        Ok(asset.results.fetch(tile, kind, &mut view)?)
-    })
-}
-
-/// Writes one output of the last solve, as a vrtm_fetch describes it: any layer of a tile, and UVs of another set.
-///
-/// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a layer or a UV set out of range.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_tile_fetch_output(fetch: *const vrtm_fetch) -> vrtm_status {
-    guard("vrtm_tile_fetch_output", || {
-        // SAFETY: the host's struct and its pointers, valid during the call.
-        let (asset, (name, tile, kind, target)) = unsafe { desc::read(fetch, "fetch")?.wanted("fetch") }?;
-        // SAFETY: the host vouches for the memory, and this is the only view of it.
-        let mut view = unsafe { target.view(&name) }?;
-        Ok(asset.results.fetch(tile, kind, &mut view)?)
+        let first = unsafe { desc::read(fetches, "fetches") }?.tile;
+        let asset = handle::asset_of("fetches[0].tile", first)?;
+        // SAFETY: as above.
+        let mut wanted = unsafe { wanted(asset, fetches, count, 0..0) }?;
+        Ok(handle::asset(asset)?.results.fetch_all(&mut wanted)?)
     })
 }
 
 /// Writes the layer of every face in a UV set: which of the tiles with the face's UDIM number has its redirection (see
-/// vrtm_mesh_desc.max_layers); 0 for faces in no tile. `count` is the number of faces, vrtm_asset_data.faces. All
+/// vrtm_mesh_desc.max_layers); 0 for faces in no tile. `count` is the number of faces, vrtm_asset_info.faces. All
 /// corners of a face are in its layer. It depends on the mesh alone: no solve is needed, and once per mesh is enough.
 /// Make it an attribute of faces, by which a shader picks the layer's map. Never busy.
 ///
@@ -252,71 +262,29 @@ pub unsafe extern "C" fn vrtm_asset_fetch_face_layers(
     })
 }
 
-/// Writes a part of one output of the last solve, for images that are too large to be held in memory at once: of an
-/// image of `width` x `height` texels, the rectangle of `image`'s size that starts at the column `x` and the row `y`.
-/// Rows are counted in the order of image->origin. On the CPU, parts equal those of the whole image bit for bit.
-///
-/// Errors: those of vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT if the part is not inside the whole image.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_tile_fetch_part(
-    tile: vrtm_tile,
-    kind: vrtm_fetch_kind,
-    image: *const vrtm_image_out,
-    x: u32,
-    y: u32,
-    width: u32,
-    height: u32,
-) -> vrtm_status {
-    guard("vrtm_tile_fetch_part", || {
-        let (asset, tile) = handle::tile("tile", tile)?;
-        let kind = fetch_kind(kind, "kind")?;
-        // SAFETY: the host's pointer, valid during the call.
-        let target = unsafe { Target::read(image, "image", kind) }?;
-        // SAFETY: the host vouches for the memory, and this is the only view of it.
-        let mut view = unsafe { target.view("image") }?;
-        Ok(asset.results.fetch_part(tile, kind, &mut view, [width, height], [x, y])?)
-    })
-}
-
-/// Writes the redirected UV of every face corner of the mesh in UV set 0: `count` pairs (u, v), in corner order, with
+/// Writes the redirected UV of every face corner of the mesh in a UV set: `count` pairs (u, v), in corner order, with
 /// the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. For hosts that set UVs
-/// instead of reading a map. `count` is the number of corners, vrtm_asset_data.corners; `uvs` has room for 2 * count
+/// instead of reading a map. `count` is the number of corners, vrtm_asset_info.corners; `uvs` has room for 2 * count
 /// floats.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
-/// `uvs` is null or `count` is not the number of corners. On any error nothing is written. Never busy. In tiles that
-/// have not been solved yet, the UVs are the mesh's own.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT for an
+/// unknown UV set, if `uvs` is null or `count` is not the number of corners. On any error nothing is written. Never
+/// busy. In tiles that have not been solved yet, the UVs are the mesh's own.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_fetch_corner_uvs(
-    asset: vrtm_asset,
-    uvs: *mut f32,
-    count: usize,
-) -> vrtm_status {
-    // SAFETY: passed on.
-    guard("vrtm_asset_fetch_corner_uvs", || unsafe { corner_uvs(asset, 0, uvs, count) })
-}
-
-/// As vrtm_asset_fetch_corner_uvs, for any UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
-///
-/// Errors: those of vrtm_asset_fetch_corner_uvs; VRTM_ERROR_INVALID_ARGUMENT for an unknown UV set.
-#[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_asset_fetch_corner_uvs_of_set(
     asset: vrtm_asset,
     uv_set: u32,
     uvs: *mut f32,
     count: usize,
 ) -> vrtm_status {
-    // SAFETY: passed on.
-    guard("vrtm_asset_fetch_corner_uvs_of_set", || unsafe { corner_uvs(asset, uv_set, uvs, count) })
-}
-
-unsafe fn corner_uvs(asset: vrtm_asset, uv_set: u32, uvs: *mut f32, count: usize) -> Outcome<()> {
-    let asset = handle::asset(asset)?;
-    let corners = asset.info.corners;
-    if count as u64 != corners {
-        return Err(Failure::argument(format!("count is {count}, but the mesh has {corners} corners")));
-    }
-    // SAFETY: the host vouches for `count` pairs during the call.
-    let out = unsafe { desc::slice_mut(uvs.cast::<[f32; 2]>(), count, "uvs") }?;
-    Ok(asset.results.corner_uvs_of_set(uv_set, out)?)
+    guard("vrtm_asset_fetch_corner_uvs", || {
+        let asset = handle::asset(asset)?;
+        let corners = asset.info.corners;
+        if count as u64 != corners {
+            return Err(Failure::argument(format!("count is {count}, but the mesh has {corners} corners")));
+        }
+        // SAFETY: the host vouches for `count` pairs during the call.
+        let out = unsafe { desc::slice_mut(uvs.cast::<[f32; 2]>(), count, "uvs") }?;
+        Ok(asset.results.corner_uvs_of_set(uv_set, out)?)
+    })
 }

@@ -32,14 +32,14 @@ pub const VRTM_FOREVER: u32 = u32::MAX;
 pub type vrtm_job_state = i32;
 /// It has not begun, or is under way.
 pub const VRTM_JOB_RUNNING: vrtm_job_state = 0;
-/// It has ended: vrtm_job_data.status says how.
+/// It has ended: vrtm_job_progress.status says how.
 pub const VRTM_JOB_DONE: vrtm_job_state = 1;
 
-/// The state and progress of a job. Start from vrtm_job_data_init().
+/// The state and progress of a job. Start from vrtm_job_progress_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct vrtm_job_data {
-    /// sizeof(vrtm_job_data); set by vrtm_job_data_init().
+pub struct vrtm_job_progress {
+    /// sizeof(vrtm_job_progress); set by vrtm_job_progress_init().
     pub struct_size: u32,
     /// VRTM_JOB_RUNNING (0) or VRTM_JOB_DONE.
     pub state: vrtm_job_state,
@@ -52,8 +52,8 @@ pub struct vrtm_job_data {
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
-unsafe impl Sized32 for vrtm_job_data {
-    const NAME: &'static str = "vrtm_job_data";
+unsafe impl Sized32 for vrtm_job_progress {
+    const NAME: &'static str = "vrtm_job_progress";
 }
 
 /// One solve.
@@ -301,11 +301,14 @@ pub unsafe extern "C" fn vrtm_job_wait(job: vrtm_job, timeout_ms: u32) -> vrtm_s
 
 /// Gets the state and progress of a job. Never waits.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `progress` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_job_progress(job: vrtm_job, data: *mut vrtm_job_data) -> vrtm_status {
-    guard("vrtm_job_progress", || {
-        let out = Out::new(data, "data")?;
+pub unsafe extern "C" fn vrtm_job_get_progress(
+    job: vrtm_job,
+    progress: *mut vrtm_job_progress,
+) -> vrtm_status {
+    guard("vrtm_job_get_progress", || {
+        let out = Out::new(progress, "progress")?;
         let job = living(job)?;
         let progress = job.control.progress();
         let now = job.submitted.elapsed().as_secs_f32() * 1000.0;
@@ -316,7 +319,7 @@ pub unsafe extern "C" fn vrtm_job_progress(job: vrtm_job, data: *mut vrtm_job_da
             }
             _ => (VRTM_JOB_RUNNING, VRTM_OK, now),
         };
-        out.write(vrtm_job_data { struct_size: 0, state, status, progress, ms });
+        out.write(vrtm_job_progress { struct_size: 0, state, status, progress, ms });
         Ok(())
     })
 }

@@ -38,6 +38,7 @@ pub mod refine;
 pub mod carrier;
 pub mod report;
 pub mod tile;
+pub mod defaults;
 
 /// The global allocator of the whole program, through which memory comes from a host's allocator, and which keeps a
 /// process alive whose memory is short.
@@ -46,16 +47,16 @@ static ALLOCATOR: vrtm_core::allocation::Allocator = vrtm_core::allocation::Allo
 
 /// The structs that mirror those of the Rust API, for the header.
 pub const MIRRORED: &[mirror::Struct] = &[
-    asset::vrtm_asset_data::MIRROR,
-    carrier::vrtm_carrier_data::MIRROR,
+    asset::vrtm_asset_info::MIRROR,
+    carrier::vrtm_carrier_info::MIRROR,
     solve::vrtm_pbd_settings::MIRROR,
     solve::vrtm_solve_options::MIRROR,
-    prepare::vrtm_tile_needs::MIRROR,
-    refine::vrtm_refinement_data::MIRROR,
+    prepare::vrtm_tile_estimate::MIRROR,
+    refine::vrtm_refinement_info::MIRROR,
     report::vrtm_strain::MIRROR,
-    report::vrtm_tile_report_data::MIRROR,
-    report::vrtm_asset_report_data::MIRROR,
-    tile::vrtm_tile_data::MIRROR,
+    report::vrtm_tile_report::MIRROR,
+    report::vrtm_asset_report::MIRROR,
+    tile::vrtm_tile_info::MIRROR,
     tile::vrtm_tile_settings::MIRROR,
 ];
 

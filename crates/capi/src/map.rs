@@ -5,7 +5,7 @@ use super::fetch::{fetch_kind, vrtm_fetch_kind};
 use super::guard::guard;
 use super::handle::{self, vrtm_tile};
 use super::status::{Outcome, vrtm_status};
-use super::types::{gone, pixel_format, vrtm_pixel_format};
+use super::types::{pixel_format, vrtm_pixel_format};
 use vrtm::{MapDesc, MapReport};
 
 /// The kind, format and size of a redirection map to inspect. Start from vrtm_map_desc_init().
@@ -22,16 +22,14 @@ pub struct vrtm_map_desc {
     pub width: u32,
     /// Texels in v, 1 to 16384.
     pub height: u32,
-    /// Has no function any more: 0. Another value is refused with VRTM_ERROR_UNSUPPORTED.
-    pub one_to_one: u32,
 }
 
 /// Accuracy of a redirection map that is read with bilinear interpolation. Errors are lengths in UV; multiply
-/// them by a texture's size to get its texels. Start from vrtm_map_data_init().
+/// them by a texture's size to get its texels. Start from vrtm_map_info_init().
 #[repr(C)]
 #[derive(Clone, Copy)]
-pub struct vrtm_map_data {
-    /// sizeof(vrtm_map_data); set by vrtm_map_data_init().
+pub struct vrtm_map_info {
+    /// sizeof(vrtm_map_info); set by vrtm_map_info_init().
     pub struct_size: u32,
     /// Quads of four neighbouring texel centres on which the interpolated map, in the numbers that a fetch writes, is
     /// not one-to-one: 0 certifies that the map is one-to-one everywhere between the centres of the tile's outermost
@@ -58,39 +56,37 @@ unsafe impl Sized32 for vrtm_map_desc {
 }
 
 // SAFETY: as above.
-unsafe impl Sized32 for vrtm_map_data {
-    const NAME: &'static str = "vrtm_map_data";
+unsafe impl Sized32 for vrtm_map_info {
+    const NAME: &'static str = "vrtm_map_info";
 }
 
-/// Inspects the map that a vrtm_tile_fetch of this kind, size and format would write for the last result. A warp
-/// without folds has an inverse without folds, but a map samples the inverse at texel centres only, and a renderer's
-/// interpolation between them may fold where the warp squeezes. This function reports whether it folds, how far it is
-/// from the exact redirection, and which size suffices. It takes about as long as fetching the map and a second map of
-/// twice its size or the grid's, and longer if it has to search for another size. The map is computed on the
-/// CPU: if a GPU writes it, single quads that almost fold may be counted differently.
+/// Inspects the map that a vrtm_tile_fetch of this kind, size and format would write for the last result. A map samples
+/// the redirection at texel centres only, and a renderer's interpolation between them may fold where the warp squeezes.
+/// This function reports whether it folds, how far it is from the exact redirection, and which size suffices. It takes
+/// about as long as fetching the map and a second map of twice its size or the grid's. The map is computed on the CPU:
+/// if a GPU writes it, single quads that almost fold may be counted differently.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
-/// integer format or a one_to_one that is not 0; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that
-/// is not a redirection, or a size out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
+/// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a kind that is not a redirection, or a size
+/// out of range; VRTM_ERROR_OUT_OF_MEMORY. On any error nothing is written. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_inspect_map(
     tile: vrtm_tile,
     desc: *const vrtm_map_desc,
-    data: *mut vrtm_map_data,
+    info: *mut vrtm_map_info,
 ) -> vrtm_status {
     guard("vrtm_tile_inspect_map", || {
-        let out = Out::new(data, "data")?;
+        let out = Out::new(info, "info")?;
         let (asset, tile) = handle::tile("tile", tile)?;
         // SAFETY: the host's pointer.
         let desc = read(unsafe { desc::read(desc, "desc") }?)?;
         let report = asset.results.inspect_map(tile, &desc)?;
-        out.write(data_of(&report));
+        out.write(info_of(&report));
         Ok(())
     })
 }
 
 fn read(desc: vrtm_map_desc) -> Outcome<MapDesc> {
-    gone(desc.one_to_one, "desc.one_to_one")?;
     Ok(MapDesc {
         kind: fetch_kind(desc.kind, "desc.kind")?,
         format: pixel_format(desc.format, "desc")?,
@@ -98,9 +94,9 @@ fn read(desc: vrtm_map_desc) -> Outcome<MapDesc> {
     })
 }
 
-fn data_of(report: &MapReport) -> vrtm_map_data {
+fn info_of(report: &MapReport) -> vrtm_map_info {
     let [sufficient_width, sufficient_height] = report.sufficient_size.unwrap_or_default();
-    vrtm_map_data {
+    vrtm_map_info {
         struct_size: 0,
         folds: report.folds,
         min_jacobian: report.min_jacobian,

@@ -92,33 +92,26 @@ pub struct vrtm_mesh_desc {
     pub seam_count: usize,
     /// One of VRTM_WELD_: INDEX (0, the default), POSITION, OFF.
     pub weld: vrtm_weld,
-    /// The tolerance of VRTM_WELD_POSITION, the largest distance of vertices that it welds: this fraction (0..1) of the
-    /// longest side of the bounding box at rest; default 1e-5. Unless it is 0, an allowance for rounding is added:
-    /// 2^-23 (2^-52 for f64 positions) times the largest magnitude of a rest coordinate. The tolerance of a vertex is
-    /// at most a quarter of its shortest edge; a vertex with an edge shorter than half of the tolerance is welded only
-    /// to vertices at the same position.
+    /// Largest distance of vertices that VRTM_WELD_POSITION welds, as a fraction (0..1) of the longest side of the
+    /// bounding box at rest; default 1e-5. Unless it is 0, an allowance for rounding is added. A vertex is welded over
+    /// at most a quarter of its shortest edge, and one with an edge shorter than half of the tolerance only to vertices
+    /// at the same position.
     pub weld_position_tolerance: f64,
-    /// Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024. It is
-    /// smaller at small triangles: at most a quarter of the smallest UV height of the triangles at the vertex. Welded
-    /// corners have the mean of their UVs. Beside a slit in the UVs that this closes, one wider than 1/8192 or a step
-    /// of half floats, nothing moves (vrtm_tile_data.gap_nodes); where all edges around are apart, that is noise
-    /// and no slit.
+    /// Largest difference of welded UVs, in u and in v, 0..1; default 1/2048, half a texel of a map of 1024, and at
+    /// most a quarter of the smallest UV height of the triangles at the vertex. Welded corners have the mean of their
+    /// UVs. Beside a slit in the UVs that this closes nothing moves (vrtm_tile_info.gap_nodes).
     pub weld_uv_tolerance: f64,
     /// The largest number of layers of a tile, for meshes whose charts lie over one another: mirrored halves, stacked
     /// islands. 0 (the default) or 1: texels that several charts share do not move (see VRTM_OVERLAP_). From 2 on,
-    /// charts that lie over others, deeper than by 1/4096, get layers of their own, so that every chart is solved as if
-    /// it were alone; a mirrored character has two. Each layer is a tile with its own redirection map: layer 0 has the
-    /// charts of the first faces, layer 1 those that lie under them, and so on. vrtm_asset_fetch_face_layers says which
-    /// layer's map each face reads. Corner UVs and refinements need no layers to be told. Charts for which the layers
-    /// do not suffice are left in the last one. What of a chart lies over the same chart does not move in any layer.
-    /// UVs without overlaps have one layer, with the same results as before.
+    /// charts that lie over others, deeper than by 1/4096, get layers of their own, each a tile with its own
+    /// redirection map: vrtm_asset_fetch_face_layers says which map each face reads. Corner UVs and refinements know
+    /// the layers. Charts for which the layers do not suffice stay in the last one; a chart that lies over itself does
+    /// not move there.
     pub max_layers: u64,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers and raw pointers.
 unsafe impl Sized32 for vrtm_mesh_desc {
-    // It ended with `weld_uv_tolerance`.
-    const FIRST: usize = std::mem::offset_of!(vrtm_mesh_desc, max_layers);
     const NAME: &'static str = "vrtm_mesh_desc";
 }
 

@@ -5,7 +5,6 @@
 
 use std::time::Duration;
 
-use super::desc::Sized32;
 use super::status::{Failure, Outcome};
 use super::types::flag;
 
@@ -15,8 +14,8 @@ pub struct Struct {
     pub name: &'static str,
     /// The Rust struct that it mirrors.
     pub of: &'static str,
-    /// `sizeof` in the first version that had it; 0 for a plain value that never grows.
-    pub first: usize,
+    /// True for a plain value without a size, which never grows.
+    pub is_plain: bool,
     /// Its fields, without the size.
     pub fields: &'static [Field],
 }
@@ -31,8 +30,6 @@ pub struct Field {
     pub from: &'static str,
     /// The comment of a field that Rust does not have, or not so.
     pub about: &'static str,
-    /// Its offset in bytes.
-    pub offset: usize,
 }
 
 /// A type with constants.
@@ -107,14 +104,6 @@ impl Mirror<f32> for Option<Duration> {
     }
 }
 
-/// A struct for the initialisers: fields that came after the first version are zero, which means their default.
-pub(super) fn initial<T: Sized32>(mut value: T) -> T {
-    let first = T::FIRST;
-    // SAFETY: the bytes of a T, which may all be zero (trait contract).
-    unsafe { std::ptr::from_mut(&mut value).cast::<u8>().add(first).write_bytes(0, size_of::<T>() - first) };
-    value
-}
-
 /// The constants of a Rust enum.
 macro_rules! choice {
     ($all:ident: $name:ident of $of:ident { $($constant:ident = $value:literal: $variant:ident),* $(,)? }) => {
@@ -154,32 +143,28 @@ macro_rules! choice {
 }
 pub(super) use choice;
 
-/// A struct that the library fills, `report`, or that a host fills, `settings`. `later` are the fields that the first
-/// version did not have; `plain` values have no size, and no later fields. Fields of settings with a comment are
-/// those of C alone.
+/// A struct that the library fills, `report`, or that a host fills, `settings`; `plain` values have no size. Fields of
+/// settings with a comment are those of C alone.
 macro_rules! mirror {
     (
         report $name:ident of $rust:ident: $of:ident {
             $($(#[doc = $doc:literal])* $field:ident: $type:ty $(= $from:expr)?,)*
         }
-        $(later { $($later:ident: $later_type:ty $(= $later_from:expr)?,)* })?
     ) => {
         mirror!(@sized $name $rust $of
-            [$([$($doc)*] $field: $type = [$($from)?],)*]
-            [$($([] $later: $later_type = [$($later_from)?],)*)?]);
+            [$([$($doc)*] $field: $type = [$($from)?],)*]);
 
         impl From<$of> for $name {
             fn from($rust: $of) -> $name {
                 $name {
                     struct_size: 0,
                     $($field: <$type>::from(mirror!(@from $rust $field [$($from)?])),)*
-                    $($($later: <$later_type>::from(mirror!(@from $rust $later [$($later_from)?])),)*)?
                 }
             }
         }
     };
     (plain report $name:ident of $rust:ident: $of:ident { $($field:ident: $type:ty,)* }) => {
-        mirror!(@struct $name [] [0] $rust $of [$([] $field: $type = [],)*]);
+        mirror!(@struct $name [] $rust $of [$([] $field: $type = [],)*]);
 
         impl From<$of> for $name {
             fn from($rust: $of) -> $name {
@@ -191,24 +176,21 @@ macro_rules! mirror {
         settings $name:ident of $rust:ident: $of:ident in $path:literal {
             $($(#[doc = $doc:literal])* $field:ident: $type:ty $(= $from:expr)?,)*
         }
-        $(later { $($later:ident: $later_type:ty,)* })?
     ) => {
         mirror!(@sized $name $rust $of
-            [$([$($doc)*] $field: $type = [$($from)?],)*]
-            [$($([] $later: $later_type = [],)*)?]);
+            [$([$($doc)*] $field: $type = [$($from)?],)*]);
 
         impl From<&$of> for $name {
             fn from($rust: &$of) -> $name {
                 let mut c: $name = $crate::desc::Sized32::zeroed();
                 $(mirror!(@to_c c $rust $field [$($doc)*] [$($from)?]);)*
-                $($(mirror!(@to_c c $rust $later [] []);)*)?
                 c
             }
         }
 
         impl Default for $name {
             fn default() -> $name {
-                $crate::mirror::initial($name::from(&$of::default()))
+                $name::from(&$of::default())
             }
         }
 
@@ -217,16 +199,12 @@ macro_rules! mirror {
             pub(super) fn settings(&self) -> $crate::status::Outcome<$of> {
                 let mut $rust = $of::default();
                 $(mirror!(@from_c self $rust $path $field [$($doc)*] [$($from)?]);)*
-                // Zero is what the structs of hosts hold that do not know the field: the default.
-                $($(if self.$later != <$later_type>::default() {
-                    mirror!(@from_c self $rust $path $later [] []);
-                })*)?
                 Ok($rust)
             }
         }
     };
     (plain settings $name:ident of $rust:ident: $of:ident { $($field:ident: $type:ty,)* }) => {
-        mirror!(@struct $name [] [0] $rust $of [$([] $field: $type = [],)*]);
+        mirror!(@struct $name [] $rust $of [$([] $field: $type = [],)*]);
 
         impl $crate::mirror::Mirror<$name> for $of {
             fn to_c(&self) -> $name {
@@ -241,19 +219,16 @@ macro_rules! mirror {
 
     (
         @sized $name:ident $rust:ident $of:ident [$($fields:tt)*]
-        [$($doc:tt $later:ident: $later_type:ty = $later_from:tt,)*]
     ) => {
-        mirror!(@struct $name [struct_size] [$(std::mem::offset_of!($name, $later),)* size_of::<$name>()]
-            $rust $of [$($fields)* $($doc $later: $later_type = $later_from,)*]);
+        mirror!(@struct $name [struct_size] $rust $of [$($fields)*]);
 
         // SAFETY: repr(C), struct_size first, plain numbers and pointers.
         unsafe impl $crate::desc::Sized32 for $name {
-            const FIRST: usize = $name::MIRROR.first;
             const NAME: &'static str = stringify!($name);
         }
     };
     (
-        @struct $name:ident [$($size:ident)?] $first:tt $rust:ident $of:ident
+        @struct $name:ident [$($size:ident)?] $rust:ident $of:ident
         [$([$($doc:literal)*] $field:ident: $type:ty = [$($from:expr)?],)*]
     ) => {
         #[doc = concat!("[`", stringify!($of), "`] in C.")]
@@ -269,13 +244,12 @@ macro_rules! mirror {
             pub(super) const MIRROR: $crate::mirror::Struct = $crate::mirror::Struct {
                 name: stringify!($name),
                 of: stringify!($of),
-                first: $first[0],
+                is_plain: <[&str]>::is_empty(&[$(stringify!($size),)?]),
                 fields: &[$($crate::mirror::Field {
                     name: stringify!($field),
                     kind: stringify!($type),
                     from: [$(stringify!($from),)? concat!(stringify!($rust), ".", stringify!($field))][0],
                     about: concat!($($doc, "\n"),*),
-                    offset: std::mem::offset_of!($name, $field),
                 }),*],
             };
         }

@@ -10,7 +10,7 @@ use super::status::{Failure, vrtm_status};
 use vrtm_core::report::TileEstimate;
 
 mirror! {
-    report vrtm_tile_needs of r: TileEstimate {
+    report vrtm_tile_estimate of r: TileEstimate {
         movable_nodes: u64, prepared_bytes: u64, preparing_bytes: u64, solving_bytes: u64,
     }
 }
@@ -20,12 +20,15 @@ mirror! {
 /// borders, if they go on there. The same estimate is checked against a device's memory_budget before a tile is
 /// prepared.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `needs` is null or has a wrong struct_size;
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `estimate` is null or has a wrong struct_size;
 /// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_tile_estimate(tile: vrtm_tile, needs: *mut vrtm_tile_needs) -> vrtm_status {
-    guard("vrtm_tile_estimate", || {
-        let out = Out::new(needs, "needs")?;
+pub unsafe extern "C" fn vrtm_tile_get_estimate(
+    tile: vrtm_tile,
+    estimate: *mut vrtm_tile_estimate,
+) -> vrtm_status {
+    guard("vrtm_tile_get_estimate", || {
+        let out = Out::new(estimate, "estimate")?;
         let (asset, tile) = handle::tile("tile", tile)?;
         out.write(asset.write(|asset| Ok(asset.tile_estimate(tile)?))?.into());
         Ok(())
@@ -72,9 +75,8 @@ pub unsafe extern "C" fn vrtm_tile_save(
 
 /// Loads a tile that was prepared elsewhere, so that it need not be prepared here. Before this call, set the mesh, maps
 /// and settings that the tile was saved with; they are compared. `size` is the number of bytes. The bytes need not be
-/// trusted: anything but an intact saved tile is refused. The checksum is not a signature: bytes that were changed on
-/// purpose, together with their checksum, may be accepted. At worst they give a different warp, which is certified like
-/// any other; they never cause a crash.
+/// trusted: anything but an intact saved tile is refused. The checksum is no signature: bytes that were forged together
+/// with it may give a different warp, which is certified like any other.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null, for bytes that are damaged, in another
 /// version of the format, or saved with another mesh, map or setting; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY. On any

@@ -19,7 +19,7 @@ use vrtm_core::panics::lock;
 pub struct vrtm_refinement_desc {
     /// sizeof(vrtm_refinement_desc); set by vrtm_refinement_desc_init().
     pub struct_size: u32,
-    /// The UV set: 0 <= uv_set < vrtm_asset_data.uv_sets.
+    /// The UV set: 0 <= uv_set < vrtm_asset_info.uv_sets.
     pub uv_set: u32,
     /// Largest error of linear interpolation on a triangle, in UV of a tile, over 0 and at most 1; default 1/2048, half
     /// a texel of a texture of 1024. Halving it needs up to three times as many triangles.
@@ -30,7 +30,7 @@ pub struct vrtm_refinement_desc {
 }
 
 mirror! {
-    report vrtm_refinement_data of r: RefinementInfo {
+    report vrtm_refinement_info of r: RefinementInfo {
         uv_set: u32, vertices: u64, faces: u64, corners: u64, triangles: u64, bytes: u64,
         tolerance: f64, error: f64, reached: u32, ms: f32,
     }
@@ -47,11 +47,11 @@ mirror! {
 pub struct vrtm_refinement_pattern {
     /// sizeof(vrtm_refinement_pattern); set by vrtm_refinement_pattern_init().
     pub struct_size: u32,
-    /// vrtm_refinement_data.vertices: the room in the arrays by vertex.
+    /// vrtm_refinement_info.vertices: the room in the arrays by vertex.
     pub vertex_count: usize,
-    /// vrtm_refinement_data.faces: the room in the arrays by face.
+    /// vrtm_refinement_info.faces: the room in the arrays by face.
     pub face_count: usize,
-    /// vrtm_refinement_data.corners: the room in the arrays by corner.
+    /// vrtm_refinement_info.corners: the room in the arrays by corner.
     pub corner_count: usize,
     /// Three per vertex: vertices of the mesh. The mesh's own vertices come first, in their original order, each its
     /// own source.
@@ -178,11 +178,11 @@ pub unsafe extern "C" fn vrtm_refinement_create(
     })
 }
 
-/// Refines further, for the asset's last result. Existing splits stay: a refinement that was extended for each frame of
-/// a shot has one topology for all frames. Vertices keep their numbers, and new ones are appended; faces and corners
-/// are renumbered. vrtm_refinement_info gives the new sizes. To keep the tolerance in all frames, repeat the pass over
-/// the frames until the number of triangles no longer changes: a split for one frame may push another slightly over the
-/// tolerance.
+/// Refines further, for the asset's last result. Existing splits stay: a refinement that was extended for each frame
+/// of a shot has one topology for all frames. Vertices keep their numbers, and new ones are appended; faces and
+/// corners are renumbered. vrtm_refinement_get_info gives the new sizes. To keep the tolerance in all frames, repeat
+/// the pass over the frames until the number of triangles no longer changes: a split for one frame may push another
+/// slightly over the tolerance.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_BUSY while another call extends the same refinement;
 /// VRTM_ERROR_OUT_OF_MEMORY. On any error the refinement is as it was.
@@ -193,14 +193,14 @@ pub unsafe extern "C" fn vrtm_refinement_extend(refinement: vrtm_refinement) -> 
 
 /// Gets the sizes and the accuracy of a refinement. Never busy.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `data` is null or has a wrong struct_size.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_refinement_info(
+pub unsafe extern "C" fn vrtm_refinement_get_info(
     refinement: vrtm_refinement,
-    data: *mut vrtm_refinement_data,
+    info: *mut vrtm_refinement_info,
 ) -> vrtm_status {
-    guard("vrtm_refinement_info", || {
-        let out = Out::new(data, "data")?;
+    guard("vrtm_refinement_get_info", || {
+        let out = Out::new(info, "info")?;
         out.write(living(refinement)?.present().info().into());
         Ok(())
     })
@@ -209,7 +209,7 @@ pub unsafe extern "C" fn vrtm_refinement_info(
 /// Writes the pattern into the caller's arrays. It changes only when the refinement is extended. Never busy.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `pattern` is null, a count
-/// differs from vrtm_refinement_info, or two arrays overlap. On any error nothing is written.
+/// differs from vrtm_refinement_get_info, or two arrays overlap. On any error nothing is written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_refinement_fetch_pattern(
     refinement: vrtm_refinement,
@@ -282,7 +282,7 @@ impl Spans {
 /// Writes the redirected UV of every corner of the refined mesh in the asset's last result: `count` pairs (u, v), with
 /// the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. Call it after each frame's
 /// solve. At corners of the mesh the UVs equal those of vrtm_asset_fetch_corner_uvs_of_set bit for bit. `count` is the
-/// number of corners, vrtm_refinement_data.corners; `uvs` has room for 2 * count floats. Never busy.
+/// number of corners, vrtm_refinement_info.corners; `uvs` has room for 2 * count floats. Never busy.
 ///
 /// For a pose that the refinement was not created or extended for, the error may exceed the tolerance.
 ///

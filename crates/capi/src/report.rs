@@ -14,17 +14,20 @@ mirror! {
 }
 
 mirror! {
-    report vrtm_tile_report_data of r: TileReport {
+    report vrtm_tile_report of r: TileReport {
         udim: u32, grid_width: u32 = r.grid[0], grid_height: u32 = r.grid[1],
         energy_before: f64, energy: f64, min_jacobian: f64, folds: u64, max_displacement: f32,
         truncated: u32, kept: u32, welds_torn: u32,
-        charts: u32, charts_active: u32, charts_reused: u32, charts_identity: u32, charts_fallback: u32, levels: u32,
+        charts: u32, charts_active: u32, charts_reused: u32, charts_identity: u32,
+        charts_fallback: u32, charts_apart: u32,
+        levels: u32,
         blocks_active: u64, blocks: u64, nodes_active: u64,
         sweeps: u32, corrections: u32, node_updates: u64, bytes: u64,
         ms_surface: f32 = r.times.surface, ms_maps: f32 = r.times.maps, ms_pyramid: f32 = r.times.pyramid,
         ms_prolong: f32 = r.times.prolong, ms_relax: f32 = r.times.relax, ms_correct: f32 = r.times.correct,
-        ms_pbd: f32 = r.times.pbd, ms_certify: f32 = r.times.certify, ms_invert: f32 = r.times.invert,
+        ms_pbd: f32 = r.times.pbd, ms_certify: f32 = r.times.certify, ms_blend: f32 = r.times.blend,
         ms_total: f32 = r.times.total,
+        ms_invert: f32 = r.times.invert, texels_limited: u64, max_limit: f32,
         /// 1 if the solve measured strain; otherwise this and the fields below are 0. They describe segments between
         /// neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `edges_fixed` cover the
         /// segments that a border, an overlap or the mask fixes at both ends, and the other fields cover the rest.
@@ -34,13 +37,11 @@ mirror! {
         harm: f32 = r.strain.unwrap_or_default().harm, help: f32 = r.strain.unwrap_or_default().help,
         strain_fixed: f32 = r.strain.unwrap_or_default().fixed,
         edges: u64 = r.strain.unwrap_or_default().edges, edges_fixed: u64 = r.strain.unwrap_or_default().edges_fixed,
-    } later {
-        charts_apart: u32, ms_blend: f32 = r.times.blend, texels_limited: u64, max_limit: f32,
     }
 }
 
 mirror! {
-    report vrtm_asset_report_data of r: AssetReport {
+    report vrtm_asset_report of r: AssetReport {
         tiles: u32, tiles_active: u32, tiles_kept: u32, charts_active: u32, charts_reused: u32, charts_identity: u32,
         nodes_active: u64, min_jacobian: f64, folds: u64, bytes: u64, ms_total: f32 = r.total_ms, truncated: u32,
         median_stretch: f32, stretched_share: f32,
@@ -52,11 +53,8 @@ mirror! {
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
 /// `report` is null or has a wrong struct_size. Never busy.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_tile_report(
-    tile: vrtm_tile,
-    report: *mut vrtm_tile_report_data,
-) -> vrtm_status {
-    guard("vrtm_tile_report", || {
+pub unsafe extern "C" fn vrtm_tile_get_report(tile: vrtm_tile, report: *mut vrtm_tile_report) -> vrtm_status {
+    guard("vrtm_tile_get_report", || {
         let out = Out::new(report, "report")?;
         let (asset, tile) = handle::tile("tile", tile)?;
         out.write(asset.results.tile_report(tile)?.into());
@@ -69,11 +67,11 @@ pub unsafe extern "C" fn vrtm_tile_report(
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
 /// `report` is null or has a wrong struct_size. Never busy.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_asset_report(
+pub unsafe extern "C" fn vrtm_asset_get_report(
     asset: vrtm_asset,
-    report: *mut vrtm_asset_report_data,
+    report: *mut vrtm_asset_report,
 ) -> vrtm_status {
-    guard("vrtm_asset_report", || {
+    guard("vrtm_asset_get_report", || {
         let out = Out::new(report, "report")?;
         out.write(handle::asset(asset)?.results.report()?.into());
         Ok(())

@@ -5,13 +5,13 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use super::desc;
-use super::fetch::{targets, vrtm_fetch};
+use super::fetch::{vrtm_fetch, wanted};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::mirror::{choice, mirror};
 use super::status::{Failure, Outcome, vrtm_status};
 use super::types::{strided, strided_and_span, vrtm_array};
-use vrtm::{Fetch, SolveRequest};
+use vrtm::SolveRequest;
 use vrtm_core::allocation::Vec;
 use vrtm_core::control::Control;
 use vrtm_core::settings::{PbdSettings, Quality, SolveOptions, Solver};
@@ -40,12 +40,9 @@ mirror! {
         /// CPU threads of this solve, at most 1024; 0 = the device's. The result is the same bit for bit.
         threads: u32,
         measure: u32,
-        /// Memory to release, as a sum of flags. 1: the last results of the solved tiles before solving, 8
-        /// bytes per node of the blocks in use; they cannot be read until the solve succeeds. 2: the memory of
-        /// each tile's solver once the tile is solved, about 110 bytes per node, so that tiles which are solved
-        /// one after the other need that of one; the next solve takes longer, as a first one does. 0 (the
-        /// default): nothing; results can be read at any time.
-        release_last: u32,
+        /// Memory to release: a sum of VRTM_RELEASE_ flags; 0 (the default) = none, so that results can be read at any
+        /// time.
+        release: u32,
         solver: vrtm_solver, pbd: vrtm_pbd_settings,
         /// The tiles to solve, in any order; null = all. The others keep their results.
         tiles: *const vrtm_tile,
@@ -65,11 +62,18 @@ mirror! {
     }
 }
 
+/// For vrtm_solve_options.release: the last results of the solved tiles, before solving, 8 bytes per node of the blocks
+/// in use; they cannot be read until the solve succeeds.
+pub const VRTM_RELEASE_RESULTS: u32 = 1;
+/// For vrtm_solve_options.release: the memory of each tile's solver once the tile is solved, about 110 bytes per node,
+/// so that tiles which are solved one after the other need that of one; the next solve takes longer, as a first one
+/// does.
+pub const VRTM_RELEASE_SOLVERS: u32 = 2;
+
 /// A host's function that receives a solve's predicted progress, 0..1, which never decreases. If it returns a nonzero
-/// value, the solve is cancelled. A solve that succeeds reports 1 at its end, when it can no longer be cancelled. It
-/// may call vrtm functions: results of the asset can be read, and calls that would change the asset give
-/// VRTM_ERROR_BUSY. On a device with an executor, such calls use only the calling thread, so that they never wait for
-/// threads that wait for this function. It must return normally: no exception, no longjmp.
+/// value, the solve is cancelled; one that succeeds reports 1 at its end, when it can no longer be cancelled. The
+/// function may call vrtm: results of the asset can be read, and calls that would change the asset give
+/// VRTM_ERROR_BUSY.
 pub type vrtm_progress_fn = Option<unsafe extern "C" fn(user: *mut c_void, progress: f32) -> u32>;
 
 /// A host's checked options for one solve.
@@ -108,9 +112,8 @@ impl<'a> CheckedOptions<'a> {
             // SAFETY: the host vouches for `dirty_vertex_count` numbers.
             dirty_vertices = Some(unsafe { desc::slice(first, count, "options.dirty_vertices") }?);
         }
-        if from.release_last > 3 {
-            let message =
-                format!("options.release_last is {}, which is no sum of 1 and 2", from.release_last);
+        if from.release & !(VRTM_RELEASE_RESULTS | VRTM_RELEASE_SOLVERS) != 0 {
+            let message = format!("options.release is {}, no sum of VRTM_RELEASE_ flags", from.release);
             return Err(Failure::argument(message));
         }
         let control = from.progress.map_or_else(Control::new, |call| {
@@ -122,8 +125,8 @@ impl<'a> CheckedOptions<'a> {
             threads: NonZeroU32::new(from.threads),
             tiles,
             dirty_vertices,
-            release_last: from.release_last & 1 != 0,
-            release_solvers: from.release_last & 2 != 0,
+            release_last: from.release & VRTM_RELEASE_RESULTS != 0,
+            release_solvers: from.release & VRTM_RELEASE_SOLVERS != 0,
             control: Arc::new(control),
         })
     }
@@ -195,7 +198,7 @@ pub unsafe extern "C" fn vrtm_asset_solve(
 }
 
 /// Solves every tile for a pose and writes `count` outputs, in one call: all that a host's compute() needs for a frame.
-/// Equivalent to vrtm_asset_solve followed by a vrtm_tile_fetch for each of `fetches`, except that all arguments are
+/// Equivalent to vrtm_asset_solve followed by vrtm_tile_fetch, except that all arguments are
 /// checked before any work, and nothing else can use the asset in between. `fetches` may be null if `count` is 0. No
 /// two images may write the same byte, but they may be interleaved, such as two pairs of channels of one image. No
 /// image may overlap the memory that the positions span.
@@ -216,14 +219,8 @@ pub unsafe extern "C" fn vrtm_asset_redirect(
         let (view, checked) =
             unsafe { (strided_and_span(positions, 3, "positions")?, CheckedOptions::read(asset, options)?) };
         let (positions, span) = view;
-        // SAFETY: as above; `targets` checks that no two of the images write the same byte, and that none overlaps the
-        // positions.
-        let targets = unsafe { targets(asset, fetches, count, span) }?;
-        let mut wanted = Vec::with_capacity(targets.len());
-        for (name, tile, kind, target) in &targets {
-            // SAFETY: the host vouches for the memory, and no other view shares it.
-            wanted.push(Fetch { tile: *tile, kind: *kind, image: unsafe { target.view(name) }? });
-        }
+        // SAFETY: as above.
+        let mut wanted = unsafe { wanted(asset, fetches, count, span) }?;
         let request = checked.request(positions);
         shared.claim()?.solve(&checked.control, |asset| Ok(asset.run(&request, &mut wanted)?))
     })

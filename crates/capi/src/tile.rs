@@ -10,13 +10,11 @@ use vrtm_core::report::TileInfo;
 use vrtm_core::settings::{OpenBorders, Overlap, Seams, TileSettings};
 
 mirror! {
-    report vrtm_tile_data of r: TileInfo {
-        udim: u32, uv_set: u32, charts: u32,
+    report vrtm_tile_info of r: TileInfo {
+        udim: u32, uv_set: u32, layer: u32, layers: u32, charts: u32,
         triangles: u64, border_edges: u64, welded_edges: u64, edges_apart: u64,
         grid_width: u32 = r.grid[0], grid_height: u32 = r.grid[1],
         movable_nodes: u64, overlap: f32, frozen: f32,
-    } later {
-        layer: u32, layers: u32,
         rigid_nodes: u64, rigid_overlapped: u64, gap_nodes: u64,
     }
 }
@@ -42,64 +40,95 @@ mirror! {
         grid_width: u32 = s.grid[0], grid_height: u32 = s.grid[1],
         overlap: vrtm_overlap,
         smoothness: f32, smoothness_floor: f32, orientation: f32, orientation_density: f32, room: f32, room_threshold: f32,
-    } later {
         seams: vrtm_seams, seam_reach: f32, open_borders: vrtm_open_borders, protect: f32,
     }
 }
 
-/// UDIM number (1001 + U + 10 V) and UV set of a tile. `uv_set` may be null. Unlike vrtm_tile_info, it does not prepare
-/// the tile. Never busy.
+/// Names a tile. A plain value that never grows.
+#[repr(C)]
+#[derive(Clone, Copy, Default)]
+pub struct vrtm_tile_key {
+    /// UDIM number: 1001 + U + 10 V.
+    pub udim: u32,
+    /// UV set: 0 <= uv_set < vrtm_asset_info.uv_sets.
+    pub uv_set: u32,
+    /// Layer within the UDIM number: 0 <= layer < layers.
+    pub layer: u32,
+    /// Layers of the UDIM number: 1, or up to vrtm_mesh_desc.max_layers. vrtm_asset_find_tile ignores it.
+    pub layers: u32,
+}
+
+/// Gets the key of a tile. Layers share their maps and settings: what is set for one of them holds for all. Never busy.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `udim` is null.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `key` is null.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_tile_udim(tile: vrtm_tile, udim: *mut u32, uv_set: *mut u32) -> vrtm_status {
-    guard("vrtm_tile_udim", || {
-        let udim_out = Place::new(udim, "udim")?;
+pub unsafe extern "C" fn vrtm_tile_get_key(tile: vrtm_tile, key: *mut vrtm_tile_key) -> vrtm_status {
+    guard("vrtm_tile_get_key", || {
+        let out = Place::new(key, "key")?;
         let (asset, tile) = handle::tile("tile", tile)?;
-        let (udim, set) = asset.results.tile_udim(tile);
-        udim_out.write(udim);
-        if !uv_set.is_null() {
-            Place::new(uv_set, "uv_set")?.write(set);
-        }
+        let (udim, uv_set) = asset.results.tile_udim(tile);
+        let (layer, layers) = asset.results.tile_layer(tile);
+        out.write(vrtm_tile_key { udim, uv_set, layer, layers });
         Ok(())
     })
 }
 
-/// The tile's layer within its UDIM number, and the number of layers: 0 and 1 unless vrtm_mesh_desc.max_layers
-/// is over 1. `layers` may be null. Layers share their maps and settings: what is set for one of them holds for
-/// all. Unlike vrtm_tile_info, it does not prepare the tile. Never busy.
+/// The tile of an asset with a key: one of UV set 0 without layers needs only `key->udim`, all else zero. Never busy.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `layer` is null.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if there is no such tile, or if
+/// `key` or `tile` is null.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_tile_layer(tile: vrtm_tile, layer: *mut u32, layers: *mut u32) -> vrtm_status {
-    guard("vrtm_tile_layer", || {
-        let layer_out = Place::new(layer, "layer")?;
-        let (asset, tile) = handle::tile("tile", tile)?;
-        let (layer, count) = asset.results.tile_layer(tile);
-        layer_out.write(layer);
-        if !layers.is_null() {
-            Place::new(layers, "layers")?.write(count);
+pub unsafe extern "C" fn vrtm_asset_find_tile(
+    asset: vrtm_asset,
+    key: *const vrtm_tile_key,
+    tile: *mut vrtm_tile,
+) -> vrtm_status {
+    guard("vrtm_asset_find_tile", || {
+        let out = Place::new(tile, "tile")?;
+        let shared = handle::asset(asset)?;
+        // SAFETY: the host's pointer.
+        let vrtm_tile_key { udim, uv_set, layer, .. } = unsafe { desc::slice(key, 1, "key") }?[0];
+        let sets = shared.info.uv_sets;
+        if uv_set >= sets {
+            let message = format!("key.uv_set is {uv_set}, but the mesh has {sets} UV sets");
+            return Err(Failure::argument(message));
         }
+        let found = shared.results.find_tile_of_set(uv_set, udim);
+        let index =
+            found.ok_or_else(|| Failure::argument(format!("key.udim: the asset has no tile {udim}")))?;
+        let layers = shared.results.tile_layer(index).1;
+        if layer >= layers {
+            let message = format!("key.layer is {layer}, but tile {udim} has {layers}");
+            return Err(Failure::argument(message));
+        }
+        out.write(handle::tile_handle(asset, index + layer as usize));
         Ok(())
     })
 }
 
-/// Cells of the grid that a tile has with its present rigidity and settings: where vrtm_tile_settings.grid_width or
-/// grid_height is 0, those that resolve the rigid features. `height` may be null. Unlike vrtm_tile_info, it does not
-/// prepare the tile: it takes some milliseconds after a change of the rigidity.
+/// Size of a grid. A plain value that never grows.
+#[repr(C)]
+#[derive(Clone, Copy, Default)]
+pub struct vrtm_tile_grid {
+    /// Cells in u.
+    pub width: u32,
+    /// Cells in v.
+    pub height: u32,
+}
+
+/// Gets the grid that a tile has with its present rigidity and settings: where vrtm_tile_settings.grid_width or
+/// grid_height is 0, the cells that resolve the rigid features. Unlike vrtm_tile_get_info, it does not prepare the
+/// tile: it takes some milliseconds after a change of the rigidity.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `width` is null; VRTM_ERROR_BUSY;
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `grid` is null; VRTM_ERROR_BUSY;
 /// VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_tile_grid(tile: vrtm_tile, width: *mut u32, height: *mut u32) -> vrtm_status {
-    guard("vrtm_tile_grid", || {
-        let width_out = Place::new(width, "width")?;
+pub unsafe extern "C" fn vrtm_tile_get_grid(tile: vrtm_tile, grid: *mut vrtm_tile_grid) -> vrtm_status {
+    guard("vrtm_tile_get_grid", || {
+        let out = Place::new(grid, "grid")?;
         let (asset, tile) = handle::tile("tile", tile)?;
-        let [width, cells] = asset.write(|asset| Ok(asset.tile_grid(tile)?))?;
-        width_out.write(width);
-        if !height.is_null() {
-            Place::new(height, "height")?.write(cells);
-        }
+        let [width, height] = asset.write(|asset| Ok(asset.tile_grid(tile)?))?;
+        out.write(vrtm_tile_grid { width, height });
         Ok(())
     })
 }
@@ -110,8 +139,8 @@ pub unsafe extern "C" fn vrtm_tile_grid(tile: vrtm_tile, width: *mut u32, height
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `info` is null or has a wrong struct_size;
 /// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_tile_info(tile: vrtm_tile, info: *mut vrtm_tile_data) -> vrtm_status {
-    guard("vrtm_tile_info", || {
+pub unsafe extern "C" fn vrtm_tile_get_info(tile: vrtm_tile, info: *mut vrtm_tile_info) -> vrtm_status {
+    guard("vrtm_tile_get_info", || {
         let out = Out::new(info, "info")?;
         let (asset, tile) = handle::tile("tile", tile)?;
         out.write(asset.write(|asset| Ok(asset.tile_info(tile)?))?.into());
@@ -122,13 +151,12 @@ pub unsafe extern "C" fn vrtm_tile_info(tile: vrtm_tile, info: *mut vrtm_tile_da
 /// Sets a tile's rigidity, for all of its layers: 0 is infinitely elastic, 1 as rigid as possible; values outside are
 /// clamped. The map may have any size; it is resampled to the grid. Null removes the map. A tile without one has the
 /// rigidity of the vertices (vrtm_asset_set_vertex_rigidity), and without that, too, does not move at all. The last
-/// result stays readable until the next solve. May be called between frames: only what depends on the rigidity is
-/// computed again, in a quarter of the time of a draft, and charts whose rigidity stays the same keep their results.
-/// But the tile is prepared from the start where a chart gains its first rigidity or loses its last, where the grid
-/// gets another size (vrtm_tile_grid), and with features that are kept at seams or orientation_density in use.
+/// result stays readable until the next solve. Only what depends on the rigidity is computed again, and charts whose
+/// rigidity stays the same keep their results; the tile is prepared from the start where a chart gains its first
+/// rigidity or loses its last, or where the grid gets another size.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a
-/// zero size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT, naming the field or the texel, for null data, a zero
+/// size, a short stride or a value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_set_rigidity(tile: vrtm_tile, rigidity: *const vrtm_image) -> vrtm_status {
     guard("vrtm_tile_set_rigidity", || {
@@ -277,9 +305,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn zero_in_a_later_field_is_the_default_and_other_values_are_named() {
+    fn settings_are_read_and_other_values_are_named() {
         let mut c = vrtm_tile_settings::default();
-        assert_eq!(c.seam_reach, 0.0);
         assert_eq!(c.settings().unwrap(), TileSettings::default());
         (c.room, c.seam_reach, c.seams) = (0.0, 0.25, VRTM_SEAMS_KEEP);
         let given =

@@ -98,8 +98,6 @@ pub struct vrtm_image_out {
     /// channel is 0; with 4, for a redirection, the fourth is 1 where a chart covers the texel's centre and 0
     /// elsewhere.
     pub channels: u32,
-    /// Has no function any more: 0. Another value is refused with VRTM_ERROR_UNSUPPORTED.
-    pub one_to_one: u32,
     /// Address of the first texel of the first row. Need not be aligned.
     pub data: *mut c_void,
     /// Bytes from one texel to the next; 0 = tightly packed (for two channels 8 for f32, 4 for f16).
@@ -129,16 +127,6 @@ pub(super) fn flag(value: u32, name: &str) -> Outcome<bool> {
         0 => Ok(false),
         1 => Ok(true),
         _ => Err(Failure::argument(format!("{name} is {value}, neither 0 nor 1"))),
-    }
-}
-
-/// Checks a field that once chose something which is no longer offered, and stays for the struct's layout.
-pub(super) fn gone(value: u32, name: &str) -> Outcome<()> {
-    match value {
-        0 => Ok(()),
-        _ => {
-            Err(Failure::unsupported(format!("{name} is {value}, but it is no longer offered: it must be 0")))
-        }
     }
 }
 
@@ -278,7 +266,6 @@ impl Target {
         }
         let channels = if image.channels == 0 { kind.channels() } else { image.channels };
         kind.check_channels(name, channels)?;
-        gone(image.one_to_one, &format!("{name}.one_to_one"))?;
         let layout = ImageLayout { channels: Some(channels), ..layout };
         let data = image.data.cast::<u8>();
         let texels = layout.resolve_output(name, data)?;

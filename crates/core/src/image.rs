@@ -270,6 +270,8 @@ pub struct ImageViewMut<'a> {
     /// Not a slice: the bytes that strides skip may belong to another image, written through its own view.
     data: *mut u8,
     pub layout: TexelLayout,
+    /// Place in the image of the whole tile.
+    part: ImagePart,
     lifetime: PhantomData<&'a mut [u8]>,
 }
 
@@ -310,18 +312,19 @@ impl<'a> ImageViewMut<'a> {
             ));
         }
         let layout = layout.resolve_output(name, data)?;
-        Ok(ImageViewMut { data, layout, lifetime: PhantomData })
+        let size = [layout.width as usize, layout.height as usize];
+        let part = ImagePart { size, first: [0, 0], end: size };
+        Ok(ImageViewMut { data, layout, part, lifetime: PhantomData })
     }
 
-    /// This image as a whole tile.
-    pub fn whole(&self) -> ImagePart {
-        let size = [self.layout.width as usize, self.layout.height as usize];
-        ImagePart { size, first: [0, 0], end: size }
-    }
-
-    /// This image as a part of a larger image of `size` texels, beginning at the column and row `first`.
-    pub fn part(&self, name: &str, size: [u32; 2], first: [u32; 2]) -> Result<ImagePart> {
-        let own = self.whole().size;
+    /// Makes this view a part of a larger image of `size` texels, beginning at the column and row `first`, counted in
+    /// the image's own order. Large outputs can thus be fetched in bands; on the CPU the parts are bit-identical to the
+    /// whole image.
+    ///
+    /// # Errors
+    /// `InvalidArgument` if the part is not inside of the whole.
+    pub fn part_of(mut self, name: &str, size: [u32; 2], first: [u32; 2]) -> Result<ImageViewMut<'a>> {
+        let own = self.part.extent();
         let [size, first] = [size, first].map(|pair| pair.map(|x| x as usize));
         if (0..2).any(|axis| first[axis] + own[axis] > size[axis]) {
             return Err(Error::argument(format!(
@@ -334,7 +337,13 @@ impl<'a> ImageViewMut<'a> {
             Origin::Top => size[1] - first[1] - own[1],
         };
         let first = [first[0], row];
-        Ok(ImagePart { size, first, end: [0, 1].map(|axis| first[axis] + own[axis]) })
+        self.part = ImagePart { size, first, end: [0, 1].map(|axis| first[axis] + own[axis]) };
+        Ok(self)
+    }
+
+    /// The part of the image of the whole tile that this view is.
+    pub fn part(&self) -> &ImagePart {
+        &self.part
     }
 
     pub fn as_mut_ptr(&mut self) -> *mut u8 {

@@ -217,7 +217,7 @@ settings! {
         pub open_borders: OpenBorders = OpenBorders::Fixed;
         /// Priority, 0..1, of rigid features that the pose does not strain over strained ones. At 0 each gives
         /// way alike, and in a crowd a feature may come out worse than without the warp; the higher this is,
-        /// the fewer do, and the others keep a little more strain. For [`Solver::Descent`]. Experimental.
+        /// the fewer do, and the others keep a little more strain. For [`Solver::Descent`].
         pub protect: f32 = 0.0, 0.0 to 1.0;
     }
 }
@@ -321,24 +321,21 @@ settings! {
         /// Amount of work of a solve. This and the two limits below apply to [`Solver::Descent`] only.
         pub quality: Quality = Quality::Normal;
         /// Maximum corrections on the finest level, 1..64, in place of the quality's limit; `None` = the quality's own.
-        /// With more than four, a sweep more follows each, and a chart goes on until one gains less than 0.01 %, or
-        /// `tolerance`, whatever its quadratic model predicts: seven lower the energy by 0.3 % in the mean, for up to
-        /// twice the time, and make some crowded charts rougher over the pose. A draft with a number of corrections is
-        /// [`Quality::Normal`] with that number.
+        /// With more than four, a sweep more follows each, and a chart continues until one gains less than 0.01 %, or
+        /// `tolerance`: seven lower the energy by 0.3 % in the mean, for up to twice the time, and make some crowded
+        /// charts rougher over the pose.
         pub max_corrections: Option<u32> = None;
         /// A chart is done when a correction gains less than this fraction of its energy (to which 6 % of the energy of
-        /// the original UVs is added), or when the gain of a level's first correction matches the prediction of its
-        /// quadratic model to a quarter of that fraction; over 0 and under 1. Up to four times the former and eight
-        /// times the latter, the next correction is applied in part. `None` = the quality's own.
+        /// the original UVs is added), or when a level's first correction gains what its quadratic model predicts to a
+        /// quarter of that fraction; over 0 and under 1. `None` = the quality's own.
         pub tolerance: Option<f32> = None;
         /// The time that the call may take, excluding fetches, measuring and rebuilding after a change of maps or
         /// settings; `None` = no limit. The result comes from the finest level of the grid that the time allows,
-        /// interpolated to the finest level and certified: never worse than the identity, and the identity itself if no
-        /// level fits (the report is then `truncated`, with energies of 0). Costs are predicted from the last solves:
-        /// the call returns within 1.2 times the budget plus 5 ms, unless the machine is suddenly busier than before.
-        /// Where charts go on beyond their borders, what they have in common is brought together if that takes half of
-        /// the budget at most; else the report counts them in `charts_apart`.
-        /// On a GPU this holds up to delays of the driver. With a limit the result depends on the speed of the machine.
+        /// certified, and never worse than the identity, which it is if no level fits (the report is then `truncated`,
+        /// with energies of 0). Costs are predicted from the last solves: the call returns within 1.2 times the budget
+        /// plus 5 ms, unless the machine is suddenly busier. Seams are brought together if that takes half of the
+        /// budget at most; else the report counts their charts in `charts_apart`. With a limit the result depends on
+        /// the speed of the machine.
         pub time_budget: Option<Duration> = None;
         /// False (the default): start from the identity, so that a frame's result depends on its inputs alone. True:
         /// start from the last result, for interactive use: faster on small changes, but it depends on the order of the
@@ -362,7 +359,11 @@ settings! {
 const MAX_CORRECTIONS: u32 = 64;
 
 impl SolveOptions {
+    /// Checks the options that the solver uses.
     pub fn check(&self) -> Result<()> {
+        if self.solver == Solver::Pbd {
+            return self.pbd.check_limits();
+        }
         self.check_limits()?;
         if let Some(tolerance) = self.tolerance.filter(|x| !(*x > 0.0 && *x < 1.0)) {
             return Err(Error::argument(format!("options.tolerance: {tolerance} is not in 0..1")));
@@ -372,6 +373,6 @@ impl SolveOptions {
                 "options.max_corrections: {n} is not in 1..={MAX_CORRECTIONS}"
             )));
         }
-        self.pbd.check_limits()
+        Ok(())
     }
 }

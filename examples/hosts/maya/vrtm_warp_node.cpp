@@ -253,7 +253,7 @@ void Seat::set_maps(const std::string &pattern, int reload, int grid)
         settings.grid_width = settings.grid_height = std::uint32_t(grid);
         /* Of no effect if they are the same as before. */
         tiles[i].set_settings(settings).value();
-        if (tiles[i].layer().value() > 0) {
+        if (tiles[i].key().value().layer > 0) {
             continue; /* It has the map of layer 0. */
         }
         std::string path = pattern;

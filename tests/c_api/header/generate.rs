@@ -9,7 +9,7 @@ use vrtm_capi::{CHOICES, MIRRORED};
 
 use super::mirrored::{Words, initialiser};
 
-const SECTIONS: [&str; 20] = [
+const SECTIONS: [&str; 21] = [
     "status",
     "handle",
     "types",
@@ -30,6 +30,7 @@ const SECTIONS: [&str; 20] = [
     "report",
     "refine",
     "carrier",
+    "defaults",
 ];
 
 pub fn header(root: &Path) -> Result<String, String> {

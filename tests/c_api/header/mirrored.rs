@@ -21,7 +21,7 @@ const SOURCES: [&str; 6] = [
 
 /// Names of Rust for items with another place in C.
 const OTHER_NAMES: [(&str, &str); 6] = [
-    ("DeviceInfo::reason", "vrtm_device_info"),
+    ("DeviceInfo::reason", "vrtm_device_get_info"),
     ("DeviceSettings", "vrtm_device_desc"),
     ("MeshSource::max_layers", "vrtm_mesh_desc.max_layers"),
     ("Results::fetch_dilation", "vrtm_tile_fetch_dilation"),
@@ -104,13 +104,9 @@ impl Words {
             match (setting.limits, default) {
                 (Some(limits), Ok(default)) => {
                     let [least, most] = limits.map(number);
-                    let zero =
-                        if later(of, field) && default != 0.0 { "0 (the default) =" } else { "default" };
-                    text.push(format!("{least} to {most}; {zero} {}.", number(default)));
+                    text.push(format!("{least} to {most}; default {}.", number(default)));
                 }
-                (None, Ok(default)) if later(of, field) => {
-                    text.push(format!("0 (the default) = {}.", number(default)));
-                }
+                (None, Ok(default)) => text.push(format!("Default {}.", number(default))),
                 _ => {}
             }
             if let Some(choice) = CHOICES.iter().find(|choice| choice.name == field.kind) {
@@ -126,17 +122,17 @@ impl Words {
 
     /// A struct with its comments.
     pub fn item(&self, of: &Struct) -> Result<String, String> {
-        let &Struct { name, first, .. } = of;
+        let &Struct { name, is_plain, .. } = of;
         let is_setting = settings(of.of).is_some();
         let head = in_c(&self.about(of.of, "")?.0, of.of)?;
-        let start = match (first, is_setting) {
-            (0, _) => "A plain value that never grows.".to_owned(),
-            (_, true) => format!("Start from {name}_init(), which sets the defaults."),
-            (_, false) => format!("Start from {name}_init()."),
+        let start = match (is_plain, is_setting) {
+            (true, _) => "A plain value that never grows.".to_owned(),
+            (false, true) => format!("Start from {name}_init(), which sets the defaults."),
+            (false, false) => format!("Start from {name}_init()."),
         };
         let mut lines = comment(&format!("{head} {start}"), "");
         lines.push(format!("typedef struct {name} {{"));
-        if first > 0 {
+        if !is_plain {
             lines.extend(comment(&format!("sizeof({name}); set by {name}_init()."), "    "));
             lines.push("    uint32_t struct_size;".to_owned());
         }
@@ -200,14 +196,14 @@ A test writes this page from the declarations in `crates/core/src/settings.rs`: 
 ([CONTRIBUTING.md](../CONTRIBUTING.md#a-setting)).
 ";
 
-/// Settings of a struct's initialiser besides its size: the defaults of the first version's fields that are not zero.
+/// Settings of a struct's initialiser besides its size: the defaults that are not zero.
 pub fn initialiser(of: &Struct, path: &str) -> Vec<String> {
     let mut lines = Vec::new();
     for field in of.fields {
         if let Some(inner) = MIRRORED.iter().find(|inner| inner.name == field.kind) {
             lines.extend(initialiser(inner, &format!("{path}{}.", field.name)));
         }
-        let default = setting(of, field).filter(|_| !later(of, field)).map(|setting| setting.default.parse());
+        let default = setting(of, field).map(|setting| setting.default.parse());
         if let Some(Ok(default)) = default
             && default != 0.0
         {
@@ -231,11 +227,6 @@ fn settings(of: &str) -> Option<&'static [Setting]> {
 fn setting(of: &Struct, field: &Field) -> Option<&'static Setting> {
     let (_, name) = field.from.split_once('.')?;
     settings(of.of)?.iter().find(|setting| setting.name == name)
-}
-
-/// True for a field that the first version did not have, so that zero means its default.
-fn later(of: &Struct, field: &Field) -> bool {
-    of.first > 0 && field.offset >= of.first
 }
 
 fn number(number: f32) -> String {

@@ -262,11 +262,11 @@ void stacked_charts(const fs::path &folder)
     const StandInMesh pose = posed(rest, 3);
     std::vector<float> uvs(4 * CORNERS);
     succeeds("an asset of the same", vrtm_asset_create(device.handle(), &desc.mesh, &asset));
-    succeeds("its tile", vrtm_asset_find_tile(asset, 1001, &tile));
+    succeeds("its tile", find_udim(asset, 1001, &tile));
     succeeds("its map", vrtm_tile_set_rigidity(tile, &map));
     desc.positions.data = pose.points.data();
     succeeds("its solve", vrtm_asset_solve(asset, &desc.positions, nullptr));
-    succeeds("its UVs", vrtm_asset_fetch_corner_uvs(asset, uvs.data(), 2 * CORNERS));
+    succeeds("its UVs", vrtm_asset_fetch_corner_uvs(asset, 0, uvs.data(), 2 * CORNERS));
     int other = 0;
     for (std::size_t corner = 0; corner < 2 * CORNERS; ++corner) {
         const auto id = std::size_t(out.uv_ids[corner]);

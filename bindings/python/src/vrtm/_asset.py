@@ -97,21 +97,20 @@ class Asset:
         self._handle = handle
         self._log = device._log
         self._end = weakref.finalize(self, _destroy, handle, device._log)
-        self._corners = self.info.corners
-        count = ctypes.c_uint32()
-        check(library.vrtm_asset_tile_count(handle, ctypes.byref(count)))
-        self._tiles = tuple(Tile(self, self._tile_handle(index)) for index in range(count.value))
+        info = self.info
+        self._corners = info.corners
+        self._tiles = tuple(Tile(self, self._tile_handle(index)) for index in range(info.tiles))
 
     def _tile_handle(self, index: int) -> _abi.vrtm_tile:
         handle = _abi.vrtm_tile()
-        check(library.vrtm_asset_tile(self._handle, index, ctypes.byref(handle)))
+        check(library.vrtm_asset_get_tile(self._handle, index, ctypes.byref(handle)))
         return handle
 
     @property
     def info(self) -> AssetInfo:
         """Counts of the mesh's parts, and of its defects."""
-        struct = new(_abi.vrtm_asset_data)
-        check(library.vrtm_asset_info(self._handle, ctypes.byref(struct)))
+        struct = new(_abi.vrtm_asset_info)
+        check(library.vrtm_asset_get_info(self._handle, ctypes.byref(struct)))
         return record(AssetInfo, struct)
 
     @property
@@ -124,9 +123,11 @@ class Asset:
         """The tile with a UDIM number, 1001 + U + 10 V, or one of its layers. Raises InvalidArgumentError if the mesh
         has no triangle there, or no such layer."""
         handle = _abi.vrtm_tile()
-        place = (natural("uv_set", uv_set, 32), natural("udim", udim, 32), natural("layer", layer, 32))
+        key = _abi.vrtm_tile_key(
+            uv_set=natural("uv_set", uv_set, 32), udim=natural("udim", udim, 32), layer=natural("layer", layer, 32)
+        )
         try:
-            check(library.vrtm_asset_find_tile_of_layer(self._handle, *place, ctypes.byref(handle)))
+            check(library.vrtm_asset_find_tile(self._handle, ctypes.byref(key), ctypes.byref(handle)))
         except InvalidArgumentError as error:
             there = list(dict.fromkeys(tile.udim for tile in self._tiles if tile.uv_set == uv_set))
             if udim in there or not there:
@@ -206,8 +207,8 @@ class Asset:
 
     def report(self) -> AssetReport:
         """The report of the last solve, over all tiles. Raises NotSolvedError before the first solve."""
-        struct = new(_abi.vrtm_asset_report_data)
-        check(library.vrtm_asset_report(self._handle, ctypes.byref(struct)))
+        struct = new(_abi.vrtm_asset_report)
+        check(library.vrtm_asset_get_report(self._handle, ctypes.byref(struct)))
         return record(AssetReport, struct)
 
     def corner_uvs(self, uv_set: int = 0, *, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
@@ -216,7 +217,7 @@ class Asset:
         array = output("out", out, (self._corners, 2))
         written = np.ascontiguousarray(array)
         uv_set = natural("uv_set", uv_set, 32)
-        check(library.vrtm_asset_fetch_corner_uvs_of_set(self._handle, uv_set, written.ctypes.data, self._corners))
+        check(library.vrtm_asset_fetch_corner_uvs(self._handle, uv_set, written.ctypes.data, self._corners))
         if written is not array:
             array[...] = written
         return array

@@ -92,8 +92,8 @@ class Carrier:
     @property
     def info(self) -> CarrierInfo:
         """Numbers of points, also of those that could not be bound, and what the last fetch found."""
-        struct = new(_abi.vrtm_carrier_data)
-        check(library.vrtm_carrier_info(self._handle, ctypes.byref(struct)))
+        struct = new(_abi.vrtm_carrier_info)
+        check(library.vrtm_carrier_get_info(self._handle, ctypes.byref(struct)))
         return record(CarrierInfo, struct)
 
     def __len__(self) -> int:

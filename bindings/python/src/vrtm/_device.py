@@ -28,8 +28,8 @@ def adapters() -> list[Adapter]:
     check(library.vrtm_adapter_count(ctypes.byref(count)))
     found = []
     for index in range(count.value):
-        struct = new(_abi.vrtm_adapter_data)
-        check(library.vrtm_adapter_info(index, ctypes.byref(struct)))
+        struct = new(_abi.vrtm_adapter_info)
+        check(library.vrtm_adapter_get_info(index, ctypes.byref(struct)))
         found.append(record(Adapter, struct))
     return found
 
@@ -86,8 +86,8 @@ class Device:
     @property
     def info(self) -> DeviceInfo:
         """The chosen backend, the reason, and how much memory the device's assets hold."""
-        struct = new(_abi.vrtm_device_data)
-        check(library.vrtm_device_info(self._handle, ctypes.byref(struct)))
+        struct = new(_abi.vrtm_device_info)
+        check(library.vrtm_device_get_info(self._handle, ctypes.byref(struct)))
         return record(DeviceInfo, struct)
 
     def close(self) -> None:

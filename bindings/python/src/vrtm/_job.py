@@ -79,8 +79,8 @@ class Job(concurrent.futures.Future):
         """Predicted fraction (0..1) of the work that is done; it never decreases."""
         if self._final_progress is not None:
             return self._final_progress
-        struct = new(_abi.vrtm_job_data)
-        if library.vrtm_job_progress(self._handle, ctypes.byref(struct)) != _abi.VRTM_OK:
+        struct = new(_abi.vrtm_job_progress)
+        if library.vrtm_job_get_progress(self._handle, ctypes.byref(struct)) != _abi.VRTM_OK:
             # The job ended in the meantime.
             return self._final_progress if self._final_progress is not None else 1.0
         return struct.progress

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import functools
 import os
 import platform
 import sys
@@ -68,8 +67,5 @@ def check(status: int) -> None:
 def new(struct: type[Struct]) -> Struct:
     """A struct initialised as by its _init() function: its size, the defaults, and zeros."""
     value = struct()
-    value.struct_size = ctypes.sizeof(struct)  # type: ignore[attr-defined]
-    for path, default in _abi.defaults.get(struct.__name__, {}).items():
-        *outer, field = path.split(".")
-        setattr(functools.reduce(getattr, outer, value), field, default)
+    check(library.vrtm_defaults(struct.__name__.encode(), ctypes.byref(value), ctypes.sizeof(struct)))
     return value

@@ -74,7 +74,8 @@ def build(pinned: Pinned, options: SolveOptions) -> tuple[Any, Progress | None]:
         if not isinstance(pbd, PbdSettings):
             raise TypeError(f"pbd: {pbd!r} is no vrtm.PbdSettings")
         fill(struct.pbd, pbd)
-    struct.release_last = bool(options.get("release_last")) + 2 * bool(options.get("release_solvers"))
+    struct.release = _abi.VRTM_RELEASE_RESULTS * bool(options.get("release_last"))
+    struct.release |= _abi.VRTM_RELEASE_SOLVERS * bool(options.get("release_solvers"))
     if (tiles := options.get("tiles")) is not None:
         handles = pinned.keep((_abi.vrtm_tile * max(len(tiles), 1))(*(tile._handle for tile in tiles)))
         struct.tiles, struct.tile_count = ctypes.cast(handles, ctypes.POINTER(_abi.vrtm_tile)), len(tiles)

@@ -57,8 +57,8 @@ class Refinement:
     @property
     def info(self) -> RefinementInfo:
         """Sizes and accuracy of the refinement."""
-        struct = new(_abi.vrtm_refinement_data)
-        check(library.vrtm_refinement_info(self._handle, ctypes.byref(struct)))
+        struct = new(_abi.vrtm_refinement_info)
+        check(library.vrtm_refinement_get_info(self._handle, ctypes.byref(struct)))
         return record(RefinementInfo, struct)
 
     def extend(self) -> None:

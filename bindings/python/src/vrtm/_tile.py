@@ -16,7 +16,7 @@ from ._images import PIXELS, Target, image, image_size, pixel_type
 from ._library import check, library, new
 from ._names import fill, natural, record, value_of
 from ._picture import figure, without_picture
-from ._records import FetchKind, MapInfo, Origin, TileInfo, TileNeeds, TileReport, TileSettings, TileSettingsFields
+from ._records import FetchKind, MapInfo, Origin, TileEstimate, TileInfo, TileReport, TileSettings, TileSettingsFields
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -34,26 +34,24 @@ class Tile:
         self._handle = handle
         #: The asset that the tile belongs to.
         self.asset = asset
-        udim, uv_set = ctypes.c_uint32(), ctypes.c_uint32()
-        check(library.vrtm_tile_udim(handle, ctypes.byref(udim), ctypes.byref(uv_set)))
+        key = _abi.vrtm_tile_key()
+        check(library.vrtm_tile_get_key(handle, ctypes.byref(key)))
         #: UDIM number, 1001 + U + 10 V.
-        self.udim: int = udim.value
+        self.udim: int = key.udim
         #: The UV set that the tile belongs to.
-        self.uv_set: int = uv_set.value
-        layer, layers = ctypes.c_uint32(), ctypes.c_uint32()
-        check(library.vrtm_tile_layer(handle, ctypes.byref(layer), ctypes.byref(layers)))
+        self.uv_set: int = key.uv_set
         #: Which layer of its UDIM number the tile is: 0 unless the asset was made with max_layers. Layers share their
         #: maps and settings: what is set for one of them holds for all.
-        self.layer: int = layer.value
+        self.layer: int = key.layer
         #: The number of layers of its UDIM number.
-        self.layers: int = layers.value
+        self.layers: int = key.layers
 
     @property
     def info(self) -> TileInfo:
         """Facts that need no solve. The first call, and the first after a change of maps or settings, prepares the
         tile's grid, which takes time."""
-        struct = new(_abi.vrtm_tile_data)
-        check(library.vrtm_tile_info(self._handle, ctypes.byref(struct)))
+        struct = new(_abi.vrtm_tile_info)
+        check(library.vrtm_tile_get_info(self._handle, ctypes.byref(struct)))
         return record(TileInfo, struct)
 
     def set_rigidity(self, rigidity: ArrayLike | None, *, channel: int = 0, origin: Origin = "top") -> None:
@@ -105,19 +103,19 @@ class Tile:
     def grid(self) -> tuple[int, int]:
         """Cells of the grid in u and v that the tile has with its present rigidity and settings. The tile is not
         prepared."""
-        width, height = ctypes.c_uint32(), ctypes.c_uint32()
-        check(library.vrtm_tile_grid(self._handle, ctypes.byref(width), ctypes.byref(height)))
-        return width.value, height.value
+        cells = _abi.vrtm_tile_grid()
+        check(library.vrtm_tile_get_grid(self._handle, ctypes.byref(cells)))
+        return cells.width, cells.height
 
     def freeze(self, frozen: bool = True) -> None:
         """Freezes or unfreezes the tile: solves skip a frozen tile, so that it keeps its result."""
         check(library.vrtm_tile_freeze(self._handle, int(bool(frozen))))
 
-    def estimate(self) -> TileNeeds:
+    def estimate(self) -> TileEstimate:
         """Estimates the memory for preparing and solving the tile, to about a tenth."""
-        struct = new(_abi.vrtm_tile_needs)
-        check(library.vrtm_tile_estimate(self._handle, ctypes.byref(struct)))
-        return record(TileNeeds, struct)
+        struct = new(_abi.vrtm_tile_estimate)
+        check(library.vrtm_tile_get_estimate(self._handle, ctypes.byref(struct)))
+        return record(TileEstimate, struct)
 
     def save(self) -> bytes:
         """The prepared tile as bytes, for load on another machine or in a later session."""
@@ -165,10 +163,15 @@ class Tile:
         number = value_of("fetch_kind", kind, "kind")
         size = self._size(kind, None if size is None else image_size(size), out)
         target = Target(Pinned(), kind, size, dtype=dtype, channels=channels, origin=origin, out=out)
+        return self._fetch(number, target, uv_set=natural("uv_set", uv_set, 32))
+
+    def _fetch(self, kind: int, target: Target, **fields: int) -> Pixels:
         fetch = new(_abi.vrtm_fetch)
-        fetch.kind, fetch.tile, fetch.uv_set = number, self._handle, natural("uv_set", uv_set, 32)
+        fetch.kind, fetch.tile = kind, self._handle
+        for name, value in fields.items():
+            setattr(fetch, name, value)
         fetch.image = ctypes.pointer(target.struct)
-        check(library.vrtm_tile_fetch_output(ctypes.byref(fetch)))
+        check(library.vrtm_tile_fetch(ctypes.byref(fetch), 1))
         return target.done()
 
     def fetch_part(
@@ -189,9 +192,9 @@ class Tile:
         target = Target(
             Pinned(), kind, image_size((width, height)), dtype=dtype, channels=channels, origin=origin, out=out
         )
-        place = (natural("part", x, 32), natural("part", y, 32), *image_size(whole))
-        check(library.vrtm_tile_fetch_part(self._handle, number, ctypes.byref(target.struct), *place))
-        return target.done()
+        whole_width, whole_height = image_size(whole)
+        place = {"x": natural("part", x, 32), "y": natural("part", y, 32)}
+        return self._fetch(number, target, whole_width=whole_width, whole_height=whole_height, **place)
 
     def dilation(
         self,
@@ -270,14 +273,14 @@ class Tile:
         desc.kind = value_of("fetch_kind", kind, "kind")
         desc.format = PIXELS[pixel_type(dtype)]
         desc.width, desc.height = self._size(kind, None if size is None else image_size(size), None)
-        struct = new(_abi.vrtm_map_data)
+        struct = new(_abi.vrtm_map_info)
         check(library.vrtm_tile_inspect_map(self._handle, ctypes.byref(desc), ctypes.byref(struct)))
         return record(MapInfo, struct)
 
     def report(self) -> TileReport:
         """The report of the tile's last solve. Raises NotSolvedError before the first solve."""
-        struct = new(_abi.vrtm_tile_report_data)
-        check(library.vrtm_tile_report(self._handle, ctypes.byref(struct)))
+        struct = new(_abi.vrtm_tile_report)
+        check(library.vrtm_tile_get_report(self._handle, ctypes.byref(struct)))
         return record(TileReport, struct)
 
     def _size(self, kind: FetchKind, size: tuple[int, int] | None, out: Any, *, next: bool = False) -> tuple[int, int]:

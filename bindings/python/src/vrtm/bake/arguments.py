@@ -202,7 +202,7 @@ def _borders(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--seam-reach",
         type=positive,
-        default=0.0,
+        default=1 / 32,
         metavar="UV",
         help="how far charts go on beyond their seams: the radius of the largest feature on one, at most 0.5 (0.03125)",
     )

@@ -23,8 +23,6 @@ from vrtm.bake.words import numbered
 
 _CELLS = 512
 """Per side: a finer grid hardly ever tells more of which of two ways is better."""
-_REACH = 1 / 32
-"""The library's, where `seam_reach` is 0."""
 
 
 def mesh(
@@ -51,7 +49,7 @@ def mesh(
     if not (copied or looked_up) or (settings.corner_uvs and not looked_up) or settings.options.texture_uv is not None:
         # Any texture may be looked up.
         return made(_chosen(settings, "shut", "fixed", "not all textures are known that are looked up"))
-    lacking = [path for path in looked_up if not _is_dilated(path, settings.seam_reach or _REACH)]
+    lacking = [path for path in looked_up if not _is_dilated(path, settings.seam_reach)]
     why = f"{lacking[0]} is looked up, and is not dilated" if lacking else ""
     if not why:
         found = made(_beyond(settings, scene.shape(shape.name), looked_up, shared))

@@ -54,7 +54,7 @@ class Settings:
     warm: bool = False
     temporal_weight: float = 0.0
     seams: str = AUTO
-    seam_reach: float = 0.0
+    seam_reach: float = vrtm.TileSettings().seam_reach
     open_borders: str = AUTO
     overlap: str = OVERLAP
     max_layers: int = 32
