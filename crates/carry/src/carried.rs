@@ -1,16 +1,16 @@
 //! Bound points in a pose.
 
-use glam::{DMat3, DQuat, DVec2, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 
 use vrtm_core::allocation::Vec;
 use vrtm_core::mesh::{Mesh, NONE};
 use vrtm_core::team::Team;
 
 use crate::bind::{Binding, Pieces};
-use crate::course::{Course, Fit, absolute, from_rest, on_skin};
+use crate::course::{Body, Course, Fit, absolute, from_rest, on_skin};
 use crate::features::smooth;
-use crate::frame::{Frame, Motion, blended, polar, product, quaternion};
-use crate::surface::{Place, Posed, uv_of};
+use crate::frame::{Frame, Motion, blended, normal, polar, product, quaternion};
+use crate::surface::{Place, Posed, Spot, Surface, uv_of};
 use crate::tile::Tile;
 
 /// A carried point in the pose.
@@ -28,17 +28,27 @@ pub struct Carried {
 /// A point as the skin carries it.
 struct OnSkin {
     place: Place,
-    axes: DMat3,
-    stretch: [f64; 2],
     uv: DVec2,
+    /// Derivatives of the warp by u and v.
+    derivatives: [DVec2; 2],
 }
 
 impl OnSkin {
-    /// `inverse` is that of the stretch at rest.
-    fn new(place: Place, tangents: [DVec3; 2], inverse: [f64; 3], uv: DVec2) -> OnSkin {
-        let [a, b] = from_rest(tangents, inverse);
-        let Frame { axes, stretch } = polar(a, b);
-        OnSkin { place, axes, stretch, uv }
+    fn still(place: Place, uv: DVec2) -> OnSkin {
+        OnSkin { place, uv, derivatives: [DVec2::X, DVec2::Y] }
+    }
+
+    /// The normal of the surface, which the warp does not turn over.
+    fn normal(&self) -> DVec3 {
+        let [a, b] = self.place.tangents;
+        normal(a, b)
+    }
+
+    /// The frame, from the frame at rest. `inverse` is that of the stretch at rest.
+    fn frame(&self, inverse: [f64; 3]) -> Frame {
+        let [a, b] = self.place.tangents;
+        let tangents = self.derivatives.map(|d| d.x * a + d.y * b);
+        polar(self.normal(), from_rest(tangents, inverse))
     }
 }
 
@@ -116,7 +126,8 @@ impl<'a> Carriage<'a> {
             let node = &nodes[k];
             let tile = &self.tiles[node.tile as usize];
             let to = node.uv + tile.displacement(node.node) / DVec2::from(tile.cells().map(|n| n as f64));
-            self.on_surface(node.tile, node.triangle, to).0.at
+            let spot = self.spot(node.tile, node.triangle, to);
+            self.surface(node.tile).at(&self.posed[node.tile as usize], &spot)
         };
         let posed: Vec<DVec3> = (0..nodes.len()).map(of_node).collect();
         let fitted = nodes.iter().zip(&posed).filter(|(node, _)| node.weight > 0.0);
@@ -137,90 +148,125 @@ impl<'a> Carriage<'a> {
             let (skin, point) = (self.skin(n), &self.course.points[n]);
             let offset = DVec3::from(point.offset.map(f64::from));
             let body = &self.course.bodies[point.body as usize];
-            (1.0, body.rest, skin.place.at + skin.axes * offset)
+            let axes = skin.frame(point.inverse.map(f64::from)).axes;
+            (1.0, body.rest, skin.place.at + axes * offset)
         };
         let moved: Vec<(f64, DVec3, DVec3)> = points.iter().map(of_point).collect();
         Motion::fit(moved.iter().copied())
     }
 
-    /// The surface under a UV of a tile, reached from a triangle, and the UV there among all tiles.
-    fn on_surface(&self, tile: u32, triangle: u32, uv: DVec2) -> (Place, DVec2) {
-        let (k, of) = (tile as usize, &self.tiles[tile as usize]);
-        let surface = self.course.surfaces[k].as_ref().expect("its tile is used");
-        let mut spot = surface.walk(triangle, uv);
-        if !spot.is_inside {
-            // A border between may have stopped the walk: from the nodes around the UV there is none.
-            let at = uv * DVec2::from(of.cells().map(|n| n as f64));
-            let [i, j] = at.floor().to_array().map(|x| x as i64);
-            for (di, dj) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                let near = of.under(surface.chart(triangle), i + di, j + dj).map(|t| surface.walk(t, uv));
-                if let Some(near) = near.filter(|near| near.is_inside) {
-                    spot = near;
-                    break;
-                }
-            }
-        }
-        let origin = |tile: u32| self.mesh.tiles[tile as usize].origin();
-        (surface.place(&self.posed[k], &spot), uv_of(of.surface(), &spot, uv, origin))
+    fn surface(&self, tile: u32) -> &'a Surface {
+        self.course.surfaces[tile as usize].as_ref().expect("its tile is used")
+    }
+
+    /// The spot under a UV of a tile, reached from a triangle.
+    #[inline(always)]
+    fn spot(&self, tile: u32, triangle: u32, uv: DVec2) -> Spot {
+        let spot = self.surface(tile).walk(triangle, uv);
+        if spot.is_inside { spot } else { self.spot_by_nodes(tile, triangle, uv).unwrap_or(spot) }
+    }
+
+    /// A border between may have stopped a walk: from the nodes around the UV there is none.
+    #[cold]
+    fn spot_by_nodes(&self, tile: u32, triangle: u32, uv: DVec2) -> Option<Spot> {
+        let (of, surface) = (&self.tiles[tile as usize], self.surface(tile));
+        let at = uv * DVec2::from(of.cells().map(|n| n as f64));
+        let [i, j] = at.floor().to_array().map(|x| x as i64);
+        [(0, 0), (1, 0), (0, 1), (1, 1)]
+            .into_iter()
+            .filter_map(|(di, dj)| of.under(surface.chart(triangle), i + di, j + dj))
+            .map(|t| surface.walk(t, uv))
+            .find(|near| near.is_inside)
     }
 
     /// The `n`-th point as the skin carries it.
     fn skin(&self, n: usize) -> OnSkin {
         let point = &self.course.points[n];
-        let inverse = point.inverse.map(f64::from);
         if point.tile == NONE {
             let place = on_skin(&self.binding.skins[point.triangle as usize], self.position);
-            return OnSkin::new(place, place.tangents, inverse, point.uv);
+            return OnSkin::still(place, point.uv);
         }
-        let warp = point.mean.warp(&self.tiles[point.tile as usize]).filter(|_| self.fit != Fit::None);
-        let Some((moved, [du, dv])) = warp else {
-            let place = self.on_surface(point.tile, point.triangle, point.uv).0;
-            let uv = absolute(self.mesh, point.tile, point.uv);
-            return OnSkin::new(place, place.tangents, inverse, uv);
+        let k = point.tile as usize;
+        let warp = point.mean.warp(&self.tiles[k]).filter(|_| self.fit != Fit::None);
+        let to = point.uv + warp.map_or(DVec2::ZERO, |(moved, _)| moved);
+        let spot = self.spot(point.tile, point.triangle, to);
+        let place = self.surface(point.tile).place(&self.posed[k], &spot);
+        let Some((_, derivatives)) = warp else {
+            return OnSkin::still(place, absolute(self.mesh, point.tile, point.uv));
         };
-        let (place, uv) = self.on_surface(point.tile, point.triangle, point.uv + moved);
-        let [a, b] = place.tangents;
-        OnSkin::new(place, [du.x * a + du.y * b, dv.x * a + dv.y * b], inverse, uv)
+        let origin = |tile: u32| self.mesh.tiles[tile as usize].origin();
+        OnSkin { place, uv: uv_of(self.tiles[k].surface(), &spot, to, origin), derivatives }
+    }
+
+    /// The position of the `n`-th point as the skin carries it, for a point at this height and not beside its foot.
+    fn above_skin(&self, n: usize, height: f64) -> DVec3 {
+        let point = &self.course.points[n];
+        if point.tile == NONE || height != 0.0 {
+            let skin = self.skin(n);
+            return skin.place.at + skin.normal() * height;
+        }
+        let k = point.tile as usize;
+        let moved = point.mean.moved(&self.tiles[k]).filter(|_| self.fit != Fit::None);
+        let spot = self.spot(point.tile, point.triangle, point.uv + moved.unwrap_or_default());
+        self.surface(point.tile).at(&self.posed[k], &spot)
     }
 
     /// The `n`-th point in the pose, in the order of the binding, and its number. Without `on_surface`, stretch and UV of a
     /// point that moves with its body alone are left out; without `rotates`, rotations.
+    #[inline]
     pub fn carry(&self, n: usize, rotates: bool, on_surface: bool) -> (usize, Carried) {
         (self.binding.order[n] as usize, self.carried(n, rotates, on_surface))
     }
 
+    #[inline]
     fn carried(&self, n: usize, rotates: bool, on_surface: bool) -> Carried {
         let point = &self.course.points[n];
         let offset = DVec3::from(point.offset.map(f64::from));
         let body = self.body(n, offset.z);
-        if let Some((motion, host, rest, 1.0)) = body.filter(|_| !on_surface) {
-            let (position, rotation) = (motion.at(rest), product(motion.rotation, host));
+        let turned = |motion: &Motion, body: &Body| match rotates {
+            true => product(motion.rotation, DQuat::from_array(body.host.map(f64::from))),
+            false => DQuat::IDENTITY,
+        };
+        if let Some((motion, body, 1.0)) = body.filter(|_| !on_surface) {
+            let (position, rotation) = (motion.at(body.rest), turned(motion, body));
             return Carried { position, rotation, stretch: [0.0; 2], uv: DVec2::ZERO };
         }
-        let OnSkin { place, axes, stretch, uv } = self.skin(n);
-        let position = place.at + axes * offset;
-        let own = |own: [f32; 4]| product(quaternion(&axes), DQuat::from_array(own.map(f64::from)));
-        let rotation = if rotates { own(point.own) } else { DQuat::IDENTITY };
-        let Some((motion, host, rest, part)) = body else {
+        let (mut uv, mut stretch, mut rotation) = (DVec2::ZERO, [0.0; 2], DQuat::IDENTITY);
+        // Of a position, most points need the normal at most.
+        let is_above = offset.x == 0.0 && offset.y == 0.0;
+        let position = if is_above && !rotates && !on_surface {
+            self.above_skin(n, offset.z)
+        } else {
+            let skin = self.skin(n);
+            let frame = skin.frame(point.inverse.map(f64::from));
+            if rotates {
+                let own = DQuat::from_array(point.own.map(f64::from));
+                rotation = product(quaternion(&frame.axes), own);
+            }
+            (uv, stretch) = (skin.uv, frame.stretch);
+            skin.place.at + frame.axes * offset
+        };
+        let Some((motion, body, part)) = body else {
             return Carried { position, rotation, stretch, uv };
         };
-        let (at, turned) = (motion.at(rest), product(motion.rotation, host));
+        let (at, turned) = (motion.at(body.rest), turned(motion, body));
         let (position, rotation) = match part {
             1.0 => (at, turned),
-            _ => (position + part * (at - position), blended(rotation, turned, part)),
+            _ if rotates => (position + part * (at - position), blended(rotation, turned, part)),
+            _ => (position + part * (at - position), rotation),
         };
         Carried { position, rotation, stretch, uv }
     }
 
-    /// The motion of a point's body, the host's frame and the position at rest, and how far the point moves with it.
-    fn body(&self, n: usize, height: f64) -> Option<(Motion, DQuat, DVec3, f64)> {
+    /// The motion of a point's body, the point as a part of it, and how far the point moves with it.
+    #[inline(always)]
+    fn body(&self, n: usize, height: f64) -> Option<(&Motion, &Body, f64)> {
         let body = self.course.bodies.get(self.course.points[n].body as usize)?;
         let number = |pieces: &Pieces| pieces.of_point[self.binding.order[n] as usize];
-        let piece = self.pieces.and_then(|pieces| *self.of_pieces.get(number(pieces) as usize)?);
-        let feature =
-            || Some((self.features.get(body.feature as usize).copied().flatten()?, f64::from(body.part)));
+        let piece = self.pieces.and_then(|pieces| self.of_pieces.get(number(pieces) as usize)?.as_ref());
+        let feature = || Some((self.features.get(body.feature as usize)?.as_ref()?, f64::from(body.part)));
         let (motion, part) = piece.map(|motion| (motion, 1.0)).or_else(feature)?;
         let part = if self.skirt > 0.0 { part * smooth(height / self.skirt) } else { part };
-        Some((motion, DQuat::from_array(body.host.map(f64::from)), body.rest, part))
+        Some((motion, body, part))
     }
 }

@@ -9,9 +9,12 @@ use vrtm_core::view::Strided;
 
 use crate::bind::{Binding, Pieces, Skin};
 use crate::features::{FeatureNode, Features};
-use crate::frame::{polar, product, quaternion};
+use crate::frame::{normal, polar, product, quaternion};
 use crate::surface::{Place, Posed, Surface};
 use crate::tile::{Mean, Tile};
+
+/// A share of a position's coordinates that is rounding: points that close to the surface are on it.
+const ROUNDING: f64 = 1e-14;
 
 /// Motion of points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -73,8 +76,8 @@ pub struct Course {
 
 /// The frame that the tangents at a point have, the inverse of their stretch, and the frame's coordinates of a vector.
 pub(crate) fn rest_frame(place: &Place) -> (DMat3, [f64; 3]) {
-    let axes = polar(place.tangents[0], place.tangents[1]).axes;
     let [a, b] = place.tangents;
+    let axes = polar(normal(a, b), place.tangents).axes;
     // The stretch is symmetric: its inverse, too.
     let (x, y, z) = (axes.x_axis.dot(a), axes.x_axis.dot(b), axes.y_axis.dot(b));
     let det = x * z - y * y;
@@ -127,7 +130,7 @@ impl Course {
                 surface.posed(team, tile.surface(), &all, |v| mesh.rest[v as usize])
             })
             .collect();
-        let features = (fit == Fit::Feature).then(|| Features::new(mesh, tiles, &surfaces));
+        let features = (fit == Fit::Feature).then(|| Features::new(team, mesh, tiles, &surfaces));
         let all = team.map(binding.points.len(), |n| {
             let k = binding.order[n] as usize;
             let bound = &binding.points[k];
@@ -146,7 +149,10 @@ impl Course {
                 }
             };
             let (axes, inverse) = rest_frame(&place);
-            let offset = axes.transpose() * (bound.foot - place.at) + DVec3::new(0.0, 0.0, bound.height);
+            let beside = bound.foot - place.at;
+            let is_rounding = beside.abs().max_element() <= ROUNDING * bound.foot.abs().max_element();
+            let beside = if is_rounding { DVec3::ZERO } else { beside };
+            let offset = axes.transpose() * beside + DVec3::new(0.0, 0.0, bound.height);
             let host = host_frame(frames, k);
             let own = product(quaternion(&axes).conjugate(), host);
             let found = features.as_ref().filter(|_| bound.tile != NONE);
@@ -221,7 +227,8 @@ pub(crate) fn host_frame(frames: Option<&Strided>, k: usize) -> DQuat {
     }
     let row = |r: usize| DVec3::new(get(3 * r), get(3 * r + 1), get(3 * r + 2));
     let columns = DMat3::from_cols(row(0), row(1), row(2)).transpose();
-    quaternion(&polar(columns.x_axis, columns.y_axis).axes)
+    let [a, b] = [columns.x_axis, columns.y_axis];
+    quaternion(&polar(normal(a, b), [a, b]).axes)
 }
 
 fn inverse(order: &[u32]) -> Vec<u32> {

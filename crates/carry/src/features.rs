@@ -7,6 +7,7 @@ use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::grid::coverage::{Coverage, node_maps};
 use vrtm_core::grid::maps::Values;
 use vrtm_core::mesh::{Mesh, NONE, TileMesh};
+use vrtm_core::team::Team;
 
 use crate::surface::{Posed, Spot, Surface, weights};
 use crate::tile::Tile;
@@ -80,27 +81,30 @@ pub struct FeatureNode {
 }
 
 impl<'a> Features<'a> {
-    pub fn new(mesh: &Mesh, tiles: &[Tile], surfaces: &'a [Option<Surface>]) -> Features<'a> {
-        let mut rigid = Vec::new();
-        let of_tile = |(k, tile): (usize, &Tile)| {
+    pub fn new(team: &Team, mesh: &Mesh, tiles: &[Tile], surfaces: &'a [Option<Surface>]) -> Features<'a> {
+        let mut nodes: Vec<Option<TileNodes>> = team.map(tiles.len(), |k| {
+            let tile = &tiles[k];
             let has_rigidity = !matches!(tile.maps.rigidity, Values::None);
             surfaces[k].as_ref().filter(|_| has_rigidity && tile.grid.is_some())?;
             let [nx, ny] = tile.cells();
             let triangle = Coverage::new(tile.mesh, nx, ny, tile.maps.settings.overlap).triangle;
             let rigidity = node_maps(tile.mesh, tile.maps, [nx, ny]).rigidity;
-            let mut numbers = vec![NONE; triangle.len()];
+            let rigid = vec![NONE; triangle.len()];
+            Some(TileNodes { size: [nx + 1, ny + 1], triangle, rigidity, rigid })
+        });
+        let mut rigid = Vec::new();
+        for (k, nodes) in nodes.iter_mut().enumerate() {
+            let Some(TileNodes { triangle, rigidity, rigid: numbers, .. }) = nodes else { continue };
             for (n, number) in numbers.iter_mut().enumerate() {
                 if triangle[n] != NONE && rigidity[n] > RIGID {
                     *number = rigid.len() as u32;
                     rigid.push((k as u32, n as u32));
                 }
             }
-            Some(TileNodes { size: [nx + 1, ny + 1], triangle, rigidity, rigid: numbers })
-        };
-        let nodes: Vec<Option<TileNodes>> = tiles.iter().enumerate().map(of_tile).collect();
+        }
         let sets = (0..rigid.len() as u32).collect();
         let mut features = Features { surfaces, nodes, rigid, sets };
-        features.join_neighbours();
+        features.join_neighbours(team);
         features.join_seams(mesh, tiles);
         features
     }
@@ -119,16 +123,16 @@ impl<'a> Features<'a> {
     }
 
     /// Joins neighbours in the grid, diagonals included, between which the surface goes on.
-    fn join_neighbours(&mut self) {
-        for a in 0..self.rigid.len() {
+    fn join_neighbours(&mut self, team: &Team) {
+        let joined = team.map(self.rigid.len(), |a| {
             let (tile, n) = self.rigid[a];
+            let mut joined = [NONE; 4];
             let (Some(nodes), Some(surface)) = (&self.nodes[tile as usize], &self.surfaces[tile as usize])
             else {
-                continue;
+                return joined;
             };
             let ([width, height], n) = (nodes.size, n as usize);
             let (i, j) = (n % width, n / width);
-            let mut joined = [NONE; 4];
             for (k, (di, dj)) in [(1, 0), (0, 1), (1, 1), (-1, 1)].into_iter().enumerate() {
                 let (x, y) = (i as i64 + di, j + dj);
                 if !(0..width as i64).contains(&x) || y >= height {
@@ -143,6 +147,9 @@ impl<'a> Features<'a> {
                     joined[k] = b;
                 }
             }
+            joined
+        });
+        for (a, joined) in joined.into_iter().enumerate() {
             joined.into_iter().filter(|&b| b != NONE).for_each(|b| self.join(a as u32, b));
         }
     }

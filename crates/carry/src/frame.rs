@@ -14,20 +14,23 @@ pub struct Frame {
 /// A share of the squared lengths of two tangents below which they have no plane.
 const FLAT: f64 = 1e-24;
 
-/// The polar decomposition of two tangents. With n their normal, the rotation takes the first axis to the direction of
-/// a - n x b: of all rotations within the plane, that one maximises the trace of its product with the tangents.
-/// Tangents without a plane get one that is continued from the longer of them.
-pub fn polar(a: DVec3, b: DVec3) -> Frame {
+/// The unit normal of two tangents. Tangents without a plane get one that is continued from the longer of them.
+pub fn normal(a: DVec3, b: DVec3) -> DVec3 {
     let (aa, bb) = (a.length_squared(), b.length_squared());
     let cross = a.cross(b);
     let area2 = cross.length_squared();
     // Also false for values that are not finite.
-    let normal =
-        if area2 > FLAT * aa * bb && area2.is_finite() { cross / area2.sqrt() } else { any_normal(a, b) };
+    if area2 > FLAT * aa * bb && area2.is_finite() { cross * area2.sqrt().recip() } else { any_normal(a, b) }
+}
+
+/// The polar decomposition of two tangents with this normal n: the rotation takes the first axis to the direction of
+/// a - n x b. Of all rotations within the plane, that one maximises the trace of its product with the tangents.
+pub fn polar(normal: DVec3, [a, b]: [DVec3; 2]) -> Frame {
     let turned = normal.cross(b);
     let (along, apart) = (a - turned, (a + turned).length());
     let sum = along.length();
-    let first = if sum > 0.0 && sum.is_finite() { along / sum } else { any_normal(normal, DVec3::ZERO) };
+    let first =
+        if sum > 0.0 && sum.is_finite() { along * sum.recip() } else { any_normal(normal, DVec3::ZERO) };
     let stretch = if sum.is_finite() { [0.5 * (sum + apart), 0.5 * (sum - apart).abs()] } else { [0.0; 2] };
     Frame { axes: DMat3::from_cols(first, normal.cross(first), normal), stretch }
 }
@@ -67,7 +70,8 @@ pub fn quaternion(m: &DMat3) -> DQuat {
 pub fn normalised(q: [f64; 4]) -> DQuat {
     let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
     if length > 0.0 && length.is_finite() {
-        DQuat::from_array(q.map(|x| x / length))
+        let scale = length.recip();
+        DQuat::from_array(q.map(|x| x * scale))
     } else {
         DQuat::IDENTITY
     }

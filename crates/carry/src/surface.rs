@@ -21,6 +21,7 @@ struct Triangle {
     neighbours: [u32; 3],
     /// Vertices or points of the chart.
     local: [u32; 3],
+    chart: u32,
 }
 
 /// A point of a triangle of a tile, by barycentric coordinates.
@@ -44,7 +45,6 @@ pub struct Place {
 #[derive(Debug)]
 pub struct Surface {
     triangles: Vec<Triangle>,
-    chart_of: Vec<u32>,
     /// Number of triangles of charts.
     own: u32,
     /// Per chart and vertex, the sum of the triangles' doubled areas in UV.
@@ -57,29 +57,29 @@ pub type Posed = Vec<Vec<Place>>;
 impl Surface {
     pub fn new(tile: &TileMesh) -> Surface {
         let chart_of = tile.chart_of_triangles();
-        let triangle = |t: &vrtm_core::mesh::Triangle| {
+        let triangle = |(t, &chart): (&vrtm_core::mesh::Triangle, &u32)| {
             let [a, b, c] = t.uv;
             let (e1, e2) = (b - a, c - a);
             let det = e1.perp_dot(e2);
             let rows = [-e2.perp() / det, e1.perp() / det];
-            Triangle { origin: a, rows, neighbours: t.neighbours, local: t.local }
+            Triangle { origin: a, rows, neighbours: t.neighbours, local: t.local, chart }
         };
         let mut areas: Vec<Vec<f64>> = tile.charts.iter().map(|chart| zeroed(chart.count())).collect();
         for (triangle, &chart) in tile.triangles.iter().zip(&chart_of) {
             let area = doubled_area(triangle.uv).abs();
             triangle.local.iter().for_each(|&v| areas[chart as usize][v as usize] += area);
         }
-        let triangles = tile.triangles.iter().map(triangle).collect();
-        Surface { triangles, chart_of, own: tile.own() as u32, areas }
+        let triangles = tile.triangles.iter().zip(&chart_of).map(triangle).collect();
+        Surface { triangles, own: tile.own() as u32, areas }
     }
 
     pub fn bytes(&self) -> usize {
         let areas: usize = self.areas.iter().map(|areas| size_of_val(&**areas)).sum();
-        size_of_val(&*self.triangles) + size_of_val(&*self.chart_of) + areas
+        size_of_val(&*self.triangles) + areas
     }
 
     pub fn chart(&self, triangle: u32) -> u32 {
-        self.chart_of[triangle as usize]
+        self.triangles[triangle as usize].chart
     }
 
     /// The charts of these triangles.
@@ -127,16 +127,28 @@ impl Surface {
     }
 
     /// The place of a spot, given those of all vertices.
+    #[inline]
     pub fn place(&self, posed: &Posed, spot: &Spot) -> Place {
         let triangle = &self.triangles[spot.triangle as usize];
-        let chart = &posed[self.chart(spot.triangle) as usize];
+        let chart = &posed[triangle.chart as usize];
         let [a, b, c] = triangle.local.map(|v| &chart[v as usize]);
         let [x, y, z] = spot.weights;
         let mean = |of: fn(&Place) -> DVec3| x * of(a) + y * of(b) + z * of(c);
         Place { at: mean(|p| p.at), tangents: [mean(|p| p.tangents[0]), mean(|p| p.tangents[1])] }
     }
 
+    /// The position at a spot: that of its place.
+    #[inline]
+    pub fn at(&self, posed: &Posed, spot: &Spot) -> DVec3 {
+        let triangle = &self.triangles[spot.triangle as usize];
+        let chart = &posed[triangle.chart as usize];
+        let [a, b, c] = triangle.local.map(|v| chart[v as usize].at);
+        let [x, y, z] = spot.weights;
+        x * a + y * b + z * c
+    }
+
     /// The spot of a point of the UV plane, on a triangle or beside it.
+    #[inline(always)]
     fn spot(&self, triangle: u32, uv: DVec2) -> Spot {
         let t = &self.triangles[triangle as usize];
         let [b, c] = t.rows.map(|row| row.dot(uv - t.origin));
@@ -146,8 +158,13 @@ impl Surface {
 
     /// Walks from a triangle to the one under a point of the UV plane: always over the side that the point is farthest
     /// beyond, of those with a neighbour. Ends at the last triangle if there is none.
+    #[inline]
     pub fn walk(&self, from: u32, uv: DVec2) -> Spot {
-        let mut spot = self.spot(from, uv);
+        let spot = self.spot(from, uv);
+        if spot.is_inside { spot } else { self.walk_on(spot, uv) }
+    }
+
+    fn walk_on(&self, mut spot: Spot, uv: DVec2) -> Spot {
         for _ in 0..MOST_STEPS {
             if spot.is_inside {
                 return spot;

@@ -32,6 +32,21 @@ impl<'a> Tile<'a> {
         self.grid.map_or([1; 2], |grid| [grid.levels[0].nx, grid.levels[0].ny])
     }
 
+    /// The nodes of a chart's cell, (0, 0), (1, 0), (0, 1) and (1, 1), as `node` has them.
+    fn corners(&self, chart: u32, i: i64, j: i64) -> [u32; 4] {
+        let first = self.node(chart, i, j);
+        [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(di, dj)| {
+            let [x, y] = [i + di, j + dj];
+            match first {
+                // Most cells lie in one block.
+                _ if first != NONE && x >> 4 == i >> 4 && y >> 4 == j >> 4 => {
+                    first - first % NODES as u32 + slot(x as usize % SIDE, y as usize % SIDE) as u32
+                }
+                _ => self.node(chart, x, y),
+            }
+        })
+    }
+
     /// The place of a chart's node in the arrays of displacements; `NONE` where nothing is stored.
     pub fn node(&self, chart: u32, i: i64, j: i64) -> u32 {
         let Some(grid) = self.grid else { return NONE };
@@ -70,15 +85,7 @@ impl<'a> Tile<'a> {
         let (i, j) = (cell.x as i64, cell.y as i64);
         let is_inside = |x: f64| (0.0..=1.0).contains(&x);
         let is_upper = s < t;
-        let third = if is_upper { [0, 1] } else { [1, 0] };
         let shares = [s.max(t) as f32, s.min(t) as f32];
-        let nodes_of =
-            |chart: u32| [[0, 0], third, [1, 1]].map(|[di, dj]: [i64; 2]| self.node(chart, i + di, j + dj));
-        let moves = |chart: u32| {
-            [(0, 0), (1, 0), (0, 1), (1, 1)]
-                .iter()
-                .any(|&(di, dj)| self.is_movable(self.node(chart, i + di, j + dj)))
-        };
         let still = Mean { nodes: [NONE; 3], shares, is_upper };
         if !is_inside(s) || !is_inside(t) {
             return still;
@@ -86,9 +93,14 @@ impl<'a> Tile<'a> {
         let has_collar = |chart: &u32| !self.surface().charts[*chart as usize].collar.is_empty();
         let shares_texels = self.maps.settings.overlap == Overlap::FirstFace && !has_collar(&chart);
         let others = if shares_texels { self.mesh.charts.len() as u32 } else { 0 };
-        let of =
-            std::iter::once(chart).chain((0..others).filter(|other| !has_collar(other))).find(|&c| moves(c));
-        of.map_or(still, |chart| Mean { nodes: nodes_of(chart), ..still })
+        std::iter::once(chart)
+            .chain((0..others).filter(|other| !has_collar(other)))
+            .map(|chart| self.corners(chart, i, j))
+            .find(|corners| corners.iter().any(|&node| self.is_movable(node)))
+            .map_or(still, |[near, right, above, far]| {
+                let third = if is_upper { above } else { right };
+                Mean { nodes: [near, third, far], ..still }
+            })
     }
 }
 
@@ -106,17 +118,35 @@ impl Mean {
     /// Of what never moves.
     pub const STILL: Mean = Mean { nodes: [NONE; 3], shares: [0.0; 2], is_upper: false };
 
-    /// The displacement in UV, and the derivatives of the warp by u and v; `None` where nothing moves.
-    pub fn warp(&self, tile: &Tile) -> Option<(DVec2, [DVec2; 2])> {
+    /// The displacements of the nodes, in cells; `None` where nothing moves.
+    #[inline(always)]
+    fn displacements(&self, tile: &Tile) -> Option<[DVec2; 3]> {
         if self.nodes == [NONE; 3] {
             return None;
         }
-        let [near, third, far] = self.nodes.map(|node| tile.displacement(node));
-        if near == DVec2::ZERO && third == DVec2::ZERO && far == DVec2::ZERO {
-            return None;
-        }
+        let all = self.nodes.map(|node| tile.displacement(node));
+        (all != [DVec2::ZERO; 3]).then_some(all)
+    }
+
+    /// Their mean, in UV.
+    #[inline(always)]
+    fn mean(&self, [near, third, far]: [DVec2; 3], cells: DVec2) -> DVec2 {
         let [first, second] = self.shares.map(f64::from);
-        let moved = near + first * (third - near) + second * (far - third);
+        (near + first * (third - near) + second * (far - third)) / cells
+    }
+
+    /// The displacement in UV; `None` where nothing moves.
+    #[inline]
+    pub fn moved(&self, tile: &Tile) -> Option<DVec2> {
+        let cells = DVec2::from(tile.cells().map(|n| n as f64));
+        self.displacements(tile).map(|of_nodes| self.mean(of_nodes, cells))
+    }
+
+    /// The displacement in UV, and the derivatives of the warp by u and v; `None` where nothing moves.
+    #[inline]
+    pub fn warp(&self, tile: &Tile) -> Option<(DVec2, [DVec2; 2])> {
+        let of_nodes = self.displacements(tile)?;
+        let [near, third, far] = of_nodes;
         let [mut du, mut dv] = [third - near, far - third];
         if self.is_upper {
             (du, dv) = (dv, du);
@@ -126,6 +156,6 @@ impl Mean {
         let (du, dv) = (DVec2::new(1.0 + du.x, du.y * nx / ny), DVec2::new(dv.x * ny / nx, 1.0 + dv.y));
         // A folded cell, which only the paper's solver leaves, says nothing of how its surroundings turn.
         let derivatives = if du.perp_dot(dv) > 0.0 { [du, dv] } else { [DVec2::X, DVec2::Y] };
-        Some((moved / DVec2::new(nx, ny), derivatives))
+        Some((self.mean(of_nodes, DVec2::new(nx, ny)), derivatives))
     }
 }
