@@ -8,16 +8,17 @@ use std::sync::Mutex;
 
 use libfuzzer_sys::fuzz_target;
 use vrtm_capi::{
-    asset::*, device::*, fetch::*, handle::*, job::*, prepare::*, report::*, solve::*, status::*, tile::*,
-    types::*,
+    asset::*, carrier::*, device::*, fetch::*, handle::*, job::*, prepare::*, report::*, solve::*, status::*,
+    tile::*, types::*,
 };
 use vrtm_fuzz::{CORNERS, Input, Sheet, check, options, sized};
 
-const KINDS: usize = 4;
+const KINDS: usize = 5;
 const DEVICES: usize = 0;
 const ASSETS: usize = 1;
 const TILES: usize = 2;
 const JOBS: usize = 3;
+const CARRIERS: usize = 4;
 
 /// Handles that were given out, also those that are gone.
 #[derive(Default)]
@@ -30,7 +31,7 @@ impl Handles {
 
     /// Mostly one of the newest of its kind, which are likely to be valid.
     fn pick(&self, input: &mut Input, kind: usize) -> u64 {
-        let kind = input.odd(kind, &[DEVICES, ASSETS, TILES, JOBS]);
+        let kind = input.odd(kind, &[DEVICES, ASSETS, TILES, JOBS, CARRIERS]);
         let ids = self.0[kind].lock().unwrap().clone();
         match input.below(20) {
             18 => input.pick(&[0, 1, u64::MAX, 1 << 63]),
@@ -62,7 +63,7 @@ fuzz_target!(|bytes: &[u8]| {
                     if input.ended() {
                         break;
                     }
-                    let number = input.below(32);
+                    let number = input.below(36);
                     call(&mut input, handles, number);
                 }
             }));
@@ -70,6 +71,10 @@ fuzz_target!(|bytes: &[u8]| {
         // The scope's own end does not wait until the threads' memory is freed, and that would count as a leak.
         running.into_iter().for_each(|thread| thread.join().unwrap());
     });
+    for &id in handles.0[CARRIERS].lock().unwrap().iter() {
+        // SAFETY: any number may be given.
+        check(unsafe { vrtm_carrier_destroy(vrtm_carrier { id }) });
+    }
     for &id in handles.0[JOBS].lock().unwrap().iter() {
         // SAFETY: any number may be given.
         check(unsafe { vrtm_job_destroy(vrtm_job { id }) });
@@ -83,6 +88,55 @@ fuzz_target!(|bytes: &[u8]| {
         check(unsafe { vrtm_device_destroy(vrtm_device { id }) });
     }
 });
+
+/// A call for carriers.
+///
+/// # Safety
+/// Any handle may be given.
+unsafe fn carry(input: &mut Input, handles: &Handles, number: usize, asset: vrtm_asset) {
+    const COUNT: usize = 5;
+    let carrier = vrtm_carrier { id: handles.pick(input, CARRIERS) };
+    let numbers: [f64; 3 * COUNT] = std::array::from_fn(|_| input.number());
+    let mut given = sized::<vrtm_array>();
+    (given.data, given.count, given.format) = (numbers.as_ptr().cast(), COUNT, VRTM_SCALAR_F64);
+    // SAFETY: all pointers point to memory of the claimed size.
+    unsafe {
+        match number {
+            32 => {
+                let corners: [u32; 3 * COUNT] =
+                    std::array::from_fn(|k| input.odd(k as u32 % 3, &[9, 1 << 30]));
+                let pieces: [u32; COUNT] = std::array::from_fn(|_| input.pick(&[0, 1, u32::MAX]));
+                let mut desc = sized::<vrtm_carrier_desc>();
+                (desc.bind, desc.fit) = (input.below(4) as i32, input.below(4) as i32);
+                (desc.uvs, desc.weights, desc.positions) = (&given, &given, &given);
+                desc.corners = corners.as_ptr();
+                desc.pieces = input.pick(&[ptr::null(), pieces.as_ptr()]);
+                desc.heights = input.pick(&[ptr::null(), &raw const given]);
+                (desc.skirt, desc.farthest) = (input.number(), input.number());
+                let mut made = vrtm_carrier { id: 77 };
+                if check(vrtm_carrier_create(asset, &desc, &mut made)) {
+                    handles.add(CARRIERS, made.id);
+                }
+            }
+            33 | 34 => {
+                let mut out = [f64::NAN; 4 * COUNT];
+                let mut array = sized::<vrtm_array_out>();
+                (array.data, array.count, array.format) = (out.as_mut_ptr().cast(), COUNT, VRTM_SCALAR_F64);
+                let mut carried = sized::<vrtm_carried>();
+                match input.below(4) {
+                    0 => carried.positions = &array,
+                    1 => carried.rotations = &array,
+                    2 => carried.stretch = &array,
+                    _ => carried.uvs = &array,
+                }
+                let done = check(vrtm_carrier_fetch(carrier, &carried));
+                assert!(done || out.iter().all(|x| x.is_nan()));
+                check(vrtm_carrier_get_info(carrier, &mut sized()));
+            }
+            _ => _ = check(vrtm_carrier_destroy(carrier)),
+        }
+    }
+}
 
 /// One call, chosen by `number`.
 fn call(input: &mut Input, handles: &Handles, number: usize) {
@@ -137,7 +191,8 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
             7 => {
                 let mut found = vrtm_tile { id: 0 };
                 let udim = input.odd(1002, &[0, 1001, 1003, u32::MAX]);
-                let key = vrtm_tile_key { udim, uv_set: input.odd(0, &[1]), layer: input.odd(0, &[1]), layers: 0 };
+                let key =
+                    vrtm_tile_key { udim, uv_set: input.odd(0, &[1]), layer: input.odd(0, &[1]), layers: 0 };
                 check(vrtm_asset_find_tile(asset, &key, &mut found));
             }
             8 => _ = check(vrtm_tile_get_info(tile, &mut sized())),
@@ -199,7 +254,8 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
             }
             21 => {
                 let mut uvs = [f32::NAN; 2 * CORNERS];
-                let done = check(vrtm_asset_fetch_corner_uvs(asset, input.odd(0, &[1]), uvs.as_mut_ptr(), CORNERS));
+                let done =
+                    check(vrtm_asset_fetch_corner_uvs(asset, input.odd(0, &[1]), uvs.as_mut_ptr(), CORNERS));
                 assert!(if done { uvs.iter().all(|x| x.is_finite()) } else { untouched(&uvs) });
             }
             22 => _ = check(vrtm_tile_get_report(tile, &mut sized())),
@@ -232,7 +288,8 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
                             assert!((0.0..=1.0).contains(&data.progress) && data.ms >= 0.0);
                         }
                     }
-                    _ => _ = check(vrtm_job_destroy(job)),
+                    30 | 31 => _ = check(vrtm_job_destroy(job)),
+                    _ => carry(input, handles, number, asset),
                 }
             }
         }

@@ -1056,29 +1056,28 @@ typedef int32_t vrtm_seams;
 // Nothing moves at a border, and any texture will do. The default.
 #define VRTM_SEAMS_SHUT 0
 
-// Each chart is solved together with what lies beyond its seams, laid out in its own plane up to
+// Each chart is solved together with the surface beyond its seams, laid out in its own plane up to
 // vrtm_tile_settings.seam_reach. Redirections near a seam then lead over the border of the chart: the texture must
-// show there what lies beyond it, as vrtm_tile_fetch_dilation of at least the same reach says. Open borders, and
-// charts that lie over one another in a layer, stay as they are with VRTM_SEAMS_SHUT. Tiles that are solved in one
-// call are brought together at their seams.
+// show that surface there, as vrtm_tile_fetch_dilation with at least the same reach writes it. Open borders, and
+// charts that overlap in a layer, stay as with VRTM_SEAMS_SHUT. Tiles that are solved in one call are brought together
+// at their seams.
 #define VRTM_SEAMS_CONTINUE 1
 
-// As VRTM_SEAMS_SHUT, but rigid features that touch a border of their chart (with VRTM_OPEN_BORDERS_SLIDE: a seam)
-// stay as they were, whole, and their elastic surroundings give way: never half of a feature. A feature is what hangs
-// together of nodes with a rigidity of at least 0.5. Any texture will do.
+// As VRTM_SEAMS_SHUT, but a rigid feature that touches a border of its chart (with VRTM_OPEN_BORDERS_SLIDE: a seam)
+// keeps its place as a whole, and its elastic surroundings give way. A feature is a connected region of nodes with a
+// rigidity of at least 0.5. Any texture will do.
 #define VRTM_SEAMS_KEEP 2
 
 // Treatment of open borders, beyond which the surface ends: along an edge that only one face with texture has.
 typedef int32_t vrtm_open_borders;
 
-// Nothing moves at an open border. The surface may go on in a mesh that is not known here, as a head's neck does. The
-// default.
+// Nothing moves at an open border. The surface may continue in another mesh, as a head's neck does. The default.
 #define VRTM_OPEN_BORDERS_FIXED 0
 
 // Texture slides along open borders, as if the surface were mirrored there, so that a feature at a border keeps its
-// shape; any texture will do. Corners of more than 50 degrees stay where they are, and so do ends of a chart's seam
-// with itself. Edges whose vertices are not welded look like open borders, and so do those at which faces of other
-// sizes meet, or beyond which faces have no texture.
+// shape; any texture will do. Corners of more than 50 degrees stay in place, and so do ends of a chart's seam with
+// itself. Unwelded edges count as open borders, and so do edges between faces of different sizes and edges beside
+// faces without texture.
 #define VRTM_OPEN_BORDERS_SLIDE 1
 
 // A tile's settings. All have a working default; a change rebuilds only what depends on it. Start from
@@ -1502,8 +1501,8 @@ typedef struct vrtm_tile_report {
     uint32_t charts_identity;
     // Charts that fell back to the identity because nothing better was found.
     uint32_t charts_fallback;
-    // With VRTM_SEAMS_CONTINUE: charts that could not be brought together at their seams with what their neighbours
-    // say, or not wholly, without crushing a cell.
+    // With VRTM_SEAMS_CONTINUE: charts that do not fully agree with their neighbours at seams, because a cell would be
+    // crushed.
     uint32_t charts_apart;
     // Levels of the grid that the solver works on.
     uint32_t levels;
@@ -1870,7 +1869,7 @@ vrtm_status vrtm_refinement_fetch_pattern(vrtm_refinement refinement,
 
 // Writes the redirected UV of every corner of the refined mesh in the asset's last result: `count` pairs (u, v), with
 // the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. Call it after each frame's
-// solve. At corners of the mesh the UVs equal those of vrtm_asset_fetch_corner_uvs_of_set bit for bit. `count` is the
+// solve. At corners of the mesh the UVs equal those of vrtm_asset_fetch_corner_uvs bit for bit. `count` is the
 // number of corners, vrtm_refinement_info.corners; `uvs` has room for 2 * count floats. Never busy.
 //
 // For a pose that the refinement was not created or extended for, the error may exceed the tolerance.

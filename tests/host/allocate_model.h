@@ -14,6 +14,7 @@ enum {
     ROW = HALF + 1,                    /* vertices of a half's row */
     POSITIONS = 2 * ROW * (QUADS + 1),
     QUAD_CORNERS = 4 * QUADS * QUADS,
+    CARRIED = 64 * 64,
     TEXELS = 160,                      /* side of the maps */
     OUT_WIDTH = 520,                   /* so wide that even a line of texels or nodes takes 4 KiB */
     OUT_HEIGHT = 20,
@@ -29,12 +30,14 @@ typedef struct {
     vrtm_device device;
     vrtm_asset asset;
     vrtm_tile tiles[MAX_TILES];
+    vrtm_carrier carrier;
     unsigned char *saved;
     size_t saved_size, saved_capacity;
     /* What calls write: compared byte for byte. */
     float out[2][OUT * 2];
     uint16_t out_half[OUT * 2];
     float corners[QUAD_CORNERS][2];
+    float carried[CARRIED][3], turned[CARRIED][4];
 } work;
 
 static float rest[POSITIONS][3], posed[POSITIONS][3], uvs[2][POSITIONS][2], weights[POSITIONS];

@@ -27,6 +27,8 @@ static uint64_t written(const work *w)
     hash = hash_bytes(hash, w->out, sizeof w->out);
     hash = hash_bytes(hash, w->out_half, sizeof w->out_half);
     hash = hash_bytes(hash, w->corners, sizeof w->corners);
+    hash = hash_bytes(hash, w->carried, sizeof w->carried);
+    hash = hash_bytes(hash, w->turned, sizeof w->turned);
     hash = hash_bytes(hash, w->saved, w->saved_size);
     return hash_bytes(hash, &w->saved_size, sizeof w->saved_size);
 }

@@ -1,6 +1,6 @@
 /*
  * A host's work, step by step, for the programs that let allocations fail in it (allocate.c, allocate_outside.c): maps,
- * settings, estimates, saved tiles, solves of all kinds, fetches of all kinds, a job. Each step is one call, so that it
+ * settings, estimates, saved tiles, solves of all kinds, fetches of all kinds, a carrier, a job. Each step is one call, so that it
  * does all of its work or none.
  */
 
@@ -234,6 +234,34 @@ static vrtm_status refine(work *w)
     return status;
 }
 
+/* Points of the first set, given by UV: more than one block of memory of each kind. */
+static vrtm_status make_carrier(work *w)
+{
+    static float at[CARRIED][2], heights[CARRIED];
+    vrtm_array points = array_of(at, CARRIED), above = array_of(heights, CARRIED);
+    vrtm_carrier_desc desc = vrtm_carrier_desc_init();
+    for (int k = 0; k < CARRIED; ++k) {
+        at[k][0] = (float)(k % 64 + 0.5) / 64;
+        at[k][1] = (float)(k / 64 + 0.5) / 64;
+        heights[k] = 0.01f * (float)(k % 3);
+    }
+    desc.uvs = &points;
+    desc.heights = &above;
+    return vrtm_carrier_create(w->asset, &desc, &w->carrier);
+}
+
+static vrtm_status carry(work *w)
+{
+    vrtm_array_out positions = vrtm_array_out_init(), rotations = vrtm_array_out_init();
+    vrtm_carried carried = vrtm_carried_init();
+    positions.data = w->carried;
+    rotations.data = w->turned;
+    positions.count = rotations.count = CARRIED;
+    carried.positions = &positions;
+    carried.rotations = &rotations;
+    return vrtm_carrier_fetch(w->carrier, &carried);
+}
+
 static vrtm_status stroke(work *w)
 {
     vrtm_image image = map_of(stroked);
@@ -317,8 +345,10 @@ static const struct {
     {"dilation", fetch_dilation},
     {"corner UVs", fetch_corners},
     {"refinement", refine},
+    {"carrier", make_carrier},
     {"stroke", stroke},
     {"solve after the stroke", solve_normal},
+    {"carried points", carry},
     {"solve, draft", solve_draft},
     {"solve, warm", solve_warm},
     {"solve, measured", solve_measured},
@@ -346,6 +376,9 @@ static void work_begin(work *w, int backend, const vrtm_allocator *allocator)
 
 static void work_end(work *w)
 {
+    if (w->carrier.id != 0) {
+        vrtm_carrier_destroy(w->carrier);
+    }
     if (w->asset.id != 0) {
         vrtm_asset_destroy(w->asset);
     }

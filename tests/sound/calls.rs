@@ -7,7 +7,7 @@ use std::ptr;
 use std::sync::atomic::{AtomicIsize, AtomicPtr, Ordering};
 
 use vrtm_capi::{
-    allocator::*, asset::*, device::*, dilation::*, executor::*, fetch::*, handle::*, job::*, map::*,
+    allocator::*, asset::*, carrier::*, device::*, dilation::*, executor::*, fetch::*, handle::*, job::*, map::*,
     prepare::*, refine::*, report::*, solve::*, tile::*, types::*,
 };
 
@@ -230,6 +230,42 @@ fn a_refinement_and_its_pattern() {
         done(vrtm_refinement_fetch_corner_uvs(refinement, corner_uvs, corners));
         done(vrtm_refinement_destroy(refinement));
     }
+    end(device, asset);
+}
+
+#[test]
+fn points_are_carried() {
+    let device = device(1);
+    let (asset, _) = asset(device);
+    let (mut carrier, mut info) = (vrtm_carrier { id: 0 }, sized::<vrtm_carrier_info>());
+    // Two points on the sheet, one beside it; at odd addresses, between bytes of something else.
+    let mut uvs = Bytes::new(3 * 20, 1);
+    for (k, uv) in [[0.25f64, 0.5], [1.75, 0.5], [7.5, 0.5]].iter().enumerate() {
+        // SAFETY: within the bytes.
+        unsafe { uvs.pointer().cast::<u8>().add(20 * k).cast::<[f64; 2]>().write_unaligned(*uv) };
+    }
+    let points =
+        vrtm_array { data: uvs.pointer(), count: 3, stride: 20, format: VRTM_SCALAR_F64, ..sized() };
+    let desc = vrtm_carrier_desc { uvs: &points, ..sized() };
+    let mut bytes = Bytes::new(3 * 30, 3);
+    let first = bytes.pointer().cast::<u8>();
+    // SAFETY: within the bytes, as below.
+    let rows = |at| vrtm_array_out { data: unsafe { first.add(at) }.cast(), count: 3, stride: 30, ..sized() };
+    let (positions, rotations) = (rows(0), rows(12));
+    let carried = vrtm_carried { positions: &positions, rotations: &rotations, ..sized() };
+    let mut states = [7; 3];
+    // SAFETY: all pointers point to memory of the size that the structs tell.
+    unsafe {
+        done(vrtm_carrier_create(asset, &desc, &mut carrier));
+        done(vrtm_asset_solve(asset, &pose(0.5).c(), &least()));
+        done(vrtm_carrier_fetch(carrier, &carried));
+        done(vrtm_carrier_fetch_states(carrier, states.as_mut_ptr(), 3));
+        done(vrtm_carrier_get_info(carrier, &mut info));
+        done(vrtm_carrier_destroy(carrier));
+    }
+    assert_eq!((states, info.outside), ([VRTM_POINT_BOUND, VRTM_POINT_BOUND, VRTM_POINT_OUTSIDE], 1));
+    // The bytes between the rows are as they were.
+    assert!(bytes.get().chunks_exact(30).all(|row| row[28..] == [0x5A; 2]));
     end(device, asset);
 }
 

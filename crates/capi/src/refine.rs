@@ -281,7 +281,7 @@ impl Spans {
 
 /// Writes the redirected UV of every corner of the refined mesh in the asset's last result: `count` pairs (u, v), with
 /// the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. Call it after each frame's
-/// solve. At corners of the mesh the UVs equal those of vrtm_asset_fetch_corner_uvs_of_set bit for bit. `count` is the
+/// solve. At corners of the mesh the UVs equal those of vrtm_asset_fetch_corner_uvs bit for bit. `count` is the
 /// number of corners, vrtm_refinement_info.corners; `uvs` has room for 2 * count floats. Never busy.
 ///
 /// For a pose that the refinement was not created or extended for, the error may exceed the tolerance.

@@ -283,8 +283,8 @@ pub struct TileReport {
     pub charts_identity: u32,
     /// Charts that fell back to the identity because nothing better was found.
     pub charts_fallback: u32,
-    /// With [`crate::settings::Seams::Continue`]: charts that could not be brought together at their seams with what
-    /// their neighbours say, or not wholly, without crushing a cell.
+    /// With [`crate::settings::Seams::Continue`]: charts that do not fully agree with their neighbours at seams,
+    /// because a cell would be crushed.
     pub charts_apart: u32,
     /// With [`crate::settings::Seams::Continue`] or [`crate::settings::OpenBorders::Slide`]: texels in charts whose
     /// redirection was limited in the latest image, or part of one, since it would have led over the border of the

@@ -149,28 +149,28 @@ pub enum Seams {
     /// Nothing moves at a border, and any texture will do.
     #[default]
     Shut,
-    /// Each chart is solved together with what lies beyond its seams, laid out in its own plane up to
+    /// Each chart is solved together with the surface beyond its seams, laid out in its own plane up to
     /// [`TileSettings::seam_reach`]. Redirections near a seam then lead over the border of the chart: the texture must
-    /// show there what lies beyond it, as `Results::fetch_dilation` of at least the same reach says. Open borders, and
-    /// charts that lie over one another in a layer, stay as they are with [`Seams::Shut`]. Tiles that are solved in one
-    /// call are brought together at their seams.
+    /// show that surface there, as [`Results::fetch_dilation`] with at least the same reach writes it. Open borders,
+    /// and charts that overlap in a layer, stay as with [`Seams::Shut`]. Tiles that are solved in one call are brought
+    /// together at their seams.
     Continue,
-    /// As [`Seams::Shut`], but rigid features that touch a border of their chart (with [`OpenBorders::Slide`]: a seam)
-    /// stay as they were, whole, and their elastic surroundings give way: never half of a feature. A feature is what
-    /// hangs together of nodes with a rigidity of at least 0.5. Any texture will do.
+    /// As [`Seams::Shut`], but a rigid feature that touches a border of its chart (with [`OpenBorders::Slide`]: a seam)
+    /// keeps its place as a whole, and its elastic surroundings give way. A feature is a connected region of nodes with
+    /// a rigidity of at least 0.5. Any texture will do.
     Keep,
 }
 
 /// Treatment of open borders, beyond which the surface ends: along an edge that only one face with texture has.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum OpenBorders {
-    /// Nothing moves at an open border. The surface may go on in a mesh that is not known here, as a head's neck does.
+    /// Nothing moves at an open border. The surface may continue in another mesh, as a head's neck does.
     #[default]
     Fixed,
     /// Texture slides along open borders, as if the surface were mirrored there, so that a feature at a border keeps
-    /// its shape; any texture will do. Corners of more than 50 degrees stay where they are, and so do ends of a chart's
-    /// seam with itself. Edges whose vertices are not welded look like open borders, and so do those at which faces of
-    /// other sizes meet, or beyond which faces have no texture.
+    /// its shape; any texture will do. Corners of more than 50 degrees stay in place, and so do ends of a chart's seam
+    /// with itself. Unwelded edges count as open borders, and so do edges between faces of different sizes and edges
+    /// beside faces without texture.
     Slide,
 }
 
