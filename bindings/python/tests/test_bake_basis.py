@@ -114,6 +114,37 @@ def test_what_is_up_to_date_stays_and_what_is_missing_is_written(motion: Path) -
     assert files(motion / "out") == before, "the same bytes"
 
 
+@pytest.mark.parametrize(("form", "numbers"), [("unorm16", np.uint16), ("unorm8", np.uint8)])
+def test_integers_of_a_stated_range(tmp_path: Path, form: str, numbers: type) -> None:
+    gentle(tmp_path, 3)
+    bake(tmp_path, "--max-error", BOUND, expect=None)
+    other, out = document(tmp_path), tmp_path / "out"
+    assert other["format"] == "half" and {tuple(of["offset"] + of["scale"]) for of in other["ranges"]} == {(0, 0, 1, 1)}
+    bake(tmp_path, "--max-error", BOUND, "--basis-format", form, expect=None)
+    told = document(tmp_path)
+    assert not list(out.glob("basis.*.exr")), "those of 16-bit floats go"
+    assert told["format"] == form and len(told["ranges"]) == told["maps"] >= 1
+    assert told["bytes"]["basis"] == 2 * 32 * 32 * 2 * np.dtype(numbers).itemsize * told["maps"]
+    assert (told["bytes"]["basis"] < 0.6 * other["bytes"]["basis"]) == (form == "unorm8")
+    for row in told["frames"]:
+        most = 0.0
+        for tile in told["files"]:
+            delta = pixels(out / f"redirect.{row['frame']:04}.{tile['udim']}.exr")[..., :2].astype(float)
+            delta -= np.stack(np.meshgrid((np.arange(32) + 0.5) / 32, 1 - (np.arange(32) + 0.5) / 32), -1)
+            for weight, of, name in zip(row["weights"], told["ranges"], tile["maps"]):
+                texels = pixels(out / name)
+                assert texels.dtype == numbers and name.endswith(".png")
+                assert attributes(out / name)["vrtm:scale"] == " ".join(f"{x:.9g}" for x in of["scale"])
+                share = texels[..., :2] / np.iinfo(numbers).max
+                delta -= weight * (np.array(of["offset"]) + np.array(of["scale"]) * share)
+            most = max(most, SIZE * float(np.hypot(*np.moveaxis(delta, -1, 0)).max()))
+        assert most <= BOUND + 2e-4 and row["error"] == pytest.approx(most, abs=2e-4)
+        assert row["folds"] == {"map": 0, "basis": 0}
+    before = files(out)
+    bake(tmp_path, "--max-error", BOUND, "--basis-format", form, expect=None)
+    assert files(out) == before
+
+
 def test_nothing_of_others_is_replaced_and_maps_that_are_left_over_go(tmp_path: Path) -> None:
     gentle(tmp_path, 3)
     painted = image(tmp_path / "strange.exr", np.ones((4, 4, 3), np.float32))
@@ -217,6 +248,7 @@ def test_held_out_frames_are_some_of_those_that_are_baked(tmp_path: Path) -> Non
         (("--basis", "--tiles", 1001), "--basis and --tiles exclude each other"),
         (("--controls", "a.csv"), "--controls needs --basis"),
         (("--held-out", 1), "--held-out needs --basis"),
+        (("--basis-format", "unorm8"), "--basis-format needs --basis"),
     ],
 )
 def test_options_that_do_not_go_together(tmp_path: Path, options: tuple, said: str) -> None:

@@ -16,6 +16,7 @@ from vrtm.basis.controls import drive
 from vrtm.basis.fit import fit, fitted_weights, summed
 from vrtm.basis.folds import folds
 from vrtm.basis.morph import morphs
+from vrtm.basis.stored import FORMATS, numbers, stored, values
 from vrtm.basis.strain import Ruler, Strain
 
 SIDE = 24
@@ -185,3 +186,41 @@ def test_positions_that_the_weights_do_not_drive_get_targets_of_their_own() -> N
 def test_sums_are_of_the_stored_numbers() -> None:
     maps, weights = bumps(2).astype(np.float16), np.array([[0.25, -1.5]], np.float32)
     np.testing.assert_array_equal(summed(maps, weights)[0], 0.25 * maps[0].astype(float) - 1.5 * maps[1].astype(float))
+
+
+@pytest.mark.parametrize("form", ["unorm16", "unorm8"])
+def test_integers_hold_the_bound_and_leave_in_place_what_does_not_move(form: str) -> None:
+    """By what a shader computes: offset + scale * number / largest."""
+    deltas = np.concatenate([bumps(6, size=0.05), np.zeros((6, 40, 2), np.float32)], axis=1)
+    # Of 6 maps of 0.1 each, in steps of 0.1 / 255, 8 bits leave some 6 halves of such a step.
+    bound = {"unorm16": 1e-5, "unorm8": 1.5e-3}[form]
+    basis = fit(deltas, bound, form=form)
+    assert basis is not None
+    most = np.iinfo(FORMATS[form]).max
+    read = []
+    for one, of in zip(basis.maps, basis.ranges):
+        packed = numbers(one, of, form)
+        # The whole of the range is used, but for a step at its ends.
+        assert packed.dtype == FORMATS[form] and np.ptp(packed.reshape(-1, 2), axis=0).min() >= most - 2
+        read.append(of.offset.astype(float) + of.scale.astype(float) * packed / most)
+    # f32 rounds a range of 0.1 by 1e-8.
+    np.testing.assert_allclose(read, basis.maps, atol=1e-8)
+    assert (largest(np.array(read), basis.weights, deltas) <= bound + 1e-7).all()
+    assert not basis.maps[:, -40:].any() and np.abs(np.array(read)[:, -40:]).max() < 1e-8
+
+
+def test_8_bits_that_cannot_hold_a_bound_are_refused() -> None:
+    deltas = bumps(4, size=0.05)
+    assert fit(deltas, 1e-5, form="unorm16") is not None
+    assert fit(deltas, 1e-5, form="unorm8") is None, "steps of 0.1 / 255"
+
+
+def test_ranges_of_one_sign_and_of_nothing() -> None:
+    """A channel that is 0, one that is positive, one that is negative."""
+    maps = np.array([[[0, 0.25], [0, 0.5]], [[-1, 0], [-0.5, 0]]], np.float32)
+    for form in FORMATS:
+        found, ranges = stored(maps, form)
+        np.testing.assert_allclose(found, maps, atol=1 / 255)
+        for one, of in zip(found, ranges):
+            np.testing.assert_allclose(values(numbers(one, of, form), of), one, atol=1e-7)
+        assert (found[0, :, 0] == 0).all() and (found[1, :, 1] == 0).all()

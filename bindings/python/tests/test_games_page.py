@@ -7,9 +7,11 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from bake_scenes import REPOSITORY, run
+from vrtm.basis.stored import numbers, stored
 
 PAGE = REPOSITORY / "docs" / "games.md"
 GLSL = """#version 330
@@ -41,13 +43,29 @@ def test_shaders_compile(tmp_path: Path, language: str, program: str, options: l
     compiler = shutil.which("glslangValidator")
     if compiler is None:
         pytest.skip("skipped: no glslangValidator")
-    (code,) = re.findall(rf"```{language}\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    codes = re.findall(rf"```{language}\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    assert len(codes) == 2, "of 16-bit floats, and of integers"
     file = tmp_path / "shader.frag"
-    file.write_text(program.format(code=code))
     if options:
         options = [*options, "-o", str(tmp_path / "shader.spv")]
-    ended = subprocess.run([compiler, *options, str(file)], capture_output=True, text=True)
-    assert ended.returncode == 0, ended.stdout + ended.stderr
+    for code in codes:
+        file.write_text(program.format(code=code))
+        ended = subprocess.run([compiler, *options, str(file)], capture_output=True, text=True)
+        assert ended.returncode == 0, ended.stdout + ended.stderr
+
+
+def test_weights_that_take_the_range_in_give_the_same_sum() -> None:
+    """The shader for integers, its loop in Python, against the sum of what the numbers stand for."""
+    random = np.random.default_rng(1)
+    maps = random.uniform(-0.1, 0.2, (3, 50, 2)).astype(np.float32)
+    weights = random.uniform(-1, 1, 3)
+    found, ranges = stored(maps, "unorm8")
+    scaled = [weight * of.scale for weight, of in zip(weights, ranges)]
+    offset = sum(weight * of.offset for weight, of in zip(weights, ranges))
+    moved = np.zeros((50, 2)) + offset
+    for k in range(3):
+        moved = moved + scaled[k] * (numbers(found[k], ranges[k], "unorm8") / 255)
+    np.testing.assert_allclose(moved, np.einsum("k,ktc->tc", weights, found), atol=1e-7)
 
 
 def test_its_options_are_there() -> None:

@@ -7,6 +7,7 @@ import argparse
 from vrtm.bake import frames
 from vrtm.bake.parsing import flag, listed
 from vrtm.bake.settings import AUTO
+from vrtm.basis.stored import FORMATS, HALF
 
 
 def add(group: argparse._ArgumentGroup) -> None:
@@ -16,6 +17,13 @@ def add(group: argparse._ArgumentGroup) -> None:
         "--basis",
         "also write as few maps as it takes, and weights per frame, such that the weighted sum of these maps is off by "
         "at most --max-error texels (1) from the redirection of any frame",
+    )
+    group.add_argument(
+        "--basis-format",
+        choices=tuple(FORMATS),
+        default=HALF,
+        help="with --basis: the numbers of the maps, 16-bit floats (EXR), or integers of a range per map and channel "
+        "(PNG), whose offset and scale stand in the file of weights (%(default)s)",
     )
     flag(
         group,
@@ -43,6 +51,7 @@ def wrong(a: argparse.Namespace) -> dict[str, object]:
     return {
         "--controls needs --basis": a.controls is not None and not a.basis,
         "--gltf needs --basis": a.gltf and not a.basis,
+        "--basis-format needs --basis": a.basis_format != HALF and not a.basis,
         f"--gltf and --subsets {both}": a.gltf and a.subsets,
         "--held-out needs --basis": a.held_out is not None and not a.basis,
         **{

@@ -24,8 +24,9 @@ from vrtm.bake.words import counted
 from vrtm.bake.work import Work
 from vrtm.basis.controls import PRODUCTS, drive
 from vrtm.basis.fit import Basis, fit, fitted_weights, summed
+from vrtm.basis.stored import FORMATS, HALF, Range, numbers
 
-VERSION = 1
+VERSION = 2
 """Of the way of fitting: maps that were fitted in another way are not up to date."""
 
 
@@ -81,6 +82,11 @@ class _MeshBasis:
     controls: Controls | None
     stop: Callable[[], None]
 
+    @property
+    def form(self) -> str:
+        """What the maps are stored in, one of `FORMATS`."""
+        return self.work.settings.basis_format
+
     def made(self) -> tuple[dict, bool]:
         """The document of weights, and whether it was written, not up to date."""
         settings = self.work.settings
@@ -90,7 +96,7 @@ class _MeshBasis:
             raise Failure(INPUT, f"--held-out: {self.mesh.shape.path} has no map of any other frame")
         bound = (1.0 if settings.max_error is None else settings.max_error) / settings.texture_size
         path = self.work.basis_file(self.mesh.shape.name)
-        inputs = Fingerprint().text(VERSION, vrtm.version(), bound, settings.texture_size, fitted, held)
+        inputs = Fingerprint().text(VERSION, vrtm.version(), bound, settings.texture_size, fitted, held, self.form)
         for frame in self.frames:
             for file in self._files(frame):
                 inputs.text(image_file.told(file).get("vrtm:inputs"))
@@ -103,11 +109,11 @@ class _MeshBasis:
         tiles = basis_tiles.tile_maps(self.mesh, sizes)
         # A map per frame may fold where few texels squeeze much; the sum must not in more places.
         allowed = [basis_tiles.fold_counts(tiles, delta) for delta in deltas]
-        basis = fit(deltas, bound, lambda basis: not self._folding(tiles, basis, allowed))
+        basis = fit(deltas, bound, lambda basis: not self._folding(tiles, basis, allowed), self.form)
         if basis is None:
             raise Failure(
                 INPUT,
-                f"{self.mesh.shape.path}: maps of 16 bits are off by more than {bound * settings.texture_size:g} "
+                f"{self.mesh.shape.path}: maps of {self.form} are off by more than {bound * settings.texture_size:g} "
                 "texels, or fold: --max-error must be larger, or --texture-size smaller",
             )
         document = self._document(tiles, basis, deltas, fitted, held) | {"inputs": inputs.hex()}
@@ -129,7 +135,7 @@ class _MeshBasis:
                 return None
             for tile in self.mesh.tiles:
                 for number in range(document["maps"]):
-                    target = self._target(tile, number, (0, 0), inputs)
+                    target = self._target(tile, number, (0, 0), inputs, None)
                     if image_file.up_to_date(target, self.work.settings.overwrite) is None:
                         return None
             glb = self.work.basis_file(self.mesh.shape.name, ".glb")
@@ -184,13 +190,15 @@ class _MeshBasis:
                 weights = fitted_weights(basis.maps, delta)
             outside.append(measure.row(weights[0], delta[0], frame))
         most = max(row["folds"]["map"] for row in rows)
-        texels = tiles[-1].texels.stop
+        texels, each = tiles[-1].texels.stop, 2 * np.dtype(FORMATS[self.form]).itemsize
         return {
             "mesh": self.mesh.shape.name,
             "maps": len(basis),
             "max_error": 1.0 if settings.max_error is None else settings.max_error,
             "texture_size": settings.texture_size,
-            "bytes": {"basis": 4 * texels * len(basis), "maps": 4 * texels * len(fitted)},
+            "format": self.form,
+            "ranges": [{"offset": of.offset.tolist(), "scale": of.scale.tolist()} for of in basis.ranges],
+            "bytes": {"basis": each * texels * len(basis), "maps": 4 * texels * len(fitted)},
             "worst": max(rows, key=lambda row: row["error"]),
             "worst_held_out": max(outside, key=lambda row: row["error"], default=None),
             "random": None if driver is None or known is None else measure.random(driver, known, most),
@@ -199,7 +207,7 @@ class _MeshBasis:
             "held_out": outside,
         }
 
-    def _target(self, tile: TileWork, number: int, size: tuple[int, int], inputs: str) -> Target:
+    def _target(self, tile: TileWork, number: int, size: tuple[int, int], inputs: str, of: Range | None) -> Target:
         facts: dict[str, str | int] = {
             "vrtm:kind": "basis",
             "vrtm:form": "delta",
@@ -209,19 +217,23 @@ class _MeshBasis:
             "vrtm:version": vrtm.version(),
             "vrtm:inputs": inputs,
         }
+        path, kind = self.work.basis_map(self.mesh, number, tile, self.form), FORMATS[self.form]
+        if self.form != HALF:
+            # In the words that a shader has: UV += weight * (offset + scale * texel).
+            facts |= {} if of is None else {"vrtm:offset": _list(of.offset), "vrtm:scale": _list(of.scale)}
+            return Target(path, *size, ("R", "G", "B"), kind, facts, format="png")
         said = {"colorInteropID": "data", "oiio:ColorSpace": "data", "wrapmodes": "clamp"}
         attributes = {name: ("string", value) for name, value in said.items()}
-        path = self.mesh.path(self.work.pattern, "basis", number, tile)
-        return Target(path, *size, ("R", "G", "B"), "float16", facts, attributes)
+        return Target(path, *size, ("R", "G", "B"), kind, facts, attributes)
 
     def _write(self, tiles: list[TileMaps], basis: Basis, inputs: Fingerprint) -> list[dict]:
         files = []
         for maps in tiles:
             names = []
-            for number, texels in enumerate(basis.maps):
+            for number, (texels, of) in enumerate(zip(basis.maps, basis.ranges)):
                 self.stop()
-                target = self._target(maps.tile, number, maps.size, inputs.hex())
-                image = maps.image(texels)
+                target = self._target(maps.tile, number, maps.size, inputs.hex(), of)
+                image = numbers(maps.image(texels), of, self.form)
                 pixels = np.concatenate([image, np.zeros_like(image[..., :1])], axis=-1)
                 # Raises Failure for one that somebody has painted on.
                 image_file.up_to_date(target, self.work.settings.overwrite)
@@ -241,10 +253,17 @@ class _MeshBasis:
         return basis_gltf.write(self.work, self.mesh, fitted, names, weights, path, self.stop)
 
     def _sweep(self, count: int) -> None:
-        """Removes maps of an earlier basis that had more of them."""
+        """Removes maps of an earlier basis that had more of them, or another format."""
         for tile in self.mesh.tiles:
-            for number in range(count, len(self.work.frames)):
-                image_file.remove(self.mesh.path(self.work.pattern, "basis", number, tile), self.mesh.shape.name)
+            for number in range(len(self.work.frames)):
+                named = {form: self.work.basis_map(self.mesh, number, tile, form) for form in FORMATS}
+                kept = {named[self.form]} if number < count else set()
+                for path in set(named.values()) - kept:
+                    image_file.remove(path, self.mesh.shape.name)
+
+
+def _list(values: np.ndarray) -> str:
+    return " ".join(f"{value:.9g}" for value in values.tolist())
 
 
 def _told(document: dict, path: str) -> list[str]:

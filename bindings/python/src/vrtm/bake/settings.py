@@ -78,6 +78,7 @@ class Settings:
     max_strain: float | None = None
     max_error: float | None = None
     basis: bool = False
+    basis_format: str = "half"
     gltf: bool = False
     controls: str | None = None
     held_out: tuple[Frame, ...] | None = None

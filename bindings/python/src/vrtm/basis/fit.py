@@ -1,4 +1,4 @@
-"""Basis maps of a set of redirections: the fewest, in 16 bits, whose weighted sums stay within a bound.
+"""Basis maps of a set of redirections: the fewest, in 16 or 8 bits, whose weighted sums stay within a bound.
 
 The deltas of all frames (redirection minus UV) are the rows of a matrix D. The K leading singular vectors of D are the
 maps whose sums come nearest to it in the mean square (Eckart and Young 1936; from the frames' inner products, Sirovich
@@ -17,6 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from vrtm.basis.stored import HALF, Range, stored
+
 _ROUNDS = 4
 """Times that texels are weighted anew. Of 42 texels four rounds leave 31 on two maps of an arm, twelve leave 28."""
 _FLOOR = 0.05
@@ -30,32 +32,37 @@ class Basis:
     """Basis maps with the weights of the frames that they were fitted to."""
 
     maps: np.ndarray
-    """(K, texels, 2) float16: what to add to a texel's UV, for a weight of 1."""
+    """(K, texels, 2) float16, or float32 of stored integers: what to add to a texel's UV, for a weight of 1."""
     weights: np.ndarray
     """(frames, K) float32; the largest of each map is 1 or -1."""
     errors: np.ndarray
     """(frames,): the largest distance of the sum from the frame's own delta, in UV."""
+    ranges: list[Range]
+    """What the stored numbers of each map stand for."""
 
     def __len__(self) -> int:
         return len(self.maps)
 
 
-def fit(deltas: np.ndarray, bound: float, accepts: Callable[[Basis], bool] = lambda basis: True) -> Basis | None:
+def fit(
+    deltas: np.ndarray, bound: float, accepts: Callable[[Basis], bool] = lambda basis: True, form: str = HALF
+) -> Basis | None:
     """The smallest basis whose sums are off by `bound` (in UV) at most, at every texel of every frame, and that
-    `accepts`; None if not even one with a map per frame is. `deltas`: (frames, texels, 2)."""
+    `accepts`; None if not even one with a map per frame is. `deltas`: (frames, texels, 2). `form`: what the maps are
+    stored in, one of `FORMATS`."""
     frames, texels, _ = deltas.shape
     if not deltas.any():
         empty = np.zeros((0, texels, 2), np.float16)
-        return Basis(empty, np.zeros((frames, 0), np.float32), np.zeros(frames))
+        return Basis(empty, np.zeros((frames, 0), np.float32), np.zeros(frames), [])
     # What no frame moves, no map has to move.
     moving = np.flatnonzero(deltas.any(axis=(0, 2)))
     columns = np.ascontiguousarray(deltas[:, moving], np.float32)
 
     def of(count: int) -> Basis:
-        found = _of_size(columns, count, bound)
-        maps = np.zeros((count, texels, 2), np.float16)
+        found = _of_size(columns, count, bound, form)
+        maps = np.zeros((count, texels, 2), found.maps.dtype)
         maps[:, moving] = found.maps
-        return Basis(maps, found.weights, found.errors)
+        return Basis(maps, found.weights, found.errors, found.ranges)
 
     def keeps(basis: Basis) -> bool:
         return bool(basis.errors.max() <= bound) and accepts(basis)
@@ -100,16 +107,16 @@ def summed(maps: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return np.tensordot(weights.astype(np.float64), maps.astype(np.float64), 1)
 
 
-def _of_size(columns: np.ndarray, count: int, bound: float) -> Basis:
+def _of_size(columns: np.ndarray, count: int, bound: float, form: str) -> Basis:
     """The first basis of `count` maps that is within the bound, or that with the least largest error of those that are
     tried: the first of them is the nearest in the mean square."""
     importance, best = np.ones(columns.shape[1]), None
     for _ in range(_ROUNDS if count < len(columns) else 1):
-        maps = _rounded(columns, _leading(columns, importance, count))
+        maps, ranges = stored(_scaled(columns, _leading(columns, importance, count)), form)
         weights = fitted_weights(maps, columns)
         of_frames, of_texels = errors(maps, weights, columns)
         if best is None or of_frames.max() < best.errors.max():
-            best = Basis(maps, weights, of_frames)
+            best = Basis(maps, weights, of_frames, ranges)
         if of_frames.max() <= bound:
             break
         importance *= _FLOOR + of_texels / max(of_texels.max(), 1e-30)
@@ -127,10 +134,10 @@ def _leading(columns: np.ndarray, importance: np.ndarray, count: int) -> np.ndar
     return np.linalg.eigh(products)[1][:, ::-1][:, :count]
 
 
-def _rounded(columns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """(count, texels, 2) float16: the maps of orthonormal vectors, such that the largest weight of each is 1."""
+def _scaled(columns: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """(count, texels, 2) f32: the maps of orthonormal vectors, such that the largest weight of each is 1."""
     scale = np.abs(vectors).max(axis=0)
-    return np.tensordot((vectors * scale).T.astype(np.float32), columns, 1).astype(np.float16)
+    return np.tensordot((vectors * scale).T.astype(np.float32), columns, 1)
 
 
 def _parts(texels: int) -> list[slice]:
