@@ -31,6 +31,12 @@ def add(group: argparse._ArgumentGroup) -> None:
         "with --basis: also write glTF, the mesh with morph targets of UVs that its own weights drive: for engines and "
         "materials without a map; it is split where UVs would be off in between",
     )
+    flag(
+        group,
+        "--blend-shapes",
+        "with --basis: also write USD, the same mesh with blend shapes, and a mesh of its UVs with others, which the "
+        "same weights drive: no program blends a primvar, and a script has to take UVs from these points",
+    )
     group.add_argument(
         "--controls",
         metavar="FILE",
@@ -53,6 +59,8 @@ def wrong(a: argparse.Namespace) -> dict[str, object]:
         "--gltf needs --basis": a.gltf and not a.basis,
         "--basis-format needs --basis": a.basis_format != HALF and not a.basis,
         f"--gltf and --subsets {both}": a.gltf and a.subsets,
+        "--blend-shapes needs --basis": a.blend_shapes and not a.basis,
+        f"--blend-shapes and --subsets {both}": a.blend_shapes and a.subsets,
         "--held-out needs --basis": a.held_out is not None and not a.basis,
         **{
             f"--basis and {option} {both}": a.basis and given

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import vrtm
-from vrtm.bake import basis_gltf, basis_tiles, frames, image_file, staging
+from vrtm.bake import basis_morphs, basis_shapes, basis_tiles, frames, image_file, overwrite, staging
 from vrtm.bake.basis_measure import Measure
 from vrtm.bake.basis_tiles import TileMaps
 from vrtm.bake.controls_file import Controls, read
@@ -67,7 +67,8 @@ def write(work: Work, results: Sequence[FrameResult], stop: Callable[[], None]) 
             document, is_new = _MeshBasis(work, mesh, there, controls, stop).made()
             made.lines += _told(document, work.basis_file(name))
             made.failure = made.failure or _failure(document, name)
-            count = 1 + sum(len(tile["maps"]) for tile in document["files"]) + ("gltf" in document)
+            geometry = sum(kind in document for kind in ("gltf", "blend_shapes"))
+            count = 1 + sum(len(tile["maps"]) for tile in document["files"]) + geometry
             made.written, made.skipped = made.written + is_new * count, made.skipped + (not is_new) * count
     return made
 
@@ -119,8 +120,7 @@ class _MeshBasis:
         document = self._document(tiles, basis, deltas, fitted, held) | {"inputs": inputs.hex()}
         files = self._write(tiles, basis, inputs)
         document["files"] = files
-        if settings.gltf:
-            document["gltf"] = self._geometry(fitted, basis)
+        document |= self._geometry(fitted, basis) if settings.gltf or settings.blend_shapes else {}
         self._sweep(len(basis))
         ordered = {"program": {"name": "vrtm bake", "version": vrtm.version()}} | document
         staging.write_bytes(path, (json.dumps(ordered, indent=1) + "\n").encode())
@@ -138,9 +138,9 @@ class _MeshBasis:
                     target = self._target(tile, number, (0, 0), inputs, None)
                     if image_file.up_to_date(target, self.work.settings.overwrite) is None:
                         return None
-            glb = self.work.basis_file(self.mesh.shape.name, ".glb")
-            if self.work.settings.gltf and document["gltf"]["bytes"] != os.path.getsize(glb):
-                return None
+            for kind, path in self._geometry_files().items():
+                if document[kind]["bytes"] != os.path.getsize(path):
+                    return None
             return document
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
@@ -242,15 +242,30 @@ class _MeshBasis:
             files.append({"udim": maps.tile.udim, "layer": maps.tile.layer, "size": list(maps.size), "maps": names})
         return files
 
+    def _geometry_files(self) -> dict[str, str]:
+        """The files of the mesh with morph targets, by their kind."""
+        settings, name = self.work.settings, self.mesh.shape.name
+        asked = {"gltf": (settings.gltf, ".glb"), "blend_shapes": (settings.blend_shapes, ".usdc")}
+        return {kind: self.work.basis_file(name, ending) for kind, (wanted, ending) in asked.items() if wanted}
+
     def _geometry(self, fitted: list[Frame], basis: Basis) -> dict:
-        """Writes the mesh with morph targets: of the rig's controls and their products, or of the basis maps."""
+        """Writes the mesh with morph targets, of the rig's controls and their products, or of the basis maps, and
+        returns figures."""
         names, weights = [f"basis {k + 1}" for k in range(len(basis))], basis.weights
         if self.controls is not None:
             driver = drive(self.controls.names, self.controls.of(fitted), weights)
             if driver.form == PRODUCTS:
                 names, weights = driver.term_names(), driver.terms(self.controls.of(fitted))
-        path = self.work.basis_file(self.mesh.shape.name, ".glb")
-        return basis_gltf.write(self.work, self.mesh, fitted, names, weights, path, self.stop)
+        found = basis_morphs.morphed(self.work, self.mesh, fitted, names, weights, self.stop)
+        told = {}
+        for kind, path in self._geometry_files().items():
+            overwrite.check([(path, f"--{kind.replace('_', '-')}")], (), self.work.settings.overwrite)
+            if kind == "gltf":
+                staging.write_bytes(path, found.glb(self.work.settings.options.fps))
+            else:
+                basis_shapes.write(path, found, self.work.scene)
+            told[kind] = {"bytes": os.path.getsize(path)} | found.figures
+        return told
 
     def _sweep(self, count: int) -> None:
         """Removes maps of an earlier basis that had more of them, or another format."""

@@ -80,6 +80,7 @@ class Settings:
     basis: bool = False
     basis_format: str = "half"
     gltf: bool = False
+    blend_shapes: bool = False
     controls: str | None = None
     held_out: tuple[Frame, ...] | None = None
     texture_size: int = 4096

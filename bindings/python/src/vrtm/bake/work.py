@@ -299,7 +299,8 @@ class Work:
                 yield from mesh.names(frame, self.pattern)
             if self.settings.basis and mesh.gains:
                 yield self.basis_file(mesh.shape.name)
-                yield from [self.basis_file(mesh.shape.name, ".glb")] if self.settings.gltf else ()
+                geometry = {".glb": self.settings.gltf, ".usdc": self.settings.blend_shapes}
+                yield from (self.basis_file(mesh.shape.name, ending) for ending, has in geometry.items() if has)
                 # There may be as many basis maps as frames.
                 numbers = range(len(self.frames))
                 form = self.settings.basis_format

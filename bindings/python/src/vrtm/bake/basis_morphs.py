@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 import vrtm
-from vrtm.bake import overwrite, staging
 from vrtm.bake.basis_tiles import fans
 from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import MeshWork
 from vrtm.bake.work import Work
-from vrtm.basis.gltf import glb
+from vrtm.basis.gltf import Morph, glb
 from vrtm.basis.morph import morphs
 
 _TOLERANCE = 1 / 2048
@@ -21,17 +21,45 @@ _SHAPE = 5e-4
 """The most that positions of morph targets may be off by, as a share of the mesh's size."""
 
 
-def write(
+@dataclass(frozen=True, eq=False)
+class Morphed:
+    """A mesh with morph targets, and the weights of the frames."""
+
+    name: str
+    rest: np.ndarray
+    """(vertices, 3)."""
+    uvs: np.ndarray
+    """(vertices, 2), v up, those of all tiles side by side."""
+    place: np.ndarray
+    """(vertices, 2): the tile of each, as what its UVs are rounded down to."""
+    triangles: np.ndarray
+    """(triangles, 3), of vertices."""
+    targets: list[Morph]
+    frames: list[Frame]
+    weights: np.ndarray
+    """(frames, targets)."""
+    figures: dict
+
+    def glb(self, fps: float | str | None) -> bytes:
+        """Binary glTF, with a primitive per tile."""
+        tiles = self.place[self.triangles[:, 0]]
+        found = {1001 + u + 10 * v: (tiles == (u, v)).all(axis=1) for u, v in np.unique(tiles, axis=0).tolist()}
+        times = (np.array(self.frames, float) - float(self.frames[0])) / _rate(fps)
+        own, named = self.uvs - self.place, {str(udim): self.triangles[which] for udim, which in found.items()}
+        program = f"vrtm {vrtm.version()}"
+        return glb(self.name, self.rest, own, named, self.targets, times, self.weights, program)
+
+
+def morphed(
     work: Work,
     mesh: MeshWork,
     frames: Sequence[Frame],
     names: Sequence[str],
     weights: np.ndarray,
-    path: str,
     stop: Callable[[], None],
-) -> dict:
-    """Writes a binary glTF of a mesh without subsets, and returns figures of it. `weights`: (frames, targets) of the
-    targets with `names`. Raises SceneError, Failure."""
+) -> Morphed:
+    """A mesh without subsets, split and with its targets. `weights`: (frames, targets) of the targets with `names`.
+    Raises SceneError, Failure."""
     settings, (part,) = work.settings, mesh.parts
     bound = (1.0 if settings.max_error is None else settings.max_error) / settings.texture_size
     poses = [work.scene.positions(mesh.shape, frame) for frame in frames]
@@ -75,21 +103,7 @@ def write(
     total = np.einsum("fm,mvc->fvc", all_weights, np.stack([morph.uvs for morph in made])) if made else 0 * shifted
     off = np.linalg.norm(total - shifted, axis=-1).max(axis=1, initial=0) * settings.texture_size
     turned = _areas(own + total, triangles) * _areas(own, triangles) < 0
-    of_tile = {1001 + u + 10 * v: (tiles == (u, v)).all(axis=1) for u, v in np.unique(tiles, axis=0).tolist()}
-    content = glb(
-        mesh.shape.name,
-        rest,
-        own - place[first],
-        {str(udim): triangles[which] for udim, which in of_tile.items()},
-        made,
-        (np.array(frames, float) - float(frames[0])) / _rate(settings.options.fps),
-        all_weights,
-        f"vrtm {vrtm.version()}",
-    )
-    overwrite.check([(path, "--gltf")], (), settings.overwrite)
-    staging.write_bytes(path, content)
-    return {
-        "bytes": len(content),
+    figures = {
         "triangles": len(triangles),
         "mesh_triangles": len(fans(mesh.shape.face_counts)),
         "targets": [morph.name for morph in made],
@@ -98,6 +112,7 @@ def write(
         "error_between": between * settings.texture_size,
         "folds": int(turned.sum(axis=1).max(initial=0)),
     }
+    return Morphed(mesh.shape.name, rest, own, place[first], triangles, made, list(frames), all_weights, figures)
 
 
 def _areas(uvs: np.ndarray, triangles: np.ndarray) -> np.ndarray:
