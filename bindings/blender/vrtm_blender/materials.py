@@ -97,15 +97,19 @@ def _instances(tree: bpy.types.NodeTree | None) -> list[bpy.types.Node]:
     return [node for inner in nodes.reach(tree, alone=False) for node in inner.nodes if nodes.is_ours(node)]
 
 
-def insert(obj: bpy.types.Object, material: bpy.types.Material, source_uv: bpy.types.MeshUVLoopLayer, by: str) -> int:
-    """Puts the object's group behind the UVs that the material's Image Texture nodes read; returns for how many of
+def insert(
+    obj: bpy.types.Object,
+    material: bpy.types.Material,
+    source_uv: bpy.types.MeshUVLoopLayer,
+    group: bpy.types.NodeTree,
+) -> int:
+    """Puts a group of the object behind the UVs that the material's Image Texture nodes read; returns for how many of
     them.
 
     The group goes directly behind the node that hands out the mesh's UVs, in front of Mapping nodes: a redirection is
     one of the mesh's UVs. What else is linked there, and textures with other coordinates, stay as they are.
     """
     trees, renders = nodes.reach(material.node_tree), source_uv.active_render
-    group = nodes.group_by_image(obj) if by == nodes.BY_IMAGE else nodes.group_by_uv_map(obj)
     for node in [node for tree in trees for node in tree.nodes]:
         if nodes.is_ours(node):
             node.node_tree = group

@@ -238,7 +238,7 @@ class VRTM_MT_object(bpy.types.Menu):
         layout.menu("VRTM_MT_rigidity")
         layout.separator()
         layout.operator("vrtm.set_up_material").by = "image"
-        for name in ("continue_seams", "dilate", "clear_material"):
+        for name in ("continue_seams", "dilate", "add_basis", "clear_material"):
             layout.operator(f"vrtm.{name}")
         layout.separator()
         for name in ("bake", "use_baked", "use_live"):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import bpy
 
-from . import bake, material, objects, rigidity, solve
+from . import bake, basis, material, objects, rigidity, solve
 
-CLASSES = (*solve.CLASSES, *objects.CLASSES, *rigidity.CLASSES, *material.CLASSES, *bake.CLASSES)
+CLASSES = (*solve.CLASSES, *objects.CLASSES, *rigidity.CLASSES, *material.CLASSES, *bake.CLASSES, *basis.CLASSES)
 
 
 def register() -> None:

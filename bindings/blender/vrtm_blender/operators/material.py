@@ -50,7 +50,9 @@ def redirect(context: bpy.types.Context, obj: bpy.types.Object, slots: list[bpy.
         materials.check(obj, slot.material, source)
     shown = nodes.shows_uv_map(obj)
     for slot in slots:
-        materials.insert(obj, materials.own_material(obj, slot), source, by)
+        material = materials.own_material(obj, slot)
+        group = nodes.group_by_image(obj) if by == nodes.BY_IMAGE else nodes.group_by_uv_map(obj)
+        materials.insert(obj, material, source, group)
     if nodes.shows_uv_map(obj) != shown:
         # Its strain is another one.
         states.state_of(obj).rewrite = True
