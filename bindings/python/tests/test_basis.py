@@ -224,3 +224,15 @@ def test_ranges_of_one_sign_and_of_nothing() -> None:
         for one, of in zip(found, ranges):
             np.testing.assert_allclose(values(numbers(one, of, form), of), one, atol=1e-7)
         assert (found[0, :, 0] == 0).all() and (found[1, :, 1] == 0).all()
+
+
+def test_few_maps_that_hold_are_found_where_more_do_not() -> None:
+    """As where the rounding of further maps folds: a map per frame is not accepted here."""
+    deltas = bumps(8)
+    size = float(np.hypot(*deltas.reshape(-1, 2).T).max())
+    few = fit(deltas, 0.5 * size)
+    assert few is not None and 1 < len(few) < 5
+    found = fit(deltas, 0.5 * size, lambda basis: len(basis) <= 5)
+    assert found is not None and len(found) == len(few)
+    found = fit(deltas, 0.5 * size, lambda basis: len(few) + 1 <= len(basis) <= len(few) + 2)
+    assert found is not None and len(found) == len(few) + 1

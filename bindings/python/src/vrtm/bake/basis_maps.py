@@ -24,9 +24,9 @@ from vrtm.bake.words import counted
 from vrtm.bake.work import Work
 from vrtm.basis.controls import PRODUCTS, drive
 from vrtm.basis.fit import Basis, fit, fitted_weights, summed
-from vrtm.basis.stored import FORMATS, HALF, Range, numbers
+from vrtm.basis.stored import FORMATS, HALF, Range, ending, numbers
 
-VERSION = 2
+VERSION = 3
 """Of the way of fitting: maps that were fitted in another way are not up to date."""
 
 
@@ -207,6 +207,9 @@ class _MeshBasis:
             "held_out": outside,
         }
 
+    def _path(self, tile: TileWork, number: int, form: str) -> str:
+        return self.mesh.path(self.work.pattern, "basis", number, tile, ending=ending(form))
+
     def _target(self, tile: TileWork, number: int, size: tuple[int, int], inputs: str, of: Range | None) -> Target:
         facts: dict[str, str | int] = {
             "vrtm:kind": "basis",
@@ -217,7 +220,7 @@ class _MeshBasis:
             "vrtm:version": vrtm.version(),
             "vrtm:inputs": inputs,
         }
-        path, kind = self.work.basis_map(self.mesh, number, tile, self.form), FORMATS[self.form]
+        path, kind = self._path(tile, number, self.form), FORMATS[self.form]
         if self.form != HALF:
             # In the words that a shader has: UV += weight * (offset + scale * texel).
             facts |= {} if of is None else {"vrtm:offset": _list(of.offset), "vrtm:scale": _list(of.scale)}
@@ -271,9 +274,8 @@ class _MeshBasis:
         """Removes maps of an earlier basis that had more of them, or another format."""
         for tile in self.mesh.tiles:
             for number in range(len(self.work.frames)):
-                named = {form: self.work.basis_map(self.mesh, number, tile, form) for form in FORMATS}
-                kept = {named[self.form]} if number < count else set()
-                for path in set(named.values()) - kept:
+                kept = {self._path(tile, number, self.form)} if number < count else set()
+                for path in {self._path(tile, number, form) for form in FORMATS} - kept:
                     image_file.remove(path, self.mesh.shape.name)
 
 

@@ -157,9 +157,11 @@ class MeshWork:
     def _image_names(self, tiles: Sequence[TileWork], frame: Frame, pattern: Pattern) -> list[str]:
         return [self.path(pattern, of.kind, frame, tile, path) for tile in tiles for of, path in self._images(tile)]
 
-    def path(self, pattern: Pattern, kind: str, frame: Frame, tile: TileWork, texture: str = "") -> str:
+    def path(
+        self, pattern: Pattern, kind: str, frame: Frame, tile: TileWork, texture: str = "", ending: str = ".exr"
+    ) -> str:
         """The file of a tile; that of a basis map has its number in the frame's place."""
-        ending = warped.extension(texture) if texture else ".exr"
+        ending = warped.extension(texture) if texture else ending
         name = pattern.name(self.shape.name, kind, frame, tile.udim, ending, tile.layer, tile.part.subset)
         return os.path.join(self.settings.out, name)
 

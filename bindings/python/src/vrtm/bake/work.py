@@ -21,12 +21,12 @@ from vrtm.bake.frames import Frame
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mesh_work import FrameResult, MeshWork
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
-from vrtm.bake.part import Part, TileWork
+from vrtm.bake.part import Part
 from vrtm.bake.scene import Scene, SceneError, Shape
 from vrtm.bake.scene.topology import outside
 from vrtm.bake.settings import Borders, Settings
 from vrtm.bake.words import others
-from vrtm.basis.stored import HALF
+from vrtm.basis.stored import ending
 
 _MOST_BYTES = 256 << 20
 """If all tiles together take more, their solvers' memory is given back tile by tile, and allocated in each frame."""
@@ -300,20 +300,17 @@ class Work:
             if self.settings.basis and mesh.gains:
                 yield self.basis_file(mesh.shape.name)
                 geometry = {".glb": self.settings.gltf, ".usdc": self.settings.blend_shapes}
-                yield from (self.basis_file(mesh.shape.name, ending) for ending, has in geometry.items() if has)
+                yield from (self.basis_file(mesh.shape.name, of) for of, has in geometry.items() if has)
                 # There may be as many basis maps as frames.
                 numbers = range(len(self.frames))
-                form = self.settings.basis_format
-                yield from (self.basis_map(mesh, k, tile, form) for tile in mesh.tiles for k in numbers)
+                of = ending(self.settings.basis_format)
+                yield from (
+                    mesh.path(self.pattern, "basis", k, tile, ending=of) for tile in mesh.tiles for k in numbers
+                )
 
     def basis_file(self, mesh: str, ending: str = ".json") -> str:
         """The path of a mesh's weights of basis maps, or of its morph targets."""
         return os.path.join(self.settings.out, (f"{mesh}." if len(self.shapes) > 1 else "") + f"basis{ending}")
-
-    def basis_map(self, mesh: MeshWork, number: int, tile: TileWork, form: str) -> str:
-        """The path of a basis map: no EXR has integers of 16 or 8 bits."""
-        path = mesh.path(self.pattern, "basis", number, tile)
-        return path if form == HALF else path[: -len(".exr")] + ".png"
 
     def sheets(self) -> dict[str, str]:
         """The file of each mesh's sheet, if sheets are to be drawn."""

@@ -47,9 +47,9 @@ class Basis:
 def fit(
     deltas: np.ndarray, bound: float, accepts: Callable[[Basis], bool] = lambda basis: True, form: str = HALF
 ) -> Basis | None:
-    """The smallest basis whose sums are off by `bound` (in UV) at most, at every texel of every frame, and that
-    `accepts`; None if not even one with a map per frame is. `deltas`: (frames, texels, 2). `form`: what the maps are
-    stored in, one of `FORMATS`."""
+    """The smallest basis found whose sums are off by `bound` (in UV) at most, at every texel of every frame, and that
+    `accepts`; None if there is none. `deltas`: (frames, texels, 2). `form`: what the maps are stored in, one of
+    `FORMATS`."""
     frames, texels, _ = deltas.shape
     if not deltas.any():
         empty = np.zeros((0, texels, 2), np.float16)
@@ -58,26 +58,38 @@ def fit(
     moving = np.flatnonzero(deltas.any(axis=(0, 2)))
     columns = np.ascontiguousarray(deltas[:, moving], np.float32)
 
-    def of(count: int) -> Basis:
+    def of(count: int, form: str) -> Basis:
         found = _of_size(columns, count, bound, form)
         maps = np.zeros((count, texels, 2), found.maps.dtype)
         maps[:, moving] = found.maps
         return Basis(maps, found.weights, found.errors, found.ranges)
 
-    def keeps(basis: Basis) -> bool:
-        return bool(basis.errors.max() <= bound) and accepts(basis)
+    def is_near(basis: Basis) -> bool:
+        return bool(basis.errors.max() <= bound)
 
-    least, most, best = 1, frames, of(frames)
-    if not keeps(best):
+    # A map more never makes the sum worse by more than rounding does, which is much in 8 bits.
+    fine = "unorm16" if form == "unorm8" else form
+    near = of(frames, fine)
+    if not is_near(near):
         return None
-    # A map more never makes the sum worse by more than rounding does.
-    while least < most:
-        middle = (least + most) // 2
-        tried = of(middle)
-        if keeps(tried):
-            most, best = middle, tried
+    near = _least(0, near, lambda count: of(count, fine), is_near)
+    # Each further map brings its own rounding, and may fold where fewer maps do not: from the least number upwards.
+    failed, best, step = len(near) - 1, near if form == fine else of(len(near), form), 1
+    while not (is_near(best) and accepts(best)):
+        if len(best) == frames:
+            return None
+        failed, best, step = len(best), of(min(frames, len(near) + step), form), 2 * step
+    return _least(failed, best, lambda count: of(count, form), lambda basis: is_near(basis) and accepts(basis))
+
+
+def _least(failed: int, best: Basis, of: Callable[[int], Basis], holds: Callable[[Basis], bool]) -> Basis:
+    """The smallest basis that holds, where one of `failed` maps does not and `best` does."""
+    while failed + 1 < len(best):
+        tried = of((failed + len(best)) // 2)
+        if holds(tried):
+            best = tried
         else:
-            least = middle + 1
+            failed = len(tried)
     return best
 
 

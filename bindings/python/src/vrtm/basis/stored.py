@@ -11,6 +11,11 @@ FORMATS = {HALF: "float16", "unorm16": "uint16", "unorm8": "uint8"}
 """The type of the numbers of each, as numpy names it."""
 
 
+def ending(form: str) -> str:
+    """That of a file with such numbers: no EXR has integers of 16 or 8 bits."""
+    return ".exr" if form == HALF else ".png"
+
+
 @dataclass(frozen=True, eq=False)
 class Range:
     """What stored numbers stand for: `offset + scale * number`, where the largest of an unsigned type counts as 1."""
