@@ -145,6 +145,14 @@ def test_integers_of_a_stated_range(tmp_path: Path, form: str, numbers: type) ->
     assert files(out) == before
 
 
+def test_a_format_that_cannot_hold_the_bound_is_refused_by_name(tmp_path: Path) -> None:
+    gentle(tmp_path, 2)
+    said = bake(tmp_path, "--max-error", 0.03, "--basis-format", "unorm8", expect=2)
+    assert "maps of unorm8 are off by more than 0.03 texels, or fold" in said and "or --basis-format half" in said
+    bake(tmp_path, "--max-error", 0.03, expect=None)
+    assert document(tmp_path)["worst"]["error"] <= 0.03
+
+
 def test_nothing_of_others_is_replaced_and_maps_that_are_left_over_go(tmp_path: Path) -> None:
     gentle(tmp_path, 3)
     painted = image(tmp_path / "strange.exr", np.ones((4, 4, 3), np.float32))

@@ -115,7 +115,8 @@ class _MeshBasis:
             raise Failure(
                 INPUT,
                 f"{self.mesh.shape.path}: maps of {self.form} are off by more than {bound * settings.texture_size:g} "
-                "texels, or fold: --max-error must be larger, or --texture-size smaller",
+                "texels, or fold: --max-error must be larger, or --texture-size smaller"
+                + (f", or --basis-format {HALF}" if self.form == "unorm8" else ""),
             )
         document = self._document(tiles, basis, deltas, fitted, held) | {"inputs": inputs.hex()}
         files = self._write(tiles, basis, inputs)
