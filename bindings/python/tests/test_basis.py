@@ -236,3 +236,15 @@ def test_few_maps_that_hold_are_found_where_more_do_not() -> None:
     assert found is not None and len(found) == len(few)
     found = fit(deltas, 0.5 * size, lambda basis: len(few) + 1 <= len(basis) <= len(few) + 2)
     assert found is not None and len(found) == len(few) + 1
+
+
+def test_weights_stay_near_those_of_the_poses_with_more_controls_than_poses() -> None:
+    """As where the controls are joints' rotations: poses of other clips differ in all of them, and also in those that
+    hardly moved in the poses."""
+    random = np.random.default_rng(8)
+    sizes = np.r_[np.full(20, 0.3), np.full(4, 1e-7)]
+    controls, weights = random.uniform(-1, 1, (10, 24)) * sizes, random.uniform(-1, 1, (10, 3))
+    driver = drive(tuple(map(str, range(24))), controls, weights)
+    np.testing.assert_allclose(driver(controls), weights, atol=1e-9)
+    others = np.hstack([random.uniform(-0.3, 0.3, (50, 20)), random.uniform(-1e-3, 1e-3, (50, 4))])
+    assert np.abs(driver(others)).max() < 2

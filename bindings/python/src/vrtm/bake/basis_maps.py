@@ -26,7 +26,7 @@ from vrtm.basis.controls import PRODUCTS, drive
 from vrtm.basis.fit import Basis, fit, fitted_weights, summed
 from vrtm.basis.stored import FORMATS, HALF, Range, ending, numbers
 
-VERSION = 3
+VERSION = 4
 """Of the way of fitting: maps that were fitted in another way are not up to date."""
 
 

@@ -13,6 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 PRODUCTS, DISTANCES = "products", "distances"
+_STILL = 1e-2
+"""The share of the largest range up to which a control has moved by chance: it is not stretched to the same range."""
+_KNOWN = 0.1
+"""Directions in which the poses vary less than that, beside the one in which they vary most, tell no slope: one that is
+taken from them grows without bound beyond the poses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +70,8 @@ def drive(names: tuple[str, ...], controls: np.ndarray, weights: np.ndarray) -> 
         twice = next(k for k in range(len(controls)) if k not in alike)
         raise ValueError(f"two poses have the controls {dict(zip(names, controls[twice].tolist()))}")
     ranges = np.ptp(controls, axis=0)
-    ranges[ranges == 0] = 1
+    most = float(ranges.max(initial=0)) or 1.0
+    ranges = np.where(ranges <= _STILL * most, most, ranges)
     used = controls != 0
     poses = used.any(axis=1)
     alone = used[used.sum(axis=1) == 1].any(axis=0)
@@ -79,7 +85,7 @@ def drive(names: tuple[str, ...], controls: np.ndarray, weights: np.ndarray) -> 
     matrix = driver.terms(controls)
     # The linear part is fitted first, as far as the poses tell it, and distances take what is left.
     linear = matrix[:, len(controls) :]
-    slopes = np.linalg.lstsq(linear, weights, rcond=1e-9)[0]
+    slopes = np.linalg.lstsq(linear, weights, rcond=_KNOWN)[0]
     near = np.linalg.solve(matrix[:, : len(controls)], weights - linear @ slopes)
     return _with(driver, np.vstack([near, slopes]))
 
