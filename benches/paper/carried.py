@@ -271,9 +271,9 @@ def puffer(texture=2048, grid=512):
     centres = fish.centres()
     spike = [(1.0, -0.5), (1.0, 0.0), (0.80, 0.30), (0.52, 0.95), (0.28, 1.9), (0.10, 2.9), (0.02, 3.3)]
     return Subject(
-        model, lambda share: fish.pose(model.rest, share, 0.0), centres, np.full(len(centres), 0.066),
+        model, lambda share: fish.pose(model.rest, share, 0.0), centres, np.full(len(centres), 0.074),
         lathe(spike, 18), np.array([1.0, 0.1, 0.05]),
-        stage.View((0.05, -0.05, 0.3), 2.7, azimuth=24, elevation=8, size=SIZE),
+        stage.View((0.0, -0.06, 0.2), 3.2, azimuth=24, elevation=8, size=SIZE),
         [[0.03, 0.17, 0.24], [0.09, 0.33, 0.38]], [0.95, 0.45, 0.05],
         {"Base Color": (0.90, 0.84, 0.68, 1), "Roughness": 0.35}, texture, grid, instances=True,
     )  # fmt: skip
@@ -329,7 +329,7 @@ def main(name, out, folder=None, only=None):
     play = [*range(STEPS + 1), *range(STEPS - 1, 0, -1)]
     times = [AT_REST if step == 0 else LARGEST if step == STEPS else A_STEP for step in play]
     shown = [frames[step] for step in play]
-    shown[0].save(out, save_all=True, append_images=shown[1:], duration=times, loop=0, quality=70, method=4)
+    shown[0].save(out, save_all=True, append_images=shown[1:], duration=times, loop=0, quality=84, method=4)
 
 
 if __name__ == "__main__":
