@@ -50,9 +50,10 @@ says how to run it.
   are functions of the expressions.
 - [`cesium_man`](https://github.com/KhronosGroup/glTF-Sample-Assets) (Cesium, CC BY 4.0) and `Fox` (PixelMannen, CC0;
   rig by tomkranis and glTF by AsoboStudio and scurest, CC BY 4.0) are skinned. Of the former's walk, {FRAMES} frames,
-  every third is held out. Of the latter {FRAMES} frames of two clips are fitted, and {HELD} of the third held out: weights are
-  functions of its 24 joints' rotations, so many numbers that a new clip is far from each pose. Rows that begin with dots
-  have the weights that suit these frames best, as the bake finds them with `--held-out` and without `--controls`.
+  every third is held out. Of the latter {FRAMES} frames of two clips are fitted, and {HELD} of the third held out:
+  weights are functions of its 24 joints' rotations, so many numbers that a new clip is far from each pose. Rows that
+  begin with dots have the weights that suit these frames best, as the bake finds them with `--held-out` and without
+  `--controls`.
 - Both have fewer cells than the library asks for ("1024 x 1024 resolve its rigid features").
 
 """

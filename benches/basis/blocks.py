@@ -1,5 +1,5 @@
-"""BC5 of 8-bit maps: each channel of each block of 4 x 4 texels has two ends, and per texel one of eight values from the
-one to the other. The ends here are a block's least and largest number; encoders search for better ones."""
+"""BC5 of 8-bit maps: each channel of each block of 4 x 4 texels has two ends, and per texel one of eight values from
+the one to the other. The ends here are a block's least and largest number; encoders search for better ones."""
 
 import numpy as np
 

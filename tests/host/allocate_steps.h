@@ -1,7 +1,7 @@
 /*
  * A host's work, step by step, for the programs that let allocations fail in it (allocate.c, allocate_outside.c): maps,
- * settings, estimates, saved tiles, solves of all kinds, fetches of all kinds, a carrier, a job. Each step is one call, so that it
- * does all of its work or none.
+ * settings, estimates, saved tiles, solves of all kinds, fetches of all kinds, a carrier, a job. Each step is one call,
+ * so that it does all of its work or none.
  */
 
 #ifndef ALLOCATE_STEPS_H
