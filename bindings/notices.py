@@ -31,22 +31,23 @@ def cargo(*arguments):
     ).stdout
 
 
-def linked():
-    """Names and versions of the packages that are linked in."""
-    chosen = [part for package in PACKAGES for part in ("--package", package)]
-    text = cargo("tree", *chosen, "--edges", "normal,no-proc-macro", "--target", "all", "--prefix", "none")
+def linked(packages=PACKAGES, target="all", options=()):
+    """What cargo knows of the packages that are linked into `packages`, in the order of their names and versions."""
+    chosen = [part for package in packages for part in ("--package", package)]
+    text = cargo("tree", *chosen, "--edges", "normal,no-proc-macro", "--target", target, "--prefix", "none", *options)
     pairs = {tuple(line.split()[:2]) for line in text.splitlines() if line.strip()}
-    return sorted((name, version.removeprefix("v")) for name, version in pairs if not name.startswith("vrtm"))
-
-
-def notices():
-    packages = {
+    known = {
         (package["name"], package["version"]): package
         for package in json.loads(cargo("metadata", "--format-version", "1"))["packages"]
     }
+    names = sorted((name, version.removeprefix("v")) for name, version in pairs if not name.startswith("vrtm"))
+    return [known[pair] for pair in names]
+
+
+def notices():
     listed, texts = [], {}
-    for name, version in linked():
-        package = packages[name, version]
+    for package in linked():
+        name, version = package["name"], package["version"]
         listed.append(f"{name} {version}: {package['license']}, {package['repository'] or 'no address'}")
         folder = Path(package["manifest_path"]).parent
         files = sorted(file for file in folder.iterdir() if file.is_file() and file.name.upper().startswith(NAMES))

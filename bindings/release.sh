@@ -1,6 +1,7 @@
 #!/bin/sh
-# Writes the archive of one release for one platform: the stripped library, the headers, the CMake package and vrtm.pc, the
-# licences of vrtm and of all that is linked into it, and beside it a file with its SHA-256. The bytes of an archive follow
+# Writes the files of one release for one system: the archive (the stripped library, the headers, the CMake package and
+# vrtm.pc, the licences of vrtm and of all that is linked into it), with --python the wheel, the add-on for Blender and the
+# list of what is in them (SPDX), with --web the npm package and the page instead; and SHA256SUMS of all. Their bytes follow
 # from the library's alone: names are sorted, times are that of the commit, owners are nobody.
 set -eu
 
@@ -9,15 +10,20 @@ help() {
 usage: sh bindings/release.sh [options]
 
   --out DIR          where to write to (target/release-archive)
+  --python PROGRAM   a Python 3.11 or newer with pip, hatchling and pycparser: also makes the wheel, the add-on and the SPDX
+                     file; with auditwheel it confirms the wheel's tag
+  --web              packs bindings/web/dist and examples/web/dist, which `npm run build` and `npm run page` have made; makes
+                     no library. With --python also the SPDX file
+  --glibc X.Y        link for this glibc or a newer one, by zig: ZIG is its program, or "PYTHON -m ziglang"
   --max-glibc X.Y    fail if the library needs a newer glibc
   --no-gpu, --features LIST, --profile NAME, --target TRIPLE, --target-dir DIR, --offline, --prebuilt FILE
                      as bindings/install.sh has them
   --help             say this
 
-It writes vrtm-VERSION-TRIPLE.tar.xz, or .zip for Windows, and the same with .sha256. STRIP names the program that strips
-the library (such as aarch64-linux-gnu-strip, strip, llvm-strip, or none), SOURCE_DATE_EPOCH the time of all files (that of
-the last commit). Linux: the oldest glibc that the library runs with follows from the one that it is linked with, so build
-on the oldest system you support.
+The archive is vrtm-VERSION-TRIPLE.tar.xz, or .zip for Windows. STRIP names the program that strips the library (such as
+aarch64-linux-gnu-strip, strip, llvm-strip, or none), SOURCE_DATE_EPOCH the time of all files (that of the last commit),
+VRTM_WHEEL_PLATFORM the wheel's platform tag. Linux: the oldest glibc that the library runs with follows from the one that it
+is linked with: --glibc names one, or build on the oldest system you support.
 END
 }
 
@@ -28,14 +34,15 @@ fail() {
 
 here=$(cd "$(dirname "$0")" && pwd)
 source=$(cd "$here/.." && pwd)
-out='' max_glibc='' target='' prebuilt=''
-install_options=''
+out='' glibc='' max_glibc='' target='' prebuilt='' python='' web=''
+install_options='' linked=''
 while [ $# -gt 0 ]; do
     option=$1
     shift
     case $option in
         --help | -h) help; exit 0 ;;
-        --no-gpu) install_options="$install_options --no-gpu"; continue ;;
+        --no-gpu) install_options="$install_options --no-gpu" linked="$linked --no-default-features"; continue ;;
+        --web) web=1; continue ;;
         --offline) install_options="$install_options --offline"; continue ;;
         --*=*)
             value=${option#*=}
@@ -50,10 +57,16 @@ while [ $# -gt 0 ]; do
     esac
     case $option in
         --out) out=$value ;;
+        --glibc) glibc=$value ;;
         --max-glibc) max_glibc=$value ;;
+        --python)
+            python=$(command -v "$value") || fail "--python is $value, which is not there"
+            python=$(cd "$(dirname "$python")" && pwd)/$(basename "$python")
+            ;;
         --prebuilt) prebuilt=$value ;;
         --target | --profile | --features | --target-dir)
             [ "$option" != --target ] || target=$value
+            [ "$option" != --features ] || linked="$linked --features $value"
             case $value in *[\ \	]*) fail "$option is $value: blanks are not supported" ;; esac
             install_options="$install_options $option=$value"
             ;;
@@ -78,12 +91,75 @@ export SOURCE_DATE_EPOCH
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
+
+stamp=$(date -u -d "@$SOURCE_DATE_EPOCH" +%Y%m%d%H%M.%S 2>/dev/null || date -u -r "$SOURCE_DATE_EPOCH" +%Y%m%d%H%M.%S)
+# The same bytes each time: GNU's tar and BSD's differ in the options for that.
+pack() { # FOLDER-IN-WORK zip|tar.xz
+    find "$work/$1" -type d -exec chmod 755 {} +
+    find "$work/$1" -exec touch -h -t "$stamp" {} +
+    (cd "$work" && find "$1" | sort) >"$work/list"
+    rm -f "$out/$1.$2"
+    if [ "$2" = zip ]; then
+        (cd "$work" && zip -q -X -9 "$out/$1.zip" -@ <list)
+    else
+        owner='--uid 0 --gid 0 --uname root --gname root'
+        if tar --version | grep -q GNU; then
+            owner='--owner=root:0 --group=root:0 --format=gnu --mode=u+rw,go+r,go-w'
+        fi
+        # shellcheck disable=SC2086 # Several options.
+        tar -C "$work" -c -f "$work/archive.tar" $owner --no-recursion -T "$work/list"
+        xz -9e -T1 -c "$work/archive.tar" >"$out/$1.tar.xz"
+    fi
+    made="$made $1.$2"
+}
+
+# What is in the files that were made, and the sums of all that lie there.
+finish() { # SYSTEM
+    cd "$out"
+    if [ -n "$python" ]; then
+        # shellcheck disable=SC2086 # Several options, several files.
+        "$python" "$here/spdx.py" --system "$1" $linked $made >"vrtm-$version-$1.spdx.json"
+        made="$made vrtm-$version-$1.spdx.json"
+    fi
+    if command -v sha256sum >/dev/null; then
+        sha256sum vrtm-* >SHA256SUMS
+    else
+        shasum -a 256 vrtm-* >SHA256SUMS
+    fi
+    for file in $made SHA256SUMS; do
+        echo "$out/$file"
+    done
+    exit 0
+}
+
+made=
+if [ -n "$web" ]; then
+    for folder in bindings/web/dist examples/web/dist; do
+        [ -d "$source/$folder" ] || fail "$folder is missing: npm ci && npm run build && npm run page, in bindings/web"
+    done
+    (cd "$source/bindings/web" && npm pack --silent --ignore-scripts --pack-destination "$out") >/dev/null
+    made=vrtm-$version.tgz
+    cp -R "$source/examples/web/dist" "$work/vrtm-page-$version"
+    pack "vrtm-page-$version" zip
+    finish web
+fi
+
 tree=$work/$name
+if [ -n "$glibc" ]; then
+    case $triple in *-linux-gnu) ;; *) fail "--glibc is for Linux, not for $triple" ;; esac
+    # Cargo builds anew what another linker has linked: it keeps its name.
+    linker=${CARGO_TARGET_DIR:-$source/target}/link-for-glibc-$glibc
+    printf '#!/bin/sh\nexec %s cc -target %s "$@"\n' "${ZIG:-zig}" "${triple%%-*}-linux-gnu.$glibc" >"$linker"
+    chmod 755 "$linker"
+    export "CARGO_TARGET_$(echo "$triple" | tr 'a-z-' 'A-Z_')_LINKER=$linker"
+    [ -n "$target" ] || install_options="$install_options --target=$triple"
+    max_glibc=${max_glibc:-$glibc}
+fi
 
 # The library holds the paths of its sources, for messages: those of this machine have no place in it.
-registry=${CARGO_HOME:-${HOME:-}/.cargo}/registry/src
+cargo_home=${CARGO_HOME:-${HOME:-}/.cargo}
 if [ -z "$prebuilt" ]; then
-    RUSTFLAGS="${RUSTFLAGS:-} --remap-path-prefix=$registry=/cargo --remap-path-prefix=$source=/vrtm"
+    RUSTFLAGS="${RUSTFLAGS:-} --remap-path-prefix=$cargo_home/registry/src=/cargo --remap-path-prefix=$source=/vrtm"
     export RUSTFLAGS
     # shellcheck disable=SC2086 # None of the options holds a blank.
     sh "$here/install.sh" --prefix "$tree" $install_options
@@ -106,38 +182,37 @@ strip=${strip:-strip}
 if [ "$strip" != none ]; then
     "$strip" "$options" "$library" || fail "$strip does not strip $library: set STRIP, to llvm-strip for instance"
 fi
-if [ -n "$max_glibc" ]; then
-    needed=$(readelf -VW "$library" | sed -n 's/.*Name: GLIBC_\([0-9.]*\) .*/\1/p' | sort -t. -k1,1n -k2,2n | tail -n 1)
-    newest=$(printf '%s\n%s\n' "$needed" "$max_glibc" | sort -t. -k1,1n -k2,2n | tail -n 1)
-    [ "$newest" = "$max_glibc" ] || fail "the library needs glibc $needed, but --max-glibc is $max_glibc"
-fi
-
-# The same bytes each time: GNU's tar and BSD's differ in the options for that.
-find "$tree" -type d -exec chmod 755 {} +
-stamp=$(date -u -d "@$SOURCE_DATE_EPOCH" +%Y%m%d%H%M.%S 2>/dev/null || date -u -r "$SOURCE_DATE_EPOCH" +%Y%m%d%H%M.%S)
-find "$tree" -exec touch -h -t "$stamp" {} +
-(cd "$work" && find "$name" | sort) >"$work/list"
+for path in "$source" "$cargo_home"; do
+    ! grep -qaF "$path/" "$library" ||
+        fail "the library holds $path: build it without --prebuilt, or with RUSTFLAGS=--remap-path-prefix=$path=/"
+done
+needed=
 case $triple in
-    *-windows-*)
-        archive=$name.zip
-        rm -f "$out/$archive"
-        (cd "$work" && zip -q -X -9 "$out/$archive" -@ <list)
-        ;;
-    *)
-        archive=$name.tar.xz
-        owner='--uid 0 --gid 0 --uname root --gname root'
-        if tar --version | grep -q GNU; then
-            owner='--owner=root:0 --group=root:0 --format=gnu --mode=u+rw,go+r,go-w'
-        fi
-        # shellcheck disable=SC2086 # Several options.
-        tar -C "$work" -c -f "$work/archive.tar" $owner --no-recursion -T "$work/list"
-        xz -9e -T1 -c "$work/archive.tar" >"$out/$archive"
+    *-linux-gnu)
+        needed=$(readelf -VW "$library" | sed -n 's/.*Name: GLIBC_\([0-9.]*\) .*/\1/p' | sort -t. -k1,1n -k2,2n | tail -n 1)
+        newest=$(printf '%s\n%s\n' "$needed" "${max_glibc:-$needed}" | sort -t. -k1,1n -k2,2n | tail -n 1)
+        [ "$newest" = "${max_glibc:-$needed}" ] ||
+            fail "the library needs glibc $needed, but --max-glibc is $max_glibc"
         ;;
 esac
-cd "$out"
-if command -v sha256sum >/dev/null; then
-    sha256sum "$archive" >"$archive.sha256"
-else
-    shasum -a 256 "$archive" >"$archive.sha256"
+
+case $triple in *-windows-*) pack "$name" zip ;; *) pack "$name" tar.xz ;; esac
+[ -n "$python" ] || finish "$triple"
+
+[ -z "$needed" ] || : "${VRTM_WHEEL_PLATFORM:=manylinux_$(echo "$needed" | tr . _)_${triple%%-*}}"
+export VRTM_WHEEL_PLATFORM="${VRTM_WHEEL_PLATFORM:-}" VRTM_LIBRARY="$library" PYTHONDONTWRITEBYTECODE=1
+mkdir "$work/wheel"
+"$python" -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation --wheel-dir "$work/wheel" \
+    "$here/python"
+wheel=$(basename "$work"/wheel/*.whl)
+if [ -n "$needed" ] && "$python" -c 'import auditwheel' 2>/dev/null; then
+    "$python" -m auditwheel show "$work/wheel/$wheel" >"$work/audit" || fail "auditwheel: $(cat "$work/audit")"
+    tr -s '\n ' '  ' <"$work/audit" | grep -qF "platform tag: \"$VRTM_WHEEL_PLATFORM\"" ||
+        fail "auditwheel does not confirm $VRTM_WHEEL_PLATFORM: set VRTM_WHEEL_PLATFORM. $(cat "$work/audit")"
 fi
-echo "$out/$archive"
+cp "$work/wheel/$wheel" "$out/"
+"$python" "$here/blender/build.py" --wheel "$work/wheel/$wheel" --out "$work/addon" >/dev/null
+addon=$(basename "$work"/addon/*.zip)
+cp "$work/addon/$addon" "$out/"
+made="$made $wheel $addon"
+finish "$triple"

@@ -63,14 +63,7 @@ case $system in
         fi
         ;;
 esac
-python=
-for candidate in "${VRTM_VENV:-$target/venv}/bin/python" "$target/venv-short/bin/python" python3; do
-    [ -n "$python" ] || ! "$candidate" -c 'import hatchling, pip, pycparser, tomllib' 2>/dev/null || python=$candidate
-done
-if [ -z "$python" ]; then
-    echo "skipped: the wheel for $system: there is no Python with hatchling and pycparser"
-    echo "test result: ok. 0 passed; 0 failed; 1 ignored"
-fi
+python=$(sh "$here/python.sh")
 cmake -S "$source" -B "$folder" "-DCMAKE_TOOLCHAIN_FILE=$here/toolchains/$system.cmake" "-DVRTM_PREBUILT=$library" \
     "-DCMAKE_CROSSCOMPILING_EMULATOR=$emulator" "-DVRTM_PYTHON=$python" -DVRTM_GPU=OFF -DVRTM_TESTS=ON || exit 1
 ctest --test-dir "$folder" --parallel 2 --output-on-failure --no-tests=error

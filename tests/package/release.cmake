@@ -1,5 +1,5 @@
-# Writes the archive of a release twice, and looks at what is in it. PREFIX has what `cmake --install` installs. TRIPLE is the
-# target of a LIBRARY that is not for this machine.
+# Writes the files of a release twice, and looks at what is in the archive. PREFIX has what `cmake --install` installs. TRIPLE
+# is the target of a LIBRARY that is not for this machine. With PYTHON there are a wheel and an add-on: wheel.py looks at them.
 
 set(folder "${SCRATCH}/release")
 file(REMOVE_RECURSE "${folder}")
@@ -9,6 +9,9 @@ if(NOT GPU)
 endif()
 if(TRIPLE)
   list(APPEND options --target ${TRIPLE})
+endif()
+if(PYTHON)
+  list(APPEND options --python "${PYTHON}")
 endif()
 
 # release(OUT OPTION...): writes an archive to OUT.
@@ -24,18 +27,27 @@ endfunction()
 release("${folder}/one")
 execute_process(COMMAND "${CMAKE_COMMAND}" -E sleep 2)
 release("${folder}/other")
-file(GLOB archive RELATIVE "${folder}/one" "${folder}/one/vrtm-*.tar.xz" "${folder}/one/vrtm-*.zip")
+file(GLOB archive RELATIVE "${folder}/one" "${folder}/one/vrtm-*.tar.xz" "${folder}/one/vrtm-*-windows-gnu.zip")
 if((NOT archive MATCHES "-${TRIPLE}[^/;]*$") OR (TRIPLE MATCHES "-windows-" AND NOT archive MATCHES "zip$"))
   message(FATAL_ERROR "the archive for ${TRIPLE} is called ${archive}")
 endif()
-file(SHA256 "${folder}/one/${archive}" one)
-file(SHA256 "${folder}/other/${archive}" other)
-if(NOT one STREQUAL other)
-  message(FATAL_ERROR "two runs give different archives")
+file(GLOB files RELATIVE "${folder}/one" "${folder}/one/vrtm-*")
+list(LENGTH files count)
+if(PYTHON AND NOT count EQUAL 4) # The archive, the wheel, the add-on, and what is in them.
+  message(FATAL_ERROR "a release has ${files}")
 endif()
-file(READ "${folder}/one/${archive}.sha256" sum)
-if(NOT sum STREQUAL "${one}  ${archive}\n")
-  message(FATAL_ERROR "the file with the sum says ${sum}, not ${one}")
+set(sums)
+foreach(file IN LISTS files)
+  file(SHA256 "${folder}/one/${file}" one)
+  file(SHA256 "${folder}/other/${file}" other)
+  if(NOT one STREQUAL other)
+    message(FATAL_ERROR "two runs give different files: ${file}")
+  endif()
+  string(APPEND sums "${one}  ${file}\n")
+endforeach()
+file(READ "${folder}/one/SHA256SUMS" written)
+if(NOT written STREQUAL sums)
+  message(FATAL_ERROR "the file with the sums says\n${written}and not\n${sums}")
 endif()
 
 execute_process(COMMAND "${CMAKE_COMMAND}" -E tar xf "${folder}/one/${archive}" WORKING_DIRECTORY "${folder}"
@@ -74,4 +86,16 @@ if(CMAKE_HOST_SYSTEM_NAME STREQUAL "Linux" AND NOT TRIPLE MATCHES "-windows-")
   if(NOT failed OR NOT message MATCHES "needs glibc 2\\.[0-9]+, but --max-glibc is 2\\.5")
     message(FATAL_ERROR "a library for a newer glibc was released: ${failed} ${message}")
   endif()
+endif()
+
+# Nor is one that says where it was built.
+get_filename_component(name "${LIBRARY}" NAME)
+get_filename_component(from "${LIBRARY}" DIRECTORY)
+file(GLOB import "${from}/*.dll.a")
+file(COPY "${LIBRARY}" ${import} DESTINATION "${folder}/paths")
+file(APPEND "${folder}/paths/${name}" "${SOURCE}/src/lib.rs")
+execute_process(COMMAND "${CMAKE_COMMAND}" -E env STRIP=none "${SH}" "${SOURCE}/bindings/release.sh" --out "${folder}/paths"
+  ${options} --prebuilt "${folder}/paths/${name}" RESULT_VARIABLE failed OUTPUT_QUIET ERROR_VARIABLE message)
+if(NOT failed OR NOT message MATCHES "the library holds ${SOURCE}")
+  message(FATAL_ERROR "a library with the paths of this machine was released: ${failed} ${message}")
 endif()

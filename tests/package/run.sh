@@ -4,8 +4,11 @@
 set -eu
 # What counts is the time to build.
 export CARGO_INCREMENTAL=0 CARGO_PROFILE_DIST_OPT_LEVEL=1
+# A release has no paths of the machine that builds it.
+export RUSTFLAGS="${RUSTFLAGS:-} --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=/cargo"
 
 source=$(cd "$(dirname "$0")/../.." && pwd)
 folder=${1:-$source/target/package}
-cmake -S "$source" -B "$folder" -DVRTM_GPU=OFF -DVRTM_TESTS=ON
+cmake -S "$source" -B "$folder" -DVRTM_GPU=OFF -DVRTM_TESTS=ON \
+    "-DVRTM_PYTHON=$(sh "$source/tests/package/python.sh")"
 ctest --test-dir "$folder" --parallel 2 --output-on-failure --no-tests=error

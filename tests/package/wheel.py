@@ -1,15 +1,19 @@
-"""Makes the Python package's wheel and the Blender add-on's archive with a library for another system, and looks at
-what is in them; then a program for that system, run by an emulator, loads the library of the wheel as Python does.
+"""Looks at what is in a release's wheel, in its add-on for Blender and in its list of what is in them; then a program
+for its system, where need be in an emulator, loads the library of the wheel as Python does. With --use the wheel is
+for this machine: it is installed to an empty folder, and a Python that has nothing but numpy solves with it.
 
-    python wheel.py --library FILE --tag win_amd64 --platform windows-x64 --out FOLDER --program LOADS --version V
-        [--run EMULATOR]
+    python wheel.py --release FOLDER --tag win_amd64 --platform windows-x64 --out FOLDER --program LOADS --version V
+        --triple TRIPLE [--run EMULATOR] [--use]
 
-LOADS is loads.c, compiled. Python is one with hatchling, pycparser and pip.
+LOADS is loads.c, compiled; the tag is a regular expression.
 """
 
 import argparse
+import hashlib
 import io
-import os
+import json
+import re
+import shutil
 import subprocess
 import sys
 import zipfile
@@ -17,22 +21,24 @@ from pathlib import Path
 
 import tomllib
 
-REPOSITORY = Path(__file__).resolve().parents[2]
+SOLVE = """
+import numpy as np
+import vrtm
 
-
-def build(arguments: argparse.Namespace) -> Path:
-    environment = {**os.environ, "VRTM_LIBRARY": str(arguments.library), "PYTHONDONTWRITEBYTECODE": "1"}
-    environment.pop("VRTM_WHEEL_PLATFORM", None)
-    wheel = [sys.executable, "-m", "pip", "wheel", "--quiet", "--disable-pip-version-check", "--no-deps"]
-    wheel += ["--no-build-isolation", "--wheel-dir", str(arguments.out), str(REPOSITORY / "bindings" / "python")]
-    subprocess.run(wheel, check=True, env=environment)
-    return arguments.out / f"vrtm-{arguments.version}-py3-none-{arguments.tag}.whl"
-
-
-def pack(wheel: Path, arguments: argparse.Namespace) -> Path:
-    script = REPOSITORY / "bindings" / "blender" / "build.py"
-    subprocess.run([sys.executable, str(script), "--wheel", str(wheel), "--out", str(arguments.out)], check=True)
-    return arguments.out / f"vrtm-{arguments.version}-{arguments.platform.replace('-', '_')}.zip"
+rest = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0]], float)
+faces = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
+pose = rest.copy()
+pose[[1, 4], 0] = 1.3
+painted = np.zeros((64, 64), np.uint8)
+painted[24:40, 8:24] = 255
+with vrtm.Device("cpu") as device:
+    asset = vrtm.Asset(device, rest, faces, uvs=rest[:, :2] / (2, 1), uv_indices=faces)
+    tile = asset.tile(1001)
+    tile.set_rigidity(painted)
+    [redirection] = asset.redirect(pose, [tile])
+    assert np.abs(redirection[32, 16, 0] - 16.5 / 64) > 0.01, redirection[32, 16]
+print("solved by", vrtm.__file__)
+"""
 
 
 def check_wheel(wheel: zipfile.ZipFile, arguments: argparse.Namespace) -> bytes:
@@ -46,39 +52,71 @@ def check_wheel(wheel: zipfile.ZipFile, arguments: argparse.Namespace) -> bytes:
     assert b"glam" in wheel.read("vrtm/THIRD-PARTY.txt")
     about = f"vrtm-{arguments.version}.dist-info"
     lines = wheel.read(f"{about}/WHEEL").decode().splitlines()
-    assert f"Tag: py3-none-{arguments.tag}" in lines and "Root-Is-Purelib: false" in lines, lines
+    assert any(re.fullmatch(f"Tag: py3-none-{arguments.tag}", line) for line in lines), lines
+    assert "Root-Is-Purelib: false" in lines, lines
     needed = [
         line for line in wheel.read(f"{about}/METADATA").decode().splitlines() if line.startswith("Requires-Dist")
     ]
     assert any(line.startswith("Requires-Dist: numpy") for line in needed), needed
-    library = wheel.read(ours)
-    assert library == arguments.library.read_bytes()
-    return library
+    return wheel.read(ours)
+
+
+def check_list(files: list[Path], arguments: argparse.Namespace) -> None:
+    """What the SPDX file says of the others, and of what is in the library."""
+    text = (arguments.release / f"vrtm-{arguments.version}-{arguments.triple}.spdx.json").read_text()
+    packages = {package["name"]: package for package in json.loads(text)["packages"]}
+    for file in files:
+        [checksum] = packages[file.name]["checksums"]
+        assert checksum["checksumValue"] == hashlib.sha256(file.read_bytes()).hexdigest(), file
+    for name in ("vrtm", "rust-std", "glam", "half", "fearless_simd", "xxhash-rust"):
+        assert "Apache-2.0" in packages[name]["licenseDeclared"] or name == "xxhash-rust", packages[name]
+    assert ("libc" in packages) == ("windows" not in arguments.triple), list(packages)
+    assert "wgpu" not in packages and "objc2" not in packages, list(packages)
+
+
+def use(wheel: Path, arguments: argparse.Namespace) -> None:
+    folder = arguments.out / "installed"
+    install = [
+        sys.executable,
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--disable-pip-version-check",
+        "--no-deps",
+        "--no-index",
+    ]
+    subprocess.run([*install, "--target", str(folder), str(wheel)], check=True)
+    command = [sys.executable, "-c", f"import sys\nsys.path.insert(0, {str(folder)!r})\n{SOLVE}"]
+    found = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert found.stdout == f"solved by {folder / 'vrtm' / '__init__.py'}\n", found.stdout + found.stderr
 
 
 def main() -> None:
     parser = argparse.ArgumentParser()
-    for name in ("library", "out", "program"):
+    for name in ("release", "out", "program"):
         parser.add_argument(f"--{name}", type=Path, required=True)
-    for name in ("tag", "platform", "version"):
+    for name in ("tag", "platform", "version", "triple"):
         parser.add_argument(f"--{name}", required=True)
     parser.add_argument("--run", default="")
+    parser.add_argument("--use", action="store_true")
     arguments = parser.parse_args()
-    arguments.out.mkdir(parents=True, exist_ok=True)
-    for path in arguments.out.iterdir():
-        path.unlink()
+    shutil.rmtree(arguments.out, ignore_errors=True)
+    arguments.out.mkdir(parents=True)
 
-    wheel = build(arguments)
+    [wheel] = arguments.release.glob(f"vrtm-{arguments.version}-py3-none-*.whl")
+    addon = arguments.release / f"vrtm-{arguments.version}-{arguments.platform.replace('-', '_')}.zip"
+    check_list([wheel, addon], arguments)
     with zipfile.ZipFile(wheel) as archive:
-        check_wheel(archive, arguments)
+        library = check_wheel(archive, arguments)
         abi: dict = {}
         exec(archive.read("vrtm/_abi.py"), abi)
-    with zipfile.ZipFile(pack(wheel, arguments)) as archive:
+    with zipfile.ZipFile(addon) as archive:
         manifest = tomllib.loads(archive.read("blender_manifest.toml").decode())
         assert manifest["platforms"] == [arguments.platform], manifest["platforms"]
         assert manifest["wheels"] == [f"./wheels/{wheel.name}"], manifest["wheels"]
         with zipfile.ZipFile(io.BytesIO(archive.read(f"wheels/{wheel.name}"))) as inner:
-            library = check_wheel(inner, arguments)
+            assert check_wheel(inner, arguments) == library
     path = arguments.out / ("vrtm.dll" if arguments.tag.startswith("win") else "libvrtm.so")
     path.write_bytes(library)
     run = [arguments.run] if arguments.run else []
@@ -92,6 +130,8 @@ def main() -> None:
     major, minor, patch = (int(part) for part in arguments.version.split("."))
     version = 1_000_000 * major + 1000 * minor + patch
     assert found.stdout.split() == [str(len(abi["functions"])), "functions,", "version", str(version)], found.stdout
+    if arguments.use:
+        use(wheel, arguments)
 
 
 if __name__ == "__main__":

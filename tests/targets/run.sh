@@ -105,6 +105,8 @@ native=$(cd "$(dirname "$native")" && pwd)/$(basename "$native")
 
 # The hosts are small, and the bits are the same at any level: what counts is the time to build.
 export CARGO_INCREMENTAL=0 CARGO_PROFILE_RELEASE_OPT_LEVEL=1
+# tests/package/other.sh makes a release of it, which has no paths of this machine.
+export RUSTFLAGS="${RUSTFLAGS:-} --remap-path-prefix=${CARGO_HOME:-$HOME/.cargo}=/cargo"
 export CARGO_TARGET_DIR="$folder"
 cross() {
     cargo "$@" --target "$triple"
