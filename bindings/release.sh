@@ -22,7 +22,8 @@ usage: sh bindings/release.sh [options]
 
 The archive is vrtm-VERSION-TRIPLE.tar.xz, or .zip for Windows. STRIP names the program that strips the library (such as
 aarch64-linux-gnu-strip, strip, llvm-strip, or none), SOURCE_DATE_EPOCH the time of all files (that of the last commit),
-VRTM_WHEEL_PLATFORM the wheel's platform tag. Linux: the oldest glibc that the library runs with follows from the one that it
+VRTM_WHEEL_PLATFORM the wheel's platform tag, VRTM_REPOSITORY the address of the repository, where links of the wheel's and
+the npm package's descriptions lead (without it they have none). Linux: the oldest glibc that the library runs with follows from the one that it
 is linked with: --glibc names one, or build on the oldest system you support.
 END
 }
@@ -137,7 +138,14 @@ if [ -n "$web" ]; then
     for folder in bindings/web/dist examples/web/dist; do
         [ -d "$source/$folder" ] || fail "$folder is missing: npm ci && npm run build && npm run page, in bindings/web"
     done
-    (cd "$source/bindings/web" && npm pack --silent --ignore-scripts --pack-destination "$out") >/dev/null
+    mkdir "$work/npm"
+    cp -R "$here/web/package.json" "$here/web/dist" "$work/npm/"
+    "${python:-python3}" "$here/links.py" "$here/web/README.md" >"$work/npm/README.md"
+    (
+        cd "$work/npm"
+        [ -z "${VRTM_REPOSITORY:-}" ] || npm pkg set "repository=git+$VRTM_REPOSITORY.git"
+        npm pack --silent --ignore-scripts --pack-destination "$out"
+    ) >/dev/null
     made=vrtm-$version.tgz
     cp -R "$source/examples/web/dist" "$work/vrtm-page-$version"
     pack "vrtm-page-$version" zip

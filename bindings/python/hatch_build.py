@@ -7,6 +7,7 @@ Variables:
                           milliseconds per frame of a GPU
     VRTM_GPU              "OFF" leaves the GPU backend out, which builds in seconds
     VRTM_WHEEL_PLATFORM   the wheel's platform tag, such as manylinux_2_35_x86_64, for those who publish wheels
+    VRTM_REPOSITORY       the repository's address, for the links of the wheel's description: without it they are text
 """
 
 from __future__ import annotations
@@ -33,11 +34,19 @@ PROJECT = HERE.parents[1]
 
 
 class MetadataHook(MetadataHookInterface):
-    """The package has the library's version."""
+    """The package has the library's version, and a description whose links are absolute."""
 
     def update(self, metadata: dict[str, Any]) -> None:
         with _project_file("Cargo.toml").open("rb") as file:
-            metadata["version"] = tomllib.load(file)["workspace"]["package"]["version"]
+            version = tomllib.load(file)["workspace"]["package"]["version"]
+        sys.path.insert(0, str(_project_file("bindings/links.py").parent))
+        from links import absolute
+
+        metadata["version"] = version
+        metadata["readme"] = {"content-type": "text/markdown", "text": absolute(HERE / "README.md", version)}
+        repository = os.environ.get("VRTM_REPOSITORY")
+        if repository:
+            metadata["urls"] = {"Repository": repository, "Changelog": f"{repository}/blob/v{version}/CHANGELOG.md"}
 
 
 class BuildHook(BuildHookInterface):

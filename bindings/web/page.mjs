@@ -29,6 +29,7 @@ for (const file of ["index.html", "style.css"]) {
 for (const file of ["LICENSE-MIT", "LICENSE-APACHE", "THIRD-PARTY.txt"]) {
   cpSync(`${here}dist/${file}`, out + file);
 }
+cpSync(`${here}node_modules/three/LICENSE`, `${out}LICENSE-three`);
 cpSync(`${here}dist/wasm/vrtm_bg.wasm`, `${out}vrtm_bg.wasm`);
 for (const scene of ["mug_to_jug", "creature"]) {
   execFileSync("cargo", ["run", "--quiet", "--example", "scene", "--", scene, `${out}scenes/${scene}`], { cwd: root, stdio: "inherit" });

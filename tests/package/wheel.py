@@ -54,9 +54,10 @@ def check_wheel(wheel: zipfile.ZipFile, arguments: argparse.Namespace) -> bytes:
     lines = wheel.read(f"{about}/WHEEL").decode().splitlines()
     assert any(re.fullmatch(f"Tag: py3-none-{arguments.tag}", line) for line in lines), lines
     assert "Root-Is-Purelib: false" in lines, lines
-    needed = [
-        line for line in wheel.read(f"{about}/METADATA").decode().splitlines() if line.startswith("Requires-Dist")
-    ]
+    metadata = wheel.read(f"{about}/METADATA").decode()
+    # A registry shows the description away from its folder.
+    assert "\n# vrtm for Python\n" in metadata and not re.search(r"\]\(\s*(?!https:)", metadata), metadata
+    needed = [line for line in metadata.splitlines() if line.startswith("Requires-Dist")]
     assert any(line.startswith("Requires-Dist: numpy") for line in needed), needed
     return wheel.read(ours)
 

@@ -1,0 +1,72 @@
+// The files of a release, used away from the sources: `npm run build` and `npm run page` come first.
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { createHash } from "node:crypto";
+import { mkdirSync, mkdtempSync, readdirSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { after, before, test } from "node:test";
+import { fileURLToPath } from "node:url";
+
+const root = fileURLToPath(new URL("../../..", import.meta.url));
+const { version } = JSON.parse(readFileSync(join(root, "bindings/web/package.json")));
+const folder = mkdtempSync(join(tmpdir(), "vrtm-release-"));
+after(() => rmSync(folder, { recursive: true }));
+before(() => {
+  const options = { cwd: root, env: { ...process.env, VRTM_REPOSITORY: "https://example.org/vrtm" } };
+  execFileSync("sh", ["bindings/release.sh", "--web", "--out", folder], options);
+});
+
+test("the package is installed in an empty folder, and solves", () => {
+  const empty = join(folder, "empty");
+  mkdirSync(empty);
+  writeFileSync(join(empty, "package.json"), "{}");
+  const run = (program, ...args) => execFileSync(program, args, { cwd: empty, encoding: "utf8" });
+  run("npm", "install", "--offline", "--ignore-scripts", "--silent", join(folder, `vrtm-${version}.tgz`));
+  const script = `
+    import { Asset, load } from "vrtm";
+    await load();
+    const asset = new Asset({
+      positions: new Float32Array([0, 0, 0, 1, 0, 0, 2, 0, 0, 0, 1, 0, 1, 1, 0, 2, 1, 0]),
+      faceCounts: new Uint32Array([4, 4]),
+      indices: new Uint32Array([0, 1, 4, 3, 1, 2, 5, 4]),
+      uvs: new Float32Array([0, 0, 0.5, 0, 1, 0, 0, 1, 0.5, 1, 1, 1]),
+      uvIndices: new Uint32Array([0, 1, 4, 3, 1, 2, 5, 4]),
+    });
+    const white = (k) => k % 32 >= 12 && k % 32 < 20 && k >= 12 * 32 && k < 20 * 32;
+    asset.setRigidity(0, new Uint8Array(32 * 32).map((_, k) => (white(k) ? 255 : 0)), 32, 32);
+    asset.solve(new Float32Array([0, 0, 0, 1.3, 0, 0, 2, 0, 0, 0, 1, 0, 1.3, 1, 0, 2, 1, 0]), { measure: true });
+    console.log(asset.report(0).strain.after.rms < 0.02);`;
+  assert.equal(run(process.execPath, "--input-type=module", "--eval", script), "true\n");
+
+  const installed = join(empty, "node_modules/vrtm");
+  assert.match(readFileSync(join(installed, "dist/THIRD-PARTY.txt"), "utf8"), /\nglam \d/);
+  assert.match(readFileSync(join(installed, "README.md"), "utf8"), /\]\(https:\/\/example.org\/vrtm\/blob\/v/);
+  assert.doesNotMatch(readFileSync(join(installed, "README.md"), "utf8"), /\]\((?!https:)/);
+  const { repository } = JSON.parse(readFileSync(join(installed, "package.json")));
+  assert.equal(repository, "git+https://example.org/vrtm.git");
+});
+
+test("the page's archive holds the page, with the licences of what is in it", () => {
+  execFileSync("python3", ["-m", "zipfile", "-e", `vrtm-page-${version}.zip`, "."], { cwd: folder });
+  const dist = join(root, "examples/web/dist");
+  const page = join(folder, `vrtm-page-${version}`);
+  const files = readdirSync(dist, { recursive: true });
+  assert.deepEqual(readdirSync(page, { recursive: true }).sort(), files.slice().sort());
+  for (const file of files.filter((file) => statSync(join(dist, file)).isFile())) {
+    assert.ok(readFileSync(join(dist, file)).equals(readFileSync(join(page, file))), file);
+  }
+  assert.match(readFileSync(join(page, "LICENSE-three"), "utf8"), /three\.js authors[^]*Permission is hereby granted/);
+  assert.match(readFileSync(join(page, "THIRD-PARTY.txt"), "utf8"), /\nglam \d/);
+});
+
+test("the sums are those of the files, and no file holds a path of this machine", () => {
+  const lines = readFileSync(join(folder, "SHA256SUMS"), "utf8").trim().split("\n");
+  assert.deepEqual(lines.map((line) => line.slice(66)), [`vrtm-${version}.tgz`, `vrtm-page-${version}.zip`]);
+  for (const line of lines) {
+    const hash = createHash("sha256").update(readFileSync(join(folder, line.slice(66)))).digest("hex");
+    assert.equal(line.slice(0, 64), hash, line);
+  }
+  const wasm = readFileSync(join(root, "bindings/web/dist/wasm/vrtm_bg.wasm"), "latin1");
+  assert.ok(!wasm.includes(root) && !wasm.includes(process.env.HOME));
+});
