@@ -22,9 +22,9 @@ usage: sh bindings/release.sh [options]
 
 The archive is vrtm-VERSION-TRIPLE.tar.xz, or .zip for Windows. STRIP names the program that strips the library (such as
 aarch64-linux-gnu-strip, strip, llvm-strip, or none), SOURCE_DATE_EPOCH the time of all files (that of the last commit),
-VRTM_WHEEL_PLATFORM the wheel's platform tag, VRTM_REPOSITORY the address of the repository, where links of the wheel's and
-the npm package's descriptions lead (without it they have none). Linux: the oldest glibc that the library runs with follows from the one that it
-is linked with: --glibc names one, or build on the oldest system you support.
+VRTM_WHEEL_PLATFORM the wheel's platform tag, VRTM_REPOSITORY the repository's address, for the links of the descriptions of
+the wheel and the npm package (without it they are text). Linux: the oldest glibc that the library runs with follows from the
+one that it is linked with: --glibc names one, or build on the oldest system you support.
 END
 }
 
@@ -156,6 +156,7 @@ tree=$work/$name
 if [ -n "$glibc" ]; then
     case $triple in *-linux-gnu) ;; *) fail "--glibc is for Linux, not for $triple" ;; esac
     # Cargo builds anew what another linker has linked: it keeps its name.
+    mkdir -p "${CARGO_TARGET_DIR:-$source/target}"
     linker=${CARGO_TARGET_DIR:-$source/target}/link-for-glibc-$glibc
     printf '#!/bin/sh\nexec %s cc -target %s "$@"\n' "${ZIG:-zig}" "${triple%%-*}-linux-gnu.$glibc" >"$linker"
     chmod 755 "$linker"

@@ -16,7 +16,9 @@ try {
 }
 const built = process.env.CARGO_TARGET_DIR ?? `${root}target`;
 const flags = `-C target-feature=+simd128 --remap-path-prefix ${root}=. --remap-path-prefix ${process.env.HOME}=~`;
-run("cargo", ["build", "--profile", "dist", "--package", "vrtm-web", "--target", target], { RUSTFLAGS: flags });
+// Not stripped: the packer reads what the compiler has written beside the code.
+const env = { RUSTFLAGS: flags, CARGO_PROFILE_DIST_STRIP: "debuginfo" };
+run("cargo", ["build", "--profile", "dist", "--package", "vrtm-web", "--target", target], env);
 // The compiler wants the module's types beside the sources that import it.
 run("cargo", ["run", "--quiet", "--package", "vrtm-web-pack", "--", `${built}/${target}/dist/vrtm_web.wasm`, `${here}src/wasm`]);
 rmSync(`${here}dist`, { recursive: true, force: true });

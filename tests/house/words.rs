@@ -8,8 +8,7 @@ use std::path::{Path, PathBuf};
 const WIDTH: usize = 120;
 const OPENINGS: [&str; 7] = ["What", "Whether", "Where", "How", "Those", "Which", "Why"];
 /// Folders of sources, and the endings of their files.
-const FOLDERS: [&str; 9] =
-    ["benches", "bindings", "capi", "crates", "examples", "include", "shaders", "src", "tests"];
+const FOLDERS: [&str; 8] = ["benches", "bindings", "capi", "crates", "examples", "include", "src", "tests"];
 const ENDINGS: [&str; 11] = ["c", "cpp", "cs", "h", "hpp", "js", "mjs", "py", "rs", "ts", "wgsl"];
 /// Folders that builds write.
 const BUILT: [&str; 6] = ["target", "dist", "node_modules", "wasm", "__pycache__", "build"];

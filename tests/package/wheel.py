@@ -56,7 +56,7 @@ def check_wheel(wheel: zipfile.ZipFile, arguments: argparse.Namespace) -> bytes:
     assert "Root-Is-Purelib: false" in lines, lines
     metadata = wheel.read(f"{about}/METADATA").decode()
     # A registry shows the description away from its folder.
-    assert "\n# vrtm for Python\n" in metadata and not re.search(r"\]\(\s*(?!https:)", metadata), metadata
+    assert "\n# vrtm for Python\n" in metadata and not re.search(r"\]\(\s*(?!\s|https:)", metadata), metadata
     needed = [line for line in metadata.splitlines() if line.startswith("Requires-Dist")]
     assert any(line.startswith("Requires-Dist: numpy") for line in needed), needed
     return wheel.read(ours)

@@ -80,7 +80,7 @@ macro_rules! kernels {
 /// The content of a file in `shaders/`.
 macro_rules! text {
     ($part:literal) => {
-        include_str!(concat!("../../../shaders/", $part, ".wgsl"))
+        include_str!(concat!("../shaders/", $part, ".wgsl"))
     };
 }
 
