@@ -111,6 +111,42 @@ class Render(Scene):
                         self.assertGreater(np.abs(animated[frame] - plain[frame]).max(), 0.3)
                     self.assertGreater(np.abs(animated[3] - animated[5]).max(), 0.3)
 
+    def test_what_is_carried_is_in_its_place_in_each_frame(self):
+        for persistent in (False, True):
+            with self.subTest(persistent), tempfile.TemporaryDirectory() as folder:
+                self.setUp()
+                scene = bpy.context.scene
+                scene.render.use_persistent_data = persistent
+                arm = Arm()
+                arm.paint_image()
+                self.camera((1.0, 0.5), 2.2)
+                # A patch of the arm's own faces, as a detail mesh, and a cube.
+                mesh = bpy.data.meshes.new("patch")
+                mesh.from_pydata((arm.rest() * (1, 1.02, 1.02)).tolist(), [], arm.faces[400:700].tolist())
+                patch = bpy.data.objects.new("patch", mesh)
+                bpy.context.collection.objects.link(patch)
+                bpy.ops.mesh.primitive_cube_add(size=0.1, location=(1.3, 0, 0.27))
+                cube = bpy.context.object
+                for obj in (patch, cube):
+                    self.material(obj, textured=False)[2].default_value = (*np.random.default_rng(1).random(3), 1)
+                for other, operator in ((patch, bpy.ops.vrtm.wrap), (cube, bpy.ops.vrtm.carry)):
+                    bpy.ops.object.select_all(action="DESELECT")
+                    other.select_set(True)
+                    bpy.context.view_layer.objects.active = arm.object
+                    self.assertEqual(operator(), {"FINISHED"})
+                # Also where the material shows what was baked.
+                arm.object.vrtm.shows_baked = persistent
+                render(os.path.join(folder, "frame."), animation=True)
+                animated = {f: load(os.path.join(folder, f"frame.{f:04d}.exr")) for f in (3, 4, 5)}
+                self.assertGreater(np.abs(animated[3] - animated[5]).max(), 0.3)
+                # Single frames, with the add-on out of the way.
+                arm.object.vrtm.in_renders = False
+                for frame in (3, 5, 4):
+                    scene.frame_set(frame)
+                    bpy.ops.vrtm.update()
+                    bpy.context.view_layer.update()
+                    self.assertSame(animated[frame], render())
+
     def test_baked_files_render_as_the_live_result_does(self):
         for tiles in (1, 2):
             with self.subTest(tiles=tiles), tempfile.TemporaryDirectory() as folder:

@@ -6,7 +6,7 @@ import importlib
 import sys
 
 # In the order in which they are registered; unregistering goes backwards.
-REGISTERED = ("properties", "operators", "panel", "handlers")
+REGISTERED = ("properties", "carry", "operators", "panel", "handlers")
 
 
 def register() -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import bpy
 from bpy.app.handlers import persistent
 
-from . import keep, live, results, session, solve, states
+from . import carry, keep, live, results, session, solve, states
 from .messages import text_of
 
 PAINT_MODES = frozenset({"TEXTURE_PAINT", "VERTEX_PAINT", "WEIGHT_PAINT"})
@@ -36,13 +36,13 @@ def look_again(obj: bpy.types.Object) -> None:
     """Has mesh and maps read again before the next solve; what has not changed stays prepared."""
     state = states.find_state(obj)
     if state is not None:
-        state.mesh_changed = state.maps_changed = True
+        state.mesh_changed = state.maps_changed = state.carried_changed = True
 
 
 def in_renders(obj: bpy.types.Object) -> bool:
     settings = obj.vrtm
     wanted = settings.is_set_up and (settings.live or settings.in_renders)
-    return wanted and not settings.shows_baked and not obj.hide_render
+    return wanted and not obj.hide_render and (not settings.shows_baked or carry.carries_live(obj))
 
 
 def solve_now(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> None:
@@ -76,6 +76,9 @@ def updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     for changed, geometry in ids:
         if isinstance(changed, bpy.types.Object) and geometry and changed.vrtm.is_followed:
             live.touch(changed, mesh=changed.data in meshes, maps=changed.mode in PAINT_MODES)
+    for update in depsgraph.updates:
+        if isinstance(update.id, bpy.types.Object) and update.id.original.vrtm_carry.kind == "POINTS":
+            live.touch_carried(update.id.original.vrtm_carry.skin)
     if images or bpy.context.mode == "PAINT_TEXTURE":
         for obj in (obj for obj in scene.objects if obj.vrtm.is_set_up):
             if painted(obj) or {obj.vrtm.rigidity_image, obj.vrtm.mask_image} & images:
@@ -123,7 +126,7 @@ def undone(*_) -> None:
     written last may not be there any more."""
     states.forget_gone()
     for state in states.known.values():
-        state.mesh_changed = state.maps_changed = state.rewrite = True
+        state.mesh_changed = state.maps_changed = state.carried_changed = state.rewrite = True
     live.doubt()
     want_all()
 

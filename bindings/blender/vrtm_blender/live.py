@@ -37,6 +37,15 @@ def touch(obj: bpy.types.Object, mesh: bool = True, maps: bool = True) -> None:
         want(obj)
 
 
+def touch_carried(skin: bpy.types.Object | None) -> None:
+    """Something that an object carries may have changed."""
+    if skin is not None and not session.writing:
+        state = states.find_state(skin)
+        if state is not None:
+            state.carried_changed = True
+        touch(skin, mesh=False, maps=False)
+
+
 def is_live(obj: bpy.types.Object) -> bool:
     return obj.type == "MESH" and obj.vrtm.live
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from . import layers, overlay, strain
+from .carriers import Moved
 from .prepared import Prepared
 from .result_image import Layout, layout_of, redirection
 
@@ -54,6 +55,7 @@ class Outputs:
     surface: np.ndarray | None  # (vertices, 3) float32: stretch, squash, and 0
     stretch: np.ndarray | None  # the same as an image, (height, width, 4) float32
     strain: np.ndarray | None  # (vertices, 4) float32: colours
+    carried: dict[int, Moved]  # by the uids of objects
 
 
 def fetch(prepared: Prepared, request: Request) -> Outputs:
@@ -76,7 +78,8 @@ def fetch(prepared: Prepared, request: Request) -> Outputs:
         colours = overlay.colours(prepared, request.positions, request.strain == "AFTER", request.rigid_only)
     uvs = uvs if request.write_uvs else None
     surface = surface if request.write_strain else None
-    return Outputs(layout, images, prepared.layers, uvs, delta, surface, stretch, colours)
+    carried = prepared.carriers.fetch()
+    return Outputs(layout, images, prepared.layers, uvs, delta, surface, stretch, colours, carried)
 
 
 def surface_strain(prepared: Prepared, positions: np.ndarray) -> np.ndarray:
@@ -122,7 +125,7 @@ def figures(prepared: Prepared, request: Request, outputs: Outputs) -> list[tupl
         if request.by_uv_map and outputs.uvs is not None:
             after = prepared.strain_of(request.positions, outputs.uvs)
         shown.append(("Strain", f"{before:.3f} before, {after:.3f} after"))
-    return shown
+    return shown + prepared.carriers.figures()
 
 
 def percent(share: float) -> str:
@@ -139,7 +142,7 @@ def notes(prepared: Prepared, request: Request) -> list[str]:
     found = _of_rigidity(*prepared.rigid_share()) or _of_overlaps(prepared, request.is_linked)
     if request.by_uv_map and prepared.whole_share() < LEAST_WHOLE:
         found.append("Faces are larger than features, which the UV map cannot follow: press Set Up by Image")
-    return found
+    return found + prepared.carriers.notes()
 
 
 def _of_overlaps(prepared: Prepared, is_linked: bool) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import geometry, keep, status, tap
+from . import carry, geometry, keep, status, tap
 from .operators.objects import PRESETS, preset_of
 
 
@@ -146,6 +146,26 @@ class VRTM_PT_material(_Panel, bpy.types.Panel):
         layout.operator("vrtm.clear_material")
 
 
+class VRTM_PT_carry(_Panel, bpy.types.Panel):
+    bl_label = "Carry"
+    bl_parent_id = "VRTM_PT_main"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout, obj = self.layout, context.object
+        if obj.vrtm_carry.skin is not None:
+            layout.label(text=f"Carried by {obj.vrtm_carry.skin.name}", icon="LINKED")
+        row = layout.row(align=True)
+        row.operator("vrtm.carry")
+        row.operator("vrtm.wrap")
+        for kind, text in (("OBJECT", "Whole objects"), ("POINTS", "By their points")):
+            row = layout.row()
+            row.label(text=text)
+            row.label(text=str(sum(other.vrtm_carry.kind == kind for other in carry.carried_by(obj))))
+        layout.operator("vrtm.carry_live" if obj.vrtm.carried_baked else "vrtm.carry_bake")
+        layout.operator("vrtm.carry_remove")
+
+
 class VRTM_PT_bake(_Panel, bpy.types.Panel):
     bl_label = "Bake to Disk"
     bl_parent_id = "VRTM_PT_main"
@@ -241,6 +261,9 @@ class VRTM_MT_object(bpy.types.Menu):
         for name in ("continue_seams", "dilate", "add_basis", "clear_material"):
             layout.operator(f"vrtm.{name}")
         layout.separator()
+        for name in ("carry", "wrap", "carry_bake", "carry_live", "carry_remove"):
+            layout.operator(f"vrtm.{name}")
+        layout.separator()
         for name in ("bake", "use_baked", "use_live"):
             layout.operator(f"vrtm.{name}")
         layout.separator()
@@ -316,6 +339,7 @@ CLASSES = (
     VRTM_PT_advanced,
     VRTM_PT_strain,
     VRTM_PT_material,
+    VRTM_PT_carry,
     VRTM_PT_bake,
     VRTM_PT_status,
     VRTM_PT_view,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import on_seams, session, strain
+from .carriers import CarriedInput, Carriers
 from .geometry import Topology
 from .layers import number_of
 from .maps import ORIGIN, Map
@@ -69,16 +70,18 @@ class Inputs:
 
     mesh: MeshInput | None = None
     maps: MapsInput | None = None
+    carried: CarriedInput | None = None
 
     def take(self) -> Inputs:
         """All of it; nothing is left here."""
-        taken = Inputs(self.mesh, self.maps)
-        self.mesh = self.maps = None
+        taken = Inputs(self.mesh, self.maps, self.carried)
+        self.mesh = self.maps = self.carried = None
         return taken
 
     def give_back(self, older: Inputs) -> None:
         """Puts back what came to nothing, unless it was read again meanwhile."""
         self.mesh, self.maps = self.mesh or older.mesh, self.maps or older.maps
+        self.carried = self.carried or older.carried
 
 
 @dataclass
@@ -102,6 +105,7 @@ class Prepared:
     raster: tuple[Layout, Raster] | None = None
     # The layer of each face, (faces,) uint32; None where there is one layer alone.
     layers: np.ndarray | None = None
+    carriers: Carriers | None = None
 
     def apply(self, inputs: Inputs) -> None:
         """Makes or mends the asset, as far as what it depends on has changed. Raises vrtm.Error or a Problem."""
@@ -122,6 +126,11 @@ class Prepared:
             self.stamps["mesh"] = mesh.stamp
         if inputs.maps is not None:
             self._apply_maps(inputs.maps)
+        carried = inputs.carried
+        if carried is not None and self.stamps.get("carried") != carried.stamp:
+            self._end_carriers()
+            self.carriers = Carriers(self.asset, carried)
+            self.stamps["carried"] = carried.stamp
 
     def _apply_maps(self, maps: MapsInput) -> None:
         setters = {"rigidity": self._set_rigidity, "mask": self._set_mask, "settings": self._set_settings}
@@ -264,7 +273,14 @@ class Prepared:
         found = nearest(image, size)[nearest(charts, size)]
         return found if len(found) else np.zeros(1, np.float32)
 
+    def _end_carriers(self) -> None:
+        self.stamps.pop("carried", None)
+        carriers, self.carriers = self.carriers, None
+        if carriers is not None:
+            carriers.close()
+
     def close(self) -> None:
+        self._end_carriers()
         asset, self.asset = self.asset, None
         self.stamps.clear()
         self.told.clear()

@@ -274,6 +274,8 @@ class VrtmSettings(bpy.types.PropertyGroup):
     uv_name: StringProperty(name="Redirected UV Map", default="vrtm")
     # Set by the operators that switch between the result image and baked files.
     shows_baked: BoolProperty(name="Shows Baked Files")
+    # Set by those that bake what is carried, and have it live again.
+    carried_baked: BoolProperty(name="Carried Things Show a Bake")
 
     @property
     def is_set_up(self) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 import numpy as np
 
-from . import geometry, layers, materials, nodes, overlay, session
+from . import carry, geometry, layers, materials, nodes, overlay, session
 from .messages import Problem
 from .outcome import Outcome, Request
 from .result_image import LAYOUT, STRAIN, Layout, has_pixels, is_result
@@ -79,6 +79,7 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
             fill(own_strain_image(obj, outputs.layout), outputs.stretch)
         if outputs.strain is not None:
             overlay.write(obj, outputs.strain)
+        carry.place(obj, outputs.carried)
         _update()
     finally:
         session.writing = before

@@ -6,7 +6,7 @@ import dataclasses
 
 import bpy
 
-from . import borders, geometry, layers, maps, nodes, results, session, states
+from . import borders, carry, geometry, layers, maps, nodes, results, session, states
 from .messages import Problem
 from .outcome import Request
 from .prepared import MapsInput, MeshInput
@@ -26,6 +26,10 @@ def read(obj: bpy.types.Object, state: State) -> None:
         _read_mesh(obj, state)
     if state.maps_changed:
         _read_maps(obj, state)
+    if state.carried_changed:
+        state.inputs.carried = carry.read(obj)
+        state.stamps["carried"] = state.inputs.carried.stamp
+        state.carried_changed = False
 
 
 def _read_mesh(obj: bpy.types.Object, state: State) -> None:
@@ -35,8 +39,8 @@ def _read_mesh(obj: bpy.types.Object, state: State) -> None:
     topology, rest = geometry.topology(obj), geometry.rest_positions(obj)
     stamp = (topology.stamp, geometry.stamp_of(rest), device, max_layers)
     if state.stamps.get("mesh") != stamp:
-        # Maps are set for a mesh: all of them again.
-        state.maps_changed = True
+        # Maps are set for a mesh, and carriers made for it: all of them again.
+        state.maps_changed = state.carried_changed = True
     state.inputs.mesh = MeshInput(topology, rest, device, max_layers, stamp)
     state.stamps["mesh"] = stamp
     state.counts = geometry.counts(obj.data)

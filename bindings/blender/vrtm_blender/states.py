@@ -34,6 +34,7 @@ class State:
     # What has to be read again before the next solve.
     mesh_changed: bool = True
     maps_changed: bool = True
+    carried_changed: bool = True
     # A pose is to be collected by the timer.
     wanted: bool = False
     job: Work | None = None

@@ -11,7 +11,7 @@ import blf
 import bpy
 import numpy as np
 
-from . import borders, dilate, geometry, keep, materials, nodes, result_image, results, states, tap
+from . import borders, carry, dilate, geometry, keep, materials, nodes, result_image, results, states, tap
 
 
 @dataclass(frozen=True)
@@ -122,6 +122,9 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
         found.append(Line("Textures end at seams: press Dilate Textures", "INFO"))
     if geometry.is_linked(obj):
         found.append(Line("The mesh is linked from another file: the result is an image alone", "INFO"))
+    found += [Line(text, "ERROR") for text in carry.troubles(obj)]
+    if settings.carried_baked:
+        found.append(Line("What it carries shows a bake: press Carry Live to have it follow the skin", "INFO"))
     found += [Line(text, "ERROR") for text in keep.unsaved_maps(obj)]
     if state is not None and not state.error:
         found += [Line(text, "INFO") for text in state.notes]

@@ -482,6 +482,46 @@ def check_begin():
     picture("sidebar")
 
 
+def check_carry():
+    """What is carried follows a scrub beside Blender's work, and is put back by Ctrl-Z."""
+    obj = yield from set_up()
+    scene = window().scene
+    scene.frame_set(1)
+    yield from solved(obj)
+    numbers, studs = (5000, 9000, 16000), []
+    for number in numbers:
+        stud = bpy.data.objects.new("stud", bpy.data.meshes.new("stud"))
+        stud.data.from_pydata([(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)], [], [(0, 1, 2)])
+        stud.location = obj.data.vertices[number].co
+        scene.collection.objects.link(stud)
+        stud.select_set(True)
+        studs.append(stud.name)
+    with at("VIEW_3D"):
+        bpy.ops.ed.undo_push(message="before")
+        bpy.ops.vrtm.carry()
+    yield from solved(obj)
+    away = []
+    for frame in (8, 20):
+        scene.frame_set(frame)
+        yield from solved(obj)
+        posed = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        places = [bpy.data.objects[name].location for name in studs]
+        away += [(posed.closest_point_on_mesh(place)[1] - place).length for place in places]
+    # A rigid feature lifts off a little.
+    assert max(away) < 0.04, away
+    moved = [bpy.data.objects[name].location.copy() for name in studs]
+    assert min((now - obj.data.vertices[n].co).length for now, n in zip(moved, numbers)) > 0.01, moved
+    picture("carry")
+    press("mousemove", "500", "500")
+    press("key", "ctrl+z")
+    yield 1
+    obj = bpy.data.objects["skin"]
+    yield from solved(obj)
+    found = [bpy.data.objects[name] for name in studs]
+    assert not any(stud.parent for stud in found), "the undo does not put back what was carried"
+    assert all((stud.location - obj.data.vertices[n].co).length < 1e-6 for stud, n in zip(found, numbers))
+
+
 def check_paint():
     """A stroke of the brush on a black rigidity image is followed, and so is its undo."""
     obj = yield from set_up()

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import bpy
 
-from . import bake, basis, material, objects, rigidity, solve
+from . import bake, basis, carry, material, objects, rigidity, solve
 
-CLASSES = (*solve.CLASSES, *objects.CLASSES, *rigidity.CLASSES, *material.CLASSES, *bake.CLASSES, *basis.CLASSES)
+CLASSES = (
+    *solve.CLASSES,
+    *objects.CLASSES,
+    *rigidity.CLASSES,
+    *material.CLASSES,
+    *bake.CLASSES,
+    *basis.CLASSES,
+    *carry.CLASSES,
+)
 
 
 def register() -> None:

@@ -43,12 +43,8 @@ class VRTM_OT_use_live(OnObject, bpy.types.Operator):
         return f"{obj.name}: the material reads the result image"
 
 
-class VRTM_OT_bake(bpy.types.Operator):
-    """Write the redirections of a range of frames of all selected objects that are set up, as EXR files. Esc ends it"""
-
-    bl_idname = "vrtm.bake"
-    bl_label = "Bake to Disk"
-    bl_options = {"REGISTER"}
+class BakesFrames:
+    """An operator that bakes a range of frames of the selected objects. Esc ends it."""
 
     _bake = None
 
@@ -71,7 +67,7 @@ class VRTM_OT_bake(bpy.types.Operator):
 
     def begin(self, context: bpy.types.Context) -> bool:
         try:
-            self._bake = bake.Bake(context.scene, self.objects(context))
+            self._bake = self.make(context.scene, self.objects(context))
         except Problem as problem:
             self.report({"ERROR"}, text_of(problem))
             return False
@@ -148,8 +144,18 @@ class VRTM_OT_bake(bpy.types.Operator):
         return {"CANCELLED"}
 
     def finish(self) -> set[str]:
-        self.report({"INFO"}, f"Baked {self._frames} frames to {self._files} files in {self._bake.folder}")
+        where = f" to {self._files} files in {self._bake.folder}" if self._files else ""
+        self.report({"INFO"}, f"Baked {self._frames} frames{where}")
         return {"FINISHED"}
+
+
+class VRTM_OT_bake(BakesFrames, bpy.types.Operator):
+    """Write the redirections of a range of frames of all selected objects that are set up, as EXR files. Esc ends it"""
+
+    bl_idname = "vrtm.bake"
+    bl_label = "Bake to Disk"
+    bl_options = {"REGISTER"}
+    make = bake.Bake
 
 
 CLASSES = (VRTM_OT_bake, VRTM_OT_use_baked, VRTM_OT_use_live)

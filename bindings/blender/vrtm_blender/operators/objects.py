@@ -7,6 +7,7 @@ from bpy.props import BoolProperty, EnumProperty
 
 from .. import dilate, geometry, keep, layers, materials, nodes, overlay, result_image, results, session, states, tap
 from .base import OnObject
+from .carry import let_all_go
 from .material import kept_text, set_up
 from .rigidity import new_image, paint
 
@@ -92,6 +93,7 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         settings, mesh = obj.vrtm, obj.data
+        let_all_go(obj)
         states.drop(session.uid_of(obj))
         painted = dilate.restore(obj)
         for material in {slot.material for slot in obj.material_slots if slot.material is not None}:

@@ -1,0 +1,134 @@
+"""Carriers of what is carried by an object. None of this touches Blender's data: it takes arrays, on any thread."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    import vrtm
+
+# States of a carrier's points: on a chart, outside of all, in folded UVs, and too far from the surface.
+BOUND, OUTSIDE, FOLDED, TOO_FAR = range(4)
+
+
+@dataclass(frozen=True)
+class Thing:
+    """One carried object at rest."""
+
+    uid: int
+    name: str
+    places: np.ndarray  # (places, 3) float64, in the skin's space
+    # (4, 4) float64 from its own space to the skin's; whether it is carried as a whole.
+    to_skin: np.ndarray
+    is_whole: bool
+    farthest: float
+    fit: str
+    skirt: float
+
+    @property
+    def way(self) -> tuple[float, str, float]:
+        return self.farthest, self.fit, self.skirt
+
+
+@dataclass(frozen=True)
+class CarriedInput:
+    """All that an object carries, as it was read."""
+
+    things: list[Thing]
+    scale: float  # of the skin in the world, for words
+    stamp: bytes
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Where a carried object is in a pose."""
+
+    # As a whole: (4, 4) float64 from its own space to the skin's.
+    matrix: np.ndarray | None = None
+    # Else, in its own space, (places, 3) float64: places, and Euler angles (XYZ) of what was there at rest.
+    places: np.ndarray | None = None
+    turns: np.ndarray | None = None
+
+
+class Carriers:
+    """Carriers of an asset: one for all that is carried in the same way. Raises vrtm.Error."""
+
+    def __init__(self, asset: vrtm.Asset, given: CarriedInput) -> None:
+        self.things, self.scale = given.things, given.scale
+        # By uid: how each place is bound, (places,) int32.
+        self.states: dict[int, np.ndarray] = {}
+        self._groups: list[tuple[vrtm.Carrier, list[Thing]]] = []
+        for way in dict.fromkeys(thing.way for thing in given.things):
+            farthest, fit, skirt = way
+            things = [thing for thing in given.things if thing.way == way]
+            places = np.concatenate([thing.places for thing in things])
+            carrier = asset.carrier(positions=places, farthest=farthest, fit=fit, skirt=skirt)
+            self._groups.append((carrier, things))
+            self.states |= {thing.uid: states for thing, states in _parts(things, carrier.states())}
+
+    def fetch(self) -> dict[int, Moved]:
+        """All things in the pose that was solved last, by uid. What is too far stays as it is."""
+        found = {}
+        for carrier, things in self._groups:
+            carried = carrier.fetch("positions", "matrices", dtype=np.float64)
+            for (thing, places), (_, turns) in zip(_parts(things, carried.positions), _parts(things, carried.matrices)):
+                far = self.states[thing.uid] == TOO_FAR
+                places = np.where(far[:, None], thing.places, places)
+                found[thing.uid] = _moved(thing, places, np.where(far[:, None, None], np.eye(3), turns))
+        return found
+
+    def figures(self) -> list[tuple[str, str]]:
+        """What the panel shows of the last fetch."""
+        if not self._groups:
+            return []
+        info = [carrier.info for carrier, _ in self._groups]
+        number = sum(int((states != TOO_FAR).sum()) for states in self.states.values())
+        return [("Carried", str(number)), ("Rims lift off", f"{self.scale * max(one.rim for one in info):.3g}")]
+
+    def notes(self) -> list[str]:
+        found = {thing.name: told(self.states[thing.uid], self.scale * thing.farthest) for thing in self.things}
+        return [f"{name}: {text}" for name, text in found.items() if text]
+
+    def close(self) -> None:
+        for carrier, _ in self._groups:
+            carrier.close()
+
+
+def _moved(thing: Thing, places: np.ndarray, turns: np.ndarray) -> Moved:
+    """Places, (places, 3), and rotations of them, (places, 3, 3), both in the skin's space."""
+    linear = thing.to_skin[:3, :3]
+    if thing.is_whole:
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = turns[0] @ linear, places[0]
+        return Moved(matrix)
+    # The rotation alone, without the scale.
+    u, _, v = np.linalg.svd(linear)
+    own = (places - thing.to_skin[:3, 3]) @ np.linalg.inv(linear).T
+    return Moved(None, own, eulers((u @ v).T @ turns @ (u @ v)))
+
+
+def eulers(turns: np.ndarray) -> np.ndarray:
+    """Euler angles (XYZ) of rotations, (n, 3, 3) to (n, 3)."""
+    cosine = np.hypot(turns[:, 0, 0], turns[:, 1, 0])
+    plain = cosine > 1e-9
+    x = np.where(plain, np.arctan2(turns[:, 2, 1], turns[:, 2, 2]), np.arctan2(-turns[:, 1, 2], turns[:, 1, 1]))
+    z = np.where(plain, np.arctan2(turns[:, 1, 0], turns[:, 0, 0]), 0)
+    return np.stack([x, np.arctan2(-turns[:, 2, 0], cosine), z], -1)
+
+
+def _parts(things: list[Thing], values: np.ndarray) -> list[tuple[Thing, np.ndarray]]:
+    ends = np.cumsum([len(thing.places) for thing in things])[:-1]
+    return list(zip(things, np.split(values, ends)))
+
+
+def told(states: np.ndarray, farthest: float) -> str:
+    """Which places are not carried, and which not as they should be, in words; empty where there is nothing to tell."""
+    lines, number = [], len(states)
+    if far := int((states == TOO_FAR).sum()):
+        lines.append(f"{far} of {number} are farther than {farthest:.3g} from the skin at rest, and stay as they are")
+    if outside := int(((states == OUTSIDE) | (states == FOLDED)).sum()):
+        lines.append(f"{outside} of {number} lie where the skin has no UVs, or folded ones, and follow the skin alone")
+    return "; ".join(lines)

@@ -1,0 +1,306 @@
+"""What rides on an object's skin: objects as a whole, and the points, hair curves and instances of others. Each of them
+knows its skin, and what it was before, in its own properties (Object.vrtm_carry), so that the file keeps it."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, PointerProperty
+from mathutils import Matrix
+
+from . import carry_nodes, geometry, session
+from .carriers import CarriedInput, Moved, Thing
+from .messages import Problem
+
+FITS = [
+    ("feature", "Features", "What is on a rigid feature moves with it as one body"),
+    ("surface", "Surface", "All follows the redirected surface"),
+    ("none", "Skin", "All follows the skin, as if nothing were redirected"),
+]
+# The largest distance, unless one is asked for: of the diagonal of the skin's bounding box.
+FAR = 0.05
+# Modifiers that move things by what else moves the skin.
+MOVING = frozenset(
+    "ARMATURE CLOTH CURVE HOOK LATTICE MESH_CACHE MESH_DEFORM MESH_SEQUENCE_CACHE SHRINKWRAP SOFT_BODY "
+    "SURFACE_DEFORM".split()
+)
+# Marks the action of a bake.
+BAKED = "vrtm_carried"
+# The transform of an object in its parent's space.
+CHANNELS = {"location": 3, "rotation_euler": 3, "rotation_quaternion": 4, "rotation_axis_angle": 4, "scale": 3}
+
+
+class VrtmCarry(bpy.types.PropertyGroup):
+    """Object.vrtm_carry"""
+
+    skin: PointerProperty(name="Carried by", type=bpy.types.Object)
+    kind: EnumProperty(items=[("NONE", "None", ""), ("OBJECT", "Object", ""), ("POINTS", "Points", "")])
+    farthest: FloatProperty()
+    fit: EnumProperty(items=FITS)
+    skirt: FloatProperty()
+    # What it was before: its channels, one behind the other, and how it was parented.
+    channels: FloatVectorProperty(size=sum(CHANNELS.values()))
+    was_child: BoolProperty()
+    inverse: FloatVectorProperty(size=16)
+    # An object as a whole at rest, in the skin's space.
+    rest: FloatVectorProperty(size=16)
+
+
+def carried_by(skin: bpy.types.Object) -> list[bpy.types.Object]:
+    return [obj for obj in bpy.data.objects if obj.vrtm_carry.skin == skin and obj.library is None]
+
+
+def carries_live(skin: bpy.types.Object) -> bool:
+    """Whether what it carries follows it, in place of a bake."""
+    return not skin.vrtm.carried_baked and bool(carried_by(skin))
+
+
+def flat(matrix: Matrix) -> list[float]:
+    return [value for row in matrix for value in row]
+
+
+def in_skin(obj: bpy.types.Object) -> np.ndarray:
+    """(4, 4) from a child's space to its parent's."""
+    return np.array(obj.matrix_parent_inverse @ obj.matrix_basis)
+
+
+def scale_of(skin: bpy.types.Object) -> float:
+    return abs(skin.matrix_world.determinant()) ** (1 / 3) or 1.0
+
+
+def default_distance(skin: bpy.types.Object) -> float:
+    """In the world."""
+    return scale_of(skin) * FAR * float(np.linalg.norm(np.ptp(geometry.rest_positions(skin), axis=0)))
+
+
+def reason(obj: bpy.types.Object, skin: bpy.types.Object, kind: str) -> str | None:
+    """Why an object cannot be carried, and what to do, as the end of a sentence."""
+    if obj.library is not None or obj.override_library is not None:
+        return "is linked from another file: make it local"
+    if obj.mode == "EDIT":
+        return "is in Edit Mode: leave it first"
+    if obj.type == "ARMATURE" or obj in parents(skin):
+        return f"moves {skin.name} itself"
+    if obj.parent is not None and (obj.parent != skin or obj.parent_type != "OBJECT"):
+        if obj.parent.vrtm_carry.skin == skin:
+            return f"follows its parent {obj.parent.name}, which is carried"
+        return f"is parented to {obj.parent.name}: clear the parent first (Alt P, Keep Transformation)"
+    if any(not constraint.mute for constraint in obj.constraints):
+        return "has constraints, which move it: apply or mute them"
+    if (moving := mover(obj)) is not None:
+        return f"is deformed by its modifier {moving.name!r} already: remove or hide it, or apply it at rest"
+    if kind == "OBJECT" and is_animated(obj):
+        return "has keys or drivers of its own: clear them"
+    return reason_of_points(obj) if kind == "POINTS" else None
+
+
+def is_animated(obj: bpy.types.Object) -> bool:
+    data = obj.animation_data
+    return data is not None and bool(data.action or data.drivers or data.nla_tracks)
+
+
+def reason_of_points(obj: bpy.types.Object) -> str | None:
+    if obj.type not in {"MESH", "POINTCLOUD", "CURVES"}:
+        return "has no points that can be carried: carry it as a whole"
+    if obj.data.library is not None:
+        return "has data that is linked from another file: make it local"
+    if obj.data.users > 1 + obj.data.use_fake_user:
+        return "shares its data with others: make it a single user (Object > Relations > Make Single User)"
+    if not len(own_places(obj)):
+        return (
+            "has no points of its own, since its modifiers make them anew in each pose: turn them into points at rest "
+            "(Object > Apply > Visual Geometry to Mesh)"
+        )
+    return None
+
+
+def parents(obj: bpy.types.Object) -> list[bpy.types.Object]:
+    found = []
+    while obj.parent is not None:
+        obj = obj.parent
+        found.append(obj)
+    return found
+
+
+def mover(obj: bpy.types.Object) -> bpy.types.Modifier | None:
+    """A modifier that would move a carried object a second time."""
+    for modifier in obj.modifiers:
+        tree = modifier.node_group if modifier.type == "NODES" else None
+        follows = tree is not None and any(n.bl_idname == "GeometryNodeDeformCurvesOnSurface" for n in tree.nodes)
+        if (follows or modifier.type in MOVING) and (modifier.show_viewport or modifier.show_render):
+            return modifier
+    return None
+
+
+def kind_of(obj: bpy.types.Object) -> str:
+    """How an object is carried, unless it is asked for: what is scattered over its points, or as a whole."""
+    if obj.type in {"POINTCLOUD", "CURVES"}:
+        return "POINTS"
+    if obj.type == "MESH":
+        scattered = obj.instance_type in {"VERTS", "FACES"} or any(
+            m.type == "NODES" and m.node_group is not None and _instances(m.node_group) for m in obj.modifiers
+        )
+        if scattered or not len(obj.data.polygons):
+            return "POINTS"
+    return "OBJECT"
+
+
+def _instances(tree: bpy.types.NodeTree) -> bool:
+    return any(
+        node.bl_idname == "GeometryNodeInstanceOnPoints"
+        or (node.bl_idname == "GeometryNodeGroup" and node.node_tree is not None and _instances(node.node_tree))
+        for node in tree.nodes
+    )
+
+
+def domain_of(obj: bpy.types.Object) -> str:
+    return "CURVE" if obj.type == "CURVES" else "POINT"
+
+
+def own_places(obj: bpy.types.Object) -> np.ndarray:
+    """The points of an object, or the roots of its curves, in its own space: (places, 3) float32."""
+    if obj.type == "MESH":
+        return geometry.positions(obj.data)
+    attribute = obj.data.attributes.get("position")
+    points = np.zeros((0, 3), np.float32) if attribute is None else geometry.read(attribute.data, "vector", 3)
+    if obj.type == "CURVES":
+        return points[geometry.read(obj.data.curves, "first_point_index", 1, np.int32)]
+    return points
+
+
+def attach(obj: bpy.types.Object, skin: bpy.types.Object, kind: str, farthest: float, fit: str, skirt: float) -> None:
+    """Makes an object one that is carried, where it is; it becomes a child of the skin. Lengths are those of the
+    world."""
+    own, scale = obj.vrtm_carry, scale_of(skin)
+    own.channels = [value for name in CHANNELS for value in getattr(obj, name)]
+    own.inverse, own.was_child = flat(obj.matrix_parent_inverse), obj.parent == skin
+    if not own.was_child:
+        obj.parent = skin
+        obj.matrix_parent_inverse = skin.matrix_world.inverted_safe()
+    own.skin, own.kind, own.farthest, own.fit, own.skirt = skin, kind, farthest / scale, fit, skirt / scale
+    if kind == "OBJECT":
+        own.rest = in_skin(obj).ravel().tolist()
+    else:
+        # Instances are moved when they are there; what has faces, and hair, before it is refined.
+        carry_nodes.insert(obj, first=obj.type == "CURVES" or (obj.type == "MESH" and kind_of(obj) == "OBJECT"))
+
+
+def release(obj: bpy.types.Object) -> None:
+    """Puts an object back to what it was."""
+    own = obj.vrtm_carry
+    clear_baked(obj)
+    if own.kind == "OBJECT":
+        values = list(own.channels)
+        for name, width in CHANNELS.items():
+            setattr(obj, name, values[:width])
+            del values[:width]
+    else:
+        carry_nodes.remove(obj)
+        for name in carry_nodes.NAMES:
+            if name in obj.data.attributes:
+                obj.data.attributes.remove(obj.data.attributes[name])
+    # Another parent is one that the artist has chosen meanwhile.
+    if obj.parent in (own.skin, None):
+        if not own.was_child:
+            obj.parent = None
+        obj.matrix_parent_inverse = Matrix(np.reshape(own.inverse, (4, 4)).tolist())
+    for name in own.bl_rna.properties.keys():
+        if name not in ("rna_type", "name"):
+            own.property_unset(name)
+
+
+def clear_baked(obj: bpy.types.Object) -> None:
+    """Takes out what a bake has written: keys and files."""
+    if obj.vrtm_carry.kind == "POINTS":
+        carry_nodes.show_live(obj)
+    elif (action := own_keys(obj)) is not None:
+        obj.animation_data_clear()
+        if not action.users:
+            bpy.data.actions.remove(action)
+
+
+def own_keys(obj: bpy.types.Object) -> bpy.types.Action | None:
+    """The action that a bake has made."""
+    action = obj.animation_data.action if obj.animation_data is not None else None
+    return action if action is not None and BAKED in action else None
+
+
+def read(skin: bpy.types.Object) -> CarriedInput:
+    """What an object carries, at rest."""
+    things = []
+    for obj in carried_by(skin):
+        own = obj.vrtm_carry
+        if whole := own.kind == "OBJECT":
+            to_skin = np.reshape(own.rest, (4, 4)).astype(np.float64)
+            places = to_skin[None, :3, 3]
+        else:
+            to_skin = in_skin(obj)
+            places = own_places(obj).astype(np.float64) @ to_skin[:3, :3].T + to_skin[:3, 3]
+        if not np.isfinite(places).all():
+            raise Problem(f"{obj.name}: a point of it has no place (NaN): mend or delete it")
+        if len(places):
+            uid, way = session.uid_of(obj), (own.farthest, own.fit, own.skirt)
+            things.append(Thing(uid, obj.name, places, to_skin, whole, *way))
+    told = repr([(thing.uid, thing.name, thing.way) for thing in things]).encode()
+    arrays = [array for thing in things for array in (thing.places, thing.to_skin)]
+    return CarriedInput(things, scale_of(skin), geometry.stamp_of(*arrays) + told)
+
+
+def place(skin: bpy.types.Object, moved: dict[int, Moved]) -> None:
+    """Moves all that an object carries, unless it shows what was baked."""
+    if not moved or not carries_live(skin):
+        return
+    for obj in carried_by(skin):
+        own = moved.get(session.uid_of(obj))
+        if own is None:
+            continue
+        if obj.vrtm_carry.kind == "OBJECT":
+            obj.matrix_basis = basis(obj, own)
+        elif obj.mode != "EDIT":
+            _place_points(obj, own)
+
+
+def basis(obj: bpy.types.Object, moved: Moved) -> Matrix:
+    """The transform of an object that is carried as a whole."""
+    return obj.matrix_parent_inverse.inverted_safe() @ Matrix(moved.matrix.tolist())
+
+
+def _place_points(obj: bpy.types.Object, moved: Moved) -> None:
+    roots = own_places(obj)
+    if len(roots) != len(moved.places):
+        # It was edited meanwhile, and is read again.
+        return
+    names = carry_nodes.ROOT, carry_nodes.PLACE, carry_nodes.TURN
+    for name, values in zip(names, (roots, moved.places, moved.turns)):
+        geometry.write(obj.data, name, domain_of(obj), "FLOAT_VECTOR", values)
+    obj.data.update_tag()
+
+
+def troubles(skin: bpy.types.Object) -> list[str]:
+    """What has become of what is carried, in sentences."""
+    found = []
+    if skin.hide_render and carries_live(skin):
+        found.append("It is hidden in renders, where what it carries is not moved then: press Bake Carried")
+    for obj in carried_by(skin):
+        own, text = obj.vrtm_carry, None
+        if obj.parent != skin:
+            text = f"is no child of {skin.name} any more: press Let Go, and carry it again"
+        elif own.kind == "POINTS" and carry_nodes.modifier_of(obj) is None:
+            text = f"has lost its modifier {carry_nodes.GROUP_NAME!r}: press Let Go, and carry it again"
+        elif own.kind == "OBJECT" and is_animated(obj) and own_keys(obj) is None:
+            text = "has keys or drivers of its own, which carrying overrules: clear them, or press Let Go"
+        elif (moving := mover(obj)) is not None:
+            text = f"is deformed by its modifier {moving.name!r}, too: hide it"
+        if text:
+            found.append(f"{obj.name} {text}")
+    return found
+
+
+def register() -> None:
+    bpy.utils.register_class(VrtmCarry)
+    bpy.types.Object.vrtm_carry = PointerProperty(type=VrtmCarry)
+
+
+def unregister() -> None:
+    del bpy.types.Object.vrtm_carry
+    bpy.utils.unregister_class(VrtmCarry)

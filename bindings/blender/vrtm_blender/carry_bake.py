@@ -1,0 +1,166 @@
+"""Bakes what is carried: keys of objects as a whole, and a file per frame of the points of others, which the carry
+modifier reads without this add-on."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from . import carry, carry_nodes, geometry, live, reads, session, solve, states
+from .bake import file_name, folder_of, frames_of, save
+from .carriers import Moved
+from .messages import Problem
+
+# Texels per row of a file at most.
+WIDTH = 4096
+KIND = "carried"
+
+
+def layout(number: int) -> tuple[int, int]:
+    """Columns, and rows of places; those of turns are above them."""
+    columns = min(number, WIDTH)
+    return columns, -(-number // columns)
+
+
+def texels(number: int) -> np.ndarray:
+    """Where a file has each point: u, v of its place, and v of its turn, (number, 3)."""
+    columns, rows = layout(number)
+    index = np.arange(number)
+    v = (index // columns + 0.5) / (2 * rows)
+    return np.stack([(index % columns + 0.5) / columns, v, v + 0.5], -1)
+
+
+def picture(places: np.ndarray, turns: np.ndarray) -> np.ndarray:
+    columns, rows = layout(len(places))
+    pixels = np.zeros((2, rows * columns, 4), np.float32)
+    pixels[..., 3] = 1
+    for half, values in zip(pixels, (places, turns)):
+        half[: len(values), :3] = values
+    return pixels.reshape(2 * rows, columns, 4)
+
+
+class Bake:
+    """The baking of what some objects carry: a step, and its file names, at a time."""
+
+    def __init__(self, scene: bpy.types.Scene, skins: list[bpy.types.Object]) -> None:
+        self.skins = [skin.name for skin in skins]
+        self.frames, self.kept = frames_of(scene), scene.frame_current
+        self.overwrite = scene.vrtm_bake.overwrite
+        self.objects = {skin.name: [obj.name for obj in carry.carried_by(skin)] for skin in skins}
+        points = [obj for skin in skins for obj in carry.carried_by(skin) if obj.vrtm_carry.kind == "POINTS"]
+        if points and self.frames.step != 1:
+            raise Problem("Blender plays sequences without gaps only: bake with Step 1")
+        # Keys alone need no folder.
+        self.folder = folder_of(scene) if points else Path()
+        for skin in skins:
+            state = states.state_of(skin)
+            state.mesh_changed = state.maps_changed = state.carried_changed = True
+
+    def steps(self) -> Iterator[tuple[int, list[Path]]]:
+        """Goes to each frame and bakes it. If this is given up, things are live as before."""
+        scene = bpy.context.scene
+        session.baking = True
+        whole = False
+        try:
+            self._begin()
+            for frame in self.frames:
+                scene.frame_set(frame)
+                depsgraph = bpy.context.evaluated_depsgraph_get()
+                yield frame, [path for name in self.skins for path in self._frame(self._found(name), depsgraph, frame)]
+            for name in self.skins:
+                skin = self._found(name)
+                skin.vrtm.carried_baked = True
+                for obj in self._points(skin):
+                    path = self.folder / file_name(obj, "points", self.frames[0], KIND)
+                    carry_nodes.show_baked(obj, str(path), self.frames[0], self.frames[-1])
+            whole = True
+        finally:
+            skins = list(filter(None, map(bpy.data.objects.get, self.skins)))
+            for skin in skins if not whole else ():
+                live_again(skin)
+            scene.frame_set(self.kept)
+            session.baking = False
+            for skin in skins:
+                # The viewport has settings of its own.
+                live.touch(skin, mesh=False)
+
+    @staticmethod
+    def _found(name: str) -> bpy.types.Object:
+        obj = bpy.data.objects.get(name)
+        if obj is None:
+            raise Problem(f"{name} is gone: the bake ends")
+        return obj
+
+    def _points(self, skin: bpy.types.Object) -> list[bpy.types.Object]:
+        found = map(self._found, self.objects[skin.name])
+        return [obj for obj in found if obj.vrtm_carry.kind == "POINTS"]
+
+    def _begin(self) -> None:
+        """Takes out what an earlier bake has written. Raises a Problem if a file in the way is no bake's."""
+        session.library()
+        from vrtm.bake import overwrite
+
+        for skin in map(self._found, self.skins):
+            live_again(skin)
+            for obj in self._points(skin):
+                values = texels(len(carry.own_places(obj)))
+                geometry.write(obj.data, carry_nodes.TEXEL, carry.domain_of(obj), "FLOAT_VECTOR", values)
+        outputs = [
+            (str(self.folder / file_name(obj, "points", frame, KIND)), obj.name)
+            for skin in map(self._found, self.skins)
+            for obj in self._points(skin)
+            for frame in self.frames
+        ]
+        if len({path.casefold() for path, _ in outputs}) < len(outputs):
+            raise Problem("two carried objects have names that make the same file names: rename one")
+        try:
+            overwrite.check(outputs, reads.files(), self.overwrite)
+        except overwrite.Conflict as conflict:
+            hint = ": choose another folder, or switch Overwrite on" if conflict.replaceable else ""
+            raise Problem(f"{conflict}{hint}") from conflict
+
+    def _frame(self, skin: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
+        state = states.state_of(skin)
+        solve.prepare(skin, state)
+        state.asset.solve(geometry.pose(skin, depsgraph), **solve.options_of(skin))
+        moved, written = state.prepared.carriers.fetch(), []
+        for obj in map(self._found, self.objects[skin.name]):
+            own = moved.get(session.uid_of(obj))
+            if own is None:
+                continue
+            if obj.vrtm_carry.kind == "OBJECT":
+                _key(obj, own, frame)
+                continue
+            path = self.folder / file_name(obj, "points", frame, KIND)
+            facts = {"vrtm:kind": KIND, "vrtm:mesh": skin.name, "vrtm:frame": frame}
+            save(picture(own.places, own.turns), path, facts | {"vrtm:version": session.library().version()})
+            written.append(path)
+        return written
+
+
+def _key(obj: bpy.types.Object, moved: Moved, frame: int) -> None:
+    """Keys of an object as a whole. Of the ways to write a rotation it is the one next to that of the frame before."""
+    before_euler, before_quaternion = obj.rotation_euler.copy(), obj.rotation_quaternion.copy()
+    matrix = obj.matrix_basis = carry.basis(obj, moved)
+    channel = "rotation_euler"
+    if obj.rotation_mode == "QUATERNION":
+        channel = "rotation_quaternion"
+        obj.rotation_quaternion.make_compatible(before_quaternion)
+    elif obj.rotation_mode == "AXIS_ANGLE":
+        channel = "rotation_axis_angle"
+    else:
+        obj.rotation_euler = matrix.to_euler(obj.rotation_mode, before_euler)
+    for name in ("location", channel, "scale"):
+        obj.keyframe_insert(name, frame=frame)
+    obj.animation_data.action[carry.BAKED] = True
+
+
+def live_again(skin: bpy.types.Object) -> None:
+    """Has what an object carries follow it again, in place of a bake."""
+    skin.vrtm.carried_baked = False
+    for obj in carry.carried_by(skin):
+        carry.clear_baked(obj)
+    states.state_of(skin).rewrite = True

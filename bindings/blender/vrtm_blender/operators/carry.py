@@ -1,0 +1,232 @@
+"""What rides on the skin: carried, wrapped, baked, and put back."""
+
+from __future__ import annotations
+
+import bpy
+from bpy.props import EnumProperty, FloatProperty, StringProperty
+
+from .. import carry, carry_bake, live, session, solve, states
+from ..carriers import BOUND, TOO_FAR, told
+from ..messages import Problem
+from .bake import BakesFrames
+from .base import OnObject
+
+
+class _Carry(OnObject):
+    makes_step = True
+
+    farthest: FloatProperty(
+        name="Largest Distance",
+        description="What is farther from the skin at rest is not carried; 0: a twentieth of the skin's diagonal",
+        min=0,
+        subtype="DISTANCE",
+    )
+    fit: EnumProperty(name="Follow", description="What things on the skin move with", items=carry.FITS)
+    skirt: FloatProperty(
+        name="Skirt",
+        description="Up to this height above the skin what rides on a rigid feature is blended into the skin, so that "
+        "it does not lift off",
+        min=0,
+        subtype="DISTANCE",
+    )
+    collection: StringProperty(
+        name="Collection", description="Carry all objects of this collection, in place of those that are selected"
+    )
+
+    def chosen(self, context: bpy.types.Context, skin: bpy.types.Object) -> list[bpy.types.Object]:
+        found = context.selected_objects
+        if self.collection:
+            collection = bpy.data.collections.get(self.collection)
+            if collection is None:
+                raise Problem(f"there is no collection {self.collection!r}")
+            found = collection.all_objects
+        others = [obj for obj in found if obj != skin]
+        if not others:
+            raise Problem(f"{skin.name}: select what it is to carry, and {skin.name} last")
+        return others
+
+    def kind(self, obj: bpy.types.Object) -> str:
+        raise NotImplementedError
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        if not obj.vrtm.is_set_up:
+            raise Problem(f"{obj.name}: press Set Up first, so that something is rigid")
+        if obj.mode == "EDIT":
+            raise Problem(f"{obj.name} is in Edit Mode: leave it first")
+        farthest = self.farthest or carry.default_distance(obj)
+        chosen = self.chosen(context, obj)
+        for other in [other for other in chosen if other.vrtm_carry.skin is not None]:
+            # Anew, with other settings.
+            carry.release(other)
+        carry_bake.live_again(obj)
+        context.view_layer.update()
+        attached, refused = [], []
+        for other in chosen:
+            kind = self.kind(other)
+            why = carry.reason(other, obj, kind)
+            if why is None:
+                carry.attach(other, obj, kind, farthest, self.fit, self.skirt)
+                attached.append(other)
+            else:
+                refused.append(f"{other.name} {why}")
+        bound, lines = self.bind(context, obj, attached)
+        refused += lines
+        if not bound:
+            raise Problem("; ".join(refused))
+        solve.run(obj, context.evaluated_depsgraph_get())
+        for text in refused:
+            self.report({"WARNING"}, text)
+        return f"{obj.name}: {bound[0]}"
+
+    def bind(
+        self, context: bpy.types.Context, skin: bpy.types.Object, attached: list[bpy.types.Object]
+    ) -> tuple[list[str], list[str]]:
+        """Binds what is attached, and lets go what is too far; tells what is carried, and what is not."""
+        if not attached:
+            return [], []
+        context.view_layer.update()
+        state = states.state_of(skin)
+        state.carried_changed = state.rewrite = True
+        try:
+            solve.prepare(skin, state)
+        except BaseException:
+            for obj in attached:
+                carry.release(obj)
+            state.carried_changed = True
+            raise
+        number, places, lines, farthest = 0, 0, [], attached[0].vrtm_carry.farthest * carry.scale_of(skin)
+        for obj in attached:
+            found = state.prepared.carriers.states[session.uid_of(obj)]
+            if (found == TOO_FAR).all():
+                whole = obj.vrtm_carry.kind == "OBJECT"
+                carry.release(obj)
+                state.carried_changed = True
+                lines.append(
+                    f"{obj.name} is not bound: {'its origin is' if whole else 'all its points are'} farther than "
+                    f"{farthest:.3g} from the skin at rest: go to the rest pose, or raise Largest Distance"
+                    + " (or Object > Set Origin)"
+                    * whole
+                )
+                continue
+            number, places = number + 1, places + int((found == BOUND).sum())
+            if text := told(found, farthest):
+                lines.append(f"{obj.name}: {text}")
+        if not number:
+            return [], lines
+        things = f"{number} object{'s' * (number > 1)}"
+        return [f"carries {things} ({places} place{'s' * (places > 1)} bound) within {farthest:.3g} of the skin"], lines
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        for name in ("farthest", "fit", "skirt"):
+            layout.prop(self, name)
+        layout.prop_search(self, "collection", bpy.data, "collections")
+
+
+class VRTM_OT_carry(_Carry, bpy.types.Operator):
+    """Have the selected objects ride on the skin of the active one: each as a whole, and scatters, point clouds and
+    hair by their points. They have to be where they belong on the skin at rest"""
+
+    bl_idname = "vrtm.carry"
+    bl_label = "Carry Objects"
+
+    how: EnumProperty(
+        name="As",
+        description="What is carried of an object",
+        items=[
+            ("AUTO", "Automatic", "Points of scatters, point clouds and hair; all else as a whole"),
+            ("OBJECT", "Whole", "Each object as a whole, at its origin"),
+            ("POINTS", "Points", "Each vertex, point or hair"),
+        ],
+    )
+
+    def kind(self, obj: bpy.types.Object) -> str:
+        return carry.kind_of(obj) if self.how == "AUTO" else self.how
+
+    def draw(self, context: bpy.types.Context) -> None:
+        super().draw(context)
+        self.layout.prop(self, "how")
+
+
+class VRTM_OT_wrap(_Carry, bpy.types.Operator):
+    """Have each vertex of the selected meshes ride on the skin of the active one, as modelled scales or chain mail:
+    what lies on a rigid feature keeps its shape. They have to be where they belong on the skin at rest"""
+
+    bl_idname = "vrtm.wrap"
+    bl_label = "Wrap Meshes"
+
+    def kind(self, obj: bpy.types.Object) -> str:
+        return "POINTS"
+
+
+class VRTM_OT_carry_remove(OnObject, bpy.types.Operator):
+    """Put what is carried back to where and what it was: what is selected of it, or, with the skin alone selected, all
+    of it"""
+
+    bl_idname = "vrtm.carry_remove"
+    bl_label = "Let Go"
+    makes_step = True
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        if not cls.found(context):
+            cls.poll_message_set("Nothing that is selected is carried, or carries")
+            return False
+        return True
+
+    @staticmethod
+    def found(context: bpy.types.Context) -> list[bpy.types.Object]:
+        chosen = list(dict.fromkeys([*context.selected_objects, *filter(None, [context.object])]))
+        own = [obj for obj in chosen if obj.vrtm_carry.kind != "NONE" and obj.library is None]
+        return own or [obj for skin in chosen for obj in carry.carried_by(skin)]
+
+    def objects(self, context: bpy.types.Context) -> list[bpy.types.Object]:
+        return self.found(context)
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        let_go(obj)
+        return f"{obj.name} is where it was"
+
+
+def let_go(obj: bpy.types.Object) -> None:
+    skin = obj.vrtm_carry.skin
+    carry.release(obj)
+    if skin is not None:
+        if not carry.carried_by(skin):
+            skin.vrtm.carried_baked = False
+        live.touch_carried(skin)
+
+
+def let_all_go(skin: bpy.types.Object) -> None:
+    for obj in carry.carried_by(skin):
+        let_go(obj)
+
+
+class VRTM_OT_carry_bake(BakesFrames, bpy.types.Operator):
+    """Bake what the selected objects carry, over the frames of Bake to Disk: keys of what is carried as a whole, and
+    files of all else. It then plays and renders without this add-on. Esc ends it"""
+
+    bl_idname = "vrtm.carry_bake"
+    bl_label = "Bake Carried"
+    bl_options = {"REGISTER", "UNDO"}
+    make = carry_bake.Bake
+
+    @staticmethod
+    def objects(context: bpy.types.Context) -> list[bpy.types.Object]:
+        return [obj for obj in BakesFrames.objects(context) if carry.carried_by(obj)]
+
+
+class VRTM_OT_carry_live(OnObject, bpy.types.Operator):
+    """Take the bake of what is carried out again, its keys too: it follows the skin"""
+
+    bl_idname = "vrtm.carry_live"
+    bl_label = "Carry Live"
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        carry_bake.live_again(obj)
+        live.touch(obj, mesh=False, maps=False)
+        return f"{obj.name}: what it carries follows it"
+
+
+CLASSES = (VRTM_OT_carry, VRTM_OT_wrap, VRTM_OT_carry_remove, VRTM_OT_carry_bake, VRTM_OT_carry_live)
