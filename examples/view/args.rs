@@ -6,6 +6,7 @@ use clap::Parser;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use vrtm::Backend;
 
+use crate::carry::Shape;
 use crate::panel::viewport::Panes;
 use crate::scenes;
 use crate::source::Files;
@@ -44,6 +45,11 @@ pub struct Args {
     /// <UDIM> stands for the tile's number; tiles without a file keep that material
     #[arg(long, value_name = "PATTERN")]
     pub texture: Option<String>,
+
+    /// Geometry on each feature, as it is bound to the skin without vrtm on the left, and as vrtm carries it on the right
+    /// [default: what the built-in scene has]
+    #[arg(long, value_parser = one_of(Shape::ALL))]
+    pub carried: Option<Shape>,
 
     /// Where to solve; auto takes a hardware GPU if there is one, the CPU otherwise
     #[arg(long, default_value = "cpu", value_parser = one_of(DEVICES))]

@@ -10,6 +10,7 @@ use super::dialogs::{Ask, Told};
 use super::{App, Open};
 use crate::brush::canvas::Canvas;
 use crate::brush::painter::Painter;
+use crate::carry::Shape;
 use crate::draw::camera::Orbit;
 use crate::draw::paint::{self, Textures};
 use crate::draw::scene::Scene;
@@ -39,6 +40,9 @@ impl App {
             let painter = std::mem::take(&mut open.painter).for_model(&model);
             (painter, std::mem::take(&mut open.textures), open.inputs.clone())
         });
+        if kept.is_none() {
+            self.carry(files);
+        }
         let (painter, textures, inputs) =
             kept.unwrap_or_else(|| (Painter::new(&model), vec![None; model.pages.len()], Vec::new()));
         self.begin(Arc::new(model), painter, textures);
@@ -58,7 +62,15 @@ impl App {
             Err(message) => return self.say(format!("--texture: {message}")),
         };
         let painter = Painter::new(&model);
+        self.carry(files);
         self.begin(Arc::new(model), painter, textures);
+    }
+
+    /// Shows what a built-in scene has on its features.
+    fn carry(&mut self, files: &Files) {
+        let scene = files.scene.as_deref().and_then(Shape::of_scene);
+        self.look.carried = scene.is_some();
+        self.look.shape = scene.unwrap_or(self.look.shape);
     }
 
     fn begin(&mut self, model: Arc<Model>, painter: Painter, textures: Textures) {

@@ -162,6 +162,7 @@ impl App {
             last: clip.last,
             quality: self.settings.quality,
             purpose: Purpose::Clip,
+            carried: self.look.carried,
             edit: self.flow.edit,
         });
     }

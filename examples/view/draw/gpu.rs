@@ -2,6 +2,8 @@
 
 use eframe::egui_wgpu::RenderState;
 
+use super::carried;
+
 /// Samples per pixel.
 pub const SAMPLES: u32 = 4;
 pub const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
@@ -20,6 +22,8 @@ pub struct Gpu {
     pub map: wgpu::BindGroupLayout,
     pub surface: wgpu::RenderPipeline,
     pub metric: wgpu::RenderPipeline,
+    /// What stands on the surface.
+    pub carried: wgpu::RenderPipeline,
     pub linear: wgpu::Sampler,
 }
 
@@ -54,14 +58,23 @@ impl Gpu {
             include_str!("../../render/map_filtered.wgsl"),
             include_str!("../../render/redirect.wgsl"),
             include_str!("surface.wgsl"),
+            include_str!("carried.wgsl"),
         ];
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("surface"),
             source: wgpu::ShaderSource::Wgsl(parts.join("\n").into()),
         });
         let pipe = Pipe { device: &device, module: &module };
-        let surface = pipe.pipeline(["corner", "surface"], &[&view, &tile, &map], COLOUR, true);
-        let metric = pipe.pipeline(["flat_corner", "rest_metric"], &[&view], METRIC, false);
+        let corners = wgpu::VertexBufferLayout {
+            array_stride: 12,
+            step_mode: wgpu::VertexStepMode::Vertex,
+            attributes: &wgpu::vertex_attr_array![0 => Uint32, 1 => Float32x2],
+        };
+        let corners = &[Some(corners)];
+        let surface =
+            pipe.pipeline(["corner", "surface"], (&[&view, &tile, &map], corners), COLOUR, true, "DELTA");
+        let metric = pipe.pipeline(["flat_corner", "rest_metric"], (&[&view], corners), METRIC, false, "");
+        let carried = carried::pipeline(&pipe, &view);
         let linear = device.create_sampler(&wgpu::SamplerDescriptor {
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
@@ -77,6 +90,7 @@ impl Gpu {
             map,
             surface,
             metric,
+            carried,
             linear,
             device,
         }
@@ -148,18 +162,20 @@ impl Gpu {
 }
 
 /// What pipelines are made of.
-struct Pipe<'a> {
+pub struct Pipe<'a> {
     device: &'a wgpu::Device,
     module: &'a wgpu::ShaderModule,
 }
 
 impl Pipe<'_> {
-    fn pipeline(
+    /// `on` is a constant of the fragment shader that is set; empty = none.
+    pub fn pipeline(
         &self,
         [vertex, fragment]: [&str; 2],
-        groups: &[&wgpu::BindGroupLayout],
+        (groups, buffers): (&[&wgpu::BindGroupLayout], &[Option<wgpu::VertexBufferLayout>]),
         format: wgpu::TextureFormat,
         on_screen: bool,
+        on: &str,
     ) -> wgpu::RenderPipeline {
         let groups: Vec<_> = groups.iter().map(|&group| Some(group)).collect();
         let layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
@@ -167,13 +183,8 @@ impl Pipe<'_> {
             bind_group_layouts: &groups,
             immediate_size: 0,
         });
-        let constants = if on_screen { &[("DELTA", 1.0)][..] } else { &[] };
+        let constants: &[_] = if on.is_empty() { &[] } else { &[(on, 1.0)] };
         let options = wgpu::PipelineCompilationOptions { constants, ..Default::default() };
-        let corners = wgpu::VertexBufferLayout {
-            array_stride: 12,
-            step_mode: wgpu::VertexStepMode::Vertex,
-            attributes: &wgpu::vertex_attr_array![0 => Uint32, 1 => Float32x2],
-        };
         self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: Some(fragment),
             layout: Some(&layout),
@@ -181,7 +192,7 @@ impl Pipe<'_> {
                 module: self.module,
                 entry_point: Some(vertex),
                 compilation_options: Default::default(),
-                buffers: &[Some(corners)],
+                buffers,
             },
             primitive: wgpu::PrimitiveState::default(),
             depth_stencil: on_screen.then(|| wgpu::DepthStencilState {

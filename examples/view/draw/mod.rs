@@ -1,6 +1,7 @@
 //! Draws the mesh into a texture that the window shows, and that pictures are saved from.
 
 pub mod camera;
+pub mod carried;
 pub mod gpu;
 pub mod levels;
 pub mod paint;

@@ -5,10 +5,12 @@ use std::sync::Arc;
 use image::RgbaImage;
 
 use super::camera::View;
+use super::carried::Pieces;
 use super::gpu::{Gpu, METRIC};
 use super::levels::Levels;
 use super::paint::{self, Textures};
 use crate::brush::canvas::{Canvas, Rect};
+use crate::carry::Shape;
 use crate::model::Model;
 use crate::solve::answer::{Answer, Maps};
 
@@ -22,6 +24,9 @@ pub struct Scene {
     normals: wgpu::Buffer,
     rest: wgpu::Buffer,
     pub tiles: Vec<Tile>,
+    pieces: Pieces,
+    /// What is drawn on the features.
+    pub carried: Option<Shape>,
 }
 
 /// A tile on the GPU.
@@ -53,7 +58,16 @@ impl Scene {
             |points: &[[f32; 3]]| gpu.buffer(bytemuck::cast_slice(points), wgpu::BufferUsages::STORAGE);
         let (positions, rest_buffer) = (storage(rest), storage(rest));
         let normals = storage(&model.normals(rest));
-        let mut scene = Scene { corners, positions, normals, rest: rest_buffer, tiles: Vec::new() };
+        let pieces = Pieces::new(gpu);
+        let mut scene = Scene {
+            corners,
+            positions,
+            normals,
+            rest: rest_buffer,
+            tiles: Vec::new(),
+            pieces,
+            carried: None,
+        };
         let view = scene.view(gpu, &View { range: METRIC_SIDE as f32, ..View::default() });
         for tile in &model.tiles {
             let (canvas, texture) = (&canvases[tile.page], &textures[tile.page]);
@@ -130,6 +144,7 @@ impl Scene {
                 tile.shown = Some(solved.maps.clone());
             }
         }
+        self.pieces.place(gpu, &answer.carried);
     }
 
     /// Follows a stroke.
@@ -150,6 +165,9 @@ impl Scene {
             pass.set_bind_group(1, &tile.group, &[]);
             pass.set_bind_group(2, &tile.map, &[]);
             pass.draw(tile.range.clone(), 0..1);
+        }
+        if let Some(shape) = self.carried {
+            self.pieces.draw(gpu, pass, shape);
         }
     }
 }

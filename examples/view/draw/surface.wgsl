@@ -253,12 +253,16 @@ fn surface(p: Pixel) -> @location(0) vec4f {
         let on = lines(at.uv * view.lines, footprint * view.lines, view.line_width);
         colour = mix(colour, vec3f(0.72, 0.86, 0.90), 0.85 * on);
     }
+    return vec4f(lit(colour, shine, n, toward), 1.0);
+}
+
+// A light over the viewer's left shoulder, and a sky.
+fn lit(colour: vec3f, shine: f32, n: vec3f, toward: vec3f) -> vec3f {
     let to_light = normalize(toward + 0.75 * view.up.xyz - 0.55 * view.right.xyz);
     let wrapped = 0.5 * dot(n, to_light) + 0.5;
     let sky = 0.5 + 0.5 * dot(n, view.up.xyz);
     let diffuse = 0.86 * wrapped * wrapped + 0.20 * sky + 0.06;
     let half_way = normalize(to_light + toward);
     let rim = pow(1.0 - max(dot(n, toward), 0.0), 4.0);
-    let light = colour * diffuse + shine * (pow(max(dot(n, half_way), 0.0), 48.0) + 0.35 * rim * sky);
-    return vec4f(light, 1.0);
+    return colour * diffuse + shine * (pow(max(dot(n, half_way), 0.0), 48.0) + 0.35 * rim * sky);
 }

@@ -174,6 +174,7 @@ pub fn keys(ui: &Ui, look: &mut Look) -> Option<Wish> {
     }
     look.grid ^= pressed(Key::G);
     look.brush ^= pressed(Key::B);
+    look.carried ^= pressed(Key::C);
     if pressed(Key::N) {
         look.side = Some(!look.has_side(ui.ctx().content_rect().width()));
     }

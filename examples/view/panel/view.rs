@@ -5,6 +5,7 @@ use eframe::egui::{DragValue, Rect, RichText, Ui};
 use super::bar::Wish;
 use super::style;
 use super::viewport::Look;
+use crate::carry::Shape;
 use crate::draw::camera::Side;
 
 /// Shows the menu's content.
@@ -44,6 +45,18 @@ pub fn show(ui: &mut Ui, look: &mut Look, z_up: bool, mut noted: impl FnMut(&str
         ui.label(quiet("colours of strain to"));
         let range = DragValue::new(&mut look.range).speed(0.005).range(0.02..=2.0).prefix("± ");
         ui.add(range).on_hover_text("The strain at the ends of the colours");
+    });
+    ui.horizontal(|ui| {
+        let about = "Geometry on each feature: as it is bound to the skin on the left, as vrtm carries it on the right (C)";
+        let carried = ui.checkbox(&mut look.carried, "Carried").on_hover_text(about);
+        noted("Carried", carried.rect);
+        for (name, shape) in Shape::ALL {
+            let response = ui.selectable_label(look.shape == shape, name);
+            noted(name, response.rect);
+            if response.clicked() {
+                (look.shape, look.carried) = (shape, true);
+            }
+        }
     });
     wish
 }

@@ -7,6 +7,7 @@ use eframe::egui::{
 
 use super::style;
 use crate::brush::pick::Hit;
+use crate::carry::Shape;
 use crate::draw::camera::{Camera, Orbit, View};
 use crate::model::plus;
 
@@ -42,6 +43,9 @@ pub struct Look {
     pub range: f32,
     /// Whether the left mouse button paints.
     pub brush: bool,
+    /// Whether something stands on the features, and what.
+    pub carried: bool,
+    pub shape: Shape,
     /// Whether the panel at the side is there; `None` = if the window is wide enough.
     pub side: Option<bool>,
 }
@@ -56,6 +60,8 @@ impl Default for Look {
             every: 8,
             range: 0.3,
             brush: false,
+            carried: false,
+            shape: Shape::default(),
             side: None,
         }
     }
@@ -77,6 +83,11 @@ impl Look {
             Panes::Redirected => &[true],
             Panes::SideBySide | Panes::Wipe => &[false, true],
         }
+    }
+
+    /// What is drawn on the features: they would hide the colours of strain and of rigidity.
+    pub fn on_features(&self) -> Option<Shape> {
+        (self.carried && self.shown == Shown::Texture).then_some(self.shape)
     }
 
     /// The line of the wipe, if there is one.
