@@ -46,6 +46,11 @@ pub struct Args {
     #[arg(long, value_name = "PATTERN")]
     pub texture: Option<String>,
 
+    /// Normal maps in tangent space to light the surface by; green grows with v, as in OpenGL. The path is as that of
+    /// --texture
+    #[arg(long, value_name = "PATTERN")]
+    pub normal: Option<String>,
+
     /// Geometry on each feature, as it is bound to the skin without vrtm on the left, and as vrtm carries it on the right
     /// [default: what the built-in scene has]
     #[arg(long, value_parser = one_of(Shape::ALL))]

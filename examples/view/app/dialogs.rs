@@ -15,6 +15,7 @@ pub enum Ask {
     Poses,
     Rigidity,
     Texture,
+    Normal,
     Asset,
     /// The folder to save to.
     Folder,
@@ -29,6 +30,7 @@ impl Ask {
             Ask::Poses => "Open its poses, all at once",
             Ask::Rigidity => "Open a rigidity map",
             Ask::Texture => "Open a colour texture",
+            Ask::Normal => "Open a normal map",
             Ask::Asset => "Open an asset folder",
             Ask::Folder => "Save to a folder",
             Ask::SaveRigidity => "Save the rigidity map",
@@ -40,7 +42,7 @@ impl Ask {
         match self {
             Ask::Rest => ("meshes (OBJ)", &["obj"]),
             Ask::Poses => ("poses (OBJ, f32)", &["obj", "f32"]),
-            Ask::Rigidity | Ask::Texture => ("images (PNG)", &["png"]),
+            Ask::Rigidity | Ask::Texture | Ask::Normal => ("images (PNG)", &["png"]),
             Ask::SaveRigidity | Ask::SavePicture => ("PNG", &["png"]),
             Ask::Asset | Ask::Folder => ("folders", &["*"]),
         }
@@ -104,7 +106,7 @@ impl Dialogs {
         // Some systems want dialogs made on the window's thread, but waiting there would stop the window.
         match ask {
             Ask::Poses => wait(dialog.pick_files(), move |files| tell(all(files))),
-            Ask::Rest | Ask::Rigidity | Ask::Texture => {
+            Ask::Rest | Ask::Rigidity | Ask::Normal | Ask::Texture => {
                 wait(dialog.pick_file(), move |file| tell(one(file)));
             }
             Ask::Asset | Ask::Folder => wait(dialog.pick_folder(), move |file| tell(one(file))),

@@ -16,9 +16,10 @@ use serde_json::json;
 use crate::args::Args;
 use crate::brush::kind::Brush;
 use crate::brush::painter::Painter;
+use crate::draw::beyond;
 use crate::draw::camera::Orbit;
 use crate::draw::gpu::Gpu;
-use crate::draw::paint::Textures;
+use crate::draw::paint::Pictures;
 use crate::draw::scene::Scene;
 use crate::model::Model;
 use crate::panel::bar::{self, Wish};
@@ -46,7 +47,7 @@ pub struct Open {
     model: Arc<Model>,
     painter: Painter,
     scene: Scene,
-    textures: Textures,
+    pictures: Pictures,
     /// The files that were read.
     inputs: Vec<PathBuf>,
     line: Timeline,
@@ -130,7 +131,7 @@ impl App {
             device: String::new(),
             notice: None,
         };
-        app.open_with(&args.files(), args.texture.as_deref());
+        app.open_with(&args.files(), args.texture.as_deref(), args.normal.as_deref());
         if let Some(shape) = args.carried {
             (app.look.carried, app.look.shape) = (true, shape);
         }
@@ -206,6 +207,10 @@ impl App {
             self.notice = None;
         }
         self.told = self.settings;
+        if beyond::reach(&self.settings.tile) != open.scene.reach() {
+            self.draw_anew();
+        }
+        let Some(open) = &self.open else { return };
         if self.clip.is_some() {
             return;
         }
@@ -272,7 +277,7 @@ impl App {
                         if look.brush
                             && let Some(open) = open
                         {
-                            let textured = open.textures.iter().any(Option::is_some);
+                            let textured = open.pictures.colours.iter().any(Option::is_some);
                             let given = textured.then_some(brightness);
                             wish = section(ui, "Brush", true, |ui| {
                                 brush::show(ui, brush, given, &open.painter.steps, &mut noted)

@@ -11,8 +11,9 @@ use super::{App, Open};
 use crate::brush::canvas::Canvas;
 use crate::brush::painter::Painter;
 use crate::carry::Shape;
+use crate::draw::beyond;
 use crate::draw::camera::Orbit;
-use crate::draw::paint::{self, Textures};
+use crate::draw::paint::{self, Pictures, Textures};
 use crate::draw::scene::Scene;
 use crate::failure::Failure;
 use crate::maps::Map;
@@ -38,32 +39,38 @@ impl App {
         };
         let kept = self.open.as_mut().filter(same).map(|open| {
             let painter = std::mem::take(&mut open.painter).for_model(&model);
-            (painter, std::mem::take(&mut open.textures), open.inputs.clone())
+            (painter, std::mem::take(&mut open.pictures), open.inputs.clone())
         });
         if kept.is_none() {
             self.carry(files);
         }
-        let (painter, textures, inputs) =
-            kept.unwrap_or_else(|| (Painter::new(&model), vec![None; model.pages.len()], Vec::new()));
-        self.begin(Arc::new(model), painter, textures);
+        let (painter, pictures, inputs) =
+            kept.unwrap_or_else(|| (Painter::new(&model), Pictures::none(model.pages.len()), Vec::new()));
+        self.begin(Arc::new(model), painter, pictures);
         if let Some(open) = &mut self.open {
             open.inputs.extend(inputs);
         }
     }
 
     /// Opens files with the textures of the tiles.
-    pub(super) fn open_with(&mut self, files: &Files, texture: Option<&str>) {
+    pub(super) fn open_with(&mut self, files: &Files, texture: Option<&str>, normal: Option<&str>) {
         let model = match Model::layered(files, self.settings.overlaps.layers()) {
             Ok(model) => model,
             Err(failure) => return self.say(failure.0),
         };
-        let textures = match texture.map(|path| textures_of(&model, path)).transpose() {
-            Ok(textures) => textures.unwrap_or_else(|| vec![None; model.pages.len()]),
-            Err(message) => return self.say(format!("--texture: {message}")),
+        let read = |name: &str, path: Option<&str>| match path {
+            Some(path) => textures_of(&model, path).map_err(|message| format!("{name}: {message}")),
+            None => Ok(vec![None; model.pages.len()]),
+        };
+        let pictures = read("--texture", texture)
+            .and_then(|colours| Ok(Pictures { colours, normals: read("--normal", normal)? }));
+        let pictures = match pictures {
+            Ok(pictures) => pictures,
+            Err(message) => return self.say(message),
         };
         let painter = Painter::new(&model);
         self.carry(files);
-        self.begin(Arc::new(model), painter, textures);
+        self.begin(Arc::new(model), painter, pictures);
     }
 
     /// Shows what a built-in scene has on its features.
@@ -73,9 +80,10 @@ impl App {
         self.look.shape = scene.unwrap_or(self.look.shape);
     }
 
-    fn begin(&mut self, model: Arc<Model>, painter: Painter, textures: Textures) {
+    fn begin(&mut self, model: Arc<Model>, painter: Painter, pictures: Pictures) {
         self.give_clip_up();
-        let scene = Scene::new(&self.gpu, &model, &painter.canvases, &textures);
+        self.notice = None;
+        let scene = self.scene_of(&model, &painter.canvases, &pictures);
         self.flow.edit += 1;
         self.worker.inbox.post(Edit::Open(model.clone(), painter.canvases.clone()));
         let udims: Vec<u32> = model.pages.iter().map(|page| page.udim).collect();
@@ -83,7 +91,6 @@ impl App {
         self.trace.event("open", facts);
         self.shown = None;
         self.history = History::default();
-        self.notice = None;
         self.screen.changed();
         self.stroke.moved();
         let mut line = model.timeline.clone();
@@ -96,7 +103,7 @@ impl App {
             first: self.flow.edit,
             painter,
             scene,
-            textures,
+            pictures,
             inputs: model.inputs.clone(),
             model,
         });
@@ -127,11 +134,12 @@ impl App {
         self.draw_anew();
     }
 
-    /// Opens colour textures for the mesh that is open.
-    pub(super) fn open_texture(&mut self, pattern: &str) {
+    /// Opens colour textures or normal maps for the mesh that is open.
+    pub(super) fn open_picture(&mut self, ask: Ask, pattern: &str) {
         let Some(open) = &mut self.open else { return self.say(NO_MESH.into()) };
+        let of = if ask == Ask::Normal { &mut open.pictures.normals } else { &mut open.pictures.colours };
         match textures_of(&open.model, pattern) {
-            Ok(textures) => open.textures = textures,
+            Ok(textures) => *of = textures,
             Err(message) => return self.say(message),
         }
         self.notice = None;
@@ -139,13 +147,28 @@ impl App {
     }
 
     /// Hands maps and textures to the GPU once more.
-    fn draw_anew(&mut self) {
-        let Some(open) = &mut self.open else { return };
-        open.scene = Scene::new(&self.gpu, &open.model, &open.painter.canvases, &open.textures);
+    pub(super) fn draw_anew(&mut self) {
+        let Some(mut open) = self.open.take() else { return };
+        open.scene = self.scene_of(&open.model, &open.painter.canvases, &open.pictures);
         if let Some(answer) = &self.shown {
             open.scene.show(&self.gpu, answer);
         }
+        self.open = Some(open);
         self.screen.changed();
+    }
+
+    /// The mesh on the GPU. Where seams continue, textures show what lies beyond them.
+    fn scene_of(&mut self, model: &Model, canvases: &[Canvas], pictures: &Pictures) -> Scene {
+        let of = |reach| Scene::new(&self.gpu, model, canvases, pictures, reach);
+        let scene = of(beyond::reach(&self.settings.tile));
+        match scene {
+            Ok(scene) => scene,
+            Err(error) => {
+                let scene = of(None).expect("without a reach vrtm is not asked");
+                self.say(error.message);
+                scene
+            }
+        }
     }
 
     /// Opens what was dropped on the window: a folder is an asset; OBJ files are rest and its poses, in the order of
@@ -160,7 +183,7 @@ impl App {
         if self.open.is_some() && paths.iter().all(|path| ends(path, "png")) {
             let pattern = pattern(&paths[0].display().to_string());
             return if is_coloured(&paths[0]) {
-                self.open_texture(&pattern)
+                self.open_picture(Ask::Texture, &pattern)
             } else {
                 self.open_rigidity(&pattern)
             };
@@ -193,7 +216,7 @@ impl App {
         match ask {
             Ask::Rest | Ask::Asset => self.open_path(path),
             Ask::Rigidity => self.open_rigidity(&pattern(&text)),
-            Ask::Texture => self.open_texture(&pattern(&text)),
+            Ask::Texture | Ask::Normal => self.open_picture(ask, &pattern(&text)),
             Ask::Folder => self.saving.folder = text,
             Ask::SaveRigidity | Ask::SavePicture => self.save_as(ask, &path),
             Ask::Poses => match self.open.as_ref().map(|open| open.model.files.clone()) {

@@ -134,7 +134,8 @@ impl App {
 
     /// Does what a button of the brush asks for.
     pub(super) fn brush_wish(&mut self, wish: BrushWish) {
-        let Some(Open { painter, model, textures, .. }) = &mut self.open else { return };
+        let Some(Open { painter, model, pictures, .. }) = &mut self.open else { return };
+        let textures = &pictures.colours;
         let changes = match wish {
             BrushWish::Undo => painter.undo(),
             BrushWish::Redo => painter.redo(),
@@ -157,12 +158,12 @@ impl App {
     fn send(&mut self, changes: Vec<Change>) {
         let Some(open) = &mut self.open else { return };
         for Change { page, rect, .. } in changes {
-            let canvas = &open.painter.canvases[page];
-            open.scene.paint(&self.gpu, page, canvas, rect);
+            open.scene.paint(&self.gpu, &open.painter.canvases, page, rect);
             let facts =
                 json!({ "tile": open.model.pages[page].udim, "first": rect.first, "size": rect.size });
             self.trace.event("paint", facts);
-            self.worker.inbox.post(Edit::Paint { page, rect, texels: canvas.copy(rect) });
+            let texels = open.painter.canvases[page].copy(rect);
+            self.worker.inbox.post(Edit::Paint { page, rect, texels });
             self.flow.edit += 1;
             self.screen.changed();
         }

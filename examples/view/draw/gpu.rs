@@ -52,7 +52,13 @@ impl Gpu {
         let storage = buffer(wgpu::BufferBindingType::Storage { read_only: true });
         let plain = wgpu::TextureViewDimension::D2;
         let view = layout(&[buffer(wgpu::BufferBindingType::Uniform), storage, storage, storage]);
-        let tile = layout(&[texture(true, plain), texture(false, plain), sampler, texture(true, plain)]);
+        let places = wgpu::BindingType::Texture {
+            sample_type: wgpu::TextureSampleType::Uint,
+            view_dimension: plain,
+            multisampled: false,
+        };
+        let filtered = texture(true, plain);
+        let tile = layout(&[filtered, texture(false, plain), sampler, filtered, filtered, places]);
         let map = layout(&[texture(true, wgpu::TextureViewDimension::D2Array), sampler]);
         let parts = [
             include_str!("../../render/map_filtered.wgsl"),

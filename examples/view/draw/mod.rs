@@ -1,5 +1,6 @@
 //! Draws the mesh into a texture that the window shows, and that pictures are saved from.
 
+pub mod beyond;
 pub mod camera;
 pub mod carried;
 pub mod gpu;

@@ -1,4 +1,4 @@
-//! Colour textures of the tiles: image files, with levels for where texels are smaller than pixels.
+//! Textures of the tiles, colours and normal maps: image files, with levels for where texels are smaller than pixels.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -6,13 +6,27 @@ use std::sync::Arc;
 use image::imageops::FilterType;
 use image::{RgbaImage, imageops};
 
-use super::gpu::{COLOUR, Gpu};
+use super::gpu::Gpu;
 
 /// Most texels on a side: what every GPU that draws a window has.
 const LARGEST: u32 = 8192;
 
 /// The texture of each tile; `None` if it has none.
 pub type Textures = Vec<Option<Arc<RgbaImage>>>;
+
+/// What a mesh is drawn with.
+#[derive(Clone, Default)]
+pub struct Pictures {
+    pub colours: Textures,
+    /// Normals in tangent space; green grows with v.
+    pub normals: Textures,
+}
+
+impl Pictures {
+    pub fn none(pages: usize) -> Pictures {
+        Pictures { colours: vec![None; pages], normals: vec![None; pages] }
+    }
+}
 
 /// Reads the texture of a tile; `None` if the tile has none. In the path `<UDIM>` stands for the tile's number.
 ///
@@ -34,13 +48,13 @@ pub fn read(path: &str, udim: u32) -> Result<Option<RgbaImage>, String> {
     Ok(Some(image))
 }
 
-/// A texture with all of its levels; without an image, a single texel, which stands for none.
-pub fn texture(gpu: &Gpu, image: Option<&RgbaImage>) -> wgpu::Texture {
+/// A texture with all of its levels; without an image, a single texel, which stands for none. Colours are encoded as sRGB.
+pub fn texture(gpu: &Gpu, image: Option<&RgbaImage>, format: wgpu::TextureFormat) -> wgpu::Texture {
     let nothing = RgbaImage::new(1, 1);
     let mut image = image.unwrap_or(&nothing).clone();
     let levels = 1 + image.width().max(image.height()).ilog2();
     let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
-    let texture = gpu.texture([image.width(), image.height()], COLOUR, usage, [levels, 1]);
+    let texture = gpu.texture([image.width(), image.height()], format, usage, [levels, 1]);
     for level in 0..levels {
         let size = [image.width(), image.height()];
         gpu.write(&texture, level, [0, 0], size, &image);

@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use image::RgbaImage;
-
+use super::beyond::Beyond;
 use super::camera::View;
 use super::carried::Pieces;
-use super::gpu::{Gpu, METRIC};
+use super::gpu::{COLOUR, Gpu, METRIC};
 use super::levels::Levels;
-use super::paint::{self, Textures};
+use super::paint::{self, Pictures};
 use crate::brush::canvas::{Canvas, Rect};
 use crate::carry::Shape;
 use crate::model::Model;
@@ -24,6 +23,9 @@ pub struct Scene {
     normals: wgpu::Buffer,
     rest: wgpu::Buffer,
     pub tiles: Vec<Tile>,
+    /// What lies beyond the seams, and the maps that show it, where seams continue.
+    beyond: Option<Beyond>,
+    filled: Vec<Canvas>,
     pieces: Pieces,
     /// What is drawn on the features.
     pub carried: Option<Shape>,
@@ -44,7 +46,24 @@ pub struct Tile {
 }
 
 impl Scene {
-    pub fn new(gpu: &Gpu, model: &Model, canvases: &[Canvas], textures: &Textures) -> Scene {
+    /// Textures reach so far over the seams.
+    ///
+    /// # Errors
+    /// Those of vrtm, with a reach.
+    pub fn new(
+        gpu: &Gpu,
+        model: &Model,
+        canvases: &[Canvas],
+        pictures: &Pictures,
+        reach: Option<f64>,
+    ) -> vrtm::Result<Scene> {
+        let beyond = reach.map(|reach| Beyond::new(model, canvases, reach)).transpose()?;
+        let (mut pictures, mut filled) = (pictures.clone(), canvases.to_vec());
+        if let Some(beyond) = &beyond {
+            pictures.colours = beyond.textures(&pictures.colours, false)?;
+            pictures.normals = beyond.textures(&pictures.normals, true)?;
+            filled = beyond.canvases(canvases);
+        }
         let mut bytes = Vec::with_capacity(model.triangles.len() * 36);
         for triangle in &model.triangles {
             for (vertex, uv) in triangle.vertices.iter().zip(triangle.uvs) {
@@ -65,27 +84,33 @@ impl Scene {
             normals,
             rest: rest_buffer,
             tiles: Vec::new(),
+            beyond,
+            filled,
             pieces,
             carried: None,
         };
         let view = scene.view(gpu, &View { range: METRIC_SIDE as f32, ..View::default() });
         for tile in &model.tiles {
-            let (canvas, texture) = (&canvases[tile.page], &textures[tile.page]);
             let range = 3 * tile.range.start as u32..3 * tile.range.end as u32;
-            let made = scene.tile(gpu, &view, range, canvas, texture.as_deref());
-            scene.tiles.push(Tile { page: tile.page, ..made });
+            let made = scene.tile(gpu, &view, (tile.page, range), &pictures)?;
+            scene.tiles.push(made);
         }
-        scene
+        Ok(scene)
+    }
+
+    /// How far textures reach over the seams.
+    pub fn reach(&self) -> Option<f64> {
+        self.beyond.as_ref().map(Beyond::reach)
     }
 
     fn tile(
         &self,
         gpu: &Gpu,
         view: &wgpu::BindGroup,
-        range: std::ops::Range<u32>,
-        canvas: &Canvas,
-        texture: Option<&RgbaImage>,
-    ) -> Tile {
+        (page, range): (usize, std::ops::Range<u32>),
+        pictures: &Pictures,
+    ) -> vrtm::Result<Tile> {
+        let canvas = &self.filled[page];
         let levels = Levels::new(canvas);
         let bound = wgpu::TextureUsages::TEXTURE_BINDING;
         let upload = bound | wgpu::TextureUsages::COPY_DST;
@@ -108,17 +133,29 @@ impl Scene {
             pass.draw(range.clone(), 0..1);
         }
         gpu.queue.submit([encoder.finish()]);
-        let resources = [
-            wgpu::BindingResource::TextureView(&rigidity.create_view(&Default::default())),
-            wgpu::BindingResource::TextureView(&metric),
-            wgpu::BindingResource::Sampler(&gpu.linear),
-            wgpu::BindingResource::TextureView(
-                &paint::texture(gpu, texture).create_view(&Default::default()),
-            ),
-        ];
+        // One texel stands for none.
+        let (size, places) = match &self.beyond {
+            Some(beyond) => beyond.map(page)?,
+            None => ([1, 1], vec![[0, 0]]),
+        };
+        let map = gpu.texture(size, wgpu::TextureFormat::Rg16Uint, upload, [1, 1]);
+        gpu.write(&map, 0, [0, 0], size, bytemuck::cast_slice(&places));
+        let linear = wgpu::TextureFormat::Rgba8Unorm;
+        let views = [
+            rigidity.clone(),
+            paint::texture(gpu, pictures.colours[page].as_deref(), COLOUR),
+            paint::texture(gpu, pictures.normals[page].as_deref(), linear),
+            map,
+        ]
+        .map(|texture| texture.create_view(&Default::default()));
+        let [of_rigidity, colours, normals, places] =
+            views.each_ref().map(wgpu::BindingResource::TextureView);
+        let metric = wgpu::BindingResource::TextureView(&metric);
+        let sampler = wgpu::BindingResource::Sampler(&gpu.linear);
+        let resources = [of_rigidity, metric, sampler, colours, normals, places];
         let group = gpu.group(&gpu.tile, &resources);
         let (map_texture, map) = map_of(gpu, &Maps::identity());
-        Tile { page: 0, range, levels, rigidity, group, map, map_texture, shown: None }
+        Ok(Tile { page, range, levels, rigidity, group, map, map_texture, shown: None })
     }
 
     /// A view of the mesh, as bindings.
@@ -148,10 +185,19 @@ impl Scene {
     }
 
     /// Follows a stroke.
-    pub fn paint(&mut self, gpu: &Gpu, page: usize, canvas: &Canvas, rect: Rect) {
-        for tile in self.tiles.iter_mut().filter(|tile| tile.page == page) {
-            for part in tile.levels.update(canvas, rect) {
-                gpu.write(&tile.rigidity, part.level, part.rect.first, part.rect.size, &part.texels);
+    pub fn paint(&mut self, gpu: &Gpu, canvases: &[Canvas], page: usize, rect: Rect) {
+        let changed = match &self.beyond {
+            Some(beyond) => beyond.follow(&mut self.filled, canvases, page, rect),
+            None => {
+                self.filled[page].paste(rect, &canvases[page].copy(rect));
+                vec![(page, rect)]
+            }
+        };
+        for (page, rect) in changed {
+            for tile in self.tiles.iter_mut().filter(|tile| tile.page == page) {
+                for part in tile.levels.update(&self.filled[page], rect) {
+                    gpu.write(&tile.rigidity, part.level, part.rect.first, part.rect.size, &part.texels);
+                }
             }
         }
     }

@@ -29,6 +29,10 @@ struct View {
 @group(1) @binding(2) var rigidity_sampler: sampler;
 // The tile's own texture; a single texel if it has none.
 @group(1) @binding(3) var paint: texture_2d<f32>;
+// Its normal map in tangent space; a single texel if it has none.
+@group(1) @binding(4) var bumps: texture_2d<f32>;
+// Where seams continue: beside charts, where in its tile the content of a texel is, of 65535; 0 = at its own place.
+@group(1) @binding(5) var places: texture_2d<u32>;
 
 struct Pixel {
     @builtin(position) at: vec4f,
@@ -141,6 +145,27 @@ fn lookup(p: Pixel) -> Lookup {
     return Lookup(redirected(p.uv, 0u), by_u * by_x.x + by_v * by_x.y, by_u * by_y.x + by_v * by_y.y);
 }
 
+// Where the content of a UV is: beyond a seam, on its other side.
+fn content(uv: vec2f) -> vec2f {
+    let size = textureDimensions(places);
+    let texel = clamp(vec2i(uv * vec2f(size)), vec2i(0), vec2i(size) - 1);
+    let place = textureLoad(places, texel, 0).rg;
+    return select(vec2f(place) / 65535.0, uv, all(place == vec2u(0u)));
+}
+
+// The normal that a normal map gives. Its frame is that in which the texture is seen, through the redirection: the bumps
+// of a stud that keeps its shape are lit as at rest.
+fn bumped(n: vec3f, at: Lookup, px: vec3f, py: vec3f) -> vec3f {
+    let stored = textureSampleGrad(bumps, rigidity_sampler, at.uv, at.by_x, at.by_y).rgb;
+    let m = (stored * 255.0 - 127.5) / 127.5;
+    let det = at.by_x.x * at.by_y.y - at.by_x.y * at.by_y.x;
+    let u = sign(det) * (px * at.by_y.y - py * at.by_x.y);
+    let v = sign(det) * (py * at.by_x.x - px * at.by_y.x);
+    let t = normalize(u - dot(u, n) * n);
+    let b = normalize(v - dot(v, n) * n);
+    return normalize(m.x * t + m.y * b + max(m.z, 0.05) * n);
+}
+
 // The metric at rest, interpolated between the centres of texels that a chart covers; w is 0 where none of the four is one.
 fn metric_at(uv: vec2f) -> vec4f {
     let size = textureDimensions(metric);
@@ -214,6 +239,7 @@ fn surface(p: Pixel) -> @location(0) vec4f {
     let toward = normalize(view.eye.xyz - p.position);
     var n = normalize(p.normal);
     n = select(n, -n, dot(n, toward) < 0.0);
+    let skin = n;
     var colour = vec3f(0.0);
     var shine = 0.10;
     if view.shown == 1.0 {
@@ -226,10 +252,11 @@ fn surface(p: Pixel) -> @location(0) vec4f {
         colour = textureSampleGrad(paint, rigidity_sampler, at.uv, at.by_x, at.by_y).rgb;
     } else {
         // Colours vary over the tile, so that no two places look alike.
-        let part = 0.5 + 0.5 * cos(6.3 * (dot(at.uv, vec2f(1.3, 0.9)) + vec3f(0.0, 0.33, 0.67)));
-        let squares = checker(at.uv * 32.0, footprint * 32.0);
+        let own = content(at.uv);
+        let part = 0.5 + 0.5 * cos(6.3 * (dot(own, vec2f(1.3, 0.9)) + vec3f(0.0, 0.33, 0.67)));
+        let squares = checker(own * 32.0, footprint * 32.0);
         colour = mix(0.13, 0.30, squares) * mix(vec3f(0.42, 0.62, 0.66), part, 0.32);
-        let crossed = lines(at.uv * 128.0, footprint * 128.0, max(1.0, 0.12 / max(footprint.x * 128.0, 1e-4)));
+        let crossed = lines(own * 128.0, footprint * 128.0, max(1.0, 0.12 / max(footprint.x * 128.0, 1e-4)));
         let metal = mix(vec3f(0.84, 0.56, 0.22), vec3f(0.34, 0.15, 0.05), 0.7 * crossed);
         colour = mix(colour, metal, stud);
         // A dark outline, one and a half texels of the map wide and never under a pixel.
@@ -248,6 +275,9 @@ fn surface(p: Pixel) -> @location(0) vec4f {
         let height = 2.2 * texel * min(1.0, 1.0 / max(texels, 1e-3));
         let bump = sign(det) * (by_pixel.x * a + by_pixel.y * b) * height;
         n = normalize(abs(det) * n - bump);
+    }
+    if view.shown == 0.0 && textureDimensions(bumps).x > 1u {
+        n = bumped(skin, at, dpdx(p.position), dpdy(p.position));
     }
     if view.lines > 0.0 {
         let on = lines(at.uv * view.lines, footprint * view.lines, view.line_width);

@@ -121,7 +121,7 @@ pub fn show(
                 ui.close();
             }
         });
-        noted("view", button.rect);
+        noted("view menu", button.rect);
         let about = "The panel at the side: figures, brush, settings (N)";
         let response = ui.selectable_label(side, "settings").on_hover_text(about);
         noted("settings", response.rect);

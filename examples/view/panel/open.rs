@@ -22,6 +22,7 @@ pub fn show(ui: &mut Ui, path: &mut String, mut noted: impl FnMut(&str, Rect)) -
             "PNG, white = rigid; of several tiles, any of r.1001.png, r.1002.png",
         ),
         (Ask::Texture, "colour texture...", "PNG; of several tiles, any of skin.1001.png, skin.1002.png"),
+        (Ask::Normal, "normal map...", "PNG, in tangent space; green grows with v, as in OpenGL"),
         (Ask::Asset, "asset folder...", "A folder with asset.json"),
     ] {
         let item = ui.button(name).on_hover_text(about);

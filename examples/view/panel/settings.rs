@@ -70,7 +70,7 @@ const KNOBS: [Knob; 4] = [
         setting: "orientation_density",
         range: [0.0, 1.0],
         about: "Features turn less where they are dense, such as scales and lettering: 0.15 is a beginning, 0.5 is much. \
-                It leaves more strain, and does not go with open borders that slide.",
+                It leaves more strain, and does not go with seams that continue.",
     },
     Knob {
         name: "Room",
@@ -118,7 +118,6 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, mut noted: impl FnMut(&str, eg
             *value = if is_calm { smoothness(shown) } else { shown };
         }
     }
-    // `continue` needs a texture that shows what lies beyond the seams.
     choice(
         ui,
         ("Seams", "What happens to features at the seams of the UV map (seams)."),
@@ -126,6 +125,11 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, mut noted: impl FnMut(&str, eg
         &[
             (Seams::Shut, "Shut", "Nothing moves at a seam: a feature on one keeps its width there"),
             (Seams::Keep, "Keep", "A feature that touches a border stays as it is, whole"),
+            (
+                Seams::Continue,
+                "Continue",
+                "Features keep their shape across seams. Here textures are dilated for that; elsewhere, see to it",
+            ),
         ],
         &mut noted,
     );
@@ -167,9 +171,10 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, mut noted: impl FnMut(&str, eg
     );
     let first = settings.overlaps == Overlaps::FirstFace;
     tile.overlap = if first { Overlap::FirstFace } else { Overlap::Fixed };
-    if tile.open_borders == OpenBorders::Slide && tile.orientation_density > 0.0 {
-        let text =
-            "Keep Direction does not go with open borders that slide: set it to 0, or Open Borders to Fixed.";
+    let moves = tile.open_borders == OpenBorders::Slide || tile.seams == Seams::Continue;
+    if moves && tile.orientation_density > 0.0 {
+        let text = "Keep Direction goes neither with open borders that slide nor with seams that continue: set it to 0, \
+                    or Open Borders to Fixed and Seams to Shut.";
         ui.label(RichText::new(text).small().color(style::ERROR));
     }
     let mut back = ui.button("defaults").on_hover_text("All settings of tiles as they were");
@@ -223,19 +228,20 @@ fn more(ui: &mut Ui, tile: &mut TileSettings, mut noted: impl FnMut(&str, egui::
 
 fn choice<T: Copy + PartialEq>(
     ui: &mut Ui,
-    (name, about): (&str, &str),
+    (id, about): (&str, &str),
     value: &mut T,
     all: &[(T, &str, &str)],
     mut noted: impl FnMut(&str, egui::Rect),
 ) {
     let now = all.iter().find(|(of, ..)| of == value).map_or("", |(_, name, _)| name);
-    row(ui, name, about, |ui| {
-        let list = ComboBox::from_id_salt(name).width(118.0).selected_text(now).show_ui(ui, |ui| {
+    row(ui, id, about, |ui| {
+        let list = ComboBox::from_id_salt(id).width(118.0).selected_text(now).show_ui(ui, |ui| {
             for &(of, name, about) in all {
-                ui.selectable_value(value, of, name).on_hover_text(about);
+                let item = ui.selectable_value(value, of, name).on_hover_text(about);
+                noted(&format!("{id} {name}"), item.rect);
             }
         });
-        noted(name, list.response.rect);
+        noted(id, list.response.rect);
     });
 }
 

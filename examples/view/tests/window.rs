@@ -143,6 +143,46 @@ fn it_opens_side_by_side_in_the_pose_that_stretches_most() {
     view.quit();
 }
 
+/// Studs come with a solve of their own and are in saved pictures; seams continue, with textures that show what is beyond.
+#[test]
+fn what_is_carried_and_seams_that_continue() {
+    let Some((server, folder)) = start("carried") else { return };
+    let options = ["--scene", "mug_to_jug", "--size", SIZE, "--frame", "121", "--view", "redirected"];
+    let mut view = Program::start(&server, &folder, &options);
+    let solved = view.wait("solve", |event| is_final(event, 121));
+    assert_eq!(solved["carried"], 0);
+    view.wait("drawn", |event| is_final(event, 121));
+    let area = view.widget("view");
+    let bare = server.shot().cut(area);
+    view.click("view menu");
+    view.wait("layout", |event| event["widgets"]["Carried"].is_array());
+    view.click("Carried");
+    let solved = view.wait("solve", |event| is_final(event, 121));
+    assert!(solved["carried"].as_u64().is_some_and(|count| count > 100), "{solved}");
+    view.wait("drawn", |event| is_final(event, 121));
+    // The menu closes.
+    view.click("view menu");
+    let studded = server.shot().cut(area);
+    // The jug takes a sixth of the view, and studs a part of that.
+    assert!(studded.differing(&bare) > 0.005, "nothing stands on the features");
+    save(&mut view, "save picture");
+    view.wait("saved", |_| true);
+    let saved = Shot::open(&folder.join("mug_to_jug_0121.png"));
+    assert!(saved.without(LABEL).differing(&studded.without(LABEL)) < 1e-4);
+
+    view.click("Seams");
+    view.wait("layout", |event| event["widgets"]["Seams Continue"].is_array());
+    view.click("Seams Continue");
+    let continued = view.wait("solve", |event| is_final(event, 121) && event["edit"] != solved["edit"]);
+    assert!(continued["folds"] == 0 && rms(&continued)[1] < 1.1 * rms(&solved)[1], "{continued}");
+    view.wait("drawn", |event| is_final(event, 121) && event["edit"] == continued["edit"]);
+    view.move_away();
+    // Most of the surface is far from any seam.
+    let share = server.shot().cut(area).differing(&studded);
+    assert!((1e-4..0.2).contains(&share), "{share} of the pixels differ");
+    view.quit();
+}
+
 /// A sheet that is stretched to twice its width, without a rigidity map.
 fn sheet(folder: &Path) -> [String; 2] {
     let cells = 8;
@@ -196,6 +236,35 @@ fn a_texture_is_drawn_in_place_of_the_material() {
     let notice = view.wait("notice", |_| true);
     assert!(notice["text"].as_str().expect("a text").starts_with("--texture: "), "{notice}");
     view.quit();
+}
+
+/// The light comes from the left: what a normal map tilts to the left is lighter than what it tilts to the right.
+#[test]
+fn a_normal_map_is_lit() {
+    let Some((server, folder)) = start("normal") else { return };
+    let [rest, wide] = sheet(&folder);
+    let save = |name: &str, left: [u8; 3], right: [u8; 3]| {
+        let path = folder.join(name).display().to_string();
+        let pixels: Vec<u8> = (0..64 * 64).flat_map(|k| if k % 64 < 32 { left } else { right }).collect();
+        let saved = image::save_buffer(&path, &pixels, 64, 64, image::ColorType::Rgb8);
+        saved.expect("a PNG");
+        path
+    };
+    let grey = save("grey.png", [120; 3], [120; 3]);
+    // Directions of -0.5 and 0.5 in u, and 0.87 out of the surface.
+    let normal = save("normal.png", [64, 128, 238], [191, 128, 238]);
+    let options = ["--rest", &rest, "--pose", &wide, "--texture", &grey, "--normal", &normal, "--size", SIZE];
+    for pane in ["original", "redirected"] {
+        let mut view = Program::start(&server, &folder, &[&options[..], &["--view", pane]].concat());
+        view.wait("drawn", |event| event["purpose"] == "final");
+        let shot = server.shot().cut(view.widget("view"));
+        view.quit();
+        let middle = shot.size[1] / 2;
+        let [left, right] =
+            [3, 5].map(|k| shot.pixels[(middle * shot.size[0] + k * shot.size[0] / 8) as usize]);
+        // The shader's light on these directions gives 113 and 94.
+        assert!((110..117).contains(&left[1]) && (88..98).contains(&right[1]), "{pane}: {left:?} {right:?}");
+    }
 }
 
 #[test]
