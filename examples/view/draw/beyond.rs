@@ -141,8 +141,8 @@ impl Beyond {
     /// Copies of the maps that go on beyond the seams.
     pub fn canvases(&self, canvases: &[Canvas]) -> Vec<Canvas> {
         let mut filled = canvases.to_vec();
-        for page in 0..canvases.len() {
-            self.fill(page, &mut filled[page], canvases, |_| true);
+        for (page, filled) in filled.iter_mut().enumerate() {
+            self.fill(page, filled, canvases, |_| true);
         }
         filled
     }

@@ -90,9 +90,25 @@ impl Scene {
             carried: None,
         };
         let view = scene.view(gpu, &View { range: METRIC_SIDE as f32, ..View::default() });
+        // The layers of a page share what it shows.
+        let textures = |page| -> vrtm::Result<_> {
+            // One texel stands for none.
+            let (size, places) = match &scene.beyond {
+                Some(beyond) => beyond.map(page)?,
+                None => ([1, 1], vec![[0, 0]]),
+            };
+            let usage = wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_DST;
+            let map = gpu.texture(size, wgpu::TextureFormat::Rg16Uint, usage, [1, 1]);
+            gpu.write(&map, 0, [0, 0], size, bytemuck::cast_slice(&places));
+            let linear = wgpu::TextureFormat::Rgba8Unorm;
+            let colours = paint::texture(gpu, pictures.colours[page].as_deref(), COLOUR);
+            let normals = paint::texture(gpu, pictures.normals[page].as_deref(), linear);
+            Ok([colours, normals, map].map(|texture| texture.create_view(&Default::default())))
+        };
+        let of_pages = (0..model.pages.len()).map(textures).collect::<vrtm::Result<Vec<_>>>()?;
         for tile in &model.tiles {
             let range = 3 * tile.range.start as u32..3 * tile.range.end as u32;
-            let made = scene.tile(gpu, &view, (tile.page, range), &pictures)?;
+            let made = scene.tile(gpu, &view, (tile.page, range), &of_pages[tile.page]);
             scene.tiles.push(made);
         }
         Ok(scene)
@@ -108,8 +124,8 @@ impl Scene {
         gpu: &Gpu,
         view: &wgpu::BindGroup,
         (page, range): (usize, std::ops::Range<u32>),
-        pictures: &Pictures,
-    ) -> vrtm::Result<Tile> {
+        textures: &[wgpu::TextureView; 3],
+    ) -> Tile {
         let canvas = &self.filled[page];
         let levels = Levels::new(canvas);
         let bound = wgpu::TextureUsages::TEXTURE_BINDING;
@@ -133,29 +149,15 @@ impl Scene {
             pass.draw(range.clone(), 0..1);
         }
         gpu.queue.submit([encoder.finish()]);
-        // One texel stands for none.
-        let (size, places) = match &self.beyond {
-            Some(beyond) => beyond.map(page)?,
-            None => ([1, 1], vec![[0, 0]]),
-        };
-        let map = gpu.texture(size, wgpu::TextureFormat::Rg16Uint, upload, [1, 1]);
-        gpu.write(&map, 0, [0, 0], size, bytemuck::cast_slice(&places));
-        let linear = wgpu::TextureFormat::Rgba8Unorm;
-        let views = [
-            rigidity.clone(),
-            paint::texture(gpu, pictures.colours[page].as_deref(), COLOUR),
-            paint::texture(gpu, pictures.normals[page].as_deref(), linear),
-            map,
-        ]
-        .map(|texture| texture.create_view(&Default::default()));
-        let [of_rigidity, colours, normals, places] =
-            views.each_ref().map(wgpu::BindingResource::TextureView);
+        let of_map = rigidity.create_view(&Default::default());
+        let of_rigidity = wgpu::BindingResource::TextureView(&of_map);
+        let [colours, normals, places] = textures.each_ref().map(wgpu::BindingResource::TextureView);
         let metric = wgpu::BindingResource::TextureView(&metric);
         let sampler = wgpu::BindingResource::Sampler(&gpu.linear);
         let resources = [of_rigidity, metric, sampler, colours, normals, places];
         let group = gpu.group(&gpu.tile, &resources);
         let (map_texture, map) = map_of(gpu, &Maps::identity());
-        Ok(Tile { page, range, levels, rigidity, group, map, map_texture, shown: None })
+        Tile { page, range, levels, rigidity, group, map, map_texture, shown: None }
     }
 
     /// A view of the mesh, as bindings.
