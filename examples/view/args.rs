@@ -51,12 +51,12 @@ pub struct Args {
     #[arg(long, value_name = "PATTERN")]
     pub normal: Option<String>,
 
-    /// Geometry on each feature, as it is bound to the skin without vrtm on the left, and as vrtm carries it on the right
-    /// [default: what the built-in scene has]
+    /// Geometry on each feature, as it is bound to the skin without vrtm on the left, and as vrtm carries it on the
+    /// right [default: what the built-in scene has]
     #[arg(long, value_parser = one_of(Shape::ALL))]
     pub carried: Option<Shape>,
 
-    /// Where to solve; auto takes a hardware GPU if there is one, the CPU otherwise
+    /// Backend of solves; auto takes a hardware GPU if there is one, the CPU otherwise
     #[arg(long, default_value = "cpu", value_parser = one_of(DEVICES))]
     pub device: Backend,
 
@@ -69,7 +69,7 @@ pub struct Args {
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub frame: Option<i64>,
 
-    /// How to draw the surface to begin with
+    /// View of the surface to begin with
     #[arg(long, default_value = "side-by-side", value_parser = one_of(VIEWS))]
     pub view: Panes,
 
@@ -87,7 +87,7 @@ const VIEWS: [(&str, Panes); 4] = [
 ];
 
 impl Args {
-    /// What to open.
+    /// The files to open.
     pub fn files(&self) -> Files {
         Files {
             scene: self.scene.clone(),

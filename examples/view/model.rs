@@ -33,7 +33,7 @@ pub struct Model {
     pub layers: u32,
     /// The files that were read: they are replaced only if the user says so.
     pub inputs: Vec<PathBuf>,
-    /// What was asked for.
+    /// The request.
     pub files: Files,
     /// Centre and radius of the mesh in all poses.
     pub centre: [f32; 3],
@@ -46,10 +46,10 @@ pub struct Model {
 /// The layers that charts come into at most where they lie over one another, as in Blender.
 pub const LAYERS: u32 = 32;
 
-/// What is solved by itself: a UDIM number with at least one triangle, or a layer of it.
+/// A unit of solving: a UDIM number with at least one triangle, or a layer of it.
 pub struct Tile {
     pub page: usize,
-    /// Which of the tiles of its page it is.
+    /// Index among the tiles of its page.
     pub layer: u32,
     /// Its triangles.
     pub range: std::ops::Range<usize>,

@@ -14,9 +14,9 @@ pub struct Timeline {
     pub frame: usize,
     /// The frame of each key; the first is rest.
     pub keys: Vec<usize>,
-    /// What a frame's number in its shot is larger by; `None` if the poses are none of a shot.
+    /// Offset of frame numbers in the shot; `None` if the poses belong to no shot.
     offset: Option<i64>,
-    /// Where and when playing began.
+    /// Frame and time at which playing began.
     playing: Option<(usize, f64)>,
 }
 

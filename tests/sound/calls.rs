@@ -240,7 +240,7 @@ fn points_are_carried() {
     let (mut carrier, mut info) = (vrtm_carrier { id: 0 }, sized::<vrtm_carrier_info>());
     // Two points on the sheet, one beside it; at odd addresses, between bytes of something else.
     let mut uvs = Bytes::new(3 * 20, 1);
-    for (k, uv) in [[0.25f64, 0.5], [1.75, 0.5], [7.5, 0.5]].iter().enumerate() {
+    for (k, uv) in [[0.25f64, 0.5], [1.5, 0.5], [7.5, 0.5]].iter().enumerate() {
         // SAFETY: within the bytes.
         unsafe { uvs.pointer().cast::<u8>().add(20 * k).cast::<[f64; 2]>().write_unaligned(*uv) };
     }

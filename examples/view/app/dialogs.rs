@@ -8,7 +8,7 @@ use eframe::egui;
 use log::{LevelFilter, Log, Metadata, Record};
 use rfd::{AsyncFileDialog, FileHandle};
 
-/// What a dialog asks for.
+/// Purpose of a dialog.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ask {
     Rest,
@@ -49,14 +49,14 @@ impl Ask {
     }
 }
 
-/// What a dialog says: nothing if it was closed.
+/// Answer of a dialog: nothing if it was closed.
 pub type Told = (Ask, Result<Vec<PathBuf>, String>);
 
 /// The way back from dialogs.
 pub struct Dialogs {
     sender: Sender<Told>,
     told: Receiver<Told>,
-    /// Whether one is on the screen.
+    /// True if one is on the screen.
     is_open: bool,
 }
 
@@ -116,7 +116,7 @@ impl Dialogs {
         }
     }
 
-    /// What the dialog said, once it is closed.
+    /// The dialog's answer, once it is closed.
     pub fn told(&mut self) -> Option<Told> {
         let told = self.told.try_recv().ok()?;
         self.is_open = false;

@@ -18,12 +18,12 @@ use crate::panel::{style, viewport};
 pub struct Screen {
     renderer: Arc<RwLock<Renderer>>,
     picture: Option<(Picture, TextureId)>,
-    /// What the picture shows.
+    /// Content of the picture.
     views: Vec<View>,
     wipe: Option<f32>,
     carried: Option<Shape>,
     fresh: bool,
-    /// How long it took.
+    /// Duration.
     pub milliseconds: f64,
 }
 

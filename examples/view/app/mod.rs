@@ -42,7 +42,7 @@ use draw::Screen;
 use saving::Question;
 use stroke::Stroke;
 
-/// What is open.
+/// The open mesh.
 pub struct Open {
     model: Arc<Model>,
     painter: Painter,
@@ -52,7 +52,7 @@ pub struct Open {
     inputs: Vec<PathBuf>,
     line: Timeline,
     orbit: Orbit,
-    /// How the mesh was last made to fill its pane, and the pane's shape: until the user moves, it follows that shape.
+    /// The last fit of the mesh to its pane, and the pane's shape: until the user moves, it follows that shape.
     framed: Option<(Orbit, f32)>,
     /// The first edit that belongs to it: earlier answers are of another mesh.
     first: u64,
@@ -86,7 +86,7 @@ pub struct App {
     notice: Option<Notice>,
 }
 
-/// What the last line says, until something else happens.
+/// Text of the last line, until something else happens.
 #[derive(Clone)]
 struct Notice {
     text: String,
@@ -173,7 +173,8 @@ impl App {
                 "purpose": format!("{:?}", request.purpose).to_lowercase(),
                 "quality": format!("{:?}", request.quality).to_lowercase(), "solve_ms": answer.solve_ms,
                 "build_ms": answer.build_ms, "fetch_ms": answer.fetch_ms, "measure_ms": answer.measure_ms,
-                "carried": answer.carried.len(), "min_jacobian": answer.report.min_jacobian, "folds": answer.report.folds,
+                "carried": answer.carried.len(), "min_jacobian": answer.report.min_jacobian,
+                "folds": answer.report.folds,
                 "strain": strain.map(|s| json!({ "edges": s.edges, "rms": s.rms, "p95": s.p95 })),
             }),
         );

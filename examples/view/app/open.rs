@@ -244,13 +244,13 @@ fn ends(path: &Path, end: &str) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case(end))
 }
 
-/// Whether an image has colours: then it is no rigidity map.
+/// True if an image has colours: then it is no rigidity map.
 fn is_coloured(path: &Path) -> bool {
     let grey = |pixel: &image::Rgb<u8>| pixel.0[0] == pixel.0[1] && pixel.0[1] == pixel.0[2];
     image::open(path).is_ok_and(|image| !image.into_rgb8().pixels().all(grey))
 }
 
-/// What dropped paths mean; further poses and maps belong to the OBJ that is open.
+/// The meaning of dropped paths; further poses and maps belong to the open OBJ.
 fn files_of(paths: &[PathBuf], open: Option<&Files>) -> Result<Files, String> {
     if let [folder] = paths
         && folder.is_dir()

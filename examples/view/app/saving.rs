@@ -14,7 +14,7 @@ use crate::save::file::Existing;
 use crate::save::{encode, file, rigidity};
 use crate::solve::inbox::{Purpose, Request};
 
-/// What waits for an answer.
+/// Requests that wait for an answer.
 pub struct Question {
     job: Job,
     files: Vec<Existing>,

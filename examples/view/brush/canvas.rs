@@ -34,7 +34,7 @@ impl Rect {
 pub struct Canvas {
     pub size: [u32; 2],
     pub texels: Vec<u16>,
-    /// Whether the map that was opened had 16 bits: a saved one has as many.
+    /// True if the opened map had 16 bits: a saved one has as many.
     pub deep: bool,
 }
 

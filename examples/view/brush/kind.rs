@@ -1,6 +1,6 @@
 //! What a brush is: how large, how soft, and what it does.
 
-/// What the brush does.
+/// Operation of the brush.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Brush {
     /// Radius on the screen, in points.
@@ -9,11 +9,11 @@ pub struct Brush {
     pub value: f32,
     /// The part of the radius over which it fades out, 0..1.
     pub softness: f32,
-    /// Whether it paints 0 instead.
+    /// True if it paints 0 instead.
     pub erase: bool,
-    /// Whether a click fills the chart under it.
+    /// True if a click fills the chart under it.
     pub fills: bool,
-    /// Whether it paints on the opposite side of the mesh, too.
+    /// True if it paints on the opposite side of the mesh, too.
     pub symmetry: bool,
 }
 
@@ -24,7 +24,7 @@ impl Default for Brush {
 }
 
 impl Brush {
-    /// How much it covers at a distance, in units of its radius.
+    /// Coverage at a distance, in units of its radius.
     pub fn cover(&self, distance: f32) -> f32 {
         let t = ((1.0 - distance) / self.softness.max(1e-3)).clamp(0.0, 1.0);
         t * t * (3.0 - 2.0 * t)

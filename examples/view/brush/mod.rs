@@ -1,6 +1,6 @@
-//! The brush (`kind`): the point under the mouse (`pick`) and that opposite to it (`mirror`), what of the surface lies around it
-//! (`disc`) or in its chart (`islands`), which triangle is at a texel (`ids`), what a stroke changes in the maps
-//! (`painter`), tools that change all of a map (`whole`), and taking back what was done (`steps`).
+//! The brush (`kind`): the point under the mouse (`pick`) and that opposite to it (`mirror`), what of the surface
+//! lies around it (`disc`) or in its chart (`islands`), which triangle is at a texel (`ids`), what a stroke changes
+//! in the maps (`painter`), tools that change all of a map (`whole`), and taking back what was done (`steps`).
 
 pub mod canvas;
 pub mod disc;

@@ -15,7 +15,7 @@ struct Touched {
     page: usize,
     /// The texels before it.
     before: Vec<u16>,
-    /// How much the stroke covers each texel: parts of it that overlap do not add up.
+    /// Coverage of each texel by the stroke: parts of it that overlap do not add up.
     cover: Vec<f32>,
     rect: Rect,
 }
@@ -159,9 +159,8 @@ impl Painter {
         self.set(vec![(page, texels)])
     }
 
-    /// Changes all maps: `change` gives a map's new texels from its page, the map and the charts of its texels, where several
-    /// lie over one another those of the first layer. Returns
-    /// what changed.
+    /// Changes all maps: `change` gives a map's new texels from its page, the map and the charts of its texels, where
+    /// several lie over one another those of the first layer. Returns what changed.
     pub fn change(
         &mut self,
         model: &Model,

@@ -4,7 +4,7 @@ mod outward;
 pub mod pieces;
 pub mod ride;
 
-/// What stands on features.
+/// Kind of geometry on features.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shape {
     #[default]
@@ -15,7 +15,7 @@ pub enum Shape {
 impl Shape {
     pub const ALL: [(&'static str, Shape); 2] = [("studs", Shape::Studs), ("spikes", Shape::Spikes)];
 
-    /// What a built-in scene has.
+    /// The kind of a built-in scene.
     pub fn of_scene(name: &str) -> Option<Shape> {
         match name {
             "arm" => Some(Shape::Studs),

@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use crate::mesh::Triangle;
 use crate::model::{cross, dot, length, minus, plus, unit};
 
-/// The area vector of each triangle, out of what hangs together: triangles that share an edge look to the same side of the
-/// surface, and that side is out whose volume is positive. An open sheet keeps the side of its first triangle.
+/// The area vector of each triangle, out of what hangs together: triangles that share an edge look to the same side
+/// of the surface, and that side is out whose volume is positive. An open sheet keeps the side of its first triangle.
 fn areas(triangles: &[Triangle], positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
     let corners = |t: usize| triangles[t].vertices.map(|v| positions[v as usize]);
     let edges = |t: usize| {

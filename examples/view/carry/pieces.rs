@@ -40,7 +40,7 @@ impl Spot {
     }
 }
 
-/// What a stud or a spike stands on.
+/// The base of a stud or a spike.
 #[derive(Clone, Debug)]
 pub struct Piece {
     pub tile: usize,
@@ -62,7 +62,7 @@ struct Texel {
     position: [f32; 3],
     normal: [f32; 3],
     area: f32,
-    /// Whether the feature may go on beyond a seam here.
+    /// True if the feature may continue beyond a seam here.
     on_border: bool,
 }
 
@@ -189,7 +189,7 @@ fn across_seams(texels: &[Texel], parts: Vec<Vec<usize>>) -> Vec<Vec<usize>> {
     whole
 }
 
-/// What stands on a feature; nothing if it has too little of an ellipse.
+/// The piece on a feature; nothing if its shape is too far from an ellipse.
 fn piece(model: &Model, texels: &[Texel], part: &[usize]) -> Option<Piece> {
     let all = || part.iter().map(|&t| &texels[t]);
     let area: f32 = all().map(|t| t.area).sum();

@@ -16,15 +16,15 @@ pub struct Placed {
     pub carried: [[f32; 3]; 4],
 }
 
-/// What stands on the features of a mesh.
+/// Geometry on the features of a mesh.
 pub struct Riders {
     pieces: Vec<Piece>,
-    /// How far they stand out at most.
+    /// Largest height of a piece.
     highest: f32,
     carrier: Carrier,
 }
 
-/// How much higher than a usual one a piece may be: a large feature between small ones gets a short spike.
+/// Largest ratio of a piece's height to the usual one: a large feature between small ones gets a short spike.
 const HIGHER: f32 = 1.3;
 
 impl Riders {
@@ -55,7 +55,7 @@ impl Riders {
         Ok(Riders { pieces, highest, carrier })
     }
 
-    /// Where they are in the pose of the last solve.
+    /// Their places in the pose of the last solve.
     ///
     /// # Errors
     /// Those of vrtm.

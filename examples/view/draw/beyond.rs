@@ -14,7 +14,7 @@ const REACH: f64 = 0.0625;
 const SIDE: u32 = 2048;
 const LARGEST: u32 = 4096;
 
-/// How far textures must go on for these settings: in few steps, so that a slider does not dilate again and again.
+/// Reach of textures for these settings: in few steps, so that a slider does not dilate again and again.
 pub fn reach(settings: &TileSettings) -> Option<f64> {
     let needed = f64::from(settings.seam_reach);
     let doubled = (0..4).map(|k| REACH * f64::from(1 << k)).find(|&reach| reach >= needed);
@@ -39,7 +39,7 @@ struct Gutters {
 /// The texels beside the charts of an image that show what lies beyond a seam. Rows run from v = 0 upward.
 struct Gutter {
     size: [u32; 2],
-    /// Whether each texel is in a chart.
+    /// True for each texel in a chart.
     inside: Vec<bool>,
     texels: Vec<Texel>,
 }
@@ -50,7 +50,7 @@ struct Texel {
     /// The page with its content, and where.
     page: usize,
     uv: [f32; 2],
-    /// How that place changes by texel to the right and up.
+    /// Derivatives of that place, by texel to the right and up.
     by: [[f32; 2]; 2],
 }
 
@@ -74,7 +74,7 @@ impl Beyond {
         self.reach
     }
 
-    /// Where the surface goes on: for each texel the UV among all tiles, and whether it is known.
+    /// The continued surface: for each texel the UV among all tiles, and a flag if it is known.
     fn places(&self, page: usize, size: [u32; 2]) -> vrtm::Result<Option<Vec<[f32; 4]>>> {
         let Some(tile) = self.tiles[page] else { return Ok(None) };
         let mut texels = vec![[0.0f32; 4]; size[0] as usize * size[1] as usize];
@@ -125,8 +125,8 @@ impl Beyond {
         Gutter { size, inside, texels }
     }
 
-    /// Where the content of each texel is within its own tile, as 16 bits each; 0, 0 where it is its own place. What
-    /// the material is computed from.
+    /// The place of each texel's content in its own tile, as 16 bits each; 0, 0 for its own place. What the
+    /// material is computed from.
     pub fn map(&self, page: usize) -> vrtm::Result<([u32; 2], Vec<[u16; 2]>)> {
         let size = [SIDE; 2];
         let mut map = vec![[0u16; 2]; (SIDE * SIDE) as usize];
@@ -245,8 +245,8 @@ impl Beyond {
     }
 }
 
-/// A direction (bytes) in the plane of the content, in that of the gutter: by the rotation that is nearest to the inverse
-/// of how the content's place changes.
+/// A direction (bytes) in the plane of the content, in that of the gutter: by the rotation that is nearest to the
+/// inverse of how the content's place changes.
 fn turned(bytes: [f32; 2], by: [[f32; 2]; 2], size: [f32; 2]) -> [f32; 2] {
     let [x, y] = bytes.map(|byte| byte - 127.5);
     let [[a, c], [b, d]] = [0, 1].map(|k| by[k].map(|by| by * size[k]));

@@ -7,7 +7,7 @@ use crate::model::{cross, dot, minus, plus, unit};
 /// Half of the angle of view from the bottom to the top of the picture.
 const HALF: f32 = 14.0 * std::f32::consts::PI / 180.0;
 
-/// Where the viewer is.
+/// The viewer's place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
     /// Degrees around the mesh, and upward.
@@ -19,7 +19,7 @@ pub struct Orbit {
     pub target: [f32; 3],
     /// Radius of the mesh.
     pub radius: f32,
-    /// Whether z points up instead of y.
+    /// True if z points up instead of y.
     pub z_up: bool,
 }
 
@@ -50,7 +50,7 @@ pub struct Camera {
     tangent: f32,
 }
 
-/// What is drawn and how, in the layout of `surface.wgsl`.
+/// Uniforms of a draw call, in the layout of `surface.wgsl`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct View {

@@ -21,15 +21,15 @@ struct Corner {
     colour: [f32; 4],
 }
 
-/// What stands on the features of the open mesh.
+/// Geometry on the features of the open mesh.
 pub struct Pieces {
     meshes: [wgpu::Buffer; Shape::ALL.len()],
     placed: Option<wgpu::Buffer>,
     count: u32,
 }
 
-/// A shape's outline: distances from its axis with heights and the normal there, from the skin to the tip. A painted rim is left to
-/// be seen around it, and it begins under the skin, which is curved.
+/// A shape's outline: distances from its axis with heights and the normal there, from the skin to the tip. A painted
+/// rim is left to be seen around it, and it begins under the skin, which is curved.
 fn outline(shape: Shape) -> Vec<[[f32; 2]; 2]> {
     let arc = |k: usize, most: usize| (0.25 * TAU * k as f32 / most as f32).sin_cos();
     match shape {

@@ -15,14 +15,14 @@ pub struct Gpu {
     pub device: wgpu::Device,
     pub queue: wgpu::Queue,
     pub name: String,
-    /// Whether maps of 32-bit floats can be filtered; otherwise they have 16 bits.
+    /// True if maps of 32-bit floats can be filtered; otherwise they have 16 bits.
     pub filterable: bool,
     pub view: wgpu::BindGroupLayout,
     pub tile: wgpu::BindGroupLayout,
     pub map: wgpu::BindGroupLayout,
     pub surface: wgpu::RenderPipeline,
     pub metric: wgpu::RenderPipeline,
-    /// What stands on the surface.
+    /// Geometry on the surface.
     pub carried: wgpu::RenderPipeline,
     pub linear: wgpu::Sampler,
 }
@@ -167,7 +167,7 @@ impl Gpu {
     }
 }
 
-/// What pipelines are made of.
+/// Parts of pipelines.
 pub struct Pipe<'a> {
     device: &'a wgpu::Device,
     module: &'a wgpu::ShaderModule,

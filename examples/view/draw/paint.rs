@@ -14,7 +14,7 @@ const LARGEST: u32 = 8192;
 /// The texture of each tile; `None` if it has none.
 pub type Textures = Vec<Option<Arc<RgbaImage>>>;
 
-/// What a mesh is drawn with.
+/// Textures and maps of a drawn mesh.
 #[derive(Clone, Default)]
 pub struct Pictures {
     pub colours: Textures,
@@ -48,7 +48,8 @@ pub fn read(path: &str, udim: u32) -> Result<Option<RgbaImage>, String> {
     Ok(Some(image))
 }
 
-/// A texture with all of its levels; without an image, a single texel, which stands for none. Colours are encoded as sRGB.
+/// A texture with all of its levels; without an image, a single texel, which stands for none. Colours are encoded as
+/// sRGB.
 pub fn texture(gpu: &Gpu, image: Option<&RgbaImage>, format: wgpu::TextureFormat) -> wgpu::Texture {
     let nothing = RgbaImage::new(1, 1);
     let mut image = image.unwrap_or(&nothing).clone();

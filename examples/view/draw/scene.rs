@@ -23,11 +23,11 @@ pub struct Scene {
     normals: wgpu::Buffer,
     rest: wgpu::Buffer,
     pub tiles: Vec<Tile>,
-    /// What lies beyond the seams, and the maps that show it, where seams continue.
+    /// The surface beyond seams that continue, and the maps that show it.
     beyond: Option<Beyond>,
     filled: Vec<Canvas>,
     pieces: Pieces,
-    /// What is drawn on the features.
+    /// Geometry on the features.
     pub carried: Option<Shape>,
 }
 
@@ -41,7 +41,7 @@ pub struct Tile {
     group: wgpu::BindGroup,
     map: wgpu::BindGroup,
     map_texture: wgpu::Texture,
-    /// What was uploaded last.
+    /// The last upload.
     shown: Option<Arc<Maps>>,
 }
 
@@ -114,7 +114,7 @@ impl Scene {
         Ok(scene)
     }
 
-    /// How far textures reach over the seams.
+    /// Reach of textures over seams, in UV.
     pub fn reach(&self) -> Option<f64> {
         self.beyond.as_ref().map(Beyond::reach)
     }

@@ -153,8 +153,8 @@ fn content(uv: vec2f) -> vec2f {
     return select(vec2f(place) / 65535.0, uv, all(place == vec2u(0u)));
 }
 
-// The normal that a normal map gives. Its frame is that in which the texture is seen, through the redirection: the bumps
-// of a stud that keeps its shape are lit as at rest.
+// The normal that a normal map gives. Its frame is that in which the texture is seen, through the redirection: the
+// bumps of a stud that keeps its shape are lit as at rest.
 fn bumped(n: vec3f, at: Lookup, px: vec3f, py: vec3f) -> vec3f {
     let stored = textureSampleGrad(bumps, rigidity_sampler, at.uv, at.by_x, at.by_y).rgb;
     let m = (stored * 255.0 - 127.5) / 127.5;
@@ -166,7 +166,8 @@ fn bumped(n: vec3f, at: Lookup, px: vec3f, py: vec3f) -> vec3f {
     return normalize(m.x * t + m.y * b + max(m.z, 0.05) * n);
 }
 
-// The metric at rest, interpolated between the centres of texels that a chart covers; w is 0 where none of the four is one.
+// The metric at rest, interpolated between the centres of texels that a chart covers; w is 0 where none of the four
+// is one.
 fn metric_at(uv: vec2f) -> vec4f {
     let size = textureDimensions(metric);
     let at = uv * vec2f(size) - 0.5;

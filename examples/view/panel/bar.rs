@@ -14,7 +14,7 @@ use crate::app::dialogs::Ask;
 use crate::draw::camera::Side;
 use crate::source::Files;
 
-/// What the bar asks for.
+/// Requests of the bar.
 pub enum Wish {
     Open(Files),
     /// A folder, or an OBJ file.

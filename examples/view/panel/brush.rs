@@ -7,7 +7,7 @@ use crate::brush::kind::Brush;
 use crate::brush::steps::Steps;
 use crate::brush::whole::Tool;
 
-/// What a button asks for.
+/// Request of a button.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BrushWish {
     Undo,
@@ -17,12 +17,12 @@ pub enum BrushWish {
     Brightness(Brightness),
 }
 
-/// Which pixels of a texture are rigid.
+/// Rule for the rigid pixels of a texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Brightness {
     /// 0..1; 0 = what parts bright and dark pixels best.
     pub threshold: f32,
-    /// Whether those that are darker are rigid.
+    /// True if the darker ones are rigid.
     pub dark: bool,
 }
 

@@ -73,7 +73,7 @@ pub fn show(ui: &mut Ui, answer: &Answer, history: &History, draw_ms: f64) {
         .show_unindented(ui, |ui| times_of(ui, answer, draw_ms));
 }
 
-/// How long a result took, and what was solved for it.
+/// Duration of a result, and the solves for it.
 fn times_of(ui: &mut Ui, answer: &Answer, draw_ms: f64) {
     let preview = answer.request.purpose == Purpose::Preview;
     egui::Grid::new("times").num_columns(2).spacing(vec2(14.0, 3.0)).show(ui, |ui| {

@@ -9,7 +9,8 @@ use super::style;
 use crate::model::Model;
 use crate::timeline::Timeline;
 
-/// Shows the timeline, and the plot of what is known under it; `noted` learns where its parts are. Returns whether it is being dragged.
+/// Shows the timeline, and the plot of what is known under it; `noted` learns where its parts are. Returns whether it
+/// is being dragged.
 pub fn show(
     ui: &mut Ui,
     line: &mut Timeline,
@@ -117,7 +118,7 @@ pub fn show(
     dragged
 }
 
-/// Where the mouse is, or where its button was released: it may have moved on since.
+/// Place of the mouse, or of the release of its button: it may have moved since.
 fn pointer(ui: &Ui) -> Option<Pos2> {
     ui.input(|i| {
         let released = |event: &Event| match *event {

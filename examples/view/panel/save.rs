@@ -10,7 +10,7 @@ use crate::app::dialogs::Ask;
 use crate::save::clip::Format;
 use crate::save::file::Existing;
 
-/// What to save.
+/// Content of a file to save.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Job {
     Rigidity(Vec<PathBuf>),
@@ -27,14 +27,14 @@ impl Job {
     }
 }
 
-/// Where files go, and as what.
+/// Folder and format of files.
 #[derive(Default)]
 pub struct Saving {
     pub folder: String,
     pub format: Format,
 }
 
-/// Which button was pressed.
+/// The pressed button.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pressed {
     Rigidity,

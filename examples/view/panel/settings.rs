@@ -8,7 +8,7 @@ use super::side::row;
 use super::style;
 use crate::model::LAYERS;
 
-/// What solves are asked for.
+/// Settings of solves.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Settings {
     pub quality: Quality,
@@ -16,7 +16,7 @@ pub struct Settings {
     pub tile: TileSettings,
 }
 
-/// What happens where islands lie over one another.
+/// Treatment of overlapping islands.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Overlaps {
     #[default]
@@ -149,10 +149,7 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, mut noted: impl FnMut(&str, eg
     );
     choice(
         ui,
-        (
-            "Overlaps",
-            "What happens where islands lie over one another in the UV map, as mirrored halves do (max_layers, overlap).",
-        ),
+        ("Overlaps", "Islands that overlap in the UV map, as mirrored halves do (max_layers, overlap)."),
         &mut settings.overlaps,
         &[
             (
@@ -202,7 +199,7 @@ fn more(ui: &mut Ui, tile: &mut TileSettings, mut noted: impl FnMut(&str, egui::
             Ok(cells) => Some(f64::from(cells.clamp(64, 2048)).log2().round() - 5.0),
             Err(_) => Some(0.0),
         });
-    let about = "Cells of the grid in u and v: the resolution of the solve. auto = as many as resolve the rigid features.";
+    let about = "Cells of the grid in u and v. auto = as many as resolve the rigid features.";
     let response = row(ui, "grid", about, |ui| ui.add(slider));
     noted("grid", response.rect);
     dragged |= response.dragged();

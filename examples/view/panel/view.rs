@@ -47,7 +47,8 @@ pub fn show(ui: &mut Ui, look: &mut Look, z_up: bool, mut noted: impl FnMut(&str
         ui.add(range).on_hover_text("The strain at the ends of the colours");
     });
     ui.horizontal(|ui| {
-        let about = "Geometry on each feature: as it is bound to the skin on the left, as vrtm carries it on the right (C)";
+        let about =
+            "Geometry on each feature: bound to the skin on the left, carried by vrtm on the right (C)";
         let carried = ui.checkbox(&mut look.carried, "Carried").on_hover_text(about);
         noted("Carried", carried.rect);
         for (name, shape) in Shape::ALL {

@@ -11,7 +11,7 @@ use crate::carry::Shape;
 use crate::draw::camera::{Camera, Orbit, View};
 use crate::model::plus;
 
-/// Which UVs the texture is looked up by.
+/// UVs at which the texture is looked up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Panes {
     Original,
@@ -21,7 +21,7 @@ pub enum Panes {
     Wipe,
 }
 
-/// What the surface shows.
+/// Content of the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
     Texture,
@@ -29,24 +29,24 @@ pub enum Shown {
     Strain,
 }
 
-/// How the mesh is looked at.
+/// Settings of the view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Look {
     pub panes: Panes,
-    /// Where the line of a wipe is, as a part of the width.
+    /// Place of a wipe's line, as a fraction of the width.
     pub wipe: f32,
     pub shown: Shown,
-    /// Whether lines of the grid are drawn, and how many cells apart.
+    /// Spacing of grid lines in cells, if they are drawn.
     pub grid: bool,
     pub every: u32,
     /// Strain at the ends of the colours.
     pub range: f32,
-    /// Whether the left mouse button paints.
+    /// True if the left mouse button paints.
     pub brush: bool,
-    /// Whether something stands on the features, and what.
+    /// Geometry on the features, if any.
     pub carried: bool,
     pub shape: Shape,
-    /// Whether the panel at the side is there; `None` = if the window is wide enough.
+    /// True if the panel at the side is there; `None` = if the window is wide enough.
     pub side: Option<bool>,
 }
 
@@ -71,12 +71,12 @@ impl Default for Look {
 const WIDE: f32 = 1000.0;
 
 impl Look {
-    /// Whether the panel at the side is there.
+    /// True if the panel at the side is there.
     pub fn has_side(&self, width: f32) -> bool {
         self.side.unwrap_or(width >= WIDE)
     }
 
-    /// Whether each pane is redirected.
+    /// True for each pane that is redirected.
     pub fn redirected(&self) -> &'static [bool] {
         match self.panes {
             Panes::Original => &[false],
@@ -85,7 +85,7 @@ impl Look {
         }
     }
 
-    /// What is drawn on the features: they would hide the colours of strain and of rigidity.
+    /// Geometry on the features: it would hide the colours of strain and of rigidity.
     pub fn on_features(&self) -> Option<Shape> {
         (self.carried && self.shown == Shown::Texture).then_some(self.shape)
     }
@@ -142,14 +142,14 @@ impl Look {
     }
 }
 
-/// What the mouse did in the view.
+/// Action of the mouse in the view.
 #[derive(Default)]
 pub struct Mouse {
-    /// Whether it orbits, pans or comes closer.
+    /// Kind of motion: orbit, pan or approach.
     pub moves: bool,
     /// The pane under it, and where in the pane in units of its width and height.
     pub over: Option<(usize, [f32; 2])>,
-    /// Whether it paints.
+    /// True if it paints.
     pub paints: bool,
 }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::{apng, gif, mp4, sequence, webp};
 
-/// What a clip is written as.
+/// Format of a clip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Format {
     #[default]
@@ -39,7 +39,7 @@ impl Format {
         }
     }
 
-    /// Why it cannot be written here.
+    /// The reason that it cannot be written here.
     pub fn missing(self) -> Option<&'static str> {
         let missing = self == Format::Mp4 && mp4::program().is_none();
         missing.then_some("there is no program ffmpeg in the PATH, which writes MP4")

@@ -21,7 +21,7 @@ impl Whole {
         Ok((Whole { path: path.into(), part, done: false }, BufWriter::new(file)))
     }
 
-    /// Where it is until then.
+    /// Its path until then.
     pub fn part(&self) -> &Path {
         &self.part
     }
@@ -65,7 +65,7 @@ pub fn with_ending(path: &Path, ending: &str) -> PathBuf {
 /// A file that would be replaced.
 pub struct Existing {
     pub path: PathBuf,
-    /// Whether it was opened as an input.
+    /// True if it was opened as an input.
     pub read: bool,
 }
 

@@ -12,7 +12,7 @@ use super::clip::Film;
 use super::file::Whole;
 use crate::timeline::RATE;
 
-/// How quickly colours are chosen, 1 (best) to 30.
+/// Speed of the choice of colours, 1 (best) to 30.
 const SPEED: i32 = 10;
 
 pub struct Gif {

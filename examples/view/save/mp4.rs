@@ -24,7 +24,7 @@ impl Drop for Running {
     }
 }
 
-/// Where ffmpeg is, if it is in the PATH.
+/// Path of ffmpeg, if it is in the PATH.
 pub fn program() -> Option<PathBuf> {
     let path = std::env::var_os("PATH")?;
     let name = format!("ffmpeg{}", std::env::consts::EXE_SUFFIX);
@@ -52,7 +52,7 @@ impl Mp4 {
         Ok(Mp4 { path: path.into(), child: Running(child), whole })
     }
 
-    /// What ffmpeg says, or else the error.
+    /// Message of ffmpeg, or else the error.
     fn said(&mut self, error: &dyn std::fmt::Display) -> String {
         drop(self.child.0.stdin.take());
         let mut text = String::new();

@@ -9,7 +9,7 @@ use super::file::Whole;
 
 pub struct Sequence {
     size: [u32; 2],
-    /// Those that are to come, the next one last.
+    /// Frames to come, the next one last.
     paths: Vec<PathBuf>,
     done: Vec<Whole>,
 }

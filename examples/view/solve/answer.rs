@@ -18,7 +18,7 @@ pub struct Answer {
     pub normals: Arc<Vec<[f32; 3]>>,
     /// For each tile.
     pub tiles: Vec<Solved>,
-    /// What stands on the features, if that was asked for.
+    /// Geometry on the features, if it was asked for.
     pub carried: Arc<Vec<Placed>>,
     pub report: AssetReport,
     /// Milliseconds of the solve without building grids and measuring, of building grids, of measuring, and of the

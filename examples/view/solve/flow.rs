@@ -10,7 +10,7 @@ const QUICK: f64 = 40.0;
 /// A solve that takes longer is preceded by a draft, so that a click shows something at once.
 const SLOW: f64 = 200.0;
 
-/// What was asked for, and how long it takes.
+/// The request, and its duration.
 #[derive(Default)]
 pub struct Flow {
     /// Counts edits of maps and settings.
@@ -20,20 +20,20 @@ pub struct Flow {
     known: Option<(Quality, f64)>,
 }
 
-/// What the window shows.
+/// Content of the window.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted {
     pub frame: usize,
     pub last: usize,
     pub quality: Quality,
-    /// Whether the user drags, paints or plays.
+    /// True while the user drags, paints or plays.
     pub moving: bool,
-    /// Whether something stands on the features.
+    /// True if there is geometry on the features.
     pub carried: bool,
 }
 
 impl Flow {
-    /// What to ask for now, if anything; `shown` is what is on the screen.
+    /// The next request, if any; `shown` is the picture on the screen.
     pub fn next(&mut self, wanted: &Wanted, shown: Option<&Request>) -> Option<Request> {
         let &Wanted { frame, last, quality, moving, carried } = wanted;
         let took = self.known.filter(|(of, _)| *of == quality).map(|(_, took)| took);

@@ -8,7 +8,7 @@ use vrtm::{Control, Quality, TileSettings};
 use crate::brush::canvas::{Canvas, Rect};
 use crate::model::Model;
 
-/// What a solve is for.
+/// Purpose of a solve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// Shows something while the user drags, paints or plays: always finished, or a window would show nothing while
@@ -29,7 +29,7 @@ pub struct Request {
     pub last: usize,
     pub quality: Quality,
     pub purpose: Purpose,
-    /// Whether something stands on the features.
+    /// True if there is geometry on the features.
     pub carried: bool,
     /// Counts edits: a result belongs to the maps and settings up to this one.
     pub edit: u64,
@@ -112,7 +112,7 @@ impl Inbox {
         Some(Work { edits, request, control })
     }
 
-    /// Whether something is being solved, or waits for it.
+    /// True if a solve runs or waits.
     pub fn is_busy(&self) -> bool {
         let state = self.state();
         state.running.is_some() || state.request.is_some()

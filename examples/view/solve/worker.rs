@@ -17,12 +17,12 @@ use crate::carry::ride::Riders;
 use crate::model::{Model, Tile, mesh_source};
 use crate::scenes::path::Path;
 
-/// What the thread tells.
+/// Messages of the thread.
 pub enum News {
     /// The device's name, and why it was chosen.
     Device(String),
     Solved(Box<Answer>),
-    /// What went wrong.
+    /// The error.
     Failed(String),
 }
 
@@ -52,7 +52,7 @@ impl Worker {
         Worker { inbox, news, thread: Some(thread) }
     }
 
-    /// What there is to tell, the oldest first.
+    /// Messages to deliver, the oldest first.
     pub fn news(&self) -> impl Iterator<Item = News> + '_ {
         self.news.try_iter()
     }
@@ -124,10 +124,10 @@ struct Open {
     tiles: Vec<Option<usize>>,
     canvases: Vec<Canvas>,
     maps: Vec<Arc<Maps>>,
-    /// What stands on the features, and whether these were painted since.
+    /// Geometry on the features, and a flag if these were painted since.
     riders: Option<Riders>,
     riders_are_old: bool,
-    /// How long strain was measured the last time.
+    /// Duration of the last measurement of strain.
     measure_ms: f64,
 }
 

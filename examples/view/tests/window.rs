@@ -126,7 +126,7 @@ fn the_timeline_the_panes_and_the_quality() {
     }
 }
 
-/// What one sees first is what there is to see: the pose that stretches most, without and with the redirection.
+/// The first view shows the pose that stretches most, without and with the redirection.
 #[test]
 fn it_opens_side_by_side_in_the_pose_that_stretches_most() {
     let Some((server, folder)) = start("first") else { return };
@@ -143,7 +143,8 @@ fn it_opens_side_by_side_in_the_pose_that_stretches_most() {
     view.quit();
 }
 
-/// Studs come with a solve of their own and are in saved pictures; seams continue, with textures that show what is beyond.
+/// Studs come with a solve of their own and are in saved pictures; seams continue, with textures that show what is
+/// beyond.
 #[test]
 fn what_is_carried_and_seams_that_continue() {
     let Some((server, folder)) = start("carried") else { return };

@@ -20,7 +20,7 @@ pub struct Program {
     passed: usize,
 }
 
-/// Whether a program is in the path.
+/// True if a program is in the path.
 pub fn is_there(name: &str) -> bool {
     let path = std::env::var_os("PATH").unwrap_or_default();
     std::env::split_paths(&path).any(|folder| folder.join(name).is_file())
@@ -88,7 +88,7 @@ impl Program {
         }
     }
 
-    /// Where a widget is now: left, top, right, bottom in pixels.
+    /// Place of a widget now: left, top, right, bottom in pixels.
     pub fn widget(&self, name: &str) -> [u32; 4] {
         let layouts: Vec<_> = self.events().filter(|event| event["event"] == "layout").collect();
         let rect = layouts.last().map(|event| event["widgets"][name].clone()).unwrap_or_default();
