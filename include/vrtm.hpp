@@ -1252,6 +1252,7 @@ struct CarrierDesc : vrtm_carrier_desc {
         uvs = &array.c();
         return *this;
     }
+    CarrierDesc &at_uvs(const Array &&) = delete; // It would be gone.
     // Three corners of one face and their weights for each point.
     CarrierDesc &at_corners(const Indices &indices, const Array &array) noexcept
     {
@@ -1260,6 +1261,7 @@ struct CarrierDesc : vrtm_carrier_desc {
         weights = &array.c();
         return *this;
     }
+    CarrierDesc &at_corners(const Indices &, const Array &&) = delete;
     // The nearest points of the surface at rest, up to this distance; 0 = any.
     CarrierDesc &at_nearest(const Array &array, double distance = 0) noexcept
     {
@@ -1268,6 +1270,7 @@ struct CarrierDesc : vrtm_carrier_desc {
         farthest = distance;
         return *this;
     }
+    CarrierDesc &at_nearest(const Array &&, double = 0) = delete;
 };
 
 // Where to write vectors: the caller's memory.

@@ -75,7 +75,7 @@ pub struct Carried<'a> {
     pub rotations: Option<StridedMut<'a>>,
     /// The stretch of the surface under what is painted that is left, as two factors, the larger first; 2 components.
     pub stretch: Option<StridedMut<'a>>,
-    /// Redirected UV of each point, with the tile's offset; 2 components.
+    /// UV of the surface point under each point, W(p) for a point painted at p, with the tile's offset; 2 components.
     pub uvs: Option<StridedMut<'a>>,
 }
 

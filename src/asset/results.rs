@@ -234,7 +234,8 @@ impl Results {
     /// Writes outputs of results, which may not be published yet.
     pub(crate) fn write_all(&self, team: &Team, last: &Last, fetches: &mut [Fetch]) -> Result<()> {
         let output = |fetch: &Fetch| {
-            let result = last.tiles.get(fetch.tile).and_then(Option::as_ref).ok_or_else(not_solved)?;
+            let result = last.tiles.get(fetch.tile).and_then(Option::as_ref);
+            let result = result.ok_or_else(|| self.not_solved(fetch.tile))?;
             Output::new(&self.0.mesh, &result.solved, fetch.kind, fetch.image.part(), &fetch.image.layout)
         };
         // All memory is allocated first, so that no output is written if memory runs short.
@@ -405,7 +406,13 @@ impl Results {
     pub(crate) fn solved(&self, tile: usize) -> Result<TileResult> {
         self.0.device.alive()?;
         self.check_tile(tile)?;
-        self.last().tiles.get(tile).cloned().flatten().ok_or_else(not_solved)
+        self.last().tiles.get(tile).cloned().flatten().ok_or_else(|| self.not_solved(tile))
+    }
+
+    fn not_solved(&self, tile: usize) -> Error {
+        let (udim, uv_set) = self.tile_udim(tile);
+        let message = format!("tile {udim} of UV set {uv_set} has no result yet: solve first");
+        Error::new(ErrorKind::NotSolved, message)
     }
 
     /// All results; `NotSolved` before the first solve.

@@ -194,7 +194,7 @@ impl Asset {
         self.check_tile(tile)?;
         let texels = image.rect("rigidity", first, size)?;
         let Values::Map(map) = &self.given.maps[tile].rigidity else {
-            return Err(Error::argument("rigidity: the tile has no map, a part of which could change"));
+            return Err(Error::argument("rigidity: the tile has no map to update"));
         };
         let (shape, [width, height]) = (map.shape(), map.shape().0);
         if image.shape() != shape {

@@ -64,7 +64,7 @@ impl<'a> Output<'a> {
             FetchKind::UvSet(uv_set) | FetchKind::UvSetDelta(uv_set) => {
                 mesh.check_uv_set(uv_set)?;
                 if part.extent() != part.size {
-                    let message = "kind: UVs of another set are written as a whole image";
+                    let message = "kind: UVs of another set are written as a whole image, not as a rectangle";
                     return Err(Error::new(ErrorKind::Unsupported, message));
                 }
                 let is_delta = matches!(kind, FetchKind::UvSetDelta(_));

@@ -153,7 +153,7 @@ typedef int32_t vrtm_status;
 // Out of memory, or over the device's memory budget.
 #define VRTM_ERROR_OUT_OF_MEMORY 4
 
-// The asset has no result yet: solve first.
+// The asset, or the tile, has no result yet: solve first.
 #define VRTM_ERROR_NOT_SOLVED 5
 
 // Another call is using the asset; try again when it has returned.
@@ -402,7 +402,8 @@ typedef struct vrtm_device_desc {
     // CPU threads that one solve uses, at most 1024; 0 = one per core. The result is the same bit for bit. The
     // environment variable VRTM_THREADS overrides it.
     uint32_t threads;
-    // Maximum bytes that all assets of the device may hold together; 0 = no limit. A call that would exceed it gives
+    // Maximum bytes that the prepared tiles of all assets of the device may hold together, with their maps and
+    // solvers; 0 = no limit. A call that would exceed it gives
     // VRTM_ERROR_OUT_OF_MEMORY.
     uint64_t memory_budget;
     // Receives log messages; null (the default) = no log. The function and `log_user` must stay valid until the device
@@ -645,8 +646,8 @@ typedef uint32_t (*vrtm_progress_fn)(void *user, float progress);
 typedef struct vrtm_solve_options {
     // sizeof(vrtm_solve_options); set by vrtm_solve_options_init().
     uint32_t struct_size;
-    // Amount of work of a solve. This and the two limits below apply to VRTM_SOLVER_DESCENT only. VRTM_QUALITY_NORMAL
-    // (0, the default) or VRTM_QUALITY_DRAFT.
+    // Amount of work of a solve. VRTM_SOLVER_PBD ignores this, `max_corrections` and `tolerance`, unchecked.
+    // VRTM_QUALITY_NORMAL (0, the default) or VRTM_QUALITY_DRAFT.
     vrtm_quality quality;
     // Maximum corrections on the finest level, 1..64, in place of the quality's limit; 0 = the quality's own. With
     // more than four, a sweep more follows each, and a chart continues until one gains less than 0.01 %, or
@@ -684,7 +685,8 @@ typedef struct vrtm_solve_options {
     vrtm_solver solver;
     // Settings of VRTM_SOLVER_PBD.
     vrtm_pbd_settings pbd;
-    // The tiles to solve, in any order; null = all. The others keep their results.
+    // The tiles to solve, in any order and also twice; null = all, an empty list = none. The others keep their
+    // results.
     const vrtm_tile *tiles;
     // The length of `tiles`. Ignored when that is null.
     size_t tile_count;
@@ -760,7 +762,7 @@ typedef struct vrtm_fetch {
     uint32_t uv_set;
     // Texels in u of the whole image, if `image` is a rectangle of a larger one, such as a band of one that does not
     // fit into memory. On the CPU, rectangles equal those of the whole image bit for bit. 0 (the default) = `image` is
-    // the whole.
+    // the whole, as it must be for VRTM_FETCH_UV_SET and VRTM_FETCH_UV_SET_DELTA.
     uint32_t whole_width;
     // Texels in v of the whole image; 0 exactly if `whole_width` is.
     uint32_t whole_height;
@@ -808,11 +810,11 @@ vrtm_status vrtm_asset_solve(vrtm_asset asset,
 // asset. No two images may write the same byte, but they may be interleaved, such as two pairs of channels of one
 // image. `fetches` may be null if `count` is 0.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
-// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride, channels that
-// the kind does not have, an unknown value, a rectangle that is not inside the whole image, or images that overlap;
-// VRTM_ERROR_OUT_OF_MEMORY. On any error no image is written, unless a GPU fails while the images are written. Never
-// busy.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before a tile's first solve; VRTM_ERROR_UNSUPPORTED for an
+// integer format, or a rectangle of UVs of another set; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a
+// zero size, a short stride, channels that the kind does not have, an unknown value, a rectangle that is not inside
+// the whole image, or images that overlap; VRTM_ERROR_OUT_OF_MEMORY. On any error no image is written, unless a GPU
+// fails while the images are written. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_fetch(const vrtm_fetch *fetches,
                             size_t count);
@@ -847,7 +849,7 @@ typedef struct vrtm_device_info {
     char reason[256];
     // CPU threads per solve.
     uint32_t threads;
-    // Bytes that all assets of the device currently hold.
+    // Bytes that the prepared tiles of all assets of the device hold now, with their maps and solvers.
     uint64_t bytes_held;
 } vrtm_device_info;
 
@@ -1186,7 +1188,7 @@ vrtm_status vrtm_tile_set_mask(vrtm_tile tile,
 
 // Sets the rigidity of the vertices (1 component, as many as vertices, 0..1), linear over each triangle. A tile with
 // a map (vrtm_tile_set_rigidity) has that of its map, in whatever order the two are set. Null removes the values and
-// leaves the maps. Without a map, a tile's grid has the size in its settings, or 1024 x 1024.
+// leaves the maps. Without a map, the grid is chosen in the same way, up to 1024 x 1024 cells.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null data, a wrong count, a short stride or a
 // value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -1237,10 +1239,10 @@ typedef struct vrtm_tile_estimate {
     uint64_t solving_bytes;
 } vrtm_tile_estimate;
 
-// Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings. Takes
-// a small fraction of the time and memory of preparing the tile, and keeps nothing but what charts have beyond their
-// borders, if they go on there. The same estimate is checked against a device's memory_budget before a tile is
-// prepared.
+// Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings (on a
+// grid of less than 1024 x 1024 cells, `prepared_bytes` may be a third too low). Takes a small fraction of the time
+// and memory of preparing the tile, and keeps nothing but the charts' extensions with VRTM_SEAMS_CONTINUE or
+// VRTM_OPEN_BORDERS_SLIDE. The same estimate is checked against a device's memory_budget before a tile is prepared.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `estimate` is null or has a wrong struct_size;
 // VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
@@ -1580,8 +1582,8 @@ typedef struct vrtm_asset_report {
     uint32_t tiles;
     // Tiles with at least one chart solved in the last call.
     uint32_t tiles_active;
-    // Tiles that the last call skipped: frozen, not requested, or touched by no dirty vertex. Their charts count as
-    // reused.
+    // Tiles with a result that the last call skipped: frozen, not requested, or touched by no dirty vertex. Their
+    // charts count as reused.
     uint32_t tiles_kept;
     // Charts solved.
     uint32_t charts_active;
@@ -1941,7 +1943,8 @@ typedef struct vrtm_carrier_desc {
     vrtm_bind bind;
     // One of VRTM_FIT_: FEATURE (0, the default), SURFACE, NONE.
     vrtm_fit fit;
-    // VRTM_BIND_UV: UVs, 2 components, with the tile's place added, as those of the mesh.
+    // VRTM_BIND_UV: UVs, 2 components, with the tile's offset added, as in the mesh's own. `uvs->count`,
+    // `weights->count` or `positions->count` is the number of points.
     const vrtm_array *uvs;
     // VRTM_BIND_UV: the layer of each point (vrtm_mesh_desc.max_layers); null = the first layer that has a chart
     // there.
@@ -1952,10 +1955,11 @@ typedef struct vrtm_carrier_desc {
     const vrtm_array *weights;
     // VRTM_BIND_NEAREST: positions at rest, 3 components.
     const vrtm_array *positions;
-    // VRTM_BIND_NEAREST: the largest distance from the surface; 0 = any.
+    // VRTM_BIND_NEAREST: the largest distance from the surface, in the unit of the positions; 0 = any.
     double farthest;
-    // The height of each point above the surface, along its normal, 1 component; null = 0. The normal is that on
-    // whose side the corners of faces go round against the clock.
+    // The height of each point above the surface, in the unit of the positions, along the normal, which is
+    // interpolated between vertices; 1 component; null = 0. Seen from its side, the corners of faces run
+    // counter-clockwise.
     const vrtm_array *heights;
     // The frame of each point at rest, from which its rotations begin: quaternions x, y, z, w, 4 components; null =
     // the axes of the mesh.
@@ -2021,7 +2025,8 @@ typedef struct vrtm_carried {
     const vrtm_array_out *matrices;
     // The stretch of the surface under what is painted that is left, as two factors, the larger first: 2 components.
     const vrtm_array_out *stretch;
-    // Redirected UV of each point, with the tile's place added: 2 components.
+    // UV of the surface point under each point, W(p) for a point painted at p (as VRTM_FETCH_WARP), with the tile's
+    // offset added: 2 components.
     const vrtm_array_out *uvs;
 } vrtm_carried;
 
@@ -2056,10 +2061,10 @@ vrtm_status vrtm_carrier_get_info(vrtm_carrier carrier,
 // Carries the points into the pose of the asset's last solve, and writes what `carried` asks for. The result depends
 // on that solve and on the carrier alone. Never busy: it reads the last good result, even during a solve.
 //
-// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve after vrtm_carrier_create: poses
-// from before are not kept; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `carried` is null, a count is not the
-// number of points, or elements overlap; VRTM_ERROR_OUT_OF_MEMORY, VRTM_ERROR_DEVICE_LOST. On any error nothing is
-// written.
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve after vrtm_carrier_create, unless
+// the asset had another carrier in its last one: poses from before are not kept; VRTM_ERROR_INVALID_ARGUMENT, naming
+// the field, if `carried` is null, a count is not the number of points, or elements overlap; VRTM_ERROR_OUT_OF_MEMORY,
+// VRTM_ERROR_DEVICE_LOST. On any error nothing is written.
 VRTM_API
 vrtm_status vrtm_carrier_fetch(vrtm_carrier carrier,
                                const vrtm_carried *carried);

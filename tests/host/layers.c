@@ -54,7 +54,7 @@ static void layers(vrtm_asset asset)
     check_that(found.id == tiles[1].id, "is tile 1", "");
     key.layer = 2;
     fails("layer 2", vrtm_asset_find_tile(asset, &key, &found), VRTM_ERROR_INVALID_ARGUMENT,
-          "key.layer is 2, but tile 1001 has 2");
+          "key.layer is 2, but tile 1001 has 2 layers");
     succeeds("that of set 1", vrtm_tile_get_key(tiles[2], &key));
     check_that(key.uv_set == 1 && key.layer == 0 && key.layers == 1, "is layer 0 of 1", "");
     fails("no place for it", vrtm_tile_get_key(tiles[2], NULL), VRTM_ERROR_INVALID_ARGUMENT, "key is null");

@@ -49,7 +49,8 @@ pub struct vrtm_carrier_desc {
     pub bind: vrtm_bind,
     /// One of VRTM_FIT_: FEATURE (0, the default), SURFACE, NONE.
     pub fit: vrtm_fit,
-    /// VRTM_BIND_UV: UVs, 2 components, with the tile's place added, as those of the mesh.
+    /// VRTM_BIND_UV: UVs, 2 components, with the tile's offset added, as in the mesh's own. `uvs->count`,
+    /// `weights->count` or `positions->count` is the number of points.
     pub uvs: *const vrtm_array,
     /// VRTM_BIND_UV: the layer of each point (vrtm_mesh_desc.max_layers); null = the first layer that has a chart
     /// there.
@@ -60,10 +61,11 @@ pub struct vrtm_carrier_desc {
     pub weights: *const vrtm_array,
     /// VRTM_BIND_NEAREST: positions at rest, 3 components.
     pub positions: *const vrtm_array,
-    /// VRTM_BIND_NEAREST: the largest distance from the surface; 0 = any.
+    /// VRTM_BIND_NEAREST: the largest distance from the surface, in the unit of the positions; 0 = any.
     pub farthest: f64,
-    /// The height of each point above the surface, along its normal, 1 component; null = 0. The normal is that on
-    /// whose side the corners of faces go round against the clock.
+    /// The height of each point above the surface, in the unit of the positions, along the normal, which is
+    /// interpolated between vertices; 1 component; null = 0. Seen from its side, the corners of faces run
+    /// counter-clockwise.
     pub heights: *const vrtm_array,
     /// The frame of each point at rest, from which its rotations begin: quaternions x, y, z, w, 4 components; null =
     /// the axes of the mesh.
@@ -116,7 +118,8 @@ pub struct vrtm_carried {
     pub matrices: *const vrtm_array_out,
     /// The stretch of the surface under what is painted that is left, as two factors, the larger first: 2 components.
     pub stretch: *const vrtm_array_out,
-    /// Redirected UV of each point, with the tile's place added: 2 components.
+    /// UV of the surface point under each point, W(p) for a point painted at p (as VRTM_FETCH_WARP), with the tile's
+    /// offset added: 2 components.
     pub uvs: *const vrtm_array_out,
 }
 
@@ -242,10 +245,10 @@ pub unsafe extern "C" fn vrtm_carrier_get_info(
 /// Carries the points into the pose of the asset's last solve, and writes what `carried` asks for. The result depends
 /// on that solve and on the carrier alone. Never busy: it reads the last good result, even during a solve.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve after vrtm_carrier_create: poses
-/// from before are not kept; VRTM_ERROR_INVALID_ARGUMENT, naming the field, if `carried` is null, a count is not the
-/// number of points, or elements overlap; VRTM_ERROR_OUT_OF_MEMORY, VRTM_ERROR_DEVICE_LOST. On any error nothing is
-/// written.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve after vrtm_carrier_create, unless
+/// the asset had another carrier in its last one: poses from before are not kept; VRTM_ERROR_INVALID_ARGUMENT, naming
+/// the field, if `carried` is null, a count is not the number of points, or elements overlap; VRTM_ERROR_OUT_OF_MEMORY,
+/// VRTM_ERROR_DEVICE_LOST. On any error nothing is written.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_carrier_fetch(
     carrier: vrtm_carrier,

@@ -56,7 +56,8 @@ pub struct vrtm_device_desc {
     /// CPU threads that one solve uses, at most 1024; 0 = one per core. The result is the same bit for bit. The
     /// environment variable VRTM_THREADS overrides it.
     pub threads: u32,
-    /// Maximum bytes that all assets of the device may hold together; 0 = no limit. A call that would exceed it gives
+    /// Maximum bytes that the prepared tiles of all assets of the device may hold together, with their maps and
+    /// solvers; 0 = no limit. A call that would exceed it gives
     /// VRTM_ERROR_OUT_OF_MEMORY.
     pub memory_budget: u64,
     /// Receives log messages; null (the default) = no log. The function and `log_user` must stay valid until the device
@@ -85,7 +86,7 @@ pub struct vrtm_device_info {
     pub reason: [c_char; 256],
     /// CPU threads per solve.
     pub threads: u32,
-    /// Bytes that all assets of the device currently hold.
+    /// Bytes that the prepared tiles of all assets of the device hold now, with their maps and solvers.
     pub bytes_held: u64,
 }
 

@@ -63,7 +63,7 @@ pub struct vrtm_fetch {
     pub uv_set: u32,
     /// Texels in u of the whole image, if `image` is a rectangle of a larger one, such as a band of one that does not
     /// fit into memory. On the CPU, rectangles equal those of the whole image bit for bit. 0 (the default) = `image` is
-    /// the whole.
+    /// the whole, as it must be for VRTM_FETCH_UV_SET and VRTM_FETCH_UV_SET_DELTA.
     pub whole_width: u32,
     /// Texels in v of the whole image; 0 exactly if `whole_width` is.
     pub whole_height: u32,
@@ -216,11 +216,11 @@ fn check_apart(all: &[Checked], input: Range<usize>) -> Outcome<()> {
 /// asset. No two images may write the same byte, but they may be interleaved, such as two pairs of channels of one
 /// image. `fetches` may be null if `count` is 0.
 ///
-/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_UNSUPPORTED for an
-/// integer format; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a zero size, a short stride, channels that
-/// the kind does not have, an unknown value, a rectangle that is not inside the whole image, or images that overlap;
-/// VRTM_ERROR_OUT_OF_MEMORY. On any error no image is written, unless a GPU fails while the images are written. Never
-/// busy.
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before a tile's first solve; VRTM_ERROR_UNSUPPORTED for an
+/// integer format, or a rectangle of UVs of another set; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a
+/// zero size, a short stride, channels that the kind does not have, an unknown value, a rectangle that is not inside
+/// the whole image, or images that overlap; VRTM_ERROR_OUT_OF_MEMORY. On any error no image is written, unless a GPU
+/// fails while the images are written. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_fetch(fetches: *const vrtm_fetch, count: usize) -> vrtm_status {
     guard("vrtm_tile_fetch", || {

@@ -15,10 +15,10 @@ mirror! {
     }
 }
 
-/// Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings. Takes
-/// a small fraction of the time and memory of preparing the tile, and keeps nothing but what charts have beyond their
-/// borders, if they go on there. The same estimate is checked against a device's memory_budget before a tile is
-/// prepared.
+/// Estimates, to about a tenth, what preparing and solving a tile would take with its present maps and settings (on a
+/// grid of less than 1024 x 1024 cells, `prepared_bytes` may be a third too low). Takes a small fraction of the time
+/// and memory of preparing the tile, and keeps nothing but the charts' extensions with VRTM_SEAMS_CONTINUE or
+/// VRTM_OPEN_BORDERS_SLIDE. The same estimate is checked against a device's memory_budget before a tile is prepared.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `estimate` is null or has a wrong struct_size;
 /// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.

@@ -131,7 +131,7 @@ impl Drop for Claim {
 }
 
 fn busy() -> Failure {
-    let message = "another call is using the asset".to_owned();
+    let message = "asset: another call, or a job, is using it".to_owned();
     Failure { status: VRTM_ERROR_BUSY, message }
 }
 

@@ -44,7 +44,8 @@ mirror! {
         /// time.
         release: u32,
         solver: vrtm_solver, pbd: vrtm_pbd_settings,
-        /// The tiles to solve, in any order; null = all. The others keep their results.
+        /// The tiles to solve, in any order and also twice; null = all, an empty list = none. The others keep their
+        /// results.
         tiles: *const vrtm_tile,
         /// The length of `tiles`. Ignored when that is null.
         tile_count: usize,

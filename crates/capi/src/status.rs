@@ -31,7 +31,7 @@ pub const VRTM_ERROR_INVALID_HANDLE: vrtm_status = 2;
 pub const VRTM_ERROR_UNSUPPORTED: vrtm_status = 3;
 /// Out of memory, or over the device's memory budget.
 pub const VRTM_ERROR_OUT_OF_MEMORY: vrtm_status = 4;
-/// The asset has no result yet: solve first.
+/// The asset, or the tile, has no result yet: solve first.
 pub const VRTM_ERROR_NOT_SOLVED: vrtm_status = 5;
 /// Another call is using the asset; try again when it has returned.
 pub const VRTM_ERROR_BUSY: vrtm_status = 6;

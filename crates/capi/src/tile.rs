@@ -98,7 +98,7 @@ pub unsafe extern "C" fn vrtm_asset_find_tile(
             found.ok_or_else(|| Failure::argument(format!("key.udim: the asset has no tile {udim}")))?;
         let layers = shared.results.tile_layer(index).1;
         if layer >= layers {
-            let message = format!("key.layer is {layer}, but tile {udim} has {layers}");
+            let message = format!("key.layer is {layer}, but tile {udim} has {layers} layers");
             return Err(Failure::argument(message));
         }
         out.write(handle::tile_handle(asset, index + layer as usize));
@@ -210,7 +210,7 @@ pub unsafe extern "C" fn vrtm_tile_set_mask(tile: vrtm_tile, mask: *const vrtm_i
 
 /// Sets the rigidity of the vertices (1 component, as many as vertices, 0..1), linear over each triangle. A tile with
 /// a map (vrtm_tile_set_rigidity) has that of its map, in whatever order the two are set. Null removes the values and
-/// leaves the maps. Without a map, a tile's grid has the size in its settings, or 1024 x 1024.
+/// leaves the maps. Without a map, the grid is chosen in the same way, up to 1024 x 1024 cells.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT for null data, a wrong count, a short stride or a
 /// value that is not finite; VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.

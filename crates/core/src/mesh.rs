@@ -56,7 +56,7 @@ pub struct Chart {
 #[derive(Clone, Copy, Debug)]
 pub struct FacePoint {
     pub vertices: [u32; 3],
-    /// Their weights, whose sum is 1.
+    /// The weights of `vertices`, with the sum 1.
     pub weights: [f64; 3],
     pub mirror: Option<Mirror>,
 }

@@ -58,7 +58,7 @@ pub fn contain<R>(body: impl FnOnce() -> R) -> Result<R, String> {
     })
 }
 
-/// Catches this thread's panics.
+/// Runs `body`, and returns its panic, if it panics, instead of unwinding.
 #[allow(clippy::result_large_err, reason = "a box would need memory, which may be short")]
 pub fn catch_here<R>(body: impl FnOnce() -> R) -> Result<R, Panicked> {
     struct Inside;

@@ -349,8 +349,8 @@ pub struct AssetReport {
     pub total_ms: f32,
     /// True if the time budget ended a tile's solve early.
     pub truncated: bool,
-    /// Tiles that the last call skipped: frozen, not requested, or touched by no dirty vertex. Their charts count as
-    /// reused.
+    /// Tiles with a result that the last call skipped: frozen, not requested, or touched by no dirty vertex. Their
+    /// charts count as reused.
     pub tiles_kept: u32,
     /// Median ratio of posed length to rest length, over a few thousand edges. If it is over 3 or under 1/3, the log
     /// warns: the pose probably has other units, or its vertices are in another order.

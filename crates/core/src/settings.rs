@@ -318,7 +318,7 @@ settings! {
 settings! {
     /// Options of one solve.
     pub struct SolveOptions in "options" {
-        /// Amount of work of a solve. This and the two limits below apply to [`Solver::Descent`] only.
+        /// Amount of work of a solve. [`Solver::Pbd`] ignores this, `max_corrections` and `tolerance`, unchecked.
         pub quality: Quality = Quality::Normal;
         /// Maximum corrections on the finest level, 1..64, in place of the quality's limit; `None` = the quality's own.
         /// With more than four, a sweep more follows each, and a chart continues until one gains less than 0.01 %, or

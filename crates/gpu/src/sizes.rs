@@ -31,7 +31,7 @@ pub struct BandBufferSizes {
     pub contributions: Option<u64>,
     /// On level 1: first entries per node, and entries, of the gathered metrics.
     pub gather: Option<[u64; 2]>,
-    /// The size of each of the two results; 0 on coarser levels.
+    /// Bytes of each of the solver's two result buffers; 0 on coarser levels.
     result: u64,
 }
 

@@ -44,7 +44,7 @@ pub struct ReferenceMinimum {
 /// them is on the surface.
 pub type CollarTriangleInSpace = ([[f64; 2]; 3], [[(u32, f64); 3]; 3]);
 
-/// The collar of a chart.
+/// The collar of a chart: copies of the surface beyond its borders.
 #[derive(Clone, Debug)]
 pub struct CollarOfChart {
     /// A point of the chart, as UV within the tile.

@@ -34,7 +34,7 @@ pub struct Strip {
 }
 
 impl Reader<'_> {
-    /// The rows of a map.
+    /// Reads the given rows of a map, as a host would get them.
     pub fn read(&mut self, desc: &MapDesc, rows: Range<usize>) -> Result<Strip> {
         let bytes = self.write(desc, rows.clone())?;
         Ok(self.decode(desc, rows, &bytes))

@@ -57,7 +57,8 @@ class Tile:
     def set_rigidity(self, rigidity: ArrayLike | None, *, channel: int = 0, origin: Origin = "top") -> None:
         """Sets what is rigid: an image (height, width) or (height, width, channels) of uint8, uint16, float16 or
         float32, 0 (elastic) to 1 (rigid; for integers their largest value), of any size. `origin`: "top" if the first
-        row is at v = 1, as in image files, or "bottom". None removes it: then nothing in the tile moves."""
+        row is at v = 1, as in image files, or "bottom". None removes it: the tile then has the rigidity of the
+        vertices, if there is any."""
         self._set(library.vrtm_tile_set_rigidity, "rigidity", rigidity, channel, origin)
 
     def update_rigidity(

@@ -159,7 +159,7 @@ impl<'a> Depths<'a> {
         if on.image { key + 2 } else { key + u32::from(key == own && on.is_collar) }
     }
 
-    /// The node of the same chart that is nearest to a place on it: its block and slot.
+    /// The block and the slot of the node nearest to a place, if it is a node of the chart itself.
     fn nearest(&self, places: &Places, place: &Place) -> Option<(usize, usize)> {
         let tile = &self.tiles[place.tile as usize];
         let (grid, mesh) = (tile.grid?, &places.tiles[place.tile as usize]);

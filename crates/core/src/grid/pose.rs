@@ -102,7 +102,7 @@ fn power_of_two_near_inverse(extent: f64) -> f64 {
 pub struct PoseTriangle {
     /// f at the first UV corner.
     pub origin: [f32; 3],
-    /// ∂f/∂x, then ∂f/∂y.
+    /// The tangents ∂f/∂u and ∂f/∂v, per cell of level 0.
     pub tangent: [[f32; 3]; 2],
 }
 

@@ -216,7 +216,8 @@ fn stiffness(
     }
 }
 
-/// The wanted positions (chart, y, x) on the next coarser level over the blocks of a level.
+/// The positions (chart, y, x) of the next coarser level's blocks that cover blocks of `finer` and that `wanted`
+/// accepts, sorted.
 fn places(finer: &SurveyLevel, wanted: impl Fn([u32; 2]) -> bool) -> Vec<(u32, u32, u32)> {
     let places = finer.blocks.list.iter().filter(|b| wanted([b.x / 2, b.y / 2]));
     let mut places: Vec<_> = places.map(|b| (b.chart, b.y / 2, b.x / 2)).collect();

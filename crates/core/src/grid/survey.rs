@@ -247,7 +247,7 @@ impl Found {
         self.sets.push(sets);
     }
 
-    /// Adds a rigid node of a chart in a square, the parts of which begin at `first`.
+    /// Adds a rigid node of a chart to a square. The parts of the square begin at `first` in `of_features`.
     fn add_rigid(&mut self, first: usize, chart: u32, [x, y]: [u32; 2], [i, j]: [usize; 2], at_border: bool) {
         let known = self.of_features[first..].iter().position(|of| of.part.chart == chart);
         let index = known.map_or(self.of_features.len(), |k| first + k);

@@ -24,7 +24,7 @@ const FLOOR_FRACTION: f64 = 0.05;
 pub(super) struct Edge {
     pub a: u32,
     pub b: u32,
-    /// w = max(R_a, R_b).
+    /// w: the larger rigidity of the two nodes.
     pub weight: f64,
     /// (λ(1-w) + λ0) / |d0|².
     pub smooth: f64,

@@ -41,7 +41,7 @@ pub(super) struct Multigrid {
 const NO_PARENT: (u32, f64) = (0, 0.0);
 
 impl Multigrid {
-    /// `movable` has (nx + 1) x (ny + 1) entries, false on the rim.
+    /// Builds the levels for nx x ny cells; `movable` has (nx + 1) x (ny + 1) entries, false on the rim.
     pub fn new(nx: usize, ny: usize, movable: &[bool]) -> Multigrid {
         let mut levels = Vec::new();
         let mut parents = Vec::new();

@@ -22,7 +22,8 @@ impl Run<'_> {
         [self.rows(level), flat(self.memory.workspace.residual(level))]
     }
 
-    /// A level's system. Planes per block: the diagonal (3), and the encoded pairs of the four owned edges (2 each).
+    /// The matrix of a level's system. A block has 3 planes for the diagonal, and 2 of encoded pairs for each of the
+    /// four owned edges.
     pub fn rows(&self, level: usize) -> Vec<u32> {
         let mut all = Vec::new();
         let Rows { diagonal, words, .. } = self.memory.workspace.rows(level);

@@ -113,7 +113,7 @@ impl Surface for Chords<'_> {
     }
 }
 
-/// Position and tangents at the offset d from the origin of a triangle, given the halves of its record.
+/// Position and tangents at the offset d from a triangle's origin; `first` and `second` are the halves of its record.
 #[inline(always)]
 fn affine_samples<V: Lanes>(first: &[V; LANES], second: &[V; LANES], d: &[V; 2]) -> ([V; 3], Slopes<V>) {
     let origin = [first[6], first[7], second[0]];
