@@ -465,7 +465,7 @@ fn random_calls_to_a_gpu_never_do_harm() {
     if !gpu::has_gpu() {
         return;
     }
-    let mut host = Host { backend: VRTM_BACKEND_GPU, ..Host::new(5) };
+    let mut host = Host { backend: VRTM_BACKEND_GPU, ..Host::new(9) };
     let calls = long::cases(500, 200, "calls") as usize;
     host.run(calls);
     println!("calls by status: {:?}", host.statuses);

@@ -111,7 +111,7 @@ def test_uv_sets(device, model):
             asset.tile(1001, 2)
         with pytest.raises(vrtm.InvalidArgumentError, match=r"the mesh has 4 UV sets$"):
             asset.tile(1001, 4)
-        with pytest.raises(vrtm.InvalidArgumentError, match=r"tile 1001 has 1$"):
+        with pytest.raises(vrtm.InvalidArgumentError, match=r"tile 1001 has 1 layers$"):
             asset.tile(1001, layer=1)
 
 
