@@ -7,8 +7,8 @@ use std::ptr;
 use std::sync::atomic::{AtomicIsize, AtomicPtr, Ordering};
 
 use vrtm_capi::{
-    allocator::*, asset::*, carrier::*, device::*, dilation::*, executor::*, fetch::*, handle::*, job::*, map::*,
-    prepare::*, refine::*, report::*, solve::*, tile::*, types::*,
+    allocator::*, asset::*, carrier::*, device::*, dilation::*, executor::*, fetch::*, handle::*, job::*,
+    map::*, prepare::*, refine::*, report::*, solve::*, tile::*, types::*,
 };
 
 use crate::host::*;
@@ -244,8 +244,7 @@ fn points_are_carried() {
         // SAFETY: within the bytes.
         unsafe { uvs.pointer().cast::<u8>().add(20 * k).cast::<[f64; 2]>().write_unaligned(*uv) };
     }
-    let points =
-        vrtm_array { data: uvs.pointer(), count: 3, stride: 20, format: VRTM_SCALAR_F64, ..sized() };
+    let points = vrtm_array { data: uvs.pointer(), count: 3, stride: 20, format: VRTM_SCALAR_F64, ..sized() };
     let desc = vrtm_carrier_desc { uvs: &points, ..sized() };
     let mut bytes = Bytes::new(3 * 30, 3);
     let first = bytes.pointer().cast::<u8>();
