@@ -93,9 +93,9 @@ def test_what_is_wrong_is_named():
     with pytest.raises(vrtm.InvalidArgumentError, match="uv_set"):
         asset.face_layers(2)
     asset.solve(pose)
-    with pytest.raises(vrtm.InvalidArgumentError, match=r"fetch\.uv_set is 2"):
+    with pytest.raises(vrtm.InvalidArgumentError, match=r"fetches\[0\]\.uv_set is 2"):
         asset.tile(1001, 1).fetch("uv_set", 16, uv_set=2)
-    with pytest.raises(vrtm.InvalidArgumentError, match=r"fetch\.uv_set is 1"):
+    with pytest.raises(vrtm.InvalidArgumentError, match=r"fetches\[0\]\.uv_set is 1"):
         asset.tile(1001, 1).fetch("redirection", 16, uv_set=1)
     with pytest.raises((ValueError, TypeError), match="max_layers"):
         halves(-1)
