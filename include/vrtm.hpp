@@ -86,10 +86,19 @@ enum class FetchKind : vrtm_fetch_kind {
     jacobian = VRTM_FETCH_JACOBIAN,
     filter_scale = VRTM_FETCH_FILTER_SCALE,
     uv_set = VRTM_FETCH_UV_SET,
-    uv_set_delta = VRTM_FETCH_UV_SET_DELTA
+    uv_set_delta = VRTM_FETCH_UV_SET_DELTA,
+    carried = VRTM_FETCH_CARRIED // Fetches::add(carrier, ...) has it.
 };
 enum class Quality : vrtm_quality { normal = VRTM_QUALITY_NORMAL, draft = VRTM_QUALITY_DRAFT };
 enum class Solver : vrtm_solver { descent = VRTM_SOLVER_DESCENT, pbd = VRTM_SOLVER_PBD };
+enum class Bind : vrtm_bind { uv = VRTM_BIND_UV, corners = VRTM_BIND_CORNERS, nearest = VRTM_BIND_NEAREST };
+enum class Fit : vrtm_fit { feature = VRTM_FIT_FEATURE, surface = VRTM_FIT_SURFACE, none = VRTM_FIT_NONE };
+enum class PointState : vrtm_point_state {
+    bound = VRTM_POINT_BOUND,
+    outside = VRTM_POINT_OUTSIDE,
+    folded = VRTM_POINT_FOLDED,
+    far_off = VRTM_POINT_FAR // "far" is a macro of Windows.
+};
 enum class JobState : vrtm_job_state { running = VRTM_JOB_RUNNING, done = VRTM_JOB_DONE };
 
 // The number of a constant in vrtm.h: `settings.overlap = vrtm::value(vrtm::Overlap::fixed)`. Convert a number back
@@ -944,7 +953,38 @@ private:
 
 // ---- Solve ----
 
-// One output of Asset::redirect.
+// Where to write vectors: the caller's memory.
+class ArrayOut {
+public:
+    ArrayOut(float *data, std::size_t count, std::size_t stride = 0) noexcept
+        : ArrayOut(Scalar::f32, data, count, stride)
+    {
+    }
+    ArrayOut(double *data, std::size_t count, std::size_t stride = 0) noexcept
+        : ArrayOut(Scalar::f64, data, count, stride)
+    {
+    }
+    ArrayOut(Scalar format, void *data, std::size_t count, std::size_t stride = 0) noexcept
+    {
+        c_.format = vrtm::value(format);
+        c_.data = data;
+        c_.count = count;
+        c_.stride = stride;
+    }
+
+    const vrtm_array_out &c() const & noexcept { return c_; }
+    const vrtm_array_out &c() const && = delete; // It would be gone.
+
+private:
+    vrtm_array_out c_ = vrtm_array_out_init();
+};
+
+// Destinations of carried points: the fields of vrtm_carried.
+struct Carried : vrtm_carried {
+    Carried() noexcept : vrtm_carried(vrtm_carried_init()) {}
+};
+
+// An image of a tile, for Asset::redirect.
 struct Fetch {
     Tile tile;
     ImageOut image;
@@ -964,7 +1004,7 @@ public:
             add(fetch);
         }
     }
-    Fetches(const Fetches &other) : images_(other.images_), fetches_(other.fetches_) { link(); }
+    Fetches(const Fetches &other) : targets_(other.targets_), fetches_(other.fetches_) { link(); }
     Fetches(Fetches &&) noexcept = default;
     Fetches &operator=(Fetches &&) noexcept = default;
     Fetches &operator=(const Fetches &other) { return *this = Fetches(other); }
@@ -972,7 +1012,18 @@ public:
     Fetches &add(const Fetch &fetch)
     {
         fetches_.push_back(detail::fetch(fetch.tile.handle(), fetch.kind, fetch.image, fetch.uv_set));
-        images_.push_back(fetch.image.c());
+        targets_.push_back({fetch.image.c(), vrtm_carried_init()});
+        link();
+        return *this;
+    }
+    // The points of a carrier. The arrays of `carried` must live as long as these fetches.
+    Fetches &add(vrtm_carrier carrier, const Carried &carried)
+    {
+        vrtm_fetch fetch = vrtm_fetch_init();
+        fetch.kind = VRTM_FETCH_CARRIED;
+        fetch.carrier = carrier;
+        fetches_.push_back(fetch);
+        targets_.push_back({vrtm_image_out_init(), carried});
         link();
         return *this;
     }
@@ -983,13 +1034,20 @@ public:
 private:
     void link() noexcept
     {
-        for (std::size_t i = 0; i < images_.size(); ++i) {
-            fetches_[i].image = &images_[i];
+        for (std::size_t i = 0; i < targets_.size(); ++i) {
+            const bool is_carried = fetches_[i].kind == VRTM_FETCH_CARRIED;
+            fetches_[i].image = is_carried ? nullptr : &targets_[i].image;
+            fetches_[i].carried = is_carried ? &targets_[i].carried : nullptr;
         }
     }
 
-    std::vector<vrtm_image_out> images_;
-    std::vector<vrtm_fetch> fetches_; // point into images_
+    struct Target {
+        vrtm_image_out image;
+        vrtm_carried carried;
+    };
+
+    std::vector<Target> targets_;
+    std::vector<vrtm_fetch> fetches_; // point into targets_
 };
 
 // The decision of a progress function.
@@ -1245,10 +1303,16 @@ private:
 // The points of a carrier. The fields are those of vrtm.h; the arrays that they point to must live until it is created.
 struct CarrierDesc : vrtm_carrier_desc {
     CarrierDesc() noexcept : vrtm_carrier_desc(vrtm_carrier_desc_init()) {}
+
+    CarrierDesc &set(Fit wanted) noexcept
+    {
+        fit = vrtm::value(wanted);
+        return *this;
+    }
     // UVs among all tiles.
     CarrierDesc &at_uvs(const Array &array) noexcept
     {
-        bind = VRTM_BIND_UV;
+        bind = vrtm::value(Bind::uv);
         uvs = &array.c();
         return *this;
     }
@@ -1256,7 +1320,7 @@ struct CarrierDesc : vrtm_carrier_desc {
     // Three corners of one face and their weights for each point.
     CarrierDesc &at_corners(const Indices &indices, const Array &array) noexcept
     {
-        bind = VRTM_BIND_CORNERS;
+        bind = vrtm::value(Bind::corners);
         corners = indices.data();
         weights = &array.c();
         return *this;
@@ -1265,42 +1329,12 @@ struct CarrierDesc : vrtm_carrier_desc {
     // The nearest points of the surface at rest, up to this distance; 0 = any.
     CarrierDesc &at_nearest(const Array &array, double distance = 0) noexcept
     {
-        bind = VRTM_BIND_NEAREST;
+        bind = vrtm::value(Bind::nearest);
         positions = &array.c();
         farthest = distance;
         return *this;
     }
     CarrierDesc &at_nearest(const Array &&, double = 0) = delete;
-};
-
-// Where to write vectors: the caller's memory.
-class ArrayOut {
-public:
-    ArrayOut(float *data, std::size_t count, std::size_t stride = 0) noexcept
-        : ArrayOut(Scalar::f32, data, count, stride)
-    {
-    }
-    ArrayOut(double *data, std::size_t count, std::size_t stride = 0) noexcept
-        : ArrayOut(Scalar::f64, data, count, stride)
-    {
-    }
-    ArrayOut(Scalar format, void *data, std::size_t count, std::size_t stride = 0) noexcept
-    {
-        c_.format = vrtm::value(format);
-        c_.data = data;
-        c_.count = count;
-        c_.stride = stride;
-    }
-
-    const vrtm_array_out &c() const noexcept { return c_; }
-
-private:
-    vrtm_array_out c_ = vrtm_array_out_init();
-};
-
-// What of carried points is written where. The fields are those of vrtm.h.
-struct Carried : vrtm_carried {
-    Carried() noexcept : vrtm_carried(vrtm_carried_init()) {}
 };
 
 // Points bound to an asset's rest surface, which its solves move along.
@@ -1332,8 +1366,8 @@ public:
         carried.positions = &out.c();
         return fetch(carried);
     }
-    // How each point is bound, one of VRTM_POINT_.
-    Result<std::vector<vrtm_point_state>> states() const
+    // The binding of each point.
+    Result<std::vector<PointState>> states() const
     {
         const Result<vrtm_carrier_info> data = info();
         std::vector<vrtm_point_state> states(static_cast<std::size_t>(data->points));
@@ -1341,7 +1375,12 @@ public:
         if (result) {
             result = Result<>(vrtm_carrier_fetch_states(handle(), states.data(), states.size()));
         }
-        return {std::move(states), result};
+        std::vector<PointState> all;
+        all.reserve(states.size());
+        for (const vrtm_point_state state : states) {
+            all.push_back(PointState(state));
+        }
+        return {std::move(all), result};
     }
 
 private:

@@ -2,11 +2,13 @@
 
 mod after;
 mod blended;
+pub(crate) mod carrier;
 pub(crate) mod derived;
 mod given;
 mod inside;
 mod log;
 pub(crate) mod measure;
+pub(crate) mod outputs;
 mod prepare;
 pub(crate) mod request;
 pub(crate) mod results;

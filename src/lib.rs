@@ -50,7 +50,7 @@
 //! (pose[1][0], pose[4][0]) = (1.3, 1.3);
 //! let mut map = vec![[0.0f32; 2]; 32 * 32];
 //! let image = ImageViewMut::from_texels("image", &mut map, [32, 32])?;
-//! let fetch = Fetch { tile, kind: FetchKind::Redirection, image };
+//! let fetch = Fetch::Image { tile, kind: FetchKind::Redirection, image };
 //! asset.redirect(Strided::from_f32x3(&pose), &SolveOptions::default(), &mut [fetch])?;
 //!
 //! let report = asset.tile_report(tile)?;
@@ -71,16 +71,16 @@ mod solved;
 mod map;
 mod asset;
 mod refine;
-mod carrier;
 
 pub use asset::Asset;
+pub use asset::carrier::{Carried, Carrier, CarrierInfo, CarrierSettings};
+pub use asset::outputs::Fetch;
 pub use asset::request::SolveRequest;
 pub use asset::results::Results;
-pub use carrier::{Carried, Carrier, CarrierInfo, CarrierSettings};
 pub use device::{Device, adapters};
 pub use half::f16;
+pub use map::FetchKind;
 pub use map::certificate::desc::{MapDesc, MapReport};
-pub use map::{Fetch, FetchKind};
 #[doc(hidden)]
 pub use refine::TOLERANCE;
 pub use refine::pattern::RefinementPattern;

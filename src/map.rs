@@ -17,7 +17,6 @@ use std::ops::RangeInclusive;
 use glam::DVec2;
 
 use vrtm_core::error::{Error, Result};
-use vrtm_core::image::ImageViewMut;
 use vrtm_core::mesh::TileMesh;
 
 /// The content of a fetched image, f32 or f16. UVs have two channels (u, v); an image may have a third channel, which
@@ -53,17 +52,6 @@ pub enum FetchKind {
     UvSetDelta(u32),
 }
 
-/// One output of [`crate::Asset::redirect`] or [`crate::Results::fetch_all`].
-#[derive(Debug)]
-pub struct Fetch<'a> {
-    /// Index of the tile.
-    pub tile: usize,
-    /// The kind of image.
-    pub kind: FetchKind,
-    /// The destination.
-    pub image: ImageViewMut<'a>,
-}
-
 impl FetchKind {
     /// The default number of channels of an image of this kind.
     #[must_use]
@@ -92,7 +80,7 @@ impl FetchKind {
         }
         let (first, last) = (all.start(), all.end());
         let range = if first == last { format!("{first}") } else { format!("{first} to {last}") };
-        Err(Error::argument(format!("{name}: {channels} channels, but {self:?} has {range}")))
+        Err(Error::argument(format!("{name}: {channels} channels, but its kind has {range}")))
     }
 
     /// True for the forms of the redirection, which may have a fourth channel.

@@ -169,7 +169,7 @@ impl TileState {
             grid: [grid.levels[0].nx as u32, grid.levels[0].ny as u32],
             movable_nodes: grid.movable.iter().sum(),
             overlap: grid.overlap,
-            frozen: grid.frozen(),
+            fixed: grid.fixed(),
             rigid_nodes: grid.rigid_sum(|square| square.rigid),
             rigid_overlapped: grid.rigid_sum(|square| square.overlapped),
             gap_nodes: grid.at_gaps,
@@ -222,14 +222,16 @@ fn describe(device: &Device, name: &str, grid: &Grid) {
 
 /// Tells how much of what is rigid may move.
 fn describe_rigidity(device: &Device, name: &str, grid: &Grid) {
-    let message = format!(
-        "{name}: {} nodes of {} x {} cells may move, {:.1} % of its rigid texels are frozen, {:.1} % overlapped, {:.1} % may move",
-        grid.movable.iter().sum::<u64>(),
-        grid.levels[0].nx,
-        grid.levels[0].ny,
-        100.0 * grid.frozen(),
-        100.0 * grid.rigid_sum(|of| of.overlapped) as f32 / grid.rigid_sum(|of| of.rigid).max(1) as f32,
-        100.0 * (1.0 - grid.frozen())
-    );
+    let rigid = match grid.rigid_sum(|of| of.rigid) {
+        0 => "nothing is rigid".to_owned(),
+        rigid => format!(
+            "{:.1} % of its rigid texels are fixed, {:.1} % overlapped, {:.1} % may move",
+            100.0 * grid.fixed(),
+            100.0 * grid.rigid_sum(|of| of.overlapped) as f32 / rigid as f32,
+            100.0 * (1.0 - grid.fixed())
+        ),
+    };
+    let (movable, level) = (grid.movable.iter().sum::<u64>(), &grid.levels[0]);
+    let message = format!("{name}: {movable} nodes of {} x {} cells may move, {rigid}", level.nx, level.ny);
     device.log(LogLevel::Info, &message);
 }

@@ -26,7 +26,7 @@ use crate::map::certificate::desc::{MapDesc, MapReport};
 use crate::map::dilation::Dilation;
 use crate::map::fetch::{self, Output};
 use crate::map::inverse::Outputs;
-use crate::map::{Fetch, FetchKind, certificate, external};
+use crate::map::{FetchKind, certificate, external};
 use crate::solved::Solved;
 
 /// The last good results of an asset. A clone is another handle to the same results; any thread may keep and read it
@@ -152,6 +152,13 @@ impl Results {
         &self.0.mesh
     }
 
+    /// True if both are of the same asset.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn is(&self, other: &Results) -> bool {
+        Arc::ptr_eq(&self.0, &other.0)
+    }
+
     /// Counts the carriers of the asset, one more or less; returns how many there were.
     pub(crate) fn count_carriers(&self, change: isize) -> usize {
         self.0.carriers.fetch_add(change as usize, Ordering::Relaxed)
@@ -183,21 +190,6 @@ impl Results {
         })
     }
 
-    /// Writes outputs of one and the same solve, even if another one ends meanwhile.
-    ///
-    /// # Errors
-    /// Those of [`Results::fetch`], for an unknown tile `InvalidArgument`. No image is written then, unless a GPU fails
-    /// while the images are written.
-    pub fn fetch_all(&self, fetches: &mut [Fetch]) -> Result<()> {
-        self.check_fetches(fetches)?;
-        let device = &self.0.device;
-        device.call(|| {
-            device.alive()?;
-            let last = self.last();
-            device.team(|team| self.write_all(team, &last, fetches))
-        })
-    }
-
     /// Writes what a texture must hold around a tile's charts: for each texel whose centre lies beside them, up to
     /// `reach` (in UV, at most 0.5) from a seam, the UV among all tiles, as in [`FetchKind::RedirectionUdim`], of the
     /// texel that shows what the surface shows there; for all other texels their own centre. The fourth channel, if the
@@ -223,31 +215,8 @@ impl Results {
         })
     }
 
-    /// Checks the tiles and the channels of fetches.
-    pub(crate) fn check_fetches(&self, fetches: &[Fetch]) -> Result<()> {
-        fetches.iter().enumerate().try_for_each(|(k, Fetch { tile, kind, image })| {
-            self.check_tile(*tile)?;
-            kind.check_channels(format_args!("fetches[{k}].image"), image.layout.channels)
-        })
-    }
-
-    /// Writes outputs of results, which may not be published yet.
-    pub(crate) fn write_all(&self, team: &Team, last: &Last, fetches: &mut [Fetch]) -> Result<()> {
-        let output = |fetch: &Fetch| {
-            let result = last.tiles.get(fetch.tile).and_then(Option::as_ref);
-            let result = result.ok_or_else(|| self.not_solved(fetch.tile))?;
-            Output::new(&self.0.mesh, &result.solved, fetch.kind, fetch.image.part(), &fetch.image.layout)
-        };
-        // All memory is allocated first, so that no output is written if memory runs short.
-        let outputs: Vec<Output> = fetches.iter().map(output).collect::<Result<Vec<_>>>()?;
-        for (fetch, output) in fetches.iter_mut().zip(outputs) {
-            self.write(team, output, &mut fetch.image)?;
-        }
-        Ok(())
-    }
-
     /// Writes an output.
-    fn write(&self, team: &Team, output: Output, image: &mut ImageViewMut) -> Result<()> {
+    pub(super) fn write(&self, team: &Team, output: Output, image: &mut ImageViewMut) -> Result<()> {
         let start = Instant::now();
         let device = &self.0.device;
         let solved = output.solved;
@@ -394,7 +363,7 @@ impl Results {
         Ok(report)
     }
 
-    fn check_tile(&self, tile: usize) -> Result<()> {
+    pub(super) fn check_tile(&self, tile: usize) -> Result<()> {
         let count = self.0.mesh.tiles.len();
         if tile < count {
             return Ok(());
@@ -409,7 +378,7 @@ impl Results {
         self.last().tiles.get(tile).cloned().flatten().ok_or_else(|| self.not_solved(tile))
     }
 
-    fn not_solved(&self, tile: usize) -> Error {
+    pub(super) fn not_solved(&self, tile: usize) -> Error {
         let (udim, uv_set) = self.tile_udim(tile);
         let message = format!("tile {udim} of UV set {uv_set} has no result yet: solve first");
         Error::new(ErrorKind::NotSolved, message)

@@ -18,6 +18,7 @@ use vrtm_core::view::Strided;
 
 use super::Asset;
 use super::after;
+use super::outputs::Fetch;
 use super::request::SolveRequest;
 use super::results::{KeptPose, Last, TileResult};
 use super::shape::{Call, Prepared};
@@ -26,7 +27,6 @@ use super::solver::SolveCall;
 use super::stretch::Stretch;
 use super::tile::{Begun, TileSolved, TileState};
 use super::together::{Queued, solve as solve_unit, units};
-use crate::map::Fetch;
 use crate::solved::Solved;
 
 /// The share of a call's progress for preparing its tiles, if any tile needs it.

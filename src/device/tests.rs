@@ -117,7 +117,7 @@ fn solve(asset: &mut Asset) -> Result<Vec<u8>> {
     let mut map = vec![0; 16 * 16 * 8];
     let layout = ImageLayout::packed(16, 16, PixelFormat::F32);
     let image = ImageViewMut::new("image", &mut map, layout)?;
-    let fetch = Fetch { tile: 0, kind: FetchKind::Redirection, image };
+    let fetch = Fetch::Image { tile: 0, kind: FetchKind::Redirection, image };
     asset.redirect(Strided::from_f32x3(&pose), &SolveOptions::default(), &mut [fetch])?;
     Ok(map)
 }

@@ -333,6 +333,39 @@ typedef struct vrtm_image_out {
     size_t row_stride;
 } vrtm_image_out;
 
+// An array of vectors in the caller's memory. Start from vrtm_array_out_init(). It need not be aligned; bytes that
+// the stride skips are left unchanged.
+typedef struct vrtm_array_out {
+    // sizeof(vrtm_array_out); set by vrtm_array_out_init().
+    uint32_t struct_size;
+    // VRTM_SCALAR_F32 (0, the default) or VRTM_SCALAR_F64.
+    vrtm_scalar format;
+    // Address of the first component of the first element.
+    void *data;
+    // Number of elements: vrtm_carrier_info.points.
+    size_t count;
+    // Bytes from one element to the next; 0 = tightly packed. At least the size of an element.
+    size_t stride;
+} vrtm_array_out;
+
+// Destinations of carried points; null arrays are skipped. Elements of different arrays may be interleaved.
+// Start from vrtm_carried_init().
+typedef struct vrtm_carried {
+    // sizeof(vrtm_carried); set by vrtm_carried_init().
+    uint32_t struct_size;
+    // Positions in the pose, 3 components.
+    const vrtm_array_out *positions;
+    // Rotations of the frames at rest: quaternions x, y, z, w, 4 components.
+    const vrtm_array_out *rotations;
+    // Instead of `rotations`: matrices row by row, 9 components.
+    const vrtm_array_out *matrices;
+    // The stretch of the surface under what is painted that is left, as two factors, the larger first: 2 components.
+    const vrtm_array_out *stretch;
+    // UV of the surface point under each point, W(p) for a point painted at p (as VRTM_FETCH_WARP), with the tile's
+    // offset added: 2 components.
+    const vrtm_array_out *uvs;
+} vrtm_carried;
+
 /* ---- Device ---- */
 
 struct vrtm_executor;
@@ -746,12 +779,15 @@ typedef int32_t vrtm_fetch_kind;
 // that the textures use; 0 where nothing moves. f16 is sufficient. Works with textures that repeat.
 #define VRTM_FETCH_UV_SET_DELTA 7
 
+// No image: the points of `carrier` in the pose, written to `carried` as by vrtm_carrier_fetch.
+#define VRTM_FETCH_CARRIED 8
+
 // One output of a solve. Start from vrtm_fetch_init().
 typedef struct vrtm_fetch {
     // sizeof(vrtm_fetch); set by vrtm_fetch_init(). All elements of an array must have the same value.
     uint32_t struct_size;
     // One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP, REDIRECTION_UDIM, JACOBIAN,
-    // FILTER_SCALE, UV_SET, UV_SET_DELTA.
+    // FILTER_SCALE, UV_SET, UV_SET_DELTA, CARRIED. With CARRIED, all fields but `carrier` and `carried` are 0.
     vrtm_fetch_kind kind;
     // A tile of the asset. Required.
     vrtm_tile tile;
@@ -772,6 +808,10 @@ typedef struct vrtm_fetch {
     uint32_t y;
     // Must be 0.
     uint32_t reserved;
+    // For VRTM_FETCH_CARRIED: a carrier of the asset.
+    vrtm_carrier carrier;
+    // For VRTM_FETCH_CARRIED: the destinations of its points.
+    const vrtm_carried *carried;
 } vrtm_fetch;
 
 // Solves every tile for a pose and writes `count` outputs, in one call: all that a host's compute() needs for a frame.
@@ -806,15 +846,15 @@ vrtm_status vrtm_asset_solve(vrtm_asset asset,
                              const vrtm_solve_options *options);
 
 // Writes `count` outputs of an asset's last solve into the caller's memory. All are of one and the same solve, even if
-// another one ends meanwhile. Any size is allowed; an output does not depend on other fetches. All tiles belong to one
-// asset. No two images may write the same byte, but they may be interleaved, such as two pairs of channels of one
-// image. `fetches` may be null if `count` is 0.
+// another one ends meanwhile. Any size is allowed; an output does not depend on other fetches. All tiles and carriers
+// belong to one asset. No two outputs may write the same byte, but they may be interleaved, such as two pairs of
+// channels of one image. `fetches` may be null if `count` is 0.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before a tile's first solve; VRTM_ERROR_UNSUPPORTED for an
 // integer format, or a rectangle of UVs of another set; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a
 // zero size, a short stride, channels that the kind does not have, an unknown value, a rectangle that is not inside
-// the whole image, or images that overlap; VRTM_ERROR_OUT_OF_MEMORY. On any error no image is written, unless a GPU
-// fails while the images are written. Never busy.
+// the whole image, or outputs that overlap; the errors of vrtm_carrier_fetch; VRTM_ERROR_OUT_OF_MEMORY. On any error
+// nothing is written, unless a GPU fails while the outputs are written. Never busy.
 VRTM_API
 vrtm_status vrtm_tile_fetch(const vrtm_fetch *fetches,
                             size_t count);
@@ -1032,7 +1072,7 @@ typedef struct vrtm_tile_info {
     float overlap;
     // Fraction (0..1) of the rigid nodes that cannot move: of the covered nodes with a rigidity of at least 0.5, those
     // that a border, an overlap or the mask fixes. Near 1, the rigidity map can have almost no effect.
-    float frozen;
+    float fixed;
     // Rigid nodes: covered nodes with a rigidity of at least 0.5.
     uint64_t rigid_nodes;
     // Number of these under more than one triangle, as in charts of one layer that lie over one another.
@@ -1554,8 +1594,8 @@ typedef struct vrtm_tile_report {
     // By how much at most, in texels of that image.
     float max_limit;
     // 1 if the solve measured strain; otherwise this and the fields below are 0. They describe segments between
-    // neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `edges_fixed` cover the segments
-    // that a border, an overlap or the mask fixes at both ends, and the other fields cover the rest.
+    // neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `segments_fixed` cover the
+    // segments that a border, an overlap or the mask fixes at both ends, and the other fields cover the rest.
     uint32_t measured;
     // Strain with the mesh's own UVs.
     vrtm_strain before;
@@ -1566,12 +1606,12 @@ typedef struct vrtm_tile_report {
     // Fraction of the segments whose strain fell by more than 0.10.
     float help;
     // RMS strain of the segments that are fixed at both ends; the warp does not change it. The mean square over all
-    // rigid segments is that of both kinds, weighted by `edges` and `edges_fixed`.
+    // rigid segments is that of both kinds, weighted by `segments` and `segments_fixed`.
     float strain_fixed;
     // Segments that are not fixed at both ends.
-    uint64_t edges;
+    uint64_t segments;
     // Segments that are fixed at both ends.
-    uint64_t edges_fixed;
+    uint64_t segments_fixed;
 } vrtm_tile_report;
 
 // An asset's last solve, over all tiles. Start from vrtm_asset_report_init().
@@ -1996,39 +2036,6 @@ typedef struct vrtm_carrier_info {
     // Bytes held by the carrier, excluding the mesh and the results.
     uint64_t bytes;
 } vrtm_carrier_info;
-
-// An array of vectors in the caller's memory. Start from vrtm_array_out_init(). It need not be aligned; bytes that
-// the stride skips are left unchanged.
-typedef struct vrtm_array_out {
-    // sizeof(vrtm_array_out); set by vrtm_array_out_init().
-    uint32_t struct_size;
-    // VRTM_SCALAR_F32 (0, the default) or VRTM_SCALAR_F64.
-    vrtm_scalar format;
-    // Address of the first component of the first element.
-    void *data;
-    // Number of elements: vrtm_carrier_info.points.
-    size_t count;
-    // Bytes from one element to the next; 0 = tightly packed. At least the size of an element.
-    size_t stride;
-} vrtm_array_out;
-
-// Destinations of carried points; null arrays are skipped. Elements of different arrays may be interleaved.
-// Start from vrtm_carried_init().
-typedef struct vrtm_carried {
-    // sizeof(vrtm_carried); set by vrtm_carried_init().
-    uint32_t struct_size;
-    // Positions in the pose, 3 components.
-    const vrtm_array_out *positions;
-    // Rotations of the frames at rest: quaternions x, y, z, w, 4 components.
-    const vrtm_array_out *rotations;
-    // Instead of `rotations`: matrices row by row, 9 components.
-    const vrtm_array_out *matrices;
-    // The stretch of the surface under what is painted that is left, as two factors, the larger first: 2 components.
-    const vrtm_array_out *stretch;
-    // UV of the surface point under each point, W(p) for a point painted at p (as VRTM_FETCH_WARP), with the tile's
-    // offset added: 2 components.
-    const vrtm_array_out *uvs;
-} vrtm_carried;
 
 // Binds points to the rest surface of an asset, for what is geometry on it and not painted: studs, scales, spikes,
 // hair roots, decals. Curves and detail meshes are points, whose connectivity the host keeps.

@@ -36,7 +36,7 @@ fn during(f: impl FnOnce()) -> u64 {
 /// One frame: a pose, and its map.
 fn redirect(asset: &mut Asset, pose: &[[f32; 3]], bytes: &mut [u8]) {
     let image = ImageViewMut::new("image", bytes, ImageLayout::packed(256, 256, PixelFormat::F32)).unwrap();
-    let fetch = Fetch { tile: 0, kind: FetchKind::Redirection, image };
+    let fetch = Fetch::Image { tile: 0, kind: FetchKind::Redirection, image };
     asset.redirect(Strided::from_f32x3(pose), &SolveOptions::default(), &mut [fetch]).unwrap();
 }
 

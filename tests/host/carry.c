@@ -102,10 +102,58 @@ static void wrong_arguments(vrtm_asset asset, vrtm_carrier carrier)
     fails("no memory", vrtm_carrier_fetch(carrier, &r.carried), bad, "carried.uvs.data is null");
 }
 
+/* Carried points and an image as outputs of one solve. */
+static void with_the_solve(vrtm_asset asset, vrtm_asset other, vrtm_tile tile, vrtm_carrier carrier,
+                           const vrtm_array *posed)
+{
+    const vrtm_status bad = VRTM_ERROR_INVALID_ARGUMENT;
+    static float map[8][8][2], same[8][8][2];
+    static point expected[POINTS];
+    request r;
+    vrtm_image_out image = vrtm_image_out_init();
+    vrtm_fetch all[2] = {vrtm_fetch_init(), vrtm_fetch_init()};
+    vrtm_fetch *const points_of = &all[1];
+    ask(&r);
+    image.width = 8, image.height = 8, image.data = map;
+    all[0].tile = tile, all[0].image = &image;
+    points_of->kind = VRTM_FETCH_CARRIED, points_of->carrier = carrier, points_of->carried = &r.carried;
+    memset(points, 7, sizeof points);
+    fails("before any solve", vrtm_tile_fetch(all, 2), VRTM_ERROR_NOT_SOLVED, "");
+    fails("of another asset", vrtm_asset_redirect(other, posed, NULL, points_of, 1), bad,
+          "fetches[0].carrier belongs to another asset");
+    points_of->tile = tile;
+    fails("a tile's, too", vrtm_asset_redirect(asset, posed, NULL, all, 2), bad, "fetches[1]: fields of images");
+    points_of->tile.id = 0, points_of->x = 1;
+    fails("a part", vrtm_asset_redirect(asset, posed, NULL, all, 2), bad, "fetches[1]: fields of images");
+    points_of->x = 0, points_of->carried = NULL;
+    fails("nowhere", vrtm_asset_redirect(asset, posed, NULL, all, 2), bad, "fetches[1].carried is null");
+    points_of->carried = &r.carried, all[0].carrier = carrier;
+    fails("an image's", vrtm_asset_redirect(asset, posed, NULL, all, 2), bad, "fetches[0].carrier and carried");
+    all[0].carrier.id = 0, image.data = points;
+    fails("they overlap", vrtm_asset_redirect(asset, posed, NULL, all, 2), bad, "fetches[0].image and fetches[1]");
+    image.data = map, r.positions.data = pose, r.positions.stride = 0;
+    fails("over the pose", vrtm_asset_redirect(asset, posed, NULL, all, 2), bad,
+          "fetches[1].carried.positions and positions overlap");
+    ask(&r), r.uvs.count = 3;
+    fails("too short", vrtm_asset_redirect(asset, posed, NULL, all, 2), bad, "fetches[1].carried.uvs.count is 3");
+    ask(&r);
+    check_that(points[3].own != 0 && map[4][4][0] == 0, "nothing is written", "");
+    fails("nothing is solved", vrtm_tile_fetch(all, 2), VRTM_ERROR_NOT_SOLVED, "");
+    succeeds("a solve with both", vrtm_asset_redirect(asset, posed, NULL, all, 2));
+    memcpy(expected, points, sizeof points);
+    memset(points, 7, sizeof points);
+    succeeds("points alone", vrtm_carrier_fetch(carrier, &r.carried));
+    check_that(memcmp(expected, points, sizeof points) == 0, "are the same", "");
+    memset(points, 7, sizeof points);
+    image.data = same;
+    succeeds("both again", vrtm_tile_fetch(all, 2));
+    check_that(memcmp(expected, points, sizeof points) == 0 && memcmp(map, same, sizeof map) == 0, "too", "");
+}
+
 int main(void)
 {
     vrtm_device device;
-    vrtm_asset asset;
+    vrtm_asset asset, other;
     vrtm_tile tile;
     vrtm_carrier carrier;
     sheet_desc d;
@@ -135,7 +183,14 @@ int main(void)
     wrong_arguments(asset, carrier);
     ask(&r);
     fails("no solve yet", vrtm_carrier_fetch(carrier, &r.carried), VRTM_ERROR_NOT_SOLVED, "");
-    posed.data = s.points, posed.format = VRTM_SCALAR_F64, posed.count = VERTICES, posed.stride = sizeof s.points[0];
+    posed.data = pose, posed.format = VRTM_SCALAR_F64, posed.count = VERTICES, posed.stride = sizeof pose[0];
+    succeeds("another asset", vrtm_asset_create(device, &d.mesh, &other));
+    with_the_solve(asset, other, tile, carrier, &posed);
+    succeeds("which goes", vrtm_asset_destroy(other));
+    for (int k = 0; k < POINTS; ++k) {
+        points[k].own = 7;
+    }
+    posed.data = s.points, posed.stride = sizeof s.points[0];
     succeeds("rest", vrtm_asset_solve(asset, &posed, NULL));
     succeeds("fetch", vrtm_carrier_fetch(carrier, &r.carried));
     int good = 1;
@@ -150,6 +205,9 @@ int main(void)
     succeeds("a pose", vrtm_asset_solve(asset, &posed, NULL));
     succeeds("the asset goes", vrtm_asset_destroy(asset));
     succeeds("fetch again", vrtm_carrier_fetch(carrier, &r.carried));
+    vrtm_fetch alone = vrtm_fetch_init();
+    alone.kind = VRTM_FETCH_CARRIED, alone.carrier = carrier, alone.carried = &r.carried;
+    succeeds("and again", vrtm_tile_fetch(&alone, 1));
     check_that(memcmp(before.position, points[12].position, sizeof before.position) != 0, "it has moved", "");
     succeeds("info", vrtm_carrier_get_info(carrier, &data));
     check_that(data.points == POINTS && data.outside == 0 && data.bytes > 0, "of all points", "");

@@ -717,10 +717,20 @@ void carriers(const vrtm::Device &device)
     vrtm::Carried carried;
     carried.rotations = &rotations.c();
     works("rotations", carrier.fetch(carried));
+    const float expected = turns[1][2];
+    turns[1][2] = 9;
+    std::vector<float> map(8 * 8 * 2);
+    vrtm::Fetches fetches;
+    fetches.add(carrier.handle(), carried).add({*asset.find_tile(1001), {map.data(), 8, 8}});
+    const vrtm::Fetches copy(fetches);
+    works("an image and points of one solve", asset.redirect({pose, VERTICES}, copy));
+    check_that(turns[1][2] == expected && map[2 * 63] > 0.5F, "both are written", "");
     const std::uint32_t corners[] = {0, 1, 2};
     const float weights[] = {1, 1, 1};
     const vrtm::Array of_corners(weights, 1);
-    works("corners", asset.carrier(vrtm::CarrierDesc().at_corners({corners, 3}, of_corners)));
+    const vrtm::Carrier skin =
+        *asset.carrier(vrtm::CarrierDesc().set(vrtm::Fit::none).at_corners({corners, 3}, of_corners));
+    check_that(skin.states()->at(0) == vrtm::PointState::bound, "a point at corners is bound", "");
     const vrtm::Array places(points[0], 2, sizeof points[0]);
     const vrtm::Carrier other_one = *asset.carrier(vrtm::CarrierDesc().at_nearest(places, 0.5));
     asset.reset();

@@ -55,6 +55,27 @@ def test_frames_pieces_and_arrays_of_the_caller(asset, model):
     assert (rows[:, :2] == 7).all() and (rows[:, 6:] == 7).all()
 
 
+def test_points_come_with_the_images_of_one_solve(asset, model):
+    tile, carrier = asset.tiles[0], asset.carrier(GRID)
+    rows = np.zeros((9, 3), np.float64)
+    image, points, stretch, more = asset.redirect(
+        model.pose,
+        [
+            vrtm.Fetch(tile, size=32),
+            carrier,
+            vrtm.CarrierFetch(carrier, "stretch"),
+            vrtm.CarrierFetch(carrier, "positions", out={"positions": rows}),
+        ],
+    )
+    assert (image == tile.fetch(size=32)).all()
+    alone = carrier.fetch("positions", "rotations", "stretch")
+    assert (points.positions == alone.positions).all() and (points.rotations == alone.rotations).all()
+    assert points.stretch is None and (stretch.stretch == alone.stretch).all()
+    assert more.positions is rows and np.allclose(rows, alone.positions, atol=1e-5) and rows.any()
+    with pytest.raises(TypeError, match="carrier: 7 is no"):
+        vrtm.CarrierFetch(7)
+
+
 def test_what_is_wrong_is_named(asset):
     for arguments, words in (
         ({}, "one of uvs, corners and positions"),

@@ -1,6 +1,5 @@
 //! Carriers: points that ride on the warped surface.
 
-use std::ffi::c_void;
 use std::sync::Arc;
 
 use super::desc::{self, Out, Place, Sized32};
@@ -8,9 +7,10 @@ use super::guard::guard;
 use super::handle::{self, Kind, Table, gone, pack, unpack, vrtm_asset, vrtm_carrier};
 use super::mirror::{Mirror, choice, mirror};
 use super::status::{Failure, Outcome, vrtm_status};
-use super::strips::Strips;
-use super::types::{VRTM_SCALAR_F32, VRTM_SCALAR_F64, strided, vrtm_array, vrtm_scalar};
+use super::strips::{Strips, check_apart};
+use super::types::{VRTM_SCALAR_F32, VRTM_SCALAR_F64, strided, vrtm_array, vrtm_array_out, vrtm_carried};
 use vrtm::{Bind, Carried, Carrier, CarrierInfo, CarrierSettings, Fit, PointState};
+use vrtm_core::allocation::Vec;
 use vrtm_core::view::{Scalar, Strided, StridedMut};
 
 /// Kind of place by which the points of a carrier are given.
@@ -86,64 +86,18 @@ mirror! {
     }
 }
 
-/// An array of vectors in the caller's memory. Start from vrtm_array_out_init(). It need not be aligned; bytes that
-/// the stride skips are left unchanged.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct vrtm_array_out {
-    /// sizeof(vrtm_array_out); set by vrtm_array_out_init().
-    pub struct_size: u32,
-    /// VRTM_SCALAR_F32 (0, the default) or VRTM_SCALAR_F64.
-    pub format: vrtm_scalar,
-    /// Address of the first component of the first element.
-    pub data: *mut c_void,
-    /// Number of elements: vrtm_carrier_info.points.
-    pub count: usize,
-    /// Bytes from one element to the next; 0 = tightly packed. At least the size of an element.
-    pub stride: usize,
-}
-
-/// Destinations of carried points; null arrays are skipped. Elements of different arrays may be interleaved.
-/// Start from vrtm_carried_init().
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct vrtm_carried {
-    /// sizeof(vrtm_carried); set by vrtm_carried_init().
-    pub struct_size: u32,
-    /// Positions in the pose, 3 components.
-    pub positions: *const vrtm_array_out,
-    /// Rotations of the frames at rest: quaternions x, y, z, w, 4 components.
-    pub rotations: *const vrtm_array_out,
-    /// Instead of `rotations`: matrices row by row, 9 components.
-    pub matrices: *const vrtm_array_out,
-    /// The stretch of the surface under what is painted that is left, as two factors, the larger first: 2 components.
-    pub stretch: *const vrtm_array_out,
-    /// UV of the surface point under each point, W(p) for a point painted at p (as VRTM_FETCH_WARP), with the tile's
-    /// offset added: 2 components.
-    pub uvs: *const vrtm_array_out,
-}
-
 // SAFETY: repr(C), struct_size first, plain numbers and raw pointers.
 unsafe impl Sized32 for vrtm_carrier_desc {
     const NAME: &'static str = "vrtm_carrier_desc";
 }
 
-// SAFETY: as above.
-unsafe impl Sized32 for vrtm_array_out {
-    const NAME: &'static str = "vrtm_array_out";
-}
-
-// SAFETY: as above.
-unsafe impl Sized32 for vrtm_carried {
-    const NAME: &'static str = "vrtm_carried";
-}
-
 static CARRIERS: Table<Carrier> = Table::new();
 
-fn living(handle: vrtm_carrier) -> Outcome<Arc<Carrier>> {
+/// The carrier of the handle that is given as `argument`.
+pub(super) fn living(argument: &str, handle: vrtm_carrier) -> Outcome<Arc<Carrier>> {
     unpack(Kind::Carrier, handle.id)
         .and_then(|(serial, _)| CARRIERS.get(serial))
-        .ok_or_else(|| gone("carrier", "carrier", handle.id))
+        .ok_or_else(|| gone(argument, "carrier", handle.id))
 }
 
 /// An array that may be null.
@@ -237,7 +191,7 @@ pub unsafe extern "C" fn vrtm_carrier_get_info(
 ) -> vrtm_status {
     guard("vrtm_carrier_get_info", || {
         let out = Out::new(info, "info")?;
-        out.write(living(carrier)?.info().into());
+        out.write(living("carrier", carrier)?.info().into());
         Ok(())
     })
 }
@@ -255,23 +209,12 @@ pub unsafe extern "C" fn vrtm_carrier_fetch(
     carried: *const vrtm_carried,
 ) -> vrtm_status {
     guard("vrtm_carrier_fetch", || {
-        let carrier = living(carrier)?;
-        // SAFETY: the host vouches for its pointers; `Elements` checks that no two elements overlap.
-        unsafe {
-            let c = desc::read(carried, "carried")?;
-            if !c.rotations.is_null() && !c.matrices.is_null() {
-                return Err(Failure::argument(
-                    "carried.rotations and carried.matrices are both given".to_owned(),
-                ));
-            }
-            let mut elements = Elements(carrier.info().points as usize, [None; 5], 0);
-            let positions = elements.array(c.positions, 3, "carried.positions")?;
-            let rotations = elements.array(c.rotations, 4, "carried.rotations")?;
-            let matrices = elements.array(c.matrices, 9, "carried.matrices")?;
-            let stretch = elements.array(c.stretch, 2, "carried.stretch")?;
-            let uvs = elements.array(c.uvs, 2, "carried.uvs")?;
-            Ok(carrier.fetch(&Carried { positions, rotations: rotations.or(matrices), stretch, uvs })?)
-        }
+        let carrier = living("carrier", carrier)?;
+        // SAFETY: the host vouches for its pointers.
+        let Points { carried, written } =
+            unsafe { Points::read(carried, "carried", carrier.states().len()) }?;
+        check_apart(written, 0..0)?;
+        Ok(carrier.fetch(&carried)?)
     })
 }
 
@@ -286,7 +229,7 @@ pub unsafe extern "C" fn vrtm_carrier_fetch_states(
     count: usize,
 ) -> vrtm_status {
     guard("vrtm_carrier_fetch_states", || {
-        let carrier = living(carrier)?;
+        let carrier = living("carrier", carrier)?;
         let of_points = carrier.states();
         if count != of_points.len() {
             let message = format!("count is {count}, but the carrier has {} points", of_points.len());
@@ -312,47 +255,71 @@ pub unsafe extern "C" fn vrtm_carrier_destroy(carrier: vrtm_carrier) -> vrtm_sta
     })
 }
 
-/// The number of points, and the names and elements of the output arrays, which must not overlap.
-struct Elements(usize, [Option<(&'static str, Strips)>; 5], usize);
+/// Destinations of carried points, checked but for overlaps.
+pub(super) struct Points<'a> {
+    pub carried: Carried<'a>,
+    /// The name of each array, and the bytes that are written to it.
+    pub written: Vec<(String, Strips)>,
+}
 
-impl Elements {
-    /// An array of the host's, unless it is null.
-    unsafe fn array<'a>(
-        &mut self,
-        array: *const vrtm_array_out,
-        components: usize,
-        name: &'static str,
-    ) -> Outcome<Option<StridedMut<'a>>> {
-        if array.is_null() {
-            return Ok(None);
-        }
+impl<'a> Points<'a> {
+    /// Reads the destinations `name` of `count` points.
+    pub unsafe fn read(carried: *const vrtm_carried, name: &str, count: usize) -> Outcome<Points<'a>> {
         // SAFETY: the host's pointer.
-        let array = unsafe { desc::read(array, name) }?;
-        if array.count != self.0 {
-            let message = format!("{name}.count is {}, but the carrier has {} points", array.count, self.0);
+        let c = unsafe { desc::read(carried, name) }?;
+        if !c.rotations.is_null() && !c.matrices.is_null() {
+            let message = format!("{name}.rotations and {name}.matrices are both given");
             return Err(Failure::argument(message));
         }
-        // It is checked as an input of the same layout is.
-        let input = vrtm_array {
-            format: array.format,
-            data: array.data.cast_const(),
-            count: array.count,
-            stride: array.stride,
-            ..Sized32::zeroed()
+        let mut written = Vec::new();
+        let mut array = |array: *const vrtm_array_out, components, field| -> Outcome<Option<StridedMut>> {
+            if array.is_null() {
+                return Ok(None);
+            }
+            let name = format!("{name}.{field}");
+            // SAFETY: the host's pointers.
+            let (view, strips) = unsafe { destination(array, components, &name, count) }?;
+            written.push((name, strips));
+            Ok(Some(view))
         };
-        // SAFETY: the host vouches for the memory.
-        unsafe { strided(&raw const input, components, name) }?;
-        let scalar = if array.format == VRTM_SCALAR_F64 { Scalar::F64 } else { Scalar::F32 };
-        debug_assert!(array.format == VRTM_SCALAR_F64 || array.format == VRTM_SCALAR_F32);
-        let size = scalar.size() * components;
-        let stride = if array.stride == 0 { size } else { array.stride };
-        let steps = [(self.0, stride), (1, stride * self.0)];
-        let strips = Strips { start: array.data.addr(), size, steps };
-        if let Some((other, _)) = self.1.iter().flatten().find(|(_, taken)| taken.meet(&strips)) {
-            return Err(Failure::argument(format!("{other} and {name} overlap in memory")));
-        }
-        (self.1[self.2], self.2) = (Some((name, strips)), self.2 + 1);
-        // SAFETY: as above; no other element overlaps.
-        Ok(Some(unsafe { StridedMut::from_raw(array.data.cast(), scalar, components, self.0, stride) }))
+        let positions = array(c.positions, 3, "positions")?;
+        let rotations = array(c.rotations, 4, "rotations")?.or(array(c.matrices, 9, "matrices")?);
+        let stretch = array(c.stretch, 2, "stretch")?;
+        let uvs = array(c.uvs, 2, "uvs")?;
+        Ok(Points { carried: Carried { positions, rotations, stretch, uvs }, written })
     }
+}
+
+/// The array `name` of the host's, and the bytes of its elements.
+unsafe fn destination<'a>(
+    array: *const vrtm_array_out,
+    components: usize,
+    name: &str,
+    count: usize,
+) -> Outcome<(StridedMut<'a>, Strips)> {
+    // SAFETY: the host's pointer.
+    let array = unsafe { desc::read(array, name) }?;
+    if array.count != count {
+        let message = format!("{name}.count is {}, but the carrier has {count} points", array.count);
+        return Err(Failure::argument(message));
+    }
+    // It is checked as an input of the same layout is.
+    let input = vrtm_array {
+        format: array.format,
+        data: array.data.cast_const(),
+        count,
+        stride: array.stride,
+        ..Sized32::zeroed()
+    };
+    // SAFETY: the host vouches for the memory.
+    unsafe { strided(&raw const input, components, name) }?;
+    let scalar = if array.format == VRTM_SCALAR_F64 { Scalar::F64 } else { Scalar::F32 };
+    debug_assert!(array.format == VRTM_SCALAR_F64 || array.format == VRTM_SCALAR_F32);
+    let size = scalar.size() * components;
+    let stride = if array.stride == 0 { size } else { array.stride };
+    let steps = [(count, stride), (usize::from(count > 0), stride * count)];
+    let strips = Strips { start: array.data.addr(), size, steps };
+    // SAFETY: as above; the caller checks that nothing overlaps.
+    let view = unsafe { StridedMut::from_raw(array.data.cast(), scalar, components, count, stride) };
+    Ok((view, strips))
 }

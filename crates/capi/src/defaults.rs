@@ -6,7 +6,7 @@ use std::ptr;
 use super::adapter::vrtm_adapter_info;
 use super::allocator::vrtm_allocator;
 use super::asset::vrtm_asset_info;
-use super::carrier::{vrtm_array_out, vrtm_carried, vrtm_carrier_desc, vrtm_carrier_info};
+use super::carrier::{vrtm_carrier_desc, vrtm_carrier_info};
 use super::desc::{self, LARGEST, Sized32};
 use super::device::{vrtm_device_desc, vrtm_device_info};
 use super::executor::vrtm_executor;
@@ -22,7 +22,7 @@ use super::report::{vrtm_asset_report, vrtm_tile_report};
 use super::solve::vrtm_solve_options;
 use super::status::{Failure, Outcome, vrtm_status};
 use super::tile::{vrtm_tile_info, vrtm_tile_settings};
-use super::types::{vrtm_array, vrtm_image, vrtm_image_out};
+use super::types::{vrtm_array, vrtm_array_out, vrtm_carried, vrtm_image, vrtm_image_out};
 
 /// Writes a struct's defaults, as its _init() function does, for languages that cannot call C's inline functions.
 /// `name` is the struct's name, such as "vrtm_solve_options"; `size` is the size of the caller's struct in bytes, which

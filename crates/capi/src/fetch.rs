@@ -1,13 +1,16 @@
 //! Reading results into the host's memory.
 
 use std::ops::Range;
+use std::sync::Arc;
 
+use super::carrier::{self, Points};
 use super::desc::{self, Sized32};
 use super::guard::guard;
-use super::handle::{self, vrtm_asset, vrtm_tile};
+use super::handle::{self, vrtm_asset, vrtm_carrier, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
-use super::types::{Target, vrtm_image_out};
-use vrtm::{Fetch, FetchKind};
+use super::strips::{Strips, check_apart};
+use super::types::{Target, vrtm_carried, vrtm_image_out};
+use vrtm::{Carrier, Fetch, FetchKind, Results};
 use vrtm_core::allocation::Vec;
 
 /// Content of a fetched image: two channels (u, v) per texel, unless stated otherwise.
@@ -44,6 +47,8 @@ pub const VRTM_FETCH_UV_SET: vrtm_fetch_kind = 6;
 /// As VRTM_FETCH_UV_SET, minus the UV in that set of the texel's own point of the surface: the offset to add to the UV
 /// that the textures use; 0 where nothing moves. f16 is sufficient. Works with textures that repeat.
 pub const VRTM_FETCH_UV_SET_DELTA: vrtm_fetch_kind = 7;
+/// No image: the points of `carrier` in the pose, written to `carried` as by vrtm_carrier_fetch.
+pub const VRTM_FETCH_CARRIED: vrtm_fetch_kind = 8;
 
 /// One output of a solve. Start from vrtm_fetch_init().
 #[repr(C)]
@@ -52,7 +57,7 @@ pub struct vrtm_fetch {
     /// sizeof(vrtm_fetch); set by vrtm_fetch_init(). All elements of an array must have the same value.
     pub struct_size: u32,
     /// One of VRTM_FETCH_: REDIRECTION (0, the default), REDIRECTION_DELTA, WARP, REDIRECTION_UDIM, JACOBIAN,
-    /// FILTER_SCALE, UV_SET, UV_SET_DELTA.
+    /// FILTER_SCALE, UV_SET, UV_SET_DELTA, CARRIED. With CARRIED, all fields but `carrier` and `carried` are 0.
     pub kind: vrtm_fetch_kind,
     /// A tile of the asset. Required.
     pub tile: vrtm_tile,
@@ -73,6 +78,10 @@ pub struct vrtm_fetch {
     pub y: u32,
     /// Must be 0.
     pub reserved: u32,
+    /// For VRTM_FETCH_CARRIED: a carrier of the asset.
+    pub carrier: vrtm_carrier,
+    /// For VRTM_FETCH_CARRIED: the destinations of its points.
+    pub carried: *const vrtm_carried,
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers and a raw pointer.
@@ -88,19 +97,27 @@ pub(super) fn fetch_kind(kind: vrtm_fetch_kind, name: &str) -> Outcome<FetchKind
         VRTM_FETCH_REDIRECTION_UDIM => Ok(FetchKind::RedirectionUdim),
         VRTM_FETCH_JACOBIAN => Ok(FetchKind::Jacobian),
         VRTM_FETCH_FILTER_SCALE => Ok(FetchKind::FilterScale),
-        VRTM_FETCH_UV_SET | VRTM_FETCH_UV_SET_DELTA => {
-            Err(Failure::argument(format!("{name}: UVs of another set are for vrtm_fetch only")))
+        VRTM_FETCH_UV_SET | VRTM_FETCH_UV_SET_DELTA | VRTM_FETCH_CARRIED => {
+            Err(Failure::argument(format!("{name} is {kind}, which is for vrtm_fetch only")))
         }
         other => Err(Failure::argument(format!("{name} is {other}, no VRTM_FETCH_ value"))),
     }
 }
 
 impl vrtm_fetch {
-    /// The fetch `name`, checked.
-    unsafe fn checked(&self, name: &str) -> Outcome<Checked> {
-        let (asset, tile) = handle::tile(&format!("{name}.tile"), self.tile)?;
+    /// The fetch `name`, checked, and the results that it is of.
+    unsafe fn checked<'a>(&self, name: &str) -> Outcome<(Checked<'a>, Results)> {
         if self.reserved != 0 {
             return Err(Failure::unsupported(format!("{name}.reserved is {}", self.reserved)));
+        }
+        if self.kind == VRTM_FETCH_CARRIED {
+            // SAFETY: the host's pointer.
+            return unsafe { self.checked_points(name) };
+        }
+        let (asset, tile) = handle::tile(&format!("{name}.tile"), self.tile)?;
+        if self.carrier.id != 0 || !self.carried.is_null() {
+            let message = format!("{name}.carrier and carried are given, but the kind is not CARRIED");
+            return Err(Failure::argument(message));
         }
         let sets = asset.info.uv_sets;
         let kind = match self.kind {
@@ -116,9 +133,9 @@ impl vrtm_fetch {
             }
             kind => fetch_kind(kind, &format!("{name}.kind"))?,
         };
-        let image = format!("{name}.image");
+        let name_of_image = format!("{name}.image");
         // SAFETY: the host's pointer.
-        let target = unsafe { Target::read(self.image, &image, kind) }?;
+        let target = unsafe { Target::read(self.image, &name_of_image, kind) }?;
         let whole = ([self.whole_width, self.whole_height], [self.x, self.y]);
         if whole.0 == [0, 0] && whole.1 != [0, 0] {
             let [x, y] = whole.1;
@@ -126,113 +143,140 @@ impl vrtm_fetch {
             return Err(Failure::argument(message));
         }
         let whole = (whole.0 != [0, 0]).then_some(whole);
-        Ok(Checked { image, tile, kind, target, whole })
+        Ok((Checked::Image { name: name_of_image, tile, kind, target, whole }, asset.results.clone()))
+    }
+
+    /// The fetch `name` of carried points, checked.
+    unsafe fn checked_points<'a>(&self, name: &str) -> Outcome<(Checked<'a>, Results)> {
+        let carrier = carrier::living(&format!("{name}.carrier"), self.carrier)?;
+        let of_image = [self.uv_set, self.whole_width, self.whole_height, self.x, self.y];
+        if self.tile.id != 0 || !self.image.is_null() || of_image != [0; 5] {
+            let message = format!("{name}: fields of images are given, but the kind is CARRIED");
+            return Err(Failure::argument(message));
+        }
+        // SAFETY: the host's pointer.
+        let points =
+            unsafe { Points::read(self.carried, &format!("{name}.carried"), carrier.states().len()) }?;
+        let results = carrier.results().clone();
+        Ok((Checked::Carried { carrier, points }, results))
     }
 }
 
 /// A checked fetch.
-struct Checked {
-    /// The image's name, for messages.
-    image: String,
-    /// The tile's index.
-    tile: usize,
-    kind: FetchKind,
-    target: Target,
-    /// The size of the whole image, and the place of this one in it.
-    whole: Option<([u32; 2], [u32; 2])>,
+enum Checked<'a> {
+    Image {
+        /// The image's name, for messages.
+        name: String,
+        /// The tile's index.
+        tile: usize,
+        kind: FetchKind,
+        target: Target,
+        /// The size of the whole image, and the place of this one in it.
+        whole: Option<([u32; 2], [u32; 2])>,
+    },
+    Carried {
+        carrier: Arc<Carrier>,
+        points: Points<'a>,
+    },
 }
 
-/// Reads a host's array of fetches for `asset`, and checks that no two outputs write the same byte, and that none
-/// overlaps `input`.
-pub(super) unsafe fn wanted<'a>(
-    asset: vrtm_asset,
-    fetches: *const vrtm_fetch,
-    count: usize,
-    input: Range<usize>,
-) -> Outcome<Vec<Fetch<'a>>> {
-    let mut all = Vec::new();
-    if count > 0 {
-        // SAFETY: the host vouches for `count` structs, spaced by the first one's struct_size.
-        let stride = unsafe { desc::read(fetches, "fetches") }?.struct_size;
-        for index in 0..count {
-            let name = format!("fetches[{index}]");
-            let at = index.checked_mul(stride as usize).and_then(|n| fetches.addr().checked_add(n));
-            let at =
-                at.ok_or_else(|| Failure::argument(format!("count is {count}: exceeds the address space")))?;
-            // SAFETY: as above.
-            let fetch = unsafe { desc::read(fetches.with_addr(at), &name) }?;
-            if fetch.struct_size != stride {
-                return Err(Failure::argument(format!(
-                    "{name}.struct_size is {}, but that of fetches[0] is {stride}",
-                    fetch.struct_size
-                )));
-            }
-            // SAFETY: the host's pointers, valid during the call.
-            let checked = unsafe { fetch.checked(&name) }?;
-            if !handle::is_tile_of(fetch.tile, asset) {
-                return Err(Failure::argument(format!("{name}.tile belongs to another asset")));
-            }
-            all.push(checked);
-        }
-    }
-    check_apart(&all, input)?;
-    let view = |of: &Checked| {
-        // SAFETY: the host vouches for the memory, and no other view writes to it.
-        let image = unsafe { of.target.view(&of.image) }?;
-        let image = match of.whole {
-            Some((size, first)) => image.part_of(&of.image, size, first)?,
-            None => image,
-        };
-        Ok(Fetch { tile: of.tile, kind: of.kind, image })
-    };
-    all.iter().map(view).collect()
+/// A host's array of fetches, checked.
+pub(super) struct Wanted<'a> {
+    all: Vec<Checked<'a>>,
+    /// The results that they are of; `None` for no fetches.
+    pub results: Option<Results>,
 }
 
-/// Rejects outputs that write the same byte, which would be undefined behaviour. Images may be interleaved, such as two
-/// pairs of channels of one image. Positions are read as one slice of all bytes that they span, so no output may write
-/// there.
-fn check_apart(all: &[Checked], input: Range<usize>) -> Outcome<()> {
-    let overlap = |a: &str, b: &str| Err(Failure::argument(format!("{a} and {b} overlap in memory")));
-    let mut sorted: Vec<_> = all.iter().map(|of| (&of.target, of.image.as_str())).collect();
-    sorted.sort_unstable_by_key(|(target, name)| (target.span().start, *name));
-    for (k, (target, name)) in sorted.iter().enumerate() {
-        let span = target.span();
-        if span.start < input.end && input.start < span.end {
-            return overlap(name, "positions");
-        }
-        for (other, other_name) in
-            sorted[k + 1..].iter().take_while(|(other, _)| other.span().start < span.end)
-        {
-            if target.written().meet(&other.written()) {
-                return overlap(name, other_name);
+impl<'a> Wanted<'a> {
+    /// Reads an array of fetches, of `results` if they are given. No two outputs may write the same byte, and none may
+    /// overlap `input`.
+    pub unsafe fn read(
+        mut results: Option<Results>,
+        fetches: *const vrtm_fetch,
+        count: usize,
+        input: Range<usize>,
+    ) -> Outcome<Wanted<'a>> {
+        let mut all = Vec::new();
+        if count > 0 {
+            // SAFETY: the host vouches for `count` structs, spaced by the first one's struct_size.
+            let stride = unsafe { desc::read(fetches, "fetches") }?.struct_size;
+            for index in 0..count {
+                let name = format!("fetches[{index}]");
+                let at = index.checked_mul(stride as usize).and_then(|n| fetches.addr().checked_add(n));
+                let at = at.ok_or_else(|| {
+                    Failure::argument(format!("count is {count}: exceeds the address space"))
+                })?;
+                // SAFETY: as above.
+                let fetch = unsafe { desc::read(fetches.with_addr(at), &name) }?;
+                if fetch.struct_size != stride {
+                    return Err(Failure::argument(format!(
+                        "{name}.struct_size is {}, but that of fetches[0] is {stride}",
+                        fetch.struct_size
+                    )));
+                }
+                // SAFETY: the host's pointers, valid during the call.
+                let (checked, of) = unsafe { fetch.checked(&name) }?;
+                if !results.get_or_insert_with(|| of.clone()).is(&of) {
+                    let what = if matches!(checked, Checked::Image { .. }) { "tile" } else { "carrier" };
+                    return Err(Failure::argument(format!("{name}.{what} belongs to another asset")));
+                }
+                all.push(checked);
             }
         }
+        let mut outputs: Vec<(String, Strips)> = Vec::new();
+        for fetch in &all {
+            match fetch {
+                Checked::Image { name, target, .. } => outputs.push((name.clone(), target.written())),
+                Checked::Carried { points, .. } => outputs.extend(points.written.iter().cloned()),
+            }
+        }
+        check_apart(outputs, input)?;
+        Ok(Wanted { all, results })
     }
-    Ok(())
+
+    /// The fetches, to be written once.
+    pub fn fetches(&mut self) -> Outcome<Vec<Fetch<'_>>> {
+        self.all.iter_mut().map(Checked::fetch).collect()
+    }
+}
+
+impl Checked<'_> {
+    fn fetch(&mut self) -> Outcome<Fetch<'_>> {
+        Ok(match self {
+            Checked::Image { name, tile, kind, target, whole } => {
+                // SAFETY: the host vouches for the memory, and no other view writes to it.
+                let image = unsafe { target.view(name) }?;
+                let image = match *whole {
+                    Some((size, first)) => image.part_of(name, size, first)?,
+                    None => image,
+                };
+                Fetch::Image { tile: *tile, kind: *kind, image }
+            }
+            Checked::Carried { carrier, points } => {
+                Fetch::Carried { carrier, carried: std::mem::take(&mut points.carried) }
+            }
+        })
+    }
 }
 
 /// Writes `count` outputs of an asset's last solve into the caller's memory. All are of one and the same solve, even if
-/// another one ends meanwhile. Any size is allowed; an output does not depend on other fetches. All tiles belong to one
-/// asset. No two images may write the same byte, but they may be interleaved, such as two pairs of channels of one
-/// image. `fetches` may be null if `count` is 0.
+/// another one ends meanwhile. Any size is allowed; an output does not depend on other fetches. All tiles and carriers
+/// belong to one asset. No two outputs may write the same byte, but they may be interleaved, such as two pairs of
+/// channels of one image. `fetches` may be null if `count` is 0.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before a tile's first solve; VRTM_ERROR_UNSUPPORTED for an
 /// integer format, or a rectangle of UVs of another set; VRTM_ERROR_INVALID_ARGUMENT, naming the field, for null, a
 /// zero size, a short stride, channels that the kind does not have, an unknown value, a rectangle that is not inside
-/// the whole image, or images that overlap; VRTM_ERROR_OUT_OF_MEMORY. On any error no image is written, unless a GPU
-/// fails while the images are written. Never busy.
+/// the whole image, or outputs that overlap; the errors of vrtm_carrier_fetch; VRTM_ERROR_OUT_OF_MEMORY. On any error
+/// nothing is written, unless a GPU fails while the outputs are written. Never busy.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_fetch(fetches: *const vrtm_fetch, count: usize) -> vrtm_status {
     guard("vrtm_tile_fetch", || {
-        if count == 0 {
-            return Ok(());
-        }
         // SAFETY: the host's pointer, valid during the call.
-        let first = unsafe { desc::read(fetches, "fetches") }?.tile;
-        let asset = handle::asset_of("fetches[0].tile", first)?;
-        // SAFETY: as above.
-        let mut wanted = unsafe { wanted(asset, fetches, count, 0..0) }?;
-        Ok(handle::asset(asset)?.results.fetch_all(&mut wanted)?)
+        let mut wanted = unsafe { Wanted::read(None, fetches, count, 0..0) }?;
+        let results = wanted.results.clone();
+        let mut fetches = wanted.fetches()?;
+        results.map_or(Ok(()), |results| Ok(results.fetch_all(&mut fetches)?))
     })
 }
 

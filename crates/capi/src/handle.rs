@@ -215,12 +215,6 @@ pub(super) fn tile(argument: &str, handle: vrtm_tile) -> Outcome<(Arc<SharedAsse
         .ok_or_else(|| gone(argument, "tile", handle.id))
 }
 
-/// The handle of a tile's asset.
-pub(super) fn asset_of(argument: &str, handle: vrtm_tile) -> Outcome<vrtm_asset> {
-    tile(argument, handle)?;
-    Ok(vrtm_asset { id: pack(Kind::Asset, handle.id & ((1 << SERIAL_BITS) - 1), 0) })
-}
-
 /// True if both belong to the same asset.
 pub(super) fn is_tile_of(tile: vrtm_tile, asset: vrtm_asset) -> bool {
     let mask = (1 << SERIAL_BITS) - 1;

@@ -5,7 +5,7 @@ use std::num::NonZeroU32;
 use std::sync::Arc;
 
 use super::desc;
-use super::fetch::{vrtm_fetch, wanted};
+use super::fetch::{Wanted, vrtm_fetch};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::mirror::{choice, mirror};
@@ -221,9 +221,10 @@ pub unsafe extern "C" fn vrtm_asset_redirect(
             unsafe { (strided_and_span(positions, 3, "positions")?, CheckedOptions::read(asset, options)?) };
         let (positions, span) = view;
         // SAFETY: as above.
-        let mut wanted = unsafe { wanted(asset, fetches, count, span) }?;
+        let mut wanted = unsafe { Wanted::read(Some(shared.results.clone()), fetches, count, span) }?;
+        let mut fetches = wanted.fetches()?;
         let request = checked.request(positions);
-        shared.claim()?.solve(&checked.control, |asset| Ok(asset.run(&request, &mut wanted)?))
+        shared.claim()?.solve(&checked.control, |asset| Ok(asset.run(&request, &mut fetches)?))
     })
 }
 

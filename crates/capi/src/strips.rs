@@ -2,6 +2,9 @@
 
 use std::ops::Range;
 
+use super::status::{Failure, Outcome};
+use vrtm_core::allocation::Vec;
+
 /// Pieces of memory of equal size, arranged in rows: the texels of an image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Strips {
@@ -29,6 +32,12 @@ impl Strips {
             if a.end <= b.end { own += 1 } else { others += 1 }
         }
         false
+    }
+
+    /// All addresses, from the first to the last.
+    fn span(&self) -> Range<usize> {
+        let rows = self.steps[1].0;
+        if rows == 0 { self.start..self.start } else { self.start..self.row(rows - 1).end }
     }
 
     /// Addresses of a row.
@@ -61,6 +70,27 @@ impl Strips {
         }
         false
     }
+}
+
+/// Rejects outputs that write the same byte, which would be undefined behaviour. Outputs may be interleaved, such as two
+/// pairs of channels of one image. Positions are read as one slice of all bytes that they span, so no output may write
+/// there.
+pub(super) fn check_apart(mut outputs: Vec<(String, Strips)>, positions: Range<usize>) -> Outcome<()> {
+    let overlap = |a: &str, b: &str| Err(Failure::argument(format!("{a} and {b} overlap in memory")));
+    outputs.sort_unstable_by(|(a, of_a), (b, of_b)| (of_a.start, a).cmp(&(of_b.start, b)));
+    for (k, (name, strips)) in outputs.iter().enumerate() {
+        let span = strips.span();
+        if span.start < positions.end && positions.start < span.end {
+            return overlap(name, "positions");
+        }
+        for (other, of_other) in outputs[k + 1..].iter().take_while(|(_, of_other)| of_other.start < span.end)
+        {
+            if strips.meet(of_other) {
+                return overlap(name, other);
+            }
+        }
+    }
+    Ok(())
 }
 
 #[cfg(test)]

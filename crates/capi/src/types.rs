@@ -106,7 +106,44 @@ pub struct vrtm_image_out {
     pub row_stride: usize,
 }
 
-// SAFETY: repr(C), struct_size first, plain numbers and raw pointers, as in the two structs below.
+/// An array of vectors in the caller's memory. Start from vrtm_array_out_init(). It need not be aligned; bytes that
+/// the stride skips are left unchanged.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_array_out {
+    /// sizeof(vrtm_array_out); set by vrtm_array_out_init().
+    pub struct_size: u32,
+    /// VRTM_SCALAR_F32 (0, the default) or VRTM_SCALAR_F64.
+    pub format: vrtm_scalar,
+    /// Address of the first component of the first element.
+    pub data: *mut c_void,
+    /// Number of elements: vrtm_carrier_info.points.
+    pub count: usize,
+    /// Bytes from one element to the next; 0 = tightly packed. At least the size of an element.
+    pub stride: usize,
+}
+
+/// Destinations of carried points; null arrays are skipped. Elements of different arrays may be interleaved.
+/// Start from vrtm_carried_init().
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_carried {
+    /// sizeof(vrtm_carried); set by vrtm_carried_init().
+    pub struct_size: u32,
+    /// Positions in the pose, 3 components.
+    pub positions: *const vrtm_array_out,
+    /// Rotations of the frames at rest: quaternions x, y, z, w, 4 components.
+    pub rotations: *const vrtm_array_out,
+    /// Instead of `rotations`: matrices row by row, 9 components.
+    pub matrices: *const vrtm_array_out,
+    /// The stretch of the surface under what is painted that is left, as two factors, the larger first: 2 components.
+    pub stretch: *const vrtm_array_out,
+    /// UV of the surface point under each point, W(p) for a point painted at p (as VRTM_FETCH_WARP), with the tile's
+    /// offset added: 2 components.
+    pub uvs: *const vrtm_array_out,
+}
+
+// SAFETY: repr(C), struct_size first, plain numbers and raw pointers, as in the structs below.
 unsafe impl Sized32 for vrtm_array {
     const NAME: &'static str = "vrtm_array";
 }
@@ -119,6 +156,16 @@ unsafe impl Sized32 for vrtm_image {
 // SAFETY: as above.
 unsafe impl Sized32 for vrtm_image_out {
     const NAME: &'static str = "vrtm_image_out";
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for vrtm_array_out {
+    const NAME: &'static str = "vrtm_array_out";
+}
+
+// SAFETY: as above.
+unsafe impl Sized32 for vrtm_carried {
+    const NAME: &'static str = "vrtm_carried";
 }
 
 /// Reads a field of a struct that must be 0 or 1.
@@ -270,11 +317,6 @@ impl Target {
         let data = image.data.cast::<u8>();
         let texels = layout.resolve_output(name, data)?;
         Ok(Target { data, layout, texels })
-    }
-
-    /// Addresses from the first byte to the one after the last.
-    pub fn span(&self) -> Range<usize> {
-        self.data.addr()..self.data.addr() + self.texels.bytes
     }
 
     /// The bytes that are written.

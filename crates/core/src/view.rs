@@ -226,6 +226,8 @@ pub struct StridedMut<'a> {
 
 // SAFETY: elements are written through `put` alone, whose caller keeps threads apart.
 unsafe impl Sync for StridedMut<'_> {}
+// SAFETY: the memory is lent by a `&mut`, or by a host for all threads of a call.
+unsafe impl Send for StridedMut<'_> {}
 
 impl<'a> StridedMut<'a> {
     /// A view of raw bytes, as with [`Strided::new`].

@@ -44,7 +44,7 @@ pub struct MapReport {
 impl MapDesc {
     pub(crate) fn check(&self) -> Result<()> {
         if !self.kind.is_redirection() {
-            return Err(Error::argument(format!("kind: {:?} is no form of the redirection", self.kind)));
+            return Err(Error::argument("kind: not a form of the redirection"));
         }
         if !matches!(self.format, PixelFormat::F16 | PixelFormat::F32) {
             return Err(Error::new(ErrorKind::Unsupported, "format must be f16 or f32 for an output"));

@@ -3,7 +3,8 @@
 use super::sheet::{Layout, Sheet, by_uv, disc, fetch, lattice, solve};
 use super::{bulge, uvs, warped};
 use vrtm::{
-    Bind, Carried, CarrierSettings, ErrorKind, Fit, Scalar, SolveOptions, Strided, StridedMut, TileSettings,
+    Asset, Bind, Carried, CarrierSettings, ErrorKind, Fetch, FetchKind, Fit, ImageLayout, ImageViewMut,
+    PixelFormat, Scalar, SolveOptions, Strided, StridedMut, TileSettings,
 };
 
 fn sheet() -> Sheet {
@@ -75,6 +76,41 @@ fn a_fetch_needs_a_solve_after_the_carrier_and_fitting_arrays() {
     let none = by_uv(&asset, &[], None, Fit::Feature, 0);
     solve(&mut asset, &sheet.rest);
     assert_eq!(fetch(&none).positions.len(), 0);
+}
+
+#[test]
+fn points_are_an_output_of_a_solve() {
+    let sheet = sheet();
+    let layout = ImageLayout::packed(8, 8, PixelFormat::F32);
+    let mut asset = sheet.asset(1, 32, disc([0.5, 0.5], 0.2), TileSettings::default());
+    let carrier = by_uv(&asset, &uvs(Layout::Whole, &lattice(5)), None, Fit::Feature, 0);
+    let other = sheet.asset(1, 32, disc([0.5, 0.5], 0.2), TileSettings::default());
+    let mut positions = vec![[7.0f64; 3]; 25];
+    let mut image = vec![7u8; 8 * 8 * 8];
+    let run = |asset: &mut Asset, count: usize, positions: &mut [[f64; 3]], image: &mut [u8]| {
+        let positions = Some(StridedMut::from_f64(&mut positions[..count]));
+        let image = ImageViewMut::new("image", image, layout).unwrap();
+        let mut fetches = [
+            Fetch::Carried { carrier: &carrier, carried: Carried { positions, ..Carried::default() } },
+            Fetch::Image { tile: 0, kind: FetchKind::Redirection, image },
+        ];
+        let pose = sheet.pose(warped);
+        asset.redirect(Strided::from_f64x3(&pose), &SolveOptions::default(), &mut fetches)
+    };
+    let mut refused = |asset: &mut Asset, count: usize, words: &str| {
+        let error = run(asset, count, &mut positions, &mut image).unwrap_err();
+        assert!(error.message.contains(words), "{}", error.message);
+        assert!(positions[0] == [7.0; 3] && image.iter().all(|byte| *byte == 7), "nothing is written");
+    };
+    refused(&mut { other }, 25, "fetches[0].carrier belongs to another asset");
+    refused(&mut asset, 24, "fetches[0].carried.positions: 24 elements");
+    assert_eq!(asset.report().unwrap_err().kind, ErrorKind::NotSolved, "nothing is solved");
+    run(&mut asset, 25, &mut positions, &mut image).unwrap();
+    assert_eq!(positions, fetch(&carrier).positions);
+    let mut alone = vec![0u8; 8 * 8 * 8];
+    let mut view = ImageViewMut::new("image", &mut alone, layout).unwrap();
+    asset.fetch(0, FetchKind::Redirection, &mut view).unwrap();
+    assert_eq!(image, alone);
 }
 
 #[test]

@@ -14,7 +14,7 @@ const SOURCES: [&str; 6] = [
     "crates/core/src/settings.rs",
     "crates/core/src/report.rs",
     "src/refine.rs",
-    "src/carrier.rs",
+    "src/asset/carrier.rs",
     "crates/carry/src/bind.rs",
     "crates/carry/src/course.rs",
 ];

@@ -122,7 +122,7 @@ fn one_call_is_solve_and_fetch() {
     let outputs = [0, 1].into_iter().flat_map(|tile| KINDS.map(|kind| (tile, kind)));
     let mut fetches: Vec<Fetch> = outputs
         .zip(&mut images)
-        .map(|((tile, kind), bytes)| Fetch {
+        .map(|((tile, kind), bytes)| Fetch::Image {
             tile,
             kind,
             image: ImageViewMut::new("image", bytes, layout).unwrap(),
@@ -136,7 +136,7 @@ fn one_call_is_solve_and_fetch() {
     // A tile index out of range: nothing is written, nothing is solved.
     let before = images[0].clone();
     let image = ImageViewMut::new("image", &mut images[0], layout).unwrap();
-    let mut fetches = [Fetch { tile: 2, kind: FetchKind::Warp, image }];
+    let mut fetches = [Fetch::Image { tile: 2, kind: FetchKind::Warp, image }];
     assert!(one.redirect(model.frame(2), &SolveOptions::default(), &mut fetches).is_err());
     assert_eq!(images[0], before);
     assert!(common::bits(&one) == common::bits(&two));

@@ -33,7 +33,7 @@ from ._errors import (
     TimeoutError,
     UnsupportedError,
 )
-from ._fetch import Fetch
+from ._fetch import CarrierFetch, Fetch
 from ._job import Job
 from ._library import path as library_path
 from ._library import version
@@ -79,6 +79,7 @@ __all__ = [
     "CancelledError",
     "Carried",
     "Carrier",
+    "CarrierFetch",
     "CarrierInfo",
     "Device",
     "DeviceInfo",

@@ -17,7 +17,7 @@ from ._call import interruptible
 from ._carrier import Carrier
 from ._device import Device
 from ._errors import InvalidArgumentError
-from ._fetch import Fetch
+from ._fetch import CarrierFetch, Fetch
 from ._job import Job
 from ._library import check, library, new
 from ._names import natural, record
@@ -170,13 +170,23 @@ class Asset:
         return self.report()
 
     def redirect(
-        self, positions: ArrayLike, fetches: Sequence[Fetch | Tile], **options: Unpack[SolveOptions]
-    ) -> list[Pixels]:
-        """Solves for a pose and returns an image for each of `fetches`, in one call: as solve and Tile.fetch, but
-        nothing else can use the asset in between. A bare Tile means its redirection map at the grid's size."""
-        return self._run(positions, [f if isinstance(f, Fetch) else Fetch(f) for f in fetches], options)
+        self,
+        positions: ArrayLike,
+        fetches: Sequence[Fetch | Tile | CarrierFetch | Carrier],
+        **options: Unpack[SolveOptions],
+    ) -> list[Any]:
+        """Solves for a pose and returns an output for each of `fetches`, in one call: as solve, Tile.fetch and
+        Carrier.fetch, but nothing else can use the asset in between. A bare Tile means its redirection map at the
+        grid's size, a bare Carrier the positions and rotations of its points."""
 
-    def _run(self, positions: ArrayLike, fetches: list[Fetch], options: SolveOptions) -> list[Pixels]:
+        def whole(fetch: Any) -> Fetch | CarrierFetch:
+            if isinstance(fetch, (Fetch, CarrierFetch)):
+                return fetch
+            return CarrierFetch(fetch) if isinstance(fetch, Carrier) else Fetch(fetch)
+
+        return self._run(positions, [whole(fetch) for fetch in fetches], options)
+
+    def _run(self, positions: ArrayLike, fetches: list[Any], options: SolveOptions) -> list[Any]:
         pinned = Pinned()
         points = pinned.vectors("positions", positions, 3, more=1)
         struct, progress = build(pinned, options)

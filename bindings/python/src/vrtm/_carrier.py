@@ -33,6 +33,9 @@ class Carried:
     """(points, 2): where the surface has the texture of each point, with the tile's place added."""
 
 
+Arrays = dict[str, NDArray[np.floating[Any]]]
+"""Arrays by name."""
+
 _COLUMNS = {"positions": (3,), "rotations": (4,), "matrices": (3, 3), "stretch": (2,), "uvs": (2,)}
 
 
@@ -106,17 +109,33 @@ class Carrier:
         check(library.vrtm_carrier_fetch_states(self._handle, states.ctypes.data, len(states)))
         return states
 
-    def fetch(
-        self, *names: str, dtype: DTypeLike = np.float32, out: dict[str, NDArray[np.floating[Any]]] | None = None
-    ) -> Carried:
+    def fetch(self, *names: str, dtype: DTypeLike = np.float32, out: Arrays | None = None) -> Carried:
         """Carries the points into the pose of the asset's last solve. `names`: what is wanted of positions, rotations
         or matrices, stretch and uvs; by default positions and rotations. Arrays in `out`, by these names, are written
         in place, whatever the distance of their rows. Raises NotSolvedError before the first solve that came after the
         carrier was made."""
-        wanted = names or ("positions", "rotations")
-        count, carried = self.info.points, new(_abi.vrtm_carried)
+        target = CarriedTarget(self, names, dtype, out)
+        check(library.vrtm_carrier_fetch(self._handle, ctypes.byref(target.struct)))
+        return target.done()
+
+    def close(self) -> None:
+        """Destroys the carrier."""
+        self._end()
+
+    def __enter__(self) -> Carrier:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class CarriedTarget:
+    """Arrays that carried points are written to."""
+
+    def __init__(self, carrier: Carrier, names: tuple[str, ...], dtype: DTypeLike, out: Arrays | None) -> None:
+        count, carried = carrier.info.points, new(_abi.vrtm_carried)
         arrays: dict[str, Any] = {}
-        for name in wanted:
+        for name in names or ("positions", "rotations"):
             if name not in _COLUMNS:
                 raise ValueError(f"{name!r} is none of {', '.join(_COLUMNS)}")
             shape, given = (count, *_COLUMNS[name]), (out or {}).get(name)
@@ -131,15 +150,8 @@ class Carrier:
             struct.count, struct.stride = count, array.strides[0] if count > 1 else 0
             arrays[name] = array
             setattr(carried, name, ctypes.pointer(struct))
-        check(library.vrtm_carrier_fetch(self._handle, ctypes.byref(carried)))
-        return Carried(**arrays)
+        self.struct, self._arrays = carried, arrays
 
-    def close(self) -> None:
-        """Destroys the carrier."""
-        self._end()
-
-    def __enter__(self) -> Carrier:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def done(self) -> Carried:
+        """The arrays, once they are written."""
+        return Carried(**self._arrays)

@@ -10,6 +10,7 @@ from numpy.typing import DTypeLike
 
 from . import _abi
 from ._arrays import Pinned, Pixels
+from ._carrier import Arrays, CarriedTarget, Carrier
 from ._images import Target, image_size
 from ._library import new
 from ._names import natural, value_of
@@ -52,3 +53,25 @@ class Fetch:
         struct.tile = self.tile._handle
         struct.uv_set = self._uv_set
         struct.image = ctypes.pointer(target.struct)
+
+
+class CarrierFetch:
+    """The points of a carrier, for Asset.redirect; the arguments are those of Carrier.fetch."""
+
+    def __init__(
+        self, carrier: Carrier, *names: str, dtype: DTypeLike = np.float32, out: Arrays | None = None
+    ) -> None:
+        if not isinstance(carrier, Carrier):
+            raise TypeError(f"carrier: {carrier!r} is no vrtm.Carrier")
+        self.carrier, self._names, self._dtype, self._out = carrier, names, dtype, out
+
+    def target(self, pinned: Pinned) -> CarriedTarget:
+        """The arrays that the points are written to."""
+        return CarriedTarget(self.carrier, self._names, self._dtype, self._out)
+
+    def fill(self, struct: _abi.vrtm_fetch, target: CarriedTarget) -> None:
+        """The library's struct."""
+        struct.struct_size = new(_abi.vrtm_fetch).struct_size
+        struct.kind = value_of("fetch_kind", "carried")
+        struct.carrier = self.carrier._handle
+        struct.carried = ctypes.pointer(target.struct)

@@ -1,27 +1,20 @@
 //! Carries points, curves and detail meshes that are bound to the rest surface into the pose of the last solve.
 
+mod kept;
+pub(super) mod ride;
+
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
 use crate::asset::Asset;
-use crate::asset::derived::Same;
-use crate::asset::results::{KeptPose, Last, Results, TileResult};
+use crate::asset::results::Results;
 use crate::device::Booked;
-use crate::solved::Solved;
-use vrtm_carry::{Bind, Binding, Carriage, Course, Fit, Parts, Pieces, PointState, Tile, matrix};
-use vrtm_core::allocation::Vec;
-use vrtm_core::clock::Instant;
-use vrtm_core::error::{Error, ErrorKind, Result};
-use vrtm_core::grid::Grid;
-use vrtm_core::mesh::TileMesh;
+use kept::Kept;
+use vrtm_carry::{Bind, Binding, Fit, Pieces, PointState};
+use vrtm_core::error::{Error, Result};
 use vrtm_core::panics::lock;
 use vrtm_core::team::Team;
 use vrtm_core::view::{Packed, Strided, StridedMut};
-
-/// Points that one item of work carries.
-const CHUNK: usize = 1024;
-/// Bytes per node of a grid while its features are found: coverage, maps, numbers.
-const BYTES_PER_NODE: u64 = 32;
 
 /// Points to bind, and the way they move.
 #[derive(Clone, Copy, Debug)]
@@ -142,17 +135,6 @@ impl Drop for Counted {
     fn drop(&mut self) {
         self.0.count_carriers(-1);
     }
-}
-
-/// Key of a course: per tile, its connectivity, with collars or not, and its grid.
-type Key = Vec<Option<(Same<TileMesh>, Option<Same<TileMesh>>, Same<Grid>)>>;
-
-/// A course with its key.
-#[derive(Debug)]
-struct Kept {
-    key: Key,
-    course: Course,
-    booked: Booked,
 }
 
 impl<'a> CarrierSettings<'a> {
@@ -313,16 +295,37 @@ impl Carrier {
     /// `InvalidArgument` if an array has another number of elements or components; `OutOfMemory`, `DeviceLost`.
     /// Nothing is written then.
     pub fn fetch(&self, out: &Carried) -> Result<()> {
+        self.check(out, "")?;
+        let results = self.results();
+        results.device().call(|| {
+            let last = results.solved_asset()?;
+            results.device().team(|team| {
+                let ride = self.ride(team, &last)?;
+                let positions = ride.pose.positions.view();
+                ride.begin(team, &|v| positions.get3(v as usize)).write(team, out);
+                Ok(())
+            })
+        })
+    }
+
+    /// The results that the points follow.
+    #[must_use]
+    pub fn results(&self) -> &Results {
+        &self.results.0
+    }
+
+    /// Checks destinations; `prefix` stands before their names in messages.
+    pub(crate) fn check(&self, out: &Carried, prefix: &str) -> Result<()> {
         let arrays = [
             ("positions", &out.positions, &[3][..]),
             ("rotations", &out.rotations, &[4, 9]),
             ("stretch", &out.stretch, &[2]),
             ("uvs", &out.uvs, &[2]),
         ];
-        let count = self.binding.points.len();
         for (name, array, components) in arrays {
             let Some(array) = array else { continue };
-            check_count(name, Some(array.len()), count)?;
+            let name = format!("{prefix}{name}");
+            check_count(&name, Some(array.len()), self.binding.points.len())?;
             if !components.contains(&array.components()) {
                 let given = array.components();
                 return Err(Error::argument(format!(
@@ -330,94 +333,6 @@ impl Carrier {
                 )));
             }
         }
-        let results = &self.results.0;
-        results.device().call(|| {
-            let start = Instant::now();
-            let last = results.solved_asset()?;
-            let pose = last.pose.as_ref().ok_or_else(|| {
-                let why = "carrier: there was no solve since it was made, and poses from before are not kept";
-                Error::new(ErrorKind::NotSolved, why)
-            })?;
-            results.device().team(|team| self.write(team, &last, pose, out))?;
-            self.last.2.store((start.elapsed().as_secs_f32() * 1000.0).to_bits(), Ordering::Relaxed);
-            Ok(())
-        })
-    }
-
-    fn write(&self, team: &Team, last: &Last, pose: &KeptPose, out: &Carried) -> Result<()> {
-        let mesh = self.results.0.mesh();
-        let mut tiles: Vec<Tile> = Vec::with_capacity(mesh.tiles.len());
-        for (k, maps) in pose.maps.iter().enumerate() {
-            tiles.push(match &last.tiles[k] {
-                // It has a pose nevertheless.
-                None => Tile { mesh: &mesh.tiles[k], extended: None, grid: None, maps, u: &[] },
-                Some(TileResult { solved, .. }) => Tile {
-                    mesh: &solved.mesh,
-                    extended: solved.extended.as_deref(),
-                    grid: Some(&solved.grid),
-                    maps,
-                    u: solved.warp.host()?,
-                },
-            });
-        }
-        let kept = self.course(team, last, &tiles)?;
-        let parts = Parts {
-            mesh,
-            binding: &self.binding,
-            course: &kept.course,
-            pieces: self.pieces.as_ref(),
-            fit: self.fit,
-            skirt: self.skirt,
-        };
-        let positions = pose.positions.view();
-        let position = |v: u32| positions.get3(v as usize);
-        let carriage = Carriage::new(team, &parts, &tiles, &position);
-        let count = self.binding.points.len();
-        let on_surface = out.stretch.is_some() || out.uvs.is_some();
-        team.run(count.div_ceil(CHUNK), |chunk| {
-            for n in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
-                let (k, carried) = carriage.carry(n, out.rotations.is_some(), on_surface);
-                let put = |array: &Option<StridedMut>, values: &[f64]| {
-                    if let Some(array) = array {
-                        // SAFETY: each point belongs to one item.
-                        unsafe { array.put(k, values) };
-                    }
-                };
-                put(&out.positions, &carried.position.to_array());
-                match &out.rotations {
-                    Some(array) if array.components() == 9 => {
-                        put(&out.rotations, &matrix(carried.rotation).transpose().to_cols_array());
-                    }
-                    rotations => put(rotations, &carried.rotation.to_array()),
-                }
-                put(&out.stretch, &carried.stretch);
-                put(&out.uvs, &carried.uv.to_array());
-            }
-        });
-        self.last.0.store(kept.course.features() as u64, Ordering::Relaxed);
-        self.last.1.store(carriage.rim.to_bits(), Ordering::Relaxed);
         Ok(())
-    }
-
-    /// The points' course on these results: the last one, if it is of the same meshes and grids.
-    fn course(&self, team: &Team, last: &Last, tiles: &[Tile]) -> Result<Arc<Kept>> {
-        let of = |solved: &Solved| {
-            (Same::of(&solved.mesh), solved.extended.as_ref().map(Same::of), Same::of(&solved.grid))
-        };
-        let key: Key = last.tiles.iter().map(|tile| tile.as_ref().map(|tile| of(&tile.solved))).collect();
-        if let Some(kept) = lock(&self.course).clone().filter(|kept| kept.key == key) {
-            return Ok(kept);
-        }
-        let mut booked = self.results.0.device().booking();
-        let nodes: u64 = tiles.iter().map(Tile::cells).map(|[nx, ny]| (nx * ny) as u64).sum();
-        booked.set(BYTES_PER_NODE * nodes, "a carrier's features")?;
-        let frames = self.frames.as_ref().map(Packed::view);
-        let mesh = self.results.0.mesh();
-        let course =
-            Course::new(team, mesh, tiles, &self.binding, frames.as_ref(), self.pieces.as_ref(), self.fit);
-        booked.set(course.bytes() as u64, "a carrier's course")?;
-        let kept = Arc::new(Kept { key, course, booked });
-        *lock(&self.course) = Some(kept.clone());
-        Ok(kept)
     }
 }

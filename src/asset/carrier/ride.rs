@@ -1,0 +1,138 @@
+//! A carrier on the results of a solve: made ready, posed, and written.
+
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+use std::time::Duration;
+
+use super::kept::{Kept, Key};
+use super::{Carried, Carrier};
+use crate::asset::derived::Same;
+use crate::asset::results::{KeptPose, Last, TileResult};
+use crate::solved::Solved;
+use vrtm_carry::{Carriage, Course, Parts, Tile, matrix};
+use vrtm_core::allocation::Vec;
+use vrtm_core::clock::Instant;
+use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::panics::lock;
+use vrtm_core::team::Team;
+use vrtm_core::view::{Packed, StridedMut};
+
+/// Points that one item of work carries.
+const CHUNK: usize = 1024;
+/// Bytes per node of a grid while its features are found: coverage, maps, numbers.
+const BYTES_PER_NODE: u64 = 32;
+
+impl Carrier {
+    /// Makes ready to carry the points into the pose of results, which may not be published yet.
+    pub(crate) fn ride<'a>(&'a self, team: &Team, last: &'a Last) -> Result<Ride<'a>> {
+        let start = Instant::now();
+        let pose = last.pose.as_ref().ok_or_else(|| {
+            let why = "carrier: there was no solve since it was made, and poses from before are not kept";
+            Error::new(ErrorKind::NotSolved, why)
+        })?;
+        let mesh = self.results().mesh();
+        let mut tiles: Vec<Tile> = Vec::with_capacity(mesh.tiles.len());
+        for (k, maps) in pose.maps.iter().enumerate() {
+            tiles.push(match &last.tiles[k] {
+                // It has a pose nevertheless.
+                None => Tile { mesh: &mesh.tiles[k], extended: None, grid: None, maps, u: &[] },
+                Some(TileResult { solved, .. }) => Tile {
+                    mesh: &solved.mesh,
+                    extended: solved.extended.as_deref(),
+                    grid: Some(&solved.grid),
+                    maps,
+                    u: solved.warp.host()?,
+                },
+            });
+        }
+        let kept = self.course(team, last, &tiles)?;
+        Ok(Ride { carrier: self, kept, pose, tiles, spent: start.elapsed() })
+    }
+
+    /// The points' course on these results: the last one, if it is of the same meshes and grids.
+    fn course(&self, team: &Team, last: &Last, tiles: &[Tile]) -> Result<Arc<Kept>> {
+        let of = |solved: &Solved| {
+            (Same::of(&solved.mesh), solved.extended.as_ref().map(Same::of), Same::of(&solved.grid))
+        };
+        let key: Key = last.tiles.iter().map(|tile| tile.as_ref().map(|tile| of(&tile.solved))).collect();
+        if let Some(kept) = lock(&self.course).clone().filter(|kept| kept.key == key) {
+            return Ok(kept);
+        }
+        let mut booked = self.results.0.device().booking();
+        let nodes: u64 = tiles.iter().map(Tile::cells).map(|[nx, ny]| (nx * ny) as u64).sum();
+        booked.set(BYTES_PER_NODE * nodes, "a carrier's features")?;
+        let frames = self.frames.as_ref().map(Packed::view);
+        let mesh = self.results.0.mesh();
+        let course =
+            Course::new(team, mesh, tiles, &self.binding, frames.as_ref(), self.pieces.as_ref(), self.fit);
+        booked.set(course.bytes() as u64, "a carrier's course")?;
+        let kept = Arc::new(Kept { key, course, booked });
+        *lock(&self.course) = Some(kept.clone());
+        Ok(kept)
+    }
+}
+
+/// A carrier with the results that it follows.
+pub(crate) struct Ride<'a> {
+    carrier: &'a Carrier,
+    kept: Arc<Kept>,
+    pub pose: &'a KeptPose,
+    tiles: Vec<Tile<'a>>,
+    /// Time spent so far.
+    spent: Duration,
+}
+
+/// A carrier in a pose: all that writing its points needs.
+pub(crate) struct Begun<'a> {
+    ride: &'a Ride<'a>,
+    carriage: Carriage<'a>,
+    spent: Duration,
+}
+
+impl Ride<'_> {
+    /// Poses the surface and the features. `position` gives the pose's vertices.
+    pub fn begin<'a>(&'a self, team: &Team, position: &'a (dyn Fn(u32) -> [f64; 3] + Sync)) -> Begun<'a> {
+        let start = Instant::now();
+        let Carrier { results, binding, pieces, fit, skirt, .. } = self.carrier;
+        let mesh = results.0.mesh();
+        let (course, pieces) = (&self.kept.course, pieces.as_ref());
+        let parts = Parts { mesh, binding, course, pieces, fit: *fit, skirt: *skirt };
+        let carriage = Carriage::new(team, &parts, &self.tiles, position);
+        Begun { ride: self, carriage, spent: self.spent + start.elapsed() }
+    }
+}
+
+impl Begun<'_> {
+    /// Writes the points. Cannot fail.
+    pub fn write(&self, team: &Team, out: &Carried) {
+        let start = Instant::now();
+        let Begun { ride: Ride { carrier, kept, .. }, carriage, spent } = self;
+        let count = carrier.binding.points.len();
+        let on_surface = out.stretch.is_some() || out.uvs.is_some();
+        team.run(count.div_ceil(CHUNK), |chunk| {
+            for n in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
+                let (k, carried) = carriage.carry(n, out.rotations.is_some(), on_surface);
+                let put = |array: &Option<StridedMut>, values: &[f64]| {
+                    if let Some(array) = array {
+                        // SAFETY: each point belongs to one item.
+                        unsafe { array.put(k, values) };
+                    }
+                };
+                put(&out.positions, &carried.position.to_array());
+                match &out.rotations {
+                    Some(array) if array.components() == 9 => {
+                        put(&out.rotations, &matrix(carried.rotation).transpose().to_cols_array());
+                    }
+                    rotations => put(rotations, &carried.rotation.to_array()),
+                }
+                put(&out.stretch, &carried.stretch);
+                put(&out.uvs, &carried.uv.to_array());
+            }
+        });
+        let (features, rim, ms) = &carrier.last;
+        features.store(kept.course.features() as u64, Ordering::Relaxed);
+        rim.store(carriage.rim.to_bits(), Ordering::Relaxed);
+        let spent = (*spent + start.elapsed()).as_secs_f32() * 1000.0;
+        ms.store(spent.to_bits(), Ordering::Relaxed);
+    }
+}
