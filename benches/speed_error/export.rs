@@ -56,7 +56,7 @@ pub fn export(case: &Case, folder: &Path, solves: usize) -> Result<(), String> {
         "grid": case.grid,
         "vrtm_seconds": ms.median / 1000.0,
         "threads": asset.device().info().threads,
-        "edges": strain.edges,
+        "edges": strain.segments,
         "before": side(&strain.before),
         "after": side(&strain.after),
     });

@@ -29,7 +29,7 @@ pub fn header(
         json!({
             "udim": tile.udim, "rigidity": rigidity, "mask": mask, "charts": tile.charts,
             "triangles": tile.triangles, "grid": tile.grid, "movable_nodes": tile.movable_nodes,
-            "overlap": tile.overlap, "frozen": tile.frozen, "border_edges": tile.border_edges,
+            "overlap": tile.overlap, "fixed": tile.fixed, "border_edges": tile.border_edges,
             "welded_edges": tile.welded_edges, "edges_apart": tile.edges_apart,
         })
     };
@@ -86,8 +86,8 @@ fn tile(r: &TileReport, map: &MapReport) -> Value {
             "correct": t.correct, "certify": t.certify, "invert": t.invert, "total": t.total,
         },
         "strain": r.strain.as_ref().map(|s| json!({
-            "edges": s.edges, "before": strain(&s.before), "after": strain(&s.after), "harm": s.harm,
-            "help": s.help, "edges_fixed": s.edges_fixed, "fixed": s.fixed,
+            "segments": s.segments, "before": strain(&s.before), "after": strain(&s.after), "harm": s.harm,
+            "help": s.help, "segments_fixed": s.segments_fixed, "fixed": s.fixed,
         })),
         // The redirection under bilinear lookup; errors are distances in the tile's UV.
         "map": {
@@ -115,7 +115,7 @@ pub fn line(r: &TileReport) -> String {
         let help = 100.0 * s.help;
         format!("{:.4} -> {:.4}  {:.3} -> {:.3}  {help:5.1} %", rms[0], rms[1], p95[0], p95[1])
     };
-    let strain = r.strain.as_ref().filter(|s| s.edges > 0).map_or("nothing to measure".into(), measured);
+    let strain = r.strain.as_ref().filter(|s| s.segments > 0).map_or("nothing to measure".into(), measured);
     let grid = format!("{}x{}", r.grid[0], r.grid[1]);
     let (jacobian, nodes, ms) = (r.min_jacobian, r.nodes_active, r.times.total);
     format!("{}  {grid:>8}  {strain:<41}  {jacobian:.3} {nodes:7} {ms:6.0}", r.udim)

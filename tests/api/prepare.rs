@@ -216,18 +216,18 @@ fn rigid_texels_that_cannot_move_are_told() {
     let mut asset = sixteen(&device, 256, 0.5);
     let free = asset.tile_info(0).unwrap();
     // Discs at the charts' borders are cut by them.
-    assert!(free.frozen > 0.0 && free.frozen < 0.5, "{}", free.frozen);
-    assert!(log.lock().unwrap().iter().any(|line| line.1.contains("rigid texels are frozen")));
+    assert!(free.fixed > 0.0 && free.fixed < 0.5, "{}", free.fixed);
+    assert!(log.lock().unwrap().iter().any(|line| line.1.contains("rigid texels are fixed")));
     assert!(!warned());
     // Half of the tile is masked, then all of it.
     let half: Vec<u8> = (0..256 * 256).map(|k| if k % 256 < 128 { 0 } else { 255 }).collect();
     asset.set_mask(0, Some(view(&half, 256, 256))).unwrap();
     let masked = asset.tile_info(0).unwrap();
-    assert!((masked.frozen - (0.5 + 0.5 * free.frozen)).abs() < 0.05, "{} {}", masked.frozen, free.frozen);
+    assert!((masked.fixed - (0.5 + 0.5 * free.fixed)).abs() < 0.05, "{} {}", masked.fixed, free.fixed);
     assert!(!warned());
     asset.set_mask(0, Some(view(&vec![0; 256 * 256], 256, 256))).unwrap();
     let fixed = asset.tile_info(0).unwrap();
-    assert_eq!((fixed.frozen, fixed.movable_nodes), (1.0, 0));
+    assert_eq!((fixed.fixed, fixed.movable_nodes), (1.0, 0));
     assert!(warned());
 }
 
@@ -267,7 +267,7 @@ fn seen(asset: &mut Asset, pose: &[[f32; 3]]) -> (Vec<[u32; 2]>, [f64; 4], [u64;
     let warp = fetch(asset, 0, FetchKind::Warp, report.grid.map(|n| n + 1));
     (
         warp.iter().map(|uv| uv.map(f32::to_bits)).collect(),
-        [report.energy_before, report.energy, report.min_jacobian, info.frozen.into()],
+        [report.energy_before, report.energy, report.min_jacobian, info.fixed.into()],
         [report.folds, report.blocks, info.movable_nodes, u64::from(report.levels)],
         [report.charts, report.charts_fallback, report.charts_identity],
     )

@@ -81,7 +81,7 @@ static void refusals(vrtm_tile tile)
     image.channels = 1;
     fails("one channel", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_INVALID_ARGUMENT, "2 to 4");
     image.channels = 2;
-    fails("half a Jacobian", fetch_image(tile, VRTM_FETCH_JACOBIAN, &image), VRTM_ERROR_INVALID_ARGUMENT, "Jacobian has 4");
+    fails("half a Jacobian", fetch_image(tile, VRTM_FETCH_JACOBIAN, &image), VRTM_ERROR_INVALID_ARGUMENT, "its kind has 4");
     image.channels = 4;
     fails("a warp has no coverage", fetch_image(tile, VRTM_FETCH_WARP, &image), VRTM_ERROR_INVALID_ARGUMENT, "2 to 3");
     image.pixel_stride = 12;

@@ -284,7 +284,7 @@ static void maps(void)
 
     vrtm_tile_settings settings = vrtm_tile_settings_init();
     WITH(float, settings.room, -2,
-         fails("room -2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room: -2 is not in"));
+         fails("room -2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room: -2 is not between"));
     WITH(float, settings.smoothness, NAN,
          fails("smoothness NaN", vrtm_tile_set_settings(tile, &settings), BAD, "settings.smoothness"));
     WITH(float, settings.smoothness_floor, 0,
@@ -292,7 +292,7 @@ static void maps(void)
     WITH(float, settings.room_threshold, 2,
          fails("threshold 2", vrtm_tile_set_settings(tile, &settings), BAD, "settings.room_threshold"));
     WITH(float, settings.protect, 1.5f,
-         fails("protect 1.5", vrtm_tile_set_settings(tile, &settings), BAD, "settings.protect: 1.5 is not in"));
+         fails("protect 1.5", vrtm_tile_set_settings(tile, &settings), BAD, "settings.protect: 1.5 is not between"));
     WITH(float, settings.protect, NAN,
          fails("protect NaN", vrtm_tile_set_settings(tile, &settings), BAD, "settings.protect"));
     WITH(vrtm_seams, settings.seams, 3,
@@ -414,8 +414,8 @@ static void solves_and_fetches(void)
 
     const vrtm_fetch_kind redirection = VRTM_FETCH_REDIRECTION;
     bad_fetch("no image", redirection, NULL, BAD, "image is null");
-    bad_fetch("kind 8", 8, &image, BAD, "kind is 8");
-    bad_fetch("a kind of another set", VRTM_FETCH_UV_SET_DELTA + 1, &image, BAD, "fetches[0].kind is 8");
+    bad_fetch("kind 9", 9, &image, BAD, "kind is 9");
+    bad_fetch("a kind after the last", VRTM_FETCH_CARRIED + 1, &image, BAD, "fetches[0].kind is 9");
     WITH(room, image.data, NULL, bad_fetch("no image data", redirection, &image, BAD, "image.data is null"));
     WITH(uint32_t, image.width, 0, bad_fetch("no width", redirection, &image, BAD, "image"));
     WITH(size_t, image.pixel_stride, 7, bad_fetch("a short pixel stride", redirection, &image, BAD, "pixel_stride"));
@@ -450,7 +450,7 @@ static void solves_and_fetches(void)
     WITH(vrtm_tile, fetches[1].tile, foreign, fails("another asset's tile", REDIRECT(), BAD, "fetches[1].tile"));
     WITH(vrtm_tile, fetches[1].tile, (vrtm_tile){0}, fails("no tile", REDIRECT(), GONE, "fetches[1].tile"));
     WITH(target, fetches[1].image, NULL, fails("no image", REDIRECT(), BAD, "fetches[1].image is null"));
-    WITH(vrtm_fetch_kind, fetches[1].kind, 8, fails("kind 8", REDIRECT(), BAD, "fetches[1].kind is 8"));
+    WITH(vrtm_fetch_kind, fetches[1].kind, 9, fails("kind 9", REDIRECT(), BAD, "fetches[1].kind is 9"));
     WITH(uint32_t, fetches[1].struct_size, 4, fails("a fetch's size", REDIRECT(), BAD, "fetches[1].struct_size"));
     WITH(room, other.data, map + 8, fails("images that overlap", REDIRECT(), BAD, "overlap"));
     WITH(room, other.data, (char *)pose + 8, fails("an image over the input", REDIRECT(), BAD, "positions"));

@@ -44,7 +44,7 @@ static void estimate(model m)
     check_that(needs.movable_nodes == info.movable_nodes && needs.movable_nodes > 0, "the nodes are those that move", vrtm_last_error());
     check_that(needs.prepared_bytes > 0 && needs.preparing_bytes >= needs.prepared_bytes &&
               needs.solving_bytes > needs.prepared_bytes, "bytes grow from preparing to solving", vrtm_last_error());
-    check_that(info.frozen >= 0 && info.frozen < 0.5f, "most rigid texels move", vrtm_last_error());
+    check_that(info.fixed >= 0 && info.fixed < 0.5f, "most rigid texels move", vrtm_last_error());
     check_that(vrtm_tile_get_estimate(m.tile, NULL) == VRTM_ERROR_INVALID_ARGUMENT, "an estimate needs a struct", vrtm_last_error());
     vrtm_tile zero = {0};
     check_that(vrtm_tile_get_estimate(zero, &needs) == VRTM_ERROR_INVALID_HANDLE, "an estimate needs a tile", vrtm_last_error());

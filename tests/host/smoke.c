@@ -170,7 +170,7 @@ int main(void)
     check_that(report.udim == 1001 && report.folds == 0 && report.min_jacobian > 0 && report.charts_active == 1 &&
                    report.energy < report.energy_before,
                "the report certifies the result", "");
-    check_that(report.measured == 1 && report.edges > 0 && report.after.rms < report.before.rms,
+    check_that(report.measured == 1 && report.segments > 0 && report.after.rms < report.before.rms,
                "strain was measured and fell", "");
     vrtm_asset_report whole = vrtm_asset_report_init();
     succeeds("asset_report", vrtm_asset_get_report(asset, &whole));

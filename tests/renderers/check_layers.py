@@ -161,10 +161,10 @@ def moved(tree, half=False):
 def strain(of):
     """RMS strain of all rigid edges, before and after."""
     reports = [tile.report() for tile in of.tiles if tile.uv_set == 0]
-    edges = sum(r.edges + r.edges_fixed for r in reports)
-    still = sum(r.edges_fixed * r.strain_fixed**2 for r in reports)
+    edges = sum(r.segments + r.segments_fixed for r in reports)
+    still = sum(r.segments_fixed * r.strain_fixed**2 for r in reports)
     return [
-        ((sum(r.edges * getattr(r, when).rms ** 2 for r in reports) + still) / edges) ** 0.5
+        ((sum(r.segments * getattr(r, when).rms ** 2 for r in reports) + still) / edges) ** 0.5
         for when in ("before", "after")
     ]
 

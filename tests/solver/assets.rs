@@ -40,7 +40,7 @@ struct Row {
 
 fn rows(&(model, frame): &(&Model, usize)) -> Vec<Row> {
     let row = |report: &TileReport| {
-        let (strain, udim) = (report.strain.filter(|strain| strain.edges > 0)?, report.udim);
+        let (strain, udim) = (report.strain.filter(|strain| strain.segments > 0)?, report.udim);
         let (name, jacobian, ms) = (model.name.clone(), report.min_jacobian, report.times.total);
         Some(Row { name, frame, udim, strain, jacobian, ms })
     };

@@ -360,19 +360,19 @@ fn not_finite_is_named(asset: impl Fn(&Case) -> vrtm::Result<Asset>) {
         let x = bad as f32;
         let plain = TileSettings::default();
         for (settings, name, range) in [
-            (TileSettings { smoothness: x, ..plain }, "smoothness", "0..=1e6"),
-            (TileSettings { smoothness_floor: x, ..plain }, "smoothness_floor", "1e-6..=1e6"),
-            (TileSettings { orientation: x, ..plain }, "orientation", "0..=1e6"),
-            (TileSettings { orientation_density: x, ..plain }, "orientation_density", "0..=1e6"),
-            (TileSettings { room: x, ..plain }, "room", "0..=1e6"),
+            (TileSettings { smoothness: x, ..plain }, "smoothness", "0 and 1e6"),
+            (TileSettings { smoothness_floor: x, ..plain }, "smoothness_floor", "1e-6 and 1e6"),
+            (TileSettings { orientation: x, ..plain }, "orientation", "0 and 1e6"),
+            (TileSettings { orientation_density: x, ..plain }, "orientation_density", "0 and 1e6"),
+            (TileSettings { room: x, ..plain }, "room", "0 and 1e6"),
             (TileSettings { room_threshold: x, ..plain }, "room_threshold", "0..=1"),
         ] {
-            let message = format!("settings.{name}: {text} is not in {range}");
+            let message = format!("settings.{name}: {text} is not between {range}");
             rejected(&message, asset.set_settings(0, &settings));
         }
         let mut solve = |options: SolveOptions| asset.solve(Strided::from_f64x3(&good.poses[0]), &options);
         let tolerance = SolveOptions { tolerance: Some(x), ..SolveOptions::default() };
-        rejected(&format!("options.tolerance: {text} is not in 0..1"), solve(tolerance));
+        rejected(&format!("options.tolerance: {text} is not over 0 and under 1"), solve(tolerance));
 
         let after = (asset.displacements(0).unwrap(), asset.tile_report(0).unwrap());
         assert_eq!(before, after, "a refused call changed the result");

@@ -55,8 +55,8 @@ fn what_is_kept_follows_maps_and_settings() {
     let maps = &model.maps[0];
     let mut asset = with(&model, Seams::Keep);
     let kept = solved(&mut asset, &model);
-    let frozen = asset.tile_info(0).unwrap().frozen;
-    assert!(frozen > 0.99, "all features of the scene end at a border: {frozen}");
+    let fixed = asset.tile_info(0).unwrap().fixed;
+    assert!(fixed > 0.99, "all features of the scene end at a border: {fixed}");
     let saved = asset.save_tile(0).unwrap();
     let mut other = with(&model, Seams::Shut);
     let shut = solved(&mut other, &model);
@@ -82,6 +82,6 @@ fn what_is_kept_follows_maps_and_settings() {
     let mut fresh = with(&model, Seams::Keep);
     fresh.set_rigidity(0, Some(image(&cut))).unwrap();
     assert!(after == solved(&mut fresh, &model));
-    let now = asset.tile_info(0).unwrap().frozen;
-    assert!(now < 0.9 * frozen, "{now}");
+    let now = asset.tile_info(0).unwrap().fixed;
+    assert!(now < 0.9 * fixed, "{now}");
 }

@@ -170,7 +170,7 @@ fn noise_in_a_part_of_a_chart_holds_little() {
         let part = all.uvs.iter().zip(of_clean).enumerate();
         let uvs = part.map(|(c, (noisy, clean))| if c < corners { *noisy } else { clean }).collect();
         let info = Model { uvs, ..all.clone() }.asset(1, 128).tile_info(0).unwrap();
-        println!("{share}: {} nodes at gaps, {} frozen", info.gap_nodes, info.frozen);
+        println!("{share}: {} nodes at gaps, {} fixed", info.gap_nodes, info.fixed);
         // By the share alone it were thousands.
         assert!(info.gap_nodes < 800, "{share}: {}", info.gap_nodes);
     }

@@ -263,8 +263,8 @@ fn settings_out_of_range_are_refused_by_name() {
     let mut asset = model.asset(1, 32);
     let half = PbdSettings { damping: 0.5, ..PbdSettings::default() };
     for (pbd, culprit) in [
-        (PbdSettings { iterations: 1025, ..half }, "options.pbd.iterations: 1025 is not in 1..=1024"),
-        (PbdSettings { damping: 1.5, ..half }, "options.pbd.damping: 1.5 is not in 0..=1"),
+        (PbdSettings { iterations: 1025, ..half }, "options.pbd.iterations: 1025 is not between 1 and 1024"),
+        (PbdSettings { damping: 1.5, ..half }, "options.pbd.damping: 1.5 is not between 0 and 1"),
         (
             PbdSettings { orientation_preservation: -0.5, ..half },
             "options.pbd.orientation_preservation: -0.5",

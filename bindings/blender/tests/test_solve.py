@@ -179,9 +179,9 @@ class Solve(Case):
         figures = dict(part("states").find_state(arm.object).figures)
         strain = asset.tiles[0].report()
         self.assertLess(strain.after.rms, 0.5 * strain.before.rms)
-        edges, fixed = strain.edges + strain.edges_fixed, strain.edges_fixed * strain.strain_fixed**2
+        edges, fixed = strain.segments + strain.segments_fixed, strain.segments_fixed * strain.strain_fixed**2
         before, after = (
-            ((strain.edges * rms**2 + fixed) / edges) ** 0.5 for rms in (strain.before.rms, strain.after.rms)
+            ((strain.segments * rms**2 + fixed) / edges) ** 0.5 for rms in (strain.before.rms, strain.after.rms)
         )
         self.assertEqual(figures["Strain"], f"{before:.3f} before, {after:.3f} after")
         self.assertEqual(figures["Folds"], "0")

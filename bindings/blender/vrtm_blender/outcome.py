@@ -114,12 +114,12 @@ def figures(prepared: Prepared, request: Request, outputs: Outputs) -> list[tupl
     shown.append(("Grid", f"{cells[0]} x {cells[1]}"))
     if on_seams := prepared.features_on_seams():
         shown.append(("On seams", f"{on_seams} feature{'s' * (on_seams > 1)}"))
-    edges = sum(tile.edges + tile.edges_fixed for tile in tiles)
+    edges = sum(tile.segments + tile.segments_fixed for tile in tiles)
     if edges:
         # Of all that is rigid, what cannot move too.
-        fixed = sum(tile.edges_fixed * tile.strain_fixed**2 for tile in tiles)
+        fixed = sum(tile.segments_fixed * tile.strain_fixed**2 for tile in tiles)
         before, after = (
-            ((sum(tile.edges * getattr(tile, side).rms ** 2 for tile in tiles) + fixed) / edges) ** 0.5
+            ((sum(tile.segments * getattr(tile, side).rms ** 2 for tile in tiles) + fixed) / edges) ** 0.5
             for side in ("before", "after")
         )
         if request.by_uv_map and outputs.uvs is not None:

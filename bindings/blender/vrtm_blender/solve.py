@@ -110,7 +110,7 @@ def find_seams(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgra
 
     prepare(obj, state)
     prepared, positions = state.prepared, geometry.pose(obj, depsgraph)
-    if any(tile.info.frozen for tile in prepared.asset.tiles):
+    if any(tile.info.fixed for tile in prepared.asset.tiles):
         found, told = kept_or_shut(lambda seams: prepared.measured(seams, positions, options_of(obj)["quality"]))
         told = f"at frame {depsgraph.scene.frame_current} {told}"
         # The tiles have other settings now.

@@ -73,7 +73,7 @@ def test_the_better_one_where_a_texture_has_no_copy(scene: list[object], tmp_pat
         baked(scene, tmp_path / seams, *options, "--report", report)
         tiles = next(row for row in json.loads(report.read_text())["frames"] if row["frame"] == 2)["tiles"]
         movable = [tile["strain"]["movable"] for tile in tiles]
-        harmed[seams] = sum(round(own["harm"] * own["edges"]) for own in movable)
+        harmed[seams] = sum(round(own["harm"] * own["segments"]) for own in movable)
     assert harmed["shut"] != harmed["keep"]
     best = min(harmed, key=lambda seams: harmed[seams])
     said, found = baked(scene, tmp_path / "out", "--measure")

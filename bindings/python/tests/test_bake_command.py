@@ -291,7 +291,7 @@ def test_messages(scene: Path, tmp_path: Path) -> None:
     # mesh's, and the last one.
     assert len(lines) == 12 and lines[9].startswith("[5/5] sheet, frame ")
     assert lines[0].startswith("device: cpu, ") and lines[1] == "rest: Pref: /model/sheet"
-    assert len([line for line in lines if "of the rigid texels are frozen" in line]) == 2
+    assert len([line for line in lines if "of the rigid texels are fixed" in line]) == 2
     of_mesh = (
         r"/model/sheet: 5 frames \(1-5\), strain 0\.\d+ -> 0\.\d+ RMS \(frame 5, the worst of 3 measured: .*, 10 files "
     )

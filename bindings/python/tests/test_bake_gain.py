@@ -311,7 +311,7 @@ def test_a_line_for_each_mesh(tmp_path: Path, lines: Callable[[], list[str]]) ->
     (line,) = [line for line in lines() if line.startswith(f"{TOY}: {FRAMES} frames")]
     told = re.fullmatch(
         rf"{TOY}: 3 frames \(1-3\), strain ([\d.]+) -> ([\d.]+) RMS \(frame 3, the worst: ([\d.]+) -> ([\d.]+)\), "
-        r"[\d.]+% frozen, 3 files written, [\d.]+ s",
+        r"[\d.]+% fixed, 3 files written, [\d.]+ s",
         line,
     )
     before, after, worst_before, worst_after = map(float, told.groups())

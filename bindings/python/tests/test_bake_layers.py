@@ -87,13 +87,13 @@ def test_both_halves_keep_their_features(baked: Path, tmp_path: Path) -> None:
         *arguments(baked, tmp_path / "maps", "--overlap", "fixed", "--report", report, "--max-strain", 0.9), expect=3
     )
     said = "with --overlap each charts that lie over one another each keep their features"
-    (warning,) = [line for line in ended.stderr.splitlines() if "of its rigid texels are frozen" in line]
+    (warning,) = [line for line in ended.stderr.splitlines() if "of its rigid texels are fixed" in line]
     assert f"{MESH} tile 1001: 100% of" in warning and warning.endswith(said)
     last = ended.stderr.splitlines()[-1]
     assert last.startswith("vrtm: --max-strain cannot be met in 2 of 4: mirrored, frame 1, tile 1001: ")
     assert last.endswith(said)
     fixed = {tile["udim"]: tile for tile in json.loads(report.read_text())["frames"][1]["tiles"]}
-    assert fixed[1001]["rigid"]["overlapped"] == fixed[1001]["rigid"]["frozen"] == 1.0
+    assert fixed[1001]["rigid"]["overlapped"] == fixed[1001]["rigid"]["fixed"] == 1.0
     assert fixed[1001]["rigid"]["movable"] == 0.0 and fixed[1001]["rigid"]["texels"] > 1000
     assert fixed[1001]["strain"]["after"] == fixed[1001]["strain"]["before"]
     document = json.loads((baked.parents[1] / "report.json").read_text())
@@ -105,13 +105,13 @@ def test_both_halves_keep_their_features(baked: Path, tmp_path: Path) -> None:
         strain = tile["strain"]
         print(f"layer {layer}: RMS strain {strain['before']['rms']:.4f} to {strain['after']['rms']:.4f}")
         assert strain["before"]["rms"] > 0.1 and strain["after"]["rms"] < strain["before"]["rms"] / 3
-        assert tile["rigid"]["overlapped"] == tile["rigid"]["frozen"] == 0.0 and tile["rigid"]["movable"] == 1.0
+        assert tile["rigid"]["overlapped"] == tile["rigid"]["fixed"] == 0.0 and tile["rigid"]["movable"] == 1.0
     assert each[1001, 0]["strain"] != each[1001, 1]["strain"]
 
 
 def test_messages_name_the_layer(baked: Path, tmp_path: Path) -> None:
     ended = run(*arguments(baked, tmp_path / "maps", "--frames", 2, "--max-strain", 0.001), expect=3)
-    assert f"{MESH} tile 1001 layer 1: 0.0% of the rigid texels are frozen" in ended.stdout
+    assert f"{MESH} tile 1001 layer 1: 0.0% of the rigid texels are fixed" in ended.stdout
     assert "--max-strain 0.001 was exceeded in 3 of 3: mirrored, frame 2, tile 1001 layer " in ended.stderr
     said = f"{MESH}: its UVs lie over one another in 2 layers"
     assert said not in ended.stdout
@@ -244,7 +244,7 @@ def test_seams_may_go_on_in_layers(tmp_path: Path) -> None:
     ],
 )
 def test_what_helps_where_most_is_frozen(settings: dict, overlapped: float, layers: int, told: str) -> None:
-    row = {"layers": layers, "rigid": {"overlapped": overlapped, "frozen": 0.9}}
+    row = {"layers": layers, "rigid": {"overlapped": overlapped, "fixed": 0.9}}
     found = advice(Settings("shot.usda", **settings), row)
     assert told in found
     if told != "the mask is dark":

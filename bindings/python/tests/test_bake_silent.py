@@ -58,13 +58,13 @@ def test_stacked_uvs_are_told_and_not_within_a_tolerance(scene: Path, tmp_path: 
         ended = run(*bake(scene, tmp_path / "out", *options), expect=3)
         told = [line for line in ended.stderr.splitlines() if line.startswith("vrtm: warning: ")]
         # Once per mesh and tile, whatever the number of processes and frames.
-        frozen = [line for line in told if "of its rigid texels are frozen" in line]
-        assert len(frozen) == 1 and f"{STACKED} tile 1001: 100% of" in frozen[0]
+        fixed = [line for line in told if "of its rigid texels are fixed" in line]
+        assert len(fixed) == 1 and f"{STACKED} tile 1001: 100% of" in fixed[0]
         if state == "written":
             overlapped = [line for line in told if "overlapped" in line]
             assert len(overlapped) == 1 and overlapped[0].startswith(f"vrtm: warning: {STACKED}: tile 1001: 100.00 %")
             assert len([line for line in told if "nothing that may move" in line and STACKED in line]) == 1
-        assert f"{STACKED} tile 1001: 100.0% of the rigid texels are frozen, 100.0% overlapped" in ended.stdout
+        assert f"{STACKED} tile 1001: 100.0% of the rigid texels are fixed, 100.0% overlapped" in ended.stdout
         assert "--max-strain cannot be met in 4 of 8: stacked, frame 1, tile 1001" in ended.stderr
         document = json.loads(report.read_text())
         assert (
@@ -76,13 +76,13 @@ def test_stacked_uvs_are_told_and_not_within_a_tolerance(scene: Path, tmp_path: 
             strain = tile["strain"]
             assert tile["state"] == state and strain["before"]["rms"] > 0.02 * frame["frame"]
             if frame["mesh"] == "stacked":
-                assert (tile["overlap"], tile["frozen"], tile["movable"]) == (1.0, 1.0, 0.0)
-                assert strain["movable"]["edges"] == 0 and strain["edges"] > 500
+                assert (tile["overlap"], tile["fixed"], tile["movable"]) == (1.0, 1.0, 0.0)
+                assert strain["movable"]["segments"] == 0 and strain["segments"] > 500
                 assert strain["before"] == strain["after"]
             else:
-                assert (tile["overlap"], strain["movable"]["edges"] > 500) == (0.0, True)
-                assert tile["frozen"] < 0.5 and 0.2 < tile["movable"] < 0.8
-                assert strain["edges"] > strain["movable"]["edges"]
+                assert (tile["overlap"], strain["movable"]["segments"] > 500) == (0.0, True)
+                assert tile["fixed"] < 0.5 and 0.2 < tile["movable"] < 0.8
+                assert strain["segments"] > strain["movable"]["segments"]
                 assert strain["movable"]["after"]["rms"] <= strain["after"]["rms"] < strain["before"]["rms"]
 
 
@@ -92,7 +92,7 @@ def test_strain_is_that_of_all_rigid_edges(scene: Path, tmp_path: Path) -> None:
     run(*bake(scene, tmp_path / "out", "--measure", "--frames", 4, "--report", report))
     free, stacked = (frame["tiles"][0]["strain"] for frame in json.loads(report.read_text())["frames"])
     # The layer below is not seen twice.
-    assert stacked["edges"] < 0.6 * free["edges"]
+    assert stacked["segments"] < 0.6 * free["segments"]
     assert 0.1 < stacked["before"]["rms"] < free["before"]["rms"] * 1.5
 
 

@@ -96,17 +96,17 @@ def test_subsets_do_not_freeze_one_another(baked: Path, tmp_path: Path) -> None:
     assert [(row["subset"], row["udim"], row["layers"]) for row in rows] == [(*of, 1) for of in TILE.items()]
     for row in rows[:2]:
         strain = row["strain"]
-        assert row["rigid"]["frozen"] == 0 and strain["before"]["rms"] > 0.1
+        assert row["rigid"]["fixed"] == 0 and strain["before"]["rms"] > 0.1
         assert strain["after"]["rms"] < strain["before"]["rms"] / 3
     # Also without layers, since each is an asset of its own; as a whole, nothing moves there.
     run(*arguments(baked, tmp_path / "fixed", "--overlap", "fixed"))
     assert files(tmp_path / "fixed") == files(baked.parents[1] / "maps")
     ended = run(*sheet_arguments(baked, tmp_path / "whole", "--overlap", "fixed"))
-    assert f"{MESH} tile 1001: 100% of its rigid texels are frozen" in ended.stderr
+    assert f"{MESH} tile 1001: 100% of its rigid texels are fixed" in ended.stderr
     ended = run(*arguments(baked, tmp_path / "dry", "--dry-run", "--verbose"))
     assert "  tile 1001 of right: grid" in ended.stdout and not (tmp_path / "dry").exists()
     ended = run(*arguments(baked, tmp_path / "told", "--max-strain", 0.001, "--frames", 2), expect=3)
-    assert f"{MESH} tile 1001 of left: 0.0% of the rigid texels are frozen" in ended.stdout
+    assert f"{MESH} tile 1001 of left: 0.0% of the rigid texels are fixed" in ended.stdout
     assert "tile 1001 of " in ended.stderr.splitlines()[-1]
 
 

@@ -29,14 +29,15 @@ mirror! {
         ms_total: f32 = r.times.total,
         ms_invert: f32 = r.times.invert, texels_limited: u64, max_limit: f32,
         /// 1 if the solve measured strain; otherwise this and the fields below are 0. They describe segments between
-        /// neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `edges_fixed` cover the
+        /// neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `segments_fixed` cover the
         /// segments that a border, an overlap or the mask fixes at both ends, and the other fields cover the rest.
         measured: u32 = r.strain.is_some(),
         before: vrtm_strain = r.strain.unwrap_or_default().before,
         after: vrtm_strain = r.strain.unwrap_or_default().after,
         harm: f32 = r.strain.unwrap_or_default().harm, help: f32 = r.strain.unwrap_or_default().help,
         strain_fixed: f32 = r.strain.unwrap_or_default().fixed,
-        edges: u64 = r.strain.unwrap_or_default().edges, edges_fixed: u64 = r.strain.unwrap_or_default().edges_fixed,
+        segments: u64 = r.strain.unwrap_or_default().segments,
+        segments_fixed: u64 = r.strain.unwrap_or_default().segments_fixed,
     }
 }
 

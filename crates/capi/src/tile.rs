@@ -14,7 +14,7 @@ mirror! {
         udim: u32, uv_set: u32, layer: u32, layers: u32, charts: u32,
         triangles: u64, border_edges: u64, welded_edges: u64, edges_apart: u64,
         grid_width: u32 = r.grid[0], grid_height: u32 = r.grid[1],
-        movable_nodes: u64, overlap: f32, frozen: f32,
+        movable_nodes: u64, overlap: f32, fixed: f32,
         rigid_nodes: u64, rigid_overlapped: u64, gap_nodes: u64,
     }
 }

@@ -33,7 +33,7 @@ pub fn check<T: PartialOrd + Display + LowerExp>(
         let (plain, short) = (format!("{end}"), format!("{end:e}"));
         if short.len() < plain.len() { short } else { plain }
     });
-    Err(Error::argument(format!("{name}: {value} is not in {least}..={most}")))
+    Err(Error::argument(format!("{name}: {value} is not between {least} and {most}")))
 }
 
 /// Declares a struct of settings: `pub NAME: TYPE = DEFAULT, LEAST to MOST;`, the limits for numbers.

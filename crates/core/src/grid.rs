@@ -135,8 +135,8 @@ impl Grid {
     }
 
     /// Fraction of the covered rigid nodes that do not move.
-    pub fn frozen(&self) -> f32 {
-        rigid_nodes::frozen_share(&self.rigid_nodes)
+    pub fn fixed(&self) -> f32 {
+        rigid_nodes::fixed_share(&self.rigid_nodes)
     }
 
     /// The sum of a number over the squares with rigid nodes.

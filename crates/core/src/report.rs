@@ -147,7 +147,7 @@ pub struct TileInfo {
     pub edges_apart: u64,
     /// Fraction (0..1) of the rigid nodes that cannot move: of the covered nodes with a rigidity of at least 0.5, those
     /// that a border, an overlap or the mask fixes. Near 1, the rigidity map can have almost no effect.
-    pub frozen: f32,
+    pub fixed: f32,
     /// The tile's layer within its UDIM number: 0 unless [`crate::mesh::MeshSource::max_layers`] is over 1.
     pub layer: u32,
     /// Layers of its UDIM number: 1 or more.
@@ -228,13 +228,13 @@ pub struct Strain {
 }
 
 /// Strain on the mesh itself, of segments between neighbouring nodes whose rigidity is over 0.5 at both ends. `fixed`
-/// and `edges_fixed` cover the segments that a border, an overlap or the mask fixes at both ends, and the other fields
+/// and `segments_fixed` cover the segments that a border, an overlap or the mask fixes at both ends, and the other fields
 /// the rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct StrainReport {
     /// Segments that are not fixed at both ends.
-    pub edges: u64,
+    pub segments: u64,
     /// Strain with the mesh's own UVs.
     pub before: Strain,
     /// Strain with the warp.
@@ -244,9 +244,9 @@ pub struct StrainReport {
     /// Fraction of the segments whose strain fell by more than 0.10.
     pub help: f32,
     /// Segments that are fixed at both ends.
-    pub edges_fixed: u64,
+    pub segments_fixed: u64,
     /// RMS strain of the segments that are fixed at both ends; the warp does not change it. The mean square over
-    /// all rigid segments is that of both kinds, weighted by `edges` and `edges_fixed`.
+    /// all rigid segments is that of both kinds, weighted by `segments` and `segments_fixed`.
     pub fixed: f32,
 }
 

@@ -254,7 +254,7 @@ impl TileSettings {
         }
         for (side, n) in ["width", "height"].into_iter().zip(self.grid) {
             if let Some(n) = n.filter(|n| !(1..=MAX_GRID).contains(n)) {
-                let message = format!("settings.grid: a {side} of {n} cells is not in 1..={MAX_GRID}");
+                let message = format!("settings.grid: a {side} of {n} cells is not between 1 and {MAX_GRID}");
                 return Err(Error::argument(message));
             }
         }
@@ -366,11 +366,11 @@ impl SolveOptions {
         }
         self.check_limits()?;
         if let Some(tolerance) = self.tolerance.filter(|x| !(*x > 0.0 && *x < 1.0)) {
-            return Err(Error::argument(format!("options.tolerance: {tolerance} is not in 0..1")));
+            return Err(Error::argument(format!("options.tolerance: {tolerance} is not over 0 and under 1")));
         }
         if let Some(n) = self.max_corrections.filter(|n| !(1..=MAX_CORRECTIONS).contains(n)) {
             return Err(Error::argument(format!(
-                "options.max_corrections: {n} is not in 1..={MAX_CORRECTIONS}"
+                "options.max_corrections: {n} is not between 1 and {MAX_CORRECTIONS}"
             )));
         }
         Ok(())

@@ -157,12 +157,12 @@ impl Edges {
         let count = self.before.len();
         let fraction = |n: u64| if count > 0 { (n as f64 / count as f64) as f32 } else { 0.0 };
         report!(StrainReport {
-            edges: count as u64,
+            segments: count as u64,
             harm: fraction(self.harmed),
             help: fraction(self.helped),
             before: statistics(&mut self.before, &self.place),
             after: statistics(&mut self.after, &self.place),
-            edges_fixed: self.fixed,
+            segments_fixed: self.fixed,
             fixed: (self.fixed_squares / self.fixed.max(1) as f64).sqrt() as f32,
         })
     }

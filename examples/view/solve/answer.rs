@@ -101,7 +101,7 @@ impl Answer {
     /// `None` if nothing rigid was measured.
     pub fn strain(&self) -> Option<Strain> {
         let reports = self.tiles.iter().filter_map(|tile| tile.report.strain.as_ref());
-        Strain::of(reports.map(|s| (s.edges, [s.before.rms, s.after.rms], [s.before.p95, s.after.p95])))
+        Strain::of(reports.map(|s| (s.segments, [s.before.rms, s.after.rms], [s.before.p95, s.after.p95])))
     }
 }
 

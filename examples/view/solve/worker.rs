@@ -318,7 +318,7 @@ mod tests {
                 match worker.news.recv().expect("the thread lives") {
                     News::Solved(answer) => {
                         let of = |solved: &Solved| {
-                            let strain = solved.report.strain.as_ref().filter(|s| s.edges > 0);
+                            let strain = solved.report.strain.as_ref().filter(|s| s.segments > 0);
                             strain.map(|s| s.after.rms)
                         };
                         return answer.tiles.iter().map(of).collect::<Vec<_>>();

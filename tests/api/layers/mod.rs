@@ -139,7 +139,7 @@ fn mirrored_halves_both_move_and_stay_without_layers() {
         let info = asset.tile_info(0).unwrap();
         assert_eq!((info.layer, info.layers, info.movable_nodes), (0, 1, 0));
         assert_eq!(info.rigid_overlapped, info.rigid_nodes);
-        assert_eq!(asset.tile_report(0).unwrap().strain.unwrap().edges, 0);
+        assert_eq!(asset.tile_report(0).unwrap().strain.unwrap().segments, 0);
     }
     let mut asset = stack.asset(&device, MOST, None);
     asset.solve(stack.positions(), &options).unwrap();
@@ -328,11 +328,11 @@ fn a_layer_is_what_a_tile_of_its_own_would_be() {
             (bits(&asset), strain)
         });
         assert!(layered == apart, "{seams:?}");
-        let edges = |of: &StrainReport| of.edges > 0 && of.after.rms < of.before.rms;
+        let edges = |of: &StrainReport| of.segments > 0 && of.after.rms < of.before.rms;
         // All features are on the seam, so that `Keep` leaves them as they are.
         assert_eq!(layered.1.iter().all(edges), seams != Seams::Keep, "{seams:?}: {:?}", layered.1);
         // Features on the seam move only where charts go on.
-        assert_eq!(layered.1.iter().all(|of| of.edges_fixed == 0), seams == Seams::Continue);
+        assert_eq!(layered.1.iter().all(|of| of.segments_fixed == 0), seams == Seams::Continue);
     }
 }
 

@@ -75,5 +75,5 @@ def natural(name: str, value: Any, bits: int) -> int:
     except AttributeError:
         raise TypeError(f"{name}: {value!r} is no whole number") from None
     if not 0 <= number < 1 << bits:
-        raise ValueError(f"{name}: {number} is not in 0..{(1 << bits) - 1}")
+        raise ValueError(f"{name}: {number} is not between 0 and {(1 << bits) - 1}")
     return number

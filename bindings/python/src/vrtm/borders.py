@@ -33,9 +33,9 @@ def _harm(reports: Iterable[TileReport]) -> tuple[int, float]:
     harmed = edges = 0
     squares = 0.0
     for report in reports:
-        harmed += round(report.harm * report.edges)
-        edges += report.edges + report.edges_fixed
-        squares += report.edges * report.after.rms**2 + report.edges_fixed * report.strain_fixed**2
+        harmed += round(report.harm * report.segments)
+        edges += report.segments + report.segments_fixed
+        squares += report.segments * report.after.rms**2 + report.segments_fixed * report.strain_fixed**2
     return harmed, (squares / max(edges, 1)) ** 0.5
 
 

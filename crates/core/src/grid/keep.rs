@@ -49,7 +49,7 @@ pub(super) fn spread(rigid: &mut [RigidPart]) {
     }
 }
 
-/// Takes these nodes out of the parts that may move, and counts them among the frozen ones. `rigid` is sorted as by
+/// Takes these nodes out of the parts that may move, and counts them among the fixed ones. `rigid` is sorted as by
 /// `spread`.
 pub(super) fn fix(rigid: &[RigidPart], parts: &mut Vec<(Part, bool)>, squares: &mut [RigidNodes]) {
     for (part, _) in parts.iter_mut() {
@@ -61,7 +61,7 @@ pub(super) fn fix(rigid: &[RigidPart], parts: &mut Vec<(Part, bool)>, squares: &
         let at = squares.binary_search_by_key(&[part.y, part.x], |of| [of.square[1], of.square[0]]);
         if let Ok(at) = at {
             let square = &mut squares[at];
-            square.frozen = (square.frozen + taken.count() as u16).min(square.rigid);
+            square.fixed = (square.fixed + taken.count() as u16).min(square.rigid);
         }
     }
     parts.retain(|(part, _)| !part.nodes.is_empty());

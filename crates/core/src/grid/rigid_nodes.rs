@@ -12,14 +12,14 @@ pub struct RigidNodes {
     /// Number of covered nodes with a rigidity of at least `RIGID`.
     pub rigid: u16,
     /// Number of these nodes that are fixed, whatever their chart.
-    pub frozen: u16,
+    pub fixed: u16,
     /// Number of these nodes that several triangles lie over.
     pub overlapped: u16,
 }
 
 /// The fraction of the rigid nodes that are fixed.
-pub(super) fn frozen_share(squares: &[RigidNodes]) -> f32 {
-    sum(squares, |square| square.frozen) as f32 / sum(squares, |square| square.rigid).max(1) as f32
+pub(super) fn fixed_share(squares: &[RigidNodes]) -> f32 {
+    sum(squares, |square| square.fixed) as f32 / sum(squares, |square| square.rigid).max(1) as f32
 }
 
 /// The sum of a number over squares.
@@ -36,9 +36,9 @@ pub(super) fn rigid_nodes(squares: &[SquareNodes], sets: &[RigidSets]) -> Vec<Ri
 /// The rigid nodes of a square.
 pub(super) fn of_square(nodes: &SquareNodes, sets: &RigidSets) -> RigidNodes {
     let rigid = nodes.covered.and(sets.rigid);
-    let [rigid, frozen, overlapped] =
+    let [rigid, fixed, overlapped] =
         [rigid, rigid.without(nodes.free), rigid.and(nodes.layered)].map(|nodes| nodes.count() as u16);
-    RigidNodes { square: nodes.square.at, rigid, frozen, overlapped }
+    RigidNodes { square: nodes.square.at, rigid, fixed, overlapped }
 }
 
 /// The rigid nodes of squares, those of all layers together.
@@ -49,7 +49,7 @@ fn merged(mut found: Vec<RigidNodes>) -> Vec<RigidNodes> {
         if same {
             // A node where two charts touch counts once.
             first.rigid = (first.rigid + next.rigid).min(NODES as u16);
-            first.frozen = (first.frozen + next.frozen).min(first.rigid);
+            first.fixed = (first.fixed + next.fixed).min(first.rigid);
             first.overlapped = (first.overlapped + next.overlapped).min(first.rigid);
         }
         same

@@ -7,7 +7,7 @@
 //! sizes      cells along u and v, charts, levels, parts, squares, density or not; overlap, nodes at gaps
 //! parts      of all, chart, place, rigid or not; of all, nodes
 //! squares    of all, layer and place; of all, covered, free and layered nodes
-//! rigid      of how many squares; of all, place; of all, rigid, frozen and overlapped nodes
+//! rigid      of how many squares; of all, place; of all, rigid, fixed and overlapped nodes
 //! levels     per level: rigidity, rest lengths, their coding and floors, weights, stiffness, coverage, density
 //! level 0    the triangle under each node
 //! level 1    what metrics are gathered from

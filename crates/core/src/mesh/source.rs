@@ -92,7 +92,7 @@ impl Weld {
             [("position_tolerance", self.position_tolerance), ("uv_tolerance", self.uv_tolerance)];
         for (name, tolerance) in tolerances {
             if let Some(x) = tolerance.filter(|x| !(0.0..=1.0).contains(x)) {
-                return Err(Error::argument(format!("weld.{name}: {x} is not in 0..=1")));
+                return Err(Error::argument(format!("weld.{name}: {x} is not between 0 and 1")));
             }
         }
         Ok(())

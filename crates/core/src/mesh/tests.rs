@@ -245,10 +245,10 @@ fn uv_sets_have_tiles_of_their_own_one_set_after_the_other() {
 fn a_weld_takes_tolerances_that_make_sense() {
     let message = |weld: Weld| with(1, |s| s.weld = weld).unwrap_err().message;
     let uv = |x: f64| Weld { uv_tolerance: Some(x), ..Weld::default() };
-    assert_eq!(message(uv(-1.0)), "weld.uv_tolerance: -1 is not in 0..=1");
-    assert_eq!(message(uv(f64::NAN)), "weld.uv_tolerance: NaN is not in 0..=1");
+    assert_eq!(message(uv(-1.0)), "weld.uv_tolerance: -1 is not between 0 and 1");
+    assert_eq!(message(uv(f64::NAN)), "weld.uv_tolerance: NaN is not between 0 and 1");
     let position = Weld { position_tolerance: Some(2.0), ..Weld::default() };
-    assert_eq!(message(position), "weld.position_tolerance: 2 is not in 0..=1");
+    assert_eq!(message(position), "weld.position_tolerance: 2 is not between 0 and 1");
     assert!(with(1, |s| s.weld = uv(0.0)).is_ok());
 }
 

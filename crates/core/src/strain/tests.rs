@@ -21,7 +21,7 @@ fn a_stretched_sheet_has_the_strain_it_was_given() {
     // 63 x 63 nodes move: 64 x 63 edges along each axis, and 64 x 64 cells with two diagonals, except one diagonal in
     // each of the four corner cells.
     let (axis, slanted) = (64.0 * 63.0, 2.0 * 64.0 * 64.0 - 4.0);
-    assert_eq!(report.edges, (2.0 * axis + slanted) as u64);
+    assert_eq!(report.segments, (2.0 * axis + slanted) as u64);
     let rms = ((axis * 0.25 + slanted * diagonal * diagonal) / (2.0 * axis + slanted)).sqrt();
     // The results are f32.
     assert!((f64::from(report.before.rms) - rms).abs() < 1e-6, "{} {rms}", report.before.rms);
@@ -30,7 +30,7 @@ fn a_stretched_sheet_has_the_strain_it_was_given() {
     assert_eq!(report.before, report.after);
     assert_eq!((report.harm, report.help), (0.0, 0.0));
     // Both ends are fixed for the edges of the tile's rim, and for one diagonal in each of its corners.
-    assert_eq!(report.edges_fixed, 4 * 64 + 4);
+    assert_eq!(report.segments_fixed, 4 * 64 + 4);
     let rms = ((128.0 * 0.25 + 4.0 * diagonal * diagonal) / 260.0f64).sqrt();
     assert!((f64::from(report.fixed) - rms).abs() < 1e-6, "{} {rms}", report.fixed);
 }

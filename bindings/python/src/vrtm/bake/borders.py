@@ -60,7 +60,7 @@ def mesh(
     found = made(_chosen(settings, "shut", "fixed", why))
     tiles = [tile for part in found.parts for tile in part.all_tiles]
     # Where nothing rigid is held both are the same.
-    if settings.seams != AUTO or not any(tile.info.frozen for tile in tiles):
+    if settings.seams != AUTO or not any(tile.info.fixed for tile in tiles):
         return found
     if settings.only_layer or settings.dry_run:
         # Nothing is to be solved, and nothing that is told or written differs.

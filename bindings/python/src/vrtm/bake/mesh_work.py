@@ -229,7 +229,7 @@ class MeshWork:
         if self.settings.force:
             return [None] * len(pieces)
         found = [image_file.up_to_date(piece.target, self.settings.overwrite) for piece in pieces]
-        wanted = {"frozen", "rigid", "texels_limited"} | ({"strain"} if self.settings.measure else set())
+        wanted = {"fixed", "rigid", "texels_limited"} | ({"strain"} if self.settings.measure else set())
         return [
             None if figures is not None and piece.is_redirection and not wanted <= set(figures) else figures
             for piece, figures in zip(pieces, found)

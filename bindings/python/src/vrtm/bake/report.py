@@ -17,23 +17,23 @@ from vrtm.bake.summary import summaries
 from vrtm.bake.work import Work
 
 MOSTLY = 0.5
-"""If a larger share of a tile's rigid texels is frozen, its strain says little about what was baked."""
+"""If a larger share of a tile's rigid texels is fixed, its strain says little about what was baked."""
 
 
 def shares(tile: dict) -> str:
     """What a tile's row tells of how much of it may move."""
     rigid = tile["rigid"]
     return (
-        f"{rigid['frozen']:.1%} of the rigid texels are frozen, {rigid['overlapped']:.1%} overlapped, "
+        f"{rigid['fixed']:.1%} of the rigid texels are fixed, {rigid['overlapped']:.1%} overlapped, "
         f"{rigid['movable']:.1%} may move; {tile['overlap']:.1%} of the covered ones are overlapped, "
         f"{tile['movable']:.1%} of the grid may move"
     )
 
 
 def advice(settings: Settings, tile: dict) -> str:
-    """What most of a tile's frozen texels are frozen by, and what can be done about that."""
+    """What most of a tile's fixed texels are fixed by, and what can be done about that."""
     rigid = tile["rigid"]
-    if settings.overlap != "first" and rigid["overlapped"] > rigid["frozen"] / 2:
+    if settings.overlap != "first" and rigid["overlapped"] > rigid["fixed"] / 2:
         if settings.overlap != EACH:
             return f"UVs overlap: with --overlap {EACH} charts that lie over one another each keep their features"
         if tile["layers"] >= settings.layers:
@@ -127,11 +127,11 @@ def tolerance(work: Work, results: Sequence[FrameResult]) -> Failure | None:
     ordered = sorted(results, key=lambda result: (result.frame, result.mesh))
     rows = [(result, tile) for result in ordered for tile in result.tiles]
     beyond = []
-    frozen = [(r, t) for r, t in rows if t["frozen"] > MOSTLY]
-    if settings.max_strain is not None and frozen:
-        result, tile = max(frozen, key=lambda entry: entry[1]["frozen"])
+    fixed = [(r, t) for r, t in rows if t["fixed"] > MOSTLY]
+    if settings.max_strain is not None and fixed:
+        result, tile = max(fixed, key=lambda entry: entry[1]["fixed"])
         place = f"{result.mesh}, frame {result.frame}, tile {tile_name(tile)}"
-        message = f"--max-strain cannot be met in {len(frozen)} of {len(rows)}: {place}: {shares(tile)}"
+        message = f"--max-strain cannot be met in {len(fixed)} of {len(rows)}: {place}: {shares(tile)}"
         return Failure(TOLERANCE, f"{message}; {advice(work.meshes[result.mesh].settings, tile)}")
     if settings.max_strain is not None:
         found = [(t["strain"]["after"]["rms"], r, t) for r, t in rows if t["strain"]]

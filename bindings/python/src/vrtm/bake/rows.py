@@ -15,43 +15,43 @@ from vrtm.bake.settings import Settings
 
 @dataclass(frozen=True)
 class Strain:
-    """RMS strain of rigid edges, without the warp and with it."""
+    """RMS strain of rigid segments, without the warp and with it."""
 
-    edges: int
+    segments: int
     before: float
     after: float
 
     @staticmethod
     def of(told: dict) -> Strain:
         """That of a tile, from its row."""
-        return Strain(told["edges"], told["before"]["rms"], told["after"]["rms"])
+        return Strain(told["segments"], told["before"]["rms"], told["after"]["rms"])
 
 
 def mean(strains: Iterable[Strain]) -> Strain:
-    """That of all of their edges."""
+    """That of all of their segments."""
     found = list(strains)
-    edges = sum(own.edges for own in found)
+    segments = sum(own.segments for own in found)
 
     def rms(values: Iterable[float]) -> float:
-        return math.sqrt(sum(own.edges * value**2 for own, value in zip(found, values)) / max(edges, 1))
+        return math.sqrt(sum(own.segments * value**2 for own, value in zip(found, values)) / max(segments, 1))
 
-    return Strain(edges, rms(own.before for own in found), rms(own.after for own in found))
+    return Strain(segments, rms(own.before for own in found), rms(own.after for own in found))
 
 
 def strain(report: vrtm.TileReport) -> dict:
-    """The strain of all rigid edges, and apart from that of those that may move."""
-    fixed = report.edges_fixed * report.strain_fixed**2
-    edges = report.edges + report.edges_fixed
+    """The strain of all rigid segments, and apart from that of those that may move."""
+    fixed = report.segments_fixed * report.strain_fixed**2
+    segments = report.segments + report.segments_fixed
 
     def rms(moving: float) -> dict:
-        return {"rms": math.sqrt((report.edges * moving**2 + fixed) / max(edges, 1))}
+        return {"rms": math.sqrt((report.segments * moving**2 + fixed) / max(segments, 1))}
 
     return {
-        "edges": edges,
+        "segments": segments,
         "before": rms(report.before.rms),
         "after": rms(report.after.rms),
         "movable": {
-            "edges": report.edges,
+            "segments": report.segments,
             "before": dataclasses.asdict(report.before),
             "after": dataclasses.asdict(report.after),
             "harm": report.harm,
@@ -69,13 +69,13 @@ def figures(tile: TileWork, size: tuple[int, int], found: vrtm.MapInfo | None, s
     kept: dict = {name: getattr(report, name) for name in (*names, *counts)}
     facts = tile.tile.info
     nodes = (facts.grid_width + 1) * (facts.grid_height + 1)
-    kept |= {"overlap": facts.overlap, "frozen": facts.frozen, "movable": facts.movable_nodes / nodes}
+    kept |= {"overlap": facts.overlap, "fixed": facts.fixed, "movable": facts.movable_nodes / nodes}
     overlapped = facts.rigid_overlapped / max(facts.rigid_nodes, 1)
     kept["rigid"] = {
         "texels": facts.rigid_nodes,
         "overlapped": overlapped,
-        "frozen": facts.frozen,
-        "movable": 1 - facts.frozen if facts.rigid_nodes else 0.0,
+        "fixed": facts.fixed,
+        "movable": 1 - facts.fixed if facts.rigid_nodes else 0.0,
     }
     if settings.measure:
         kept["strain"] = strain(report)

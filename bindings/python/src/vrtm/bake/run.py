@@ -233,9 +233,9 @@ class _Told:
         self.tiles.add((result.mesh, name))
         place = f"{self.work.meshes[result.mesh].shape.path} tile {name}"
         self.console.info(f"{place}: {report.shares(tile)}")
-        if tile["frozen"] > report.MOSTLY:
+        if tile["fixed"] > report.MOSTLY:
             self.warn(
-                f"{place}: {tile['frozen']:.0%} of its rigid texels are frozen and stay as they are: "
+                f"{place}: {tile['fixed']:.0%} of its rigid texels are fixed and stay as they are: "
                 f"{report.advice(self.work.meshes[result.mesh].settings, tile)}"
             )
 

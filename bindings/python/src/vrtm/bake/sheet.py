@@ -206,7 +206,7 @@ class _Surface:
         """The strain as the solve has measured it."""
         found = rows.mean(rows.Strain.of(rows.strain(tile.tile.report())) for tile in self.tiles)
         figures = f"strain {found.before:.3f} with the original UVs, {found.after:.3f} with vrtm (RMS)"
-        return figures if found.edges else "nothing is rigid"
+        return figures if found.segments else "nothing is rigid"
 
     def camera(self) -> Camera:
         """From the side, of eight, where most of the original strain is seen; of a flat mesh, from its front."""

@@ -24,7 +24,7 @@ class Summary:
     frames: list[Frame] = field(default_factory=list)
     measured: dict[Frame, Strain] = field(default_factory=dict)
     """The frames whose strain is known."""
-    frozen: float = 0.0
+    fixed: float = 0.0
     """Share of the rigid texels."""
     rigid: int = 0
     """How many of these there are."""
@@ -40,7 +40,7 @@ class Summary:
         parts = [
             count,
             self._strain(),
-            f"{self.frozen:.1%} frozen" if self.rigid else "",
+            f"{self.fixed:.1%} fixed" if self.rigid else "",
             done,
             f"{self.seconds:.1f} s",
         ]
@@ -73,7 +73,7 @@ class Summary:
             worst = {"frame": self._worst, "before": at.before, "after": at.after}
             strain = {"frames": sorted(self.measured), "before": total.before, "after": total.after, "worst": worst}
         done = {"written": self.written, "skipped": self.skipped, "seconds": round(self.seconds, 3)}
-        return {"frames": len(self.frames), "strain": strain, "frozen": self.frozen, **done}
+        return {"frames": len(self.frames), "strain": strain, "fixed": self.fixed, **done}
 
 
 def summaries(meshes: dict[str, MeshWork], results: Sequence[FrameResult]) -> Iterator[tuple[str, Summary]]:
@@ -90,6 +90,6 @@ def summaries(meshes: dict[str, MeshWork], results: Sequence[FrameResult]) -> It
                 found.measured[result.frame] = result.strain
             tiles |= {(tile["udim"], tile["layer"], tile.get("subset")): tile["rigid"] for tile in result.tiles}
         found.rigid = sum(tile["texels"] for tile in tiles.values())
-        found.frozen = sum(tile["texels"] * tile["frozen"] for tile in tiles.values()) / max(found.rigid, 1)
+        found.fixed = sum(tile["texels"] * tile["fixed"] for tile in tiles.values()) / max(found.rigid, 1)
         if found.frames:
             yield name, found

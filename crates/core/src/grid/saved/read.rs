@@ -61,10 +61,10 @@ pub fn grid(
     let squares = squares(from, square_count, cells)?;
     let count = from.one::<u32>()? as usize;
     let (places, counts) = (from.all(count)?, from.all(count)?);
-    let square = |(&square, &[rigid, frozen, overlapped]): (&[u32; 2], &[u16; 3])| RigidNodes {
+    let square = |(&square, &[rigid, fixed, overlapped]): (&[u32; 2], &[u16; 3])| RigidNodes {
         square,
         rigid,
-        frozen,
+        fixed,
         overlapped,
     };
     let rigid_nodes: Vec<_> = places.iter().zip(&counts).map(square).collect();
@@ -142,10 +142,10 @@ fn squares(from: &mut Reader, count: usize, cells: [usize; 2]) -> Result<Vec<Squ
 
 /// True if squares are sorted and inside the grid, with counts that can be.
 fn are_squares(squares: &[RigidNodes], cells: [usize; 2]) -> bool {
-    let is_good = |&RigidNodes { square, rigid, frozen, overlapped }: &RigidNodes| {
+    let is_good = |&RigidNodes { square, rigid, fixed, overlapped }: &RigidNodes| {
         square.iter().zip(cells).all(|(&at, cells)| at as usize <= cells / SIDE)
             && usize::from(rigid) <= NODES
-            && frozen.max(overlapped) <= rigid
+            && fixed.max(overlapped) <= rigid
     };
     let key = |nodes: &RigidNodes| (nodes.square[1], nodes.square[0]);
     squares.iter().all(is_good) && squares.is_sorted_by(|a, b| key(a) < key(b))

@@ -18,7 +18,7 @@ pub fn write(grid: &Grid, to: &mut Writer) {
     to.all(grid.squares.iter().map(|nodes| [nodes.covered, nodes.free, nodes.layered].map(|nodes| nodes.0)));
     to.one(grid.rigid_nodes.len() as u32);
     to.all(grid.rigid_nodes.iter().map(|nodes| nodes.square));
-    to.all(grid.rigid_nodes.iter().map(|nodes| [nodes.rigid, nodes.frozen, nodes.overlapped]));
+    to.all(grid.rigid_nodes.iter().map(|nodes| [nodes.rigid, nodes.fixed, nodes.overlapped]));
     for level in &grid.levels {
         to.all(level.rigidity.iter().copied());
         to.all(level.rest_length.iter().copied());
