@@ -243,7 +243,7 @@ class Layers(Case):
         self.assertSame(values, np.repeat(halves(0, 1), 4))
 
 
-class Pictures(Scene):
+class SheetsScene(Scene):
     def sheets(self, tiles=(0, 0), by="image"):
         sheets = Sheets(tiles)
         texture = self.material(sheets.object)[1]
@@ -261,6 +261,8 @@ class Pictures(Scene):
     def assertDiffers(self, one, other):
         self.assertGreater((np.abs(one - other).max(-1) > 0.3).mean(), 0.02)
 
+
+class Pictures(SheetsScene):
     def test_each_half_shows_its_own_redirection(self):
         for by in ("image", "uv_map"):
             for tiles, apart in (((0, 0), (0, 1)), ((0, 0, 1), (0, 1, 2))):

@@ -10,7 +10,7 @@ import test_panel
 from support import Arm, Case, bpy, in_file, nodes_of, part, pixels, rgba, studs
 
 
-class Linked(Case):
+class LinkedCase(Case):
     def setUp(self):
         super().setUp()
         folder = tempfile.TemporaryDirectory()
@@ -23,7 +23,7 @@ class Linked(Case):
     def character(self, prepare=lambda arm: None, keep=False):
         """A character in a file of its own, linked into another one and overridden, and the result of frame 5; what was
         set there stays with `keep`."""
-        arm = Arm()
+        arm = self.arm = Arm()
         material = bpy.data.materials.new("skin")
         inner = bpy.data.node_groups.new("skin group", "ShaderNodeTree")
         inner.interface.new_socket("Color", in_out="OUTPUT", socket_type="NodeSocketColor")
@@ -47,8 +47,12 @@ class Linked(Case):
         bpy.data.images["rigidity"].use_fake_user = True
         bpy.ops.wm.save_as_mainfile(filepath=self.at("character.blend"))
         super().setUp()
+        return self.overridden("arm"), delta
+
+    def overridden(self, name):
+        """An object of the character's file, overridden in this one."""
         with bpy.data.libraries.load(self.at("character.blend"), link=True) as (_, into):
-            into.objects, into.images = ["arm"], ["rigidity"]
+            into.objects, into.images = [name], ["rigidity"]
         linked = into.objects[0]
         obj = linked.override_create()
         bpy.context.collection.objects.link(obj)
@@ -57,7 +61,12 @@ class Linked(Case):
         bpy.context.scene.frame_set(5)
         self.assertIsNone(obj.library)
         self.assertIsNotNone(obj.data.library)
-        return obj, delta
+        return obj
+
+    def opened_again(self):
+        bpy.ops.wm.save_as_mainfile(filepath=self.at("shot.blend"))
+        bpy.ops.wm.open_mainfile(filepath=self.at("shot.blend"))
+        return next(obj for obj in bpy.data.objects if obj.override_library)
 
     def untouched(self, obj):
         """Nothing of the linked data has changed."""
@@ -70,6 +79,26 @@ class Linked(Case):
     def shown(self, obj):
         return test_panel.Panel.draw(self, obj)
 
+    def expected(self, obj, rest, **options):
+        """By the Python package alone, at frame 5: the deltas of all layers, and the layer of each face."""
+        import vrtm
+
+        arm, scene = self.arm, bpy.context.scene
+        kept, counts = scene.frame_current, np.full(len(self.arm.faces), 4)
+        corners = arm.faces.ravel()
+        asset = vrtm.Asset(vrtm.Device("cpu"), rest, corners, face_counts=counts, uvs=arm.uvs, **options)
+        for tile in asset.tiles:
+            tile.set_settings(grid_width=arm.size, grid_height=arm.size)
+            if tile.layer == 0:
+                tile.set_rigidity(pixels(obj.vrtm.rigidity_image)[..., 0].copy(), origin="bottom")
+        scene.frame_set(5)
+        asset.solve(arm.pose(obj))
+        scene.frame_set(kept)
+        deltas = [tile.fetch("redirection_delta", arm.size, channels=2, origin="bottom") for tile in asset.tiles]
+        return deltas, asset.face_layers()
+
+
+class Linked(LinkedCase):
     def test_the_result_is_an_image_alone(self):
         obj, delta = self.character()
         settings = obj.vrtm
@@ -88,9 +117,7 @@ class Linked(Case):
         self.assertIn("The mesh is linked from another file: the result is an image alone", shown)
         # Saved and opened, all of it is there.
         settings.protect = 0.5
-        bpy.ops.wm.save_as_mainfile(filepath=self.at("shot.blend"))
-        bpy.ops.wm.open_mainfile(filepath=self.at("shot.blend"))
-        obj = next(o for o in bpy.data.objects if o.override_library)
+        obj = self.opened_again()
         settings, [slot] = obj.vrtm, obj.material_slots
         self.assertEqual((settings.rigidity_image.name, settings.live, settings.protect), ("rigidity", True, 0.5))
         self.assertEqual((slot.link, slot.material.library), ("OBJECT", None))
@@ -131,12 +158,8 @@ class Linked(Case):
         obj.vrtm.strain, obj.vrtm.write_delta, obj.vrtm.write_strain = "AFTER", True, True
         self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
         self.assertIn("Up to date", self.shown(obj))
-        for call, text in (
-            (lambda: bpy.ops.vrtm.set_up_material(by="uv_map"), "cannot take a UV map: press Set Up by Image"),
-            (bpy.ops.vrtm.capture_rest, "cannot keep a rest shape"),
-        ):
-            with self.assertRaisesRegex(RuntimeError, text):
-                call()
+        with self.assertRaisesRegex(RuntimeError, "cannot take a UV map: press Set Up by Image"):
+            bpy.ops.vrtm.set_up_material(by="uv_map")
         self.untouched(obj)
         self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
         self.assertFalse(obj.vrtm.is_set_up)
@@ -155,14 +178,31 @@ class Linked(Case):
         self.assertSame(pixels(image)[..., :2], delta)
         self.untouched(obj)
 
-    def test_islands_over_islands_are_told(self):
-        def stacked(arm):
-            arm.uvs[:, 1] = np.where(np.arange(len(arm.uvs)) // 4 % 24 < 12, arm.uvs[:, 1], arm.uvs[:, 1] - 0.46)
-            arm.mesh.uv_layers[0].uv.foreach_set("vector", arm.uvs.ravel())
-
-        obj, _ = self.character(stacked)
+    def test_a_captured_rest(self):
+        obj, delta = self.character()
+        settings, scene = obj.vrtm, bpy.context.scene
         bpy.ops.vrtm.set_up()
-        self.assertIn("which is linked, cannot keep apart", " ".join(self.shown(obj)))
+        scene.frame_set(3)
+        rest = self.arm.pose(obj)
+        [expected], _ = self.expected(obj, rest)
+        self.assertGreater(np.abs(expected - delta).max(), 1e-3)
+        self.assertEqual(bpy.ops.vrtm.capture_rest(), {"FINISHED"})
+        scene.frame_set(5)
+        # The shape of a frame is captured by the next update, and replaces the one before.
+        for source, frame in (("CAPTURED", 3), ("FRAME", 2), ("FRAME", 3)):
+            settings.rest_source, settings.rest_frame = source, frame
+            self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+            self.assertIn(f"Captured at frame {frame}", self.shown(obj))
+            self.assertEqual(np.array_equal(pixels(settings.image)[..., :2], expected), frame == 3)
+            self.assertEqual([mesh.name for mesh in bpy.data.meshes if mesh.library is None], ["vrtm arm rest"])
+        self.untouched(obj)
+        settings.live = False
+        obj = self.opened_again()
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.assertSame(pixels(obj.vrtm.image)[..., :2], expected)
+        self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
+        self.assertFalse([mesh.name for mesh in bpy.data.meshes if mesh.library is None])
+        self.untouched(obj)
 
     def test_a_linked_object_is_not_for_buttons(self):
         obj, _ = self.character()

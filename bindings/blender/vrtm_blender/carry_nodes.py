@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import bpy
 
+from .modifier_inputs import image_of, set_input
+
 GROUP_NAME = "vrtm carry"
 MARK = "vrtm_carry_group"
 # Vectors of points, or of hair curves, in the object's own space: where it is at rest, where it is carried to, and its
@@ -128,17 +130,6 @@ def remove(obj: bpy.types.Object) -> None:
             bpy.data.node_groups.remove(tree)
 
 
-def _set(modifier: bpy.types.Modifier, name: str, value: object) -> None:
-    sockets = modifier.node_group.interface.items_tree
-    modifier[next(one.identifier for one in sockets if one.name == name and one.in_out == "INPUT")] = value
-
-
-def _image_of(modifier: bpy.types.Modifier) -> bpy.types.Image | None:
-    sockets = modifier.node_group.interface.items_tree
-    found = modifier.get(next(one.identifier for one in sockets if one.name == "Image" and one.in_out == "INPUT"))
-    return found if isinstance(found, bpy.types.Image) else None
-
-
 def show_baked(obj: bpy.types.Object, path: str, first: int, last: int) -> None:
     """Has the modifier read files, of which this is that of the first frame."""
     modifier = modifier_of(obj)
@@ -150,18 +141,18 @@ def show_baked(obj: bpy.types.Object, path: str, first: int, last: int) -> None:
     image.colorspace_settings.name, image.alpha_mode = "Non-Color", "CHANNEL_PACKED"
     image.filepath = bpy.path.relpath(path) if bpy.data.filepath else path
     for name, value in (("Image", image), ("First", first), ("Last", last), ("Baked", True)):
-        _set(modifier, name, value)
+        set_input(modifier, name, value)
     obj.update_tag()
 
 
 def show_live(obj: bpy.types.Object) -> None:
     """Has the modifier read the attributes."""
     modifier = modifier_of(obj)
-    image = None if modifier is None else _image_of(modifier)
+    image = None if modifier is None else image_of(modifier)
     if image is None:
         return
-    _set(modifier, "Baked", False)
-    _set(modifier, "Image", None)
+    set_input(modifier, "Baked", False)
+    set_input(modifier, "Image", None)
     obj.update_tag()
     if not image.users:
         bpy.data.images.remove(image)

@@ -12,7 +12,7 @@ import numpy as np
 from .messages import Problem
 from .tap import INDEX_NAME, POSE_NAME, TOPOLOGY, place, tap_of, topology_modifiers
 
-# Where a captured rest shape is kept: an attribute of the mesh, which is saved with the file.
+# Where a captured rest shape is kept: an attribute of the mesh, which is saved with the file, or of a mesh of its own.
 REST_NAME = "vrtm_rest"
 # Of which frame it is: a custom property of the mesh.
 REST_FRAME_NAME = "vrtm_rest_frame"
@@ -130,9 +130,10 @@ def rest_positions(obj: bpy.types.Object) -> np.ndarray:
         if key is None:
             raise Problem(f"{obj.name} has no shape key {settings.rest_key!r}: choose another as rest")
         return read(key.data, "co", 3)
-    if settings.rest_source == "FRAME" and mesh.get(REST_FRAME_NAME) != settings.rest_frame:
+    kept = rest_keeper(obj)
+    if settings.rest_source == "FRAME" and kept.get(REST_FRAME_NAME) != settings.rest_frame:
         raise Problem(f"{obj.name}: the shape at frame {settings.rest_frame} is not captured yet: press Capture Rest")
-    attribute = mesh.attributes.get(REST_NAME)
+    attribute = kept.attributes.get(REST_NAME)
     if attribute is None or attribute.domain != "POINT" or attribute.data_type != "FLOAT_VECTOR":
         raise Problem(f"{obj.name} has no captured rest shape: press Capture Rest")
     found = read(attribute.data, "vector", 3)
@@ -141,13 +142,28 @@ def rest_positions(obj: bpy.types.Object) -> np.ndarray:
     return found
 
 
+def rest_keeper(obj: bpy.types.Object) -> bpy.types.Mesh:
+    """The mesh that has the captured rest shape as an attribute."""
+    return obj.vrtm.rest_mesh or mesh_of(obj)
+
+
 def store_rest(obj: bpy.types.Object, positions: np.ndarray, frame: int) -> None:
-    """Keeps a rest shape, the evaluated one of a frame, in the mesh."""
-    mesh = mesh_of(obj)
+    """Keeps a rest shape, the evaluated one of a frame: in the mesh, or, where that is linked, in one of vertices
+    alone."""
+    remove_rest_mesh(obj)
+    kept = mesh_of(obj)
     if is_linked(obj):
-        raise Problem(f"{obj.name}: its mesh is linked, and cannot keep a rest shape: choose Mesh or Shape Key as Rest")
-    write(mesh, REST_NAME, "POINT", "FLOAT_VECTOR", positions)
-    mesh[REST_FRAME_NAME] = frame
+        kept = obj.vrtm.rest_mesh = bpy.data.meshes.new(f"vrtm {obj.name} rest")
+        kept.vertices.add(len(positions))
+    write(kept, REST_NAME, "POINT", "FLOAT_VECTOR", positions)
+    kept[REST_FRAME_NAME] = frame
+
+
+def remove_rest_mesh(obj: bpy.types.Object) -> None:
+    """Removes the mesh that keeps an object's rest shape, if nothing else uses it."""
+    before, obj.vrtm.rest_mesh = obj.vrtm.rest_mesh, None
+    if before is not None and not before.users and before.library is None:
+        bpy.data.meshes.remove(before)
 
 
 def pose(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> np.ndarray:

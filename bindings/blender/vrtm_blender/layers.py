@@ -1,5 +1,6 @@
 """Layers: where charts lie over one another in the UV map, as mirrored halves do, each layer of them has an image of
-its own, and an attribute of faces tells the material which one to look up.
+its own, and an attribute of faces tells the material which one to look up. A linked mesh cannot keep it: a modifier of
+the object makes it.
 
 The image of the first layer is the object's result image, as where there is one layer alone. Each image knows the next
 one (Image.vrtm_next), so that all of them are there as long as the first is.
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from . import geometry, session
+from . import geometry, layer_nodes, session, tap
 
 if TYPE_CHECKING:
     import vrtm
@@ -85,24 +86,40 @@ def missing(obj: bpy.types.Object) -> str | None:
     number = image.get(NUMBER, 1)
     if len(images_of(image)) != number:
         return "The result image of a layer is not there"
-    if number > 1 and attribute_of(obj) is None:
+    if number > 1 and attribute_of(obj) is None and not _is_made(obj):
         return "The attribute that tells layers apart is not there"
     return None
 
 
+def _is_made(obj: bpy.types.Object) -> bool:
+    """True if a modifier of the object makes the attribute, before others make other faces."""
+    made = layer_nodes.modifier_of(obj)
+    if made is None or layer_nodes.stamp_of(obj) is None:
+        return False
+    return not any(map(tap.changes_topology, obj.modifiers[: obj.modifiers.find(made.name)]))
+
+
 def write(obj: bpy.types.Object, values: np.ndarray | None) -> None:
     """Writes the layer of each face; None: there is one layer, and no attribute."""
-    mesh, attribute = obj.data, attribute_of(obj)
+    # Baked files that are shown may have more layers than the result has now.
+    if values is None and obj.vrtm.shows_baked:
+        return
+    mesh, attribute, is_linked = obj.data, attribute_of(obj), geometry.is_linked(obj)
+    values = None if values is None else values.astype(np.int32)
+    kept = None if attribute is None else geometry.read(attribute.data, "value", 1, np.int32)
+    # A write makes Blender evaluate the mesh again: only if there is something to write.
+    same = np.array_equal(kept, values)
+    if is_linked and values is not None and not same:
+        stamp = geometry.stamp_of(values).hex()
+        if layer_nodes.stamp_of(obj) != stamp or not _is_made(obj):
+            layer_nodes.insert(obj, attribute_name(obj.vrtm), values, stamp)
+        return
+    layer_nodes.remove(obj)
+    if same or is_linked:
+        return
     if values is None:
-        # Baked files that are shown may have more layers than the result has now.
-        if attribute is None or obj.vrtm.shows_baked:
-            return
         mesh.attributes.remove(attribute)
     else:
-        values = values.astype(np.int32)
-        # A write makes Blender evaluate the mesh again: only if there is something to write.
-        if attribute is not None and np.array_equal(geometry.read(attribute.data, "value", 1, np.int32), values):
-            return
         geometry.write(mesh, attribute_name(obj.vrtm), "FACE", "INT", values)
     if not session.rendering:
         mesh.update_tag()

@@ -8,7 +8,7 @@ import bpy
 
 from . import geometry, nodes
 from .messages import Problem
-from .tap import is_tap
+from .tap import is_own
 
 # The custom property of a node that was made for a group.
 MADE = "vrtm_made"
@@ -207,7 +207,7 @@ def _outside(link: bpy.types.NodeLink, trees: dict[bpy.types.NodeTree, bpy.types
 
 def lost_maps(obj: bpy.types.Object) -> list[tuple[bpy.types.Node, str]]:
     """Nodes of the object's materials that read a UV map which the mesh does not have, and its name."""
-    if any(modifier.type == "NODES" and not is_tap(modifier) for modifier in obj.modifiers):
+    if any(modifier.type == "NODES" and not is_own(modifier) for modifier in obj.modifiers):
         # These may make UV maps of their own.
         return []
     trees = [material.node_tree for material in materials_of(obj)]

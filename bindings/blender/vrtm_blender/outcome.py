@@ -37,8 +37,6 @@ class Request:
     frame: int = 0
     # A material looks up the UV map.
     by_uv_map: bool = False
-    # Nothing can be written to the mesh.
-    is_linked: bool = False
     # It is solved as a draft while the pose moves, and again when that stops.
     is_draft: bool = False
 
@@ -139,13 +137,13 @@ def percent(share: float) -> str:
 
 def notes(prepared: Prepared, request: Request) -> list[str]:
     """What is likely not as it is meant, in sentences."""
-    found = _of_rigidity(*prepared.rigid_share()) or _of_overlaps(prepared, request.is_linked)
+    found = _of_rigidity(*prepared.rigid_share()) or _of_overlaps(prepared)
     if request.by_uv_map and prepared.whole_share() < LEAST_WHOLE:
         found.append("Faces are larger than features, which the UV map cannot follow: press Set Up by Image")
     return found + prepared.carriers.notes()
 
 
-def _of_overlaps(prepared: Prepared, is_linked: bool) -> list[str]:
+def _of_overlaps(prepared: Prepared) -> list[str]:
     """Whether most of what is rigid does not move because islands share the texture there. All layers count."""
     tiles = prepared.asset.tiles
     rigid, overlapped = (sum(getattr(tile.info, f"rigid_{of}") for tile in tiles) for of in ("nodes", "overlapped"))
@@ -154,8 +152,6 @@ def _of_overlaps(prepared: Prepared, is_linked: bool) -> list[str]:
     found = f"{percent(overlapped / rigid)} of what is rigid does not move, since islands share the texture there"
     if prepared.mesh.max_layers:
         return [f"{found}: there are over {layers.MOST} of them, or one lies over itself. Unwrap them side by side"]
-    if is_linked:
-        return [f"{found}, and the mesh, which is linked, cannot keep apart. Override it, too, or unwrap it anew"]
     return [f"{found}: set Overlaps, in Quality and Outputs, to Each"]
 
 

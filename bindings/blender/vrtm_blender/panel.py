@@ -45,8 +45,9 @@ class VRTM_PT_main(_Panel, bpy.types.Panel):
             column.prop(settings, "rest_frame")
         if settings.rest_source in {"FRAME", "CAPTURED"}:
             column.operator("vrtm.capture_rest")
-            if geometry.REST_NAME in obj.data.attributes:
-                column.label(text=f"Captured at frame {obj.data.get(geometry.REST_FRAME_NAME, '?')}")
+            kept = geometry.rest_keeper(obj)
+            if geometry.REST_NAME in kept.attributes:
+                column.label(text=f"Captured at frame {kept.get(geometry.REST_FRAME_NAME, '?')}")
         draw_topology(layout, context)
         draw_solve(layout, context)
 

@@ -112,6 +112,8 @@ class VrtmSettings(bpy.types.PropertyGroup):
     )
     rest_key: StringProperty(name="Shape Key", description="The shape key that is the rest shape", update=_changed)
     rest_frame: IntProperty(name="Frame", description="The frame whose shape is the rest shape", default=1)
+    # The captured shape, where the object's mesh is linked and cannot keep it.
+    rest_mesh: PointerProperty(name="Captured Rest", type=bpy.types.Mesh)
     # As Subdivision Surface has them: what the viewport shows, and what renders and bakes have.
     quality: EnumProperty(**QUALITY, update=_changed)
     render_quality: EnumProperty(**QUALITY)

@@ -33,9 +33,7 @@ def read(obj: bpy.types.Object, state: State) -> None:
 
 
 def _read_mesh(obj: bpy.types.Object, state: State) -> None:
-    # A linked mesh cannot keep which layer a face looks up.
-    layered = obj.vrtm.overlaps == "each" and not geometry.is_linked(obj)
-    device, max_layers = obj.vrtm.device, layers.MOST if layered else 0
+    device, max_layers = obj.vrtm.device, layers.MOST if obj.vrtm.overlaps == "each" else 0
     topology, rest = geometry.topology(obj), geometry.rest_positions(obj)
     stamp = (topology.stamp, geometry.stamp_of(rest), device, max_layers)
     if state.stamps.get("mesh") != stamp:
@@ -131,7 +129,7 @@ def request(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph)
     inputs = repr((sorted(options.items()), outputs, sorted(state.stamps.items()))).encode()
     stamp = geometry.stamp_of(positions) + inputs
     frame, by_uv_map = depsgraph.scene.frame_current, nodes.shows_uv_map(obj)
-    return Request(positions, options, stamp, obj.name, *outputs, frame, by_uv_map, geometry.is_linked(obj))
+    return Request(positions, options, stamp, obj.name, *outputs, frame, by_uv_map)
 
 
 def draft(request: Request) -> Request:

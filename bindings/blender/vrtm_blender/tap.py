@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import bpy
 
+from . import layer_nodes
+
 POSE_NAME = ".vrtm_pose"
 INDEX_NAME = ".vrtm_index"
 GROUP_NAME = ".vrtm pose"
@@ -63,6 +65,11 @@ def is_tap(modifier: bpy.types.Modifier) -> bool:
     return modifier.type == "NODES" and modifier.node_group is not None and bool(modifier.node_group.get(MARK))
 
 
+def is_own(modifier: bpy.types.Modifier) -> bool:
+    """True of the modifiers of this add-on that store attributes, and change nothing else."""
+    return is_tap(modifier) or layer_nodes.is_ours(modifier)
+
+
 def tap_of(obj: bpy.types.Object) -> bpy.types.Modifier | None:
     return next((modifier for modifier in obj.modifiers if is_tap(modifier)), None)
 
@@ -73,7 +80,7 @@ def working(obj: bpy.types.Object) -> list[bpy.types.Modifier]:
 
 
 def changes_topology(modifier: bpy.types.Modifier) -> bool:
-    return modifier.type in TOPOLOGY and not is_tap(modifier)
+    return modifier.type in TOPOLOGY and not is_own(modifier)
 
 
 def topology_modifiers(obj: bpy.types.Object) -> list[bpy.types.Modifier]:
@@ -92,7 +99,7 @@ def _keeps(modifier: bpy.types.Modifier) -> bool:
 def place(obj: bpy.types.Object) -> bpy.types.Modifier | None:
     """The modifier in front of which the Pose modifier has to stand, or the last one if it has to stand behind that;
     None where the pose cannot be read so."""
-    others = [modifier for modifier in working(obj) if not is_tap(modifier)]
+    others = [modifier for modifier in working(obj) if not is_own(modifier)]
     changing = [number for number, modifier in enumerate(others) if changes_topology(modifier)]
     if not changing or not all(_keeps(others[number]) for number in changing):
         return None

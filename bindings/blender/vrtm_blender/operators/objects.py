@@ -5,7 +5,21 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty
 
-from .. import dilate, geometry, keep, layers, materials, nodes, overlay, result_image, results, session, states, tap
+from .. import (
+    dilate,
+    geometry,
+    keep,
+    layer_nodes,
+    layers,
+    materials,
+    nodes,
+    overlay,
+    result_image,
+    results,
+    session,
+    states,
+    tap,
+)
 from .base import OnObject
 from .carry import let_all_go
 from .material import kept_text, set_up
@@ -120,6 +134,8 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
                 mesh.attributes.remove(mesh.attributes[name])
         if not sharing and geometry.REST_FRAME_NAME in mesh:
             del mesh[geometry.REST_FRAME_NAME]
+        geometry.remove_rest_mesh(obj)
+        layer_nodes.remove(obj)
         for modifier in [modifier for modifier in obj.modifiers if tap.is_tap(modifier)]:
             obj.modifiers.remove(modifier)
         maps = {settings.rigidity_image, settings.mask_image}

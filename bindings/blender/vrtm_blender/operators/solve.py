@@ -37,8 +37,8 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
     def begin(context: bpy.types.Context, obj: bpy.types.Object) -> states.State:
         if obj.mode == "EDIT":
             raise Problem(f"{obj.name} is in Edit Mode: leave it first")
-        settings = obj.vrtm
-        if settings.rest_source == "FRAME" and obj.data.get(geometry.REST_FRAME_NAME) != settings.rest_frame:
+        settings, kept = obj.vrtm, geometry.rest_keeper(obj)
+        if settings.rest_source == "FRAME" and kept.get(geometry.REST_FRAME_NAME) != settings.rest_frame:
             capture(context, obj, settings.rest_frame)
         state = states.state_of(obj)
         state.mesh_changed = state.maps_changed = state.carried_changed = state.rewrite = True
@@ -107,7 +107,7 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
 
 class VRTM_OT_capture_rest(OnObject, bpy.types.Operator):
     """Keep the evaluated shape as the rest shape: that of the chosen frame if the rest is a frame, and the present
-    one else. It is stored in the mesh, and saved with the file"""
+    one else. It is saved with the file"""
 
     bl_idname = "vrtm.capture_rest"
     bl_label = "Capture Rest"

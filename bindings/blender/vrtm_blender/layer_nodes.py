@@ -1,0 +1,122 @@
+"""The Geometry Nodes group `vrtm layers`, which makes the attribute of faces that tells layers apart, out of an image:
+for an object whose mesh is linked, and cannot keep the attribute itself."""
+
+from __future__ import annotations
+
+import bpy
+import numpy as np
+
+from . import modifier_inputs, packed
+
+GROUP_NAME = "vrtm layers"
+MARK = "vrtm_layers_group"
+# Of the image: a hash of the faces' layers.
+STAMP = "vrtm_faces"
+# Texels per row of the image at most. A power of two, so that a row is exact in floats.
+WIDTH = 4096
+_INPUTS = {"Image": "Image", "Columns": "Int", "Rows": "Int", "Name": "String"}
+
+
+def group() -> bpy.types.NodeTree:
+    """The group of all layers modifiers, made when it is first asked for."""
+    for tree in bpy.data.node_groups:
+        if tree.bl_idname == "GeometryNodeTree" and tree.get(MARK) and tree.library is None:
+            return tree
+    tree = bpy.data.node_groups.new(GROUP_NAME, "GeometryNodeTree")
+    tree[MARK] = True
+    # Not one that Blender offers to the artist among its modifiers.
+    tree.is_modifier = False
+    for in_out in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=in_out, socket_type="NodeSocketGeometry")
+    for name, kind in _INPUTS.items():
+        tree.interface.new_socket(name, in_out="INPUT", socket_type=f"NodeSocket{kind}")
+    _fill(tree)
+    return tree
+
+
+def _fill(tree: bpy.types.NodeTree) -> None:
+    """Of face n: the texel in column n % columns and row n / columns, whose values are the layer / 255."""
+    link = tree.links.new
+
+    def node(kind: str, x: int, y: int, **settings: object) -> bpy.types.Node:
+        made = tree.nodes.new(kind)
+        made.location = (200 * x, 180 * y)
+        for name, value in settings.items():
+            setattr(made, name, value)
+        return made
+
+    def math(operation: str, x: int, y: int, *values: object) -> bpy.types.NodeSocket:
+        made = node("ShaderNodeMath", x, y, operation=operation)
+        for socket, value in zip(made.inputs, values):
+            if isinstance(value, float):
+                socket.default_value = value
+            else:
+                link(value, socket)
+        return made.outputs[0]
+
+    given, index = node("NodeGroupInput", 0, 0), node("GeometryNodeInputIndex", 0, 2).outputs[0]
+    columns, rows = given.outputs["Columns"], given.outputs["Rows"]
+    column = math("ADD", 2, 2, math("MODULO", 1, 2, index, columns), 0.5)
+    row = math("ADD", 3, 1, math("FLOOR", 2, 1, math("DIVIDE", 1, 1, index, columns)), 0.5)
+    at, image = node("ShaderNodeCombineXYZ", 5, 1), node("GeometryNodeImageTexture", 6, 1)
+    image.interpolation, image.extension = "Closest", "EXTEND"
+    link(math("DIVIDE", 4, 2, column, columns), at.inputs["X"])
+    link(math("DIVIDE", 4, 1, row, rows), at.inputs["Y"])
+    link(at.outputs[0], image.inputs["Vector"])
+    link(given.outputs["Image"], image.inputs["Image"])
+    layer = node("FunctionNodeFloatToInt", 8, 1, rounding_mode="ROUND")
+    link(math("MULTIPLY", 7, 1, image.outputs["Color"], 255.0), layer.inputs[0])
+    store = node("GeometryNodeStoreNamedAttribute", 9, 0, data_type="INT", domain="FACE")
+    link(given.outputs["Geometry"], store.inputs["Geometry"])
+    link(given.outputs["Name"], store.inputs["Name"])
+    # There is a socket of this name for each type; the one of the chosen type is enabled.
+    link(layer.outputs[0], next(one for one in store.inputs if one.name == "Value" and one.enabled))
+    link(store.outputs["Geometry"], node("NodeGroupOutput", 10, 0).inputs[0])
+
+
+def is_ours(modifier: bpy.types.Modifier) -> bool:
+    return modifier.type == "NODES" and modifier.node_group is not None and bool(modifier.node_group.get(MARK))
+
+
+def modifier_of(obj: bpy.types.Object) -> bpy.types.Modifier | None:
+    return next(filter(is_ours, obj.modifiers), None)
+
+
+def stamp_of(obj: bpy.types.Object) -> str | None:
+    """The hash of the layers that the object's modifier gives to faces; None where it gives none."""
+    modifier = modifier_of(obj)
+    image = None if modifier is None else modifier_inputs.image_of(modifier)
+    works = image is not None and modifier.show_viewport and modifier.show_render
+    return image.get(STAMP) if works else None
+
+
+def insert(obj: bpy.types.Object, name: str, values: np.ndarray, stamp: str) -> None:
+    """Gives an object the modifier, with the layer of each face, in front of all that may make other faces. It is
+    always a new one, of which Blender hears in renders, too."""
+    remove(obj)
+    columns = min(len(values), WIDTH)
+    rows = -(-len(values) // columns)
+    texels = np.zeros((rows * columns, 4), np.float32)
+    texels[: len(values), :3] = values[:, None] / 255
+    texels[:, 3] = 1
+    image = packed.image(f"vrtm {obj.name} layers", {packed.WHOLE: texels.reshape(rows, columns, 4)})
+    image[STAMP] = stamp
+    made = obj.modifiers.new(GROUP_NAME, "NODES")
+    made.node_group, made.show_in_editmode = group(), False
+    for of, value in zip(_INPUTS, (image, columns, rows, name)):
+        modifier_inputs.set_input(made, of, value)
+    # In front of a soft body it cannot stand, which keeps the faces.
+    leading = [modifier.type == "SOFT_BODY" for modifier in obj.modifiers].index(False)
+    obj.modifiers.move(len(obj.modifiers) - 1, leading)
+
+
+def remove(obj: bpy.types.Object) -> None:
+    """Takes the modifier away, and what nothing uses any more."""
+    for modifier in list(filter(is_ours, obj.modifiers)):
+        tree = modifier.node_group
+        obj.modifiers.remove(modifier)
+        if not tree.users and tree.library is None:
+            bpy.data.node_groups.remove(tree)
+    # Also those of modifiers that the artist has taken away.
+    for image in [image for image in bpy.data.images if STAMP in image and not image.users and image.library is None]:
+        bpy.data.images.remove(image)
