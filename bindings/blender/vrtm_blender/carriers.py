@@ -7,8 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from . import pieces, strain
+
 if TYPE_CHECKING:
     import vrtm
+
+    from .geometry import Topology
 
 # States of a carrier's points: on a chart, outside of all, in folded UVs, and too far from the surface.
 BOUND, OUTSIDE, FOLDED, TOO_FAR = range(4)
@@ -27,10 +31,13 @@ class Thing:
     farthest: float
     fit: str
     skirt: float
+    # The connected part of each place, (places,), of which each moves as one body; None: each place by itself.
+    parts: np.ndarray | None = None
 
     @property
     def way(self) -> tuple[float, str, float]:
-        return self.farthest, self.fit, self.skirt
+        # A skirt bends what it blends.
+        return self.farthest, self.fit, self.skirt if self.parts is None else 0.0
 
 
 @dataclass(frozen=True)
@@ -54,27 +61,39 @@ class Moved:
 
 
 class Carriers:
-    """Carriers of an asset: one for all that is carried in the same way. Raises vrtm.Error."""
+    """Carriers of an asset: one for all that is carried in the same way. `rest` has the skin's vertices, (vertices, 3).
+    Raises vrtm.Error."""
 
-    def __init__(self, asset: vrtm.Asset, given: CarriedInput) -> None:
+    def __init__(self, asset: vrtm.Asset, given: CarriedInput, topology: Topology, rest: np.ndarray) -> None:
         self.things, self.scale = given.things, given.scale
+        # By uid: the places that are bound, (roots, 3): all of them, or one for each part.
+        self._roots = {thing.uid: thing.places for thing in given.things}
+        for thing in [thing for thing in given.things if thing.parts is not None]:
+            triangles = topology.corner_vertices[strain.triangles(topology.face_counts)]
+            self._roots[thing.uid] = pieces.feet(thing.places, thing.parts, thing.farthest, rest, triangles)
         # By uid: how each place is bound, (places,) int32.
         self.states: dict[int, np.ndarray] = {}
         self._groups: list[tuple[vrtm.Carrier, list[Thing]]] = []
         for way in dict.fromkeys(thing.way for thing in given.things):
             farthest, fit, skirt = way
             things = [thing for thing in given.things if thing.way == way]
-            places = np.concatenate([thing.places for thing in things])
-            carrier = asset.carrier(positions=places, farthest=farthest, fit=fit, skirt=skirt)
+            roots = np.concatenate([self._roots[thing.uid] for thing in things])
+            carrier = asset.carrier(positions=roots, farthest=farthest, fit=fit, skirt=skirt)
             self._groups.append((carrier, things))
-            self.states |= {thing.uid: states for thing, states in _parts(things, carrier.states())}
+            for thing, states in self._split(things, carrier.states()):
+                self.states[thing.uid] = states if thing.parts is None else states[thing.parts]
 
     def fetch(self) -> dict[int, Moved]:
         """All things in the pose that was solved last, by uid. What is too far stays as it is."""
         found = {}
         for carrier, things in self._groups:
             carried = carrier.fetch("positions", "matrices", dtype=np.float64)
-            for (thing, places), (_, turns) in zip(_parts(things, carried.positions), _parts(things, carried.matrices)):
+            positions, matrices = (self._split(things, of) for of in (carried.positions, carried.matrices))
+            for (thing, places), (_, turns) in zip(positions, matrices):
+                if thing.parts is not None:
+                    offsets = thing.places - self._roots[thing.uid][thing.parts]
+                    turns = turns[thing.parts]
+                    places = places[thing.parts] + np.einsum("nij,nj->ni", turns, offsets)
                 far = self.states[thing.uid] == TOO_FAR
                 places = np.where(far[:, None], thing.places, places)
                 found[thing.uid] = _moved(thing, places, np.where(far[:, None, None], np.eye(3), turns))
@@ -91,6 +110,11 @@ class Carriers:
     def notes(self) -> list[str]:
         found = {thing.name: told(self.states[thing.uid], self.scale * thing.farthest) for thing in self.things}
         return [f"{name}: {text}" for name, text in found.items() if text]
+
+    def _split(self, things: list[Thing], values: np.ndarray) -> list[tuple[Thing, np.ndarray]]:
+        """Values of the roots of some things, thing by thing."""
+        ends = np.cumsum([len(self._roots[thing.uid]) for thing in things])[:-1]
+        return list(zip(things, np.split(values, ends)))
 
     def close(self) -> None:
         for carrier, _ in self._groups:
@@ -117,11 +141,6 @@ def eulers(turns: np.ndarray) -> np.ndarray:
     x = np.where(plain, np.arctan2(turns[:, 2, 1], turns[:, 2, 2]), np.arctan2(-turns[:, 1, 2], turns[:, 1, 1]))
     z = np.where(plain, np.arctan2(turns[:, 1, 0], turns[:, 0, 0]), 0)
     return np.stack([x, np.arctan2(-turns[:, 2, 0], cosine), z], -1)
-
-
-def _parts(things: list[Thing], values: np.ndarray) -> list[tuple[Thing, np.ndarray]]:
-    ends = np.cumsum([len(thing.places) for thing in things])[:-1]
-    return list(zip(things, np.split(values, ends)))
 
 
 def told(states: np.ndarray, farthest: float) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, PointerProperty
 from mathutils import Matrix
 
-from . import carry_nodes, geometry, session
+from . import carry_nodes, geometry, pieces, session
 from .carriers import CarriedInput, Moved, Thing
 from .messages import Problem
 
@@ -38,6 +38,7 @@ class VrtmCarry(bpy.types.PropertyGroup):
     farthest: FloatProperty()
     fit: EnumProperty(items=FITS)
     skirt: FloatProperty()
+    pieces: BoolProperty()
     # What it was before: its channels, one behind the other, and how it was parented.
     channels: FloatVectorProperty(size=sum(CHANNELS.values()))
     was_child: BoolProperty()
@@ -168,9 +169,11 @@ def own_places(obj: bpy.types.Object) -> np.ndarray:
     return points
 
 
-def attach(obj: bpy.types.Object, skin: bpy.types.Object, kind: str, farthest: float, fit: str, skirt: float) -> None:
+def attach(
+    obj: bpy.types.Object, skin: bpy.types.Object, kind: str, farthest: float, fit: str, skirt: float, by_parts: bool
+) -> None:
     """Makes an object one that is carried, where it is; it becomes a child of the skin. Lengths are those of the
-    world."""
+    world. `by_parts`: each connected part of a mesh as one body."""
     own, scale = obj.vrtm_carry, scale_of(skin)
     own.channels = [value for name in CHANNELS for value in getattr(obj, name)]
     own.inverse, own.was_child = flat(obj.matrix_parent_inverse), obj.parent == skin
@@ -178,6 +181,7 @@ def attach(obj: bpy.types.Object, skin: bpy.types.Object, kind: str, farthest: f
         obj.parent = skin
         obj.matrix_parent_inverse = skin.matrix_world.inverted_safe()
     own.skin, own.kind, own.farthest, own.fit, own.skirt = skin, kind, farthest / scale, fit, skirt / scale
+    own.pieces = by_parts and obj.type == "MESH"
     if kind == "OBJECT":
         own.rest = in_skin(obj).ravel().tolist()
     else:
@@ -229,20 +233,23 @@ def read(skin: bpy.types.Object) -> CarriedInput:
     """What an object carries, at rest."""
     things = []
     for obj in carried_by(skin):
-        own = obj.vrtm_carry
+        own, parts = obj.vrtm_carry, None
         if whole := own.kind == "OBJECT":
             to_skin = np.reshape(own.rest, (4, 4)).astype(np.float64)
             places = to_skin[None, :3, 3]
         else:
             to_skin = in_skin(obj)
-            places = own_places(obj).astype(np.float64) @ to_skin[:3, :3].T + to_skin[:3, 3]
+            points = own_places(obj)
+            places = points.astype(np.float64) @ to_skin[:3, :3].T + to_skin[:3, 3]
+            if own.pieces:
+                parts = pieces.connected(points, geometry.read(obj.data.edges, "vertices", 2, np.int32))
         if not np.isfinite(places).all():
             raise Problem(f"{obj.name}: a point of it has no place (NaN): mend or delete it")
         if len(places):
             uid, way = session.uid_of(obj), (own.farthest, own.fit, own.skirt)
-            things.append(Thing(uid, obj.name, places, to_skin, whole, *way))
+            things.append(Thing(uid, obj.name, places, to_skin, whole, *way, parts))
     told = repr([(thing.uid, thing.name, thing.way) for thing in things]).encode()
-    arrays = [array for thing in things for array in (thing.places, thing.to_skin)]
+    arrays = [of for thing in things for of in (thing.places, thing.to_skin, thing.parts) if of is not None]
     return CarriedInput(things, scale_of(skin), geometry.stamp_of(*arrays) + told)
 
 

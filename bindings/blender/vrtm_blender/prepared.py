@@ -129,7 +129,7 @@ class Prepared:
         carried = inputs.carried
         if carried is not None and self.stamps.get("carried") != carried.stamp:
             self._end_carriers()
-            self.carriers = Carriers(self.asset, carried)
+            self.carriers = Carriers(self.asset, carried, self.mesh.topology, self.mesh.rest)
             self.stamps["carried"] = carried.stamp
 
     def _apply_maps(self, maps: MapsInput) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import EnumProperty, FloatProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from .. import carry, carry_bake, live, session, solve, states
 from ..carriers import BOUND, TOO_FAR, told
@@ -45,6 +45,9 @@ class _Carry(OnObject):
             raise Problem(f"{skin.name}: select what it is to carry, and {skin.name} last")
         return others
 
+    # Each connected part of a mesh as one body.
+    pieces = False
+
     def kind(self, obj: bpy.types.Object) -> str:
         raise NotImplementedError
 
@@ -65,7 +68,7 @@ class _Carry(OnObject):
             kind = self.kind(other)
             why = carry.reason(other, obj, kind)
             if why is None:
-                carry.attach(other, obj, kind, farthest, self.fit, self.skirt)
+                carry.attach(other, obj, kind, farthest, self.fit, self.skirt, self.pieces)
                 attached.append(other)
             else:
                 refused.append(f"{other.name} {why}")
@@ -156,8 +159,19 @@ class VRTM_OT_wrap(_Carry, bpy.types.Operator):
     bl_idname = "vrtm.wrap"
     bl_label = "Wrap Meshes"
 
+    pieces: BoolProperty(
+        name="Connected Parts",
+        description="Each connected part of a mesh moves as one rigid body with the skin under its foot, in place of "
+        "each vertex with the skin nearest to it, which tears a stud that is near two sheets of skin, such as lips. A "
+        "skirt is left out",
+    )
+
     def kind(self, obj: bpy.types.Object) -> str:
         return "POINTS"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        super().draw(context)
+        self.layout.prop(self, "pieces")
 
 
 class VRTM_OT_carry_remove(OnObject, bpy.types.Operator):

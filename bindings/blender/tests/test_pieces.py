@@ -1,0 +1,178 @@
+"""Connected parts of detail meshes, each carried as one body, also where a stud is near two sheets of skin, as at
+lips."""
+
+import numpy as np
+
+from support import Case, bpy, part, rgba
+from test_carry import world
+
+SIDE, SIZE = 12, 64
+# Half of the slit between the lips.
+GAP = 0.02
+
+
+class Lips:
+    """Two sheets of skin in one plane, with a slit between them along x, that go apart and turn by a shape key at frame
+    5. `disc`: the radius of a rigid disc around the middle of the upper one's edge."""
+
+    def __init__(self, disc=0.0):
+        x, y = (values.ravel() for values in np.meshgrid(np.linspace(-1, 1, SIDE + 1), np.linspace(GAP, 1, SIDE + 1)))
+        first = np.add.outer(np.arange(SIDE) * (SIDE + 1), np.arange(SIDE)).ravel()
+        quads = first[:, None] + [0, 1, SIDE + 2, SIDE + 1]
+        upper, lower = np.stack([x, y, 0 * x], -1), np.stack([x, -y, 0 * x], -1)
+        moved = np.stack([1.3 * x, y + 0.3 + 0.1 * x, 0.4 * y], -1), np.stack([x, -y - 0.4, 0.1 * x - 0.2 * y], -1)
+        self.rest = np.concatenate([upper, lower]).astype(np.float32)
+        self.faces = np.concatenate([quads, quads[:, ::-1] + len(x)])
+        plane = np.stack([0.5 + 0.45 * x, 0.04 + 0.44 * (y - GAP)], -1)
+        self.uvs = np.concatenate([plane, plane + np.array([0, 0.5])])[self.faces].reshape(-1, 2).astype(np.float32)
+        mesh = bpy.data.meshes.new("lips")
+        mesh.from_pydata(self.rest.tolist(), [], self.faces.tolist())
+        mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", self.uvs.ravel())
+        obj = self.object = bpy.data.objects.new("lips", mesh)
+        bpy.context.collection.objects.link(obj)
+        obj.shape_key_add(name="Basis")
+        key = obj.shape_key_add(name="open")
+        self.pose = np.concatenate(moved).astype(np.float32)
+        key.data.foreach_set("co", self.pose.ravel())
+        for frame, value in ((1, 0.0), (5, 1.0)):
+            key.value = value
+            key.keyframe_insert("value", frame=frame)
+        at = (np.arange(SIZE) + 0.5) / SIZE
+        u, v = np.meshgrid(at, at)
+        self.rigidity = (np.hypot(u - 0.5, v - 0.04) < 0.45 * disc).astype(np.float32)
+        image = bpy.data.images.new("rigidity", SIZE, SIZE)
+        image.pixels.foreach_set(rgba(self.rigidity).ravel())
+        settings = obj.vrtm
+        settings.device, settings.grid = "cpu", SIZE
+        settings.rigidity_source, settings.rigidity_image = "IMAGE", image
+        # Wherever the skin is, and as large as it is.
+        obj.scale, obj.location, obj.rotation_euler = (1.7, 1.7, 1.7), (0.3, -1, 2), (0.2, 0.1, 0.7)
+        bpy.context.view_layer.update()
+
+
+def stud(centre, radius=0.1, height=0.08, sides=10):
+    """A frustum's vertices and faces; its foot is in the plane of the lips."""
+    angle = 2 * np.pi * np.arange(sides) / sides
+    ring = np.stack([np.cos(angle), np.sin(angle), 0 * angle], -1)
+    points = np.concatenate([radius * ring, 0.8 * radius * ring + np.array([0, 0, height])]) + np.array([*centre, 0])
+    following = np.roll(np.arange(sides), -1)
+    walls = np.stack([np.arange(sides), following, following + sides, np.arange(sides) + sides], -1)
+    return points, walls
+
+
+class Pieces(Case):
+    # The first and the third one stand across the slit, mostly on the upper and on the lower lip.
+    CENTRES = ((0.0, GAP + 0.015), (0.5, -0.5), (-0.6, -GAP - 0.015), (0.4, 0.6))
+
+    def detail(self, lips):
+        """The studs as one mesh, and its points in the skin's space."""
+        made = [stud(centre) for centre in self.CENTRES]
+        points = np.concatenate([points for points, _ in made])
+        faces = np.concatenate([faces + 20 * k for k, (_, faces) in enumerate(made)])
+        mesh = bpy.data.meshes.new("studs")
+        matrix = world(lips.object)
+        mesh.from_pydata((points @ matrix[:3, :3].T + matrix[:3, 3]).tolist(), [], faces.tolist())
+        obj = bpy.data.objects.new("studs", mesh)
+        bpy.context.collection.objects.link(obj)
+        return obj, points
+
+    def wrapped(self, lips, obj, **settings):
+        """The points in the skin's space at frame 5."""
+        bpy.context.scene.frame_set(1)
+        bpy.ops.object.select_all(action="DESELECT")
+        for one in (obj, lips.object):
+            one.select_set(True)
+        bpy.context.view_layer.objects.active = lips.object
+        self.assertEqual(bpy.ops.vrtm.wrap(farthest=0.5, **settings), {"FINISHED"})
+        bpy.context.scene.frame_set(5)
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        data = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        points = part("geometry").positions(data) @ world(obj)[:3, :3].T + world(obj)[:3, 3]
+        skin = world(lips.object)
+        return (points - skin[:3, 3]) @ np.linalg.inv(skin[:3, :3]).T
+
+    @staticmethod
+    def lengths(obj, points):
+        edges = part("geometry").read(obj.data.edges, "vertices", 2, np.int32)
+        return np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
+
+    def expected(self, lips, feet):
+        """By the Python package alone."""
+        import vrtm
+
+        counts = np.full(len(lips.faces), 4)
+        asset = vrtm.Asset(vrtm.Device("cpu"), lips.rest, lips.faces.ravel(), face_counts=counts, uvs=lips.uvs)
+        for tile in asset.tiles:
+            tile.set_settings(grid_width=SIZE, grid_height=SIZE)
+            tile.set_rigidity(lips.rigidity, origin="bottom")
+        carrier = asset.carrier(positions=feet)
+        asset.solve(lips.pose)
+        return carrier.fetch("positions", "matrices", dtype=np.float64)
+
+    def test_a_stud_across_a_slit_stays_whole(self):
+        for disc in (0.0, 0.25):
+            with self.subTest(disc=disc):
+                self.setUp()
+                lips = Lips(disc)
+                obj, points = self.detail(lips)
+                before = self.lengths(obj, points)
+                torn = self.lengths(obj, self.wrapped(lips, obj)) / before
+                self.assertGreater(torn.max(), 3)
+                posed = self.wrapped(lips, obj, pieces=True)
+                np.testing.assert_allclose(self.lengths(obj, posed), before, rtol=1e-5)
+                # Each as a body of its own, by its foot.
+                feet = np.array([(*centre, 0) for centre in self.CENTRES])
+                found = self.expected(lips, feet)
+                offsets = points.reshape(len(feet), -1, 3) - feet[:, None]
+                where = found.positions[:, None] + np.einsum("nij,nkj->nki", found.matrices, offsets)
+                np.testing.assert_allclose(posed, where.reshape(-1, 3), atol=1e-5)
+                # Those across the slit go with one lip each.
+                self.assertGreater(posed[:20, 1].min(), 0.15)
+                self.assertLess(posed[40:60, 1].max(), -0.15)
+
+    def test_the_choice_is_saved_with_what_is_carried(self):
+        lips = Lips(disc=0.25)
+        obj, _ = self.detail(lips)
+        # A skirt has no effect.
+        posed = self.wrapped(lips, obj, pieces=True, skirt=0.2)
+        self.assertSame(posed, self.wrapped(lips, obj, pieces=True))
+        # Other edges are other parts: now the first two move as one.
+        obj.data.edges.add(1)
+        obj.data.edges[-1].vertices = (0, 20)
+        lengths = self.lengths(obj, np.zeros((80, 3)))
+        self.assertEqual(len(lengths), 4 * 30 + 1)
+        bpy.ops.vrtm.update()
+        data = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        joined = part("geometry").positions(data)
+        own = part("geometry").positions(obj.data)
+        for one, other, same in ((0, 20, True), (0, 40, False), (20, 60, False)):
+            apart, rest = (np.linalg.norm(of[one] - of[other]) for of in (joined, own))
+            self.assertEqual(abs(apart / rest - 1) < 1e-5, same)
+
+    def test_parts_and_feet(self):
+        connected, feet = part("pieces").connected, part("pieces").feet
+        rng = np.random.default_rng(3)
+        points, order = rng.random((400, 3)), rng.permutation(400)
+        # Three chains, by edges in any order, and a vertex at the place of another one.
+        ends = [order[:100], order[100:300], order[300:399]]
+        edges = np.concatenate([np.stack([chain[:-1], chain[1:]], -1) for chain in ends])
+        edges = rng.permutation(edges)
+        points[order[399]] = points[ends[1][7]]
+        found = connected(points, edges)
+        self.assertEqual(sorted(set(found)), [0, 1, 2])
+        for chain in ends:
+            self.assertEqual(len(set(found[chain])), 1)
+        self.assertEqual(found[order[399]], found[ends[1][0]])
+        self.assertEqual(sorted(connected(points[:3], np.zeros((0, 2), int))), [0, 1, 2])
+        # A leaning spike stands where its tip is not, and a flat scale on all of itself.
+        skin, triangles = np.array([(-9.0, -9, 0), (9, -9, 0), (0, 9, 0)]), np.array([[0, 1, 2]])
+        spike = np.linspace((1, 0, -0.01), (3, 0, 4), 60)
+        scale = np.array([(x, y, 0.1 + 1e-3 * x) for x in (-1, 1) for y in (-1, 1)])
+        parts = np.repeat([0, 1], [60, 4])
+        (x, _, z), flat = feet(np.concatenate([spike, scale]), parts, 1.0, skin, triangles)
+        self.assertLess(abs(x - 1), 0.2)
+        self.assertLess(z, 0.4)
+        np.testing.assert_allclose(flat, scale.mean(0))
+        # What is far from the skin has no foot.
+        spike[:, 2] += 3
+        np.testing.assert_allclose(feet(spike, parts[:60], 1.0, skin, triangles)[0], spike.mean(0))
