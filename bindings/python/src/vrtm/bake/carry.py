@@ -7,29 +7,26 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom
 
 import vrtm
-from vrtm.bake.carry_prims import KINDS, CarriedPrim, Motion, listed, read
+from vrtm.bake.carry_parts import in_parts, wrong_faces
+from vrtm.bake.carry_prims import CarriedPrim, Scatter, placed
 from vrtm.bake.failure import INPUT, Failure, describe, one_line
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
-from vrtm.bake.layer import export
-from vrtm.bake.layer.write import STAGE_FIELDS
-from vrtm.bake.mark import CARRIED, found_in, is_marked, mark
 from vrtm.bake.mesh_work import MeshWork
-from vrtm.bake.scene import SceneError, SceneOptions
-from vrtm.bake.scene.usd_stage import open_stage, stage_files
-from vrtm.bake.words import counted, near
+from vrtm.bake.nearest import Nearest
+from vrtm.bake.scene import Scene, SceneError, Shape
+from vrtm.bake.settings import CONNECTED, is_alembic
+from vrtm.bake.words import counted
 from vrtm.bake.work import Work
 
-VERSION = 1
-"""Of the way of carrying: a layer that was made in another way is not up to date."""
+VERSION = 2
+"""Of the way of carrying: a file that was made in another way is not up to date."""
 _FAR = 0.05
 """Of the diagonal of a mesh's bounding box: the largest distance, unless one is asked for."""
 _LOOKED_AT = 256
 """Points of a prim whose distances tell which mesh it goes with."""
-_INPUTS, _TOLD = "vrtm_inputs", "vrtm_told"
 _TOO_FAR = 3
 """State of a point of a carrier; 1 and 2 are outside of charts, and in folded UVs."""
 
@@ -40,82 +37,70 @@ class Carry:
     def __init__(self, work: Work) -> None:
         settings = work.settings
         file = settings.carry or settings.scene
-        if not work.scene.is_usd:
-            raise Failure(INPUT, f"--carry-prims: {settings.scene} is no USD file, and has no world to carry in")
+        if not (work.scene.is_usd or is_alembic(settings.scene)):
+            raise Failure(INPUT, f"--carry-prims: {settings.scene} is neither USD nor Alembic, and has no world")
         if not os.path.isfile(file):
             raise Failure(INPUT, f"--carry {file}: no such file")
         self.work, self.file = work, file
         with work.scene.listening():
-            self.stage = open_stage(file, settings.options if file == settings.scene else SceneOptions())
-            self.files = stage_files(self.stage)
-            self._unit = _unit(self.stage, work.scene.source.stage)
+            self.scatter = _opened(file, work.scene)
+            self.files = self.scatter.files
             prims = self._prims()
         self.groups = self._grouped(prims)
-        self.warnings = [line for group in self.groups for line in group.told()]
+        told = [line for group in self.groups for line in group.told()]
+        self.warnings = [*self.scatter.warnings, *told]
         if all((group.states == _TOO_FAR).all() for group in self.groups):
-            raise Failure(INPUT, f"--carry-prims: {self.warnings[0]}: {file} must be in the world of the mesh at rest")
+            raise Failure(INPUT, f"--carry-prims: {told[0]}: {file} must be in the world of the mesh at rest")
 
     def facts(self) -> list[str]:
         """What is carried, and by which mesh."""
         return [
-            f"{prim.path}: {prim.kind}, {counted(len(prim.roots), 'place')}, carried by {group.mesh.shape.path}"
+            f"{prim.path}: {prim.kind}, {counted(len(prim.roots), prim.places)}, carried by {group.mesh.shape.path}"
             for group in self.groups
             for prim in group.prims
         ]
 
-    def write(self, stop: Callable[[], None]) -> tuple[list[dict], bool]:
-        """Writes the layer, unless it is up to date; returns what the report tells of each mesh, and whether it was
+    def write(self, stop: Callable[[], None], warn: Callable[[str], None]) -> tuple[list[dict], bool]:
+        """Writes the file, unless it is up to date; returns what the report tells of each mesh, and whether it was
         written. Each frame is solved once more, by the main process. Raises Failure."""
         settings = self.work.settings
         path = settings.carry_file
         assert path is not None
         with self.work.scene.listening():
             inputs = self._inputs(stop)
-            known = None if settings.force else _known(path, inputs)
+            known = self.scatter.known(path, inputs) if os.path.isfile(path) and not settings.force else None
             if known is not None:
-                return known, False
-            layer, rows = self._solved(stop)
-            mark(layer, CARRIED)
-            layer.customLayerData |= {_INPUTS: inputs, _TOLD: json.dumps(rows)}
+                return json.loads(known), False
+            rows = self._solved(stop)
             try:
-                export(layer, path, Sdf.Layer.ExportToString)
+                for line in self.scatter.write(path, inputs, json.dumps(rows)):
+                    warn(line)
             except OSError as error:
                 raise Failure(INPUT, f"{path}: {one_line(error.strerror or error)}") from error
         return rows, True
 
     def _prims(self) -> list[CarriedPrim]:
-        work, file = self.work, self.file
-        baked = [path for shape in work.shapes for path in shape.instances if file == work.settings.scene]
-        self._rest = self._code(work.scene.source.rest_frame(work.shapes[0]))
+        work, settings = self.work, self.work.settings
+        baked = [path for shape in work.shapes for path in shape.instances if self.file == settings.scene]
+        self._rest = work.scene.source.rest_frame(work.shapes[0])
         prims: dict[str, CarriedPrim] = {}
-        for path in work.settings.carry_prims:
-            where = f"--carry-prims {path}"
-            if not (Sdf.Path.IsValidPathString(path) and self.stage.GetPrimAtPath(path)):
-                there = [str(prim.GetPath()) for prim in Usd.PrimRange.Stage(self.stage)]
-                raise Failure(INPUT, f"{where}: {file} has no such prim{near(path, there)}")
-            found = listed(self.stage, path, baked)
-            if not found:
-                kinds = ", ".join(schema.__name__ for schema in KINDS.values())
-                raise Failure(INPUT, f"{where}: in {file} it is none of {kinds} that is not baked, nor has one below")
-            for prim in found:
-                carried = read(prim, self._rest)
-                if isinstance(carried, str):
-                    raise Failure(INPUT, f"{where}: {file} {prim.GetPath()}: {carried}")
-                prims[carried.path] = carried
+        for path in settings.carry_prims:
+            for prim in self.scatter.prims(path, self._rest, baked, settings.carry_pieces == CONNECTED):
+                why = wrong_faces(prim)
+                if why is not None:
+                    raise Failure(INPUT, f"--carry-prims {path}: {self.file} {prim.path}: {why}")
+                prims[prim.path] = prim
         return list(prims.values())
-
-    def _code(self, frame: float) -> Usd.TimeCode:
-        return Usd.TimeCode(self.work.scene.clock.time(frame))
 
     def _to_mesh(self, mesh: MeshWork, prim: CarriedPrim) -> np.ndarray:
         """(4, 4) from a prim's space to the mesh's at rest."""
         to_world = self.work.scene.source.to_world(mesh.shape, None)
-        return prim.to_world(self._rest, self._unit) @ _inverse(to_world, mesh.shape.path)
+        return self.scatter.to_world(prim, self._rest) @ _inverse(to_world, mesh.shape.path)
 
     def _from_mesh(self, mesh: MeshWork, prim: CarriedPrim, frame: Frame) -> np.ndarray:
         """(4, 4) from a mesh's space to the prim's in a pose."""
         to_world = self.work.scene.source.to_world(mesh.shape, frame)
-        return to_world @ _inverse(prim.to_world(self._code(frame), self._unit), prim.path)
+        return to_world @ _inverse(self.scatter.to_world(prim, frame), prim.path)
 
     def _grouped(self, prims: list[CarriedPrim]) -> list[Group]:
         meshes = list(self.work.meshes.values())
@@ -136,23 +121,23 @@ class Carry:
             yield frame, positions
 
     def _inputs(self, stop: Callable[[], None]) -> str:
-        """A hash of all that the layer depends on."""
-        inputs = Fingerprint().text(VERSION, vrtm.version(), self.work.settings.carry_fit)
+        """A hash of all that the file depends on."""
+        settings = self.work.settings
+        inputs = Fingerprint().text(VERSION, vrtm.version(), settings.carry_fit, settings.carry_pieces)
+        inputs.text(self.scatter.digest())
         for group in self.groups:
             inputs.text(group.mesh.common.hex(), group.farthest)
             for prim, to_mesh in zip(group.prims, group.to_mesh):
                 inputs.text(prim.path, prim.kind).array(prim.points).array(prim.roots).array(prim.turns).array(to_mesh)
             for frame, positions in self._poses(group.mesh, stop):
-                inputs.text(frame, self._code(frame)).array(positions)
+                inputs.text(frame, self.scatter.time(frame)).array(positions)
                 for prim in group.prims:
                     inputs.array(self._from_mesh(group.mesh, prim, frame))
         return inputs.hex()
 
-    def _solved(self, stop: Callable[[], None]) -> tuple[Sdf.Layer, list[dict]]:
-        """The layer with all frames, and what the report tells of each mesh."""
+    def _solved(self, stop: Callable[[], None]) -> list[dict]:
+        """Adds all frames to the file, and returns what the report tells of each mesh."""
         rows = []
-        motion = Motion(self.work.scene.source.stage.GetRootLayer(), [f for f in STAGE_FIELDS if f != "defaultPrim"])
-        times: set[float] = set()
         for group in self.groups:
             worst, features, mesh, warm = (0.0, None), 0, group.mesh, False
             for frame, positions in self._poses(mesh, stop):
@@ -163,17 +148,15 @@ class Carry:
                     continue
                 warm = mesh.settings.warm
                 places, turns = group.fetched()
-                info, time = group.carrier.info, self._code(frame).GetValue()
+                info, time = group.carrier.info, self.scatter.time(frame)
                 features = max(features, info.features)
                 worst = max(worst, (info.rim, frame), key=lambda entry: entry[0])
                 for prim, to_mesh, own in zip(group.prims, group.to_mesh, group.own):
                     from_mesh = self._from_mesh(mesh, prim, frame)
                     bound = group.states[own] != _TOO_FAR
-                    motion.add(prim, time, *prim.moved(places[own], turns[own], bound, to_mesh, from_mesh))
-                times.add(time)
+                    self.scatter.add(prim, time, *prim.moved(places[own], turns[own], bound, to_mesh, from_mesh))
             rows.append(group.row() | {"features": features, "rim": worst[0], "rim_frame": worst[1]})
-        motion.add_extents([prim for group in self.groups for prim in group.prims], sorted(times))
-        return motion.layer, rows
+        return rows
 
 
 class Group:
@@ -186,9 +169,13 @@ class Group:
         to_mesh: Callable[[MeshWork, CarriedPrim], np.ndarray],
     ) -> None:
         settings = mesh.settings
-        self.mesh, self.prims = mesh, prims
-        self.to_mesh = [to_mesh(mesh, prim) for prim in prims]
-        places = [_placed(prim.points[prim.roots], own) for prim, own in zip(prims, self.to_mesh)]
+        self.mesh, self.to_mesh = mesh, [to_mesh(mesh, prim) for prim in prims]
+        surface = Nearest(_triangles(mesh.shape)) if any(prim.faces is not None for prim in prims) else None
+        self.prims = [
+            prim if surface is None or prim.faces is None else in_parts(prim, own, surface)
+            for prim, own in zip(prims, self.to_mesh)
+        ]
+        places = [placed(prim.points[prim.roots], own) for prim, own in zip(self.prims, self.to_mesh)]
         ends = np.cumsum([0, *map(len, places)])
         self.own = [slice(*ends[k : k + 2]) for k in range(len(prims))]
         """Of each prim, its places among all."""
@@ -211,7 +198,7 @@ class Group:
         """What is to be warned of, each as a sentence."""
         lines = []
         for prim, own in zip(self.prims, self.own):
-            states, whole = self.states[own], counted(len(prim.roots), "place")
+            states, whole = self.states[own], counted(len(prim.roots), prim.places)
             far, outside = np.count_nonzero(states == _TOO_FAR), np.count_nonzero((states > 0) & (states < _TOO_FAR))
             if far:
                 lines.append(
@@ -245,18 +232,18 @@ def line(row: dict) -> str:
     )
 
 
-def _known(path: str, inputs: str) -> list[dict] | None:
-    """The rows of a layer that is there, made of these inputs, and as it was written."""
+def _opened(file: str, scene: Scene) -> Scatter:
+    if is_alembic(file):
+        from vrtm.bake.scene.alembic_file import AlembicFile
 
-    def look(layer: Sdf.Layer) -> list[dict] | None:
-        told = layer.customLayerData
-        return json.loads(told[_TOLD]) if told.get(_INPUTS) == inputs and is_marked(layer) else None
+        # Says what its package lacks.
+        archive = AlembicFile(file)
+        from vrtm.bake.carry_abc import AlembicScatter
 
-    return found_in(path, look, None) if os.path.isfile(path) else None
+        return AlembicScatter(archive, scene)
+    from vrtm.bake.carry_usd import UsdScatter
 
-
-def _placed(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    return points @ matrix[:3, :3] + matrix[3, :3]
+    return UsdScatter(file, scene)
 
 
 def _inverse(matrix: np.ndarray, path: str) -> np.ndarray:
@@ -265,11 +252,14 @@ def _inverse(matrix: np.ndarray, path: str) -> np.ndarray:
     return np.linalg.inv(matrix)
 
 
-def _unit(stage: Usd.Stage, shot: Usd.Stage) -> float:
-    """How many units of the shot one of the file is, as far as both say it."""
-    if stage is shot or not all(map(UsdGeom.StageHasAuthoredMetersPerUnit, (stage, shot))):
-        return 1.0
-    return UsdGeom.GetStageMetersPerUnit(stage) / UsdGeom.GetStageMetersPerUnit(shot)
+def _triangles(shape: Shape) -> np.ndarray:
+    """(triangles, 3, 3): the mesh at rest, its faces as fans."""
+    first = np.cumsum(shape.face_counts, dtype=np.int64) - shape.face_counts
+    fans = np.maximum(shape.face_counts - 2, 0)
+    start = np.repeat(first, fans)
+    step = np.arange(len(start)) - np.repeat(np.cumsum(fans) - fans, fans)
+    corners = np.stack([start, start + step + 1, start + step + 2], axis=1)
+    return shape.rest[shape.indices[corners]].astype(np.float64)
 
 
 def _distance(mesh: MeshWork, prim: CarriedPrim, to_mesh: np.ndarray) -> float:
@@ -279,5 +269,5 @@ def _distance(mesh: MeshWork, prim: CarriedPrim, to_mesh: np.ndarray) -> float:
     corners = np.add.reduceat(shape.rest[shape.indices], (ends - shape.face_counts)[shape.face_counts > 0], axis=0)
     there = np.concatenate([shape.rest, corners / shape.face_counts[shape.face_counts > 0, None]])
     roots = prim.roots[:: -(-len(prim.roots) // _LOOKED_AT)]
-    away = [np.linalg.norm(there - place, axis=1).min() for place in _placed(prim.points[roots], to_mesh)]
+    away = [np.linalg.norm(there - place, axis=1).min() for place in placed(prim.points[roots], to_mesh)]
     return float(np.median(away))

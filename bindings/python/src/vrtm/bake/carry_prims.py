@@ -1,42 +1,36 @@
-"""Prims of geometry on the skin: where their points are at rest, and the layer that moves them."""
+"""Geometry on the skin as arrays: its points at rest, and their places in a pose."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, Vt
-
-KINDS = {"instances": UsdGeom.PointInstancer, "points": UsdGeom.Points, "curves": UsdGeom.BasisCurves}
-KINDS["mesh"] = UsdGeom.Mesh
-_VELOCITIES = ("velocities", "angularVelocities", "accelerations")
-"""They are those of the shot's own motion, if any."""
 
 
 @dataclass(frozen=True, eq=False)
 class CarriedPrim:
-    """A prim with its values at rest, in its own space."""
+    """A prim or object with its values at rest, in its own space."""
 
-    prim: Usd.Prim
+    path: str
     kind: str
+    """`instances`, `points`, `curves` or `mesh`."""
     points: np.ndarray
     """(points, 3) f64: places of instances, or points."""
     roots: np.ndarray
-    """(roots,): the points by whose places it is bound: the first ones of curves, else all."""
+    """(roots,): the points by whose places it is bound: the first ones of curves, one of each connected part, all."""
     of: np.ndarray
     """(points,): the index of each point's root in `roots`."""
-    turns: np.ndarray | None
+    turns: np.ndarray | None = None
     """(points, 3, 3): the rotations of instances."""
+    faces: tuple[np.ndarray, np.ndarray] | None = None
+    """Face counts and indices of a mesh that is to be carried by its connected parts."""
 
     @property
-    def path(self) -> str:
-        return str(self.prim.GetPath())
-
-    def to_world(self, time: Usd.TimeCode, unit: float) -> np.ndarray:
-        """(4, 4) by which rows of points are multiplied to lie in the world; `unit`: of the file, in the scene's."""
-        matrix = np.array(UsdGeom.Imageable(self.prim).ComputeLocalToWorldTransform(time))
-        return matrix @ np.diag([unit, unit, unit, 1.0])
+    def places(self) -> str:
+        """One of the roots, in words."""
+        return "place" if self.faces is None else "connected part"
 
     def moved(
         self, roots: np.ndarray, turns: np.ndarray, bound: np.ndarray, to_mesh: np.ndarray, from_mesh: np.ndarray
@@ -44,11 +38,11 @@ class CarriedPrim:
         """Points, and quaternions x, y, z, w of instances, in a pose. `roots`: (roots, 3), places in the pose, in the
         mesh's space; `turns`: (roots, 3, 3); `bound`: (roots,), those that are not too far. `to_mesh`: (4, 4) from the
         prim's space to the mesh's at rest, `from_mesh`: back in the pose."""
-        rest = self.points @ to_mesh[:3, :3] + to_mesh[3, :3]
+        rest = placed(self.points, to_mesh)
         offsets = rest - rest[self.roots][self.of]
         posed = roots[self.of] + np.einsum("nij,nj->ni", turns[self.of], offsets)
         stays = ~bound[self.of]
-        points = posed @ from_mesh[:3, :3] + from_mesh[3, :3]
+        points = placed(posed, from_mesh)
         points[stays] = self.points[stays]
         if self.turns is None:
             return points, None
@@ -57,60 +51,72 @@ class CarriedPrim:
         return points, quaternions(turned)
 
 
-def listed(stage: Usd.Stage, path: str, baked: Sequence[str]) -> list[Usd.Prim]:
-    """A prim and those below it that can be carried: no prototypes of instances, and none of the meshes `baked`."""
-    found = list(_below(stage.GetPrimAtPath(path)))
-    instancers = [UsdGeom.PointInstancer(prim) for prim in found if prim.IsA(UsdGeom.PointInstancer)]
-    prototypes = [target for of in instancers for target in of.GetPrototypesRel().GetForwardedTargets()]
-    return [
-        prim
-        for prim in found
-        if str(prim.GetPath()) not in baked and not any(prim.GetPath().HasPrefix(target) for target in prototypes)
-    ]
+class Scatter(Protocol):
+    """A file with geometry on the skin, and the file that it becomes."""
+
+    files: tuple[str, ...]
+    """The files that are read, less those that vrtm wrote."""
+    warnings: list[str]
+
+    def time(self, frame: float) -> float:
+        """The file's time at a frame of the scene."""
+        ...
+
+    def prims(self, path: str, frame: float, baked: Sequence[str], in_parts: bool) -> list[CarriedPrim]:
+        """A prim and those below it that can be carried, as they are at a frame; none of the meshes `baked`.
+        `in_parts`: meshes with their faces. Raises Failure."""
+        ...
+
+    def to_world(self, prim: CarriedPrim, frame: float) -> np.ndarray:
+        """(4, 4) by which rows of points are multiplied to lie in the scene's world, in its units."""
+        ...
+
+    def add(self, prim: CarriedPrim, time: float, points: np.ndarray, turns: np.ndarray | None) -> None:
+        """Adds a pose of a prim."""
+        ...
+
+    def digest(self) -> str:
+        """A hash of what the file that is written has besides the poses."""
+        ...
+
+    def write(self, path: str, inputs: str, told: str) -> list[str]:
+        """Writes all poses to a file that keeps the two texts; returns what is to be warned of. Raises OSError."""
+        ...
+
+    def known(self, path: str, inputs: str) -> str | None:
+        """The text `told` of a file that is as it was written, of these inputs; None if there is no such file."""
+        ...
 
 
-def _below(prim: Usd.Prim) -> Iterator[Usd.Prim]:
-    prims = iter(Usd.PrimRange(prim))
-    for prim in prims:
-        if any(prim.IsA(kind) for kind in KINDS.values()):
-            yield prim
-            prims.PruneChildren()
-
-
-def read(prim: Usd.Prim, time: Usd.TimeCode) -> CarriedPrim | str:
-    """A prim at rest, or why it cannot be carried, as the end of a sentence."""
-    kind = next(name for name, schema in KINDS.items() if prim.IsA(schema))
-    points = np.array(_places(prim).Get(time) or (), np.float64).reshape(-1, 3)
+def wrong(points: np.ndarray, counts: np.ndarray | None = None) -> str | None:
+    """The reason that points at rest cannot be carried, as the end of a sentence. `counts`: points of each curve."""
     if not len(points):
         return "has no points at rest"
     if not np.isfinite(points).all():
         return f"has a point that is not finite: {int(np.argmin(np.isfinite(points).all(1)))}"
+    if counts is not None and ((counts < 1).any() or counts.sum() != len(points)):
+        return f"has {len(points)} points, and curves with {int(counts.sum())}"
+    return None
+
+
+def made(
+    path: str,
+    kind: str,
+    points: np.ndarray,
+    counts: np.ndarray | None = None,
+    turns: np.ndarray | None = None,
+    faces: tuple[np.ndarray, np.ndarray] | None = None,
+) -> CarriedPrim:
+    """A prim whose curves are bound by their first points, and all else by each point."""
     roots = of = np.arange(len(points))
-    turns = None
-    if kind == "curves":
-        counts = np.array(UsdGeom.BasisCurves(prim).GetCurveVertexCountsAttr().Get(time) or (), np.int64)
-        if (counts < 1).any() or counts.sum() != len(points):
-            return f"has {len(points)} points, and curves with {int(counts.sum())}"
+    if counts is not None:
         roots, of = np.cumsum(counts) - counts, np.repeat(np.arange(len(counts)), counts)
-    if kind == "instances":
-        values = _orientations(prim).Get(time)
-        turns = np.tile(np.eye(3), (len(points), 1, 1))
-        if values:
-            if len(values) != len(points):
-                return f"has {len(points)} positions and {len(values)} orientations"
-            turns = matrices(np.array(values, np.float64))
-    return CarriedPrim(prim, kind, points, roots, of, turns)
+    return CarriedPrim(path, kind, points, roots, of, turns, faces)
 
 
-def _places(prim: Usd.Prim) -> Usd.Attribute:
-    is_instancer = prim.IsA(UsdGeom.PointInstancer)
-    return UsdGeom.PointInstancer(prim).GetPositionsAttr() if is_instancer else UsdGeom.PointBased(prim).GetPointsAttr()
-
-
-def _orientations(prim: Usd.Prim) -> Usd.Attribute:
-    """In single precision, which then counts, where the prim has these."""
-    single = prim.GetAttribute("orientationsf")
-    return single if single and single.Get(Usd.TimeCode.EarliestTime()) else prim.GetAttribute("orientations")
+def placed(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """(points, 3) as a (4, 4) places rows of them."""
+    return points @ matrix[:3, :3] + matrix[3, :3]
 
 
 def matrices(quaternions: np.ndarray) -> np.ndarray:
@@ -132,61 +138,3 @@ def quaternions(turned: np.ndarray) -> np.ndarray:
     )
     k[:, 3, 3] = np.trace(m, axis1=1, axis2=2)
     return np.linalg.eigh(k)[1][..., -1]
-
-
-class Motion:
-    """The layer with the prims over time, as it grows."""
-
-    def __init__(self, shot: Sdf.Layer, fields: Sequence[str]) -> None:
-        """`fields`: what the shot says of the stage that the layer has to say, too."""
-        self.layer = Sdf.Layer.CreateAnonymous(".usda")
-        for name in fields:
-            if shot.pseudoRoot.HasInfo(name):
-                self.layer.pseudoRoot.SetInfo(name, shot.pseudoRoot.GetInfo(name))
-        self._before: dict[str, np.ndarray] = {}
-
-    def add(self, carried: CarriedPrim, time: float, points: np.ndarray, turns: np.ndarray | None) -> None:
-        """Adds a pose of a prim."""
-        own = Sdf.CreatePrimInLayer(self.layer, carried.path)
-        name = _places(carried.prim).GetName()
-        values = Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(points, np.float32))
-        self._set(own, name, Sdf.ValueTypeNames.Point3fArray, time, values)
-        if turns is not None:
-            # Of both signs, the one from which a host can interpolate.
-            before = self._before.get(carried.path, np.array([0, 0, 0, 1.0]))
-            turns = np.where((turns * before).sum(1, keepdims=True) < 0, -turns, turns)
-            self._before[carried.path] = turns
-            if _orientations(carried.prim).GetName() == "orientationsf":
-                quats = Vt.QuatfArray.FromNumpy(np.ascontiguousarray(turns, np.float32))
-                self._set(own, "orientationsf", Sdf.ValueTypeNames.QuatfArray, time, quats)
-            else:
-                quats = Vt.QuathArray.FromNumpy(np.ascontiguousarray(turns, np.float16))
-                self._set(own, "orientations", Sdf.ValueTypeNames.QuathArray, time, quats)
-        for name in _VELOCITIES:
-            attribute = carried.prim.GetAttribute(name)
-            if attribute and attribute.HasAuthoredValue() and name not in own.attributes:
-                Sdf.AttributeSpec(own, name, attribute.GetTypeName()).default = Sdf.ValueBlock()
-
-    def add_extents(self, carried: Sequence[CarriedPrim], times: Sequence[float]) -> None:
-        """Adds the extents of all poses, once these are there."""
-        root = Sdf.Layer.CreateAnonymous(".usda")
-        below = carried[0].prim.GetStage()
-        root.subLayerPaths = [self.layer.identifier, below.GetRootLayer().identifier]
-        for name in ("timeCodesPerSecond", "framesPerSecond"):
-            if self.layer.pseudoRoot.HasInfo(name):
-                root.pseudoRoot.SetInfo(name, self.layer.pseudoRoot.GetInfo(name))
-        stage = Usd.Stage.Open(root, below.GetSessionLayer())
-        for muted in below.GetMutedLayers():
-            stage.MuteLayer(muted)
-        for of in carried:
-            boundable = UsdGeom.Boundable(stage.GetPrimAtPath(of.prim.GetPath()))
-            own = self.layer.GetPrimAtPath(of.prim.GetPath())
-            for time in times:
-                extent = UsdGeom.Boundable.ComputeExtentFromPlugins(boundable, Usd.TimeCode(time))
-                if extent is not None:
-                    self._set(own, "extent", Sdf.ValueTypeNames.Float3Array, time, extent)
-
-    def _set(self, prim: Sdf.PrimSpec, name: str, kind: Sdf.ValueTypeName, time: float, value: object) -> None:
-        if name not in prim.attributes:
-            Sdf.AttributeSpec(prim, name, kind)
-        self.layer.SetTimeSample(prim.path.AppendProperty(name), time, value)

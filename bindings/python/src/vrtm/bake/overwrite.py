@@ -9,9 +9,11 @@ import stat
 from collections.abc import Iterable
 
 _EXR, _PNG, _TIFF = b"\x76\x2f\x31\x01", b"\x89PNG", (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-_CRATE, _LAYER = b"PXR-USDC", b"#usda "
+_CRATE, _LAYER, _ARCHIVE = b"PXR-USDC", b"#usda ", b"Ogawa\xff"
 # The name of an attribute in EXR and PNG, the key of a JSON text in TIFF.
 _IN_IMAGE = re.compile(rb"vrtm:(inputs|kind)[\0\"]")
+_IN_ARCHIVE = b"_ai_Application=vrtm;"
+"""The program that wrote an Alembic archive."""
 # How the texts begin that are no images, less what stands between the words.
 _REPORT = b'{"program":{"name":"vrtmbake"'
 _TEMPLATE = b"#vrtmfarm-template"
@@ -87,6 +89,9 @@ def is_ours(path: str) -> bool:
                 with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
                     marked = _IN_IMAGE.search(text) or _IN_IMAGE.search(whole)
                 return marked is not None or (start.startswith(_EXR) and size < _LEAST_EXR)
+            if start.startswith(_ARCHIVE):
+                with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as whole:
+                    return whole.rfind(_IN_ARCHIVE) >= 0
     except FileNotFoundError:
         # A link that leads nowhere.
         return True

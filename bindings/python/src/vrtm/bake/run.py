@@ -134,7 +134,7 @@ def _opened(settings: Settings, console: Console, stop: Stop) -> Failure | None:
                 failure = failure or basis.failure
             if carried is not None:
                 console.status("carrying what is on the skin")
-                riding, is_new = carried.write(stop.check)
+                riding, is_new = carried.write(stop.check, warn)
                 for row in riding:
                     console.info(f"{settings.carry_file}: {carry.line(row)}")
             if settings.layer:

@@ -15,8 +15,15 @@ OVERLAP = EACH
 """What is done with such charts unless something else is asked for."""
 AUTO = "auto"
 """A size of maps that follows from what they hold; what happens at borders, chosen for each mesh."""
+CONNECTED = "connected"
+"""Each connected part of a carried mesh is one rigid body."""
 NUMBERS = tuple(f.name for f in fields(vrtm.TileSettings) if f.type == "float" and f.name != "seam_reach")
 """The numbers among the library's settings of a tile, by its names."""
+
+
+def is_alembic(path: str) -> bool:
+    """True if a file's name is that of an Alembic archive."""
+    return path.lower().endswith(".abc")
 
 
 @dataclass(frozen=True)
@@ -88,6 +95,7 @@ class Settings:
     carry_prims: tuple[str, ...] = ()
     carry_farthest: float | None = None
     carry_fit: vrtm.Fit = "feature"
+    carry_pieces: str = "none"
 
     @property
     def tile_settings(self) -> dict[str, object]:
@@ -109,8 +117,9 @@ class Settings:
 
     @property
     def carry_file(self) -> str | None:
-        """The layer with what is carried."""
-        return os.path.join(self.out, "carried.usdc") if self.carry_prims else None
+        """The layer or archive with what is carried."""
+        kind = "abc" if is_alembic(self.carry or self.scene) else "usdc"
+        return os.path.join(self.out, f"carried.{kind}") if self.carry_prims else None
 
     @property
     def corner_uvs(self) -> bool:

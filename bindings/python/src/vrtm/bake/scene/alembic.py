@@ -113,6 +113,16 @@ class AlembicSource:
         """(vertices, 3) f32 of the shape at a frame."""
         return self._meshes[shape.name].positions(frame)
 
+    def to_world(self, shape: Shape, frame: float | None) -> np.ndarray:
+        """(4, 4) by which rows of the shape's positions at a frame, or of its rest, are multiplied to lie in the
+        world."""
+        mesh = self._meshes[shape.name]
+        return mesh.to_world(mesh.rest_frame if frame is None else frame)
+
+    def rest_frame(self, shape: Shape) -> float:
+        """The frame whose transforms lie above the rest."""
+        return self._meshes[shape.name].rest_frame
+
     def close(self) -> None:
         """Lets go of the archive."""
         self._meshes.clear()

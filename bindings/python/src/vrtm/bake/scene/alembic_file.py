@@ -6,7 +6,7 @@ import contextlib
 import math
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -57,7 +57,7 @@ class AlembicFile:
     @property
     def rate(self) -> float | None:
         """Frames per second, as the program that wrote it says; None if it does not."""
-        told = self._archive.getTop().getMetaData()
+        told = self.top.getMetaData()
         for name in ("_ai_DCC_FPS", "FramesPerTimeUnit"):
             with contextlib.suppress(ValueError):
                 found = float(told.get(name))
@@ -65,10 +65,20 @@ class AlembicFile:
                     return found
         return None
 
+    @property
+    def top(self) -> Any:
+        """The object above all."""
+        return self._archive.getTop()
+
+    @property
+    def description(self) -> str:
+        """The text that the archive was written with; empty if there is none."""
+        return self.top.getMetaData().get("_ai_Description")
+
     def meshes(self) -> Iterator[AlembicMesh]:
         """All meshes, in the order of the file."""
         self.unread: list[str] = []
-        yield from self._below(self._archive.getTop())
+        yield from self._below(self.top)
 
     def _below(
         self, parent: Any, above: tuple[Any, ...] = (), hidden: bool = False, origin: str = ""
@@ -143,6 +153,10 @@ class AlembicMesh:
         """(vertices, 3) f32 of a sample."""
         return _array(self._positions.getValue(self._selector(index))).reshape(-1, 3)
 
+    def count(self, index: int) -> int:
+        """The vertices of a sample."""
+        return self._positions.getDimension(self._selector(index)).numPoints()
+
     def _selector(self, index: int) -> Any:
         """Selects by time: a whole number, too, would be taken for one."""
         return Abc.ISampleSelector(self._sampling.getSampleTime(index), Abc.ISampleSelector.TimeIndexType.kNearIndex)
@@ -183,14 +197,9 @@ class AlembicMesh:
         """Whether the scene has one pose of it alone."""
         return self.samples <= 1 and not (options.world and self.is_moved)
 
-    def linear(self, seconds: float) -> np.ndarray:
-        """(3, 3): the linear part of the transforms above it, by which rows of points are multiplied."""
-        total = np.eye(3)
-        for transform in self._above:
-            own = _linear(transform, seconds)
-            # A transform may leave out those above it.
-            total = own @ total if transform.getInheritsXforms(_at(seconds)) else own
-        return total
+    def to_world(self, seconds: float) -> np.ndarray:
+        """(4, 4): the transforms above it, by which rows of points are multiplied."""
+        return to_world(self._above, seconds)
 
     def param(self, name: str, kinds: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, str] | None:
         """(values, elements, interpolation) of a geometry parameter at the first sample: value of entry k is
@@ -208,6 +217,10 @@ class AlembicMesh:
         group = self.schema.getArbGeomParams()
         return [group.getPropertyHeader(k).getName() for k in range(group.getNumProperties())] if group.valid() else []
 
+    def interpretation(self, name: str) -> str:
+        """The meaning of a geometry parameter, such as `point` or `quat`; empty where it is not said."""
+        return self.schema.getArbGeomParams().getPropertyHeader(name).getMetaData().get("interpretation")
+
     def uvs(self, name: str | None) -> tuple[np.ndarray, np.ndarray, str, str] | None:
         """(values, elements, interpolation, name) of a UV set, None for the mesh's own; None if it has none."""
         own = self.schema.getUVsParam()
@@ -221,16 +234,26 @@ def _at(seconds: float) -> Any:
     return Abc.ISampleSelector(float(seconds), Abc.ISampleSelector.TimeIndexType.kNearIndex)
 
 
-def _linear(transform: Any, seconds: float) -> np.ndarray:
-    """The linear part of a transform, interpolated between its samples."""
+def to_world(above: Sequence[Any], seconds: float) -> np.ndarray:
+    """(4, 4) of transforms, the outermost first, by which rows of points are multiplied."""
+    total = np.eye(4)
+    for transform in above:
+        own = _matrix(transform, seconds)
+        # A transform may leave out those above it.
+        total = own @ total if transform.getInheritsXforms(_at(seconds)) else own
+    return total
+
+
+def _matrix(transform: Any, seconds: float) -> np.ndarray:
+    """A transform, interpolated between its samples."""
     sampling, count = transform.getTimeSampling(), transform.getNumSamples()
     if count == 0:
-        return np.eye(3)
+        return np.eye(4)
     times = [sampling.getSampleTime(found(seconds, count)) for found in (sampling.getFloorIndex, sampling.getCeilIndex)]
     parts = []
     for time in times:
         matrix = transform.getValue(_at(time)).getMatrix()
-        parts.append(np.array([[matrix[row][column] for column in range(3)] for row in range(3)]))
+        parts.append(np.array([[matrix[row][column] for column in range(4)] for row in range(4)]))
     share = 0.0 if times[1] - times[0] < CLOSE else min(max((seconds - times[0]) / (times[1] - times[0]), 0), 1)
     return parts[0] + share * (parts[1] - parts[0])
 

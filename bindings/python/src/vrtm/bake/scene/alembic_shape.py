@@ -56,8 +56,16 @@ class AlembicShape(PosedMesh):
     def primvars(self) -> list[str]:
         return self._mesh.params()
 
+    def to_world(self, frame: float) -> np.ndarray:
+        """(4, 4) f64, by which rows of positions of a frame are multiplied to lie in the world."""
+        matrix = self._mesh.to_world(self._clock.time(frame))
+        if self._options.world:
+            # They have the linear part.
+            matrix[:3, :3] = np.eye(3)
+        return matrix
+
     def _linear(self, frame: float) -> np.ndarray:
-        return self._mesh.linear(self._clock.time(frame))
+        return self._mesh.to_world(self._clock.time(frame))[:3, :3]
 
     def _posed(self, frame: float) -> np.ndarray:
         points = self._mesh.at(self._clock.time(frame), self._faces)
