@@ -15,7 +15,8 @@ from vrtm.bake.nearest import Nearest, to_triangles
 
 GAP, STUDS = 0.02, "/model/studs"
 PARTS = "--carry-pieces", "connected"
-BOX = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)], float)
+BOX = np.array([(x, y, z) for z in (1, 0) for y in (0, 1) for x in (0, 1)], float)
+"""The foot's corners are the last ones."""
 SIDES = np.array([(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)])
 EDGES = np.concatenate([SIDES[:, [k, (k + 1) % 4]] for k in range(4)])
 PLACES = np.array([(0.2, 0.3, 0.0), (0.6, 0.7, 0.0), (0.3, 0.6, GAP)])
@@ -87,16 +88,16 @@ def test_studs_between_two_sheets_are_not_torn(tmp_path: Path) -> None:
     assert "1 file written, 2 up to date" in said, "how parts are bound belongs to what the layer depends on"
     found = moved(tmp_path)
     np.testing.assert_allclose(lengths(found), lengths(studs()), atol=1e-5 * 0.06)
-    # Each as the sheet under its foot, about the corner of the foot that is its root.
+    # Each as the sheet under its foot.
     low, hanging = np.eye(3), np.array([(1, 0, 0), (0, 0, -1), (0, 1, 0)], float)
     for stud, rest, turn in zip(found, studs(), (low, low, hanging), strict=True):
         near = np.linalg.norm(stud - rest @ turn.T - (stud[0] - turn @ rest[0]), axis=1)
         assert near.max() < 1e-6
-    foot = studs()[:, :4]
+    foot = studs()[:, 4:]
     for stud, rest in zip(found[:2], foot[:2]):
-        away = np.linalg.norm(stud[:4] - rest * [1.5, 1, 1], axis=1)
+        away = np.linalg.norm(stud[4:] - rest * [1.5, 1, 1], axis=1)
         assert away.min() < 1e-6, "a point of the foot is on the skin"
-    away = np.linalg.norm(found[2, :4] - np.stack([foot[2, :, 0], 0 * foot[2, :, 0], 1 + foot[2, :, 1]], -1), axis=1)
+    away = np.linalg.norm(found[2, 4:] - np.stack([foot[2, :, 0], 0 * foot[2, :, 0], 1 + foot[2, :, 1]], -1), axis=1)
     assert away.min() < 1e-6
     [row] = json.loads((tmp_path / "report.json").read_text())["carried"]
     assert row["prims"][0]["places"] == row["prims"][0]["bound"] == 3
@@ -124,7 +125,7 @@ def test_a_root_is_in_the_middle_of_what_is_near(tmp_path: Path) -> None:
     stage = lips(tmp_path)
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath(STUDS))
     x, y = np.meshgrid(*[np.linspace(-0.1, 0.1, 5)] * 2)
-    plate = np.stack([0.4 + x, 0.5 + y, -0.01 + 0 * x], -1).reshape(-1, 3)
+    plate = np.stack([0.4 + x, 0.5 + y, -0.01 + 0.01 * x], -1).reshape(-1, 3)
     at = np.arange(25).reshape(5, 5)
     faces = np.stack([at[:-1, :-1], at[:-1, 1:], at[1:, 1:], at[1:, :-1]], -1).reshape(-1, 4)
     mesh.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(plate.astype(np.float32)))
