@@ -15,7 +15,8 @@ use crate::source::{Files, Source};
 /// tile it writes redirect.####.<UDIM>.exr and warp.####.<UDIM>.exr: UVs in the channels R and G, v up, first row = top
 /// of the tile. They are data, not colour: read them without a colour space, and with clamped edges. A texture looked up
 /// at the redirected UV keeps its rigid features in shape. Per frame it writes sheet.####.png, a picture to judge by, and
-/// at the end report.json.
+/// at the end turning.png, a film for a browser in which the mesh turns and goes from rest to the frame with the most
+/// strain and back, and report.json.
 ///
 /// For production there is `vrtm bake` in bindings/python: it reads USD and Alembic, too, and has many more options.
 #[derive(Debug, Parser)]
@@ -59,7 +60,11 @@ pub struct Args {
     #[arg(long)]
     pub no_sheet: bool,
 
-    /// Camera of the sheet in degrees around the mesh and upward
+    /// Draw no film
+    #[arg(long)]
+    pub no_film: bool,
+
+    /// Camera of the sheets and, at first, of the film, in degrees around the mesh and upward
     #[arg(long, value_name = "YAW,PITCH", value_parser = parse_view, allow_hyphen_values = true)]
     pub view: Option<[f64; 2]>,
 

@@ -127,6 +127,14 @@ impl<'a> Bake<'a> {
         Ok((Field { size, data }, format!("{:032x}", inputs.digest128())))
     }
 
+    /// The redirection of each tile in a pose that is not a frame of its own.
+    pub fn redirections(&mut self, frame: &Frame) -> Result<Vec<Field<3>>> {
+        self.solve(frame)?;
+        let of = |tile: usize| self.image(tile, FetchKind::Redirection).map(|(image, _)| image);
+        let all: vrtm::Result<_> = (0..self.tiles.len()).map(of).collect();
+        all.map_err(|e| Failure::named(&frame.origin, e))
+    }
+
     /// The figures of a frame: those of the asset, those of each tile, and the accuracy of each redirection under
     /// bilinear lookup. Once the outputs are fetched, the tiles' figures include the time of the inversion.
     pub fn reports(&self) -> vrtm::Result<(AssetReport, Vec<(TileReport, MapReport)>)> {

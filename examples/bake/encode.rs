@@ -8,6 +8,7 @@ use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, WritableImage,
 };
 
+use crate::draw::palette::Indexed;
 use crate::maps::Field;
 use crate::overwrite::{EXR_MARK, PNG_MARK};
 
@@ -84,13 +85,41 @@ fn sort_attributes(bytes: &mut [u8]) {
 /// A PNG file with the mark of vrtm.
 pub fn png(image: &image::RgbImage) -> Result<Vec<u8>, png::EncodingError> {
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, image.width(), image.height());
+    let mut encoder = marked(&mut bytes, "sheet", image.dimensions().into())?;
     encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
     encoder.set_compression(png::Compression::Fast);
-    encoder.add_text_chunk(PNG_MARK.into(), "sheet".into())?;
     let mut writer = encoder.write_header()?;
     writer.write_image_data(image.as_raw())?;
     writer.finish()?;
     Ok(bytes)
+}
+
+/// An animated PNG file with the mark of vrtm, which repeats without end.
+pub fn film(film: &Indexed, duration: (u16, u16)) -> Result<Vec<u8>, png::EncodingError> {
+    let mut bytes = Vec::new();
+    let mut encoder = marked(&mut bytes, "film", film.size)?;
+    encoder.set_color(png::ColorType::Indexed);
+    encoder.set_palette(film.palette.as_slice());
+    encoder.set_compression(png::Compression::High);
+    // Neighbouring indices are no neighbouring colours.
+    encoder.set_filter(png::Filter::NoFilter);
+    encoder.set_animated(film.pictures.len() as u32, 0)?;
+    encoder.set_frame_delay(duration.0, duration.1)?;
+    let mut writer = encoder.write_header()?;
+    for picture in &film.pictures {
+        writer.write_image_data(picture)?;
+    }
+    writer.finish()?;
+    Ok(bytes)
+}
+
+fn marked<'a>(
+    bytes: &'a mut Vec<u8>,
+    kind: &str,
+    [width, height]: [u32; 2],
+) -> Result<png::Encoder<'a, &'a mut Vec<u8>>, png::EncodingError> {
+    let mut encoder = png::Encoder::new(bytes, width, height);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.add_text_chunk(PNG_MARK.into(), kind.into())?;
+    Ok(encoder)
 }

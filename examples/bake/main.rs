@@ -1,10 +1,11 @@
-//! Bakes redirection maps for a mesh and its poses, with a sheet for visual inspection and a report.
+//! Bakes redirection maps for a mesh and its poses, with sheets and a film for visual inspection and a report.
 //!
 //! `cargo run --release --example bake` bakes a built-in scene into `out/`; `--help` lists the options. `Bake`, in
 //! `bake.rs`, shows how a host uses vrtm. For production there is the command `vrtm bake` in bindings/python.
 
 mod args;
 mod bake;
+mod draw;
 mod encode;
 mod failure;
 mod maps;
@@ -15,7 +16,6 @@ mod overwrite;
 mod report;
 #[path = "../scenes/mod.rs"]
 mod scenes;
-mod sheet;
 mod source;
 
 use std::collections::BTreeSet;
@@ -29,11 +29,12 @@ use vrtm::{AssetReport, Device, DeviceSettings, FetchKind, LogLevel};
 
 use args::Args;
 use bake::{Bake, OUTPUTS};
+use draw::sheet::Sheet;
+use draw::stage::Stage;
 use encode::Facts;
 use failure::{Failure, Result, say};
 use maps::Map;
 use output::Output;
-use sheet::Stage;
 use source::{Frame, Source};
 
 fn main() -> ExitCode {
@@ -61,13 +62,15 @@ fn run(args: &Args) -> Result<()> {
     warn_of_order(&args.pose);
     warn_of_tiles(args, &bake);
     warn_of_maps(&source, &bake);
-    let stage = (!args.no_sheet).then(|| Stage::new(&source, &bake, args.view));
+    let stage = (!args.no_sheet || !args.no_film).then(|| Stage::new(&source, &bake));
+    let sheet = stage.as_ref().filter(|_| !args.no_sheet).map(|stage| Sheet::new(stage, &bake, args.view));
 
     let failure = |e| Failure::named(&source.origin, e);
     let tiles: vrtm::Result<Vec<_>> = (0..bake.tiles.len()).map(|tile| bake.asset.tile_info(tile)).collect();
     let mut document =
         report::header(&source, args, &device.info(), &bake.asset.info(), &tiles.map_err(failure)?);
     let mut frames = Vec::new();
+    let mut worst: Option<(&Frame, f64)> = None;
     let mut output = Output::new(&args.out, planned)?;
     print(&format!("frame  {}", report::TITLES));
     for frame in source.chosen.iter().map(|&index| &source.frames[index]) {
@@ -87,16 +90,25 @@ fn run(args: &Args) -> Result<()> {
             }
         }
         let (asset, tiles) = bake.reports().map_err(failure)?;
-        let lines: Vec<String> = tiles.iter().map(|(tile, _)| report::line(tile)).collect();
-        if let Some(stage) = &stage {
+        let reports: Vec<_> = tiles.iter().map(|(tile, _)| tile).collect();
+        if let Some(sheet) = &sheet {
             let title = format!("{}   frame {}   {}", source.name, frame.number, frame.note);
             let name = sheet_name(frame.number);
-            let picture = stage.draw(&title, &frame.positions, &redirections, &lines);
+            let picture = sheet.draw(&title, &frame.positions, &redirections, &reports);
             output.write(&name, &encode::png(&picture).map_err(|e| Failure::named(&name, e))?)?;
         }
-        lines.iter().for_each(|line| print(&format!("{:>5}  {line}", frame.number)));
+        reports.iter().for_each(|tile| print(&format!("{:>5}  {}", frame.number, report::line(tile))));
         warn_of_pose(frame, &asset);
         frames.push(report::frame(frame, &asset, &tiles));
+        let strain = report::strain_before(&tiles);
+        if worst.is_none_or(|(_, most)| strain > most) {
+            worst = Some((frame, strain));
+        }
+    }
+    if let (Some(stage), Some((frame, _)), false) = (&stage, worst, args.no_film) {
+        let film = draw::film::draw(stage, &mut bake, args.view, frame)?;
+        let bytes = encode::film(&film, draw::film::DURATION).map_err(|e| Failure::named(FILM, e))?;
+        output.write(FILM, &bytes)?;
     }
     document["frames"] = Value::Array(frames);
     output.write(REPORT, format!("{document:#}\n").as_bytes())?;
@@ -105,6 +117,7 @@ fn run(args: &Args) -> Result<()> {
 }
 
 const REPORT: &str = "report.json";
+const FILM: &str = "turning.png";
 
 fn map_name(kind: &str, frame: usize, udim: u32) -> String {
     format!("{kind}.{frame:04}.{udim}.exr")
@@ -124,6 +137,9 @@ fn planned(args: &Args, source: &Source, bake: &Bake) -> Vec<String> {
         if !args.no_sheet {
             names.push(sheet_name(number));
         }
+    }
+    if !args.no_film {
+        names.push(FILM.into());
     }
     names
 }

@@ -22,6 +22,8 @@ pub const PNG_MARK: &str = "vrtm:kind";
 /// The first bytes of every EXR and PNG file.
 const EXR: &[u8] = &[0x76, 0x2f, 0x31, 0x01];
 const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
+/// The last chunk of every PNG file: a film's pictures after the first are no part of the picture that is read back.
+const PNG_END: &[u8] = b"\0\0\0\0IEND\xaeB`\x82";
 /// The maximum length of a header: the longest are those of the command `vrtm bake`, which hold figures.
 const HEADER: u64 = 16 * 1024;
 
@@ -121,7 +123,7 @@ pub fn remove_if_damaged(path: &Path) {
         // Someone may have compressed it again with a method that is not supported here.
         !matches!(read, Err(exr::error::Error::Invalid(_) | exr::error::Error::Io(_)))
     } else {
-        !bytes.starts_with(PNG) || image::load_from_memory(&bytes).is_ok()
+        !bytes.starts_with(PNG) || bytes.ends_with(PNG_END) && image::load_from_memory(&bytes).is_ok()
     };
     if bytes.is_empty() || !whole {
         let _ = fs::remove_file(path);

@@ -105,6 +105,16 @@ fn strain(s: &Strain) -> Value {
     })
 }
 
+/// RMS strain of the rigid features of all tiles with the original UVs.
+pub fn strain_before(tiles: &[(TileReport, MapReport)]) -> f64 {
+    let measured = tiles.iter().filter_map(|(tile, _)| tile.strain.as_ref());
+    let [edges, squares] = measured.fold([0.0, 0.0], |[edges, squares], strain| {
+        let (own, rms) = (strain.edges as f64, f64::from(strain.before.rms));
+        [edges + own, squares + own * rms * rms]
+    });
+    (squares / f64::max(edges, 1.0)).sqrt()
+}
+
 /// Titles of the columns of [`line`].
 pub const TITLES: &str = "tile      grid  strain RMS        95 %            helped  min J   nodes     ms";
 

@@ -14,6 +14,7 @@ fn the_built_in_scene_gives_exactly_its_files() {
         "report.json",
         "sheet.0002.png",
         "sheet.0004.png",
+        "turning.png",
         "warp.0002.1001.exr",
         "warp.0004.1001.exr",
     ];
@@ -49,10 +50,30 @@ fn the_built_in_scene_gives_exactly_its_files() {
     assert!(sheet.width() > 1500 && sheet.height() > 700);
 }
 
+/// A quarter of the sheet of one tile, with its textures, and of two tiles.
+#[test]
+fn no_part_of_the_sheets_figures_is_empty() {
+    for scene in ["mug_to_jug", "arm"] {
+        let out = folder(&format!("figures_{scene}"));
+        succeed(&["--scene", scene, "--size", "64", "--frames", "3", "--no-film", "--out", text(&out)]);
+        let sheet = image::open(out.join("sheet.0003.png")).expect("a sheet").into_rgb8();
+        // Two rows of pictures, with a title over the first one, and a label over each.
+        let height = (sheet.height() - 180) / 2;
+        let [left, top] = [28, 152 + height];
+        let paper = sheet.get_pixel(0, 0);
+        for (row, column) in (0..10).flat_map(|row| [0, 1].map(|column| (row, column))) {
+            let part = |k: u32| (top + height * (row + k) / 10, left + 320 * (column + k));
+            let ((y0, x0), (y1, x1)) = (part(0), part(1));
+            let drawn = (y0..y1).any(|y| (x0..x1).any(|x| sheet.get_pixel(x, y) != paper));
+            assert!(drawn, "{scene}: nothing in row {row} of 10, column {column} of 2");
+        }
+    }
+}
+
 #[test]
 fn the_report_has_every_figure() {
     let out = folder("report");
-    succeed(&["--scene", "arm", "--size", "64", "--frames", "2-3", "--out", text(&out)]);
+    succeed(&["--scene", "arm", "--size", "64", "--frames", "2-3", "--no-film", "--out", text(&out)]);
     let report = report(&out);
     assert_eq!(report["program"]["version"], env!("CARGO_PKG_VERSION"));
     assert_eq!(report["settings"]["quality"], "normal");
@@ -106,7 +127,8 @@ fn real_assets_bake() {
             continue;
         }
         let out = folder(&format!("asset_{name}"));
-        let arguments = ["--asset", text(&asset), "--size", "128", "--frames", "1", "--out", text(&out)];
+        let arguments =
+            ["--asset", text(&asset), "--size", "128", "--frames", "1", "--no-film", "--out", text(&out)];
         let (_, warnings) = succeed_with_warnings(&arguments);
         // What the library says of their meshes: edges that lie together, faces over the rim of a tile.
         assert!(warnings.lines().all(|line| line.starts_with("bake: warning: mesh: ")), "{warnings}");
@@ -126,7 +148,7 @@ fn real_assets_bake() {
 #[test]
 fn help_tells_the_options() {
     let help = succeed(&["--help"]);
-    let options = "--scene --asset --rest --pose --rigidity --frames --out --overwrite --no-sheet --view --size --map-size \
+    let options = "--scene --asset --rest --pose --rigidity --frames --out --overwrite --no-sheet --no-film --view --size --map-size \
                    --quality draft normal --warm --temporal-weight --device gpu redirect.####.<UDIM>.exr torus";
     for option in options.split_whitespace() {
         assert!(help.contains(option), "{option}");
@@ -136,7 +158,18 @@ fn help_tells_the_options() {
 #[test]
 fn frames_are_baked_once_and_in_the_order_given() {
     let out = folder("order");
-    let list = ["--size", "16", "--no-sheet", "--frames", "5,1-2,2", "--map-size", "24", "--out", text(&out)];
+    let list = [
+        "--size",
+        "16",
+        "--no-sheet",
+        "--no-film",
+        "--frames",
+        "5,1-2,2",
+        "--map-size",
+        "24",
+        "--out",
+        text(&out),
+    ];
     succeed(&list);
     let report = report(&out);
     let numbers: Vec<_> = report["frames"].as_array().unwrap().iter().map(|f| f["frame"].as_u64()).collect();

@@ -136,12 +136,13 @@ impl Files {
         text(&self.folder.join(name)).to_string()
     }
 
-    /// The arguments for these files, and the output folder.
+    /// The arguments for these files, without a film, and the output folder.
     pub fn arguments(&self, pose: &str, more: &[&str]) -> (Vec<String>, PathBuf) {
         let out = self.folder.join("out");
         let mut list =
             ["--rest", &self.path("rest.obj"), "--pose", &self.path(pose)].map(String::from).to_vec();
         list.extend(["--rigidity", &self.path("r.<UDIM>.png"), "--out", text(&out)].map(String::from));
+        list.push("--no-film".into());
         list.extend(more.iter().map(|m| m.to_string()));
         (list, out)
     }

@@ -99,7 +99,7 @@ fn attributes(path: &Path) -> BTreeMap<String, String> {
 #[test]
 fn a_file_tells_what_it_holds() {
     let out = folder("attributes");
-    succeed(&["--size", "32", "--frames", "4", "--no-sheet", "--out", text(&out)]);
+    succeed(&["--size", "32", "--frames", "4", "--no-sheet", "--no-film", "--out", text(&out)]);
     let version = env!("CARGO_PKG_VERSION");
     let hash = |of: &BTreeMap<String, String>| of["vrtm:inputs"].clone();
     let mut hashes = Vec::new();

@@ -3,6 +3,7 @@
 mod built_in;
 mod common;
 mod files;
+mod film;
 mod interrupted;
 mod obj_files;
 mod overwrite;
@@ -15,6 +16,9 @@ mod failure;
 #[allow(dead_code)]
 #[path = "../../examples/bake/mesh.rs"]
 mod mesh;
+#[allow(dead_code)]
+#[path = "../../examples/bake/draw/palette.rs"]
+mod palette;
 #[allow(dead_code)]
 #[path = "../../examples/bake/obj.rs"]
 mod obj;

@@ -45,7 +45,7 @@ fn arguments(files: &Files, out: &str, more: &[&str]) -> Vec<String> {
     files.write("rest.obj", one_tile(REST).as_bytes());
     files.write("pose.obj", one_tile(REST).as_bytes());
     let (rest, out) = (files.path("rest.obj"), files.path(out));
-    let mut list = vec!["--out", &out, "--size", "16", "--no-sheet", "--device", "cpu"];
+    let mut list = vec!["--out", &out, "--size", "16", "--no-sheet", "--no-film", "--device", "cpu"];
     if !more.contains(&"--rest") && !more.contains(&"--asset") {
         list.extend(["--rest", &rest]);
     }

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import OpenImageIO as oiio
 
-from vrtm.bake import image_file, rows, warped
+from vrtm.bake import image_file, rows, sheet_figures, warped
 from vrtm.bake.frames import Frame
 from vrtm.bake.image_file import Target
 from vrtm.bake.mesh_work import FrameResult, MeshWork
@@ -21,9 +21,10 @@ from vrtm.bake.raster import Camera, cover
 from vrtm.bake.scene.images import read_colours
 from vrtm.bake.scene.topology import corner_starts
 from vrtm.bake.settings import Settings
+from vrtm.bake.sheet_figures import GOLD, QUIET, mix, strain_colour
 from vrtm.rigidity import blurred, brightness
 
-VERSION = 1
+VERSION = 2
 """Of the way of drawing: a sheet that was drawn in another way is not up to date."""
 
 _WIDTH, _GAP, _BAR, _LABEL = 560, 16, 44, 30
@@ -33,13 +34,10 @@ _SIDE = 1024
 """Texels per side at most, of what is looked up in a tile."""
 _SQUARE = 22
 """Pixels of a square of the checkerboard, about."""
-_PAPER, _QUIET, _WHITE = (0.80, 0.80, 0.78), (0.16, 0.16, 0.165), (0.92, 0.92, 0.92)
-_SKIN, _STUD = ((0.115, 0.042, 0.030), (0.19, 0.08, 0.058)), ((0.90, 0.62, 0.24), (0.74, 0.47, 0.15))
-_STRETCH, _SQUEEZE, _SHEAR = (0.72, 0.015, 0.020), (0.020, 0.085, 0.72), (0.24, 0.015, 0.40)
+_PAPER = (0.80, 0.80, 0.78)
+_SKIN, _STUD = ((0.115, 0.042, 0.030), (0.19, 0.08, 0.058)), (GOLD, (0.74, 0.47, 0.15))
 _OVER = 2
 """Texels over which strain is measured, to either side."""
-_FULL = 0.30
-"""The strain whose colour is full."""
 
 
 def path(settings: Settings, mesh: str, several: bool) -> str:
@@ -95,18 +93,9 @@ def _drawn(surface: _Surface, title: str, stop: Callable[[], None]) -> np.ndarra
         y = _BAR + _LABEL + (number > 2) * (_LABEL + height)
         sheet[y : y + height, x : x + _WIDTH] = surface.picture(view, redirected, strain)
         texts.append((x, y - 9, 18, label))
-    y, ramp = _BAR + 2 * _LABEL + height, np.linspace(-_FULL, _FULL, _WIDTH - 2 * _GAP)
-    bars = (_strain_colour(ramp.clip(0), (-ramp).clip(0)), _SHEAR, _QUIET)
-    for row, colour in enumerate(bars):
-        sheet[y + 56 * row : y + 56 * row + 18, _GAP : _GAP + len(ramp)] = colour
-    for x, row, label in (
-        (0, 0, f"squeezed by {_FULL:.0%}"),
-        (len(ramp) // 2 - 8, 0, "0"),
-        (len(ramp) - 130, 0, f"stretched by {_FULL:.0%}"),
-        (0, 1, "squeezed one way and stretched the other way"),
-        (0, 2, "elastic, or not baked"),
-    ):
-        texts.append((_GAP + x, y + 56 * row + 38, 16, label))
+    y = _BAR + 2 * _LABEL + height
+    texts.append((_GAP, y - 9, 18, "figures"))
+    texts += sheet_figures.draw(sheet, (_GAP, y, _WIDTH - _GAP, height), surface.strains(), surface.textures(pose.scale))
     buffer = oiio.ImageBuf(np.where(sheet <= 0.0031308, 12.92 * sheet, 1.055 * sheet ** (1 / 2.4) - 0.055))
     for x, y, size, text in texts:
         # Without fonts the pictures speak for themselves.
@@ -208,6 +197,24 @@ class _Surface:
         figures = f"strain {found.before:.3f} with the original UVs, {found.after:.3f} with vrtm (RMS)"
         return figures if found.segments else "nothing is rigid"
 
+    def strains(self) -> list[sheet_figures.Tile]:
+        """Each tile with its name and its strain."""
+        return [(rows.tile_name(rows.place(tile)), rows.strain(tile.tile.report())) for tile in self.tiles]
+
+    def textures(self, scale: float) -> Callable[[int], Sequence[np.ndarray]] | None:
+        """The only tile's texture as painted and as looked up, in squares; of several tiles these would be too small."""
+        if len(self.tiles) != 1 or (self.owner < 0).all():
+            return None
+
+        def drawn(side: int) -> list[np.ndarray]:
+            n = side * _SAMPLES
+            u, v = np.meshgrid((np.arange(n) + 0.5) / n, 1 - (np.arange(n) + 0.5) / n)
+            uv = np.stack([u.ravel(), v.ravel()], -1)
+            both = (self._painted(0, target, scale) for target in (uv, uv + _at(self.looked[0].delta, uv)))
+            return [colours.reshape(side, _SAMPLES, side, _SAMPLES, 3).mean((1, 3)) for colours in both]
+
+        return drawn
+
     def camera(self) -> Camera:
         """From the side, of eight, where most of the original strain is seen; of a flat mesh, from its front."""
         size = np.ptp(self.poses[0], axis=0)
@@ -250,27 +257,32 @@ class _Surface:
 
     def picture(self, view: _View, redirected: bool, strain: bool) -> np.ndarray:
         """(height, width, 3), in linear colours."""
-        colours = np.full((len(view.uv), 3), _QUIET)
+        colours = np.full((len(view.uv), 3), QUIET)
         for number, looked in enumerate(self.looked):
             own = np.flatnonzero(view.owner == number)
             uv = view.uv[own]
             target = uv + _at(looked.delta, uv) if redirected else uv
-            rigid = _step(0.25, 0.4, _at(looked.rigidity, target))
             if strain:
-                colours[own] = _mix(_QUIET, _strain_colour(*_at(looked.strains[redirected], uv).T), rigid)
-            elif looked.texture is not None:
-                colours[own] = _at(looked.texture, target)
+                rigid = _step(0.25, 0.4, _at(looked.rigidity, target))
+                colours[own] = mix(QUIET, strain_colour(*_at(looked.strains[redirected], uv).T), rigid)
             elif len(own):
-                # The side of the tile in the picture, about, and a checkerboard with squares of one size on all meshes.
-                side = view.scale * np.median(_area(self.metrics[0][self.owner == number])) ** 0.5
-                squares = np.floor(target * 2 ** max(round(np.log2(max(side / _SQUARE, 1))), 2)).sum(1)[:, None] % 2
-                colours[own] = _mix(_mix(*_SKIN, squares), _mix(*_STUD, squares), rigid)
+                colours[own] = self._painted(number, target, view.scale)
         key = (view.normal @ [-0.45, 0.55, 0.70])[:, None].clip(0)
         light = 0.68 + 0.32 * key if strain else 0.2 + 0.8 * key + 0.1 * view.normal[:, 1:2]
         picture = np.empty((*view.seen.shape, 3), np.float32)
         picture[:] = _PAPER
         picture[view.seen] = colours * light * np.where(view.inside, 0.5, 1)
         return picture.reshape(-1, _SAMPLES, _WIDTH, _SAMPLES, 3).mean((1, 3))
+
+    def _painted(self, number: int, uv: np.ndarray, scale: float) -> np.ndarray:
+        """(points, 3): the colours of a tile's texture, or of a checkerboard where it has none."""
+        looked = self.looked[number]
+        if looked.texture is not None:
+            return _at(looked.texture, uv)
+        # The side of the tile in the picture, about, and squares of one size on all meshes.
+        side = scale * np.median(_area(self.metrics[0][self.owner == number])) ** 0.5
+        squares = np.floor(uv * 2 ** max(round(np.log2(max(side / _SQUARE, 1))), 2)).sum(1)[:, None] % 2
+        return mix(mix(*_SKIN, squares), mix(*_STUD, squares), _step(0.25, 0.4, _at(looked.rigidity, uv)))
 
 
 def _metrics(uvs: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -319,22 +331,11 @@ def _at(image: np.ndarray, uv: np.ndarray) -> np.ndarray:
     column, row = x.astype(np.int64), y.astype(np.int64)
     right, below = np.minimum(column + 1, width - 1), np.minimum(row + 1, height - 1)
     across, down = (x - column)[:, None], (y - row)[:, None]
-    return _mix(
-        _mix(image[row, column], image[row, right], across),
-        _mix(image[below, column], image[below, right], across),
+    return mix(
+        mix(image[row, column], image[row, right], across),
+        mix(image[below, column], image[below, right], across),
         down,
     )
-
-
-def _strain_colour(stretch: np.ndarray, squeeze: np.ndarray) -> np.ndarray:
-    """White for none, red for stretched, blue for squeezed, violet for both."""
-    a, b = ((value / _FULL).clip(0, 1)[:, None] for value in (stretch, squeeze))
-    return _mix(_mix(_WHITE, _STRETCH, a), _mix(_SQUEEZE, _SHEAR, a), b)
-
-
-def _mix(a: object, b: object, t: np.ndarray) -> np.ndarray:
-    a, b = np.asarray(a), np.asarray(b)
-    return a + (b - a) * t
 
 
 def _step(low: float, high: float, x: np.ndarray) -> np.ndarray:

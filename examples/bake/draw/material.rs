@@ -1,4 +1,4 @@
-//! The texture of the sheet, painted from the rigidity map: gold studs on blue enamel with a fine UV grid.
+//! The texture of the pictures, painted from the rigidity map: gold studs on blue enamel with a fine UV grid.
 
 use crate::maps::{Field, Map};
 
@@ -20,19 +20,19 @@ const OUTLINE: f32 = 0.28;
 pub struct Material {
     /// The rigidity, smoothed slightly: the outlines of an 8-bit mask would otherwise be staircases.
     rigidity: Option<Field<1>>,
-    /// Approximate length of the tile's side on the sheet in pixels, which makes lines equally wide on every mesh.
-    pixels: f32,
+    /// Approximate length of the tile's side on the mesh at rest.
+    side: f64,
 }
 
 impl Material {
-    pub fn new(map: Option<&Map>, pixels: f64) -> Material {
+    pub fn new(map: Option<&Map>, side: f64) -> Material {
         let rigidity = map.map(|map| {
             let size = map.size.map(|n| n as usize);
             let data = map.values().into_iter().map(|v| [v]).collect();
             let field = Field { size, data };
             smooth(&field)
         });
-        Material { rigidity, pixels: pixels.clamp(64.0, 65536.0) as f32 }
+        Material { rigidity, side }
     }
 
     /// Smoothed rigidity at a UV.
@@ -40,11 +40,12 @@ impl Material {
         self.rigidity.as_ref().map_or(0.0, |map| map.sample(uv)[0])
     }
 
-    /// Colour at a UV.
-    pub fn colour(&self, uv: [f32; 2]) -> Colour {
-        let cells = (self.pixels / CELL).log2().round().exp2();
+    /// Colour at a UV in a picture with `scale` pixels per unit of length; lines are equally wide on every mesh.
+    pub fn colour(&self, uv: [f32; 2], scale: f64) -> Colour {
+        let pixels = (self.side * scale).clamp(64.0, 65536.0) as f32;
+        let cells = (pixels / CELL).log2().round().exp2();
         let line = |x: f32| {
-            let distance = (0.5 - ((x * cells).fract().abs() - 0.5).abs()) * self.pixels / cells;
+            let distance = (0.5 - ((x * cells).fract().abs() - 0.5).abs()) * pixels / cells;
             1.0 - step(0.5 * LINE_WIDTH, 1.5 * LINE_WIDTH, distance)
         };
         let colour = mix(ENAMEL, LINES, line(uv[0]).max(line(uv[1])));
@@ -63,7 +64,7 @@ impl Material {
         let colour = mix(colour, stud, step(OUTLINE - 0.05, OUTLINE + 0.05, r));
         // Distance to the outline in pixels. The outline is at least a texel wide, otherwise the bilinear filter would
         // become visible.
-        let wide = self.pixels * texel[0];
+        let wide = pixels * texel[0];
         let distance = (r - OUTLINE).abs() / slope[0].hypot(slope[1]).max(1e-4) * wide;
         let width = OUTLINE_WIDTH.max(0.4 * wide);
         mix(RIM, colour, step(0.6 * width, 1.4 * width, distance))
