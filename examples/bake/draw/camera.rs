@@ -107,8 +107,8 @@ fn is_flat(poses: &[Vec<[f32; 3]>]) -> bool {
     size[2] < 0.02 * size[0].max(size[1])
 }
 
-/// Right, up and toward the viewer. At yaw 0 and pitch 0, y points up and z toward the viewer. Yaw moves the viewer around
-/// the mesh, pitch moves the viewer up.
+/// Right, up and toward the viewer. At yaw 0 and pitch 0, y points up and z toward the viewer. Yaw moves the viewer
+/// around the mesh, pitch moves the viewer up.
 fn axes(poses: &[Vec<[f32; 3]>], [yaw, pitch]: [f64; 2]) -> [[f64; 3]; 3] {
     let (ys, yc) = yaw.to_radians().sin_cos();
     let (ps, pc) = pitch.to_radians().sin_cos();

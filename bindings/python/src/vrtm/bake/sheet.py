@@ -95,7 +95,8 @@ def _drawn(surface: _Surface, title: str, stop: Callable[[], None]) -> np.ndarra
         texts.append((x, y - 9, 18, label))
     y = _BAR + 2 * _LABEL + height
     texts.append((_GAP, y - 9, 18, "figures"))
-    texts += sheet_figures.draw(sheet, (_GAP, y, _WIDTH - _GAP, height), surface.strains(), surface.textures(pose.scale))
+    box = (_GAP, y, _WIDTH - _GAP, height)
+    texts += sheet_figures.draw(sheet, box, surface.strains(), surface.textures(pose.scale))
     buffer = oiio.ImageBuf(np.where(sheet <= 0.0031308, 12.92 * sheet, 1.055 * sheet ** (1 / 2.4) - 0.055))
     for x, y, size, text in texts:
         # Without fonts the pictures speak for themselves.
@@ -202,7 +203,7 @@ class _Surface:
         return [(rows.tile_name(rows.place(tile)), rows.strain(tile.tile.report())) for tile in self.tiles]
 
     def textures(self, scale: float) -> Callable[[int], Sequence[np.ndarray]] | None:
-        """The only tile's texture as painted and as looked up, in squares; of several tiles these would be too small."""
+        """The only tile's texture as painted and as looked up, in squares; several tiles' would be too small."""
         if len(self.tiles) != 1 or (self.owner < 0).all():
             return None
 

@@ -77,7 +77,7 @@ def _bars(sheet: np.ndarray, corner: tuple[int, int], size: tuple[int, int], til
         for y, value, colour in ((begin, values[0], QUIET), (begin + bar, values[1], GOLD)):
             sheet[y : y + bar, start : start + max(round(length * value / most), 1)] = colour
         texts.append((left, begin + bar + 5, 16, name))
-        texts.append((left + width - _VALUES + 12, begin + bar + 5, 16, f"{values[0]:.3f} \u2192 {values[1]:.3f}"))
+        texts.append((left + width - _VALUES + 12, begin + bar + 5, 16, f"{values[0]:.3f} -> {values[1]:.3f}"))
     return texts
 
 
