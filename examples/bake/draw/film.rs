@@ -1,5 +1,5 @@
-//! Draws a film: while the mesh turns once, it goes from rest to a pose, stays there, and goes back; on the left with its
-//! own UVs, on the right with redirected ones.
+//! Draws a film: while the mesh turns once, it goes from rest to a pose, stays there, and goes back; on the left with
+//! its own UVs, on the right with redirected ones.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};

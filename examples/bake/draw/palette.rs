@@ -1,5 +1,5 @@
-//! Few colours for many pictures, by median cut: a box that holds all colours is divided again and again, each time at the
-//! median along its longest side.
+//! Few colours for many pictures, by median cut: a box that holds all colours is divided again and again, each time at
+//! the median along its longest side.
 
 use image::RgbImage;
 
