@@ -302,7 +302,7 @@ impl Carrier {
             results.device().team(|team| {
                 let ride = self.ride(team, &last)?;
                 let positions = ride.pose.positions.view();
-                ride.begin(team, &|v| positions.get3(v as usize)).write(team, out);
+                ride.begin(team, &|v| positions.get3(v as usize), out).write(team);
                 Ok(())
             })
         })

@@ -80,12 +80,12 @@ impl Results {
         }
         let positions = last.pose.as_ref().map(|pose| pose.positions.view()).unwrap_or_default();
         let position = |v: u32| positions.get3(v as usize);
-        let begun = rides.iter().map(|(ride, carried)| (ride.begin(team, &position), *carried));
+        let begun = rides.iter().map(|(ride, carried)| ride.begin(team, &position, carried));
         let begun: Vec<_> = begun.collect();
         for (output, image) in images {
             self.write(team, output, image)?;
         }
-        begun.iter().for_each(|(begun, carried)| begun.write(team, carried));
+        begun.iter().for_each(|begun| begun.write(team));
         Ok(())
     }
 }

@@ -7,7 +7,7 @@ use vrtm_core::mesh::{Mesh, NONE};
 use vrtm_core::team::Team;
 
 use crate::bind::{Binding, Pieces};
-use crate::course::{Body, Course, Fit, absolute, from_rest, on_skin};
+use crate::course::{Body, Course, Fit, Point, absolute, from_rest, on_skin};
 use crate::features::smooth;
 use crate::frame::{Frame, Motion, blended, normal, polar, product, quaternion};
 use crate::surface::{Place, Posed, Spot, Surface, uv_of};
@@ -25,6 +25,19 @@ pub struct Carried {
     pub uv: DVec2,
 }
 
+/// The last point that was carried: its tile and triangle at rest, and its triangle under the warp.
+#[derive(Clone, Copy, Debug)]
+pub struct Last {
+    from: (u32, u32),
+    to: u32,
+}
+
+impl Default for Last {
+    fn default() -> Last {
+        Last { from: (NONE, NONE), to: NONE }
+    }
+}
+
 /// A point as the skin carries it.
 struct OnSkin {
     place: Place,
@@ -39,12 +52,14 @@ impl OnSkin {
     }
 
     /// The normal of the surface, which the warp does not turn over.
+    #[inline(always)]
     fn normal(&self) -> DVec3 {
         let [a, b] = self.place.tangents;
         normal(a, b)
     }
 
     /// The frame, from the frame at rest. `inverse` is that of the stretch at rest.
+    #[inline(always)]
     fn frame(&self, inverse: [f64; 3]) -> Frame {
         let [a, b] = self.place.tangents;
         let tangents = self.derivatives.map(|d| d.x * a + d.y * b);
@@ -79,6 +94,8 @@ pub struct Parts<'a> {
     pub pieces: Option<&'a Pieces>,
     pub fit: Fit,
     pub skirt: f64,
+    /// Rotations, stretch or UVs are asked for.
+    pub on_surface: bool,
 }
 
 impl<'a> Carriage<'a> {
@@ -89,9 +106,10 @@ impl<'a> Carriage<'a> {
         tiles: &'a [Tile<'a>],
         position: &'a (dyn Fn(u32) -> [f64; 3] + Sync),
     ) -> Carriage<'a> {
-        let Parts { mesh, binding, course, pieces, fit, skirt } = *parts;
+        let Parts { mesh, binding, course, pieces, fit, skirt, on_surface } = *parts;
+        let has_frames = on_surface || pieces.is_some() || course.is_above;
         let posed = |k: usize| match &course.surfaces[k] {
-            Some(surface) => surface.posed(team, tiles[k].surface(), &course.charts[k], position),
+            Some(surface) => surface.posed(team, tiles[k].surface(), &course.charts[k], has_frames, position),
             None => Vec::new(),
         };
         let posed = (0..tiles.len()).map(posed).collect();
@@ -145,7 +163,7 @@ impl<'a> Carriage<'a> {
         let points = &pieces.points[first..pieces.ends[piece] as usize];
         let of_point = |&k: &u32| {
             let n = self.binding.place[k as usize] as usize;
-            let (skin, point) = (self.skin(n), &self.course.points[n]);
+            let (skin, point) = (self.skin(n, &mut Last::default()), &self.course.points[n]);
             let offset = DVec3::from(point.offset.map(f64::from));
             let body = &self.course.bodies[point.body as usize];
             let axes = skin.frame(point.inverse.map(f64::from)).axes;
@@ -166,6 +184,20 @@ impl<'a> Carriage<'a> {
         if spot.is_inside { spot } else { self.spot_by_nodes(tile, triangle, uv).unwrap_or(spot) }
     }
 
+    /// The spot of a point. Its walk begins where that of the last point ended if both stand on one triangle at rest:
+    /// most walks are over then.
+    #[inline(always)]
+    fn spot_near(&self, point: &Point, to: DVec2, last: &mut Last) -> Spot {
+        let from = (point.tile, point.triangle);
+        let spot = match last.from == from {
+            true => Some(self.surface(point.tile).walk(last.to, to)).filter(|spot| spot.is_inside),
+            false => None,
+        };
+        let spot = spot.unwrap_or_else(|| self.spot(point.tile, point.triangle, to));
+        *last = Last { from, to: spot.triangle };
+        spot
+    }
+
     /// A border between may have stopped a walk: from the nodes around the UV there is none.
     #[cold]
     fn spot_by_nodes(&self, tile: u32, triangle: u32, uv: DVec2) -> Option<Spot> {
@@ -180,7 +212,8 @@ impl<'a> Carriage<'a> {
     }
 
     /// The `n`-th point as the skin carries it.
-    fn skin(&self, n: usize) -> OnSkin {
+    #[inline(always)]
+    fn skin(&self, n: usize, last: &mut Last) -> OnSkin {
         let point = &self.course.points[n];
         if point.tile == NONE {
             let place = on_skin(&self.binding.skins[point.triangle as usize], self.position);
@@ -189,7 +222,7 @@ impl<'a> Carriage<'a> {
         let k = point.tile as usize;
         let warp = point.mean.warp(&self.tiles[k]).filter(|_| self.fit != Fit::None);
         let to = point.uv + warp.map_or(DVec2::ZERO, |(moved, _)| moved);
-        let spot = self.spot(point.tile, point.triangle, to);
+        let spot = self.spot_near(point, to, last);
         let place = self.surface(point.tile).place(&self.posed[k], &spot);
         let Some((_, derivatives)) = warp else {
             return OnSkin::still(place, absolute(self.mesh, point.tile, point.uv));
@@ -199,27 +232,29 @@ impl<'a> Carriage<'a> {
     }
 
     /// The position of the `n`-th point as the skin carries it, for a point at this height and not beside its foot.
-    fn above_skin(&self, n: usize, height: f64) -> DVec3 {
+    #[inline(always)]
+    fn above_skin(&self, n: usize, height: f64, last: &mut Last) -> DVec3 {
         let point = &self.course.points[n];
         if point.tile == NONE || height != 0.0 {
-            let skin = self.skin(n);
+            let skin = self.skin(n, last);
             return skin.place.at + skin.normal() * height;
         }
         let k = point.tile as usize;
         let moved = point.mean.moved(&self.tiles[k]).filter(|_| self.fit != Fit::None);
-        let spot = self.spot(point.tile, point.triangle, point.uv + moved.unwrap_or_default());
+        let spot = self.spot_near(point, point.uv + moved.unwrap_or_default(), last);
         self.surface(point.tile).at(&self.posed[k], &spot)
     }
 
-    /// The `n`-th point in the pose, in the order of the binding, and its number. Without `on_surface`, stretch and UV of a
-    /// point that moves with its body alone are left out; without `rotates`, rotations.
+    /// The number of the `n`-th point in the order of the binding.
     #[inline]
-    pub fn carry(&self, n: usize, rotates: bool, on_surface: bool) -> (usize, Carried) {
-        (self.binding.order[n] as usize, self.carried(n, rotates, on_surface))
+    pub fn number(&self, n: usize) -> Option<usize> {
+        self.binding.order.get(n).map(|&k| k as usize)
     }
 
-    #[inline]
-    fn carried(&self, n: usize, rotates: bool, on_surface: bool) -> Carried {
+    /// The `n`-th point in the pose, in the order of the binding. Without `on_surface`, stretch and UV of a
+    /// point that moves with its body alone are left out; without `rotates`, rotations.
+    #[inline(always)]
+    pub fn carry(&self, n: usize, rotates: bool, on_surface: bool, last: &mut Last) -> Carried {
         let point = &self.course.points[n];
         let offset = DVec3::from(point.offset.map(f64::from));
         let body = self.body(n, offset.z);
@@ -235,9 +270,9 @@ impl<'a> Carriage<'a> {
         // Of a position, most points need the normal at most.
         let is_above = offset.x == 0.0 && offset.y == 0.0;
         let position = if is_above && !rotates && !on_surface {
-            self.above_skin(n, offset.z)
+            self.above_skin(n, offset.z, last)
         } else {
-            let skin = self.skin(n);
+            let skin = self.skin(n, last);
             let frame = skin.frame(point.inverse.map(f64::from));
             if rotates {
                 let own = DQuat::from_array(point.own.map(f64::from));

@@ -16,6 +16,9 @@ use crate::tile::{Mean, Tile};
 /// A share of a position's coordinates that is rounding: points that close to the surface are on it.
 const ROUNDING: f64 = 1e-14;
 
+/// Points that one item of work finds.
+const CHUNK: usize = 1024;
+
 /// Motion of points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Fit {
@@ -65,6 +68,8 @@ pub struct Course {
     /// In the binding's order.
     pub(crate) points: Vec<Point>,
     pub(crate) bodies: Vec<Body>,
+    /// Some points are not on the surface itself.
+    pub(crate) is_above: bool,
     /// Per tile; `None` where there are no points and no features of theirs.
     pub(crate) surfaces: Vec<Option<Surface>>,
     /// Per tile, the charts whose vertices are needed.
@@ -127,11 +132,11 @@ impl Course {
             .map(|(tile, surface)| {
                 let Some(surface) = surface else { return Vec::new() };
                 let all: Vec<bool> = tile.surface().charts.iter().map(|_| true).collect();
-                surface.posed(team, tile.surface(), &all, |v| mesh.rest[v as usize])
+                surface.posed(team, tile.surface(), &all, true, |v| mesh.rest[v as usize])
             })
             .collect();
         let features = (fit == Fit::Feature).then(|| Features::new(team, mesh, tiles, &surfaces));
-        let all = team.map(binding.points.len(), |n| {
+        let of_point = |n: usize| {
             let k = binding.order[n] as usize;
             let bound = &binding.points[k];
             let (triangle, mean, place) = match tiles.get(bound.tile as usize) {
@@ -170,15 +175,29 @@ impl Course {
             };
             let host = host.to_array().map(|x| x as f32);
             (point, Body { rest: place.at + axes * offset, host, feature, part })
-        });
-        let (mut points, mut bodies) = (Vec::with_capacity(all.len()), Vec::new());
-        for ((mut point, body), &k) in all.into_iter().zip(&binding.order) {
-            if body.feature != NONE || pieces.is_some_and(|pieces| pieces.has(k as usize)) {
-                point.body = bodies.len() as u32;
-                bodies.push(body);
+        };
+        let count = binding.points.len();
+        let chunks = team.map(count.div_ceil(CHUNK), |chunk| {
+            let (mut points, mut bodies) = (Vec::with_capacity(CHUNK), Vec::new());
+            for n in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
+                let (mut point, body) = of_point(n);
+                let has_piece = pieces.is_some_and(|pieces| pieces.has(binding.order[n] as usize));
+                if body.feature != NONE || has_piece {
+                    point.body = bodies.len() as u32;
+                    bodies.push(body);
+                }
+                points.push(point);
             }
-            points.push(point);
+            (points, bodies)
+        });
+        let (mut points, mut bodies) = (Vec::with_capacity(count), Vec::new());
+        for (of_chunk, its_bodies) in chunks {
+            let first = bodies.len() as u32;
+            let body = |point: &Point| if point.body == NONE { NONE } else { first + point.body };
+            points.extend(of_chunk.into_iter().map(|point| Point { body: body(&point), ..point }));
+            bodies.extend(its_bodies);
         }
+        let is_above = points.iter().any(|point: &Point| point.offset != [0.0; 3]);
         let (mut nodes, mut ends) = (Vec::new(), Vec::new());
         if let Some(features) = features {
             let mut used: Vec<u32> = bodies.iter().map(|body: &Body| body.feature).collect();
@@ -194,7 +213,7 @@ impl Course {
                 surface.charts(own.chain(of_nodes))
             })
             .collect();
-        Course { points, bodies, surfaces, charts, nodes, ends }
+        Course { points, bodies, is_above, surfaces, charts, nodes, ends }
     }
 
     /// Number of features that points move with.

@@ -15,6 +15,7 @@ pub struct Frame {
 const FLAT: f64 = 1e-24;
 
 /// The unit normal of two tangents. Tangents without a plane get one that is continued from the longer of them.
+#[inline(always)]
 pub fn normal(a: DVec3, b: DVec3) -> DVec3 {
     let (aa, bb) = (a.length_squared(), b.length_squared());
     let cross = a.cross(b);
@@ -25,6 +26,7 @@ pub fn normal(a: DVec3, b: DVec3) -> DVec3 {
 
 /// The polar decomposition of two tangents with this normal n: the rotation takes the first axis to the direction of
 /// a - n x b. Of all rotations within the plane, that one maximises the trace of its product with the tangents.
+#[inline(always)]
 pub fn polar(normal: DVec3, [a, b]: [DVec3; 2]) -> Frame {
     let turned = normal.cross(b);
     let (along, apart) = (a - turned, (a + turned).length());
@@ -36,6 +38,7 @@ pub fn polar(normal: DVec3, [a, b]: [DVec3; 2]) -> Frame {
 }
 
 /// A unit vector at right angles to the longer of two vectors.
+#[cold]
 fn any_normal(a: DVec3, b: DVec3) -> DVec3 {
     let (aa, bb) = (a.length_squared(), b.length_squared());
     let longer = if bb > aa { b } else { a };
@@ -54,6 +57,7 @@ fn any_normal(a: DVec3, b: DVec3) -> DVec3 {
 }
 
 /// The quaternion of a rotation.
+#[inline(always)]
 pub fn quaternion(m: &DMat3) -> DQuat {
     let [[a, b, c], [d, e, f], [g, h, i]] = m.to_cols_array_2d();
     // The largest component first: its square is a quarter at least.
@@ -67,6 +71,7 @@ pub fn quaternion(m: &DMat3) -> DQuat {
 }
 
 /// A unit quaternion; the identity if that is not possible.
+#[inline(always)]
 pub fn normalised(q: [f64; 4]) -> DQuat {
     let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
     if length > 0.0 && length.is_finite() {
@@ -94,6 +99,7 @@ pub struct Motion {
 }
 
 impl Motion {
+    #[inline(always)]
     pub fn at(&self, point: DVec3) -> DVec3 {
         self.to + self.matrix * (point - self.from)
     }
@@ -151,6 +157,7 @@ pub fn matrix(q: DQuat) -> DMat3 {
 }
 
 /// The product of two rotations, the right one first.
+#[inline(always)]
 pub fn product(a: DQuat, b: DQuat) -> DQuat {
     let ([ax, ay, az, aw], [bx, by, bz, bw]) = (a.to_array(), b.to_array());
     DQuat::from_xyzw(

@@ -89,7 +89,7 @@ impl Surface {
         wanted
     }
 
-    /// The places of the vertices of the wanted charts.
+    /// The places of the vertices of the wanted charts, with tangents if these are `needed`.
     ///
     /// A vertex has the mean of the tangents of its triangles, weighted by their areas in UV: the sum of products of
     /// edges, which needs no division by the area of a sliver, and is linear in the positions.
@@ -98,6 +98,7 @@ impl Surface {
         team: &Team,
         tile: &TileMesh,
         wanted: &[bool],
+        needed: bool,
         position: impl Fn(u32) -> [f64; 3] + Copy + Sync,
     ) -> Posed {
         team.map(tile.charts.len(), |c| {
@@ -108,6 +109,9 @@ impl Surface {
             let mut places = Vec::with_capacity(chart.count());
             let of = |at: [f64; 3]| Place { at: at.into(), ..Place::default() };
             places.extend(chart.positions(position).map(of));
+            if !needed {
+                return places;
+            }
             for t in chart.triangles.clone().chain(chart.collar.clone()) {
                 let triangle = &tile.triangles[t];
                 let [p, q, r] = triangle.local.map(|v| places[v as usize].at);
@@ -127,7 +131,7 @@ impl Surface {
     }
 
     /// The place of a spot, given those of all vertices.
-    #[inline]
+    #[inline(always)]
     pub fn place(&self, posed: &Posed, spot: &Spot) -> Place {
         let triangle = &self.triangles[spot.triangle as usize];
         let chart = &posed[triangle.chart as usize];
@@ -138,7 +142,7 @@ impl Surface {
     }
 
     /// The position at a spot: that of its place.
-    #[inline]
+    #[inline(always)]
     pub fn at(&self, posed: &Posed, spot: &Spot) -> DVec3 {
         let triangle = &self.triangles[spot.triangle as usize];
         let chart = &posed[triangle.chart as usize];
@@ -158,7 +162,7 @@ impl Surface {
 
     /// Walks from a triangle to the one under a point of the UV plane: always over the side that the point is farthest
     /// beyond, of those with a neighbour. Ends at the last triangle if there is none.
-    #[inline]
+    #[inline(always)]
     pub fn walk(&self, from: u32, uv: DVec2) -> Spot {
         let spot = self.spot(from, uv);
         if spot.is_inside { spot } else { self.walk_on(spot, uv) }

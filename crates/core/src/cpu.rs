@@ -24,7 +24,7 @@ mod allocate;
 mod buffers;
 mod memory;
 mod run;
-mod prefetch;
+pub mod prefetch;
 mod state;
 
 mod row;

@@ -293,24 +293,28 @@ impl<'a> StridedMut<'a> {
         self.components
     }
 
+    /// The address of an element.
+    #[inline(always)]
+    pub fn address(&self, i: usize) -> *const u8 {
+        self.first.wrapping_add(i * self.stride)
+    }
+
     /// Writes an element.
     ///
     /// # Panics
-    /// If `i` is out of range, or there are too few values.
+    /// If `i` is out of range, or the number of values is not that of the components.
     ///
     /// # Safety
     /// No other thread writes the same element at the same time.
     #[inline(always)]
-    pub unsafe fn put(&self, i: usize, values: &[f64]) {
-        assert!(i < self.count && values.len() >= self.components);
+    pub unsafe fn put<const N: usize>(&self, i: usize, values: [f64; N]) {
+        assert!(i < self.count && N == self.components);
         // SAFETY: within the array, by the checks of `new` or the promise of `from_raw`; never aligned for certain.
         unsafe {
             let element = self.first.add(i * self.stride);
-            for (c, &value) in values[..self.components].iter().enumerate() {
-                match self.scalar {
-                    Scalar::F32 => element.cast::<f32>().add(c).write_unaligned(value as f32),
-                    Scalar::F64 => element.cast::<f64>().add(c).write_unaligned(value),
-                }
+            match self.scalar {
+                Scalar::F32 => element.cast::<[f32; N]>().write_unaligned(values.map(|value| value as f32)),
+                Scalar::F64 => element.cast::<[f64; N]>().write_unaligned(values),
             }
         }
     }

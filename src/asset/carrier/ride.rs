@@ -9,9 +9,10 @@ use super::{Carried, Carrier};
 use crate::asset::derived::Same;
 use crate::asset::results::{KeptPose, Last, TileResult};
 use crate::solved::Solved;
-use vrtm_carry::{Carriage, Course, Parts, Tile, matrix};
+use vrtm_carry::{Carriage, Course, LastPoint, Parts, Tile, matrix};
 use vrtm_core::allocation::Vec;
 use vrtm_core::clock::Instant;
+use vrtm_core::cpu::prefetch::prefetch;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::panics::lock;
 use vrtm_core::team::Team;
@@ -19,6 +20,8 @@ use vrtm_core::view::{Packed, StridedMut};
 
 /// Points that one item of work carries.
 const CHUNK: usize = 1024;
+/// Points from the one that is written to the one whose place in the host's arrays is asked for: it may be anywhere.
+const AHEAD: usize = 16;
 /// Bytes per node of a grid while its features are found: coverage, maps, numbers.
 const BYTES_PER_NODE: u64 = 32;
 
@@ -86,47 +89,54 @@ pub(crate) struct Ride<'a> {
 pub(crate) struct Begun<'a> {
     ride: &'a Ride<'a>,
     carriage: Carriage<'a>,
+    out: &'a Carried<'a>,
     spent: Duration,
 }
 
 impl Ride<'_> {
-    /// Poses the surface and the features. `position` gives the pose's vertices.
-    pub fn begin<'a>(&'a self, team: &Team, position: &'a (dyn Fn(u32) -> [f64; 3] + Sync)) -> Begun<'a> {
+    /// Poses the surface and the features for these destinations. `position` gives the pose's vertices.
+    pub fn begin<'a>(
+        &'a self,
+        team: &Team,
+        position: &'a (dyn Fn(u32) -> [f64; 3] + Sync),
+        out: &'a Carried<'a>,
+    ) -> Begun<'a> {
         let start = Instant::now();
         let Carrier { results, binding, pieces, fit, skirt, .. } = self.carrier;
         let mesh = results.0.mesh();
         let (course, pieces) = (&self.kept.course, pieces.as_ref());
-        let parts = Parts { mesh, binding, course, pieces, fit: *fit, skirt: *skirt };
+        let on_surface = out.rotations.is_some() || out.stretch.is_some() || out.uvs.is_some();
+        let parts = Parts { mesh, binding, course, pieces, fit: *fit, skirt: *skirt, on_surface };
         let carriage = Carriage::new(team, &parts, &self.tiles, position);
-        Begun { ride: self, carriage, spent: self.spent + start.elapsed() }
+        Begun { ride: self, carriage, out, spent: self.spent + start.elapsed() }
     }
 }
 
 impl Begun<'_> {
     /// Writes the points. Cannot fail.
-    pub fn write(&self, team: &Team, out: &Carried) {
+    pub fn write(&self, team: &Team) {
         let start = Instant::now();
-        let Begun { ride: Ride { carrier, kept, .. }, carriage, spent } = self;
+        let Begun { ride: Ride { carrier, kept, .. }, carriage, out, spent } = self;
         let count = carrier.binding.points.len();
         let on_surface = out.stretch.is_some() || out.uvs.is_some();
         team.run(count.div_ceil(CHUNK), |chunk| {
+            let mut last = LastPoint::default();
             for n in chunk * CHUNK..((chunk + 1) * CHUNK).min(count) {
-                let (k, carried) = carriage.carry(n, out.rotations.is_some(), on_surface);
-                let put = |array: &Option<StridedMut>, values: &[f64]| {
-                    if let Some(array) = array {
-                        // SAFETY: each point belongs to one item.
-                        unsafe { array.put(k, values) };
-                    }
-                };
-                put(&out.positions, &carried.position.to_array());
+                if let Some(next) = carriage.number(n + AHEAD) {
+                    let arrays = [&out.positions, &out.rotations, &out.stretch, &out.uvs];
+                    arrays.into_iter().flatten().for_each(|array| prefetch(array.address(next)));
+                }
+                let Some(k) = carriage.number(n) else { return };
+                let carried = carriage.carry(n, out.rotations.is_some(), on_surface, &mut last);
+                put(&out.positions, k, carried.position.to_array());
                 match &out.rotations {
                     Some(array) if array.components() == 9 => {
-                        put(&out.rotations, &matrix(carried.rotation).transpose().to_cols_array());
+                        put(&out.rotations, k, matrix(carried.rotation).transpose().to_cols_array());
                     }
-                    rotations => put(rotations, &carried.rotation.to_array()),
+                    rotations => put(rotations, k, carried.rotation.to_array()),
                 }
-                put(&out.stretch, &carried.stretch);
-                put(&out.uvs, &carried.uv.to_array());
+                put(&out.stretch, k, carried.stretch);
+                put(&out.uvs, k, carried.uv.to_array());
             }
         });
         let (features, rim, ms) = &carrier.last;
@@ -134,5 +144,14 @@ impl Begun<'_> {
         rim.store(carriage.rim.to_bits(), Ordering::Relaxed);
         let spent = (*spent + start.elapsed()).as_secs_f32() * 1000.0;
         ms.store(spent.to_bits(), Ordering::Relaxed);
+    }
+}
+
+/// Writes what is carried of point `k`, if it is asked for.
+#[inline(always)]
+fn put<const N: usize>(array: &Option<StridedMut>, k: usize, values: [f64; N]) {
+    if let Some(array) = array {
+        // SAFETY: each point belongs to one item of work.
+        unsafe { array.put(k, values) };
     }
 }
