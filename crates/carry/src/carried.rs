@@ -27,14 +27,14 @@ pub struct Carried {
 
 /// The last point that was carried: its tile and triangle at rest, and its triangle under the warp.
 #[derive(Clone, Copy, Debug)]
-pub struct Last {
+pub struct LastPoint {
     from: (u32, u32),
     to: u32,
 }
 
-impl Default for Last {
-    fn default() -> Last {
-        Last { from: (NONE, NONE), to: NONE }
+impl Default for LastPoint {
+    fn default() -> LastPoint {
+        LastPoint { from: (NONE, NONE), to: NONE }
     }
 }
 
@@ -163,7 +163,7 @@ impl<'a> Carriage<'a> {
         let points = &pieces.points[first..pieces.ends[piece] as usize];
         let of_point = |&k: &u32| {
             let n = self.binding.place[k as usize] as usize;
-            let (skin, point) = (self.skin(n, &mut Last::default()), &self.course.points[n]);
+            let (skin, point) = (self.skin(n, &mut LastPoint::default()), &self.course.points[n]);
             let offset = DVec3::from(point.offset.map(f64::from));
             let body = &self.course.bodies[point.body as usize];
             let axes = skin.frame(point.inverse.map(f64::from)).axes;
@@ -187,14 +187,14 @@ impl<'a> Carriage<'a> {
     /// The spot of a point. Its walk begins where that of the last point ended if both stand on one triangle at rest:
     /// most walks are over then.
     #[inline(always)]
-    fn spot_near(&self, point: &Point, to: DVec2, last: &mut Last) -> Spot {
+    fn spot_near(&self, point: &Point, to: DVec2, last: &mut LastPoint) -> Spot {
         let from = (point.tile, point.triangle);
         let spot = match last.from == from {
             true => Some(self.surface(point.tile).walk(last.to, to)).filter(|spot| spot.is_inside),
             false => None,
         };
         let spot = spot.unwrap_or_else(|| self.spot(point.tile, point.triangle, to));
-        *last = Last { from, to: spot.triangle };
+        *last = LastPoint { from, to: spot.triangle };
         spot
     }
 
@@ -213,7 +213,7 @@ impl<'a> Carriage<'a> {
 
     /// The `n`-th point as the skin carries it.
     #[inline(always)]
-    fn skin(&self, n: usize, last: &mut Last) -> OnSkin {
+    fn skin(&self, n: usize, last: &mut LastPoint) -> OnSkin {
         let point = &self.course.points[n];
         if point.tile == NONE {
             let place = on_skin(&self.binding.skins[point.triangle as usize], self.position);
@@ -233,7 +233,7 @@ impl<'a> Carriage<'a> {
 
     /// The position of the `n`-th point as the skin carries it, for a point at this height and not beside its foot.
     #[inline(always)]
-    fn above_skin(&self, n: usize, height: f64, last: &mut Last) -> DVec3 {
+    fn above_skin(&self, n: usize, height: f64, last: &mut LastPoint) -> DVec3 {
         let point = &self.course.points[n];
         if point.tile == NONE || height != 0.0 {
             let skin = self.skin(n, last);
@@ -254,7 +254,7 @@ impl<'a> Carriage<'a> {
     /// The `n`-th point in the pose, in the order of the binding. Without `on_surface`, stretch and UV of a
     /// point that moves with its body alone are left out; without `rotates`, rotations.
     #[inline(always)]
-    pub fn carry(&self, n: usize, rotates: bool, on_surface: bool, last: &mut Last) -> Carried {
+    pub fn carry(&self, n: usize, rotates: bool, on_surface: bool, last: &mut LastPoint) -> Carried {
         let point = &self.course.points[n];
         let offset = DVec3::from(point.offset.map(f64::from));
         let body = self.body(n, offset.z);

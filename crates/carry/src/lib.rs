@@ -17,7 +17,7 @@ mod course;
 mod carried;
 
 pub use bind::{Bind, Binding, Pieces, PointState};
-pub use carried::{Carriage, Carried, Last, Parts};
+pub use carried::{Carriage, Carried, LastPoint, Parts};
 pub use course::{Course, Fit};
 pub use frame::matrix;
 pub use tile::Tile;

@@ -370,6 +370,34 @@ fn the_bits_do_not_depend_on_threads() {
     assert!([2, 5].into_iter().all(|threads| of(threads) == one));
 }
 
+/// Neither the points beside it nor the outputs asked for change where a point is.
+#[test]
+fn a_point_is_carried_as_if_it_were_alone() {
+    const STEP: usize = 97;
+    let sheet = Sheet::new(16, Layout::Cut, bulge);
+    let mut asset = sheet.asset(2, 64, disc([0.5, 0.5], 0.2), TileSettings::default());
+    let many = uvs(Layout::Cut, &lattice(70));
+    let few: Vec<P2> = many.iter().copied().step_by(STEP).collect();
+    let heights = vec![0.01; many.len()];
+    for heights in [None, Some(&heights[..])] {
+        let of_few = heights.map(|heights| &heights[..few.len()]);
+        let many = by_uv(&asset, &many, heights, Fit::Feature, 0);
+        let few = by_uv(&asset, &few, of_few, Fit::Feature, 0);
+        solve(&mut asset, &sheet.pose(warped));
+        let all = fetch(&many).positions;
+        let mut alone = vec![[0.0; 3]; all.len()];
+        let positions = Some(vrtm::StridedMut::from_f64(&mut alone));
+        many.fetch(&vrtm::Carried { positions, ..vrtm::Carried::default() }).unwrap();
+        for positions in [&all, &alone] {
+            for (k, at) in fetch(&few).positions.iter().enumerate() {
+                let error = distance(positions[STEP * k], *at);
+                // On a side, within 1e-12, it is of either triangle.
+                assert!(error < 1e-12, "{k}: {error:e}");
+            }
+        }
+    }
+}
+
 /// Poses in steps of 0.5 % of a motion give second differences within the bars for warps.
 #[test]
 fn carried_points_are_smooth_in_the_pose() {
