@@ -109,7 +109,7 @@ fn strain(s: &Strain) -> Value {
 pub fn strain_before(tiles: &[(TileReport, MapReport)]) -> f64 {
     let measured = tiles.iter().filter_map(|(tile, _)| tile.strain.as_ref());
     let [edges, squares] = measured.fold([0.0, 0.0], |[edges, squares], strain| {
-        let (own, rms) = (strain.edges as f64, f64::from(strain.before.rms));
+        let (own, rms) = (strain.segments as f64, f64::from(strain.before.rms));
         [edges + own, squares + own * rms * rms]
     });
     (squares / f64::max(edges, 1.0)).sqrt()

@@ -150,7 +150,7 @@ def test_no_part_of_the_figures_is_empty(count: int, height: int) -> None:
     def side(of: float) -> dict[str, float]:
         return {"rms": of, "p95": 2 * of, "p99": 3 * of, "max": 4 * of}
 
-    strain = {"edges": 1, "before": side(0.1), "after": side(0.01)}
+    strain = {"segments": 1, "before": side(0.1), "after": side(0.01)}
     strain["movable"] = {"before": strain["before"], "after": strain["after"]}
     left, top, width = 16, 20, 544
     sheet = np.zeros((top + height + 20, left + width + 16, 3), np.float32)

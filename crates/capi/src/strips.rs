@@ -72,9 +72,9 @@ impl Strips {
     }
 }
 
-/// Rejects outputs that write the same byte, which would be undefined behaviour. Outputs may be interleaved, such as two
-/// pairs of channels of one image. Positions are read as one slice of all bytes that they span, so no output may write
-/// there.
+/// Rejects outputs that write the same byte, which would be undefined behaviour. Outputs may be interleaved, such as
+/// two pairs of channels of one image. Positions are read as one slice of all bytes that they span, so no output may
+/// write there.
 pub(super) fn check_apart(mut outputs: Vec<(String, Strips)>, positions: Range<usize>) -> Outcome<()> {
     let overlap = |a: &str, b: &str| Err(Failure::argument(format!("{a} and {b} overlap in memory")));
     outputs.sort_unstable_by(|(a, of_a), (b, of_b)| (of_a.start, a).cmp(&(of_b.start, b)));

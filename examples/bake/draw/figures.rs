@@ -88,7 +88,7 @@ fn textures(
 /// Bars of strain, a pair for each tile and kind, of as many kinds and tiles as there is room for.
 fn bars(canvas: &mut Canvas, [left, top]: [usize; 2], [width, height]: [usize; 2], reports: &[&TileReport]) {
     let measured = reports.iter().filter_map(|tile| Some((tile.udim, tile.strain.as_ref()?)));
-    let mut tiles: Vec<(u32, &StrainReport)> = measured.filter(|(_, strain)| strain.edges > 0).collect();
+    let mut tiles: Vec<(u32, &StrainReport)> = measured.filter(|(_, strain)| strain.segments > 0).collect();
     let height = height.saturating_sub(LINE);
     tiles.truncate(height / PAIR);
     if tiles.is_empty() {

@@ -56,7 +56,7 @@ def draw(
 def _bars(sheet: np.ndarray, corner: tuple[int, int], size: tuple[int, int], tiles: Sequence[Tile]) -> list[Text]:
     """A pair of bars for each tile and kind of strain, of as many as there is room for."""
     (left, top), (width, height) = corner, size
-    shown = [(name, strain) for name, strain in tiles if strain["edges"]][: max(height // _PAIR, 0)]
+    shown = [(name, strain) for name, strain in tiles if strain["segments"]][: max(height // _PAIR, 0)]
     length = width - _NAME - _VALUES
     if not shown or length <= 0:
         return []
@@ -82,7 +82,7 @@ def _bars(sheet: np.ndarray, corner: tuple[int, int], size: tuple[int, int], til
 
 
 def _values(strain: dict) -> list[tuple[float, float]]:
-    """Of each kind, without the warp and with it. The RMS is that of all rigid edges, the others of those that may
+    """Of each kind, without the warp and with it. The RMS is that of all rigid segments, the others of those that may
     move."""
     movable = [strain["movable"][side] for side in ("before", "after")]
     rms = (strain["before"]["rms"], strain["after"]["rms"])
