@@ -169,12 +169,7 @@ fn files(rest: &Path, wanted: &Files) -> Result<Source> {
         let note = path.file_stem().map_or(String::new(), |name| name.to_string_lossy().into_owned());
         frames.push(Frame { number: frames.len() + 1, positions, origin: path.display().to_string(), note });
     }
-    let mut maps = BTreeMap::new();
-    let found = wanted.rigidity.as_ref().map(|pattern| existing(pattern, &mesh)).transpose()?;
-    for (udim, path) in found.unwrap_or_default() {
-        maps.insert(udim, TileMaps { rigidity: Some(Map::load(&path)?), mask: None });
-        inputs.push(("--rigidity", path));
-    }
+    let maps = rigidity(wanted, &mesh, &mut inputs)?;
     Ok(Source {
         name: rest.file_stem().map_or("mesh".into(), |name| name.to_string_lossy().into_owned()),
         origin: rest.display().to_string(),
@@ -184,6 +179,17 @@ fn files(rest: &Path, wanted: &Files) -> Result<Source> {
         inputs,
         ..Source::default()
     })
+}
+
+/// Reads the maps of a mesh, and adds their files to the inputs.
+pub fn rigidity(wanted: &Files, mesh: &Mesh, inputs: &mut Vec<Input>) -> Result<BTreeMap<u32, TileMaps>> {
+    let mut maps = BTreeMap::new();
+    let found = wanted.rigidity.as_ref().map(|pattern| existing(pattern, mesh)).transpose()?;
+    for (udim, path) in found.unwrap_or_default() {
+        maps.insert(udim, TileMaps { rigidity: Some(Map::load(&path)?), mask: None });
+        inputs.push(("--rigidity", path));
+    }
+    Ok(maps)
 }
 
 /// The existing files of a pattern, one per tile; a path without a token serves a mesh with one tile.

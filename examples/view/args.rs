@@ -7,13 +7,15 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use vrtm::Backend;
 
 use crate::carry::Shape;
+use crate::gltf::Choice;
 use crate::panel::viewport::Panes;
 use crate::scenes;
 use crate::source::Files;
+use crate::timeline::RATE;
 
 /// Shows how painted features keep their shape while a mesh deforms: orbit, scrub, paint what is rigid.
 ///
-/// Without an argument it opens a built-in scene, a mug that turns into a jug. Folders and OBJ files can also be
+/// Without an argument it opens a built-in scene, a mug that turns into a jug. Folders, OBJ and glTF files can also be
 /// dropped on the window.
 #[derive(Clone, Debug, Parser)]
 #[command(name = "vrtm-view", version, max_term_width = 100)]
@@ -26,9 +28,22 @@ pub struct Args {
     #[arg(long, value_name = "DIR", conflicts_with_all = ["rest", "scene"])]
     pub asset: Option<PathBuf>,
 
-    /// Mesh at rest, with UVs; without poses to paint on it
-    #[arg(long, value_name = "FILE.obj", conflicts_with = "scene")]
+    /// Mesh at rest, with UVs: an OBJ file, without poses to paint on it; or a glTF file (.gltf, .glb), which has its
+    /// own poses and textures
+    #[arg(long, value_name = "FILE", conflicts_with = "scene")]
     pub rest: Option<PathBuf>,
+
+    /// Mesh of a glTF file, by its name [default: the largest]
+    #[arg(long, value_name = "NAME", requires = "rest")]
+    pub mesh: Option<String>,
+
+    /// Animation of a glTF file, by its name [default: the longest]
+    #[arg(long, value_name = "NAME", requires = "rest")]
+    pub animation: Option<String>,
+
+    /// Frames per second of the timeline, of clips, and of the poses from a glTF file's animation
+    #[arg(long, value_name = "N", default_value_t = RATE, value_parser = clap::value_parser!(u16).range(1..=240))]
+    pub fps: u16,
 
     /// Poses in the order of the timeline: each OBJ is one, a .f32 file (little-endian f32, frames x vertices x 3) as
     /// many as it holds; the vertices in the order of the rest mesh. Numbers in the names of OBJ files, as in
@@ -97,6 +112,11 @@ impl Args {
             rigidity: self.rigidity.clone(),
         }
     }
+
+    /// The part of a glTF file to open.
+    pub fn choice(&self) -> Choice {
+        Choice { mesh: self.mesh.clone(), animation: self.animation.clone(), rate: self.fps }
+    }
 }
 
 /// Parses a name into the value that it denotes.
@@ -142,5 +162,7 @@ mod tests {
         assert!(says(&["--scene", "nothing"]).contains("--scene"));
         assert!(says(&["--pose", "a.obj"]).contains("--rest"));
         assert!(says(&["--size", "3"]).contains("--size"));
+        assert!(says(&["--fps", "0"]).contains("--fps"));
+        assert!(says(&["--animation", "Walk"]).contains("--rest"));
     }
 }

@@ -4,7 +4,9 @@ use std::path::PathBuf;
 
 use vrtm::{Asset, Backend, Device, DeviceSettings, MeshSource, Strided, UvSource};
 
+use crate::draw::paint::Pictures;
 use crate::failure::{Failure, Result};
+use crate::gltf::{self, Choice, Contents, Opened};
 use crate::maps::Map;
 use crate::mesh::{Mesh, Positions, Triangle};
 use crate::numbers;
@@ -35,6 +37,13 @@ pub struct Model {
     pub inputs: Vec<PathBuf>,
     /// The request.
     pub files: Files,
+    pub choice: Choice,
+    /// What a glTF file holds besides.
+    pub contents: Option<Contents>,
+    /// Textures that the file brings.
+    pub pictures: Pictures,
+    /// What could not be read of it.
+    pub notice: Option<String>,
     /// Centre and radius of the mesh in all poses.
     pub centre: [f32; 3],
     pub radius: f32,
@@ -66,15 +75,19 @@ impl Model {
     /// Without layers.
     #[cfg(test)]
     pub fn load(files: &Files) -> Result<Model> {
-        Model::layered(files, 0)
+        Model::layered(files, &Choice::default(), 0)
     }
 
     /// Charts that lie over one another come into up to so many layers.
     ///
     /// # Errors
     /// A missing or invalid file, naming it.
-    pub fn layered(files: &Files, layers: u32) -> Result<Model> {
-        let Source { name, origin, mesh, frames, mut maps, inputs, .. } = Source::load(files)?;
+    pub fn layered(files: &Files, choice: &Choice, layers: u32) -> Result<Model> {
+        let Opened { source, contents, numbers, pictures: of_tiles, notice } = match &files.rest {
+            Some(path) if gltf::is_gltf(path) => gltf::load(path, files, choice)?,
+            _ => Source::load(files)?.into(),
+        };
+        let Source { name, origin, mesh, frames, mut maps, inputs, .. } = source;
         let near = |pose: &Positions| pose.around(pose.origin(&mesh.rest));
         let rest = near(&mesh.rest);
         let of_triangles = layers_of(&mesh, &rest, layers).map_err(|e| Failure::named(&origin, e.message))?;
@@ -94,10 +107,15 @@ impl Model {
         }
         let triangles: Vec<Triangle> = sorted.into_iter().map(|(triangle, _)| triangle).collect();
         let poses: Vec<_> = frames.iter().map(|frame| near(&frame.positions)).collect();
+        let mut pictures = Pictures::none(pages.len());
+        for (k, page) in pages.iter().enumerate() {
+            [pictures.colours[k], pictures.normals[k]] =
+                of_tiles.get(&page.udim).cloned().unwrap_or_default();
+        }
         let (centre, radius) = ball(rest.iter().chain(poses.iter().flatten()));
         let (starts, around) = surroundings(&triangles, rest.len());
         Ok(Model {
-            timeline: timeline(&files.pose, frames.len()),
+            timeline: timeline(numbers.or_else(|| numbers_of(&files.pose)), frames.len()),
             name,
             mesh,
             frames,
@@ -109,6 +127,10 @@ impl Model {
             layers,
             inputs: inputs.into_iter().map(|(_, path)| path).collect(),
             files: files.clone(),
+            choice: choice.clone(),
+            contents,
+            pictures,
+            notice,
             centre,
             radius,
             starts,
@@ -209,13 +231,17 @@ fn layers_of(mesh: &Mesh, rest: &[[f32; 3]], layers: u32) -> vrtm::Result<Vec<u3
     Ok(faces.flat_map(triangles).collect())
 }
 
-/// Poses of files that are numbered as the frames of a shot have these numbers.
-fn timeline(files: &[PathBuf], poses: usize) -> Timeline {
+/// The numbers of files that are numbered as the frames of a shot.
+fn numbers_of(files: &[PathBuf]) -> Option<Vec<i64>> {
     let stems: Vec<_> =
         files.iter().filter_map(|path| path.file_stem()).map(|s| s.to_string_lossy()).collect();
-    let names: Vec<&str> = stems.iter().map(AsRef::as_ref).collect();
+    numbers::frames(&stems.iter().map(AsRef::as_ref).collect::<Vec<_>>())
+}
+
+/// Poses with the numbers of frames, or without.
+fn timeline(numbers: Option<Vec<i64>>, poses: usize) -> Timeline {
     // A file that holds several poses says nothing of their frames.
-    match numbers::frames(&names).filter(|numbers| numbers.len() == poses) {
+    match numbers.filter(|numbers| numbers.len() == poses) {
         Some(numbers) => Timeline::of_shot(&numbers),
         None => Timeline::new(poses + 1),
     }

@@ -2,8 +2,8 @@
 
 /// Frames from one key to the next, where their poses have no numbers, and from rest to the first pose.
 const PER_KEY: usize = 24;
-/// Frames per second.
-pub const RATE: f64 = 24.0;
+/// Frames per second, unless the user says otherwise.
+pub const RATE: u16 = 24;
 
 /// The timeline: frames from 1, with rest and all poses as keys.
 #[derive(Clone, Debug)]
@@ -12,6 +12,8 @@ pub struct Timeline {
     pub last: usize,
     /// The present frame.
     pub frame: usize,
+    /// Frames per second.
+    pub rate: u16,
     /// The frame of each key; the first is rest.
     pub keys: Vec<usize>,
     /// Offset of frame numbers in the shot; `None` if the poses belong to no shot.
@@ -34,7 +36,7 @@ impl Timeline {
     }
 
     fn of(keys: Vec<usize>, offset: Option<i64>) -> Timeline {
-        Timeline { last: keys[keys.len() - 1], frame: 1, keys, offset, playing: None }
+        Timeline { last: keys[keys.len() - 1], frame: 1, rate: RATE, keys, offset, playing: None }
     }
 
     /// The number that a frame has in its shot.
@@ -73,7 +75,7 @@ impl Timeline {
     /// Moves on while playing: by the clock, so that a slow solve skips frames instead of slowing the motion down.
     pub fn tick(&mut self, now: f64) {
         if let Some((first, start)) = self.playing {
-            let passed = ((now - start).max(0.0) * RATE) as usize;
+            let passed = ((now - start).max(0.0) * f64::from(self.rate)) as usize;
             self.frame = 1 + (first - 1 + passed) % self.last;
         }
     }
@@ -126,10 +128,13 @@ mod tests {
         let mut line = Timeline::new(2);
         line.go(24);
         line.toggle(10.0);
-        line.tick(10.0 + 1.01 / RATE);
+        line.tick(10.0 + 1.01 / 24.0);
         assert_eq!((line.frame, line.is_playing()), (25, true));
-        line.tick(10.0 + 2.01 / RATE);
+        line.tick(10.0 + 2.01 / 24.0);
         assert_eq!(line.frame, 1);
+        line.rate = 12;
+        line.tick(10.0 + 2.01 / 24.0);
+        assert_eq!(line.frame, 25);
         line.go(5);
         line.tick(12.0);
         assert_eq!((line.frame, line.is_playing()), (5, false));

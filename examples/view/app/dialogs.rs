@@ -40,7 +40,7 @@ impl Ask {
 
     fn files(self) -> (&'static str, &'static [&'static str]) {
         match self {
-            Ask::Rest => ("meshes (OBJ)", &["obj"]),
+            Ask::Rest => ("meshes (OBJ, glTF)", &["obj", "gltf", "glb"]),
             Ask::Poses => ("poses (OBJ, f32)", &["obj", "f32"]),
             Ask::Rigidity | Ask::Texture | Ask::Normal => ("images (PNG)", &["png"]),
             Ask::SaveRigidity | Ask::SavePicture => ("PNG", &["png"]),

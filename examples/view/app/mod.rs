@@ -29,7 +29,7 @@ use crate::panel::save::Saving;
 use crate::panel::settings::{self, Settings};
 use crate::panel::side::section;
 use crate::panel::viewport::Look;
-use crate::panel::{brush, line, style};
+use crate::panel::{brush, line, part, style};
 use crate::save::clip::Clip;
 use crate::solve::answer::Answer;
 use crate::solve::flow::{Flow, Wanted};
@@ -83,6 +83,8 @@ pub struct App {
     path: String,
     saving: Saving,
     device: String,
+    /// Frames per second.
+    rate: u16,
     notice: Option<Notice>,
 }
 
@@ -129,9 +131,10 @@ impl App {
                 ..Saving::default()
             },
             device: String::new(),
+            rate: args.fps,
             notice: None,
         };
-        app.open_with(&args.files(), args.texture.as_deref(), args.normal.as_deref());
+        app.open_with(&args.files(), &args.choice(), args.texture.as_deref(), args.normal.as_deref());
         if let Some(shape) = args.carried {
             (app.look.carried, app.look.shape) = (true, shape);
         }
@@ -194,9 +197,9 @@ impl App {
         let Some(open) = &self.open else { return };
         if self.settings.overlaps.layers() != self.told.overlaps.layers() {
             self.told.overlaps = self.settings.overlaps;
-            let (files, line) = (open.model.files.clone(), open.line.clone());
+            let (model, line) = (open.model.clone(), open.line.clone());
             let view = (open.orbit, open.framed);
-            self.open_files(&files);
+            self.open_part(&model.files, &model.choice);
             if let Some(open) = &mut self.open {
                 (open.line, (open.orbit, open.framed)) = (line, view);
             }
@@ -261,7 +264,7 @@ impl App {
         }
         let App { settings, brush, brightness, look, trace, open, history, shown, screen, clip, .. } = self;
         let mut noted = |name: &str, rect: egui::Rect| trace.widget(name, rect, scale);
-        let (mut dragged, mut wish) = (false, None);
+        let (mut dragged, mut wish, mut choice) = (false, None, None);
         let frame = style::frame(10);
         Panel::right("side")
             .frame(frame)
@@ -274,6 +277,9 @@ impl App {
                             section(ui, "This frame", true, |ui| {
                                 figures::show(ui, answer, history, screen.milliseconds)
                             });
+                        }
+                        if let Some(open) = open {
+                            choice = part::show(ui, &open.model, &mut noted);
                         }
                         if look.brush
                             && let Some(open) = open
@@ -292,6 +298,10 @@ impl App {
             });
         if let Some(wish) = wish {
             self.brush_wish(wish);
+        }
+        if let (Some(choice), Some(open)) = (choice, &self.open) {
+            let files = open.model.files.clone();
+            self.open_part(&files, &choice);
         }
         dragged
     }

@@ -16,6 +16,7 @@ use crate::draw::camera::Orbit;
 use crate::draw::paint::{self, Pictures, Textures};
 use crate::draw::scene::Scene;
 use crate::failure::Failure;
+use crate::gltf::{Choice, is_gltf};
 use crate::maps::Map;
 use crate::model::Model;
 use crate::panel::figures::History;
@@ -26,7 +27,12 @@ use crate::source::{self, Files};
 impl App {
     /// Opens files. If that fails, what was open stays; poses for the mesh that is open leave what is painted.
     pub(super) fn open_files(&mut self, files: &Files) {
-        let model = match Model::layered(files, self.settings.overlaps.layers()) {
+        self.open_part(files, &Choice { rate: self.rate, ..Choice::default() });
+    }
+
+    /// Opens a part of files.
+    pub(super) fn open_part(&mut self, files: &Files, choice: &Choice) {
+        let model = match Model::layered(files, choice, self.settings.overlaps.layers()) {
             Ok(model) => model,
             Err(failure) => return self.say(failure.0),
         };
@@ -34,6 +40,7 @@ impl App {
             let before = &open.model.files;
             let maps = (&before.scene, &before.asset, &before.rest, &before.rigidity);
             maps == (&files.scene, &files.asset, &files.rest, &files.rigidity)
+                && open.model.choice.mesh == choice.mesh
                 && open.model.triangles.len() == model.triangles.len()
                 && open.model.pages.len() == model.pages.len()
         };
@@ -45,7 +52,7 @@ impl App {
             self.carry(files);
         }
         let (painter, pictures, inputs) =
-            kept.unwrap_or_else(|| (Painter::new(&model), Pictures::none(model.pages.len()), Vec::new()));
+            kept.unwrap_or_else(|| (Painter::new(&model), model.pictures.clone(), Vec::new()));
         self.begin(Arc::new(model), painter, pictures);
         if let Some(open) = &mut self.open {
             open.inputs.extend(inputs);
@@ -53,17 +60,24 @@ impl App {
     }
 
     /// Opens files with the textures of the tiles.
-    pub(super) fn open_with(&mut self, files: &Files, texture: Option<&str>, normal: Option<&str>) {
-        let model = match Model::layered(files, self.settings.overlaps.layers()) {
+    pub(super) fn open_with(
+        &mut self,
+        files: &Files,
+        choice: &Choice,
+        texture: Option<&str>,
+        normal: Option<&str>,
+    ) {
+        let model = match Model::layered(files, choice, self.settings.overlaps.layers()) {
             Ok(model) => model,
             Err(failure) => return self.say(failure.0),
         };
-        let read = |name: &str, path: Option<&str>| match path {
+        let read = |name: &str, path: Option<&str>, own: &Textures| match path {
             Some(path) => textures_of(&model, path).map_err(|message| format!("{name}: {message}")),
-            None => Ok(vec![None; model.pages.len()]),
+            None => Ok(own.clone()),
         };
-        let pictures = read("--texture", texture)
-            .and_then(|colours| Ok(Pictures { colours, normals: read("--normal", normal)? }));
+        let Pictures { colours, normals } = &model.pictures;
+        let pictures = read("--texture", texture, colours)
+            .and_then(|colours| Ok(Pictures { colours, normals: read("--normal", normal, normals)? }));
         let pictures = match pictures {
             Ok(pictures) => pictures,
             Err(message) => return self.say(message),
@@ -94,6 +108,7 @@ impl App {
         self.screen.changed();
         self.stroke.moved();
         let mut line = model.timeline.clone();
+        line.rate = self.rate;
         // What one sees first is what there is to see.
         line.go(line.keys[model.most_stretched()]);
         self.open = Some(Open {
@@ -105,8 +120,11 @@ impl App {
             scene,
             pictures,
             inputs: model.inputs.clone(),
-            model,
+            model: model.clone(),
         });
+        if let Some(notice) = &model.notice {
+            self.say(notice.clone());
+        }
     }
 
     /// Opens rigidity maps for the mesh that is open, in the place of what is painted.
@@ -171,8 +189,8 @@ impl App {
         }
     }
 
-    /// Opens what was dropped on the window: a folder is an asset; OBJ files are rest and its poses, in the order of
-    /// their names; a PNG is a rigidity map, or with colours a texture.
+    /// Opens what was dropped on the window: a folder is an asset; a glTF file has all; OBJ files are rest and its
+    /// poses, in the order of their names; a PNG is a rigidity map, or with colours a texture.
     pub(super) fn open_dropped(&mut self, ui: &Ui) {
         let dropped = ui.input(|i| i.raw.dropped_files.clone());
         let mut paths: Vec<PathBuf> = dropped.iter().map(|file| file.path().into()).collect();
@@ -194,9 +212,9 @@ impl App {
         }
     }
 
-    /// Opens a folder or an OBJ file.
+    /// Opens a folder, an OBJ or a glTF file.
     pub(super) fn open_path(&mut self, path: PathBuf) {
-        let files = if ends(&path, "obj") {
+        let files = if ends(&path, "obj") || is_gltf(&path) {
             Files { rest: Some(path), ..Files::default() }
         } else {
             Files { asset: Some(path), ..Files::default() }
@@ -220,9 +238,11 @@ impl App {
             Ask::Folder => self.saving.folder = text,
             Ask::SaveRigidity | Ask::SavePicture => self.save_as(ask, &path),
             Ask::Poses => match self.open.as_ref().map(|open| open.model.files.clone()) {
-                Some(files) if files.rest.is_some() => self.open_files(&Files { pose: paths, ..files }),
-                _ => self
-                    .say("open a mesh at rest first: scenes and asset folders have their own poses".into()),
+                Some(files) if has_poses_beside(&files) => self.open_files(&Files { pose: paths, ..files }),
+                _ => self.say(
+                    "open an OBJ at rest first: scenes, asset folders and glTF files have their own poses"
+                        .into(),
+                ),
             },
         }
     }
@@ -238,6 +258,11 @@ fn textures_of(model: &Model, path: &str) -> Result<Textures, String> {
         return Err(format!("{path}: there is no such file for any tile"));
     }
     Ok(all)
+}
+
+/// True for a mesh at rest whose poses are other files.
+fn has_poses_beside(files: &Files) -> bool {
+    files.rest.as_ref().is_some_and(|rest| !is_gltf(rest))
 }
 
 fn ends(path: &Path, end: &str) -> bool {
@@ -257,7 +282,10 @@ fn files_of(paths: &[PathBuf], open: Option<&Files>) -> Result<Files, String> {
     {
         return Ok(Files { asset: Some(folder.clone()), ..Files::default() });
     }
-    let mut files = open.filter(|files| files.rest.is_some()).cloned().unwrap_or_default();
+    if let Some(path) = paths.iter().find(|path| is_gltf(path)) {
+        return Ok(Files { rest: Some(path.clone()), ..Files::default() });
+    }
+    let mut files = open.filter(|files| has_poses_beside(files)).cloned().unwrap_or_default();
     let mut meshes = paths.iter().filter(|path| ends(path, "obj"));
     if files.rest.is_none() || paths.iter().filter(|path| ends(path, "obj")).count() > 1 {
         files = Files { rest: meshes.next().cloned(), ..Files::default() };
@@ -268,7 +296,10 @@ fn files_of(paths: &[PathBuf], open: Option<&Files>) -> Result<Files, String> {
         files.rigidity = Some(pattern(&map.display().to_string()));
     }
     if files.rest.is_none() {
-        return Err(format!("{}: not an asset folder, an OBJ file, poses or a map", paths[0].display()));
+        return Err(format!(
+            "{}: not an asset folder, an OBJ or glTF file, poses or a map",
+            paths[0].display()
+        ));
     }
     Ok(files)
 }
@@ -286,6 +317,10 @@ mod tests {
         assert_eq!(files.rigidity.as_deref(), Some("a/r.<UDIM>.png"));
         let more = files_of(&paths(&["b/more.f32"]), Some(&files)).expect("files");
         assert_eq!(more.pose, paths(&["a/pose2.obj", "b/more.f32"]));
+        let gltf = files_of(&paths(&["a/skin.png", "a/walk.GLB"]), Some(&files)).expect("files");
+        assert_eq!(gltf, Files { rest: Some("a/walk.GLB".into()), ..Files::default() });
+        let next = files_of(&paths(&["a/rest.obj"]), Some(&gltf)).expect("files");
+        assert_eq!(next.rest, Some("a/rest.obj".into()), "no pose of the glTF file");
         assert!(files_of(&paths(&["a/r.png"]), None).expect_err("no mesh").starts_with("a/r.png: "));
         let alone = files_of(&paths(&["a/rest.obj"]), None).expect("files");
         assert_eq!((alone.rest, alone.pose), (Some("a/rest.obj".into()), Vec::new()));

@@ -144,7 +144,7 @@ impl App {
     fn begin_clip(&mut self, format: Format, paths: Vec<PathBuf>) {
         let Some(open) = &mut self.open else { return };
         open.line.go(1);
-        match Clip::new(format, paths, self.screen.size(), open.line.last) {
+        match Clip::new(format, paths, self.screen.size(), (open.line.last, open.line.rate)) {
             Ok(clip) => {
                 self.clip = Some(clip);
                 self.ask_clip();

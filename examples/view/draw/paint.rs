@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use image::imageops::FilterType;
-use image::{RgbaImage, imageops};
+use image::{DynamicImage, RgbaImage, imageops};
 
 use super::gpu::Gpu;
 
@@ -37,15 +37,24 @@ pub fn read(path: &str, udim: u32) -> Result<Option<RgbaImage>, String> {
     if !Path::new(&path).exists() {
         return Ok(None);
     }
-    let mut image = image::open(&path).map_err(|error| format!("{path}: {error}"))?.into_rgba8();
+    let image = image::open(&path).map_err(|error| format!("{path}: {error}"))?;
+    Ok(Some(prepared(image)))
+}
+
+/// An image as a GPU's texture takes it: its first row is at v = 0.
+pub fn prepared(image: DynamicImage) -> RgbaImage {
+    let mut image = image.into_rgba8();
     let larger = image.width().max(image.height());
     if larger > LARGEST {
         let size = [image.width(), image.height()].map(|side| (side * LARGEST / larger).max(1));
         image = imageops::resize(&image, size[0], size[1], FilterType::Triangle);
     }
-    // The first row of a GPU's texture is at v = 0.
+    // A single texel would stand for none.
+    if image.width() == 1 {
+        image = imageops::resize(&image, 2, image.height(), FilterType::Nearest);
+    }
     imageops::flip_vertical_in_place(&mut image);
-    Ok(Some(image))
+    image
 }
 
 /// A texture with all of its levels; without an image, a single texel, which stands for none. Colours are encoded as

@@ -6,6 +6,7 @@ pub mod brush;
 pub mod figures;
 pub mod line;
 pub mod open;
+pub mod part;
 pub mod save;
 pub mod settings;
 pub mod side;

@@ -14,8 +14,12 @@ pub fn show(ui: &mut Ui, path: &mut String, mut noted: impl FnMut(&str, Rect)) -
     let quiet = |text: &str| RichText::new(text).color(style::QUIET);
     ui.label(quiet("your own files; or drop them on the window"));
     for (ask, name, about) in [
-        (Ask::Rest, "mesh at rest...", "An OBJ file with UVs"),
-        (Ask::Poses, "poses...", "OBJ or .f32 files with the vertices of the mesh; what is painted stays"),
+        (Ask::Rest, "mesh at rest...", "An OBJ file with UVs, or a glTF file with its poses and textures"),
+        (
+            Ask::Poses,
+            "poses...",
+            "OBJ or .f32 files with the vertices of an OBJ at rest; what is painted stays",
+        ),
         (
             Ask::Rigidity,
             "rigidity map...",
@@ -33,7 +37,7 @@ pub fn show(ui: &mut Ui, path: &mut String, mut noted: impl FnMut(&str, Rect)) -
         }
     }
     ui.horizontal(|ui| {
-        let hint = "path of an OBJ file or a folder";
+        let hint = "path of an OBJ or glTF file, or a folder";
         let field = ui.add(egui::TextEdit::singleline(path).desired_width(220.0).hint_text(hint));
         let entered = field.lost_focus() && ui.input(|i| i.key_pressed(egui::Key::Enter));
         if (ui.button("open").clicked() || entered) && !path.trim().is_empty() {

@@ -223,7 +223,8 @@ fn more(ui: &mut Ui, tile: &mut TileSettings, mut noted: impl FnMut(&str, egui::
     dragged
 }
 
-fn choice<T: Copy + PartialEq>(
+/// A row with a list to choose from.
+pub fn choice<T: Copy + PartialEq>(
     ui: &mut Ui,
     (id, about): (&str, &str),
     value: &mut T,
@@ -232,7 +233,7 @@ fn choice<T: Copy + PartialEq>(
 ) {
     let now = all.iter().find(|(of, ..)| of == value).map_or("", |(_, name, _)| name);
     row(ui, id, about, |ui| {
-        let list = ComboBox::from_id_salt(id).width(118.0).selected_text(now).show_ui(ui, |ui| {
+        let list = ComboBox::from_id_salt(id).width(118.0).truncate().selected_text(now).show_ui(ui, |ui| {
             for &(of, name, about) in all {
                 let item = ui.selectable_value(value, of, name).on_hover_text(about);
                 noted(&format!("{id} {name}"), item.rect);

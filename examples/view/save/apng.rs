@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 use super::clip::Film;
 use super::encode::opaque;
 use super::file::Whole;
-use crate::timeline::RATE;
 
 pub struct Apng {
     path: PathBuf,
@@ -18,14 +17,14 @@ pub struct Apng {
 impl Apng {
     /// # Errors
     /// A file that cannot be written, naming it.
-    pub fn new(path: &Path, size: [u32; 2], last: usize) -> Result<Apng, String> {
+    pub fn new(path: &Path, size: [u32; 2], last: usize, rate: u16) -> Result<Apng, String> {
         let (whole, file) = Whole::create(path)?;
         let failed = |error: png::EncodingError| format!("{}: {error}", path.display());
         let mut encoder = png::Encoder::new(file, size[0], size[1]);
         encoder.set_color(png::ColorType::Rgb);
         encoder.set_depth(png::BitDepth::Eight);
         encoder.set_animated(last as u32, 0).map_err(failed)?;
-        encoder.set_frame_delay(1, RATE as u16).map_err(failed)?;
+        encoder.set_frame_delay(1, rate).map_err(failed)?;
         let writer = encoder.write_header().map_err(failed)?;
         Ok(Apng { path: path.into(), writer, whole })
     }

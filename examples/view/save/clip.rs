@@ -85,20 +85,25 @@ pub struct Clip {
 }
 
 impl Clip {
-    /// `paths` are those of the format.
+    /// `paths` are those of the format; of a timeline its last frame and its frames per second.
     ///
     /// # Errors
     /// A file that cannot be written, naming it, or a program that is missing.
-    pub fn new(format: Format, paths: Vec<PathBuf>, size: [u32; 2], last: usize) -> Result<Clip, String> {
+    pub fn new(
+        format: Format,
+        paths: Vec<PathBuf>,
+        size: [u32; 2],
+        (last, rate): (usize, u16),
+    ) -> Result<Clip, String> {
         let path = paths.first().ok_or("a clip without frames")?;
         let film: Box<dyn Film> = match format {
-            Format::WebP => Box::new(webp::WebP::new(path, size)?),
-            Format::Gif => Box::new(gif::Gif::new(path, size)?),
-            Format::Apng => Box::new(apng::Apng::new(path, size, last)?),
+            Format::WebP => Box::new(webp::WebP::new(path, size, rate)?),
+            Format::Gif => Box::new(gif::Gif::new(path, size, rate)?),
+            Format::Apng => Box::new(apng::Apng::new(path, size, last, rate)?),
             Format::Sequence => Box::new(sequence::Sequence::new(paths.clone(), size)),
             Format::Mp4 => {
                 let missing = || "there is no program ffmpeg in the PATH, which writes MP4".to_string();
-                Box::new(mp4::Mp4::new(&mp4::program().ok_or_else(missing)?, path, size)?)
+                Box::new(mp4::Mp4::new(&mp4::program().ok_or_else(missing)?, path, size, rate)?)
             }
         };
         Ok(Clip { paths, next: 1, last, size, film })
@@ -144,7 +149,7 @@ mod tests {
         let folder = std::env::temp_dir().join(format!("vrtm-view-clip-{name}-{}", std::process::id()));
         fs::create_dir_all(&folder).expect("a folder");
         let paths = format.paths(&folder, "a", 99..102);
-        let mut clip = Clip::new(format, paths.clone(), [5, 3], 3).expect("created");
+        let mut clip = Clip::new(format, paths.clone(), [5, 3], (3, 24)).expect("created");
         for value in [10, 20, 30] {
             assert!(!clip.is_complete() && paths.iter().all(|path| !path.exists()));
             clip.add(&[value; 60]).expect("added");
@@ -153,7 +158,7 @@ mod tests {
         assert_eq!(clip.finish().expect("finished"), paths);
         // One that is given up leaves nothing.
         let other = format.paths(&folder, "b", 99..102);
-        let mut clip = Clip::new(format, other.clone(), [5, 3], 3).expect("created");
+        let mut clip = Clip::new(format, other.clone(), [5, 3], (3, 24)).expect("created");
         clip.add(&[1; 60]).expect("added");
         drop(clip);
         assert_eq!(fs::read_dir(&folder).expect("read").count(), paths.len());

@@ -10,7 +10,6 @@ use image::{Delay, Frame, RgbaImage};
 
 use super::clip::Film;
 use super::file::Whole;
-use crate::timeline::RATE;
 
 /// Speed of the choice of colours, 1 (best) to 30.
 const SPEED: i32 = 10;
@@ -18,6 +17,7 @@ const SPEED: i32 = 10;
 pub struct Gif {
     path: PathBuf,
     size: [u32; 2],
+    rate: u16,
     encoder: GifEncoder<Shared>,
     file: Shared,
     whole: Whole,
@@ -40,12 +40,12 @@ impl Write for Shared {
 impl Gif {
     /// # Errors
     /// A file that cannot be written, naming it.
-    pub fn new(path: &Path, size: [u32; 2]) -> Result<Gif, String> {
+    pub fn new(path: &Path, size: [u32; 2], rate: u16) -> Result<Gif, String> {
         let (whole, file) = Whole::create(path)?;
         let file = Shared(Arc::new(Mutex::new(file)));
         let mut encoder = GifEncoder::new_with_speed(file.clone(), SPEED);
         encoder.set_repeat(Repeat::Infinite).map_err(|error| format!("{}: {error}", path.display()))?;
-        Ok(Gif { path: path.into(), size, encoder, file, whole })
+        Ok(Gif { path: path.into(), size, rate, encoder, file, whole })
     }
 }
 
@@ -54,7 +54,7 @@ impl Film for Gif {
         let [width, height] = self.size;
         let opaque = pixels.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
         let image = RgbaImage::from_raw(width, height, opaque).ok_or("a frame of another size")?;
-        let delay = Delay::from_numer_denom_ms(1000, RATE as u32);
+        let delay = Delay::from_numer_denom_ms(1000, self.rate.into());
         let written = self.encoder.encode_frame(Frame::from_parts(image, 0, 0, delay));
         written.map_err(|error| format!("{}: {error}", self.path.display()))
     }

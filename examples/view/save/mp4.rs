@@ -6,7 +6,6 @@ use std::process::{Child, Command, Stdio};
 
 use super::clip::Film;
 use super::file::Whole;
-use crate::timeline::RATE;
 
 pub struct Mp4 {
     path: PathBuf,
@@ -34,12 +33,12 @@ pub fn program() -> Option<PathBuf> {
 impl Mp4 {
     /// # Errors
     /// A file that cannot be written or a program that does not start, naming it.
-    pub fn new(program: &Path, path: &Path, [width, height]: [u32; 2]) -> Result<Mp4, String> {
+    pub fn new(program: &Path, path: &Path, [width, height]: [u32; 2], rate: u16) -> Result<Mp4, String> {
         let (whole, file) = Whole::create(path)?;
         drop(file);
         let child = Command::new(program)
             .args(["-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgba"])
-            .args(["-s", &format!("{width}x{height}"), "-r", &RATE.to_string(), "-i", "-"])
+            .args(["-s", &format!("{width}x{height}"), "-r", &rate.to_string(), "-i", "-"])
             // Players want colours for every two by two pixels.
             .args(["-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-b:v", "12M"])
             .args(["-movflags", "+faststart", "-f", "mp4"])
@@ -104,7 +103,7 @@ mod tests {
         let path = folder.join("a.mp4");
         // It writes what it reads to the file that it is told last.
         let program = stand_in(&folder, "for last; do :; done; cat > \"$last\"");
-        let mut film = Box::new(Mp4::new(&program, &path, [2, 1]).expect("started"));
+        let mut film = Box::new(Mp4::new(&program, &path, [2, 1], 24).expect("started"));
         for value in [10, 20] {
             film.add(&[value; 8]).expect("added");
         }
@@ -112,7 +111,7 @@ mod tests {
         film.finish().expect("finished");
         assert_eq!(fs::read(&path).expect("read"), [[10; 8], [20; 8]].concat());
         let program = stand_in(&folder, "cat > /dev/null; echo 'no such encoder' >&2; exit 3");
-        let film = Box::new(Mp4::new(&program, &path, [2, 1]).expect("started"));
+        let film = Box::new(Mp4::new(&program, &path, [2, 1], 24).expect("started"));
         let said = film.finish().expect_err("it failed");
         assert!(said.ends_with("a.mp4: ffmpeg: no such encoder"), "{said}");
         assert_eq!(fs::read_dir(&folder).expect("read").count(), 2, "the clip and the program");

@@ -10,7 +10,6 @@ use image::codecs::webp::WebPEncoder;
 use super::clip::Film;
 use super::encode::opaque;
 use super::file::Whole;
-use crate::timeline::RATE;
 
 /// Most pixels on a side.
 const MOST: u32 = 16383;
@@ -21,6 +20,7 @@ pub struct WebP {
     path: PathBuf,
     size: [u32; 2],
     frames: u64,
+    rate: u16,
     file: BufWriter<File>,
     whole: Whole,
 }
@@ -28,12 +28,12 @@ pub struct WebP {
 impl WebP {
     /// # Errors
     /// A file that cannot be written, naming it.
-    pub fn new(path: &Path, size: [u32; 2]) -> Result<WebP, String> {
+    pub fn new(path: &Path, size: [u32; 2], rate: u16) -> Result<WebP, String> {
         if size.iter().any(|&side| side > MOST) {
             return Err(format!("{}: WebP has at most {MOST} pixels on a side", path.display()));
         }
         let (whole, file) = Whole::create(path)?;
-        let mut webp = WebP { path: path.into(), size, frames: 0, file, whole };
+        let mut webp = WebP { path: path.into(), size, frames: 0, rate, file, whole };
         let mut extended = vec![2, 0, 0, 0]; // Animated.
         extended.extend(size.map(|side| three(side - 1)).as_flattened());
         // A background that nobody sees, and endless repetition.
@@ -55,7 +55,7 @@ impl Film for WebP {
             .encode(&opaque(pixels), width, height, ExtendedColorType::Rgb8)
             .map_err(|error| format!("{}: {error}", self.path.display()))?;
         // Whole milliseconds that do not drift away.
-        let time = |frame: u64| (frame as f64 * 1000.0 / RATE).round() as u32;
+        let time = |frame: u64| (frame as f64 * 1000.0 / f64::from(self.rate)).round() as u32;
         let lasts = time(self.frames + 1) - time(self.frames);
         // The whole picture, in the place of the one before it.
         let mut frame = vec![0; 6];

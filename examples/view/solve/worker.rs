@@ -272,6 +272,7 @@ mod tests {
     use vrtm::Quality;
 
     use super::*;
+    use crate::gltf::Choice;
     use crate::source::Files;
 
     /// Two sheets that lie over one another in the UV plane, of which one is stretched: by itself it is solved as if
@@ -304,7 +305,7 @@ mod tests {
             ..Files::default()
         };
         let strain = |layers: u32| {
-            let model = Arc::new(Model::layered(&files, layers).expect("a mesh"));
+            let model = Arc::new(Model::layered(&files, &Choice::default(), layers).expect("a mesh"));
             let side = 64;
             let rigid = |k: i32| (k % side - 32).pow(2) + (k / side - 32).pow(2) < 64;
             let texels = (0..side * side).map(|k| if rigid(k) { 65535 } else { 0 }).collect();

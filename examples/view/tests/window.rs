@@ -1,10 +1,14 @@
 //! Opens the real window under Xvfb, drives it with the mouse, and compares what is on the screen. Skipped with a word
 //! where there is no X server, no xdotool or no GPU driver; a software driver will do.
 
+#[path = "window/gltf.rs"]
+mod gltf;
 #[path = "window/program.rs"]
 mod program;
 #[path = "window/screen.rs"]
 mod screen;
+#[allow(dead_code)]
+mod tiny;
 
 use std::path::{Path, PathBuf};
 
