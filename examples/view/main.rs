@@ -1,10 +1,9 @@
 //! A window that shows how painted features keep their shape while a mesh deforms: orbit, scrub, paint what is rigid.
 //!
 //! `cargo run --release -p vrtm-view` opens a built-in scene; README.md shows what the window can do. The way of the
-//! data: `source` (shared with the example `bake`) and `gltf` read files into a `model`; `solve` turns a frame of the `timeline`
-//! into an answer, on a thread of its own; `draw` shows it; `brush` changes the maps; `carry` is what stands on
-//! features; `panel` is what the user sees of
-//! all that, and `save` writes files.
+//! data: `source` (shared with the example `bake`) and `gltf` read files into a `model`; `solve` turns a frame of the
+//! `timeline` into an answer, on a thread of its own; `draw` shows it; `brush` changes the maps; `carry` is what
+//! stands on features; `panel` is what the user sees of all that, and `save` writes files.
 
 mod app;
 mod args;

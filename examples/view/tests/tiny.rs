@@ -116,13 +116,14 @@ impl Tiny {
             let times = tiny.floats("SCALAR", &[0.0, seconds]);
             let turn = tiny.floats("VEC4", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.5f32.sqrt(), 0.5f32.sqrt()]);
             let lift = tiny.floats("SCALAR", &[0.0, 1.0]);
-            let channel = |sampler: usize, node: usize, path: &str| json!({ "sampler": sampler, "target": { "node": node, "path": path } });
+            let target = |node: usize, path: &str| json!({ "node": node, "path": path });
+            let channel = |sampler: usize, target: Value| json!({ "sampler": sampler, "target": target });
             tiny.push(
                 "animations",
                 json!({
                     "name": name,
                     "samplers": [{ "input": times, "output": turn }, { "input": times, "output": lift }],
-                    "channels": [channel(0, 2, "rotation"), channel(1, 3, "weights")],
+                    "channels": [channel(0, target(2, "rotation")), channel(1, target(3, "weights"))],
                 }),
             );
         }
