@@ -14,6 +14,7 @@ mod gltf;
 mod model;
 mod numbers;
 mod panel;
+mod pictures;
 mod save;
 mod solve;
 mod timeline;

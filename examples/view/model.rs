@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use vrtm::{Asset, Backend, Device, DeviceSettings, MeshSource, Strided, UvSource};
 
-use crate::draw::paint::Pictures;
 use crate::failure::{Failure, Result};
 use crate::gltf::{self, Choice, Contents, Opened};
 use crate::maps::Map;
 use crate::mesh::{Mesh, Positions, Triangle};
 use crate::numbers;
+use crate::pictures::Pictures;
 use crate::source::{Files, Frame, Source};
 use crate::timeline::Timeline;
 
@@ -38,11 +38,11 @@ pub struct Model {
     /// The request.
     pub files: Files,
     pub choice: Choice,
-    /// What a glTF file holds besides.
+    /// Names of all that a glTF file holds.
     pub contents: Option<Contents>,
     /// Textures that the file brings.
     pub pictures: Pictures,
-    /// What could not be read of it.
+    /// A texture of the file that cannot be read.
     pub notice: Option<String>,
     /// Centre and radius of the mesh in all poses.
     pub centre: [f32; 3],

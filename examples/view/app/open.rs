@@ -13,13 +13,13 @@ use crate::brush::painter::Painter;
 use crate::carry::Shape;
 use crate::draw::beyond;
 use crate::draw::camera::Orbit;
-use crate::draw::paint::{self, Pictures, Textures};
 use crate::draw::scene::Scene;
 use crate::failure::Failure;
 use crate::gltf::{Choice, is_gltf};
 use crate::maps::Map;
 use crate::model::Model;
 use crate::panel::figures::History;
+use crate::pictures::{self, Pictures, Textures};
 use crate::save::rigidity::pattern;
 use crate::solve::inbox::Edit;
 use crate::source::{self, Files};
@@ -252,7 +252,7 @@ const NO_MESH: &str = "open a mesh first";
 
 /// The textures of a mesh's tiles. A path that leads to none of them is an error.
 fn textures_of(model: &Model, path: &str) -> Result<Textures, String> {
-    let read = |udim: u32| paint::read(path, udim).map(|image| image.map(Arc::new));
+    let read = |udim: u32| pictures::read(path, udim).map(|image| image.map(Arc::new));
     let all = model.pages.iter().map(|page| read(page.udim)).collect::<Result<Textures, _>>()?;
     if all.iter().all(Option::is_none) {
         return Err(format!("{path}: there is no such file for any tile"));

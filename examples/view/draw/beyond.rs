@@ -4,9 +4,9 @@
 use image::{RgbaImage, imageops};
 use vrtm::{Asset, Backend, Device, DeviceSettings, ImageViewMut, Origin, Results, TileSettings};
 
-use super::paint::Textures;
 use crate::brush::canvas::{Canvas, Rect};
 use crate::model::{Model, mesh_source};
+use crate::pictures::Textures;
 
 /// Reach over the borders of charts, at least: as far as `vrtm dilate` goes.
 const REACH: f64 = 0.0625;

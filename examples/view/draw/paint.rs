@@ -1,61 +1,9 @@
-//! Textures of the tiles, colours and normal maps: image files, with levels for where texels are smaller than pixels.
-
-use std::path::Path;
-use std::sync::Arc;
+//! Textures on the GPU, with levels for where texels are smaller than pixels.
 
 use image::imageops::FilterType;
-use image::{DynamicImage, RgbaImage, imageops};
+use image::{RgbaImage, imageops};
 
 use super::gpu::Gpu;
-
-/// Most texels on a side: what every GPU that draws a window has.
-const LARGEST: u32 = 8192;
-
-/// The texture of each tile; `None` if it has none.
-pub type Textures = Vec<Option<Arc<RgbaImage>>>;
-
-/// Textures and maps of a drawn mesh.
-#[derive(Clone, Default)]
-pub struct Pictures {
-    pub colours: Textures,
-    /// Normals in tangent space; green grows with v.
-    pub normals: Textures,
-}
-
-impl Pictures {
-    pub fn none(pages: usize) -> Pictures {
-        Pictures { colours: vec![None; pages], normals: vec![None; pages] }
-    }
-}
-
-/// Reads the texture of a tile; `None` if the tile has none. In the path `<UDIM>` stands for the tile's number.
-///
-/// # Errors
-/// A file that cannot be read, naming it.
-pub fn read(path: &str, udim: u32) -> Result<Option<RgbaImage>, String> {
-    let path = path.replace("<UDIM>", &udim.to_string());
-    if !Path::new(&path).exists() {
-        return Ok(None);
-    }
-    let image = image::open(&path).map_err(|error| format!("{path}: {error}"))?;
-    Ok(Some(prepared(image)))
-}
-
-/// An image as a GPU's texture takes it: its first row is at v = 0.
-pub fn prepared(image: DynamicImage) -> RgbaImage {
-    let mut image = image.into_rgba8();
-    let larger = image.width().max(image.height());
-    if larger > LARGEST {
-        let size = [image.width(), image.height()].map(|side| (side * LARGEST / larger).max(1));
-        image = imageops::resize(&image, size[0], size[1], FilterType::Triangle);
-    }
-    // A single texel would stand for none.
-    if image.width() == 1 {
-        image = imageops::resize(&image, 2, image.height(), FilterType::Nearest);
-    }
-    imageops::flip_vertical_in_place(&mut image);
-    image
-}
 
 /// A texture with all of its levels; without an image, a single texel, which stands for none. Colours are encoded as
 /// sRGB.

@@ -7,10 +7,11 @@ use super::camera::View;
 use super::carried::Pieces;
 use super::gpu::{COLOUR, Gpu, METRIC};
 use super::levels::Levels;
-use super::paint::{self, Pictures};
+use super::paint;
 use crate::brush::canvas::{Canvas, Rect};
 use crate::carry::Shape;
 use crate::model::Model;
+use crate::pictures::Pictures;
 use crate::solve::answer::{Answer, Maps};
 
 /// Texels per side in which the metric at rest is stored.

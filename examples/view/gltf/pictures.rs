@@ -8,7 +8,7 @@ use image::RgbaImage;
 
 use super::file::File;
 use super::geometry::Material;
-use crate::draw::paint;
+use crate::pictures;
 
 /// Textures by UDIM number: colours and normals.
 pub type OfTiles = BTreeMap<u32, [Option<Arc<RgbaImage>>; 2]>;
@@ -43,5 +43,5 @@ fn decode(file: &mut File, index: Index<json::Image>) -> Result<RgbaImage, Strin
         (None, Some(uri)) => image::load_from_memory(&file.resource(&uri)?),
         (None, None) => return Err("has no data".into()),
     };
-    decoded.map(paint::prepared).map_err(|error| error.to_string())
+    decoded.map(pictures::prepared).map_err(|error| error.to_string())
 }
