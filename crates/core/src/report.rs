@@ -228,8 +228,8 @@ pub struct Strain {
 }
 
 /// Strain on the mesh itself, of segments between neighbouring nodes whose rigidity is over 0.5 at both ends. `fixed`
-/// and `segments_fixed` cover the segments that a border, an overlap or the mask fixes at both ends, and the other fields
-/// the rest.
+/// and `segments_fixed` cover the segments that a border, an overlap or the mask fixes at both ends, and the other
+/// fields the rest.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct StrainReport {

@@ -175,7 +175,7 @@ class Group:
             prim if surface is None or prim.faces is None else in_parts(prim, own, surface)
             for prim, own in zip(prims, self.to_mesh)
         ]
-        places = [placed(prim.points[prim.roots], own) for prim, own in zip(self.prims, self.to_mesh)]
+        places = [placed(prim.roots, own) for prim, own in zip(self.prims, self.to_mesh)]
         ends = np.cumsum([0, *map(len, places)])
         self.own = [slice(*ends[k : k + 2]) for k in range(len(prims))]
         """Of each prim, its places among all."""
@@ -269,5 +269,5 @@ def _distance(mesh: MeshWork, prim: CarriedPrim, to_mesh: np.ndarray) -> float:
     corners = np.add.reduceat(shape.rest[shape.indices], (ends - shape.face_counts)[shape.face_counts > 0], axis=0)
     there = np.concatenate([shape.rest, corners / shape.face_counts[shape.face_counts > 0, None]])
     roots = prim.roots[:: -(-len(prim.roots) // _LOOKED_AT)]
-    away = [np.linalg.norm(there - place, axis=1).min() for place in placed(prim.points[roots], to_mesh)]
+    away = [np.linalg.norm(there - place, axis=1).min() for place in placed(roots, to_mesh)]
     return float(np.median(away))

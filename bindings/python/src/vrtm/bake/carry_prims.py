@@ -19,7 +19,7 @@ class CarriedPrim:
     points: np.ndarray
     """(points, 3) f64: places of instances, or points."""
     roots: np.ndarray
-    """(roots,): the points by whose places it is bound: the first ones of curves, one of each connected part, all."""
+    """(roots, 3) f64: places by which it is bound: the first points of curves, the feet of connected parts, all points."""
     of: np.ndarray
     """(points,): the index of each point's root in `roots`."""
     turns: np.ndarray | None = None
@@ -39,7 +39,7 @@ class CarriedPrim:
         mesh's space; `turns`: (roots, 3, 3); `bound`: (roots,), those that are not too far. `to_mesh`: (4, 4) from the
         prim's space to the mesh's at rest, `from_mesh`: back in the pose."""
         rest = placed(self.points, to_mesh)
-        offsets = rest - rest[self.roots][self.of]
+        offsets = rest - placed(self.roots, to_mesh)[self.of]
         posed = roots[self.of] + np.einsum("nij,nj->ni", turns[self.of], offsets)
         stays = ~bound[self.of]
         points = placed(posed, from_mesh)
@@ -108,9 +108,9 @@ def made(
     faces: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> CarriedPrim:
     """A prim whose curves are bound by their first points, and all else by each point."""
-    roots = of = np.arange(len(points))
+    roots, of = points, np.arange(len(points))
     if counts is not None:
-        roots, of = np.cumsum(counts) - counts, np.repeat(np.arange(len(counts)), counts)
+        roots, of = points[np.cumsum(counts) - counts], np.repeat(np.arange(len(counts)), counts)
     return CarriedPrim(path, kind, points, roots, of, turns, faces)
 
 
