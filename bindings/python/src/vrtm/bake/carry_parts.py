@@ -39,8 +39,8 @@ def _means(points: np.ndarray, of: np.ndarray) -> np.ndarray:
 
 
 def connected(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> np.ndarray:
-    """(points,): the number of the connected part that each point belongs to, from 0. Faces join points, and so does the
-    same place."""
+    """(points,): the number of the connected part that each point belongs to, from 0. Faces join points, and so does
+    the same place."""
     _, same = np.unique(points, axis=0, return_inverse=True)
     same = same.reshape(-1)
     indices = same[indices]
