@@ -19,7 +19,7 @@ class CarriedPrim:
     points: np.ndarray
     """(points, 3) f64: places of instances, or points."""
     roots: np.ndarray
-    """(roots, 3) f64: places by which it is bound: the first points of curves, the feet of connected parts, all points."""
+    """(roots, 3) f64: places by which it is bound: first points of curves, feet of connected parts, all points."""
     of: np.ndarray
     """(points,): the index of each point's root in `roots`."""
     turns: np.ndarray | None = None
