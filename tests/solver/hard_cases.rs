@@ -365,7 +365,7 @@ fn not_finite_is_named(asset: impl Fn(&Case) -> vrtm::Result<Asset>) {
             (TileSettings { orientation: x, ..plain }, "orientation", "0 and 1e6"),
             (TileSettings { orientation_density: x, ..plain }, "orientation_density", "0 and 1e6"),
             (TileSettings { room: x, ..plain }, "room", "0 and 1e6"),
-            (TileSettings { room_threshold: x, ..plain }, "room_threshold", "0..=1"),
+            (TileSettings { room_threshold: x, ..plain }, "room_threshold", "0 and 1"),
         ] {
             let message = format!("settings.{name}: {text} is not between {range}");
             rejected(&message, asset.set_settings(0, &settings));
