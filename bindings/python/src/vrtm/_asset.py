@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _abi, _mesh
-from ._arrays import Pinned, Pixels, output
+from ._arrays import Pinned, output
 from ._call import interruptible
 from ._carrier import Carrier
 from ._device import Device

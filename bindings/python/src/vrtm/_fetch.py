@@ -58,9 +58,7 @@ class Fetch:
 class CarrierFetch:
     """The points of a carrier, for Asset.redirect; the arguments are those of Carrier.fetch."""
 
-    def __init__(
-        self, carrier: Carrier, *names: str, dtype: DTypeLike = np.float32, out: Arrays | None = None
-    ) -> None:
+    def __init__(self, carrier: Carrier, *names: str, dtype: DTypeLike = np.float32, out: Arrays | None = None) -> None:
         if not isinstance(carrier, Carrier):
             raise TypeError(f"carrier: {carrier!r} is no vrtm.Carrier")
         self.carrier, self._names, self._dtype, self._out = carrier, names, dtype, out
