@@ -107,7 +107,7 @@ class Borders(Case):
         arm = self.arm()
         self.texture(arm)
         reports = {seams: self.solved(arm, seams=seams).tiles[0].report() for seams in ("shut", "keep")}
-        harmed = {seams: round(report.harm * report.edges) for seams, report in reports.items()}
+        harmed = {seams: round(report.harm * report.segments) for seams, report in reports.items()}
         self.assertNotEqual(harmed["shut"], harmed["keep"])
         better = min(harmed, key=harmed.get)
         self.check_solved(arm, seams=better)

@@ -51,7 +51,7 @@ def test_each_layer_has_a_map_of_its_own():
     asset.solve(pose, measure=True)
     for tile in (first, second):
         report = tile.report()
-        assert report.edges > 0 and report.after.interior_rms < report.before.interior_rms / 3
+        assert report.segments > 0 and report.after.interior_rms < report.before.interior_rms / 3
         assert tile.info.rigid_overlapped == 0 and tile.info.rigid_nodes > 0
     assert not np.array_equal(first.fetch(), second.fetch())
     images = asset.redirect(pose, [second, vrtm.Fetch(first, "redirection_delta", 32)])
