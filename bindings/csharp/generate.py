@@ -29,7 +29,7 @@ SCALARS = {
     "c_double": "double",
     "c_char": "byte",
 }
-# Names of parameters that C# has for itself.
+# Names that C# has for itself.
 KEYWORDS = {"fixed", "in", "out", "object", "params", "ref"}
 HEAD = """\
 // The C API of vrtm for C#: written by generate.py from vrtm.h; do not edit. Calls take pointers, as in C: Asset.cs
@@ -43,6 +43,11 @@ namespace Vrtm
     {
         private const string Library = "vrtm";
 """
+
+
+def word(name):
+    """A name, also where it is a keyword of C#."""
+    return f"@{name}" if name in KEYWORDS else name
 
 
 def is_callback(header, name):
@@ -67,7 +72,7 @@ def type_of(header, node):
 
 def parameters(header, function):
     named = [p for p in function.args.params if p.name] if function.args else []
-    return ", ".join(f"{type_of(header, p.type)} {'@' * (p.name in KEYWORDS)}{p.name}" for p in named)
+    return ", ".join(f"{type_of(header, p.type)} {word(p.name)}" for p in named)
 
 
 def comment(text, indent):
@@ -82,9 +87,9 @@ def struct(header, name):
         lines += comment(header.field_docs[name, field.name], " " * 12)
         if isinstance(field.type, c_ast.ArrayDecl):
             element = type_of(header, field.type.type)
-            lines += [f"            public fixed {element} {field.name}[{field.type.dim.value}];"]
+            lines += [f"            public fixed {element} {word(field.name)}[{field.type.dim.value}];"]
         else:
-            lines += [f"            public {type_of(header, field.type)} {field.name};"]
+            lines += [f"            public {type_of(header, field.type)} {word(field.name)};"]
     if header.structs[name][0].name == "struct_size":
         lines += [
             "",
