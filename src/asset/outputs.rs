@@ -34,8 +34,8 @@ impl Results {
     /// Writes outputs of one and the same solve, even if another one ends meanwhile.
     ///
     /// # Errors
-    /// Those of [`Results::fetch`] and [`Carrier::fetch`](crate::Carrier::fetch), `InvalidArgument` for an unknown tile
-    /// or another asset's carrier. Nothing is written then, unless a GPU fails while the images are written.
+    /// `InvalidArgument` for an unknown tile or another asset's carrier; otherwise as [`Results::fetch`] and
+    /// [`Carrier::fetch`]. Nothing is written then, unless a GPU fails while the images are written.
     pub fn fetch_all(&self, fetches: &mut [Fetch]) -> Result<()> {
         self.check_fetches(fetches)?;
         let device = self.device();
