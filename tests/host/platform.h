@@ -26,6 +26,9 @@
 #endif
 #include <dirent.h>
 #include <dlfcn.h>
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
 #include <pthread.h>
 #include <time.h>
 #include <unistd.h>
@@ -250,6 +253,18 @@ static inline long platform_memory(void)
         fclose(file);
     }
     return (pages - shared) * (sysconf(_SC_PAGESIZE) / 1024);
+#endif
+}
+
+/* KiB that are allocated on the heaps, where the system tells; otherwise what the process holds. Free memory that glibc
+ * keeps in its arenas depends on which threads met there: it comes and goes by megabytes. */
+static inline long platform_heap(void)
+{
+#if defined(__GLIBC__) && __GLIBC_PREREQ(2, 33)
+    const struct mallinfo2 heap = mallinfo2();
+    return (long)((heap.uordblks + heap.hblkhd) / 1024);
+#else
+    return platform_memory();
 #endif
 }
 

@@ -106,7 +106,7 @@ int main(int count, char **arguments)
             files = platform_open_files();
         }
         if (round == rounds / 5) {
-            memory = platform_memory();
+            memory = platform_heap();
         }
     }
     snprintf(detail, sizeof detail, "%d of %d", loaded, rounds);
@@ -124,7 +124,7 @@ int main(int count, char **arguments)
     check_that(platform_threads() <= threads, "no thread is left", detail);
     snprintf(detail, sizeof detail, "%d, before %d", platform_open_files(), files);
     check_that(platform_open_files() == files, "nothing is left open", detail);
-    memory = platform_memory() - memory;
+    memory = platform_heap() - memory;
     snprintf(detail, sizeof detail, "nor memory: after the first fifth of these the process grew by %ld KiB", memory);
     /* Wine itself keeps 256 bytes of each load; a thread that lives on keeps 112 of std. */
     check_that(memory < 512, detail, "");
