@@ -237,7 +237,7 @@ class Life(Case):
                 else:
                     self.refused("hide it, or apply it", bpy.ops.vrtm.insert_tap)
                     tap = modifiers.new("vrtm pose", "NODES")
-                    tap.node_group = part("tap").group()
+                    tap.node_group = part("tap").GROUP.tree()
                     modifiers.move(2, 1)
                 self.assertEqual([m.name for m in modifiers], ["Armature", "vrtm pose", "it"])
                 # In another pose, so that there is something to be done.

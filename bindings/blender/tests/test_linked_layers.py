@@ -57,7 +57,7 @@ class LinkedLayers(test_linked.LinkedCase):
         self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
         self.assertSame(self.seen_layers(obj), np.repeat(faces, 4).astype(np.int32))
         self.assertIsNone(part("results").missing(obj))
-        made = part("layer_nodes").modifier_of(obj)
+        made = part("layer_nodes").GROUP.modifier_of(obj)
         for lose in (
             lambda: obj.modifiers.remove(made),
             lambda: bpy.data.images.remove(bpy.data.images["vrtm arm layers"]),

@@ -104,7 +104,7 @@ class Picture(Case):
                 modifiers.move(1, 0)
                 # As an earlier version has put it.
                 tap = modifiers.new("vrtm pose", "NODES")
-                tap.node_group = part("tap").group()
+                tap.node_group = part("tap").GROUP.tree()
                 modifiers.move(2, 0)
                 self.wrong(arm, "'Armature' deforms behind the one that stores the pose: press Read Pose")
                 self.assertEqual(bpy.ops.vrtm.insert_tap(), {"FINISHED"})

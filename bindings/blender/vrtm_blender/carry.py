@@ -186,7 +186,8 @@ def attach(
         own.rest = in_skin(obj).ravel().tolist()
     else:
         # Instances are moved when they are there; what has faces, and hair, before it is refined.
-        carry_nodes.insert(obj, first=obj.type == "CURVES" or (obj.type == "MESH" and kind_of(obj) == "OBJECT"))
+        first = obj.type == "CURVES" or (obj.type == "MESH" and kind_of(obj) == "OBJECT")
+        carry_nodes.GROUP.insert(obj, at=0 if first else None)
 
 
 def release(obj: bpy.types.Object) -> None:
@@ -292,8 +293,8 @@ def troubles(skin: bpy.types.Object) -> list[str]:
         own, text = obj.vrtm_carry, None
         if obj.parent != skin:
             text = f"is no child of {skin.name} any more: press Let Go, and carry it again"
-        elif own.kind == "POINTS" and carry_nodes.modifier_of(obj) is None:
-            text = f"has lost its modifier {carry_nodes.GROUP_NAME!r}: press Let Go, and carry it again"
+        elif own.kind == "POINTS" and carry_nodes.GROUP.modifier_of(obj) is None:
+            text = f"has lost its modifier {carry_nodes.GROUP.name!r}: press Let Go, and carry it again"
         elif own.kind == "OBJECT" and is_animated(obj) and own_keys(obj) is None:
             text = "has keys or drivers of its own, which carrying overrules: clear them, or press Let Go"
         elif (moving := mover(obj)) is not None:

@@ -3,44 +3,20 @@ files of a bake, say that they are."""
 
 from __future__ import annotations
 
+import functools
+
 import bpy
 
-from .modifier_inputs import image_of, set_input
+from . import modifier_group
+from .modifier_group import image_of, set_input
 
-GROUP_NAME = "vrtm carry"
-MARK = "vrtm_carry_group"
 # Vectors of points, or of hair curves, in the object's own space: where it is at rest, where it is carried to, and its
 # turn as Euler angles (XYZ). And where the files of a bake have it: u, v of its place, and v of its turn.
 ROOT, PLACE, TURN, TEXEL = NAMES = ("vrtm_root", "vrtm_carried", "vrtm_turn", "vrtm_texel")
-_INPUTS = {"Baked": "Bool", "Image": "Image", "First": "Int", "Last": "Int"}
-
-
-def group() -> bpy.types.NodeTree:
-    """The group of all carry modifiers, made when it is first asked for."""
-    for tree in bpy.data.node_groups:
-        if tree.bl_idname == "GeometryNodeTree" and tree.get(MARK) and tree.library is None:
-            return tree
-    tree = bpy.data.node_groups.new(GROUP_NAME, "GeometryNodeTree")
-    tree[MARK] = True
-    # Not one that Blender offers to the artist among its modifiers.
-    tree.is_modifier = False
-    for in_out in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=in_out, socket_type="NodeSocketGeometry")
-    for name, kind in _INPUTS.items():
-        tree.interface.new_socket(name, in_out="INPUT", socket_type=f"NodeSocket{kind}")
-    _fill(tree)
-    return tree
 
 
 def _fill(tree: bpy.types.NodeTree) -> None:
-    link = tree.links.new
-
-    def node(kind: str, x: int, y: int, **settings: object) -> bpy.types.Node:
-        made = tree.nodes.new(kind)
-        made.location = (220 * x, 180 * y)
-        for name, value in settings.items():
-            setattr(made, name, value)
-        return made
+    link, node = tree.links.new, functools.partial(modifier_group.node, tree)
 
     def attribute(name: str, x: int, y: int) -> bpy.types.Node:
         made = node("GeometryNodeInputNamedAttribute", x, y, data_type="FLOAT_VECTOR")
@@ -104,35 +80,20 @@ def _fill(tree: bpy.types.NodeTree) -> None:
     link(turns.outputs["Instances"], node("NodeGroupOutput", 10, 1).inputs[0])
 
 
-def is_ours(modifier: bpy.types.Modifier) -> bool:
-    return modifier.type == "NODES" and modifier.node_group is not None and bool(modifier.node_group.get(MARK))
-
-
-def modifier_of(obj: bpy.types.Object) -> bpy.types.Modifier | None:
-    return next(filter(is_ours, obj.modifiers), None)
-
-
-def insert(obj: bpy.types.Object, first: bool) -> None:
-    """Puts the modifier first or last."""
-    made = obj.modifiers.new(GROUP_NAME, "NODES")
-    made.node_group, made.show_in_editmode = group(), False
-    if first:
-        obj.modifiers.move(len(obj.modifiers) - 1, 0)
+GROUP = modifier_group.ModifierGroup(
+    "vrtm carry", "vrtm_carry_group", {"Baked": "Bool", "Image": "Image", "First": "Int", "Last": "Int"}, _fill
+)
 
 
 def remove(obj: bpy.types.Object) -> None:
     """Takes the modifier away, and what nothing uses any more."""
     show_live(obj)
-    for modifier in list(filter(is_ours, obj.modifiers)):
-        tree = modifier.node_group
-        obj.modifiers.remove(modifier)
-        if not tree.users and tree.library is None:
-            bpy.data.node_groups.remove(tree)
+    GROUP.remove(obj)
 
 
 def show_baked(obj: bpy.types.Object, path: str, first: int, last: int) -> None:
     """Has the modifier read files, of which this is that of the first frame."""
-    modifier = modifier_of(obj)
+    modifier = GROUP.modifier_of(obj)
     if modifier is None:
         return
     show_live(obj)
@@ -147,7 +108,7 @@ def show_baked(obj: bpy.types.Object, path: str, first: int, last: int) -> None:
 
 def show_live(obj: bpy.types.Object) -> None:
     """Has the modifier read the attributes."""
-    modifier = modifier_of(obj)
+    modifier = GROUP.modifier_of(obj)
     image = None if modifier is None else image_of(modifier)
     if image is None:
         return

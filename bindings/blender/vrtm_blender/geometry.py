@@ -10,7 +10,8 @@ import bpy
 import numpy as np
 
 from .messages import Problem
-from .tap import INDEX_NAME, POSE_NAME, TOPOLOGY, place, tap_of, topology_modifiers
+from .tap import GROUP as POSE_GROUP
+from .tap import INDEX_NAME, POSE_NAME, TOPOLOGY, place, topology_modifiers
 
 # Where a captured rest shape is kept: an attribute of the mesh, which is saved with the file, or of a mesh of its own.
 REST_NAME = "vrtm_rest"
@@ -191,7 +192,7 @@ def pose(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> np.ndarray:
 
 
 def has_tap(obj: bpy.types.Object) -> bool:
-    tap = tap_of(obj)
+    tap = POSE_GROUP.modifier_of(obj)
     return tap is not None and tap.show_viewport
 
 

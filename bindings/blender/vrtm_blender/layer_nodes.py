@@ -3,47 +3,22 @@ for an object whose mesh is linked, and cannot keep the attribute itself."""
 
 from __future__ import annotations
 
+import functools
+
 import bpy
 import numpy as np
 
-from . import modifier_inputs, packed
+from . import modifier_group, packed
 
-GROUP_NAME = "vrtm layers"
-MARK = "vrtm_layers_group"
 # Of the image: a hash of the faces' layers.
 STAMP = "vrtm_faces"
 # Texels per row of the image at most. A power of two, so that a row is exact in floats.
 WIDTH = 4096
-_INPUTS = {"Image": "Image", "Columns": "Int", "Rows": "Int", "Name": "String"}
-
-
-def group() -> bpy.types.NodeTree:
-    """The group of all layers modifiers, made when it is first asked for."""
-    for tree in bpy.data.node_groups:
-        if tree.bl_idname == "GeometryNodeTree" and tree.get(MARK) and tree.library is None:
-            return tree
-    tree = bpy.data.node_groups.new(GROUP_NAME, "GeometryNodeTree")
-    tree[MARK] = True
-    # Not one that Blender offers to the artist among its modifiers.
-    tree.is_modifier = False
-    for in_out in ("INPUT", "OUTPUT"):
-        tree.interface.new_socket("Geometry", in_out=in_out, socket_type="NodeSocketGeometry")
-    for name, kind in _INPUTS.items():
-        tree.interface.new_socket(name, in_out="INPUT", socket_type=f"NodeSocket{kind}")
-    _fill(tree)
-    return tree
 
 
 def _fill(tree: bpy.types.NodeTree) -> None:
     """Of face n: the texel in column n % columns and row n / columns, whose values are the layer / 255."""
-    link = tree.links.new
-
-    def node(kind: str, x: int, y: int, **settings: object) -> bpy.types.Node:
-        made = tree.nodes.new(kind)
-        made.location = (200 * x, 180 * y)
-        for name, value in settings.items():
-            setattr(made, name, value)
-        return made
+    link, node = tree.links.new, functools.partial(modifier_group.node, tree)
 
     def math(operation: str, x: int, y: int, *values: object) -> bpy.types.NodeSocket:
         made = node("ShaderNodeMath", x, y, operation=operation)
@@ -74,18 +49,15 @@ def _fill(tree: bpy.types.NodeTree) -> None:
     link(store.outputs["Geometry"], node("NodeGroupOutput", 10, 0).inputs[0])
 
 
-def is_ours(modifier: bpy.types.Modifier) -> bool:
-    return modifier.type == "NODES" and modifier.node_group is not None and bool(modifier.node_group.get(MARK))
-
-
-def modifier_of(obj: bpy.types.Object) -> bpy.types.Modifier | None:
-    return next(filter(is_ours, obj.modifiers), None)
+GROUP = modifier_group.ModifierGroup(
+    "vrtm layers", "vrtm_layers_group", {"Image": "Image", "Columns": "Int", "Rows": "Int", "Name": "String"}, _fill
+)
 
 
 def stamp_of(obj: bpy.types.Object) -> str | None:
     """The hash of the layers that the object's modifier gives to faces; None where it gives none."""
-    modifier = modifier_of(obj)
-    image = None if modifier is None else modifier_inputs.image_of(modifier)
+    modifier = GROUP.modifier_of(obj)
+    image = None if modifier is None else modifier_group.image_of(modifier)
     works = image is not None and modifier.show_viewport and modifier.show_render
     return image.get(STAMP) if works else None
 
@@ -101,22 +73,16 @@ def insert(obj: bpy.types.Object, name: str, values: np.ndarray, stamp: str) -> 
     texels[:, 3] = 1
     image = packed.image(f"vrtm {obj.name} layers", {packed.WHOLE: texels.reshape(rows, columns, 4)})
     image[STAMP] = stamp
-    made = obj.modifiers.new(GROUP_NAME, "NODES")
-    made.node_group, made.show_in_editmode = group(), False
-    for of, value in zip(_INPUTS, (image, columns, rows, name)):
-        modifier_inputs.set_input(made, of, value)
     # In front of a soft body it cannot stand, which keeps the faces.
-    leading = [modifier.type == "SOFT_BODY" for modifier in obj.modifiers].index(False)
-    obj.modifiers.move(len(obj.modifiers) - 1, leading)
+    soft = [modifier.type == "SOFT_BODY" for modifier in obj.modifiers]
+    made = GROUP.insert(obj, at=[*soft, False].index(False))
+    for of, value in zip(GROUP.inputs, (image, columns, rows, name)):
+        modifier_group.set_input(made, of, value)
 
 
 def remove(obj: bpy.types.Object) -> None:
     """Takes the modifier away, and what nothing uses any more."""
-    for modifier in list(filter(is_ours, obj.modifiers)):
-        tree = modifier.node_group
-        obj.modifiers.remove(modifier)
-        if not tree.users and tree.library is None:
-            bpy.data.node_groups.remove(tree)
+    GROUP.remove(obj)
     # Also those of modifiers that the artist has taken away.
     for image in [image for image in bpy.data.images if STAMP in image and not image.users and image.library is None]:
         bpy.data.images.remove(image)

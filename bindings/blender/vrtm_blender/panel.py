@@ -323,7 +323,7 @@ def draw_map(layout: bpy.types.UILayout, obj: bpy.types.Object, which: str) -> N
 def draw_topology(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     obj = context.object
     changing = tap.topology_modifiers(obj)
-    if not changing or (tap.tap_of(obj) is not None and tap.deforms_behind(obj) is None):
+    if not changing or (tap.GROUP.modifier_of(obj) is not None and tap.deforms_behind(obj) is None):
         return
     box, name = layout.box(), changing[0].name
     if tap.place(obj) is not None:

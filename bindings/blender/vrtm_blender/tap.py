@@ -7,14 +7,14 @@ attributes' names begin with a dot: Blender does not list them.
 
 from __future__ import annotations
 
+import functools
+
 import bpy
 
-from . import layer_nodes
+from . import layer_nodes, modifier_group
 
 POSE_NAME = ".vrtm_pose"
 INDEX_NAME = ".vrtm_index"
-GROUP_NAME = ".vrtm pose"
-MARK = "vrtm_pose_group"
 # Modifiers that make other vertices than the mesh has, and of these the ones that keep the mesh's own vertices first,
 # with their attributes. What counts is the evaluated mesh itself. What Geometry Nodes do cannot be known.
 TOPOLOGY = frozenset(
@@ -31,47 +31,28 @@ DEFORMING = frozenset(
 )
 
 
-def group() -> bpy.types.NodeTree:
-    """The node group of all Pose modifiers, made when it is first asked for."""
-    for tree in bpy.data.node_groups:
-        if tree.bl_idname == "GeometryNodeTree" and tree.get(MARK):
-            return tree
-    tree = bpy.data.node_groups.new(GROUP_NAME, "GeometryNodeTree")
-    tree[MARK] = True
-    # Not one that Blender offers to the artist among its modifiers.
-    tree.is_modifier = False
-    tree.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
-    tree.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    nodes, link = tree.nodes, tree.links.new
-    last = nodes.new("NodeGroupInput").outputs["Geometry"]
-    for place, (name, kind, node) in enumerate(
+def _fill(tree: bpy.types.NodeTree) -> None:
+    link, node = tree.links.new, functools.partial(modifier_group.node, tree)
+    last = node("NodeGroupInput", 0, 0).outputs["Geometry"]
+    for place, (name, kind, source) in enumerate(
         [(POSE_NAME, "FLOAT_VECTOR", "GeometryNodeInputPosition"), (INDEX_NAME, "INT", "GeometryNodeInputIndex")]
     ):
-        store, value = nodes.new("GeometryNodeStoreNamedAttribute"), nodes.new(node)
-        store.data_type, store.domain = kind, "POINT"
+        store = node("GeometryNodeStoreNamedAttribute", 1 + place, 0, data_type=kind, domain="POINT")
         store.inputs["Name"].default_value = name
-        store.location, value.location = (250 + 250 * place, 0), (50 + 250 * place, -200)
         link(last, store.inputs["Geometry"])
         # There is a socket of this name for each type; the one of the chosen type is enabled.
-        link(value.outputs[0], next(s for s in store.inputs if s.name == "Value" and s.enabled))
+        value = next(socket for socket in store.inputs if socket.name == "Value" and socket.enabled)
+        link(node(source, place, -1).outputs[0], value)
         last = store.outputs["Geometry"]
-    output = nodes.new("NodeGroupOutput")
-    output.location = (800, 0)
-    link(last, output.inputs["Geometry"])
-    return tree
+    link(last, node("NodeGroupOutput", 3, 0).inputs["Geometry"])
 
 
-def is_tap(modifier: bpy.types.Modifier) -> bool:
-    return modifier.type == "NODES" and modifier.node_group is not None and bool(modifier.node_group.get(MARK))
+GROUP = modifier_group.ModifierGroup(".vrtm pose", "vrtm_pose_group", {}, _fill)
 
 
 def is_own(modifier: bpy.types.Modifier) -> bool:
     """True of the modifiers of this add-on that store attributes, and change nothing else."""
-    return is_tap(modifier) or layer_nodes.is_ours(modifier)
-
-
-def tap_of(obj: bpy.types.Object) -> bpy.types.Modifier | None:
-    return next((modifier for modifier in obj.modifiers if is_tap(modifier)), None)
+    return GROUP.is_of(modifier) or layer_nodes.GROUP.is_of(modifier)
 
 
 def working(obj: bpy.types.Object) -> list[bpy.types.Modifier]:
@@ -113,10 +94,7 @@ def place(obj: bpy.types.Object) -> bpy.types.Modifier | None:
 
 def insert(obj: bpy.types.Object, at: bpy.types.Modifier) -> bpy.types.Modifier:
     """Puts the Pose modifier to its place()."""
-    tap = tap_of(obj)
-    if tap is None:
-        tap = obj.modifiers.new("vrtm pose", "NODES")
-        tap.node_group = group()
+    tap = GROUP.modifier_of(obj) or GROUP.insert(obj)
     tap.show_in_editmode, tap.show_viewport, tap.show_render = False, True, True
     source, target = obj.modifiers.find(tap.name), obj.modifiers.find(at.name)
     behind = at.type in DEFORMING
@@ -127,7 +105,7 @@ def insert(obj: bpy.types.Object, at: bpy.types.Modifier) -> bpy.types.Modifier:
 def deforms_behind(obj: bpy.types.Object) -> bpy.types.Modifier | None:
     """The first modifier behind the Pose modifier that deforms: what it does is not in the pose."""
     on = working(obj)
-    at = next((number for number, modifier in enumerate(on) if is_tap(modifier)), len(on))
+    at = next((number for number, modifier in enumerate(on) if GROUP.is_of(modifier)), len(on))
     needed = any(map(changes_topology, on))
     return next((modifier for modifier in on[at:] if needed and modifier.type in DEFORMING), None)
 

@@ -136,8 +136,7 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
             del mesh[geometry.REST_FRAME_NAME]
         geometry.remove_rest_mesh(obj)
         layer_nodes.remove(obj)
-        for modifier in [modifier for modifier in obj.modifiers if tap.is_tap(modifier)]:
-            obj.modifiers.remove(modifier)
+        tap.GROUP.remove(obj)
         maps = {settings.rigidity_image, settings.mask_image}
         for name in settings.bl_rna.properties.keys():
             if name not in ("rna_type", "name"):
