@@ -58,11 +58,11 @@ fn main() {
     let backend = if args.backend == "gpu" { Backend::Gpu } else { Backend::Cpu };
     let device = Device::new(&DeviceSettings { backend, ..DeviceSettings::default() }).expect("a device");
     println!(
-        "Milliseconds: median and longest of {} solves. Gain: of the full solve's, in per cent.",
+        "Milliseconds: median and longest of {} solves. Gain: of the full solve's, in per cent, median and least.",
         args.repeats
     );
-    println!("| scene | grid | budget | first | gain | median | longest | gain | over the bound |");
-    println!("|---|---|---|---|---|---|---|---|---|");
+    println!("| scene | grid | budget | first | gain | median | longest | gain | least | over the bound |");
+    println!("|---|---|---|---|---|---|---|---|---|---|");
     for name in &args.scenes {
         let scene = scenes::by_name(name).expect("the name of a built-in scene");
         let model = Model::from(scene);
@@ -112,7 +112,7 @@ fn measure(args: &Args, device: &Device, model: &Model, grid: u32) {
     }
     full_ms.sort_by(f64::total_cmp);
     let (median, longest) = (full_ms[full_ms.len() / 2], full_ms[full_ms.len() - 1]);
-    println!("| {name} | {grid} | none | {first:.1} | 100 | {median:.1} | {longest:.1} | 100 | |");
+    println!("| {name} | {grid} | none | {first:.1} | 100 | {median:.1} | {longest:.1} | 100 | 100 | |");
     let fractions = args.fractions.iter().map(|part| (part * median, format!(" ({part})")));
     for (budget, part) in args.budgets.iter().map(|&budget| (budget, String::new())).chain(fractions) {
         let fresh = (!args.no_first).then(|| {
@@ -126,13 +126,16 @@ fn measure(args: &Args, device: &Device, model: &Model, grid: u32) {
         }
         runs.sort_by(|a, b| f64::total_cmp(&a.0, &b.0));
         let (median, longest) = (runs[runs.len() / 2].0, runs[runs.len() - 1].0);
-        let gain = 100.0 * runs.iter().map(|run| run.1).sum::<f64>() / runs.len() as f64 / full;
+        let mut gains: Vec<f64> = runs.iter().map(|run| 100.0 * run.1 / full).collect();
+        gains.sort_by(f64::total_cmp);
+        let (gain, least) = (gains[gains.len() / 2], gains[0]);
         let bound = budget * 1.2 + 5.0;
         let over = runs.iter().filter(|run| run.0 > bound).count();
-        let (first, first_gain) = fresh.map_or((f64::NAN, f64::NAN), |(ms, part)| (ms, 100.0 * part / full));
-        let over_first = if first > bound { ", first" } else { "" };
+        let over_first = if fresh.is_some_and(|(ms, _)| ms > bound) { ", first" } else { "" };
+        let first =
+            fresh.map_or("- | -".into(), |(ms, part)| format!("{ms:.1} | {:.1}", 100.0 * part / full));
         println!(
-            "| {name} | {grid} | {budget:.1}{part} | {first:.1} | {first_gain:.1} | {median:.1} | {longest:.1} | {gain:.1} | \
+            "| {name} | {grid} | {budget:.1}{part} | {first} | {median:.1} | {longest:.1} | {gain:.1} | {least:.1} | \
              {over} of {}{over_first} |",
             runs.len()
         );

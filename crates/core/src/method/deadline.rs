@@ -15,6 +15,9 @@ const FIRST_USE_FACTOR: f64 = 1.5;
 const PREDICTION_MARGIN: f64 = 1.1;
 /// Clamp on the change of a machine's pace from one solve to the next.
 const LARGEST_CHANGE: f64 = 2.0;
+/// Clamp on a stage's time, in the time that was predicted for it: a machine that was busy for a moment is not a slow
+/// one, and a slow one is known after a few stages.
+const LARGEST_DELAY: f64 = 2.0;
 
 /// The time that a solve may take, and its pace.
 #[derive(Clone, Debug)]
@@ -23,7 +26,7 @@ pub struct Deadline {
     ends: Option<[Instant; 2]>,
     /// Seconds per second of cost, as measured by the device's earlier solves.
     prior: f64,
-    /// Seconds of this solve's stages: first by their cost, then as measured.
+    /// Seconds of this solve's stages: first by their cost, then as measured and limited (`LARGEST_DELAY`).
     cost: f64,
     measured: f64,
     fresh: f64,
@@ -77,27 +80,26 @@ impl Deadline {
         (seconds - LEAST_SECONDS).max(0.0) * 1e6 / self.pace()
     }
 
-    /// True if stages of this cost, `margin` times slower than predicted, end before this time.
-    fn within(&self, end: Instant, cost: f64, margin: f64) -> bool {
-        let seconds = (LEAST_SECONDS + cost * 1e-6 * self.pace()) * margin;
-        seconds <= end.saturating_duration_since(self.now()).as_secs_f64()
+    /// True if stages of this cost end before this time at a pace.
+    fn within(&self, end: Instant, cost: f64, pace: f64) -> bool {
+        LEAST_SECONDS + cost * 1e-6 * pace <= end.saturating_duration_since(self.now()).as_secs_f64()
     }
 
     /// True if stages of this cost fit into the remaining budget.
     pub fn fits(&self, cost: f64) -> bool {
-        self.ends.is_none_or(|[end, _]| self.within(end, cost, PREDICTION_MARGIN))
+        self.ends.is_none_or(|[end, _]| self.within(end, cost, PREDICTION_MARGIN * self.pace()))
     }
 
     /// True if stages of this cost cannot end even within the grace period.
     pub fn is_over(&self, cost: f64) -> bool {
-        self.ends.is_some_and(|[_, end]| !self.within(end, cost, 1.0))
+        self.ends.is_some_and(|[_, end]| !self.within(end, cost, self.pace()))
     }
 
-    /// True if a solve of at least this cost can end within the grace period. If not, a machine that is taken for a
-    /// slow one is then taken for a quicker one, since nothing was measured.
+    /// True if a solve of at least this cost can end within the grace period. If only a quicker machine could, this one
+    /// is then taken for a quicker one, since nothing was measured.
     pub fn may_begin(&mut self, least: f64) -> bool {
         let begins = !self.is_over(least);
-        if !begins && self.prior > 1.0 {
+        if !begins && self.prior > 1.0 && self.ends.is_some_and(|[_, end]| self.within(end, least, 1.0)) {
             self.prior = (self.prior / LARGEST_CHANGE).max(1.0);
         }
         begins
@@ -106,8 +108,10 @@ impl Deadline {
     /// Records that a stage of this cost took this many seconds.
     pub fn learn(&mut self, cost: f64, seconds: f64) {
         if self.is_limited() {
-            self.cost += cost * 1e-6;
-            self.measured += (seconds - LEAST_SECONDS).max(0.0);
+            let cost = cost * 1e-6;
+            let most = LARGEST_DELAY * cost * self.pace();
+            self.cost += cost;
+            self.measured += (seconds - LEAST_SECONDS).clamp(0.0, most);
         }
     }
 }
@@ -150,6 +154,18 @@ mod tests {
     }
 
     #[test]
+    fn a_busy_moment_does_not_make_a_machine_slow() {
+        // Of ten equal stages, one takes twenty times as long: the mean would be 2.9.
+        let mut deadline = hundred_seconds(1.0);
+        (0..10).for_each(|n| deadline.learn(SECOND, if n == 4 { 20.0 } else { 1.0 }));
+        assert!(deadline.pace() < 1.25, "{}", deadline.pace());
+        // Three stages of growing cost suffice to know a machine that is ten times as slow.
+        let mut slow = hundred_seconds(1.0);
+        [0.1, 0.4, 1.6].into_iter().for_each(|cost| slow.learn(cost * SECOND, 10.0 * cost));
+        assert!((6.0..10.0).contains(&slow.pace()), "{}", slow.pace());
+    }
+
+    #[test]
     fn all_tiles_of_a_call_share_its_grace() {
         let start = Instant::now() - Duration::from_millis(100);
         let budget = |ms| Some(Duration::from_millis(ms));
@@ -179,8 +195,8 @@ mod tests {
         });
         assert!(refused.is_some_and(|calls| calls < 40), "{refused:?}");
         // A budget that no machine could keep says nothing about this one.
-        let mut hopeless = hundred_seconds(1.0);
+        let mut hopeless = hundred_seconds(3.0);
         assert!(!hopeless.may_begin(1000.0 * SECOND));
-        assert_eq!(hopeless.learnt(), 1.0);
+        assert_eq!(hopeless.learnt(), 3.0);
     }
 }

@@ -51,9 +51,11 @@ fn solve(timed: &mut Timed<impl Stages>, plan: &Plan, warm: bool, coarsest: usiz
         }
         for n in 0.. {
             let Some(step) = plan.step(level, n, warm) else { break };
-            if !try_step(timed, &mut start, step) {
+            if !try_step(timed, &mut start, step, warm) {
                 let relax = step.instead().into_iter();
-                relax.for_each(|relax| _ = (0..MOST_INSTEAD).all(|_| try_step(timed, &mut start, relax)));
+                relax.for_each(|relax| {
+                    _ = (0..MOST_INSTEAD).all(|_| try_step(timed, &mut start, relax, warm))
+                });
             }
             if start.is_none() {
                 reached = level;
@@ -81,8 +83,12 @@ fn solve(timed: &mut Timed<impl Stages>, plan: &Plan, warm: bool, coarsest: usiz
 
 /// Does a step, after its level's start unless that was done, if there is time. A level without time for a step is not
 /// started.
-fn try_step(timed: &mut Timed<impl Stages>, start: &mut Option<Stage>, mut step: Stage) -> bool {
-    let [once, twice] = [1, 2].map(|n| timed.fits(start.iter().chain(repeat_n(&step, n)), step.level()));
+fn try_step(timed: &mut Timed<impl Stages>, start: &mut Option<Stage>, mut step: Stage, warm: bool) -> bool {
+    let stages = |n| start.iter().chain(repeat_n(&step, n));
+    // Without a step there is no result, so the first one may take the grace period, as in `may_begin`.
+    let is_first = start.is_none() && timed.summary.sweeps + timed.summary.corrections == 0;
+    let once = timed.fits(stages(1), step.level(), is_first && !warm);
+    let twice = timed.fits(stages(2), step.level(), false);
     timed.summary.truncated |= !once;
     // The last iteration does not predict, so it must be known beforehand to be the last.
     if let Stage::Iterate { iteration, .. } = &mut step

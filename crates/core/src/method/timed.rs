@@ -57,15 +57,17 @@ impl<'a, S: Stages> Timed<'a, S> {
         self.deadline.may_begin(self.costs.least(plan, coarsest))
     }
 
-    /// True if there is time for stages on a level and for making a result of the level.
-    pub fn fits<'b>(&self, stages: impl Iterator<Item = &'b Stage>, level: usize) -> bool {
+    /// True if there is time for stages on a level and for making a result of the level; `in_grace` if both may end
+    /// within the grace period.
+    pub fn fits<'b>(&self, stages: impl Iterator<Item = &'b Stage>, level: usize, in_grace: bool) -> bool {
         let most = |stage: &Stage| match stage {
             Stage::Correct { correction, .. } if correction.first => CROWDED_FACTOR * self.costs.of(stage),
             // Charts may skip it, but need not.
             Stage::Correct { .. } => self.correction,
             _ => self.costs.of(stage),
         };
-        self.deadline.fits(stages.map(most).sum::<f64>() + self.costs.result_of(level))
+        let cost = stages.map(most).sum::<f64>() + self.costs.result_of(level);
+        if in_grace { !self.deadline.is_over(cost) } else { self.deadline.fits(cost) }
     }
 
     /// True if a result of a level can be made within the grace period.

@@ -1,6 +1,7 @@
 //! Time budgets, on a clock that the stages move: by what they cost, at a pace that the schedule has to find out.
 
 use std::cell::Cell;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
@@ -29,13 +30,13 @@ fn clock() -> Instant {
 }
 
 /// Time of a stage of a cost, both in seconds.
-type Seconds = dyn Fn(&Stage, f64) -> f64 + Sync;
+type Seconds<'a> = dyn Fn(&Stage, f64) -> f64 + Sync + 'a;
 
 /// A backend on a machine that takes `seconds` for a stage.
 struct Machine<'a, 'b> {
     run: Run<'b>,
     costs: Costs,
-    seconds: &'a Seconds,
+    seconds: &'a Seconds<'a>,
 }
 
 impl Stages for Machine<'_, '_> {
@@ -79,7 +80,13 @@ impl Scene {
     }
 
     /// Solves on a machine whose pace is taken for `pace`.
-    fn solve(&self, options: &SolveOptions, budget: Option<f64>, pace: f64, seconds: &Seconds) -> Outcome {
+    fn solve(
+        &self,
+        options: &SolveOptions,
+        budget: Option<f64>,
+        pace: f64,
+        seconds: &Seconds<'_>,
+    ) -> Outcome {
         let (tile, grid) = (&self.mesh.tiles[0], &self.grid);
         let plan = Plan::new(options);
         let pose = Pose::new(tile, |v| self.positions[v as usize], Some(&grid.rest));
@@ -141,7 +148,7 @@ fn no_solve_takes_a_fifth_and_5_ms_longer_than_its_budget() {
             Stage::Correct { level: 0, .. } => 50e-6 + 30.0 * 3.5 * cost,
             _ => 50e-6 + 30.0 * cost,
         };
-        let machines: [&Seconds; 4] = [&slower(0.3), &slower(1.0), &slower(30.0), &crowded];
+        let machines: [&Seconds<'_>; 4] = [&slower(0.3), &slower(1.0), &slower(30.0), &crowded];
         for (machine, seconds) in machines.into_iter().enumerate() {
             let whole = scene.solve(&options, None, 1.0, seconds).seconds;
             // What is known of the machine is right, or from a busy or an idle moment.
@@ -159,6 +166,34 @@ fn no_solve_takes_a_fifth_and_5_ms_longer_than_its_budget() {
                 assert!(found.energies[1] <= found.energies[0], "{solver:?}, machine {machine}, {part}");
             }
         }
+    }
+}
+
+/// Of the device's earlier solves nothing but the pace is known, so each stage in turn is the one that is held up.
+#[test]
+#[cfg_attr(miri, ignore = "too long")]
+fn a_busy_moment_of_the_machine_costs_little_of_the_gain() {
+    let (scene, options) = (Scene::new(256), SolveOptions::default());
+    let whole = scene.solve(&options, None, 1.0, &slower(1.0));
+    for (part, least) in [(0.5, 0.9), (0.25, 0.6)] {
+        let budget = part * whole.seconds;
+        let mut gains = Vec::new();
+        for held_up in 0.. {
+            let stage = AtomicUsize::new(0);
+            let seconds = |_: &Stage, cost: f64| {
+                let busy = if stage.fetch_add(1, Ordering::Relaxed) == held_up { 0.15 * budget } else { 0.0 };
+                50e-6 + cost + busy
+            };
+            let found = scene.solve(&options, Some(budget), 1.0, &seconds);
+            assert!(found.seconds <= 1.2 * budget + 5e-3, "{part}, {held_up}: {} s", found.seconds);
+            gains.push(found.gain() / whole.gain());
+            if stage.into_inner() <= held_up {
+                break;
+            }
+        }
+        let lowest = gains.iter().copied().fold(f64::MAX, f64::min);
+        println!("{part} of the time, one of {} stages held up: {lowest:.3} of the gain", gains.len() - 1);
+        assert!(lowest >= least && gains.len() > 10, "{gains:.3?}");
     }
 }
 
