@@ -1949,13 +1949,13 @@ typedef int32_t vrtm_bind;
 // Motion of points.
 typedef int32_t vrtm_fit;
 
-// Points of rigid features as one body each, all others with the skin under the warp. The default.
+// Points of rigid features as one body each, all others with the surface under the warp. The default.
 #define VRTM_FIT_FEATURE 0
 
-// All points with the skin under the warp.
+// All points with the surface under the warp.
 #define VRTM_FIT_SURFACE 1
 
-// All points with the skin alone, as if nothing were redirected.
+// All points with the surface alone, as if nothing were redirected.
 #define VRTM_FIT_NONE 2
 
 // Binding of a point.
@@ -2023,11 +2023,11 @@ typedef struct vrtm_carrier_info {
     float ms;
     // Number of points.
     uint64_t points;
-    // Points outside of all charts. They move with the skin nearest to them, without a warp.
+    // Points outside of all charts. They move with the surface nearest to them, without a warp.
     uint64_t outside;
-    // Points on triangles whose UVs are turned over within their chart; they move with the skin as well.
+    // Points on triangles whose UVs are turned over within their chart; they move with the surface as well.
     uint64_t folded;
-    // Points farther from the surface than the largest distance; they move with the skin as well.
+    // Points farther from the surface than the largest distance; they move with the surface as well.
     uint64_t too_far;
     // Features that points moved with in the last fetch.
     uint64_t features;
@@ -2046,7 +2046,7 @@ typedef struct vrtm_carrier_info {
 // that of the tangents of f o W from rest to the pose, and its height is kept along the normal. With
 // VRTM_FIT_FEATURE, points where the rigidity is over 0.75 move with their feature, a connected region with a
 // rigidity over 0.5, as one rigid body, beyond seams as well; between 0.5 and 0.75 they are blended to the surface.
-// Points that cannot be bound are counted in vrtm_carrier_info, and move with the skin alone.
+// Points that cannot be bound are counted in vrtm_carrier_info, and move with the surface alone.
 //
 // The caller destroys `*carrier`. It keeps the data that it needs alive, including the mesh and the last result, and
 // may be used after the asset is destroyed. Never busy.

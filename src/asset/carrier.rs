@@ -42,11 +42,11 @@ pub struct CarrierSettings<'a> {
 pub struct CarrierInfo {
     /// Number of points.
     pub points: u64,
-    /// Points outside of all charts. They move with the skin nearest to them, without a warp.
+    /// Points outside of all charts. They move with the surface nearest to them, without a warp.
     pub outside: u64,
-    /// Points on triangles whose UVs are turned over within their chart; they move with the skin as well.
+    /// Points on triangles whose UVs are turned over within their chart; they move with the surface as well.
     pub folded: u64,
-    /// Points farther from the surface than the largest distance; they move with the skin as well.
+    /// Points farther from the surface than the largest distance; they move with the surface as well.
     pub too_far: u64,
     /// Features that points moved with in the last fetch.
     pub features: u64,

@@ -118,7 +118,7 @@ unsafe fn optional<'a>(
 /// that of the tangents of f o W from rest to the pose, and its height is kept along the normal. With
 /// VRTM_FIT_FEATURE, points where the rigidity is over 0.75 move with their feature, a connected region with a
 /// rigidity over 0.5, as one rigid body, beyond seams as well; between 0.5 and 0.75 they are blended to the surface.
-/// Points that cannot be bound are counted in vrtm_carrier_info, and move with the skin alone.
+/// Points that cannot be bound are counted in vrtm_carrier_info, and move with the surface alone.
 ///
 /// The caller destroys `*carrier`. It keeps the data that it needs alive, including the mesh and the last result, and
 /// may be used after the asset is destroyed. Never busy.

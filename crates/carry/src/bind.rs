@@ -45,7 +45,7 @@ pub enum PointState {
 /// A bound point.
 #[derive(Clone, Copy, Debug)]
 pub struct Bound {
-    /// Its tile in `Mesh::tiles`; `NONE` for a point that moves with the skin alone.
+    /// Its tile in `Mesh::tiles`; `NONE` for a point that moves with the surface alone.
     pub tile: u32,
     /// Its triangle, by its number in `TileMesh::chart_of`, or its index in `Binding::skins`.
     pub triangle: u32,

@@ -22,12 +22,12 @@ const CHUNK: usize = 1024;
 /// Motion of points.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Fit {
-    /// Points of rigid features as one body each, all others with the skin under the warp.
+    /// Points of rigid features as one body each, all others with the surface under the warp.
     #[default]
     Feature,
-    /// All points with the skin under the warp.
+    /// All points with the surface under the warp.
     Surface,
-    /// All points with the skin alone, as if nothing were redirected.
+    /// All points with the surface alone, as if nothing were redirected.
     None,
 }
 

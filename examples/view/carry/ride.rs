@@ -90,7 +90,7 @@ fn scaled(axes: [[f32; 3]; 3], piece: &Piece, height: f32, origin: [f32; 3]) -> 
     [x, y, z, origin]
 }
 
-/// A piece that is bound to the skin alone: at the point of its triangle, with the linear map, from the plane of the
+/// A piece that is bound to the surface alone: at the point of its triangle, with the linear map, from the plane of the
 /// feature at rest to the pose, that is nearest to what the skin does under it.
 fn plain(piece: &Piece, height: f32, model: &Model, pose: &[[f32; 3]]) -> [[f32; 3]; 4] {
     let origin = piece.centre.of(model, pose);

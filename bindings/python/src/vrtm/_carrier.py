@@ -104,7 +104,7 @@ class Carrier:
 
     def states(self) -> NDArray[np.int32]:
         """How each point is bound, (points,): 0 on a chart; 1 outside of all, 2 in folded UVs and 3 too far from the
-        surface, where it moves with the skin alone."""
+        surface, where it moves with the surface alone."""
         states = np.empty(self.info.points, np.int32)
         check(library.vrtm_carrier_fetch_states(self._handle, states.ctypes.data, len(states)))
         return states
