@@ -4,9 +4,14 @@ import os
 import platform
 import statistics
 import time
+from pathlib import Path
 
 import solve
 import vrtm
+
+RESULTS = Path(__file__).resolve().parents[1] / "results"
+# The records of the one hardware GPU on which vrtm was timed.
+GPU = "nvidia-h100-80gb-hbm3"
 
 # The paper's times in milliseconds on an Intel Xeon X5550 and an NVIDIA GTX Titan: preprocess, warp; and rendering
 # without the warp, inversion, rendering with it.
@@ -99,8 +104,30 @@ def machine():
         return platform.processor() or platform.machine()
 
 
+def recorded(table, *start):
+    """The cells of the first row of benches/results/`table` that starts with the cells `start`."""
+    for line in (RESULTS / table).read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        if tuple(cells[: len(start)]) == start:
+            return cells
+    raise LookupError(f"{table} has no row that starts with {start}")
+
+
+def on_gpu():
+    """The face at the paper's size on a hardware GPU: lines in Markdown."""
+    draft, normal = (recorded(f"gpu-{GPU}.md", "mh_face", "2048²", quality) for quality in ("draft", "normal"))
+    strain = f"{draft[8].split()[0]}, {draft[8].split()[-1]}, {normal[8].split()[-1]}"
+    return [
+        "| ours, on an H100 | grid | warp: `draft` | `normal` | inversion and reading back | strain: original, "
+        "`draft`, `normal` |",
+        "|---|---|---|---|---|---|",
+        f"| face, another expression | 2048² | {float(draft[5]):.1f} | {float(normal[5]):.1f} | {float(normal[7]):.1f} | "
+        f"{strain} |",
+    ]
+
+
 def lines(result):
-    """Both tables in Markdown."""
+    """The tables in Markdown."""
     out = [
         "| paper's row | ours | grid | movable nodes | preprocess: paper, ours | first frame | warp: paper | "
         "ours, `draft` | ours, `normal` | strain: original, `draft`, `normal` |",
@@ -115,21 +142,28 @@ def lines(result):
         )
     out += [
         "",
-        "| paper's row | ours | size | inversion: paper | ours | rendering, paper: without, with | ours |",
+        "| paper's row | ours | size | inversion: paper | ours | rendering, paper: without, with | ours, on an H100 |",
         "|---|---|---|---|---|---|---|",
     ]
+    # The first rows of the record are the whole mesh's; it has the mug alone.
+    drawn = ", ".join(recorded(f"render-{GPU}.md", way)[3] for way in ("original", "forward-implicit"))
     for row in result["rows"]:
         rendering = PAPER[row["row"]][3]
         if rendering:
             out.append(
                 f"| {row['row']} | {row['model']}, {row['note']} | {row['grid']}² | {rendering[1]:.2f} | "
-                f"{row['invert']:.0f} | {rendering[0]:.2f}, {rendering[2]:.2f} | not timed on a GPU |"
+                f"{row['invert']:.0f} | {rendering[0]:.2f}, {rendering[2]:.2f} | "
+                f"{drawn if row['model'] == 'mug' else '-'} |"
             )
     loads = [row["load"] for row in result["rows"]]
-    out += [
+    return [
+        *out,
+        "",
+        *on_gpu(),
         "",
         f"Milliseconds. The paper's: Intel Xeon X5550 and NVIDIA GTX Titan, on the GPU. Ours: {result['machine']}, "
         f"{result['threads']} threads, on the CPU; medians of {result['repeats']}. The machine was shared: its load "
-        f"average after each row was {min(loads)} to {max(loads)}, of which up to {result['threads']} are ours.",
+        f"average after each row was {min(loads)} to {max(loads)}, of which up to {result['threads']} are ours. "
+        f"On the H100: [the solver](../benches/results/gpu-{GPU}.md), with kernels that were rewritten since, and "
+        f"[drawing](../benches/results/render-{GPU}.md) at 1920 x 1080 with the original UVs and through a map of 1024.",
     ]
-    return out
