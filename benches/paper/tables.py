@@ -121,8 +121,8 @@ def on_gpu():
         "| ours, on an H100 | grid | warp: `draft` | `normal` | inversion and reading back | strain: original, "
         "`draft`, `normal` |",
         "|---|---|---|---|---|---|",
-        f"| face, another expression | 2048² | {float(draft[5]):.1f} | {float(normal[5]):.1f} | {float(normal[7]):.1f} | "
-        f"{strain} |",
+        f"| face, another expression | 2048² | {float(draft[5]):.1f} | {float(normal[5]):.1f} | "
+        f"{float(normal[7]):.1f} | {strain} |",
     ]
 
 
@@ -164,6 +164,6 @@ def lines(result):
         f"Milliseconds. The paper's: Intel Xeon X5550 and NVIDIA GTX Titan, on the GPU. Ours: {result['machine']}, "
         f"{result['threads']} threads, on the CPU; medians of {result['repeats']}. The machine was shared: its load "
         f"average after each row was {min(loads)} to {max(loads)}, of which up to {result['threads']} are ours. "
-        f"On the H100: [the solver](../benches/results/gpu-{GPU}.md), with kernels that were rewritten since, and "
-        f"[drawing](../benches/results/render-{GPU}.md) at 1920 x 1080 with the original UVs and through a map of 1024.",
+        f"On the H100: the solver (`benches/results/gpu-{GPU}.md`), with kernels that were rewritten since, and "
+        f"drawing (`benches/results/render-{GPU}.md`) at 1920 x 1080 with the original UVs and through a map of 1024.",
     ]
