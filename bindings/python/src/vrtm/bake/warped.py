@@ -108,7 +108,7 @@ def read(path: str) -> Texture:
     channels = tuple(spec.channelnames)
     kept = {a.name: (str(a.type), a.value) for a in spec.extra_attribs if _can_be_kept(a)}
     form = _format(source, str(pixels.dtype), len(channels))
-    hashed = Fingerprint().text(VERSION, oiio.__version__, form, channels, spec.alpha_channel).array(pixels)
+    hashed = Fingerprint().text(VERSION, oiio.VERSION_STRING, form, channels, spec.alpha_channel).array(pixels)
     for name in sorted(kept):
         hashed.text(name, kept[name])
     if spec.alpha_channel >= 0 and form != "openexr":
