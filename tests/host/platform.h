@@ -28,6 +28,9 @@
 #include <dlfcn.h>
 #if defined(__GLIBC__)
 #include <malloc.h>
+#if __GLIBC_PREREQ(2, 33)
+#define PLATFORM_TELLS_HEAP
+#endif
 #endif
 #include <pthread.h>
 #include <time.h>
@@ -260,7 +263,7 @@ static inline long platform_memory(void)
  * keeps in its arenas depends on which threads met there: it comes and goes by megabytes. */
 static inline long platform_heap(void)
 {
-#if defined(__GLIBC__) && __GLIBC_PREREQ(2, 33)
+#if defined(PLATFORM_TELLS_HEAP)
     const struct mallinfo2 heap = mallinfo2();
     return (long)((heap.uordblks + heap.hblkhd) / 1024);
 #else
