@@ -93,7 +93,7 @@ def missing(obj: bpy.types.Object) -> str | None:
 
 def _is_made(obj: bpy.types.Object) -> bool:
     """True if a modifier of the object makes the attribute, before others make other faces."""
-    made = layer_nodes.modifier_of(obj)
+    made = layer_nodes.GROUP.modifier_of(obj)
     if made is None or layer_nodes.stamp_of(obj) is None:
         return False
     return not any(map(tap.changes_topology, obj.modifiers[: obj.modifiers.find(made.name)]))
