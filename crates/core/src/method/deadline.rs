@@ -41,7 +41,7 @@ impl Deadline {
         let ends = budget.and_then(|budget| {
             // The API allows a fifth more plus 5 ms for the whole call; the rest of that is for work after the solves.
             let most = budget.min(whole.unwrap_or(budget));
-            // Hardly any time is none.
+            // A budget of microseconds gives the identity at once, and not a result after 3 ms.
             let over = most.mul_f64(1.17).saturating_add(most.min(Duration::from_millis(3)));
             Some([start.checked_add(budget)?, start.checked_add(over)?])
         });

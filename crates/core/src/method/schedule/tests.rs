@@ -169,7 +169,7 @@ fn no_solve_takes_a_fifth_and_5_ms_longer_than_its_budget() {
     }
 }
 
-/// Of the device's earlier solves nothing but the pace is known, so each stage in turn is the one that is held up.
+/// Each stage in turn is held up for 0.15 of the budget: little enough for a result within the grace period.
 #[test]
 #[cfg_attr(miri, ignore = "too long")]
 fn a_busy_moment_of_the_machine_costs_little_of_the_gain() {
