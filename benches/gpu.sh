@@ -15,8 +15,8 @@ cd "$(dirname "$0")/.."
 if [ -n "${VRTM_BENCH:-}" ]; then
     exec "$VRTM_BENCH" "$@"
 fi
-cargo bench --bench gpu -- "$@"
+cargo bench -p vrtm-benches --bench gpu -- "$@"
 case " $* " in
 *" --counts "*) ;;
-*) cargo bench --bench render ;;
+*) cargo bench -p vrtm-benches --bench render ;;
 esac

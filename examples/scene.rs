@@ -2,16 +2,12 @@
 //!
 //! `cargo run --release --example scene -- mug_to_jug out/mug_to_jug`
 
-#[path = "scenes/save.rs"]
-mod save;
-#[path = "scenes/mod.rs"]
-mod scenes;
-
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
 use clap::builder::PossibleValuesParser;
+use vrtm_testkit::{save, scenes};
 
 /// Writes a built-in scene as a folder with asset.json, rest.obj, frames.f32 and rigidity maps.
 #[derive(Parser)]

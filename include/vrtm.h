@@ -2,7 +2,7 @@
  * vrtm: keeps painted features rigid while the surface under them deforms.
  *
  * SPDX-License-Identifier: MIT OR Apache-2.0
- * Generated from crates/capi/src: do not edit. `VRTM_UPDATE_HEADER=1 cargo test --test c_api header::` writes it again.
+ * Generated from capi/src: do not edit. `VRTM_UPDATE_HEADER=1 cargo test --test c_api header::` writes it again.
  *
  * THE PIPELINE
  *

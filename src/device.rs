@@ -9,7 +9,6 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use vrtm_core::allocation::{self, Current, boxed};
 use vrtm_core::backend::{Gpu, Options, TileSolver};
 use vrtm_core::control::Control;
-use vrtm_core::cpu;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::Grid;
 use vrtm_core::mesh::TileMesh;
@@ -19,6 +18,7 @@ use vrtm_core::report::{AdapterInfo, DeviceInfo, report};
 use vrtm_core::settings::{AdapterId, Backend, DeviceSettings, LogLevel, MAX_THREADS};
 use vrtm_core::team::{Crew, Executor, Team};
 use vrtm_core::unwind::caught;
+use vrtm_cpu as cpu;
 
 /// A backend on which assets are solved. Cloning gives another handle to the same device.
 #[derive(Clone, Debug)]

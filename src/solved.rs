@@ -8,13 +8,13 @@ use glam::DVec2;
 use vrtm_beyond::gutter::{Gutter, LimitedTexels};
 use vrtm_core::allocation::Vec;
 use vrtm_core::backend::Warp;
-use vrtm_core::cpu::invert;
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::{Plane, slot};
 use vrtm_core::mesh::{NONE, TileMesh};
 use vrtm_core::method::plan::ChartResult;
 use vrtm_core::report::{GpuWork, TileReport};
 use vrtm_core::settings::Overlap;
+use vrtm_cpu::invert;
 
 /// A tile's last good solve.
 #[derive(Debug)]

@@ -1,20 +1,17 @@
 //! Measures solves with a time budget: the time that a solve takes, and the fraction of the full solve's gain in energy
 //! that it reaches. First for a tile whose memory has never been used, then for a tile that has been solved before.
 //!
-//!     cargo bench --bench budget
-//!     cargo bench --bench budget -- --grids 512 --scenes squash
+//!     cargo bench -p vrtm-benches --bench budget
+//!     cargo bench -p vrtm-benches --bench budget -- --grids 512 --scenes squash
 
 #![allow(missing_docs)]
-
-#[path = "../../tests/common/mod.rs"]
-mod common;
 
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use common::{Model, scenes};
 use vrtm::{Asset, Backend, Device, DeviceSettings, SolveOptions};
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
+use vrtm_testkit::{Model, scenes};
 
 /// Measures solves with a time budget.
 #[derive(Parser)]

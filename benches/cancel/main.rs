@@ -1,13 +1,10 @@
 //! Measures how long a solve continues after it is cancelled at various moments, and how long reading its last result
 //! takes meanwhile. First for a tile that has to be prepared, then for a tile that has been solved before.
 //!
-//!     cargo bench --bench cancel
-//!     cargo bench --bench cancel -- --grids 512 --scenes mug_to_jug
+//!     cargo bench -p vrtm-benches --bench cancel
+//!     cargo bench -p vrtm-benches --bench cancel -- --grids 512 --scenes mug_to_jug
 
 #![allow(missing_docs)]
-
-#[path = "../../tests/common/mod.rs"]
-mod common;
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,8 +12,8 @@ use std::thread::{scope, sleep};
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use common::{Model, scenes};
 use vrtm::{Asset, Backend, Control, Device, DeviceSettings, ErrorKind, SolveRequest};
+use vrtm_testkit::{Model, scenes};
 
 /// Measures cancelled solves.
 #[derive(Parser)]

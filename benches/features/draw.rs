@@ -4,8 +4,8 @@
 use image::{Rgb, RgbImage};
 use vrtm::{Asset, FetchKind};
 
-use crate::common::features::of_asset;
-use crate::common::{Maps, Model, fetch};
+use vrtm_testkit::features::of_asset;
+use vrtm_testkit::{Maps, Model, fetch};
 
 /// Camera of a scene: degrees around it and upward, its size relative to the picture, and the point in the middle, in
 /// extents of the mesh from its own middle, to the right and up.

@@ -1,14 +1,12 @@
 //! Measures the error of each painted feature: inside of charts, at open borders and at seams. Writes a table.
 //!
-//!     cargo bench --bench features
-//!     cargo bench --bench features -- --grid 256 --scenes fox --qualities draft,normal
-//!     cargo bench --bench features -- --dense --settings default,protect=0.5,protect=1
-//!     cargo bench --bench features -- --grid 0 --at-texels --settings default
+//!     cargo bench -p vrtm-benches --bench features
+//!     cargo bench -p vrtm-benches --bench features -- --grid 256 --scenes fox --qualities draft,normal
+//!     cargo bench -p vrtm-benches --bench features -- --dense --settings default,protect=0.5,protect=1
+//!     cargo bench -p vrtm-benches --bench features -- --grid 0 --at-texels --settings default
 
 #![allow(missing_docs)]
 
-#[path = "../../tests/common/mod.rs"]
-mod common;
 mod draw;
 mod sweep;
 
@@ -17,10 +15,10 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use common::Model;
-use common::features::dense::dense;
-use common::features::{CASES, Kind, Summary, gaps, models, of_asset, solve};
 use vrtm::{OpenBorders, Quality, Seams, Strided};
+use vrtm_testkit::Model;
+use vrtm_testkit::features::dense::dense;
+use vrtm_testkit::features::{CASES, Kind, Summary, gaps, models, of_asset, solve};
 
 /// Measures the error of each painted feature.
 #[derive(Parser)]
@@ -148,7 +146,7 @@ fn rows(
     [seams, open]: [&String; 2],
     grid: u32,
 ) -> Result<String, String> {
-    let options = common::options(match quality {
+    let options = vrtm_testkit::options(match quality {
         "draft" => Quality::Draft,
         "normal" => Quality::Normal,
         other => return Err(format!("--qualities {other}: neither draft nor normal")),

@@ -3,11 +3,11 @@
 use std::time::Instant;
 
 use vrtm::{Asset, OpenBorders, Quality, Seams, Strided, TileSettings};
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
 
-use crate::common::features::{at_texels, of_asset, rms};
-use crate::common::roughness::second_difference;
-use crate::common::{Model, options};
+use vrtm_testkit::features::{at_texels, of_asset, rms};
+use vrtm_testkit::roughness::second_difference;
+use vrtm_testkit::{Model, options};
 
 pub const HEAD: &str = "| scene | setting | ms | features | RMS strain before | after | mean after | over 0.05 before | after | worse by 0.02 | worst | second difference, cells |
 |---|---|---|---|---|---|---|---|---|---|---|---|

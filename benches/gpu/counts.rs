@@ -5,8 +5,8 @@ use std::fmt::Write;
 
 use vrtm::{Asset, Device, GpuWork, SolveOptions, TileReport};
 
-use crate::common::{Model, assets, scenes};
 use crate::table::{draft, paper};
+use vrtm_testkit::{Model, assets, scenes};
 
 /// Bandwidths for which lower bounds of the time are given: that of an H200's memory as stated by its maker, and that
 /// of a laptop.

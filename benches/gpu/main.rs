@@ -3,8 +3,6 @@
 #![allow(missing_docs)]
 
 mod ceiling;
-#[path = "../../tests/common/mod.rs"]
-mod common;
 mod counts;
 mod parity;
 mod table;
@@ -90,11 +88,12 @@ fn run(args: &Args) -> Result<(), String> {
     say(parity::table(&device)?);
     say(table::head());
     for &size in &args.sizes {
-        let bulge = common::Model::from(common::scenes::by_name("bulge").ok_or("no scene 'bulge'")?);
+        let bulge =
+            vrtm_testkit::Model::from(vrtm_testkit::scenes::by_name("bulge").ok_or("no scene 'bulge'")?);
         table::rows(&device, &bulge, 1, size, args.solves, &mut say)?;
     }
     for (name, frame) in [("mh_face", 1), ("ict_inner", 2)] {
-        match common::assets().into_iter().find(|model| model.name == name) {
+        match vrtm_testkit::assets().into_iter().find(|model| model.name == name) {
             Some(model) => table::rows(&device, &model, frame, args.asset_size, args.solves, &mut say)?,
             None => say(format!("| {name} | not there | | | | | | | | | | | | |\n")),
         }

@@ -3,9 +3,9 @@
 use std::fmt::Write;
 
 use vrtm::{Device, Quality, SolveOptions};
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
 
-use crate::common::{Model, scenes};
+use vrtm_testkit::{Model, scenes};
 
 const GRID: u32 = 256;
 /// The RMS difference of the displacements, in cells, above which the times of the two backends are not compared.

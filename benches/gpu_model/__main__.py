@@ -51,7 +51,7 @@ def forms(root, wanted):
         if anew != parts:
             variants.append(anew)
         for variant in variants:
-            files = [root / f"crates/gpu/shaders/{part}.wgsl" for part in ("generated", "common", *variant)]
+            files = [root / f"shaders/{part}.wgsl" for part in ("generated", "common", *variant)]
             form = [part.rsplit("_", 1)[-1] for part in variant if part.endswith(("_anew", "_kept"))]
             counted = f"{entry} ({parts[0]}"
             yield Kernel(

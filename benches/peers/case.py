@@ -53,7 +53,7 @@ class Case:
 
 
 def load(folder: Path) -> Case:
-    """A case that `cargo bench --bench speed_error -- --export` wrote."""
+    """A case that `cargo bench -p vrtm-benches --bench speed_error -- --export` wrote."""
     facts = json.loads((folder / "case.json").read_text())
     grid = facts["grid"]
     mesh = Mesh(folder / "rest.obj", facts["udim"], grid)

@@ -1,16 +1,14 @@
 //! Measures the cost of preparing a tile: seconds, the process's peak memory and the memory kept, over the grid's size
 //! and its active share. Each case runs in a separate process, so that peaks are independent.
 //!
-//!     cargo bench --bench prepare
-//!     cargo bench --bench prepare -- --grids 4096,8192 --shares 0.02,0.25 --solve --out benches/results/prepare
+//!     cargo bench -p vrtm-benches --bench prepare
+//!     cargo bench -p vrtm-benches --bench prepare -- --grids 4096,8192 --shares 0.02,0.25 --solve --out benches/results/prepare
 
 #![allow(missing_docs)]
 
 mod case;
 mod memory;
 mod plot;
-#[path = "../../tests/common/sixteen.rs"]
-mod sixteen;
 
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};

@@ -16,7 +16,7 @@ const TITLES: [&str; 3] = ["Seconds", "Peak of memory, MiB", "Memory held, MiB"]
 const ABOUT: &str = "\
 # Preparing a tile
 
-`cargo bench --bench prepare -- --solve` on the CPU. Sixteen charts cover a share of the tile, with discs of rigidity all over
+`cargo bench -p vrtm-benches --bench prepare -- --solve` on the CPU. Sixteen charts cover a share of the tile, with discs of rigidity all over
 its map (8 bits). Seconds of preparing it; bytes of the process beyond what the caller holds, at the peak and when the tile
 is prepared, so that the mesh (16,384 quads) and the map count; then a first solve (`normal`), another one, the whole map
 fetched in bands of 128 rows, the peak of all of that, and what stays.

@@ -1,21 +1,18 @@
 //! Measures what a host that plays frames waits for: solves with their stages, what they leave of the strain, and
 //! outputs.
 //!
-//!     cargo bench --bench real_time
-//!     cargo bench --bench real_time -- --grids 512 --scenes bulge,squash
+//!     cargo bench -p vrtm-benches --bench real_time
+//!     cargo bench -p vrtm-benches --bench real_time -- --grids 512 --scenes bulge,squash
 
 #![allow(missing_docs)]
-
-#[path = "../../tests/common/mod.rs"]
-mod common;
 
 use std::time::{Duration, Instant};
 
 use clap::{Parser, ValueEnum};
-use common::{Model, scenes};
 use vrtm::{
     Asset, Device, FetchKind, ImageLayout, ImageViewMut, PixelFormat, Quality, SolveOptions, StageTimes,
 };
+use vrtm_testkit::{Model, scenes};
 
 /// Measures solves, their stages, and outputs.
 #[derive(Parser)]
@@ -71,7 +68,7 @@ fn main() {
     if !args.bench {
         (args.grids, args.repeats) = (vec![128], 1);
     }
-    let device = common::cpu(args.threads);
+    let device = vrtm_testkit::cpu(args.threads);
     println!("Milliseconds on {} threads, the shortest of {} runs.", device.info().threads, args.repeats);
     let models: Vec<Model> = args.scenes.iter().map(|name| model(name)).collect();
     if !args.outputs {

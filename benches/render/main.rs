@@ -1,32 +1,30 @@
 //! Measures the cost of drawing through a redirection map, and the picture's difference from one whose texture was
 //! warped beforehand: over sizes of the map, for a view of the whole mesh and for a view of a part of it.
 //!
-//!     cargo bench --bench render
-//!     cargo bench --bench render -- --size 1920x1080 --maps 1024,4096 --rounds 31
+//!     cargo bench -p vrtm-benches --bench render
+//!     cargo bench -p vrtm-benches --bench render -- --size 1920x1080 --maps 1024,4096 --rounds 31
 
 #![allow(missing_docs)]
 
-#[path = "../../examples/render/mod.rs"]
-mod render;
 mod table;
 
 use std::process::ExitCode;
 
 use clap::Parser;
-use render::Result;
-use render::camera::View;
-use render::difference::difference;
-use render::draw::Renderer;
-use render::gpu::Gpu;
-#[cfg(target_os = "linux")]
-use render::live::{self, Live, Transport};
-#[cfg(target_os = "linux")]
-use render::maps::Solved;
-use render::model::Model;
-use render::stage::{Stage, medians, shot};
-use render::ways::{ALL, Map, ORIGINAL};
 use table::Row;
 use vrtm::{Backend, DeviceSettings};
+use vrtm_render::Result;
+use vrtm_render::camera::View;
+use vrtm_render::difference::difference;
+use vrtm_render::draw::Renderer;
+use vrtm_render::gpu::Gpu;
+#[cfg(target_os = "linux")]
+use vrtm_render::live::{self, Live, Transport};
+#[cfg(target_os = "linux")]
+use vrtm_render::maps::Solved;
+use vrtm_render::model::Model;
+use vrtm_render::stage::{Stage, medians, shot};
+use vrtm_render::ways::{ALL, Map, ORIGINAL};
 
 /// Measures drawing through a redirection map.
 #[derive(Parser)]
@@ -190,7 +188,7 @@ fn measure(
     let camera = stage.camera(renderer, view, size);
     let material = renderer.material(&stage.colours, None)?;
     let warped = renderer.material(stage.warped.as_ref().ok_or("no reference")?, None)?;
-    // All sensible ways. The error of a map with mip levels is measured in `tests/gpu/draw.rs`.
+    // All sensible ways. The error of a map with mip levels is measured in `crates/gpu/tests/gpu/draw.rs`.
     let ways: Vec<_> = ALL.into_iter().filter(|way| way.map != Map::DeltaMips).collect();
     let pipelines: Vec<_> = ways.iter().map(|way| renderer.pipelines(way, false)).collect();
     let maps =

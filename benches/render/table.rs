@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use vrtm::MapReport;
 
-use crate::render::difference::Difference;
-use crate::render::gpu::Gpu;
+use vrtm_render::difference::Difference;
+use vrtm_render::gpu::Gpu;
 
 pub struct Row {
     pub way: &'static str,
@@ -35,7 +35,7 @@ pub fn head(
     };
     let mut text = format!(
         "# Drawing through a redirection map\n\n\
-         `cargo bench --bench render`: {scene}, frame {frame}, {width} x {height} pixels, a texture of {texture} x {texture} \
+         `cargo bench -p vrtm-benches --bench render`: {scene}, frame {frame}, {width} x {height} pixels, a texture of {texture} x {texture} \
          with mips ({filter}), on {} ({machine}, {cores} cores).\n\n",
         gpu.name
     );
@@ -115,7 +115,7 @@ pub const FRAMES: &str = "\n## Frames\n\n\
 
 /// A row of it.
 #[cfg(target_os = "linux")]
-pub fn frame(name: &str, side: u32, t: &crate::render::live::Times) -> String {
+pub fn frame(name: &str, side: u32, t: &vrtm_render::live::Times) -> String {
     format!("| {name} | {side} | {:.2} | {:.2} | {:.2} | {:.2} |\n", t.frame(), t.solve, t.map, t.draw)
 }
 

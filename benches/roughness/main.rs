@@ -1,26 +1,21 @@
 //! Measures how smoothly the warp depends on the pose, on all scenes, and writes a table, and JSON for comparisons.
 //!
-//!     cargo bench --bench roughness
-//!     cargo bench --bench roughness -- --grid 512 --qualities draft,normal --scenes fox
-//!     cargo bench --bench roughness -- --follow --scenes fox,arm
+//!     cargo bench -p vrtm-benches --bench roughness
+//!     cargo bench -p vrtm-benches --bench roughness -- --grid 512 --qualities draft,normal --scenes fox
+//!     cargo bench -p vrtm-benches --bench roughness -- --follow --scenes fox,arm
 
 #![allow(missing_docs)]
 
-#[path = "../../tests/common/mod.rs"]
-mod common;
 mod follow;
-#[allow(dead_code)] // Of `speed_error`, only the alternating poses are used.
-#[path = "../speed_error/scenes.rs"]
-mod scenes;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use common::roughness::Roughness;
 use follow::Followed;
 use serde_json::json;
 use vrtm::{Backend, Device, DeviceSettings, Quality};
+use vrtm_testkit::roughness::Roughness;
 
 /// Measures how smooth the warp is as a function of the pose.
 #[derive(Parser)]
@@ -87,10 +82,10 @@ fn run(args: &Args) -> Result<(), String> {
     let mut text = head.to_owned();
     print!("{head}");
     let mut rows = Vec::new();
-    for case in scenes::cases(&args.scenes, args.grid)? {
+    for case in vrtm_testkit::cases::cases(&args.scenes, args.grid)? {
         for quality in &args.qualities {
             let (mut asset, tile) = case.asset(&device);
-            let options = common::options(parsed(quality)?);
+            let options = vrtm_testkit::options(parsed(quality)?);
             if args.follow {
                 let line = followed(
                     &format!("{} {} | {quality}", case.name, case.frame),

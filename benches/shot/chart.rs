@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::common::Model;
+use vrtm_testkit::Model;
 
 /// A triangle of a face: indices into the corners of the mesh.
 type Triangle = [usize; 3];

@@ -1,27 +1,22 @@
 //! A shot: a smooth motion through rest and all frames of an asset, solved frame by frame. It writes the input from
 //! which `shot.py` makes a film and a plot, and prints where W changes least smoothly; see README.md.
 //!
-//!     cargo bench --bench shot -- --out /tmp/shot
-//!     cargo bench --bench shot -- --out /tmp/warm --scenes fox,bulge --grid 512 --warm
+//!     cargo bench -p vrtm-benches --bench shot -- --out /tmp/shot
+//!     cargo bench -p vrtm-benches --bench shot -- --out /tmp/warm --scenes fox,bulge --grid 512 --warm
 
 #![allow(missing_docs)]
 
-#[path = "../../tests/common/mod.rs"]
-mod common;
 mod chart;
 mod play;
-#[allow(dead_code)] // Shots use all tiles of a case, and none of its poses.
-#[path = "../speed_error/scenes.rs"]
-mod scenes;
 
 use std::path::{Path as FilePath, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, ValueEnum};
-use common::scenes::path::Path;
-use scenes::Case;
 use serde_json::json;
 use vrtm::{Backend, Device, DeviceSettings, SolveOptions};
+use vrtm_testkit::cases::Case;
+use vrtm_testkit::scenes::path::Path;
 
 /// Solves a shot of each asset, and writes its frames and how smoothly W changes.
 #[derive(Parser)]
@@ -109,13 +104,13 @@ fn run(args: &Args) -> Result<(), String> {
         .map_err(|error| error.to_string())?;
     let mut names = args.scenes.clone();
     if names.is_empty() {
-        names = common::assets().into_iter().map(|model| model.name).collect();
+        names = vrtm_testkit::assets().into_iter().map(|model| model.name).collect();
     }
     if names.is_empty() {
         return Err("no assets are there: name scenes with --scenes".into());
     }
     let out = args.out.clone().unwrap_or_else(|| FilePath::new(env!("CARGO_TARGET_TMPDIR")).join("shot"));
-    for case in scenes::cases(&names, args.grid)? {
+    for case in vrtm_testkit::cases::cases(&names, args.grid)? {
         shoot(args, &case, &device, &out.join(&case.name))?;
     }
     Ok(())
@@ -126,7 +121,7 @@ fn shoot(args: &Args, case: &Case, device: &Device, folder: &FilePath) -> Result
     let keys = std::iter::once(&case.model.rest).chain(&case.model.frames).map(Vec::as_slice).collect();
     let path = Path::new(keys, args.frames).map_err(|why| format!("{}: {why}", case.model.name))?;
     let poses: Vec<_> = (1..=args.frames).map(|frame| path.pose(frame)).collect();
-    common::save(&case.model, &poses, &folder.join("asset"))?;
+    vrtm_testkit::save(&case.model, &poses, &folder.join("asset"))?;
     let rows = play::play(case, &path, args.frames, device, &args.options())?;
     let peak =
         rows.iter().max_by(|a, b| a.warp.max.total_cmp(&b.warp.max)).ok_or("fewer than three frames")?;

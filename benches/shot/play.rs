@@ -4,11 +4,11 @@ use std::fmt::Write as _;
 
 use vrtm::{Asset, Device, SolveOptions, Strided};
 
-use crate::common::motion::{Points, Spread, cells, edges, of_edges, of_positions};
-use crate::common::roughness::second_difference;
-use crate::common::scenes::path::Path;
-use crate::common::{Warp, doubles};
-use crate::scenes::Case;
+use vrtm_testkit::cases::Case;
+use vrtm_testkit::motion::{Points, Spread, cells, edges, of_edges, of_positions};
+use vrtm_testkit::roughness::second_difference;
+use vrtm_testkit::scenes::path::Path;
+use vrtm_testkit::{Warp, doubles};
 
 /// The second differences of one frame and its two neighbours.
 pub struct Row {

@@ -5,14 +5,14 @@ use std::time::Instant;
 
 use serde_json::{Value, json};
 use vrtm::{Quality, SolveOptions, TileSettings};
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
 
-use crate::common::{Model, cpu, scenes};
 use crate::machine::paired;
 use crate::plain::Plain;
 use crate::plain_mesh::PlainMesh;
 use crate::rows::{median, short};
-use crate::scenes::Case;
+use vrtm_testkit::cases::Case;
+use vrtm_testkit::{Model, cpu, scenes};
 
 /// Time of one node's update, in nanoseconds.
 pub struct NodeCost {

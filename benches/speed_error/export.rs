@@ -4,11 +4,11 @@ use std::path::Path;
 
 use serde_json::json;
 use vrtm::{SolveOptions, Strided};
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
 
-use crate::common::{cpu, obj};
 use crate::rows::{Times, median};
-use crate::scenes::Case;
+use vrtm_testkit::cases::Case;
+use vrtm_testkit::{cpu, obj};
 
 /// Writes `DIR/SCENE/`: rest.obj and pose.obj with the original UVs, rigidity.png, warp.f32 (displacements of `normal`
 /// in cells, row by row from v = 0, two little-endian f32 each), movable.u8 (per node, 1 if it may move) and case.json.

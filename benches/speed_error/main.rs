@@ -1,15 +1,13 @@
 //! Measures speed against error: every solver at every effort on every scene, with error and time as CSV, JSON, plots
 //! and a table.
 //!
-//!     cargo bench --bench speed_error
-//!     cargo bench --bench speed_error -- --quick
-//!     cargo bench --bench speed_error -- --export DIR     (for benches/peers/)
+//!     cargo bench -p vrtm-benches --bench speed_error
+//!     cargo bench -p vrtm-benches --bench speed_error -- --quick
+//!     cargo bench -p vrtm-benches --bench speed_error -- --export DIR     (for benches/peers/)
 
 #![allow(missing_docs)]
 
 mod claims;
-#[path = "../../tests/common/mod.rs"]
-mod common;
 mod cost;
 mod efforts;
 mod export;
@@ -20,7 +18,6 @@ mod plain_mesh;
 mod plots;
 mod rows;
 mod runs;
-mod scenes;
 mod table;
 
 use std::path::{Path, PathBuf};
@@ -97,7 +94,7 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Result<(), String> {
-    let cases = scenes::cases(&args.scenes, args.grid)?;
+    let cases = vrtm_testkit::cases::cases(&args.scenes, args.grid)?;
     if let Some(folder) = &args.export {
         return cases.iter().try_for_each(|case| export::export(case, folder, args.repeats));
     }

@@ -4,12 +4,12 @@
 use std::time::Instant;
 
 use vrtm::TileReport;
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
 
-use crate::common::{cpu, on_all_cores};
 use crate::rows::Row;
 use crate::runs::SolvedRow;
-use crate::scenes::Case;
+use vrtm_testkit::cases::Case;
+use vrtm_testkit::{cpu, on_all_cores};
 
 /// A case with the results of all efforts.
 pub struct Done {

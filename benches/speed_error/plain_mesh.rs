@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::scenes::Case;
+use vrtm_testkit::cases::Case;
 
 const NONE: u32 = u32::MAX;
 /// Barycentric tolerance: a point on an edge belongs to the triangles on both sides.

@@ -2,12 +2,12 @@
 //! affects all efforts alike and ratios can be taken within a round.
 
 use vrtm::{Asset, Device, SolveOptions, Strided};
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
 
-use crate::common::on_all_cores;
 use crate::efforts::{Effort, NORMAL, Who};
 use crate::rows::{Row, Times, median};
-use crate::scenes::Case;
+use vrtm_testkit::cases::Case;
+use vrtm_testkit::on_all_cores;
 
 /// Number of timed runs of each effort.
 #[derive(Clone, Copy, Debug)]

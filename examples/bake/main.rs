@@ -14,8 +14,6 @@ mod obj;
 mod output;
 mod overwrite;
 mod report;
-#[path = "../scenes/mod.rs"]
-mod scenes;
 mod source;
 
 use std::collections::BTreeSet;

@@ -10,7 +10,7 @@ use crate::failure::{Failure, Result, read};
 use crate::maps::Map;
 use crate::mesh::{Mesh, Positions};
 use crate::obj;
-use crate::scenes::{self, Scene};
+use vrtm_testkit::scenes::{self, Scene};
 
 /// An input file, after the option that names it.
 pub type Input = (&'static str, PathBuf);

@@ -9,9 +9,9 @@ use vrtm::Backend;
 use crate::carry::Shape;
 use crate::gltf::Choice;
 use crate::panel::viewport::Panes;
-use crate::scenes;
 use crate::source::Files;
 use crate::timeline::RATE;
+use vrtm_testkit::scenes;
 
 /// Shows how painted features keep their shape while a mesh deforms: orbit, scrub, paint what is rigid.
 ///

@@ -32,8 +32,6 @@ mod maps;
 mod mesh;
 #[path = "../bake/obj.rs"]
 mod obj;
-#[path = "../scenes/mod.rs"]
-mod scenes;
 #[allow(dead_code)]
 #[path = "../bake/source.rs"]
 mod source;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::derived::Same;
 use vrtm_core::allocation::Vec;
 use vrtm_core::backend::Warp;
-use vrtm_core::cpu::certify::Certificate;
 use vrtm_core::grid::Grid;
+use vrtm_cpu::certify::Certificate;
 
 /// The key of the copies of all tiles.
 #[derive(Debug, PartialEq)]

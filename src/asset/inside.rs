@@ -1,4 +1,4 @@
-//! What tests and benches read of an asset (crate `vrtm-lab`).
+//! What tests and benches read of an asset (crate `vrtm-testkit`).
 
 use std::sync::Arc;
 

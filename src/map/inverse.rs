@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use crate::device::Device;
 use vrtm_core::allocation::Vec;
-use vrtm_core::cpu::invert::{self, Inverse};
 use vrtm_core::error::Result;
 use vrtm_core::image::ImagePart;
 use vrtm_core::image::format::PixelFormat;
 use vrtm_core::team::Team;
+use vrtm_cpu::invert::{self, Inverse};
 
 use super::Form;
 use super::canvas::Canvas;

@@ -6,12 +6,12 @@ use std::ffi::c_void;
 use std::num::NonZeroU32;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use crate::common::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
-use crate::common::{set_grid, view};
 use vrtm::{
     Asset, Backend, Device, DeviceSettings, Fetch, FetchKind, HostAllocator, ImageLayout, ImageViewMut,
     PixelFormat, SolveOptions, Strided,
 };
+use vrtm_testkit::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
+use vrtm_testkit::{set_grid, view};
 
 static CALLS: AtomicU64 = AtomicU64::new(0);
 

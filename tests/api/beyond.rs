@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use crate::common::{bits, cpu, set_grid, view};
 use vrtm::{
     Asset, Control, Device, ErrorKind, MeshSource, OpenBorders, Seams, SolveRequest, Strided, TileSettings,
     UvSource,
 };
+use vrtm_testkit::{bits, cpu, set_grid, view};
 
 /// A sheet of quads that is cut into `columns` by `rows` charts, with discs of rigidity over all seams.
 pub struct CutSheet {

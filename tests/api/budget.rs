@@ -2,16 +2,19 @@
 
 use std::time::{Duration, Instant};
 
-use crate::common::{self, Model, bits, scenes};
 use vrtm::{Asset, Backend, Device, DeviceSettings, PbdSettings, SolveOptions, Solver, TileReport};
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
+use vrtm_testkit::{self, Model, bits, scenes};
 
 fn with_budget(ms: f64) -> SolveOptions {
     SolveOptions { time_budget: Some(Duration::from_secs_f64(ms / 1000.0)), ..SolveOptions::default() }
 }
 
 fn devices() -> Vec<Device> {
-    [Some(common::cpu(0)), common::gpu(&DeviceSettings::default())].into_iter().flatten().collect()
+    [Some(vrtm_testkit::cpu(0)), vrtm_testkit::gpu(&DeviceSettings::default())]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 /// An asset whose grids are built.
@@ -113,7 +116,7 @@ fn with_time_enough_the_bits_are_those_without_a_budget() {
     for device in devices() {
         for quality in [vrtm::Quality::Draft, vrtm::Quality::Normal] {
             let mut asset = prepared(&model, &device, 128);
-            let plain = common::options(quality);
+            let plain = vrtm_testkit::options(quality);
             asset.solve(model.frame(1), &plain).unwrap();
             let expected = bits(&asset);
             // Of a fresh tile, whose costs the device does not know for its grid, too.

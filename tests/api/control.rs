@@ -4,11 +4,11 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
-use crate::common::{self, Model, bits, fetch, long, options, scenes};
 use vrtm::{
     Asset, Control, DeviceSettings, ErrorKind, Executor, FetchKind, ImageLayout, ImageViewMut, PbdSettings,
     PixelFormat, Quality, Result, SolveOptions, SolveRequest, Solver,
 };
+use vrtm_testkit::{self, Model, bits, fetch, long, options, scenes};
 
 /// Solves a frame under a control.
 fn solve(
@@ -103,7 +103,7 @@ fn a_solve_of_several_tiles_can_be_cancelled_anywhere() {
 
 #[test]
 fn a_solve_on_a_gpu_can_be_cancelled_anywhere() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     let model = Model::from(scenes::by_name("mug_to_jug").unwrap());
     let points = long::cases(12, 3, "moments of a solve");
     let cancelled = cancel_everywhere(&model, points, || model.asset_on(&device, 64));
@@ -204,7 +204,7 @@ fn read_while_solving(model: &Model, mut asset: Asset) {
             layout.origin = vrtm::Origin::Bottom;
             let mut image = ImageViewMut::new("image", &mut bytes, layout).unwrap();
             results.fetch(0, FetchKind::Redirection, &mut image).unwrap();
-            let read = common::floats(&bytes);
+            let read = vrtm_testkit::floats(&bytes);
             let which = maps.iter().position(|map| *map == read).expect("a map of one of the frames, whole");
             seen[which] += 1;
             results.corner_uvs(&mut vec![[0.0; 2]; corners]).unwrap();
@@ -239,7 +239,7 @@ fn results_are_read_while_the_next_ones_are_computed() {
 
 #[test]
 fn results_are_read_while_the_next_ones_are_computed_on_a_gpu() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     let model = Model::from(scenes::by_name("mug_to_jug").unwrap());
     read_while_solving(&model, model.asset_on(&device, 64));
 }
@@ -349,7 +349,7 @@ fn many_nodes_share_a_host_s_two_threads() {
     alone.solve(model.frame(1), &SolveOptions::default()).unwrap();
     let wanted = bits(&alone);
     let nodes: Vec<usize> = (0..64).collect();
-    let same = common::on_all_cores(&nodes, |_| {
+    let same = vrtm_testkit::on_all_cores(&nodes, |_| {
         let mut asset = model.asset_on(&device, 64);
         asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
         bits(&asset) == wanted

@@ -7,11 +7,11 @@
 
 use std::sync::Arc;
 
-use crate::common::{Model, cpu, fetch, on_all_cores, options, view};
 use vrtm::{
     Asset, Control, Device, ErrorKind, FetchKind, OpenBorders, Overlap, Quality, Scalar, Seams, SolveOptions,
     SolveRequest, Strided, TileSettings, Weld, WeldBy,
 };
+use vrtm_testkit::{Model, cpu, fetch, on_all_cores, options, view};
 
 /// Quads on a side of a sheet.
 const QUADS: usize = 6;

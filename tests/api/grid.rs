@@ -2,10 +2,10 @@
 
 use std::sync::{Arc, Mutex};
 
-use crate::common::features::at_texels;
-use crate::common::sixteen::{sixteen_asset, sixteen_charts};
-use crate::common::{Model, analytic, cpu, options, view};
 use vrtm::{Asset, Backend, Device, DeviceSettings, LogLevel, Quality, Strided, TileSettings};
+use vrtm_testkit::features::at_texels;
+use vrtm_testkit::sixteen::{sixteen_asset, sixteen_charts};
+use vrtm_testkit::{Model, analytic, cpu, options, view};
 
 /// Discs of a diameter in UV, eight by eight, in an image with so many texels on a side.
 fn discs(side: usize, diameter: f64) -> Vec<u8> {

@@ -1,8 +1,5 @@
 //! The Rust API: what a call does besides solving, what it costs, and what it hands out.
 
-#[path = "../common/mod.rs"]
-mod common;
-
 mod allocations;
 mod beyond;
 mod budget;

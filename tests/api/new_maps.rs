@@ -1,11 +1,11 @@
 //! A tile that gets a whole new rigidity keeps what does not depend on it, and is then what a fresh asset with that
 //! rigidity is, bit for bit: as it is prepared, and solved.
 
-use crate::common::{Model, bits, cpu, options};
 use crate::fresh::{Random, TILES, model, values};
 use vrtm::{
     Asset, ImageLayout, ImageView, OpenBorders, Overlap, PixelFormat, Quality, Seams, Strided, TileSettings,
 };
+use vrtm_testkit::{Model, bits, cpu, options};
 
 /// Texels, and their number on a side.
 #[derive(Clone)]

@@ -7,12 +7,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use crate::beyond::CutSheet;
-use crate::common::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
-use crate::common::{self, cpu, fetch, gpu, options, view};
 use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, HostAllocator, ImageLayout, ImageView,
     LogLevel, OpenBorders, PixelFormat, Quality, RefinementSettings, SolveOptions, Strided, TileSettings,
 };
+use vrtm_testkit::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
+use vrtm_testkit::{self, cpu, fetch, gpu, options, view};
 
 static LIVE: AtomicU64 = AtomicU64::new(0);
 static PEAK: AtomicU64 = AtomicU64::new(0);
@@ -60,7 +60,7 @@ fn sixteen(device: &Device, size: u32, share: f64) -> Asset {
     let mut asset = sixteen_asset(device, share).unwrap();
     let texels = discs(size as usize, 32);
     asset.set_rigidity(0, Some(view(&texels, size, size))).unwrap();
-    common::set_grid(&mut asset, size);
+    vrtm_testkit::set_grid(&mut asset, size);
     asset
 }
 
@@ -73,7 +73,7 @@ fn preparing_takes_little_more_than_what_stays() {
         let texels = discs(size as usize, 32);
         let (_, before, set) = counted(|| asset.set_rigidity(0, Some(view(&texels, size, size))));
         set.unwrap();
-        common::set_grid(&mut asset, size);
+        vrtm_testkit::set_grid(&mut asset, size);
         let estimate = asset.tile_estimate(0).unwrap();
         let (peak, live, info) = counted(|| asset.tile_info(0).unwrap());
         let ratio = (before + peak) as f64 / (before + live) as f64;
@@ -405,7 +405,7 @@ fn what_is_painted_beside_charts_has_no_effect() {
         let [mut a, mut b] = [&clean, &painted].map(|texels| {
             let mut asset = sixteen_asset(&device, 0.1).unwrap();
             asset.set_rigidity(0, Some(view(texels, n as u32, n as u32))).unwrap();
-            common::set_grid(&mut asset, grid);
+            vrtm_testkit::set_grid(&mut asset, grid);
             asset
         });
         assert!(seen(&mut a, &pose) == seen(&mut b, &pose), "{grid}");

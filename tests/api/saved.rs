@@ -1,8 +1,8 @@
 //! Prepared tiles that are saved and loaded: the same results, and refusal of everything else.
 
-use crate::common::scenes::by_name;
-use crate::common::{Model, cpu, fetch, gpu, options};
 use vrtm::{Asset, Device, DeviceSettings, ErrorKind, FetchKind, Quality, TileSettings};
+use vrtm_testkit::scenes::by_name;
+use vrtm_testkit::{Model, cpu, fetch, gpu, options};
 use xxhash_rust::xxh3::xxh3_128;
 
 /// Offsets of the checksum and of the checked bytes.

@@ -1,9 +1,9 @@
 //! Solves of some tiles: those that are named, those that moved vertices touch, all but frozen ones; and results that
 //! are given up for the next ones.
 
-use crate::common::{self, Model, bits, scenes};
 use vrtm::{Asset, ErrorKind, Quality, SolveOptions, SolveRequest};
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
+use vrtm_testkit::{self, Model, bits, scenes};
 
 /// The arm has two tiles.
 fn arm() -> (Model, Asset) {
@@ -100,7 +100,7 @@ fn only_the_tiles_that_dirty_vertices_touch() {
     asset.set_settings(0, &settings).unwrap();
     asset.run(&nothing, &mut []).unwrap();
     assert_eq!(kept(&asset), [false, true]);
-    asset.set_mask(1, Some(common::view(&[255], 1, 1))).unwrap();
+    asset.set_mask(1, Some(vrtm_testkit::view(&[255], 1, 1))).unwrap();
     asset.run(&nothing, &mut []).unwrap();
     assert_eq!(kept(&asset), [true, false]);
     let options = SolveOptions { quality: Quality::Draft, ..SolveOptions::default() };

@@ -3,11 +3,11 @@
 
 use std::sync::{Arc, Mutex};
 
-use crate::common::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
-use crate::common::{bits, cpu, view};
 use vrtm::{
     Asset, Device, DeviceSettings, ImageLayout, ImageView, LogLevel, PixelFormat, SolveOptions, Strided,
 };
+use vrtm_testkit::sixteen::{bulged, discs, sixteen_asset, sixteen_charts};
+use vrtm_testkit::{bits, cpu, view};
 
 const SIZE: u32 = 64;
 

@@ -1,10 +1,10 @@
 //! Redirections as UVs of another UV set: solved in a set without overlaps, written for the one that textures use.
 
-use crate::common::{Model, cpu, fetch, scenes, view};
 use vrtm::{
     Asset, ErrorKind, FetchKind, ImageLayout, ImageViewMut, MapDesc, MeshSource, Origin, PixelFormat, Seams,
     SolveOptions, Strided, TileSettings, UvSource,
 };
+use vrtm_testkit::{Model, cpu, fetch, scenes, view};
 
 const SIDE: usize = 12;
 const MAP: u32 = 64;

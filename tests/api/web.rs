@@ -3,8 +3,8 @@
 
 use std::fmt::Write;
 
-use crate::common::{Model, cpu, options, scenes};
 use vrtm::{FetchKind, ImageLayout, ImageViewMut, PixelFormat, Quality, SolveOptions};
+use vrtm_testkit::{Model, cpu, options, scenes};
 
 /// FNV-1a of 32 bits.
 fn hash(bytes: &[u8]) -> u32 {
@@ -37,7 +37,7 @@ fn maps_have_the_bits_of_the_npm_package() {
             writeln!(found, "{scene} | {name} | {:08x}", hash(&maps)).unwrap();
         }
     }
-    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("bindings/web/tests/bits.txt");
+    let file = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../bindings/web/tests/bits.txt");
     if std::env::var_os("VRTM_UPDATE_BITS").is_some_and(|value| value == "1") {
         std::fs::write(&file, &found).unwrap();
     }

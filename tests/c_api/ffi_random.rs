@@ -7,8 +7,8 @@ use std::ffi::{CStr, c_void};
 use std::mem::{size_of, zeroed};
 use std::ptr;
 
-use crate::{gpu, long};
 use vrtm::TileSettings;
+use vrtm_testkit::{gpu, long};
 
 use vrtm_capi::{
     asset::*, device::*, fetch::*, handle::*, mesh::*, report::*, solve::*, status::*, tile::*, types::*,

@@ -13,7 +13,7 @@ mod mirrored;
 
 use crate::tools::{compiler, library, root, scratch};
 
-/// The header as `crates/capi/src` has it now; `include/vrtm.h` is a committed copy.
+/// The header as `capi/src` has it now; `include/vrtm.h` is a committed copy.
 static GENERATED: LazyLock<String> = LazyLock::new(|| generate::header(root()).unwrap());
 
 fn committed() -> PathBuf {
@@ -29,7 +29,7 @@ fn the_committed_header_is_the_generated_one() {
     let line = text.lines().zip(GENERATED.lines()).position(|(a, b)| a != b);
     assert!(
         text == *GENERATED,
-        "include/vrtm.h differs from crates/capi/src (first in line {:?}): VRTM_UPDATE_HEADER=1 cargo test --test c_api header::",
+        "include/vrtm.h differs from capi/src (first in line {:?}): VRTM_UPDATE_HEADER=1 cargo test --test c_api header::",
         line.map(|n| n + 1)
     );
 }

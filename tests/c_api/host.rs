@@ -10,7 +10,7 @@ use std::process::{Command, Output};
 use crate::tools::{
     compiler, library, link_arguments, program, root, scratch, search_path, system_libraries,
 };
-use crate::{gpu, long};
+use vrtm_testkit::{gpu, long};
 
 fn text(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))

@@ -3,10 +3,6 @@
 mod abi;
 mod elf;
 mod ffi_random;
-#[path = "../common/gpu.rs"]
-mod gpu;
 mod header;
 mod host;
-#[path = "../common/long.rs"]
-mod long;
 mod tools;

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 /// The repository.
 pub fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
 
 /// A folder for compiled programs.
@@ -26,7 +26,7 @@ pub fn library() -> PathBuf {
 }
 
 /// The library's folder, as a linker's `-rpath` wants it: with a link under the name by which programs load the
-/// library, which capi/build.rs writes into it.
+/// library, which capi/cdylib/build.rs writes into it.
 #[cfg(unix)]
 fn loader_folder() -> PathBuf {
     let library = library();

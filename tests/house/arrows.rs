@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 /// The source folders of the crates.
 fn crates() -> Vec<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).canonicalize().unwrap();
-    let mut folders = vec![root.join("src")];
+    let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).canonicalize().unwrap();
+    let mut folders = vec![root.join("src"), root.join("capi/src")];
     folders.extend(fs::read_dir(root.join("crates")).unwrap().map(|entry| entry.unwrap().path().join("src")));
     folders
 }

@@ -15,7 +15,7 @@ const ALLOWED: (&str, &str) = ("vrtm/_tile", "vrtm/_asset");
 type Arrows = BTreeMap<String, BTreeSet<String>>;
 
 fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
 
 /// Adds the files of a package, without `.py`, such as `vrtm/bake/run`, each with its code.

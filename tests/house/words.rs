@@ -14,7 +14,7 @@ const ENDINGS: [&str; 11] = ["c", "cpp", "cs", "h", "hpp", "js", "mjs", "py", "r
 const BUILT: [&str; 6] = ["target", "dist", "node_modules", "wasm", "__pycache__", "build"];
 
 fn root() -> &'static Path {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
+    Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
 }
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {

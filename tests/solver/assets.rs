@@ -2,12 +2,11 @@
 //! above 0.5 at both ends), per asset, tile and frame, on 512 x 512 cells with `normal`. The figures of the study that
 //! the method comes from are bars; its set of edges consists of those whose ends are both movable (`free_rms`).
 
-use crate::common::features::STILL;
-use crate::common::long::long;
-use crate::common::table::judge;
-use crate::common::unless_passed;
-use crate::common::{self, Model, on_all_cores};
 use vrtm::{StrainReport, TileReport};
+use vrtm_testkit::features::STILL;
+use vrtm_testkit::long::long;
+use vrtm_testkit::table::judge;
+use vrtm_testkit::{self, Model, on_all_cores};
 
 /// Strain before and after in the study, by asset, frame and tile.
 const STUDY: [(&str, usize, u32, f32, f32); 8] = [
@@ -54,8 +53,7 @@ fn rounded(x: f32) -> f32 {
 
 #[test]
 fn strain_on_the_mesh() {
-    let Some(_run) = unless_passed(strain_on_the_mesh) else { return };
-    let models = common::assets();
+    let models = vrtm_testkit::assets();
     let all = models.iter().flat_map(|model| (1..=model.frames.len()).map(move |frame| (model, frame)));
     let of_study = |name: &str, frame| STUDY.iter().any(|study| (study.0, study.1) == (name, frame));
     let cases: Vec<_> = all.filter(|(model, frame)| long() || of_study(&model.name, *frame)).collect();

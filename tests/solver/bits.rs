@@ -5,6 +5,7 @@
 //! The CPU's bits are the same on every machine. A GPU's bits are the same on one device with one driver: for an
 //! adapter that the file does not list nothing is compared, and a message says so.
 
+mod hash;
 mod outputs;
 mod small;
 
@@ -13,12 +14,12 @@ use std::fmt::Write;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-use crate::common::passed::Hash;
-use crate::common::{self, Model, bits, cpu, fetch, on_all_cores, options};
+use hash::Hash;
 use small::{Small, drawn, hard, outputs, small};
 use vrtm::{
     Device, DeviceSettings, FetchKind, PbdSettings, Quality, SolveOptions, Solver, TileSettings, adapters,
 };
+use vrtm_testkit::{self, Model, bits, cpu, fetch, on_all_cores, options};
 
 /// A named combination of solver options.
 struct Effort {
@@ -46,11 +47,11 @@ fn efforts() -> Vec<Effort> {
 }
 
 fn models() -> Vec<Model> {
-    use common::scenes::{analytic::squash, arm, creature, mug_to_jug};
-    let mut models = common::analytic();
+    use vrtm_testkit::scenes::{analytic::squash, arm, creature, mug_to_jug};
+    let mut models = vrtm_testkit::analytic();
     models.push(Model { name: "squash to 40 %".into(), ..Model::from(squash(0.4)) });
     models.extend([mug_to_jug(), creature(), arm()].map(Model::from));
-    models.extend(common::assets());
+    models.extend(vrtm_testkit::assets());
     models
 }
 
@@ -66,7 +67,7 @@ fn hash(model: &Model, device: &Device, grid: u32, effort: &Effort) -> u64 {
         asset.solve(model.frame(model.frames.len()), &options(Quality::Draft)).unwrap();
     }
     asset.solve(model.frame(1), &effort.options).unwrap();
-    let mut hash = Hash::new();
+    let mut hash = Hash::default();
     bits(&asset).into_iter().flatten().for_each(|bits| hash.add(bits.into()));
     for tile in 0..asset.tile_count() {
         for kind in [FetchKind::Redirection, FetchKind::RedirectionDelta] {
@@ -85,7 +86,7 @@ fn hash(model: &Model, device: &Device, grid: u32, effort: &Effort) -> u64 {
 }
 
 fn file() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/bits.txt")
+    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("bits.txt")
 }
 
 /// Hashes by backend, scene and effort.
@@ -148,9 +149,9 @@ fn results_have_the_bits_that_they_had() {
 
 #[test]
 fn results_have_the_bits_that_they_had_on_a_gpu() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     let (models, efforts) = (models(), efforts());
-    let (mut found, backend) = (Hashes::new(), common::backend(&adapters()[0]));
+    let (mut found, backend) = (Hashes::new(), vrtm_testkit::backend(&adapters()[0]));
     for (n, model) in models.iter().enumerate() {
         // A software driver is slow: all efforts run on every fourth scene only.
         for effort in efforts.iter().take(if n % 4 == 0 { efforts.len() } else { 1 }) {
@@ -185,8 +186,8 @@ fn small_scenes_have_the_bits_that_they_had() {
 
 #[test]
 fn small_scenes_have_the_bits_that_they_had_on_a_gpu() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     let scenes: Vec<Small> = small().into_iter().filter(|small| small.on_gpu).collect();
-    let backend = common::backend(&adapters()[0]);
+    let backend = vrtm_testkit::backend(&adapters()[0]);
     compare(&backend, &of_small(&backend, &scenes, &device));
 }

@@ -1,13 +1,13 @@
 //! Work and memory follow what is active: the charts that move, and the blocks and nodes of them that can.
 
-use crate::common::{self, Model, bits, cpu, long, scenes};
 use vrtm::{Asset, Backend, Device, DeviceSettings, Quality, SolveOptions, Strided};
+use vrtm_testkit::{self, Model, bits, cpu, long, scenes};
 
 /// The CPU, and a GPU if there is one, each with the grid size (cells a side) that is solved on it: a software driver
 /// takes seconds for 256.
 fn devices() -> Vec<(Device, u32)> {
     let side = long::cases(256, 128, "cells a side on a GPU") as u32;
-    let gpu = common::gpu(&DeviceSettings::default()).map(|device| (device, side));
+    let gpu = vrtm_testkit::gpu(&DeviceSettings::default()).map(|device| (device, side));
     [(cpu(0), 512)].into_iter().chain(gpu).collect()
 }
 
@@ -136,13 +136,13 @@ fn nothing_active_takes_no_solver() {
     assert_idle(&asset, "rest");
     // Nothing rigid.
     let mut asset = model.bare(0, Strided::from_f32x3(&model.rest));
-    common::set_grid(&mut asset, 512);
+    vrtm_testkit::set_grid(&mut asset, 512);
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
     assert_idle(&asset, "nothing rigid");
     // All nodes are masked.
     let mut asset = model.asset(0, 512);
     for tile in 0..2 {
-        asset.set_mask(tile, Some(common::view(&[0], 1, 1))).unwrap();
+        asset.set_mask(tile, Some(vrtm_testkit::view(&[0], 1, 1))).unwrap();
     }
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
     assert_idle(&asset, "all masked");
@@ -211,7 +211,7 @@ fn bytes_follow_the_active_nodes() {
     let model = Model::from(scenes::analytic::bulge());
     let held = |mask: &[u8]| {
         let mut asset = model.asset(0, 512);
-        asset.set_mask(0, Some(common::view(mask, 2, 2))).unwrap();
+        asset.set_mask(0, Some(vrtm_testkit::view(mask, 2, 2))).unwrap();
         asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
         let report = asset.tile_report(0).unwrap();
         (asset.device().info().bytes_held as f64, report.blocks_active as f64)

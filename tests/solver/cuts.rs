@@ -2,9 +2,9 @@
 //! pose does to them, no node crosses one, wherever it runs: on lines of the grid, between them, across them, and where
 //! it ends or meets another.
 
-use crate::common::{Maps, Model, cpu, gpu, options};
 use vrtm::{Device, DeviceSettings, Quality};
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
+use vrtm_testkit::{Maps, Model, cpu, gpu, options};
 
 /// Quads on a side of the sheet; two triangles each.
 const QUADS: usize = 32;

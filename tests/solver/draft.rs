@@ -1,16 +1,14 @@
 //! The preview, `draft`: what it reports without working on level 0.
 
-use crate::common::unless_passed;
-use crate::common::{self, Model, scenes};
 use vrtm::{DeviceSettings, Quality, SolveOptions, TileReport};
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
+use vrtm_testkit::{self, Model, scenes};
 
 /// The energies that a draft reports are those of level 1. Their ratio is near the one on level 0, the warp lowers the
 /// energy there, too, and it has no folds.
 #[test]
 fn its_energies_tell_what_it_gains_on_level_0() {
-    let Some(_run) = unless_passed(its_energies_tell_what_it_gains_on_level_0) else { return };
-    let devices = [Some(common::cpu(0)), common::gpu(&DeviceSettings::default())];
+    let devices = [Some(vrtm_testkit::cpu(0)), vrtm_testkit::gpu(&DeviceSettings::default())];
     for (device, grid) in devices.into_iter().flatten().zip([256, 128]) {
         for name in scenes::NAMES {
             let model = Model::from(scenes::by_name(name).unwrap());

@@ -2,10 +2,9 @@
 
 use vrtm::{SolveOptions, Strided};
 
-use crate::common::features::{CASES, Feature, Kind, STILL, of_asset, solve};
-use crate::common::table::{self, judge};
-use crate::common::unless_passed;
-use crate::common::{Maps, Model, on_all_cores};
+use vrtm_testkit::features::{CASES, Feature, Kind, STILL, of_asset, solve};
+use vrtm_testkit::table::{self, judge};
+use vrtm_testkit::{Maps, Model, on_all_cores};
 
 /// The features of a model in a pose, with the original UVs.
 fn still(model: &Model, pose: &[[f32; 3]], grid: u32) -> Vec<Feature> {
@@ -94,7 +93,6 @@ const BARS: [Bars; 15] = [
 
 #[test]
 fn features_keep_their_shape() {
-    let Some(_run) = unless_passed(features_keep_their_shape) else { return };
     let cases: Vec<_> =
         CASES.into_iter().filter_map(|(name, frame)| Some((table::model(name)?, frame))).collect();
     let rows = on_all_cores(&cases, |&(model, frame)| {

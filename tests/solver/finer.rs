@@ -1,10 +1,9 @@
 //! Where features are crowded, a finer grid is not worse than a coarser one, and more effort not worse than less: steps
 //! that are many cells long are limited without being refused (method §7.6).
 
-use crate::common::scenes::analytic::{squash, torus};
-use crate::common::unless_passed;
-use crate::common::{Model, cpu, set_grid};
 use vrtm::{Quality, SolveOptions, Strided};
+use vrtm_testkit::scenes::analytic::{squash, torus};
+use vrtm_testkit::{Model, cpu, set_grid};
 
 /// Tolerated ratio of strain.
 const TOLERANCE: f32 = 1.05;
@@ -18,7 +17,6 @@ fn small_discs() -> Model {
 
 #[test]
 fn a_finer_grid_is_not_worse() {
-    let Some(_run) = unless_passed(a_finer_grid_is_not_worse) else { return };
     let device = cpu(0);
     for (name, model) in
         [("squash to 40 %", Model::from(squash(0.4))), ("small discs, squashed to 50 %", small_discs())]

@@ -7,10 +7,9 @@
 
 use std::time::Instant;
 
-use crate::common::unless_passed;
-use crate::common::{self, Model, long, on_all_cores, scenes};
 use vrtm::SolveOptions;
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
+use vrtm_testkit::{self, Model, long, on_all_cores, scenes};
 
 const GRID: u32 = 256;
 
@@ -172,16 +171,14 @@ fn check(cases: &[Case]) {
 
 #[test]
 fn scenes() {
-    let Some(_run) = unless_passed(scenes) else { return };
     let mut squash = Model::from(scenes::analytic::squash(0.4));
     squash.name = "squash to 40 %".into();
     let mut models = vec![squash, Model::from(scenes::mug_to_jug())];
-    models.extend(common::analytic().into_iter().filter(|model| model.name != "strips"));
+    models.extend(vrtm_testkit::analytic().into_iter().filter(|model| model.name != "strips"));
     check(&long::share(cases(&models, long::only("the thorough search")), 16, "scenes"));
 }
 
 #[test]
 fn assets() {
-    let Some(_run) = unless_passed(assets) else { return };
-    check(&long::share(cases(&common::assets(), false), 3, "assets"));
+    check(&long::share(cases(&vrtm_testkit::assets(), false), 3, "assets"));
 }

@@ -4,8 +4,8 @@
 
 use std::f64::consts::PI;
 
-use crate::common::{Maps, Model, Warp, cpu, on_all_cores, options};
 use vrtm::{Quality, Weld, WeldBy};
+use vrtm_testkit::{Maps, Model, Warp, cpu, on_all_cores, options};
 
 /// The side of the sheet in the tile.
 const SIDE: f64 = 0.66;

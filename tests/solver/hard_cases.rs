@@ -10,12 +10,12 @@ use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageView, ImageViewMut,
     MeshSource, Origin, PixelFormat, Quality, SolveOptions, Strided, TileReport, TileSettings, UvSource,
 };
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
 
 mod table;
 
-use crate::common::{gpu, long};
 use table::cases;
+use vrtm_testkit::{gpu, long};
 
 /// No case takes a second on an idle machine; a busy one under a memory checker may need far longer. Only a hang
 /// takes so long.

@@ -2,15 +2,13 @@
 
 use vrtm::{Asset, ImageLayout, ImageView, OpenBorders, PixelFormat, Seams, SolveOptions, TileSettings};
 
-use crate::common::features::Kind;
-use crate::common::table::{self, judge};
-use crate::common::unless_passed;
-use crate::common::{Model, bits, cpu, on_all_cores};
+use vrtm_testkit::features::Kind;
+use vrtm_testkit::table::{self, judge};
+use vrtm_testkit::{Model, bits, cpu, on_all_cores};
 
 /// At borders features are what they are without a warp; the others keep their shapes as they do with shut seams.
 #[test]
 fn features_at_borders_are_kept_and_others_keep_their_shape() {
-    let Some(_run) = unless_passed(features_at_borders_are_kept_and_others_keep_their_shape) else { return };
     let names = ["creature", "mh_face", "spot", "cesium_man", "fox", "ict_inner", "strips"];
     let cases: Vec<_> =
         names.iter().filter_map(|name| Some((table::model(name)?, table::frame(name)))).collect();
@@ -51,7 +49,7 @@ fn solved(asset: &mut Asset, model: &Model) -> Vec<[u32; 2]> {
 /// After a stroke of the brush, another setting or saved bytes an asset is as one that begins so.
 #[test]
 fn what_is_kept_follows_maps_and_settings() {
-    let model = Model::from(crate::common::scenes::by_name("strips").unwrap());
+    let model = Model::from(vrtm_testkit::scenes::by_name("strips").unwrap());
     let maps = &model.maps[0];
     let mut asset = with(&model, Seams::Keep);
     let kept = solved(&mut asset, &model);

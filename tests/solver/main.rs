@@ -1,8 +1,5 @@
 //! What a solve computes: what holds for every result, how good results are, and that their bits stay.
 
-#[path = "../common/mod.rs"]
-mod common;
-
 mod assets;
 mod bits;
 mod cost;

@@ -3,8 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use crate::common::{Maps, Model, Warp, bits, options};
 use vrtm::{Quality, RefinementSettings};
+use vrtm_testkit::{Maps, Model, Warp, bits, options};
 
 /// A sheet of 64 by 32 quads whose UVs lie in low..high, with rigid discs, in a pose that squashes a part of it.
 pub fn sheet([low, high]: [f64; 2]) -> Model {

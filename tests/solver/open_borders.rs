@@ -6,12 +6,11 @@ use std::f64::consts::TAU;
 use vrtm::{
     Asset, Device, DeviceSettings, OpenBorders, Quality, Seams, SolveOptions, Solver, Strided, TileSettings,
 };
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
 
-use crate::common::features::{Borders, Kind, STILL};
-use crate::common::table::{self, judge};
-use crate::common::unless_passed;
-use crate::common::{self, Maps, Model, bits, cpu, on_all_cores, options};
+use vrtm_testkit::features::{Borders, Kind, STILL};
+use vrtm_testkit::table::{self, judge};
+use vrtm_testkit::{self, Maps, Model, bits, cpu, on_all_cores, options};
 
 const SLIDE: Borders = (Seams::Shut, OpenBorders::Slide);
 
@@ -121,7 +120,6 @@ fn off_border(sheet: &Sheet, asset: &Asset, grid: usize) -> (Vec<f64>, f64) {
 
 #[test]
 fn texture_slides_along_open_borders_and_not_across() {
-    let Some(_run) = unless_passed(texture_slides_along_open_borders_and_not_across) else { return };
     for sheet in [sheet(true), sheet(false)] {
         // The paper's solver moves each node with its neighbours, and holds it afterwards.
         for (solver, bar) in [(Solver::Descent, 0.05), (Solver::Pbd, 0.15)] {
@@ -162,7 +160,7 @@ fn rest_and_rigid_motions_are_the_identity() {
     let turned: Vec<[f32; 3]> = model.rest.iter().map(turn).collect();
     for pose in [&model.rest, &turned] {
         asset.solve(Strided::from_f32x3(pose), &SolveOptions::default()).unwrap();
-        assert!(common::Warp::of(&asset, 0).is_identity());
+        assert!(vrtm_testkit::Warp::of(&asset, 0).is_identity());
     }
 }
 
@@ -193,14 +191,14 @@ fn bits_depend_neither_on_threads_nor_on_frames_before_nor_on_saving() {
 
 #[test]
 fn a_gpu_gives_the_same_to_a_fraction_of_a_cell() {
-    let Some(gpu) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(gpu) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     let Sheet { model, .. } = sheet(true);
     for solver in [Solver::Descent, Solver::Pbd] {
         let [of_cpu, of_gpu] = [&cpu(0), &gpu].map(|device| {
             let mut asset = sliding(&model, device, 128);
             let options = SolveOptions { solver, ..options(Quality::Normal) };
             asset.solve(model.frame(1), &options).unwrap();
-            common::Warp::of(&asset, 0)
+            vrtm_testkit::Warp::of(&asset, 0)
         });
         let apart = |a: &[f32; 2], b: &[f32; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
         let worst = of_cpu.u.iter().zip(&of_gpu.u).map(|(a, b)| apart(a, b)).fold(0.0, f32::max);
@@ -219,7 +217,6 @@ const BARS: [(&str, [(usize, f64); 2]); 3] = [
 
 #[test]
 fn features_at_open_borders_keep_their_shape() {
-    let Some(_run) = unless_passed(features_at_open_borders_keep_their_shape) else { return };
     let mut cases = Vec::new();
     for (name, bars) in BARS {
         let Some(model) = table::model(name) else { continue };

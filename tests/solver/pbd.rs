@@ -2,13 +2,12 @@
 //! folds, and the behaviour of the paper's figure 5. `cargo test --test solver pbd:: -- --show-output` shows its
 //! figures.
 
-use crate::common::unless_passed;
-use crate::common::{self, Model, Warp, bits, cpu, fetch, gpu, scenes};
 use vrtm::{
     Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PbdSettings, PixelFormat, Quality,
     SolveOptions, Solver, Strided, TileReport, TileSettings,
 };
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
+use vrtm_testkit::{self, Model, Warp, bits, cpu, fetch, gpu, scenes};
 
 fn pbd(iterations: u32) -> SolveOptions {
     let pbd = PbdSettings { iterations, ..PbdSettings::default() };
@@ -32,9 +31,6 @@ fn report(asset: &Asset) -> TileReport {
 
 #[test]
 fn it_brings_the_energy_down_and_more_iterations_bring_it_lower() {
-    let Some(_run) = unless_passed(it_brings_the_energy_down_and_more_iterations_bring_it_lower) else {
-        return;
-    };
     for model in [Model::from(scenes::analytic::bulge()), Model::from(scenes::mug_to_jug())] {
         let energies: Vec<f64> = [2, 4, 16]
             .map(|n| {
@@ -168,15 +164,18 @@ fn nodes_leave_the_tile_by_no_more_than_the_header_says() {
 }
 
 /// Compares the backends stage by stage from the same state.
+#[cfg(feature = "gpu")]
 #[test]
 fn backends_can_be_compared() {
-    if !common::has_gpu() {
+    use vrtm_testkit::parity::compare_backends;
+
+    if !vrtm_testkit::has_gpu() {
         return;
     }
     let model = Model::from(scenes::analytic::torus());
     let settings = DeviceSettings { backend: vrtm::Backend::Gpu, ..DeviceSettings::default() };
     let asset = model.asset_on(&Device::new(&settings).unwrap(), 64);
-    let differences = asset.compare_backends(0, model.frame(1), &pbd(5), true).unwrap();
+    let differences = compare_backends(&asset, 0, model.frame(1), &pbd(5), true).unwrap();
     assert!(differences.iter().filter(|d| d.stage.starts_with("relax@")).count() >= 5);
     for d in differences.iter().filter(|d| d.quantity == "displacement (cells)") {
         // The rounding of displacements of a few cells, in one stage.
@@ -316,10 +315,6 @@ fn strain(warp: &Warp, i: usize, j: usize) -> f64 {
 /// get.
 #[test]
 fn sparse_features_keep_their_shape_if_dense_ones_keep_their_orientation() {
-    let Some(_run) = unless_passed(sparse_features_keep_their_shape_if_dense_ones_keep_their_orientation)
-    else {
-        return;
-    };
     // Features of 8 texels: 12 apart in the upper half, 24 in the lower.
     let feature = |x: usize, every: usize| x % every >= 4 && x % every < 12 && x < 60;
     let texel = |x: usize, y: usize| {
@@ -386,7 +381,6 @@ fn the_energy_is_the_reference_s() {
 /// these more than those of a quarter.
 #[test]
 fn features_keep_their_size_in_the_order_of_their_rigidity() {
-    let Some(_run) = unless_passed(features_keep_their_size_in_the_order_of_their_rigidity) else { return };
     for solver in [Solver::Pbd, Solver::Descent] {
         let kept = [1.0, 0.5, 0.25].map(|rigidity| {
             // Three rows of three features of 12 texels.

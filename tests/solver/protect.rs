@@ -1,13 +1,12 @@
 //! The setting `protect`: features that a pose does not strain come before those that it strains.
 
 use vrtm::{Asset, Quality, SolveOptions, Strided, TileSettings};
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
 
-use crate::common::features::dense::dense;
-use crate::common::features::{Feature, of_asset};
-use crate::common::scenes::{analytic, creature};
-use crate::common::unless_passed;
-use crate::common::{Model, assets, bits, options};
+use vrtm_testkit::features::dense::dense;
+use vrtm_testkit::features::{Feature, of_asset};
+use vrtm_testkit::scenes::{analytic, creature};
+use vrtm_testkit::{Model, assets, bits, options};
 
 fn set(asset: &mut Asset, protect: f32) {
     for tile in 0..asset.tile_count() {
@@ -63,7 +62,6 @@ fn it_leaves_nothing_behind() {
 /// Far from the crowds that crush cells, a small change of the pose is a small change of the warp.
 #[test]
 fn it_is_continuous_in_the_pose() {
-    let Some(_run) = unless_passed(it_is_continuous_in_the_pose) else { return };
     let model = Model::from(creature());
     let (rest, frame) = (&model.rest, &model.frames[3]);
     let warp = |protect: f32, t: f32| {
@@ -106,7 +104,6 @@ fn harmed(model: &Model, frame: usize, grid: u32, protect: f32) -> (usize, f64) 
 /// In a crowd, the stronger it is, the fewer features come out worse; and on the whole they are not worse for it.
 #[test]
 fn fewer_features_come_out_worse() {
-    let Some(_run) = unless_passed(fewer_features_come_out_worse) else { return };
     let mut cases =
         vec![(dense(&Model { name: "squash to 40 %".into(), ..analytic::squash(0.4).into() }), 1)];
     cases.extend(assets().iter().filter(|m| m.name == "fox").map(|m| (dense(m), 3)));

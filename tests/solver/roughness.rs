@@ -1,18 +1,13 @@
 //! A smooth motion gives a smooth warp, and noise of the size of f32's rounding is not magnified (method §11.3): the
 //! second difference of W over poses that are 0.5 % of a motion apart, and the change of W under noise in the pose, on
 //! all scenes and assets, both backends, both qualities. `cargo test --test solver roughness:: -- --show-output` shows
-//! the table; `cargo bench --bench roughness` measures larger grids.
+//! the table; `cargo bench -p vrtm-benches --bench roughness` measures larger grids.
 
-#[allow(dead_code)] // The alternating poses are those of the bench.
-#[path = "../../benches/speed_error/scenes.rs"]
-mod scenes;
-
-use crate::common::features::{Borders, STILL};
-use crate::common::roughness::Roughness;
-use crate::common::unless_passed;
-use crate::common::{cpu, gpu, long, options};
-use scenes::Case;
 use vrtm::{Asset, Device, DeviceSettings, OpenBorders, Quality, Seams, TileSettings};
+use vrtm_testkit::cases::{self, Case};
+use vrtm_testkit::features::{Borders, STILL};
+use vrtm_testkit::roughness::Roughness;
+use vrtm_testkit::{cpu, gpu, long, options};
 
 /// Largest d2 RMS, fraction of d2 over 0.1, largest d2 and change under noise at 99.9 %, in cells.
 type Bars = [f64; 4];
@@ -73,7 +68,7 @@ fn set_borders(asset: &mut Asset, (seams, open_borders): Borders) {
 fn check(backend: &str, grid: u32, qualities: &[Quality], borders: Borders, device: &Device) {
     let mut failed = Vec::new();
     println!("                          quality  strain     d1      d2   over 0.1  largest    noise     ms");
-    let scenes = scenes::cases(&[], grid).unwrap();
+    let scenes = cases::cases(&[], grid).unwrap();
     let of_scene = |case| qualities.iter().map(move |&quality| (case, quality));
     let cases: Vec<(&Case, Quality)> = scenes.iter().flat_map(of_scene).collect();
     for (case, quality) in long::share(cases, 8, "scenes and qualities") {
@@ -111,13 +106,11 @@ fn check(backend: &str, grid: u32, qualities: &[Quality], borders: Borders, devi
 
 #[test]
 fn smooth_motions_give_smooth_warps_on_the_cpu() {
-    let Some(_run) = unless_passed(smooth_motions_give_smooth_warps_on_the_cpu) else { return };
     check("cpu", 256, &[Quality::Draft, Quality::Normal], STILL, &cpu(0));
 }
 
 #[test]
 fn smooth_motions_give_smooth_warps_on_a_gpu() {
-    let Some(_run) = unless_passed(smooth_motions_give_smooth_warps_on_a_gpu) else { return };
     if let Some(device) = gpu(&DeviceSettings::default()) {
         // A software driver takes minutes for a draft, too.
         check("gpu", 128, &[Quality::Normal], STILL, &device);
@@ -126,6 +119,5 @@ fn smooth_motions_give_smooth_warps_on_a_gpu() {
 
 #[test]
 fn smooth_motions_give_smooth_warps_where_charts_go_on() {
-    let Some(_run) = unless_passed(smooth_motions_give_smooth_warps_where_charts_go_on) else { return };
     check("seams", 256, &[Quality::Normal], (Seams::Continue, OpenBorders::Slide), &cpu(0));
 }

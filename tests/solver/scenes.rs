@@ -1,6 +1,6 @@
 //! The built-in scenes, on which tests and benches measure, are well-formed meshes, and moderate where they claim it.
 
-use crate::common::scenes::{self, Scene};
+use vrtm_testkit::scenes::{self, Scene};
 
 fn all() -> Vec<Scene> {
     scenes::NAMES.iter().map(|name| scenes::by_name(name).expect("a scene of each name")).collect()

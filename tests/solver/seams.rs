@@ -6,12 +6,11 @@ use vrtm::{
     Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, OpenBorders, Origin, PixelFormat,
     Quality, Seams, SolveOptions, Strided, TileSettings,
 };
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
 
-use crate::common::features::{Kind, Summary};
-use crate::common::table::{self, judge};
-use crate::common::unless_passed;
-use crate::common::{self, Maps, Model, Warp, bits, cpu, on_all_cores, options};
+use vrtm_testkit::features::{Kind, Summary};
+use vrtm_testkit::table::{self, judge};
+use vrtm_testkit::{self, Maps, Model, Warp, bits, cpu, on_all_cores, options};
 
 /// Place of a cut sheet's second half in the UV plane: turned by an angle, mirrored or not, scaled, and moved.
 #[derive(Clone, Copy)]
@@ -161,7 +160,6 @@ fn at(sorted: &[f64], share: f64) -> f64 {
 
 #[test]
 fn a_cut_sheet_warps_as_the_whole_one() {
-    let Some(_run) = unless_passed(a_cut_sheet_warps_as_the_whole_one) else { return };
     let device = cpu(0);
     for (name, place) in places() {
         let [shut, open] = [Seams::Shut, Seams::Continue].map(|seams| from_whole(&device, place, seams));
@@ -283,12 +281,12 @@ fn all_bits(asset: &Asset) -> Vec<u32> {
 
 #[test]
 fn a_gpu_gives_the_same_to_a_fraction_of_a_cell() {
-    let Some(gpu) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(gpu) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     let model = sheet(Some(places()[3].1));
     let [of_cpu, of_gpu] = [cpu(0), gpu].map(|device| {
         let mut asset = with(&model, &device, 128, Seams::Continue);
         asset.solve(model.frame(1), &options(Quality::Normal)).unwrap();
-        (Warp::of(&asset, 0), common::fetch(&mut asset, 0, FetchKind::Redirection, [300, 300]))
+        (Warp::of(&asset, 0), vrtm_testkit::fetch(&mut asset, 0, FetchKind::Redirection, [300, 300]))
     });
     let apart = |a: [f32; 2], b: [f32; 2]| (a[0] - b[0]).abs().max((a[1] - b[1]).abs());
     let worst = of_cpu.0.u.iter().zip(&of_gpu.0.u).map(|(a, b)| apart(*a, *b)).fold(0.0, f32::max);
@@ -340,7 +338,6 @@ const BARS: [Bars; 6] = [
 
 #[test]
 fn features_over_seams_keep_their_shape_and_stay_together() {
-    let Some(_run) = unless_passed(features_over_seams_keep_their_shape_and_stay_together) else { return };
     let cases: Vec<_> =
         BARS.iter().filter_map(|bars| Some((table::model(bars.0)?, table::frame(bars.0), bars))).collect();
     let failed = on_all_cores(&cases, |&(model, frame, bars)| {
@@ -378,9 +375,9 @@ fn redirections_end_where_the_gutter_does() {
     let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(1024, 1024, PixelFormat::F32) };
     let mut image = vrtm::ImageViewMut::new("image", &mut bytes, layout).unwrap();
     asset.results().fetch_dilation(0, 0.03, &mut image).unwrap();
-    let shown = common::floats(&bytes);
+    let shown = vrtm_testkit::floats(&bytes);
     for size in [256u32, 500, 1024] {
-        let map = common::fetch(&mut asset, 0, FetchKind::Redirection, [size, size]);
+        let map = vrtm_testkit::fetch(&mut asset, 0, FetchKind::Redirection, [size, size]);
         let report = asset.tile_report(0).unwrap();
         let mut over = 0.0f64;
         for (k, uv) in map.iter().enumerate() {
@@ -409,7 +406,7 @@ fn redirections_end_where_the_gutter_does() {
         let first = [size * 13 / 50 - 20, size / 4];
         let mut image = image.part_of("image", [size; 2], first).unwrap();
         asset.fetch(0, FetchKind::Redirection, &mut image).unwrap();
-        for (k, uv) in common::floats(&bytes).iter().enumerate() {
+        for (k, uv) in vrtm_testkit::floats(&bytes).iter().enumerate() {
             let [x, y] = [first[0] as usize + k % 40, first[1] as usize + k / 40];
             assert_eq!(*uv, map[y * size as usize + x]);
         }

@@ -2,11 +2,10 @@
 //! difference of W over frames is compared with that of the pose. `cargo test --test solver smooth:: -- --show-output`
 //! shows the table.
 
-use crate::common::motion::{self, Points, Spread, length};
-use crate::common::scenes::{analytic, arm, creature, mug_to_jug};
-use crate::common::unless_passed;
-use crate::common::{self, Model, Warp, cpu, long, on_all_cores};
 use vrtm::{Quality, SolveOptions, Strided};
+use vrtm_testkit::motion::{self, Points, Spread, length};
+use vrtm_testkit::scenes::{analytic, arm, creature, mug_to_jug};
+use vrtm_testkit::{self, Model, Warp, cpu, long, on_all_cores};
 
 const FRAMES: usize = 240;
 
@@ -43,8 +42,10 @@ impl Motion {
     fn new(model: impl Into<Model>, measured: f64) -> Motion {
         let grid = 64;
         let model = model.into();
-        let keys: Vec<Points> =
-            std::iter::once(&model.rest).chain(&model.frames).map(|points| common::doubles(points)).collect();
+        let keys: Vec<Points> = std::iter::once(&model.rest)
+            .chain(&model.frames)
+            .map(|points| vrtm_testkit::doubles(points))
+            .collect();
         // No pose occurs twice: the ways there and back pass through other frames.
         let rounds = if keys.len() > 2 { 0.95 } else { 1.9 };
         Motion { model, grid, measured, keys, rounds }
@@ -140,7 +141,7 @@ fn motions() -> Vec<Motion> {
     ];
     let mut list: Vec<Motion> =
         scenes.into_iter().map(|(scene, measured)| Motion::new(scene, measured)).collect();
-    for model in common::assets() {
+    for model in vrtm_testkit::assets() {
         match model.name.as_str() {
             "cesium_man" => list.push(Motion::new(model, 0.68)),
             "mh_face" => list.push(Motion::new(model, 0.315)),
@@ -152,7 +153,6 @@ fn motions() -> Vec<Motion> {
 
 #[test]
 fn smooth_motions_give_smooth_warps() {
-    let Some(_run) = unless_passed(smooth_motions_give_smooth_warps) else { return };
     let motions = motions();
     let mut cases: Vec<(&Motion, Quality, bool)> = Vec::new();
     for motion in &motions {

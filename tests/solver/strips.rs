@@ -11,9 +11,8 @@
 //! interface is a mean. The continuum's minimum is therefore met to first order in the cell size, and the grid's own
 //! minimum to the solver's gap.
 
-use crate::common::unless_passed;
-use crate::common::{Model, Warp, set_grid};
 use vrtm::{ImageLayout, ImageView, Origin, PixelFormat, SolveOptions, Strided, TileSettings};
+use vrtm_testkit::{Model, Warp, set_grid};
 
 const ROWS: u32 = 64;
 const CELL_HEIGHT: f64 = 18.0;
@@ -118,7 +117,6 @@ fn patient() -> SolveOptions {
 
 #[test]
 fn error_falls_with_the_grid() {
-    let Some(_run) = unless_passed(error_falls_with_the_grid) else { return };
     println!("   n   E solved   grid's E*  E*         above grid's  error     off (cells)");
     let mut errors = Vec::new();
     for n in [64, 128, 256, 512] {
@@ -141,7 +139,6 @@ fn error_falls_with_the_grid() {
 
 #[test]
 fn ordinary_solves_come_close() {
-    let Some(_run) = unless_passed(ordinary_solves_come_close) else { return };
     // The gap of tests/solver/gap.rs for the row, (E - E*) / (E0 - E*), with the bars of scenes with room. At 256 cells
     // seven corrections end at 2.4e-4, and f32 at 1.2e-4 whatever their number.
     for (corrections, bound) in [(None, 1e-3), (Some(7), 3e-4)] {

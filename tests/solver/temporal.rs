@@ -2,12 +2,11 @@
 //! it costs in lag and strain, and that it does the same on grids of different sizes and on both backends. `cargo test
 //! --test solver temporal:: -- --show-output` shows the tables.
 
-use crate::common::motion::{Spread, length};
-use crate::common::scenes::{analytic, arm, creature};
-use crate::common::unless_passed;
-use crate::common::{self, Model, bits, gpu, long, on_all_cores};
 use vrtm::{Asset, DeviceSettings, SolveOptions, Strided};
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
+use vrtm_testkit::motion::{Spread, length};
+use vrtm_testkit::scenes::{analytic, arm, creature};
+use vrtm_testkit::{self, Model, bits, gpu, long, on_all_cores};
 
 type Warp = Vec<[f32; 2]>;
 
@@ -103,11 +102,11 @@ const SMOOTH: f64 = 2e-4;
 
 #[test]
 fn jitter_falls_and_lag_grows_with_the_weight() {
-    let Some(_run) = unless_passed(jitter_falls_and_lag_grows_with_the_weight) else { return };
     let mut models: Vec<Model> = [analytic::bulge(), arm(), creature()].map(Model::from).into();
     models.push(Model { name: "squash to 40 %".into(), ..Model::from(analytic::squash(0.4)) });
     let held_ones = ["mh_face", "cesium_man", "fox"];
-    models.extend(common::assets().into_iter().filter(|model| held_ones.contains(&model.name.as_str())));
+    models
+        .extend(vrtm_testkit::assets().into_iter().filter(|model| held_ones.contains(&model.name.as_str())));
     let weights: Vec<f32> =
         WEIGHTS.into_iter().filter(|&weight| long::long() || weight == 0.0 || weight == WEIGHT).collect();
     let models = long::share(models, 3, "models");
@@ -145,7 +144,6 @@ fn jitter_falls_and_lag_grows_with_the_weight() {
 /// Offsets between nodes do not depend on the size of the cells, and neither does what they are held to.
 #[test]
 fn the_lag_is_that_of_any_grid() {
-    let Some(_run) = unless_passed(the_lag_is_that_of_any_grid) else { return };
     let model = Model::from(arm());
     let late = |grid: u32| {
         let stateless = play(&model, &SolveOptions::default(), grid).0;

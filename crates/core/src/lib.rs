@@ -2,7 +2,7 @@
 //!
 //! The data flows through the modules in this order: a host's arrays (`view`, `image`) become a validated mesh with
 //! tiles and charts (`mesh`); each tile's maps become a grid with movable nodes and active blocks (`grid`); for each
-//! pose, `method::schedule` calls the stages of a backend level by level, of which the one for the CPU is here (`cpu`).
+//! pose, `method::schedule` calls the stages of a backend level by level.
 
 #![allow(missing_docs, reason = "documented for users where `vrtm` hands it on")]
 // Allocations sized by user input must be fallible: clippy.toml lists the infallible ones.
@@ -28,7 +28,6 @@ pub mod image;
 pub mod grid;
 pub mod method;
 pub mod backend;
-pub mod cpu;
 pub mod strain;
 #[doc(hidden)]
 #[allow(clippy::disallowed_macros, clippy::disallowed_methods, reason = "no call of a host comes here")]

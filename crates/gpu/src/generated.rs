@@ -119,7 +119,7 @@ mod text {
 
     #[test]
     fn the_committed_file_is_the_generated_one() {
-        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/shaders/generated.wgsl");
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/../../shaders/generated.wgsl");
         if std::env::var_os("VRTM_UPDATE_SHADERS").is_some_and(|value| value == "1") {
             std::fs::write(file, text()).unwrap();
         }

@@ -1,6 +1,7 @@
 //! The table of compute kernels: entry point, shader files, bindings and bytes moved of each.
 
 use vrtm_core::allocation::Vec;
+use vrtm_shaders::text;
 
 /// One binding of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -70,17 +71,10 @@ macro_rules! kernels {
             kernel: Kernel::$kernel,
             entry: $entry,
             parts: &[$($part),*],
-            texts: &[$(text!($part)),*],
+            texts: &[$(text($part)),*],
             bindings: &[$($binding),*],
             bytes_per_node: $bytes,
         }),*];
-    };
-}
-
-/// The content of a file in `shaders/`.
-macro_rules! text {
-    ($part:literal) => {
-        include_str!(concat!("../shaders/", $part, ".wgsl"))
     };
 }
 
@@ -205,10 +199,8 @@ impl Kernel {
 /// Bytes of workgroup memory that some files need besides a patch, and the files that take their place on devices with
 /// less.
 const LARGE: u32 = 24 << 10;
-const SMALL: [[&str; 2]; 2] = [
-    [text!("correct/slopes_kept"), text!("correct/slopes_anew")],
-    [text!("relax_wide"), text!("relax_narrow")],
-];
+const SMALL: [[&str; 2]; 2] =
+    [[text("correct/slopes_kept"), text("correct/slopes_anew")], [text("relax_wide"), text("relax_narrow")]];
 
 impl Source {
     /// The complete WGSL source, for a device with so many bytes of workgroup memory.
@@ -217,7 +209,7 @@ impl Source {
             Some([_, small]) => *small,
             None => part,
         };
-        let parts = [text!("generated"), text!("common")].into_iter().chain(self.texts.iter().copied());
+        let parts = [text("generated"), text("common")].into_iter().chain(self.texts.iter().copied());
         parts.map(small).collect::<Vec<_>>().join("\n")
     }
 }

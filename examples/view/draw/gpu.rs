@@ -61,8 +61,8 @@ impl Gpu {
         let tile = layout(&[filtered, texture(false, plain), sampler, filtered, filtered, places]);
         let map = layout(&[texture(true, wgpu::TextureViewDimension::D2Array), sampler]);
         let parts = [
-            include_str!("../../render/map_filtered.wgsl"),
-            include_str!("../../render/redirect.wgsl"),
+            include_str!("../../render/src/map_filtered.wgsl"),
+            include_str!("../../render/src/redirect.wgsl"),
             include_str!("surface.wgsl"),
             include_str!("carried.wgsl"),
         ];

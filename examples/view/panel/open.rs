@@ -5,8 +5,8 @@ use eframe::egui::{self, Rect, RichText, Ui, Vec2, vec2};
 use super::bar::Wish;
 use super::style;
 use crate::app::dialogs::Ask;
-use crate::scenes;
 use crate::source::Files;
+use vrtm_testkit::scenes;
 
 /// Shows the menu's content; `path` is the text of its field.
 pub fn show(ui: &mut Ui, path: &mut String, mut noted: impl FnMut(&str, Rect)) -> Option<Wish> {

@@ -15,7 +15,7 @@ use super::inbox::{Edit, Inbox, Purpose, Request, Work};
 use crate::brush::canvas::Canvas;
 use crate::carry::ride::Riders;
 use crate::model::{Model, Tile, mesh_source};
-use crate::scenes::path::Path;
+use vrtm_testkit::scenes::path::Path;
 
 /// Messages of the thread.
 pub enum News {

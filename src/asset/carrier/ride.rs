@@ -12,11 +12,11 @@ use crate::solved::Solved;
 use vrtm_carry::{Carriage, Course, LastPoint, Parts, Tile, matrix};
 use vrtm_core::allocation::Vec;
 use vrtm_core::clock::Instant;
-use vrtm_core::cpu::prefetch::prefetch;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::panics::lock;
 use vrtm_core::team::Team;
 use vrtm_core::view::{Packed, StridedMut};
+use vrtm_cpu::prefetch::prefetch;
 
 /// Points that one item of work carries.
 const CHUNK: usize = 1024;

@@ -3,9 +3,9 @@
 
 mod stacks;
 
-use crate::common::{self, Model, bits, cpu, fetch, long, on_all_cores, scenes};
 use stacks::{DEPTH, GRID, Island, Random, SIDE, Stack};
 use vrtm::{Asset, ErrorKind, FetchKind, Seams, SolveOptions, StrainReport, TileSettings};
+use vrtm_testkit::{self, Model, bits, cpu, fetch, long, on_all_cores, scenes};
 
 const MOST: u32 = 32;
 
@@ -167,14 +167,14 @@ fn layers_share_maps_and_settings() {
     // What is set for the second layer holds for the first one.
     asset.set_rigidity(1, None).unwrap();
     assert!(solved(&mut asset).iter().all(|u| *u == [0; 2]));
-    asset.set_rigidity(1, Some(common::view(&stack.rigidity, 64, 64))).unwrap();
+    asset.set_rigidity(1, Some(vrtm_testkit::view(&stack.rigidity, 64, 64))).unwrap();
     assert!(solved(&mut asset) == before);
     assert_eq!(device.info().bytes_held, held);
     let settings = TileSettings { room: 0.1, ..asset.settings(1).unwrap() };
     asset.set_settings(1, &settings).unwrap();
     assert_eq!(asset.settings(0).unwrap(), settings);
     asset.set_settings(0, &TileSettings { room: 0.3, ..settings }).unwrap();
-    asset.set_mask(1, Some(common::view(&[0], 1, 1))).unwrap();
+    asset.set_mask(1, Some(vrtm_testkit::view(&[0], 1, 1))).unwrap();
     assert!(solved(&mut asset).iter().all(|u| *u == [0; 2]));
     asset.set_mask(0, None).unwrap();
     // A stroke changes both, too, as if the whole map had been set.
@@ -182,12 +182,13 @@ fn layers_share_maps_and_settings() {
     for y in 20..30 {
         painted[y * 64 + 20..y * 64 + 40].fill(255);
     }
-    asset.update_rigidity(1, common::view(&painted, 64, 64), [20, 20], [20, 10]).unwrap();
+    asset.update_rigidity(1, vrtm_testkit::view(&painted, 64, 64), [20, 20], [20, 10]).unwrap();
     let stroke = solved(&mut asset);
-    asset.set_rigidity(0, Some(common::view(&painted, 64, 64))).unwrap();
+    asset.set_rigidity(0, Some(vrtm_testkit::view(&painted, 64, 64))).unwrap();
     assert!(solved(&mut asset) == stroke && stroke != before);
     // A part outside of the map changes neither.
-    let error = asset.update_rigidity(1, common::view(&painted, 64, 64), [60, 0], [20, 10]).unwrap_err();
+    let error =
+        asset.update_rigidity(1, vrtm_testkit::view(&painted, 64, 64), [60, 0], [20, 10]).unwrap_err();
     assert_eq!(error.kind, ErrorKind::InvalidArgument);
     assert!(solved(&mut asset) == stroke);
 }
@@ -359,7 +360,7 @@ fn nothing_leads_beyond_a_border_into_a_chart_of_another_layer() {
         let redirected = fetch(&mut asset, 0, FetchKind::Redirection, [256; 2]);
         let in_chart = |n: &usize| (65..217).contains(&(n % 256)) && (27..230).contains(&(n / 256));
         let all = (0..redirected.len()).filter(in_chart).map(|n| redirected[n][0]);
-        let dilated = common::dilation(&asset, 0, 0.1, 256);
+        let dilated = vrtm_testkit::dilation(&asset, 0, 0.1, 256);
         let own = |n: usize| (dilated[n][0] - (n % 256) as f32 / 256.0 - 0.5 / 256.0).abs() < 1e-6;
         // A few texels beyond the border, at half of its height.
         let beside = (40..62).all(|x| own(128 * 256 + x));

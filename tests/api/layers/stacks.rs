@@ -4,7 +4,7 @@
 
 use vrtm::{Asset, Device, MeshSource, Strided, TileSettings, UvSource};
 
-use crate::common::view;
+use vrtm_testkit::view;
 
 /// Squares along a side of an island.
 pub const SIDE: usize = 6;

@@ -4,8 +4,8 @@
 
 use std::collections::HashMap;
 
-use crate::common::{Model, assets, cpu, on_all_cores, scenes};
 use vrtm::{Asset, ErrorKind, ImageLayout, ImageViewMut, Origin, PixelFormat, Strided};
+use vrtm_testkit::{Model, assets, cpu, on_all_cores, scenes};
 
 const SIZE: usize = 1024;
 const REACH: f64 = 1.0 / 32.0;

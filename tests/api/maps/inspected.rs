@@ -3,7 +3,7 @@
 use vrtm::{Asset, ErrorKind, FetchKind, MapDesc, MapReport, PixelFormat};
 
 use super::{folds, map, pairs, solved};
-use crate::common::{Model, cpu, scenes};
+use vrtm_testkit::{Model, cpu, scenes};
 
 fn desc(size: [u32; 2]) -> MapDesc {
     MapDesc { kind: FetchKind::Redirection, format: PixelFormat::F32, size }

@@ -3,7 +3,7 @@
 use vrtm::{Backend, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageViewMut, PixelFormat};
 
 use super::{map, pairs, solved};
-use crate::common::{Model, Warp, cpu, gpu, scenes};
+use vrtm_testkit::{Model, Warp, cpu, gpu, scenes};
 
 /// A size that divides nothing.
 const SIZE: [u32; 2] = [301, 190];

@@ -5,8 +5,8 @@ mod dilation;
 mod inspected;
 mod kinds;
 
-use crate::common::Model;
 use vrtm::{Asset, Device, FetchKind, ImageLayout, ImageViewMut, Origin, PixelFormat, SolveOptions};
+use vrtm_testkit::Model;
 
 /// A solved asset with a grid of 256 x 256 cells.
 fn solved(model: &Model, device: &Device) -> Asset {

@@ -5,15 +5,15 @@ mod refined;
 mod strain;
 mod truth;
 
-use crate::common::{self, Model};
 use refined::Refined;
 use vrtm::{Asset, ErrorKind, RefinementPattern, RefinementSettings, SolveOptions, Strided};
+use vrtm_testkit::{self, Model};
 
 /// Room for the rounding of maps and corner UVs, f32 both, in UV.
 const ROUNDING: f64 = 1e-6;
 
 fn scene(name: &str) -> Model {
-    common::scenes::by_name(name).unwrap().into()
+    vrtm_testkit::scenes::by_name(name).unwrap().into()
 }
 
 fn solve(model: &Model, asset: &mut Asset, frame: usize) {
@@ -65,7 +65,7 @@ fn two_tiles() {
 
 #[test]
 fn real_meshes() {
-    for model in common::assets() {
+    for model in vrtm_testkit::assets() {
         let frame = match &*model.name {
             "mh_face" => 1,
             "fox" => 3,
@@ -78,7 +78,7 @@ fn real_meshes() {
 
 #[test]
 fn a_shot_has_one_topology() {
-    for model in common::assets().into_iter().filter(|model| model.name == "mh_face") {
+    for model in vrtm_testkit::assets().into_iter().filter(|model| model.name == "mh_face") {
         let mut asset = model.asset(0, 256);
         solve(&model, &mut asset, 1);
         let mut refinement = asset.refine(&RefinementSettings::default()).unwrap();
@@ -256,7 +256,7 @@ fn odd_sheet(doubled: bool) -> (Model, Vec<u32>) {
     model.frames = vec![model.rest.iter().map(bend).collect()];
     let dots = |k: usize| if (k % 64 % 16) / 8 + (k / 64 % 16) / 8 == 1 { 255 } else { 0 };
     let rigidity = (0..64 * 64).map(dots).collect();
-    model.maps = vec![common::Maps { udim: 1001, width: 64, height: 64, rigidity, mask: None }];
+    model.maps = vec![vrtm_testkit::Maps { udim: 1001, width: 64, height: 64, rigidity, mask: None }];
     (model, places)
 }
 
@@ -341,7 +341,7 @@ fn it_outlives_the_asset() {
 /// The table of method §14.
 #[test]
 fn strain_comes_down_to_that_by_the_map() {
-    for model in common::assets() {
+    for model in vrtm_testkit::assets() {
         let frame = match &*model.name {
             "mh_face" => 1,
             "fox" => 3,
@@ -350,7 +350,7 @@ fn strain_comes_down_to_that_by_the_map() {
         };
         let mut asset = model.asset(0, 512);
         solve(&model, &mut asset, frame);
-        let warp = common::Warp::of(&asset, 0);
+        let warp = vrtm_testkit::Warp::of(&asset, 0);
         let measured = strain::Measured::new(&model, frame, &asset, &warp);
         let (before, corners) = (measured.before(), measured.by_corners());
         let map = measured.by_map(&warp);

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use vrtm::{Asset, Refinement, RefinementPattern};
 
-use crate::common::Model;
+use vrtm_testkit::Model;
 
 /// All that a refinement hands out.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -7,7 +7,7 @@ use vrtm::{Asset, RefinementSettings};
 
 use super::refined::Refined;
 use super::truth::visit;
-use crate::common::{Model, Warp};
+use vrtm_testkit::{Model, Warp};
 
 /// Place in space and chart of each texel centre of the texture. `None` if nothing shows it.
 type Places = Vec<Option<([f64; 3], u32)>>;

@@ -1,4 +1,4 @@
-//! Writes the C header from `crates/capi/src` into the template `crates/capi/src/vrtm.h.in`: what `mirrored` writes,
+//! Writes the C header from `capi/src` into the template `capi/src/vrtm.h.in`: what `mirrored` writes,
 //! and the rest by cbindgen. `@name@` in the template is the type, with its constants, or the function of that name;
 //! or, if it is the name of a file, all of it that has no place of its own.
 
@@ -35,7 +35,7 @@ const SECTIONS: [&str; 21] = [
 
 pub fn header(root: &Path) -> Result<String, String> {
     let config = cbindgen::Config::from_file(root.join("cbindgen.toml"))?;
-    let template = root.join("crates/capi/src/vrtm.h.in");
+    let template = root.join("capi/src/vrtm.h.in");
     let text =
         std::fs::read_to_string(&template).map_err(|error| format!("{}: {error}", template.display()))?;
     let mut header = text.clone();
@@ -55,7 +55,7 @@ pub fn header(root: &Path) -> Result<String, String> {
         place(mirrored.name, &words.item(mirrored)?)?;
     }
     for name in SECTIONS {
-        let source = root.join(format!("crates/capi/src/{name}.rs"));
+        let source = root.join(format!("capi/src/{name}.rs"));
         let mut config = config.clone();
         config.export.include = public_types(&source)?;
         let bindings = cbindgen::Builder::new()

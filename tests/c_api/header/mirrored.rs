@@ -1,5 +1,5 @@
 //! Writes the structs and constants that mirror those of the Rust API: layouts and values from the lists in
-//! `crates/capi/src`, comments from the documentation of the Rust API, in the words of C. Of settings it writes the
+//! `capi/src`, comments from the documentation of the Rust API, in the words of C. Of settings it writes the
 //! initialisers, too, and docs/settings.md.
 
 use std::collections::HashMap;

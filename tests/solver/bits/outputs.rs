@@ -5,8 +5,8 @@ use vrtm::{
     RefinementSettings, Strain,
 };
 
-use crate::common::bits;
-use crate::common::passed::Hash;
+use super::hash::Hash;
+use vrtm_testkit::bits;
 
 const SIZE: [u32; 2] = [61, 47];
 
@@ -22,7 +22,7 @@ impl Hash {
 
 /// Displacements, redirections, corner UVs, and what is reported of a result and of the tiles.
 pub fn result(asset: &mut Asset) -> Hash {
-    let mut hash = Hash::new();
+    let mut hash = Hash::default();
     hash.integers(bits(asset).into_iter().flatten());
     for tile in 0..asset.tile_count() {
         hash.image(asset, tile, FetchKind::Redirection, PixelFormat::F32);
@@ -120,13 +120,13 @@ pub fn kinds(asset: &mut Asset, tile: usize, again: impl Fn(&mut Asset)) -> Vec<
         ("UV set", FetchKind::UvSet(1)),
         ("UV set, delta", FetchKind::UvSetDelta(1)),
     ] {
-        let mut hash = Hash::new();
+        let mut hash = Hash::default();
         for format in [PixelFormat::F32, PixelFormat::F16] {
             hash.image(asset, tile, kind, format);
         }
         all.push((name, hash));
     }
-    let [mut dilation, mut corners, mut refined] = [(); 3].map(|()| Hash::new());
+    let [mut dilation, mut corners, mut refined] = [(); 3].map(|()| Hash::default());
     for format in [PixelFormat::F32, PixelFormat::F16] {
         dilation.dilation(asset, tile, format);
     }

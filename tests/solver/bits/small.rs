@@ -5,11 +5,11 @@ use vrtm::{
     Quality, Seams, SolveOptions, Solver, Strided, TileSettings, UvSource, Weld, WeldBy, f16,
 };
 
+use super::hash::Hash;
 use super::outputs::{kinds, result};
-use crate::common::passed::Hash;
-use crate::common::scenes::{analytic, arm, by_name, creature, mug_to_jug};
-use crate::common::{Model, assets, options, view};
 use crate::{cuts, gaps, hard_cases, noise, open_borders, random, seams, welds};
+use vrtm_testkit::scenes::{analytic, arm, by_name, creature, mug_to_jug};
+use vrtm_testkit::{Model, assets, options, view};
 
 /// Model, and the options of its solves.
 #[derive(Clone)]
@@ -231,8 +231,8 @@ pub fn small() -> Vec<Small> {
 /// The hard cases, but those that a time budget ends.
 pub fn hard() -> Vec<(String, Hash)> {
     let cases = hard_cases::certain();
-    crate::common::on_all_cores(&cases, |case| {
-        let mut hash = Hash::new();
+    vrtm_testkit::on_all_cores(&cases, |case| {
+        let mut hash = Hash::default();
         hash.integers(case.run(1).0);
         (case.name.to_owned(), hash)
     })
@@ -241,8 +241,8 @@ pub fn hard() -> Vec<(String, Hash)> {
 /// Random models, in groups: all that may be set, in combinations that nobody thinks of.
 pub fn drawn(device: &Device, groups: &[u64]) -> Vec<(String, Hash)> {
     const GROUP: usize = 20;
-    crate::common::on_all_cores(groups, |&seed| {
-        let mut hash = Hash::new();
+    vrtm_testkit::on_all_cores(groups, |&seed| {
+        let mut hash = Hash::default();
         for recipe in random::recipes(seed, GROUP) {
             let model = recipe.model();
             let mut asset = recipe.asset(&model, device).unwrap();

@@ -3,7 +3,7 @@
 
 use std::collections::HashMap;
 
-use crate::common::Model;
+use vrtm_testkit::Model;
 
 /// Distance in cells from a border or a grid line under which a point counts as on it: the rounding of f32 UVs on a
 /// grid of 1024.

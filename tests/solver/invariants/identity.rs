@@ -4,13 +4,13 @@ use std::sync::{Arc, Mutex};
 
 use vrtm::{Asset, Device, DeviceSettings, LogLevel, SolveOptions, Strided};
 
-use crate::common::{self, Model, Warp, bits, doubles};
+use vrtm_testkit::{self, Model, Warp, bits, doubles};
 
 fn models() -> Vec<Model> {
-    use common::scenes::{arm, creature, mug_to_jug};
+    use vrtm_testkit::scenes::{arm, creature, mug_to_jug};
     let mut models: Vec<Model> = [mug_to_jug(), creature(), arm()].map(Model::from).into();
-    models.extend(common::analytic());
-    models.extend(common::assets());
+    models.extend(vrtm_testkit::analytic());
+    models.extend(vrtm_testkit::assets());
     models
 }
 
@@ -21,7 +21,7 @@ fn rest_is_the_identity_exactly() {
 
 #[test]
 fn rest_is_the_identity_exactly_on_a_gpu() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     rest_is_the_identity(&models(), |model| model.asset_on(&device, 64));
 }
 
@@ -52,7 +52,7 @@ fn rigid_motions_are_the_identity_even_far_away() {
 
 #[test]
 fn rigid_motions_are_the_identity_even_far_away_on_a_gpu() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     rigid_motions_are_the_identity(&models(), |model| model.asset_on(&device, 64));
 }
 
@@ -73,12 +73,12 @@ fn rigid_motions_are_the_identity(models: &[Model], asset: impl Fn(&Model) -> As
 
 #[test]
 fn rest_far_away_is_as_good_as_near() {
-    far_is_as_good_as_near(&models(), &common::cpu(0), 256);
+    far_is_as_good_as_near(&models(), &vrtm_testkit::cpu(0), 256);
 }
 
 #[test]
 fn rest_far_away_is_as_good_as_near_on_a_gpu() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     far_is_as_good_as_near(&models()[..4], &device, 64);
 }
 
@@ -93,10 +93,10 @@ fn far_is_as_good_as_near(models: &[Model], device: &Device, grid: u32) {
         let mut asset = model.bare_on(device, Strided::from_f64x3(&rest));
         for maps in &model.maps {
             let tile = asset.find_tile(maps.udim).unwrap();
-            let view = common::view(&maps.rigidity, maps.width, maps.height);
+            let view = vrtm_testkit::view(&maps.rigidity, maps.width, maps.height);
             asset.set_rigidity(tile, Some(view)).unwrap();
         }
-        common::set_grid(&mut asset, grid);
+        vrtm_testkit::set_grid(&mut asset, grid);
         asset.solve(Strided::from_f64x3(&rest), &SolveOptions::default()).unwrap();
         assert!(bits(&asset).iter().all(|u| *u == [0; 2]), "{}", model.name);
         asset.solve(Strided::from_f64x3(&pose), &SolveOptions::default()).unwrap();
@@ -122,7 +122,7 @@ fn a_rest_mesh_of_one_point_is_the_identity_and_is_warned_of() {
     };
     let device =
         Device::new(&DeviceSettings { log: Some(Arc::new(log)), ..DeviceSettings::default() }).unwrap();
-    let model = Model::from(common::scenes::mug_to_jug());
+    let model = Model::from(vrtm_testkit::scenes::mug_to_jug());
     model.bare_on(&device, model.frame(1));
     assert_eq!(*warnings.lock().unwrap(), Vec::<String>::new());
     let point = vec![[1.5f32, -2.0, 3.0]; model.rest.len()];
@@ -131,7 +131,7 @@ fn a_rest_mesh_of_one_point_is_the_identity_and_is_warned_of() {
     assert_eq!(said.len(), 1, "{said:?}");
     assert!(said[0].starts_with("mesh: all rest positions are one point"), "{said:?}");
     asset.set_vertex_rigidity(Some(Strided::from_f32(&vec![1.0; model.rest.len()]))).unwrap();
-    common::set_grid(&mut asset, 64);
+    vrtm_testkit::set_grid(&mut asset, 64);
     asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
     assert!(bits(&asset).iter().all(|u| *u == [0; 2]));
 }

@@ -4,7 +4,7 @@ use vrtm::{
     Device, DeviceSettings, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions, Strided, TileSettings,
 };
 
-use crate::common::{self, Model, Warp, bits, options};
+use vrtm_testkit::{self, Model, Warp, bits, options};
 
 const N: u32 = 256;
 
@@ -28,20 +28,20 @@ fn masks() -> Vec<(&'static str, Vec<u8>)> {
 
 #[test]
 fn masks_hold_their_nodes() {
-    masks_hold(&common::cpu(0), &SolveOptions::default());
+    masks_hold(&vrtm_testkit::cpu(0), &SolveOptions::default());
 }
 
 #[test]
 fn masks_hold_their_nodes_on_a_gpu() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     masks_hold(&device, &options(Quality::Draft));
 }
 
 fn masks_hold(device: &Device, options: &SolveOptions) {
-    let model = Model::from(common::scenes::analytic::shear(0.5));
+    let model = Model::from(vrtm_testkit::scenes::analytic::shear(0.5));
     for (name, mask) in masks() {
         let mut asset = model.asset_on(device, N);
-        asset.set_mask(0, Some(common::view(&mask, N, N))).unwrap();
+        asset.set_mask(0, Some(vrtm_testkit::view(&mask, N, N))).unwrap();
         asset.solve(model.frame(1), options).unwrap();
         let warp = Warp::of(&asset, 0);
         let width = N as usize + 1;
@@ -67,17 +67,17 @@ fn masks_hold(device: &Device, options: &SolveOptions) {
 
 #[test]
 fn maps_and_settings_change_between_frames() {
-    maps_and_settings_change(&common::cpu(0), &SolveOptions::default());
+    maps_and_settings_change(&vrtm_testkit::cpu(0), &SolveOptions::default());
 }
 
 #[test]
 fn maps_and_settings_change_between_frames_on_a_gpu() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     maps_and_settings_change(&device, &options(Quality::Draft));
 }
 
 fn maps_and_settings_change(device: &Device, options: &SolveOptions) {
-    let model = Model::from(common::scenes::mug_to_jug());
+    let model = Model::from(vrtm_testkit::scenes::mug_to_jug());
     let (w, h) = (model.maps[0].width, model.maps[0].height);
     let other: Vec<u8> = model.maps[0].rigidity.iter().map(|r| 255 - r).collect();
     let (line, holes) = (masks()[1].1.clone(), masks()[0].1.clone());
@@ -90,21 +90,21 @@ fn maps_and_settings_change(device: &Device, options: &SolveOptions) {
     // Each change sets all inputs that it depends on, so that it can be applied to a fresh asset, too.
     let changes: Vec<(&str, Change)> = vec![
         ("as it was", Box::new(|_| {})),
-        ("mask", Box::new(|a| a.set_mask(0, Some(common::view(&line, N, N))).unwrap())),
-        ("another mask", Box::new(|a| a.set_mask(0, Some(common::view(&holes, N, N))).unwrap())),
+        ("mask", Box::new(|a| a.set_mask(0, Some(vrtm_testkit::view(&line, N, N))).unwrap())),
+        ("another mask", Box::new(|a| a.set_mask(0, Some(vrtm_testkit::view(&holes, N, N))).unwrap())),
         ("no mask", Box::new(|a| a.set_mask(0, None).unwrap())),
-        ("rigidity", Box::new(|a| a.set_rigidity(0, Some(common::view(&other, w, h))).unwrap())),
+        ("rigidity", Box::new(|a| a.set_rigidity(0, Some(vrtm_testkit::view(&other, w, h))).unwrap())),
         (
             "finer",
             Box::new(|a| {
-                a.set_rigidity(0, Some(common::view(&other, w, h))).unwrap();
+                a.set_rigidity(0, Some(vrtm_testkit::view(&other, w, h))).unwrap();
                 settings(a, TileSettings { grid: [Some(320), Some(272)], ..grid });
             }),
         ),
         (
             "smoother",
             Box::new(|a| {
-                a.set_rigidity(0, Some(common::view(&other, w, h))).unwrap();
+                a.set_rigidity(0, Some(vrtm_testkit::view(&other, w, h))).unwrap();
                 settings(a, TileSettings { smoothness: 0.2, room: 0.1, ..grid });
             }),
         ),
@@ -113,7 +113,7 @@ fn maps_and_settings_change(device: &Device, options: &SolveOptions) {
             "as at first",
             Box::new(|a| {
                 settings(a, grid);
-                a.set_rigidity(0, Some(common::view(&model.maps[0].rigidity, w, h))).unwrap();
+                a.set_rigidity(0, Some(vrtm_testkit::view(&model.maps[0].rigidity, w, h))).unwrap();
             }),
         ),
     ];
@@ -139,7 +139,7 @@ fn maps_and_settings_change(device: &Device, options: &SolveOptions) {
 fn vertex_rigidity_is_the_same_map_painted() {
     // x on the sheet equals u. A ramp is linear over triangles and between texels, so that both give the nodes the same
     // values.
-    let model = Model::from(common::scenes::analytic::bulge());
+    let model = Model::from(vrtm_testkit::scenes::analytic::bulge());
     let values: Vec<f32> = model.rest.iter().map(|p| p[0]).collect();
     let ramp: Vec<u8> =
         (0..512 * 512).flat_map(|k| (((k % 512) as f32 + 0.5) / 512.0).to_ne_bytes()).collect();
@@ -165,10 +165,10 @@ fn vertex_rigidity_is_the_same_map_painted() {
 #[test]
 fn a_mask_per_vertex_is_the_same_mask_painted() {
     // x on the sheet equals u: its right half may move, from the first node on that is half a cell away from the left.
-    let model = Model::from(common::scenes::analytic::bulge());
+    let model = Model::from(vrtm_testkit::scenes::analytic::bulge());
     let right = mask(|x, _| x < N / 2);
     let mut painted = model.asset(0, N);
-    painted.set_mask(0, Some(common::view(&right, N, N))).unwrap();
+    painted.set_mask(0, Some(vrtm_testkit::view(&right, N, N))).unwrap();
     painted.solve(model.frame(1), &options(Quality::Draft)).unwrap();
     let values: Vec<f32> = model.rest.iter().map(|p| p[0]).collect();
     let mut asset = model.asset(0, N);
@@ -193,7 +193,7 @@ fn a_mask_per_vertex_is_the_same_mask_painted() {
 
 #[test]
 fn one_line_of_vertices_in_a_mask_is_a_barrier_on_a_coarse_grid() {
-    let model = Model::from(common::scenes::analytic::bulge());
+    let model = Model::from(vrtm_testkit::scenes::analytic::bulge());
     // The column of vertices that is next to u = 0.4.
     let line =
         model.rest.iter().map(|p| p[0]).min_by(|a, b| (a - 0.4).abs().total_cmp(&(b - 0.4).abs())).unwrap();

@@ -4,7 +4,7 @@ use vrtm::{
     Asset, DeviceSettings, Fetch, FetchKind, ImageLayout, ImageViewMut, Origin, PixelFormat, SolveOptions,
 };
 
-use crate::common::{self, Model, Warp, fetch, floats};
+use vrtm_testkit::{self, Model, Warp, fetch, floats};
 
 const KINDS: [FetchKind; 3] = [FetchKind::Redirection, FetchKind::RedirectionDelta, FetchKind::Warp];
 
@@ -33,7 +33,7 @@ fn half(bits: u16) -> f64 {
 
 #[test]
 fn delta_is_redirection_less_texel_centre() {
-    let mut asset = solved(&Model::from(common::scenes::mug_to_jug()));
+    let mut asset = solved(&Model::from(vrtm_testkit::scenes::mug_to_jug()));
     let (width, height) = (200u32, 77u32);
     let absolute = fetch(&mut asset, 0, FetchKind::Redirection, [width, height]);
     let delta = fetch(&mut asset, 0, FetchKind::RedirectionDelta, [width, height]);
@@ -50,7 +50,7 @@ fn delta_is_redirection_less_texel_centre() {
 
 #[test]
 fn half_floats_are_the_nearest_to_the_floats() {
-    let mut asset = solved(&Model::from(common::scenes::mug_to_jug()));
+    let mut asset = solved(&Model::from(vrtm_testkit::scenes::mug_to_jug()));
     for kind in KINDS {
         let layout = |format| ImageLayout::packed(256, 256, format);
         let whole = floats(&raw(&mut asset, kind, layout(PixelFormat::F32), 256 * 256 * 8, 0));
@@ -70,7 +70,7 @@ fn half_floats_are_the_nearest_to_the_floats() {
 
 #[test]
 fn the_origin_mirrors_rows() {
-    let mut asset = solved(&Model::from(common::scenes::mug_to_jug()));
+    let mut asset = solved(&Model::from(vrtm_testkit::scenes::mug_to_jug()));
     let (width, height) = (100u32, 63u32);
     let row = width as usize * 8;
     for kind in KINDS {
@@ -89,7 +89,7 @@ fn the_origin_mirrors_rows() {
 
 #[test]
 fn strides_leave_the_bytes_between_alone() {
-    let mut asset = solved(&Model::from(common::scenes::mug_to_jug()));
+    let mut asset = solved(&Model::from(vrtm_testkit::scenes::mug_to_jug()));
     for (format, size) in [(PixelFormat::F32, 8), (PixelFormat::F16, 4)] {
         for kind in KINDS {
             let (width, height) = (37usize, 41usize);
@@ -114,7 +114,7 @@ fn strides_leave_the_bytes_between_alone() {
 
 #[test]
 fn one_call_is_solve_and_fetch() {
-    let model = Model::from(common::scenes::arm());
+    let model = Model::from(vrtm_testkit::scenes::arm());
     let mut two = solved(&model);
     let mut one = model.asset(0, 256);
     let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(96, 96, PixelFormat::F32) };
@@ -139,14 +139,14 @@ fn one_call_is_solve_and_fetch() {
     let mut fetches = [Fetch::Image { tile: 2, kind: FetchKind::Warp, image }];
     assert!(one.redirect(model.frame(2), &SolveOptions::default(), &mut fetches).is_err());
     assert_eq!(images[0], before);
-    assert!(common::bits(&one) == common::bits(&two));
+    assert!(vrtm_testkit::bits(&one) == vrtm_testkit::bits(&two));
 }
 
 #[test]
 fn corner_uvs_are_the_inverse_of_the_warp() {
-    use common::scenes::{arm, creature, mug_to_jug};
+    use vrtm_testkit::scenes::{arm, creature, mug_to_jug};
     let mut models: Vec<Model> = [mug_to_jug(), creature(), arm()].map(Model::from).into();
-    models.extend(common::assets());
+    models.extend(vrtm_testkit::assets());
     for model in models {
         let mut asset = solved(&model);
         let mut uvs = vec![[f32::NAN; 2]; model.indices.len()];
@@ -184,8 +184,10 @@ fn corner_uvs_are_the_inverse_of_the_warp() {
 /// One interpolation everywhere: a warp of any size is that of the triangles that redirection and corner UVs invert.
 #[test]
 fn a_warp_of_any_size_lies_on_the_triangles_that_the_redirection_inverts() {
-    let model = Model::from(common::scenes::analytic::squash(0.4));
-    for device in [Some(common::cpu(0)), common::gpu(&DeviceSettings::default())].into_iter().flatten() {
+    let model = Model::from(vrtm_testkit::scenes::analytic::squash(0.4));
+    for device in
+        [Some(vrtm_testkit::cpu(0)), vrtm_testkit::gpu(&DeviceSettings::default())].into_iter().flatten()
+    {
         let mut asset = model.asset_on(&device, 128);
         asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
         let warp = Warp::of(&asset, 0);

@@ -4,15 +4,15 @@ use vrtm::{
     Asset, Device, DeviceSettings, FetchKind, ImageLayout, ImageView, PixelFormat, Quality, SolveOptions,
     Strided,
 };
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
 
-use crate::common::{self, Model, bits, fetch, options};
+use vrtm_testkit::{self, Model, bits, fetch, options};
 
 fn models() -> Vec<Model> {
-    use common::scenes::{arm, creature, mug_to_jug};
+    use vrtm_testkit::scenes::{arm, creature, mug_to_jug};
     let mut models: Vec<Model> = [mug_to_jug(), creature(), arm()].map(Model::from).into();
-    models.push(common::scenes::analytic::torus().into());
-    models.extend(common::assets());
+    models.push(vrtm_testkit::scenes::analytic::torus().into());
+    models.extend(vrtm_testkit::assets());
     models
 }
 
@@ -41,7 +41,7 @@ fn any_order_of_frames() {
 
 #[test]
 fn any_order_of_frames_on_a_gpu() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     frames_in_any_order(&models()[..1], |model| model.asset_on(&device, 64));
 }
 
@@ -77,13 +77,13 @@ fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives() {
 
 #[test]
 fn unchanged_charts_are_reused_and_what_a_fresh_solve_gives_on_a_gpu() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     unchanged_charts_are_reused(|model| model.asset_on(&device, 96));
 }
 
 /// The creature, and which of its vertices belong to its first leg alone.
 fn creature_and_leg() -> (Model, Vec<bool>) {
-    let creature = Model::from(common::scenes::creature());
+    let creature = Model::from(vrtm_testkit::scenes::creature());
     let leg = creature.vertices(|uv| uv[0] < 0.22 && uv[1] < 0.28);
     let others = creature.vertices(|uv| uv[0] >= 0.22 || uv[1] >= 0.28);
     let leg = leg.iter().zip(&others).map(|(leg, other)| *leg && !other).collect();
@@ -99,7 +99,7 @@ fn unchanged_charts_are_reused(new: impl Fn(&Model) -> Asset) {
     }
     creature.frames.push(next);
     // The arm's forearm and upper arm are on different tiles.
-    let mut arm = Model::from(common::scenes::arm());
+    let mut arm = Model::from(vrtm_testkit::scenes::arm());
     let upper = arm.vertices(|uv| uv[0] < 1.0);
     let mut next = arm.frames[0].clone();
     next.iter_mut().zip(&upper).filter(|(_, upper)| !*upper).for_each(|(p, _)| p[2] *= 1.3);
@@ -143,7 +143,7 @@ fn memory_of_older_results_leaves_no_trace() {
 
 #[test]
 fn memory_of_older_results_leaves_no_trace_on_a_gpu() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     older_results_leave_no_trace(|model| model.asset_on(&device, 96));
 }
 
@@ -190,12 +190,12 @@ fn a_failed_call_leaves_the_last_result() {
 
 #[test]
 fn a_failed_call_leaves_the_last_result_on_a_gpu() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     failed_calls_leave_the_result(|model| model.asset_on(&device, 64));
 }
 
 fn failed_calls_leave_the_result(asset: impl Fn(&Model) -> Asset) {
-    let model = Model::from(common::scenes::mug_to_jug());
+    let model = Model::from(vrtm_testkit::scenes::mug_to_jug());
     let mut asset = asset(&model);
     let nothing = asset.displacements(0);
     assert!(nothing.is_err(), "there is no result before the first solve");
@@ -237,7 +237,7 @@ fn failed_calls_leave_the_result(asset: impl Fn(&Model) -> Asset) {
 
 /// Two crowded sheets side by side in one tile; the right one has a pose of its own.
 fn pair(right: f64) -> Model {
-    let sheet = |fraction| Model::from(common::scenes::analytic::squash(fraction));
+    let sheet = |fraction| Model::from(vrtm_testkit::scenes::analytic::squash(fraction));
     let (mut pair, right) = (sheet(0.4), sheet(right));
     let (vertices, uvs) = (pair.rest.len() as u32, pair.uvs.len() as u32);
     for uv in &mut pair.uvs {
@@ -261,12 +261,12 @@ fn pair(right: f64) -> Model {
 #[test]
 fn a_crowded_chart_does_not_see_its_neighbour() {
     let options = SolveOptions { max_corrections: Some(7), ..SolveOptions::default() };
-    charts_are_alone(&common::cpu(0), 256, &options);
+    charts_are_alone(&vrtm_testkit::cpu(0), 256, &options);
 }
 
 #[test]
 fn a_crowded_chart_does_not_see_its_neighbour_on_a_gpu() {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     charts_are_alone(&device, 128, &SolveOptions::default());
 }
 

@@ -4,7 +4,7 @@ use std::sync::{Arc, Mutex};
 
 use vrtm::{Asset, AssetReport, Device, DeviceSettings, LogLevel, MeshSource, Quality, Strided, UvSource};
 
-use crate::common::{self, Model, options};
+use vrtm_testkit::{self, Model, options};
 
 /// An asset of a model without maps, and what its device has warned of.
 fn listened(model: &Model) -> (Asset, Arc<Mutex<Vec<String>>>) {
@@ -27,7 +27,7 @@ fn report(asset: &mut Asset, pose: &[[f32; 3]]) -> AssetReport {
 
 #[test]
 fn other_units_and_other_orders_are_noticed() {
-    let model = Model::from(common::scenes::creature());
+    let model = Model::from(vrtm_testkit::scenes::creature());
     let (mut asset, said) = listened(&model);
     let mut poses = vec![model.rest.clone()];
     poses.extend(model.frames.iter().cloned());
@@ -76,7 +76,7 @@ fn the_edges_of_a_large_mesh_are_sampled_evenly() {
         .flat_map(|(i, j)| [at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)])
         .collect();
     let mut asset = Asset::new(
-        &common::cpu(1),
+        &vrtm_testkit::cpu(1),
         &MeshSource {
             positions: Strided::from_f32x3(&rest),
             face_counts: Some(&vec![4; (N * N) as usize]),

@@ -4,7 +4,7 @@
 use vrtm::{Asset, Backend, Device, DeviceSettings, FetchKind, Quality};
 
 use super::fixed::fixed_nodes;
-use crate::common::{self, Model, Warp, fetch, long, on_all_cores, options};
+use vrtm_testkit::{self, Model, Warp, fetch, long, on_all_cores, options};
 
 /// A model that is solved and checked.
 struct Case<'a> {
@@ -19,13 +19,13 @@ fn all_frames(model: &Model, grid: u32) -> Case<'_> {
 }
 
 fn check(cases: &[Case]) {
-    let cpu = common::cpu(1);
+    let cpu = vrtm_testkit::cpu(1);
     on_all_cores(cases, |case| check_case(case, &cpu)).iter().for_each(|line| println!("{line}"));
 }
 
 /// Solves run one after the other, because a GPU does not run them faster side by side.
 fn check_on_gpu(cases: &[Case]) {
-    let Some(device) = common::gpu(&DeviceSettings::default()) else { return };
+    let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
     cases.iter().for_each(|case| println!("{}", check_case(case, &device)));
 }
 
@@ -116,7 +116,7 @@ fn check_tile(asset: &mut Asset, tile: usize, fixed: &[bool], name: &str, worst:
 
 #[test]
 fn analytic_scenes() {
-    let models = common::analytic();
+    let models = vrtm_testkit::analytic();
     let sizes = [256, 512];
     let mut cases: Vec<Case> =
         models.iter().flat_map(|model| sizes.map(|grid| all_frames(model, grid))).collect();
@@ -127,13 +127,14 @@ fn analytic_scenes() {
 
 #[test]
 fn crushed_sheets() {
-    let models = [0.4, 0.1, 0.01].map(|fraction| Model::from(common::scenes::analytic::squash(fraction)));
+    let models =
+        [0.4, 0.1, 0.01].map(|fraction| Model::from(vrtm_testkit::scenes::analytic::squash(fraction)));
     check(&models.iter().map(|model| all_frames(model, 256)).collect::<Vec<_>>());
 }
 
 #[test]
 fn built_in_scenes() {
-    use common::scenes::{arm, creature, mug_to_jug};
+    use vrtm_testkit::scenes::{arm, creature, mug_to_jug};
     let models = [mug_to_jug(), creature(), arm()].map(Model::from);
     let sizes = long::share(vec![256, 512], 2, "sizes of grids");
     let cases: Vec<Case> =
@@ -143,13 +144,13 @@ fn built_in_scenes() {
 
 #[test]
 fn assets_at_256_all_frames() {
-    let models = common::assets();
+    let models = vrtm_testkit::assets();
     check(&models.iter().map(|model| all_frames(model, 256)).collect::<Vec<_>>());
 }
 
 #[test]
 fn assets_at_512_two_frames() {
-    let models = common::assets();
+    let models = vrtm_testkit::assets();
     check(
         &models.iter().map(|model| Case { frames: vec![1, 4], ..all_frames(model, 512) }).collect::<Vec<_>>(),
     );
@@ -157,7 +158,7 @@ fn assets_at_512_two_frames() {
 
 #[test]
 fn assets_at_1024() {
-    let models = common::assets();
+    let models = vrtm_testkit::assets();
     let chosen = [("mh_face", 1), ("mh_face", 6), ("spot", 2)];
     let cases: Vec<Case> = chosen
         .iter()
@@ -172,10 +173,10 @@ fn assets_at_1024() {
 
 #[test]
 fn on_a_gpu() {
-    use common::scenes::{arm, creature, mug_to_jug};
-    let mut models = common::analytic();
+    use vrtm_testkit::scenes::{arm, creature, mug_to_jug};
+    let mut models = vrtm_testkit::analytic();
     models.extend([mug_to_jug(), creature(), arm()].map(Model::from));
-    models.extend(common::assets());
+    models.extend(vrtm_testkit::assets());
     let first = |model| Case { model, grid: 128, frames: vec![1], quality: Quality::Normal };
     let mut cases: Vec<Case> = models.iter().map(first).collect();
     // A draft runs other stages, and later frames start from memory that earlier ones have used.

@@ -5,12 +5,12 @@ use vrtm::{
     Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageView, ImageViewMut,
     OpenBorders, Origin, Overlap, PixelFormat, Seams, SolveOptions, TileSettings,
 };
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
 
 use super::borders::{borders, hold};
 use super::build::Model;
 use super::recipe::{Layer, Recipe, Refusal, Then};
-use crate::common::Warp;
+use vrtm_testkit::Warp;
 
 pub fn cpu(threads: u32) -> Device {
     Device::new(&DeviceSettings {

@@ -16,12 +16,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use crate::common::{gpu, long};
 use check::Seen;
 use proptest::strategy::{Strategy, ValueTree};
 use proptest::test_runner::{Config, RngAlgorithm, TestError, TestRng, TestRunner};
 use recipe::Recipe;
 use vrtm::{Device, DeviceSettings};
+use vrtm_testkit::{gpu, long};
 
 /// Number of models of a long run, and of those that a GPU solves as well: a software one takes tens of milliseconds
 /// for each. A short run has a tenth of them.

@@ -4,8 +4,8 @@
 mod noise;
 mod torn;
 
-use crate::common::{Maps, Model, cpu, gpu, options};
 use vrtm::{Asset, Device, DeviceSettings, Quality, Weld, WeldBy};
+use vrtm_testkit::{Maps, Model, cpu, gpu, options};
 
 /// Quads on a side of the unit sheet.
 const QUADS: usize = 32;

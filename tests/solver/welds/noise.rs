@@ -3,7 +3,7 @@
 use vrtm::{Quality, Weld, WeldBy};
 
 use super::{GRID, QUADS, assert_near, by, energy, sheet, solved, unwelded, with_uvs};
-use crate::common::{Model, assets, bits, cpu, options};
+use vrtm_testkit::{Model, assets, bits, cpu, options};
 
 /// One step of f32 up, down or none, by a hash of the corner.
 fn ulp(c: usize, x: f32) -> f32 {

@@ -1,10 +1,10 @@
 //! Cuts that are closed at rest, and welds that a pose tears.
 
 use vrtm::{Asset, Quality, SolveOptions, Strided, TileSettings, WeldBy};
-use vrtm_lab::Lab as _;
+use vrtm_testkit::Lab as _;
 
 use super::{GRID, QUADS, by, devices, sheet, slit, solved};
-use crate::common::{Model, bits, options, view};
+use vrtm_testkit::{Model, bits, options, view};
 
 /// The number of nodes that move; panics if one lies on the slit and moves, or crosses it.
 fn moving_beside_the_slit(asset: &Asset) -> usize {
@@ -172,7 +172,7 @@ fn a_pose_tears_a_weld_just_over_the_bound_of_the_header() {
 
 fn solve(model: &Model, rest: Strided, pose: Strided) -> u32 {
     let mut asset = model.bare(0, rest);
-    crate::common::set_grid(&mut asset, 64);
+    vrtm_testkit::set_grid(&mut asset, 64);
     asset.solve(pose, &SolveOptions::default()).unwrap();
     asset.tile_report(0).unwrap().welds_torn
 }

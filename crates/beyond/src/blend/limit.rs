@@ -2,13 +2,13 @@
 //! smoothly.
 
 use vrtm_core::allocation::{Vec, vec, zeroed};
-use vrtm_core::cpu::certify::{Certificate, certify_block, corner_jacobians};
 use vrtm_core::grid::Level;
 use vrtm_core::grid::planes::{NODES, Plane, SIDE, slot};
 use vrtm_core::grid::window::{self, WINDOW_NODES, Window, place};
 use vrtm_core::mesh::NONE;
 use vrtm_core::method::law::STEP_MIN_JACOBIAN;
 use vrtm_core::team::Team;
+use vrtm_cpu::certify::{Certificate, certify_block, corner_jacobians};
 
 /// Rounds in which fractions are lowered around cells that are crushed; then the charts that still have one give the
 /// blend up.

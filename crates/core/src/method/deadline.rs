@@ -31,7 +31,7 @@ pub struct Deadline {
     measured: f64,
     fresh: f64,
     /// The clock; tests have one of their own.
-    pub(super) clock: fn() -> Instant,
+    pub clock: fn() -> Instant,
 }
 
 impl Deadline {

@@ -1,4 +1,4 @@
-//! The constants that both backends use. `crates/gpu/shaders/generated.wgsl` is generated from them
+//! The constants that both backends use. `shaders/generated.wgsl` is generated from them
 //! (`gpu/generated.rs`), so that each number is defined once.
 
 constants! {

@@ -106,6 +106,3 @@ fn try_step(timed: &mut Timed<impl Stages>, start: &mut Option<Stage>, mut step:
 
 /// The greatest number of relaxations in the place of a correction: each gains less than the one before.
 const MOST_INSTEAD: usize = 8;
-
-#[cfg(test)]
-mod tests;

@@ -1,4 +1,4 @@
-//! Texels in all layouts. The import of a host's memory is tested in `tests/gpu/external.rs`.
+//! Texels in all layouts. The import of a host's memory is tested in `crates/gpu/tests/gpu/external.rs`.
 
 use half::f16;
 

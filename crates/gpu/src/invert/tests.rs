@@ -8,7 +8,6 @@ use crate::records::band_blocks;
 use crate::results::{RESULT_BLOCK, ResultBuffers};
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::backend::Options;
-use vrtm_core::cpu::invert as twin;
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::maps::{TileMaps, Values};
 use vrtm_core::grid::planes::{NODES, Plane, SIDE, node_at};
@@ -17,6 +16,7 @@ use vrtm_core::mesh::{Mesh, MeshSource, UvSource};
 use vrtm_core::settings::TileSettings;
 use vrtm_core::team::Team;
 use vrtm_core::view::Strided;
+use vrtm_cpu::invert as twin;
 
 /// A grid with charts over rectangles of cells (x, y, width, height), all of them rigid.
 fn grid(cells: [u32; 2], charts: &[[u32; 4]]) -> Arc<Grid> {

@@ -1,0 +1,73 @@
+//! The state of one level: its arrays, and how the items of a job share them.
+
+use vrtm_core::allocation::Vec;
+use vrtm_core::grid::planes::Plane;
+use vrtm_core::team::SharedSlice;
+
+use super::allocate::Allocate;
+use super::prefetch::prefetch_next;
+
+/// The state of one level, and its pose metrics.
+#[derive(Debug, Default)]
+pub struct Buffers {
+    /// Displacements, in cells of this level.
+    pub u: Vec<[Plane; 2]>,
+    /// Position f(W(p)) on the finest level, metric at W(p) on coarser ones.
+    pub value: Vec<[Plane; 3]>,
+    /// The triangle under W(p); finest level only. A solve writes it before it reads it.
+    pub triangle: Vec<Plane<u32>>,
+    /// Pose metrics at the nodes; coarser levels only.
+    pub metric: Vec<[Plane; 3]>,
+    /// Weight reduction of the nodes' rigidity (`protect`); empty if nothing is protected.
+    pub lost: Vec<Plane<u16>>,
+}
+
+impl Buffers {
+    /// Allocates the state of `blocks` blocks, without pose metrics and protection.
+    pub fn new(allocator: &mut impl Allocate, blocks: usize, finest: bool) -> Buffers {
+        Buffers {
+            u: allocator.zeros(blocks),
+            value: allocator.zeros(blocks),
+            triangle: allocator.zeros(if finest { blocks } else { 0 }),
+            metric: Vec::new(),
+            lost: Vec::new(),
+        }
+    }
+
+    /// The state, shared by the items of a job.
+    pub fn state(&mut self) -> State {
+        State {
+            u: SharedSlice::new(&mut self.u),
+            value: SharedSlice::new(&mut self.value),
+            triangle: SharedSlice::new(&mut self.triangle),
+            lost: SharedSlice::new(&mut self.lost),
+        }
+    }
+}
+
+impl State {
+    /// Prefetches the state of the next block.
+    #[inline(always)]
+    pub fn prefetch_next(self, b: usize) {
+        // By address: another item may be writing the block.
+        prefetch_next(self.u.address(b));
+        prefetch_next(self.value.address(b));
+        // Coarser levels have no triangles.
+        if !self.triangle.is_empty() {
+            prefetch_next(self.triangle.address(b));
+        }
+    }
+}
+
+/// The state of a level, per block, which sweeps change.
+#[derive(Clone, Copy)]
+pub struct State {
+    /// Displacements, in cells of the level.
+    pub u: SharedSlice<[Plane; 2]>,
+    /// Position f(W(p)) on the finest level, metric (E, F, G) at W(p) on coarser ones.
+    pub value: SharedSlice<[Plane; 3]>,
+    /// The triangle under W(p) on the finest level; empty on coarser ones.
+    pub triangle: SharedSlice<Plane<u32>>,
+    /// Weight reduction of rigidity; sweeps only read it.
+    pub lost: SharedSlice<Plane<u16>>,
+}

@@ -1,0 +1,131 @@
+//! Completes the rows of a level after its owned pairs and row sums are formed (method §7.2).
+
+use super::super::decode::interpolation;
+use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
+use super::super::patch::NEIGHBOURS;
+use super::super::prefetch::{prefetch, prefetch_next};
+use super::super::row::Row;
+use super::super::run::Run;
+use super::rows::{BlockRows, Halo, Pairs, Rows, Words, halo_words};
+use super::transfer::{active_neighbours, add_interpolated};
+use super::workspace::SolvingLevel;
+use vrtm_core::grid::planes::{NODES, Plane};
+use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
+use vrtm_core::team::SharedSlice;
+
+/// Completes a level's rows, whose owned pairs and row sums are formed: copies the halo's pairs and computes the
+/// diagonals. If there is a coarser level to form (`coarser`), also sets the product to A P 1, from which `galerkin`
+/// computes that level's row sums; the direction serves as scratch memory.
+pub fn complete(run: &Run, level: usize, system: &mut SolvingLevel, coarser: bool) {
+    let grid = &run.grid.levels[level];
+    if coarser {
+        interpolated_ones(run, level, system.direction);
+    }
+    let Rows { diagonal, words, halo } = &mut *system.rows;
+    let (diagonal, halo, product) =
+        (SharedSlice::new(diagonal), SharedSlice::new(halo), SharedSlice::new(system.product));
+    let (words, z) = (&*words, &*system.direction);
+    let next = |b: usize| {
+        prefetch_next(&words[b]);
+        if coarser {
+            prefetch_next(&z[b]);
+        }
+    };
+    run.each_block(level, next, |worker, b, _| {
+        prefetch(&words[b]);
+        let neighbours = active_neighbours(grid, b);
+        let mut ones: Window = [0.0; WINDOW_NODES];
+        if coarser {
+            window::load(&neighbours, 0.0, |b| &z[b][0], &mut ones);
+        }
+        // SAFETY: each item has its own block.
+        let (diagonal, halo) = unsafe { (diagonal.get_mut(b), halo.get_mut(b)) };
+        *halo = halo_words(words, &neighbours);
+        // SAFETY: as above.
+        let ones_and_product = coarser.then(|| (&ones, unsafe { product.get_mut(b) }));
+        let (words, halo, movable) = (&words[b], &*halo, &grid.movable[b]);
+        run.pairs.with(worker, |pairs| {
+            dispatch(Complete { words, halo, movable, pairs, diagonal, ones_and_product })
+        });
+    });
+}
+
+/// Sets the first plane of `z` to P 1. A value is 1 if all coarse nodes from which the node is interpolated are
+/// movable, and less otherwise.
+fn interpolated_ones(run: &Run, level: usize, z: &mut [[Plane; 2]]) {
+    let (fine, coarse) = (&run.grid.levels[level], &run.grid.levels[level + 1]);
+    let movable = |b: usize| &coarse.movable[b];
+    let z = SharedSlice::new(z);
+    run.each_block(
+        level,
+        |_| {},
+        |_, b, _| {
+            // SAFETY: each item has its own block.
+            let ones = unsafe { &mut z.get_mut(b)[0] };
+            *ones = [0.0; NODES];
+            let weights = interpolation(fine, &fine.blocks.neighbours[b]);
+            add_interpolated(run, level, b, &weights, movable, ones);
+        },
+    );
+}
+
+/// Computes one block's diagonals from its row sums, and the block's part of A P 1 for the coarser level.
+struct Complete<'a> {
+    words: &'a Words,
+    halo: &'a Halo,
+    movable: &'a Plane<u8>,
+    pairs: &'a mut Pairs,
+    diagonal: &'a mut [Plane; 3],
+    /// P 1, and the array that receives A P 1.
+    ones_and_product: Option<(&'a Window, &'a mut [Plane; 3])>,
+}
+
+impl Vectorised for Complete<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        let Complete { words, halo, movable, pairs, diagonal, mut ones_and_product } = self;
+        BlockRows { diagonal, words, halo }.pairs::<V>(pairs);
+        for row in Row::all() {
+            let sums = each!([0, 1, 2], |c| row.load::<V>(&diagonal[c]));
+            let lanes = V::zero().lt(V::load_u8(movable, row.slot()));
+            let mut diagonal_block = sums;
+            each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
+                let pair = symmetric_part::<V>(pairs, row, k);
+                for c in 0..3 {
+                    diagonal_block[c] -= pair[c];
+                }
+            });
+            for c in 0..3 {
+                // Fixed nodes get the identity, so that nothing divides by zero.
+                let identity = if c == 1 { V::zero() } else { V::one() };
+                row.store(&mut diagonal[c], lanes.select(diagonal_block[c], identity));
+            }
+            if let Some((ones, a_p_ones)) = &mut ones_and_product {
+                let here = row.near::<V>(ones, 0, 0);
+                let mut product = each!([0, 1, 2], |c| sums[c] * here);
+                each!([0, 1, 2, 3, 4, 5, 6, 7], |k| {
+                    let (di, dj, ..) = NEIGHBOURS[k];
+                    let difference = row.near::<V>(ones, di, dj) - here;
+                    let pair = symmetric_part::<V>(pairs, row, k);
+                    for c in 0..3 {
+                        product[c] += pair[c] * difference;
+                    }
+                });
+                for c in 0..3 {
+                    row.store(&mut a_p_ones[c], lanes.select(product[c], V::zero()));
+                }
+            }
+        }
+    }
+}
+
+/// (xx, xy, yy) of the symmetric part of the pairs between a row's nodes and their neighbours `k`.
+#[inline(always)]
+fn symmetric_part<V: Lanes>(pairs: &Pairs, row: Row, k: usize) -> [V; 3] {
+    let (di, dj, e, neighbour_owns) = NEIGHBOURS[k];
+    let (oi, oj) = if neighbour_owns { (di, dj) } else { (0, 0) };
+    let [xx, xy, yx, yy] = each!([0, 1, 2, 3], |c| row.near::<V>(&pairs[4 * e + c], oi, oj));
+    [xx, (xy + yx) * 0.5, yy]
+}

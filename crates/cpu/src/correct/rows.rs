@@ -1,0 +1,252 @@
+//! The storage of a level's matrix (method §7.2). The 2x2 block of each pair of neighbouring nodes is stored once, with
+//! the node that owns the edge, as four bfloat16, which are f32 rounded to their upper 16 bits. The rounding errors of
+//! a pair are added to the diagonal blocks of both of its nodes, so that row sums stay exact. The force on a rigid
+//! feature that moves as a whole is the sum of thousands of row sums; it must come from the feature's surroundings and
+//! not from rounding.
+
+use super::super::allocate::Allocate;
+use super::super::lanes::{LANES, Lanes, each};
+use super::super::prefetch::{prefetch, prefetch_next};
+use super::super::row::Row;
+use vrtm_core::allocation::Vec;
+use vrtm_core::grid::codes::unpack_bfloat16;
+use vrtm_core::grid::planes::{NODES, Plane, SIDE, slot};
+use vrtm_core::grid::window::{WINDOW_NODES, place};
+use vrtm_core::mesh::NONE;
+
+/// All decoded pairs that a block's rows need: per owned edge (p, n), the row-major 2x2 block with row p and column n,
+/// at p's place in the window. The index is 4 x edge + entry.
+pub type Pairs = [[f32; WINDOW_NODES]; 16];
+
+/// The encoded pairs that a block's nodes own: per owned edge, the two words of `encode`.
+pub type Words = [[Plane<u32>; 2]; 4];
+
+/// The encoded pairs between a block and its halo that nodes of the halo own, in the order of `HALO_GROUPS` and
+/// `HALO_CORNERS`: a copy, so that a block's rows can be read without its neighbour blocks.
+pub type Halo = [[u32; HALO_GROUPS.len() * LANES + HALO_CORNERS.len()]; 2];
+
+/// The rows of all blocks of a level.
+#[derive(Debug, Default)]
+pub struct Rows {
+    /// (xx, xy, yy) of the diagonal block per node. Until `complete`, the symmetric part of the row's sum.
+    pub diagonal: Vec<[Plane; 3]>,
+    pub words: Vec<Words>,
+    pub halo: Vec<Halo>,
+}
+
+impl Rows {
+    pub fn new(allocator: &mut impl Allocate, blocks: usize) -> Rows {
+        Rows {
+            diagonal: allocator.zeros(blocks),
+            words: allocator.zeros(blocks),
+            halo: allocator.zeros(blocks),
+        }
+    }
+
+    /// The rows of block `b`, which are also prefetched.
+    #[inline(always)]
+    pub fn block(&self, b: usize) -> BlockRows<'_> {
+        let rows = BlockRows { diagonal: &self.diagonal[b], words: &self.words[b], halo: &self.halo[b] };
+        prefetch(rows.words);
+        prefetch(rows.halo);
+        prefetch(rows.diagonal);
+        rows
+    }
+
+    /// Prefetches the rows of the next block.
+    #[inline(always)]
+    pub fn prefetch_next(&self, b: usize) {
+        prefetch_next(&self.words[b]);
+        prefetch_next(&self.halo[b]);
+        prefetch_next(&self.diagonal[b]);
+    }
+}
+
+/// The rows of one block.
+#[derive(Clone, Copy)]
+pub struct BlockRows<'a> {
+    pub diagonal: &'a [Plane; 3],
+    pub words: &'a Words,
+    pub halo: &'a Halo,
+}
+
+/// Encodes a row-major 2x2 block per lane as two words: (xx, mean of xy and yx), (yy, half of xy - yx).
+#[inline(always)]
+pub fn encode<V: Lanes>([xx, xy, yx, yy]: [V; 4]) -> [V::Index; 2] {
+    [V::pack_bfloat16(xx, (xy + yx) * 0.5), V::pack_bfloat16(yy, (xy - yx) * 0.5)]
+}
+
+/// Decodes the words of `encode` to row-major 2x2 blocks.
+#[inline(always)]
+pub fn decode<V: Lanes>([first, second]: [V::Index; 2]) -> [V; 4] {
+    let ((xx, mean), (yy, half)) = (V::unpack_bfloat16(first), V::unpack_bfloat16(second));
+    [xx, mean + half, mean - half, yy]
+}
+
+/// `decode` for one node.
+#[inline(always)]
+pub fn decode_one(words: [u32; 2]) -> [f32; 4] {
+    let [[xx, mean], [yy, half]] = words.map(unpack_bfloat16);
+    [xx, mean + half, mean - half, yy]
+}
+
+/// Eight nodes of a block's halo that own an edge into the block.
+pub struct HaloGroup {
+    /// Index of the edge in `EDGES`.
+    edge: usize,
+    /// Index of the 3x3 neighbour block that holds the nodes.
+    neighbour: usize,
+    /// First slot of the nodes in that block, and stride.
+    slot: [usize; 2],
+    /// First place of the nodes in the window, and stride.
+    place: [usize; 2],
+}
+
+/// Eight nodes of one colour in the southern row of the halo.
+const fn south(edge: usize, ci: usize) -> HaloGroup {
+    HaloGroup { edge, neighbour: 1, slot: [slot(ci, SIDE - 1), 1], place: [place(ci + 1, 0), 1] }
+}
+
+/// Eight nodes of one colour in the western column of the halo.
+const fn west(edge: usize, cj: usize) -> HaloGroup {
+    HaloGroup { edge, neighbour: 3, slot: [slot(SIDE - 1, cj), SIDE / 2], place: [place(0, cj + 1), 9] }
+}
+
+/// Eight nodes of one colour in the eastern column of the halo.
+const fn east(edge: usize, cj: usize) -> HaloGroup {
+    HaloGroup { edge, neighbour: 5, slot: [slot(0, cj), SIDE / 2], place: [place(SIDE + 1, cj + 1), 9] }
+}
+
+/// The halo's nodes that own an edge into the block, without the corners. Nodes of the northern row own no such edge.
+const HALO_GROUPS: [HaloGroup; 12] = [
+    south(1, 0),
+    south(1, 1),
+    south(2, 0),
+    south(2, 1),
+    south(3, 0),
+    south(3, 1),
+    west(0, 0),
+    west(0, 1),
+    west(2, 0),
+    west(2, 1),
+    east(3, 0),
+    east(3, 1),
+];
+
+/// The halo's two corner nodes that own an edge into the block: edge, neighbour block, slot, place.
+const HALO_CORNERS: [[usize; 4]; 2] =
+    [[2, 0, slot(SIDE - 1, SIDE - 1), place(0, 0)], [3, 2, slot(0, SIDE - 1), place(SIDE + 1, 0)]];
+
+impl BlockRows<'_> {
+    /// Decodes the pairs of the block's own nodes.
+    #[inline(always)]
+    pub fn interior_pairs<V: Lanes>(&self, pairs: &mut Pairs) {
+        for row in Row::all() {
+            for (e, words) in self.words.iter().enumerate() {
+                let s = row.slot();
+                let pair = decode::<V>([V::load_index(&words[0], s), V::load_index(&words[1], s)]);
+                for c in 0..4 {
+                    row.store_in_window(&mut pairs[4 * e + c], pair[c]);
+                }
+            }
+        }
+    }
+
+    /// Decodes all pairs of the block's rows. The other entries of the halo in `pairs` are left unchanged.
+    #[inline(always)]
+    pub fn pairs<V: Lanes>(&self, pairs: &mut Pairs) {
+        self.interior_pairs::<V>(pairs);
+        for (g, group) in HALO_GROUPS.iter().enumerate() {
+            let at = g * LANES;
+            let pair = decode::<V>(each!([0, 1], |w| V::load_index(&self.halo[w], at)));
+            let [first, step] = group.place;
+            for c in 0..4 {
+                let window = &mut pairs[4 * group.edge + c];
+                if step == 1 {
+                    pair[c].store(window, first);
+                } else {
+                    for (k, x) in pair[c].to_array().into_iter().enumerate() {
+                        window[first + k * step] = x;
+                    }
+                }
+            }
+        }
+        for (n, &[edge, _, _, place]) in HALO_CORNERS.iter().enumerate() {
+            let at = HALO_GROUPS.len() * LANES + n;
+            let pair = decode_one([self.halo[0][at], self.halo[1][at]]);
+            for c in 0..4 {
+                pairs[4 * edge + c][place] = pair[c];
+            }
+        }
+    }
+}
+
+/// Decodes the pairs that nodes of a block's halo own into the window, from the neighbour blocks (see
+/// `active_neighbours`). Leaves out the northern row except for its corners: no caller needs the pairs of its nodes.
+#[inline(always)]
+pub fn halo_pairs<V: Lanes>(words: &[Words], neighbours: &[u32; 9], pairs: &mut Pairs) {
+    const ZEROS: &[Plane<u32>; 2] = &[[0; NODES]; 2];
+    const LAST: usize = SIDE - 1;
+    for e in 0..4 {
+        let from = |k: usize| match neighbours[k] {
+            NONE => ZEROS,
+            b => &words[b as usize][e],
+        };
+        let pairs = &mut pairs[4 * e..4 * e + 4];
+        let south = from(1);
+        for ci in 0..2 {
+            let pair = decode::<V>(each!([0, 1], |w| V::load_index(&south[w], slot(ci, LAST))));
+            for c in 0..4 {
+                pair[c].store(&mut pairs[c], place(ci + 1, 0));
+            }
+        }
+        for (k, i, to) in [(3, LAST, 0), (5, 0, SIDE + 1)] {
+            let column = from(k);
+            for cj in 0..2 {
+                let words = each!([0, 1], |w| {
+                    let at = slot(i, cj);
+                    V::index_from_array(each!([0, 1, 2, 3, 4, 5, 6, 7], |n| column[w][at + n * (SIDE / 2)]))
+                });
+                for (c, x) in decode::<V>(words).into_iter().enumerate() {
+                    for (n, x) in x.to_array().into_iter().enumerate() {
+                        pairs[c][place(to, cj + 1) + 9 * n] = x;
+                    }
+                }
+            }
+        }
+        for (k, at, to) in [
+            (0, slot(LAST, LAST), place(0, 0)),
+            (2, slot(0, LAST), place(SIDE + 1, 0)),
+            (6, slot(LAST, 0), place(0, SIDE + 1)),
+            (8, slot(0, 0), place(SIDE + 1, SIDE + 1)),
+        ] {
+            for (c, x) in decode_one(from(k).map(|plane| plane[at])).into_iter().enumerate() {
+                pairs[c][to] = x;
+            }
+        }
+    }
+}
+
+/// Gathers the halo's encoded pairs from the neighbour blocks.
+pub fn halo_words(words: &[Words], neighbours: &[u32; 9]) -> Halo {
+    let mut halo = [[0; HALO_GROUPS.len() * LANES + HALO_CORNERS.len()]; 2];
+    for (g, &HaloGroup { edge, neighbour, slot: [first, step], .. }) in HALO_GROUPS.iter().enumerate() {
+        if neighbours[neighbour] != NONE {
+            let from = &words[neighbours[neighbour] as usize][edge];
+            for (halo, from) in halo.iter_mut().zip(from) {
+                for k in 0..LANES {
+                    halo[g * LANES + k] = from[first + k * step];
+                }
+            }
+        }
+    }
+    for (n, &[edge, neighbour, slot, _]) in HALO_CORNERS.iter().enumerate() {
+        if neighbours[neighbour] != NONE {
+            let from = &words[neighbours[neighbour] as usize][edge];
+            for (halo, from) in halo.iter_mut().zip(from) {
+                halo[HALO_GROUPS.len() * LANES + n] = from[slot];
+            }
+        }
+    }
+    halo
+}

@@ -1,0 +1,265 @@
+//! The step limit (method §7.6): computes the fraction of the step that each node takes, from the displacements and
+//! the step. Every corner Jacobian keeps a tenth of its margin over the bound (`MARGIN_LEFT`, `STEP_MIN_JACOBIAN`);
+//! fractions fall off smoothly around corners that would lose more. The nodes of one corner may have different
+//! fractions; if a corner still loses too much, they are multiplied by the fraction that the corner allows. The
+//! fractions depend continuously on the step, so that a warp does not jump when a corner starts to be limited.
+
+use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
+use super::super::patch::{NEIGHBOURS, QUADRANTS};
+use super::super::prefetch::prefetch_next;
+use super::super::row::Row;
+use super::super::run::Run;
+use super::falloff::{fall_off, slopes};
+use super::transfer::active_neighbours;
+use super::workspace::{Limiting, Stepping};
+use vrtm_core::allocation::{Vec, zeroed};
+use vrtm_core::grid::Level;
+use vrtm_core::grid::planes::Plane;
+use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
+use vrtm_core::method::law::{MARGIN_LEFT, STEP_MIN_JACOBIAN, limit_rounds, margin_left};
+use vrtm_core::team::SharedSlice;
+
+/// Sets the fractions so that u + fraction x step has no corner Jacobian below the bound, and continues with the last
+/// phase. A chart for which `limit_rounds` rounds do not suffice is refused later because of its energy.
+pub fn limit<'a>(run: &Run, level: usize, mut limiting: Limiting<'a>) -> Stepping<'a> {
+    let cut = fractions(run, level, &mut limiting);
+    limiting.stepping(cut)
+}
+
+/// The fractions; and per chart the largest part of the step that the first fractions cut off at a corner.
+fn fractions(run: &Run, level: usize, limiting: &mut Limiting) -> Vec<f32> {
+    let grid = &run.grid.levels[level];
+    let u = &run.memory.levels[level].u;
+    let step = limiting.step;
+    // Only active blocks are written: in inactive blocks the memory of the marks has to stay 0 for the next V-cycle.
+    let (fraction, mark) = (SharedSlice::new(limiting.fraction), SharedSlice::new(limiting.mark));
+    let mut blocks = run.work[level].active.clone();
+    let mut least = zeroed(blocks.len());
+    let least_of_block = SharedSlice::new(&mut least);
+    let next = |b: usize| {
+        prefetch_next(&u[b]);
+        prefetch_next(&step[b]);
+    };
+    run.each_of(&blocks, next, |_, k, b| {
+        let (mut u_window, mut step_window) = ([[0.0f32; WINDOW_NODES]; 2], [[0.0f32; WINDOW_NODES]; 2]);
+        load_step(grid, u, step, b, &mut u_window, &mut step_window);
+        // SAFETY: each item has its own block and least fraction.
+        unsafe {
+            let fraction = &mut fraction.get_mut(b)[0];
+            *least_of_block.get_mut(k) =
+                dispatch(AllowedFraction { u: &u_window, step: &step_window, left: MARGIN_LEFT, fraction });
+        };
+    });
+    // Charts in which no node is limited are done, and are skipped in later rounds.
+    let chart_of = |b: u32| grid.blocks.list[b as usize].chart as usize;
+    let keep_open = |blocks: &mut Vec<u32>, flags: &[bool]| {
+        let mut open = zeroed(run.charts.len());
+        for (&b, _) in blocks.iter().zip(flags).filter(|(_, flag)| **flag) {
+            open[chart_of(b)] = true;
+        }
+        blocks.retain(|&b| open[chart_of(b)]);
+    };
+    let mut cut: Vec<f32> = zeroed(run.charts.len());
+    for (&b, least) in blocks.iter().zip(&least) {
+        let cut = &mut cut[chart_of(b)];
+        *cut = cut.max(1.0 - least);
+    }
+    blocks.retain(|&b| cut[chart_of(b)] > 0.0);
+    let slopes = slopes(run, grid, &blocks, step);
+    fall_off(run, grid, &blocks, fraction, &slopes);
+    for round in 0..limit_rounds(level) {
+        let mut marked = zeroed(blocks.len());
+        let flags = SharedSlice::new(&mut marked);
+        let left = margin_left(round);
+        run.team.run(blocks.len(), |k| {
+            let b = blocks[k] as usize;
+            let (mut u_window, mut step_window) = ([[0.0f32; WINDOW_NODES]; 2], [[0.0f32; WINDOW_NODES]; 2]);
+            let mut fractions: Window = [1.0; WINDOW_NODES];
+            load_step(grid, u, step, b, &mut u_window, &mut step_window);
+            // SAFETY: fractions are only read, and each item has its own marks.
+            let mark = unsafe {
+                window::load(&active_neighbours(grid, b), 1.0, |b| &fraction.get(b)[0], &mut fractions);
+                &mut mark.get_mut(b)[0]
+            };
+            for c in 0..2 {
+                for n in 0..WINDOW_NODES {
+                    step_window[c][n] *= fractions[n];
+                    if left.is_none() {
+                        u_window[c][n] += step_window[c][n];
+                    }
+                }
+            }
+            let any = match left {
+                Some(left) => {
+                    dispatch(AllowedFraction { u: &u_window, step: &step_window, left, fraction: mark }) < 1.0
+                }
+                None => dispatch(Marks { u: &u_window, mark }),
+            };
+            // SAFETY: each item has its own flag.
+            unsafe { *flags.get_mut(k) = any };
+        });
+        keep_open(&mut blocks, &marked);
+        if blocks.is_empty() {
+            break;
+        }
+        run.team.run(blocks.len(), |k| {
+            let b = blocks[k] as usize;
+            let mut marks: Window = [1.0; WINDOW_NODES];
+            // SAFETY: marks are only read, and each item has its own fractions.
+            let fraction = unsafe {
+                window::load(&active_neighbours(grid, b), 1.0, |b| &mark.get(b)[0], &mut marks);
+                &mut fraction.get_mut(b)[0]
+            };
+            dispatch(Shrink { marks: &marks, fraction });
+        });
+        fall_off(run, grid, &blocks, fraction, &slopes);
+    }
+    cut
+}
+
+/// Gathers displacements and step of block `b` with its halo. The step is 0 in blocks without movable nodes.
+fn load_step(
+    level: &Level,
+    u: &[[Plane; 2]],
+    step: &[[Plane; 2]],
+    b: usize,
+    u_window: &mut [Window; 2],
+    step_window: &mut [Window; 2],
+) {
+    let neighbours = active_neighbours(level, b);
+    for c in 0..2 {
+        window::load(&level.blocks.neighbours[b], 0.0, |b| &u[b][c], &mut u_window[c]);
+        window::load(&neighbours, 0.0, |b| &step[b][c], &mut step_window[c]);
+    }
+}
+
+/// Computes the fraction of the step that each node of a block may take if all nodes of its corners take the same
+/// fraction, and each corner keeps the fraction `left` of its margin. Returns the least of the fractions.
+struct AllowedFraction<'a> {
+    u: &'a [Window; 2],
+    step: &'a [Window; 2],
+    left: f32,
+    fraction: &'a mut Plane,
+}
+
+impl Vectorised for AllowedFraction<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> f32 {
+        let mut least = V::one();
+        for row in Row::all() {
+            let fraction = allowed_fraction::<V>(self.u, self.step, self.left, row);
+            least = least.min(fraction);
+            row.store(self.fraction, fraction);
+        }
+        least.to_array().into_iter().fold(1.0, f32::min)
+    }
+}
+
+/// The least fraction that the twelve corners at each node of a row allow.
+#[inline(always)]
+fn allowed_fraction<V: Lanes>(u: &[Window; 2], step: &[Window; 2], left: f32, row: Row) -> V {
+    let [p, dp] = [u, step].map(|w| each!([0, 1], |c| row.near::<V>(&w[c], 0, 0)));
+    let mut fraction = V::one();
+    for &(sx, sy) in &QUADRANTS {
+        let sign = (sx * sy) as f32;
+        let [a, b, c] = [row.offset(u, &p, sx, 0), row.offset(u, &p, 0, sy), row.offset(u, &p, sx, sy)];
+        let [da, db, dc] = [
+            offset_change(step, &dp, row, sx, 0),
+            offset_change(step, &dp, row, 0, sy),
+            offset_change(step, &dp, row, sx, sy),
+        ];
+        for (a, b, da, db) in [(&a, &b, &da, &db), (&a, &c, &da, &dc), (&c, &b, &dc, &db)] {
+            // q(s) = q0 + q1 s + q2 s² is J at the fraction s of the step, minus the bound and the margin to be
+            // left. q(0) >= 0; if q(1) < 0, there is one root in between, computed in a form without cancellation.
+            let margin = (cross(a, b, sign) - V::splat(STEP_MIN_JACOBIAN)).max(V::zero());
+            let q0 = margin * (1.0 - left);
+            let (q1, q2) = (cross(da, b, sign) + cross(a, db, sign), cross(da, db, sign));
+            let limits = (q0 + q1 + q2).lt(V::zero());
+            if limits.any() {
+                let denominator = (q1 * q1 - q0 * q2 * 4.0).max(V::zero()).sqrt() - q1;
+                let root = (q0 + q0) / denominator.max(V::splat(f32::MIN_POSITIVE));
+                fraction = limits.select(root.min(fraction), fraction);
+            }
+        }
+    }
+    fraction
+}
+
+/// The change over a whole step of the offsets from a row's nodes to their neighbours at (di, dj). `dp` is the step of
+/// the row's nodes.
+#[inline(always)]
+fn offset_change<V: Lanes>(step: &[Window; 2], dp: &[V; 2], row: Row, di: i64, dj: i64) -> [V; 2] {
+    each!([0, 1], |c| row.near::<V>(&step[c], di, dj) - dp[c])
+}
+
+/// sign (a x b).
+#[inline(always)]
+fn cross<V: Lanes>(a: &[V; 2], b: &[V; 2], sign: f32) -> V {
+    (a[0] * b[1] - a[1] * b[0]) * sign
+}
+
+/// The least value at each node of a row and at its eight neighbours.
+#[inline(always)]
+fn least_around<V: Lanes>(values: &Window, row: Row) -> V {
+    let mut least = row.near::<V>(values, 0, 0);
+    for (di, dj, ..) in NEIGHBOURS {
+        least = least.min(row.near(values, di, dj));
+    }
+    least
+}
+
+/// Multiplies the fractions of a block by the least mark of each node and its eight neighbours.
+struct Shrink<'a> {
+    marks: &'a Window,
+    fraction: &'a mut Plane,
+}
+
+impl Vectorised for Shrink<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        for row in Row::all() {
+            row.store(self.fraction, row.load::<V>(self.fraction) * least_around::<V>(self.marks, row));
+        }
+    }
+}
+
+/// Sets the marks of a block's nodes: 0 if one of the node's twelve corner Jacobians is below the bound, otherwise 1.
+/// Returns whether any mark is 0.
+struct Marks<'a> {
+    u: &'a [Window; 2],
+    mark: &'a mut Plane,
+}
+
+impl Vectorised for Marks<'_> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> bool {
+        let mut any = false;
+        for row in Row::all() {
+            // Any comparison with NaN is false, so a least Jacobian of NaN counts as below ε.
+            let good = V::splat(STEP_MIN_JACOBIAN).le(least_corner::<V>(self.u, row));
+            any |= good.bits() != u8::MAX;
+            row.store(self.mark, good.select(V::one(), V::zero()));
+        }
+        any
+    }
+}
+
+/// The least of the twelve corner Jacobians at each node of a row.
+#[inline(always)]
+fn least_corner<V: Lanes>(u: &[Window; 2], row: Row) -> V {
+    let mut least = V::splat(f32::MAX);
+    let p = each!([0, 1], |c| row.near::<V>(&u[c], 0, 0));
+    for &(sx, sy) in &QUADRANTS {
+        let (a, b, c) = (row.offset(u, &p, sx, 0), row.offset(u, &p, 0, sy), row.offset(u, &p, sx, sy));
+        for (a, b) in [(&a, &b), (&a, &c), (&c, &b)] {
+            least = ((a[0] * b[1] - a[1] * b[0]) * (sx * sy) as f32).min(least);
+        }
+    }
+    least
+}

@@ -1,0 +1,140 @@
+use std::sync::Arc;
+
+use super::*;
+use crate::Memory;
+use vrtm_core::allocation::{Vec, vec};
+use vrtm_core::fixtures::{maps, posed, sheet};
+use vrtm_core::grid::Grid;
+use vrtm_core::grid::planes::{EDGES, SIDE, slot};
+use vrtm_core::grid::pose::Pose;
+use vrtm_core::method::plan::{Input, Purpose};
+use vrtm_core::method::stage::{Stage, Stages, Start};
+use vrtm_core::settings::{Solver, TileSettings};
+use vrtm_core::team::Team;
+
+const GRID: usize = 64;
+
+/// (xx, xy, yy) of the sum of a node's stored row, and the largest magnitude among the row's terms.
+fn row_sum(run: &Run, level: usize, i: usize, j: usize) -> ([f64; 3], f64) {
+    let rows = run.memory.workspace.rows(level);
+    let find = |i: usize, j: usize| {
+        let b = run.grid.levels[level].blocks.find(0, (i / SIDE) as i64, (j / SIDE) as i64) as usize;
+        (b, slot(i % SIDE, j % SIDE))
+    };
+    let (b, s) = find(i, j);
+    let mut sum = rows.diagonal[b].map(|plane| f64::from(plane[s]));
+    let mut largest = sum[0].max(sum[2]);
+    for (e, (di, dj)) in EDGES.into_iter().enumerate() {
+        let owner = ((i as i64 - di) as usize, (j as i64 - dj) as usize);
+        for (b, s) in [find(i, j), find(owner.0, owner.1)] {
+            let [xx, xy, yx, yy] = rows::decode_one(rows.words[b][e].map(|plane| plane[s])).map(f64::from);
+            for (sum, x) in sum.iter_mut().zip([xx, 0.5 * (xy + yx), yy]) {
+                *sum += x;
+                largest = largest.max(x.abs());
+            }
+        }
+    }
+    (sum, largest)
+}
+
+#[test]
+#[cfg_attr(miri, ignore = "too long; tests/sound runs the same code")]
+fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
+    // On a flat surface only the fixed border resists a rigid motion of the whole surface. The sum of each row that has
+    // no fixed neighbour is therefore 0, on every level.
+    let mesh = sheet(4, |u, v| [u, v, 0.0]);
+    let stiff = |u: f64, v: f64| if (u - 0.5).hypot(v - 0.5) < 0.3 { 1.0 } else { 0.37 };
+    let maps = maps(GRID, TileSettings::default(), stiff);
+    let tile = &mesh.tiles[0];
+    let grid = Arc::new(Grid::new(&mesh, tile, &maps));
+    let positions = posed(4, |u, v| [1.31 * u + 0.17 * v, 0.83 * v - 0.09 * u, 0.0]);
+    let pose = Pose::new(tile, |v| positions[v as usize], Some(&grid.rest));
+    let (settings, charts) = (&maps.settings, &[true]);
+    let input = Input {
+        grid: &grid,
+        mesh: tile,
+        pose: &pose,
+        settings,
+        protect: 0.0,
+        charts,
+        continuation: 1.0,
+        pull: 0.0,
+    };
+    let mut memory = Memory::new(&grid, Purpose::new(Solver::Descent, settings));
+    let mut result = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
+    Team::with(1, |team| {
+        let mut run = Run::new(team, &input, &mut memory, &mut result, &[]);
+        run.run(&Stage::Surface);
+        run.run(&Stage::Pyramid { coarsest: 8 });
+        run.run(&Stage::Start { level: 0, from: Start::Identity });
+        let correction =
+            Correction { first: true, iterations: 2, sweeps: 0, tolerance: 1e-3, trusts_model: true };
+        run.run(&Stage::Correct { level: 0, correction });
+        for level in 0..3 {
+            let nodes = GRID >> level;
+            // All nodes in these rows are movable: the fixed nodes are at least two nodes away.
+            for (i, j) in (4..nodes - 3).flat_map(|j| (4..nodes - 3).map(move |i| (i, j))) {
+                let (sum, largest) = row_sum(&run, level, i, j);
+                let most = sum.into_iter().map(f64::abs).fold(0.0, f64::max);
+                // Each of the eight pairs has a relative rounding error of up to 1/256, far above this bound.
+                assert!(largest > 0.1 && most < 2e-5 * largest, "level {level}, ({i}, {j}): {sum:?}");
+            }
+        }
+    });
+}
+
+#[test]
+#[cfg_attr(miri, ignore = "too long; tests/sound runs the same code")]
+fn fractions_fall_off_by_the_slope() {
+    let mesh = sheet(4, |u, v| [u, v, 0.0]);
+    let maps = maps(GRID, TileSettings::default(), |_, _| 1.0);
+    let tile = &mesh.tiles[0];
+    let grid = Arc::new(Grid::new(&mesh, tile, &maps));
+    let positions = posed(4, |u, v| [u, v, 0.0]);
+    let pose = Pose::new(tile, |v| positions[v as usize], Some(&grid.rest));
+    let (settings, charts) = (&maps.settings, &[true]);
+    let input = Input {
+        grid: &grid,
+        mesh: tile,
+        pose: &pose,
+        settings,
+        protect: 0.0,
+        charts,
+        continuation: 1.0,
+        pull: 0.0,
+    };
+    let mut memory = Memory::new(&grid, Purpose::new(Solver::Descent, settings));
+    let level = &grid.levels[0];
+    let count = level.blocks.list.len();
+    let mut result = vec![[[0.0; NODES]; 2]; count];
+    let at = |i: usize, j: usize| {
+        (level.blocks.find(0, (i / SIDE) as i64, (j / SIDE) as i64) as usize, slot(i % SIDE, j % SIDE))
+    };
+    Team::with(2, |team| {
+        let run = Run::new(team, &input, &mut memory, &mut result, &[]);
+        let active: Vec<u32> = (0..count as u32).filter(|&b| level.blocks.list[b as usize].active).collect();
+        let mut step = vec![[[0.0f32; NODES]; 2]; count];
+        let mut slope = |x: f32| {
+            let (b, s) = at(40, 21);
+            step[b][1][s] = x;
+            falloff::slopes(&run, level, &active, &step)[0]
+        };
+        // The difference times the step is at most a quarter of a cell.
+        assert_eq!([1.0, -2.0, -25.0].map(&mut slope), [0.125, 0.125, 0.01]);
+        // Two nodes that take less, in different blocks.
+        let less = [((20, 37), 0.0), ((45, 11), 0.25)];
+        let mut fraction = vec![[[1.0f32; NODES]; 2]; count];
+        for ((i, j), part) in less {
+            let (b, s) = at(i, j);
+            fraction[b][0][s] = part;
+        }
+        falloff::fall_off(&run, level, &active, SharedSlice::new(&mut fraction), &[0.01]);
+        for (i, j) in (1..GRID).flat_map(|j| (1..GRID).map(move |i| (i, j))) {
+            let (b, s) = at(i, j);
+            let expected = less.iter().fold(1.0f32, |low, &((k, l), part)| {
+                low.min(part + 0.01 * (i.abs_diff(k) + j.abs_diff(l)) as f32)
+            });
+            assert!((fraction[b][0][s] - expected).abs() < 1e-5, "({i}, {j}): {}", fraction[b][0][s]);
+        }
+    });
+}

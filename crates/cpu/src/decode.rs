@@ -1,0 +1,67 @@
+//! Decodes constants of a level into windows: rigidities, rest lengths and interpolation weights (method §1, codes).
+
+use vrtm_core::grid::Level;
+use vrtm_core::grid::codes;
+use vrtm_core::grid::planes::Plane;
+use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
+use vrtm_core::method::law::LOST_STEPS;
+
+use super::lanes::{LANES, Lanes};
+
+/// First indices of the vectors that cover a window. The last vector overlaps the previous one.
+#[inline(always)]
+pub fn window_vectors() -> impl Iterator<Item = usize> {
+    (0..WINDOW_NODES - LANES).step_by(LANES).chain([WINDOW_NODES - LANES])
+}
+
+/// Rigidities in the window of block `b`; 0 where no block is stored.
+#[inline(always)]
+pub fn rigidity<V: Lanes>(level: &Level, b: usize, out: &mut Window) {
+    let mut codes: Window<u16> = [0; WINDOW_NODES];
+    window::load(&level.blocks.neighbours[b], 0, |b| &level.rigidity[b], &mut codes);
+    for at in window_vectors() {
+        (V::load_u16(&codes, at) / V::splat(codes::RIGIDITY_STEPS)).store(out, at);
+    }
+}
+
+/// Takes from the rigidities in the window of block `b` what they have lost (method §4, Protection).
+#[inline(always)]
+pub fn weaken<'a, V: Lanes>(
+    level: &Level,
+    lost: impl Fn(usize) -> &'a Plane<u16>,
+    b: usize,
+    rigidity: &mut Window,
+) {
+    let mut codes: Window<u16> = [0; WINDOW_NODES];
+    window::load(&level.blocks.neighbours[b], 0, lost, &mut codes);
+    // Vectors overlap, so that what has been weakened must not be read again.
+    let whole = *rigidity;
+    for at in window_vectors() {
+        let left = V::one() - V::load_u16(&codes, at) * (1.0 / LOST_STEPS);
+        (V::load(&whole, at) * left).store(rigidity, at);
+    }
+}
+
+/// Rest lengths of the owned edges `e` of the nodes in the window of block `b`; 0 where no block is stored.
+#[inline(always)]
+pub fn rest_length<V: Lanes>(level: &Level, b: usize, e: usize, out: &mut Window) {
+    let lengths = level.lengths[level.blocks.list[b].chart as usize][e];
+    let mut codes: Window<u16> = [0; WINDOW_NODES];
+    window::load(
+        &level.blocks.neighbours[b],
+        0,
+        #[inline(always)]
+        |b| &level.rest_length[b][e],
+        &mut codes,
+    );
+    for at in window_vectors() {
+        V::load_lengths(&codes, at, lengths).store(out, at);
+    }
+}
+
+/// Weights of the interpolation P in the window of a block with the given neighbour blocks; 0 where no block is stored.
+pub fn interpolation(level: &Level, neighbours: &[u32; 9]) -> Window {
+    let mut codes: Window<u8> = [0; WINDOW_NODES];
+    window::load(neighbours, 0, |b| &level.interpolation[b], &mut codes);
+    codes.map(codes::decode_weight)
+}

@@ -1,0 +1,200 @@
+//! The energy of a level's present state per chart (method §4), summed in a fixed order.
+
+use super::buffers::State;
+use super::lanes::{Lanes, Mask, Vectorised, dispatch};
+use super::patch::{NEIGHBOURS, Patch, QUADRANTS, Weights};
+use super::row::Row;
+use super::run::{Run, SurfaceFn};
+use super::sampling::Surface;
+use super::terms::{Terms, least_jacobian, room_energy};
+use vrtm_core::allocation::{Vec, zeroed};
+use vrtm_core::grid::Level;
+use vrtm_core::grid::planes::Plane;
+use vrtm_core::method::law::CRUSHED_JACOBIAN;
+use vrtm_core::team::SharedSlice;
+
+impl Run<'_> {
+    /// The energy of a level's present state per chart; infinite if a corner Jacobian is under `CRUSHED_JACOBIAN`, 0
+    /// for charts that are not solved.
+    pub(super) fn energies(&mut self, level: usize) -> Vec<f64> {
+        self.with_surface(level, Energies::of_state(level, self.weights[level].without_pull()))
+    }
+
+    /// The energy including the pull towards the previous result, which corrections reduce.
+    pub(super) fn energies_with_pull(&mut self, level: usize) -> Vec<f64> {
+        self.with_surface(level, Energies::of_state(level, self.weights[level]))
+    }
+
+    /// Stores the energy of the identity on a level. On level 0 the level's present state must be the identity.
+    pub(super) fn store_identity_energy(&mut self, level: usize) {
+        let weights = self.weights[level].without_pull();
+        let identity = Energies { is_identity: true, ..Energies::of_state(level, weights) };
+        let energies = self.with_surface(level, identity);
+        for (result, energy) in self.results.iter_mut().zip(energies) {
+            result.energy_before = energy;
+        }
+    }
+
+    /// Computes the energies of a level's present state, unless those of all charts that are solved are known. With
+    /// `allow_folds` those of folded states, too, whatever their corner Jacobians.
+    pub(super) fn complete_energies(&mut self, level: usize, allow_folds: bool) {
+        let list = &self.grid.levels[level].blocks.list;
+        let is_known = |&b: &u32| self.known_energies[list[b as usize].chart as usize].is_some();
+        if !self.work[level].active.iter().all(is_known) {
+            let weights = self.weights[level].without_pull();
+            let state = Energies { allow_folds, ..Energies::of_state(level, weights) };
+            let energies = self.with_surface(level, state);
+            self.known_energies = energies.into_iter().map(Some).collect();
+        }
+        // A chart without movable nodes on this level has no energy.
+        for energy in &mut self.known_energies {
+            energy.get_or_insert(0.0);
+        }
+    }
+}
+
+/// The energy of a level per chart.
+struct Energies {
+    level: usize,
+    weights: Weights,
+    /// True if crushed cells count with their terms instead of making the energy infinite.
+    allow_folds: bool,
+    /// True if the state is the identity, whatever is stored. On level 0 the stored samples must be those of
+    /// the identity.
+    is_identity: bool,
+}
+
+impl Energies {
+    fn of_state(level: usize, weights: Weights) -> Energies {
+        Energies { level, weights, allow_folds: false, is_identity: false }
+    }
+}
+
+impl SurfaceFn<Vec<f64>> for Energies {
+    fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) -> Vec<f64> {
+        let level = &run.grid.levels[self.level];
+        let blocks = &run.work[self.level].active;
+        let mut sums = zeroed::<f64>(blocks.len());
+        let shared = SharedSlice::new(&mut sums);
+        let next = |b| Patch::prefetch_next(level, state, b);
+        run.each_of(blocks, next, |worker, k, b| {
+            let sum = run.patches.with(worker, |patch| {
+                dispatch(BlockEnergy {
+                    patch,
+                    level,
+                    state,
+                    surface,
+                    weights: &self.weights,
+                    anchor: run.anchor,
+                    b,
+                    allow_folds: self.allow_folds,
+                    is_identity: self.is_identity,
+                })
+            });
+            // SAFETY: each item has its own sum.
+            unsafe { *shared.get_mut(k) = sum };
+        });
+        run.sum_per_chart(self.level, &sums)
+    }
+}
+
+/// The part of block `b` in its chart's energy. No other item may write the state meanwhile.
+struct BlockEnergy<'a, S> {
+    patch: &'a mut Patch,
+    level: &'a Level,
+    state: State,
+    surface: S,
+    weights: &'a Weights,
+    anchor: &'a [[Plane; 2]],
+    b: usize,
+    /// As in `Energies`.
+    allow_folds: bool,
+    is_identity: bool,
+}
+
+impl<S: Surface> Vectorised for BlockEnergy<'_, S> {
+    type Output = f64;
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> f64 {
+        let BlockEnergy { patch, level, state, surface, weights, anchor, b, allow_folds, is_identity } = self;
+        // SAFETY: nothing writes the state.
+        unsafe { patch.load::<V, S>(level, state, b) };
+        if is_identity {
+            patch.load_identity(level, surface, b);
+        }
+        if S::CHORDS {
+            patch.load_tangents::<V, S>(surface);
+        }
+        if weights.pull > 0.0 {
+            patch.load_anchor(level, anchor, b);
+        }
+        let mut total = Total::<V>::new();
+        for row in Row::all() {
+            let movable = patch.movable_lanes::<V>(row);
+            if movable.any() {
+                let p = patch.node_state::<V>(row);
+                total.add(
+                    patch,
+                    row,
+                    movable,
+                    weights,
+                    &patch.terms::<V, S>(row, &p, weights, patch.has_stiff_edges::<V>(row, weights)),
+                );
+            }
+        }
+        if allow_folds { total.sum() } else { total.energy() }
+    }
+}
+
+/// Sums a block's part of its chart's energy. The energy of an edge or corner is divided evenly among its movable
+/// nodes.
+pub struct Total<V> {
+    sum: V,
+    /// The least corner Jacobian, at most 1.
+    least_jacobian: V,
+}
+
+impl<V: Lanes> Total<V> {
+    #[inline(always)]
+    pub fn new() -> Total<V> {
+        Total { sum: V::zero(), least_jacobian: V::one() }
+    }
+
+    /// Adds the terms of a row, whose movable nodes are in the lanes `movable`.
+    #[inline(always)]
+    pub fn add(&mut self, patch: &Patch, row: Row, movable: V::Mask, weights: &Weights, terms: &Terms<V>) {
+        let mut energy = terms.hold;
+        for (k, &(di, dj, ..)) in NEIGHBOURS.iter().enumerate() {
+            energy += (V::one() - patch.movable_near::<V>(row, di, dj) * 0.5) * terms.edges[k];
+        }
+        let least = least_jacobian(&terms.corners);
+        self.least_jacobian = least.min(self.least_jacobian);
+        // Most corners are above the threshold.
+        if least.lt(V::splat(weights.room_threshold)).any() {
+            for (q, &(sx, sy)) in QUADRANTS.iter().enumerate() {
+                let (a, b) = (patch.movable_near::<V>(row, sx, 0), patch.movable_near::<V>(row, 0, sy));
+                let c = patch.movable_near::<V>(row, sx, sy);
+                let other_movable = [a + b, a + c, b + c];
+                for k in 0..3 {
+                    energy += room_energy(terms.corners[3 * q + k].0, weights) / (other_movable[k] + 1.0);
+                }
+            }
+        }
+        // Lanes of fixed nodes may hold anything, even NaN.
+        self.sum += movable.select(energy, V::zero());
+    }
+
+    /// The sum, regardless of the corner Jacobians.
+    #[inline(always)]
+    fn sum(&self) -> f64 {
+        f64::from(self.sum.sum())
+    }
+
+    /// The sum, or infinity if a corner Jacobian is below `CRUSHED_JACOBIAN`, which makes the state invalid.
+    #[inline(always)]
+    pub fn energy(&self) -> f64 {
+        let crushed = self.least_jacobian.lt(V::splat(CRUSHED_JACOBIAN)).any();
+        if crushed { f64::INFINITY } else { self.sum() }
+    }
+}

@@ -1,0 +1,281 @@
+//! A block's patch: all quantities that relaxation, assembly and the energy need, gathered in windows of 18x18 nodes
+//! (method §1).
+
+use vrtm_core::allocation::{Plain, zeroed_box};
+use vrtm_core::grid::planes::{Plane, SIDE};
+use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
+use vrtm_core::grid::{Level, mirrors};
+use vrtm_core::mesh::NONE;
+use vrtm_core::method::law::HOLD;
+use vrtm_core::method::plan::Input;
+
+use super::buffers::State;
+use super::decode::{self, window_vectors};
+use super::lanes::{LANES, Lanes, Mask, each};
+use super::prefetch::prefetch_next;
+use super::row::Row;
+use super::sampling::{GridRow, Samples, Surface};
+
+/// The eight neighbours of a node: offset along x and y, index in `EDGES` of the edge between the two, and whether the
+/// neighbour owns it.
+pub const NEIGHBOURS: [(i64, i64, usize, bool); 8] = [
+    (1, 0, 0, false),
+    (0, 1, 1, false),
+    (1, 1, 2, false),
+    (-1, 1, 3, false),
+    (-1, 0, 0, true),
+    (0, -1, 1, true),
+    (-1, -1, 2, true),
+    (1, -1, 3, true),
+];
+
+/// The four cells around a node: the signs of the directions along x and y in which they lie.
+pub const QUADRANTS: [(i64, i64); 4] = [(1, 1), (-1, 1), (1, -1), (-1, -1)];
+
+/// The weights of the energy on one level (method §4).
+#[derive(Clone, Copy, Debug)]
+pub struct Weights {
+    pub smoothness: f32,
+    pub smoothness_floor: f32,
+    pub orientation: f32,
+    pub orientation_density: f32,
+    pub room: f32,
+    pub room_threshold: f32,
+    /// Weight of the pull towards the previous result (method §5); 0 without a pull.
+    pub pull: f32,
+}
+
+impl Weights {
+    /// True if the energy has an orientation term.
+    #[inline(always)]
+    pub fn orients(&self) -> bool {
+        self.orientation > 0.0 || self.orientation_density > 0.0
+    }
+
+    /// The weights on `level`.
+    pub fn new(input: &Input, level: usize) -> Weights {
+        let (settings, scale) = (input.settings, input.least_weight());
+        Weights {
+            smoothness: scale * input.smoothness(level),
+            smoothness_floor: scale * settings.smoothness_floor,
+            orientation: scale * settings.orientation,
+            orientation_density: scale * settings.orientation_density,
+            room: scale * settings.room,
+            room_threshold: settings.room_threshold,
+            pull: if level == 0 { scale * input.pull } else { 0.0 },
+        }
+    }
+
+    /// These weights without the pull, for the energy of the state alone.
+    pub fn without_pull(self) -> Weights {
+        Weights { pull: 0.0, ..self }
+    }
+}
+
+/// All quantities of a block, in windows.
+#[derive(Debug)]
+pub struct Patch {
+    pub block: usize,
+    /// Column and row of the block's first node in the level.
+    pub x: i64,
+    pub y: i64,
+    pub u: [Window; 2],
+    pub value: [Window; 3],
+    pub triangle: Window<u32>,
+    pub rigidity: Window,
+    /// Rest lengths l of the owned edges.
+    pub length: [Window; 4],
+    /// 1 / max(l, floor).
+    pub inverse_length: [Window; 4],
+    pub movable: Window<u8>,
+    /// Density ρ of rigid material; 0 if the level stores none, because no setting needs it.
+    pub density: Window,
+    /// √`HOLD` times what holds the nodes of the block, without the halo, and whether anything does.
+    pub hold: [Plane; 2],
+    pub has_hold: bool,
+    /// True if the level stores densities.
+    pub has_density: bool,
+    /// Displacements of the previous result; loaded only if there is a pull.
+    pub anchor: [Window; 2],
+    /// Tangents (see `Samples`) at the nodes of the block, without the halo; finest level only.
+    pub tangents: [Plane; 6],
+    /// The chart's floor of rest lengths.
+    pub floor: f32,
+}
+
+/// Displacements of a row's nodes, and the samples of the surface at their warped positions.
+#[derive(Clone, Copy)]
+pub struct NodeState<V: Lanes> {
+    pub u: [V; 2],
+    pub samples: Samples<V>,
+}
+
+// SAFETY: all fields are numbers or a truth value.
+unsafe impl Plain for Patch {}
+
+impl Patch {
+    pub fn zeroed() -> Box<Patch> {
+        let mut patch: Box<Patch> = zeroed_box();
+        patch.triangle = [NONE; WINDOW_NODES];
+        patch
+    }
+
+    /// Prefetches what `load` reads of the next block.
+    #[inline(always)]
+    pub fn prefetch_next(level: &Level, state: State, b: usize) {
+        state.prefetch_next(b);
+        prefetch_next(&level.rigidity[b]);
+        prefetch_next(&level.movable[b]);
+        prefetch_next(&level.rest_length[b]);
+    }
+
+    /// Gathers block `b` of a level with its halo, except for the tangents.
+    ///
+    /// # Safety
+    /// No other item writes this block or its neighbour blocks meanwhile.
+    #[inline(always)]
+    pub unsafe fn load<V: Lanes, S: Surface>(&mut self, level: &Level, state: State, b: usize) {
+        let neighbours = &level.blocks.neighbours[b];
+        let block = &level.blocks.list[b];
+        self.block = b;
+        self.x = i64::from(block.x) * SIDE as i64;
+        self.y = i64::from(block.y) * SIDE as i64;
+        self.floor = level.floor[block.chart as usize];
+        // SAFETY: promised by the caller.
+        unsafe {
+            for c in 0..2 {
+                window::load(neighbours, 0.0, |b| &state.u.get(b)[c], &mut self.u[c]);
+            }
+            for c in 0..3 {
+                window::load(neighbours, 0.0, |b| &state.value.get(b)[c], &mut self.value[c]);
+            }
+            if S::CHORDS {
+                window::load(neighbours, NONE, |b| state.triangle.get(b), &mut self.triangle);
+            }
+        }
+        decode::rigidity::<V>(level, b, &mut self.rigidity);
+        if !state.lost.is_empty() {
+            // SAFETY: no stage that loads patches writes it.
+            decode::weaken::<V>(level, |b| unsafe { state.lost.get(b) }, b, &mut self.rigidity);
+        }
+        window::load(neighbours, 0, |b| &level.movable[b], &mut self.movable);
+        let floor = V::splat(self.floor);
+        if !level.density.is_empty() {
+            window::load(neighbours, 0.0, |b| &level.density[b], &mut self.density);
+        } else if self.has_density {
+            self.density = [0.0; WINDOW_NODES];
+        }
+        self.has_density = !level.density.is_empty();
+        self.load_held(level, b);
+        for e in 0..4 {
+            decode::rest_length::<V>(level, b, e, &mut self.length[e]);
+            for at in window_vectors() {
+                (V::one() / V::load(&self.length[e], at).max(floor)).store(&mut self.inverse_length[e], at);
+            }
+        }
+    }
+
+    /// Replaces the state of block `b` by that of the identity.
+    #[inline(always)]
+    pub fn load_identity<S: Surface>(&mut self, level: &Level, surface: S, b: usize) {
+        self.u = [[0.0; WINDOW_NODES]; 2];
+        for (c, window) in self.value.iter_mut().enumerate() {
+            if let Some(values) = surface.at_nodes() {
+                window::load(&level.blocks.neighbours[b], 0.0, |b| &values[b][c], window);
+            }
+        }
+    }
+
+    /// Gathers what holds the nodes of block `b`.
+    fn load_held(&mut self, level: &Level, b: usize) {
+        self.has_hold = level.hold.get(b).is_some_and(|plane| plane.iter().any(|&hold| hold != 0));
+        if self.has_hold {
+            for (s, &hold) in level.hold[b].iter().enumerate() {
+                [self.hold[0][s], self.hold[1][s]] = mirrors::decode(hold).map(|x| x * HOLD.sqrt());
+            }
+        }
+    }
+
+    /// Gathers the tangents at W(p) for the movable nodes of a block of the finest level.
+    #[inline(always)]
+    pub fn load_tangents<V: Lanes, S: Surface>(&mut self, surface: S) {
+        for row in Row::all() {
+            let at = row.at(0, 0);
+            let lanes = self.movable_lanes::<V>(row);
+            if !lanes.any() {
+                continue;
+            }
+            let mut triangle = [NONE; LANES];
+            triangle.copy_from_slice(&self.triangle[at..at + LANES]);
+            let tangents = surface.tangents_row::<V>(&triangle);
+            for (plane, x) in self.tangents.iter_mut().zip(tangents) {
+                x.store(plane, row.slot());
+            }
+        }
+    }
+
+    /// Gathers the previous result on block `b` and its halo.
+    pub fn load_anchor(&mut self, level: &Level, anchor: &[[Plane; 2]], b: usize) {
+        for (c, window) in self.anchor.iter_mut().enumerate() {
+            window::load(&level.blocks.neighbours[b], 0.0, |b| &anchor[b][c], window);
+        }
+    }
+
+    /// Mobility of the neighbours at (di, dj) of a row's nodes: 1 or 0.
+    #[inline(always)]
+    pub fn movable_near<V: Lanes>(&self, row: Row, di: i64, dj: i64) -> V {
+        V::load_u8(&self.movable, row.at(di, dj))
+    }
+
+    /// The lanes of a row whose nodes are movable.
+    #[inline(always)]
+    pub fn movable_lanes<V: Lanes>(&self, row: Row) -> V::Mask {
+        V::zero().lt(V::load_u8(&self.movable, row.at(0, 0)))
+    }
+
+    /// A row's nodes in the coordinates of the level.
+    #[inline(always)]
+    pub fn grid_row(&self, row: Row) -> GridRow {
+        GridRow { block: self.block, i: self.x + row.column() as i64, j: self.y + row.line() as i64 }
+    }
+
+    /// The present state of a row's nodes.
+    #[inline(always)]
+    pub fn node_state<V: Lanes>(&self, row: Row) -> NodeState<V> {
+        let at = row.at(0, 0);
+        let s = row.slot();
+        NodeState {
+            u: each!([0, 1], |c| V::load(&self.u[c], at)),
+            samples: Samples {
+                value: each!([0, 1, 2], |c| V::load(&self.value[c], at)),
+                tangents: each!([0, 1, 2, 3, 4, 5], |c| V::load(&self.tangents[c], s)),
+                triangle: V::load_index(&self.triangle, at),
+            },
+        }
+    }
+
+    /// Stores the trial state of a row's nodes in the given lanes.
+    #[inline(always)]
+    pub fn accept<V: Lanes, S: Surface>(&mut self, row: Row, lanes: V::Mask, trial: &NodeState<V>) {
+        let (at, s) = (row.at(0, 0), row.slot());
+        for c in 0..2 {
+            blend(lanes, &mut self.u[c], at, trial.u[c]);
+        }
+        for c in 0..3 {
+            blend(lanes, &mut self.value[c], at, trial.samples.value[c]);
+        }
+        if S::CHORDS {
+            for c in 0..6 {
+                blend(lanes, &mut self.tangents[c], s, trial.samples.tangents[c]);
+            }
+            let old = V::load_index(&self.triangle, at);
+            V::store_index(V::select_index(lanes, trial.samples.triangle, old), &mut self.triangle, at);
+        }
+    }
+}
+
+/// Overwrites the given lanes of eight values with `new`.
+#[inline(always)]
+fn blend<V: Lanes>(lanes: V::Mask, values: &mut [f32], at: usize, new: V) {
+    lanes.select(new, V::load(values, at)).store(values, at);
+}

@@ -1,0 +1,122 @@
+//! pbd: the iterations of the paper's solver (method §10). Each pass reads a level's state and writes a second copy of
+//! it; then the two are swapped. No node depends on values that the same pass writes, so neither the number of threads
+//! nor their order affects the result.
+
+mod project;
+mod regularise;
+#[cfg(test)]
+mod tests;
+
+use std::sync::atomic::Ordering;
+
+use vrtm_core::grid::planes::Plane;
+use vrtm_core::method::pbd::{Iteration, SETS};
+
+use super::buffers::State;
+use super::run::{Run, SurfaceFn};
+use super::sampling::Surface;
+use project::Project;
+use regularise::{Regularise, Velocity};
+use vrtm_core::team::SharedSlice;
+use vrtm_core::unwind::{go_on, hold_back};
+
+impl Run<'_> {
+    /// Does one iteration: projects the eight sets in turn; then, if the iteration includes it, regularises, integrates
+    /// and predicts.
+    pub(super) fn iterate_level(&mut self, level: usize, iteration: &Iteration) {
+        if iteration.first {
+            self.begin_level(level);
+        }
+        for set in SETS {
+            self.pass(level, Pass::Project(Project { set, iteration: *iteration }));
+        }
+        if iteration.regularise {
+            let velocity = Velocity { last: iteration.last, momentum: iteration.momentum };
+            let regularise = Regularise { smoothing: iteration.smoothing, velocity: Some(velocity) };
+            self.pass(level, Pass::Regularise(regularise));
+        }
+        let grid = &self.grid.levels[level];
+        let movable = |b: &u32| grid.movable[*b as usize].iter().map(|&m| u64::from(m)).sum::<u64>();
+        let nodes: u64 = self.work[level].active.iter().map(movable).sum();
+        self.node_updates.fetch_add(nodes, Ordering::Relaxed);
+    }
+
+    /// Regularises a level (the paper's eq. 4 and 5) without integration and prediction.
+    pub(super) fn regularise_level(&mut self, level: usize, smoothing: f32) {
+        self.copy_inactive_blocks(level);
+        self.pass(level, Pass::Regularise(Regularise { smoothing, velocity: None }));
+    }
+
+    /// Sets the velocities of a level to 0.
+    fn begin_level(&mut self, level: usize) {
+        self.copy_inactive_blocks(level);
+        for &b in &self.work[level].active {
+            let b = b as usize;
+            self.memory.pbd[level].previous[b] = self.memory.levels[level].u[b];
+        }
+    }
+
+    /// Copies to the second copy of the state those stored blocks that are inactive, which no pass visits.
+    fn copy_inactive_blocks(&mut self, level: usize) {
+        let (state, next) = (&self.memory.levels[level], &mut self.memory.pbd[level].next);
+        for &b in &self.work[level].stored {
+            let b = b as usize;
+            if !self.grid.levels[level].blocks.list[b].active {
+                next.u[b] = state.u[b];
+                next.value[b] = state.value[b];
+                if level == 0 {
+                    next.triangle[b] = state.triangle[b];
+                }
+            }
+        }
+    }
+
+    /// Runs a pass over all active blocks of a level, and makes its output the level's state.
+    fn pass(&mut self, level: usize, pass: Pass) {
+        let mut buffers = std::mem::take(&mut self.memory.pbd[level]);
+        let next = buffers.next.state();
+        let previous = SharedSlice::new(&mut buffers.previous);
+        let passed = hold_back(|| self.with_surface(level, RunPass { level, pass, next, previous }));
+        let state = &mut self.memory.levels[level];
+        std::mem::swap(&mut state.u, &mut buffers.next.u);
+        std::mem::swap(&mut state.value, &mut buffers.next.value);
+        std::mem::swap(&mut state.triangle, &mut buffers.next.triangle);
+        self.memory.pbd[level] = buffers;
+        go_on(passed);
+    }
+}
+
+/// A pass over the nodes of a level.
+#[derive(Clone, Copy)]
+enum Pass {
+    Project(Project),
+    Regularise(Regularise),
+}
+
+/// Runs a pass over all active blocks of a level.
+struct RunPass {
+    level: usize,
+    pass: Pass,
+    next: State,
+    previous: SharedSlice<[Plane; 2]>,
+}
+
+impl SurfaceFn<()> for RunPass {
+    fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) {
+        let RunPass { level, pass, next, previous } = self;
+        let blocks = &run.work[level].active;
+        let (level, density) = (&run.grid.levels[level], run.weights[level].orientation_density);
+        run.team.run(blocks.len(), |k| {
+            let b = blocks[k] as usize;
+            // SAFETY: no item writes `state`, and each item has its own block of `next` and `previous`.
+            unsafe {
+                match &pass {
+                    Pass::Project(project) => project.block(level, state, next, surface, density, b),
+                    Pass::Regularise(regularise) => {
+                        regularise.block(level, state, next, previous, surface, b)
+                    }
+                }
+            }
+        });
+    }
+}

@@ -1,0 +1,163 @@
+//! prolong: sets the initial state of a level. Displacements are interpolated bilinearly from the next coarser level;
+//! this cannot fold, because the corner Jacobians of a quarter of a bilinear cell lie between the least and the
+//! greatest of the whole cell (method §3). The coarsest level starts from the identity, a warm start from the previous
+//! result (method §5).
+
+use super::lanes::{Lanes, Mask, Vectorised, dispatch};
+use super::run::Run;
+use super::sampling::resample::Start;
+use vrtm_core::allocation::Vec;
+use vrtm_core::grid::Level;
+use vrtm_core::grid::planes::{NODES, Plane, SIDE, slot};
+use vrtm_core::grid::window::{self, WINDOW_NODES, Window, place};
+use vrtm_core::mesh::NONE;
+use vrtm_core::team::SharedSlice;
+
+impl Run<'_> {
+    /// Sets a level to the identity.
+    pub(super) fn start_from_identity(&mut self, level: usize) {
+        let u = SharedSlice::new(&mut self.memory.levels[level].u);
+        let blocks = &self.work[level].stored;
+        self.team.run(blocks.len(), |k| {
+            // SAFETY: each item has its own block.
+            unsafe { *u.get_mut(blocks[k] as usize) = [[0.0; NODES]; 2] };
+        });
+        let stored = std::mem::take(&mut self.work[level].stored);
+        self.resample(level, &stored, Start::Identity);
+        self.work[level].stored = stored;
+        if level == 0 {
+            self.store_identity_energy(0);
+        }
+    }
+
+    /// Sets the finest level to the previous result.
+    pub(super) fn start_from_previous(&mut self) {
+        self.start_from_identity(0);
+        for &b in &self.work[0].active {
+            self.memory.levels[0].u[b as usize] = self.anchor[b as usize];
+        }
+        let active = std::mem::take(&mut self.work[0].active);
+        self.resample(0, &active, Start::Nearest);
+        self.work[0].active = active;
+    }
+
+    /// Sets a level to displacements interpolated from the next coarser level.
+    pub(super) fn prolong_level(&mut self, level: usize) {
+        if level == 0 {
+            // This also computes the energy of the identity.
+            self.start_from_identity(level);
+        } else {
+            let inactive = self.zero_inactive_blocks(level);
+            self.resample(level, &inactive, Start::Identity);
+        }
+        self.interpolate_active_blocks(level);
+        let active = std::mem::take(&mut self.work[level].active);
+        self.resample(level, &active, Start::Nearest);
+        self.work[level].active = active;
+    }
+
+    /// Interpolates the displacements alone, for a level whose samples are not needed.
+    pub(super) fn interpolate_level(&mut self, level: usize) {
+        self.zero_inactive_blocks(level);
+        self.interpolate_active_blocks(level);
+    }
+
+    fn interpolate_active_blocks(&mut self, level: usize) {
+        let (finer, coarser) = self.memory.levels.split_at_mut(level + 1);
+        let coarse = &coarser[0].u;
+        let u = SharedSlice::new(&mut finer[level].u);
+        let (fine_level, coarse_level) = (&self.grid.levels[level], &self.grid.levels[level + 1]);
+        let blocks = &self.work[level].active;
+        self.team.run(blocks.len(), |k| {
+            let b = blocks[k] as usize;
+            // SAFETY: each item has its own block.
+            let out = unsafe { u.get_mut(b) };
+            interpolate_block(fine_level, coarse_level, |b, c| &coarse[b][c], b, out);
+        });
+    }
+
+    /// Sets the displacements of a level's stored inactive blocks to 0, since no stage visits them, and returns these
+    /// blocks.
+    fn zero_inactive_blocks(&mut self, level: usize) -> Vec<u32> {
+        let list = &self.grid.levels[level].blocks.list;
+        let inactive: Vec<u32> =
+            self.work[level].stored.iter().copied().filter(|&b| !list[b as usize].active).collect();
+        for &b in &inactive {
+            self.memory.levels[level].u[b as usize] = [[0.0; NODES]; 2];
+        }
+        inactive
+    }
+}
+
+/// Values at the 9x9 coarse nodes from which a finer block is interpolated: the 8x8 nodes over it, one more column to
+/// the east and one more row to the north. Row-major.
+pub type CoarseNodes = [[f32; SIDE / 2 + 1]; SIDE / 2 + 1];
+
+/// Gathers the values at the coarse nodes over the finer block `b`. `coarse(b)` is the plane of coarse block `b`.
+/// `None` if no coarse block is stored over the finer one.
+#[inline]
+pub fn coarse_nodes<'a, T: Copy + Default + Into<f32> + 'a>(
+    finer: &Level,
+    coarser: &Level,
+    coarse: impl Fn(usize) -> &'a Plane<T>,
+    b: usize,
+) -> Option<CoarseNodes> {
+    let parent = finer.parent[b];
+    if parent == NONE {
+        return None;
+    }
+    let block = &finer.blocks.list[b];
+    let (x, y) = ((block.x % 2) as usize * SIDE / 2, (block.y % 2) as usize * SIDE / 2);
+    let mut window: Window<T> = [T::default(); WINDOW_NODES];
+    window::load(&coarser.blocks.neighbours[parent as usize], T::default(), coarse, &mut window);
+    let mut nodes = [[0.0; SIDE / 2 + 1]; SIDE / 2 + 1];
+    for (j, row) in nodes.iter_mut().enumerate() {
+        for (i, node) in row.iter_mut().enumerate() {
+            *node = window[place(x + i + 1, y + j + 1)].into();
+        }
+    }
+    Some(nodes)
+}
+
+/// Interpolates displacements of the coarser level bilinearly to the finer block `b`, multiplied by 2 for the change of
+/// cell units; fixed nodes get 0. `coarse(b, c)` is plane c of coarse block `b`.
+pub fn interpolate_block<'a>(
+    finer: &Level,
+    coarser: &Level,
+    coarse: impl Fn(usize, usize) -> &'a Plane,
+    b: usize,
+    out: &mut [Plane; 2],
+) {
+    for (c, plane) in out.iter_mut().enumerate() {
+        match coarse_nodes(finer, coarser, |b| coarse(b, c), b) {
+            None => *plane = [0.0; NODES],
+            Some(nodes) => dispatch(Interpolate { nodes: &nodes, movable: &finer.movable[b], plane }),
+        }
+    }
+}
+
+/// Interpolates one component of the displacements of one block.
+struct Interpolate<'a> {
+    nodes: &'a CoarseNodes,
+    movable: &'a Plane<u8>,
+    plane: &'a mut Plane,
+}
+
+impl Vectorised for Interpolate<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) {
+        for j in 0..SIDE {
+            let (low, high) = (&self.nodes[j / 2], &self.nodes[j / 2 + j % 2]);
+            for ci in 0..2 {
+                let s = slot(ci, j);
+                let low = V::load(low, 0) + V::load(low, ci);
+                let high = V::load(high, 0) + V::load(high, ci);
+                let movable = V::zero().lt(V::load_u8(self.movable, s));
+                let value = (low + high) * 0.5;
+                movable.select(value, V::zero()).store(self.plane, s);
+            }
+        }
+    }
+}

@@ -1,0 +1,248 @@
+//! One solve of one tile on the CPU: the data that all of its stages share, and the stages that the schedule calls
+//! (method §5).
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use vrtm_core::allocation::{Vec, vec, zeroed, zeroed_box};
+use vrtm_core::backend::{TileSolution, TileSolve, TileSolver, Warp};
+use vrtm_core::error::Result;
+use vrtm_core::grid::Grid;
+use vrtm_core::grid::planes::Plane;
+use vrtm_core::grid::pose::Pose;
+use vrtm_core::grid::window::Window;
+use vrtm_core::mesh::TileMesh;
+use vrtm_core::method::plan::{ChartResult, Input, Purpose};
+use vrtm_core::method::stage::{Stage, Stages, Start};
+use vrtm_core::team::{PerThread, Team, Worker};
+use vrtm_core::unwind::{go_on, hold_back};
+
+use super::buffers::State;
+use super::correct::rows::Pairs;
+use super::memory::{Lists, Memory};
+use super::patch::{Patch, Weights};
+use super::sampling::Surface;
+use super::sampling::chords::Chords;
+use super::sampling::metrics::Metrics;
+
+impl TileSolver for Memory {
+    fn is_for(&self, grid: &Arc<Grid>, purpose: Purpose) -> bool {
+        self.purpose == purpose && self.blocks.upgrade().is_some_and(|own| Arc::ptr_eq(&own, &grid.triangle))
+    }
+
+    fn run(&mut self, solve: &mut TileSolve) -> Result<TileSolution> {
+        let mut u = solve.initial_displacements()?;
+        let mut run = Run::new(solve.team, &solve.input, self, &mut u, solve.anchor()?);
+        let summary = solve.run_schedule(&mut run);
+        let charts = std::mem::take(&mut run.results);
+        let node_updates = run.node_updates.load(Ordering::Relaxed);
+        let blocks_active = run.work[0].active.len() as u64;
+        // For the next solve.
+        run.memory.lists = [run.work, run.spare];
+        Ok(TileSolution { warp: Warp::Host(u), charts, summary, node_updates, blocks_active, work: None })
+    }
+}
+
+/// One solve of one tile.
+pub struct Run<'a> {
+    pub(super) team: &'a Team,
+    pub(super) grid: &'a Grid,
+    pub(super) mesh: &'a TileMesh,
+    pub(super) pose: &'a Pose,
+    pub(super) memory: &'a mut Memory,
+    /// Weights of the energy per level.
+    pub(super) weights: Vec<Weights>,
+    /// See `Input::least_weight`.
+    pub(super) least_weight: f32,
+    pub(super) work: Vec<Lists>,
+    /// Memory for a copy of these.
+    pub(super) spare: Vec<Lists>,
+    /// The charts to solve.
+    pub(super) charts: &'a [bool],
+    /// Displacements of the result. Where charts are solved it is 0 until certification writes this solve's result;
+    /// corrections of the finest level keep their step in it meanwhile.
+    pub(super) result: &'a mut [[Plane; 2]],
+    /// True once a correction of the finest level has put its step into `result`.
+    pub(super) result_is_used: bool,
+    /// Displacements of the previous result if the solve starts from them or is pulled towards them; otherwise empty.
+    pub(super) anchor: &'a [[Plane; 2]],
+    /// Result per chart; the default for charts that are not solved.
+    pub results: Vec<ChartResult>,
+    /// Per chart, the energy of the present state of the level that is worked on, if it is known.
+    pub(super) known_energies: Vec<Option<f64>>,
+    pub(super) node_updates: AtomicU64,
+    pub(super) patches: PerThread<'a, Patch>,
+    pub(super) pairs: PerThread<'a, Pairs>,
+    pub(super) slopes: PerThread<'a, [Window; 6]>,
+}
+
+impl<'a> Run<'a> {
+    /// Begins a solve. `result` must be 0 where charts are solved. `anchor` is the previous result, if the solve starts
+    /// from it or the input's pull is not 0.
+    pub fn new(
+        team: &'a Team,
+        input: &Input<'a>,
+        memory: &'a mut Memory,
+        result: &'a mut [[Plane; 2]],
+        anchor: &'a [[Plane; 2]],
+    ) -> Run<'a> {
+        let Input { grid, mesh, pose, charts, .. } = *input;
+        let [mut work, mut spare] = std::mem::take(&mut memory.lists);
+        for lists in [&mut work, &mut spare] {
+            lists.extend((lists.len()..grid.levels.len()).map(|_| Lists::default()));
+        }
+        for (work, level) in work.iter_mut().zip(&grid.levels) {
+            work.all().into_iter().for_each(Vec::clear);
+            for (b, block) in level.blocks.list.iter().enumerate() {
+                if charts[block.chart as usize] {
+                    work.stored.push(b as u32);
+                    if block.active {
+                        work.active.push(b as u32);
+                        work.colours[(block.y % 2 * 2 + block.x % 2) as usize].push(b as u32);
+                    }
+                }
+            }
+        }
+        Run {
+            team,
+            grid,
+            mesh,
+            pose,
+            memory,
+            weights: (0..grid.levels.len()).map(|level| Weights::new(input, level)).collect(),
+            least_weight: input.least_weight(),
+            work,
+            spare,
+            charts,
+            result,
+            result_is_used: false,
+            anchor,
+            results: vec![ChartResult::default(); charts.len()],
+            known_energies: vec![None; charts.len()],
+            node_updates: AtomicU64::new(0),
+            patches: PerThread::new(team, Patch::zeroed),
+            pairs: PerThread::new(team, zeroed_box),
+            slopes: PerThread::new(team, zeroed_box),
+        }
+    }
+
+    /// Calls `f(worker, k, block)` for the `k`-th of the blocks, for all of them. Before that, `next` is called with
+    /// the block that is probably this thread's next one, to prefetch it.
+    pub(super) fn each_of(
+        &self,
+        blocks: &[u32],
+        next: impl Fn(usize) + Sync,
+        f: impl Fn(&Worker, usize, usize) + Sync,
+    ) {
+        self.team.run_on(blocks.len(), |worker, k| {
+            if let Some(&b) = blocks.get(k + self.team.threads()) {
+                next(b as usize);
+            }
+            f(worker, k, blocks[k] as usize);
+        });
+    }
+
+    /// Calls `f(worker, block)` for all active blocks of a level, block colour by block colour; `next` as in `each_of`.
+    pub(super) fn each_colour(
+        &self,
+        level: usize,
+        backwards: bool,
+        next: impl Fn(usize) + Sync,
+        f: impl Fn(&Worker, usize) + Sync,
+    ) {
+        for k in 0..4 {
+            let blocks = &self.work[level].colours[if backwards { 3 - k } else { k }];
+            self.each_of(blocks, &next, |worker, _, b| f(worker, b));
+        }
+    }
+
+    /// Calls `f(worker, block, chart)` for all active blocks of a level; `next` as in `each_of`.
+    pub(super) fn each_block(
+        &self,
+        level: usize,
+        next: impl Fn(usize) + Sync,
+        f: impl Fn(&Worker, usize, usize) + Sync,
+    ) {
+        let list = &self.grid.levels[level].blocks.list;
+        self.each_of(&self.work[level].active, next, |worker, _, b| f(worker, b, list[b].chart as usize));
+    }
+
+    /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks.
+    pub(super) fn sum_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
+        let list = &self.grid.levels[level].blocks.list;
+        let mut sums = zeroed(self.charts.len());
+        for (x, &b) in values.iter().zip(&self.work[level].active) {
+            sums[list[b as usize].chart as usize] += x;
+        }
+        sums
+    }
+
+    /// Sums the values of the active blocks of a level chart by chart, in the order of the blocks. `values` has one
+    /// value for each stored block.
+    pub(super) fn sum_active_per_chart(&self, level: usize, values: &[f64]) -> Vec<f64> {
+        let active: Vec<f64> = self.work[level].active.iter().map(|&b| values[b as usize]).collect();
+        self.sum_per_chart(level, &active)
+    }
+
+    /// Calls `f` with a level's state and with the level's surface: chords on level 0, metrics on the others.
+    pub(super) fn with_surface<R>(&mut self, level: usize, f: impl SurfaceFn<R>) -> R {
+        let metric = std::mem::take(&mut self.memory.levels[level].metric);
+        let triangles = std::mem::take(&mut self.memory.triangles);
+        let state = self.memory.levels[level].state();
+        let result = hold_back(|| {
+            if level == 0 {
+                f.call(self, state, Chords { grid: self.grid, triangles: &triangles })
+            } else {
+                f.call(self, state, Metrics { level: &self.grid.levels[level], metric: &metric })
+            }
+        });
+        self.memory.triangles = triangles;
+        self.memory.levels[level].metric = metric;
+        go_on(result)
+    }
+}
+
+/// `Start` delegates to `prolong`, `Iterate` to `pbd`, and each other stage to the file of its name.
+impl Stages for Run<'_> {
+    fn run(&mut self, stage: &Stage) {
+        if let Stage::Start { from, .. } = *stage
+            && from != Start::Passing
+        {
+            self.known_energies.fill(None);
+        }
+        match *stage {
+            Stage::Surface => self.pose_triangles(),
+            Stage::Pyramid { coarsest } => {
+                self.pose_metrics(coarsest);
+                self.protect(coarsest);
+            }
+            Stage::Start { level, from } => match from {
+                Start::Identity => self.start_from_identity(level),
+                Start::Previous => self.start_from_previous(),
+                Start::Coarser => self.prolong_level(level),
+                Start::Smoothed(smoothing) => {
+                    self.prolong_level(level);
+                    self.regularise_level(level, smoothing);
+                }
+                Start::Passing => self.interpolate_level(level),
+            },
+            Stage::Relax { level, sweeps } => {
+                self.known_energies.fill(None);
+                self.relax_level(level, sweeps, None);
+            }
+            Stage::Correct { level, ref correction } => self.correct_level(level, correction),
+            Stage::Iterate { level, ref iteration } => self.iterate_level(level, iteration),
+            Stage::Energies { level, allow_folds } => {
+                self.store_identity_energy(level);
+                self.complete_energies(level, allow_folds);
+            }
+            Stage::Certify { allow_folds } => self.certify_result(allow_folds),
+            Stage::GiveUp => self.fall_back_everywhere(),
+        }
+    }
+}
+
+/// A function that is generic in the surface.
+pub(super) trait SurfaceFn<R> {
+    fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) -> R;
+}

@@ -1,0 +1,283 @@
+//! Redirection maps from a GPU's results: the inverse of the warp, in every size, format and layout, also after a
+//! failure.
+
+use std::sync::OnceLock;
+
+use half::f16;
+
+use vrtm::{
+    Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageViewMut, Origin,
+    PixelFormat, Quality,
+};
+
+use vrtm_testkit::{self, Model, Warp, fetch, gpu, has_gpu, options, scenes};
+
+const KINDS: [FetchKind; 2] = [FetchKind::Redirection, FetchKind::RedirectionDelta];
+
+/// One device for all tests: creating its pipelines takes longer than the tests.
+fn device() -> Option<&'static Device> {
+    static DEVICE: OnceLock<Option<Device>> = OnceLock::new();
+    // Without a GPU, each test prints a message.
+    if !has_gpu() {
+        return None;
+    }
+    DEVICE.get_or_init(|| gpu(&DeviceSettings::default())).as_ref()
+}
+
+fn solved(model: &Model, device: &Device, grid: u32) -> Asset {
+    let mut asset = model.asset_on(device, grid);
+    asset.solve(model.frame(1), &options(Quality::Draft)).unwrap();
+    assert!(asset.tile_report(0).unwrap().max_displacement > 0.5, "{}", model.name);
+    asset
+}
+
+fn raw(asset: &mut Asset, kind: FetchKind, layout: ImageLayout, bytes: usize, fill: u8) -> Vec<u8> {
+    let mut out = vec![fill; bytes];
+    asset.fetch(0, kind, &mut ImageViewMut::new("image", &mut out, layout).unwrap()).unwrap();
+    out
+}
+
+/// W at redirection(c) is c for each texel centre c, and W covers each c once.
+#[test]
+fn the_warp_takes_its_redirection_back() {
+    let Some(device) = device() else { return };
+    let mut models = vrtm_testkit::analytic();
+    models.extend([scenes::mug_to_jug(), scenes::arm()].map(Model::from));
+    for model in &models {
+        let grid = 128;
+        let mut asset = solved(model, device, grid);
+        let warp = Warp::of(&asset, 0);
+        let mut worst = 0.0f64;
+        for size in [[grid; 2], [64, 64], [2 * grid, grid], [101, 163], [1, 1], [5, 1]] {
+            let redirection = fetch(&mut asset, 0, FetchKind::Redirection, size);
+            let delta = fetch(&mut asset, 0, FetchKind::RedirectionDelta, size);
+            let size = size.map(|n| n as usize);
+            assert!(warp.count(size).iter().all(|&n| n == 1), "{}: {size:?}", model.name);
+            for (k, (uv, delta)) in redirection.iter().zip(&delta).enumerate() {
+                let texel = [k % size[0], k / size[0]];
+                let back = warp.at(uv.map(|x| f64::from(x) * f64::from(grid)));
+                for c in 0..2 {
+                    let centre = texel[c] as f64 + 0.5;
+                    let off = back[c] * size[c] as f64 / f64::from(grid) - centre;
+                    assert!(off.abs() < 1e-3, "{}: texel {texel:?} of {size:?}: {off}", model.name);
+                    worst = worst.max(off.abs());
+                    // Both are rounded to f32 once: the difference is far less than half a unit in the last place of 1.
+                    let off = f64::from(uv[c]) - centre / size[c] as f64 - f64::from(delta[c]);
+                    assert!(off.abs() < f64::from(f32::EPSILON) / 2.0, "{}: {texel:?}: {off}", model.name);
+                }
+            }
+        }
+        let ms = asset.tile_report(0).unwrap().times.invert;
+        println!("{:12} {worst:.1e} texel, the last in {ms:.2} ms", model.name);
+        assert!(ms > 0.0);
+    }
+}
+
+#[test]
+fn every_layout_holds_the_same_texels() {
+    let Some(device) = device() else { return };
+    let model = Model::from(scenes::mug_to_jug());
+    let mut asset = solved(&model, device, 128);
+    let (width, height) = (75usize, 50usize);
+    for kind in KINDS {
+        let whole = fetch(&mut asset, 0, kind, [width as u32, height as u32]);
+        for (format, size) in [(PixelFormat::F32, 8), (PixelFormat::F16, 4)] {
+            for origin in [Origin::Top, Origin::Bottom] {
+                let mut packed: Option<Vec<u8>> = None;
+                for (pixel, row, tail) in [(0, 0, 0), (size + 5, (size + 5) * width + 13, 99)] {
+                    let layout = ImageLayout {
+                        origin,
+                        pixel_stride: (pixel > 0).then_some(pixel),
+                        row_stride: (row > 0).then_some(row),
+                        ..ImageLayout::packed(width as u32, height as u32, format)
+                    };
+                    let (pixel, row) = (pixel.max(size), row.max(size * width));
+                    let out = raw(&mut asset, kind, layout, row * height + tail, 0xa5);
+                    let mut texels = Vec::new();
+                    let mut written = vec![false; out.len()];
+                    for y in 0..height {
+                        let line = if origin == Origin::Bottom { y } else { height - 1 - y };
+                        for x in 0..width {
+                            let at = line * row + x * pixel;
+                            texels.extend_from_slice(&out[at..at + size]);
+                            written[at..at + size].fill(true);
+                        }
+                    }
+                    assert!(out.iter().zip(&written).all(|(byte, written)| *written || *byte == 0xa5));
+                    if format == PixelFormat::F32 {
+                        assert!(vrtm_testkit::floats(&texels) == whole, "{kind:?} {origin:?}");
+                    }
+                    assert!(packed.get_or_insert_with(|| texels.clone()) == &texels, "{kind:?} {origin:?}");
+                }
+                if format == PixelFormat::F16 {
+                    let halves: Vec<u16> = packed
+                        .unwrap()
+                        .chunks_exact(2)
+                        .map(|bytes| u16::from_ne_bytes([bytes[0], bytes[1]]))
+                        .collect();
+                    for (half, value) in halves.iter().zip(whole.iter().flatten()) {
+                        assert_eq!(*half, nearest_half(*value), "{kind:?}: {value}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// A delta in f16 takes half of the bytes on the way to the host, is off by its rounding alone, and is the CPU's.
+#[test]
+fn a_delta_in_f16_is_off_by_a_thirtieth_of_a_texel_of_4096() {
+    let Some(device) = device() else { return };
+    for model in [scenes::analytic::bulge(), scenes::mug_to_jug(), scenes::arm()].map(Model::from) {
+        let mut asset = solved(&model, device, 128);
+        let (side, kind) = (256usize, FetchKind::RedirectionDelta);
+        let layout = ImageLayout::packed(side as u32, side as u32, PixelFormat::F16);
+        let halves = |bytes: &[u8]| -> Vec<f16> {
+            bytes.chunks_exact(2).map(|two| f16::from_ne_bytes([two[0], two[1]])).collect()
+        };
+        let found = halves(&raw(
+            &mut asset,
+            kind,
+            ImageLayout { origin: Origin::Bottom, ..layout },
+            side * side * 4,
+            0,
+        ));
+        let exact = fetch(&mut asset, 0, kind, [side as u32; 2]);
+        let (mut worst, mut largest) = (0.0f32, 0.0f32);
+        for (half, &exact) in found.iter().zip(exact.iter().flatten()) {
+            let off = (half.to_f32() - exact).abs();
+            // 11 significant bits, or the smallest step.
+            assert!(off <= (exact.abs() / 2048.0).max(2f32.powi(-25)), "{}: {half} of {exact}", model.name);
+            (worst, largest) = (worst.max(4096.0 * off), largest.max(exact.abs()));
+        }
+        // Up to 1/32 the step is 2^-16.
+        assert!(worst <= (largest * 2.0).max(1.0 / 32.0), "{}: {worst} texels at {largest}", model.name);
+        // Parts of an image are inverted on the CPU, here from the GPU's warp.
+        let mut parts = vec![0u8; side * side * 4];
+        for (k, part) in parts.chunks_exact_mut(side * side * 2).enumerate() {
+            let layout = ImageLayout { height: side as u32 / 2, origin: Origin::Bottom, ..layout };
+            let image = ImageViewMut::new("part", part, layout).unwrap();
+            let first = [0, k as u32 * side as u32 / 2];
+            asset.fetch(0, kind, &mut image.part_of("part", [side as u32; 2], first).unwrap()).unwrap();
+        }
+        let parts = halves(&parts);
+        let differ = found.iter().zip(&parts).filter(|(a, b)| a.to_bits() != b.to_bits());
+        let differ: Vec<f32> = differ.map(|(a, b)| (a.to_f32() - b.to_f32()).abs() * side as f32).collect();
+        let apart = differ.iter().fold(0.0f32, |a, &b| a.max(b));
+        let moved = exact.iter().flatten().filter(|d| **d != 0.0).count();
+        println!(
+            "{:12} off by {worst:.4} texels of 4096, of deltas up to {largest:.4}; of {moved} numbers {} differ from the CPU's, by up \
+             to {apart:.1e} texels",
+            model.name,
+            differ.len()
+        );
+        // Those that lie at the middle of two halves, and steps near 0, where the GPU's f32 has fewer digits.
+        assert!(differ.len() * 100 < moved && apart < 2e-2, "{}: {} {apart}", model.name, differ.len());
+    }
+}
+
+/// Bytes per texel that a fetch of each format holds on the GPU for the next one: W⁻¹, the values, and their copy for
+/// the host.
+#[test]
+fn a_fetch_in_f16_holds_two_thirds() {
+    if !has_gpu() {
+        return;
+    }
+    for (format, bytes) in [(PixelFormat::F32, 8 + 8 + 8), (PixelFormat::F16, 8 + 4 + 4)] {
+        let device = gpu(&DeviceSettings::default()).unwrap();
+        let mut asset = solved(&Model::from(scenes::analytic::bulge()), &device, 64);
+        let before = device.info().bytes_held;
+        let layout = ImageLayout::packed(64, 64, format);
+        raw(&mut asset, FetchKind::RedirectionDelta, layout, 64 * 64 * 8, 0);
+        assert_eq!(device.info().bytes_held - before, 64 * 64 * bytes, "{format:?}");
+    }
+}
+
+/// A third channel is 0, and a fourth tells where charts are; texels between are left alone.
+#[test]
+fn further_channels_stand_beside_the_gpu_s() {
+    let Some(device) = device() else { return };
+    let mut asset = solved(&Model::from(scenes::mug_to_jug()), device, 128);
+    for kind in KINDS {
+        let pairs = fetch(&mut asset, 0, kind, [40, 30]);
+        for channels in [3, 4] {
+            let layout = ImageLayout {
+                channels: Some(channels),
+                pixel_stride: Some(20),
+                origin: Origin::Bottom,
+                ..ImageLayout::packed(40, 30, PixelFormat::F32)
+            };
+            let bytes = raw(&mut asset, kind, layout, 40 * 30 * 20, 0xff);
+            let texels: Vec<[f32; 5]> = bytemuck::pod_collect_to_vec(&bytes);
+            for (texel, pair) in texels.iter().zip(&pairs) {
+                assert_eq!((&texel[..2], texel[2]), (&pair[..], 0.0));
+                assert!(texel[4].is_nan() && (channels == 4) == (texel[3] == 0.0 || texel[3] == 1.0));
+            }
+            let covered = texels.iter().filter(|texel| texel[3] == 1.0).count();
+            assert!(channels == 3 || (covered > 0 && covered < texels.len()), "{covered}");
+        }
+    }
+}
+
+/// The half nearest to a float of less than 2, by search: halves of one sign are ordered as their bits.
+fn nearest_half(value: f32) -> u16 {
+    let of = |bits: u16| match bits >> 10 {
+        0 => f64::from(bits) * 2f64.powi(-24),
+        e => f64::from(1024 + (bits & 1023)) * 2f64.powi(i32::from(e) - 25),
+    };
+    let size = f64::from(value.abs());
+    let (mut low, mut high) = (0u16, 0x4000u16);
+    while low + 1 < high {
+        let middle = (low + high) / 2;
+        if of(middle) <= size { low = middle } else { high = middle }
+    }
+    let (down, up) = (size - of(low), of(high) - size);
+    let nearest = if down < up || (down == up && low % 2 == 0) { low } else { high };
+    nearest | if value.is_sign_negative() { 0x8000 } else { 0 }
+}
+
+#[test]
+fn an_image_that_does_not_fit_is_an_error_and_a_smaller_one_comes() {
+    if !has_gpu() {
+        return;
+    }
+    let model = Model::from(scenes::analytic::bulge());
+    let budget = 64 << 20;
+    let device = gpu(&DeviceSettings { memory_budget: Some(budget), ..DeviceSettings::default() }).unwrap();
+    let mut asset = solved(&model, &device, 64);
+    let before = device.info().bytes_held;
+    let small = fetch(&mut asset, 0, FetchKind::Redirection, [64; 2]);
+    assert!(device.info().bytes_held > before, "the image is in the books");
+    let size = 3000;
+    let mut out = vec![0x5a; size * size * 8];
+    let layout = ImageLayout::packed(size as u32, size as u32, PixelFormat::F32);
+    let mut image = ImageViewMut::new("image", &mut out, layout).unwrap();
+    let error = asset.fetch(0, FetchKind::Redirection, &mut image).unwrap_err();
+    assert_eq!(error.kind, ErrorKind::OutOfMemory);
+    assert!(error.message.starts_with("an image of 3000x3000 texels needs "), "{error}");
+    assert!(out.iter().all(|&byte| byte == 0x5a));
+    assert!(device.info().bytes_held <= before);
+    assert!(fetch(&mut asset, 0, FetchKind::Redirection, [64; 2]) == small);
+    drop(asset);
+    assert_eq!(device.info().bytes_held, 0);
+}
+
+#[test]
+fn a_lost_gpu_is_an_error_and_nothing_is_written() {
+    if !has_gpu() {
+        return;
+    }
+    let model = Model::from(scenes::analytic::bulge());
+    let device = Device::new(&DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() }).unwrap();
+    let mut asset = solved(&model, &device, 64);
+    fetch(&mut asset, 0, FetchKind::Redirection, [64; 2]);
+    device.lose_for_tests();
+    for size in [64, 200] {
+        let mut out = vec![0x5a; size * size * 8];
+        let layout = ImageLayout::packed(size as u32, size as u32, PixelFormat::F32);
+        let mut image = ImageViewMut::new("image", &mut out, layout).unwrap();
+        let error = asset.fetch(0, FetchKind::Redirection, &mut image).unwrap_err();
+        assert_eq!(error.kind, ErrorKind::DeviceLost, "{error}");
+        assert!(out.iter().all(|&byte| byte == 0x5a));
+    }
+}

@@ -1,0 +1,35 @@
+//! What vrtm's tests, benches and examples share: built-in scenes and assets, measures of results that share no code with
+//! the library, the f64 minimum that they are compared with (`reference`, which shares no numerical code with the
+//! solver), and both backends side by side, stage by stage (`parity`).
+
+#![allow(missing_docs, reason = "for vrtm's own programs alone")]
+
+// Ordered from the bottom up.
+pub mod long;
+pub mod scenes;
+pub mod save;
+pub mod reference;
+#[cfg(feature = "gpu")]
+pub mod parity;
+pub mod asset;
+pub mod model;
+pub mod files;
+pub mod gpu;
+pub mod warp;
+pub mod motion;
+pub mod roughness;
+pub mod sixteen;
+pub mod features;
+pub mod table;
+pub mod cases;
+
+pub use asset::{CollarOfChart, CollarTriangleInSpace, Lab, ReferenceMinimum};
+pub use files::{assets, obj};
+pub use gpu::{backend, gpu, has_gpu};
+pub use model::{
+    Model, analytic, bits, cpu, dilation, doubles, fetch, floats, on_all_cores, options, set_grid, view,
+};
+#[cfg(feature = "gpu")]
+pub use parity::StageDifference;
+pub use scenes::TileMaps as Maps;
+pub use warp::Warp;
