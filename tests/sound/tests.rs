@@ -1,4 +1,4 @@
-//! Programs for tools that find undefined behaviour: Miri (.ci/miri) and ThreadSanitizer (.ci/threads).
+//! Programs for tools that find undefined behaviour: Miri and ThreadSanitizer (run.sh).
 
 mod calls;
 mod controls;

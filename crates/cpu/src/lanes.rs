@@ -134,6 +134,7 @@ pub fn dispatch<K: Vectorised>(kernel: K) -> K::Output {
     {
         // Must list everything that `fearless_simd` requires of AVX2, and AVX-512; otherwise its functions are called
         // instead of inlined.
+        #[cfg(not(debug_assertions))]
         #[target_feature(enable = "avx2,bmi1,bmi2,cmpxchg16b,f16c,fma,fxsr,lzcnt,movbe,popcnt,xsave")]
         #[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq")]
         fn avx512<K: Vectorised>(kernel: K) -> K::Output {
@@ -146,6 +147,7 @@ pub fn dispatch<K: Vectorised>(kernel: K) -> K::Output {
         }
         match processor_level() {
             // SAFETY: the processor has this level.
+            #[cfg(not(debug_assertions))]
             ProcessorLevel::Avx512 => unsafe { avx512(kernel) },
             ProcessorLevel::Avx2 => token::<Avx2>().vectorize(
                 #[inline(always)]
@@ -177,8 +179,8 @@ pub enum ProcessorLevel {
     #[cfg(target_arch = "x86_64")]
     Avx2,
     /// Vectors of eight lanes as with AVX2, but 32 registers instead of 16: kernels are 8 % faster, since fewer values
-    /// are spilled.
-    #[cfg(target_arch = "x86_64")]
+    /// are spilled. Only in optimised builds: kernels are half of what tests compile.
+    #[cfg(all(target_arch = "x86_64", not(debug_assertions)))]
     Avx512,
 }
 
@@ -197,10 +199,14 @@ pub fn processor_level() -> ProcessorLevel {
 fn detected() -> ProcessorLevel {
     #[cfg(target_arch = "x86_64")]
     {
+        #[cfg(not(debug_assertions))]
         use std::arch::is_x86_feature_detected as has;
         if fearless_simd::Level::new().as_avx2().is_some() {
-            let avx512 = has!("avx512f") && has!("avx512vl") && has!("avx512bw") && has!("avx512dq");
-            return if avx512 { ProcessorLevel::Avx512 } else { ProcessorLevel::Avx2 };
+            #[cfg(not(debug_assertions))]
+            if has!("avx512f") && has!("avx512vl") && has!("avx512bw") && has!("avx512dq") {
+                return ProcessorLevel::Avx512;
+            }
+            return ProcessorLevel::Avx2;
         }
     }
     ProcessorLevel::Baseline
@@ -218,7 +224,7 @@ pub mod forced {
         ProcessorLevel::Baseline,
         #[cfg(target_arch = "x86_64")]
         ProcessorLevel::Avx2,
-        #[cfg(target_arch = "x86_64")]
+        #[cfg(all(target_arch = "x86_64", not(debug_assertions)))]
         ProcessorLevel::Avx512,
     ];
 

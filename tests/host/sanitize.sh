@@ -4,7 +4,7 @@
 #
 # The library is built with the Rust compiler's own sanitizer, and the host with gcc's, whose runtime serves both.
 set -uo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "$0")/../.."
 [ ! -x "$HOME/.cargo/bin/cargo" ] || PATH="$HOME/.cargo/bin:$PATH"
 
 target=$(rustc -vV | sed -n 's/^host: //p')
