@@ -4,7 +4,7 @@
 
 use vrtm::{StrainReport, TileReport};
 use vrtm_testkit::features::STILL;
-use vrtm_testkit::long::long;
+use vrtm_testkit::long::{long, share};
 use vrtm_testkit::table::judge;
 use vrtm_testkit::{self, Model, on_all_cores};
 
@@ -55,14 +55,12 @@ fn rounded(x: f32) -> f32 {
 fn strain_on_the_mesh() {
     let models = vrtm_testkit::assets();
     let all = models.iter().flat_map(|model| (1..=model.frames.len()).map(move |frame| (model, frame)));
-    let of_study = |name: &str, frame| STUDY.iter().any(|study| (study.0, study.1) == (name, frame));
-    let cases: Vec<_> = all.filter(|(model, frame)| long() || of_study(&model.name, *frame)).collect();
+    let study = share(STUDY.to_vec(), 3, "frames of the study");
+    let chosen = |name: &str, frame| study.iter().any(|study| (study.0, study.1) == (name, frame));
+    let cases: Vec<_> = all.filter(|(model, frame)| long() || chosen(&model.name, *frame)).collect();
     let rows: Vec<Row> = on_all_cores(&cases, rows).into_iter().flatten().collect();
     if models.is_empty() {
         return;
-    }
-    if !long() {
-        println!("only the frames of the study; VRTM_LONG_TESTS=1 measures all");
     }
     println!("        tile  frame |  RMS of all edges   |  both ends free     | harm %  help %  min J    ms");
     for Row { name, frame, udim, strain, jacobian, ms } in &rows {
@@ -78,7 +76,7 @@ fn strain_on_the_mesh() {
         );
     }
     let mut failures = Vec::new();
-    for (name, frame, udim, before, after) in STUDY {
+    for (name, frame, udim, before, after) in study {
         let row = rows.iter().find(|r| r.name == name && r.frame == frame && r.udim == udim).unwrap();
         let strain = &row.strain;
         // The strain before a solve does not depend on the solver: its equality shows that the same edges are measured.

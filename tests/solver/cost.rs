@@ -8,7 +8,7 @@ use vrtm_testkit::{self, Model, bits, cpu, long, scenes};
 fn devices() -> Vec<(Device, u32)> {
     let side = long::cases(256, 128, "cells a side on a GPU") as u32;
     let gpu = vrtm_testkit::gpu(&DeviceSettings::default()).map(|device| (device, side));
-    [(cpu(0), 512)].into_iter().chain(gpu).collect()
+    [(cpu(0), 256)].into_iter().chain(gpu).collect()
 }
 
 /// The work of a tile's last solve, in counts that do not depend on the machine's load. A solve with no work (the
@@ -116,7 +116,7 @@ fn a_tile_does_not_pay_for_another() {
 fn nothing_active_takes_no_solver() {
     let model = Model::from(scenes::arm());
     let held = |asset: &Asset| asset.device().info().bytes_held;
-    let mut both = model.asset(0, 512);
+    let mut both = model.asset(0, 256);
     both.solve(model.frame(2), &SolveOptions::default()).unwrap();
     let full = held(&both);
     let assert_idle = |asset: &Asset, name: &str| {
@@ -131,23 +131,23 @@ fn nothing_active_takes_no_solver() {
         assert!(held(asset) < full * 3 / 10, "{name}: {} of {full} bytes", held(asset));
     };
     // The first pose is rest.
-    let mut asset = model.asset(0, 512);
+    let mut asset = model.asset(0, 256);
     asset.solve(Strided::from_f32x3(&model.rest), &SolveOptions::default()).unwrap();
     assert_idle(&asset, "rest");
     // Nothing rigid.
     let mut asset = model.bare(0, Strided::from_f32x3(&model.rest));
-    vrtm_testkit::set_grid(&mut asset, 512);
+    vrtm_testkit::set_grid(&mut asset, 256);
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
     assert_idle(&asset, "nothing rigid");
     // All nodes are masked.
-    let mut asset = model.asset(0, 512);
+    let mut asset = model.asset(0, 256);
     for tile in 0..2 {
         asset.set_mask(tile, Some(vrtm_testkit::view(&[0], 1, 1))).unwrap();
     }
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
     assert_idle(&asset, "all masked");
     // Only one of two tiles has rigidity.
-    let mut asset = model.asset(0, 512);
+    let mut asset = model.asset(0, 256);
     asset.set_rigidity(1, None).unwrap();
     asset.solve(model.frame(2), &SolveOptions::default()).unwrap();
     let half = held(&asset);
@@ -210,7 +210,7 @@ fn bytes_follow_the_active_nodes() {
     // node or a neighbour of one are not stored.
     let model = Model::from(scenes::analytic::bulge());
     let held = |mask: &[u8]| {
-        let mut asset = model.asset(0, 512);
+        let mut asset = model.asset(0, 256);
         asset.set_mask(0, Some(vrtm_testkit::view(mask, 2, 2))).unwrap();
         asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
         let report = asset.tile_report(0).unwrap();

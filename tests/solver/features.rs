@@ -4,7 +4,7 @@ use vrtm::{SolveOptions, Strided};
 
 use vrtm_testkit::features::{CASES, Feature, Kind, STILL, of_asset, solve};
 use vrtm_testkit::table::{self, judge};
-use vrtm_testkit::{Maps, Model, on_all_cores};
+use vrtm_testkit::{Maps, Model, long, on_all_cores};
 
 /// The features of a model in a pose, with the original UVs.
 fn still(model: &Model, pose: &[[f32; 3]], grid: u32) -> Vec<Feature> {
@@ -95,6 +95,7 @@ const BARS: [Bars; 15] = [
 fn features_keep_their_shape() {
     let cases: Vec<_> =
         CASES.into_iter().filter_map(|(name, frame)| Some((table::model(name)?, frame))).collect();
+    let cases = long::share(cases, 4, "scenes");
     let rows = on_all_cores(&cases, |&(model, frame)| {
         let judged = judge(model, frame, STILL);
         let name = &*model.name;

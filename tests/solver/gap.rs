@@ -175,10 +175,10 @@ fn scenes() {
     squash.name = "squash to 40 %".into();
     let mut models = vec![squash, Model::from(scenes::mug_to_jug())];
     models.extend(vrtm_testkit::analytic().into_iter().filter(|model| model.name != "strips"));
-    check(&long::share(cases(&models, long::only("the thorough search")), 16, "scenes"));
+    check(&long::share(cases(&models, long::only("the thorough search")), 32, "scenes"));
 }
 
 #[test]
 fn assets() {
-    check(&long::share(cases(&vrtm_testkit::assets(), false), 3, "assets"));
+    check(&long::share(cases(&vrtm_testkit::assets(), false), 6, "assets"));
 }

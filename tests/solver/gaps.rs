@@ -5,7 +5,7 @@
 use std::f64::consts::PI;
 
 use vrtm::{Quality, Weld, WeldBy};
-use vrtm_testkit::{Maps, Model, Warp, cpu, on_all_cores, options};
+use vrtm_testkit::{Maps, Model, Warp, cpu, long, on_all_cores, options};
 
 /// The side of the sheet in the tile.
 const SIDE: f64 = 0.66;
@@ -287,7 +287,7 @@ fn no_node_ends_in_a_gap_thinner_than_a_cell() {
             }
         }
     }
-    assert_none_outside(&cases);
+    assert_none_outside(&long::share(cases, 4, "sheets"));
 }
 
 /// Sheets with gaps of each kind, for a grid of 96 by 96 cells.
@@ -318,6 +318,7 @@ fn no_node_ends_in_a_gap_that_the_default_tolerance_closes() {
         tolerance: None,
     };
     let cases: Vec<Case> = [0.2, 0.4].into_iter().enumerate().map(case).collect();
+    let cases = long::share(cases, 2, "sheets");
     for case in &cases {
         // It is welded: the chart has no border but that of the sheet.
         let mut asset = sheet(case).asset(1, case.grid as u32);

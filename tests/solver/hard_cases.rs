@@ -288,7 +288,7 @@ fn each(cases: Vec<Case>, run: impl Fn(Case) -> Option<TileReport> + Clone + Sen
 
 #[test]
 fn each_ends_in_a_certified_result() {
-    each(cases(), |case| {
+    each(long::share(cases(), 4, "cases"), |case| {
         let (one, report) = case.run(1);
         let (two, _) = case.run(2);
         // Where a time budget ends the solve, the result is not a function of the inputs.

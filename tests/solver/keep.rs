@@ -4,7 +4,7 @@ use vrtm::{Asset, ImageLayout, ImageView, OpenBorders, PixelFormat, Seams, Solve
 
 use vrtm_testkit::features::Kind;
 use vrtm_testkit::table::{self, judge};
-use vrtm_testkit::{Model, bits, cpu, on_all_cores};
+use vrtm_testkit::{Model, bits, cpu, long, on_all_cores};
 
 /// At borders features are what they are without a warp; the others keep their shapes as they do with shut seams.
 #[test]
@@ -12,6 +12,7 @@ fn features_at_borders_are_kept_and_others_keep_their_shape() {
     let names = ["creature", "mh_face", "spot", "cesium_man", "fox", "ict_inner", "strips"];
     let cases: Vec<_> =
         names.iter().filter_map(|name| Some((table::model(name)?, table::frame(name)))).collect();
+    let cases = long::share(cases, 3, "scenes");
     let lines = on_all_cores(&cases, |&(model, frame)| {
         let [kept, shut] =
             [Seams::Keep, Seams::Shut].map(|seams| judge(model, frame, (seams, OpenBorders::Fixed)));

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use vrtm::{Quality, RefinementSettings};
-use vrtm_testkit::{Maps, Model, Warp, bits, options};
+use vrtm_testkit::{Maps, Model, Warp, bits, long, options};
 
 /// A sheet of 64 by 32 quads whose UVs lie in low..high, with rigid discs, in a pose that squashes a part of it.
 pub fn sheet([low, high]: [f64; 2]) -> Model {
@@ -71,9 +71,9 @@ fn averaged(model: &Model) -> Model {
 
 #[test]
 fn noisy_uvs_have_the_bits_of_their_means() {
-    for (most, by_face) in
-        [(1e-6, false), (1e-5, false), (1e-5, true), (5e-5, false), (1.5e-4, true), (2e-4, false)]
-    {
+    let noises =
+        vec![(1e-6, false), (1e-5, false), (1e-5, true), (5e-5, false), (1.5e-4, true), (2e-4, false)];
+    for (most, by_face) in long::share(noises, 3, "noises") {
         let noisy = noisy(&sheet([0.1, 0.9]), most, by_face);
         let mean = averaged(&noisy);
         let [found, expected] = [&noisy, &mean].map(|model| {

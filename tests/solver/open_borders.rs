@@ -10,7 +10,7 @@ use vrtm_testkit::Lab as _;
 
 use vrtm_testkit::features::{Borders, Kind, STILL};
 use vrtm_testkit::table::{self, judge};
-use vrtm_testkit::{self, Maps, Model, bits, cpu, on_all_cores, options};
+use vrtm_testkit::{self, Maps, Model, bits, cpu, long, on_all_cores, options};
 
 const SLIDE: Borders = (Seams::Shut, OpenBorders::Slide);
 
@@ -223,6 +223,7 @@ fn features_at_open_borders_keep_their_shape() {
         let frame = table::frame(name);
         cases.extend([STILL, SLIDE].into_iter().zip(bars).map(|(borders, bar)| (model, frame, borders, bar)));
     }
+    let cases = long::share(cases, 3, "scenes and borders");
     let failed = on_all_cores(&cases, |&(model, frame, borders, (bad, mean))| {
         let judged = judge(model, frame, borders);
         let [open, inside] = [Kind::Open, Kind::Inner].map(|kind| judged.of(kind));

@@ -6,7 +6,7 @@ use vrtm_testkit::Lab as _;
 use vrtm_testkit::features::dense::dense;
 use vrtm_testkit::features::{Feature, of_asset};
 use vrtm_testkit::scenes::{analytic, creature};
-use vrtm_testkit::{Model, assets, bits, options};
+use vrtm_testkit::{Model, assets, bits, long, options};
 
 fn set(asset: &mut Asset, protect: f32) {
     for tile in 0..asset.tile_count() {
@@ -107,7 +107,7 @@ fn fewer_features_come_out_worse() {
     let mut cases =
         vec![(dense(&Model { name: "squash to 40 %".into(), ..analytic::squash(0.4).into() }), 1)];
     cases.extend(assets().iter().filter(|m| m.name == "fox").map(|m| (dense(m), 3)));
-    for (model, frame) in cases {
+    for (model, frame) in long::share(cases, 2, "scenes") {
         let [none, half, whole] = [0.0, 0.5, 1.0].map(|protect| harmed(&model, frame, 512, protect));
         println!("{}: {none:?}, {half:?}, {whole:?}", model.name);
         assert!(none.0 > 0 && half.0 < none.0 && whole.0 <= half.0, "{}", model.name);

@@ -71,7 +71,7 @@ fn check(backend: &str, grid: u32, qualities: &[Quality], borders: Borders, devi
     let scenes = cases::cases(&[], grid).unwrap();
     let of_scene = |case| qualities.iter().map(move |&quality| (case, quality));
     let cases: Vec<(&Case, Quality)> = scenes.iter().flat_map(of_scene).collect();
-    for (case, quality) in long::share(cases, 8, "scenes and qualities") {
+    for (case, quality) in long::share(cases, 16, "scenes and qualities") {
         let (mut asset, tile) = case.asset(device);
         if borders != STILL {
             // Over seams, charts go on in other tiles.

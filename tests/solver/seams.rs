@@ -10,7 +10,7 @@ use vrtm_testkit::Lab as _;
 
 use vrtm_testkit::features::{Kind, Summary};
 use vrtm_testkit::table::{self, judge};
-use vrtm_testkit::{self, Maps, Model, Warp, bits, cpu, on_all_cores, options};
+use vrtm_testkit::{self, Maps, Model, Warp, bits, cpu, long, on_all_cores, options};
 
 /// Place of a cut sheet's second half in the UV plane: turned by an angle, mirrored or not, scaled, and moved.
 #[derive(Clone, Copy)]
@@ -340,6 +340,7 @@ const BARS: [Bars; 6] = [
 fn features_over_seams_keep_their_shape_and_stay_together() {
     let cases: Vec<_> =
         BARS.iter().filter_map(|bars| Some((table::model(bars.0)?, table::frame(bars.0), bars))).collect();
+    let cases = long::share(cases, 3, "scenes");
     let failed = on_all_cores(&cases, |&(model, frame, bars)| {
         let judged = judge(model, frame, (Seams::Continue, OpenBorders::Fixed));
         let [seam, inside] = [Kind::Seam, Kind::Inner].map(|kind| judged.of(kind));

@@ -159,7 +159,7 @@ fn smooth_motions_give_smooth_warps() {
         cases.extend([false, true].map(|warm| (motion, Quality::Normal, warm)));
     }
     cases.push((&motions[1], Quality::Draft, false));
-    let cases = long::share(cases, 3, "motions, stateless or warm");
+    let cases = long::share(cases, 9, "motions, stateless or warm");
     let rows = on_all_cores(&cases, |&(motion, quality, warm)| {
         let poses: Vec<Points> = (0..FRAMES).map(|frame| motion.pose(frame)).collect();
         let options = SolveOptions { quality, warm, ..SolveOptions::default() };

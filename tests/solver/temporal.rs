@@ -109,7 +109,7 @@ fn jitter_falls_and_lag_grows_with_the_weight() {
         .extend(vrtm_testkit::assets().into_iter().filter(|model| held_ones.contains(&model.name.as_str())));
     let weights: Vec<f32> =
         WEIGHTS.into_iter().filter(|&weight| long::long() || weight == 0.0 || weight == WEIGHT).collect();
-    let models = long::share(models, 3, "models");
+    let models = long::share(models, 7, "models");
     println!("{} of {} weights; VRTM_LONG_TESTS=1 shows all", weights.len(), WEIGHTS.len());
     let rows = on_all_cores(&models, |model| {
         let stateless = play(model, &SolveOptions::default(), 128);
@@ -151,7 +151,7 @@ fn the_lag_is_that_of_any_grid() {
             [0.0, 0.3].map(|weight| figures(&stateless, play(&model, &held(weight), grid)).lag);
         held - free
     };
-    let grids = long::share(vec![96, 192, 128], 2, "grids");
+    let grids = if long::only("the grid of 192 cells") { vec![96, 192, 128] } else { vec![96, 128] };
     let lags: Vec<f64> = grids.into_iter().map(late).collect();
     println!("{lags:?}");
     for lag in &lags {

@@ -11,7 +11,7 @@ fn models() -> Vec<Model> {
     let mut models: Vec<Model> = [mug_to_jug(), creature(), arm()].map(Model::from).into();
     models.extend(vrtm_testkit::analytic());
     models.extend(vrtm_testkit::assets());
-    models
+    vrtm_testkit::long::share(models, 4, "models")
 }
 
 #[test]
@@ -79,7 +79,7 @@ fn rest_far_away_is_as_good_as_near() {
 #[test]
 fn rest_far_away_is_as_good_as_near_on_a_gpu() {
     let Some(device) = vrtm_testkit::gpu(&DeviceSettings::default()) else { return };
-    far_is_as_good_as_near(&models()[..4], &device, 64);
+    far_is_as_good_as_near(&models()[..3], &device, 64);
 }
 
 fn far_is_as_good_as_near(models: &[Model], device: &Device, grid: u32) {

@@ -4,7 +4,7 @@ use vrtm::{
     Asset, DeviceSettings, Fetch, FetchKind, ImageLayout, ImageViewMut, Origin, PixelFormat, SolveOptions,
 };
 
-use vrtm_testkit::{self, Model, Warp, fetch, floats};
+use vrtm_testkit::{self, Model, Warp, fetch, floats, long};
 
 const KINDS: [FetchKind; 3] = [FetchKind::Redirection, FetchKind::RedirectionDelta, FetchKind::Warp];
 
@@ -147,7 +147,7 @@ fn corner_uvs_are_the_inverse_of_the_warp() {
     use vrtm_testkit::scenes::{arm, creature, mug_to_jug};
     let mut models: Vec<Model> = [mug_to_jug(), creature(), arm()].map(Model::from).into();
     models.extend(vrtm_testkit::assets());
-    for model in models {
+    for model in long::share(models, 4, "models") {
         let mut asset = solved(&model);
         let mut uvs = vec![[f32::NAN; 2]; model.indices.len()];
         asset.corner_uvs(&mut uvs).unwrap();

@@ -6,14 +6,14 @@ use vrtm::{
 };
 use vrtm_testkit::Lab as _;
 
-use vrtm_testkit::{self, Model, bits, fetch, options};
+use vrtm_testkit::{self, Model, bits, fetch, long, options};
 
 fn models() -> Vec<Model> {
     use vrtm_testkit::scenes::{arm, creature, mug_to_jug};
     let mut models: Vec<Model> = [mug_to_jug(), creature(), arm()].map(Model::from).into();
     models.push(vrtm_testkit::scenes::analytic::torus().into());
     models.extend(vrtm_testkit::assets());
-    models
+    long::share(models, 4, "models")
 }
 
 #[test]

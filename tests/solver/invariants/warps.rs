@@ -20,7 +20,8 @@ fn all_frames(model: &Model, grid: u32) -> Case<'_> {
 
 fn check(cases: &[Case]) {
     let cpu = vrtm_testkit::cpu(1);
-    on_all_cores(cases, |case| check_case(case, &cpu)).iter().for_each(|line| println!("{line}"));
+    let cases = long::share(cases.iter().collect(), 4, "models on a grid");
+    on_all_cores(&cases, |case| check_case(case, &cpu)).iter().for_each(|line| println!("{line}"));
 }
 
 /// Solves run one after the other, because a GPU does not run them faster side by side.
