@@ -14,7 +14,7 @@ use super::records::{block_nodes, block_records, corners, triangles};
 use super::results::{Displacements, RESULT_BLOCK, ResultBuffers};
 use super::sizes::BufferSizes;
 use super::upload::Uploader;
-use vrtm_core::allocation::{Vec, vec, zeroed};
+use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::error::Result;
 use vrtm_core::grid::planes::Plane;
 use vrtm_core::grid::{Grid, Level};

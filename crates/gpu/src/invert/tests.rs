@@ -155,7 +155,7 @@ fn sizes(n: usize, m: usize) -> [[usize; 2]; 12] {
         [1, m],
         [n, 1],
         [3, 5],
-        [1021, 1031],
+        [509, 521],
     ]
 }
 
@@ -252,7 +252,8 @@ fn the_inverse_is_the_cpu_s() {
         let u = displace(&grid, warp);
         let large = cells[0] > 1000;
         let sizes = sizes(cells[0] as usize, cells[1] as usize);
-        for &size in if large { &sizes[..2] } else { &sizes[..] } {
+        // Precision depends on the cells; as many texels as cells would only take longer.
+        for &size in if large { &sizes[1..2] } else { &sizes[..] } {
             let start = vrtm_core::clock::Instant::now();
             let worst = compare(&context, &grid, &u, size);
             println!(
