@@ -5,7 +5,7 @@
 # several ways, and whole frames with maps that stay on the GPU, and writes what that costs to
 # benches/results/render-NAME.md:
 #
-#     benches/gpu.sh                      # all sizes to 8192, about 10 minutes
+#     benches/gpu.sh                      # all sizes to 4096, about 5 minutes
 #     benches/gpu.sh --sizes 512,2048
 #     benches/gpu.sh --software           # on a software driver: correct, but its times say nothing
 #     benches/gpu.sh --counts --sizes 512,1024,2048,4096    # dispatches and bytes only, to gpu-counts.md; any driver will do

@@ -1130,7 +1130,8 @@ typedef struct vrtm_tile_settings {
     uint32_t struct_size;
     // Cells of the grid in u: the resolution of the solve. 0 = as many as resolve the rigid features, 20 across the
     // narrowest (method §1): 64 to 4096, and no finer than the rigidity map and 256, or than an equal share of the
-    // device's memory budget allows. Other numbers are rounded up to a multiple of 16, at most 16384.
+    // device's memory budget and a GPU's buffers allow. Other numbers are rounded up to a multiple of 16, at most
+    // 16384.
     uint32_t grid_width;
     // Cells of the grid in v: the resolution of the solve.
     uint32_t grid_height;
@@ -1286,7 +1287,8 @@ typedef struct vrtm_tile_estimate {
 // VRTM_OPEN_BORDERS_SLIDE. The same estimate is checked against a device's memory_budget before a tile is prepared.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `estimate` is null or has a wrong struct_size;
-// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY; VRTM_ERROR_UNSUPPORTED if the GPU's buffers are too small for the grid,
+// with the largest size that fits, as in all calls that prepare a tile.
 VRTM_API
 vrtm_status vrtm_tile_get_estimate(vrtm_tile tile,
                                    vrtm_tile_estimate *estimate);

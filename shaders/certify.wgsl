@@ -82,7 +82,7 @@ fn certify(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         workgroupBarrier();
     }
     if t == 0u {
-        let at = params.partial + group.y * SPREAD + group.x;
+        let at = group.y * SPREAD + group.x;
         partials[sum_index(SUM_LEAST_JACOBIAN, at)] = certificates[0].y;
         partials[sum_index(SUM_FOLDS, at)] = certificates[0].z;
         partials[sum_index(SUM_LARGEST, at)] = certificates[0].w;

@@ -213,26 +213,9 @@ fn block_holding(b: u32, i: i32, j: i32) -> u32 {
     let at = vec2i(i >> 4u, j >> 4u);
     let d = at - vec2i(i32(blocks[b].x), i32(blocks[b].y));
     if all(abs(d) <= vec2i(1)) {
-        let near = blocks[b].neighbours[(d.y + 1) * 3 + d.x + 1];
-        if near != NONE || blocks[b].continues == 0u {
-            return near;
-        }
+        return blocks[b].neighbours[(d.y + 1) * 3 + d.x + 1];
     }
-    let found = find_block(b, at); // model: 0 times
-    if found == NONE && blocks[b].continues != 0u { // model: 0 times
-        // The node lies in a row of blocks that this band does not hold, so the nearest row is used instead. Only
-        // metrics of coarse levels look that far (method §3, Arc lengths).
-        let first = blocks[b].chart_first;
-        let lowest = i32(blocks[first].y);
-        let highest = i32(blocks[first + blocks[b].chart_count - 1u].y);
-        if at.y < lowest && (blocks[b].continues & 1u) != 0u {
-            return find_block(b, vec2i(at.x, lowest));
-        }
-        if at.y > highest && (blocks[b].continues & 2u) != 0u {
-            return find_block(b, vec2i(at.x, highest));
-        }
-    }
-    return found;
+    return find_block(b, at); // model: 0 times
 }
 
 /// Returns the block at block coordinates `at` of the chart of block b, or NONE. Binary search: a chart's blocks are

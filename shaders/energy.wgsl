@@ -51,7 +51,7 @@ fn energy(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index) 
     }
     let energy = energy_of_block(s, sum.energy, sum.worst, params.mode == ENERGY_ALLOWING_FOLDS);
     if s == 0u {
-        partials[sum_index(SUM_ENERGY, params.partial + group.y * SPREAD + group.x)] = energy;
+        partials[sum_index(SUM_ENERGY, group.y * SPREAD + group.x)] = energy;
     }
 }
 

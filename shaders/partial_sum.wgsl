@@ -13,6 +13,6 @@ fn write_sum(group: vec3u, t: u32, quantity: u32, value: f32) {
         workgroupBarrier();
     }
     if t == 0u {
-        partials[sum_index(quantity, params.partial + group.y * SPREAD + group.x)] = sums[0];
+        partials[sum_index(quantity, group.y * SPREAD + group.x)] = sums[0];
     }
 }

@@ -12,6 +12,7 @@ pub(crate) mod outputs;
 mod prepare;
 pub(crate) mod request;
 pub(crate) mod results;
+mod room;
 mod seams;
 mod shape;
 mod side_by_side;

@@ -141,18 +141,18 @@ impl Device {
         Device::with(settings, Overrides::read(variable)?)
     }
 
-    /// Makes a device with the given overrides instead of the environment's, and with GPU buffers of at most `band`
-    /// blocks.
+    /// Makes a device with the given overrides instead of the environment's, and with GPU buffers of at most
+    /// `most_blocks` blocks.
     #[doc(hidden)]
     pub fn with_variables(
         settings: &DeviceSettings,
         variables: &[(&str, &str)],
-        band: Option<usize>,
+        most_blocks: Option<usize>,
     ) -> Result<Device> {
         let find =
             |name: &str| variables.iter().find(|(n, _)| *n == name).map(|(_, value)| value.to_string());
         let mut overrides = Overrides::read(find)?;
-        overrides.gpu.band = band;
+        overrides.gpu.most_blocks = most_blocks;
         Device::with(settings, overrides)
     }
 
@@ -246,9 +246,11 @@ impl Device {
     }
 
     /// Bytes that `solver` allocates.
-    pub(crate) fn solver_bytes(&self, grid: &Grid, tiles: &[&TileMesh], purpose: Purpose) -> Result<u64> {
-        self.gpu()
-            .map_or_else(|| Ok(cpu::Memory::bytes_for(grid, purpose)), |gpu| gpu.solver_bytes(grid, tiles))
+    pub(crate) fn solver_bytes(&self, grid: &Grid, tiles: &[&TileMesh], purpose: Purpose) -> u64 {
+        match self.gpu() {
+            Some(gpu) => gpu.solver_bytes(grid, tiles),
+            None => cpu::Memory::bytes_for(grid, purpose),
+        }
     }
 
     /// `DeviceLost` if the GPU was lost.

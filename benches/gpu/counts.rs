@@ -19,9 +19,8 @@ const HEAD: &str = "\
 `benches/gpu.sh --counts` writes them anew. \"Empty\" dispatches are trials and rounds of the step limit that no chart
 needed, \"barriers\" are dispatches that have to wait for those before them, empty ones included. \"MB\" and \"bytes\" count
 each datum once per dispatch, without charts that sit a further correction out. \"Excess\" is (E - best E) / (E of the
-identity - best E), with the best E of seven corrections that go on to the last 1e-6 of gain. Bytes held are per active node. Levels
-are divided into bands where the driver's bindings are small (128 MiB with Mesa's software driver: from 2048 x 2048 cells
-on), which takes more dispatches.
+identity - best E), with the best E of seven corrections that go on to the last 1e-6 of gain. Bytes held are per active node. 2048 x
+2048 cells need bindings of more than 128 MiB, which Mesa's software driver lacks.
 
 | scene | size | active nodes | dispatches | empty ones | barriers | submissions | MB | bytes per active node | floor at 4.8 TB/s, ms | at 300 GB/s, ms | excess, % | bytes held on the GPU | with the host's |
 |---|---|---|---|---|---|---|---|---|---|---|---|---|---|

@@ -20,7 +20,7 @@ use vrtm::{Backend, Device, DeviceSettings};
 #[command(version)]
 struct Args {
     /// Cells on a side of the fully active grids.
-    #[arg(long, value_delimiter = ',', default_values_t = [512, 1024, 2048, 4096, 8192])]
+    #[arg(long, value_delimiter = ',', default_values_t = [512, 1024, 2048, 4096])]
     sizes: Vec<u32>,
     /// Cells on a side of the asset's grids.
     #[arg(long, default_value_t = 2048)]

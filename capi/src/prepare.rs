@@ -21,7 +21,8 @@ mirror! {
 /// VRTM_OPEN_BORDERS_SLIDE. The same estimate is checked against a device's memory_budget before a tile is prepared.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_INVALID_ARGUMENT if `estimate` is null or has a wrong struct_size;
-/// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY.
+/// VRTM_ERROR_BUSY; VRTM_ERROR_OUT_OF_MEMORY; VRTM_ERROR_UNSUPPORTED if the GPU's buffers are too small for the grid,
+/// with the largest size that fits, as in all calls that prepare a tile.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_tile_get_estimate(
     tile: vrtm_tile,

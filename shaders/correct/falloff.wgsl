@@ -1,11 +1,6 @@
 // correct: the falloff of step fractions (method §7.6), along the rows of nodes or along the columns, forth and back
-// through all blocks of a band that lie side by side. A workgroup goes along one row or column of blocks, a thread
+// through all active blocks that lie side by side. A workgroup goes along one row or column of blocks, a thread
 // along one line of nodes. Per node it reads 8 bytes and writes 8.
-
-/// True if block b is among those that this dispatch works on, whose list ascends.
-fn is_here(b: u32) -> bool {
-    return b != NONE && b >= lists[params.first] && b <= lists[params.first + params.count - 1u];
-}
 
 /// The slot of the node at `place` of a line of nodes.
 fn line_slot(place: u32, line: u32) -> u32 {
@@ -25,33 +20,27 @@ fn falloff(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
         return;
     }
     let c = blocks[b].chart;
-    var outside = blocks[b].active_neighbours[before];
-    if atomicLoad(&charts[c].limit_rounds) <= round || is_here(outside) {
+    // The first block of each line works on all of it.
+    if atomicLoad(&charts[c].limit_rounds) <= round || blocks[b].active_neighbours[before] != NONE {
         return;
     }
     let longest = bitcast<f32>(atomicLoad(&charts[c].longest));
     let slope = min(FRACTION_FALLOFF, STEP_FALLOFF / max(longest, STEP_FALLOFF));
     let plane = FRACTION + (round & 1u);
     var low = 1.0;
-    if outside != NONE {
-        low = vectors[vector_index(outside, plane, line_slot(15u, t))];
-    }
     loop { // model: 8 times
         for (var place = 0u; place < 16u; place++) {
             let at = vector_index(b, plane, line_slot(place, t));
             low = min(vectors[at], low + slope);
             vectors[at] = low;
         }
-        outside = blocks[b].active_neighbours[after];
-        if !is_here(outside) {
+        let next = blocks[b].active_neighbours[after];
+        if next == NONE {
             break;
         }
-        b = outside;
+        b = next;
     }
     low = 1.0;
-    if outside != NONE {
-        low = vectors[vector_index(outside, plane, line_slot(0u, t))];
-    }
     loop { // model: 8 times
         for (var place = 16u; place > 0u; place--) {
             let at = vector_index(b, plane, line_slot(place - 1u, t));
@@ -59,7 +48,7 @@ fn falloff(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_index)
             vectors[at] = low;
         }
         b = blocks[b].active_neighbours[before];
-        if !is_here(b) {
+        if b == NONE {
             break;
         }
     }

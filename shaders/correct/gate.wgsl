@@ -34,6 +34,6 @@ fn gate(@builtin(local_invocation_index) t: u32) {
         indirect_arguments[at + 2u] = open;
     }
     if t == 0u {
-        gate_open[params.partial] = open;
+        gate_open[params.gate] = open;
     }
 }

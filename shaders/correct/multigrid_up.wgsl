@@ -83,7 +83,7 @@ fn multigrid_up(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_i
     }
     // With a pull, the energy from assembly is incomplete. It is stored in the memory of this thread's first z.
     if params.mode == UP_FIRST && t == 0u && params.pull == 0.0 {
-        partials[sum_index(SUM_ENERGY, params.partial + group.y * SPREAD + group.x)] =
+        partials[sum_index(SUM_ENERGY, group.y * SPREAD + group.x)] =
             vectors[vector_index(b, ENERGY_BEFORE, 0u)];
     }
     set_vector(b, DIRECTION, t, z);

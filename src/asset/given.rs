@@ -5,9 +5,11 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use crate::device::Device;
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::grid::maps::{MapsOfTile, TileMaps, Values};
-use vrtm_core::grid::pieces::{Covered, SIZES, resolving};
+use vrtm_core::grid::pieces::{BYTES, Covered, SIZES, resolving};
+use vrtm_core::grid::planes::NODES;
 use vrtm_core::image::map::{Map, TexelRect};
 use vrtm_core::mesh::Mesh;
 use vrtm_core::settings::{Overlap, Seams};
@@ -185,15 +187,18 @@ impl Given {
     }
 
     /// Looks for the grids of some tiles that resolve their rigidity, if the settings leave their sizes open. They take
-    /// no more than an equal share of a memory budget.
+    /// no more than an equal share of a memory budget, and fit into a GPU's buffers.
     pub fn find_sizes(
         &mut self,
         team: &Team,
         mesh: &Mesh,
         tiles: impl Iterator<Item = usize>,
-        budget: Option<u64>,
+        device: &Device,
     ) {
-        let share = budget.map(|budget| budget / self.maps.len() as u64);
+        let of_budget = device.memory_budget().map(|budget| budget / self.maps.len() as u64);
+        // Half of the blocks are left for those at borders, of which the area of the charts says nothing.
+        let of_gpu = device.gpu().map(|gpu| (gpu.most_blocks() / 2 * NODES) as u64 * BYTES);
+        let share = of_budget.into_iter().chain(of_gpu).min();
         for tile in tiles {
             let maps = &mut self.maps[tile];
             if maps.settings.grid.contains(&None) && maps.resolving.is_none() {

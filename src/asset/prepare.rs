@@ -16,6 +16,7 @@ use vrtm_core::report::{TileEstimate, TileInfo, report};
 use vrtm_core::settings::{LogLevel, Solver};
 
 use super::given::{Change, Given};
+use super::room;
 use super::shape::{Built, Call, Prepared, Shape, ShapeKey, new_mesh};
 use super::tile::TileState;
 use crate::solved::Solved;
@@ -124,6 +125,7 @@ impl TileState {
         let mut booked = call.device.booking();
         let book = |bytes: u64| booked.set(bytes, &name);
         let grid = saved::load(call.team, data, hash, call.mesh, &shape.mesh, book)?;
+        room::of_grid(call, tile, &shape.mesh, &grid)?;
         let key = call.given.grid_key(tile, shape.beyond.iter().copied());
         let built = Built::of(grid, key.generation, 0.0);
         built.book(&mut booked, &name)?;
@@ -136,11 +138,12 @@ impl TileState {
         let (mesh, given) = (&self.shape(call, &[])?.mesh.clone(), call.given);
         let maps = &given.maps[self.tile];
         let survey = Survey::new(call.team, mesh, given.of(self.tile), maps.grid_size());
+        room::of_survey(call, self.tile, &survey)?;
         let (grid_bytes, parts) = (survey.grid_bytes(), survey.bytes());
         let grid = build::skeleton(survey);
         let result = Solved::bytes_for(&grid);
         let purpose = Purpose::new(Solver::Descent, &maps.settings);
-        let solver = call.device.solver_bytes(&grid, &[&**mesh], purpose)?;
+        let solver = call.device.solver_bytes(&grid, &[&**mesh], purpose);
         let has_collars = !mesh.sources.is_empty();
         let collars = if has_collars { mesh.bytes() } else { 0 };
         let prepared = given.bytes(call.mesh, self.tile) + collars + grid_bytes;

@@ -19,6 +19,7 @@ use vrtm_core::view::Strided;
 
 use super::derived::Derived;
 use super::given::{Change, Given, GridKey};
+use super::room;
 use crate::solved::Solved;
 
 /// A call on tiles of an asset, and all that what is made for them follows from.
@@ -129,6 +130,7 @@ impl Built {
         let (start, name) = (Instant::now(), mesh.name());
         let (maps, size) = (call.given.of(key.tile), call.given.maps[key.tile].grid_size());
         let survey = Survey::new(call.team, mesh, maps, size);
+        room::of_survey(call, key.tile, &survey)?;
         booked.set(survey.grid_bytes(), &name)?;
         let grid = build::grid(call.team, call.mesh, maps, survey);
         tell_if_stuck(call.device, &name, &grid);

@@ -112,7 +112,7 @@ impl Asset {
         let has_seams = given.maps.iter().any(|maps| maps.settings.beyond().is_some());
         // Collars read maps as the grids of other tiles do.
         let sized = (0..must_solve.len()).filter(|&tile| must_solve[tile] || has_seams);
-        given.find_sizes(team, mesh, sized, device.memory_budget());
+        given.find_sizes(team, mesh, sized, device);
         let call = SolveCall {
             on: Call { team, device, mesh, given },
             positions: request.positions,

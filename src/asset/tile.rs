@@ -284,7 +284,7 @@ impl TileState {
             return Ok(solver);
         }
         let mut booked = device.booking();
-        booked.set(device.solver_bytes(&on.grid, &[&*on.mesh], purpose)?, &on.mesh.name())?;
+        booked.set(device.solver_bytes(&on.grid, &[&*on.mesh], purpose), &on.mesh.name())?;
         let solver = caught(|| device.solver(&on.grid, &[&*on.mesh], purpose))?;
         Ok(BookedSolver { solver, is_fresh: true, booked })
     }

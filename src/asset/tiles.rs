@@ -34,7 +34,7 @@ impl Asset {
         self.check_tile(tile)?;
         let Asset { device, mesh, given, .. } = self;
         device.call(|| {
-            device.team(|team| given.find_sizes(team, mesh, tile..tile + 1, device.memory_budget()));
+            device.team(|team| given.find_sizes(team, mesh, tile..tile + 1, device));
             Ok(())
         })?;
         Ok(given.maps[tile].grid_size().map(|cells| cells as u32))
@@ -45,7 +45,8 @@ impl Asset {
     /// charts.
     ///
     /// # Errors
-    /// `InvalidArgument` if `tile` is out of range.
+    /// `InvalidArgument` if `tile` is out of range; `Unsupported` if the GPU's buffers are too small for the grid, with
+    /// the largest size that fits, as in all calls that prepare a tile.
     pub fn tile_estimate(&mut self, tile: usize) -> Result<TileEstimate> {
         self.check_tile(tile)?;
         self.on_tile(tile, TileState::estimate)
@@ -145,7 +146,7 @@ impl Asset {
             if given.maps[tile].settings.beyond().is_some() { 0..tiles.len() } else { tile..tile + 1 };
         device.call(|| {
             device.team(|team| {
-                given.find_sizes(team, mesh, sized, device.memory_budget());
+                given.find_sizes(team, mesh, sized, device);
                 f(&mut tiles[tile], &Call { team, device, mesh, given })
             })
         })

@@ -136,7 +136,7 @@ fn make(call: &SolveCall, unit: &mut [Queued]) -> Result<Option<Shared>> {
     let (shared, members) = members(call, unit, before);
     let mut bytes = 0;
     for Member { grid, mesh, .. } in &members {
-        bytes += grid.bytes() + device.solver_bytes(grid, &[&**mesh], purpose)?;
+        bytes += grid.bytes() + device.solver_bytes(grid, &[&**mesh], purpose);
     }
     let held: u64 = unit.iter().map(|queued| queued.state.solver_bytes()).sum();
     // Tiles keep their own solvers if there is no room.
@@ -154,7 +154,7 @@ fn make(call: &SolveCall, unit: &mut [Queued]) -> Result<Option<Shared>> {
     let meshes: Vec<&TileMesh> = members.iter().map(|member| &*member.mesh).collect();
     booked.set(grid.bytes(), WHAT)?;
     let mut of_solver = device.booking();
-    of_solver.set(device.solver_bytes(&grid, &meshes, purpose)?, WHAT)?;
+    of_solver.set(device.solver_bytes(&grid, &meshes, purpose), WHAT)?;
     let solver = caught(|| device.solver(&grid, &meshes, purpose))?;
     let solver = Some(BookedSolver { solver, is_fresh: true, booked: of_solver });
     *lock(&shared) = Some(Together { members, grid, solver, booked });

@@ -210,7 +210,7 @@ fn bytes_follow_the_active_nodes() {
     // node or a neighbour of one are not stored.
     let model = Model::from(scenes::analytic::bulge());
     let held = |mask: &[u8]| {
-        let mut asset = model.asset(0, 256);
+        let mut asset = model.asset(0, 512);
         asset.set_mask(0, Some(vrtm_testkit::view(mask, 2, 2))).unwrap();
         asset.solve(model.frame(1), &SolveOptions::default()).unwrap();
         let report = asset.tile_report(0).unwrap();

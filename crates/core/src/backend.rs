@@ -126,8 +126,8 @@ pub struct Options {
     /// True to open with WebGPU's default limits (bindings of 128 MiB, buffers of 256 MiB) and no optional feature
     /// instead of the adapter's capabilities: for tests, and to tell a driver's defect from one of this library.
     pub webgpu_limits: bool,
-    /// The maximum number of blocks of a band, if it is to be lower than what fits into a binding: for tests of bands.
-    pub band: Option<usize>,
+    /// Most blocks of a level, if fewer than fit into a buffer: for tests of grids that are too large.
+    pub most_blocks: Option<usize>,
 }
 
 /// The adapters that backends have found on this machine.
@@ -183,7 +183,7 @@ pub trait Gpu: Any + Debug + Send + Sync {
     fn time_kernels(&self, yes: bool);
 
     /// Bytes that `solver` allocates.
-    fn solver_bytes(&self, grid: &Grid, tiles: &[&TileMesh]) -> Result<u64>;
+    fn solver_bytes(&self, grid: &Grid, tiles: &[&TileMesh]) -> u64;
 
     /// Allocates the solver of a tile, or of several with their joined grid.
     fn solver(self: Arc<Self>, grid: &Arc<Grid>, tiles: &[&TileMesh]) -> Result<Box<dyn TileSolver>>;
@@ -191,7 +191,7 @@ pub trait Gpu: Any + Debug + Send + Sync {
     /// True if tiles with these grids get the same results, bit for bit, from a solve together.
     fn are_alike(&self, a: &Grid, b: &Grid) -> bool;
 
-    /// Most blocks of level 0 that tiles which are solved together may have.
+    /// Most blocks of a level: those of one tile, or of all tiles that are solved together.
     fn most_blocks(&self) -> usize;
 
     /// Bytes that `output` allocates; `None` if images of this size cannot be written.

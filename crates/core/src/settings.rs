@@ -187,8 +187,8 @@ settings! {
     pub struct TileSettings in "settings" {
         /// Cells of the grid in u and v: the resolution of the solve. `None` = as many as resolve the rigid features,
         /// 20 across the narrowest (method §1): 64 to 4096, and no finer than the rigidity map and 256, or than an
-        /// equal share of the device's memory budget allows. Other numbers are rounded up to a multiple of 16, at most
-        /// 16384.
+        /// equal share of the device's memory budget and a GPU's buffers allow. Other numbers are rounded up to a
+        /// multiple of 16, at most 16384.
         pub grid: [Option<u32>; 2] = [None; 2];
         /// Who owns overlapped texels.
         pub overlap: Overlap = Overlap::Fixed;

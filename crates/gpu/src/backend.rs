@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 use super::context::Context;
 use super::external;
 use super::invert::Output;
-use super::memory::{Memory, capacity, kind};
+use super::memory::{Memory, kind, most_blocks};
 use super::results::Displacements;
 use vrtm_core::allocation::boxed;
 use vrtm_core::backend::{Gpu, GpuOutput, GpuWarp, TileSolver};
@@ -42,8 +42,8 @@ impl Gpu for Context {
         self.time_kernels.store(yes, Ordering::Relaxed);
     }
 
-    fn solver_bytes(&self, grid: &Grid, tiles: &[&TileMesh]) -> Result<u64> {
-        Memory::bytes_for(self, grid, tiles)
+    fn solver_bytes(&self, grid: &Grid, tiles: &[&TileMesh]) -> u64 {
+        Memory::bytes_for(grid, tiles)
     }
 
     fn solver(self: Arc<Self>, grid: &Arc<Grid>, tiles: &[&TileMesh]) -> Result<Box<dyn TileSolver>> {
@@ -55,7 +55,7 @@ impl Gpu for Context {
     }
 
     fn most_blocks(&self) -> usize {
-        capacity(self)
+        most_blocks(self)
     }
 
     fn output_bytes(&self, size: [usize; 2], format: PixelFormat) -> Option<u64> {

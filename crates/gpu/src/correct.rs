@@ -3,14 +3,13 @@
 #[cfg(test)]
 mod tests;
 
-use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
 use super::layout::{
     Chart, DECIDE_FIRST_STEP, DECIDE_LAST_TRIAL, DECIDE_SECOND_STEP, DECIDE_TRIAL, DOWN_FROM_RESIDUAL,
     DOWN_GATHER, Params, RELAX_FRACTION, SELECT_FIRST_CORRECTION, SELECT_LATER_CORRECTION, STEP_FIRST_TRIAL,
     STEP_LATER_TRIAL, UP_COARSE, UP_FIRST, UP_SECOND,
 };
-use super::lists::{GateSet, List, active_blocks};
+use super::lists::{GateSet, active_blocks};
 use super::run::Run;
 use vrtm_core::allocation::Vec;
 use vrtm_core::error::Result;
@@ -54,7 +53,7 @@ impl Run<'_> {
             let kernel = if level == 0 { Kernel::StepChords } else { Kernel::StepMetrics };
             let mode = if n == 0 { STEP_FIRST_TRIAL } else { STEP_LATER_TRIAL };
             let params = Params { factor, mode, ..self.at_level(level) };
-            self.dispatch_active(kernel, level, params, Some(BandBuffer::State));
+            self.dispatch_active(kernel, level, &[], params);
             self.relax_level(level, correction.sweeps, RELAX_FRACTION);
             // The last trial has a fraction of 0: it is relaxation alone.
             let last = n == trials.len();
@@ -84,10 +83,7 @@ impl Run<'_> {
             Ok(records) => {
                 let wanted = |chart: &Chart| chart.solved == 1 && chart.finished == 0;
                 let wants: Vec<bool> = records.iter().map(wanted).collect();
-                let blocks = |charts: &[bool]| {
-                    let bands = self.memory.bands[0].iter();
-                    bands.map(|band| active_blocks(&self.grid.levels[0], band, charts).count() as u64).sum()
-                };
+                let blocks = |charts: &[bool]| active_blocks(&self.grid.levels[0], charts).count() as u64;
                 self.share = [blocks(&wants), blocks(self.charts)];
                 wants.contains(&true)
             }
@@ -114,28 +110,17 @@ impl Run<'_> {
     pub(super) fn assemble(&mut self, level: usize) {
         let kernel = if level == 0 { Kernel::AssembleChords } else { Kernel::AssembleMetrics };
         let params = self.with_pull(level);
-        self.dispatch_active(kernel, level, params, None);
+        self.dispatch_active(kernel, level, &[], params);
         if params.pull > 0.0 {
-            for band in 0..self.memory.bands[level].len() {
-                let active = self.memory.lists[level][band].active;
-                let extra = [self.anchor(level, band)];
-                self.dispatch_list(Kernel::Pull, [level, band], &extra, active, params);
-            }
+            self.dispatch_active(Kernel::Pull, level, &[self.anchor(level)], params);
         }
-        self.exchange(level, BandBuffer::Rows);
     }
 
     /// Forms the system of level `k` from that of the next finer level (method §7.4).
     fn galerkin(&mut self, k: usize) {
-        for band in 0..self.memory.bands[k].len() {
-            for (n, finer_band) in self.memory.bands[k][band].finer.clone().enumerate() {
-                let fine = &self.memory.buffers[k - 1][finer_band];
-                let extra = [fine.blocks.clone(), fine.rows.clone()];
-                let active = self.memory.lists[k][band].active_by_finer_band[n];
-                self.dispatch_list(Kernel::Galerkin, [k, band], &extra, active, self.params);
-            }
-        }
-        self.exchange(k, BandBuffer::Rows);
+        let fine = &self.memory.levels[k - 1];
+        let extra = [fine.blocks.clone(), fine.rows.clone()];
+        self.dispatch_active(Kernel::Galerkin, k, &extra, self.params);
     }
 
     /// Solves a level's system for the step, a combination of two preconditioned residuals and perhaps the last step
@@ -146,14 +131,7 @@ impl Run<'_> {
         self.multigrid_down(level, DOWN_FROM_RESIDUAL);
         self.coarse_cycle(level);
         self.multigrid_up(level, UP_FIRST, params.pull);
-        for band in 0..self.memory.bands[level].len() {
-            let lists = &self.memory.lists[level][band];
-            let (active, partial) = (lists.active, lists.partial);
-            let params = Params { partial, ..self.params };
-            self.dispatch_to_coarser(Kernel::Product, level, band, None, active, params);
-        }
-        self.exchange(level, BandBuffer::Vectors);
-        self.exchange(level + 1, BandBuffer::Contributions);
+        self.dispatch_to_coarser(Kernel::Product, level, None, self.params);
         self.decide(level, self.params, DECIDE_FIRST_STEP);
         if iterations == 1 {
             return;
@@ -166,22 +144,19 @@ impl Run<'_> {
     /// The part of a V-cycle on the levels coarser than `level` (method §7.4).
     fn coarse_cycle(&mut self, level: usize) {
         let coarsest = self.grid.coarsest();
-        // In one dispatch, unless blocks of a chart may lie in several bands.
-        let at_once = level < coarsest && self.memory.bands[coarsest].len() == 1;
-        let levels = level + 1..coarsest + usize::from(!at_once);
-        for k in levels.clone() {
+        for k in level + 1..coarsest {
             self.multigrid_down(k, DOWN_GATHER);
         }
-        if at_once {
-            let List { first, .. } = self.memory.lists[coarsest][0].active;
+        if level < coarsest {
+            let first = self.memory.lists[coarsest].active.first;
             let params = Params { first, level: coarsest as u32, sweeps: COARSEST_SWEEPS, ..self.params };
-            let extra = [self.memory.buffers[coarsest][0].contributions.clone(), self.memory.ranges.clone()];
+            let extra = [self.memory.levels[coarsest].contributions.clone(), self.memory.ranges.clone()];
             let size = self.dispatch_size(0, params.items);
             let nodes = self.memory.active_blocks[coarsest] * NODES as u64;
             let bytes = nodes * u64::from(Kernel::MultigridCoarsest.source().bytes_per_node);
-            self.dispatch(Kernel::MultigridCoarsest, [coarsest, 0], &extra, &params, size, bytes);
+            self.dispatch(Kernel::MultigridCoarsest, coarsest, &extra, &params, size, bytes);
         }
-        for k in levels.rev() {
+        for k in (level + 1..coarsest).rev() {
             self.multigrid_up(k, UP_COARSE, 0.0);
         }
     }
@@ -193,14 +168,8 @@ impl Run<'_> {
 
     /// Smooths level `k` from 0, and forms its contributions to the coarser level.
     fn multigrid_down(&mut self, k: usize, mode: u32) {
-        for band in 0..self.memory.bands[k].len() {
-            let active = self.memory.lists[k][band].active;
-            let contributed = self.memory.buffers[k][band].contributions.clone();
-            let params = Params { mode, ..self.params };
-            self.dispatch_to_coarser(Kernel::MultigridDown, k, band, Some(contributed), active, params);
-        }
-        self.exchange(k, BandBuffer::Vectors);
-        self.exchange(k + 1, BandBuffer::Contributions);
+        let contributed = self.memory.levels[k].contributions.clone();
+        self.dispatch_to_coarser(Kernel::MultigridDown, k, Some(contributed), Params { mode, ..self.params });
     }
 
     /// Dispatches a kernel whose blocks contribute to the right-hand side of the next coarser level.
@@ -208,44 +177,36 @@ impl Run<'_> {
         &mut self,
         kernel: Kernel,
         k: usize,
-        band: usize,
         contributed: Option<wgpu::Buffer>,
-        list: List,
         params: Params,
     ) {
-        let own = &self.memory.buffers[k][band].contributions;
+        let own = &self.memory.levels[k].contributions;
         // The coarsest level has no coarser level to contribute to.
         let has_coarser = u32::from(k < self.grid.coarsest());
-        let leaving = match self.memory.buffers.get(k + 1) {
-            Some(coarser) => coarser[self.memory.bands[k][band].coarser].contributions.clone(),
+        let leaving = match self.memory.levels.get(k + 1) {
+            Some(coarser) => coarser.contributions.clone(),
             // Not the placeholder of `contributed`: a buffer that is written has no other binding.
             None => self.memory.gate_open.clone(),
         };
         let extra = [contributed.unwrap_or_else(|| own.clone()), leaving];
         let params = Params { has_coarser, sweeps: self.smoother_sweeps(k), ..params };
-        self.dispatch_list(kernel, [k, band], &extra, list, params);
+        self.dispatch_active(kernel, k, &extra, params);
     }
 
     /// Adds the interpolated direction of level `k + 1` to that of level `k`, and smooths it.
     fn multigrid_up(&mut self, k: usize, mode: u32, pull: f32) {
-        for band in 0..self.memory.bands[k].len() {
-            let lists = &self.memory.lists[k][band];
-            let (active, partial) = (lists.active, lists.partial);
-            let vectors = match self.memory.buffers.get(k + 1) {
-                Some(coarser) => coarser[self.memory.bands[k][band].coarser].vectors.clone(),
-                None => self.memory.no_contributions.clone(),
-            };
-            let has_coarser = u32::from(k < self.grid.coarsest());
-            let sweeps = self.smoother_sweeps(k);
-            let params = Params { mode, partial, sweeps, has_coarser, pull, ..self.params };
-            self.dispatch_list(Kernel::MultigridUp, [k, band], &[vectors], active, params);
-        }
-        self.exchange(k, BandBuffer::Vectors);
+        let vectors = match self.memory.levels.get(k + 1) {
+            Some(coarser) => coarser.vectors.clone(),
+            None => self.memory.no_contributions.clone(),
+        };
+        let has_coarser = u32::from(k < self.grid.coarsest());
+        let params = Params { mode, sweeps: self.smoother_sweeps(k), has_coarser, pull, ..self.params };
+        self.dispatch_active(Kernel::MultigridUp, k, &[vectors], params);
     }
 
     /// Computes the step fraction of each node (method §7.6).
     fn limit_step(&mut self, level: usize) {
-        self.dispatch_active(Kernel::FirstFractions, level, self.params, Some(BandBuffer::Vectors));
+        self.dispatch_active(Kernel::FirstFractions, level, &[], self.params);
         self.open_gate(GateSet::StepLimit, 1);
         self.fall_off(level, 0);
         for round in 0..limit_rounds(level) {
@@ -254,23 +215,16 @@ impl Run<'_> {
             }
             let params =
                 Params { mode: round + 1, factor: margin_left(round).unwrap_or(-1.0), ..self.params };
-            self.dispatch_active(Kernel::Shrink, level, params, Some(BandBuffer::Vectors));
+            self.dispatch_active(Kernel::Shrink, level, &[], params);
             self.fall_off(level, round + 1);
         }
         self.gate = None;
     }
 
-    /// Lets the fractions fall off after `rounds` rounds: along the rows of nodes, then along the columns. Bands own
-    /// whole rows of blocks; along columns the falloff goes from the first to the last band and back.
+    /// Lets the fractions fall off after `rounds` rounds: along the rows of nodes, then along the columns.
     fn fall_off(&mut self, level: usize, rounds: u32) {
-        let params = Params { mode: 2 * rounds, ..self.params };
-        self.dispatch_active(Kernel::Falloff, level, params, Some(BandBuffer::Vectors));
-        let bands = self.memory.bands[level].len();
-        for band in (0..bands).chain((0..bands - 1).rev()) {
-            let active = self.memory.lists[level][band].active;
-            let params = Params { mode: 2 * rounds + 1, ..self.params };
-            self.dispatch_list(Kernel::Falloff, [level, band], &[], active, params);
-            self.exchange(level, BandBuffer::Vectors);
+        for mode in [2 * rounds, 2 * rounds + 1] {
+            self.dispatch_active(Kernel::Falloff, level, &[], Params { mode, ..self.params });
         }
     }
 }

@@ -23,18 +23,17 @@ impl Memory {
         let uploader = Uploader::new(&self.context);
         for (k, level) in grid.levels.iter().enumerate() {
             let before = before.as_ref().map(|before| &before.levels[k]);
-            for (band, buffers) in self.bands[k].iter().zip(&self.buffers[k]) {
-                let mut next = band.buffered.start;
-                while let Some(run) = changed(before, level, next..band.buffered.end) {
-                    let first = (run.start - band.buffered.start) as u64;
-                    let nodes = block_nodes(grid, level, k, run.clone());
-                    let at = first * node_planes(grid) as u64 * PLANE;
-                    uploader.write(&buffers.nodes, at, bytemuck::cast_slice(&nodes))?;
-                    let records = block_records(grid, &self.bands, k, band, run.clone());
-                    let at = first * size_of::<BlockRecord>() as u64;
-                    uploader.write(&buffers.blocks, at, bytemuck::cast_slice(&records))?;
-                    next = run.end;
-                }
+            let (count, buffers) = (level.blocks.list.len(), &self.levels[k]);
+            let mut next = 0;
+            while let Some(run) = changed(before, level, next..count) {
+                let first = run.start as u64;
+                let nodes = block_nodes(grid, level, k, run.clone());
+                let at = first * node_planes(grid) as u64 * PLANE;
+                uploader.write(&buffers.nodes, at, bytemuck::cast_slice(&nodes))?;
+                let records = block_records(grid, k, run.clone());
+                let at = first * size_of::<BlockRecord>() as u64;
+                uploader.write(&buffers.blocks, at, bytemuck::cast_slice(&records))?;
+                next = run.end;
             }
         }
         self.context.check()?;

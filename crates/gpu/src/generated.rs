@@ -21,10 +21,8 @@ macro_rules! structs {
         #[cfg(test)]
         pub fn struct_declarations() -> std::vec::Vec<$crate::generated::Struct> {
             std::vec![$((
-                &[$($doc),+],
                 stringify!($struct),
                 std::vec![$((
-                    &[$($field_doc),*],
                     stringify!($field),
                     // The name after `as`, if present, comes first and takes precedence.
                     [$($wgsl.to_owned(),)? <$ty as WgslType>::name()].into_iter().next().unwrap_or_default(),
@@ -69,18 +67,15 @@ mod text {
         }
     }
 
-    /// A field: the lines of its comment, its name, its WGSL type.
-    pub type Field = (&'static [&'static str], &'static str, String);
-
-    /// A struct: the lines of its comment, its name, its fields.
-    pub type Struct = (&'static [&'static str], &'static str, Vec<Field>);
+    /// A struct: its name, and the names and WGSL types of its fields.
+    pub type Struct = (&'static str, Vec<(&'static str, String)>);
 
     /// The text of `shaders/generated.wgsl`.
     pub fn text() -> String {
         let mut text = String::from(
-            "// Written from crates/core/src/method/law.rs, crates/gpu/src/layout.rs and crates/gpu/src/redirect.rs. Change those, then\n",
+            "// Written from law.rs of core, layout.rs and redirect.rs of gpu, which tell what all is.\n",
         );
-        text += "// VRTM_UPDATE_SHADERS=1 cargo test --lib generated\n";
+        text += "// Change those, then VRTM_UPDATE_SHADERS=1 cargo test -p vrtm-gpu --lib generated\n";
         // Writing to a string cannot fail.
         let _ = constants(&mut text, &law::declarations());
         let _ = constants(&mut text, &layout::shared::declarations());
@@ -89,14 +84,9 @@ mod text {
         text
     }
 
-    fn comment(text: &mut String, indent: &str, lines: &[&str]) -> std::fmt::Result {
-        lines.iter().try_for_each(|line| writeln!(text, "{indent}///{line}"))
-    }
-
     fn constants(text: &mut String, all: &[Declaration]) -> std::fmt::Result {
         writeln!(text)?;
-        for (lines, name, value) in all {
-            comment(text, "", lines)?;
+        for (name, value) in all {
             let (ty, value) = value.wgsl();
             writeln!(text, "const {name}: {ty} = {value};")?;
         }
@@ -104,12 +94,10 @@ mod text {
     }
 
     fn structs(text: &mut String, all: &[Struct]) -> std::fmt::Result {
-        for (lines, name, fields) in all {
+        for (name, fields) in all {
             writeln!(text)?;
-            comment(text, "", lines)?;
             writeln!(text, "struct {name} {{")?;
-            for (lines, name, ty) in fields {
-                comment(text, "    ", lines)?;
+            for (name, ty) in fields {
                 writeln!(text, "    {name}: {ty},")?;
             }
             writeln!(text, "}}")?;
@@ -123,7 +111,8 @@ mod text {
         if std::env::var_os("VRTM_UPDATE_SHADERS").is_some_and(|value| value == "1") {
             std::fs::write(file, text()).unwrap();
         }
-        let differs = "shaders/generated.wgsl differs: VRTM_UPDATE_SHADERS=1 cargo test --lib generated";
+        let differs =
+            "shaders/generated.wgsl differs: VRTM_UPDATE_SHADERS=1 cargo test -p vrtm-gpu --lib generated";
         assert!(std::fs::read_to_string(file).unwrap() == text(), "{differs}");
     }
 }

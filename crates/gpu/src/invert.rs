@@ -185,9 +185,9 @@ pub(super) struct Inversion<'a> {
     context: &'a Context,
     pipeline: &'a Pipeline,
     u: &'a Displacements,
-    /// Per band of texel rows, its bytes, and the requests for the bands of the result.
+    /// Per band of texel rows, its bytes, and its request.
     band_bytes: Vec<u64>,
-    requests: Vec<Vec<Request>>,
+    requests: Vec<Request>,
     records: wgpu::Buffer,
     centres: wgpu::Buffer,
 }
@@ -207,7 +207,6 @@ impl<'a> Inversion<'a> {
         let requests = requests(u, size, bands);
         let bytes: Vec<u8> = requests
             .iter()
-            .flatten()
             .flat_map(|request| {
                 let mut record = [0; STRIDE];
                 record[..size_of::<Request>()].copy_from_slice(bytemuck::bytes_of(request));
@@ -226,17 +225,17 @@ impl<'a> Inversion<'a> {
     /// Records the dispatches of band `k` of texel rows into an image, which starts with this band.
     pub fn record(&self, encoder: &mut wgpu::CommandEncoder, k: usize, image: &wgpu::Buffer) {
         encoder.clear_buffer(image, 0, Some(self.band_bytes[k]));
-        let (requests, buffers) = (&self.requests[k], &self.u.buffers);
-        for (n, request) in requests.iter().enumerate().filter(|(_, request)| request.count > 0) {
-            let offset = ((k * requests.len() + n) * STRIDE) as u64;
-            let extra = [&self.records, &self.centres, &buffers.bands[n].1, image];
-            let bind_group = bind_group(self.context, self.pipeline, &buffers.blocks[n], extra, offset);
-            let workgroups = request.count * request.workgroups_per_block;
-            let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
-            pass.set_pipeline(&self.pipeline.pipeline);
-            pass.set_bind_group(0, &bind_group, &[]);
-            pass.dispatch_workgroups(workgroups.min(SPREAD), workgroups.div_ceil(SPREAD), 1);
+        let (request, buffers) = (&self.requests[k], &self.u.buffers);
+        if request.count == 0 {
+            return;
         }
+        let extra = [&self.records, &self.centres, &buffers.state, image];
+        let bind_group = bind_group(self.context, self.pipeline, &buffers.blocks, extra, (k * STRIDE) as u64);
+        let workgroups = request.count * request.workgroups_per_block;
+        let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default());
+        pass.set_pipeline(&self.pipeline.pipeline);
+        pass.set_bind_group(0, &bind_group, &[]);
+        pass.dispatch_workgroups(workgroups.min(SPREAD), workgroups.div_ceil(SPREAD), 1);
     }
 }
 
@@ -251,27 +250,24 @@ fn centres(texels: usize, cells: usize, bits: u32) -> impl Iterator<Item = i32> 
     (0..texels).map(move |x| (((2 * x + 1) * side + texels) / (2 * texels)) as i32)
 }
 
-/// Per band of texel rows, the requests for the bands of the result.
-fn requests(u: &Displacements, size: [usize; 2], bands: &[Range<usize>]) -> Vec<Vec<Request>> {
+/// The requests for bands of texel rows.
+fn requests(u: &Displacements, size: [usize; 2], bands: &[Range<usize>]) -> Vec<Request> {
     let level = &u.grid.levels[0];
     let cells = [level.nx, level.ny];
     let bits = bits(cells);
-    let of = |rows: &Range<usize>| {
-        let request = |(band, _): &(super::bands::Band, wgpu::Buffer)| Request {
-            first: u.owned(band).start as u32,
-            count: u.owned(band).len() as u32,
-            workgroups_per_block: size[1].div_ceil(level.ny).min(MAX_WORKGROUPS_PER_BLOCK) as u32,
-            bits,
-            width: size[0] as u32,
-            height: size[1] as u32,
-            row: rows.start as u32,
-            rows: rows.len() as u32,
-            texels_per_step: [0, 1]
-                .map(|axis| (size[axis] as f64 / ((cells[axis] as u64) << bits) as f64) as f32),
-        };
-        u.buffers.bands.iter().map(request).collect()
+    let request = |rows: &Range<usize>| Request {
+        first: u.blocks.start as u32,
+        count: u.blocks.len() as u32,
+        workgroups_per_block: size[1].div_ceil(level.ny).min(MAX_WORKGROUPS_PER_BLOCK) as u32,
+        bits,
+        width: size[0] as u32,
+        height: size[1] as u32,
+        row: rows.start as u32,
+        rows: rows.len() as u32,
+        texels_per_step: [0, 1]
+            .map(|axis| (size[axis] as f64 / ((cells[axis] as u64) << bits) as f64) as f32),
     };
-    bands.iter().map(of).collect()
+    bands.iter().map(request).collect()
 }
 
 fn bind_group(

@@ -192,8 +192,8 @@ structs! {
         /// First and count of the blocks to work on in `lists`.
         first: u32,
         count: u32,
-        /// Index in `partials` of the first of these blocks' sums; for `gate`, the number of the gate.
-        partial: u32,
+        /// The number of the gate that `gate` opens.
+        gate: u32,
         /// Variant of the kernel: one of the constants above, or a number that the kernel explains.
         mode: u32,
         sweeps: u32,
@@ -290,7 +290,7 @@ structs! {
         cut: u32 as "atomic<u32>",
     }
 
-    /// A block. Blocks are named by their indices in the buffers of the same band.
+    /// A block. Blocks are named by their indices in the buffers of their level.
     pub struct BlockRecord {
         /// The 3x3 neighbour blocks of the same chart, the block itself in the middle; NONE where the chart has
         /// no block.
@@ -310,11 +310,9 @@ structs! {
         active_parents: u32,
         /// The blocks of the next finer level at its four quarters.
         children: [u32; 4],
-        /// First and count of the chart's blocks in this band, sorted by y, then x.
+        /// First and count of the chart's blocks, sorted by y, then x.
         chart_first: u32,
         chart_count: u32,
-        /// Bits: 1 if the chart has blocks before those that the band holds, 2 if it has blocks after them.
-        continues: u32,
         /// The coding of the rest lengths of each of the four owned edges (`codes::Lengths`).
         length_base: [u32; 4],
         length_shift: [u32; 4],

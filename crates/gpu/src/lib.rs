@@ -12,7 +12,6 @@ pub mod layout;
 mod pipelines;
 pub mod context;
 pub mod adapters;
-mod bands;
 mod records;
 mod correct;
 mod lists;

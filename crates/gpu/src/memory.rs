@@ -5,25 +5,24 @@ use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::{Arc, Weak};
 
-use super::bands::{Band, bands};
 use super::context::Context;
 use super::kernels::{Binding, Kernel, slot};
 use super::layout::{PLANE, Params, ROW_PLANES};
-use super::lists::{Lists, active_blocks, band_lists};
+use super::lists::{Lists, level_lists};
 use super::recorder::{Bound, RecorderResources};
-use super::records::{band_blocks, block_nodes, corners, triangles};
+use super::records::{block_nodes, block_records, corners, triangles};
 use super::results::{Displacements, RESULT_BLOCK, ResultBuffers};
 use super::sizes::BufferSizes;
 use super::upload::Uploader;
-use vrtm_core::allocation::{Vec, vec, zeroed};
+use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::error::Result;
 use vrtm_core::grid::planes::Plane;
 use vrtm_core::grid::{Grid, Level};
 use vrtm_core::mesh::TileMesh;
 
-/// One band's buffers.
+/// One level's buffers.
 #[derive(Debug)]
-pub struct BandBuffers {
+pub struct LevelBuffers {
     pub blocks: wgpu::Buffer,
     pub lists: wgpu::Buffer,
     pub nodes: wgpu::Buffer,
@@ -47,16 +46,15 @@ pub struct Memory {
     /// Its planes of triangles, which identify its blocks.
     pub blocks: Weak<Vec<Plane<u32>>>,
     pub context: Arc<Context>,
-    pub bands: Vec<Vec<Band>>,
-    pub buffers: Vec<Vec<BandBuffers>>,
+    pub levels: Vec<LevelBuffers>,
     /// Per level, the number of active blocks of all charts.
     pub active_blocks: Vec<u64>,
     /// Per level, whether four threads relax a node.
     pub is_wide: Vec<bool>,
     /// Per tile, its blocks of level 0.
     pub parts: Vec<Range<usize>>,
-    /// Lists per level and band, for the charts in `listed_charts`.
-    pub lists: Vec<Vec<Lists>>,
+    /// Lists per level, for the charts in `listed_charts`.
+    pub lists: Vec<Lists>,
     listed_charts: Option<Vec<bool>>,
     pub triangles: wgpu::Buffer,
     pub corners: wgpu::Buffer,
@@ -79,25 +77,19 @@ pub struct Memory {
     pub bytes: u64,
     /// Two results: the last one and the next. There are more while older ones are being read.
     results: Vec<Arc<ResultBuffers>>,
-    /// Bind groups created so far, by kernel, band (level, index), the band's state and the kernel's extra buffers.
-    pub bind_groups: HashMap<(Kernel, [usize; 2], wgpu::Buffer, Vec<wgpu::Buffer>), Bound>,
+    /// Bind groups created so far, by kernel, level, the level's state and the kernel's extra buffers.
+    pub bind_groups: HashMap<(Kernel, usize, wgpu::Buffer, Vec<wgpu::Buffer>), Bound>,
 }
 
 /// The maximum number of bytes of a block in one buffer.
 const MAX_BYTES_PER_BLOCK: u64 = ROW_PLANES as u64 * PLANE;
 
-/// The maximum number of blocks in a band.
-pub fn capacity(context: &Context) -> usize {
+/// Most blocks of a level: its largest buffer has to fit into one binding.
+pub fn most_blocks(context: &Context) -> usize {
     let limits = &context.limits;
     // Indices in shaders are 32 bits wide.
     let bytes = limits.max_storage_buffer_binding_size.min(limits.max_buffer_size).min(i32::MAX as u64);
-    // Tests may request smaller bands.
-    context.options.band.unwrap_or(usize::MAX).min((bytes / MAX_BYTES_PER_BLOCK) as usize)
-}
-
-/// The bands of all levels.
-fn divided(context: &Context, grid: &Grid) -> Result<Vec<Vec<Band>>> {
-    bands(&grid.levels, |_| capacity(context))
+    context.options.most_blocks.unwrap_or(usize::MAX).min((bytes / MAX_BYTES_PER_BLOCK) as usize)
 }
 
 /// Most active blocks of a tile's level on which four threads relax a node: fewer leave most of a large GPU idle.
@@ -129,48 +121,47 @@ fn parts(grid: &Grid, tiles: &[&TileMesh]) -> Vec<Range<usize>> {
 impl Memory {
     /// Allocates the memory for the grid of some tiles, and uploads its constants. Several tiles are of one kind.
     pub fn new(context: &Arc<Context>, grid: &Arc<Grid>, tiles: &[&TileMesh]) -> Result<Memory> {
-        let bands = divided(context, grid)?;
-        let sizes = BufferSizes::new(grid, tiles, &bands);
+        let sizes = BufferSizes::new(grid, tiles);
         let uploader = Uploader::new(context);
         let storage = |label: &str, bytes: u64| uploader.storage(label, bytes);
         let no_contributions = storage("contributions", sizes.no_contributions)?;
-        let mut buffers = Vec::with_capacity(bands.len());
-        for (k, level) in grid.levels.iter().enumerate() {
-            let mut of_level = Vec::with_capacity(bands[k].len());
-            for (band, sizes) in bands[k].iter().zip(&sizes.bands[k]) {
-                let gather = match sizes.gather {
-                    Some([starts_size, entries_size]) => {
-                        let (starts, entries) = grid.gather.of_blocks(band.buffered.clone());
-                        let entries: Vec<[u32; 2]> =
-                            entries.iter().map(|&(t, fraction)| [t, fraction.to_bits()]).collect();
-                        Some([
-                            uploader.upload("gather", starts_size, bytemuck::cast_slice(&starts))?,
-                            uploader.upload("gather", entries_size, bytemuck::cast_slice(&entries))?,
-                        ])
-                    }
-                    None => None,
-                };
-                let blocks = band_blocks(grid, &bands, k, band);
-                let nodes = block_nodes(grid, level, k, band.buffered.clone());
-                of_level.push(BandBuffers {
-                    blocks: uploader.upload("blocks", sizes.blocks, bytemuck::cast_slice(&blocks))?,
-                    lists: storage("lists", sizes.lists)?,
-                    nodes: uploader.upload("nodes", sizes.nodes, bytemuck::cast_slice(&nodes))?,
-                    state: sizes.state.map(|bytes| storage("state", bytes)).transpose()?,
-                    metric: sizes.metric.map(|bytes| storage("metric", bytes)).transpose()?,
-                    rows: storage("rows", sizes.rows)?,
-                    contributions: match sizes.contributions {
-                        Some(bytes) => storage("contributions", bytes)?,
-                        None => no_contributions.clone(),
-                    },
-                    vectors: storage("vectors", sizes.vectors)?,
-                    gather,
-                });
-            }
-            buffers.push(of_level);
+        let mut levels = Vec::with_capacity(grid.levels.len());
+        for (k, (level, sizes)) in grid.levels.iter().zip(&sizes.levels).enumerate() {
+            let of_level = 0..level.blocks.list.len();
+            let gather = match sizes.gather {
+                Some([starts_size, entries_size]) => {
+                    let (starts, entries) = grid.gather.of_blocks(of_level.clone());
+                    let entries: Vec<[u32; 2]> =
+                        entries.iter().map(|&(t, fraction)| [t, fraction.to_bits()]).collect();
+                    Some([
+                        uploader.upload("gather", starts_size, bytemuck::cast_slice(&starts))?,
+                        uploader.upload("gather", entries_size, bytemuck::cast_slice(&entries))?,
+                    ])
+                }
+                None => None,
+            };
+            let blocks = block_records(grid, k, of_level.clone());
+            let nodes = block_nodes(grid, level, k, of_level);
+            levels.push(LevelBuffers {
+                blocks: uploader.upload("blocks", sizes.blocks, bytemuck::cast_slice(&blocks))?,
+                lists: storage("lists", sizes.lists)?,
+                nodes: uploader.upload("nodes", sizes.nodes, bytemuck::cast_slice(&nodes))?,
+                state: (k > 0).then(|| storage("state", sizes.state)).transpose()?,
+                metric: sizes.metric.map(|bytes| storage("metric", bytes)).transpose()?,
+                rows: storage("rows", sizes.rows)?,
+                contributions: match sizes.contributions {
+                    Some(bytes) => storage("contributions", bytes)?,
+                    None => no_contributions.clone(),
+                },
+                vectors: storage("vectors", sizes.vectors)?,
+                gather,
+            });
         }
-        let blocks: Vec<_> = buffers[0].iter().map(|band: &BandBuffers| band.blocks.clone()).collect();
-        let result = || ResultBuffers::new(&bands[0], blocks.clone(), &storage).map(Arc::new);
+        let blocks = &levels[0].blocks;
+        let result = || -> Result<_> {
+            let state = storage("result", sizes.levels[0].state)?;
+            Ok(Arc::new(ResultBuffers { state, blocks: blocks.clone() }))
+        };
         let indirect = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::INDIRECT;
         let (triangles, corners) = (triangles(grid), corners(tiles));
         // As it is for each of the tiles alone.
@@ -203,17 +194,15 @@ impl Memory {
             listed_charts: None,
             bind_groups: HashMap::new(),
             context: context.clone(),
-            bands,
-            buffers,
+            levels,
         };
         context.check()?;
         Ok(memory)
     }
 
     /// See `Gpu::solver_bytes`.
-    pub fn bytes_for(context: &Context, grid: &Grid, tiles: &[&TileMesh]) -> Result<u64> {
-        let bands = divided(context, grid)?;
-        Ok(BufferSizes::new(grid, tiles, &bands).total())
+    pub fn bytes_for(grid: &Grid, tiles: &[&TileMesh]) -> u64 {
+        BufferSizes::new(grid, tiles).total()
     }
 
     /// Returns the buffers of a result that nothing else is using.
@@ -230,9 +219,9 @@ impl Memory {
             return Ok(free.clone());
         }
         let uploader = Uploader::new(&self.context);
-        let blocks = self.buffers[0].iter().map(|band| band.blocks.clone()).collect();
-        let storage = |label: &str, bytes: u64| uploader.storage(label, bytes);
-        let result = Arc::new(ResultBuffers::new(&self.bands[0], blocks, &storage)?);
+        let (blocks, bytes) = (self.levels[0].blocks.clone(), self.results[0].state.size());
+        let state = uploader.storage("result", bytes)?;
+        let result = Arc::new(ResultBuffers { state, blocks });
         self.context.check()?;
         self.results.push(result.clone());
         Ok(result)
@@ -245,8 +234,7 @@ impl Memory {
         let is_there = |(last, part): (&Option<&Displacements>, &Range<usize>)| {
             last.is_none_or(|last| Arc::ptr_eq(&last.buffers, &first.buffers) && last.blocks == *part)
         };
-        if first.buffers.blocks[0] == self.buffers[0][0].blocks && lasts.iter().zip(&self.parts).all(is_there)
-        {
+        if first.buffers.blocks == self.levels[0].blocks && lasts.iter().zip(&self.parts).all(is_there) {
             return Ok(Some(first.buffers.clone()));
         }
         let result = self.free_result()?;
@@ -254,20 +242,16 @@ impl Memory {
             self.context.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
         for (last, part) in lasts.iter().zip(&self.parts) {
             let Some(last) = last else { continue };
-            for (from, source) in &last.buffers.bands {
-                for (to, target) in &result.bands {
-                    // In the numbers of this memory's blocks.
-                    let first = part.start + from.owned.start.max(last.blocks.start);
-                    let first = (first - last.blocks.start).max(to.buffered.start);
-                    let end = part.start + from.owned.end.min(last.blocks.end).max(last.blocks.start);
-                    let end = (end - last.blocks.start).min(to.buffered.end);
-                    if first < end {
-                        let source_block = first - part.start + last.blocks.start - from.buffered.start;
-                        let at = [source_block, first - to.buffered.start].map(|b| b as u64 * RESULT_BLOCK);
-                        let bytes = Some((end - first) as u64 * RESULT_BLOCK);
-                        encoder.copy_buffer_to_buffer(source, at[0], target, at[1], bytes);
-                    }
-                }
+            let [source, target, blocks] =
+                [last.blocks.start, part.start, part.len()].map(|b| b as u64 * RESULT_BLOCK);
+            if blocks > 0 {
+                encoder.copy_buffer_to_buffer(
+                    &last.buffers.state,
+                    source,
+                    &result.state,
+                    target,
+                    Some(blocks),
+                );
             }
         }
         self.context.queue.submit([encoder.finish()]);
@@ -284,23 +268,17 @@ impl Memory {
         let mut ranges: Vec<[u32; 2]> = Vec::new();
         let mut sizes = vec![charts.len() as u32; 1];
         for (k, level) in grid.levels.iter().enumerate() {
-            let mut of_level = Vec::with_capacity(self.bands[k].len());
-            let mut sums = 0;
-            let mut of_chart = zeroed::<[u32; 2]>(charts.len());
-            for (band, buffers) in self.bands[k].iter().zip(&self.buffers[k]) {
-                let finer = k.checked_sub(1).map(|k| (&grid.levels[k], &self.bands[k][band.finer.clone()]));
-                let (lists, all) = band_lists(level, band, finer, charts, &mut sizes, sums);
-                for b in active_blocks(level, band, charts) {
-                    let range = &mut of_chart[level.blocks.list[b].chart as usize];
-                    range[0] = if range[1] == 0 { sums } else { range[0] };
-                    range[1] += 1;
-                    sums += 1;
-                }
-                self.context.queue.write_buffer(&buffers.lists, 0, bytemuck::cast_slice(&all));
-                of_level.push(lists);
-            }
-            ranges.extend(of_chart);
-            self.lists.push(of_level);
+            let (lists, all) = level_lists(level, charts, &mut sizes);
+            self.context.queue.write_buffer(&self.levels[k].lists, 0, bytemuck::cast_slice(&all));
+            self.lists.push(lists);
+            // The active blocks of a chart follow one another, also in the list.
+            let mut first = 0;
+            ranges.extend(level.blocks.of_chart.iter().zip(charts).map(|(blocks, &solved)| {
+                let active = blocks.clone().filter(|&b| solved && level.blocks.list[b].active).count() as u32;
+                let range = [if active == 0 { 0 } else { first }, active];
+                first += active;
+                range
+            }));
         }
         self.dispatch_size_count = sizes.len() as u32;
         self.context.queue.write_buffer(&self.dispatch_sizes, 0, bytemuck::cast_slice(&sizes));
@@ -308,28 +286,28 @@ impl Memory {
         self.listed_charts = Some(Vec::from(charts));
     }
 
-    /// Creates the bind group of a kernel: `at` is the band (level, index), `state` the band's state, `extra` the
-    /// kernel's extra buffers.
+    /// Creates the bind group of a kernel: `state` is the level's state, `extra` are the kernel's
+    /// extra buffers.
     pub fn bind_group(
         &self,
         kernel: Kernel,
         layout: &wgpu::BindGroupLayout,
-        at: [usize; 2],
+        level: usize,
         state: &wgpu::Buffer,
         extra: &[wgpu::Buffer],
     ) -> Bound {
-        let band = &self.buffers[at[0]][at[1]];
+        let level = &self.levels[level];
         let buffer = |number: u32| match number {
             slot::CHARTS => &self.charts,
-            slot::BLOCKS => &band.blocks,
-            slot::LISTS => &band.lists,
-            slot::NODES => &band.nodes,
+            slot::BLOCKS => &level.blocks,
+            slot::LISTS => &level.lists,
+            slot::NODES => &level.nodes,
             slot::STATE => state,
             // Level 1 of the pyramid gathers from triangles.
             slot::SURFACE if kernel == Kernel::PyramidGather => &self.triangles,
-            slot::SURFACE => band.metric.as_ref().unwrap_or(&self.triangles),
-            slot::ROWS => &band.rows,
-            slot::VECTORS => &band.vectors,
+            slot::SURFACE => level.metric.as_ref().unwrap_or(&self.triangles),
+            slot::ROWS => &level.rows,
+            slot::VECTORS => &level.vectors,
             slot::PARTIALS => &self.partials,
             0 => &self.recording.params,
             n => &extra[(n - slot::EXTRA) as usize],
@@ -363,12 +341,12 @@ impl Memory {
     #[cfg(test)]
     #[allow(clippy::mutable_key_type, reason = "a buffer is compared by its identity")]
     pub fn all_buffers(&self) -> std::collections::HashSet<wgpu::Buffer> {
-        let bands = self.buffers.iter().flatten().flat_map(|band| {
-            let solver = [&band.rows, &band.vectors, &band.contributions];
-            let always = [&band.blocks, &band.lists, &band.nodes].into_iter().chain(solver);
-            always.chain(&band.state).chain(&band.metric).chain(band.gather.iter().flatten())
+        let levels = self.levels.iter().flat_map(|level| {
+            let solver = [&level.rows, &level.vectors, &level.contributions];
+            let always = [&level.blocks, &level.lists, &level.nodes].into_iter().chain(solver);
+            always.chain(&level.state).chain(&level.metric).chain(level.gather.iter().flatten())
         });
-        let results = self.results.iter().flat_map(|result| result.bands.iter().map(|(_, buffer)| buffer));
+        let results = self.results.iter().map(|result| &result.state);
         let single = [
             &self.triangles,
             &self.corners,
@@ -381,6 +359,6 @@ impl Memory {
             &self.gate_open,
             &self.recording.params,
         ];
-        bands.chain(results).chain(single).cloned().collect()
+        levels.chain(results).chain(single).cloned().collect()
     }
 }

@@ -1,7 +1,6 @@
 //! pbd: the iterations of the paper's solver (method §10); the counterpart of `cpu/pbd.rs`. Passes read one copy of a
 //! level's state and write the other, which uses the memory of the vectors, since this solver needs no vectors.
 
-use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
 use super::layout::{PBD_FROM_VECTORS, PBD_LAST, PBD_WITHOUT_VELOCITY, Params};
 use super::run::Run;
@@ -65,26 +64,14 @@ impl Run<'_> {
     /// Dispatches a pass over all active blocks; afterwards the other copy is the present state.
     fn pass(&mut self, kernel: Kernel, level: usize, params: Params) {
         let mode = params.mode | if self.state_in_vectors { PBD_FROM_VECTORS } else { 0 };
-        for band in 0..self.memory.bands[level].len() {
-            let extra = [self.memory.buffers[level][band].vectors.clone()];
-            let active = self.memory.lists[level][band].active;
-            self.dispatch_list(kernel, [level, band], &extra, active, Params { mode, ..params });
-        }
+        let extra = [self.memory.levels[level].vectors.clone()];
+        self.dispatch_active(kernel, level, &extra, Params { mode, ..params });
         self.state_in_vectors = !self.state_in_vectors;
-        self.exchange(level, if self.state_in_vectors { BandBuffer::Vectors } else { BandBuffer::State });
     }
 
     /// Copies the state of all stored blocks to the other copy.
     fn copy_state(&mut self, level: usize, mode: u32) {
-        for band in 0..self.memory.bands[level].len() {
-            let extra = [self.memory.buffers[level][band].vectors.clone()];
-            let stored = self.memory.lists[level][band].stored;
-            let params = Params { mode, ..self.at_level(level) };
-            self.dispatch_list(Kernel::CopyState, [level, band], &extra, stored, params);
-        }
-        self.exchange(
-            level,
-            if mode & PBD_FROM_VECTORS == 0 { BandBuffer::Vectors } else { BandBuffer::State },
-        );
+        let extra = [self.memory.levels[level].vectors.clone()];
+        self.dispatch_stored(Kernel::CopyState, level, &extra, Params { mode, ..self.at_level(level) });
     }
 }

@@ -3,7 +3,6 @@
 
 use std::ops::Range;
 
-use super::bands::Band;
 use super::layout::{BlockRecord, Triangle, node_planes};
 use vrtm_core::allocation::Vec;
 use vrtm_core::grid::blocks::{Block, Blocks};
@@ -11,71 +10,50 @@ use vrtm_core::grid::planes::NODES;
 use vrtm_core::grid::{Grid, Level};
 use vrtm_core::mesh::{NONE, TileMesh};
 
-/// Records of the blocks in the buffers of a band of level `k`.
-pub fn band_blocks(grid: &Grid, bands: &[Vec<Band>], k: usize, band: &Band) -> Vec<BlockRecord> {
-    block_records(grid, bands, k, band, band.buffered.clone())
-}
-
-/// Records of some of these blocks.
-pub fn block_records(
-    grid: &Grid,
-    bands: &[Vec<Band>],
-    k: usize,
-    band: &Band,
-    blocks: Range<usize>,
-) -> Vec<BlockRecord> {
+/// Records of some blocks of level `k`.
+pub fn block_records(grid: &Grid, k: usize, blocks: Range<usize>) -> Vec<BlockRecord> {
     let level = &grid.levels[k];
     let list = &level.blocks.list;
-    let coarser = bands.get(k + 1).map(|bands| (&grid.levels[k + 1].blocks, &bands[band.coarser]));
-    let finer = k.checked_sub(1).map(|k| &bands[k][band.finer.clone()]);
-    blocks
-        .map(|b| {
-            let block = &list[b];
-            let neighbours = level.blocks.neighbours[b];
-            let active = neighbours.map(|b| if b != NONE && list[b as usize].active { b } else { NONE });
-            let children = level.children[b].map(|child| {
-                let band =
-                    finer.and_then(|bands| bands.iter().find(|band| band.owned.contains(&(child as usize))));
-                band.map_or(NONE, |band| band.place(child))
-            });
-            let (parents, active_parents) = match coarser {
-                Some((blocks, band)) => parents(blocks, band, level.parent[b], block),
-                None => ([NONE; 4], 0),
-            };
-            let chart = level.blocks.of_chart[block.chart as usize].clone();
-            let lengths = level.lengths[block.chart as usize];
-            let (first, end) = (chart.start.max(band.buffered.start), chart.end.min(band.buffered.end));
-            BlockRecord {
-                neighbours: neighbours.map(|b| band.place(b)),
-                active_neighbours: active.map(|b| band.place(b)),
-                chart: block.chart,
-                x: block.x,
-                y: block.y,
-                is_active: u32::from(block.active),
-                parents,
-                active_parents,
-                children,
-                chart_first: (first - band.buffered.start) as u32,
-                chart_count: (end - first) as u32,
-                continues: u32::from(chart.start < first) + 2 * u32::from(chart.end > end),
-                length_base: lengths.map(|of_edge| of_edge.base),
-                length_shift: lengths.map(|of_edge| of_edge.shift),
-                weights: packed_weights(level, b),
-            }
-        })
-        .collect()
+    let record = |b: usize| {
+        let block = &list[b];
+        let neighbours = level.blocks.neighbours[b];
+        let (parents, active_parents) = match grid.levels.get(k + 1) {
+            Some(coarser) => parents(&coarser.blocks, level.parent[b], block),
+            None => ([NONE; 4], 0),
+        };
+        let chart = &level.blocks.of_chart[block.chart as usize];
+        let lengths = level.lengths[block.chart as usize];
+        BlockRecord {
+            neighbours,
+            active_neighbours: neighbours
+                .map(|b| if b != NONE && list[b as usize].active { b } else { NONE }),
+            chart: block.chart,
+            x: block.x,
+            y: block.y,
+            is_active: u32::from(block.active),
+            parents,
+            active_parents,
+            children: level.children[b],
+            chart_first: chart.start as u32,
+            chart_count: chart.len() as u32,
+            length_base: lengths.map(|of_edge| of_edge.base),
+            length_shift: lengths.map(|of_edge| of_edge.shift),
+            weights: packed_weights(level, b),
+        }
+    };
+    blocks.map(record).collect()
 }
 
 /// The parents of `block` in the order of `BlockRecord`, and which of them are active: the coarser block over it, with
 /// the index `own`, and that block's neighbours on the side of the quarter that `block` covers.
-fn parents(blocks: &Blocks, band: &Band, own: u32, block: &Block) -> ([u32; 4], u32) {
+fn parents(blocks: &Blocks, own: u32, block: &Block) -> ([u32; 4], u32) {
     let (x, y) = ([3, 5][(block.x % 2) as usize], [1, 7][(block.y % 2) as usize]);
     let all = match blocks.neighbours.get(own as usize) {
         Some(neighbours) => [own, neighbours[x], neighbours[y], neighbours[x + y - 4]],
         None => [NONE; 4],
     };
     let active = |k: usize| all[k] != NONE && blocks.list[all[k] as usize].active;
-    (all.map(|b| band.place(b)), (0..4).map(|k| u32::from(active(k)) << k).sum())
+    (all, (0..4).map(|k| u32::from(active(k)) << k).sum())
 }
 
 /// The codes of a block's interpolation weights, four to a word; 0 on the coarsest level, which has no weights.

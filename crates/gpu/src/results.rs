@@ -4,7 +4,6 @@ use std::any::Any;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
 
-use super::bands::Band;
 use super::context::Context;
 use super::layout::{FINEST_STATE_PLANES, PLANE};
 use vrtm_core::allocation::{Vec, boxed};
@@ -13,31 +12,17 @@ use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::{NODES, Plane};
 
-/// The buffers of a result, per band. A solve works in them: they are the state of level 0 until they become its
-/// result.
+/// The buffers of a result.
 #[derive(Debug)]
 pub struct ResultBuffers {
-    pub bands: Vec<(Band, wgpu::Buffer)>,
-    /// The records of the bands' blocks, kept alive because a result may outlive its solver.
-    pub blocks: Vec<wgpu::Buffer>,
+    /// A solve works in it: it is the state of level 0 until it becomes its result.
+    pub state: wgpu::Buffer,
+    /// The records of level 0's blocks, kept alive because a result may outlive its solver.
+    pub blocks: wgpu::Buffer,
 }
 
 /// Bytes of a block of a result.
 pub const RESULT_BLOCK: u64 = FINEST_STATE_PLANES as u64 * PLANE;
-
-impl ResultBuffers {
-    pub fn new(
-        bands: &[Band],
-        blocks: Vec<wgpu::Buffer>,
-        storage: &impl Fn(&str, u64) -> Result<wgpu::Buffer>,
-    ) -> Result<ResultBuffers> {
-        let bands = bands
-            .iter()
-            .map(|band| Ok((band.clone(), storage("result", band.buffered.len() as u64 * RESULT_BLOCK)?)))
-            .collect::<Result<Vec<_>>>()?;
-        Ok(ResultBuffers { bands, blocks })
-    }
-}
 
 /// The displacements of a result.
 #[derive(Debug)]
@@ -56,13 +41,6 @@ impl Displacements {
         Displacements { context, grid, buffers, blocks, host: OnceLock::new() }
     }
 
-    /// The blocks of the grid that a band owns, as indices in the band's buffers.
-    pub fn owned(&self, band: &Band) -> Range<usize> {
-        let first = band.owned.start.max(self.blocks.start);
-        let end = band.owned.end.min(self.blocks.end).max(first);
-        first - band.buffered.start..end - band.buffered.start
-    }
-
     /// Displacements that this backend has made.
     pub fn of(u: &dyn GpuWarp) -> Result<&Displacements> {
         let other = || Error::new(ErrorKind::Internal, "the result of another backend");
@@ -75,23 +53,17 @@ impl GpuWarp for Displacements {
         if let Some(host) = self.host.get() {
             return Ok(host);
         }
-        let mut all = Vec::with_capacity(self.grid.levels[0].blocks.list.len());
-        for (band, buffer) in &self.buffers.bands {
-            let owned = self.owned(band);
-            if owned.is_empty() {
-                continue;
+        let [first, end] = [self.blocks.start, self.blocks.end].map(|b| b as u64 * RESULT_BLOCK);
+        let bytes = self.context.read(&self.buffers.state, first..end)?;
+        let planes = |block: &[u8]| {
+            // The displacements are the first two planes.
+            let mut planes = [[0.0f32; NODES]; 2];
+            for (value, bytes) in planes.as_flattened_mut().iter_mut().zip(block.chunks_exact(4)) {
+                *value = f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
             }
-            let [first, end] = [owned.start, owned.end].map(|b| b as u64 * RESULT_BLOCK);
-            let bytes = self.context.read(buffer, first..end)?;
-            all.extend(bytes.chunks_exact(RESULT_BLOCK as usize).map(|block| {
-                // The displacements are the first two planes.
-                let mut planes = [[0.0f32; NODES]; 2];
-                for (value, bytes) in planes.as_flattened_mut().iter_mut().zip(block.chunks_exact(4)) {
-                    *value = f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-                }
-                planes
-            }));
-        }
+            planes
+        };
+        let all = bytes.chunks_exact(RESULT_BLOCK as usize).map(planes).collect();
         Ok(self.host.get_or_init(|| all))
     }
 

@@ -171,36 +171,28 @@ impl<'a> Run<'a> {
             self.charts.iter().enumerate().map(|(c, &solve)| !solve && !stays(c)).collect();
         self.clear(&others);
         let Some(last_result) = self.last_result.clone() else { return };
-        for (n, (_, from)) in last_result.bands.iter().enumerate() {
-            let ranges = self.ranges_of(n, |c| keep[c] && !self.charts[c]);
-            let to = &self.result.bands[n].1;
-            ranges.iter().for_each(|&[at, bytes]| self.recorder.copy(from, at, to, at, bytes));
+        for [at, bytes] in self.ranges_of(|c| keep[c] && !self.charts[c]) {
+            self.recorder.copy(&last_result.state, at, &self.result.state, at, bytes);
         }
     }
 
     /// Makes the result of these charts the identity.
     pub(super) fn clear(&mut self, charts: &[bool]) {
-        for n in 0..self.result.bands.len() {
-            let ranges = self.ranges_of(n, |c| charts[c]);
-            let to = &self.result.bands[n].1;
-            ranges.iter().for_each(|&[at, bytes]| self.recorder.clear(to, at, bytes));
+        for [at, bytes] in self.ranges_of(|c| charts[c]) {
+            self.recorder.clear(&self.result.state, at, bytes);
         }
     }
 
-    /// Offsets and lengths in bytes of the blocks of some charts in a band of the result.
-    fn ranges_of(&self, band: usize, of: impl Fn(usize) -> bool) -> Vec<[u64; 2]> {
-        let buffered = &self.result.bands[band].0.buffered;
+    /// Offsets and lengths in bytes of the blocks of some charts in the result.
+    fn ranges_of(&self, of: impl Fn(usize) -> bool) -> Vec<[u64; 2]> {
         let charts = self.grid.levels[0].blocks.of_chart.iter().enumerate().filter(|(c, _)| of(*c));
         let mut ranges: Vec<[u64; 2]> = Vec::new();
-        for (_, blocks) in charts {
-            let (first, end) = (blocks.start.max(buffered.start), blocks.end.min(buffered.end));
-            if first < end {
-                let [at, bytes] = [first - buffered.start, end - first].map(|n| n as u64 * RESULT_BLOCK);
-                // Charts with consecutive blocks share one range.
-                match ranges.last_mut() {
-                    Some(last) if last[0] + last[1] == at => last[1] += bytes,
-                    _ => ranges.push([at, bytes]),
-                }
+        for (_, blocks) in charts.filter(|(_, blocks)| !blocks.is_empty()) {
+            let [at, bytes] = [blocks.start, blocks.len()].map(|n| n as u64 * RESULT_BLOCK);
+            // Charts with consecutive blocks share one range.
+            match ranges.last_mut() {
+                Some(last) if last[0] + last[1] == at => last[1] += bytes,
+                _ => ranges.push([at, bytes]),
             }
         }
         ranges
@@ -246,7 +238,7 @@ impl<'a> Run<'a> {
             warp: Warp::Gpu(boxed(Displacements::new(self.context, self.grid.clone(), self.result))),
             summary: Summary { times: statistics.times(), ..summary },
             node_updates: self.node_updates,
-            blocks_active: self.memory.lists[0].iter().map(|lists| u64::from(lists.active.count)).sum(),
+            blocks_active: u64::from(self.memory.lists[0].active.count),
             work: Some(statistics.work()),
         })
     }

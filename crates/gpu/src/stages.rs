@@ -1,6 +1,5 @@
 //! The stages that the schedule calls (method §5). Each records its dispatches.
 
-use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
 use super::layout::{
     DECIDE_ALLOWING_FOLDS, DECIDE_CERTIFICATE, DECIDE_ENERGY, DECIDE_IDENTITY, ENERGY_ALLOWING_FOLDS,
@@ -68,7 +67,7 @@ impl Run<'_> {
         let extra = [self.memory.corners.clone(), self.memory.positions.clone()];
         self.dispatch(
             Kernel::Surface,
-            [0, 0],
+            0,
             &extra,
             &params,
             DispatchSize::ungated(items.div_ceil(THREADS)),
@@ -78,25 +77,14 @@ impl Run<'_> {
 
     fn pyramid(&mut self, levels: usize) {
         for k in 1..levels {
-            for band in 0..self.memory.bands[k].len() {
-                let to = self.memory.buffers[k][band].metric.clone();
-                if let Some([starts, entries]) = self.memory.buffers[k][band].gather.clone() {
-                    let extra: Vec<_> = [starts, entries].into_iter().chain(to).collect();
-                    let stored = self.memory.lists[k][band].stored;
-                    self.dispatch_list(Kernel::PyramidGather, [k, band], &extra, stored, self.params);
-                    continue;
-                }
-                for (n, finer_band) in self.memory.bands[k][band].finer.clone().enumerate() {
-                    let fine = &self.memory.buffers[k - 1][finer_band];
-                    let extra: Vec<_> = [fine.blocks.clone(), fine.nodes.clone()]
-                        .into_iter()
-                        .chain(fine.metric.clone())
-                        .collect();
-                    let stored = self.memory.lists[k][band].stored_by_finer_band[n];
-                    self.dispatch_list(Kernel::PyramidRestrict, [k, band], &extra, stored, self.params);
-                }
-            }
-            self.exchange(k, BandBuffer::Metric);
+            let [fine, own] = [&self.memory.levels[k - 1], &self.memory.levels[k]];
+            let (kernel, read) = match &own.gather {
+                Some(gather) => (Kernel::PyramidGather, gather.clone()),
+                None => (Kernel::PyramidRestrict, [fine.blocks.clone(), fine.nodes.clone()]),
+            };
+            let metric = if own.gather.is_some() { &own.metric } else { &fine.metric };
+            let extra: Vec<_> = read.into_iter().chain(metric.clone()).collect();
+            self.dispatch_stored(kernel, k, &extra, self.params);
         }
     }
 
@@ -106,30 +94,21 @@ impl Run<'_> {
             return;
         }
         for level in (0..levels).rev() {
-            for band in 0..self.memory.bands[level].len() {
-                let stored = self.memory.lists[level][band].stored;
-                let nodes = self.memory.buffers[level][band].nodes.clone();
-                let params = Params { factor: self.most_lost, ..self.at_level(level) };
-                if level > 0 {
-                    self.dispatch_list(Kernel::Protect, [level, band], &[nodes], stored, params);
-                } else if let Some(coarser) = self.memory.buffers.get(1) {
-                    let coarse = &coarser[self.memory.bands[0][band].coarser];
-                    let extra = [nodes, coarse.blocks.clone(), coarse.nodes.clone()];
-                    self.dispatch_list(Kernel::ProtectFinest, [0, band], &extra, stored, params);
-                }
+            let nodes = self.memory.levels[level].nodes.clone();
+            let params = Params { factor: self.most_lost, ..self.at_level(level) };
+            if level > 0 {
+                self.dispatch_stored(Kernel::Protect, level, &[nodes], params);
+            } else if let Some(coarse) = self.memory.levels.get(1) {
+                let extra = [nodes, coarse.blocks.clone(), coarse.nodes.clone()];
+                self.dispatch_stored(Kernel::ProtectFinest, 0, &extra, params);
             }
-            self.exchange(level, BandBuffer::Nodes);
         }
     }
 
     fn identity(&mut self, level: usize) {
         self.energy_is_known = false;
         let kernel = if level == 0 { Kernel::IdentityChords } else { Kernel::IdentityMetrics };
-        for band in 0..self.memory.bands[level].len() {
-            let active = self.memory.lists[level][band].active;
-            self.dispatch_list(kernel, [level, band], &[], active, self.at_level(level));
-        }
-        self.exchange(level, BandBuffer::State);
+        self.dispatch_active(kernel, level, &[], self.at_level(level));
         if level == 0 {
             self.energy_of_identity(0);
         }
@@ -139,12 +118,7 @@ impl Run<'_> {
         let Some(last) = self.last_result.clone() else { return self.identity(0) };
         self.energy_of_identity(0);
         self.energy_is_known = false;
-        for band in 0..self.memory.bands[0].len() {
-            let extra = [last.bands[band].1.clone()];
-            let active = self.memory.lists[0][band].active;
-            self.dispatch_list(Kernel::Previous, [0, band], &extra, active, self.at_level(0));
-        }
-        self.exchange(0, BandBuffer::State);
+        self.dispatch_active(Kernel::Previous, 0, std::slice::from_ref(&last.state), self.at_level(0));
     }
 
     fn prolong(&mut self, level: usize) {
@@ -158,13 +132,9 @@ impl Run<'_> {
     /// Interpolates the displacements of the next coarser level, and resamples.
     fn interpolate(&mut self, level: usize) {
         let kernel = if level == 0 { Kernel::ProlongChords } else { Kernel::ProlongMetrics };
-        for band in 0..self.memory.bands[level].len() {
-            let coarse = &self.memory.buffers[level + 1][self.memory.bands[level][band].coarser];
-            let extra: Vec<_> = [coarse.blocks.clone()].into_iter().chain(coarse.state.clone()).collect();
-            let active = self.memory.lists[level][band].active;
-            self.dispatch_list(kernel, [level, band], &extra, active, self.at_level(level));
-        }
-        self.exchange(level, BandBuffer::State);
+        let coarse = &self.memory.levels[level + 1];
+        let extra: Vec<_> = [coarse.blocks.clone()].into_iter().chain(coarse.state.clone()).collect();
+        self.dispatch_active(kernel, level, &extra, self.at_level(level));
     }
 
     fn certify(&mut self, allow_folds: bool) {
@@ -172,7 +142,7 @@ impl Run<'_> {
         self.complete_energies(0, allow_folds);
         let certificate = if allow_folds { DECIDE_ALLOWING_FOLDS } else { DECIDE_CERTIFICATE };
         self.reduce(Kernel::Certify, 0, self.at_level(0), certificate);
-        self.dispatch_active(Kernel::FallBack, 0, self.params, Some(BandBuffer::State));
+        self.dispatch_active(Kernel::FallBack, 0, &[], self.params);
     }
 
     /// Computes the energies of a level's present state, unless they are known.
@@ -199,10 +169,9 @@ impl Run<'_> {
         };
         for sweeps in passes(sweeps) {
             let params = Params { sweeps, mode, ..self.with_pull(level) };
-            self.each_colour(level, false, BandBuffer::State, |run, band, list| {
-                let extra = [run.anchor(level, band)];
-                run.dispatch_list(kernel, [level, band], &extra, list, params);
-            });
+            for list in self.memory.lists[level].colours {
+                self.dispatch_list(kernel, level, &[self.anchor(level)], list, params);
+            }
         }
     }
 
@@ -221,6 +190,6 @@ impl Run<'_> {
     /// The part of `energy` that is computed block by block.
     pub(super) fn energy_sums(&mut self, params: Params, level: usize) {
         let kernel = if level == 0 { Kernel::EnergyChords } else { Kernel::EnergyMetrics };
-        self.sums(kernel, level, params);
+        self.dispatch_active(kernel, level, &[self.anchor(level)], params);
     }
 }

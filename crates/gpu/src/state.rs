@@ -1,12 +1,10 @@
 //! Reads and sets a run's state, for comparing the two backends. A module of `gpu`, so that it can access private
 //! state. Every call submits the commands recorded so far; calls that read wait for them.
 
-use super::bands::Band;
-use super::dispatch::BandBuffer;
 use super::kernels::Kernel;
 use super::layout::{
     COARSE_STATE_PLANES, Chart, METRIC_PLANES, PLANE, ROW_PLANES, SAMPLE_PLANES, Triangle, VECTOR_PLANES,
-    node_planes, state_planes,
+    state_planes,
 };
 use super::layout::{DECIDE_ENERGY, FRACTION, INVALID_ENERGY, RESIDUAL, STEP};
 use super::run::Run;
@@ -50,16 +48,21 @@ impl Run<'_> {
 
     /// The metrics of the pose on a level from 1 on: three planes per block.
     pub fn metric(&mut self, level: usize) -> Result<Vec<u32>> {
-        self.read(level, BandBuffer::Metric)
+        match self.memory.levels[level].metric.clone() {
+            Some(metric) => self.read(level, &metric, METRIC_PLANES),
+            None => Ok(Vec::new()),
+        }
     }
 
     pub fn set_metric(&mut self, level: usize, bits: &[u32]) -> Result<()> {
-        self.write(level, BandBuffer::Metric, bits)
+        self.recorder.flush();
+        let metric = self.memory.levels[level].metric.as_ref();
+        metric.map_or(Ok(()), |metric| self.upload(metric, 0, bits))
     }
 
     /// A level's displacements (2), values (3) and triangles (1) per block.
     pub fn state(&mut self, level: usize) -> Result<Vec<u32>> {
-        let (state, samples) = (self.read(level, BandBuffer::State)?, self.samples(level)?);
+        let (state, samples) = (self.read_state(level)?, self.samples(level)?);
         let mut all = Vec::with_capacity(state.len() / state_planes(level) * STATE_PLANES);
         let samples = samples.chunks(SAMPLE_PLANES * NODES);
         for (state, samples) in state.chunks(state_planes(level) * NODES).zip(samples) {
@@ -71,28 +74,13 @@ impl Run<'_> {
     /// Computes the values (3) and triangles (1) per block of a level's state.
     fn samples(&mut self, level: usize) -> Result<Vec<u32>> {
         let kernel = if level == 0 { Kernel::SamplesChords } else { Kernel::SamplesMetrics };
-        let block = SAMPLE_PLANES as u64 * PLANE;
-        let mut all = Vec::new();
-        for n in 0..self.memory.bands[level].len() {
-            let Band { buffered, owned, .. } = self.memory.bands[level][n].clone();
-            let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
-            let buffer = self.context.buffer("samples", buffered.len() as u64 * block, usage)?;
-            let stored = self.memory.lists[level][n].stored;
-            self.dispatch_list(
-                kernel,
-                [level, n],
-                std::slice::from_ref(&buffer),
-                stored,
-                self.at_level(level),
-            );
-            // The buffer is temporary, so its bind group must not be kept either.
-            self.memory.bind_groups.retain(|(of, ..), _| *of != kernel);
-            self.recorder.flush();
-            let at = |b: usize| (b - buffered.start) as u64 * block;
-            let bytes = self.context.read(&buffer, at(owned.start)..at(owned.end))?;
-            all.extend(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
-        }
-        Ok(all)
+        let bytes = self.grid.levels[level].blocks.list.len() as u64 * SAMPLE_PLANES as u64 * PLANE;
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_SRC;
+        let buffer = self.context.buffer("samples", bytes, usage)?;
+        self.dispatch_stored(kernel, level, std::slice::from_ref(&buffer), self.at_level(level));
+        // The buffer is temporary, so its bind group must not be kept either.
+        self.memory.bind_groups.retain(|(of, ..), _| *of != kernel);
+        self.read(level, &buffer, SAMPLE_PLANES)
     }
 
     /// Sets the displacements and triangles of a level's solved charts; its values follow from them.
@@ -107,7 +95,7 @@ impl Run<'_> {
         }
         // On level 0 the other charts keep their results in these planes.
         if level == 0 && self.charts.contains(&false) {
-            let present = self.read(level, BandBuffer::State)?;
+            let present = self.read_state(level)?;
             let block = state_planes(level) * NODES;
             for (b, of) in self.grid.levels[level].blocks.list.iter().enumerate() {
                 if !self.charts[of.chart as usize] {
@@ -115,7 +103,8 @@ impl Run<'_> {
                 }
             }
         }
-        self.write(level, BandBuffer::State, &state)
+        self.recorder.flush();
+        self.upload(self.state_buffer(level), 0, &state)
     }
 
     /// Per chart, the energy of a level's present state.
@@ -130,18 +119,19 @@ impl Run<'_> {
     /// Assembles a level's system for its present state. Returns its rows and its right-hand side.
     pub fn assembled(&mut self, level: usize) -> Result<[Vec<u32>; 2]> {
         self.assemble(level);
-        let vectors = self.read(level, BandBuffer::Vectors)?;
+        let vectors = self.read_vectors(level)?;
         Ok([self.rows(level)?, vector_planes(&vectors, RESIDUAL)])
     }
 
     /// A level's system, in planes per block: the diagonal (3), the pairs of the owned edges (8).
     pub fn rows(&mut self, level: usize) -> Result<Vec<u32>> {
-        self.read(level, BandBuffer::Rows)
+        let rows = self.memory.levels[level].rows.clone();
+        self.read(level, &rows, ROW_PLANES)
     }
 
     /// The last step on a level, before it was limited, and the step fraction of each node.
     pub fn step_of(&mut self, level: usize) -> Result<[Vec<u32>; 2]> {
-        let vectors = self.read(level, BandBuffer::Vectors)?;
+        let vectors = self.read_vectors(level)?;
         let records = self.chart_records()?;
         let list = &self.grid.levels[level].blocks.list;
         // The rounds of the step limit write the two planes alternately.
@@ -153,47 +143,24 @@ impl Run<'_> {
     }
 
     /// Reads all planes of one of a level's buffers, in the order of its blocks.
-    fn read(&mut self, level: usize, what: BandBuffer) -> Result<Vec<u32>> {
+    fn read(&mut self, level: usize, buffer: &wgpu::Buffer, planes: usize) -> Result<Vec<u32>> {
         self.recorder.flush();
-        let mut all = Vec::new();
-        for (n, band) in self.memory.bands[level].iter().enumerate() {
-            let Some((buffer, planes)) = self.buffer(level, n, what) else { continue };
-            let at = |b: usize| (b - band.buffered.start) as u64 * planes * PLANE;
-            let bytes = self.context.read(&buffer, at(band.owned.start)..at(band.owned.end))?;
-            all.extend(bytes.chunks_exact(4).map(bytemuck::pod_read_unaligned::<u32>));
-        }
-        Ok(all)
+        let bytes = self.grid.levels[level].blocks.list.len() as u64 * planes as u64 * PLANE;
+        Ok(bytemuck::pod_collect_to_vec(&self.context.read(buffer, 0..bytes)?).into())
     }
 
-    /// Writes all planes of one of a level's buffers, including copies in other bands.
-    fn write(&mut self, level: usize, what: BandBuffer, bits: &[u32]) -> Result<()> {
-        self.recorder.flush();
-        for (n, band) in self.memory.bands[level].iter().enumerate() {
-            let Some((buffer, planes)) = self.buffer(level, n, what) else { continue };
-            let block = planes as usize * NODES;
-            let bits = &bits[band.buffered.start * block..band.buffered.end * block];
-            self.upload(&buffer, 0, bits)?;
-        }
-        Ok(())
+    fn read_state(&mut self, level: usize) -> Result<Vec<u32>> {
+        let state = self.state_buffer(level).clone();
+        self.read(level, &state, state_planes(level))
+    }
+
+    fn read_vectors(&mut self, level: usize) -> Result<Vec<u32>> {
+        let vectors = self.memory.levels[level].vectors.clone();
+        self.read(level, &vectors, VECTOR_PLANES)
     }
 
     fn upload<T: bytemuck::NoUninit>(&self, buffer: &wgpu::Buffer, offset: u64, data: &[T]) -> Result<()> {
         self.context.contain(|| self.context.queue.write_buffer(buffer, offset, bytemuck::cast_slice(data)))
-    }
-
-    /// Returns a band's buffer and its planes per block.
-    fn buffer(&self, level: usize, band: usize, what: BandBuffer) -> Option<(wgpu::Buffer, u64)> {
-        let buffers = &self.memory.buffers[level][band];
-        let (buffer, planes) = match what {
-            BandBuffer::State => (self.state_buffer(level, band), state_planes(level)),
-            BandBuffer::Metric => (buffers.metric.as_ref()?, METRIC_PLANES),
-            BandBuffer::Nodes => (&buffers.nodes, node_planes(self.grid)),
-            BandBuffer::Rows => (&buffers.rows, ROW_PLANES),
-            BandBuffer::Vectors => (&buffers.vectors, VECTOR_PLANES),
-            // This buffer does not consist of planes, and is only used within a V-cycle.
-            BandBuffer::Contributions => return None,
-        };
-        Some((buffer.clone(), planes as u64))
     }
 }
 

@@ -28,7 +28,7 @@ const SIDES: [usize; 2] = [256, 1024];
 const BAND: usize = 128;
 
 /// Bytes that a solve takes per node of the grid inside of charts, about.
-const BYTES: f64 = 200.0;
+pub const BYTES: u64 = 200;
 
 /// The places of a lattice that charts cover.
 #[derive(Debug)]
@@ -99,8 +99,9 @@ pub fn resolving(
     // The share of the tile that charts cover.
     let share =
         tile.triangles.iter().map(|triangle| 0.5 * doubled_area(triangle.uv).abs()).sum::<f64>().min(1.0);
-    let fits =
-        |&size: &u32| bytes.is_none_or(|bytes| share * f64::from(size).powi(2) * BYTES <= bytes as f64);
+    let fits = |&size: &u32| {
+        bytes.is_none_or(|bytes| share * f64::from(size).powi(2) * BYTES as f64 <= bytes as f64)
+    };
     let least = lattice.iter().copied().max().unwrap_or(0) / 2;
     let is_rigid: Vec<bool> = lattice.iter().map(|&value| value > least).collect();
     let cells = ACROSS / width(pieces(&is_rigid, side))?;

@@ -1,4 +1,4 @@
-//! Declares the constants shared by Rust and WGSL: once, in Rust, with their comments.
+//! Declares the constants shared by Rust and WGSL: once, in Rust.
 
 /// A constant's type and value in WGSL.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -8,8 +8,8 @@ pub enum Constant {
     Vec2([f32; 2]),
 }
 
-/// A constant: the lines of its comment, its name, its value.
-pub type Declaration = (&'static [&'static str], &'static str, Constant);
+/// A constant: its name, its value.
+pub type Declaration = (&'static str, Constant);
 
 impl From<u32> for Constant {
     fn from(x: u32) -> Constant {
@@ -65,7 +65,7 @@ macro_rules! constants {
 
         /// All of these constants, in order.
         pub fn declarations() -> $crate::allocation::Vec<$crate::method::constants::Declaration> {
-            $crate::allocation::vec![$((&[$($doc),+], stringify!($name), $name.into())),+]
+            $crate::allocation::vec![$((stringify!($name), $name.into())),+]
         }
     };
 }

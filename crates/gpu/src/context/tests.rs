@@ -23,6 +23,48 @@ pub fn gpu(options: Options) -> Option<Context> {
 const STORAGE: BufferUsages =
     BufferUsages::STORAGE.union(BufferUsages::COPY_SRC).union(BufferUsages::COPY_DST);
 
+/// Runs an entry point that reads binding 20 and writes binding 21, and returns `bytes` bytes of the latter.
+pub fn computed<T: bytemuck::Pod>(
+    context: &Context,
+    text: String,
+    entry: &str,
+    input: &[u8],
+    bytes: u64,
+    workgroups: usize,
+) -> std::vec::Vec<T> {
+    let device = &context.device;
+    let source = wgpu::ShaderSource::Wgsl(text.into());
+    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: None, source });
+    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        label: None,
+        layout: None,
+        module: &module,
+        entry_point: Some(entry),
+        compilation_options: Default::default(),
+        cache: None,
+    });
+    let output = context.buffer("output", bytes, STORAGE).unwrap();
+    let bound =
+        [(20, context.filled("input", input, STORAGE).unwrap(), input.len() as u64), (21, output, bytes)];
+    // Buffers may be larger than requested; shaders derive counts from the sizes of the bindings.
+    let entries = bound.each_ref().map(|(binding, buffer, size)| {
+        let size = std::num::NonZeroU64::new(*size);
+        let resource = wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size });
+        wgpu::BindGroupEntry { binding: *binding, resource }
+    });
+    let layout = &pipeline.get_bind_group_layout(0);
+    let group =
+        device.create_bind_group(&wgpu::BindGroupDescriptor { label: None, layout, entries: &entries });
+    let mut encoder = device.create_command_encoder(&Default::default());
+    let mut pass = encoder.begin_compute_pass(&Default::default());
+    pass.set_pipeline(&pipeline);
+    pass.set_bind_group(0, &group, &[]);
+    pass.dispatch_workgroups(workgroups as u32, 1, 1);
+    drop(pass);
+    context.submit([encoder]).unwrap();
+    bytemuck::pod_collect_to_vec(&context.read(&bound[1].1, 0..bytes).unwrap())
+}
+
 /// A buffer with the content `bytes`.
 fn filled(gpu: &Context, bytes: &[u8]) -> Result<wgpu::Buffer> {
     let buffer = gpu.buffer("numbers", bytes.len() as u64, STORAGE)?;

@@ -2,9 +2,8 @@
 //! a table of inputs.
 
 use bytemuck::{Pod, Zeroable};
-use wgpu::BufferUsages as Usage;
 
-use crate::context::{Context, tests::gpu};
+use crate::context::tests::{computed, gpu};
 use crate::identity::is_software;
 use crate::kernels::Kernel;
 use vrtm_core::allocation::Vec;
@@ -94,53 +93,14 @@ fn expected(case: &Case) -> [f32; 2] {
     [correction.next_fraction(&gain), f32::from(u8::from(gain.suffices()))]
 }
 
-fn on_gpu(context: &Context, cases: &[Case]) -> std::vec::Vec<[f32; 2]> {
-    let device = &context.device;
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl((Kernel::Decide.source().text(0) + ENTRY).into()),
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: None,
-        layout: None,
-        module: &module,
-        entry_point: Some("run_cases"),
-        compilation_options: Default::default(),
-        cache: None,
-    });
-    let input = context.filled("cases", bytemuck::cast_slice(cases), Usage::STORAGE).unwrap();
-    let bytes = cases.len() as u64 * 8;
-    let output = context.buffer("decisions", bytes, Usage::STORAGE | Usage::COPY_SRC).unwrap();
-    let entry = |binding, buffer: &wgpu::Buffer| {
-        let size = std::num::NonZeroU64::new(if binding == 20 { size_of_val(cases) as u64 } else { bytes });
-        let buffer = buffer.clone();
-        (binding, buffer, size)
-    };
-    let bound = [entry(20, &input), entry(21, &output)];
-    let entries = bound.each_ref().map(|(binding, buffer, size)| wgpu::BindGroupEntry {
-        binding: *binding,
-        resource: wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer, offset: 0, size: *size }),
-    });
-    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout: &pipeline.get_bind_group_layout(0),
-        entries: &entries,
-    });
-    let mut encoder = device.create_command_encoder(&Default::default());
-    let mut pass = encoder.begin_compute_pass(&Default::default());
-    pass.set_pipeline(&pipeline);
-    pass.set_bind_group(0, &group, &[]);
-    pass.dispatch_workgroups((cases.len() as u32).div_ceil(64), 1, 1);
-    drop(pass);
-    context.submit([encoder]).unwrap();
-    bytemuck::pod_collect_to_vec(&context.read(&output, 0..bytes).unwrap())
-}
-
 #[test]
 fn both_backends_decide_alike() {
     let Some(context) = gpu(Options::default()) else { return };
     let cases = table();
-    let found = on_gpu(&context, &cases);
+    let text = Kernel::Decide.source().text(0) + ENTRY;
+    let (input, bytes) = (bytemuck::cast_slice(&cases), cases.len() as u64 * 8);
+    let found: std::vec::Vec<[f32; 2]> =
+        computed(&context, text, "run_cases", input, bytes, cases.len().div_ceil(64));
     // Vulkan allows an error of 2.5 units in the last place per division, and there are two divisions in a row, the
     // second of a difference.
     let tolerance = if is_software(&context.adapter) { 0.0 } else { 1e-6 };

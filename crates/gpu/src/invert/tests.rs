@@ -2,10 +2,9 @@
 //! most a quarter in v if they differ there at all.
 
 use super::*;
-use crate::bands;
 use crate::context::tests::gpu;
-use crate::records::band_blocks;
-use crate::results::{RESULT_BLOCK, ResultBuffers};
+use crate::records::block_records;
+use crate::results::ResultBuffers;
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::backend::Options;
 use vrtm_core::grid::Grid;
@@ -77,26 +76,16 @@ fn push(centre: [f32; 2], radius: f32, by: [f32; 2]) -> impl Fn(usize, usize) ->
     }
 }
 
-/// Uploads displacements, with at most `most` blocks per buffer.
-fn upload(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]], most: usize) -> Displacements {
-    let all = bands::bands(&grid.levels, |_| most).unwrap();
-    let storage = |label: &str, bytes: u64| {
-        use wgpu::BufferUsages as Usage;
-        context.buffer(label, bytes, Usage::STORAGE | Usage::COPY_DST | Usage::COPY_SRC)
-    };
-    let blocks = all[0].iter().map(|band| {
-        let records = band_blocks(grid, &all, 0, band);
-        context.filled("blocks", bytemuck::cast_slice(&records), wgpu::BufferUsages::STORAGE).unwrap()
-    });
-    let buffers = ResultBuffers::new(&all[0], blocks.collect(), &storage).unwrap();
-    for (band, buffer) in &buffers.bands {
-        assert_eq!(buffer.size(), band.buffered.len() as u64 * RESULT_BLOCK);
-        // The triangles under W do not matter here; they follow the displacements.
-        let blocks: Vec<[Plane; 3]> =
-            u[band.buffered.clone()].iter().map(|&[x, y]| [x, y, [f32::NAN; NODES]]).collect();
-        context.queue.write_buffer(buffer, 0, bytemuck::cast_slice(blocks.as_flattened().as_flattened()));
-    }
-    Displacements::new(context.clone(), grid.clone(), Arc::new(buffers))
+/// Uploads displacements.
+fn upload(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]]) -> Displacements {
+    let records = block_records(grid, 0, 0..u.len());
+    let storage = wgpu::BufferUsages::STORAGE;
+    let blocks = context.filled("blocks", bytemuck::cast_slice(&records), storage).unwrap();
+    // The triangles under W do not matter here; they follow the displacements.
+    let planes: Vec<[Plane; 3]> = u.iter().map(|&[x, y]| [x, y, [f32::NAN; NODES]]).collect();
+    let planes = bytemuck::cast_slice(planes.as_flattened().as_flattened());
+    let state = context.filled("result", planes, storage).unwrap();
+    Displacements::new(context.clone(), grid.clone(), Arc::new(ResultBuffers { state, blocks }))
 }
 
 fn inverse(output: &Output, u: &Displacements, size: [usize; 2]) -> Vec<[f32; 2]> {
@@ -166,7 +155,7 @@ fn sizes(n: usize, m: usize) -> [[usize; 2]; 12] {
         [1, m],
         [n, 1],
         [3, 5],
-        [1021, 1031],
+        [509, 521],
     ]
 }
 
@@ -202,7 +191,7 @@ fn each_texel_centre_falls_to_one_triangle() {
                 let u = warp(i, j);
                 if u == [0.0; 2] { [1e-30, 0.0] } else { u }
             };
-            let u = upload(&context, &grid, &displace(&grid, moved), usize::MAX);
+            let u = upload(&context, &grid, &displace(&grid, moved));
             let [nx, ny] = cells.map(|n| n as usize);
             let bits = bits([nx, ny]);
             for size in sizes(nx, ny) {
@@ -224,7 +213,7 @@ fn each_texel_centre_falls_to_one_triangle() {
 
 /// The largest difference from the CPU's inverse of the same displacements, in texels.
 fn compare(context: &Arc<Context>, grid: &Arc<Grid>, u: &[[Plane; 2]], size: [usize; 2]) -> f64 {
-    let on_device = upload(context, grid, u, usize::MAX);
+    let on_device = upload(context, grid, u);
     let output = Output::new(context, size, PixelFormat::F32).unwrap();
     let found = inverse(&output, &on_device, size);
     let level = &grid.levels[0];
@@ -263,7 +252,8 @@ fn the_inverse_is_the_cpu_s() {
         let u = displace(&grid, warp);
         let large = cells[0] > 1000;
         let sizes = sizes(cells[0] as usize, cells[1] as usize);
-        for &size in if large { &sizes[..2] } else { &sizes[..] } {
+        // Precision depends on the cells; as many texels as cells would only take longer.
+        for &size in if large { &sizes[1..2] } else { &sizes[..] } {
             let start = vrtm_core::clock::Instant::now();
             let worst = compare(&context, &grid, &u, size);
             println!(
@@ -278,28 +268,20 @@ fn the_inverse_is_the_cpu_s() {
 }
 
 #[test]
-fn bands_give_the_same_bits() {
+fn bands_of_rows_give_the_same_bits() {
     let Some(context) = gpu(Options { webgpu_limits: true, ..Options::default() }).map(Arc::new) else {
         return;
     };
-    let charts = [[0, 0, 50, 96], [50, 0, 62, 90]];
-    let grid = grid([112, 96], &charts);
-    let planes = displace(&grid, push([25.0, 48.0], 22.0, [-4.0, 3.0]));
-    let blocks = grid.levels[0].blocks.list.len();
+    let grid = grid([112, 96], &[[0, 0, 50, 96], [50, 0, 62, 90]]);
+    let u = upload(&context, &grid, &displace(&grid, push([25.0, 48.0], 22.0, [-4.0, 3.0])));
     let size = [133, 201];
-    let u = upload(&context, &grid, &planes, usize::MAX);
-    assert_eq!(u.buffers.bands.len(), 1);
     let whole = inverse(&Output::new(&context, size, PixelFormat::F32).unwrap(), &u, size);
     assert!(whole.iter().filter(|d| **d != [0.0; 2]).count() > 10_000);
     for rows in [1, 7, 64, 200] {
         let output =
             Output::with_max_binding(&context, size, PixelFormat::F32, rows * 133 * INVERSE_BYTES).unwrap();
         assert_eq!(output.staging.len(), 201usize.div_ceil(rows as usize));
-        for most in [usize::MAX, blocks * 2 / 3, blocks * 4 / 7] {
-            let u = upload(&context, &grid, &planes, most);
-            assert_eq!(u.buffers.bands.len() > 1, most < blocks, "{most} of {blocks}");
-            assert!(inverse(&output, &u, size) == whole, "{rows} rows, {most} blocks");
-        }
+        assert!(inverse(&output, &u, size) == whole, "{rows} rows");
         // Smaller images fit into the same buffers.
         assert!(output.holds([133, 100], PixelFormat::F32) && !output.holds([133, 202], PixelFormat::F32));
     }

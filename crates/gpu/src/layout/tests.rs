@@ -58,7 +58,7 @@ fn structs() -> [Offsets; 6] {
     [
         fields!(Params: first factor smoothing node_planes),
         fields!(Chart: solved fraction limit_rounds),
-        fields!(BlockRecord: active_neighbours chart children continues length_shift weights),
+        fields!(BlockRecord: active_neighbours chart children length_shift weights),
         fields!(Triangle: barycentric neighbours chart pose),
         fields!(Request: count rows texels_per_step),
         fields!(RedirectRequest: width first step cells origin is_delta),

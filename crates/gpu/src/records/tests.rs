@@ -1,8 +1,6 @@
 //! Tests the decoding of constants in the shaders, which must give the same bits as the host's decoding.
 
-use wgpu::BufferUsages as Usage;
-
-use crate::context::tests::gpu;
+use crate::context::tests::{computed, gpu};
 use crate::kernels::Kernel;
 use vrtm_core::allocation::Vec;
 use vrtm_core::backend::Options;
@@ -36,44 +34,12 @@ fn codings() -> [Lengths; 5] {
 #[test]
 fn shaders_decode_to_the_host_s_bits() {
     let Some(context) = gpu(Options::default()) else { return };
-    let device = &context.device;
-    let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl((Kernel::SelectCharts.source().text(0) + ENTRY).into()),
-    });
-    let pipeline = device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-        label: None,
-        layout: None,
-        module: &module,
-        entry_point: Some("decode_all"),
-        compilation_options: Default::default(),
-        cache: None,
-    });
     let codings = codings();
     let words: Vec<u32> = codings.iter().flat_map(|coding| [coding.base, coding.shift]).collect();
     let each = 2 + codings.len();
-    let bytes = (CODES * each * 4) as u64;
-    let input = context.filled("codings", bytemuck::cast_slice(&words), Usage::STORAGE).unwrap();
-    let output = context.buffer("decoded", bytes, Usage::STORAGE | Usage::COPY_SRC).unwrap();
-    // Buffers may be larger than requested; the shader derives the number of codings from the size of the binding.
-    let size = std::num::NonZeroU64::new(words.len() as u64 * 4);
-    let codes = wgpu::BindingResource::Buffer(wgpu::BufferBinding { buffer: &input, offset: 0, size });
-    let group = device.create_bind_group(&wgpu::BindGroupDescriptor {
-        label: None,
-        layout: &pipeline.get_bind_group_layout(0),
-        entries: &[
-            wgpu::BindGroupEntry { binding: 20, resource: codes },
-            wgpu::BindGroupEntry { binding: 21, resource: output.as_entire_binding() },
-        ],
-    });
-    let mut encoder = device.create_command_encoder(&Default::default());
-    let mut pass = encoder.begin_compute_pass(&Default::default());
-    pass.set_pipeline(&pipeline);
-    pass.set_bind_group(0, &group, &[]);
-    pass.dispatch_workgroups(CODES as u32 / 64, 1, 1);
-    drop(pass);
-    context.submit([encoder]).unwrap();
-    let found: std::vec::Vec<u32> = bytemuck::pod_collect_to_vec(&context.read(&output, 0..bytes).unwrap());
+    let text = Kernel::SelectCharts.source().text(0) + ENTRY;
+    let (input, bytes) = (bytemuck::cast_slice(&words), (CODES * each * 4) as u64);
+    let found: std::vec::Vec<u32> = computed(&context, text, "decode_all", input, bytes, CODES / 64);
     for (code, found) in (0..=u16::MAX).zip(found.chunks(each)) {
         assert_eq!(found[0], decode_rigidity(code).to_bits(), "rigidity {code}");
         // 255 is not the code of a weight.

@@ -28,7 +28,8 @@ fn inputs(count: usize) -> Vec<u32> {
         state = state.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(0x1405_7b7e_f767_814f);
         (state >> 32) as u32
     };
-    let of = |k: usize, random: u32| {
+    let of = |k: usize| {
+        let random = next();
         let exponent = match k % 4 {
             // In turn: any magnitude; typical displacements; as large as the texel's centre; much smaller than it.
             0 => next() % 150,
@@ -45,17 +46,7 @@ fn inputs(count: usize) -> Vec<u32> {
         };
         (random & 0x8000_0000) | exponent << 23 | mantissa
     };
-    let mut salt = 7u32;
-    (0..count)
-        .map(move |k| {
-            salt = salt.wrapping_mul(0x2c1b_3c6d).wrapping_add(0x297a_2d39);
-            (k, salt ^ (salt >> 13))
-        })
-        .map({
-            let mut of = of;
-            move |(k, random)| of(k, random)
-        })
-        .collect()
+    (0..count).map(of).collect()
 }
 
 #[test]

@@ -5,13 +5,13 @@
     reason = "`common` and the example `render` bring the built-in scenes along, each for itself"
 )]
 
-mod bands;
 mod child;
 mod counts;
 mod cpu_gpu;
 mod device;
 mod invert;
 mod layers;
+mod limits;
 mod shaders;
 mod together;
 
