@@ -11,11 +11,10 @@ import bpy
 
 import blender
 import scene
-from checks import check, document, run, within
+from checks import check, recipes, run, within
 from picture import Difference
 
-recipe = {}
-exec(document("Blender", "python"), recipe)
+recipe = recipes("Blender")
 
 
 def through(form, delta=False, change=None):

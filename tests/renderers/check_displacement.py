@@ -8,11 +8,9 @@ import fixture
 import model
 import scene
 import warp
-from checks import check, document, run
+from checks import check, recipes, run
 
-recipe = {}
-exec(document("Blender", "python"), recipe)
-exec(document("Normal maps and vector displacement in Blender", "python"), recipe)
+recipe = recipes("Blender", "Normal maps and vector displacement in Blender")
 
 
 def displaced(name=None, redirected=False, turned=False):
