@@ -7,10 +7,9 @@
 
 #![allow(missing_docs)]
 
-mod draw;
 mod sweep;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -49,9 +48,6 @@ struct Args {
     /// --qualities, --seams and --open-borders.
     #[arg(long, value_delimiter = ',')]
     settings: Vec<String>,
-    /// With --settings: draw some of the scenes into this folder, one picture each, a column for each of the settings.
-    #[arg(long, value_name = "DIR")]
-    pictures: Option<PathBuf>,
     /// Also write the table there.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -87,26 +83,14 @@ fn run(args: &Args) -> Result<(), String> {
     if let Some(name) = args.scenes.iter().find(|name| !models.iter().any(|model| model.name == **name)) {
         return Err(format!("no scene or asset '{name}'"));
     }
-    if let Some(folder) = &args.pictures {
-        std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    }
     let wanted = |name: &str| args.scenes.is_empty() || args.scenes.iter().any(|scene| scene == name);
     for (name, frame) in CASES.into_iter().filter(|case| wanted(case.0)) {
         let Some(model) = models.iter().find(|model| model.name == name) else { continue };
         let model = &if args.dense { dense(model) } else { model.clone() };
-        let mut columns = Vec::new();
         for setting in &args.settings {
-            let (row, mut asset) = sweep::row(model, frame, setting, args.grid, args.at_texels)?;
+            let row = sweep::row(model, frame, setting, args.grid, args.at_texels)?;
             print!("{row}");
             text += &row;
-            if let (true, Some((_, view))) =
-                (args.pictures.is_some(), draw::VIEWS.iter().find(|view| view.0 == name))
-            {
-                columns.push(draw::draw(model, &model.frames[frame - 1], &mut asset, view, COLUMN));
-            }
-        }
-        if let (Some(folder), false) = (&args.pictures, columns.is_empty()) {
-            save(&columns, &folder.join(format!("{}.png", model.name.replace([' ', '%'], "_"))))?;
         }
         if !args.settings.is_empty() {
             continue;
@@ -124,18 +108,6 @@ fn run(args: &Args) -> Result<(), String> {
         Some(path) => std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display())),
         None => Ok(()),
     }
-}
-
-/// Pixels on a side of a picture of one setting.
-const COLUMN: usize = 420;
-
-/// Saves pictures side by side.
-fn save(columns: &[image::RgbImage], path: &Path) -> Result<(), String> {
-    let mut sheet = image::RgbImage::new((columns.len() * COLUMN) as u32, COLUMN as u32);
-    for (k, column) in columns.iter().enumerate() {
-        image::imageops::replace(&mut sheet, column, (k * COLUMN) as i64, 0);
-    }
-    sheet.save(path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// A line for each place at which the scene has features, on all of its tiles.

@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use vrtm::{Asset, OpenBorders, Quality, Seams, Strided, TileSettings};
+use vrtm::{OpenBorders, Quality, Seams, Strided, TileSettings};
 use vrtm_testkit::Lab as _;
 
 use vrtm_testkit::features::{at_texels, of_asset, rms};
@@ -31,15 +31,14 @@ pub fn change(settings: &mut TileSettings, word: &str) -> Result<(), String> {
 /// Parts of the way from rest to the frame at which the second difference is taken.
 const WAY: [f64; 4] = [0.92, 0.925, 0.93, 0.935];
 
-/// The line of a scene and of settings that are changed by the words of `setting`, joined by `+`; and the asset, solved
-/// for the frame.
+/// The line of a scene and of settings that are changed by the words of `setting`, joined by `+`.
 pub fn row(
     model: &Model,
     frame: usize,
     setting: &str,
     grid: u32,
     at_the_texels: bool,
-) -> Result<(String, Asset), String> {
+) -> Result<String, String> {
     let pose = &model.frames[frame - 1];
     let options = options(Quality::Normal);
     let mut asset = model.asset(0, grid);
@@ -72,7 +71,7 @@ pub fn row(
     let [before, after] = [0, 1].map(|k| features.iter().map(move |f| [f.before, f.after][k]));
     let bad = |errors: &mut dyn Iterator<Item = f64>| errors.filter(|error| *error > 0.05).count();
     let rise = || features.iter().map(|f| f.after - f.before);
-    let row = format!(
+    Ok(format!(
         "| {} {frame} | {setting} | {ms:.0} | {} | {:.4} | {:.4} | {:.4} | {} | {} | {} | {:.3} | {second:.4} |\n",
         model.name,
         features.len(),
@@ -83,6 +82,5 @@ pub fn row(
         bad(&mut after.clone()),
         rise().filter(|rise| *rise > 0.02).count(),
         rise().fold(0.0, f64::max),
-    );
-    Ok((row, asset))
+    ))
 }

@@ -25,7 +25,7 @@ class Paint:
 def positions(uvs, points, size):
     """The point of the surface at each texel of a tile, from triangles' UVs and points; NaN outside of charts."""
     out = np.full((size, size, 3), np.nan)
-    for corners, points in zip(uvs * size - 0.5, points):
+    for corners, places in zip(uvs * size - 0.5, points):
         low = np.maximum(np.ceil(corners.min(0)).astype(int), 0)
         high = np.minimum(np.floor(corners.max(0)).astype(int), size - 1)
         x, y = np.meshgrid(np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1))
@@ -37,7 +37,7 @@ def positions(uvs, points, size):
         s, t = (dx * by - dy * bx) / det, (ax * dy - ay * dx) / det
         inside = (s >= -1e-9) & (t >= -1e-9) & (s + t <= 1 + 1e-9)
         weights = np.stack([1 - s - t, s, t], -1)[inside]
-        out[size - 1 - y[inside], x[inside]] = weights @ points
+        out[size - 1 - y[inside], x[inside]] = weights @ places
     return out
 
 
@@ -68,7 +68,7 @@ class Surface:
         return out
 
     def inner(self, texels):
-        """Which covered texels are that far, give or take one, from all borders of charts."""
+        """A mask of the covered texels that are that far, give or take one, from all borders of charts."""
         sums = np.cumsum(np.cumsum(np.pad(self.here, texels + 1), 0, dtype=np.int64), 1)
         n = 2 * texels + 1
         box = sums[n:, n:] - sums[:-n, n:] - sums[n:, :-n] + sums[:-n, :-n]

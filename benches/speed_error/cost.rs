@@ -3,14 +3,13 @@
 
 use std::time::Instant;
 
-use serde_json::{Value, json};
 use vrtm::{Quality, SolveOptions, TileSettings};
 use vrtm_testkit::Lab as _;
 
 use crate::machine::paired;
 use crate::plain::Plain;
 use crate::plain_mesh::PlainMesh;
-use crate::rows::{median, short};
+use crate::rows::median;
 use vrtm_testkit::cases::Case;
 use vrtm_testkit::{Model, cpu, scenes};
 
@@ -27,8 +26,6 @@ pub struct NodeCost {
     pub quickest: f64,
     /// |E of the identity by the plain loop / E by the reference - 1|: both compute the same energy.
     pub difference: f64,
-    /// E after the plain loop's sweeps divided by E before, which shows that the loop lowers it.
-    pub left: f64,
 }
 
 fn bulge(grid: u32) -> Case {
@@ -67,7 +64,6 @@ pub fn node_cost(grid: u32, pairs: usize) -> Result<NodeCost, String> {
         library_ns,
         ratio,
         difference: (before / reference - 1.0).abs(),
-        left: plain.energy() / before,
     })
 }
 
@@ -105,19 +101,6 @@ fn rigidity(case: &Case) -> Vec<f64> {
     nodes
 }
 
-impl NodeCost {
-    pub fn json(&self) -> Value {
-        json!({
-            "plain_f64_one_core_ns": short(self.plain_ns, 3),
-            "library_all_cores_ns": short(self.library_ns, 3),
-            "ratio": short(self.ratio, 3),
-            "ratio_of_quickest": short(self.quickest, 3),
-            "energy_difference": short(self.difference, 2),
-            "plain_energy_left": short(self.left, 3),
-        })
-    }
-}
-
 /// The cost of solving the bulge on one grid at `normal`.
 pub struct SizeCost {
     pub grid: u32,
@@ -147,17 +130,4 @@ pub fn size_cost(grid: u32, solves: usize) -> Result<SizeCost, String> {
         bytes: report.bytes,
         node_updates: report.node_updates,
     })
-}
-
-impl SizeCost {
-    pub fn json(&self) -> Value {
-        json!({
-            "grid": self.grid,
-            "nodes_active": self.nodes,
-            "ms_median": short(self.ms, 4),
-            "ns_per_node": short(self.ms * 1e6 / self.nodes as f64, 3),
-            "bytes_per_node": short(self.bytes as f64 / self.nodes as f64, 4),
-            "node_updates_per_node": short(self.node_updates as f64 / self.nodes as f64, 4),
-        })
-    }
 }

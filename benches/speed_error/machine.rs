@@ -4,9 +4,7 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use serde_json::{Value, json};
-
-use crate::rows::{median, short};
+use crate::rows::median;
 
 pub struct Machine {
     pub cpu: String,
@@ -39,18 +37,6 @@ impl Machine {
             copy_gb_per_s: copy(threads),
             peak_gflops: peak(threads),
         }
-    }
-
-    pub fn json(&self) -> Value {
-        json!({
-            "cpu": self.cpu,
-            "threads": self.threads,
-            "simd": self.simd,
-            "compiler": self.compiler,
-            "adapters": self.adapters,
-            "copy_gb_per_s": short(self.copy_gb_per_s, 3),
-            "peak_f32_gflops": short(self.peak_gflops, 3),
-        })
     }
 
     pub fn text(&self) -> String {

@@ -14,7 +14,7 @@ recipe = recipes("Blender", "Normal maps and vector displacement in Blender")
 
 
 def displaced(name=None, redirected=False, turned=False):
-    """Which point of the surface a pixel sees, and how high: UVs and z, with alpha. The camera looks along z."""
+    """The point of the surface that a pixel sees, as UVs and z, with alpha. The camera looks along z."""
     tree = blender.start(scene.mesh(192), scene.SIZE, samples=4, smooth=True)
     colour = blender.emission(tree)
     bpy.data.materials["material"].displacement_method = "DISPLACEMENT"

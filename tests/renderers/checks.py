@@ -1,4 +1,4 @@
-"""What a file of checks prints: a line per check, with figures, and how many there were."""
+"""Lines that a file of checks prints: one per check, with figures."""
 
 import pathlib
 import re
