@@ -205,7 +205,7 @@ def marked(source, entry, sets):
             mark(end_of_block(begin, end), "end", [begun])
 
     def end_of_block(begin, end):
-        """The place of a block's end mark: before a jump. But a value that it returns may take time, so that is kept."""
+        """The place of a block's end mark: before a jump. But a value that it returns may take time, so it is kept."""
         last = JUMP.search(text.plain[begin:end])
         if not last:
             return end
