@@ -1,6 +1,7 @@
-"""The rendered meshes: a small model of two UDIM tiles that this file makes, and the meshes that lie beside the checkout.
+"""The rendered meshes: a small model of two UDIM tiles, made here, and the meshes that lie beside the checkout.
 
-The chart of tile 1002 is mirrored: seen from outside, its u runs to the left, as on the second half of a symmetric model.
+The chart of tile 1002 is mirrored: seen from outside, its u runs to the left, as on the second half of a symmetric
+model.
 """
 
 import pathlib
