@@ -37,15 +37,13 @@ impl Claim {
 
 /// The claims per scene, backend and error for which pbd was run.
 pub fn claims(rows: &[Row]) -> Vec<Claim> {
-    let mut keys: Vec<(&str, &'static str)> =
-        rows.iter().map(|row| (row.scene.as_str(), row.backend)).collect();
-    keys.dedup();
-    let mut seen: Vec<(&str, &'static str)> = Vec::new();
-    keys.retain(|key| {
-        let new = !seen.contains(key);
-        seen.push(*key);
-        new
-    });
+    let mut keys: Vec<(&str, &'static str)> = Vec::new();
+    for row in rows {
+        let key = (row.scene.as_str(), row.backend);
+        if !keys.contains(&key) {
+            keys.push(key);
+        }
+    }
     let mut claims = Vec::new();
     for (scene, backend) in keys {
         let of = |solver: &'static str| {

@@ -4,8 +4,6 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use crate::rows::median;
-
 pub struct Machine {
     pub cpu: String,
     pub threads: usize,
@@ -148,10 +146,4 @@ fn multiply_add_best() -> u64 {
         }
     }
     multiply_add::<{ LANES / 4 }>()
-}
-
-/// The medians of both sides of some pairs, and of their ratios.
-pub fn paired(pairs: &[(f64, f64)]) -> (f64, f64, f64) {
-    let of = |f: fn(&(f64, f64)) -> f64| median(&pairs.iter().map(f).collect::<Vec<_>>());
-    (of(|p| p.0), of(|p| p.1), of(|p| p.0 / p.1))
 }

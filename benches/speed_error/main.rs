@@ -11,8 +11,6 @@ mod cost;
 mod efforts;
 mod machine;
 mod oracle;
-mod plain;
-mod plain_mesh;
 mod plots;
 mod rows;
 mod runs;
@@ -103,7 +101,7 @@ fn run(args: &Args) -> Result<(), String> {
         eprintln!("{:6.0} s  {}", start.elapsed().as_secs_f64(), case.name);
         done.push(Done::new(case, ran)?);
     }
-    let node = cost::node_cost(args.grid.min(512), 3 * args.repeats)?;
+    let node = cost::node_update(args.grid.min(512), 3 * args.repeats)?;
     let solves = |grid: u32| if grid > 2048 { 1 } else { 3 };
     let sizes = args.sizes.iter().map(|&grid| cost::size_cost(grid, solves(grid)));
     let sizes = sizes.collect::<Result<Vec<_>, String>>()?;
@@ -114,7 +112,7 @@ fn run(args: &Args) -> Result<(), String> {
     }
     let rows: Vec<Row> = done.iter().flat_map(Done::rows).collect();
     let claims = claims::claims(&rows);
-    let text = table::text(&machine, &done, &rows, &claims, Some(&node), &sizes);
+    let text = table::text(&machine, &done, &rows, &claims, node, &sizes);
     println!("{text}");
     if !args.bench {
         return Ok(());

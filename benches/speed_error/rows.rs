@@ -80,7 +80,7 @@ impl Row {
 /// Writes a line of names and one line per row.
 pub fn csv(rows: &[Row]) -> String {
     let Some(first) = rows.first() else { return String::new() };
-    let names = first.columns().into_iter().map(|(name, _)| name.to_owned()).collect();
+    let names: Vec<String> = first.columns().into_iter().map(|(name, _)| name.to_owned()).collect();
     let cells = |row: &Row| row.columns().into_iter().map(|(_, cell)| cell).collect();
     let lines = std::iter::once(names).chain(rows.iter().map(cells));
     lines.map(|cells: Vec<String>| cells.join(",") + "\n").collect()
