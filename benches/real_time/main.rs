@@ -79,9 +79,11 @@ fn main() {
     let models: Vec<Model> = args.scenes.iter().map(|name| model(name)).collect();
     if let Some(repeats) = args.cancel {
         println!("{}", cancel::HEAD);
-        for (model, &grid) in models.iter().flat_map(|model| args.grids.iter().map(move |grid| (model, grid)))
-        {
-            [true, false].map(|first| cancel::measure(repeats, &device, model, grid, first));
+        for model in &models {
+            for &grid in &args.grids {
+                cancel::measure(repeats, &device, model, grid, true);
+                cancel::measure(repeats, &device, model, grid, false);
+            }
         }
         return;
     }
