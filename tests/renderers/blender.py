@@ -64,8 +64,6 @@ def start(mesh, size, samples=16, engine="CYCLES", osl=False, smooth=False):
         scene.cycles.use_denoising = False
         scene.cycles.max_bounces = 0
         scene.cycles.shading_system = osl
-    else:
-        scene.eevee.taa_render_samples = samples
     return material.node_tree
 
 
