@@ -9,7 +9,7 @@
 A scene is a folder, or a skinned character of glTF 2.0 and the rigidity map of its tile; then the number of texels of
 the maps, and of cells, per side. Of scenes that are not there it says so. CesiumMan and Fox are in
 https://github.com/KhronosGroup/glTF-Sample-Assets; no file of them is part of this project. Needs pip install
-'./bindings/python[bake]' pillow. Writes benches/results/basis.md.
+'./bindings/python[bake]' pillow scipy. Writes benches/results/basis.md.
 
 A folder's frames are the shapes of its rig. A scene with up to four of them, or with one clip, is a motion of which
 every third frame is held out. Else all methods get each shape alone and mixtures of them, and are measured on others;

@@ -9,6 +9,7 @@ import numpy as np
 import vrtm
 from PIL import Image
 from rig import Rig
+from scipy.ndimage import label
 from vrtm.bake.basis_tiles import fans
 from vrtm.bake.scene import Scene as File
 from vrtm.basis.folds import folds
@@ -70,7 +71,7 @@ class Scene:
             numbers = np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1, 3)
             rigid = np.asarray(image.resize((size, size), Image.Resampling.BOX)) / 255
             self.rulers.append(Ruler(uvs[inside] - place, numbers, vertices, rigid))
-            features.append(_features(rigid > 0.5))
+            features.append(label(rigid > 0.5)[0] - 1)
             self.tiles.append(tile)
         at = (np.arange(size) + 0.5) / size
         x, y = np.meshgrid(at, at[::-1])
@@ -151,24 +152,3 @@ class Character(Scene):
             return Samples.of_motion(self.rig.frames(0, FRAMES))
         fitted = [self.rig.frames(k, FRAMES // (count - 1)) for k in range(count - 1)]
         return Samples(np.vstack(fitted), self.rig.frames(count - 1, HELD), False)
-
-
-def _features(rigid: np.ndarray) -> np.ndarray:
-    """(height, width): a number per connected set of texels, -1 elsewhere."""
-    number = np.where(rigid, np.arange(rigid.size).reshape(rigid.shape), -1)
-    while True:
-        before = number.copy()
-        for axis in (0, 1):
-            for way in (1, -1):
-                near = np.roll(number, way, axis)
-                edge = [slice(None)] * 2
-                edge[axis] = 0 if way == 1 else -1
-                near[tuple(edge)] = -1
-                number = np.where(rigid, np.maximum(number, near), -1)
-        # Along the way of what was found so far.
-        number = np.where(rigid, number.ravel()[np.maximum(number, 0)], -1)
-        if (number == before).all():
-            break
-    found = np.full(rigid.shape, -1)
-    found[rigid] = np.unique(number[rigid], return_inverse=True)[1]
-    return found

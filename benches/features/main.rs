@@ -1,24 +1,24 @@
-//! Measures the error of each painted feature: inside of charts, at open borders and at seams. Writes a table.
+//! Measures the error of each painted feature, everywhere, inside of charts, at open borders and at seams, over
+//! settings of the tiles; and how smoothly the warp follows the pose. Writes a table.
 //!
 //!     cargo bench -p vrtm-benches --bench features
-//!     cargo bench -p vrtm-benches --bench features -- --grid 256 --scenes fox --qualities draft,normal
+//!     cargo bench -p vrtm-benches --bench features -- --grid 256 --scenes fox --settings draft,default,seams=continue
 //!     cargo bench -p vrtm-benches --bench features -- --dense --settings default,protect=0.5,protect=1
-//!     cargo bench -p vrtm-benches --bench features -- --grid 0 --at-texels --settings default
+//!     cargo bench -p vrtm-benches --bench features -- --grid 0 --at-texels
 
 #![allow(missing_docs)]
 
-mod draw;
-mod sweep;
-
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use vrtm::{OpenBorders, Quality, Seams, Strided};
-use vrtm_testkit::Model;
+use vrtm::{Asset, OpenBorders, Quality, Seams, SolveOptions, Strided, TileSettings};
+use vrtm_testkit::Lab as _;
 use vrtm_testkit::features::dense::dense;
-use vrtm_testkit::features::{CASES, Kind, Summary, gaps, models, of_asset, solve};
+use vrtm_testkit::features::{CASES, Feature, Kind, at_texels, gaps, models, of_asset, rms};
+use vrtm_testkit::roughness::{moving, second_difference};
+use vrtm_testkit::{Model, options};
 
 /// Measures the error of each painted feature.
 #[derive(Parser)]
@@ -30,28 +30,16 @@ struct Args {
     /// Cells on a side of the grids; 0 for those that resolve the features.
     #[arg(long, default_value_t = 512)]
     grid: u32,
-    /// With --settings: measure at the texels of the maps, not at the nodes of the grids.
-    #[arg(long, requires = "settings")]
+    /// Measure at the texels of the maps, not at the nodes of the grids.
+    #[arg(long)]
     at_texels: bool,
-    /// draft, normal.
-    #[arg(long, value_delimiter = ',', default_values_t = ["normal".to_owned()])]
-    qualities: Vec<String>,
-    /// shut, keep, continue: what happens at seams.
-    #[arg(long, value_delimiter = ',', default_values_t = ["shut".to_owned()])]
-    seams: Vec<String>,
-    /// fixed, slide: what happens at open borders.
-    #[arg(long, value_delimiter = ',', default_values_t = ["fixed".to_owned()])]
-    open_borders: Vec<String>,
+    /// Settings of the tiles that are compared, such as protect=1, room=0+smoothness=0.1, seams=continue or
+    /// open_borders=slide; also draft, a quality.
+    #[arg(long, value_delimiter = ',', default_values_t = ["default".to_owned()])]
+    settings: Vec<String>,
     /// Paint the scenes densely, in place of their own rigidity.
     #[arg(long)]
     dense: bool,
-    /// Compare settings of the tiles, such as protect=1 or room=0+smoothness=0.1, with one line for each, in place of
-    /// --qualities, --seams and --open-borders.
-    #[arg(long, value_delimiter = ',')]
-    settings: Vec<String>,
-    /// With --settings: draw some of the scenes into this folder, one picture each, a column for each of the settings.
-    #[arg(long, value_name = "DIR")]
-    pictures: Option<PathBuf>,
     /// Also write the table there.
     #[arg(long)]
     out: Option<PathBuf>,
@@ -75,49 +63,27 @@ fn main() -> ExitCode {
     }
 }
 
-const HEAD: &str = "| scene | quality | seams | open borders | ms | where | features | mean error before | after | over 0.05 before | after | worse by 0.02 | both sides apart, texels of 4096: 50, 90, 99, 99.9 % |
-|---|---|---|---|---|---|---|---|---|---|---|---|---|
+const HEAD: &str = "\
+    | scene | setting | ms | where | features | RMS error before | after | mean before | after | over 0.05 before \
+    | after | worse by 0.02 | worst | second difference, cells | both sides apart, texels of 4096: 50, 90, 99, 99.9 % |
+|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|
 ";
 
 fn run(args: &Args) -> Result<(), String> {
-    let head = if args.settings.is_empty() { HEAD } else { sweep::HEAD };
-    let mut text = head.to_owned();
-    print!("{head}");
+    let mut text = HEAD.to_owned();
+    print!("{HEAD}");
     let models = models();
     if let Some(name) = args.scenes.iter().find(|name| !models.iter().any(|model| model.name == **name)) {
         return Err(format!("no scene or asset '{name}'"));
-    }
-    if let Some(folder) = &args.pictures {
-        std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     }
     let wanted = |name: &str| args.scenes.is_empty() || args.scenes.iter().any(|scene| scene == name);
     for (name, frame) in CASES.into_iter().filter(|case| wanted(case.0)) {
         let Some(model) = models.iter().find(|model| model.name == name) else { continue };
         let model = &if args.dense { dense(model) } else { model.clone() };
-        let mut columns = Vec::new();
         for setting in &args.settings {
-            let (row, mut asset) = sweep::row(model, frame, setting, args.grid, args.at_texels)?;
-            print!("{row}");
-            text += &row;
-            if let (true, Some((_, view))) =
-                (args.pictures.is_some(), draw::VIEWS.iter().find(|view| view.0 == name))
-            {
-                columns.push(draw::draw(model, &model.frames[frame - 1], &mut asset, view, COLUMN));
-            }
-        }
-        if let (Some(folder), false) = (&args.pictures, columns.is_empty()) {
-            save(&columns, &folder.join(format!("{}.png", model.name.replace([' ', '%'], "_"))))?;
-        }
-        if !args.settings.is_empty() {
-            continue;
-        }
-        for quality in &args.qualities {
-            let open = |seams| args.open_borders.iter().map(move |open| [seams, open]);
-            for borders in args.seams.iter().flat_map(open) {
-                let rows = rows(model, frame, quality, borders, args.grid)?;
-                print!("{rows}");
-                text += &rows;
-            }
+            let rows = rows(args, model, frame, setting)?;
+            print!("{rows}");
+            text += &rows;
         }
     }
     match &args.out {
@@ -126,74 +92,102 @@ fn run(args: &Args) -> Result<(), String> {
     }
 }
 
-/// Pixels on a side of a picture of one setting.
-const COLUMN: usize = 420;
-
-/// Saves pictures side by side.
-fn save(columns: &[image::RgbImage], path: &Path) -> Result<(), String> {
-    let mut sheet = image::RgbImage::new((columns.len() * COLUMN) as u32, COLUMN as u32);
-    for (k, column) in columns.iter().enumerate() {
-        image::imageops::replace(&mut sheet, column, (k * COLUMN) as i64, 0);
+/// Changes the settings by a word such as `room=0`; `default` and qualities change nothing.
+fn change(settings: &mut TileSettings, word: &str) -> Result<(), String> {
+    let bad = || format!("--settings {word}: neither 'default', 'draft' nor NAME=VALUE of a tile's setting");
+    let Some((name, text)) = word.split_once('=') else {
+        return if ["default", "draft"].contains(&word) { Ok(()) } else { Err(bad()) };
+    };
+    match name {
+        "open_borders" if text == "slide" => settings.open_borders = OpenBorders::Slide,
+        "seams" if text == "continue" => settings.seams = Seams::Continue,
+        "seams" if text == "keep" => settings.seams = Seams::Keep,
+        _ => *settings.number(name).ok_or_else(bad)? = text.parse().map_err(|_| bad())?,
     }
-    sheet.save(path).map_err(|error| format!("{}: {error}", path.display()))
+    Ok(())
 }
 
-/// A line for each place at which the scene has features, on all of its tiles.
-fn rows(
-    model: &Model,
-    frame: usize,
-    quality: &str,
-    [seams, open]: [&String; 2],
-    grid: u32,
-) -> Result<String, String> {
-    let options = vrtm_testkit::options(match quality {
-        "draft" => Quality::Draft,
-        "normal" => Quality::Normal,
-        other => return Err(format!("--qualities {other}: neither draft nor normal")),
-    });
-    let of_seams = match &**seams {
-        "shut" => Seams::Shut,
-        "keep" => Seams::Keep,
-        "continue" => Seams::Continue,
-        other => return Err(format!("--seams {other}: neither shut, keep nor continue")),
-    };
-    let wanted = match &**open {
-        "fixed" => (of_seams, OpenBorders::Fixed),
-        "slide" => (of_seams, OpenBorders::Slide),
-        other => return Err(format!("--open-borders {other}: neither fixed nor slide")),
-    };
+/// Parts of the way from rest to the frame at which the second difference is taken.
+const WAY: [f64; 4] = [0.92, 0.925, 0.93, 0.935];
+
+/// The lines of a scene and of settings that are changed by the words of `setting`, joined by `+`: one for all features
+/// of all tiles, and one for each place that has some.
+fn rows(args: &Args, model: &Model, frame: usize, setting: &str) -> Result<String, String> {
+    let fail = |error: vrtm::Error| error.to_string();
     let pose = &model.frames[frame - 1];
-    let mut asset = solve(model, pose, 0, grid, wanted, &options);
-    // Once more, with everything prepared; the least of three.
-    let mut seconds = f64::INFINITY;
-    for _ in 0..3 {
-        asset.solve(Strided::from_f32x3(&model.rest), &options).unwrap();
-        let start = Instant::now();
-        asset.solve(Strided::from_f32x3(pose), &options).unwrap();
-        seconds = seconds.min(start.elapsed().as_secs_f64());
+    let draft = setting.split('+').any(|word| word == "draft");
+    let options = options(if draft { Quality::Draft } else { Quality::Normal });
+    let mut asset = model.asset(0, args.grid);
+    for tile in 0..asset.tile_count() {
+        let mut settings = asset.settings(tile).map_err(fail)?;
+        setting.split('+').try_for_each(|word| change(&mut settings, word))?;
+        asset.set_settings(tile, &settings).map_err(fail)?;
     }
-    let features = of_asset(model, pose, &asset);
-    let gaps = gaps(model, &asset);
-    let gap = |q: f64| gaps.get(((gaps.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
-    let gaps = format!("{:.2}, {:.2}, {:.2}, {:.2}", gap(0.5), gap(0.9), gap(0.99), gap(0.999));
-    let mut rows = String::new();
+    let second = steps(&mut asset, model, pose, &options).map_err(fail)?;
+    // With everything prepared; the least of three.
+    let mut ms = f64::INFINITY;
+    for _ in 0..3 {
+        asset.solve(Strided::from_f32x3(&model.rest), &options).map_err(fail)?;
+        let start = Instant::now();
+        asset.solve(Strided::from_f32x3(pose), &options).map_err(fail)?;
+        ms = ms.min(1000.0 * start.elapsed().as_secs_f64());
+    }
+    let features = if args.at_texels { at_texels } else { of_asset }(model, pose, &asset);
+    let start = format!("| {} {frame} | {setting} | {ms:.0}", model.name);
+    let mut text =
+        format!("{start} | everywhere {} {second:.4} | |\n", figures(&features.iter().collect::<Vec<_>>()));
     for (kind, place) in [(Kind::Inner, "inside"), (Kind::Open, "open border"), (Kind::Seam, "seam")] {
-        let s = Summary::of(&features, kind);
-        if s.count > 0 {
-            rows += &format!(
-                "| {} {} | {quality} | {seams} | {open} | {:.0} | {place} | {} | {:.4} | {:.4} | {} | {} | {} | {} |\n",
-                model.name,
-                frame,
-                1000.0 * seconds,
-                s.count,
-                s.mean[0],
-                s.mean[1],
-                s.bad[0],
-                s.bad[1],
-                s.worse,
-                if kind == Kind::Seam { &gaps } else { "" }
-            );
+        let some: Vec<&Feature> = features.iter().filter(|feature| feature.kind == kind).collect();
+        if !some.is_empty() {
+            let gaps = if kind == Kind::Seam { apart(&gaps(model, &asset)) } else { String::new() };
+            text += &format!("{start} | {place} {} | {gaps} |\n", figures(&some));
         }
     }
-    Ok(rows)
+    Ok(text)
+}
+
+/// The distances between both sides of seams, in ascending order, at 50, 90, 99 and 99.9 %.
+fn apart(gaps: &[f64]) -> String {
+    let gap = |q: f64| gaps.get(((gaps.len() as f64 - 1.0) * q) as usize).copied().unwrap_or(0.0);
+    format!("{:.2}, {:.2}, {:.2}, {:.2}", gap(0.5), gap(0.9), gap(0.99), gap(0.999))
+}
+
+/// Root mean square of the second differences of the warp on the way to a pose, over the nodes that move.
+fn steps(asset: &mut Asset, model: &Model, pose: &[[f32; 3]], options: &SolveOptions) -> vrtm::Result<f64> {
+    let mut warps = Vec::new();
+    for t in WAY {
+        let point = |(r, p): (&[f32; 3], &[f32; 3])| {
+            [0, 1, 2].map(|k| f64::from(r[k]) + t * (f64::from(p[k]) - f64::from(r[k])))
+        };
+        let between: Vec<[f64; 3]> = model.rest.iter().zip(pose).map(point).collect();
+        asset.solve(Strided::from_f64x3(&between), options)?;
+        let mut warp = Vec::new();
+        for tile in 0..asset.tile_count() {
+            warp.extend(asset.displacements(tile)?.iter().map(|u| u.map(f64::from)));
+        }
+        warps.push(warp);
+    }
+    let moving = moving(&warps);
+    Ok(rms(warps.windows(3).flat_map(|w| moving.iter().map(|&n| second_difference(w, n)))))
+}
+
+/// The columns from the number of features to the one whose error rises most.
+fn figures(features: &[&Feature]) -> String {
+    let errors: [fn(&Feature) -> f64; 2] = [|f| f.before, |f| f.after];
+    let all = |k: usize| features.iter().map(move |f| errors[k](f));
+    let mean = |k: usize| all(k).sum::<f64>() / features.len().max(1) as f64;
+    let bad = |k: usize| all(k).filter(|error| *error > 0.05).count();
+    let rise = || features.iter().map(|f| f.after - f.before);
+    format!(
+        "| {} | {:.4} | {:.4} | {:.4} | {:.4} | {} | {} | {} | {:.3} |",
+        features.len(),
+        rms(all(0)),
+        rms(all(1)),
+        mean(0),
+        mean(1),
+        bad(0),
+        bad(1),
+        rise().filter(|rise| *rise > 0.02).count(),
+        rise().fold(0.0, f64::max),
+    )
 }

@@ -15,8 +15,8 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 REPOSITORY = HERE.parents[1]
-# What each figure needs: an asset beside the checkout, a built-in scene, or other parameterisers.
-NEEDS = {"1": ["mh_face"], "3": ["peers"], "4": ["mug_to_jug", "peers"], "5": [], "6": ["mug_to_jug"], "7": []}
+# What each figure needs: an asset beside the checkout, a built-in scene, or scipy.
+NEEDS = {"1": ["mh_face"], "3": ["scipy"], "4": ["mug_to_jug", "scipy"], "5": [], "6": ["mug_to_jug", "scipy"], "7": []}
 
 
 def parsed():
@@ -64,11 +64,11 @@ def scene(name, folder):
 def missing(needs, options, scenes):
     """Why a figure cannot be made, or None."""
     for need in needs:
-        if need == "peers":
+        if need == "scipy":
             try:
                 import scipy  # noqa: F401
             except ImportError:
-                return "the other parameterisers need scipy: pip install -r benches/paper/requirements.txt"
+                return "it needs scipy: pip install -r benches/paper/requirements.txt"
         elif need == "mh_face":
             if not (options.assets / need).is_dir():
                 return f"the face is not there: {options.assets / need} (option --assets)"

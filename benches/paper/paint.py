@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import studs
 import warp
 
 
@@ -23,6 +22,25 @@ class Paint:
                 warp.write(folder / f"{name}.{udim}.exr", map[..., None], names=["Y"])
 
 
+def positions(uvs, points, size):
+    """The point of the surface at each texel of a tile, from triangles' UVs and points; NaN outside of charts."""
+    out = np.full((size, size, 3), np.nan)
+    for corners, places in zip(uvs * size - 0.5, points):
+        low = np.maximum(np.ceil(corners.min(0)).astype(int), 0)
+        high = np.minimum(np.floor(corners.max(0)).astype(int), size - 1)
+        x, y = np.meshgrid(np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1))
+        (ax, ay), (bx, by) = corners[1] - corners[0], corners[2] - corners[0]
+        det = ax * by - ay * bx
+        if not det or not x.size:
+            continue
+        dx, dy = x - corners[0, 0], y - corners[0, 1]
+        s, t = (dx * by - dy * bx) / det, (ax * dy - ay * dx) / det
+        inside = (s >= -1e-9) & (t >= -1e-9) & (s + t <= 1 + 1e-9)
+        weights = np.stack([1 - s - t, s, t], -1)[inside]
+        out[size - 1 - y[inside], x[inside]] = weights @ places
+    return out
+
+
 class Surface:
     """The texels of a tile that charts cover, and where they lie on the surface at rest."""
 
@@ -30,8 +48,8 @@ class Surface:
         triangles, uv_triangles = model.triangles()
         middle = np.floor(model.uvs[uv_triangles].mean(1))
         inside = 1001 + middle[:, 0] + 10 * middle[:, 1] == udim
-        mesh = type("Mesh", (), dict(uvs=model.uvs, triangles=triangles[inside], uv_triangles=uv_triangles[inside]))
-        place = studs.positions(mesh, model.rest, size, udim)
+        tile = (udim - 1001) % 10, (udim - 1001) // 10
+        place = positions(model.uvs[uv_triangles[inside]] - tile, model.rest[triangles[inside]], size)
         self.size, self.udim, self.here = size, udim, ~np.isnan(place[..., 0])
         self.points = place[self.here]
         rows, columns = np.nonzero(self.here)
@@ -50,7 +68,7 @@ class Surface:
         return out
 
     def inner(self, texels):
-        """Which covered texels are that far, give or take one, from all borders of charts."""
+        """A mask of the covered texels that are that far, give or take one, from all borders of charts."""
         sums = np.cumsum(np.cumsum(np.pad(self.here, texels + 1), 0, dtype=np.int64), 1)
         n = 2 * texels + 1
         box = sums[n:, n:] - sums[:-n, n:] - sums[n:, :-n] + sums[:-n, :-n]

@@ -3,7 +3,6 @@
 import tempfile
 from pathlib import Path
 
-import carried
 import numpy as np
 import solve
 import stage
@@ -79,14 +78,6 @@ def head(options):
     yield better("face", solve.solved(model, model.frames[fig1.FRAME], 512), 0.5)
 
 
-def scales():
-    bound = carried.Bound(carried.sleeve(512, 128))
-    _, pieces = bound.solved(carried.STEPS)
-    plain, deformed, rigid = (bound.strain(points) for points in pieces)
-    text = f"sides change by up to {plain:.2f}, {deformed:.2f} and {rigid:.1e}"
-    yield "carried scales keep their lengths", min(plain, deformed) > 0.3 and rigid < 1e-5, text
-
-
 def checks(assets):
     """All of them, one after the other."""
     with tempfile.TemporaryDirectory() as folder:
@@ -95,7 +86,6 @@ def checks(assets):
         yield from spiky_fish()
         yield from fruit()
         yield from overlap(options)
-        yield from scales()
         if (options.assets / "mh_face").is_dir():
             yield from head(options)
         else:

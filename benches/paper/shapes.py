@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import obj
 from PIL import Image
 
 
@@ -20,15 +21,9 @@ class Model:
     rigidity: dict = field(default_factory=dict)  # UDIM number: (height, width), 0 to 1, first row at v = 1
     notes: list = field(default_factory=list)
 
-    def polygons(self, indices=None):
-        ends = np.cumsum(self.counts)
-        return np.split(self.indices if indices is None else indices, ends[:-1])
-
     def triangles(self):
         """Fans of the polygons: vertices and UVs of triangles, (triangles, 3) each."""
-        first = np.repeat(np.cumsum(self.counts) - self.counts, self.counts - 2)
-        step = np.concatenate([np.arange(1, n - 1) for n in self.counts])
-        corners = np.stack([first, first + step, first + step + 1], -1).astype(int)
+        corners = obj.fans(self.counts)
         return self.indices[corners], self.uv_indices[corners]
 
     def udims(self):
@@ -39,11 +34,8 @@ class Model:
     def write(self, folder):
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
-        lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in self.rest]
-        lines += [f"vt {u:.9g} {v:.9g}" for u, v in self.uvs]
-        for vertices, uvs in zip(self.polygons(), self.polygons(self.uv_indices)):
-            lines.append("f " + " ".join(f"{v + 1}/{t + 1}" for v, t in zip(vertices, uvs)))
-        (folder / "rest.obj").write_text("\n".join(lines) + "\n")
+        corners = np.stack([self.indices, self.uv_indices], -1)
+        obj.write(folder / "rest.obj", self.rest, self.uvs, self.counts, corners)
         self.frames.astype("<f4").tofile(folder / "frames.f32")
         for udim, map in self.rigidity.items():
             Image.fromarray(np.rint(np.clip(map, 0, 1) * 255).astype(np.uint8)).save(folder / f"rigidity.{udim}.png")
@@ -64,17 +56,7 @@ def read(folder):
     """The model of an asset folder: asset.json, rest.obj, frames.f32 and rigidity maps."""
     folder = Path(folder)
     facts = json.loads((folder / "asset.json").read_text())
-    rest, uvs, counts, corners = [], [], [], []
-    for line in (folder / "rest.obj").read_text().splitlines():
-        kind, *words = line.split() or [""]
-        if kind == "v":
-            rest.append([float(x) for x in words[:3]])
-        elif kind == "vt":
-            uvs.append([float(x) for x in words[:2]])
-        elif kind == "f":
-            counts.append(len(words))
-            corners += [[int(i) - 1 for i in word.split("/")[:2]] for word in words]
-    corners, rest = np.array(corners), np.array(rest)
+    rest, uvs, counts, corners = obj.read(folder / "rest.obj")
     frames = np.fromfile(folder / "frames.f32", "<f4")
     if frames.size % rest.size:
         raise ValueError(f"{folder / 'frames.f32'}: not a whole number of frames of {len(rest)} vertices")
@@ -83,7 +65,7 @@ def read(folder):
         for udim, file in facts["rigidity"].items()
     }
     return Model(
-        facts["name"], rest, np.array(counts), corners[:, 0], np.array(uvs), corners[:, 1],
+        facts["name"], rest, counts, corners[:, 0], uvs, corners[:, 1],
         frames.reshape(-1, len(rest), 3).astype(float), rigidity, facts.get("frame_notes", []),
     )  # fmt: skip
 

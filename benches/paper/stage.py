@@ -6,11 +6,10 @@ from dataclasses import dataclass
 import blender
 import bpy
 import numpy as np
-from checks import document
+from checks import recipes
 from mathutils import Vector
 
-recipe = {}
-exec(document("Blender", "python"), recipe)
+recipe = recipes("Blender")
 
 
 @dataclass
@@ -24,7 +23,6 @@ class View:
     elevation: float = 15
     size: tuple = (480, 420)
     floor: float | None = None
-    sharpness: float = 1.0  # size of the lights, smaller is harder
 
 
 def upright(points):
@@ -92,7 +90,7 @@ def camera_and_light(scene, view):
     # Key from the upper left, fill from the right, rim from behind.
     for turn, up, energy, size in (-50, 48, 17, 0.8), (55, 15, 3, 2.5), (160, 50, 10, 1.2):
         light = bpy.data.objects.new("light", bpy.data.lights.new("light", "AREA"))
-        light.data.size = size * view.width * view.sharpness
+        light.data.size = size * view.width
         light.data.energy = energy * (2.2 * view.width) ** 2
         aim(light, around(turn, up, 2.6 * view.width))
     world = bpy.data.worlds.new("world")
@@ -121,22 +119,17 @@ def texture(tree, path, data, redirect, smooth=False):
     return node.outputs["Color"]
 
 
-def lit(tree, folder, redirect, roughness=0.45, coat=0.0, subsurface=0.0, flat=False):
-    """Colour and height of a folder, through the redirection if there is one. `flat` takes the height as bump only."""
+def lit(tree, folder, redirect, roughness=0.45, coat=0.0):
+    """Colour and height of a folder, through the redirection if there is one."""
     tree.nodes.clear()
     shader, out = tree.nodes.new("ShaderNodeBsdfPrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
     tree.links.new(texture(tree, folder / "colour.<UDIM>.exr", True, redirect), shader.inputs["Base Color"])
     shader.inputs["Roughness"].default_value = roughness
     shader.inputs["Coat Weight"].default_value, shader.inputs["Coat Roughness"].default_value = coat, 0.15
     height = texture(tree, folder / "height.<UDIM>.exr", True, redirect, smooth=True)
-    if flat:
-        node = tree.nodes.new("ShaderNodeBump")
-        node.inputs["Strength"].default_value, node.inputs["Distance"].default_value = 1, 1
-        tree.links.new(node.outputs["Normal"], shader.inputs["Normal"])
-    else:
-        node = tree.nodes.new("ShaderNodeDisplacement")
-        node.inputs["Midlevel"].default_value, node.inputs["Scale"].default_value = 0, 1
-        tree.links.new(node.outputs[0], out.inputs["Displacement"])
+    node = tree.nodes.new("ShaderNodeDisplacement")
+    node.inputs["Midlevel"].default_value, node.inputs["Scale"].default_value = 0, 1
+    tree.links.new(node.outputs[0], out.inputs["Displacement"])
     tree.links.new(height, node.inputs["Height"])
     tree.links.new(shader.outputs[0], out.inputs["Surface"])
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import measure
 import numpy as np
+import obj
 from case import Scene
 from geometry import find
 from PIL import Image
@@ -97,7 +98,7 @@ class Studs:
         return np.linalg.norm(points[self.edges[:, 0]] - points[self.edges[:, 1]], axis=1)
 
     def painted(self, pose: np.ndarray, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where the base's paint is shown in a pose, and the length of a cell there."""
+        """The points at which the base's paint is shown in a pose, and the length of a cell there."""
         scene = self.scene
         mesh, width = scene.mesh, scene.grid + 1
         at = self.uv + displacement[(self.uv[:, 1] * width + self.uv[:, 0]).astype(int)]
@@ -254,11 +255,10 @@ def write(folder: Path, name: str, pose) -> None:
     """A sheet with round studs, as the folder of an asset."""
     line = np.linspace(0, 1, SIDE + 1)
     v, u = (x.ravel() for x in np.meshgrid(line, line, indexing="ij"))
-    number = np.arange(len(u)).reshape(SIDE + 1, -1) + 1
-    quads = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], -1).reshape(-1, 4)
-    lines = [f"v {x:.9g} {y:.9g} 0" for x, y in zip(u, v)] + [f"vt {x:.9g} {y:.9g}" for x, y in zip(u, v)]
-    lines += ["f " + " ".join(f"{k}/{k}" for k in quad) for quad in quads]
-    (folder / "rest.obj").write_text("\n".join(lines) + "\n")
+    number = np.arange(len(u)).reshape(SIDE + 1, -1)
+    quads = np.stack([number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]], -1).ravel()
+    rest, uvs = np.stack([u, v, 0 * u], -1), np.stack([u, v], -1)
+    obj.write(folder / "rest.obj", rest, uvs, np.full(SIDE * SIDE, 4), np.stack([quads, quads], -1))
     np.stack(pose(u, v), -1).astype("<f4").tofile(folder / "frames.f32")
     y, x = (np.mgrid[:1024, :1024] + 0.5) / 1024 * STUDS % 1 - 0.5
     Image.fromarray(np.where(np.hypot(x, y) < 0.24, 255, 0).astype(np.uint8)).save(folder / "rigidity.1001.png")

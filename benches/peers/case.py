@@ -1,8 +1,4 @@
-"""A case: a mesh at rest and in a pose, what is rigid, and vrtm's warp for it.
-
-It comes from what the bench exports (`load`), or from the folder of an asset (`of_asset`, `Scene`), and is then solved
-through the Python package `vrtm`.
-"""
+"""A case: a mesh at rest and in a pose, what is rigid, and vrtm's warp for it, from the folder of an asset."""
 
 import json
 import statistics
@@ -11,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import obj
 from geometry import areas, grid_nodes
 from PIL import Image
 from scipy.sparse import coo_matrix
@@ -34,7 +31,7 @@ class Case:
     cache: dict = field(default_factory=dict, repr=False)  # of measure.py
 
     def inner(self) -> np.ndarray:
-        """Whether each UV vertex is off the chart borders."""
+        """A mask of the UV vertices off the chart borders."""
         inner = np.ones(len(self.uv), bool)
         inner[self.border] = False
         return inner
@@ -52,25 +49,9 @@ class Case:
                 yield vertices, faces[:, ::-1] if turned else faces
 
 
-def load(folder: Path) -> Case:
-    """A case that `cargo bench -p vrtm-benches --bench speed_error -- --export` wrote."""
-    facts = json.loads((folder / "case.json").read_text())
-    grid = facts["grid"]
-    mesh = Mesh(folder / "rest.obj", facts["udim"], grid)
-    pose = read_obj(folder / "pose.obj")[0]
-    warp = np.fromfile(folder / "warp.f32", "<f4").astype(float).reshape(-1, 2)
-    movable = np.fromfile(folder / "movable.u8", np.uint8) != 0
-    return mesh.case(facts, pose, to_nodes(read_map(folder / "rigidity.png"), grid), movable, warp)
-
-
-def of_asset(folder: Path, frame: int, grid: int, udim: int | None = None, pose: np.ndarray | None = None) -> Case:
-    """A case from an asset's folder: frame 1 is the first of frames.f32. `pose`, if given, replaces it: positions of
-    the vertices of the OBJ. `udim`: the first tile with a map of rigidity, if none is given."""
-    return Scene(folder, grid, udim).case(frame, pose)
-
-
 class Scene:
-    """An asset's folder with a device that solves its poses one after the other, each by itself."""
+    """An asset's folder with a device that solves its poses one after the other, each by itself. Its tile is the first
+    one with a map of rigidity, if none is given."""
 
     def __init__(self, folder: Path, grid: int, udim: int | None = None, threads: int = 0):
         import vrtm
@@ -124,7 +105,8 @@ class Scene:
         return self.frames[frame - 1]
 
     def case(self, frame: int, pose: np.ndarray | None = None, repeats: int = 1, **options) -> Case:
-        """The case of a frame, or of a pose; vrtm's time is the median of `repeats` solves."""
+        """The case of a frame (1 is the first of frames.f32), or of a pose; vrtm's time is the median of `repeats`
+        solves."""
         pose = self.pose(frame) if pose is None else np.asarray(pose, float)
         if pose.shape != self.mesh.positions.shape:
             raise ValueError(f"pose: of shape {pose.shape}, where the mesh has {self.mesh.positions.shape}")
@@ -136,9 +118,10 @@ class Scene:
             start = time.process_time()
             self.asset.solve(np.ascontiguousarray(pose, np.float32), tiles=[self.tile], **options)
             seconds.append(time.process_time() - start)
-        displacement = self.warp(pose, **options)
+        displacement, report = self.warp(pose, measure=True, **options), self.tile.report()
         facts = {"scene": self.name, "frame": frame, "udim": self.udim, "grid": self.grid}
         facts |= {"vrtm_seconds": statistics.median(seconds), "threads": self.device.info.threads}
+        facts |= {"before": report.before.rms, "after": report.after.rms}
         return self.mesh.case(facts, pose, self.rigidity, self.movable, displacement)
 
 
@@ -147,7 +130,8 @@ class Mesh:
 
     def __init__(self, path: Path, udim: int, grid: int):
         self.grid = grid
-        self.positions, self.all_uvs, self.corners = read_obj(path)
+        self.positions, self.all_uvs, counts, corners = obj.read(path)
+        self.corners = corners[obj.fans(counts)]
         # A UV that two vertices share would connect their charts: each pair of vertex and UV becomes one UV vertex.
         pairs, index = np.unique(self.corners.reshape(-1, 2), axis=0, return_inverse=True)
         uv = self.all_uvs[pairs[:, 1]] - [(udim - 1001) % 10, (udim - 1001) // 10]
@@ -168,21 +152,6 @@ class Mesh:
         rest, pose = self.positions[self.vertex], pose[self.vertex]
         geometry = (rest, pose, self.uv, self.faces, chart, border(self.faces))
         return Case(facts, self.grid, *geometry, rigidity, movable, displacement, self.vertex)
-
-
-def read_obj(path: Path):
-    """Positions, UVs, and triangles (polygons as fans) as the vertex and the UV of each corner."""
-    positions, uvs, faces = [], [], []
-    for line in path.read_text().splitlines():
-        kind, *rest = line.split() or [""]
-        if kind == "v":
-            positions.append([float(x) for x in rest[:3]])
-        elif kind == "vt":
-            uvs.append([float(x) for x in rest[:2]])
-        elif kind == "f":
-            corners = [tuple(int(i) - 1 for i in corner.split("/")[:2]) for corner in rest]
-            faces += [(corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1)]
-    return np.array(positions), np.array(uvs), np.array(faces)
 
 
 def connected(faces: np.ndarray, count: int) -> np.ndarray:

@@ -97,7 +97,7 @@ def overview(of_scene: dict) -> str:
 
 
 def wins(of_scene: dict) -> str:
-    """Where a method has a lower figure than vrtm."""
+    """A list of the figures of other methods that are lower than vrtm's."""
     strain, motion = [], []
     for scene, own in of_scene.items():
         ours = next(r for r in own if r["method"] == "vrtm")

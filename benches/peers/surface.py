@@ -42,12 +42,6 @@ class Surface:
             pairs.append(np.stack([a[keep], b[keep]]))
         return np.concatenate(pairs, axis=1)
 
-    def fill(self, values: np.ndarray) -> np.ndarray:
-        """Displacements of all nodes from those of the free ones."""
-        result = np.zeros((len(self.nodes), 2))
-        result[self.free] = values
-        return result
-
     def to_case(self, displacement: np.ndarray, grid: int) -> np.ndarray:
         """The warp at the nodes of the case's grid, in its cells."""
         return sample(displacement, self.cells, grid_nodes(grid) / self.scale)[0] * self.scale

@@ -9,6 +9,7 @@ import feature_aware
 import measure
 import mvc
 import numpy as np
+import obj
 import overlay
 import peers
 import pytest
@@ -205,10 +206,9 @@ def test_features_become_similar_or_rigid():
 
 def asset_folder(folder, pose):
     """A sheet with a rigid disc as the folder of an asset, with one frame."""
-    uv, faces = grid_nodes(CELLS) / CELLS, grid_triangles(CELLS) + 1
-    lines = [f"v {u:.6f} {v:.6f} 0" for u, v in uv] + [f"vt {u:.6f} {v:.6f}" for u, v in uv]
-    lines += ["f " + " ".join(f"{i}/{i}" for i in face) for face in faces]
-    (folder / "rest.obj").write_text("\n".join(lines) + "\n")
+    uv, faces = grid_nodes(CELLS) / CELLS, grid_triangles(CELLS)
+    rest, corners = np.c_[uv, 0 * uv[:, 0]], np.stack([faces.ravel()] * 2, -1)
+    obj.write(folder / "rest.obj", rest, uv, np.full(len(faces), 3), corners)
     np.stack(np.broadcast_arrays(*pose(*uv.T)), axis=1).astype("<f4").tofile(folder / "frames.f32")
     at = (np.arange(GRID) + 0.5) / GRID
     Image.fromarray(np.where(disc(at[None], at[::-1, None]), 255, 0).astype(np.uint8)).save(folder / "rigid.png")
@@ -217,38 +217,31 @@ def asset_folder(folder, pose):
 
 def test_vrtm_from_the_folder_of_an_asset(tmp_path):
     asset_folder(tmp_path, lambda u, v: (0.7 * u, v, 0 * u))
-    case = cases.of_asset(tmp_path, 1, GRID)
+    scene = cases.Scene(tmp_path, GRID)
+    case = scene.case(1)
     assert abs(measure.strain(case)["max"] - 0.3) < 1e-5
     assert measure.strain(case, warped=True)["rms"] < 0.02
     assert measure.folds(case, warped=True) == 0 and case.facts["vrtm_seconds"] > 0
     assert case.vertex.tolist() == list(range(len(case.uv)))
-    other = cases.of_asset(tmp_path, 1, GRID, pose=case.rest)
-    assert not other.displacement.any()
-    for wrong in ({"frame": 2}, {"frame": 1, "udim": 1002}, {"frame": 1, "pose": case.rest[1:]}):
+    assert not scene.case(1, case.rest).displacement.any()
+    with pytest.raises(ValueError, match="udim"):
+        cases.Scene(tmp_path, GRID, 1002)
+    for wrong in ({"frame": 2}, {"frame": 1, "pose": case.rest[1:]}):
         with pytest.raises(ValueError, match=next(reversed(wrong))):
-            cases.of_asset(tmp_path, wrong.pop("frame"), GRID, **wrong)
+            scene.case(**wrong)
 
 
-def test_an_exported_case(tmp_path):
-    asset_folder(tmp_path, plane)
-    warp = (0.1 * np.random.default_rng(4).standard_normal(((GRID + 1) ** 2, 2))).astype("<f4")
-    warp.tofile(tmp_path / "warp.f32")
-    (warp[:, 0] > 0).astype(np.uint8).tofile(tmp_path / "movable.u8")
-    (tmp_path / "rigid.png").rename(tmp_path / "rigidity.png")
-    squashed = (line.split() for line in (tmp_path / "rest.obj").read_text().splitlines())
-    squashed = (f"v {0.7 * float(x[1])} {x[2]} 0" if x[0] == "v" else " ".join(x) for x in squashed)
-    (tmp_path / "pose.obj").write_text("\n".join(squashed))
-    facts = {"scene": "sheet", "frame": 1, "udim": 1001, "grid": GRID, "vrtm_seconds": 0.1}
-    (tmp_path / "case.json").write_text(json.dumps(facts))
-    case = cases.load(tmp_path)
-    assert (case.displacement == warp).all() and (case.movable == (warp[:, 0] > 0)).all()
-    assert abs(measure.strain(case)["max"] - 0.3) < 1e-5
-    facts["before"], facts["after"] = measure.strain(case), measure.strain(case, warped=True)
-    (tmp_path / "case.json").write_text(json.dumps(facts))
-    rows = peers.of_export(tmp_path, ["original", "mvc"])
-    assert [r["method"] for r in rows] == ["vrtm", "original", "mvc"]
+def test_rows_of_a_folder(tmp_path):
+    asset_folder(tmp_path, lambda u, v: (0.7 * u, v, 0 * u))
+    rows = peers.of_folder(tmp_path, 1, GRID, ["original", "mvc"], 0, 0)
+    assert [r["method"] for r in rows] == ["vrtm", "pbd", "original", "mvc"]
     assert "## sheet, frame 1" in report(rows)
-    facts["after"]["rms"] *= 1.01
-    (tmp_path / "case.json").write_text(json.dumps(facts))
+
+
+def test_a_strain_that_is_not_the_librarys_ends_the_program(tmp_path):
+    asset_folder(tmp_path, lambda u, v: (0.7 * u, v, 0 * u))
+    case = cases.Scene(tmp_path, GRID).case(1)
+    peers.agree(case)
+    case.facts["after"] *= 1.01
     with pytest.raises(SystemExit, match="strain of vrtm"):
-        peers.of_export(tmp_path, ["original"])
+        peers.agree(case)

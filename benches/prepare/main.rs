@@ -2,18 +2,17 @@
 //! and its active share. Each case runs in a separate process, so that peaks are independent.
 //!
 //!     cargo bench -p vrtm-benches --bench prepare
-//!     cargo bench -p vrtm-benches --bench prepare -- --grids 4096,8192 --shares 0.02,0.25 --solve --out benches/results/prepare
+//!     cargo bench -p vrtm-benches --bench prepare -- --grids 4096,8192 --solve --out benches/results/prepare.md
 
 #![allow(missing_docs)]
 
 mod case;
 mod memory;
-mod plot;
 
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 
-use case::{Case, Outcome};
+use case::{Case, HEAD};
 use clap::Parser;
 
 /// Measures the cost of preparing a tile.
@@ -32,7 +31,7 @@ struct Args {
     /// CPU threads; by default all cores.
     #[arg(long)]
     threads: Option<u32>,
-    /// Write a table, JSON and a plot there, with these endings.
+    /// Also write the table there.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Run one case in this process: its grid and its share.
@@ -60,12 +59,12 @@ fn main() -> ExitCode {
 fn run(args: &Args) -> Result<(), String> {
     if let Some(one) = &args.one {
         let case = Case { grid: one[0] as u32, share: one[1], solve: args.solve, threads: args.threads };
-        println!("{}", case.run()?.to_json());
+        println!("{}", case.run()?);
         return Ok(());
     }
     let program = std::env::current_exe().map_err(|e| e.to_string())?;
-    let mut outcomes = Vec::new();
-    println!("{}", Outcome::HEAD);
+    let mut table = format!("{HEAD}\n");
+    print!("{table}");
     for &grid in &args.grids {
         for &share in &args.shares {
             let mut command = Command::new(&program);
@@ -77,25 +76,30 @@ fn run(args: &Args) -> Result<(), String> {
                 command.args(["--threads", &threads.to_string()]);
             }
             let output = command.output().map_err(|e| e.to_string())?;
-            let text = String::from_utf8_lossy(&output.stdout);
-            match text.lines().last().and_then(Outcome::from_json) {
-                Some(outcome) => {
-                    println!("{}", outcome.row());
-                    outcomes.push(outcome);
-                }
-                None => {
-                    let why = String::from_utf8_lossy(&output.stderr);
-                    println!(
-                        "| {grid}² | {share} | {} {} |",
-                        output.status,
-                        why.lines().last().unwrap_or_default()
-                    );
-                }
-            }
+            let [text, why] = [&output.stdout, &output.stderr].map(|bytes| String::from_utf8_lossy(bytes));
+            let row = match text.lines().last() {
+                Some(row) if output.status.success() => format!("{row}\n"),
+                _ => format!(
+                    "| {grid}² | {share} | {} {} |\n",
+                    output.status,
+                    why.lines().last().unwrap_or_default()
+                ),
+            };
+            print!("{row}");
+            table += &row;
         }
     }
     match &args.out {
-        Some(out) => plot::write(&outcomes, out),
+        Some(out) => std::fs::write(out, format!("{ABOUT}\n{table}")).map_err(|e| e.to_string()),
         None => Ok(()),
     }
 }
+
+const ABOUT: &str = "\
+# Preparing a tile
+
+`cargo bench -p vrtm-benches --bench prepare -- --solve` on the CPU. Sixteen charts cover a share of the tile, with
+discs of rigidity all over its map (8 bits). Seconds of preparing it; bytes of the process beyond what the caller holds,
+at the peak and when the tile is prepared, so that the mesh (16,384 quads) and the map count; then a first solve
+(`normal`), another one, the whole map fetched in bands of 128 rows, the peak of all of that, and what stays.
+";

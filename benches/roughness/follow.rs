@@ -5,8 +5,8 @@
 
 use vrtm::{Asset, SolveOptions, Strided};
 
-use super::common::Model;
-use super::common::roughness::{self, LARGE, Smoothness, Warp};
+use vrtm_testkit::Model;
+use vrtm_testkit::roughness::{self, LARGE, Smoothness, Warp};
 
 /// Solves of one pose, with so many corrections each, until no node moves by more than `STILL` cells.
 const SOLVES: usize = 20;

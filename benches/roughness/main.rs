@@ -1,20 +1,21 @@
-//! Measures how smoothly the warp depends on the pose, on all scenes, and writes a table, and JSON for comparisons.
+//! Measures how smoothly the warp depends on the pose, on all scenes, or over the frames of shots, and writes a table.
 //!
 //!     cargo bench -p vrtm-benches --bench roughness
 //!     cargo bench -p vrtm-benches --bench roughness -- --grid 512 --qualities draft,normal --scenes fox
 //!     cargo bench -p vrtm-benches --bench roughness -- --follow --scenes fox,arm
+//!     cargo bench -p vrtm-benches --bench roughness -- --shot 120 --warm --temporal-weight 0.1 --out shots.md
 
 #![allow(missing_docs)]
 
 mod follow;
+mod shot;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
 use follow::Followed;
-use serde_json::json;
-use vrtm::{Backend, Device, DeviceSettings, Quality};
+use vrtm::{Backend, Device, DeviceSettings, Quality, SolveOptions};
 use vrtm_testkit::roughness::Roughness;
 
 /// Measures how smooth the warp is as a function of the pose.
@@ -34,9 +35,18 @@ struct Args {
     #[arg(long, default_value = "cpu")]
     backend: String,
     /// Follow the minimum from pose to pose, to tell its jumps from those of the solver.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "shot")]
     follow: bool,
-    /// Also write the table there, and JSON beside it.
+    /// Play a shot of so many frames through rest and all frames of each scene, by default of each asset.
+    #[arg(long, value_name = "FRAMES")]
+    shot: Option<usize>,
+    /// With --shot: start each frame from the one before it, not from the identity.
+    #[arg(long, requires = "shot")]
+    warm: bool,
+    /// Weight that holds each frame to the one before it.
+    #[arg(long, requires = "warm", default_value_t = 0.0)]
+    temporal_weight: f32,
+    /// Also write the table there; with --shot, tables of the frames beside it.
     #[arg(long)]
     out: Option<PathBuf>,
     /// Passed by `cargo bench` and not by `cargo test`; without it one small scene is measured.
@@ -50,7 +60,12 @@ fn main() -> ExitCode {
         args.grid = args.grid.min(64);
         args.scenes = vec!["bulge".into()];
     }
-    match run(&args) {
+    let mut done = run(&args);
+    if !args.bench {
+        args.shot = Some(8);
+        done = done.and_then(|()| run(&args));
+    }
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(message) => {
             eprintln!("{message}");
@@ -78,55 +93,63 @@ fn run(args: &Args) -> Result<(), String> {
     };
     let device = Device::new(&DeviceSettings { backend, ..DeviceSettings::default() })
         .map_err(|error| error.to_string())?;
-    let head = if args.follow { FOLLOWED } else { HEAD };
+    let head = match args.shot {
+        Some(_) => shot::HEAD,
+        None if args.follow => FOLLOWED,
+        None => HEAD,
+    };
     let mut text = head.to_owned();
     print!("{head}");
-    let mut rows = Vec::new();
-    for case in vrtm_testkit::cases::cases(&args.scenes, args.grid)? {
+    let mut scenes = args.scenes.clone();
+    if args.shot.is_some() && scenes.is_empty() {
+        scenes = vrtm_testkit::assets().into_iter().map(|model| model.name).collect();
+    }
+    for case in vrtm_testkit::cases::cases(&scenes, args.grid)? {
         for quality in &args.qualities {
-            let (mut asset, tile) = case.asset(&device);
-            let options = vrtm_testkit::options(parsed(quality)?);
-            if args.follow {
-                let line = followed(
-                    &format!("{} {} | {quality}", case.name, case.frame),
-                    &follow::follow(&mut asset, tile, &case.model, case.frame, &options),
-                );
-                print!("{line}");
-                text += &line;
-                continue;
-            }
-            let r = Roughness::of(&mut asset, tile, &case.model, case.frame, &options);
-            let s = &r.smoothness;
-            let line = format!(
-                "| {} {} | {quality} | {:.4} | {:.4} | {:.4} | {:.2} % | {:.2} | {:.5} | {:.1} |\n",
-                case.name,
-                case.frame,
-                r.strain,
-                s.first,
-                s.second,
-                100.0 * s.large,
-                s.largest,
-                r.noise,
-                r.ms
-            );
+            let options = SolveOptions {
+                warm: args.warm,
+                temporal_weight: args.temporal_weight,
+                ..vrtm_testkit::options(parsed(quality)?)
+            };
+            let line = if let Some(frames) = args.shot {
+                let (line, of_frames) =
+                    shot::play(&case, &format!("{} | {quality}", case.name), frames, &device, &options)?;
+                if let Some(path) = &args.out {
+                    write(&path.with_file_name(format!("{}.{quality}.csv", case.name)), &of_frames)?;
+                }
+                line
+            } else {
+                let (mut asset, tile) = case.asset(&device);
+                let name = format!("{} {} | {quality}", case.name, case.frame);
+                if args.follow {
+                    followed(&name, &follow::follow(&mut asset, tile, &case.model, case.frame, &options))
+                } else {
+                    rough(&name, &Roughness::of(&mut asset, tile, &case.model, case.frame, &options))
+                }
+            };
             print!("{line}");
             text += &line;
-            rows.push(json!({
-                "scene": case.name, "frame": case.frame, "udim": case.udim, "grid": case.grid, "quality": quality,
-                "backend": args.backend, "strain": r.strain, "energy": r.energy, "first": s.first,
-                "second": s.second, "large": s.large, "largest": s.largest, "noise": r.noise, "ms": r.ms,
-            }));
         }
     }
-    if let Some(path) = &args.out {
-        let write = |path: &PathBuf, text: &str| {
-            std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
-        };
-        write(path, &text)?;
-        let lines: Vec<String> = rows.iter().map(|row| row.to_string()).collect();
-        write(&path.with_extension("json"), &format!("[\n{}\n]\n", lines.join(",\n")))?;
-    }
-    Ok(())
+    args.out.as_ref().map_or(Ok(()), |path| write(path, &text))
+}
+
+fn write(path: &Path, text: &str) -> Result<(), String> {
+    std::fs::write(path, text).map_err(|error| format!("{}: {error}", path.display()))
+}
+
+fn rough(name: &str, r: &Roughness) -> String {
+    let s = &r.smoothness;
+    format!(
+        "| {name} | {:.4} | {:.4} | {:.4} | {:.2} % | {:.2} | {:.5} | {:.1} |\n",
+        r.strain,
+        s.first,
+        s.second,
+        100.0 * s.large,
+        s.largest,
+        r.noise,
+        r.ms
+    )
 }
 
 fn parsed(quality: &str) -> Result<Quality, String> {

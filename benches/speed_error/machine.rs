@@ -4,10 +4,6 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use serde_json::{Value, json};
-
-use crate::rows::{median, short};
-
 pub struct Machine {
     pub cpu: String,
     pub threads: usize,
@@ -39,18 +35,6 @@ impl Machine {
             copy_gb_per_s: copy(threads),
             peak_gflops: peak(threads),
         }
-    }
-
-    pub fn json(&self) -> Value {
-        json!({
-            "cpu": self.cpu,
-            "threads": self.threads,
-            "simd": self.simd,
-            "compiler": self.compiler,
-            "adapters": self.adapters,
-            "copy_gb_per_s": short(self.copy_gb_per_s, 3),
-            "peak_f32_gflops": short(self.peak_gflops, 3),
-        })
     }
 
     pub fn text(&self) -> String {
@@ -162,10 +146,4 @@ fn multiply_add_best() -> u64 {
         }
     }
     multiply_add::<{ LANES / 4 }>()
-}
-
-/// The medians of both sides of some pairs, and of their ratios.
-pub fn paired(pairs: &[(f64, f64)]) -> (f64, f64, f64) {
-    let of = |f: fn(&(f64, f64)) -> f64| median(&pairs.iter().map(f).collect::<Vec<_>>());
-    (of(|p| p.0), of(|p| p.1), of(|p| p.0 / p.1))
 }

@@ -1,20 +1,16 @@
-//! Measures speed against error: every solver at every effort on every scene, with error and time as CSV, JSON, plots
-//! and a table.
+//! Measures speed against error: every solver at every effort on every scene, with error and time as CSV, plots and
+//! a table.
 //!
 //!     cargo bench -p vrtm-benches --bench speed_error
 //!     cargo bench -p vrtm-benches --bench speed_error -- --quick
-//!     cargo bench -p vrtm-benches --bench speed_error -- --export DIR     (for benches/peers/)
 
 #![allow(missing_docs)]
 
 mod claims;
 mod cost;
 mod efforts;
-mod export;
 mod machine;
 mod oracle;
-mod plain;
-mod plain_mesh;
 mod plots;
 mod rows;
 mod runs;
@@ -25,7 +21,6 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use serde_json::{Value, json};
 use vrtm::{Backend, Device, DeviceSettings};
 
 use machine::Machine;
@@ -64,9 +59,6 @@ struct Args {
     /// Folder for the results.
     #[arg(long, default_value = "benches/results")]
     out: PathBuf,
-    /// Write the cases as files for other programs instead of measuring.
-    #[arg(long)]
-    export: Option<PathBuf>,
     /// Passed by `cargo bench` and not by `cargo test`; without it the bench behaves as with `--quick`, and writes
     /// nothing.
     #[arg(long, hide = true)]
@@ -95,9 +87,6 @@ fn main() -> ExitCode {
 
 fn run(args: &Args) -> Result<(), String> {
     let cases = vrtm_testkit::cases::cases(&args.scenes, args.grid)?;
-    if let Some(folder) = &args.export {
-        return cases.iter().try_for_each(|case| export::export(case, folder, args.repeats));
-    }
     let start = Instant::now();
     let machine = Machine::look();
     let targets = targets(&args.backends)?;
@@ -112,7 +101,7 @@ fn run(args: &Args) -> Result<(), String> {
         eprintln!("{:6.0} s  {}", start.elapsed().as_secs_f64(), case.name);
         done.push(Done::new(case, ran)?);
     }
-    let node = cost::node_cost(args.grid.min(512), 3 * args.repeats)?;
+    let node = cost::node_update(args.grid.min(512), 3 * args.repeats)?;
     let solves = |grid: u32| if grid > 2048 { 1 } else { 3 };
     let sizes = args.sizes.iter().map(|&grid| cost::size_cost(grid, solves(grid)));
     let sizes = sizes.collect::<Result<Vec<_>, String>>()?;
@@ -123,21 +112,12 @@ fn run(args: &Args) -> Result<(), String> {
     }
     let rows: Vec<Row> = done.iter().flat_map(Done::rows).collect();
     let claims = claims::claims(&rows);
-    let text = table::text(&machine, &done, &rows, &claims, Some(&node), &sizes);
+    let text = table::text(&machine, &done, &rows, &claims, node, &sizes);
     println!("{text}");
     if !args.bench {
         return Ok(());
     }
-    let json = json!({
-        "machine": machine.json(),
-        "node_update": node.json(),
-        "cost_over_size": sizes.iter().map(|size| size.json()).collect::<Vec<Value>>(),
-        "claims": claims.iter().map(|claim| claim.json()).collect::<Vec<Value>>(),
-        "reference": done.iter().map(|done| (done.case.name.clone(), reference(done))).collect::<Value>(),
-        "rows": rows.iter().map(Row::json).collect::<Vec<Value>>(),
-    });
     write(&args.out, "speed_error.csv", &rows::csv(&rows))?;
-    write(&args.out, "speed_error.json", &format!("{}\n", lines(&json)))?;
     write(&args.out, "speed_error.md", &text)?;
     let note = format!(
         "{}, {} threads, {}; grid {}²; medians of whole solves, all solvers in turn in one run",
@@ -148,16 +128,6 @@ fn run(args: &Args) -> Result<(), String> {
     }
     println!("written to {} after {:.0} s", args.out.display(), start.elapsed().as_secs_f64());
     Ok(())
-}
-
-fn reference(done: &Done) -> Value {
-    let oracle = &done.oracle;
-    json!({
-        "energy": rows::short(oracle.energy, 9),
-        "before": rows::short(done.before, 9),
-        "by": if oracle.by_reference { "reference" } else { "best result" },
-        "seconds": rows::short(oracle.seconds, 3),
-    })
 }
 
 /// The CPU, and the first hardware GPU, unless backends are given.
@@ -187,17 +157,4 @@ fn write(folder: &Path, name: &str, text: &str) -> Result<(), String> {
     let path = folder.join(name);
     std::fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     std::fs::write(&path, text).map_err(|error| format!("{}: {error}", path.display()))
-}
-
-/// Prints a list with one entry per line, so that two runs can be compared line by line.
-fn lines(json: &Value) -> String {
-    let Value::Object(fields) = json else { return json.to_string() };
-    let field = |(name, value): (&String, &Value)| match value {
-        Value::Array(entries) => {
-            let entries: Vec<String> = entries.iter().map(|entry| format!("  {entry}")).collect();
-            format!("\"{name}\": [\n{}\n]", entries.join(",\n"))
-        }
-        _ => format!("\"{name}\": {value}"),
-    };
-    format!("{{\n{}\n}}", fields.iter().map(field).collect::<Vec<_>>().join(",\n"))
 }

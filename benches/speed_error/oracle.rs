@@ -1,8 +1,6 @@
 //! Computes E*, the energy to which gaps refer: the minimum that the reference reaches by descent in f64 from the best
 //! of the results.
 
-use std::time::Instant;
-
 use vrtm::TileReport;
 use vrtm_testkit::Lab as _;
 
@@ -26,7 +24,6 @@ pub struct Oracle {
     pub energy: f64,
     /// True if the reference ran. Otherwise E* is the lowest energy of the results, and the gaps are too small.
     pub by_reference: bool,
-    pub seconds: f64,
 }
 
 impl Done {
@@ -73,16 +70,15 @@ impl Done {
 pub fn consult(done: &mut [Done]) -> Result<(), String> {
     let found = on_all_cores(done, |done| {
         let Done { case, ran, .. } = done;
-        let start = Instant::now();
         let (asset, tile) = case.asset(&cpu(1));
         let unfolded = ran.iter().filter(|ran| !ran.row.folded());
         let best = unfolded.min_by(|a, b| a.row.energy.total_cmp(&b.row.energy)).map(|ran| ran.u.as_slice());
         let minimum = asset.reference_minimum(tile, case.pose(0), best, false);
-        minimum.map(|minimum| (minimum.energy, start.elapsed().as_secs_f64()))
+        minimum.map(|minimum| minimum.energy)
     });
     for (done, found) in done.iter_mut().zip(found) {
-        let (energy, seconds) = found.map_err(|error| format!("{}: {error}", done.case.name))?;
-        done.oracle = Oracle { energy: energy.min(done.oracle.energy), by_reference: true, seconds };
+        let energy = found.map_err(|error| format!("{}: {error}", done.case.name))?;
+        done.oracle = Oracle { energy: energy.min(done.oracle.energy), by_reference: true };
     }
     Ok(())
 }

@@ -1,6 +1,5 @@
 //! A row of the result: one effort on one case, with its error and its time.
 
-use serde_json::{Map, Value, json};
 use vrtm::{StrainReport, TileReport};
 
 #[derive(Clone, Debug, Default)]
@@ -40,22 +39,23 @@ impl Row {
     }
 
     /// Names and values, in the order in which they are written.
-    pub fn columns(&self) -> Vec<(&'static str, Value)> {
+    fn columns(&self) -> Vec<(&'static str, String)> {
         let Row { report, strain, .. } = self;
-        let ms = |f: fn(&Times) -> f64| self.ms.as_ref().map(f).map_or(Value::Null, |x| short(x, 4));
-        let of =
-            |f: fn(&StrainReport) -> f32| strain.as_ref().map_or(Value::Null, |s| short(f64::from(f(s)), 5));
+        let ms = |f: fn(&Times) -> f64| self.ms.as_ref().map_or(String::new(), |times| short(f(times), 4));
+        let of = |f: fn(&StrainReport) -> f32| {
+            strain.as_ref().map_or(String::new(), |s| short(f64::from(f(s)), 5))
+        };
         vec![
-            ("scene", json!(self.scene)),
-            ("frame", json!(self.frame)),
-            ("udim", json!(self.udim)),
-            ("backend", json!(self.backend)),
-            ("solver", json!(self.solver)),
-            ("effort", json!(self.effort)),
-            ("iterations", json!(self.iterations)),
-            ("grid", json!(self.grid)),
-            ("nodes_active", json!(report.nodes_active)),
-            ("runs", json!(self.runs)),
+            ("scene", self.scene.clone()),
+            ("frame", self.frame.to_string()),
+            ("udim", self.udim.to_string()),
+            ("backend", self.backend.into()),
+            ("solver", self.solver.into()),
+            ("effort", self.effort.clone()),
+            ("iterations", self.iterations.to_string()),
+            ("grid", self.grid.to_string()),
+            ("nodes_active", report.nodes_active.to_string()),
+            ("runs", self.runs.to_string()),
             ("ms_median", ms(|t| t.median)),
             ("ms_min", ms(|t| t.min)),
             ("ms_to_descent_normal", ms(|t| t.to_normal)),
@@ -68,43 +68,30 @@ impl Row {
             ("harm", of(|s| s.harm)),
             ("help", of(|s| s.help)),
             ("min_jacobian", short(report.min_jacobian, 5)),
-            ("folds", json!(report.folds)),
-            ("sweeps", json!(report.sweeps)),
-            ("corrections", json!(report.corrections)),
-            ("node_updates", json!(report.node_updates)),
-            ("bytes", json!(report.bytes)),
+            ("folds", report.folds.to_string()),
+            ("sweeps", report.sweeps.to_string()),
+            ("corrections", report.corrections.to_string()),
+            ("node_updates", report.node_updates.to_string()),
+            ("bytes", report.bytes.to_string()),
         ]
-    }
-
-    pub fn json(&self) -> Value {
-        Value::Object(
-            self.columns().into_iter().map(|(name, value)| (name.into(), value)).collect::<Map<_, _>>(),
-        )
     }
 }
 
 /// Writes a line of names and one line per row.
 pub fn csv(rows: &[Row]) -> String {
-    let line = |cells: Vec<String>| cells.join(",") + "\n";
     let Some(first) = rows.first() else { return String::new() };
-    let plain = |value: Value| match value {
-        Value::String(text) => text,
-        Value::Null => String::new(),
-        other => other.to_string(),
-    };
-    let mut text = line(first.columns().into_iter().map(|(name, _)| name.into()).collect());
-    for row in rows {
-        text += &line(row.columns().into_iter().map(|(_, value)| plain(value)).collect());
-    }
-    text
+    let names: Vec<String> = first.columns().into_iter().map(|(name, _)| name.to_owned()).collect();
+    let cells = |row: &Row| row.columns().into_iter().map(|(_, cell)| cell).collect();
+    let lines = std::iter::once(names).chain(rows.iter().map(cells));
+    lines.map(|cells: Vec<String>| cells.join(",") + "\n").collect()
 }
 
 /// Rounds to a number of digits: results are kept under version control, where further digits only cause differences.
-pub fn short(x: f64, digits: usize) -> Value {
+fn short(x: f64, digits: usize) -> String {
     if !x.is_finite() {
-        return Value::Null;
+        return String::new();
     }
-    json!(format!("{x:.*e}", digits - 1).parse::<f64>().unwrap_or(x))
+    format!("{:?}", format!("{x:.*e}", digits - 1).parse().unwrap_or(x))
 }
 
 pub fn median(values: &[f64]) -> f64 {

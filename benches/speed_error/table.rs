@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 
 use crate::claims::{BAR, Claim};
-use crate::cost::{NodeCost, SizeCost};
+use crate::cost::SizeCost;
 use crate::machine::Machine;
 use crate::oracle::Done;
 use crate::rows::Row;
@@ -16,21 +16,17 @@ pub fn text(
     done: &[Done],
     rows: &[Row],
     claims: &[Claim],
-    node: Option<&NodeCost>,
+    node: f64,
     sizes: &[SizeCost],
 ) -> String {
     let mut text = format!("# Speed against error\n\n{}\n\n", machine.text());
     text += &scenes(done, rows);
     text += &claimed(claims);
-    if let Some(node) = node {
-        let _ = write!(
-            text,
-            "\n## A node update\n\nOn the finest level of the bulge the plain loop (f64, scalar, one core) takes {:.0} ns, the \
-             library's relaxation {:.1} ns (f32, all cores, in `draft`): {:.1} times less, pair by pair, {:.1} \
-             between the quickest of each (bar: 20). Both count the same energy (they differ by {:.0e} at the identity).\n",
-            node.plain_ns, node.library_ns, node.ratio, node.quickest, node.difference
-        );
-    }
+    let _ = write!(
+        text,
+        "\n## A node update\n\nOn the finest level of the bulge the library's relaxation takes {node:.1} ns (f32, all \
+         cores, in `draft`).\n",
+    );
     if !sizes.is_empty() {
         text += "\n## Cost over size\n\n`normal` on the bulge, CPU.\n\n\
                  | grid | active nodes | ms | ns per node | node updates per node | bytes per node |\n\

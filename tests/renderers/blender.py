@@ -27,7 +27,7 @@ class quiet:
         os.close(self.kept)
 
 
-def start(mesh, size, view=None, samples=16, engine="CYCLES", osl=False, smooth=False):
+def start(mesh, size, samples=16, engine="CYCLES", osl=False, smooth=False):
     """An empty scene with the mesh, a camera without perspective that sees all of it, and no view transform."""
     with quiet():
         bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -49,15 +49,8 @@ def start(mesh, size, view=None, samples=16, engine="CYCLES", osl=False, smooth=
     scene.camera = camera
     low, high = mesh.pose.min(0), mesh.pose.max(0)
     centre, extent = (low + high) / 2, high - low
-    if view is None:
-        camera.location = (centre[0], centre[1], high[2] + 1)
-        camera.data.ortho_scale = extent[0] * 1.02
-    else:
-        place, target, width = view
-        camera.data.ortho_scale = width
-        from mathutils import Vector
-        camera.location = place
-        camera.rotation_euler = (Vector(target) - Vector(place)).to_track_quat("-Z", "Y").to_euler()
+    camera.location = (centre[0], centre[1], high[2] + 1)
+    camera.data.ortho_scale = extent[0] * 1.02
     camera.data.clip_end = 1000
     scene.render.resolution_x, scene.render.resolution_y = size
     scene.render.film_transparent = True

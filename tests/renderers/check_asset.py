@@ -8,10 +8,9 @@ import blender
 import model
 import picture
 import warp
-from checks import ASSETS, check, document, run, skip, within
+from checks import ASSETS, check, recipes, run, skip, within
 
-recipe = {}
-exec(document("Blender", "python"), recipe)
+recipe = recipes("Blender")
 folder = pathlib.Path(sys.argv[1])
 
 

@@ -11,11 +11,10 @@ import bpy
 
 import blender
 import scene
-from checks import check, document, run, within
+from checks import check, recipes, run, within
 from picture import Difference
 
-recipe = {}
-exec(document("Blender", "python"), recipe)
+recipe = recipes("Blender")
 
 
 def through(form, delta=False, change=None):
@@ -57,7 +56,7 @@ def lookups():
 
 
 def sockets():
-    """What was plugged into the texture's Vector goes into the map's: here, UVs that are not the mesh's active ones."""
+    """The link of the texture's Vector moves to the map's: here, of UVs that are not the mesh's active ones."""
     def build(tree, delta):
         data = bpy.data.objects["mesh"].data
         data.uv_layers.new(name="other").data.foreach_set("uv", [0.3] * (2 * len(data.loops)))
@@ -74,7 +73,7 @@ def sockets():
 
 
 def wrong_ways():
-    """What the document warns of does happen: a warning that is not true any more has to go."""
+    """The document's warnings are true: one that is not any more has to go."""
     far = after("two_channels")
     check("cycles: two channels are misread", far.mean > 20, f"{far} of 255")
     far = after("redirect")

@@ -8,15 +8,13 @@ import fixture
 import model
 import scene
 import warp
-from checks import check, document, run
+from checks import check, recipes, run
 
-recipe = {}
-exec(document("Blender", "python"), recipe)
-exec(document("Normal maps and vector displacement in Blender", "python"), recipe)
+recipe = recipes("Blender", "Normal maps and vector displacement in Blender")
 
 
 def displaced(name=None, redirected=False, turned=False):
-    """Which point of the surface a pixel sees, and how high: UVs and z, with alpha. The camera looks along z."""
+    """The point of the surface that a pixel sees, as UVs and z, with alpha. The camera looks along z."""
     tree = blender.start(scene.mesh(192), scene.SIZE, samples=4, smooth=True)
     colour = blender.emission(tree)
     bpy.data.materials["material"].displacement_method = "DISPLACEMENT"

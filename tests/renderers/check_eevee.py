@@ -1,11 +1,10 @@
 """EEVEE with the same nodes, where there is a driver, of which Mesa's software one will do."""
 
 import scene
-from checks import check, document, run, within
+from checks import check, recipes, run, within
 from picture import Difference
 
-recipe = {}
-exec(document("Blender", "python"), recipe)
+recipe = recipes("Blender")
 
 
 def through(tree):

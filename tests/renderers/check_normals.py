@@ -4,12 +4,10 @@ import bpy
 import numpy as np
 
 import scene
-from checks import check, document, run
+from checks import check, recipes, run
 from lit import Truth, normal_map, text
 
-recipe = {}
-exec(document("Blender", "python"), recipe)
-exec(document("Normal maps and vector displacement in Blender", "python"), recipe)
+recipe = recipes("Blender", "Normal maps and vector displacement in Blender")
 
 
 def redirected(tree, name):

@@ -4,7 +4,7 @@ import sys
 
 from checks import ASSETS, REPOSITORY, check, run, skip
 
-sys.path.append(str(REPOSITORY / "benches" / "paper"))
+sys.path += [str(REPOSITORY / "benches" / name) for name in ("paper", "peers")]
 import quick
 
 

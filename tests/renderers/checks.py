@@ -1,4 +1,4 @@
-"""What a file of checks prints: a line per check, with figures, and how many there were."""
+"""Lines that a file of checks prints: one per check, with figures."""
 
 import pathlib
 import re
@@ -51,3 +51,11 @@ def document(heading, language):
     if len(found) != 1:
         raise LookupError(f"docs/rendering: {len(found)} blocks in {language} under {heading!r}, not one")
     return found[0]
+
+
+def recipes(*headings):
+    """The functions of the Python blocks under these headings, by their names."""
+    found = {}
+    for heading in headings:
+        exec(document(heading, "python"), found)
+    return found

@@ -1,9 +1,9 @@
-"""What is rendered: a small model of two UDIM tiles that this file makes, and the meshes that lie beside the checkout.
+"""The rendered meshes: a small model of two UDIM tiles, made here, and the meshes that lie beside the checkout.
 
-The chart of tile 1002 is mirrored: seen from outside, its u runs to the left, as on the second half of a symmetric model.
+The chart of tile 1002 is mirrored: seen from outside, its u runs to the left, as on the second half of a symmetric
+model.
 """
 
-import json
 import pathlib
 import subprocess
 import sys
@@ -11,6 +11,9 @@ import sys
 import numpy as np
 
 import warp
+
+sys.path.append(str(pathlib.Path(__file__).resolve().parents[2] / "benches" / "peers"))
+import obj  # noqa: E402
 
 # The model's discs, which are rigid: centre and radius within their tile.
 STUDS = {
@@ -77,30 +80,18 @@ def make(folder):
         warp.write(folder / f"rigidity.{tile}.png", rigidity(tile))
     uvs, rest, pose, triangles = map(np.concatenate, (uvs, rest, pose, triangles))
     for name, points in ("rest", rest), ("pose", pose):
-        lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points]
-        lines += [f"vt {u:.9g} {v:.9g}" for u, v in uvs]
-        lines += ["f " + " ".join(f"{i + 1}/{i + 1}" for i in face) for face in triangles]
-        (folder / f"{name}.obj").write_text("\n".join(lines) + "\n")
+        corners = np.stack([triangles.ravel()] * 2, -1)
+        obj.write(folder / f"{name}.obj", points, uvs, np.full(len(triangles), 3), corners)
     return Mesh(triangles, uvs, pose)
 
 
 def asset(folder, frame):
     """A mesh of the assets beside the checkout, in the pose of a frame, counted from 1."""
     folder = pathlib.Path(folder)
-    count = json.loads((folder / "asset.json").read_text())["vertices"]
-    uvs, faces, uv_faces = [], [], []
-    for line in (folder / "rest.obj").read_text().splitlines():
-        words = line.split()
-        if words[:1] == ["vt"]:
-            uvs.append([float(words[1]), float(words[2])])
-        elif words[:1] == ["f"]:
-            corners = [[int(i) - 1 for i in word.split("/")[:2]] for word in words[1:]]
-            for k in range(1, len(corners) - 1):
-                triangle = [corners[0], corners[k], corners[k + 1]]
-                faces.append([corner[0] for corner in triangle])
-                uv_faces.append([corner[1] for corner in triangle])
-    frames = np.fromfile(folder / "frames.f32", "<f4").reshape(-1, count, 3)
-    return Mesh(np.array(faces), np.array(uvs), frames[frame - 1].astype(np.float64), np.array(uv_faces))
+    rest, uvs, counts, corners = obj.read(folder / "rest.obj")
+    triangles = corners[obj.fans(counts)]
+    frames = np.fromfile(folder / "frames.f32", "<f4").reshape(-1, len(rest), 3)
+    return Mesh(triangles[..., 0], uvs, frames[frame - 1].astype(np.float64), triangles[..., 1])
 
 
 def run(*arguments):

@@ -1,4 +1,4 @@
-"""What the figures share: a painted model with its maps, and panels of it."""
+"""Shared by the figures: a painted model with its maps, and panels of it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,6 @@ class Options:
     scenes: Path  # asset folders of the built-in scenes; those made here are written beside them
     assets: Path  # the assets beside the checkout
     samples: int = 24
-    peers: bool = True  # whether to run the other parameterisers
 
 
 class Subject:
@@ -44,7 +43,7 @@ class Subject:
     def map(self, frame):
         return self.folder / f"map{frame}.<UDIM>.exr"
 
-    def panel(self, view, frame=None, redirected=False, look=stage.lit, uvs=None, scale=1.0, crisp=False):
+    def panel(self, view, frame=None, redirected=False, look=stage.lit, uvs=None, scale=1.0):
         """An image: at rest, or a frame with the original UVs, through its map, or with UVs of its own."""
         points = self.model.rest if frame is None else self.model.frames[frame]
         map = self.map(frame) if redirected else None

@@ -3,29 +3,15 @@
 import numpy as np
 import paint
 from PIL import Image
-
-
-def labels(map):
-    """A number for each connected part of a map that is not 0, as an image; -1 elsewhere."""
-    out = np.where(map > 0.02, np.arange(map.size).reshape(map.shape), -1)
-    while True:
-        new = out.copy()
-        for axis in (0, 1):
-            for step in (1, -1):
-                new = np.maximum(new, np.roll(new, step, axis))
-        new[map <= 0.02] = -1
-        if (new == out).all():
-            break
-        out = new
-    return np.unique(out, return_inverse=True)[1].reshape(map.shape) - 1
+from scipy.ndimage import label
 
 
 def glaze(model, size):
     """Cobalt glaze, studs of gold, emblems of cream; the rigidity stays the scene's own."""
     surface = paint.Surface(model, 1001, size)
     map = model.rigidity[1001]
-    part = labels(map)
-    count = part.max() + 1
+    part, count = label(map > 0.02)
+    part -= 1
     rows, columns = np.nonzero(part >= 0)
     which, weight = part[rows, columns], map[rows, columns]
     total = np.bincount(which, weight, count)

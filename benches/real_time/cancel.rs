@@ -1,65 +1,19 @@
 //! Measures how long a solve continues after it is cancelled at various moments, and how long reading its last result
 //! takes meanwhile. First for a tile that has to be prepared, then for a tile that has been solved before.
-//!
-//!     cargo bench -p vrtm-benches --bench cancel
-//!     cargo bench -p vrtm-benches --bench cancel -- --grids 512 --scenes mug_to_jug
-
-#![allow(missing_docs)]
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{scope, sleep};
 use std::time::{Duration, Instant};
 
-use clap::Parser;
-use vrtm::{Asset, Backend, Control, Device, DeviceSettings, ErrorKind, SolveRequest};
-use vrtm_testkit::{Model, scenes};
+use vrtm::{Asset, Control, Device, ErrorKind, SolveRequest};
+use vrtm_testkit::Model;
 
-/// Measures cancelled solves.
-#[derive(Parser)]
-#[command(version)]
-struct Args {
-    /// Built-in scenes.
-    #[arg(long, value_delimiter = ',', default_values = ["bulge", "mug_to_jug"])]
-    scenes: Vec<String>,
-    /// Cells on a side of the grids.
-    #[arg(long, value_delimiter = ',', default_values_t = [512, 1024, 2048])]
-    grids: Vec<u32>,
-    /// Cancelled solves per row.
-    #[arg(long, default_value_t = 100)]
-    repeats: u32,
-    /// cpu or gpu.
-    #[arg(long, default_value = "cpu")]
-    backend: String,
-    /// Passed by `cargo bench` and not by `cargo test`; without it one small grid is measured.
-    #[arg(long, hide = true)]
-    bench: bool,
-}
+pub const HEAD: &str = "
+## Cancelled solves
 
-fn main() {
-    let mut args = Args::parse();
-    if !args.bench {
-        (args.grids, args.repeats) = (vec![64], 3);
-    }
-    let backend = if args.backend == "gpu" { Backend::Gpu } else { Backend::Cpu };
-    let device = Device::new(&DeviceSettings { backend, ..DeviceSettings::default() }).expect("a device");
-    println!(
-        "Milliseconds, on {} threads, {} cancelled solves per row.",
-        device.info().threads,
-        args.repeats
-    );
-    println!(
-        "| scene | grid | solve | whole | cancelled | median | 99 % | longest | longest read of the report |"
-    );
-    println!("|---|---|---|---|---|---|---|---|---|");
-    for name in &args.scenes {
-        let model = Model::from(scenes::by_name(name).expect("the name of a built-in scene"));
-        for &grid in &args.grids {
-            measure(&args, &device, &model, grid, true);
-            measure(&args, &device, &model, grid, false);
-        }
-    }
-}
+| scene | grid | solve | whole | cancelled | median | 99 % | longest | longest read of the report |
+|---|---|---|---|---|---|---|---|---|";
 
 /// Solves the first frame, or cancels the solve after a while. Returns the milliseconds of the solve, or those since it
 /// was cancelled (`None` if it was already done), and the longest milliseconds that reading the last report took
@@ -113,7 +67,8 @@ fn forget(asset: &mut Asset) {
     }
 }
 
-fn measure(args: &Args, device: &Device, model: &Model, grid: u32, first: bool) {
+/// Prints the row of `repeats` cancelled solves.
+pub fn measure(repeats: u32, device: &Device, model: &Model, grid: u32, first: bool) {
     let mut asset = model.asset_on(device, grid);
     let mut whole = solve(&mut asset, model, None).0;
     if !first {
@@ -123,7 +78,7 @@ fn measure(args: &Args, device: &Device, model: &Model, grid: u32, first: bool) 
     let whole = whole.expect("a solve that is not cancelled");
     let mut times = Vec::new();
     let mut longest_read = 0.0f64;
-    for k in 0..args.repeats {
+    for k in 0..repeats {
         if first {
             asset = model.asset_on(device, grid);
         }
