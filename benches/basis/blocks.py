@@ -5,7 +5,7 @@ import numpy as np
 
 
 def bc5(numbers: np.ndarray) -> np.ndarray:
-    """What (height, width, 2) numbers of 8 bits are after compression, in f64; height and width are multiples of 4."""
+    """Numbers of 8 bits, (height, width, 2), after compression, in f64; height and width are multiples of 4."""
     height, width, _ = numbers.shape
     blocks = numbers.reshape(height // 4, 4, width // 4, 4, 2).astype(float)
     low, high = (of(blocks, axis=(1, 3), keepdims=True) for of in (np.min, np.max))

@@ -9,7 +9,7 @@ class Unknown(Exception):
 
 
 class Failure(Exception):
-    """What the model cannot know and has to be told."""
+    """A count that the model cannot know and has to be told."""
 
 
 def evaluate(text, names):
@@ -85,7 +85,7 @@ def _value(node, names):
 
 
 def runs(header, names):
-    """How often a loop's body runs, and its variable's first value, if it is a `for` over numbers."""
+    """Number of times that a loop's body runs, and its variable's first value, if it is a `for` over numbers."""
     found = re.match(r"for \(var (\w+)(?:: \w+)? = (.*?); (.*?); (.*)\)$", " ".join(header.split()))
     if not found:
         raise Unknown(header)

@@ -97,7 +97,7 @@ def parameters(name, form, smoother_sweeps):
 
 
 def shares(kernel, quality, counts):
-    """How many of the kernel's dispatches run with each set of parameters."""
+    """Numbers of the kernel's dispatches by set of parameters."""
     of_entry = {entry.split()[0]: dispatches for entry, (dispatches, _) in counts.items()}
     dispatches, first, second = (
         counts[kernel.counted][0],
@@ -156,7 +156,7 @@ def rungs(name, size, counts):
 
 
 def is_taken(kernel, groups):
-    """Whether dispatches of so many workgroups take this form of a kernel: a block colour has a quarter of a level."""
+    """True if dispatches of so many workgroups take this form of a kernel: a block colour has a quarter of a level."""
     return not kernel.name.startswith("Relax") or (4 * groups <= WIDE_BLOCKS) == kernel.name.endswith("Wide")
 
 
@@ -175,7 +175,7 @@ def milliseconds(kernel, quality, size, counts):
 
 @dataclass
 class Counts:
-    """What gpu-counts.md says of a scene: per quality and size dispatches and workgroups of each kernel; dispatches,
+    """A scene's numbers in gpu-counts.md: per quality and size dispatches and workgroups of each kernel; dispatches,
     empty ones and barriers of all; and the strain that is left, if it is told."""
 
     kernels: dict

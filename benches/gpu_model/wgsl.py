@@ -1,4 +1,4 @@
-"""How often the parts of a kernel run, and marks in its text by which they are found again in a compiler's output.
+"""Counts of the runs of a kernel's parts, and marks in its text by which these are found again in a compiler's output.
 
 Counts follow from the text where it has them: a loop `for (var k = t; k < WINDOW; k += 64u)` is run with thread 0, and
 an `if params.pull > 0.0` is judged with the parameters of a solve. Where a count depends on data, a comment at the end
@@ -205,7 +205,7 @@ def marked(source, entry, sets):
             mark(end_of_block(begin, end), "end", [begun])
 
     def end_of_block(begin, end):
-        """Where a block's end is marked: before a jump. But a value that it returns may take time, so that is kept."""
+        """Place of the mark of a block's end: before a jump. A value that it returns takes time, so it is kept."""
         last = JUMP.search(text.plain[begin:end])
         if not last:
             return end

@@ -154,7 +154,7 @@ class Fish:
         return found
 
     def at(self, uv, points):
-        """Where a UV lies on the posed surface, and the surface's normal there."""
+        """Place of a UV on the posed surface, and the surface's normal there."""
         corners = self.model.uvs[self.uv_vertices]
         a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
         area = np.cross(b - a, c - a)

@@ -50,7 +50,7 @@ class Surface:
         return out
 
     def inner(self, texels):
-        """Which covered texels are that far, give or take one, from all borders of charts."""
+        """Mask of the covered texels that are that far, give or take one, from all borders of charts."""
         sums = np.cumsum(np.cumsum(np.pad(self.here, texels + 1), 0, dtype=np.int64), 1)
         n = 2 * texels + 1
         box = sums[n:, n:] - sums[:-n, n:] - sums[n:, :-n] + sums[:-n, :-n]

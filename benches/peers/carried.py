@@ -97,7 +97,7 @@ class Studs:
         return np.linalg.norm(points[self.edges[:, 0]] - points[self.edges[:, 1]], axis=1)
 
     def painted(self, pose: np.ndarray, displacement: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Where the base's paint is shown in a pose, and the length of a cell there."""
+        """Places in a pose at which the base's paint is shown, and the length of a cell there."""
         scene = self.scene
         mesh, width = scene.mesh, scene.grid + 1
         at = self.uv + displacement[(self.uv[:, 1] * width + self.uv[:, 0]).astype(int)]

@@ -34,7 +34,7 @@ class Case:
     cache: dict = field(default_factory=dict, repr=False)  # of measure.py
 
     def inner(self) -> np.ndarray:
-        """Whether each UV vertex is off the chart borders."""
+        """Mask of the UV vertices that are off the chart borders."""
         inner = np.ones(len(self.uv), bool)
         inner[self.border] = False
         return inner

@@ -83,7 +83,7 @@ def warp_folds(displacement: np.ndarray, cells: int) -> int:
 
 
 def invert(displacement: np.ndarray, cells: int, points: np.ndarray) -> np.ndarray:
-    """Where a warp comes from: the points that it takes to `points`, both in cells."""
+    """Points that a warp takes to `points`, both in cells."""
     nodes, triangles = grid_nodes(cells), grid_triangles(cells)
     # A warp that is one-to-one leaves alone what lies outside of the cells that it changes.
     triangles = triangles[(displacement[triangles] != 0).any(axis=(1, 2))]

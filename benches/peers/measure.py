@@ -1,4 +1,4 @@
-"""What is measured, on the mesh and in f64, from its definition alone.
+"""Measures on the mesh, in f64, from their definitions alone.
 
 A segment that is painted from node a to node b lies on the surface where the parameterisation maps it. Its strain is
 its chord in the pose over its chord at rest, minus 1. At rest the parameterisation is the original one. Every
@@ -129,8 +129,8 @@ def texture_at(case: Case, points, *, uv=None, warp=None, warped: bool = False) 
 
 
 def second_difference(tracks: list[np.ndarray]) -> dict:
-    """How smoothly the texture moves over frames: `tracks` has `texture_at` of each frame, at the same points fixed
-    on the surface. Of |T(k+1) - 2 T(k) + T(k-1)| over all points and inner frames: RMS, 99.9 % and largest, in
+    """Roughness of the texture's motion over frames: `tracks` has `texture_at` of each frame, at the same points
+    fixed on the surface. Of |T(k+1) - 2 T(k) + T(k-1)| over all points and inner frames: RMS, 99.9 % and largest, in
     cells."""
     track = np.asarray(tracks)
     if len(track) < 3:

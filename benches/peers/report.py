@@ -97,7 +97,7 @@ def overview(of_scene: dict) -> str:
 
 
 def wins(of_scene: dict) -> str:
-    """Where a method has a lower figure than vrtm."""
+    """Scenes in which a method has a lower figure than vrtm."""
     strain, motion = [], []
     for scene, own in of_scene.items():
         ours = next(r for r in own if r["method"] == "vrtm")

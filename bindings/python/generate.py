@@ -175,7 +175,7 @@ def _plain(text: str) -> str:
 
 
 def _defaults(text: str) -> dict[str, dict[str, float]]:
-    """What the _init() functions set: {"vrtm_solve_options": {"pbd.iterations": 16, ...}, ...}. All else is zero."""
+    """Values of the _init() functions: {"vrtm_solve_options": {"pbd.iterations": 16, ...}, ...}. All else is zero."""
     found = {}
     for struct, body in re.findall(r"^VRTM_DEFINE_INIT_WITH_\((\w+),\n([^)]*)\)", text, re.M):
         values = re.findall(r"value\.([\w.]+) = ([^;]+);", body)
@@ -211,7 +211,7 @@ def _field_docs(text: str) -> dict[tuple[str, str], str]:
 
 
 def _check_known(header: Header) -> None:
-    """What is named above has to be in the header: a table that names something else is out of date."""
+    """Ends the program if a table above names something that is not in the header."""
     unknown = (set(RECORDS) | SETTINGS) - set(header.structs)
     fields = {field.name for struct in {*RECORDS, *SETTINGS} for field in header.structs.get(struct, [])}
     if unknown or FLAGS - fields:
@@ -255,8 +255,7 @@ def _constant(value: str) -> str:
 def records(header: Header) -> str:
     """The text of _records.py."""
     lines = [
-        '"""What the library tells, and some of what it is told, as dataclasses: written by generate.py from vrtm.h;',
-        'do not edit."""',
+        '"""Structs of the C API as dataclasses: written by generate.py from vrtm.h; do not edit."""',
         "",
         "from __future__ import annotations",
         "",
@@ -314,12 +313,12 @@ def _hint(header: Header, struct: str, decl: c_ast.Decl) -> str:
 
 
 def _literal(typedef: str) -> str:
-    """What the type of a kind of constant is called in Python: FetchKind for vrtm_fetch_kind."""
+    """Name in Python of a kind of constant: FetchKind for vrtm_fetch_kind."""
     return typedef.removeprefix("vrtm_").title().replace("_", "")
 
 
 def _default(header: Header, struct: str, field: str) -> float:
-    """What the _init() function of the struct sets, or of the one that holds it."""
+    """Value that the _init() function of the struct sets, or of the one that holds it."""
     if struct == "vrtm_pbd_settings":
         struct, field = "vrtm_solve_options", f"pbd.{field}"
     return header.defaults[struct].get(field, 0)

@@ -57,7 +57,7 @@ def lookups():
 
 
 def sockets():
-    """What was plugged into the texture's Vector goes into the map's: here, UVs that are not the mesh's active ones."""
+    """Checks that the plug of the texture's Vector goes on to the map's: here, UVs that are not the active ones."""
     def build(tree, delta):
         data = bpy.data.objects["mesh"].data
         data.uv_layers.new(name="other").data.foreach_set("uv", [0.3] * (2 * len(data.loops)))
@@ -74,7 +74,7 @@ def sockets():
 
 
 def wrong_ways():
-    """What the document warns of does happen: a warning that is not true any more has to go."""
+    """Checks that the document's warnings are true: one that is not true any more has to go."""
     far = after("two_channels")
     check("cycles: two channels are misread", far.mean > 20, f"{far} of 255")
     far = after("redirect")

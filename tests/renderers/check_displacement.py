@@ -16,7 +16,7 @@ exec(document("Normal maps and vector displacement in Blender", "python"), recip
 
 
 def displaced(name=None, redirected=False, turned=False):
-    """Which point of the surface a pixel sees, and how high: UVs and z, with alpha. The camera looks along z."""
+    """Point of the surface that each pixel sees: UVs and height z, with alpha. The camera looks along z."""
     tree = blender.start(scene.mesh(192), scene.SIZE, samples=4, smooth=True)
     colour = blender.emission(tree)
     bpy.data.materials["material"].displacement_method = "DISPLACEMENT"

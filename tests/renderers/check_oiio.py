@@ -47,7 +47,7 @@ def warped():
 
 
 def metadata():
-    """That a file's texels are data is an attribute that OpenImageIO knows."""
+    """Checks the attribute by which OpenImageIO knows that a file's texels are data."""
     files = {"udim": "RGB", "udim_alpha": "RGBA", "redirect": "RGB", "delta": "RGB", "jacobian": "RGBA", "filter": "RGB"}
     for name, channels in files.items():
         spec = oiio.ImageBuf(str(folder / f"{name}.1001.exr")).spec()

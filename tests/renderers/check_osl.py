@@ -60,7 +60,7 @@ def normals():
 
 
 def filter_scale():
-    """Where the redirected UV's derivatives are not to be had: those of the original UV, times the filter scale.
+    """Checks lookups with the original UV's derivatives times the filter scale, for hosts without the redirected UV's.
 
     The picture is noise of single texels, of which a pixel covers about a dozen; each pixel has one sample, and what it
     should show is the mean of 32 that the redirected UV's derivatives filter. Only places where the redirection draws texels together are looked at: there the

@@ -6,7 +6,7 @@ from checks import check, document, run
 
 
 def complaints(stage):
-    """What all validators but those of files say: the texture does not lie beside a document's text."""
+    """Complaints of all validators but those of files: the texture does not lie beside a document's text."""
     registry = UsdValidation.ValidationRegistry()
     names = [m.name for m in registry.GetAllValidatorMetadata() if m.name.startswith(("usdShade", "usdGeom", "usdValidation:"))]
     validators = [v for v in map(registry.GetOrLoadValidatorByName, names) if v]

@@ -1,4 +1,4 @@
-"""What a file of checks prints: a line per check, with figures, and how many there were."""
+"""Output of a file of checks: a line per check, with figures, and the number of checks."""
 
 import pathlib
 import re

@@ -52,7 +52,7 @@ def displacement(uv, tile):
 
 
 def turned(exact, uv, tile, vectors):
-    """What a map in tangent space under the original UVs has to hold for the studs to look as if they had moved as a whole.
+    """Vectors of a map in tangent space under the original UVs that make the studs look as if they had moved as a whole.
 
     `vectors(uv, tile)`, those of the map, belong to a frame along the redirected u. Its direction on the surface X is the
     first column of dX/d(u, v) times the inverse of the redirection's Jacobian, all of it known in closed form or in f64.

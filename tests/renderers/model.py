@@ -1,4 +1,4 @@
-"""What is rendered: a small model of two UDIM tiles that this file makes, and the meshes that lie beside the checkout.
+"""Rendered models: a small one of two UDIM tiles that this file makes, and the meshes that lie beside the checkout.
 
 The chart of tile 1002 is mirrored: seen from outside, its u runs to the left, as on the second half of a symmetric model.
 """

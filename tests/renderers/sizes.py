@@ -1,4 +1,4 @@
-"""What a map's size costs: the table of docs/rendering/map_size.md.
+"""Cost of a map's size: the table of docs/rendering/map_size.md.
 
     sizes.py FOLDER-OF-ASSETS NAME FRAME [CELLS] [TEXTURE]
 

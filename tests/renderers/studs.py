@@ -4,7 +4,7 @@ import numpy as np
 
 
 def positions(mesh, rest, size, tile=1001):
-    """Where on the surface at rest each texel of a tile lies; NaN outside of charts."""
+    """Place of each texel of a tile on the surface at rest; NaN outside of charts."""
     out = np.full((size, size, 3), np.nan)
     uvs = mesh.uvs - [(tile - 1001) % 10, (tile - 1001) // 10]
     for corners, points in zip(uvs[mesh.uv_triangles] * size - 0.5, rest[mesh.triangles]):
@@ -24,7 +24,7 @@ def positions(mesh, rest, size, tile=1001):
 
 
 def centres(candidates, apart):
-    """Those of some points that are farther apart than `apart`: the first ones."""
+    """Points, from the first one on, that are farther apart than `apart`."""
     chosen = []
     for point in candidates:
         if all(np.hypot.reduce(point - other) > apart for other in chosen):

@@ -85,7 +85,7 @@ def shown(colour, map):
 
 
 def longer(map, distance):
-    """How many times as long as at rest, from left to right, studs are, and the tenth of the skin that is longest."""
+    """Lengths from left to right over those at rest: of the studs, and of the tenth of the skin that is longest."""
     middle = slice(SIZE // 4, -SIZE // 4)
     apart = STRETCH / (np.gradient(map[..., 0], axis=1)[middle, middle] * SIZE)
     here = sampled(distance[..., None], map[middle, middle])[..., 0]

@@ -1,4 +1,4 @@
-"""What the figures share: a painted model with its maps, and panels of it."""
+"""Parts that the figures share: a painted model with its maps, and panels of it."""
 
 from dataclasses import dataclass
 from pathlib import Path

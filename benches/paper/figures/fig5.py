@@ -24,7 +24,7 @@ def drawn(colour, width, height, map=None):
 
 
 def width(mask, map):
-    """How wide fruit of a kind is in the pose, as a share of its width at rest: of the area that it covers, which the
+    """Width of a kind of fruit in the pose, as a share of its width at rest: from the area that it covers, which the
     pose and the map change."""
     v, u = (np.mgrid[:512, :512] + 0.5) / 512
     at = np.stack([u, 1 - v], -1)

@@ -22,7 +22,7 @@ def subject(options, size=2048, grid=1024):
 
 
 def legend(size):
-    """What the rows show."""
+    """Legend of the rows."""
     image = Image.new("RGB", size, "white")
     lines = (
         "rows, from the top:",

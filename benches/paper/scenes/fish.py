@@ -12,7 +12,7 @@ SIDE = [0.02, 0.03], [0.66, 0.97]
 
 
 def profile(t):
-    """Where along its axis (x, the nose in front) and how thick the body is, t from 0 at the nose to 1."""
+    """Place along the body's axis (x, the nose in front) and its thickness there, t from 0 at the nose to 1."""
     return 1.5 * np.cos(np.pi * t), 0.72 * np.sin(np.pi * t) ** 0.85
 
 

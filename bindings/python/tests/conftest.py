@@ -1,4 +1,4 @@
-"""What several tests share: a device, a sheet with painted studs, and its poses."""
+"""Fixtures that several tests share: a device, a sheet with painted studs, and its poses."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def bake(folder: Path, scene: Scene, shapes=("one",), files: bool = True, **plan
 
 
 def corner_uvs(shape, frame: float) -> np.ndarray:
-    """What a bake might find: each corner's own UV, and what a frame adds to it."""
+    """UVs as a bake might find them: each corner's own, and a shift that grows with the frame."""
     return shape.uvs[shape.uv_indices] + np.arange(2 * len(shape.indices)).reshape(-1, 2) * 0.001 * frame
 
 
@@ -83,5 +83,5 @@ def varname(shader: UsdShade.Shader) -> str:
 
 
 def checked(folder: Path, file: str = "shot.usda", options: SceneOptions | None = None) -> list[str]:
-    """What validators say that they do not say of the shot, or of the layer by itself."""
+    """Complaints of validators about the layer over the shot, less those about the shot; and about the layer alone."""
     return check_layer(folder / "over.usda", folder / file, options) + check_layer(folder / "over.usda")

@@ -214,7 +214,7 @@ def test_a_sum_that_folds_where_the_frame_does_not_takes_more_maps(
     own = [basis_tiles.read_delta(str(path), "tile") for path in (tmp_path / "out").glob("redirect.*.exr")]
 
     def folds(delta: np.ndarray) -> tuple[int, float]:
-        """What is not a frame's own map, but for the rounding to 16 bits, is taken to fold."""
+        """Takes all to fold but the frames' own maps, up to the rounding to 16 bits."""
         return int(min(np.abs(delta - other).max() for other in own) > 1e-4), 0.0
 
     monkeypatch.setattr(basis_tiles, "folds", folds)

@@ -1,4 +1,4 @@
-"""What `vrtm bake` does at borders where --seams and --open-borders do not say it."""
+"""Choices of `vrtm bake` at borders where --seams and --open-borders are not given."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ COPIED = "rest.obj: seams continue, open borders slide: all textures are copies"
 
 
 def baked(scene: list[object], out: Path, *more: object) -> tuple[str, dict[str, bytes]]:
-    """What is said, and the files."""
+    """Output of a bake, and its files."""
     said = run(*scene, "--size", 64, "--device", "cpu", "--jobs", 1, "--out", out, *more).stdout
     return said, files(out)
 
 
 def line(said: str) -> str:
-    """What is said of borders, less the mesh's path."""
+    """Printed line about borders, less the mesh's path."""
     found = [line for line in said.splitlines() if ": seams " in line]
     assert len(found) == 1, said
     return found[0].partition(": ")[2]

@@ -1,4 +1,4 @@
-"""What is left where the disk is full: whole files or none, and an exit code that tells."""
+"""Bakes on a full disk leave whole files or none, and an exit code that tells."""
 
 from __future__ import annotations
 

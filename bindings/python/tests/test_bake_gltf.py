@@ -160,7 +160,7 @@ def test_it_stays_if_it_is_up_to_date_and_others_files_stay(baked: Path, tmp_pat
 
 
 def test_khronos_validator_finds_no_error(baked: Path, tmp_path: Path) -> None:
-    """Where Node has the package `gltf-validator`, in NODE_PATH."""
+    """Runs where Node has the package `gltf-validator`, in NODE_PATH."""
     script = (
         "require('gltf-validator').validateBytes(new Uint8Array(require('fs').readFileSync(process.argv[1])))"
         ".then(r => console.log(JSON.stringify(r.issues)))"

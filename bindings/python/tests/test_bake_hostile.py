@@ -1,4 +1,4 @@
-"""What others may do to a bake: links in the place of its files, and inputs that lie about themselves or never end."""
+"""Attacks on a bake: links in the place of its files, and inputs that lie about themselves or never end."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ WRITERS: dict[str, Callable[[str], None]] = {
 
 @pytest.fixture(params=[True, False], ids=["proc", "no proc"])
 def proc(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> bool:
-    """Whether the system has paths that lead to open files."""
+    """True if the system has paths that lead to open files."""
     real = os.path.exists
     if not request.param:
         monkeypatch.setattr(os.path, "exists", lambda path: not str(path).startswith("/proc/self/") and real(path))

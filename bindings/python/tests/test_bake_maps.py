@@ -1,4 +1,4 @@
-"""What maps and primvars hold, where UVs lie, and which files are those of a mesh: what is odd about them is told."""
+"""Warnings of odd values in maps and primvars, of UVs outside of tiles, and of missing files."""
 
 from __future__ import annotations
 

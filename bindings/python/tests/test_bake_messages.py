@@ -1,4 +1,4 @@
-"""What a bake says: what it leaves out, what may be meant otherwise, dry runs, logs, and mistyped names."""
+"""Messages of a bake: meshes left out, likely mistakes, dry runs, logs, and mistyped names."""
 
 from __future__ import annotations
 

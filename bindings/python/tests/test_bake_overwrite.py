@@ -1,4 +1,4 @@
-"""What a bake must not replace: files that it reads, and files that vrtm has not written."""
+"""Files that a bake must not replace: those that it reads, and those that vrtm has not written."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def shot(tmp_path: Path) -> Path:
 
 
 def refused(arguments: list[object], *words: object) -> None:
-    """That a bake ends with exit code 2 before it has changed anything, and with one line that has the words."""
+    """Checks that a bake ends with exit code 2 before it has changed anything, and with one line that has the words."""
     folder = Path(str(arguments[1])).parent
     before, said, printed = files(folder), io.StringIO(), io.StringIO()
     with contextlib.redirect_stderr(said), contextlib.redirect_stdout(printed):

@@ -61,7 +61,7 @@ def left(session: int) -> list[int]:
 
 
 def gone(session: int, seconds: float) -> bool:
-    """Whether all processes of a session end within some time."""
+    """True if all processes of a session end within some time."""
     limit = time.monotonic() + seconds
     while left(session):
         if time.monotonic() > limit:
@@ -79,7 +79,7 @@ def await_files(out: Path, process: subprocess.Popen[str], count: int) -> None:
 def end_early(
     process: subprocess.Popen[str], out: Path, number: int, code: int, count: int, group: bool, pause: float
 ) -> bool:
-    """Sends a bake a signal once so many files are there. Whether that ended it; else it was done before."""
+    """Sends a bake a signal once so many files are there. False if it was done before."""
     if count:
         await_files(out, process, count)
     else:

@@ -1,4 +1,4 @@
-"""What must not pass without a word: a bake that changes nothing, or less than it seems."""
+"""Warnings of a bake that changes nothing, or less than it seems."""
 
 from __future__ import annotations
 

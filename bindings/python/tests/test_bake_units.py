@@ -226,7 +226,7 @@ def test_a_full_stream_does_not_change_the_exit_code(stream: str) -> None:
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no device that is always full")
 def test_a_full_stream_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What it could not take must not fail whoever flushes it next."""
+    """A later flush must not fail for text that the stream could not take."""
     with open("/dev/full", "w") as full:
         monkeypatch.setattr(sys, "stdout", full)
         console = Console(quiet=False, progress=True, openjd=False)

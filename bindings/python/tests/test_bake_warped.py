@@ -47,7 +47,7 @@ def averaged(fine: np.ndarray) -> np.ndarray:
 
 
 def fetched(at: Plane) -> Callable[[str, int, int, int, int], np.ndarray]:
-    """What the library hands out, for a redirection in closed form."""
+    """Fetches of the library, for a redirection in closed form."""
     u, v = centres(SIZE)
     step = 1e-6
     du = [(a - b) / (2 * step) for a, b in zip(at(u + step, v), at(u - step, v))]

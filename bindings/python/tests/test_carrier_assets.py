@@ -1,5 +1,5 @@
-"""What is carried against what is painted, on real meshes: each texel of a map shows where some paint is, and the posed
-mesh where the texel is. Nothing is shared with carriers: paint is found in maps, places by the weights of corners."""
+"""Carried points beside the paint of real meshes: each texel of a map names the paint that it shows, and the posed mesh
+has the texel's place. Nothing is shared with carriers: paint is found in maps, places by the weights of corners."""
 
 from __future__ import annotations
 
@@ -211,8 +211,8 @@ def forward(nodes: np.ndarray, uv: np.ndarray) -> np.ndarray:
 
 
 def beyond(dilation: np.ndarray, at: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where on the surface a UV beside the charts is, by the affine map of the nearest three texels of the gutter; and
-    for which of them there are such texels. Others, and UVs on charts, are left out."""
+    """Places on the surface of UVs beside the charts, by the affine map of the nearest three texels of the gutter; and
+    a mask of the UVs that have such texels. UVs on charts have none."""
     own = (np.stack(np.meshgrid(*(np.arange(TEXELS),) * 2), -1) + 0.5) / TEXELS + place
     gutter = (np.abs(dilation[..., :2] - own).max(-1) > 1 / TEXELS) & (dilation[..., 3] > 0.5)
     i, j = np.clip(np.floor(at * TEXELS).astype(int), 1, TEXELS - 2).T
@@ -245,7 +245,7 @@ def locate(model: SimpleNamespace, uv: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 @pytest.mark.parametrize("name", ["cesium_man", "fox"])
 def test_points_go_over_seams(device, assets, name):
-    """Where the warp leads over a seam, the place is that of the neighbour's texel which the dilation names there."""
+    """A point that the warp leads over a seam is at the place of the texel that the dilation names there."""
     model = read(assets / name)
     pose = model.frames[3]
     with make(device, model, "continue") as asset:

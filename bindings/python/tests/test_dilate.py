@@ -19,7 +19,7 @@ f 1/1 2/2 5/3 4/4\nf 2/5 3/6 6/7 5/8
 
 
 def content(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """What is painted at a point of the surface, from 0 to 1."""
+    """Paint at a point of the surface, from 0 to 1."""
     return np.stack([0.2 + 0.3 * x, 0.1 + 0.8 * y, 0.5 + 0.4 * np.sin(3 * x + 2 * y)], axis=-1)
 
 

@@ -86,7 +86,7 @@ def farm(openjd: str, tmp_path_factory: pytest.TempPathFactory) -> Farm:
 
 @pytest.fixture(scope="module")
 def local(farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """What a run without a farm writes."""
+    """Files of a run without a farm."""
     out = tmp_path_factory.mktemp("local")
     layer = ("--layer", out / "redirect.usda")
     run(*sheet_arguments(farm.scene, out, "--form", "udim", *OPTIONS.split(), *layer))
@@ -173,7 +173,7 @@ def tree(root: int) -> list[int]:
 
 
 def test_paths_are_mapped(farm: Farm, local: dict[str, bytes], tmp_path: Path) -> None:
-    """Where the farm mounts the files elsewhere than the artist does."""
+    """The farm mounts the files elsewhere than the artist does."""
     rule = {"source_path_format": "POSIX", "source_path": "/artist", "destination_path": str(tmp_path / "there")}
     rules = tmp_path / "rules.json"
     rules.write_text(json.dumps({"version": "pathmapping-1.0", "path_mapping_rules": [rule]}))

@@ -1,4 +1,4 @@
-"""What is generated from the header agrees with a C compiler."""
+"""Modules generated from the header agree with a C compiler."""
 
 import ctypes
 import os

@@ -1,4 +1,4 @@
-"""Which number of a file's name is the frame, and which token stands for it or for a tile."""
+"""The number of the frame in a file's name, and tokens that stand for it or for a tile."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def test_files_with_other_digits_are_listed(tmp_path: Path) -> None:
 
 
 def test_tokens_of_a_tile() -> None:
-    """Those of OpenImageIO mean what they mean there."""
+    """OpenImageIO's tokens mean the same here."""
     for pattern, expected in {
         "a.<UDIM>": "a.1023",
         "a.<udim>": "a.1023",

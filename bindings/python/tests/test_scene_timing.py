@@ -1,4 +1,4 @@
-"""Which times of a scene are frames: time codes, rates, samples of motion blur."""
+"""Frames among the times of a scene: time codes, rates, samples of motion blur."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ class Pinned:
 
 
 def array_of(name: str, value: ArrayLike) -> np.ndarray:
-    """What numpy makes of a value. Raises ValueError for rows of different lengths."""
+    """Returns numpy's array of a value. Raises ValueError for rows of different lengths."""
     try:
         array = np.asarray(value)
         ragged = array.dtype == object and any(isinstance(row, (Sequence, np.ndarray)) for row in array.flat)

@@ -275,7 +275,7 @@ class Asset:
 
     @property
     def closed(self) -> bool:
-        """Whether close() was called."""
+        """True after close()."""
         return not self._end.alive
 
     def __enter__(self) -> Asset:

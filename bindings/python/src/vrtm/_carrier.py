@@ -19,7 +19,7 @@ from ._records import CarrierInfo
 
 @dataclass(frozen=True)
 class Carried:
-    """Where points have gone: arrays with a row for each point, None for what was not asked for."""
+    """Carried points: arrays with a row for each point, None for those that were not asked for."""
 
     positions: NDArray[np.floating[Any]] | None = None
     """(points, 3): positions in the pose."""
@@ -103,8 +103,8 @@ class Carrier:
         return self.info.points
 
     def states(self) -> NDArray[np.int32]:
-        """How each point is bound, (points,): 0 on a chart; 1 outside of all, 2 in folded UVs and 3 too far from the
-        surface, where it moves with the surface alone."""
+        """Binding of each point, (points,): 0 on a chart; 1 outside of all charts, 2 in folded UVs, 3 too far from the
+        surface. Points of states 1 to 3 move with the surface alone."""
         states = np.empty(self.info.points, np.int32)
         check(library.vrtm_carrier_fetch_states(self._handle, states.ctypes.data, len(states)))
         return states

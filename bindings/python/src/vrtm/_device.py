@@ -1,4 +1,4 @@
-"""Devices: where assets are solved."""
+"""Devices: the GPU or CPU that solves assets."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def adapters() -> list[Adapter]:
 
 
 class Device:
-    """Where assets are solved: a GPU or the CPU. Make one and keep it.
+    """A GPU or the CPU, on which assets are solved. Make one and keep it.
 
     backend         "auto" (a hardware GPU if available, else the CPU), "cpu" or "gpu"
     adapter         which GPU: its index in adapters()
@@ -96,7 +96,7 @@ class Device:
 
     @property
     def closed(self) -> bool:
-        """Whether close() was called."""
+        """True after close()."""
         return not self._end.alive
 
     def __enter__(self) -> Device:

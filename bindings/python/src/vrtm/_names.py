@@ -30,7 +30,7 @@ def name_of(argument: str, value: int) -> str:
 
 
 def _named(field: str) -> bool:
-    """Whether the numbers of a field have names."""
+    """True if the numbers of a field have names."""
     return hasattr(_abi, f"vrtm_{field}_values")
 
 

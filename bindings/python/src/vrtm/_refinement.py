@@ -19,7 +19,7 @@ from ._records import RefinementInfo
 
 @dataclass(frozen=True)
 class Pattern:
-    """How the refined mesh is built from the mesh. Vertices and corners have three sources each, with weights that add
+    """Recipe for the refined mesh from the mesh. Vertices and corners have three sources each, with weights that add
     up to 1: positions of the refined mesh are (positions[vertex_sources] * vertex_weights[..., None]).sum(1)."""
 
     vertex_sources: NDArray[np.uint32]
@@ -67,7 +67,7 @@ class Refinement:
         check(library.vrtm_refinement_extend(self._handle))
 
     def pattern(self) -> Pattern:
-        """How the refined mesh is built from the mesh. It changes only when the refinement is extended."""
+        """Recipe for the refined mesh from the mesh. It changes only when the refinement is extended."""
         info = self.info
         counts = {"vertex": info.vertices, "face": info.faces, "corner": info.corners}
         struct = new(_abi.vrtm_refinement_pattern)

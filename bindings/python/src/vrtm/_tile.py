@@ -206,10 +206,10 @@ class Tile:
         origin: Origin = "top",
         out: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float32]:
-        """What a texture must hold around the tile's charts, (height, width, channels) of float32: for each texel
-        beside the charts, up to about `reach` (in UV) from a seam, the UV among all tiles of the texel that shows what
-        the surface shows there; for all other texels their own. A fourth channel is 1 in charts and where a UV was
-        found. Depends on the mesh alone: no solve is needed."""
+        """Sources of the texels around the tile's charts, (height, width, channels) of float32. A texel beside the
+        charts, up to about `reach` (in UV) from a seam, has the UV, among all tiles, of the texel to copy into it: the
+        one that lies beyond the seam on the surface. All other texels have their own UV. A fourth channel is 1 in
+        charts and where a source was found. Depends on the mesh alone: no solve is needed."""
         target = Target(
             Pinned(),
             "redirection_udim",
@@ -268,8 +268,8 @@ class Tile:
         *,
         dtype: DTypeLike = np.float32,
     ) -> MapInfo:
-        """What a redirection map of this kind, size and format gives when a renderer interpolates in it: where it
-        folds, how far it is from the redirection itself (lengths in UV), and which size suffices."""
+        """Quality of a redirection map of this kind, size and format when a renderer interpolates in it: its folds, its
+        distance from the redirection itself (in UV), and the size that suffices."""
         desc = new(_abi.vrtm_map_desc)
         desc.kind = value_of("fetch_kind", kind, "kind")
         desc.format = PIXELS[pixel_type(dtype)]

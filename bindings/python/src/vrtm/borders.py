@@ -1,7 +1,7 @@
-"""What is right at the borders of charts where nobody says it: for `vrtm bake` and the add-on for Blender.
+"""Choice of --seams and --open-borders where the user gives none: for `vrtm bake` and the add-on for Blender.
 
-With seams 'continue' redirections lead over the borders of charts, which is right where all textures hold what lies
-there (`vrtm.dilation`), and with open borders 'slide' along them, which is right where the surface ends there.
+With seams 'continue' redirections lead over the borders of charts: all textures must then be dilated
+(`vrtm.dilation`). With open borders 'slide' redirections run along borders at which the surface ends.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ def kept_or_shut(solved: Callable[[str], Iterable[TileReport]]) -> tuple[str, st
 
 
 def _harm(reports: Iterable[TileReport]) -> tuple[int, float]:
-    """How many rigid edges are strained by over a quarter more than with the mesh's own UVs, and the strain of all
-    (RMS)."""
+    """Number of rigid edges that are strained by over a quarter more than with the mesh's own UVs, and the strain of
+    all (RMS)."""
     harmed = edges = 0
     squares = 0.0
     for report in reports:

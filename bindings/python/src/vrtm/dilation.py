@@ -80,17 +80,17 @@ def _filtered(pixels: np.ndarray, _covered: np.ndarray, x: np.ndarray, y: np.nda
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """What is known of an image's texels."""
+    """Sources of an image's texels."""
 
     covered: np.ndarray
-    """(height, width): whether a chart covers it."""
+    """(height, width) of bool: covered by a chart."""
     copies: dict[Hashable, tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
     """By the image that texels are copied from: their rows and columns, the UVs, within the tile, of what they show,
     and how these change from texel to texel (`_jacobian`)."""
 
 
 def _copies(key: Hashable, image: np.ndarray, lookups: Sequence[Lookups], turns: bool) -> _Found:
-    """What is copied in an image, by the dilations of all meshes that look it up. No chart of theirs is changed."""
+    """Texels to copy into an image, by the dilations of the meshes that look it up. No texel of a chart changes."""
     height, width, _ = image.shape
     covered = np.zeros((height, width), bool)
     found: dict[Hashable, list[np.ndarray]] = {}

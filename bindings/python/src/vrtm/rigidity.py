@@ -53,7 +53,7 @@ def otsu(*pictures: np.ndarray) -> float:
 
 
 def of_brightness(pictures: Mapping[Key, np.ndarray], threshold: float = 0.0) -> dict[Key, np.ndarray]:
-    """What is brighter than a threshold; 0: than what parts dark and bright best."""
+    """Maps that are rigid where a picture is brighter than a threshold; 0 = Otsu's threshold."""
     values = {key: brightness(pixels) for key, pixels in pictures.items()}
     threshold = threshold or otsu(*values.values())
     return {key: soft(bright > threshold) for key, bright in values.items()}
@@ -62,7 +62,7 @@ def of_brightness(pictures: Mapping[Key, np.ndarray], threshold: float = 0.0) ->
 def of_colour(
     pictures: Mapping[Key, np.ndarray], colour: tuple[float, float, float], tolerance: float = 0.2
 ) -> dict[Key, np.ndarray]:
-    """What is at most `tolerance` from a colour; black and white are the root of 3 apart."""
+    """Maps that are rigid where a picture is at most `tolerance` from a colour; black and white are sqrt(3) apart."""
 
     def near(pixels: np.ndarray) -> np.ndarray:
         return np.linalg.norm(pixels[..., :3] - np.array(colour, np.float32), axis=-1) <= tolerance
@@ -73,9 +73,10 @@ def of_colour(
 def of_heights(
     pictures: Mapping[Key, np.ndarray], feature: float = 0.06, threshold: float = 0.0, sunken: bool = False
 ) -> dict[Key, np.ndarray]:
-    """What stands out of its surroundings: higher than the mean of all that is at most about half of `feature`
-    away, the width of the largest feature in UV, by `threshold` times the largest such difference; 0: by what parts
-    them best. `sunken`: what lies deeper instead. Specks and pinholes are left out."""
+    """Maps that are rigid where a height map stands out of its surroundings: above the mean of the heights that are at
+    most about half of `feature` away, by `threshold` times the largest such difference; 0 = by Otsu's threshold.
+    `feature`: the width of the largest feature, in UV. `sunken`: below that mean instead. Specks and pinholes are left
+    out."""
     radius, above, size = {}, {}, 0.0
     for key, pixels in pictures.items():
         heights = brightness(pixels)

@@ -49,7 +49,7 @@ class Driver:
         return np.hstack([away, scaled, np.ones((len(given), 1))])
 
     def term_names(self) -> list[str]:
-        """What each product is of: `smile`, `smile*jaw`."""
+        """Names of the products: `smile`, `smile*jaw`."""
         return ["*".join(name for name, has in zip(self.names, row) if has) for row in self.centres]
 
     def document(self) -> dict:

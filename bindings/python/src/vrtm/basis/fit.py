@@ -22,7 +22,7 @@ from vrtm.basis.stored import HALF, Range, stored
 _ROUNDS = 4
 """Times that texels are weighted anew. Of 42 texels four rounds leave 31 on two maps of an arm, twelve leave 28."""
 _FLOOR = 0.05
-"""What a texel without error weighs, against one with the largest."""
+"""Weight of a texel without error, as a share of that of the texel with the largest error."""
 _AT_ONCE = 1 << 15
 """Texels of all frames that are worked on together."""
 
@@ -38,7 +38,7 @@ class Basis:
     errors: np.ndarray
     """(frames,): the largest distance of the sum from the frame's own delta, in UV."""
     ranges: list[Range]
-    """What the stored numbers of each map stand for."""
+    """Ranges of the maps' stored numbers."""
 
     def __len__(self) -> int:
         return len(self.maps)

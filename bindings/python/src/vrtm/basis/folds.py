@@ -1,5 +1,7 @@
-"""Where a map that is interpolated bilinearly is not one-to-one, by the rule of the library's certificate of maps
-(method §9): over four neighbouring texel centres the Jacobian is smallest at one of them."""
+"""Folds of a map that is interpolated bilinearly: quads of four texel centres in which it is not one-to-one.
+
+The rule is that of the library's certificate of maps (method §9): over such a quad the Jacobian is smallest at one of
+the four centres."""
 
 from __future__ import annotations
 

@@ -12,13 +12,13 @@ FORMATS = {HALF: "float16", "unorm16": "uint16", "unorm8": "uint8"}
 
 
 def ending(form: str) -> str:
-    """That of a file with such numbers: no EXR has integers of 16 or 8 bits."""
+    """Ending of a file with such numbers: no EXR has integers of 16 or 8 bits."""
     return ".exr" if form == HALF else ".png"
 
 
 @dataclass(frozen=True, eq=False)
 class Range:
-    """What stored numbers stand for: `offset + scale * number`, where the largest of an unsigned type counts as 1."""
+    """Meaning of stored numbers: `offset + scale * number`, where an unsigned type's largest counts as 1."""
 
     offset: np.ndarray
     """(2,) f32, of u and v."""
@@ -46,7 +46,7 @@ def numbers(values: np.ndarray, of: Range, form: str) -> np.ndarray:
 
 
 def values(numbers: np.ndarray, of: Range) -> np.ndarray:
-    """What (..., 2) stored numbers stand for, as a shader reads them: f32."""
+    """Values of stored numbers, (..., 2) f32, as a shader reads them."""
     if numbers.dtype.kind == "f":
         return numbers.astype(np.float32)
     most = np.iinfo(numbers.dtype).max
