@@ -1,7 +1,5 @@
 """A shot, a bake's layer over it, and what a renderer would resolve of both."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Choices of `vrtm bake` at borders where --seams and --open-borders are not given."""
 
-from __future__ import annotations
-
 import functools
 import json
 import pickle

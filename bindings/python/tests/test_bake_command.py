@@ -1,7 +1,5 @@
 """The console command from end to end: what it writes, what it leaves alone, and how it fails."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,7 +1,5 @@
 """Bakes on a full disk leave whole files or none, and an exit code that tells."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

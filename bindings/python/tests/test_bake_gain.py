@@ -1,7 +1,5 @@
 """Maps that would be the identity in all frames get no file: parts that move rigidly, and parts with nothing rigid."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import json

@@ -1,7 +1,5 @@
 """`vrtm bake --basis --gltf`: the file, read here by its specification, against the library's own corner UVs."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import struct
@@ -179,8 +177,3 @@ def test_a_still_target_is_no_excuse_for_a_file_without_positions(baked: Path) -
     """Programs differ in what they make of a target without positions."""
     for primitive in Glb(baked / "out" / "basis.glb").json["meshes"][0]["primitives"]:
         assert all(set(target) == {"POSITION", "TEXCOORD_0"} for target in primitive["targets"])
-
-
-def test_subsets_have_no_one_mesh(tmp_path: Path) -> None:
-    ended = run("bake", "a.usda", "--rigidity", "r.png", "--basis", "--gltf", "--subsets", expect=2)
-    assert "--gltf and --subsets exclude each other" in ended.stderr

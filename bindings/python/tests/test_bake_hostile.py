@@ -1,7 +1,5 @@
 """Attacks on a bake: links in the place of its files, and inputs that lie about themselves or never end."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from pathlib import Path

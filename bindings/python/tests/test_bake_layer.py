@@ -1,7 +1,5 @@
 """The layer that a bake writes, and its files of corner UVs."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

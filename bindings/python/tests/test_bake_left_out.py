@@ -1,7 +1,5 @@
 """The list of what is not baked: on the screen, in the log and in the report, and what --strict makes of it."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Warnings of odd values in maps and primvars, of UVs outside of tiles, and of missing files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

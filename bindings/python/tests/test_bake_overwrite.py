@@ -1,7 +1,5 @@
 """Files that a bake must not replace: those that it reads, and those that vrtm has not written."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

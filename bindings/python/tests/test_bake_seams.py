@@ -1,7 +1,5 @@
 """`vrtm bake --seams continue`: features keep their shape across seams, and copies of textures show what lies there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

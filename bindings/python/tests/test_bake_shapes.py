@@ -1,7 +1,5 @@
 """`vrtm bake --basis --blend-shapes`: the file, evaluated by UsdSkel, against the library's own corner UVs."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -9,7 +7,8 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel
 
-from bake_scenes import REPOSITORY, files, run, sheet_arguments, solved_alone
+from bake_scenes import files, run, sheet_arguments, solved_alone
+from conftest import REPOSITORY
 from test_bake_basis import document, gentle
 from vrtm.bake.scene import Scene
 
@@ -134,10 +133,3 @@ def test_names_of_controls_become_those_of_blend_shapes(tmp_path: Path) -> None:
     motion = UsdSkel.Animation(stage.GetDefaultPrim().GetChild("motion"))
     assert list(motion.GetBlendShapesAttr().Get())[:3] == ["pull", "left_arm", "pull_left_arm"]
     np.testing.assert_array_equal(np.array(motion.GetBlendShapeWeightsAttr().Get(3))[:3], 1)
-
-
-def test_subsets_have_no_one_mesh() -> None:
-    options = ("--basis", "--blend-shapes", "--subsets")
-    assert "exclude each other" in run("bake", "a.usda", "--rigidity", "r.png", *options, expect=2).stderr
-    ended = run("bake", "a.usda", "--rigidity", "r.png", "--blend-shapes", expect=2)
-    assert "--blend-shapes needs --basis" in ended.stderr

@@ -1,7 +1,5 @@
 """Bakes that are ended at any moment: nothing half-written stays, nobody is left behind, and the next run goes on."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import random
@@ -14,7 +12,8 @@ import pytest
 
 from bake_scenes import files, run, sheet, sheet_arguments, vrtm_command
 
-FRAMES = 24
+# A few seconds of work: long enough to be interrupted, short enough to be done again by each test.
+FRAMES = 8
 LONG = os.environ.get("VRTM_LONG_TESTS") == "1"
 OPTIONS = ("--size", 256, "--warp", "--jacobian")
 

@@ -1,7 +1,5 @@
 """Warnings of a bake that changes nothing, or less than it seems."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Subsets of a mesh that are baked each by itself: maps, names, figures, materials and corner UVs."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -191,7 +189,6 @@ def test_wrong_uses_are_refused(baked: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     for more, told in (
         (("--name", "<kind>.<frame>.<UDIM>.exr"), "3 values of <subset> are written"),
-        (("--open-borders", "slide"), "--subsets and --open-borders slide exclude each other"),
         (("--rigidity", baked.parent / "none.<UDIM>.png"), "no such file"),
     ):
         assert told in run(*arguments(baked, out, *more), expect=2).stderr, told

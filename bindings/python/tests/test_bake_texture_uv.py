@@ -1,7 +1,5 @@
 """Maps that are solved in one UV set and hold UVs of another, by which the textures are looked up."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Parts of the console command: lists of frames, names, temporary files, exit codes."""
 
-from __future__ import annotations
-
 import errno
 import fcntl
 import os
@@ -69,15 +67,8 @@ def test_tiles_are_whole_numbers() -> None:
 def test_names() -> None:
     counts = {"<mesh>": 2, "<kind>": 1, "<frame>": 5, "<UDIM>": 2}
     assert Pattern(SEVERAL, counts).name("head", "redirect", 7, 1001) == "head.redirect.0007.1001.exr"
-    assert Pattern(ONE_MESH, {}).name("head", "warp", 12345, 1011) == "warp.12345.1011.exr"
+    assert Pattern(ONE_MESH, {}).name("head", "warp", -2.25, 1011) == "warp.-0002.25.1011.exr"
     assert Pattern(ONE_MESH, {}).name("head", "albedo", 1, "<UDIM>", ".png") == "albedo.0001.<UDIM>.png"
-    found = [Pattern(ONE_MESH, {}).name("head", "warp", frame, 1001) for frame in (1003.5, 2.25, -1, 0)]
-    assert [name.removeprefix("warp.").removesuffix(".1001.exr") for name in found] == [
-        "1003.5",
-        "0002.25",
-        "-0001",
-        "0000",
-    ]
     # What stands for a placeholder is not looked through again.
     assert Pattern("<mesh>/<kind>.exr", {}).name("<kind>", "k", 1, 1001) == "<kind>/k.exr"
 

@@ -1,7 +1,5 @@
 """Warped copies of textures, against a reference in f64 that takes many samples of a texture given in closed form."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

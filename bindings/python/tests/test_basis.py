@@ -1,8 +1,6 @@
 """Basis maps: the fit and its bound, folds, weights of controls, strain. The checks are computed here, from their
 definitions."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from types import SimpleNamespace

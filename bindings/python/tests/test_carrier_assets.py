@@ -1,8 +1,6 @@
 """Carried points beside the paint of real meshes: each texel of a map names the paint that it shows, and the posed mesh
 has the texel's place. Nothing is shared with carriers: paint is found in maps, places by the weights of corners."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from types import SimpleNamespace

@@ -1,7 +1,5 @@
 """`vrtm dilate`: both sides of a seam show the same."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The farm's template in OpenJobDescription's own programs: checked, run, killed and run again."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -21,7 +19,7 @@ from scenes import bind, materialx_material
 from vrtm.farm import template
 
 FRAMES = 8
-OPTIONS = "--size 256 --jacobian"
+OPTIONS = "--size 128 --jacobian"
 
 
 @pytest.fixture(scope="module")

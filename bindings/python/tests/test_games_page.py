@@ -1,7 +1,5 @@
 """The shaders of docs/games.md compile, and the page's options are those of the command."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
@@ -10,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bake_scenes import REPOSITORY, run
+from bake_scenes import run
+from conftest import REPOSITORY
 from vrtm.basis.stored import numbers, stored
 
 PAGE = REPOSITORY / "docs" / "games.md"

@@ -1,7 +1,5 @@
 """Layers over shots: what a renderer would resolve, and what USD's validators say."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -9,9 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("pxr")
-
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes

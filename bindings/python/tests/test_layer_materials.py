@@ -1,13 +1,8 @@
 """Materials under a layer: which textures are looked up where, and what cannot be."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip("pxr")
-
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes

@@ -1,22 +1,17 @@
 """The networks that a layer makes, in the eyes of MaterialX itself: the build of USD in the wheel does not know its
 nodes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
+import MaterialX as mx
+import MaterialX.PyMaterialXGenGlsl as glsl
+import MaterialX.PyMaterialXGenShader as generators
 import pytest
+from pxr import UsdShade
 
-pytest.importorskip("pxr")
-mx = pytest.importorskip("MaterialX")
-
-import MaterialX.PyMaterialXGenGlsl as glsl  # noqa: E402
-import MaterialX.PyMaterialXGenShader as generators  # noqa: E402
-from pxr import UsdShade  # noqa: E402
-
-import scenes  # noqa: E402
-from shots import FRAMES, bake, composed, shot  # noqa: E402
-from vrtm.bake.scene import Scene  # noqa: E402
+import scenes
+from shots import FRAMES, bake, composed, shot
+from vrtm.bake.scene import Scene
 
 TYPES = {
     "string": "string",

@@ -2,7 +2,7 @@
 
 import importlib.util
 
-from bake_scenes import REPOSITORY
+from conftest import REPOSITORY
 
 spec = importlib.util.spec_from_file_location("links", REPOSITORY / "bindings" / "links.py")
 links = importlib.util.module_from_spec(spec)

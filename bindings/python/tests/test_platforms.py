@@ -102,7 +102,6 @@ def test_a_library_for_another_platform_is_refused(tmp_path, data, wanted, text)
     ids=name_of,
 )
 def test_a_wheel_for_another_system(tmp_path, data, name, file):
-    pytest.importorskip("hatchling")
     path = tmp_path / "built"
     path.write_bytes(data)
     environment = {**os.environ, "VRTM_LIBRARY": str(path)}

@@ -1,7 +1,5 @@
 """Rigidity out of pictures: against plain loops, on pictures of which it is known what is in them, and the command."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,19 +1,15 @@
 """OBJ files: a mesh at rest, and a file for each pose."""
 
-from __future__ import annotations
-
 import json
-import os
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from conftest import REPOSITORY, real_mesh
 from vrtm.bake.scene import Scene, SceneError, SceneOptions
-from vrtm.bake.scene.poses import find_poses
 
-ASSETS = Path(os.environ.get("VRTM_ASSETS", Path(__file__).parents[3].parent / "shared" / "assets"))
 VERTICES = "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0\n"
 UVS = "vt 0 0\nvt 0.5 0\nvt 1 0\nvt 0 1\nvt 0.5 1\nvt 1 1\n"
 FACES = "f 1/1 2/2 5/5 4/4\nf 2/2/1 3/3/1 6/6/1 5/5/1\n"
@@ -46,7 +42,7 @@ def test_negative_indices_and_continued_lines(tmp_path: Path) -> None:
 
 
 # The bake program's tests read the same table.
-CASES = json.loads((Path(__file__).parents[3] / "tests" / "bake" / "obj.json").read_text("utf-8"))
+CASES = json.loads((REPOSITORY / "tests" / "bake" / "obj.json").read_text("utf-8"))
 
 
 @pytest.mark.parametrize("name", CASES["same"])
@@ -103,22 +99,6 @@ def test_poses(tmp_path: Path) -> None:
     assert scene.positions("rest", 2)[2, 0] == 7 and scene.positions("rest", 10)[2, 0] == 8
 
 
-def test_which_file_is_which_frame(tmp_path: Path) -> None:
-    for name in ("a.0001.obj", "a.0020.obj", "a.10000.obj", "a.00003.obj", "a.x.obj", "b7.obj", "b12.obj", "c.obj"):
-        (tmp_path / name).touch()
-    at = str(tmp_path) + "/"
-    assert find_poses((f"{at}a.####.obj",)) == {1: f"{at}a.0001.obj", 20: f"{at}a.0020.obj", 10000: f"{at}a.10000.obj"}
-    assert find_poses((f"{at}b%d.obj",)) == find_poses((f"{at}b*.obj",)) == {7: f"{at}b7.obj", 12: f"{at}b12.obj"}
-    assert find_poses((f"{at}c.obj", f"{at}b7.obj")) == {1: f"{at}c.obj", 2: f"{at}b7.obj"}, "not all have numbers"
-    for wrong, message in {
-        (f"{at}d.####.obj",): r"d\.####\.obj: no such files",
-        (f"{at}d.obj",): r"d\.obj: no such file",
-        (f"{at}b%d.obj", f"{at}c.obj"): "cannot be mixed",
-    }.items():
-        with pytest.raises(SceneError, match=message):
-            find_poses(wrong)
-
-
 def test_poses_of_other_faces_are_named(tmp_path: Path) -> None:
     rest = pose(tmp_path / "rest.obj", 2)
     wrongs = {
@@ -168,10 +148,7 @@ def test_nan_is_left_to_the_library(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["mh_face", "ict_inner", "spot"])
 def test_real_meshes(name: str) -> None:
-    path = ASSETS / name / "rest.obj"
-    if not path.exists():
-        assert not os.environ.get("VRTM_REQUIRE_ASSETS"), f"{path} is missing"
-        pytest.skip(f"{path} is missing")
+    path = real_mesh(name) / "rest.obj"
     shape = Scene(path).shapes[0]
     text = path.read_text().splitlines()
     assert len(shape.rest) == sum(line.startswith("v ") for line in text)

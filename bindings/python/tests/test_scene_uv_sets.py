@@ -1,7 +1,5 @@
 """Choice of each mesh's UV set, and meshes that cannot end a bake since nothing deforms there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """`vrtm bake --sheet`: the rasteriser, the strain that is drawn, and the file."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

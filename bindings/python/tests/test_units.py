@@ -1,7 +1,5 @@
 """A rest in another unit than the poses, against deformations and scales that are meant."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 
