@@ -142,9 +142,9 @@ def sheet(folder: Path, frames: int = 5, cells: int = 8) -> Path:
     return folder / "sheet.usda"
 
 
-def with_material(folder: Path, make=scenes.materialx_material) -> Path:
-    """The sheet in three frames at 60 per second, z up, with a material that `make` makes."""
-    path = sheet(folder, frames=3, cells=4)
+def with_material(folder: Path, make=scenes.materialx_material, frames: int = 3, cells: int = 4) -> Path:
+    """The sheet at 60 frames per second, z up, with a material that `make` makes."""
+    path = sheet(folder, frames, cells)
     stage = Usd.Stage.Open(str(path))
     stage.SetTimeCodesPerSecond(60)
     stage.SetMetadata("upAxis", "Z")
@@ -175,10 +175,12 @@ def solved_alone(
     maps: str | Path = "rigid.<UDIM>.png",
     options: SceneOptions | None = None,
     settings: dict[str, object] | None = None,
+    solve: bool = True,
     **mesh: object,
 ) -> vrtm.Asset:
     """A frame of a scene's only mesh, solved by the library without the command. `cells` of the grid per side; `maps`:
-    the rigidity images, from the scene's folder, with <UDIM> in their name; `settings` of the tiles."""
+    the rigidity images, from the scene's folder, with <UDIM> in their name; `settings` of the tiles; `solve`: or left
+    before its first solve."""
     with Scene(scene, options or SceneOptions()) as opened:
         (shape,) = opened.shapes
         positions = opened.positions(shape, frame)
@@ -187,7 +189,8 @@ def solved_alone(
         path = scene.parent / str(maps).replace("<UDIM>", str(tile.udim))
         tile.set_rigidity(read_map(str(path)) if path.exists() else None)
         tile.set_settings(grid_width=cells, grid_height=cells, **settings or {})
-    made.solve(positions)
+    if solve:
+        made.solve(positions)
     return made
 
 

@@ -60,6 +60,14 @@ def model() -> SimpleNamespace:
     return sheet()
 
 
+@pytest.fixture(scope="session")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The sheet of bake_scenes in five frames, as a file of USD; nothing may change it."""
+    from bake_scenes import sheet as written
+
+    return written(tmp_path_factory.mktemp("sheet"))
+
+
 @pytest.fixture
 def asset(device: vrtm.Device, model: SimpleNamespace) -> Iterator[vrtm.Asset]:
     with studded(device, model) as asset:

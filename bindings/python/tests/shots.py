@@ -44,22 +44,32 @@ def bake(folder: Path, scene: Scene, shapes=("one",), files: bool = True, **plan
     return folder / "over.usda", write_layer(folder / "over.usda", scene, plan).warnings
 
 
+def over(stage: Usd.Stage, shapes=("one",), options: SceneOptions | None = None, **plan) -> tuple[Usd.Stage, list[str]]:
+    """Saves a shot and writes a layer over it: the stage of both, and the layer's warnings."""
+    stage.Save()
+    path = Path(stage.GetRootLayer().realPath)
+    with Scene(path, options or SceneOptions()) as scene:
+        _, warnings = bake(path.parent, scene, shapes, **plan)
+    return composed(path.parent, path.name), warnings
+
+
 def corner_uvs(shape, frame: float) -> np.ndarray:
     """UVs as a bake might find them: each corner's own, and a shift that grows with the frame."""
     return shape.uvs[shape.uv_indices] + np.arange(2 * len(shape.indices)).reshape(-1, 2) * 0.001 * frame
 
 
 def composed(folder: Path, file: str = "shot.usda") -> Usd.Stage:
-    """The shot with the layer sublayered over it, as a user would do it."""
-    OPEN.clear()
-    root = Sdf.Layer.CreateNew(str(folder / "final.usda"))
+    """The shot with the layer sublayered over it, as a user would do it; also as final.usda."""
+    root = Sdf.Layer.CreateAnonymous(".usda")
     below = Sdf.Layer.FindOrOpen(str(folder / file))
     for name in ("timeCodesPerSecond", "framesPerSecond"):
         root.pseudoRoot.SetInfo(name, below.pseudoRoot.GetInfo(name))
-    root.subLayerPaths = ["./over.usda", f"./{file}"]
-    root.Save()
-    OPEN.append(Usd.Stage.Open(root))
-    return OPEN[-1]
+    root.subLayerPaths = [str(folder / "over.usda"), str(folder / file)]
+    root.Export(str(folder / "final.usda"))
+    # A stage with an earlier layer may still be open.
+    Sdf.Layer.FindOrOpen(str(folder / "over.usda")).Reload(force=True)
+    OPEN[:] = [Usd.Stage.Open(root)]
+    return OPEN[0]
 
 
 def bound(stage: Usd.Stage, path: str, purpose: str = "") -> UsdShade.Material:

@@ -8,6 +8,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from bake_scenes import MESH, run, sheet, sheet_arguments, solved_alone, with_material
 from scenes import preview_material
+from shots import bound, texture
 from vrtm.bake.layer import check_layer
 
 
@@ -39,7 +40,7 @@ def test_a_layer_names_files_that_exist(tmp_path: Path) -> None:
 
 
 def looked_up(stage: Usd.Stage) -> Usd.Attribute:
-    material = UsdShade.MaterialBindingAPI(stage.GetPrimAtPath(MESH)).ComputeBoundMaterial()[0]
+    material = bound(stage, MESH)
     (image,) = [prim for prim in Usd.PrimRange(material.GetPrim()) if prim.GetName() == "vrtm_redirected"]
     return UsdShade.Shader(image).GetInput("file").GetAttr()
 
@@ -77,12 +78,9 @@ def test_a_frame_is_frozen_for_programs_that_ignore_time(tmp_path: Path) -> None
     layer, root = tmp_path / "both.usda", tmp_path / "final.usda"
     run(*sheet_arguments(scene, tmp_path / "copies", "--layer", layer, "--root", root, "--freeze", 3, *copies))
     stage = Usd.Stage.Open(str(root))
-    (texture,) = [
-        prim for prim in stage.Traverse() if prim.GetName() == "colour" and "redirected" in str(prim.GetPath())
-    ]
-    assert UsdShade.Shader(texture).GetInput("file").Get().path == "./copies/colour.0003.<UDIM>.png"
+    assert texture(bound(stage, MESH)).GetInput("file").Get().path == "./copies/colour.0003.<UDIM>.png"
     primvar = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(MESH)).GetPrimvar("st_redirected")
-    alone = solved_alone(scene, 3, scene.parent / "rigid.<UDIM>.png", 64).corner_uvs()
+    alone = solved_alone(scene, 3).corner_uvs()
     assert all(np.array_equal(np.array(primvar.Get(frame)), alone) for frame in (1, 2, 3))
 
 

@@ -2,17 +2,11 @@
 
 from pathlib import Path
 
-import pytest
 from pxr import Gf, Sdf, Usd
 
 from bake_scenes import MESH, files, run, sheet, sheet_arguments, with_material
 from vrtm import cli
 from vrtm.bake import time_left
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return sheet(tmp_path_factory.mktemp("sheet"))
 
 
 def test_what_does_not_deform_is_left_out(tmp_path: Path) -> None:

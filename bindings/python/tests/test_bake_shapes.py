@@ -54,7 +54,7 @@ def test_usd_evaluates_what_the_frames_have(baked: Path) -> None:
         poses = {frame: file.positions(shape, frame) for frame in file.frames}
     most = own = 0.0
     for frame, pose in poses.items():
-        wanted = solved_alone(scene, frame, scene.parent / "rigid.<UDIM>.png", 32).corner_uvs()
+        wanted = solved_alone(scene, frame, 32).corner_uvs()
         points, uvs = np.array(mesh.GetPointsAttr().Get(frame)), np.array(primvar.Get(frame))
         for corner, vertex in enumerate(shape.indices):
             # Among the vertices in its place the one with the nearest UV: the tiles' borders are in one place.

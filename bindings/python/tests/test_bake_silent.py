@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+from pxr import Sdf, Usd, UsdShade
 
+import scenes
 from bake_scenes import files, image, run, sheet, sheet_arguments
+from conftest import grid
 from scenes import bind, preview_material
 
 STACKED, FREE = "/model/stacked", "/model/free"
@@ -19,25 +21,13 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two meshes that are stretched, of two quadrilaterals each: one's lie over the same UVs, the other's side by side.
     Everything on them is rigid."""
     folder = tmp_path_factory.mktemp("stacked")
-    stage = Usd.Stage.CreateNew(str(folder / "shot.usda"))
-    stage.SetStartTimeCode(1)
-    stage.SetEndTimeCode(4)
-    corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    stage = scenes.stage(folder / "shot.usda", 1, 4)
+    corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    rest = np.concatenate([corners, np.add(corners, (2, 0, 0))])
     for path, apart in ((STACKED, 0.0), (FREE, 0.5)):
-        mesh = UsdGeom.Mesh.Define(stage, path)
-        mesh.CreateSubdivisionSchemeAttr("none")
-        points = [Gf.Vec3f(x + 2 * face, y, 0) for face in range(2) for x, y in corners]
-        attribute = mesh.CreatePointsAttr(points)
-        for frame in range(1, 5):
-            attribute.Set([Gf.Vec3f(p[0], p[1] * (1 + 0.1 * frame * p[0]), p[2]) for p in points], frame)
-        mesh.CreateFaceVertexCountsAttr([4, 4])
-        mesh.CreateFaceVertexIndicesAttr(list(range(8)))
-        primvars = UsdGeom.PrimvarsAPI(mesh)
-        kinds = Sdf.ValueTypeNames
-        rest = primvars.CreatePrimvar("Pref", kinds.Point3fArray, UsdGeom.Tokens.vertex)
-        rest.Set(points)
-        uvs = [(0.1 + 0.35 * x + apart * face, 0.1 + 0.8 * y) for face in range(2) for x, y in corners]
-        primvars.CreatePrimvar("st", kinds.TexCoord2fArray, UsdGeom.Tokens.vertex).Set([Gf.Vec2f(*uv) for uv in uvs])
+        poses = {frame: rest * (1 + 0.1 * frame * rest[:, :1] * [0, 1, 0]) for frame in range(1, 5)}
+        uvs = [(0.1 + 0.35 * x + apart * face, 0.1 + 0.8 * y) for face in range(2) for x, y, _ in corners]
+        scenes.mesh(stage, path, rest, uvs, faces=range(8), poses=poses, pref=True)
     stage.Save()
     image(folder / "rigid.png", np.full((64, 64, 1), 255, np.uint8))
     return folder / "shot.usda"
@@ -65,10 +55,8 @@ def test_stacked_uvs_are_told_and_not_within_a_tolerance(scene: Path, tmp_path: 
         assert f"{STACKED} tile 1001: 100.0% of the rigid texels are fixed, 100.0% overlapped" in ended.stdout
         assert "--max-strain cannot be met in 4 of 8: stacked, frame 1, tile 1001" in ended.stderr
         document = json.loads(report.read_text())
-        assert (
-            document["exit_code"] == 3
-            and [line.removeprefix("vrtm: warning: ") for line in told] == document["warnings"]
-        )
+        assert document["exit_code"] == 3
+        assert [line.removeprefix("vrtm: warning: ") for line in told] == document["warnings"]
         for frame in document["frames"]:
             (tile,) = frame["tiles"]
             strain = tile["strain"]
@@ -112,44 +100,22 @@ def test_a_pose_in_another_unit_ends_the_bake(tmp_path: Path) -> None:
         assert len(told) == 3 and all(line.startswith("vrtm: warning: /model/sheet, frame ") for line in told)
         assert ended.stderr.count("/model/sheet: the same of further frames") == 1
         frames = json.loads((tmp_path / "r.json").read_text())["frames"]
-        assert [frame["frame"] for frame in frames if any("other units" in w for w in frame["warnings"])] == [
-            2,
-            3,
-            4,
-            5,
-            6,
-        ]
+        warned = [frame["frame"] for frame in frames if any("other units" in w for w in frame["warnings"])]
+        assert warned == [2, 3, 4, 5, 6]
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_pose_that_tears_in_many_frames_is_told_once(tmp_path: Path, jobs: int) -> None:
     # Two strips whose sides at x = 1 are welded by position. Each frame pulls one vertex more apart.
-    count = 8
-    line = [[(x, j / count, 0.0) for j in range(count + 1)] for x in (0.0, 1.0, 1.0, 2.0)]
-    points = [point for column in line for point in column]
-    stage = Usd.Stage.CreateNew(str(tmp_path / "tear.usda"))
-    stage.SetStartTimeCode(1)
-    stage.SetEndTimeCode(4)
-    mesh = UsdGeom.Mesh.Define(stage, "/model/strips")
-    mesh.CreateSubdivisionSchemeAttr("none")
-    attribute = mesh.CreatePointsAttr()
-    for frame in range(1, 5):
-        pulled = range(2 * (count + 1), 2 * (count + 1) + frame + 1)
-        posed = [(x + 0.1 * (k in pulled), 1.1 * y, z) for k, (x, y, z) in enumerate(points)]
-        attribute.Set([Gf.Vec3f(*p) for p in posed], frame)
-    corners = [
-        first + j + step
-        for first in (0, 2 * (count + 1))
-        for j in range(count)
-        for step in (0, count + 1, count + 2, 1)
-    ]
-    mesh.CreateFaceVertexCountsAttr([4] * (len(corners) // 4))
-    mesh.CreateFaceVertexIndicesAttr(corners)
-    primvars, kinds = UsdGeom.PrimvarsAPI(mesh), Sdf.ValueTypeNames
-    rest = primvars.CreatePrimvar("Pref", kinds.Point3fArray, UsdGeom.Tokens.vertex)
-    rest.Set([Gf.Vec3f(*p) for p in points])
-    uvs = primvars.CreatePrimvar("st", kinds.TexCoord2fArray, UsdGeom.Tokens.vertex)
-    uvs.Set([Gf.Vec2f(0.1 + 0.4 * x, 0.1 + 0.8 * y) for x, y, _ in points])
+    strip, faces = grid(1, 8)
+    rest = np.concatenate([strip, np.add(strip, (1, 0, 0))])
+    right = np.flatnonzero((rest[:, 0] == 1) & (np.arange(len(rest)) >= len(strip)))
+    poses = {frame: rest * [1, 1.1, 1] for frame in range(1, 5)}
+    for frame, pose in poses.items():
+        pose[right[: frame + 1], 0] += 0.1
+    stage = scenes.stage(tmp_path / "tear.usda", 1, 4)
+    faces, uvs = np.concatenate([faces, faces + len(strip)]), 0.1 + rest[:, :2] * [0.4, 0.8]
+    scenes.mesh(stage, "/model/strips", rest, uvs, faces=faces, poses=poses, pref=True)
     stage.Save()
     image(tmp_path / "rigid.png", np.full((32, 32, 1), 255, np.uint8))
     arguments = bake(tmp_path / "tear.usda", tmp_path / "out", "--weld", "position", "--jobs", jobs)
@@ -180,20 +146,17 @@ def test_missing_rigidity_is_told_and_may_be_an_error(tmp_path: Path) -> None:
     stage = Usd.Stage.Open(str(scene))
     other = Sdf.Layer.FindOrOpen(str(scene))
     Sdf.CopySpec(other, "/model/sheet", other, "/model/other")
-    values = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/model/other")).CreatePrimvar(
-        "rigid", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex
-    )
-    values.Set([1.0] * 50)
+    scenes.primvar(stage.GetPrimAtPath("/model/other"), "rigid", scenes.TYPES.FloatArray, [1.0] * 50, "vertex")
     stage.Save()
     by_vertex = [
         "bake",
         scene,
         "--rigidity-primvar",
         "rigid",
-        "--device",
-        "cpu",
         "--size",
         32,
+        "--device",
+        "cpu",
         "--out",
         tmp_path / "new",
     ]

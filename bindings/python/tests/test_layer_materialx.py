@@ -10,8 +10,7 @@ import pytest
 from pxr import UsdShade
 
 import scenes
-from shots import FRAMES, bake, composed, shot
-from vrtm.bake.scene import Scene
+from shots import FRAMES, bound, over, shot
 
 TYPES = {
     "string": "string",
@@ -61,11 +60,8 @@ def document(material: UsdShade.Material, library: mx.Document, time: float) -> 
 def test_networks_are_valid_and_become_shaders(tmp_path: Path, library: mx.Document, plugged: bool, how: dict) -> None:
     stage = shot(tmp_path)
     scenes.bind(stage.GetPrimAtPath("/world/one"), scenes.materialx_material(stage, "/world/looks/mx", plugged, False))
-    stage.Save()
-    bake(tmp_path, Scene(tmp_path / "shot.usda"), **how)
-    final = composed(tmp_path)
-    material = UsdShade.MaterialBindingAPI(final.GetPrimAtPath("/world/one")).ComputeBoundMaterial()[0]
-    made = document(material, library, FRAMES[1])
+    final, _ = over(stage, **how)
+    made = document(bound(final, "/world/one"), library, FRAMES[1])
     valid, message = made.validate()
     assert valid, message
     generator = glsl.GlslShaderGenerator.create()
