@@ -20,6 +20,8 @@ from conftest import centres, grid, real_mesh
 from vrtm.bake import warped
 from vrtm.bake.scene import Scene, SceneOptions, Shape
 from vrtm.bake.scene.images import read_map
+from vrtm.bake.settings import Settings
+from vrtm.bake.work import Work
 from vrtm.cli import main
 
 # Where the package is that these tests are of: among the installed ones, or the sources.
@@ -102,6 +104,11 @@ def image(path: Path, pixels: np.ndarray, **attributes: object) -> Path:
     out = oiio.ImageOutput.create(str(path))
     assert out.open(str(path), spec) and out.write_image(pixels) and out.close(), out.geterror()
     return path
+
+
+def flat(path: Path, value: int = 255, size: int = 16) -> Path:
+    """Writes a square image of one channel and one value of 8 bits: of 255, all is rigid."""
+    return image(path, np.full((size, size, 1), value, np.uint8))
 
 
 def pixels(path: Path) -> np.ndarray:
@@ -198,6 +205,11 @@ def written(ended: subprocess.CompletedProcess[str]) -> tuple[int, int]:
     """Files written, and up to date, by the last line."""
     words = ended.stdout.splitlines()[-1].split()
     return int(words[0]), int(words[3])
+
+
+def opened(scene: Path, options: SceneOptions | None = None, **settings: object) -> Work:
+    """A bake of a scene on the CPU before its first solve, as the command opens it."""
+    return Work(Settings(str(scene), options or SceneOptions(), device="cpu", **settings), 1)
 
 
 def real_scene(name: str, folder: Path) -> Path:
