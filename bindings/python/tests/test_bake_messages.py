@@ -153,11 +153,6 @@ def test_what_is_near_is_named_in_one_line(scene: Path, tmp_path: Path) -> None:
     assert "no mesh has the primvar 'Prev' for the rigidity: did you mean Pref?" in run(*by_vertex, expect=2).stderr
 
 
-def test_the_folder_is_tried_before_the_first_solve(scene: Path) -> None:
-    ended = run(*sheet_arguments(scene, "/proc/nothing"), expect=2)
-    assert ended.stderr.splitlines()[-1].startswith("vrtm: --out: /proc/nothing") and "[1/5]" not in ended.stdout
-
-
 def test_small_bakes_stay_in_one_process(scene: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     # However long a frame takes here.
     monkeypatch.setattr("vrtm.bake.run._START", 1e9)

@@ -1,6 +1,7 @@
 """Files that a bake must not replace: those that it reads, and those that vrtm has not written."""
 
 import contextlib
+import functools
 import io
 import json
 import os
@@ -11,8 +12,9 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd
 
-from bake_scenes import files, image, run, sheet, sheet_arguments
-from scenes import bind, preview_material
+import scenes
+from bake_scenes import files, image, run, sheet_arguments, with_material
+from scenes import preview_material
 from vrtm import cli
 from vrtm.bake import overwrite
 from vrtm.bake.layer import LayerError, LayerPlan, write_corner_uvs, write_layer
@@ -24,14 +26,8 @@ from vrtm.bake.scene import Scene
 def shot(tmp_path: Path) -> Path:
     """A shot that references an asset, whose material names the texture; all in one folder. Returns the shot."""
     folder = tmp_path / "shot"
-    asset = sheet(folder, frames=2, cells=4)
-    stage = Usd.Stage.Open(str(asset))
-    material = preview_material(stage, "/model/material", texture="./colour.<UDIM>.png")
-    bind(stage.GetPrimAtPath("/model/sheet"), material)
-    stage.Save()
-    shot = Usd.Stage.CreateNew(str(folder / "shot.usda"))
-    shot.SetStartTimeCode(1)
-    shot.SetEndTimeCode(2)
+    with_material(folder, functools.partial(preview_material, texture="./colour.<UDIM>.png"), 2)
+    shot = scenes.stage(folder / "shot.usda", 1, 2, fps=60, meters=1)
     prim = shot.OverridePrim("/model")
     prim.GetReferences().AddReference("./sheet.usda")
     shot.SetDefaultPrim(prim)
@@ -164,18 +160,16 @@ def test_the_layer_of_an_earlier_bake_may_lie_below_the_shot(shot: Path) -> None
     text = layer.read_text()
     other = sheet_arguments(shot, folder / "out", "--layer", folder.parent / "way" / "vrtm.usda")
     run(*other, "--texture", folder / "colour.<UDIM>.png", "--force")
-    assert (
-        layer.read_text().count("specializes") == text.count("specializes")
-        and "redirected_sheet" not in layer.read_text()
-    )
+    again = layer.read_text()
+    assert again.count("specializes") == text.count("specializes") and "redirected_sheet" not in again
     # What was flattened has the mark, and all that the shot is made of: it is an input.
     stage = Usd.Stage.Open(str(layer))
     stage.GetRootLayer().subLayerPaths = ["./sheet.usda"]
     flat = folder / "flat.usda"
     stage.Flatten().Export(str(flat))
     assert "vrtm_kind" in flat.read_text()
-    above = Usd.Stage.CreateNew(str(folder / "above.usda"))
-    above.GetRootLayer().subLayerPaths = ["./flat.usda"]
+    above = Sdf.Layer.CreateNew(str(folder / "above.usda"))
+    above.subLayerPaths = ["./flat.usda"]
     above.Save()
     refused(["bake", folder / "above.usda", *wanted[2:], "--layer", flat, "--overwrite"], "flat.usda", "of the scene")
     run(*wanted, "--overwrite")
@@ -189,10 +183,8 @@ def test_the_layer_of_an_earlier_bake_may_lie_below_the_shot(shot: Path) -> None
 def test_one_file_is_not_written_twice(shot: Path) -> None:
     folder = shot.parent
     out = folder / "out"
-    refused(
-        sheet_arguments(shot, out, "--report", out / "redirect.0001.1001.exr"), "--report", "also the file of --out"
-    )
-    refused(sheet_arguments(shot, out, "--report", out / "REDIRECT.0001.1001.EXR"), "--report", "also the file of")
+    for name in ("redirect.0001.1001.exr", "REDIRECT.0001.1001.EXR"):
+        refused(sheet_arguments(shot, out, "--report", out / name), "--report", "also the file of --out")
     both = ("--layer", folder / "new.usda", "--report", folder / "new.usda")
     refused(sheet_arguments(shot, out, *both), "--report", "also the file of --layer")
 
@@ -208,10 +200,8 @@ def test_names_that_are_no_files(shot: Path) -> None:
 
 def test_folders_are_made_for_maps_alone(shot: Path) -> None:
     missing = shot.parent / "no" / "such"
-    refused(
-        sheet_arguments(shot, shot.parent / "out", "--report", missing / "r.json"), "--report", "no folder", missing
-    )
-    refused(sheet_arguments(shot, shot.parent / "out", "--layer", missing / "l.usda"), "--layer", "no folder", missing)
+    for option, name in (("--report", "r.json"), ("--layer", "l.usda")):
+        refused(sheet_arguments(shot, shot.parent / "out", option, missing / name), option, "no folder", missing)
     out = shot.parent / "new" / "out"
     run(*sheet_arguments(shot, out, "--frames", 1, "--report", out / "notes" / "r.json"))
     assert json.loads((out / "notes" / "r.json").read_text())["exit_code"] == 0
@@ -272,12 +262,8 @@ def test_marks(tmp_path: Path) -> None:
     assert not ours(b'#usda 1.0\n(\n customLayerData = {\n  string vrtm_kind = "layer"\n }\n)\n')
     # Much else may stand in front of an image's mark.
     long = {"aaa": "x" * 200_000, "vrtm:inputs": "y", "zzz": "x" * 200_000}
-    for name in ("long.exr", "long.png"):
-        assert ours(
-            image(
-                tmp_path / name, np.full((2, 2, 3), 7, np.float32 if "exr" in name else np.uint8), **long
-            ).read_bytes()
-        )
+    for name, dtype in (("long.exr", np.float32), ("long.png", np.uint8)):
+        assert ours(image(tmp_path / name, np.full((2, 2, 3), 7, dtype), **long).read_bytes())
     link = tmp_path / "link"
     link.symlink_to(tmp_path / "nowhere")
     assert overwrite.is_ours(str(link))

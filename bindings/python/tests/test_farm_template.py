@@ -12,10 +12,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
-from pxr import Usd
 
-from bake_scenes import INSTALLED, files, run, sheet, sheet_arguments
-from scenes import bind, materialx_material
+from bake_scenes import INSTALLED, files, run, sheet_arguments, with_material
 from vrtm.farm import template
 
 FRAMES = 8
@@ -38,10 +36,7 @@ class Farm:
 
     def __init__(self, openjd: str, folder: Path) -> None:
         self.openjd, self.folder = openjd, folder
-        self.scene = sheet(folder / "scene", frames=FRAMES)
-        stage = Usd.Stage.Open(str(self.scene))
-        bind(stage.GetPrimAtPath("/model/sheet"), materialx_material(stage, "/model/material"))
-        stage.Save()
+        self.scene = with_material(folder / "scene", frames=FRAMES, cells=8)
         self.template = folder / "job.yaml"
         assert run("farm-template", "--out", self.template).returncode == 0
         program = folder / "bin" / "vrtm"
