@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import weakref
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +11,8 @@ from numpy.typing import DTypeLike, NDArray
 
 from . import _abi
 from ._arrays import FLOATS, Pinned, floats
-from ._library import check, library, new
-from ._names import natural, record, value_of
+from ._library import Owned, check, library, new
+from ._names import natural, told, value_of
 from ._records import CarrierInfo
 
 
@@ -39,7 +38,7 @@ Arrays = dict[str, NDArray[np.floating[Any]]]
 _COLUMNS = {"positions": (3,), "rotations": (4,), "matrices": (3, 3), "stretch": (2,), "uvs": (2,)}
 
 
-class Carrier:
+class Carrier(Owned):
     """Points bound to the rest surface of an asset; made by Asset.carrier. It follows the solves that come after it was
     made, keeps the data that it needs, and may be used after the asset is closed."""
 
@@ -89,15 +88,12 @@ class Carrier:
                 setattr(desc, name, numbers.ctypes.data)
         handle = _abi.vrtm_carrier()
         check(library.vrtm_carrier_create(asset, ctypes.byref(desc), ctypes.byref(handle)))
-        self._handle = handle
-        self._end = weakref.finalize(self, library.vrtm_carrier_destroy, handle)
+        self._own(handle, library.vrtm_carrier_destroy)
 
     @property
     def info(self) -> CarrierInfo:
         """Numbers of points, also of those that could not be bound, and what the last fetch found."""
-        struct = new(_abi.vrtm_carrier_info)
-        check(library.vrtm_carrier_get_info(self._handle, ctypes.byref(struct)))
-        return record(CarrierInfo, struct)
+        return told(CarrierInfo, library.vrtm_carrier_get_info, self._handle)
 
     def __len__(self) -> int:
         return self.info.points
@@ -117,16 +113,6 @@ class Carrier:
         target = CarriedTarget(self, names, dtype, out)
         check(library.vrtm_carrier_fetch(self._handle, ctypes.byref(target.struct)))
         return target.done()
-
-    def close(self) -> None:
-        """Destroys the carrier."""
-        self._end()
-
-    def __enter__(self) -> Carrier:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 class CarriedTarget:

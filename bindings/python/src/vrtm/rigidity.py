@@ -1,4 +1,4 @@
-"""Rigidity out of pictures that are there: brightness, a colour, or what stands out of a height map.
+"""Rigidity maps from pictures: from brightness, from a colour, or from the relief of a height map.
 
 Pictures are arrays, (height, width) or (height, width, channels) of float32, any row first. Those of a texture's tiles
 come together, by any keys: one threshold holds for all of them, so that a tile without features gets none.
@@ -18,7 +18,7 @@ _BRIGHTNESS = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 def brightness(pixels: np.ndarray) -> np.ndarray:
-    """Of pictures with at least three channels; that of others is their first one."""
+    """Brightness of a picture with at least three channels; the first channel of others."""
     if pixels.ndim == 2 or pixels.shape[2] < 3:
         return pixels if pixels.ndim == 2 else pixels[..., 0]
     return pixels[..., :3] @ _BRIGHTNESS
@@ -97,7 +97,7 @@ def _cleaned(found: np.ndarray, steps: int) -> np.ndarray:
 
 
 def changed(values: np.ndarray, invert: bool = False, grow: int = 0) -> np.ndarray:
-    """A rigidity map with its other part rigid, or with what is rigid made larger by so many texels, or smaller."""
+    """Inverts a rigidity map, or makes its rigid parts larger by `grow` texels; smaller, if that is negative."""
     values = 1 - values if invert else values
     return grown(values, grow) if grow >= 0 else shrunk(values, -grow)
 
@@ -128,7 +128,7 @@ def without_specks(values: np.ndarray, width: float) -> tuple[np.ndarray, int, i
 
 
 def blurred(values: np.ndarray, radius: int) -> np.ndarray:
-    """Three means over squares, nearly a Gaussian; what lies beyond the picture is its border."""
+    """Blurs a picture by three means over squares, nearly a Gaussian. Its border goes on beyond the picture."""
     for _ in range(3):
         for axis in (0, 1):
             width = [(0, 0), (0, 0)]
@@ -141,7 +141,7 @@ def blurred(values: np.ndarray, radius: int) -> np.ndarray:
 
 
 def grown(values: np.ndarray, steps: int) -> np.ndarray:
-    """The largest of all values at most about so many texels away: crosses and squares in turn, which is an octagon."""
+    """Maximum over an octagon of about so many texels: over crosses and squares in turn."""
     for step in range(steps):
         padded = np.pad(values, 1, "edge")
         centre = padded[1:-1, 1:-1]
@@ -159,7 +159,7 @@ def shrunk(values: np.ndarray, steps: int) -> np.ndarray:
 
 
 def soft(inside: np.ndarray) -> np.ndarray:
-    """A yes or no as 1 and 0, with borders of about a texel."""
+    """A mask as 1 and 0, with borders about a texel wide."""
     padded = np.pad(inside.astype(np.float32), 1, "edge")
     columns = padded[:, :-2] + 2 * padded[:, 1:-1] + padded[:, 2:]
     return (columns[:-2] + 2 * columns[1:-1] + columns[2:]) / 16

@@ -27,8 +27,8 @@ class Range:
 
 
 def stored(maps: np.ndarray, form: str) -> tuple[np.ndarray, list[Range]]:
-    """Maps (K, texels, 2) rounded to a format: what their numbers stand for, in f32 (f16 as they are), and the range of
-    each. A value of 0 stays 0."""
+    """Rounds maps (K, texels, 2) to a format. Returns the rounded values, in f32 (f16 as they are), and the range of
+    each map. A value of 0 stays 0."""
     if form == HALF:
         return maps.astype(np.float16), [Range(np.zeros(2, np.float32), np.ones(2, np.float32)) for _ in maps]
     most = np.iinfo(FORMATS[form]).max
