@@ -37,6 +37,16 @@ def vrtm_command(*arguments: object, **environment: str) -> tuple[list[str], dic
     return [sys.executable, "-m", "vrtm.cli", *map(str, arguments)], kept | {"PYTHONPATH": path} | environment
 
 
+def processes() -> dict[int, tuple[str, int, int]]:
+    """The state, the parent and the session of each process; /proc tells."""
+    found = {}
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            state, parent, _, session = (entry / "stat").read_text().rsplit(")", 1)[1].split()[:4]
+            found[int(entry.name)] = state, int(parent), int(session)
+    return found
+
+
 @contextlib.contextmanager
 def _caught(name: str) -> Iterator[TextIO]:
     """A file that gets what is written to a standard stream in the block, by Python and by libraries."""

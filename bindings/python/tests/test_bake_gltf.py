@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bake_scenes import files, run, sheet_arguments, solved_alone
-from test_bake_basis import document, gentle
+import test_bake_basis
+from bake_scenes import solved_alone
+from test_bake_basis import BOUND, SIZE, document, gentle
 from vrtm.bake.scene import Scene
 
-# Texels of the texture per side, and the bound on errors in these.
-SIZE, BOUND = 1024, 4.0
 WIDTH = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}
 
 
@@ -61,10 +60,8 @@ class Glb:
         return times, self.accessor(sampler["output"]).reshape(len(times), -1)
 
 
-def bake(folder: Path, *more: object, expect: int | None = None) -> str:
-    arguments = sheet_arguments(folder / "scene" / "sheet.usda", folder / "out", "--size", 32, "--texture-size", SIZE)
-    ended = run(*arguments, "--basis", "--gltf", "--jobs", 1, "--max-error", BOUND, *more, expect=expect)
-    return ended.stdout + ended.stderr
+def bake(folder: Path, *more: object) -> None:
+    test_bake_basis.bake(folder, "--gltf", "--max-error", BOUND, *more, expect=None)
 
 
 @pytest.fixture(scope="module")
@@ -143,19 +140,6 @@ def test_controls_are_targets_of_their_own_names(tmp_path: Path) -> None:
     uvs, positions = largest(tmp_path, glb)
     # In f32, and of UVs of 2: some 1e-7 of each.
     assert uvs < 0.01 and positions < 1e-5
-
-
-def test_it_stays_if_it_is_up_to_date_and_others_files_stay(baked: Path, tmp_path: Path) -> None:
-    before = files(baked / "out")
-    bake(baked)
-    assert files(baked / "out") == before
-    (baked / "out" / "basis.glb").unlink()
-    bake(baked)
-    assert files(baked / "out") == before, "the same bytes"
-    gentle(tmp_path, 2)
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "basis.glb").write_bytes(b"glTF" + bytes(16) + b'{"asset":{"generator":"other"')
-    assert "basis.glb is there, and is no file that vrtm has written" in bake(tmp_path, expect=2)
 
 
 def test_khronos_validator_finds_no_error(baked: Path) -> None:

@@ -12,7 +12,7 @@ import vrtm
 from bake_scenes import attributes, files, pixels, run, sheet, sheet_arguments, solved_alone
 from mirrored import CELLS, MESH, SIZE, check_family, composed, looked_up, materials, mirrored
 from vrtm.bake.layer import check_layer
-from vrtm.bake.names import ONE_MESH, Pattern
+from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
 from vrtm.bake.report import advice
 from vrtm.bake.scene import SceneOptions
 from vrtm.bake.settings import Settings
@@ -231,7 +231,13 @@ def test_what_helps_where_most_is_frozen(settings: dict, overlapped: float, laye
         assert "the mask" not in found
 
 
-def test_names_of_layers() -> None:
+def test_names() -> None:
+    counts = {"<mesh>": 2, "<kind>": 1, "<frame>": 5, "<UDIM>": 2}
+    assert Pattern(SEVERAL, counts).name("head", "redirect", 7, 1001) == "head.redirect.0007.1001.exr"
+    assert Pattern(ONE_MESH, {}).name("head", "warp", -2.25, 1011) == "warp.-0002.25.1011.exr"
+    assert Pattern(ONE_MESH, {}).name("head", "albedo", 1, "<UDIM>", ".png") == "albedo.0001.<UDIM>.png"
+    # What stands for a placeholder is not looked through again.
+    assert Pattern("<mesh>/<kind>.exr", {}).name("<kind>", "k", 1, 1001) == "<kind>/k.exr"
     for pattern, expected in (
         (ONE_MESH, "redirect_layer2.0007.1001.exr"),
         ("<UDIM>/<kind>.exr", "1001/redirect_layer2.exr"),

@@ -1,6 +1,7 @@
 """The list of what is not baked: on the screen, in the log and in the report, and what --strict makes of it."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -75,6 +76,9 @@ def test_all_that_is_not_baked_is_in_one_list(tmp_path: Path, capfd: pytest.Capt
     assert f"vrtm: --strict: {wrong[0]} (and 2 more, named above)" in capfd.readouterr().err
     written = json.loads(report.read_text())
     assert (written["exit_code"], written["written"], len(written["not_baked"])) == (2, 0, 5)
+    shutil.rmtree(out)
+    assert cli.main([*arguments, "--strict"]) == 2 and not out.exists()
+    capfd.readouterr()
     # What is meant is no error.
     asked = ["--meshes", "sheet", "--frames", "2", "--tiles", "1001", "--strict"]
     assert cli.main([*map(str, sheet_arguments(scene, out, *options)), *asked]) == 0

@@ -121,10 +121,3 @@ def test_features_at_seams_are_kept(scene: list[object], tmp_path: Path) -> None
         deltas[seams] = [SIZE * np.abs(delta[where]).max() for where in (rigid[0], at_seam)]
     assert deltas["shut"][1] > 0.3 and deltas["keep"][1] == 0, deltas
     assert deltas["keep"][0] > 0.3, deltas
-
-
-def test_a_normal_map_needs_three_channels(scene: list[object], tmp_path: Path) -> None:
-    for udim in (1001, 1002):
-        image(tmp_path / f"grey.{udim}.png", np.full((SIZE, SIZE, 1), 99, np.uint8))
-    more = ("--seams", "continue", "--normal-map", tmp_path / "grey.<UDIM>.png", "--out", tmp_path / "out")
-    assert "needs three channels" in run(*scene, *more, expect=2).stderr

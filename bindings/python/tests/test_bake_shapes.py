@@ -7,19 +7,15 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel
 
-from bake_scenes import files, run, sheet_arguments, solved_alone
+import test_bake_basis
+from bake_scenes import solved_alone
 from conftest import REPOSITORY
-from test_bake_basis import document, gentle
+from test_bake_basis import BOUND, SIZE, document, gentle
 from vrtm.bake.scene import Scene
 
-# Texels of the texture per side, and the bound on errors in these.
-SIZE, BOUND = 1024, 4.0
 
-
-def bake(folder: Path, *more: object, expect: int | None = None) -> str:
-    arguments = sheet_arguments(folder / "scene" / "sheet.usda", folder / "out", "--size", 32, "--texture-size", SIZE)
-    ended = run(*arguments, "--basis", "--blend-shapes", "--jobs", 1, "--max-error", BOUND, *more, expect=expect)
-    return ended.stdout + ended.stderr
+def bake(folder: Path, *more: object) -> None:
+    test_bake_basis.bake(folder, "--blend-shapes", "--max-error", BOUND, *more, expect=None)
 
 
 @pytest.fixture(scope="module")
@@ -109,20 +105,6 @@ def test_at_rest_it_is_the_mesh_and_the_second_one_is_not_rendered(baked: Path) 
     np.testing.assert_array_equal(points[:, :2], st)
     assert not points[:, 2].any() and st[:, 0].max() > 1, "both tiles, side by side"
     assert mesh.GetFaceVertexIndicesAttr().Get() == uvs.GetFaceVertexIndicesAttr().Get()
-
-
-def test_it_is_written_once_and_nothing_of_others_is_replaced(tmp_path: Path) -> None:
-    gentle(tmp_path, 2)
-    bake(tmp_path)
-    before = files(tmp_path / "out")
-    assert "0 files written" in bake(tmp_path) and files(tmp_path / "out") == before
-    other = tmp_path / "out" / "basis.usdc"
-    stage = Usd.Stage.CreateNew(str(tmp_path / "mine.usdc"))
-    stage.DefinePrim("/mine")
-    stage.Save()
-    other.write_bytes((tmp_path / "mine.usdc").read_bytes())
-    assert "basis.usdc is there, and is no file that vrtm has written" in bake(tmp_path, expect=2)
-    assert other.read_bytes() == (tmp_path / "mine.usdc").read_bytes()
 
 
 def test_names_of_controls_become_those_of_blend_shapes(tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """Warnings of a bake that changes nothing, or less than it seems."""
 
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from pxr import Sdf, Usd, UsdShade
 
 import scenes
-from bake_scenes import files, image, run, sheet, sheet_arguments
+from bake_scenes import files, flat, image, run, sheet, sheet_arguments
 from conftest import grid
 from scenes import bind, preview_material
 
@@ -123,43 +122,22 @@ def test_a_pose_that_tears_in_many_frames_is_told_once(tmp_path: Path, jobs: int
     assert len(told) == 1 and told[0].startswith("vrtm: warning: /model/strips: tile 1001: the pose tears"), told
 
 
-def test_missing_rigidity_is_told_and_may_be_an_error(tmp_path: Path) -> None:
+def test_missing_rigidity_is_told_by_the_names_of_maps_and_primvars(tmp_path: Path) -> None:
     scene = sheet(tmp_path / "maps", frames=1, cells=4)
-    (scene.parent / "rigid.1002.png").unlink()
-    arguments = sheet_arguments(scene, tmp_path / "out", "--jobs", 1)
-    assert "warning: /model/sheet, tile 1002: no map of --rigidity: nothing keeps" in run(*arguments).stderr
-    shutil.rmtree(tmp_path / "out")
-    ended = run(*arguments, "--strict", expect=2)
-    assert ended.stderr.splitlines()[-1].startswith("vrtm: --strict: /model/sheet, tile 1002: no map of --rigidity")
-    assert not (tmp_path / "out").exists()
-    # A tile that is not asked for is nobody's matter.
-    assert "no map of" not in run(*arguments, "--strict", "--tiles", 1001).stderr
+    arguments = ["bake", scene, "--size", 32, "--jobs", 1, "--device", "cpu", "--out", tmp_path / "out", "--rigidity"]
     # By the name of the mesh; one map is black.
     (scene.parent / "rigid.1001.png").rename(scene.parent / "sheet.1001.png")
-    image(scene.parent / "sheet.1002.png", np.zeros((8, 8, 1), np.uint8))
-    named = [scene.parent / "<mesh>.<UDIM>.png" if str(a).endswith("rigid.<UDIM>.png") else a for a in arguments]
-    told = run(*named, "--strict").stderr
+    flat(scene.parent / "sheet.1002.png", 0)
+    told = run(*arguments, scene.parent / "<mesh>.<UDIM>.png", "--strict").stderr
     assert "sheet.1002.png is black all over" in told and "no map of" not in told
-    named = [scene.parent / "none.<mesh>.<UDIM>.png" if str(a).endswith("<mesh>.<UDIM>.png") else a for a in named]
-    assert "/model/sheet, tiles 1001-1002: no map of --rigidity" in run(*named).stderr
+    told = run(*arguments, scene.parent / "none.<mesh>.<UDIM>.png").stderr
+    assert "/model/sheet, tiles 1001-1002: no map of --rigidity" in told
     # By values per vertex, which one of two meshes lacks.
     stage = Usd.Stage.Open(str(scene))
-    other = Sdf.Layer.FindOrOpen(str(scene))
-    Sdf.CopySpec(other, "/model/sheet", other, "/model/other")
+    Sdf.CopySpec(stage.GetRootLayer(), "/model/sheet", stage.GetRootLayer(), "/model/other")
     scenes.primvar(stage.GetPrimAtPath("/model/other"), "rigid", scenes.TYPES.FloatArray, [1.0] * 50, "vertex")
     stage.Save()
-    by_vertex = [
-        "bake",
-        scene,
-        "--rigidity-primvar",
-        "rigid",
-        "--size",
-        32,
-        "--device",
-        "cpu",
-        "--out",
-        tmp_path / "new",
-    ]
+    by_vertex = [*arguments[:-1], "--rigidity-primvar", "rigid"]
     assert "/model/sheet, tiles 1001-1002: no values of --rigidity-primvar" in run(*by_vertex).stderr
     assert "/model/sheet" in run(*by_vertex, "--strict", expect=2).stderr
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from bake_scenes import INSTALLED, files, run, sheet_arguments, with_material
+from bake_scenes import INSTALLED, files, processes, run, sheet_arguments, with_material
 from vrtm.farm import template
 
 FRAMES = 8
@@ -152,16 +152,9 @@ def by_frame(names: Iterable[str]) -> list[set[str]]:
 
 def tree(root: int) -> list[int]:
     """A process and all that descend from it."""
-    parents: dict[int, int] = {}
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                parents[int(entry.name)] = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
-            except OSError:
-                continue
-    found = [root]
+    found, all_ = [root], processes()
     for process in found:
-        found += [child for child, parent in parents.items() if parent == process]
+        found += [child for child, (_, parent, _) in all_.items() if parent == process]
     return found
 
 

@@ -5,12 +5,10 @@ import shutil
 import subprocess
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from bake_scenes import run
 from conftest import REPOSITORY
-from vrtm.basis.stored import numbers, stored
 
 PAGE = REPOSITORY / "docs" / "games.md"
 GLSL = """#version 330
@@ -51,20 +49,6 @@ def test_shaders_compile(tmp_path: Path, language: str, program: str, options: l
         file.write_text(program.format(code=code))
         ended = subprocess.run([compiler, *options, str(file)], capture_output=True, text=True)
         assert ended.returncode == 0, ended.stdout + ended.stderr
-
-
-def test_weights_that_take_the_range_in_give_the_same_sum() -> None:
-    """The shader for integers, its loop in Python, against the sum of what the numbers stand for."""
-    random = np.random.default_rng(1)
-    maps = random.uniform(-0.1, 0.2, (3, 50, 2)).astype(np.float32)
-    weights = random.uniform(-1, 1, 3)
-    found, ranges = stored(maps, "unorm8")
-    scaled = [weight * of.scale for weight, of in zip(weights, ranges)]
-    offset = sum(weight * of.offset for weight, of in zip(weights, ranges))
-    moved = np.zeros((50, 2)) + offset
-    for k in range(3):
-        moved = moved + scaled[k] * (numbers(found[k], ranges[k], "unorm8") / 255)
-    np.testing.assert_allclose(moved, np.einsum("k,ktc->tc", weights, found), atol=1e-7)
 
 
 def test_its_options_are_there() -> None:

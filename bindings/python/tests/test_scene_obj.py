@@ -35,12 +35,6 @@ def test_vertices_uvs_and_polygons_keep_their_order(tmp_path: Path) -> None:
     assert shape.rest.dtype == np.float64
 
 
-def test_negative_indices_and_continued_lines(tmp_path: Path) -> None:
-    text = f"{VERTICES}{UVS}f -6/-6 -5/-5 \\\n -2/-2 -3/-3\nv 9 9 9\nvt 0.25 1\nf 2/2 3/3 -2/-2 -3/-1\n"
-    shape = Scene(write(tmp_path / "a.obj", text)).shapes[0]
-    assert shape.indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 4] and shape.uv_indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 6]
-
-
 # The bake program's tests read the same table.
 CASES = json.loads((REPOSITORY / "tests" / "bake" / "obj.json").read_text("utf-8"))
 
@@ -114,25 +108,6 @@ def test_poses_of_other_faces_are_named(tmp_path: Path) -> None:
     scene = Scene(rest, SceneOptions(poses=(write(tmp_path / "few.obj", "v 0 0 0\n"),)))
     with pytest.raises(SceneError, match=r"few\.obj: 1 vertices, but the rest mesh has 6"):
         scene.positions("rest", 1)
-
-
-def test_bad_files_are_named_with_their_line(tmp_path: Path) -> None:
-    wrongs = {
-        "v 0 0 0\nv 1 x 0\n": "line 2: '1 x 0' is not 3 numbers",
-        "v 0 0 0\nv 1 0\n": "line 2: '1 0' is not 3 numbers",
-        VERTICES + UVS + "f 1/1 2/2 9/3\n": "corner 2 names the vertex 8, but there are 6",
-        VERTICES + UVS + "f 1/1 2/2 3/7\n": "a face names the vt 7, but there are 6",
-        VERTICES + UVS + "f 1/1 2/2 -7/3\n": "line 13: '-7/3' names what stands before the file's first",
-        VERTICES + UVS + "f 1/1 2/2 0/3\n": "line 13: '0/3' is not the corner of a face",
-        VERTICES + UVS + "f 1/1 2/2 4294967295/3\n": "line 13: '4294967295/3' names what the file does not have",
-        "v 0 0 \\\n0\nv 1_0 0 0\n": "line 3: '1_0 0 0' is not 3 numbers",
-        VERTICES + UVS + "f 1/1 2/2\n": "line 13: face 1 has 2 corners",
-        VERTICES + "f 1 2 3\n": r"no faces with UVs \(vt\)",
-        VERTICES: "no faces",
-    }
-    for number, (text, message) in enumerate(wrongs.items()):
-        with pytest.raises(SceneError, match=rf"bad{number}\.obj: {message}"):
-            Scene(write(tmp_path / f"bad{number}.obj", text))
 
 
 def test_options_that_obj_does_not_have(tmp_path: Path) -> None:
