@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -160,6 +161,16 @@ def test_what_is_near_is_named_in_one_line(scene: Path, tmp_path: Path) -> None:
         assert words in ended.stderr and len(ended.stderr.splitlines()) == 1, ended.stderr
     by_vertex = ["bake", scene, "--rigidity-primvar", "Prev", "--out", tmp_path / "out", "--device", "cpu"]
     assert "no mesh has the primvar 'Prev' for the rigidity: did you mean Pref?" in run(*by_vertex, expect=2).stderr
+
+
+def test_help_has_the_usual_options_first() -> None:
+    usual, every = (run("bake", option).stdout for option in ("--help", "--help-all"))
+    assert len(re.findall(r"^  --", usual, re.M)) == 10 + len(["--help-all"])
+    assert every.index("--dry-run") < every.index("--uv") and "--uv" not in usual
+    # Each option has a sentence.
+    told = re.split(r"\n\n[a-zU].*:\n", every.split("exit codes:")[0])[1:]
+    options = [" ".join(text.split()) for part in told for text in re.split(r"^  (?=-|SCENE)", part, flags=re.M)[1:]]
+    assert len(options) > 80 and all(text.endswith((".", ")", "'")) for text in options), options
 
 
 def test_the_folder_is_tried_before_the_first_solve(scene: Path) -> None:
