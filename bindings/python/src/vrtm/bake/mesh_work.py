@@ -61,11 +61,14 @@ class FrameResult:
     left_out: list[LeftOut] = field(default_factory=list)
     """What of the frame is not baked."""
 
+    @property
+    def every_file(self) -> list[dict]:
+        """The rows of all files."""
+        return [*self.files, *(file for tile in self.tiles for file in tile["files"])]
+
     def count(self, state: str) -> int:
         """Files that were `written`, or `skipped` since they were up to date."""
-        return sum(
-            file["state"] == state for part in [self.files, *(tile["files"] for tile in self.tiles)] for file in part
-        )
+        return sum(file["state"] == state for file in self.every_file)
 
 
 class MeshWork:
