@@ -8,8 +8,9 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes
-from vrtm.bake.layer import LayerPlan, check_layer, write_corner_uvs, write_layer
-from vrtm.bake.scene import Scene, SceneOptions
+from usd_validators import check_layer
+from vrtm.bake.layer import LayerPlan, corner_uv_layer, export, values_hash, write_layer
+from vrtm.bake.scene import Scene, SceneOptions, Shape
 
 FRAMES = (1, 2, 4)
 OPEN: list[Usd.Stage] = []  # a stage that nothing holds takes its prims along
@@ -44,6 +45,10 @@ def bake(folder: Path, scene: Scene, shapes=("one",), files: bool = True, **plan
                 (folder / f"redirect.{name}.{frame:04}.{udim}.exr").touch()
     plan = LayerPlan(frames=FRAMES, shapes=shapes, **plan)
     return folder / "over.usda", write_layer(folder / "over.usda", scene, plan).warnings
+
+
+def write_corner_uvs(path: Path, shape: Shape, frame: float, uvs: np.ndarray) -> None:
+    export(corner_uv_layer(shape, frame, uvs), path, values_hash)
 
 
 def corner_uvs(shape, frame: float) -> np.ndarray:

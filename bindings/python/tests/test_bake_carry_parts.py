@@ -10,8 +10,7 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom, Vt
 
 from bake_scenes import image, run
-from vrtm.bake.carry_parts import connected
-from vrtm.bake.nearest import Nearest, to_triangles
+from vrtm.bake.carry_parts import Nearest, connected, to_triangles
 
 GAP, STUDS = 0.02, "/model/studs"
 PARTS = "--carry-pieces", "connected"

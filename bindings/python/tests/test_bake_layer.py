@@ -11,7 +11,7 @@ from pxr import Usd, UsdGeom
 from bake_scenes import files, run, sheet, sheet_arguments, solved_alone
 from scenes import bind, preview_material
 from test_bake_command import written
-from vrtm.bake.layer import check_layer
+from usd_validators import check_layer
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from pxr import Gf, Sdf, Usd
 
 from bake_scenes import MESH, files, run, sheet, sheet_arguments, with_material
 from vrtm import cli
-from vrtm.bake import time_left
+from vrtm.bake import remarks
 
 
 @pytest.fixture(scope="module")
@@ -189,7 +189,7 @@ def test_small_bakes_stay_in_one_process(scene: Path, tmp_path: Path, monkeypatc
 
 
 def test_lines_say_how_long_the_bake_goes_on(tmp_path: Path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(time_left, "_LEAST", 1e-9)
+    monkeypatch.setattr(remarks, "_LEAST", 1e-9)
     scene = sheet(tmp_path, frames=4, cells=2)
     assert cli.main(list(map(str, sheet_arguments(scene, tmp_path / "out", "--size", 16, "--tiles", "1001")))) == 0
     lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("[")]

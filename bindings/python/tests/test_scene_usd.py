@@ -272,13 +272,6 @@ def test_variants(tmp_path: Path) -> None:
             Scene(path, SceneOptions(variants=(wrong,)))
 
 
-def test_population_mask(tmp_path: Path) -> None:
-    stage = scenes.stage(tmp_path / "a.usda")
-    for path in ("/a/mesh", "/b/mesh"):
-        scenes.mesh(stage, path)
-    assert [s.path for s in Scene(saved(stage), SceneOptions(population_mask=("/b",))).shapes] == ["/b/mesh"]
-
-
 def test_rest(tmp_path: Path) -> None:
     stage = scenes.stage(tmp_path / "a.usda")
     mesh = scenes.mesh(stage, "/mesh")

@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 import vrtm
-from vrtm.bake.carry_parts import in_parts, wrong_faces
+from vrtm.bake.carry_parts import Nearest, in_parts, wrong_faces
 from vrtm.bake.carry_prims import CarriedPrim, Scatter, placed
-from vrtm.bake.failure import INPUT, Failure, describe, one_line
+from vrtm.bake.failure import INPUT, Failure, describe, unwritable
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import MeshWork
-from vrtm.bake.nearest import Nearest
-from vrtm.bake.scene import Scene, SceneError, Shape
+from vrtm.bake.scene import Scene, SceneError
+from vrtm.bake.scene.topology import fans
 from vrtm.bake.settings import CONNECTED, is_alembic
 from vrtm.bake.words import counted
 from vrtm.bake.work import Work
@@ -76,7 +76,7 @@ class Carry:
                 for line in self.scatter.write(path, inputs, json.dumps(rows)):
                     warn(line)
             except OSError as error:
-                raise Failure(INPUT, f"{path}: {one_line(error.strerror or error)}") from error
+                raise unwritable(path, error) from error
         return rows, True
 
     def _prims(self) -> list[CarriedPrim]:
@@ -170,7 +170,9 @@ class Group:
     ) -> None:
         settings = mesh.settings
         self.mesh, self.to_mesh = mesh, [to_mesh(mesh, prim) for prim in prims]
-        surface = Nearest(_triangles(mesh.shape)) if any(prim.faces is not None for prim in prims) else None
+        shape, surface = mesh.shape, None
+        if any(prim.faces is not None for prim in prims):
+            surface = Nearest(shape.rest[shape.indices[fans(shape.face_counts)]].astype(np.float64))
         self.prims = [
             prim if surface is None or prim.faces is None else in_parts(prim, own, surface)
             for prim, own in zip(prims, self.to_mesh)
@@ -250,16 +252,6 @@ def _inverse(matrix: np.ndarray, path: str) -> np.ndarray:
     if abs(np.linalg.det(matrix[:3, :3])) == 0:
         raise Failure(INPUT, f"--carry-prims: the transforms above {path} have a scale of 0")
     return np.linalg.inv(matrix)
-
-
-def _triangles(shape: Shape) -> np.ndarray:
-    """(triangles, 3, 3): the mesh at rest, its faces as fans."""
-    first = np.cumsum(shape.face_counts, dtype=np.int64) - shape.face_counts
-    fans = np.maximum(shape.face_counts - 2, 0)
-    start = np.repeat(first, fans)
-    step = np.arange(len(start)) - np.repeat(np.cumsum(fans) - fans, fans)
-    corners = np.stack([start, start + step + 1, start + step + 2], axis=1)
-    return shape.rest[shape.indices[corners]].astype(np.float64)
 
 
 def _distance(mesh: MeshWork, prim: CarriedPrim, to_mesh: np.ndarray) -> float:

@@ -10,7 +10,7 @@ import sys
 import time
 from typing import TextIO
 
-from vrtm.bake.failure import INPUT, Failure, one_line
+from vrtm.bake.failure import INPUT, Failure, unwritable
 
 LOG = "# vrtm bake log"
 """The first line of a log, by which a later bake knows that it may go on in it."""
@@ -69,7 +69,7 @@ def _open_log(path: str) -> TextIO:
     except UnicodeError:
         raise Failure(INPUT, f"--log {path}: it is there, and is no log of vrtm") from None
     except OSError as error:
-        raise Failure(INPUT, f"--log {path}: {one_line(error.strerror or error)}") from error
+        raise unwritable(f"--log {path}", error) from error
 
 
 class Console:

@@ -15,7 +15,7 @@ import numpy as np
 from vrtm.bake.frames import Frame
 from vrtm.bake.part import Part
 from vrtm.bake.scene import SceneError, Shape
-from vrtm.bake.scene.topology import corner_starts
+from vrtm.bake.scene.topology import connected, corner_starts
 
 Group = tuple[str, int]
 """The name of a part, and one of its layers."""
@@ -98,15 +98,7 @@ def _shells(shape: Shape, weld: str, charts: bool = False) -> np.ndarray:
     first = np.zeros(len(counts), np.int64)
     first[filled] = nodes[corner_starts(counts)[filled]]
     one, other = np.concatenate([np.stack([np.repeat(first, counts), nodes]), *links], axis=1)
-    root = np.arange(nodes.max(initial=0) + 1)
-    while True:
-        a, b = root[one], root[other]
-        apart = a != b
-        if not apart.any():
-            return root[first]
-        root[np.maximum(a, b)[apart]] = np.minimum(a, b)[apart]
-        while (root[root] != root).any():
-            root = root[root]
+    return connected(nodes.max(initial=0) + 1, one, other)[first]
 
 
 def _distinct(*numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 from vrtm.bake import overwrite, staging
-from vrtm.bake.failure import INPUT, Failure, one_line
+from vrtm.bake.failure import INPUT, Failure, unwritable
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.scene.images import KEPT, said
 
@@ -22,6 +22,14 @@ _PIXELS = "vrtm:pixels"
 _FIGURES = "vrtm:figures"
 # TIFF has no attributes of one's own: there they are JSON in the description.
 _DESCRIPTION = "ImageDescription"
+# Blender and OpenImageIO take the first for the colour space. No chromaticities: a program that reads those converts
+# the numbers like colours. Edges are clamped where the wrap mode is read.
+DATA = {
+    "colorInteropID": ("string", "data"),
+    "oiio:ColorSpace": ("string", "data"),
+    "wrapmodes": ("string", "clamp"),
+}
+"""Attributes of images that are no colours."""
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 
 
@@ -76,7 +84,7 @@ def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | No
         staging.write(target.path, body, is_whole=_is_whole)
     except OSError as error:
         _remove_damaged(target.path)
-        raise Failure(INPUT, f"{target.path}: {one_line(error.strerror or error)}") from error
+        raise unwritable(target.path, error) from error
 
 
 def up_to_date(target: Target, replace: bool = False) -> dict | None:

@@ -12,13 +12,13 @@ import numpy as np
 
 import vrtm
 from vrtm.bake import dilate, gain, image_file, outputs, rows, warped
-from vrtm.bake.corners import CornerFile, corner_name
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.image_file import Target
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.names import Pattern
+from vrtm.bake.outputs import CornerFile, corner_name
 from vrtm.bake.part import Part, TileWork, parts
 from vrtm.bake.scene import Shape
 from vrtm.bake.scene.topology import outside
@@ -180,16 +180,12 @@ class MeshWork:
         size = (tile.cells[0] + 1, tile.cells[1] + 1) if output.kind == "warp" else tile.size
         inputs = tile.inputs.copy().text(pose, dataclasses.astuple(output), size)
         if not size[0]:
-            inputs.text(AUTO, self._most_error())
+            inputs.text(AUTO, self.settings.bound)
         facts = self._facts(output.kind, frame, tile, inputs)
         if output.form is not None:
             facts["vrtm:form"] = output.form
         name = self.path(pattern, output.kind, frame, tile)
-        # Blender and OpenImageIO take the first for the colour space. No chromaticities: a program that reads those
-        # converts what it takes for a colour. Edges are clamped where the wrap mode is read.
-        said = {"colorInteropID": "data", "oiio:ColorSpace": "data", "wrapmodes": "clamp"}
-        said["Software"] = f"vrtm {vrtm.version()}"
-        attributes = {name: ("string", value) for name, value in said.items()}
+        attributes = image_file.DATA | {"Software": ("string", f"vrtm {vrtm.version()}")}
         alpha = 3 if output.kind == "redirect" and len(output.channels) == 4 else -1
         target = Target(name, *size, output.channels, output.dtype, facts, attributes, alpha=alpha)
         return Piece(tile, target, output=output)
@@ -200,11 +196,6 @@ class MeshWork:
         name, facts = self.path(pattern, copy.kind, frame, tile, path), self._facts(copy.kind, frame, tile, inputs)
         target = texture.target(name, facts)
         return Piece(tile, target, copy=copy, texture=path)
-
-    def _most_error(self) -> float:
-        """What a map of its own size may be off by, in UV."""
-        settings = self.settings
-        return (1.0 if settings.max_error is None else settings.max_error) / settings.texture_size
 
     def _facts(self, kind: str, frame: Frame, tile: TileWork, inputs: Fingerprint) -> dict[str, str | int]:
         facts: dict[str, str | int] = {
@@ -338,7 +329,7 @@ class MeshWork:
         for size in sizes:
             stop()
             found = self._inspected(tile, size)
-            if found.error_p99 <= self._most_error():
+            if found.error_p99 <= self.settings.bound:
                 return size, found
             tried.append((found.error_p99, size, found))
         _, size, found = min(tried, key=lambda entry: entry[:2])

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import vrtm
 from vrtm.bake import frames, gain, left_out, staging
-from vrtm.bake.failure import DONE, INPUT, TOLERANCE, Failure, one_line
+from vrtm.bake.failure import DONE, INPUT, TOLERANCE, Failure, unwritable
 from vrtm.bake.frames import Frame
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mesh_work import FrameResult, MeshWork
@@ -188,7 +188,7 @@ def write(path: str, content: dict) -> None:
     try:
         staging.write_bytes(path, (json.dumps(content, indent=1) + "\n").encode())
     except OSError as error:
-        raise Failure(INPUT, f"--report {path}: {one_line(error.strerror or error)}") from error
+        raise unwritable(f"--report {path}", error) from error
 
 
 def strict(settings: Settings, missing: Sequence[LeftOut]) -> Failure | None:

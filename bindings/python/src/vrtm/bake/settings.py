@@ -105,6 +105,11 @@ class Settings:
         return self.numbers | borders | {"overlap": "first_face" if self.overlap == "first" else "fixed"}
 
     @property
+    def bound(self) -> float:
+        """Largest error of maps that are as small or as few as possible, in UV."""
+        return (1.0 if self.max_error is None else self.max_error) / self.texture_size
+
+    @property
     def layers(self) -> int:
         """The most layers that a tile may have; 0 if there are none."""
         return self.max_layers if self.overlap == EACH else 0

@@ -19,7 +19,7 @@ from vrtm.bake.mesh_work import FrameResult, MeshWork
 from vrtm.bake.part import TileWork
 from vrtm.bake.raster import Camera, cover
 from vrtm.bake.scene.images import read_colours
-from vrtm.bake.scene.topology import corner_starts
+from vrtm.bake.scene.topology import fans
 from vrtm.bake.settings import Settings
 from vrtm.bake.sheet_figures import GOLD, QUIET, mix, strain_colour
 from vrtm.rigidity import blurred, brightness
@@ -141,11 +141,8 @@ class _Surface:
     def __init__(self, mesh: MeshWork, positions: np.ndarray) -> None:
         shape = self.shape = mesh.shape
         self.poses = [shape.rest.astype(np.float64), positions.astype(np.float64)]
-        counts = np.maximum(shape.face_counts.astype(np.int64) - 2, 0)
-        face = np.repeat(np.arange(len(counts)), counts)
-        first = corner_starts(shape.face_counts)[face]
-        second = first + 1 + np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts)
-        corners = np.stack([first, second, second + 1], 1)
+        corners = fans(shape.face_counts)
+        face = np.repeat(np.arange(len(shape.face_counts)), np.maximum(shape.face_counts - 2, 0))
         self.vertices, numbers = shape.indices[corners], shape.uv_indices[corners]
         uvs = shape.uvs[np.maximum(numbers, 0)].astype(np.float64)
         place = np.floor(uvs.mean(1))

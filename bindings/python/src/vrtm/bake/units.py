@@ -16,7 +16,7 @@ import numpy as np
 
 from vrtm.bake.frames import Frame
 from vrtm.bake.scene import SceneError, Shape
-from vrtm.bake.scene.topology import corner_starts
+from vrtm.bake.scene.topology import corner_starts, next_corners
 
 _ALIKE, _EXACT = 1.01, 1.0001
 """Ratios up to which factors count as one, and as one that is known to some digits."""
@@ -70,9 +70,7 @@ class Ruler:
         starts, counts = starts[counts > 0], counts[counts > 0]
         self._first = corner_starts(counts)
         corners = np.repeat(starts - self._first, counts) + np.arange(counts.sum())
-        following = corners + 1
-        following[self._first + counts - 1] = starts
-        self._ends = shape.indices[corners], shape.indices[following]
+        self._ends = shape.indices[corners], shape.indices[corners[next_corners(counts)]]
         self._rest = self._measured(shape.rest)
 
     def _measured(self, positions: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ import OpenImageIO as oiio
 
 import vrtm
 from vrtm.bake import borders, frames, gain, image_file, not_baked, overwrite, sheet, staging, units, warped
-from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line
+from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line, unwritable
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.left_out import LeftOut
@@ -352,7 +352,7 @@ class Work:
             try:
                 staging.try_folder(folder)
             except OSError as error:
-                raise Failure(INPUT, f"{option}: {folder}: {one_line(error.strerror or error)}") from error
+                raise unwritable(f"{option}: {folder}", error) from error
 
     def _positions(self, work: MeshWork, frame: Frame) -> tuple[np.ndarray, str]:
         """The pose of a mesh, and a hash of it, with what was before it where frames start from those before them."""

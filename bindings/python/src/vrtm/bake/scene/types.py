@@ -53,8 +53,6 @@ class SceneOptions:
     """Primvar with the mask of vertices; `colors` in OBJ."""
     subdivide: int = 0
     """Levels of refinement of subdivision meshes; 0: the control cage."""
-    population_mask: tuple[str, ...] = ()
-    """USD: prim paths outside of which nothing is loaded, but for what is bound or targeted from inside."""
     variants: tuple[tuple[str, str, str], ...] = ()
     """USD: (prim path, variant set, variant) to select."""
     poses: tuple[str, ...] = ()
