@@ -32,12 +32,11 @@ VERSION = 4
 
 @dataclass
 class Made:
-    """What became of the basis maps of all meshes."""
+    """Files and messages of all meshes' basis maps."""
 
     lines: list[str] = field(default_factory=list)
-    """What is to be said of them."""
     failure: Failure | None = None
-    """Why they are not as asked for."""
+    """The reason that they are not as asked for."""
     written: int = 0
     """Files."""
     skipped: int = 0
@@ -85,7 +84,7 @@ class _MeshBasis:
 
     @property
     def form(self) -> str:
-        """What the maps are stored in, one of `FORMATS`."""
+        """Numbers of the stored maps, one of `FORMATS`."""
         return self.work.settings.basis_format
 
     def made(self) -> tuple[dict, bool]:
@@ -161,7 +160,7 @@ class _MeshBasis:
         return np.stack(rows), sizes
 
     def _folding(self, tiles: list[TileMaps], basis: Basis, allowed: list[list[int]]) -> bool:
-        """Whether the sum of a frame folds where the frame's own map does not."""
+        """True if the sum of a frame folds where the frame's own map does not."""
         for weights, own in zip(basis.weights, allowed):
             self.stop()
             counts = basis_tiles.fold_counts(tiles, summed(basis.maps, weights[None])[0])

@@ -129,7 +129,7 @@ class Measure:
     stop: Callable[[], None]
 
     def row(self, weights: np.ndarray, delta: np.ndarray, frame: Frame) -> dict:
-        """What is measured of a frame. Errors are in texels of the texture."""
+        """Measures of a frame. Errors are in texels of the texture."""
         self.stop()
         total = summed(self.maps, weights[None])[0]
         off = np.linalg.norm(total - delta, axis=1)[delta.any(axis=1) | total.any(axis=1)]
@@ -150,8 +150,8 @@ class Measure:
         }
 
     def random(self, driver: Driver, known: np.ndarray, most: int) -> dict:
-        """Whether the sum folds in more than `most` places, those of the poses' own maps, where controls are anywhere
-        between the least and the largest of the poses, `known`."""
+        """Folds of the sum where controls are anywhere between the least and the largest of the poses, `known`: poses
+        with more than `most` places, the count of the poses' own maps."""
         low, high = np.minimum(known.min(axis=0), 0), np.maximum(known.max(axis=0), 0)
         # The same in each bake.
         tried = np.random.default_rng(1).uniform(low, high, (_RANDOM, len(low)))

@@ -1,4 +1,4 @@
-"""What happens at the borders of a mesh's charts where --seams and --open-borders do not say it.
+"""The choice of --seams and --open-borders, unless the command line makes it.
 
 The choice follows from the scene as a whole and from options that all tasks of a bake share, never from --frames or
 --tiles: all tasks of a farm, and a bake that goes on where it stopped, choose the same.
@@ -87,7 +87,7 @@ def _is_dilated(path: str, reach: float) -> bool:
 
 
 def _beyond(settings: Settings, shape: Shape, looked_up: Sequence[str], shared: Callable[[], np.ndarray]) -> Borders:
-    """What is right where textures show what lies beyond the borders."""
+    """The choice where textures show the surface beyond the borders."""
     why = f"all textures are {'copies or dilated' if looked_up else 'copies'}"
     if settings.subsets:
         return _chosen(settings, "continue", "fixed", f"{why}, and subsets meet")
@@ -99,7 +99,7 @@ def _beyond(settings: Settings, shape: Shape, looked_up: Sequence[str], shared: 
 
 
 def _without_copy(mesh: MeshWork) -> str:
-    """Which texture of a mesh has no copy, of those that were to have some; empty if none."""
+    """A sentence about a texture of a mesh without all of its copies; empty if each has them."""
     for part in mesh.parts:
         for copy, paths in part.textures:
             lacking = [udim for udim in part.all_udims if udim not in paths]
@@ -150,8 +150,7 @@ def _measured(mesh: MeshWork, seams: str, frame: Frame, positions: np.ndarray) -
 
 
 def shared_places(shapes: Sequence[Shape], weld: str) -> np.ndarray:
-    """Where the surface of a mesh goes on in another one, or beyond vertices that are doubled: places of several
-    vertices at rest."""
+    """Places of several vertices at rest: there the surface goes on in another mesh, or beyond doubled vertices."""
     places = [borders.places(shape.rest) for shape in shapes]
     # Doubled vertices that are welded are one.
     return borders.shared(np.unique(own) if weld == "position" else own for own in places)

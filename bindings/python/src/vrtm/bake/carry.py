@@ -53,7 +53,7 @@ class Carry:
             raise Failure(INPUT, f"--carry-prims: {told[0]}: {file} must be in the world of the mesh at rest")
 
     def facts(self) -> list[str]:
-        """What is carried, and by which mesh."""
+        """A sentence per prim that is carried."""
         return [
             f"{prim.path}: {prim.kind}, {counted(len(prim.roots), prim.places)}, carried by {group.mesh.shape.path}"
             for group in self.groups
@@ -197,7 +197,7 @@ class Group:
         return found.positions, found.matrices
 
     def told(self) -> list[str]:
-        """What is to be warned of, each as a sentence."""
+        """A warning per prim and cause."""
         lines = []
         for prim, own in zip(self.prims, self.own):
             states, whole = self.states[own], counted(len(prim.roots), prim.places)
@@ -215,7 +215,7 @@ class Group:
         return lines
 
     def row(self) -> dict:
-        """What the report tells, less what frames do."""
+        """Row of the report, without the figures of frames."""
         prims = []
         for prim, own in zip(self.prims, self.own):
             counts = np.bincount(self.states[own], minlength=4).tolist()
@@ -225,7 +225,7 @@ class Group:
 
 
 def line(row: dict) -> str:
-    """What is said of a row."""
+    """A row as a sentence."""
     count = {name: sum(prim[name] for prim in row["prims"]) for name in ("bound", "outside", "folded", "too_far")}
     rim = f", whose rims leave the surface by {row['rim']:.3g} (frame {row['rim_frame']})" if row["features"] else ""
     return (
@@ -255,7 +255,7 @@ def _inverse(matrix: np.ndarray, path: str) -> np.ndarray:
 
 
 def _distance(mesh: MeshWork, prim: CarriedPrim, to_mesh: np.ndarray) -> float:
-    """How far a prim is from a mesh's vertices and faces' centres, in the median, over the mesh's size."""
+    """Distance of a prim from a mesh's vertices and faces' centres, in the median."""
     shape = mesh.shape
     ends = np.cumsum(shape.face_counts)
     corners = np.add.reduceat(shape.rest[shape.indices], (ends - shape.face_counts)[shape.face_counts > 0], axis=0)

@@ -47,7 +47,7 @@ def unwritable(place: str, error: OSError) -> Failure:
 
 
 def describe(error: BaseException, subject: str = "") -> Failure:
-    """What an exception means to the caller of the program. `subject` names what was being worked on, if the
+    """The failure that an exception means to the caller of the program. `subject` names the work in progress, if the
     message does not."""
     named = f"{subject}: " if subject else ""
     if isinstance(error, Failure):

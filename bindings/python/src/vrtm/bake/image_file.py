@@ -45,7 +45,8 @@ class Target:
     dtype: str
     """As numpy names it: uint8, uint16, float16 or float32."""
     facts: Mapping[str, str | int]
-    """What the file tells of itself, by names that begin with `vrtm:`; `vrtm:inputs` is the hash of its inputs."""
+    """Statements of the file about itself, by names that begin with `vrtm:`; `vrtm:inputs` is the hash of its
+    inputs."""
     attributes: Mapping[str, tuple[str, object]] = field(default_factory=dict)
     """Further attributes as OpenImageIO names them: types and values."""
     format: str = "openexr"
@@ -122,7 +123,7 @@ def up_to_date(target: Target, replace: bool = False) -> dict | None:
 
 
 def told(path: str) -> dict:
-    """What an image of vrtm tells of itself, but for a TIFF; its pixels are not read. Empty if there is none."""
+    """Statements of an image of vrtm about itself, but for a TIFF; its pixels are not read. Empty if there is none."""
     file = oiio.ImageInput.open(path) if os.path.isfile(path) else None
     if file is None:
         said(oiio)
@@ -185,7 +186,7 @@ def _read(path: str) -> tuple[oiio.ImageSpec, dict, str] | None:
 
 
 def _ends(path: str) -> bool:
-    """Whether a PNG has its last chunk: its pixels can be read without."""
+    """True if a PNG has its last chunk: its pixels can be read without."""
     with open(path, "rb") as file:
         file.seek(-len(_PNG_END), os.SEEK_END)
         return file.read() == _PNG_END

@@ -71,7 +71,7 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
 
 
 def foretell(work: Work) -> list[str]:
-    """What will be warned of when the layer is written: better known before hours of baking."""
+    """Warnings of the layer that will be written: better known before hours of baking."""
     from vrtm.bake.layer import redirected
 
     assert work.settings.layer is not None
@@ -130,7 +130,7 @@ def _failure(work: Work, reason: object) -> Failure:
 
 
 def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
-    """What the layer is to say. `files` receives the files that each of the names stands for that are asked for."""
+    """The layer's plan. `files` receives the files behind each name that the plan is asked for."""
     from vrtm.bake.layer import LayerPlan, relative
 
     settings = work.settings

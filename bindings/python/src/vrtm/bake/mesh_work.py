@@ -38,28 +38,26 @@ class Piece:
 
     @property
     def is_redirection(self) -> bool:
-        """Whether it is the file that keeps the tile's figures."""
+        """True for the file that keeps the tile's figures."""
         return self.target.facts["vrtm:kind"] == "redirect"
 
 
 @dataclass
 class FrameResult:
-    """What became of a mesh in one frame, for the report."""
+    """Files and figures of a mesh in one frame, for the report."""
 
     mesh: str
     frame: Frame
     milliseconds: float = 0.0
     tiles: list[dict] = field(default_factory=list)
     files: list[dict] = field(default_factory=list)
-    """Those of no single tile."""
+    """Files of no single tile."""
     warnings: list[str] = field(default_factory=list)
-    """What the library warned of."""
     told: list[str] = field(default_factory=list)
-    """What else it said."""
+    """Details, for --verbose."""
     strain: rows.Strain | None = None
-    """That of all tiles, if it was measured."""
+    """The strain of all tiles, if it was measured."""
     left_out: list[LeftOut] = field(default_factory=list)
-    """What of the frame is not baked."""
 
     @property
     def every_file(self) -> list[dict]:
@@ -88,7 +86,7 @@ class MeshWork:
         self.shape = shape
         self.threads = device.info.threads
         self.releases = False
-        """Whether the memory of a tile's solver is given back once the tile is solved."""
+        """True if the memory of a tile's solver is given back once the tile is solved."""
         self.listed = outputs.listed(settings)
         common = Fingerprint().text(vrtm.version(), device.info.backend, settings.quality, settings.weld)
         if settings.warm:
@@ -109,7 +107,7 @@ class MeshWork:
             raise Failure(INPUT, f"{settings.scene} {shape.path}: none of its UVs lies in a UDIM tile: {where}")
         self.tiles = [tile for part in self.parts for tile in part.tiles]
         self.every_tile = self.tiles
-        """Those that gain nothing, too."""
+        """All tiles, also those without a gain."""
         self.idle: dict[gain.Group, str] = {}
         """The parts and layers that get no files, since their maps would be the identity, and why."""
         self.common = common.copy()
@@ -123,7 +121,7 @@ class MeshWork:
 
     @property
     def gains(self) -> bool:
-        """Whether there are files of it."""
+        """True if there are files of it."""
         return len(self.idle) < len(gain.groups(self.parts))
 
     def leave_out(self, idle: dict[gain.Group, str]) -> None:
@@ -153,7 +151,7 @@ class MeshWork:
         return names
 
     def _images(self, tile: TileWork) -> Iterator[tuple[outputs.Output | warped.Copy, str]]:
-        """What is written of a tile, and the texture that a copy is made of."""
+        """The outputs and copies of a tile, with the texture that a copy is made of."""
         yield from ((output, "") for output in self.listed)
         yield from ((copy, paths[tile.udim]) for copy, paths in tile.part.textures if tile.udim in paths)
 
@@ -219,7 +217,7 @@ class MeshWork:
         return CornerFile(path, self.common.copy().text(pose).hex())
 
     def check(self, pieces: Sequence[Piece]) -> list[dict | None]:
-        """What each file records if it is up to date, and None if it has to be written."""
+        """The record of each file that is up to date; None for each that has to be written."""
         if self.settings.force:
             return [None] * len(pieces)
         found = [image_file.up_to_date(piece.target, self.settings.overwrite) for piece in pieces]

@@ -30,7 +30,7 @@ class Output:
     kind: str
     """Its name in file names and metadata."""
     form: str | None
-    """How its UVs are meant, if it holds UVs."""
+    """The kind of its UVs, if it holds UVs."""
     fetch: str
     """The library's name of it."""
     fetched: int
@@ -105,7 +105,7 @@ class CornerFile:
             raise unwritable(self.path, error) from error
 
     def up_to_date(self) -> bool:
-        """Whether the file is there, whole, and made of these inputs. A damaged one of vrtm's own is taken away."""
+        """True if the file is there, whole, and made of these inputs. A damaged one of vrtm's own is removed."""
         recorded = _recorded(self.path)
         if recorded is None:
             self._remove_damaged()
@@ -118,7 +118,7 @@ class CornerFile:
 
 
 def _recorded(path: str) -> dict | None:
-    """What a file tells of itself; None if it cannot be read, or its values are not those that it tells of."""
+    """The custom data of a file; None if it cannot be read, or its values are others than it states."""
     from vrtm.bake.layer import values_hash
     from vrtm.bake.mark import found_in
 

@@ -1,4 +1,5 @@
-"""What is baked by itself of a mesh: all of it, or the faces of one of its subsets; its asset, maps and tiles."""
+"""The parts of a mesh that are baked by themselves: all of it, or the faces of one of its subsets; each with its asset,
+maps and tiles."""
 
 from __future__ import annotations
 
@@ -39,7 +40,7 @@ class TileWork:
     tile: vrtm.Tile
     udim: int
     layer: int
-    """Which of the layers of charts that lie over one another in the UDIM tile; 0 if there is one."""
+    """Number of the layer of charts in the UDIM tile; 0 if there is one."""
     cells: tuple[int, int]
     size: tuple[int, int]
     """Of the redirection, in texels; (0, 0) if it follows from what the map holds."""
@@ -68,7 +69,7 @@ class Part:
         """The part, as messages name it."""
         self.asset = shape.asset(device, settings.weld, settings.layers, self.faces)
         self.all_tiles = [tile for tile in self.asset.tiles if tile.uv_set == 0]
-        """Those that are solved, of which `tiles` are to be baked."""
+        """The tiles that are solved, of which `tiles` are to be baked."""
         common = common.copy()
         if self.faces is not None:
             common.text("subset").array(self.faces)
@@ -84,7 +85,7 @@ class Part:
         self.rigid_sums: dict[int, np.ndarray] = {}
         """Of the rigidity maps by UDIM number, for `gain`."""
         self.notes: list[str] = []
-        """What is odd about its maps and primvars, each as a sentence."""
+        """Sentences about odd maps and primvars."""
         self._look_at_primvars()
         self.tiles = self._tiles(common)
         self.textures = [(copy, self._found(copy.pattern)) for copy in copies]

@@ -33,7 +33,7 @@ _BYTES_PER_JOB = 300 << 20
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a job hands back: a result, or what went wrong."""
+    """The result of a job, or its failure."""
 
     result: FrameResult | None = None
     failure: Failure | None = None

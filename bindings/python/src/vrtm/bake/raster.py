@@ -46,8 +46,9 @@ def z_up(rest: np.ndarray) -> bool:
 
 
 def cover(corners: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Which triangle is seen at the centre of each pixel, (height, width), -1 for none, and the weights of its corners
-    there, (height, width, 3). `corners`: (triangles, 3, 3), in pixels from the left and from the top, and how near."""
+    """The triangle that is seen at the centre of each pixel, (height, width), -1 for none, and the weights of its
+    corners there, (height, width, 3). `corners`: (triangles, 3, 3), in pixels from the left and from the top, and how
+    near."""
     width, height = size
     near, found = np.full(width * height, -np.inf), np.full(width * height, -1)
     xy, z = corners[..., :2], corners[..., 2]

@@ -122,7 +122,7 @@ class Remarks:
 
 
 def notes(work: Work) -> list[str]:
-    """What is odd about the scene and the options, each as a sentence."""
+    """Warnings about odd scenes and options."""
     notes = [*work.heard(), *work.scene.warnings, *_without_maps(work)]
     found = [(shape.path, work.units[shape.name][1]) for shape in work.shapes if shape.name in work.units]
     notes += [f"{path}: {finding.warning}" for path, finding in found if finding.warning and not finding.ends]
@@ -158,7 +158,7 @@ def _without_maps(work: Work) -> list[str]:
 
 
 def hints(work: Work) -> list[str]:
-    """What may be meant or not, each as a sentence."""
+    """Hints about options that may be meant or not."""
     hints = []
     for option in ("rigidity", "mask"):
         pattern, users = getattr(work.settings, option), {}
@@ -183,7 +183,7 @@ def hints(work: Work) -> list[str]:
 
 
 def facts(work: Work) -> list[str]:
-    """What was chosen for the user: the device, and rest poses."""
+    """Choices that the bake made for the user: the device, and rest poses."""
     info = work.device.info
     threads = f", {info.threads} threads" if info.backend == "cpu" else ""
     lines = [f"device: {info.backend}, {info.name}{threads}{f' ({info.reason})' if info.reason else ''}"]
@@ -202,7 +202,7 @@ def facts(work: Work) -> list[str]:
 
 
 def borders(work: Work) -> list[str]:
-    """What was chosen to happen at borders, and why."""
+    """The choices at borders, and their reasons."""
     chosen: dict[str, list[str]] = {}
     for mesh in work.meshes.values():
         if mesh.borders.why:
@@ -284,7 +284,7 @@ class TimeLeft:
         self._spent[mesh] += seconds
 
     def seconds(self, elapsed: float) -> float:
-        """How long the frames that are left will take, if those that are done took `elapsed` all together, side by side
+        """Seconds for the frames that are left, if the frames that are done took `elapsed` all together, side by side
         as they were."""
         worked = sum(self._spent.values())
         if not worked:

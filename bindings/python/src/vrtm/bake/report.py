@@ -36,7 +36,7 @@ class Summary:
     fixed: float = 0.0
     """Share of the rigid texels."""
     rigid: int = 0
-    """How many of these there are."""
+    """Number of rigid texels."""
     written: int = 0
     skipped: int = 0
     seconds: float = 0.0
@@ -105,7 +105,7 @@ def summaries(meshes: dict[str, MeshWork], results: Sequence[FrameResult]) -> It
 
 
 def shares(tile: dict) -> str:
-    """What a tile's row tells of how much of it may move."""
+    """Shares of a tile's texels that are fixed and that may move, as a sentence."""
     rigid = tile["rigid"]
     return (
         f"{rigid['fixed']:.1%} of the rigid texels are fixed, {rigid['overlapped']:.1%} overlapped, "
@@ -115,7 +115,7 @@ def shares(tile: dict) -> str:
 
 
 def advice(settings: Settings, tile: dict) -> str:
-    """What most of a tile's fixed texels are fixed by, and what can be done about that."""
+    """The cause that fixes most of a tile's fixed texels, and the remedy."""
     rigid = tile["rigid"]
     if settings.overlap != "first" and rigid["overlapped"] > rigid["fixed"] / 2:
         if settings.overlap != EACH:
@@ -192,20 +192,20 @@ def write(path: str, content: dict) -> None:
 
 
 def strict(settings: Settings, missing: Sequence[LeftOut]) -> Failure | None:
-    """What --strict makes an error of all that is not baked."""
+    """The failure that --strict makes of all that is not baked."""
     wrong = left_out.lines(left_out.unmeant(missing)) if settings.strict else []
     more = f" (and {len(wrong) - 1} more, named above)" if len(wrong) > 1 else ""
     return Failure(INPUT, f"--strict: {wrong[0]}{more}") if wrong else None
 
 
 def nothing(results: Sequence[FrameResult]) -> Failure | None:
-    """What is wrong where no pose could be used."""
+    """The failure of a bake of which no pose could be used."""
     wrong = [result.left_out[0] for result in results if result.left_out and not result.tiles]
     return Failure(INPUT, wrong[0].line()) if wrong and len(wrong) == len(results) else None
 
 
 def tolerance(work: Work, results: Sequence[FrameResult]) -> Failure | None:
-    """What is worse than asked for: the worst tile."""
+    """The failure of the worst tile, if a limit is exceeded."""
     settings = work.settings
     # In this order, not in that in which they were done: of equals the first one is told.
     ordered = sorted(results, key=lambda result: (result.frame, result.mesh))

@@ -112,7 +112,7 @@ def _texture(tile: TileWork) -> str:
 
 @dataclass(eq=False)
 class _Looked:
-    """What is looked up in a tile: images whose first row is at the top."""
+    """Images of a tile, whose first row is at the top."""
 
     rigidity: np.ndarray
     delta: np.ndarray
@@ -123,7 +123,7 @@ class _Looked:
 
 @dataclass(eq=False)
 class _View:
-    """What is seen of a pose."""
+    """The visible part of a pose."""
 
     seen: np.ndarray
     """(height, width) of samples: where the mesh is. All others are of these samples."""
@@ -239,7 +239,7 @@ class _Surface:
         return normals if (normals * a).sum() >= 0 else -normals
 
     def view(self, camera: Camera, positions: np.ndarray, height: int) -> _View:
-        """What a camera sees of a pose."""
+        """The view that a camera has of a pose."""
         size = (_SAMPLES * _WIDTH, _SAMPLES * height)
         found, weights = cover(camera.project(positions, size)[self.vertices], size)
         seen = found >= 0

@@ -34,11 +34,11 @@ _MOST_BYTES = 256 << 20
 
 @dataclass(frozen=True)
 class Choices:
-    """What was chosen for the meshes, by their names. Picklable."""
+    """Choices for the meshes, by their names. Picklable."""
 
     borders: dict[str, Borders]
     idle: dict[str, dict[gain.Group, str]]
-    """What gains nothing."""
+    """Parts and layers without a gain."""
 
 
 class Work:
@@ -132,12 +132,12 @@ class Work:
         (self._heard if level == "warning" else self._told).append(line)
 
     def told(self) -> list[str]:
-        """What the library said besides since this was asked last."""
+        """Details of the library since the last call."""
         told, self._told = self._told, []
         return told
 
     def _stays(self, shape: Shape) -> bool:
-        """Whether a mesh is at rest in all frames, so that its maps would be the identity, and is not named."""
+        """True if a mesh is at rest in all frames, so that its maps would be the identity, and is not named."""
         if not shape.still or self.settings.options.names(shape.path):
             return False
         pose = self.scene.positions(shape, self.frames[0])
@@ -159,7 +159,7 @@ class Work:
         return dataclasses.replace(shape, rest=shape.rest * finding.factor, rest_from=rest_from)
 
     def heard(self) -> list[str]:
-        """What the library warned of since this was asked last, each as a sentence that names the mesh."""
+        """Warnings of the library since the last call, as sentences that name the mesh."""
         heard, self._heard = self._heard, []
         return heard
 
@@ -233,12 +233,12 @@ class Work:
 
     @property
     def choices(self) -> Choices:
-        """What was found that a further process need not find again."""
+        """Findings that a further process need not repeat."""
         return Choices({name: mesh.borders for name, mesh in self.meshes.items()}, self.idle)
 
     @property
     def parts(self) -> list[Part]:
-        """What is baked by itself, of all meshes."""
+        """The parts of all meshes, each of which is baked by itself."""
         return [part for mesh in self.meshes.values() for part in mesh.parts]
 
     def check_units(self) -> None:
@@ -371,7 +371,7 @@ class Work:
 
     @functools.cached_property
     def bytes(self) -> int:
-        """What a job needs for all of its tiles, less the scene."""
+        """Bytes of a job for all of its tiles, less the scene."""
         needs = [tile.tile.estimate() for mesh in self.meshes.values() for tile in mesh.tiles]
         kept = sum(need.solving_bytes for need in needs)
         if len(needs) < 2 or kept <= _MOST_BYTES:

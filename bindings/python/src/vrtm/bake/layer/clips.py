@@ -93,7 +93,7 @@ def export(layer: Sdf.Layer, path: str | os.PathLike[str], told: Callable[[Sdf.L
 
 
 def same_file(layers: Iterable[Sdf.Layer], path: str) -> list[Sdf.Layer]:
-    """Those of the layers that a path leads to, whatever way they were found."""
+    """The layers that are one file, under whatever names they were found."""
     real = os.path.realpath(path)
     return [layer for layer in layers if layer.realPath and os.path.realpath(layer.realPath) == real]
 

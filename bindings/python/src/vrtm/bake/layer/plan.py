@@ -1,4 +1,4 @@
-"""What a layer is to say."""
+"""The plan of a layer."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LAYER = "vrtmLayer"
 """Name of the primvar that says which layer's maps each face takes."""
 
 UDIM = "<UDIM>"
-"""What renderers replace by the number of a tile."""
+"""Placeholder that renderers replace by the number of a tile."""
 
 
 class LayerError(Exception):
@@ -26,7 +26,7 @@ class LayerError(Exception):
 
 @dataclass(frozen=True)
 class LayerPlan:
-    """What was baked, and how the shot's materials are to use it. All paths are relative to the layer, or absolute."""
+    """The baked files, and their use by the shot's materials. All paths are relative to the layer, or absolute."""
 
     frames: tuple[Frame, ...]
     """Frames that were baked."""
@@ -47,7 +47,7 @@ class LayerPlan:
     """The redirection map of (shape, frame, UDIM number or "<UDIM>"); of a further layer with its number as `layer`,
     and of a part with its name as `subset`. None: there are no maps."""
     form: str = "udim"
-    """What the maps hold: `udim`, `tile` or `delta`."""
+    """UVs of the maps: `udim`, `tile` or `delta`."""
     warped_path: Callable[..., str | None] | None = None
     """The warped copy of (shape, frame, texture as the material names it, resolved where it is one file), `layer` and
     `subset` as above; in the path `<UDIM>` stands for the number if the texture's name has it. None: this texture was

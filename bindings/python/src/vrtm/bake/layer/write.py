@@ -37,11 +37,11 @@ nothing could be redirected."""
 
 @dataclass(frozen=True)
 class Written:
-    """What became of a layer."""
+    """The result of writing a layer."""
 
     warnings: list[str]
     changes: bool
-    """Whether it changes the shot: whether a texture lookup is redirected, or there is the primvar."""
+    """True if a texture lookup is redirected, or the primvar is there."""
     files: frozenset[str]
     """The files that it names over time, as it names them."""
 

@@ -58,12 +58,12 @@ class Scene:
             return (*self.source.files, *(_files_of(rest) if rest is not None and os.path.isfile(rest) else ()))
 
     def said(self) -> list[LeftOut | str]:
-        """What USD has said by itself since this was asked last: what it lacks, and warnings."""
+        """Messages of USD since the last call: missing parts, and warnings."""
         said, self._said = self._said, []
         return said
 
     def listening(self) -> AbstractContextManager[None]:
-        """What USD says in the block belongs to `said`, where the scene is one of USD."""
+        """Collects USD's messages in the block for `said`, if the scene is one of USD."""
         if not self._says:
             return nullcontext()
         from vrtm.bake.scene.usd_stage import collected
@@ -72,7 +72,7 @@ class Scene:
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
-        """What libraries raise that read a damaged file, which may be anywhere, becomes a SceneError."""
+        """Turns exceptions of libraries, which damaged files may cause anywhere, into SceneError."""
         try:
             with self.listening():
                 yield

@@ -111,7 +111,7 @@ class AlembicMesh:
         self.origin = origin
         """The path of the mesh that an instance stands for; its own path, if it is none."""
         self.hidden = hidden
-        """Whether it, or what it lies below, is hidden in the first sample."""
+        """True if it, or an object above it, is hidden in the first sample."""
         self.path, self.where = path, f"{file} {path}"
         self.schema = schema
         self._above = above
@@ -190,11 +190,11 @@ class AlembicMesh:
 
     @property
     def is_moved(self) -> bool:
-        """Whether transforms above it change over time."""
+        """True if transforms above it change over time."""
         return any(not transform.isConstant() for transform in self._above)
 
     def is_still(self, options: SceneOptions) -> bool:
-        """Whether the scene has one pose of it alone."""
+        """True if the scene has one pose of it alone."""
         return self.samples <= 1 and not (options.world and self.is_moved)
 
     def to_world(self, seconds: float) -> np.ndarray:

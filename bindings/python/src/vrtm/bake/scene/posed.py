@@ -23,9 +23,9 @@ class PosedMesh:
     """A mesh with poses over time, in a space that transforms lie above. Frames are those of the scene."""
 
     deforms: bool
-    """Whether the scene has more than one pose of it."""
+    """True if the scene has more than one pose of it."""
     is_moved: bool
-    """Whether the transforms above it change over time."""
+    """True if the transforms above it change over time."""
     shape: Callable[[str, tuple[str, ...]], Shape]
     """Reads all that does not change with time, by a name and the paths that the mesh stands for. Raises SceneError."""
     primvars: Callable[[], list[str]]
@@ -48,7 +48,7 @@ class PosedMesh:
         return self._refined.points(cage) if self._refined else cage
 
     def uneven_scale(self) -> str | None:
-        """What to warn of where transforms that are not applied stretch the mesh over time."""
+        """A warning where transforms that are not applied stretch the mesh over time."""
         return _uneven_scale(self._linear, self._frames) if self.is_moved and not self._options.world else None
 
     def to_world(self, frame: float) -> np.ndarray:
@@ -225,8 +225,8 @@ def _shapes(
 
 
 def _uneven_scale(linear: Callable[[float], np.ndarray], frames: Sequence[int]) -> str | None:
-    """What to warn of where a transform that is not applied stretches a mesh over time, by more along one axis than
-    along another; the end of a sentence. Of very many frames some are looked at."""
+    """A warning where a transform that is not applied stretches a mesh over time, by more along one axis than along
+    another; the end of a sentence. Of very many frames some are looked at."""
     frames = frames[:: -(-len(frames) // _LOOKED_AT)]
     first = linear(frames[0])
     if abs(np.linalg.det(first)) == 0:

@@ -151,7 +151,7 @@ def corner_elements(
 
 
 def outside(uvs: np.ndarray, uv_indices: np.ndarray) -> str:
-    """Where those UVs of a mesh are that lie in no UDIM tile, and where tiles are."""
+    """Bounds of the UVs of a mesh that lie in no UDIM tile, and of all tiles, in words."""
     uvs = uvs[np.unique(uv_indices[uv_indices >= 0])].astype(np.float64)
     uvs = uvs[np.isfinite(uvs).all(axis=-1)]
     beyond = uvs[((uvs < 0) | (uvs > TILES)).any(axis=-1)]

@@ -54,7 +54,7 @@ class UsdMesh(PosedMesh):
         return [primvar.GetPrimvarName() for primvar in api.FindPrimvarsWithInheritance() if primvar.HasAuthoredValue()]
 
     def other_uvs(self) -> str:
-        """Where the wanted UV set is missing: its name, and that of one that is near."""
+        """The end of a sentence about a missing UV set: its name, and that of one that is near."""
         there = self.primvars()
         hint = next(filter(None, (near(name, there) for name in self._options.uv_names)), "")
         sets = sorted(primvar.GetPrimvarName() for primvar in uv_sets(self._prim) if self._options.uv_names)
@@ -101,7 +101,7 @@ class UsdMesh(PosedMesh):
         return first
 
     def stays(self) -> bool:
-        """Whether it is at rest in all frames, as far as it can be read."""
+        """True if it is at rest in all frames, as far as it can be read."""
         if self.deforms:
             return False
         try:

@@ -51,7 +51,7 @@ def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
 
 
 def unreadable(stage: Usd.Stage) -> list[tuple[str, str]]:
-    """What the stage's layers refer to and this build of USD cannot open, each with a sentence's end."""
+    """Files that the stage's layers refer to and this build of USD cannot open, each with a sentence's end."""
     found = {}
     for layer in stage.GetUsedLayers():
         for asset in layer.GetCompositionAssetDependencies():
@@ -148,7 +148,7 @@ def meshes_of(stage: Usd.Stage) -> Iterator[Usd.Prim]:
 
 
 def hidden(prim: Usd.Prim, frames: Sequence[int], clock: Clock) -> str | None:
-    """Why a renderer does not show a mesh, as the end of a sentence; None if it shows it."""
+    """The reason that a renderer does not show a mesh, as the end of a sentence; None if it shows it."""
     imageable = UsdGeom.Imageable(prim)
     purpose = imageable.ComputePurpose()
     if purpose in (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy):
@@ -189,8 +189,7 @@ def meshes_at_first_frame(
 
 
 def meters(attribute: Usd.Attribute, time: Usd.TimeCode) -> float | None:
-    """How many meters the unit of an attribute is: as the layer says that it is from, else the stage's own; None if
-    neither says it."""
+    """Meters of the unit of an attribute: as its layer says, else the stage's own; None if neither says it."""
     layers = [spec.layer for spec in attribute.GetPropertyStack(time)[:1]]
     for layer in (*layers, attribute.GetStage().GetRootLayer()):
         if layer.pseudoRoot.HasInfo(UsdGeom.Tokens.metersPerUnit):
