@@ -14,6 +14,7 @@ from vrtm.bake.layer import export, values_hash
 from vrtm.bake.layer.write import STAGE_FIELDS
 from vrtm.bake.mark import SHAPES, mark
 from vrtm.bake.mesh_work import MeshWork
+from vrtm.bake.raster import area
 from vrtm.bake.scene import Scene
 from vrtm.bake.scene.topology import fans
 from vrtm.bake.work import Work
@@ -121,9 +122,7 @@ def morphed(
 
 def _areas(uvs: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     """(..., triangles): twice the areas, with their signs."""
-    a, b, c = (uvs[..., triangles[:, k], :] for k in range(3))
-    one, other = b - a, c - a
-    return one[..., 0] * other[..., 1] - one[..., 1] * other[..., 0]
+    return area(*(uvs[..., triangles[:, k], :] for k in range(3)))
 
 
 def _rate(fps: float | str | None) -> float:

@@ -19,10 +19,9 @@ from vrtm.bake.image_file import Target
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.names import Pattern
 from vrtm.bake.outputs import CornerFile, corner_name
-from vrtm.bake.part import Part, TileWork, parts
-from vrtm.bake.scene import Shape
+from vrtm.bake.part import Given, Part, TileWork, parts
 from vrtm.bake.scene.topology import outside
-from vrtm.bake.settings import AUTO, Borders, Settings
+from vrtm.bake.settings import AUTO, Borders
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,18 +71,12 @@ class FrameResult:
 class MeshWork:
     """A mesh with the assets of its parts. Not for several threads at once."""
 
-    def __init__(
-        self,
-        settings: Settings,
-        shape: Shape,
-        device: vrtm.Device,
-        copies: Sequence[warped.Copy],
-        borders: Borders,
-    ) -> None:
-        """`settings`: those of the bake, where `borders` says more."""
-        self.settings = settings = borders.of(settings)
+    def __init__(self, given: Given, borders: Borders) -> None:
+        """`given`: with the settings of the bake, where `borders` says more."""
+        self.settings = settings = borders.of(given.settings)
+        self.shape = shape = given.shape
+        device = given.device
         self.borders = borders
-        self.shape = shape
         self.threads = device.info.threads
         self.releases = False
         """True if the memory of a tile's solver is given back once the tile is solved."""
@@ -100,7 +93,7 @@ class MeshWork:
             common.array(array)
         self.left_out: list[LeftOut] = []
         """Parts without maps."""
-        self.parts = parts(settings, shape, device, copies, common, self.left_out)
+        self.parts = parts(dataclasses.replace(given, settings=settings), common, self.left_out)
         self.all_udims = tuple(dict.fromkeys(udim for part in self.parts for udim in part.all_udims))
         if not self.all_udims:
             where = outside(shape.uvs, shape.uv_indices)

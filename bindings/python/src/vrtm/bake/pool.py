@@ -39,7 +39,7 @@ class Outcome:
     failure: Failure | None = None
 
 
-class Jobs:
+class Jobs(contextlib.AbstractContextManager):
     """Bakes frames. A context manager: at its end nothing runs any more."""
 
     def __init__(self, settings: Settings, work: Work, jobs: int, threads: int, stop: Stop) -> None:
@@ -77,9 +77,6 @@ class Jobs:
         # just when Python writes to it at its end.
         for future in self._begun:
             future.cancel()
-
-    def __enter__(self) -> Jobs:
-        return self
 
     def __exit__(self, *_: object) -> None:
         if self._sender is not None:

@@ -21,7 +21,7 @@ from vrtm.bake.frames import Frame
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mesh_work import FrameResult, MeshWork
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
-from vrtm.bake.part import Part
+from vrtm.bake.part import Given, Part
 from vrtm.bake.scene import Scene, SceneError, Shape
 from vrtm.bake.scene.topology import outside
 from vrtm.bake.settings import Borders, Settings
@@ -41,7 +41,7 @@ class Choices:
     """Parts and layers without a gain."""
 
 
-class Work:
+class Work(contextlib.AbstractContextManager):
     """An open scene and the device. A context manager; not for several threads at once. Raises Failure."""
 
     def __init__(self, settings: Settings, threads: int, choices: Choices | None = None) -> None:
@@ -166,9 +166,10 @@ class Work:
     def _mesh(self, shape: Shape, copies: tuple[warped.Copy, ...], known: Borders | None) -> MeshWork:
         self._subject, self._frame, self._shape = shape.path, "", shape
         try:
+            given = Given(self.settings, shape, self.device, copies)
             if known is not None:
-                return MeshWork(self.settings, shape, self.device, copies, known)
-            return borders.mesh(self.settings, self.scene, shape, self.device, copies, lambda: self._shared_places)
+                return MeshWork(given, known)
+            return borders.mesh(given, self.scene, lambda: self._shared_places)
         except (vrtm.Error, ValueError) as error:
             raise describe(error, f"{self.settings.scene} {shape.path}") from error
 
@@ -422,9 +423,6 @@ class Work:
             mesh.close()
         self.scene.close()
         self.device.close()
-
-    def __enter__(self) -> Work:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -17,7 +17,7 @@ __all__ = ["Scene", "SceneError", "SceneOptions", "Shape"]
 _USD = (".usd", ".usda", ".usdc", ".usdz")
 
 
-class Scene:
+class Scene(AbstractContextManager):
     """An open scene file. A context manager; not for several threads at once.
 
     Raises SceneError, here and in `positions`, for input that cannot be used.
@@ -99,9 +99,6 @@ class Scene:
     def close(self) -> None:
         """Lets go of the file."""
         self.source.close()
-
-    def __enter__(self) -> Scene:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

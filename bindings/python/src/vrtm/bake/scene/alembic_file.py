@@ -151,7 +151,7 @@ class AlembicMesh:
 
     def sample(self, index: int) -> np.ndarray:
         """(vertices, 3) f32 of a sample."""
-        return _array(self._positions.getValue(self._selector(index))).reshape(-1, 3)
+        return np.array(self._positions.getValue(self._selector(index))).reshape(-1, 3)
 
     def count(self, index: int) -> int:
         """The vertices of a sample."""
@@ -164,7 +164,7 @@ class AlembicMesh:
     def faces(self, index: int) -> tuple[np.ndarray, np.ndarray]:
         """Face counts and indices of a sample."""
         properties = self.schema.getFaceCountsProperty(), self.schema.getFaceIndicesProperty()
-        counts, indices = (_array(found.getValue(self._selector(index)), np.int32) for found in properties)
+        counts, indices = (np.array(found.getValue(self._selector(index)), np.int32) for found in properties)
         return counts, indices
 
     def at(self, seconds: float, expected: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray:
@@ -269,13 +269,9 @@ def _hidden(item: Any) -> bool:
 
 def _param(param: Any) -> tuple[np.ndarray, np.ndarray, str]:
     sample = param.getIndexedValue()
-    values = _array(sample.getVals())
-    elements = _array(sample.getIndices(), np.int64) if param.isIndexed() else np.arange(len(values))
+    values = np.array(sample.getVals())
+    elements = np.array(sample.getIndices(), np.int64) if param.isIndexed() else np.arange(len(values))
     scope = str(sample.getScope())
     if scope == "kUnknownScope":
         scope = str(param.getScope())
     return values, elements, SCOPES.get(scope, scope)
-
-
-def _array(values: Any, kind: type | None = None) -> np.ndarray:
-    return np.array(values, kind)

@@ -34,7 +34,8 @@ def frame_number(rest: str) -> float:
 
 @dataclass(frozen=True)
 class SceneOptions:
-    """Options of reading a scene. Picklable: worker processes open the scene again with the same options."""
+    """Options of reading a scene. Picklable: worker processes open the scene again with the same options.
+    The help of `vrtm bake` has their meaning."""
 
     meshes: tuple[str, ...] = ()
     """Names or paths of meshes, or paths of what they lie below; `*`, `?` and `[...]` are wildcards. Empty: all meshes
@@ -46,20 +47,14 @@ class SceneOptions:
     """`bind`, `pref`, `first`, `frame:N`, or a file with the same faces. None: the scene's own rest, which is Pref
     where there is one, else the bind pose of a skeleton, else the first frame; for OBJ the scene file itself."""
     texture_uv: str | None = None
-    """USD: name of a further UV set, by which textures are looked up. None: they are by the one above."""
+    """None: textures are looked up by the UV set above."""
     rigidity_primvar: str | None = None
-    """Primvar with the rigidity of vertices; `colors` in OBJ."""
     mask_primvar: str | None = None
-    """Primvar with the mask of vertices; `colors` in OBJ."""
     subdivide: int = 0
-    """Levels of refinement of subdivision meshes; 0: the control cage."""
     variants: tuple[tuple[str, str, str], ...] = ()
     """USD: (prim path, variant set, variant) to select."""
     poses: tuple[str, ...] = ()
-    """OBJ: files of the poses, or patterns of them with `####`, `%04d` or wildcards."""
     fps: float | str | None = None
-    """Frames per second: frame N is at N / fps seconds. `file`: as the file says. None: that in Alembic; time codes are
-    frames in USD."""
     skip_still: bool = False
     """True if a mesh that does not deform, and is not named, is left out if it cannot be read or has several UV sets to
     choose from."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -177,11 +177,8 @@ class UsdMesh(PosedMesh):
             found.update(points.GetTimeSamples())
         if self._skin:
             found.update(self._skin.samples())
-        prim = self._space if self._options.world else None
-        while prim and not prim.IsPseudoRoot():
-            xform = UsdGeom.Xformable(prim)
-            found.update(xform.GetTimeSamples() if xform else ())
-            prim = None if xform and xform.GetResetXformStack() else prim.GetParent()
+        for xform in self._above() if self._options.world else ():
+            found.update(xform.GetTimeSamples())
         return sorted(found)
 
     def _posed(self, frame: float) -> np.ndarray:
@@ -202,17 +199,18 @@ class UsdMesh(PosedMesh):
         """The prim in whose space positions are."""
         return (self._skin.space if self._skin else None) or self._prim
 
-    @cached_property
-    def is_moved(self) -> bool:
+    def _above(self) -> Iterator[UsdGeom.Xformable]:
+        """The transforms above the space of positions, from below."""
         prim = self._space
         while prim and not prim.IsPseudoRoot():
             xform = UsdGeom.Xformable(prim)
-            if xform and xform.TransformMightBeTimeVarying():
-                return True
-            if xform and xform.GetResetXformStack():
-                return False
-            prim = prim.GetParent()
-        return False
+            if xform:
+                yield xform
+            prim = None if xform and xform.GetResetXformStack() else prim.GetParent()
+
+    @cached_property
+    def is_moved(self) -> bool:
+        return any(xform.TransformMightBeTimeVarying() for xform in self._above())
 
     def _matrix(self, frame: float) -> np.ndarray:
         return np.array(UsdGeom.Imageable(self._space).ComputeLocalToWorldTransform(self._code(frame)))

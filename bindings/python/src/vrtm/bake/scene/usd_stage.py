@@ -142,11 +142,6 @@ def stage_frames(
     return whole_frames(clock.frame(first), clock.frame(last), where, warnings, left_out, slack)
 
 
-def meshes_of(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """All meshes that are active, loaded and defined, those of instances as proxies."""
-    return (prim for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()) if prim.IsA(UsdGeom.Mesh))
-
-
 def hidden(prim: Usd.Prim, frames: Sequence[int], clock: Clock) -> str | None:
     """The reason that a renderer does not show a mesh, as the end of a sentence; None if it shows it."""
     imageable = UsdGeom.Imageable(prim)
@@ -177,7 +172,7 @@ def meshes_at_first_frame(
     others at their first time sample; and by their paths how many meters their units are. Raises SceneError."""
     stage = open_stage(file, SceneOptions())
     found, units = [], {}
-    for prim in meshes_of(stage):
+    for prim in filter(UsdGeom.Mesh, Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())):
         mesh = UsdGeom.Mesh(prim)
         time = Usd.TimeCode.EarliestTime()
         arrays = [mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()]
