@@ -6,8 +6,9 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes
-from vrtm.bake.layer import LayerPlan, check_layer, write_corner_uvs, write_layer
-from vrtm.bake.scene import Scene, SceneOptions
+from usd_validators import check_layer
+from vrtm.bake.layer import LayerPlan, corner_uv_layer, export, values_hash, write_layer
+from vrtm.bake.scene import Scene, SceneOptions, Shape
 
 FRAMES = (1, 2, 4)
 OPEN: list[Usd.Stage] = []  # a stage that nothing holds takes its prims along
@@ -51,6 +52,10 @@ def over(stage: Usd.Stage, shapes=("one",), options: SceneOptions | None = None,
     with Scene(path, options or SceneOptions()) as scene:
         _, warnings = bake(path.parent, scene, shapes, **plan)
     return composed(path.parent, path.name), warnings
+
+
+def write_corner_uvs(path: Path, shape: Shape, frame: float, uvs: np.ndarray) -> None:
+    export(corner_uv_layer(shape, frame, uvs), path, values_hash)
 
 
 def corner_uvs(shape, frame: float) -> np.ndarray:

@@ -10,8 +10,7 @@ from pxr import Sdf, Usd, UsdGeom
 import scenes
 from bake_scenes import image, run
 from conftest import grid
-from vrtm.bake.carry_parts import connected
-from vrtm.bake.nearest import Nearest, to_triangles
+from vrtm.bake.carry_parts import Nearest, connected, to_triangles
 
 GAP, STUDS = 0.02, "/model/studs"
 PARTS = "--carry-pieces", "connected"

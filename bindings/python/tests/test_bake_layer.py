@@ -8,7 +8,7 @@ from pxr import Usd, UsdGeom
 
 from bake_scenes import files, run, sheet_arguments, solved_alone, with_material, written
 from scenes import preview_material
-from vrtm.bake.layer import check_layer
+from usd_validators import check_layer
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 from bake_scenes import MESH, run, sheet, sheet_arguments, solved_alone, with_material
 from scenes import preview_material
 from shots import bound, texture
-from vrtm.bake.layer import check_layer
+from usd_validators import check_layer
 
 
 def test_a_layer_names_files_that_exist(tmp_path: Path) -> None:

@@ -1,12 +1,13 @@
 """Messages of a bake: meshes left out, likely mistakes, dry runs, logs, and mistyped names."""
 
+import re
 from pathlib import Path
 
 from pxr import Gf, Sdf, Usd
 
 from bake_scenes import MESH, files, run, sheet, sheet_arguments, with_material
 from vrtm import cli
-from vrtm.bake import time_left
+from vrtm.bake import remarks
 
 
 def test_what_does_not_deform_is_left_out(tmp_path: Path) -> None:
@@ -153,6 +154,16 @@ def test_what_is_near_is_named_in_one_line(scene: Path, tmp_path: Path) -> None:
     assert "no mesh has the primvar 'Prev' for the rigidity: did you mean Pref?" in run(*by_vertex, expect=2).stderr
 
 
+def test_help_has_the_usual_options_first() -> None:
+    usual, every = (run("bake", option).stdout for option in ("--help", "--help-all"))
+    assert len(re.findall(r"^  --", usual, re.M)) == 10 + len(["--help-all"])
+    assert every.index("--dry-run") < every.index("--uv") and "--uv" not in usual
+    # Each option has a sentence.
+    told = re.split(r"\n\n[a-zU].*:\n", every.split("exit codes:")[0])[1:]
+    options = [" ".join(text.split()) for part in told for text in re.split(r"^  (?=-|SCENE)", part, flags=re.M)[1:]]
+    assert len(options) > 80 and all(text.endswith((".", ")", "'")) for text in options), options
+
+
 def test_small_bakes_stay_in_one_process(scene: Path, tmp_path: Path, monkeypatch, capsys) -> None:
     # However long a frame takes here.
     monkeypatch.setattr("vrtm.bake.run._START", 1e9)
@@ -164,7 +175,7 @@ def test_small_bakes_stay_in_one_process(scene: Path, tmp_path: Path, monkeypatc
 
 
 def test_lines_say_how_long_the_bake_goes_on(tmp_path: Path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(time_left, "_LEAST", 1e-9)
+    monkeypatch.setattr(remarks, "_LEAST", 1e-9)
     scene = sheet(tmp_path, frames=4, cells=2)
     assert cli.main(list(map(str, sheet_arguments(scene, tmp_path / "out", "--size", 16, "--tiles", "1001")))) == 0
     lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("[")]

@@ -17,9 +17,7 @@ from bake_scenes import files, image, run, sheet_arguments, with_material
 from scenes import preview_material
 from vrtm import cli
 from vrtm.bake import overwrite
-from vrtm.bake.layer import LayerError, LayerPlan, write_corner_uvs, write_layer
 from vrtm.bake.mark import mark
-from vrtm.bake.scene import Scene
 
 
 @pytest.fixture
@@ -217,27 +215,6 @@ def test_a_template_replaces_its_own_kind_alone(tmp_path: Path) -> None:
     assert path.read_text().startswith("name: a job")
     run("farm-template", "--out", path, "--overwrite")
     assert path.read_text().startswith("# vrtm farm-template")
-
-
-def test_layers_that_scripts_write(shot: Path, tmp_path: Path) -> None:
-    plan = LayerPlan(frames=(1,), shapes=("sheet",), tiles={"sheet": (1001, 1002)}, map_path=lambda *_: "./a.exr")
-    with Scene(shot) as scene:
-        shape = scene.shape("sheet")
-        for path in (shot, shot.parent / "sheet.usda"):
-            before = path.read_bytes()
-            for replace in (False, True):
-                with pytest.raises(LayerError, match="would replace a file of the scene"):
-                    write_layer(path, scene, plan, overwrite=replace)
-            assert path.read_bytes() == before
-        foreign = tmp_path / "foreign.usda"
-        foreign.write_text("#usda 1.0\n")
-        with pytest.raises(LayerError, match="no file that vrtm has written"):
-            write_layer(foreign, scene, plan)
-        with pytest.raises(ValueError, match="no file that vrtm has written"):
-            write_corner_uvs(foreign, shape, 1, np.zeros((len(shape.indices), 2)))
-        write_layer(foreign, scene, plan, overwrite=True)
-        write_layer(foreign, scene, plan)
-        write_corner_uvs(foreign, shape, 1, np.zeros((len(shape.indices), 2)))
 
 
 def test_marks(tmp_path: Path) -> None:

@@ -16,8 +16,8 @@ from vrtm.bake.console import Console
 from vrtm.bake.failure import BUG, DEVICE, INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.names import Pattern
+from vrtm.bake.remarks import TimeLeft
 from vrtm.bake.scene import SceneError
-from vrtm.bake.time_left import TimeLeft
 
 
 @pytest.mark.parametrize(

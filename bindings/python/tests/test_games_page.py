@@ -52,6 +52,6 @@ def test_shaders_compile(tmp_path: Path, language: str, program: str, options: l
 
 
 def test_its_options_are_there() -> None:
-    told = run("bake", "--help").stdout
+    told = run("bake", "--help-all").stdout
     for option in set(re.findall(r"--[a-z][a-z-]+", PAGE.read_text())):
         assert option in told, option

@@ -11,7 +11,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes
 from shots import FRAMES, bake, bound, checked, corner_uvs, over, shot, texture, varname
-from vrtm.bake.layer import LayerError, LayerPlan, check_layer, write_corner_uvs, write_layer
+from vrtm.bake.layer import LayerError, LayerPlan, corner_uv_layer, write_layer
 from vrtm.bake.scene import Scene, SceneOptions
 
 
@@ -59,9 +59,6 @@ def test_the_layer_holds_overs_alone_and_the_shot_is_not_touched(stage: Usd.Stag
     assert layer.GetPrimAtPath("/world/one").specifier == Sdf.SpecifierOver
     assert (tmp_path / "shot.usda").read_bytes() == before
     assert sorted(p.name for p in tmp_path.iterdir() if ".part" in p.name) == []
-    path, _ = bake(tmp_path, Scene(tmp_path / "shot.usda"), sublayer="./shot.usda")
-    alone = Usd.Stage.Open(str(path))
-    assert varname(texture(bound(alone, "/world/one"))) == "st_redirected"
 
 
 def test_instances_become_plain_prims(tmp_path: Path) -> None:
@@ -129,7 +126,7 @@ def test_corner_uvs_of_a_refined_mesh_are_those_of_its_cage(stage: Usd.Stage, tm
     assert len(shape.indices) == 128 and found == pytest.approx(corner_uvs(shape, 1)[shape.cage_corners])
     assert found == pytest.approx(cage.uvs[cage.uv_indices], abs=0.3), "the same corners"
     with pytest.raises(ValueError, match=r"uvs: the shape \(3, 2\) is not \(128, 2\)"):
-        write_corner_uvs(tmp_path / "x.usdc", shape, 1, np.zeros((3, 2)))
+        corner_uv_layer(shape, 1, np.zeros((3, 2)))
 
 
 def test_bytes_do_not_depend_on_the_run(tmp_path: Path) -> None:
@@ -165,26 +162,6 @@ def test_validators_notice_a_missing_file_and_a_wrong_type(stage: Usd.Stage, tmp
     assert any("skin_one_redirected" in found for found in checked(tmp_path))
 
 
-def test_a_scene_of_another_kind_has_no_layer(tmp_path: Path) -> None:
-    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
-    with pytest.raises(LayerError, match=r"a\.obj: only a USD scene can have a layer over it"):
-        write_layer(tmp_path / "over.usda", Scene(tmp_path / "a.obj"), LayerPlan((1,), ("a",)))
-
-
 def test_wrong_plans(stage: Usd.Stage) -> None:
-    for plan, message in (
-        ({"mode": "uv"}, "mode 'uv'"),
-        ({"form": "uv"}, "form 'uv'"),
-        ({"mode": "both", "corners": False}, "needs the corner UVs"),
-        ({"form": "tile", "tiles": {"one": (1001, 1002)}}, "cannot serve one, whose tiles are"),
-    ):
-        with pytest.raises(LayerError, match=message):
-            over(stage, **plan)
-
-
-def test_without_validators_the_check_says_so(stage: Usd.Stage, tmp_path: Path, monkeypatch) -> None:
-    over(stage)
-    monkeypatch.setitem(sys.modules, "pxr.UsdValidation", None)
-    monkeypatch.delattr("pxr.UsdValidation", raising=False)
-    with pytest.raises(LayerError, match=r"the validators of USD [0-9.]+ cannot be loaded"):
-        check_layer(tmp_path / "over.usda")
+    with pytest.raises(LayerError, match="cannot serve one, whose tiles are"):
+        over(stage, form="tile", tiles={"one": (1001, 1002)})

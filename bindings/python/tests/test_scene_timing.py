@@ -8,8 +8,9 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom
 
 import scenes
+from shots import write_corner_uvs
 from vrtm.bake import arguments, parsing
-from vrtm.bake.layer import LayerPlan, write_corner_uvs, write_layer
+from vrtm.bake.layer import LayerPlan, write_layer
 from vrtm.bake.scene import Scene, SceneError, SceneOptions, timing
 
 FILE = SceneOptions(fps="file")

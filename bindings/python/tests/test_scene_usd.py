@@ -249,12 +249,6 @@ def test_variants(stage: Usd.Stage) -> None:
             Scene(path, SceneOptions(variants=(wrong,)))
 
 
-def test_population_mask(stage: Usd.Stage) -> None:
-    for path in ("/a/mesh", "/b/mesh"):
-        scenes.mesh(stage, path)
-    assert [s.path for s in Scene(saved(stage), SceneOptions(population_mask=("/b",))).shapes] == ["/b/mesh"]
-
-
 def test_rest(stage: Usd.Stage, tmp_path: Path) -> None:
     mesh = scenes.mesh(stage, "/mesh")
     scenes.stretch(mesh, [1, 5])

@@ -105,7 +105,7 @@ def _asset(device: vrtm.Device, shape: Shape, weld: str) -> vrtm.Asset:
 
 
 def _left(copy: warped.Copy, meshes: Sequence[Mesh], parsed: argparse.Namespace, stop: Stop) -> dict[str, Target]:
-    """What is not up to date of the textures of one pattern. Raises Failure."""
+    """Targets of one pattern that are not up to date, by the files of the textures. Raises Failure."""
     paths = list(dict.fromkeys(path for mesh in meshes for path in mesh.files.values()))
     first = copy.read(paths[0])
     common = Fingerprint().text(VERSION, vrtm.version(), parsed.reach, parsed.weld, copy.is_normal, copy.down)

@@ -1,4 +1,4 @@
-"""Which maps would be the identity in all frames: those of surfaces that move rigidly, or on which nothing is rigid.
+"""Maps that would be the identity in all frames: those of surfaces that move rigidly, or have nothing rigid on them.
 
 A chart, or all that hangs together, moves rigidly if all of its edges and the diagonals of its faces keep their
 lengths: then nothing on it is strained. That is looked at for all frames of the scene and not for those of one task, so
@@ -15,7 +15,7 @@ import numpy as np
 from vrtm.bake.frames import Frame
 from vrtm.bake.part import Part
 from vrtm.bake.scene import SceneError, Shape
-from vrtm.bake.scene.topology import corner_starts
+from vrtm.bake.scene.topology import connected, corner_starts
 
 Group = tuple[str, int]
 """The name of a part, and one of its layers."""
@@ -98,20 +98,12 @@ def _shells(shape: Shape, weld: str, charts: bool = False) -> np.ndarray:
     first = np.zeros(len(counts), np.int64)
     first[filled] = nodes[corner_starts(counts)[filled]]
     one, other = np.concatenate([np.stack([np.repeat(first, counts), nodes]), *links], axis=1)
-    root = np.arange(nodes.max(initial=0) + 1)
-    while True:
-        a, b = root[one], root[other]
-        apart = a != b
-        if not apart.any():
-            return root[first]
-        root[np.maximum(a, b)[apart]] = np.minimum(a, b)[apart]
-        while (root[root] != root).any():
-            root = root[root]
+    return connected(nodes.max(initial=0) + 1, one, other)[first]
 
 
 def _distinct(*numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where each combination is first, and which of them each is. Hardly ever are two taken for one, which only joins
-    surfaces."""
+    """The first place of each combination, and the number of each one's combination. Hardly ever are two taken for one,
+    which only joins surfaces."""
     mixed = np.zeros(len(numbers[0]), np.uint64)
     for number in numbers:
         mixed = (mixed ^ number.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
@@ -139,7 +131,7 @@ def _rigid_shells(shape: Shape, parts: Sequence[Part], shells: np.ndarray) -> di
 
 
 def _rigid(shape: Shape, part: Part, faces: np.ndarray) -> np.ndarray:
-    """Whether anything may be rigid on each of the faces: texels around it, or vertices."""
+    """True for each face that may have anything rigid: in the texels around it, or its vertices."""
     counts, starts = shape.face_counts[faces], corner_starts(shape.face_counts)[faces]
     # Corners of the faces, one after another.
     corners = np.arange(counts.sum()) - np.repeat(corner_starts(counts) - starts, counts)

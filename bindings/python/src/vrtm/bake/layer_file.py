@@ -7,10 +7,10 @@ import os
 from typing import TYPE_CHECKING
 
 from vrtm.bake import frames, image_file, tokens, warped
-from vrtm.bake.corners import corner_name
 from vrtm.bake.failure import INPUT, TOLERANCE, Failure, one_line
 from vrtm.bake.frames import Frame
 from vrtm.bake.mark import meshes_of
+from vrtm.bake.outputs import corner_name
 from vrtm.bake.part import Part
 from vrtm.bake.settings import Settings
 from vrtm.bake.words import others
@@ -39,11 +39,10 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
     settings = work.settings
     assert settings.layer is not None
     try:
-        # What is in its place was looked at before anything was baked.
         named: dict[str, list[str]] = {}
         with work.scene.listening():
             plan = planned(work, named)
-            written = write_layer(settings.layer, work.scene, plan, overwrite=True)
+            written = write_layer(settings.layer, work.scene, plan)
             if settings.root is not None:
                 write_root(settings.root, settings.layer, settings.scene)
     except LayerError as error:
@@ -72,7 +71,7 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
 
 
 def foretell(work: Work) -> list[str]:
-    """What will be warned of when the layer is written: better known before hours of baking."""
+    """Warnings of the layer that will be written: better known before hours of baking."""
     from vrtm.bake.layer import redirected
 
     assert work.settings.layer is not None
@@ -131,7 +130,7 @@ def _failure(work: Work, reason: object) -> Failure:
 
 
 def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
-    """What the layer is to say. `files` receives the files that each of the names stands for that are asked for."""
+    """The layer's plan. `files` receives the files behind each name that the plan is asked for."""
     from vrtm.bake.layer import LayerPlan, relative
 
     settings = work.settings

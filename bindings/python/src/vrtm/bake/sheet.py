@@ -19,7 +19,7 @@ from vrtm.bake.mesh_work import FrameResult, MeshWork
 from vrtm.bake.part import TileWork
 from vrtm.bake.raster import Camera, cover
 from vrtm.bake.scene.images import read_colours
-from vrtm.bake.scene.topology import corner_starts
+from vrtm.bake.scene.topology import fans
 from vrtm.bake.settings import Settings
 from vrtm.bake.sheet_figures import GOLD, QUIET, mix, strain_colour
 from vrtm.rigidity import blurred, brightness
@@ -112,7 +112,7 @@ def _texture(tile: TileWork) -> str:
 
 @dataclass(eq=False)
 class _Looked:
-    """What is looked up in a tile: images whose first row is at the top."""
+    """Images of a tile, whose first row is at the top."""
 
     rigidity: np.ndarray
     delta: np.ndarray
@@ -123,7 +123,7 @@ class _Looked:
 
 @dataclass(eq=False)
 class _View:
-    """What is seen of a pose."""
+    """The visible part of a pose."""
 
     seen: np.ndarray
     """(height, width) of samples: where the mesh is. All others are of these samples."""
@@ -141,11 +141,8 @@ class _Surface:
     def __init__(self, mesh: MeshWork, positions: np.ndarray) -> None:
         shape = self.shape = mesh.shape
         self.poses = [shape.rest.astype(np.float64), positions.astype(np.float64)]
-        counts = np.maximum(shape.face_counts.astype(np.int64) - 2, 0)
-        face = np.repeat(np.arange(len(counts)), counts)
-        first = corner_starts(shape.face_counts)[face]
-        second = first + 1 + np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts)
-        corners = np.stack([first, second, second + 1], 1)
+        corners = fans(shape.face_counts)
+        face = np.repeat(np.arange(len(shape.face_counts)), np.maximum(shape.face_counts - 2, 0))
         self.vertices, numbers = shape.indices[corners], shape.uv_indices[corners]
         uvs = shape.uvs[np.maximum(numbers, 0)].astype(np.float64)
         place = np.floor(uvs.mean(1))
@@ -242,7 +239,7 @@ class _Surface:
         return normals if (normals * a).sum() >= 0 else -normals
 
     def view(self, camera: Camera, positions: np.ndarray, height: int) -> _View:
-        """What a camera sees of a pose."""
+        """The view that a camera has of a pose."""
         size = (_SAMPLES * _WIDTH, _SAMPLES * height)
         found, weights = cover(camera.project(positions, size)[self.vertices], size)
         seen = found >= 0

@@ -81,7 +81,7 @@ class _Place:
         return os.path.join(self.path, name) if self.descriptor is None else name
 
     def has(self, name: str, file: BinaryIO) -> bool:
-        """Whether a name in it is that of an open file."""
+        """True if a name in it is that of an open file."""
         try:
             found = os.stat(self.at(name), dir_fd=self.descriptor, follow_symlinks=False)
         except OSError:
@@ -174,7 +174,7 @@ def _close(file: BinaryIO) -> None:
 
 
 def _lock(descriptor: int) -> bool:
-    """Whether the lock is ours. Where the file system has no locks, it is: only age tells there."""
+    """True if the lock is ours. Where the file system has no locks, it is: only age tells there."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -53,7 +53,7 @@ class Copy:
     """Its name in file names."""
     is_normal: bool
     down: bool
-    """Whether green grows against v."""
+    """True if green grows against v."""
 
     def read(self, path: str) -> Texture:
         """Reads a texture. Raises SceneError, Failure."""
@@ -117,7 +117,7 @@ def read(path: str) -> Texture:
 
 
 def _can_be_kept(attribute: oiio.ParamValue) -> bool:
-    """Whether an attribute means something in a copy, and can be written: one may have bytes that are no UTF-8."""
+    """True if an attribute means something in a copy, and can be written: one may have bytes that are no UTF-8."""
     if _FILE_ONLY.fullmatch(attribute.name):
         return False
     try:
@@ -230,5 +230,5 @@ def _sampled(padded: np.ndarray, x: np.ndarray, y: np.ndarray, axes: np.ndarray)
 
 
 def _samples(length: np.ndarray) -> np.ndarray:
-    """How many samples a footprint of so many texels takes."""
+    """Number of samples of a footprint of so many texels."""
     return np.where(length < 0.3, 1, np.minimum(_MOST_SAMPLES, 1 + np.ceil(length))).astype(np.int64)

@@ -6,16 +6,15 @@ import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pxr import Sdf, Usd, UsdShade
+from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from vrtm.bake.layer.clips import author_clips, export, manifest_path, same_file, write_manifest
 from vrtm.bake.layer.faces import author_layers, bound_parts, split
-from vrtm.bake.layer.networks import Redirector
-from vrtm.bake.layer.plan import LayerError, LayerPlan
+from vrtm.bake.layer.networks import MTLX_IMAGES, Redirector
+from vrtm.bake.layer.plan import LayerPlan
 from vrtm.bake.mark import mark
-from vrtm.bake.overwrite import Conflict, check
 from vrtm.bake.scene import Scene, SceneOptions, Shape
-from vrtm.bake.scene.usd_stage import populated
+from vrtm.bake.scene.usd_stage import assets, marked
 from vrtm.bake.words import others
 
 # What a root layer says of a whole stage. Layers with other time codes per second would be scaled in time.
@@ -38,44 +37,32 @@ nothing could be redirected."""
 
 @dataclass(frozen=True)
 class Written:
-    """What became of a layer."""
+    """The result of writing a layer."""
 
     warnings: list[str]
     changes: bool
-    """Whether it changes the shot: whether a texture lookup is redirected, or there is the primvar."""
+    """True if a texture lookup is redirected, or the primvar is there."""
     files: frozenset[str]
     """The files that it names over time, as it names them."""
 
 
-def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan, overwrite: bool = False) -> Written:
+def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan) -> Written:
     """Writes the layer of a plan over a scene from a USD file, and beside it the clips' manifest if there are corner
     UVs.
 
     Every mesh gets materials of its own, which specialize the shot's: other meshes with the same material stay as they
-    are. Raises OSError; LayerError for a wrong plan, if the layer would replace a file of the scene, and, unless
-    `overwrite` is set, if it would replace a file that vrtm has not written.
+    are. Files that are there are replaced. Raises OSError, and LayerError for a wrong plan.
     """
     plan.check()
-    if not Sdf.FileFormat.FindByExtension(scene.path):
-        raise LayerError(f"{scene.path}: only a USD scene can have a layer over it")
     out_path = os.fspath(out_path)
     manifest = manifest_path(out_path)
-    outputs = [(out_path, "the layer")] + [(manifest, "its manifest")] * (plan.corner_path is not None)
-    try:
-        check(outputs, [(path, "a file of the scene") for path in (scene.path, *scene.files)], overwrite)
-    except Conflict as conflict:
-        raise LayerError(str(conflict)) from None
     layer, warnings, changes = redirected(out_path, scene, plan)
     if plan.corner_path is not None:
         # Without a stage, which would look for the clips beside a layer that has no place yet.
-        for name in plan.shapes:
-            for path in scene.shape(name).instances:
-                author_clips(
-                    Sdf.CreatePrimInLayer(layer, path), scene.shape(name), plan, f"./{os.path.basename(manifest)}"
-                )
+        for shape in map(scene.shape, plan.shapes):
+            for path in shape.instances:
+                author_clips(Sdf.CreatePrimInLayer(layer, path), shape, plan, f"./{os.path.basename(manifest)}")
         write_manifest(manifest)
-    if plan.sublayer is not None:
-        layer.subLayerPaths = [plan.sublayer]
     mark(layer, "layer", [path for name in plan.shapes for path in scene.shape(name).instances])
     export(layer, out_path, Sdf.Layer.ExportToString)
     return Written(warnings, changes, frozenset(_named(layer)))
@@ -157,7 +144,7 @@ def compose(layer: Sdf.Layer, shot: str, options: SceneOptions, muted: str | Non
     for prim_path, name, variant in options.variants:
         Sdf.CreatePrimInLayer(layer, prim_path).variantSelections[name] = variant
     root.subLayerPaths = [layer.identifier, below.identifier]
-    stage = populated(root, options)
+    stage = Usd.Stage.Open(root)
     # A shot that has the layer of an earlier bake below it is taken without.
     for earlier in same_file(stage.GetUsedLayers(), muted) if muted else ():
         stage.MuteLayer(earlier.identifier)
@@ -290,3 +277,35 @@ def _split_instances(stage: Usd.Stage, path: Sdf.Path, warnings: list[str]) -> N
         if prim and prim.IsInstanceable():
             stage.OverridePrim(prefix).SetInstanceable(False)
             warnings.append(f"{prefix}: is no instance any more, since what is inside is redirected")
+
+
+def looked_up(scene: Scene, shape: Shape, mode: str) -> list[str]:
+    """The files of all textures of a shape's materials that copies do not replace, whatever UVs they take: those of
+    MaterialX, which are looked up through the maps, and with redirected corner UVs (`mode`) all. Layers of earlier
+    bakes do not count."""
+    stage = scene.source.stage
+    names = MTLX_IMAGES if mode == "texture" else (*MTLX_IMAGES, "UsdUVTexture")
+    ours = marked(stage)
+    found: dict[str, None] = {}
+    with scene.listening():
+        for path in shape.instances:
+            mesh = stage.GetPrimAtPath(path)
+            subsets = UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets()
+            prims = [mesh, *(s.GetPrim() for s in subsets if s.GetElementTypeAttr().Get() == UsdGeom.Tokens.face)]
+            materials = {material.GetPath(): material for prim in prims for _, material in bindings_of(prim)}
+            for material in materials.values():
+                for prim in Usd.PrimRange(material.GetPrim(), Usd.TraverseInstanceProxies()):
+                    shader = UsdShade.Shader(prim)
+                    plug = shader.GetInput("file") if shader else None
+                    if plug and (shader.GetIdAttr().Get() or "").startswith(names):
+                        for attribute in UsdShade.Utils.GetValueProducingAttributes(plug)[:1]:
+                            found |= dict.fromkeys(_files(attribute, ours))
+    return list(found)
+
+
+def _files(attribute: Usd.Attribute, ours: set[str]) -> list[str]:
+    files = list(assets(attribute, ours))
+    specs = attribute.GetPropertyStack()
+    named = attribute.Get() if not files and specs and specs[0].layer.identifier not in ours else None
+    # One that is not there may be where it is rendered.
+    return files or ([named.path] if named else [])

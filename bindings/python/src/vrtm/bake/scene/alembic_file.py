@@ -111,7 +111,7 @@ class AlembicMesh:
         self.origin = origin
         """The path of the mesh that an instance stands for; its own path, if it is none."""
         self.hidden = hidden
-        """Whether it, or what it lies below, is hidden in the first sample."""
+        """True if it, or an object above it, is hidden in the first sample."""
         self.path, self.where = path, f"{file} {path}"
         self.schema = schema
         self._above = above
@@ -151,7 +151,7 @@ class AlembicMesh:
 
     def sample(self, index: int) -> np.ndarray:
         """(vertices, 3) f32 of a sample."""
-        return _array(self._positions.getValue(self._selector(index))).reshape(-1, 3)
+        return np.array(self._positions.getValue(self._selector(index))).reshape(-1, 3)
 
     def count(self, index: int) -> int:
         """The vertices of a sample."""
@@ -164,7 +164,7 @@ class AlembicMesh:
     def faces(self, index: int) -> tuple[np.ndarray, np.ndarray]:
         """Face counts and indices of a sample."""
         properties = self.schema.getFaceCountsProperty(), self.schema.getFaceIndicesProperty()
-        counts, indices = (_array(found.getValue(self._selector(index)), np.int32) for found in properties)
+        counts, indices = (np.array(found.getValue(self._selector(index)), np.int32) for found in properties)
         return counts, indices
 
     def at(self, seconds: float, expected: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray:
@@ -190,11 +190,11 @@ class AlembicMesh:
 
     @property
     def is_moved(self) -> bool:
-        """Whether transforms above it change over time."""
+        """True if transforms above it change over time."""
         return any(not transform.isConstant() for transform in self._above)
 
     def is_still(self, options: SceneOptions) -> bool:
-        """Whether the scene has one pose of it alone."""
+        """True if the scene has one pose of it alone."""
         return self.samples <= 1 and not (options.world and self.is_moved)
 
     def to_world(self, seconds: float) -> np.ndarray:
@@ -269,13 +269,9 @@ def _hidden(item: Any) -> bool:
 
 def _param(param: Any) -> tuple[np.ndarray, np.ndarray, str]:
     sample = param.getIndexedValue()
-    values = _array(sample.getVals())
-    elements = _array(sample.getIndices(), np.int64) if param.isIndexed() else np.arange(len(values))
+    values = np.array(sample.getVals())
+    elements = np.array(sample.getIndices(), np.int64) if param.isIndexed() else np.arange(len(values))
     scope = str(sample.getScope())
     if scope == "kUnknownScope":
         scope = str(param.getScope())
     return values, elements, SCOPES.get(scope, scope)
-
-
-def _array(values: Any, kind: type | None = None) -> np.ndarray:
-    return np.array(values, kind)

@@ -50,7 +50,7 @@ class Skin:
 
     @property
     def moves(self) -> bool:
-        """Whether there is an animation."""
+        """True if there is an animation."""
         return bool(self._animation)
 
     def samples(self) -> list[float]:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
+import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade
+from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
 
 from vrtm.bake import overwrite
 from vrtm.bake.left_out import LeftOut
@@ -18,19 +20,10 @@ from vrtm.bake.scene.types import SceneError, SceneOptions
 from vrtm.bake.words import cause, near
 
 
-def populated(root: str | Sdf.Layer, options: SceneOptions) -> Usd.Stage:
-    """A stage of a file or a layer, with the prims that the options name."""
-    if not options.population_mask:
-        return Usd.Stage.Open(root)
-    stage = Usd.Stage.OpenMasked(root, Usd.StagePopulationMask(list(options.population_mask)))
-    stage.ExpandPopulationMask()
-    return stage
-
-
 def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
     """Opens a stage, with variants selected in its session layer. Raises SceneError."""
     try:
-        stage = populated(path, options)
+        stage = Usd.Stage.Open(path)
     except Tf.ErrorException as error:
         raise SceneError(f"{path}: {cause(error)}") from error
     if stage is None:
@@ -58,7 +51,7 @@ def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
 
 
 def unreadable(stage: Usd.Stage) -> list[tuple[str, str]]:
-    """What the stage's layers refer to and this build of USD cannot open, each with a sentence's end."""
+    """Files that the stage's layers refer to and this build of USD cannot open, each with a sentence's end."""
     found = {}
     for layer in stage.GetUsedLayers():
         for asset in layer.GetCompositionAssetDependencies():
@@ -149,13 +142,8 @@ def stage_frames(
     return whole_frames(clock.frame(first), clock.frame(last), where, warnings, left_out, slack)
 
 
-def meshes_of(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """All meshes that are active, loaded and defined, those of instances as proxies."""
-    return (prim for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()) if prim.IsA(UsdGeom.Mesh))
-
-
 def hidden(prim: Usd.Prim, frames: Sequence[int], clock: Clock) -> str | None:
-    """Why a renderer does not show a mesh, as the end of a sentence; None if it shows it."""
+    """The reason that a renderer does not show a mesh, as the end of a sentence; None if it shows it."""
     imageable = UsdGeom.Imageable(prim)
     purpose = imageable.ComputePurpose()
     if purpose in (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy):
@@ -184,7 +172,7 @@ def meshes_at_first_frame(
     others at their first time sample; and by their paths how many meters their units are. Raises SceneError."""
     stage = open_stage(file, SceneOptions())
     found, units = [], {}
-    for prim in meshes_of(stage):
+    for prim in filter(UsdGeom.Mesh, Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())):
         mesh = UsdGeom.Mesh(prim)
         time = Usd.TimeCode.EarliestTime()
         arrays = [mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()]
@@ -196,10 +184,38 @@ def meshes_at_first_frame(
 
 
 def meters(attribute: Usd.Attribute, time: Usd.TimeCode) -> float | None:
-    """How many meters the unit of an attribute is: as the layer says that it is from, else the stage's own; None if
-    neither says it."""
+    """Meters of the unit of an attribute: as its layer says, else the stage's own; None if neither says it."""
     layers = [spec.layer for spec in attribute.GetPropertyStack(time)[:1]]
     for layer in (*layers, attribute.GetStage().GetRootLayer()):
         if layer.pseudoRoot.HasInfo(UsdGeom.Tokens.metersPerUnit):
             return float(layer.pseudoRoot.GetInfo(UsdGeom.Tokens.metersPerUnit))
     return None
+
+
+_IN = re.compile(r"(?:In <([^>]*)>: )?(.*)", re.DOTALL)
+_STAGE = re.compile(r"\s*\(\w+ stage .*\)$", re.DOTALL)
+_MISSING = ("_ReportErrors", "_GetLayerForClip")
+"""USD's functions that tell of what a stage lacks."""
+_NO_FORMAT = "Cannot determine file format"
+"""The reader says in better words which kinds of files USD does not open."""
+
+
+@contextlib.contextmanager
+def collected(said: list[LeftOut | str]) -> Iterator[None]:
+    """Adds to `said` what USD says in the block, in all threads: what is missing, and warnings. Nothing is printed."""
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        yield
+    finally:
+        for found in delegate.TakeUncoalescedDiagnostics():
+            entry = _entry(found.commentary, found.sourceFunction)
+            if entry not in said and _NO_FORMAT not in found.commentary:
+                said.append(entry)
+
+
+def _entry(text: str, function: str) -> LeftOut | str:
+    place, what = _IN.fullmatch(_STAGE.sub("", text)).groups()
+    what = f"USD: {' '.join(what.split())}"
+    if function.endswith(_MISSING):
+        return LeftOut(what, place or "")
+    return f"{place}: {what}" if place else what
