@@ -29,8 +29,6 @@ _KINDS = {"Points": "points", "Curves": "curves", "PolyMesh": "mesh", "SubD": "m
 
 @dataclass(frozen=True)
 class _Found:
-    """An object of the archive."""
-
     object: Any
     parent: Any
     above: tuple[Any, ...]
@@ -171,7 +169,6 @@ class Motion:
         self._samples: dict[float, np.ndarray] = {}
 
     def add(self, seconds: float, points: np.ndarray) -> None:
-        """Adds (points, 3) at a time."""
         self._samples[seconds] = np.ascontiguousarray(points, np.float32)
 
     @property
@@ -183,7 +180,6 @@ class Motion:
         return (imath.V3fArrayFromBuffer(self._samples[seconds]) for seconds in sorted(self._samples))
 
     def bounds(self) -> Iterator[Any]:
-        """The boxes around them."""
         for seconds in sorted(self._samples):
             low, high = (over(self._samples[seconds], axis=0).tolist() for over in (np.min, np.max))
             yield imath.Box3d(imath.V3d(*low), imath.V3d(*high))
@@ -242,7 +238,6 @@ class _Copier:
         self._archive, self._kept, self._motions = archive, kept, motions
 
     def below(self, source: Any, target: Any) -> None:
-        """Copies the objects below one."""
         for number in range(source.getNumChildren()):
             child = source.getChild(number)
             if child.getFullName() in self._kept:

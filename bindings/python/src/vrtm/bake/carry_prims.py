@@ -144,7 +144,7 @@ def made(
 
 
 def placed(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """(points, 3) as a (4, 4) places rows of them."""
+    """(points, 3), transformed by a (4, 4) as rows."""
     return points @ matrix[:3, :3] + matrix[3, :3]
 
 

@@ -9,7 +9,7 @@ from pxr import Sdf, Usd, UsdGeom, Vt
 
 from vrtm.bake.carry_prims import CarriedPrim, Scatter, made, matrices, wrong
 from vrtm.bake.layer import export
-from vrtm.bake.layer.write import STAGE_FIELDS
+from vrtm.bake.layer.write import tell
 from vrtm.bake.mark import CARRIED, found_in, is_marked, mark
 from vrtm.bake.scene import Scene, SceneOptions
 from vrtm.bake.scene.usd_stage import open_stage, stage_files
@@ -34,9 +34,7 @@ class UsdScatter(Scatter):
         self._codes = 1.0 if scene.is_usd else self.stage.GetTimeCodesPerSecond()
         # A root layer says how long the stage is, and which prim it is by default.
         self._layer = Sdf.Layer.CreateAnonymous(".usda")
-        for name in STAGE_FIELDS:
-            if name != "defaultPrim" and shot.GetRootLayer().pseudoRoot.HasInfo(name):
-                self._layer.pseudoRoot.SetInfo(name, shot.GetRootLayer().pseudoRoot.GetInfo(name))
+        tell(shot.GetRootLayer(), self._layer, default=False)
         self._times: dict[str, list[float]] = {}
         self._before: dict[str, np.ndarray] = {}
 

@@ -100,7 +100,7 @@ def write_root(root: str | os.PathLike[str], layer: str, shot: str) -> None:
     root = os.path.abspath(os.fspath(root))
     made = Sdf.Layer.CreateAnonymous(".usda")
     below = Sdf.Layer.FindOrOpen(shot)
-    _tell(below, made)
+    tell(below, made)
     made.subLayerPaths = [relative(path, os.path.dirname(root)) for path in (layer, shot)]
     mark(made, "root")
     export(made, root, Sdf.Layer.ExportToString)
@@ -117,10 +117,10 @@ def relative(path: str, folder: str) -> str:
     return found if found.startswith("..") else f"./{found}"
 
 
-def _tell(shot: Sdf.Layer, target: Sdf.Layer) -> None:
-    """Says in a layer what a shot says of the whole stage."""
+def tell(shot: Sdf.Layer, target: Sdf.Layer, default: bool = True) -> None:
+    """Copies the metadata of the whole stage from a shot to a layer; `default`: with the default prim."""
     for name in STAGE_FIELDS:
-        if shot.pseudoRoot.HasInfo(name):
+        if shot.pseudoRoot.HasInfo(name) and (default or name != "defaultPrim"):
             target.pseudoRoot.SetInfo(name, shot.pseudoRoot.GetInfo(name))
 
 
@@ -129,7 +129,7 @@ def compose(layer: Sdf.Layer, shot: str, options: SceneOptions, muted: str | Non
     below = Sdf.Layer.FindOrOpen(shot)
     root = Sdf.Layer.CreateAnonymous(".usda")
     for target in (layer, root):
-        _tell(below, target)
+        tell(below, target)
     for prim_path, name, variant in options.variants:
         Sdf.CreatePrimInLayer(layer, prim_path).variantSelections[name] = variant
     root.subLayerPaths = [layer.identifier, below.identifier]
