@@ -59,7 +59,6 @@ class _Help(argparse.Action):
 
 
 def add_to(commands: Any) -> argparse.ArgumentParser:
-    """Adds the subcommand `bake`."""
     parser = commands.add_parser(
         "bake",
         help="bake redirection maps",

@@ -11,7 +11,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdSkel, Vt
 import vrtm
 from vrtm.bake.frames import Frame
 from vrtm.bake.layer import export, values_hash
-from vrtm.bake.layer.write import STAGE_FIELDS
+from vrtm.bake.layer.write import tell
 from vrtm.bake.mark import SHAPES, mark
 from vrtm.bake.mesh_work import MeshWork
 from vrtm.bake.raster import area
@@ -138,9 +138,7 @@ def write_shapes(path: str, morphed: Morphed, scene: Scene) -> None:
     times = [float(frame) for frame in morphed.frames]
     if below is not None:
         times = [scene.clock.time(frame) for frame in times]
-        for name in STAGE_FIELDS:
-            if name != "defaultPrim" and below.pseudoRoot.HasInfo(name):
-                layer.pseudoRoot.SetInfo(name, below.pseudoRoot.GetInfo(name))
+        tell(below, layer, default=False)
     stage.SetStartTimeCode(min(times))
     stage.SetEndTimeCode(max(times))
     root = UsdSkel.Root.Define(stage, "/" + Tf.MakeValidIdentifier(morphed.name))

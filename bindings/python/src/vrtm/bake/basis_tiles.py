@@ -70,7 +70,6 @@ def fold_counts(tiles: list[TileMaps], deltas: np.ndarray) -> list[int]:
 
 
 def folds_of(tiles: list[TileMaps], deltas: np.ndarray) -> int:
-    """The same, of all tiles together."""
     return sum(fold_counts(tiles, deltas))
 
 

@@ -70,7 +70,7 @@ def mesh(given: Given, scene: Scene, shared: Callable[[], np.ndarray]) -> MeshWo
 
 
 def _chosen(settings: Settings, seams: str, open_borders: str, why: str) -> Borders:
-    """These, as far as the command line does not say others."""
+    """The treatment of borders, as far as the command line does not state it."""
     own = {"seams": seams, "open_borders": open_borders}
     given = {name: getattr(settings, name) for name in own if getattr(settings, name) != AUTO}
     return Borders(**(own | given), why="" if len(given) == len(own) else why)

@@ -197,7 +197,6 @@ class Group:
         return found.positions, found.matrices
 
     def told(self) -> list[str]:
-        """A warning per prim and cause."""
         lines = []
         for prim, own in zip(self.prims, self.own):
             states, whole = self.states[own], counted(len(prim.roots), prim.places)
@@ -225,7 +224,6 @@ class Group:
 
 
 def line(row: dict) -> str:
-    """A row as a sentence."""
     count = {name: sum(prim[name] for prim in row["prims"]) for name in ("bound", "outside", "folded", "too_far")}
     rim = f", whose rims leave the surface by {row['rim']:.3g} (frame {row['rim_frame']})" if row["features"] else ""
     return (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -15,13 +15,13 @@ import numpy as np
 from alembic3d import Abc, AbcCoreAbstract, AbcGeom
 
 from vrtm.bake import overwrite, staging
-from vrtm.bake.carry_prims import CarriedPrim, made, wrong
+from vrtm.bake.carry_prims import CarriedPrim, Scatter, made, wrong
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.scene import Scene
 from vrtm.bake.scene.alembic_file import AlembicFile, AlembicMesh, to_world
 from vrtm.bake.scene.types import SceneError
-from vrtm.bake.words import cause, near
+from vrtm.bake.words import cause
 
 _KINDS = {"Points": "points", "Curves": "curves", "PolyMesh": "mesh", "SubD": "mesh"}
 """Objects that can be carried, by the names of their schemas."""
@@ -29,8 +29,6 @@ _KINDS = {"Points": "points", "Curves": "curves", "PolyMesh": "mesh", "SubD": "m
 
 @dataclass(frozen=True)
 class _Found:
-    """An object of the archive."""
-
     object: Any
     parent: Any
     above: tuple[Any, ...]
@@ -39,44 +37,28 @@ class _Found:
     """One of `_KINDS`, or empty."""
 
 
-class AlembicScatter:
-    """Objects of an archive. See `vrtm.bake.carry_prims.Scatter`."""
+class AlembicScatter(Scatter):
+    """Objects of an archive."""
 
     def __init__(self, archive: AlembicFile, scene: Scene) -> None:
-        self._scene, self._archive, self._file = scene, archive, archive.path
+        super().__init__(archive.path, () if overwrite.is_ours(archive.path) else (archive.path,), "object", _KINDS)
+        self._scene, self._archive = scene, archive
         # A shot of USD counts time codes.
         self._seconds = 1 / scene.source.stage.GetTimeCodesPerSecond() if scene.is_usd else 1.0
-        self.files: tuple[str, ...] = () if overwrite.is_ours(archive.path) else (archive.path,)
-        self.warnings: list[str] = []
         self._carried: set[str] = set()
         self._motions: dict[str, Motion] = {}
         with self._reading():
-            self._objects = {found.object.getFullName(): found for found in _below(self._archive.top)}
+            self._objects = {found.object.getFullName(): found for found in _objects_below(self._archive.top)}
 
     def time(self, frame: float) -> float:
         return self._scene.clock.time(frame) * self._seconds
 
-    def prims(self, path: str, frame: float, baked: Sequence[str], in_parts: bool) -> list[CarriedPrim]:
-        where, below = f"--carry-prims {path}", f"{path.rstrip('/')}/"
-        if below != "/" and path not in self._objects:
-            raise Failure(INPUT, f"{where}: {self._file} has no such object{near(path, self._objects)}")
-        paths = [
-            name
-            for name, found in self._objects.items()
-            if found.schema and name not in baked and (name == path or name.startswith(below))
-        ]
-        if not paths:
-            kinds = ", ".join(_KINDS)
-            raise Failure(INPUT, f"{where}: in {self._file} it is none of {kinds} that is not baked, nor has one below")
-        prims = []
-        for name in paths:
-            with self._reading():
-                carried = self._read(name, self.time(frame), in_parts)
-            if isinstance(carried, str):
-                raise Failure(INPUT, f"{where}: {self._file} {name}: {carried}")
-            prims.append(carried)
-        self._carried.update(paths)
-        return prims
+    def _there(self, path: str) -> Iterable[str] | None:
+        return None if path.rstrip("/") == "" or path in self._objects else self._objects
+
+    def _below(self, path: str) -> list[str]:
+        below = f"{path.rstrip('/')}/"
+        return [name for name, found in self._objects.items() if found.schema and f"{name}/".startswith(below)]
 
     def to_world(self, prim: CarriedPrim, frame: float) -> np.ndarray:
         with self._reading():
@@ -124,7 +106,10 @@ class AlembicScatter:
         return kept | {path for path in sets if path.rsplit("/", 1)[0] in self._carried}
 
     def _read(self, path: str, seconds: float, in_parts: bool) -> CarriedPrim | str:
-        """An object at a time, or why it cannot be carried, as the end of a sentence."""
+        with self._reading():
+            return self._read_object(path, seconds, in_parts)
+
+    def _read_object(self, path: str, seconds: float, in_parts: bool) -> CarriedPrim | str:
         found = self._objects[path]
         schema = getattr(AbcGeom, f"I{found.schema}")(found.parent, found.object.getName()).getSchema()
         posed = AlembicMesh(self._file, path, path, schema, found.above, False)
@@ -144,6 +129,7 @@ class AlembicScatter:
             for name in posed.params()
             if found.schema == "Points" and posed.interpretation(name) == "quat"
         ]
+        self._carried.add(path)
         is_mesh = _KINDS[found.schema] == "mesh"
         faces = posed.faces(0) if is_mesh and in_parts else None
         return made(path, _KINDS[found.schema], points, curves, None, faces)
@@ -157,7 +143,7 @@ class AlembicScatter:
             raise Failure(INPUT, f"{self._file}: cannot be read: {cause(error)}") from error
 
 
-def _below(parent: Any, above: tuple[Any, ...] = ()) -> Iterator[_Found]:
+def _objects_below(parent: Any, above: tuple[Any, ...] = ()) -> Iterator[_Found]:
     for number in range(parent.getNumChildren()):
         child = parent.getChild(number)
         header = child.getHeader()
@@ -165,7 +151,7 @@ def _below(parent: Any, above: tuple[Any, ...] = ()) -> Iterator[_Found]:
         yield _Found(child, parent, above, schema)
         is_xform = AbcGeom.IXform.matches(header)
         own = (*above, AbcGeom.IXform(parent, child.getName()).getSchema()) if is_xform else above
-        yield from _below(child, own)
+        yield from _objects_below(child, own)
 
 
 _EVEN = 1e-9
@@ -183,7 +169,6 @@ class Motion:
         self._samples: dict[float, np.ndarray] = {}
 
     def add(self, seconds: float, points: np.ndarray) -> None:
-        """Adds (points, 3) at a time."""
         self._samples[seconds] = np.ascontiguousarray(points, np.float32)
 
     @property
@@ -195,7 +180,6 @@ class Motion:
         return (imath.V3fArrayFromBuffer(self._samples[seconds]) for seconds in sorted(self._samples))
 
     def bounds(self) -> Iterator[Any]:
-        """The boxes around them."""
         for seconds in sorted(self._samples):
             low, high = (over(self._samples[seconds], axis=0).tolist() for over in (np.min, np.max))
             yield imath.Box3d(imath.V3d(*low), imath.V3d(*high))
@@ -254,7 +238,6 @@ class _Copier:
         self._archive, self._kept, self._motions = archive, kept, motions
 
     def below(self, source: Any, target: Any) -> None:
-        """Copies the objects below one."""
         for number in range(source.getNumChildren()):
             child = source.getChild(number)
             if child.getFullName() in self._kept:

@@ -73,8 +73,6 @@ def _open_log(path: str) -> TextIO:
 
 
 class Console:
-    """Progress and messages."""
-
     def __init__(
         self,
         quiet: bool = False,
@@ -105,7 +103,6 @@ class Console:
         self._say_progress()
 
     def done(self, message: str) -> None:
-        """One task more is done."""
         self._done += 1
         if self._bar is not None:
             with contextlib.suppress(OSError, ValueError):
@@ -128,7 +125,7 @@ class Console:
             self._put(sys.stdout, message)
 
     def verbose(self, message: str) -> None:
-        """A line of text for who wants to know all."""
+        """A line of text on stdout, with --verbose."""
         self._note("detail", message)
         if self._verbose:
             self._put(sys.stdout, message)
@@ -146,7 +143,6 @@ class Console:
             self._put(sys.stdout, f"openjd_fail: {message.splitlines()[-1]}")
 
     def close(self) -> None:
-        """Takes the bar away."""
         if self._bar is not None:
             with contextlib.suppress(OSError, ValueError):
                 self._bar.close()

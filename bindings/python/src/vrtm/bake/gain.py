@@ -23,17 +23,18 @@ RIGIDLY = "nothing gained: all parts move rigidly"
 NOTHING = "nothing gained: nothing is rigid there"
 
 _STRAIN = 1e-4
-"""Up to that an edge keeps its length: less than a hundredth of a texel on features of a hundred texels."""
+"""Relative change of length up to which an edge keeps it: less than a hundredth of a texel on features of a hundred
+texels."""
 _ROUNDING, _MOST_ROUNDING = 4, 1e-2
-"""By so many units in the last place of the largest coordinate a length may be off, but by that share of it at most."""
+"""Rounding that a length may have: units in the last place of the largest coordinate, and a share of the length."""
 _CELLS = 512
-"""Per tile: UVs of one vertex that are less than half a cell apart are one, as for the library, which is stricter."""
+"""Cells of a tile: UVs of one vertex that are less than half a cell apart are one, as for the library, which is
+stricter."""
 _SAMPLE = 100_000
-"""Of so many lengths a look suffices to find most that deforms."""
+"""Number of lengths among which most deforming surfaces are found."""
 
 
 def groups(parts: Sequence[Part]) -> list[Group]:
-    """All parts and their layers."""
     return list(dict.fromkeys((part.subset, tile.layer) for part in parts for tile in part.all_tiles))
 
 

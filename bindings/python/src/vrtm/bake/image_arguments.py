@@ -21,7 +21,6 @@ that stand out in a height map. One threshold holds for all tiles. Painted maps 
 
 
 def add_dilate(commands: Any) -> None:
-    """Adds the subcommand `dilate`."""
     parser = commands.add_parser("dilate", help="fill textures around charts, across seams", description=DILATION)
     parser.add_argument("scene", metavar="SCENE", help="The USD, Alembic or OBJ file.")
     add = functools.partial(option, parser)
@@ -39,7 +38,6 @@ def add_dilate(commands: Any) -> None:
 
 
 def add_rigidity(commands: Any) -> None:
-    """Adds the subcommand `rigidity`."""
     parser = commands.add_parser("rigidity", help="make rigidity maps out of textures", description=RIGIDITY)
     parser.add_argument("image", metavar="IMAGE", help="A texture or a height map; <UDIM> stands for the tile.")
     add = functools.partial(option, parser)

@@ -23,7 +23,7 @@ _SCENES = (".usda", ".usdc", ".usd", ".usdz")
 
 
 def names(settings: Settings) -> list[str]:
-    """The paths of all that is written with the layer."""
+    """The paths of the layer and the files beside it."""
     from vrtm.bake.layer import manifest_path
 
     assert settings.layer is not None

@@ -47,7 +47,6 @@ class LeftOut:
         return ": ".join(filter(None, [", ".join(filter(None, parts)), self.why]))
 
     def row(self) -> dict:
-        """Its row of the report."""
         return {
             "mesh": self.mesh or None,
             "frames": list(self.frames),
@@ -59,7 +58,7 @@ class LeftOut:
 
 
 def merged(entries: Iterable[LeftOut]) -> list[LeftOut]:
-    """The same with one entry for all frames of a mesh and its tiles, in the order of the first of each."""
+    """Entries with one for all frames of a mesh and its tiles, in the order of the first of each."""
     found: dict[tuple, set[Frame] | None] = {}
     for entry in entries:
         key = (entry.why, entry.mesh, entry.tiles, entry.layers, entry.meant)

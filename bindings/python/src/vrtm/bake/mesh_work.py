@@ -60,7 +60,6 @@ class FrameResult:
 
     @property
     def every_file(self) -> list[dict]:
-        """The rows of all files."""
         return [*self.files, *(file for tile in self.tiles for file in tile["files"])]
 
     def count(self, state: str) -> int:
@@ -108,7 +107,6 @@ class MeshWork:
             self.common.text(tile.inputs.hex())
 
     def close(self) -> None:
-        """Lets go of the assets."""
         for part in self.parts:
             part.asset.close()
 
@@ -137,7 +135,6 @@ class MeshWork:
         return self._image_names([tile for tile in self.every_tile if tile not in self.tiles], frame, pattern)
 
     def names(self, frame: Frame, pattern: Pattern) -> list[str]:
-        """The paths of all files of a frame."""
         names = self._image_names(self.tiles, frame, pattern)
         if self.settings.corner_uvs and self.gains:
             names.append(os.path.join(self.settings.out, corner_name(pattern, self.shape.name, frame)))
@@ -205,7 +202,6 @@ class MeshWork:
         return facts | {name: value for name, value in further.items() if value}
 
     def corners(self, frame: Frame, pose: str, pattern: Pattern) -> CornerFile:
-        """The file of a frame's corner UVs."""
         path = os.path.join(self.settings.out, corner_name(pattern, self.shape.name, frame))
         return CornerFile(path, self.common.copy().text(pose).hex())
 

@@ -86,7 +86,7 @@ def corner_name(pattern: Pattern, mesh: str, frame: Frame) -> str:
 
 @dataclass(frozen=True)
 class CornerFile:
-    """Such a file, as it should be."""
+    """A file of a frame's corner UVs."""
 
     path: str
     inputs: str

@@ -108,7 +108,7 @@ class Part:
                 self._look_at(option, f"--{option}-primvar {name}", values[shape.indices[textured]])
 
     def _look_at(self, option: str, name: str, values: np.ndarray) -> None:
-        """Notes values that do not seem to be meant as they count."""
+        """Notes values that are hardly meant as they count."""
         largest = float(values.max(initial=0))
         whole = white(values.dtype)
         of = f" of {whole:g}" if whole != 1 else ""
@@ -199,7 +199,6 @@ class Part:
 
     @property
     def udims(self) -> list[int]:
-        """The numbers of the tiles to be baked."""
         return list(dict.fromkeys(tile.udim for tile in self.tiles))
 
     def without(self, option: str) -> list[int]:

@@ -180,7 +180,7 @@ def split(settings: Settings, work: Work, tasks: int) -> tuple[int, int]:
 
 
 def _fitting(work: Work) -> int:
-    """As many as find room in the memory that is free."""
+    """Number of jobs that the free memory has room for."""
     tiles = [tile for mesh in work.meshes.values() for tile in mesh.tiles]
     # A size that follows from what the map holds is at most twice the grid's.
     images = max((math.prod(tile.size) or 4 * math.prod(tile.cells) for tile in tiles), default=0)

@@ -43,7 +43,6 @@ class Summary:
     """Of all processes together."""
 
     def line(self) -> str:
-        """A sentence."""
         count = f"{counted(len(self.frames), 'frame')} ({frames.text(self.frames)})"
         done = f"{counted(self.written, 'file')} written" + (f", {self.skipped} up to date" if self.skipped else "")
         parts = [
@@ -75,7 +74,6 @@ class Summary:
         return max(self.measured, key=lambda frame: (self.measured[frame].after, self.measured[frame].before))
 
     def row(self) -> dict:
-        """The same for the report."""
         strain = None
         if self.measured:
             total, at = mean(self.measured.values()), self.measured[self._worst]

@@ -118,6 +118,5 @@ def tile_name(row: dict) -> str:
 
 
 def file(path: str, is_new: bool, settings: Settings) -> dict:
-    """A file's row of the report."""
     state = "written" if is_new else "skipped"
     return {"path": os.path.relpath(path, settings.out).replace(os.sep, "/"), "state": state}

@@ -28,8 +28,8 @@ _LOOK = 0.1
 _START = 1.0
 """Seconds that Python and its modules take to start, before a further process opens the scene."""
 _SAVED = 0.25
-"""By so much further processes are taken to be quicker than one whose solves use all cores, for each doubling of their
-number from two on. Two on two cores were measured to save nothing."""
+"""Expected gain in speed, against one process that uses all cores, for each doubling of the processes from two on. Two
+on two cores were measured to save nothing."""
 
 Task = tuple[str, Frame]
 """A mesh's name and a frame."""
@@ -245,7 +245,6 @@ def _add_frames(baking: _Bake, results: list[FrameResult]) -> None:
 
 
 def _tasks(work: Work) -> list[Task]:
-    """All tasks, in their order."""
     meshes = [name for name, mesh in work.meshes.items() if mesh.gains]
     if work.settings.warm:
         return [(mesh, frame) for mesh in meshes for frame in work.frames]

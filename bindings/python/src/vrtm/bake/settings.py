@@ -22,7 +22,6 @@ NUMBERS = tuple(f.name for f in fields(vrtm.TileSettings) if f.type == "float" a
 
 
 def is_alembic(path: str) -> bool:
-    """True if a file's name is that of an Alembic archive."""
     return path.lower().endswith(".abc")
 
 
@@ -142,5 +141,4 @@ class Borders:
     """The reason for the choice; empty if the command line makes it."""
 
     def of(self, settings: Settings) -> Settings:
-        """The settings of the mesh."""
         return replace(settings, seams=self.seams, open_borders=self.open_borders)

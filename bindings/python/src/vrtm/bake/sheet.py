@@ -41,7 +41,6 @@ _OVER = 2
 
 
 def path(settings: Settings, mesh: str, several: bool) -> str:
-    """The file of a mesh's sheet."""
     return os.path.join(settings.out, f"{mesh}.sheet.png" if several else "sheet.png")
 
 
@@ -239,7 +238,6 @@ class _Surface:
         return normals if (normals * a).sum() >= 0 else -normals
 
     def view(self, camera: Camera, positions: np.ndarray, height: int) -> _View:
-        """The view that a camera has of a pose."""
         size = (_SAMPLES * _WIDTH, _SAMPLES * height)
         found, weights = cover(camera.project(positions, size)[self.vertices], size)
         seen = found >= 0
@@ -318,12 +316,12 @@ def _strain(rest: np.ndarray, pose: np.ndarray, rigid: np.ndarray) -> np.ndarray
 
 
 def _area(metrics: np.ndarray) -> np.ndarray:
-    """Of the surface per area of UV."""
+    """Surface area per area of UV."""
     return np.sqrt((metrics[:, 0] * metrics[:, 2] - metrics[:, 1] ** 2).clip(0))
 
 
 def _at(image: np.ndarray, uv: np.ndarray) -> np.ndarray:
-    """(points, channels): bilinear."""
+    """(points, channels) of an image, interpolated."""
     height, width = image.shape[:2]
     x, y = (uv[:, 0] * width - 0.5).clip(0, width - 1), ((1 - uv[:, 1]) * height - 0.5).clip(0, height - 1)
     column, row = x.astype(np.int64), y.astype(np.int64)

@@ -102,7 +102,7 @@ class Ruler:
 
 
 def spread(frames: Sequence[Frame]) -> list[Frame]:
-    """A few of some frames, from the first to the last."""
+    """A few frames, from the first to the last."""
     last = len(frames) - 1
     return [frames[index] for index in sorted({round(last * k / (_LOOKED_AT - 1)) for k in range(_LOOKED_AT)})]
 
@@ -225,7 +225,7 @@ class Units:
 
 
 def _densest(ascending: np.ndarray, ratio: float) -> np.ndarray:
-    """As many of some numbers as lie together within a ratio."""
+    """The longest run of ascending numbers within a ratio."""
     counts = np.searchsorted(ascending, ascending * ratio, "right") - np.arange(len(ascending))
     best = int(np.argmax(counts)) if len(ascending) else 0
     return ascending[best : best + int(counts.max(initial=0))]

@@ -79,7 +79,6 @@ class Texture:
     """A hash of all these but the path."""
 
     def target(self, path: str, facts: Mapping[str, str | int]) -> Target:
-        """The file of a copy."""
         (height, width, _), dtype = self.pixels.shape, str(self.pixels.dtype)
         return Target(path, width, height, self.channels, dtype, facts, self.attributes, self.format, self.alpha)
 

@@ -214,7 +214,7 @@ class Work(contextlib.AbstractContextManager):
         self.leave_out(self.idle)
 
     def leave_out(self, idle: dict[str, dict[gain.Group, str]]) -> None:
-        """Takes what gains nothing out of what is baked."""
+        """Leaves parts and layers without a gain out of the bake."""
         for name, groups in idle.items():
             self.meshes[name].leave_out(groups)
 
@@ -341,7 +341,6 @@ class Work(contextlib.AbstractContextManager):
         return {name: sheet.path(self.settings, name, several) for name in self.meshes if self.settings.sheet}
 
     def folders(self) -> list[str]:
-        """The folders that files are written to."""
         return sorted({os.path.dirname(name) for name in self._names()})
 
     def try_folders(self) -> None:
@@ -418,7 +417,6 @@ class Work(contextlib.AbstractContextManager):
         return result
 
     def close(self) -> None:
-        """Lets go of everything."""
         for mesh in self.meshes.values():
             mesh.close()
         self.scene.close()

@@ -163,7 +163,8 @@ class Redirector:
         return file, paths
 
     def _between(self, texture: UsdShade.Shader) -> str | None:
-        """The node or value between the mesh's UVs and the lookup, for which a copy does not fit; None if one fits."""
+        """The node or value between the mesh's UVs and the lookup for which a copy does not fit, as the end of a
+        sentence; None if one fits."""
         plug = texture.GetInput("st")
         while plug:
             outputs = UsdShade.Utils.GetValueProducingAttributes(plug, shaderOutputsOnly=True)
@@ -180,7 +181,7 @@ class Redirector:
         return None
 
     def _wrapped(self, texture: UsdShade.Shader, asset: Sdf.AssetPath) -> str | None:
-        """The same of what the texture's wrapping does."""
+        """The wrapping for which a copy does not fit; None if one fits."""
         if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
             return None
         tiles = self._plan.tiles.get(self._shape.name, (1001,))
@@ -194,7 +195,7 @@ class Redirector:
         return [shader for shader in self._upstream(coordinate) if shader.GetIdAttr().Get() in READERS]
 
     def _upstream(self, plug: UsdShade.Input | UsdShade.Output | None) -> Iterator[UsdShade.Shader]:
-        """All shaders that a plug hangs on."""
+        """All shaders upstream of a plug."""
         if not plug:
             return
         for value in UsdShade.Utils.GetValueProducingAttributes(plug):

@@ -21,7 +21,7 @@ UDIM = "<UDIM>"
 
 
 class LayerError(Exception):
-    """A plan that no layer can say."""
+    """A plan that no layer can express."""
 
 
 @dataclass(frozen=True)

@@ -30,11 +30,6 @@ STAGE_FIELDS = (
 )
 
 
-Made = dict[tuple[str, str, str, int], UsdShade.Material | None]
-"""The redirected materials by the original's path, the shape's name, the part of the shape and the layer; None where
-nothing could be redirected."""
-
-
 @dataclass(frozen=True)
 class Written:
     """The result of writing a layer."""
@@ -71,20 +66,14 @@ def write_layer(out_path: str | os.PathLike[str], scene: Scene, plan: LayerPlan)
 def redirected(out_path: str, scene: Scene, plan: LayerPlan) -> tuple[Sdf.Layer, list[str], bool]:
     """A layer with redirected materials, which is not written anywhere, less the clips of corner UVs; warnings, and
     whether it changes the shot. `out_path`: where it would be written."""
-    warnings: list[str] = []
     layer = Sdf.Layer.CreateAnonymous(".usda")
-    stage = compose(layer, scene.path, scene.options, muted=out_path)
-    changes = plan.corner_path is not None
-    with Usd.EditContext(stage, layer):
-        made: Made = {}
-        without: dict[str, list[tuple[str, str]]] = {}
-        for name in plan.shapes:
-            shape = scene.shape(name)
-            for path in shape.instances:
-                changes = _author(stage, path, shape, plan, made, warnings, without) or changes
-        for why, (first, *more) in without.items():
-            warnings.append(f"{first[0]}{others(len(more))}: {why.format(first[1])}")
-    return layer, warnings, changes
+    author = _Author(compose(layer, scene.path, scene.options, muted=out_path), plan)
+    with Usd.EditContext(author.stage, layer):
+        shapes = [(path, shape) for shape in map(scene.shape, plan.shapes) for path in shape.instances]
+        changed = [author.redirect(path, shape) for path, shape in shapes]
+    for why, (first, *more) in author.without.items():
+        author.warnings.append(f"{first[0]}{others(len(more))}: {why.format(first[1])}")
+    return layer, author.warnings, plan.corner_path is not None or any(changed)
 
 
 def _named(layer: Sdf.Layer) -> set[str]:
@@ -111,7 +100,7 @@ def write_root(root: str | os.PathLike[str], layer: str, shot: str) -> None:
     root = os.path.abspath(os.fspath(root))
     made = Sdf.Layer.CreateAnonymous(".usda")
     below = Sdf.Layer.FindOrOpen(shot)
-    _tell(below, made)
+    tell(below, made)
     made.subLayerPaths = [relative(path, os.path.dirname(root)) for path in (layer, shot)]
     mark(made, "root")
     export(made, root, Sdf.Layer.ExportToString)
@@ -128,10 +117,10 @@ def relative(path: str, folder: str) -> str:
     return found if found.startswith("..") else f"./{found}"
 
 
-def _tell(shot: Sdf.Layer, target: Sdf.Layer) -> None:
-    """Says in a layer what a shot says of the whole stage."""
+def tell(shot: Sdf.Layer, target: Sdf.Layer, default: bool = True) -> None:
+    """Copies the metadata of the whole stage from a shot to a layer; `default`: with the default prim."""
     for name in STAGE_FIELDS:
-        if shot.pseudoRoot.HasInfo(name):
+        if shot.pseudoRoot.HasInfo(name) and (default or name != "defaultPrim"):
             target.pseudoRoot.SetInfo(name, shot.pseudoRoot.GetInfo(name))
 
 
@@ -140,7 +129,7 @@ def compose(layer: Sdf.Layer, shot: str, options: SceneOptions, muted: str | Non
     below = Sdf.Layer.FindOrOpen(shot)
     root = Sdf.Layer.CreateAnonymous(".usda")
     for target in (layer, root):
-        _tell(below, target)
+        tell(below, target)
     for prim_path, name, variant in options.variants:
         Sdf.CreatePrimInLayer(layer, prim_path).variantSelections[name] = variant
     root.subLayerPaths = [layer.identifier, below.identifier]
@@ -151,59 +140,94 @@ def compose(layer: Sdf.Layer, shot: str, options: SceneOptions, muted: str | Non
     return stage
 
 
-def _author(
-    stage: Usd.Stage,
-    path: str,
-    shape: Shape,
-    plan: LayerPlan,
-    made: Made,
-    warnings: list[str],
-    without: dict[str, list[tuple[str, str]]],
-) -> bool:
-    """Gives a mesh redirected materials; tells whether one of them is the one that counts. `without`: why meshes have
-    no material, with the meshes and what the reason names."""
-    changes = False
-    _split_instances(stage, Sdf.Path(path), warnings)
-    mesh = stage.OverridePrim(path)
-    author_layers(mesh, shape, plan)
-    # All of them before the first is changed, which others may inherit.
-    bound = [(part, list(bindings_of(part.prim))) for part in bound_parts(mesh, shape, plan)]
-    gone = [str(target) for part, _ in bound for target in _missing(part.prim)]
-    if gone:
-        without.setdefault("material {} is not in the scene", []).append((path, gone[0]))
-    elif not any(bindings for _, bindings in bound):
-        without.setdefault("no material is bound to it", []).append((path, ""))
-    for part, bindings in bound:
-        if part.subset is None:
-            continue
-        found = {
-            layer: [
-                _material(stage, original, shape, plan, (part.subset, layer), made, warnings) if layer >= 0 else None
-                for _, original in bindings
-            ]
-            for layer in part.layers
-        }
-        if not any(material for materials in found.values() for material in materials):
-            continue
-        for layer, prim in split(mesh, part).items():
-            for (purpose, original), material in zip(bindings, found[layer]):
-                # A subset of a layer has what its faces had.
-                if material or prim != part.prim:
-                    own = _bind(prim, purpose, material or original, warnings)
-                    changes = changes or (own and material is not None)
-    return changes
+class _Author:
+    """Gives meshes redirected materials on a stage, in the layer that is edited."""
 
+    def __init__(self, stage: Usd.Stage, plan: LayerPlan) -> None:
+        self.stage, self._plan = stage, plan
+        self.warnings: list[str] = []
+        self.without: dict[str, list[tuple[str, str]]] = {}
+        """Reasons that meshes have no material, with the meshes and what the reason names."""
+        self._made: dict[tuple[str, str, str, int], UsdShade.Material | None] = {}
+        """The redirected materials by the original's path, the shape's name, the part of the shape and the layer; None
+        where nothing could be redirected."""
 
-def _bind(prim: Usd.Prim, purpose: str, material: UsdShade.Material, warnings: list[str]) -> bool:
-    """Binds a material, and tells whether it is the one that counts."""
-    UsdShade.MaterialBindingAPI.Apply(prim).Bind(
-        material, UsdShade.Tokens.fallbackStrength, purpose or UsdShade.Tokens.allPurpose
-    )
-    now = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)[0]
-    if now.GetPath() == material.GetPath():
-        return True
-    warnings.append(f"{prim.GetPath()}: a stronger binding keeps {now.GetPath()} instead of {material.GetPath()}")
-    return False
+    def redirect(self, path: str, shape: Shape) -> bool:
+        """Gives a mesh redirected materials; tells whether one of them is the one that counts."""
+        changes = False
+        self._split_instances(Sdf.Path(path), self.warnings)
+        mesh = self.stage.OverridePrim(path)
+        author_layers(mesh, shape, self._plan)
+        # All of them before the first is changed, which others may inherit.
+        bound = [(part, list(bindings_of(part.prim))) for part in bound_parts(mesh, shape, self._plan)]
+        gone = [str(target) for part, _ in bound for target in _missing(part.prim)]
+        if gone:
+            self.without.setdefault("material {} is not in the scene", []).append((path, gone[0]))
+        elif not any(bindings for _, bindings in bound):
+            self.without.setdefault("no material is bound to it", []).append((path, ""))
+        for part, bindings in bound:
+            if part.subset is None:
+                continue
+            found = {
+                layer: [self._material(own, shape, part.subset, layer) if layer >= 0 else None for _, own in bindings]
+                for layer in part.layers
+            }
+            if not any(material for materials in found.values() for material in materials):
+                continue
+            for layer, prim in split(mesh, part).items():
+                for (purpose, original), material in zip(bindings, found[layer]):
+                    # A subset of a layer has what its faces had.
+                    if material or prim != part.prim:
+                        own = self._bind(prim, purpose, material or original)
+                        changes = changes or (own and material is not None)
+        return changes
+
+    def _bind(self, prim: Usd.Prim, purpose: str, material: UsdShade.Material) -> bool:
+        """Binds a material, and tells whether it is the one that counts."""
+        UsdShade.MaterialBindingAPI.Apply(prim).Bind(
+            material, UsdShade.Tokens.fallbackStrength, purpose or UsdShade.Tokens.allPurpose
+        )
+        now = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)[0].GetPath()
+        if now != material.GetPath():
+            self.warnings.append(f"{prim.GetPath()}: a stronger binding keeps {now} instead of {material.GetPath()}")
+        return now == material.GetPath()
+
+    def _material(self, original: UsdShade.Material, shape: Shape, subset: str, layer: int) -> UsdShade.Material | None:
+        """The material that specializes another one, for a part of a shape and a layer of it; None if nothing in it
+        could be redirected."""
+        stage, made = self.stage, self._made
+        key = (str(original.GetPath()), shape.name, subset, layer)
+        if key in made:
+            return made[key]
+        # Another layer's material has the same warnings.
+        warnings = [] if any(other[:3] == key[:3] for other in made) else self.warnings
+        if any(material and material.GetPath() == original.GetPath() for material in made.values()):
+            return original
+        self._split_instances(original.GetPath().GetParentPath(), warnings)
+        name = "_".join(filter(None, [original.GetPrim().GetName(), shape.name, subset, "redirected"]))
+        mark = f"_layer{layer}" if layer else ""
+        path = original.GetPath().GetParentPath().AppendChild((name + mark).replace("-", "_"))
+        material = UsdShade.Material.Define(stage, path)
+        material.SetBaseMaterial(UsdShade.Material(stage.GetPrimAtPath(original.GetPath())))
+        if material.GetPrim().IsInstanceable():
+            material.GetPrim().SetInstanceable(False)
+        said = len(warnings)
+        if Redirector(material, shape, self._plan.of(subset, layer), warnings).redirect() == 0:
+            if len(warnings) == said:
+                warnings.append(f"{shape.path}: no texture of {original.GetPath()} could be redirected")
+            edited = stage.GetEditTarget().GetLayer()
+            del edited.GetPrimAtPath(path.GetParentPath()).nameChildren[path.name]
+            material = None
+        made[key] = material
+        return material
+
+    def _split_instances(self, path: Sdf.Path, warnings: list[str]) -> None:
+        """Makes plain prims of the instances above a prim: an instance's parts cannot be changed one by one."""
+        for prefix in path.GetPrefixes():
+            prim = self.stage.GetPrimAtPath(prefix)
+            if prim and prim.IsInstanceable():
+                self.stage.OverridePrim(prefix).SetInstanceable(False)
+                warnings.append(f"{prefix}: is no instance any more, since what is inside is redirected")
 
 
 def bindings_of(prim: Usd.Prim) -> list[tuple[str, UsdShade.Material]]:
@@ -229,54 +253,6 @@ def _missing(prim: Usd.Prim) -> Iterator[Sdf.Path]:
             ):
                 yield from (target for target in relationship.GetTargets() if not prim.GetStage().GetPrimAtPath(target))
         above = above.GetParent()
-
-
-def _material(
-    stage: Usd.Stage,
-    original: UsdShade.Material,
-    shape: Shape,
-    plan: LayerPlan,
-    of: tuple[str, int],
-    made: Made,
-    warnings: list[str],
-) -> UsdShade.Material | None:
-    """The material that specializes another one, for a part of a shape and a layer of it; None if nothing in it could
-    be redirected."""
-    subset, layer = of
-    key = (str(original.GetPath()), shape.name, subset, layer)
-    if key in made:
-        return made[key]
-    if any(other[:3] == key[:3] for other in made):
-        # What is to be said of it was said of another layer's.
-        warnings = []
-    if any(material and material.GetPath() == original.GetPath() for material in made.values()):
-        return original
-    _split_instances(stage, original.GetPath().GetParentPath(), warnings)
-    name = "_".join(filter(None, [original.GetPrim().GetName(), shape.name, subset, "redirected"]))
-    mark = f"_layer{layer}" if layer else ""
-    path = original.GetPath().GetParentPath().AppendChild((name + mark).replace("-", "_"))
-    material = UsdShade.Material.Define(stage, path)
-    material.SetBaseMaterial(UsdShade.Material(stage.GetPrimAtPath(original.GetPath())))
-    if material.GetPrim().IsInstanceable():
-        material.GetPrim().SetInstanceable(False)
-    said = len(warnings)
-    if Redirector(material, shape, plan.of(subset, layer), warnings).redirect() == 0:
-        if len(warnings) == said:
-            warnings.append(f"{shape.path}: no texture of {original.GetPath()} could be redirected")
-        edited = stage.GetEditTarget().GetLayer()
-        del edited.GetPrimAtPath(path.GetParentPath()).nameChildren[path.name]
-        material = None
-    made[key] = material
-    return material
-
-
-def _split_instances(stage: Usd.Stage, path: Sdf.Path, warnings: list[str]) -> None:
-    """Makes plain prims of the instances above a prim: an instance's parts cannot be changed one by one."""
-    for prefix in path.GetPrefixes():
-        prim = stage.GetPrimAtPath(prefix)
-        if prim and prim.IsInstanceable():
-            stage.OverridePrim(prefix).SetInstanceable(False)
-            warnings.append(f"{prefix}: is no instance any more, since what is inside is redirected")
 
 
 def looked_up(scene: Scene, shape: Shape, mode: str) -> list[str]:

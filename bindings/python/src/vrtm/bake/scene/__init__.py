@@ -97,7 +97,6 @@ class Scene(AbstractContextManager):
         return positions
 
     def close(self) -> None:
-        """Lets go of the file."""
         self.source.close()
 
     def __exit__(self, *_: object) -> None:

@@ -94,7 +94,6 @@ class AlembicSource(PosedSource["AlembicShape"]):
         return chosen
 
     def close(self) -> None:
-        """Lets go of the archive."""
         self._meshes.clear()
         self._file = None
 

@@ -37,8 +37,6 @@ HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 class AlembicFile:
-    """An open archive."""
-
     def __init__(self, path: str) -> None:
         if not os.path.isfile(path):
             raise SceneError(f"{path}: no such file")
@@ -154,7 +152,6 @@ class AlembicMesh:
         return np.array(self._positions.getValue(self._selector(index))).reshape(-1, 3)
 
     def count(self, index: int) -> int:
-        """The vertices of a sample."""
         return self._positions.getDimension(self._selector(index)).numPoints()
 
     def _selector(self, index: int) -> Any:
@@ -162,7 +159,6 @@ class AlembicMesh:
         return Abc.ISampleSelector(self._sampling.getSampleTime(index), Abc.ISampleSelector.TimeIndexType.kNearIndex)
 
     def faces(self, index: int) -> tuple[np.ndarray, np.ndarray]:
-        """Face counts and indices of a sample."""
         properties = self.schema.getFaceCountsProperty(), self.schema.getFaceIndicesProperty()
         counts, indices = (np.array(found.getValue(self._selector(index)), np.int32) for found in properties)
         return counts, indices
@@ -213,7 +209,6 @@ class AlembicMesh:
         return None
 
     def params(self) -> list[str]:
-        """The names of its geometry parameters."""
         group = self.schema.getArbGeomParams()
         return [group.getPropertyHeader(k).getName() for k in range(group.getNumProperties())] if group.valid() else []
 

@@ -237,7 +237,7 @@ def _safe(name: str) -> str:
 
 
 def _folded(name: str) -> str:
-    """Equal for names that a file system may take for one."""
+    """Key of a name, equal for names that a file system may take for one."""
     return unicodedata.normalize("NFC", name).casefold()
 
 

@@ -125,7 +125,7 @@ class Shape:
 
     @property
     def textured(self) -> np.ndarray:
-        """(faces,): whether each has UVs."""
+        """(faces,): true for faces with UVs."""
         if len(self.uv_indices) == 0:
             return np.zeros(len(self.face_counts), bool)
         first = np.cumsum(self.face_counts, dtype=np.int64) - self.face_counts
@@ -166,6 +166,4 @@ class Source(Protocol):
         """(vertices, 3) of the shape at a frame, in the shape's own topology."""
         ...
 
-    def close(self) -> None:
-        """Lets go of the file."""
-        ...
+    def close(self) -> None: ...

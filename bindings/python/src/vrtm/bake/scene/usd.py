@@ -55,11 +55,9 @@ class UsdSource(PosedSource[UsdMesh]):
 
     @cached_property
     def files(self) -> tuple[str, ...]:
-        """See `stage_files`."""
         return stage_files(self.stage)
 
     def close(self) -> None:
-        """Lets go of the stage."""
         self._meshes.clear()
         self._skeletons = None
         self.stage = None

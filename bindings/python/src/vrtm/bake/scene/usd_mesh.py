@@ -93,7 +93,7 @@ class UsdMesh(PosedMesh):
         return replace(shape, rest_unit=self._rest_unit, subsets=self._subsets(first))
 
     def _read_faces(self) -> Usd.TimeCode:
-        """Reads them at the first frame, and returns that."""
+        """Reads the faces at the first frame, which it returns."""
         first = self._code(self._frames[0])
         self._counts, self._indices = self._faces(first)
         self._points = len(self._read(self._mesh.GetPointsAttr(), first, "points"))

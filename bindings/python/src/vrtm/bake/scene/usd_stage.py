@@ -99,7 +99,6 @@ def assets(attribute: Usd.Attribute, ours: set[str]) -> Iterator[str]:
 
 
 def authored_rate(stage: Usd.Stage) -> float | None:
-    """framesPerSecond, where a stage says it."""
     return stage.GetFramesPerSecond() if stage.HasAuthoredMetadata("framesPerSecond") else None
 
 
@@ -118,7 +117,7 @@ def stage_clock(stage: Usd.Stage, where: str, fps: float | str | None) -> Clock:
 
 
 def sample_times(stage: Usd.Stage) -> list[float]:
-    """Of all time samples of meshes and animations."""
+    """Times of all samples of meshes and animations."""
     prims = Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())
     found = (prim for prim in prims if prim.IsA(UsdGeom.PointBased) or prim.GetTypeName() == "SkelAnimation")
     return sorted(
