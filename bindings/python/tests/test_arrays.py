@@ -116,6 +116,8 @@ def test_faces_without_texture(device, model):
     corners[:16] = -1
     with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=corners) as asset:
         assert asset.info.faces_untextured == 16
+        asset.solve(model.pose)
+        assert not asset.corner_uvs()[:64].any() and asset.corner_uvs()[64:].any()
     with studded(device, model, textured_faces=range(16, 256)) as asset:
         assert asset.info.faces_untextured == 16
 

@@ -12,7 +12,6 @@ from bake_scenes import MESH, attributes, files, image, pixels, run, sheet, shee
 from conftest import centres
 from vrtm.bake import basis_tiles
 
-TILES = (1001, 1002)
 # Texels of the texture per side, and the bound on errors in these.
 SIZE = 1024
 BOUND = 4.0
@@ -38,25 +37,18 @@ def document(folder: Path) -> dict:
     return json.loads((folder / "out" / "basis.json").read_text())
 
 
-def worst(out: Path, frame: int, weights: list[float], names: dict[int, list[str]], ranges: list[dict]) -> float:
+def off(folder: Path, row: dict, weights: list[float] | None = None) -> float:
     """The largest distance of the sum from a frame's map, in texels of the texture, over both tiles; by the stored
-    numbers, as a shader takes them."""
-    most = 0.0
-    for udim in TILES:
-        delta = pixels(out / f"redirect.{frame:04}.{udim}.exr")[..., :2].astype(float) - np.stack(centres(32), -1)
-        for weight, of, name in zip(weights, ranges, names[udim], strict=True):
+    numbers, as a shader takes them, and by the frame's weights in the document unless told otherwise."""
+    told, out, most = document(folder), folder / "out", 0.0
+    for tile in told["files"]:
+        delta = pixels(out / f"redirect.{row['frame']:04}.{tile['udim']}.exr")[..., :2] - np.stack(centres(32), -1)
+        for weight, of, name in zip(row["weights"] if weights is None else weights, told["ranges"], tile["maps"]):
             texels = pixels(out / name)[..., :2]
             share = texels / np.iinfo(texels.dtype).max if texels.dtype.kind == "u" else texels.astype(float)
             delta -= weight * (np.array(of["offset"]) + np.array(of["scale"]) * share)
         most = max(most, SIZE * float(np.linalg.norm(delta, axis=-1).max()))
     return most
-
-
-def off(folder: Path, row: dict, weights: list[float] | None = None) -> float:
-    """The same of a frame of the document, with its own weights unless told otherwise."""
-    told = document(folder)
-    names = {tile["udim"]: tile["maps"] for tile in told["files"]}
-    return worst(folder / "out", row["frame"], row["weights"] if weights is None else weights, names, told["ranges"])
 
 
 @pytest.fixture(scope="module")

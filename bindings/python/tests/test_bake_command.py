@@ -273,7 +273,7 @@ def test_what_is_printed_cannot_do_harm(scene: Path, tmp_path: Path, redirected:
 
 def test_two_bakes_into_one_folder(scene: Path, tmp_path: Path) -> None:
     run(*sheet_arguments(scene, tmp_path / "alone"))
-    command, variables = vrtm_command(*sheet_arguments(scene, tmp_path / "both", "--force", "--jobs", 2))
+    command, variables = vrtm_command(*sheet_arguments(scene, tmp_path / "both", "--force"))
     both = [subprocess.Popen(command, env=variables, stdout=subprocess.DEVNULL) for _ in range(2)]
     assert [process.wait(120) for process in both] == [0, 0]
     assert files(tmp_path / "both") == files(tmp_path / "alone")
@@ -322,7 +322,7 @@ def test_real_meshes(name: str, tmp_path: Path) -> None:
     scene, out = real_scene(name, tmp_path), tmp_path / "out"
     maps = real_mesh(name) / "rigidity.<UDIM>.png"
     arguments = ["bake", scene, "--rigidity", maps, "--device", "cpu", "--out", out, "--size", 128, "--frames", "1-2"]
-    run(*arguments, "--jobs", 2)
+    run(*arguments)
     before = files(out)
     mesh = solved_alone(scene, 2, 128, maps)
     assert len(before) == 2 * len(mesh.tiles)

@@ -9,10 +9,9 @@ from pxr import Gf, Usd, UsdGeom
 
 import scenes
 import vrtm
-from bake_scenes import MESH, attributes, files, pixels, run, sheet, sheet_arguments, solved_alone, written
+from bake_scenes import MESH, attributes, files, opened, pixels, run, sheet, sheet_arguments, solved_alone, written
 from vrtm.bake import work
 from vrtm.bake.scene import Scene, SceneOptions
-from vrtm.bake.settings import Settings
 
 
 def maps(folder: Path) -> dict[str, np.ndarray]:
@@ -96,9 +95,9 @@ def test_frames_that_start_from_one_another(scene: Path, tmp_path: Path) -> None
     arguments = sheet_arguments(scene, tmp_path / "out", "--warm", "--temporal-weight", 0.2, "--jobs", 2)
     assert written(run(*arguments)) == (10, 0)
     asset = solved_alone(scene, 1, solve=False)
-    with Scene(scene) as opened:
-        for frame in opened.frames:
-            asset.solve(opened.positions(opened.shapes[0], frame), warm=True, temporal_weight=0.2)
+    with Scene(scene) as file:
+        for frame in file.frames:
+            asset.solve(file.positions(file.shapes[0], frame), warm=True, temporal_weight=0.2)
             for tile in asset.tiles:
                 found = pixels(tmp_path / "out" / f"redirect.{frame:04d}.{tile.udim}.exr")
                 assert np.array_equal(found, tile.fetch("redirection", (64, 64), channels=3))
@@ -160,13 +159,12 @@ def test_many_tiles_need_the_memory_of_one_solver(scene: Path, tmp_path: Path, m
     held = []
     for most in (work._MOST_BYTES, 0):
         monkeypatch.setattr(work, "_MOST_BYTES", most)
-        out = str(tmp_path / f"{most}")
-        settings = Settings(str(scene), rigidity=str(scene.parent / "rigid.<UDIM>.png"), out=out, device="cpu")
-        with work.Work(settings, 1) as opened:
-            expected = opened.bytes
+        rigidity, out = str(scene.parent / "rigid.<UDIM>.png"), str(tmp_path / f"{most}")
+        with opened(scene, rigidity=rigidity, out=out) as bake:
+            expected = bake.bytes
             for frame in (1, 2):
-                opened.bake("sheet", frame, lambda: None)
-            held.append(opened.device.info.bytes_held)
+                bake.bake("sheet", frame, lambda: None)
+            held.append(bake.device.info.bytes_held)
             assert held[-1] < expected
     assert held[1] < 0.6 * held[0]
     first, second = (files(tmp_path / name) for name in sorted(path.name for path in tmp_path.iterdir()))
