@@ -11,6 +11,8 @@ import numpy as np
 from vrtm.bake import overwrite
 from vrtm.bake.failure import unwritable
 from vrtm.bake.frames import Frame
+from vrtm.bake.layer import corner_uv_layer, export, values_hash
+from vrtm.bake.mark import found_in
 from vrtm.bake.names import Pattern
 from vrtm.bake.scene import Shape
 from vrtm.bake.settings import Settings
@@ -94,8 +96,6 @@ class CornerFile:
 
     def write(self, shape: Shape, frame: Frame, uvs: np.ndarray) -> None:
         """Writes (corners, 2) UVs. Raises Failure."""
-        from vrtm.bake.layer import corner_uv_layer, export, values_hash
-
         layer = corner_uv_layer(shape, frame, uvs)
         layer.customLayerData |= {_INPUTS: self.inputs, _VALUES: values_hash(layer)}
         try:
@@ -119,9 +119,6 @@ class CornerFile:
 
 def _recorded(path: str) -> dict | None:
     """The custom data of a file; None if it cannot be read, or its values are others than it states."""
-    from vrtm.bake.layer import values_hash
-    from vrtm.bake.mark import found_in
-
     if not os.path.isfile(path):
         return None
     told, values = found_in(path, lambda layer: (dict(layer.customLayerData), values_hash(layer)), ({}, ""))

@@ -57,7 +57,7 @@ class AlembicSource(PosedSource["AlembicShape"]):
         if not isinstance(fps, (int, float)):
             hint = self._file.rate
             fits = hint is not None and all(is_whole(max(hint / found, found / hint)) for found in own)
-            # Of equally many the slower ones: samples of the others lie between their frames.
+            # The slower of two equally frequent rates: the samples of the other lie between its frames.
             fps = hint if fits else min(own, key=lambda found: (-own[found], found), default=24.0)
             guessed = None if fits else next((mesh for mesh, found, guess in rates if guess and found == fps), None)
             if guessed is not None:

@@ -229,7 +229,7 @@ def _is_number(word: str) -> bool:
 _LAST = np.iinfo(np.int32).max
 _DIGITS = 1000
 _COMMENT = re.compile(r"(^|\s)#.*")
-# What stands behind a slash may be missing.
+# The number behind a slash may be missing.
 CORNER = re.compile(r"([+-]?[0-9]+)(?:/([+-]?[0-9]+)?(?:/(?:[+-]?[0-9]+)?)?)?")
 
 

@@ -370,7 +370,7 @@ def uv_sets(prim: Usd.Prim) -> list[UsdGeom.Primvar]:
     found = {kind: [] for kind in UV_TYPES + PLAIN_UV_TYPES}
     for primvar in UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance():
         name = primvar.GetPrimvarName()
-        # What an earlier bake wrote is no UV set of the artist's.
+        # A primvar of an earlier bake is no UV set of the artist's.
         if name != REDIRECTED and primvar.HasAuthoredValue() and str(primvar.GetTypeName()) in found:
             found[str(primvar.GetTypeName())].append(primvar)
     of = ([primvar for kind in kinds for primvar in found[kind]] for kinds in (UV_TYPES, PLAIN_UV_TYPES))

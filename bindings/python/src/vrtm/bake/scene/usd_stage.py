@@ -29,7 +29,7 @@ def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
     if stage is None:
         raise SceneError(f"{path}: cannot be opened as a USD stage")
     for layer in filter(is_carried, stage.GetUsedLayers()):
-        # What an earlier bake moved is read at rest.
+        # Prims that an earlier bake moved are read at rest.
         stage.MuteLayer(layer.identifier)
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         for prim_path, name, variant in options.variants:
