@@ -1,4 +1,4 @@
-"""The kinds of files that are written per frame and tile, straight from the library."""
+"""Kinds of files: those per frame and tile, straight from the library, and redirected corner UVs per mesh and frame."""
 
 from __future__ import annotations
 
@@ -23,6 +23,9 @@ _OF_SET = {"udim": "uv_set", "delta": "uv_set_delta"}
 """The same, as UVs of the set that textures are looked up by."""
 _RGB = ("R", "G", "B")
 _RGBA = ("R", "G", "B", "A")
+ENDING = ".usdc"
+_INPUTS = "vrtm_inputs"
+_VALUES = "vrtm_values"
 
 
 @dataclass(frozen=True)
@@ -71,11 +74,6 @@ def listed(settings: Settings) -> tuple[Output, ...]:
         # Three times the same number: programs that read one channel alone show it as red, or not at all.
         outputs.append(of("filter", None, "filter_scale", 1, _RGB))
     return tuple(outputs)
-
-
-ENDING = ".usdc"
-_INPUTS = "vrtm_inputs"
-_VALUES = "vrtm_values"
 
 
 def corner_name(pattern: Pattern, mesh: str, frame: Frame) -> str:

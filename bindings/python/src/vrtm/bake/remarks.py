@@ -23,6 +23,8 @@ from vrtm.bake.work import Work
 _NUMBER = re.compile(r"(?<!tile )(?<!layer )\b\d[\d.]*")
 _FRAMES_TOLD = 3
 """Frames for which a warning that names them is printed."""
+_LEAST = 10.0
+"""Least remaining seconds that are printed."""
 
 
 class Remarks:
@@ -261,10 +263,6 @@ def _maps(part: Part, udim: int) -> Iterator[str]:
 
 def _mb(count: int) -> str:
     return f"{count / 1e6:.0f} MB"
-
-
-_LEAST = 10.0
-"""Seconds: of less nothing is said."""
 
 
 class TimeLeft:

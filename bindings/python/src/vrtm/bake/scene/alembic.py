@@ -1,4 +1,4 @@
-"""Alembic: which meshes of an archive are shapes, and where they are frame by frame.
+"""Alembic: the meshes of an archive, and their faces, UVs, rest and poses.
 
 Frame N is at N / fps seconds, in the file's own rate by default; between two samples, positions are interpolated.
 """

@@ -21,6 +21,10 @@ from vrtm.bake.scene.usd_stage import meters
 from vrtm.bake.words import near
 
 REST_NAMES = ("primvars:Pref", "primvars:pref", "primvars:rest", "Pref", "rest")
+UV_TYPES = ("texCoord2f[]", "texCoord2h[]", "texCoord2d[]")
+PLAIN_UV_TYPES = ("float2[]", "half2[]", "double2[]")
+# The primvar that a bake writes.
+REDIRECTED = "st_redirected"
 
 
 class UsdMesh(PosedMesh):
@@ -332,12 +336,6 @@ class UsdMesh(PosedMesh):
 
 def _counted(count: int) -> str:
     return f"{count} {'is' if count == 1 else 'are'}"
-
-
-UV_TYPES = ("texCoord2f[]", "texCoord2h[]", "texCoord2d[]")
-PLAIN_UV_TYPES = ("float2[]", "half2[]", "double2[]")
-# The primvar that a bake writes.
-REDIRECTED = "st_redirected"
 
 
 def find_uv(prim: Usd.Prim, names: tuple[str, ...], where: str) -> UsdGeom.Primvar | None:
