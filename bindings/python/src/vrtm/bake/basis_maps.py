@@ -1,4 +1,5 @@
-"""Basis maps: a few maps whose weighted sums stand for those of all frames, with the weights and what was measured."""
+"""Basis maps: a few maps whose weighted sums stand for those of all frames, with the weights, a rig's controls that
+drive these, and figures."""
 
 from __future__ import annotations
 

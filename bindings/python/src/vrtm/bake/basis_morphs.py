@@ -131,7 +131,9 @@ def _rate(fps: float | str | None) -> float:
 
 
 def write_shapes(path: str, morphed: Morphed, scene: Scene) -> None:
-    """Writes a layer with a root for reference, to be placed where the mesh is. Raises OSError."""
+    """Writes morph targets as blend shapes of USD: a layer with a root for reference, to be placed where the mesh is.
+    It has the mesh, and a mesh whose points are its UVs. UsdSkel blends points and normals, and no primvar: the blended
+    points of the second mesh are the UVs of the first. Raises OSError."""
     layer = Sdf.Layer.CreateAnonymous(".usdc")
     stage = Usd.Stage.Open(layer)
     below = Sdf.Layer.FindOrOpen(scene.path) if scene.is_usd else None

@@ -1,4 +1,5 @@
-"""The maps of a mesh that basis maps are fitted to, as they were written, and the mesh under their texels."""
+"""The maps of a mesh that basis maps are fitted to, the mesh under their texels, and measures of their sums: errors,
+folds and strain."""
 
 from __future__ import annotations
 
@@ -19,6 +20,9 @@ from vrtm.basis.controls import Driver
 from vrtm.basis.fit import summed
 from vrtm.basis.folds import folds
 from vrtm.basis.strain import Ruler, Strain
+
+_RANDOM = 32
+"""Poses of random controls that are looked at for folds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,10 +115,6 @@ def _rigidity(mesh: MeshWork, tile: TileWork, size: tuple[int, int]) -> np.ndarr
         ((np.arange(n) + 0.5) / n * painted.shape[axis]).astype(int) for axis, n in ((0, size[1]), (1, size[0]))
     )
     return painted[np.ix_(rows, columns)].astype(np.float64) / white(painted.dtype)
-
-
-_RANDOM = 32
-"""Poses of random controls that are looked at for folds."""
 
 
 @dataclass

@@ -15,6 +15,7 @@ import vrtm
 from vrtm import borders
 from vrtm.bake import image_file
 from vrtm.bake.frames import Frame
+from vrtm.bake.layer import looked_up as textures_of
 from vrtm.bake.mesh_work import MeshWork
 from vrtm.bake.part import Given
 from vrtm.bake.scene import Scene, SceneError, Shape
@@ -36,10 +37,8 @@ def mesh(given: Given, scene: Scene, shared: Callable[[], np.ndarray]) -> MeshWo
 
     looked_up: list[str] = []
     if AUTO in (settings.seams, settings.open_borders) and scene.is_usd:
-        from vrtm.bake.layer import looked_up as of_materials
-
         # Also where another task writes the layer.
-        looked_up = of_materials(scene, shape, settings.layer_mode if settings.layer else "texture")
+        looked_up = textures_of(scene, shape, settings.layer_mode if settings.layer else "texture")
     copied = settings.textures or settings.normal_maps
     if not (copied or looked_up) or (settings.corner_uvs and not looked_up) or settings.options.texture_uv is not None:
         # Any texture may be looked up.
@@ -54,7 +53,7 @@ def mesh(given: Given, scene: Scene, shared: Callable[[], np.ndarray]) -> MeshWo
         found.close()
     found = made(_chosen(settings, "shut", "fixed", why))
     tiles = [tile for part in found.parts for tile in part.all_tiles]
-    # Where nothing rigid is held both are the same.
+    # Both are the same if no rigid texel is fixed.
     if settings.seams != AUTO or not any(tile.info.fixed for tile in tiles):
         return found
     if settings.only_layer or settings.dry_run:
@@ -135,7 +134,7 @@ def _kept_or_shut(given: Given, scene: Scene, why: str) -> Borders:
 def _measured(mesh: MeshWork, seams: str, frame: Frame, positions: np.ndarray) -> Iterator[vrtm.TileReport]:
     for part in mesh.parts:
         for tile in part.all_tiles:
-            # What is set for one layer holds for all of its tile.
+            # Settings of one layer hold for all layers of its tile.
             if tile.layer == 0:
                 now = tile.settings
                 width, height = (min(cells, _CELLS) for cells in tile.grid)

@@ -25,6 +25,10 @@ from vrtm.bake.words import cause
 
 _KINDS = {"Points": "points", "Curves": "curves", "PolyMesh": "mesh", "SubD": "mesh"}
 """Objects that can be carried, by the names of their schemas."""
+_EVEN = 1e-9
+"""Seconds by which steps in time may differ."""
+_BESIDE = 1 << 20
+"""Bytes of an archive besides points that move, as a rule."""
 
 
 @dataclass(frozen=True)
@@ -152,12 +156,6 @@ def _objects_below(parent: Any, above: tuple[Any, ...] = ()) -> Iterator[_Found]
         is_xform = AbcGeom.IXform.matches(header)
         own = (*above, AbcGeom.IXform(parent, child.getName()).getSchema()) if is_xform else above
         yield from _objects_below(child, own)
-
-
-_EVEN = 1e-9
-"""Seconds by which steps in time may differ."""
-_BESIDE = 1 << 20
-"""Bytes of an archive besides points that move, as a rule."""
 
 
 class Motion:

@@ -1,4 +1,4 @@
-"""Connected parts of detail meshes, each of which is bound at its foot on the surface."""
+"""Connected parts of detail meshes, each of which is bound at its foot on the surface, and distances from it."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ _FOOT = 0.25
 """A part's foot is all that is at most this share of its radius farther from the surface than its nearest point."""
 _AT_ONCE = 1 << 16
 """Points that are searched for together."""
+_LEAF = 4
+"""Triangles in a box of the lowest level."""
 
 
 def in_parts(prim: CarriedPrim, to_mesh: np.ndarray, surface: Nearest) -> CarriedPrim:
@@ -57,10 +59,6 @@ def wrong_faces(prim: CarriedPrim) -> str | None:
         return f"has {len(indices)} corners, and faces with {int(counts.sum())}"
     beyond = (indices < 0) | (indices >= len(prim.points))
     return f"has {len(prim.points)} points, and a face with point {indices[beyond][0]}" if beyond.any() else None
-
-
-_LEAF = 4
-"""Triangles in a box of the lowest level."""
 
 
 class Nearest:

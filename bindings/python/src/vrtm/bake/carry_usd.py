@@ -68,7 +68,7 @@ class UsdScatter(Scatter):
         values = Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(points, np.float32))
         self._set(own, _places(prim).GetName(), Sdf.ValueTypeNames.Point3fArray, time, values)
         if turns is not None:
-            # Of both signs, the one from which a host can interpolate.
+            # A quaternion and its negative are one rotation: hosts interpolate between neighbours of one sign.
             before = self._before.get(carried.path, np.array([0, 0, 0, 1.0]))
             turns = np.where((turns * before).sum(1, keepdims=True) < 0, -turns, turns)
             self._before[carried.path] = turns

@@ -86,7 +86,7 @@ def _shells(shape: Shape, weld: str, charts: bool = False) -> np.ndarray:
     if charts:
         uvs = shape.uvs[shape.uv_indices].astype(np.float64) + 0.0
         places, nodes = _distinct(vertices, *uvs.T.copy().view(np.int64))
-        # Where a vertex has several UVs, those that are close together are one.
+        # UVs of a vertex that are close together are one.
         several = np.flatnonzero(np.bincount(vertices[places])[vertices[places]] > 1)
         places, uvs = places[several], np.nan_to_num(uvs[places[several]])
         for shift in ((0, 0), (0, 0.5), (0.5, 0), (0.5, 0.5)):
@@ -124,7 +124,7 @@ def _rigid_shells(shape: Shape, parts: Sequence[Part], shells: np.ndarray) -> di
         for layer in {tile.layer for tile in part.all_tiles}:
             own = layers == layer
             if part.settings.seams == "continue":
-                # What is rigid beyond a seam counts, too.
+                # Rigid texels beyond a seam count, too.
                 found[part.subset, layer] = set(shells[faces[own]].tolist()) & set(shells[faces[rigid]].tolist())
             else:
                 found[part.subset, layer] = set(shells[faces[own & rigid]].tolist())
@@ -144,7 +144,7 @@ def _rigid(shape: Shape, part: Part, faces: np.ndarray) -> np.ndarray:
         found |= np.maximum.reduceat(shape.vertex_rigidity[shape.indices[corners]], cuts) > 0
     uvs = shape.uvs[shape.uv_indices[corners]]
     low, high = (f.reduceat(uvs, cuts, axis=0) for f in (np.minimum, np.maximum))
-    # What has no number is no tile's, and not looked at closely.
+    # Faces without a tile's number count as rigid, without a closer look.
     found |= ((low < 0).any(axis=1) | (high[:, 0] > 10)) & bool(part.rigid_sums)
     for udim, sums in part.rigid_sums.items():
         corner = np.array([(udim - 1001) % 10, (udim - 1001) // 10])
@@ -185,7 +185,7 @@ class _Lengths:
         for look in self._looks:
             rest, now = self._lengths[look], _distances(positions, self._a[look], self._b[look])
             allowed = _STRAIN * rest + np.minimum(_ROUNDING * unit, _MOST_ROUNDING * rest)
-            # What is no number deforms.
+            # NaN counts as a deformation.
             with np.errstate(invalid="ignore"):
                 kept = np.abs(now - rest) <= allowed
             yield set(np.unique(self._shells[look][~kept]).tolist())

@@ -72,7 +72,7 @@ def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | No
             spec.attribute(name, "int" if number else "string", value if number else str(value))
 
     def body(temporary: str) -> None:
-        # By the format's name: the temporary name does not tell it.
+        # By the format's name, because the temporary name has no ending.
         out = oiio.ImageOutput.create(target.format)
         if out is None:
             raise OSError(said(oiio))
@@ -81,7 +81,7 @@ def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | No
             raise OSError(said(out))
 
     try:
-        # That an image was closed does not tell that its last bytes could be written.
+        # A closed image may lack its last bytes.
         staging.write(target.path, body, is_whole=_is_whole)
     except OSError as error:
         _remove_damaged(target.path)

@@ -63,7 +63,7 @@ def merged(entries: Iterable[LeftOut]) -> list[LeftOut]:
     for entry in entries:
         key = (entry.why, entry.mesh, entry.tiles, entry.layers, entry.meant)
         known = found.setdefault(key, set())
-        # All frames are more than any.
+        # An entry for all frames includes the others.
         if not entry.frames:
             found[key] = None
         elif known is not None:

@@ -300,7 +300,7 @@ class MeshWork:
             pixels = self._pixels(piece, (target.width, target.height), stop)
             stop()
             if piece.is_redirection:
-                # Of the image just fetched.
+                # These two figures are those of the image just fetched.
                 report = tile.tile.report()
                 figures |= {"texels_limited": report.texels_limited, "max_limit": report.max_limit}
             image_file.write(target, pixels, figures if piece.is_redirection else None)

@@ -1,4 +1,4 @@
-"""The kinds of files that are written per frame and tile, straight from the library."""
+"""Kinds of files: those per frame and tile, straight from the library, and redirected corner UVs per mesh and frame."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import numpy as np
 from vrtm.bake import overwrite
 from vrtm.bake.failure import unwritable
 from vrtm.bake.frames import Frame
+from vrtm.bake.layer import corner_uv_layer, export, values_hash
+from vrtm.bake.mark import found_in
 from vrtm.bake.names import Pattern
 from vrtm.bake.scene import Shape
 from vrtm.bake.settings import Settings
@@ -21,6 +23,9 @@ _OF_SET = {"udim": "uv_set", "delta": "uv_set_delta"}
 """The same, as UVs of the set that textures are looked up by."""
 _RGB = ("R", "G", "B")
 _RGBA = ("R", "G", "B", "A")
+ENDING = ".usdc"
+_INPUTS = "vrtm_inputs"
+_VALUES = "vrtm_values"
 
 
 @dataclass(frozen=True)
@@ -71,11 +76,6 @@ def listed(settings: Settings) -> tuple[Output, ...]:
     return tuple(outputs)
 
 
-ENDING = ".usdc"
-_INPUTS = "vrtm_inputs"
-_VALUES = "vrtm_values"
-
-
 def corner_name(pattern: Pattern, mesh: str, frame: Frame) -> str:
     """The name below the output folder: that of the maps, of the kind `corners`, without a tile's number."""
     folder, name = os.path.split(pattern.text)
@@ -94,8 +94,6 @@ class CornerFile:
 
     def write(self, shape: Shape, frame: Frame, uvs: np.ndarray) -> None:
         """Writes (corners, 2) UVs. Raises Failure."""
-        from vrtm.bake.layer import corner_uv_layer, export, values_hash
-
         layer = corner_uv_layer(shape, frame, uvs)
         layer.customLayerData |= {_INPUTS: self.inputs, _VALUES: values_hash(layer)}
         try:
@@ -119,9 +117,6 @@ class CornerFile:
 
 def _recorded(path: str) -> dict | None:
     """The custom data of a file; None if it cannot be read, or its values are others than it states."""
-    from vrtm.bake.layer import values_hash
-    from vrtm.bake.mark import found_in
-
     if not os.path.isfile(path):
         return None
     told, values = found_in(path, lambda layer: (dict(layer.customLayerData), values_hash(layer)), ({}, ""))

@@ -14,15 +14,15 @@ _CRATE, _LAYER, _ARCHIVE = b"PXR-USDC", b"#usda ", b"Ogawa\xff"
 _IN_IMAGE = re.compile(rb"vrtm:(inputs|kind)[\0\"]")
 _IN_ARCHIVE = b"_ai_Application=vrtm;"
 """The program that wrote an Alembic archive."""
-# How the texts begin that are no images, less what stands between the words.
+# Beginnings of the texts that vrtm writes, less their white space.
 _REPORT = b'{"program":{"name":"vrtmbake"'
 _TEMPLATE = b"#vrtmfarm-template"
 _GLTF = b'{"asset":{"generator":"vrtm'
 """After 20 bytes of a binary glTF's headers."""
 _BEGINNING = 1 << 16
-"""Bytes at a file's beginning among which an image's mark stands, as a rule."""
+"""Bytes at a file's beginning that mostly include an image's mark."""
 _LEAST_EXR = 256
-"""Bytes: what an EXR must say of itself alone takes more."""
+"""Bytes of the shortest EXR, with the attributes that it must have."""
 
 
 class Conflict(ValueError):

@@ -127,7 +127,7 @@ class Part:
             {udim: read_map(path) for udim, path in self.maps[option].items()} for option in ("rigidity", "mask")
         )
         if settings.seams == "continue":
-            # What lies beyond a tile's seams may be in any other.
+            # The surface beyond a tile's seams may be in any other tile.
             for maps in (rigid, masks):
                 for udim, pixels in sorted(maps.items()):
                     common = common.copy().text(udim).array(pixels)
@@ -145,7 +145,7 @@ class Part:
                 size = (settings.size,) * 2
             # 0 leaves the size to the features.
             grid = min(settings.size or 0, LARGEST_GRID)
-            # What is set for one layer holds for all of its tile.
+            # Settings of one layer hold for all layers of its tile.
             if tile.layer == 0:
                 if rigidity is not None:
                     tile.set_rigidity(rigidity)

@@ -23,6 +23,8 @@ from vrtm.bake.work import Work
 _NUMBER = re.compile(r"(?<!tile )(?<!layer )\b\d[\d.]*")
 _FRAMES_TOLD = 3
 """Frames for which a warning that names them is printed."""
+_LEAST = 10.0
+"""Least remaining seconds that are printed."""
 
 
 class Remarks:
@@ -161,10 +163,8 @@ def hints(work: Work) -> list[str]:
     """Hints about options that may be meant or not."""
     hints = []
     for option in ("rigidity", "mask"):
-        pattern, users = getattr(work.settings, option), {}
-        for part in work.parts if pattern else ():
-            for path in part.maps[option].values():
-                users.setdefault(path, []).append(part.where)
+        pattern = getattr(work.settings, option)
+        users = _grouped((path, part.where) for part in work.parts if pattern for path in part.maps[option].values())
         shared = next(((path, meshes) for path, meshes in users.items() if len(meshes) > 1), None)
         if shared:
             path, (first, second, *more) = shared
@@ -188,27 +188,30 @@ def facts(work: Work) -> list[str]:
     threads = f", {info.threads} threads" if info.backend == "cpu" else ""
     lines = [f"device: {info.backend}, {info.name}{threads}{f' ({info.reason})' if info.reason else ''}"]
     lines += [f"frames: {work.scene.rate}"] if work.scene.rate else []
-    of: dict[str, list[str]] = {}
-    for shape in work.shapes:
-        of.setdefault(shape.rest_from, []).append(shape.path)
-    sets: dict[str, list[str]] = {}
-    for shape in work.shapes:
-        sets.setdefault(shape.uv_name, []).append(shape.path)
+    sets = _grouped((shape.uv_name, shape.path) for shape in work.shapes)
     for uv, (first, *more) in sets.items() if len(sets) > 1 else ():
         lines.append(f"UV set: {uv}: {first}{others(len(more))}")
-    for rest, (first, *more) in of.items():
+    for rest, (first, *more) in _grouped((shape.rest_from, shape.path) for shape in work.shapes).items():
         lines.append(f"rest: {rest}" if rest == first else f"rest: {rest}: {first}{others(len(more))}")
     return lines
 
 
 def borders(work: Work) -> list[str]:
     """The choices at borders, and their reasons."""
-    chosen: dict[str, list[str]] = {}
-    for mesh in work.meshes.values():
-        if mesh.borders.why:
-            line = f"seams {mesh.borders.seams}, open borders {mesh.borders.open_borders}: {mesh.borders.why}"
-            chosen.setdefault(line, []).append(mesh.shape.path)
+    chosen = _grouped(
+        (f"seams {of.seams}, open borders {of.open_borders}: {of.why}", mesh.shape.path)
+        for mesh in work.meshes.values()
+        if (of := mesh.borders).why
+    )
     return [f"{first}{others(len(more))}: {line}" for line, (first, *more) in chosen.items()]
+
+
+def _grouped(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
+    """The second parts of pairs, by the first."""
+    found: dict[str, list[str]] = {}
+    for key, value in pairs:
+        found.setdefault(key, []).append(value)
+    return found
 
 
 def planned(work: Work) -> Iterator[str]:
@@ -260,10 +263,6 @@ def _maps(part: Part, udim: int) -> Iterator[str]:
 
 def _mb(count: int) -> str:
     return f"{count / 1e6:.0f} MB"
-
-
-_LEAST = 10.0
-"""Seconds: of less nothing is said."""
 
 
 class TimeLeft:

@@ -59,7 +59,7 @@ def make(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
         height, width = pictures[udim].shape[:2]
         facts: dict[str, str | int] = {"vrtm:kind": "rigidity", "vrtm:inputs": inputs.copy().text(udim).hex()}
         target = Target(path, width, height, ("Y",), dtype, facts, format=form)
-        # What somebody has painted on is found before anything is written.
+        # Painted maps are found before anything is written.
         if image_file.up_to_date(target, parsed.overwrite) is None:
             targets[udim] = target
     if targets:

@@ -172,11 +172,11 @@ class _Surface:
         else:
             rigidity = np.zeros((height, width))
         file = _texture(tile)
-        # What has 8 or 16 bits is taken for sRGB, as most textures are.
+        # Textures of 8 or 16 bits are taken for sRGB, as most are.
         encoded = bool(file) and warped.read(file).pixels.dtype.kind == "u"
         texture = read_colours(file) ** np.float32(2.2 if encoded else 1) if file else None
         delta, jacobian = (tile.tile.fetch(kind, size) for kind in ("redirection_delta", "jacobian"))
-        # What is painted where the redirection leads to moves along the surface by the inverse Jacobian.
+        # Paint at the redirected UV moves along the surface by the inverse Jacobian.
         at = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), -1) + delta * [width, -height]
         column, row = at.astype(np.int64).clip(0, [width - 1, height - 1]).transpose(2, 0, 1)
         target = np.where(triangle[row, column] >= 0, triangle[row, column], triangle)

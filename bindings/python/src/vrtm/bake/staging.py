@@ -168,7 +168,7 @@ def _reserved(place: _Place, name: str) -> Iterator[tuple[str, BinaryIO]]:
 
 
 def _close(file: BinaryIO) -> None:
-    # What could not be written before was told.
+    # An earlier failed write was reported.
     with contextlib.suppress(OSError):
         file.close()
 

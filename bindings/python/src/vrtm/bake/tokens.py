@@ -46,7 +46,7 @@ def tiled(pattern: str, udim: int) -> str:
         if name.upper() == "UVTILE":
             return f"u{u}_v{v}"
         number = u if name in "uU" else v
-        # Where no letter is written, OpenImageIO's tokens bring one.
+        # OpenImageIO's tokens bring a letter if none is written.
         return number if token["printf"] else (token["letter"] or name.lower()) + number
 
     return _TILE.sub(filled, pattern)

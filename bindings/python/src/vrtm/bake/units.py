@@ -197,7 +197,7 @@ class Units:
             return Finding()
         start = self._at(self._anchor)
         if start is None or frame == self._anchor or (gross and _apart(start.median, 1) >= _OTHER):
-            # Of such a scene all was said before.
+            # The first finding covers such a scene.
             return Finding()
         (before, start), (after, end) = sorted([(self._anchor, start), (frame, here)], key=lambda entry: entry[0])
         while between := self._frames[bisect_right(self._frames, before) : bisect_left(self._frames, after)]:

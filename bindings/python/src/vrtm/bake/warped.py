@@ -150,7 +150,7 @@ def warp(
     height, width, channels = texture.pixels.shape
     top = white(texture.pixels.dtype)
     source = texture.pixels.astype(np.float32) / np.float32(top)
-    # What overshoots beside an edge must not leave the range that the texture has.
+    # Overshoots beside an edge must not leave the texture's range.
     low, high = source.min(axis=(0, 1)), source.max(axis=(0, 1))
     # A margin, since there is nothing to interpolate with beyond an image's edge.
     padded = np.pad(source, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge")

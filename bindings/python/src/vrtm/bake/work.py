@@ -199,7 +199,7 @@ class Work(contextlib.AbstractContextManager):
         if settings.options.texture_uv is not None or not all(isinstance(frame, int) for frame in self.frames):
             return
         if len(self.scene.frames) > frames.MOST:
-            # Nobody waits for so many.
+            # To look at so many would take too long.
             return
         every = sorted({*self.scene.frames, *self.frames})
         for mesh in self.meshes.values():
@@ -249,7 +249,7 @@ class Work(contextlib.AbstractContextManager):
             if found.ends:
                 raise Failure(INPUT, f"{self.settings.scene} {mesh.shape.path}: {found.warning}")
             with contextlib.suppress(SceneError):
-                # What is wrong with a pose is said when its frame is baked.
+                # A wrong pose is reported when its frame is baked.
                 self._check_units(mesh.shape, self.frames[0], self.scene.positions(mesh.shape, self.frames[0]))
 
     def _check_units(self, shape: Shape, frame: Frame, positions: np.ndarray) -> list[str]:
@@ -386,7 +386,7 @@ class Work(contextlib.AbstractContextManager):
         work = self.meshes[mesh]
         if self.settings.force:
             return None
-        # By the names alone, before the pose is read.
+        # Missing files show without reading the pose.
         if not all(map(os.path.isfile, work.names(frame, self.pattern))):
             return None
         try:

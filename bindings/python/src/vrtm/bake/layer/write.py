@@ -17,7 +17,7 @@ from vrtm.bake.scene import Scene, SceneOptions, Shape
 from vrtm.bake.scene.usd_stage import assets, marked
 from vrtm.bake.words import others
 
-# What a root layer says of a whole stage. Layers with other time codes per second would be scaled in time.
+# Metadata of a whole stage in its root layer. Layers with other time codes per second would be scaled in time.
 STAGE_FIELDS = (
     "defaultPrim",
     "endTimeCode",
@@ -158,7 +158,7 @@ class _Author:
         self._split_instances(Sdf.Path(path), self.warnings)
         mesh = self.stage.OverridePrim(path)
         author_layers(mesh, shape, self._plan)
-        # All of them before the first is changed, which others may inherit.
+        # All bindings are read before the first one changes, because others may inherit it.
         bound = [(part, list(bindings_of(part.prim))) for part in bound_parts(mesh, shape, self._plan)]
         gone = [str(target) for part, _ in bound for target in _missing(part.prim)]
         if gone:

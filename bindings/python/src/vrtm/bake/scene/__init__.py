@@ -35,7 +35,7 @@ class Scene(AbstractContextManager):
             with self._reading():
                 source = self.source = _open(self.path, self.options)
         except SceneError as error:
-            # What a stage lacks may be why nothing is in it.
+            # A missing layer may be why the stage is empty.
             missing = [entry.line() for entry in self._said if isinstance(entry, LeftOut)]
             raise SceneError("; ".join([str(error), *missing[:3]])) from error
         self.shapes: tuple[Shape, ...] = source.shapes

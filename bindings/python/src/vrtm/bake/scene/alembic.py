@@ -1,4 +1,4 @@
-"""Alembic: which meshes of an archive are shapes, and where they are frame by frame.
+"""Alembic: the meshes of an archive, and their faces, UVs, rest and poses.
 
 Frame N is at N / fps seconds, in the file's own rate by default; between two samples, positions are interpolated.
 """
@@ -57,7 +57,7 @@ class AlembicSource(PosedSource["AlembicShape"]):
         if not isinstance(fps, (int, float)):
             hint = self._file.rate
             fits = hint is not None and all(is_whole(max(hint / found, found / hint)) for found in own)
-            # Of equally many the slower ones: samples of the others lie between their frames.
+            # The slower of two equally frequent rates: the samples of the other lie between its frames.
             fps = hint if fits else min(own, key=lambda found: (-own[found], found), default=24.0)
             guessed = None if fits else next((mesh for mesh, found, guess in rates if guess and found == fps), None)
             if guessed is not None:

@@ -1,4 +1,10 @@
-"""Wavefront OBJ: a mesh at rest from one file, and a file for each pose."""
+"""Wavefront OBJ: a mesh at rest from one file, and a file for each pose. Polygons stay polygons, vertices and UVs keep
+their order in the file.
+
+Only `v`, `vt` and `f` are read, by the rules of docs/bake.md, which the bake program has, too. Here: readers at hand
+either merge vertices and UVs or turn a number that cannot be read into 0, and none tells a vertex without a colour from
+a white one.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +21,12 @@ from vrtm.bake.scene.poses import find_poses
 from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import check_faces, check_mesh, luminance, unique_names, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
+
+_LAST = np.iinfo(np.int32).max
+_DIGITS = 1000
+_COMMENT = re.compile(r"(^|\s)#.*")
+# The number behind a slash may be missing.
+CORNER = re.compile(r"([+-]?[0-9]+)(?:/([+-]?[0-9]+)?(?:/(?:[+-]?[0-9]+)?)?)?")
 
 
 class ObjSource:
@@ -224,13 +236,6 @@ def _is_number(word: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-_LAST = np.iinfo(np.int32).max
-_DIGITS = 1000
-_COMMENT = re.compile(r"(^|\s)#.*")
-# What stands behind a slash may be missing.
-CORNER = re.compile(r"([+-]?[0-9]+)(?:/([+-]?[0-9]+)?(?:/(?:[+-]?[0-9]+)?)?)?")
 
 
 def _faces(path: str, rows: list[tuple[int, str]], seen: list[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:

@@ -21,6 +21,10 @@ from vrtm.bake.scene.usd_stage import meters
 from vrtm.bake.words import near
 
 REST_NAMES = ("primvars:Pref", "primvars:pref", "primvars:rest", "Pref", "rest")
+UV_TYPES = ("texCoord2f[]", "texCoord2h[]", "texCoord2d[]")
+PLAIN_UV_TYPES = ("float2[]", "half2[]", "double2[]")
+# The primvar that a bake writes.
+REDIRECTED = "st_redirected"
 
 
 class UsdMesh(PosedMesh):
@@ -334,12 +338,6 @@ def _counted(count: int) -> str:
     return f"{count} {'is' if count == 1 else 'are'}"
 
 
-UV_TYPES = ("texCoord2f[]", "texCoord2h[]", "texCoord2d[]")
-PLAIN_UV_TYPES = ("float2[]", "half2[]", "double2[]")
-# The primvar that a bake writes.
-REDIRECTED = "st_redirected"
-
-
 def find_uv(prim: Usd.Prim, names: tuple[str, ...], where: str) -> UsdGeom.Primvar | None:
     """The primvar of a mesh's UVs, inherited ones included: the first of these names that it has; None if it has none.
     Raises SceneError if none is named, there are several, and none of them is `st`, or if a named one does not hold
@@ -370,7 +368,7 @@ def uv_sets(prim: Usd.Prim) -> list[UsdGeom.Primvar]:
     found = {kind: [] for kind in UV_TYPES + PLAIN_UV_TYPES}
     for primvar in UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance():
         name = primvar.GetPrimvarName()
-        # What an earlier bake wrote is no UV set of the artist's.
+        # A primvar of an earlier bake is no UV set of the artist's.
         if name != REDIRECTED and primvar.HasAuthoredValue() and str(primvar.GetTypeName()) in found:
             found[str(primvar.GetTypeName())].append(primvar)
     of = ([primvar for kind in kinds for primvar in found[kind]] for kinds in (UV_TYPES, PLAIN_UV_TYPES))

@@ -1,4 +1,4 @@
-"""USD stages: opened, their files, frames and units, and which of their meshes a renderer shows."""
+"""USD stages: opened, their files, frames and units, and which of their meshes a renderer shows; messages of USD."""
 
 from __future__ import annotations
 
@@ -19,6 +19,13 @@ from vrtm.bake.scene.topology import whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions
 from vrtm.bake.words import cause, near
 
+_IN = re.compile(r"(?:In <([^>]*)>: )?(.*)", re.DOTALL)
+_STAGE = re.compile(r"\s*\(\w+ stage .*\)$", re.DOTALL)
+_MISSING = ("_ReportErrors", "_GetLayerForClip")
+"""USD's functions that tell of what a stage lacks."""
+_NO_FORMAT = "Cannot determine file format"
+"""The reader says in better words which kinds of files USD does not open."""
+
 
 def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
     """Opens a stage, with variants selected in its session layer. Raises SceneError."""
@@ -29,7 +36,7 @@ def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
     if stage is None:
         raise SceneError(f"{path}: cannot be opened as a USD stage")
     for layer in filter(is_carried, stage.GetUsedLayers()):
-        # What an earlier bake moved is read at rest.
+        # Prims that an earlier bake moved are read at rest.
         stage.MuteLayer(layer.identifier)
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         for prim_path, name, variant in options.variants:
@@ -191,17 +198,10 @@ def meters(attribute: Usd.Attribute, time: Usd.TimeCode) -> float | None:
     return None
 
 
-_IN = re.compile(r"(?:In <([^>]*)>: )?(.*)", re.DOTALL)
-_STAGE = re.compile(r"\s*\(\w+ stage .*\)$", re.DOTALL)
-_MISSING = ("_ReportErrors", "_GetLayerForClip")
-"""USD's functions that tell of what a stage lacks."""
-_NO_FORMAT = "Cannot determine file format"
-"""The reader says in better words which kinds of files USD does not open."""
-
-
 @contextlib.contextmanager
 def collected(said: list[LeftOut | str]) -> Iterator[None]:
-    """Adds to `said` what USD says in the block, in all threads: what is missing, and warnings. Nothing is printed."""
+    """Adds USD's messages in the block, in all threads, to `said`: missing references, layers and clips, and warnings.
+    They would otherwise go to stderr in USD's own words, or get lost."""
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         yield
