@@ -32,7 +32,7 @@ def cargo(*arguments):
 
 
 def linked(packages=PACKAGES, target="all", options=()):
-    """What cargo knows of the packages that are linked into `packages`, in the order of their names and versions."""
+    """Cargo's metadata of the packages that are linked into `packages`, in the order of their names and versions."""
     chosen = [part for package in packages for part in ("--package", package)]
     text = cargo("tree", *chosen, "--edges", "normal,no-proc-macro", "--target", target, "--prefix", "none", *options)
     pairs = {tuple(line.split()[:2]) for line in text.splitlines() if line.strip()}

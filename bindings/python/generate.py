@@ -4,8 +4,8 @@
 
 `_abi.py` gets the constants, the layouts of all structs and the signatures of all functions, for ctypes; `_records.py`
 gets a dataclass for each struct that the library fills, with the header's comments as its documentation, and a Literal
-of the names of each kind of constant. So nothing
-about the C API is written by hand, and a new field in the header appears here by itself.
+of the names of each kind of constant. Nothing about the C API is written by hand: a new field in the header appears
+here by itself.
 
 The header is plain C without conditions that matter here, so no preprocessor is needed: comments and directives are
 cut out, and pycparser reads the rest.
@@ -23,20 +23,10 @@ from pycparser import c_ast, c_parser
 HERE = Path(__file__).resolve().parent
 HEADER = HERE.parents[1] / "include" / "vrtm.h"
 
-# What the C types of the header are in ctypes.
-SCALARS = {
-    "int8_t": "c_int8",
-    "uint8_t": "c_uint8",
-    "int16_t": "c_int16",
-    "uint16_t": "c_uint16",
-    "int32_t": "c_int32",
-    "uint32_t": "c_uint32",
-    "int64_t": "c_int64",
-    "uint64_t": "c_uint64",
-    "size_t": "c_size_t",
-    "float": "c_float",
-    "double": "c_double",
-    "char": "c_char",
+# The C types of the header in ctypes.
+INTEGERS = [f"{sign}int{bits}_t" for bits in (8, 16, 32, 64) for sign in ("", "u")]
+SCALARS = {name: f"c_{name.removesuffix('_t')}" for name in (*INTEGERS, "float", "double", "char")} | {
+    "size_t": "c_size_t"
 }
 
 # The structs that become dataclasses, and their names.
@@ -56,21 +46,21 @@ RECORDS = {
     "vrtm_carrier_info": "CarrierInfo",
 }
 
-# Of these the caller reads all, one below another.
+# Records that are shown as tables.
 TABLES = {name for name in RECORDS if name.endswith("report")}
 
-# Of these the caller sets fields, so that all of them have a default.
+# Structs of which the caller sets fields: all of these have a default.
 SETTINGS = {"vrtm_tile_settings", "vrtm_pbd_settings", "vrtm_solve_options"}
 
 TILE = "vrtm_tile_settings"
 
-# Those that are given as keyword arguments, as a TypedDict for type checkers, and the fields that Python has otherwise.
+# Structs that are keyword arguments, as a TypedDict for type checkers, each with the fields that Python has otherwise.
 KEYWORDS = {
     "TileSettingsFields": ("vrtm_tile_settings", set()),
     "SolveFields": ("vrtm_solve_options", {"release", "tile_count", "dirty_vertex_count", "progress"}),
 }
 
-# Integers that say yes or no.
+# Integers that are true or false.
 FLAGS = {"software", "has_uuid", "has_luid", "truncated", "measured", "kept", "reached", "warm", "measure"}
 
 
@@ -175,7 +165,7 @@ def _plain(text: str) -> str:
 
 
 def _defaults(text: str) -> dict[str, dict[str, float]]:
-    """What the _init() functions set: {"vrtm_solve_options": {"pbd.iterations": 16, ...}, ...}. All else is zero."""
+    """Values of the _init() functions: {"vrtm_solve_options": {"pbd.iterations": 16, ...}, ...}. All else is zero."""
     found = {}
     for struct, body in re.findall(r"^VRTM_DEFINE_INIT_WITH_\((\w+),\n([^)]*)\)", text, re.M):
         values = re.findall(r"value\.([\w.]+) = ([^;]+);", body)
@@ -211,27 +201,19 @@ def _field_docs(text: str) -> dict[tuple[str, str], str]:
 
 
 def _check_known(header: Header) -> None:
-    """What is named above has to be in the header: a table that names something else is out of date."""
-    unknown = (set(RECORDS) | SETTINGS) - set(header.structs)
-    fields = {field.name for struct in {*RECORDS, *SETTINGS} for field in header.structs.get(struct, [])}
-    if unknown or FLAGS - fields:
-        raise SystemExit(f"generate.py: not in the header: {sorted(unknown | (FLAGS - fields))}")
+    """Ends the program if a table above names something that is not in the header."""
+    named = {*RECORDS, *SETTINGS}
+    fields = {field.name for struct in named for field in header.structs.get(struct, [])}
+    if unknown := (named - set(header.structs)) | (FLAGS - fields):
+        raise SystemExit(f"generate.py: not in the header: {sorted(unknown)}")
 
 
 def abi(header: Header) -> str:
     """The text of _abi.py."""
     used = sorted({*SCALARS.values(), "c_char_p", "c_void_p", "CFUNCTYPE", "POINTER", "Structure"})
-    lines = [
-        '"""The C API for ctypes: written by generate.py from vrtm.h; do not edit."""',
-        "",
-        "from __future__ import annotations",
-        "",
-        "from ctypes import (",
-        *(f"    {name}," for name in used),
-        ")",
-        "",
-    ]
-    lines += [f"{name} = {_constant(value)}" for name, value in header.constants.items()]
+    lines = ['"""The C API for ctypes: written by generate.py from vrtm.h; do not edit."""', ""]
+    lines += ["from ctypes import (", *(f"    {name}," for name in used), ")", ""]
+    lines += [f"{name} = {value.replace('UINT32_MAX', '0xFFFFFFFF')}" for name, value in header.constants.items()]
     for name, node in header.typedefs.items():
         if isinstance(node, c_ast.PtrDecl):
             lines += [f"{name} = {header.type(node)}"]
@@ -248,15 +230,10 @@ def abi(header: Header) -> str:
     return "\n".join(lines)
 
 
-def _constant(value: str) -> str:
-    return value.replace("UINT32_MAX", "0xFFFFFFFF")
-
-
 def records(header: Header) -> str:
     """The text of _records.py."""
     lines = [
-        '"""What the library tells, and some of what it is told, as dataclasses: written by generate.py from vrtm.h;',
-        'do not edit."""',
+        '"""Structs of the C API as dataclasses: written by generate.py from vrtm.h; do not edit."""',
         "",
         "from __future__ import annotations",
         "",
@@ -304,8 +281,7 @@ def _hint(header: Header, struct: str, decl: c_ast.Decl) -> str:
     if name in RECORDS:
         return RECORDS[name]
     if name in header.typedefs and header.values(name):
-        # Its first value is zero: the default.
-        # What the library tells may be a name that only a newer one knows.
+        # Its first value is zero, the default. A record may have a name that only a newer library knows.
         return f'{_literal(name)} = "{next(iter(header.values(name)))}"' if struct in SETTINGS else "str"
     if decl.name in FLAGS:
         return "bool"
@@ -314,12 +290,12 @@ def _hint(header: Header, struct: str, decl: c_ast.Decl) -> str:
 
 
 def _literal(typedef: str) -> str:
-    """What the type of a kind of constant is called in Python: FetchKind for vrtm_fetch_kind."""
+    """Name in Python of a kind of constant: FetchKind for vrtm_fetch_kind."""
     return typedef.removeprefix("vrtm_").title().replace("_", "")
 
 
 def _default(header: Header, struct: str, field: str) -> float:
-    """What the _init() function of the struct sets, or of the one that holds it."""
+    """Value that the _init() function of the struct sets, or of the one that holds it."""
     if struct == "vrtm_pbd_settings":
         struct, field = "vrtm_solve_options", f"pbd.{field}"
     return header.defaults[struct].get(field, 0)
@@ -342,13 +318,11 @@ def _doc(header: Header, text: str) -> list[str]:
 def generate(header: Path, out: Path) -> list[Path]:
     """Writes both files into the folder `out`; returns their paths."""
     parsed = Header(header.read_text(encoding="utf-8"))
-    written = []
-    for name, text in (("_abi.py", abi(parsed)), ("_records.py", records(parsed))):
-        path = out / name
+    texts = {out / "_abi.py": abi(parsed), out / "_records.py": records(parsed)}
+    for path, text in texts.items():
         if not path.exists() or path.read_text(encoding="utf-8") != text:
             path.write_text(text, encoding="utf-8", newline="\n")
-        written.append(path)
-    return written
+    return list(texts)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Which platform a shared library is for, as the tags of wheels name it, and what the package calls it there."""
+"""Platform of a shared library, as the tags of wheels name it, and the library's name in the package there."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MACH_O = {0x01000007: "x86_64", 0x0100000C: "arm64"}
 
 
 def file_name(tag: str) -> str:
-    """What the library is called in a wheel with this platform: as vrtm/_library.py looks for it."""
+    """Name of the library in a wheel for this platform, as vrtm/_library.py looks for it."""
     if tag.startswith(("win", "mingw")):
         return "vrtm.dll"
     return "libvrtm.dylib" if tag.startswith("macosx") else "libvrtm.so"
@@ -74,7 +74,7 @@ def tag_for(library: Path, wanted: str, here: str) -> str:
 
 
 def fits(tag: str, system: str, processor: str) -> bool:
-    """Whether a library may stand in a wheel with this tag: a universal one serves each of its processors."""
+    """True if a library may stand in a wheel with this tag: a universal one serves each of its processors."""
     kind = {"win": r"(win|mingw)", "linux": r"(many|musl)?linux(\d+)?", "macosx": "macosx"}[system]
     name = processor
     if (system, processor) == ("win", "amd64"):

@@ -76,7 +76,7 @@ pub(crate) struct GridKey {
     pub tile: usize,
     /// Generation of the tile's rigidity and mask.
     pub generation: u64,
-    /// That from which on the mask is this.
+    /// First generation with the present mask.
     masked: u64,
     /// Of the settings, what a grid depends on.
     size: [usize; 2],

@@ -63,7 +63,7 @@ def check_wheel(wheel: zipfile.ZipFile, arguments: argparse.Namespace) -> bytes:
 
 
 def check_list(files: list[Path], arguments: argparse.Namespace) -> None:
-    """What the SPDX file says of the others, and of what is in the library."""
+    """Checks the SPDX file's entries for the other files, and for the library's parts."""
     text = (arguments.release / f"vrtm-{arguments.version}-{arguments.triple}.spdx.json").read_text()
     packages = {package["name"]: package for package in json.loads(text)["packages"]}
     for file in files:

@@ -9,8 +9,8 @@
 # quick to make.
 #
 # Variables: VRTM_VENV, the folder of the virtual environment (target/venv), which setup.sh makes; VRTM_LIBRARY, a shared
-# library that is built already (else cargo builds one with the tests' profile); VRTM_REQUIRE_PYTHON=1: what would be
-# skipped because there is no environment fails.
+# library that is built already (else cargo builds one with the tests' profile); VRTM_REQUIRE_PYTHON=1: tests that would be
+# skipped without an environment fail.
 set -u
 here=$(cd "$(dirname "$0")" && pwd)
 repository=$(cd "$here/../.." && pwd)
@@ -68,39 +68,29 @@ case $word in
 esac
 for folder in $folders; do
     report=$target/python/${word:-$(basename $folder)}
-    rm -f "$report.code" "$report.xml"
+    rm -f "$report.code"
     (
         cd "$repository/$folder" || exit 1
         limit=
         ! command -v timeout >/dev/null || limit="timeout $seconds"
         $limit "$venv/bin/python" -m pytest -q -p no:cacheprovider --color=no --durations=10 --durations-min=1 \
-            --junit-xml "$report.xml" "$@" >"$report.log" 2>&1
+            "$@" >"$report.log" 2>&1
         echo $? >"$report.code"
     ) &
 done
 wait
+counted() { # WORDS LOG: a number of pytest's last line, such as that of "3 failed"
+    count=$(tail -n 1 "$2" | grep -oE "[0-9]+ ($1)" | cut -d ' ' -f 1)
+    echo "${count:-0}"
+}
 for folder in $folders; do
-    report=$target/python/${word:-$(basename $folder)}.xml
-    cat "${report%.xml}.log"
-    code=$(cat "${report%.xml}.code" 2>/dev/null || echo 1)
-    # What pytest counted; a run that ended without a report counts as one failure.
-    # shellcheck disable=SC2046
-    set_counts() {
-        passed=$((passed + $1)) failed=$((failed + $2)) skipped=$((skipped + $3))
-    }
-    set_counts $("$venv/bin/python" - "$report" "$code" <<'END'
-import sys
-import xml.etree.ElementTree as tree
-
-try:
-    suite = tree.parse(sys.argv[1]).getroot()[0].attrib
-    bad = int(suite["failures"]) + int(suite["errors"])
-    left = int(suite["skipped"])
-    good = int(suite["tests"]) - bad - left
-except (OSError, tree.ParseError, IndexError):
-    good = bad = left = 0
-print(good, max(bad, int(sys.argv[2] != "0")), left)
-END
-    )
+    report=$target/python/${word:-$(basename $folder)}
+    cat "$report.log"
+    bad=$(($(counted failed "$report.log") + $(counted 'errors?' "$report.log")))
+    # A run that ended without a count counts as one failure.
+    [ "$bad" != 0 ] || [ "$(cat "$report.code" 2>/dev/null)" = 0 ] || bad=1
+    passed=$((passed + $(counted passed "$report.log")))
+    failed=$((failed + bad))
+    skipped=$((skipped + $(counted skipped "$report.log")))
 done
 end $passed $failed $skipped

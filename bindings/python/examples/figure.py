@@ -102,7 +102,7 @@ def main() -> None:
     print(f"strain of the studs, RMS: {before:.3f} before, {after:.3f} after, in {report.ms_total:.0f} ms")
 
     # Drawn from many more points than the mesh has vertices, so that the texture is seen and not the mesh.
-    grid = (2800, 1400)
+    grid = (2800, 640)
     straight, _, at = arm(0, grid[1], grid[0])
     bent, _, _ = arm(np.radians(options.angle), grid[1], grid[0])
     straight, bent, own = straight.reshape(*grid, 3), bent.reshape(*grid, 3), at.reshape(*grid, 2)

@@ -1,7 +1,5 @@
 """Archives of Alembic with a skin and what is on it, written by the package that reads them."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,12 +7,13 @@ from typing import Any
 import imath
 import numpy as np
 from alembic3d import Abc, AbcCoreAbstract, AbcGeom
+from numpy.typing import ArrayLike
 
 VERTEX = AbcGeom.GeometryScope.kVertexScope
 FPS = 25.0
 
 
-def v3f(points: np.ndarray) -> Any:
+def v3f(points: ArrayLike) -> Any:
     return imath.V3fArrayFromBuffer(np.ascontiguousarray(points, np.float32))
 
 
@@ -44,33 +43,30 @@ def placed(parent: Any, name: str, matrices: Sequence[np.ndarray], sampling: int
     return made
 
 
-def square(cells: int) -> tuple[np.ndarray, np.ndarray]:
-    """(points, faces) of a unit square at z = 0."""
-    x, y = np.meshgrid(*[np.linspace(0, 1, cells + 1)] * 2)
-    at = np.arange((cells + 1) ** 2).reshape(cells + 1, -1)
-    faces = np.stack([at[:-1, :-1], at[:-1, 1:], at[1:, 1:], at[1:, :-1]], -1).reshape(-1, 4)
-    return np.stack([x, y, 0 * x], -1).reshape(-1, 3), faces
-
-
 def mesh(
     parent: Any,
     name: str,
-    poses: Sequence[np.ndarray],
-    faces: np.ndarray,
+    poses: Sequence[ArrayLike],
+    faces: ArrayLike,
     sampling: int = 0,
-    uvs: np.ndarray | None = None,
+    uvs: ArrayLike | None = None,
     subd: bool = False,
+    indices: Sequence[int] | None = None,
+    scope: Any = VERTEX,
+    then: ArrayLike | None = None,
 ) -> Any:
-    """A mesh of quadrilaterals, with UVs per vertex if there are some."""
+    """A mesh of quadrilaterals, with UVs per vertex if there are some. `then`: the faces after the first sample."""
     kind, of = (
         (AbcGeom.OSubD, AbcGeom.OSubDSchemaSample) if subd else (AbcGeom.OPolyMesh, AbcGeom.OPolyMeshSchemaSample)
     )
     made = kind(parent, name, sampling)
     for number, points in enumerate(poses):
-        sample = of(v3f(points), ints(faces), ints([4] * len(faces)))
+        corners = ints(faces if number == 0 or then is None else then)
+        sample = of(v3f(points), corners, ints([4] * (len(corners) // 4)))
         if uvs is not None and number == 0:
             values = array(imath.V2fArray, [imath.V2f(*map(float, uv)) for uv in uvs])
-            sample.setUVs(AbcGeom.OV2fGeomParamSample(values, VERTEX))
+            chosen = (array(imath.UnsignedIntArray, indices),) if indices else ()
+            sample.setUVs(AbcGeom.OV2fGeomParamSample(values, *chosen, scope))
         made.getSchema().set(sample)
     return made
 

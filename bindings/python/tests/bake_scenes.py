@@ -1,9 +1,6 @@
-"""Scenes for the tests of the console command: a small one with two tiles, and real meshes where they are at hand."""
-
-from __future__ import annotations
+"""The console command in tests, and scenes for it: a small one with two tiles, and real meshes."""
 
 import contextlib
-import json
 import os
 import subprocess
 import sys
@@ -15,18 +12,18 @@ from unittest import mock
 
 import numpy as np
 import OpenImageIO as oiio
-import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+from pxr import Usd, UsdGeom
 
 import scenes
 import vrtm
+from conftest import centres, grid, real_mesh
 from vrtm.bake import warped
-from vrtm.bake.scene import Scene
+from vrtm.bake.scene import Scene, SceneOptions, Shape
 from vrtm.bake.scene.images import read_map
+from vrtm.bake.settings import Settings
+from vrtm.bake.work import Work
 from vrtm.cli import main
 
-PACKAGE = Path(__file__).resolve().parents[1]
-REPOSITORY = PACKAGE.parents[1]
 # Where the package is that these tests are of: among the installed ones, or the sources.
 INSTALLED = Path(vrtm.__file__).resolve().parents[1]
 # The mesh of `sheet`.
@@ -38,6 +35,16 @@ def vrtm_command(*arguments: object, **environment: str) -> tuple[list[str], dic
     kept = {name: value for name, value in os.environ.items() if name not in ("VRTM_DEVICE", "VRTM_THREADS")}
     path = os.pathsep.join(filter(None, [str(INSTALLED), os.environ.get("PYTHONPATH")]))
     return [sys.executable, "-m", "vrtm.cli", *map(str, arguments)], kept | {"PYTHONPATH": path} | environment
+
+
+def processes() -> dict[int, tuple[str, int, int]]:
+    """The state, the parent and the session of each process; /proc tells."""
+    found = {}
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            state, parent, _, session = (entry / "stat").read_text().rsplit(")", 1)[1].split()[:4]
+            found[int(entry.name)] = state, int(parent), int(session)
+    return found
 
 
 @contextlib.contextmanager
@@ -98,14 +105,20 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def image(path: Path, pixels: np.ndarray, **attributes: object) -> Path:
-    """Writes (height, width, channels) pixels as they are."""
-    kind = {"float16": "half", "float32": "float"}.get(str(pixels.dtype), str(pixels.dtype))
+    """Writes (height, width, channels) pixels as they are. `attributes`: also fields of the specification."""
+    kinds = {"float16": "half", "float32": "float", "float64": "double"}
+    kind = kinds.get(str(pixels.dtype), str(pixels.dtype))
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], kind)
     for name, value in attributes.items():
-        spec.attribute(name, value)
+        setattr(spec, name, value) if hasattr(spec, name) else spec.attribute(name, value)
     out = oiio.ImageOutput.create(str(path))
     assert out.open(str(path), spec) and out.write_image(pixels) and out.close(), out.geterror()
     return path
+
+
+def flat(path: Path, value: int = 255, size: int = 16) -> Path:
+    """Writes a square image of one channel and one value of 8 bits: of 255, all is rigid."""
+    return image(path, np.full((size, size, 1), value, np.uint8))
 
 
 def pixels(path: Path) -> np.ndarray:
@@ -123,60 +136,32 @@ def attributes(path: Path) -> dict[str, object]:
     return {a.name: a.value for a in oiio.ImageInput.open(str(path)).spec().extra_attribs}
 
 
-def sheet(folder: Path, frames: int = 5, cells: int = 8, mesh: str = "sheet") -> Path:
+def sheet(folder: Path, frames: int = 5, cells: int = 8) -> Path:
     """A sheet over the tiles 1001 and 1002 that is stretched more from frame to frame, with round studs that are rigid
     in `rigid.<UDIM>.png`, and a texture `colour.<UDIM>.png` of 8 bits. Returns the scene's path."""
     folder.mkdir(parents=True, exist_ok=True)
-    scene = folder / "sheet.usda"
-    stage = Usd.Stage.CreateNew(str(scene))
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    stage.SetStartTimeCode(1)
-    stage.SetEndTimeCode(frames)
-    root = UsdGeom.Xform.Define(stage, "/model")
-    stage.SetDefaultPrim(root.GetPrim())
-    prim = UsdGeom.Mesh.Define(stage, f"/model/{mesh}")
-    prim.CreateSubdivisionSchemeAttr("none")
-    points, uvs, indices = [], [], []
-    for tile in range(2):
-        first = len(points)
-        for j in range(cells + 1):
-            for i in range(cells + 1):
-                points.append((tile * 1.2 + i / cells, j / cells, 0.0))
-                uvs.append((tile + 0.05 + 0.9 * i / cells, 0.05 + 0.9 * j / cells))
-        for j in range(cells):
-            for i in range(cells):
-                at = first + j * (cells + 1) + i
-                indices += [at, at + 1, at + cells + 2, at + cells + 1]
-    prim.CreateFaceVertexCountsAttr([4] * (len(indices) // 4))
-    prim.CreateFaceVertexIndicesAttr(indices)
-    rest = np.array(points)
-    attribute = prim.CreatePointsAttr([Gf.Vec3f(*map(float, p)) for p in rest])
-    for frame in range(1, frames + 1):
-        amount = 0.06 * frame
-        moved = rest.copy()
-        moved[:, 0] += amount * np.sin(2 * np.pi * rest[:, 0]) * rest[:, 1]
-        moved[:, 2] += amount * np.cos(3 * rest[:, 1])
-        attribute.Set([Gf.Vec3f(*map(float, p)) for p in moved], frame)
-    UsdGeom.PrimvarsAPI(prim).CreatePrimvar("Pref", Sdf.ValueTypeNames.Point3fArray, UsdGeom.Tokens.vertex).Set(
-        [Gf.Vec3f(*map(float, p)) for p in rest]
-    )
-    primvar = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex)
-    primvar.Set([Gf.Vec2f(*map(float, uv)) for uv in uvs])
+    stage = scenes.stage(folder / "sheet.usda", 1, frames, fps=None, meters=1)
+    stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/model").GetPrim())
+    square, faces = grid(cells)
+    rest = np.concatenate([square, np.add(square, [1.2, 0, 0])])
+    uvs = 0.05 + 0.9 * np.concatenate([square, square])[:, :2] + np.repeat([[0, 0], [1, 0]], len(square), 0)
+    (x, y, _), none = rest.T, 0 * rest[:, 0]
+    moves = np.stack([np.sin(2 * np.pi * x) * y, none, np.cos(3 * y)], -1)
+    poses = {frame: rest + 0.06 * frame * moves for frame in range(1, frames + 1)}
+    faces = np.concatenate([faces, faces + len(square)])
+    scenes.mesh(stage, MESH, rest, uvs, faces=faces, poses=poses, pref=True)
     stage.Save()
-    at = (np.arange(64) + 0.5) / 64
-    x, y = np.meshgrid(at, at)
-    studs = (np.hypot((x * 3) % 1 - 0.5, (y * 3) % 1 - 0.5) < 0.3).astype(np.uint8) * 255
-    colour = np.stack([255 * x, 255 * y, studs], axis=-1).astype(np.uint8)
+    u, v = centres(64)
+    studs = (np.hypot((u * 3) % 1 - 0.5, (v * 3) % 1 - 0.5) < 0.3).astype(np.uint8) * 255
     for udim in (1001, 1002):
         image(folder / f"rigid.{udim}.png", studs[..., None])
-        image(folder / f"colour.{udim}.png", colour)
-    return scene
+        image(folder / f"colour.{udim}.png", np.stack([255 * u, 255 * (1 - v), studs], -1).astype(np.uint8))
+    return folder / "sheet.usda"
 
 
-def with_material(folder: Path, make=scenes.materialx_material) -> Path:
-    """The sheet in three frames at 60 per second, z up, with a material that `make` makes."""
-    path = sheet(folder, frames=3, cells=4)
+def with_material(folder: Path, make=scenes.materialx_material, frames: int = 3, cells: int = 4) -> Path:
+    """The sheet at 60 frames per second, z up, with a material that `make` makes."""
+    path = sheet(folder, frames, cells)
     stage = Usd.Stage.Open(str(path))
     stage.SetTimeCodesPerSecond(60)
     stage.SetMetadata("upAxis", "Z")
@@ -194,63 +179,60 @@ def sheet_arguments(scene: Path, out: Path, *more: object) -> list[object]:
     return ["bake", scene, "--rigidity", rigidity, "--size", size, "--device", "cpu", "--out", out, *more]
 
 
-def solved_alone(scene: Path, frame: int, maps: Path, cells: int) -> vrtm.Asset:
-    """A frame of a scene's only mesh, solved by the library without the command. `maps`: the rigidity images, with
-    <UDIM> in their name; `cells` of the grid per side."""
-    with Scene(scene) as opened:
+def asset_of(shape: Shape, **mesh: object) -> vrtm.Asset:
+    """An asset of a mesh of a scene, without the command. `mesh`: arguments of vrtm.Asset."""
+    own = {"face_counts": shape.face_counts, "uvs": shape.uvs, "uv_indices": shape.uv_indices}
+    return vrtm.Asset(vrtm.Device("cpu"), shape.rest, shape.indices, **own | mesh)
+
+
+def solved_alone(
+    scene: Path,
+    frame: float,
+    cells: int = 64,
+    maps: str | Path = "rigid.<UDIM>.png",
+    options: SceneOptions | None = None,
+    settings: dict[str, object] | None = None,
+    solve: bool = True,
+    **mesh: object,
+) -> vrtm.Asset:
+    """A frame of a scene's only mesh, solved by the library without the command. `cells` of the grid per side; `maps`:
+    the rigidity images, from the scene's folder, with <UDIM> in their name; `settings` of the tiles; `solve`: or left
+    before its first solve."""
+    with Scene(scene, options or SceneOptions()) as opened:
         (shape,) = opened.shapes
         positions = opened.positions(shape, frame)
-    made = vrtm.Asset(
-        vrtm.Device("cpu"),
-        shape.rest,
-        shape.indices,
-        face_counts=shape.face_counts,
-        uvs=shape.uvs,
-        uv_indices=shape.uv_indices,
-    )
+    made = asset_of(shape, **mesh)
     for tile in made.tiles:
-        path = Path(str(maps).replace("<UDIM>", str(tile.udim)))
+        path = scene.parent / str(maps).replace("<UDIM>", str(tile.udim))
         tile.set_rigidity(read_map(str(path)) if path.exists() else None)
-        tile.set_settings(tile.settings, grid_width=cells, grid_height=cells)
-    made.solve(positions)
+        tile.set_settings(grid_width=cells, grid_height=cells, **settings or {})
+    if solve:
+        made.solve(positions)
     return made
 
 
-def asset(name: str) -> Path:
-    """The folder of a real mesh; skips the test where there is none."""
-    folder = Path(os.environ.get("VRTM_ASSETS") or REPOSITORY.parent / "shared" / "assets") / name
-    if not folder.is_dir():
-        assert not os.environ.get("VRTM_REQUIRE_ASSETS"), f"{folder} is missing"
-        pytest.skip(f"skipped: no {folder}")
-    return folder
+def written(ended: subprocess.CompletedProcess[str]) -> tuple[int, int]:
+    """Files written, and up to date, by the last line."""
+    words = ended.stdout.splitlines()[-1].split()
+    return int(words[0]), int(words[3])
 
 
-def asset_scene(name: str, folder: Path, repeats: int = 1) -> Path:
-    """A real mesh and its frames as a USD file, the frames over and over again, a little further each time."""
-    source = asset(name)
-    told = json.loads((source / "asset.json").read_text())
+def opened(scene: Path, options: SceneOptions | None = None, **settings: object) -> Work:
+    """A bake of a scene on the CPU before its first solve, as the command opens it."""
+    return Work(Settings(str(scene), options or SceneOptions(), device="cpu", **settings), 1)
+
+
+def real_scene(name: str, folder: Path) -> Path:
+    """A real mesh and its frames as a USD file."""
+    source = real_mesh(name)
     with Scene(source / "rest.obj") as scene:
         (shape,) = scene.shapes
-    poses = np.fromfile(source / "frames.f32", "<f4").reshape(told["frames"], -1, 3)
-    path = folder / f"{name}.usdc"
-    stage = Usd.Stage.CreateNew(str(path))
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
-    stage.SetStartTimeCode(1)
-    stage.SetEndTimeCode(len(poses) * repeats)
-    prim = UsdGeom.Mesh.Define(stage, f"/{name}")
-    stage.SetDefaultPrim(prim.GetPrim())
-    prim.CreateSubdivisionSchemeAttr("none")
-    prim.CreateFaceVertexCountsAttr(shape.face_counts)
-    prim.CreateFaceVertexIndicesAttr(shape.indices)
-    attribute = prim.CreatePointsAttr()
-    rest = shape.rest.astype(np.float32)
-    UsdGeom.PrimvarsAPI(prim).CreatePrimvar("Pref", Sdf.ValueTypeNames.Point3fArray, UsdGeom.Tokens.vertex).Set(rest)
-    uvs = UsdGeom.PrimvarsAPI(prim).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
-    uvs.Set(shape.uvs.astype(np.float32))
-    uvs.SetIndices(Vt.IntArray.FromNumpy(shape.uv_indices.astype(np.int32)))
-    for index in range(len(poses) * repeats):
-        share = np.float32(1 - 0.05 * (index // len(poses)))
-        attribute.Set(rest + share * (poses[index % len(poses)] - rest), index + 1)
-    stage.Save()
-    return path
+    poses = np.fromfile(source / "frames.f32", "<f4").reshape(-1, *shape.rest.shape)
+    stage = scenes.stage(folder / f"{name}.usdc", 1, len(poses), fps=None)
+    mesh = scenes.mesh(stage, f"/{name}", shape.rest, shape.uvs, "faceVarying", shape.uv_indices, pref=True)
+    mesh.GetFaceVertexCountsAttr().Set(shape.face_counts)
+    mesh.GetFaceVertexIndicesAttr().Set(shape.indices)
+    for frame, pose in enumerate(poses, 1):
+        mesh.GetPointsAttr().Set(pose, frame)
+    stage.SetDefaultPrim(mesh.GetPrim())
+    return Path(scenes.saved(stage))

@@ -1,14 +1,13 @@
 """A model whose halves lie on the same UVs, and what a renderer would resolve of a bake's layer over it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes
 from bake_scenes import image
+from conftest import centres
 
 MESH = "/model/mirrored"
 CELLS = 12
@@ -19,12 +18,7 @@ def mirrored(folder: Path, frames: int = 2, make=scenes.materialx_material, sche
     """A surface whose halves lie on the same UVs of tile 1001 and share the vertices of the middle, with a third part
     in tile 1002. The halves are stretched in different ways. A material is bound to the mesh; studs are rigid."""
     folder.mkdir(parents=True, exist_ok=True)
-    scene = folder / "shot.usda"
-    stage = Usd.Stage.CreateNew(str(scene))
-    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
-    stage.SetStartTimeCode(1)
-    stage.SetEndTimeCode(frames)
+    stage = scenes.stage(folder / "shot.usda", 1, frames, fps=None, meters=1)
     stage.SetDefaultPrim(UsdGeom.Xform.Define(stage, "/model").GetPrim())
     points: dict[tuple[int, int], int] = {}
     indices, uvs = [], []
@@ -39,33 +33,25 @@ def mirrored(folder: Path, frames: int = 2, make=scenes.materialx_material, sche
                     indices.append(points.setdefault(at, len(points)))
                     uvs.append((tile + 0.05 + 0.9 * a / CELLS, 0.05 + 0.9 * b / CELLS))
     rest = np.array([(x / CELLS, y / CELLS, 0.0) for x, y in points])
-    mesh = UsdGeom.Mesh.Define(stage, MESH)
-    mesh.CreateSubdivisionSchemeAttr(scheme)
-    mesh.CreateFaceVertexCountsAttr([4] * (len(indices) // 4))
-    mesh.CreateFaceVertexIndicesAttr(indices)
-    mesh.CreateExtentAttr([Gf.Vec3f(-2, -1, -1), Gf.Vec3f(4, 3, 1)])
-    attribute = mesh.CreatePointsAttr([Gf.Vec3f(*map(float, p)) for p in rest])
+    poses = {}
     for frame in range(1, frames + 1):
         moved, (x, y) = rest.copy(), rest[:, :2].T
         amount = frame / frames
         moved[:, 0] += amount * np.where(x > 0, 0.2 * np.sin(3 * x) * y, -0.1 * np.sin(6 * x))
         moved[:, 1] += amount * np.where(x > 0, 0.25 * y * y, 0.15 * np.sin(5 * y))
-        attribute.Set([Gf.Vec3f(*map(float, p)) for p in moved], frame)
-    kinds = Sdf.ValueTypeNames
-    pref = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("Pref", kinds.Point3fArray, UsdGeom.Tokens.vertex)
-    pref.Set([Gf.Vec3f(*map(float, p)) for p in rest])
-    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", kinds.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
-    st.Set([Gf.Vec2f(*uv) for uv in uvs])
+        poses[frame] = moved
+    mesh = scenes.mesh(stage, MESH, rest, uvs, "faceVarying", faces=indices, poses=poses, pref=True)
+    mesh.CreateSubdivisionSchemeAttr(scheme)
+    mesh.CreateExtentAttr([(-2, -1, -1), (4, 3, 1)])
     scenes.bind(mesh, make(stage, "/model/skin"))
     stage.Save()
-    x, y = np.meshgrid((np.arange(SIZE) + 0.5) / SIZE, (np.arange(SIZE) + 0.5) / SIZE)
+    u, v = centres(SIZE)
     # Away from the borders, where nothing moves.
-    studs = (np.hypot((x * 5) % 1 - 0.5, (y * 5) % 1 - 0.5) < 0.25) & (np.maximum(abs(x - 0.5), abs(y - 0.5)) < 0.4)
+    studs = (np.hypot((u * 5) % 1 - 0.5, (v * 5) % 1 - 0.5) < 0.25) & (np.maximum(abs(u - 0.5), abs(v - 0.5)) < 0.4)
     for udim in (1001, 1002):
         image(folder / f"rigid.{udim}.png", (255 * studs).astype(np.uint8)[..., None])
-        colour = np.stack([255 * x, 255 * y, 255 * studs], axis=-1).astype(np.uint8)
-        image(folder / f"colour.{udim}.png", colour)
-    return scene
+        image(folder / f"colour.{udim}.png", np.stack([255 * u, 255 * (1 - v), 255 * studs], -1).astype(np.uint8))
+    return folder / "shot.usda"
 
 
 def composed(baked: Path, layer: Path) -> Usd.Stage:

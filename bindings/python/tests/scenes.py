@@ -1,55 +1,69 @@
 """Small USD scenes, built in code, that several tests read."""
 
-from __future__ import annotations
-
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel
+from numpy.typing import ArrayLike
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 
 # Two squares side by side.
 POINTS = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
-COUNTS = [4, 4]
 INDICES = [0, 1, 4, 3, 1, 2, 5, 4]
 UVS = [(0, 0), (0.5, 0), (1, 0), (0, 1), (0.5, 1), (1, 1)]
 TYPES = Sdf.ValueTypeNames
 
 
-def stage(path: Path, first: float | None = 1, last: float | None = 5, fps: float = 24) -> Usd.Stage:
-    """A new stage at a path, with units and a range of frames, if any."""
+def stage(
+    path: Path, first: float | None = 1, last: float | None = 5, fps: float | None = 24, meters: float = 0.01
+) -> Usd.Stage:
+    """A new stage at a path, with units, a range of frames and a rate, if any."""
     made = Usd.Stage.CreateNew(str(path))
     UsdGeom.SetStageUpAxis(made, UsdGeom.Tokens.y)
-    UsdGeom.SetStageMetersPerUnit(made, 0.01)
-    made.SetTimeCodesPerSecond(fps)
-    made.SetFramesPerSecond(fps)
+    UsdGeom.SetStageMetersPerUnit(made, meters)
+    if fps is not None:
+        made.SetTimeCodesPerSecond(fps)
+        made.SetFramesPerSecond(fps)
     if first is not None:
         made.SetStartTimeCode(first)
         made.SetEndTimeCode(last)
     return made
 
 
+def saved(made: Usd.Stage) -> str:
+    """Saves a stage; returns its path."""
+    made.Save()
+    return made.GetRootLayer().realPath
+
+
 def mesh(
     made: Usd.Stage,
     path: str,
-    points: Sequence = POINTS,
-    uvs: Sequence | None = UVS,
+    points: ArrayLike = POINTS,
+    uvs: ArrayLike | None = UVS,
     interpolation: str = "vertex",
     indices: Sequence[int] | None = None,
     name: str = "st",
-    counts: Sequence[int] = COUNTS,
-    faces: Sequence[int] = INDICES,
+    faces: ArrayLike = INDICES,
+    poses: Mapping[float, ArrayLike] | None = None,
+    pref: bool = False,
 ) -> UsdGeom.Mesh:
-    """A mesh without subdivision, two squares unless told otherwise."""
+    """A mesh of quadrilaterals without subdivision, two squares unless told otherwise. `poses`: points by time code.
+    `pref`: with the points as Pref, too."""
     prim = UsdGeom.Mesh.Define(made, path)
-    prim.CreatePointsAttr(points)
-    prim.CreateFaceVertexCountsAttr(counts)
-    prim.CreateFaceVertexIndicesAttr(faces)
+    corners = np.asarray(faces, np.int32).reshape(-1)
+    prim.CreatePointsAttr(np.float32(points))
+    prim.CreateFaceVertexCountsAttr([4] * -(-len(corners) // 4))
+    prim.CreateFaceVertexIndicesAttr(corners)
     prim.CreateSubdivisionSchemeAttr("none")
-    prim.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(points))
+    prim.CreateExtentAttr(UsdGeom.PointBased.ComputeExtent(np.float32(points)))
+    for frame, pose in (poses or {}).items():
+        prim.GetPointsAttr().Set(np.float32(pose), frame)
     if uvs is not None:
-        primvar(prim.GetPrim(), name, TYPES.TexCoord2fArray, uvs, interpolation, indices)
+        primvar(prim.GetPrim(), name, TYPES.TexCoord2fArray, np.float32(uvs), interpolation, indices)
+    if pref:
+        primvar(prim.GetPrim(), "Pref", TYPES.Point3fArray, np.float32(points), "vertex")
     return prim
 
 
@@ -57,7 +71,7 @@ def primvar(
     prim: Usd.Prim,
     name: str,
     kind: Sdf.ValueTypeName,
-    values: Sequence,
+    values: ArrayLike,
     interpolation: str,
     indices: Sequence[int] | None = None,
 ) -> UsdGeom.Primvar:
@@ -65,7 +79,7 @@ def primvar(
     made = UsdGeom.PrimvarsAPI(prim).CreatePrimvar(name, kind, interpolation)
     made.Set(values)
     if indices is not None:
-        made.SetIndices(indices)
+        made.SetIndices(Vt.IntArray.FromNumpy(np.int32(indices)))
     return made
 
 

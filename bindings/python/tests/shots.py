@@ -1,15 +1,14 @@
 """A shot, a bake's layer over it, and what a renderer would resolve of both."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes
-from vrtm.bake.layer import LayerPlan, check_layer, write_corner_uvs, write_layer
-from vrtm.bake.scene import Scene, SceneOptions
+from usd_validators import check_layer
+from vrtm.bake.layer import LayerPlan, corner_uv_layer, export, values_hash, write_layer
+from vrtm.bake.scene import Scene, SceneOptions, Shape
 
 FRAMES = (1, 2, 4)
 OPEN: list[Usd.Stage] = []  # a stage that nothing holds takes its prims along
@@ -46,22 +45,36 @@ def bake(folder: Path, scene: Scene, shapes=("one",), files: bool = True, **plan
     return folder / "over.usda", write_layer(folder / "over.usda", scene, plan).warnings
 
 
+def over(stage: Usd.Stage, shapes=("one",), options: SceneOptions | None = None, **plan) -> tuple[Usd.Stage, list[str]]:
+    """Saves a shot and writes a layer over it: the stage of both, and the layer's warnings."""
+    stage.Save()
+    path = Path(stage.GetRootLayer().realPath)
+    with Scene(path, options or SceneOptions()) as scene:
+        _, warnings = bake(path.parent, scene, shapes, **plan)
+    return composed(path.parent, path.name), warnings
+
+
+def write_corner_uvs(path: Path, shape: Shape, frame: float, uvs: np.ndarray) -> None:
+    export(corner_uv_layer(shape, frame, uvs), path, values_hash)
+
+
 def corner_uvs(shape, frame: float) -> np.ndarray:
-    """What a bake might find: each corner's own UV, and what a frame adds to it."""
+    """UVs as a bake might find them: each corner's own, and a shift that grows with the frame."""
     return shape.uvs[shape.uv_indices] + np.arange(2 * len(shape.indices)).reshape(-1, 2) * 0.001 * frame
 
 
 def composed(folder: Path, file: str = "shot.usda") -> Usd.Stage:
-    """The shot with the layer sublayered over it, as a user would do it."""
-    OPEN.clear()
-    root = Sdf.Layer.CreateNew(str(folder / "final.usda"))
+    """The shot with the layer sublayered over it, as a user would do it; also as final.usda."""
+    root = Sdf.Layer.CreateAnonymous(".usda")
     below = Sdf.Layer.FindOrOpen(str(folder / file))
     for name in ("timeCodesPerSecond", "framesPerSecond"):
         root.pseudoRoot.SetInfo(name, below.pseudoRoot.GetInfo(name))
-    root.subLayerPaths = ["./over.usda", f"./{file}"]
-    root.Save()
-    OPEN.append(Usd.Stage.Open(root))
-    return OPEN[-1]
+    root.subLayerPaths = [str(folder / "over.usda"), str(folder / file)]
+    root.Export(str(folder / "final.usda"))
+    # A stage with an earlier layer may still be open.
+    Sdf.Layer.FindOrOpen(str(folder / "over.usda")).Reload(force=True)
+    OPEN[:] = [Usd.Stage.Open(root)]
+    return OPEN[0]
 
 
 def bound(stage: Usd.Stage, path: str, purpose: str = "") -> UsdShade.Material:
@@ -83,5 +96,5 @@ def varname(shader: UsdShade.Shader) -> str:
 
 
 def checked(folder: Path, file: str = "shot.usda", options: SceneOptions | None = None) -> list[str]:
-    """What validators say that they do not say of the shot, or of the layer by itself."""
+    """Complaints of validators about the layer over the shot, less those about the shot; and about the layer alone."""
     return check_layer(folder / "over.usda", folder / file, options) + check_layer(folder / "over.usda")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import vrtm
-from conftest import studs
+from conftest import centres, studded, studs
 from vrtm._arrays import Pinned
 
 
@@ -20,9 +20,7 @@ def solved(device, model, positions=None, pose=None, faces=None, **mesh):
 def expected(device, model):
     result = solved(device, model)
     # The pose moves something, so that equal results mean something.
-    width = result.shape[1]
-    u = (np.arange(width) + 0.5) / width
-    assert np.abs(result[..., 0] - u).max() > 0.01
+    assert np.abs(result[..., 0] - centres(result.shape[1])[0]).max() > 0.01
     return result
 
 
@@ -30,23 +28,21 @@ def layouts(array):
     """The same numbers in other layouts."""
     padded = np.zeros((len(array), 7), array.dtype)
     padded[:, :3] = array
-    reversed_rows = array[::-1].copy()[::-1]
     fields = np.zeros(len(array), [("id", "u2"), ("p", array.dtype, 3)])
     fields["p"] = array
     every_other = np.zeros((2 * len(array), 3), array.dtype)
     every_other[::2] = array
     read_only = array.copy()
     read_only.flags.writeable = False
-    swapped = array.astype(array.dtype.newbyteorder())
     return {
         "padded": padded[:, :3],
         "four": np.hstack([array, np.ones((len(array), 1), array.dtype)]),
         "columns": np.asfortranarray(array),
-        "negative": reversed_rows,
+        "negative": array[::-1].copy()[::-1],
         "unaligned": fields["p"],
         "every other": every_other[::2],
         "read-only": read_only,
-        "byte order": swapped,
+        "byte order": array.astype(array.dtype.newbyteorder()),
         "list": array.tolist(),
     }
 
@@ -120,16 +116,16 @@ def test_faces_without_texture(device, model):
     corners[:16] = -1
     with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=corners) as asset:
         assert asset.info.faces_untextured == 16
-    with vrtm.Asset(
-        device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces, textured_faces=range(16, 256)
-    ) as asset:
+        asset.solve(model.pose)
+        assert not asset.corner_uvs()[:64].any() and asset.corner_uvs()[64:].any()
+    with studded(device, model, textured_faces=range(16, 256)) as asset:
         assert asset.info.faces_untextured == 16
 
 
 def test_seams(device, model):
     middle = np.arange(17 * 8, 17 * 9)
     pairs = np.stack([middle[:-1], middle[1:]], 1)
-    with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces, seams=pairs) as asset:
+    with studded(device, model, seams=pairs) as asset:
         assert asset.info.charts == 2
 
 

@@ -1,6 +1,4 @@
-"""What `vrtm bake` does at borders where --seams and --open-borders do not say it."""
-
-from __future__ import annotations
+"""Choices of `vrtm bake` at borders where --seams and --open-borders are not given."""
 
 import functools
 import json
@@ -10,14 +8,14 @@ from pathlib import Path
 from unittest import mock
 
 import numpy as np
-from pxr import Sdf, Usd, UsdShade
+from pxr import Sdf, Usd
 
+import scenes
 import test_bake_seams
-from bake_scenes import files, image, run, sheet_arguments, with_material
+from bake_scenes import files, image, opened, run, sheet_arguments, with_material
 from test_bake_seams import CELLS, on_sheet, write_obj
 from vrtm.bake import borders
 from vrtm.bake.scene import SceneOptions
-from vrtm.bake.settings import Settings
 from vrtm.bake.work import Work
 
 scene = test_bake_seams.scene
@@ -25,13 +23,13 @@ COPIED = "rest.obj: seams continue, open borders slide: all textures are copies"
 
 
 def baked(scene: list[object], out: Path, *more: object) -> tuple[str, dict[str, bytes]]:
-    """What is said, and the files."""
+    """Output of a bake, and its files."""
     said = run(*scene, "--size", 64, "--device", "cpu", "--jobs", 1, "--out", out, *more).stdout
     return said, files(out)
 
 
 def line(said: str) -> str:
-    """What is said of borders, less the mesh's path."""
+    """Printed line about borders, less the mesh's path."""
     found = [line for line in said.splitlines() if ": seams " in line]
     assert len(found) == 1, said
     return found[0].partition(": ")[2]
@@ -88,9 +86,11 @@ def test_the_better_one_where_a_texture_has_no_copy(scene: list[object], tmp_pat
     # So does a further process, which is told.
     options = SceneOptions(poses=(str(tmp_path / "pose.#.obj"),))
     maps = {"rigidity": str(tmp_path / "rigid.<UDIM>.png"), "textures": (str(tmp_path / "colour.<UDIM>.png"),)}
-    settings = Settings(str(tmp_path / "rest.obj"), options, size=64, device="cpu", out=str(tmp_path / "out"), **maps)
-    with Work(settings, 1) as work, mock.patch.object(borders, "mesh", None):
-        with Work(settings, 1, pickle.loads(pickle.dumps(work.choices))) as other:
+    with (
+        opened(tmp_path / "rest.obj", options, size=64, out=str(tmp_path / "out"), **maps) as work,
+        mock.patch.object(borders, "mesh", None),
+    ):
+        with Work(work.settings, 1, pickle.loads(pickle.dumps(work.choices))) as other:
             (mesh,) = other.meshes.values()
             assert (mesh.settings.seams, mesh.borders) == (best, next(iter(work.meshes.values())).borders)
     # Where nothing rigid is on a border there is nothing to choose, and nothing to solve.
@@ -107,18 +107,12 @@ def test_nothing_slides_where_the_surface_goes_on(scene: list[object], tmp_path:
     # Each face has vertices of its own.
     for name in ("rest.obj", "pose.obj"):
         lines = (tmp_path / name).read_text().splitlines()
-        points = [line for line in lines if line.startswith("v ")]
-        uvs, faces = ([line for line in lines if line.startswith(kind)] for kind in ("vt ", "f "))
-        doubled, corners = [], []
-        for face in faces:
-            of_face = []
-            for corner in face.split()[1:]:
-                vertex, uv = corner.split("/")
-                doubled.append(points[int(vertex) - 1])
-                of_face.append(f"{len(doubled)}/{uv}")
-            corners.append("f " + " ".join(of_face))
-        assert len(doubled) == 4 * CELLS * CELLS
-        (tmp_path / name).write_text("\n".join([*doubled, *uvs, *corners]) + "\n")
+        points, uvs, faces = ([line for line in lines if line.startswith(kind)] for kind in ("v ", "vt ", "f "))
+        corners = [corner.split("/") for face in faces for corner in face.split()[1:]]
+        doubled = [points[int(vertex) - 1] for vertex, _ in corners]
+        numbered = [f"{number}/{uv}" for number, (_, uv) in enumerate(corners, 1)]
+        faces = ["f " + " ".join(numbered[k : k + 4]) for k in range(0, 4 * CELLS * CELLS, 4)]
+        (tmp_path / name).write_text("\n".join([*doubled, *uvs, *faces]) + "\n")
     said, _ = baked(scene, tmp_path / "out", "--dry-run")
     assert line(said).startswith("seams continue, open borders fixed: all textures are copies, and other vertices are")
     said, _ = baked(scene, tmp_path / "out", "--dry-run", "--weld", "position")
@@ -147,20 +141,16 @@ def test_textures_that_are_looked_up_have_to_be_dilated(tmp_path: Path) -> None:
 
 def test_meshes_are_chosen_for_one_by_one(tmp_path: Path) -> None:
     """One has a texture of MaterialX, the other one of UsdPreviewSurface, which copies replace."""
-    import scenes
-
     shot = with_material(tmp_path / "shot", functools.partial(scenes.preview_material, texture="colour.<UDIM>.png"))
     stage = Usd.Stage.Open(str(shot))
     other = stage.DefinePrim("/model/other")
     Sdf.CopySpec(stage.GetRootLayer(), "/model/sheet", stage.GetRootLayer(), other.GetPath())
-    UsdShade.MaterialBindingAPI(stage.GetPrimAtPath("/model/other")).Bind(
-        scenes.materialx_material(stage, "/model/looked_up")
-    )
+    scenes.bind(other, scenes.materialx_material(stage, "/model/looked_up"))
     # Not in the same place.
     for attribute in ("points", "primvars:Pref"):
-        points = stage.GetPrimAtPath("/model/other").GetAttribute(attribute)
+        points = other.GetAttribute(attribute)
         for time in (Usd.TimeCode.Default(), *points.GetTimeSamples()):
-            points.Set([point + type(point)(9, 0, 0) for point in points.Get(time)], time)
+            points.Set(np.array(points.Get(time)) + np.float32([9, 0, 0]), time)
     stage.Save()
     arguments = sheet_arguments(shot, tmp_path / "out", "--texture", tmp_path / "shot" / "colour.<UDIM>.png")
     said = run(*arguments, "--dry-run").stdout.splitlines()

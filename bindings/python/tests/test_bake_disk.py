@@ -1,6 +1,4 @@
-"""What is left where the disk is full: whole files or none, and an exit code that tells."""
-
-from __future__ import annotations
+"""Bakes on a full disk leave whole files or none, and an exit code that tells."""
 
 import contextlib
 import io
@@ -10,30 +8,26 @@ import resource
 from pathlib import Path
 
 import pytest
-from pxr import Sdf, Usd
+from pxr import Sdf
 
-from bake_scenes import files, image, pixels, run, sheet, sheet_arguments
-from scenes import bind, preview_material
+from bake_scenes import files, image, pixels, run, sheet_arguments, with_material
+from scenes import preview_material
 from vrtm.bake import staging
 from vrtm.cli import main
 
 
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = sheet(tmp_path_factory.mktemp("sheet"), frames=1, cells=4)
-    stage = Usd.Stage.Open(str(path))
-    bind(stage.GetPrimAtPath("/model/sheet"), preview_material(stage, "/model/material"))
-    stage.Save()
+    path = with_material(tmp_path_factory.mktemp("sheet"), preview_material, 1)
     for udim in (1001, 1002):
         # A copy of an image of each format.
-        painted = pixels(path.parent / f"colour.{udim}.png")
-        image(path.parent / f"painted.{udim}.tif", painted)
+        image(path.parent / f"painted.{udim}.tif", pixels(path.parent / f"colour.{udim}.png"))
     return path
 
 
 def all_kinds(scene: Path, folder: Path) -> list[object]:
     """A bake that writes each kind of file."""
-    textures = [scene.parent / f"{name}" for name in ("colour.<UDIM>.png", "painted.<UDIM>.tif")]
+    textures = [scene.parent / name for name in ("colour.<UDIM>.png", "painted.<UDIM>.tif")]
     more = ("--texture", *textures, "--layer", folder / "over.usda", "--layer-mode", "both")
     return sheet_arguments(scene, folder / "out", *more, "--report", folder / "report.json")
 

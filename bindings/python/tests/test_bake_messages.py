@@ -1,20 +1,13 @@
-"""What a bake says: what it leaves out, what may be meant otherwise, dry runs, logs, and mistyped names."""
+"""Messages of a bake: meshes left out, likely mistakes, dry runs, logs, and mistyped names."""
 
-from __future__ import annotations
-
+import re
 from pathlib import Path
 
-import pytest
 from pxr import Gf, Sdf, Usd
 
 from bake_scenes import MESH, files, run, sheet, sheet_arguments, with_material
 from vrtm import cli
-from vrtm.bake import time_left
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return sheet(tmp_path_factory.mktemp("sheet"))
+from vrtm.bake import remarks
 
 
 def test_what_does_not_deform_is_left_out(tmp_path: Path) -> None:
@@ -61,7 +54,6 @@ def test_what_seems_meant_otherwise_is_said(scene: Path, tmp_path: Path) -> None
         (warning,) = run(*arguments, *more, "--dry-run").stderr.splitlines()
         assert warning.startswith("vrtm: warning: ") and words in warning
     assert "no such file, and none of bind, pref" in run(*arguments, "--rest", "nope.usd", expect=2).stderr
-    assert "exclude each other" in run(*arguments, "--quiet", "--dry-run", expect=2).stderr
     # A pose that has collapsed is in no other unit.
     flat = sheet(tmp_path / "flat", frames=1, cells=4)
     stage = Usd.Stage.Open(str(flat))
@@ -162,9 +154,14 @@ def test_what_is_near_is_named_in_one_line(scene: Path, tmp_path: Path) -> None:
     assert "no mesh has the primvar 'Prev' for the rigidity: did you mean Pref?" in run(*by_vertex, expect=2).stderr
 
 
-def test_the_folder_is_tried_before_the_first_solve(scene: Path) -> None:
-    ended = run(*sheet_arguments(scene, "/proc/nothing"), expect=2)
-    assert ended.stderr.splitlines()[-1].startswith("vrtm: --out: /proc/nothing") and "[1/5]" not in ended.stdout
+def test_help_has_the_usual_options_first() -> None:
+    usual, every = (run("bake", option).stdout for option in ("--help", "--help-all"))
+    assert len(re.findall(r"^  --", usual, re.M)) == 10 + len(["--help-all"])
+    assert every.index("--dry-run") < every.index("--uv") and "--uv" not in usual
+    # Each option has a sentence.
+    told = re.split(r"\n\n[a-zU].*:\n", every.split("exit codes:")[0])[1:]
+    options = [" ".join(text.split()) for part in told for text in re.split(r"^  (?=-|SCENE)", part, flags=re.M)[1:]]
+    assert len(options) > 80 and all(text.endswith((".", ")", "'")) for text in options), options
 
 
 def test_small_bakes_stay_in_one_process(scene: Path, tmp_path: Path, monkeypatch, capsys) -> None:
@@ -178,7 +175,7 @@ def test_small_bakes_stay_in_one_process(scene: Path, tmp_path: Path, monkeypatc
 
 
 def test_lines_say_how_long_the_bake_goes_on(tmp_path: Path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(time_left, "_LEAST", 1e-9)
+    monkeypatch.setattr(remarks, "_LEAST", 1e-9)
     scene = sheet(tmp_path, frames=4, cells=2)
     assert cli.main(list(map(str, sheet_arguments(scene, tmp_path / "out", "--size", 16, "--tiles", "1001")))) == 0
     lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("[")]

@@ -1,8 +1,7 @@
-"""What a bake must not replace: files that it reads, and files that vrtm has not written."""
-
-from __future__ import annotations
+"""Files that a bake must not replace: those that it reads, and those that vrtm has not written."""
 
 import contextlib
+import functools
 import io
 import json
 import os
@@ -13,27 +12,20 @@ import numpy as np
 import pytest
 from pxr import Sdf, Usd
 
-from bake_scenes import files, image, run, sheet, sheet_arguments
-from scenes import bind, preview_material
+import scenes
+from bake_scenes import files, image, run, sheet_arguments, with_material
+from scenes import preview_material
 from vrtm import cli
 from vrtm.bake import overwrite
-from vrtm.bake.layer import LayerError, LayerPlan, write_corner_uvs, write_layer
 from vrtm.bake.mark import mark
-from vrtm.bake.scene import Scene
 
 
 @pytest.fixture
 def shot(tmp_path: Path) -> Path:
     """A shot that references an asset, whose material names the texture; all in one folder. Returns the shot."""
     folder = tmp_path / "shot"
-    asset = sheet(folder, frames=2, cells=4)
-    stage = Usd.Stage.Open(str(asset))
-    material = preview_material(stage, "/model/material", texture="./colour.<UDIM>.png")
-    bind(stage.GetPrimAtPath("/model/sheet"), material)
-    stage.Save()
-    shot = Usd.Stage.CreateNew(str(folder / "shot.usda"))
-    shot.SetStartTimeCode(1)
-    shot.SetEndTimeCode(2)
+    with_material(folder, functools.partial(preview_material, texture="./colour.<UDIM>.png"), 2)
+    shot = scenes.stage(folder / "shot.usda", 1, 2, fps=60, meters=1)
     prim = shot.OverridePrim("/model")
     prim.GetReferences().AddReference("./sheet.usda")
     shot.SetDefaultPrim(prim)
@@ -42,7 +34,7 @@ def shot(tmp_path: Path) -> Path:
 
 
 def refused(arguments: list[object], *words: object) -> None:
-    """That a bake ends with exit code 2 before it has changed anything, and with one line that has the words."""
+    """Checks that a bake ends with exit code 2 before it has changed anything, and with one line that has the words."""
     folder = Path(str(arguments[1])).parent
     before, said, printed = files(folder), io.StringIO(), io.StringIO()
     with contextlib.redirect_stderr(said), contextlib.redirect_stdout(printed):
@@ -166,18 +158,16 @@ def test_the_layer_of_an_earlier_bake_may_lie_below_the_shot(shot: Path) -> None
     text = layer.read_text()
     other = sheet_arguments(shot, folder / "out", "--layer", folder.parent / "way" / "vrtm.usda")
     run(*other, "--texture", folder / "colour.<UDIM>.png", "--force")
-    assert (
-        layer.read_text().count("specializes") == text.count("specializes")
-        and "redirected_sheet" not in layer.read_text()
-    )
+    again = layer.read_text()
+    assert again.count("specializes") == text.count("specializes") and "redirected_sheet" not in again
     # What was flattened has the mark, and all that the shot is made of: it is an input.
     stage = Usd.Stage.Open(str(layer))
     stage.GetRootLayer().subLayerPaths = ["./sheet.usda"]
     flat = folder / "flat.usda"
     stage.Flatten().Export(str(flat))
     assert "vrtm_kind" in flat.read_text()
-    above = Usd.Stage.CreateNew(str(folder / "above.usda"))
-    above.GetRootLayer().subLayerPaths = ["./flat.usda"]
+    above = Sdf.Layer.CreateNew(str(folder / "above.usda"))
+    above.subLayerPaths = ["./flat.usda"]
     above.Save()
     refused(["bake", folder / "above.usda", *wanted[2:], "--layer", flat, "--overwrite"], "flat.usda", "of the scene")
     run(*wanted, "--overwrite")
@@ -191,10 +181,8 @@ def test_the_layer_of_an_earlier_bake_may_lie_below_the_shot(shot: Path) -> None
 def test_one_file_is_not_written_twice(shot: Path) -> None:
     folder = shot.parent
     out = folder / "out"
-    refused(
-        sheet_arguments(shot, out, "--report", out / "redirect.0001.1001.exr"), "--report", "also the file of --out"
-    )
-    refused(sheet_arguments(shot, out, "--report", out / "REDIRECT.0001.1001.EXR"), "--report", "also the file of")
+    for name in ("redirect.0001.1001.exr", "REDIRECT.0001.1001.EXR"):
+        refused(sheet_arguments(shot, out, "--report", out / name), "--report", "also the file of --out")
     both = ("--layer", folder / "new.usda", "--report", folder / "new.usda")
     refused(sheet_arguments(shot, out, *both), "--report", "also the file of --layer")
 
@@ -210,10 +198,8 @@ def test_names_that_are_no_files(shot: Path) -> None:
 
 def test_folders_are_made_for_maps_alone(shot: Path) -> None:
     missing = shot.parent / "no" / "such"
-    refused(
-        sheet_arguments(shot, shot.parent / "out", "--report", missing / "r.json"), "--report", "no folder", missing
-    )
-    refused(sheet_arguments(shot, shot.parent / "out", "--layer", missing / "l.usda"), "--layer", "no folder", missing)
+    for option, name in (("--report", "r.json"), ("--layer", "l.usda")):
+        refused(sheet_arguments(shot, shot.parent / "out", option, missing / name), option, "no folder", missing)
     out = shot.parent / "new" / "out"
     run(*sheet_arguments(shot, out, "--frames", 1, "--report", out / "notes" / "r.json"))
     assert json.loads((out / "notes" / "r.json").read_text())["exit_code"] == 0
@@ -229,27 +215,6 @@ def test_a_template_replaces_its_own_kind_alone(tmp_path: Path) -> None:
     assert path.read_text().startswith("name: a job")
     run("farm-template", "--out", path, "--overwrite")
     assert path.read_text().startswith("# vrtm farm-template")
-
-
-def test_layers_that_scripts_write(shot: Path, tmp_path: Path) -> None:
-    plan = LayerPlan(frames=(1,), shapes=("sheet",), tiles={"sheet": (1001, 1002)}, map_path=lambda *_: "./a.exr")
-    with Scene(shot) as scene:
-        shape = scene.shape("sheet")
-        for path in (shot, shot.parent / "sheet.usda"):
-            before = path.read_bytes()
-            for replace in (False, True):
-                with pytest.raises(LayerError, match="would replace a file of the scene"):
-                    write_layer(path, scene, plan, overwrite=replace)
-            assert path.read_bytes() == before
-        foreign = tmp_path / "foreign.usda"
-        foreign.write_text("#usda 1.0\n")
-        with pytest.raises(LayerError, match="no file that vrtm has written"):
-            write_layer(foreign, scene, plan)
-        with pytest.raises(ValueError, match="no file that vrtm has written"):
-            write_corner_uvs(foreign, shape, 1, np.zeros((len(shape.indices), 2)))
-        write_layer(foreign, scene, plan, overwrite=True)
-        write_layer(foreign, scene, plan)
-        write_corner_uvs(foreign, shape, 1, np.zeros((len(shape.indices), 2)))
 
 
 def test_marks(tmp_path: Path) -> None:
@@ -274,12 +239,8 @@ def test_marks(tmp_path: Path) -> None:
     assert not ours(b'#usda 1.0\n(\n customLayerData = {\n  string vrtm_kind = "layer"\n }\n)\n')
     # Much else may stand in front of an image's mark.
     long = {"aaa": "x" * 200_000, "vrtm:inputs": "y", "zzz": "x" * 200_000}
-    for name in ("long.exr", "long.png"):
-        assert ours(
-            image(
-                tmp_path / name, np.full((2, 2, 3), 7, np.float32 if "exr" in name else np.uint8), **long
-            ).read_bytes()
-        )
+    for name, dtype in (("long.exr", np.float32), ("long.png", np.uint8)):
+        assert ours(image(tmp_path / name, np.full((2, 2, 3), 7, dtype), **long).read_bytes())
     link = tmp_path / "link"
     link.symlink_to(tmp_path / "nowhere")
     assert overwrite.is_ours(str(link))

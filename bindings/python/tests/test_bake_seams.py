@@ -1,49 +1,35 @@
 """`vrtm bake --seams continue`: features keep their shape across seams, and copies of textures show what lies there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bake_scenes import files, image, pixels, run
+from conftest import centres, grid
 
 CELLS = 24
 SIZE = 256
 
 
-def place(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The UVs of the sheet: its second half lies in the next tile."""
-    return np.where(x < 1, 0.1 + 0.8 * x, 1 + 0.1 + 0.8 * (x - 1)), 0.1 + 0.8 * y
-
-
 def write_obj(path: Path, pose: bool, amount: float = 0.12, stretch: float = 0) -> Path:
     """`amount`: how far the pose moves the seam's surroundings across it; `stretch`: of the middle of the seam."""
-    along = np.arange(CELLS + 1) / CELLS
-    lines, faces = [], []
-    for j in along:
-        for i in 2 * along:
-            x = i + amount * np.sin(np.pi * i) if pose else i
-            y = j - stretch * np.sin(2 * np.pi * j) / (2 * np.pi) if pose else j
-            lines.append(f"v {x:.6f} {y:.6f} {0.1 * np.sin(2 * j) if pose else 0.0:.6f}")
-    uvs: list[tuple[float, float]] = []
-    for j in range(CELLS):
-        for i in range(CELLS):
-            face = []
-            for di, dj in ((0, 0), (1, 0), (1, 1), (0, 1)):
-                x, y = 2 * (i + di) / CELLS, (j + dj) / CELLS
-                u, v = 0.1 + 0.8 * (x if i < CELLS // 2 else x - 1), 0.1 + 0.8 * y
-                uvs.append((u + (i >= CELLS // 2), v))
-                face.append(f"{(j + dj) * (CELLS + 1) + i + di + 1}/{len(uvs)}")
-            faces.append("f " + " ".join(face))
-    path.write_text("\n".join(lines + [f"vt {u:.6f} {v:.6f}" for u, v in uvs] + faces) + "\n")
+    (points, faces), right = grid(CELLS), np.repeat(np.tile(np.arange(CELLS) >= CELLS // 2, CELLS), 4)
+    x, y, z = (points * [2, 1, 1]).T
+    corners = np.stack([x, y], -1)[faces.reshape(-1)]
+    uvs = np.stack([0.1 + 0.8 * (corners[:, 0] - right) + right, 0.1 + 0.8 * corners[:, 1]], -1)
+    if pose:
+        z = 0.1 * np.sin(2 * y)
+        x, y = x + amount * np.sin(np.pi * x), y - stretch * np.sin(2 * np.pi * y) / (2 * np.pi)
+    lines = [f"v {x:.6f} {y:.6f} {z:.6f}" for x, y, z in zip(x, y, z)] + [f"vt {u:.6f} {v:.6f}" for u, v in uvs]
+    for number, face in enumerate(faces):
+        lines.append("f " + " ".join(f"{vertex + 1}/{4 * number + k + 1}" for k, vertex in enumerate(face)))
+    path.write_text("\n".join(lines) + "\n")
     return path
 
 
 def on_sheet(tile: int) -> tuple[np.ndarray, np.ndarray]:
-    along = (np.arange(SIZE) + 0.5) / SIZE
-    u, v = np.meshgrid(along, 1 - along)
+    u, v = centres(SIZE)
     return (u - 0.1) / 0.8 + tile, (v - 0.1) / 0.8
 
 
@@ -135,10 +121,3 @@ def test_features_at_seams_are_kept(scene: list[object], tmp_path: Path) -> None
         deltas[seams] = [SIZE * np.abs(delta[where]).max() for where in (rigid[0], at_seam)]
     assert deltas["shut"][1] > 0.3 and deltas["keep"][1] == 0, deltas
     assert deltas["keep"][0] > 0.3, deltas
-
-
-def test_a_normal_map_needs_three_channels(scene: list[object], tmp_path: Path) -> None:
-    for udim in (1001, 1002):
-        image(tmp_path / f"grey.{udim}.png", np.full((SIZE, SIZE, 1), 99, np.uint8))
-    more = ("--seams", "continue", "--normal-map", tmp_path / "grey.<UDIM>.png", "--out", tmp_path / "out")
-    assert "needs three channels" in run(*scene, *more, expect=2).stderr

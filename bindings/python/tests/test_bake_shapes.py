@@ -1,7 +1,5 @@
 """`vrtm bake --basis --blend-shapes`: the file, evaluated by UsdSkel, against the library's own corner UVs."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
@@ -9,18 +7,15 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel
 
-from bake_scenes import REPOSITORY, files, run, sheet_arguments, solved_alone
-from test_bake_basis import document, gentle
+import test_bake_basis
+from bake_scenes import solved_alone
+from conftest import REPOSITORY
+from test_bake_basis import BOUND, SIZE, document, gentle
 from vrtm.bake.scene import Scene
 
-# Texels of the texture per side, and the bound on errors in these.
-SIZE, BOUND = 1024, 4.0
 
-
-def bake(folder: Path, *more: object, expect: int | None = None) -> str:
-    arguments = sheet_arguments(folder / "scene" / "sheet.usda", folder / "out", "--size", 32, "--texture-size", SIZE)
-    ended = run(*arguments, "--basis", "--blend-shapes", "--jobs", 1, "--max-error", BOUND, *more, expect=expect)
-    return ended.stdout + ended.stderr
+def bake(folder: Path, *more: object) -> None:
+    test_bake_basis.bake(folder, "--blend-shapes", "--max-error", BOUND, *more, expect=None)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +50,7 @@ def test_usd_evaluates_what_the_frames_have(baked: Path) -> None:
         poses = {frame: file.positions(shape, frame) for frame in file.frames}
     most = own = 0.0
     for frame, pose in poses.items():
-        wanted = solved_alone(scene, frame, scene.parent / "rigid.<UDIM>.png", 32).corner_uvs()
+        wanted = solved_alone(scene, frame, 32).corner_uvs()
         points, uvs = np.array(mesh.GetPointsAttr().Get(frame)), np.array(primvar.Get(frame))
         for corner, vertex in enumerate(shape.indices):
             # Among the vertices in its place the one with the nearest UV: the tiles' borders are in one place.
@@ -112,20 +107,6 @@ def test_at_rest_it_is_the_mesh_and_the_second_one_is_not_rendered(baked: Path) 
     assert mesh.GetFaceVertexIndicesAttr().Get() == uvs.GetFaceVertexIndicesAttr().Get()
 
 
-def test_it_is_written_once_and_nothing_of_others_is_replaced(tmp_path: Path) -> None:
-    gentle(tmp_path, 2)
-    bake(tmp_path)
-    before = files(tmp_path / "out")
-    assert "0 files written" in bake(tmp_path) and files(tmp_path / "out") == before
-    other = tmp_path / "out" / "basis.usdc"
-    stage = Usd.Stage.CreateNew(str(tmp_path / "mine.usdc"))
-    stage.DefinePrim("/mine")
-    stage.Save()
-    other.write_bytes((tmp_path / "mine.usdc").read_bytes())
-    assert "basis.usdc is there, and is no file that vrtm has written" in bake(tmp_path, expect=2)
-    assert other.read_bytes() == (tmp_path / "mine.usdc").read_bytes()
-
-
 def test_names_of_controls_become_those_of_blend_shapes(tmp_path: Path) -> None:
     gentle(tmp_path, 3)
     (tmp_path / "controls.csv").write_text("frame,pull,left-arm\n1,1,0\n2,0,1\n3,1,1\n")
@@ -134,10 +115,3 @@ def test_names_of_controls_become_those_of_blend_shapes(tmp_path: Path) -> None:
     motion = UsdSkel.Animation(stage.GetDefaultPrim().GetChild("motion"))
     assert list(motion.GetBlendShapesAttr().Get())[:3] == ["pull", "left_arm", "pull_left_arm"]
     np.testing.assert_array_equal(np.array(motion.GetBlendShapeWeightsAttr().Get(3))[:3], 1)
-
-
-def test_subsets_have_no_one_mesh() -> None:
-    options = ("--basis", "--blend-shapes", "--subsets")
-    assert "exclude each other" in run("bake", "a.usda", "--rigidity", "r.png", *options, expect=2).stderr
-    ended = run("bake", "a.usda", "--rigidity", "r.png", "--blend-shapes", expect=2)
-    assert "--blend-shapes needs --basis" in ended.stderr

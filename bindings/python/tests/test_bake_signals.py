@@ -1,7 +1,5 @@
 """Bakes that are ended at any moment: nothing half-written stays, nobody is left behind, and the next run goes on."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import random
@@ -12,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from bake_scenes import files, run, sheet, sheet_arguments, vrtm_command
+from bake_scenes import files, processes, run, sheet, sheet_arguments, vrtm_command
 
-FRAMES = 24
+# A few seconds of work: long enough to be interrupted, short enough to be done again by each test.
+FRAMES = 8
 LONG = os.environ.get("VRTM_LONG_TESTS") == "1"
 OPTIONS = ("--size", 256, "--warp", "--jacobian")
 
@@ -47,21 +46,12 @@ def begin(scene: Path, out: Path, jobs: int) -> subprocess.Popen[str]:
 
 
 def left(session: int) -> list[int]:
-    """Processes of a session that are alive; /proc tells."""
-    found = []
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                fields = (entry / "stat").read_text().rsplit(")", 1)[1].split()
-            except OSError:
-                continue
-            if int(fields[3]) == session and fields[0] != "Z":
-                found.append(int(entry.name))
-    return found
+    """Processes of a session that are alive."""
+    return [number for number, (state, _, own) in processes().items() if own == session and state != "Z"]
 
 
 def gone(session: int, seconds: float) -> bool:
-    """Whether all processes of a session end within some time."""
+    """True if all processes of a session end within some time."""
     limit = time.monotonic() + seconds
     while left(session):
         if time.monotonic() > limit:
@@ -79,7 +69,7 @@ def await_files(out: Path, process: subprocess.Popen[str], count: int) -> None:
 def end_early(
     process: subprocess.Popen[str], out: Path, number: int, code: int, count: int, group: bool, pause: float
 ) -> bool:
-    """Sends a bake a signal once so many files are there. Whether that ended it; else it was done before."""
+    """Sends a bake a signal once so many files are there. False if it was done before."""
     if count:
         await_files(out, process, count)
     else:
@@ -141,27 +131,27 @@ sys.exit(main(sys.argv[2:]))
 """
 
 
-@pytest.mark.parametrize("module", ["vrtm.bake.arguments", "OpenImageIO", "pxr.Gf", "pxr.Sdf"])
-@pytest.mark.parametrize("command", ["bake", "dilate"])
-def test_a_signal_is_heard_while_modules_are_being_loaded(
-    scene: Path, tmp_path: Path, command: str, module: str
-) -> None:
-    texture = scene.parent / "colour.<UDIM>.png"
-    arguments = {
-        "bake": sheet_arguments(scene, tmp_path / "out"),
-        "dilate": ["dilate", scene, "--texture", texture, "--out", tmp_path / "out"],
-    }[command]
-    started, variables = vrtm_command(*arguments)
-    ended = subprocess.run(
-        [started[0], "-c", EARLY, module, *started[3:]],
+def with_code(code: str, argument: str, command: str, scene: Path, out: Path) -> subprocess.CompletedProcess[str]:
+    """Runs a command by way of a program with an argument of its own."""
+    given = ["dilate", scene, "--texture", scene.parent / "colour.<UDIM>.png", "--out", out]
+    started, variables = vrtm_command(*(sheet_arguments(scene, out) if command == "bake" else given))
+    return subprocess.run(
+        [started[0], "-c", code, argument, *started[3:]],
         env=variables,
         capture_output=True,
         text=True,
         timeout=60,
         preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
-    assert ended.returncode == 130, ended.stderr
-    assert ended.stderr == "vrtm: ended by SIGINT\n"
+
+
+@pytest.mark.parametrize("module", ["vrtm.bake.arguments", "OpenImageIO", "pxr.Gf", "pxr.Sdf"])
+@pytest.mark.parametrize("command", ["bake", "dilate"])
+def test_a_signal_is_heard_while_modules_are_being_loaded(
+    scene: Path, tmp_path: Path, command: str, module: str
+) -> None:
+    ended = with_code(EARLY, module, command, scene, tmp_path / "out")
+    assert (ended.returncode, ended.stderr) == (130, "vrtm: ended by SIGINT\n")
     assert not (tmp_path / "out").exists()
 
 
@@ -223,11 +213,6 @@ main(sys.argv[2:])
 def test_a_signal_is_heard_while_meshes_are_looked_through(
     scene: Path, tmp_path: Path, command: str, place: str
 ) -> None:
-    given = ["--texture", scene.parent / "colour.<UDIM>.png", "--out", tmp_path / "out"]
-    arguments = sheet_arguments(scene, tmp_path / "out") if command == "bake" else ["dilate", scene, *given]
-    started, variables = vrtm_command(*arguments)
-    ended = subprocess.run(
-        [started[0], "-c", BUSY, place, *started[3:]], env=variables, capture_output=True, text=True, timeout=60
-    )
+    ended = with_code(BUSY, place, command, scene, tmp_path / "out")
     assert (ended.returncode, ended.stderr) == (143, "vrtm: ended by SIGTERM\n")
     assert not (tmp_path / "out").exists()

@@ -1,16 +1,15 @@
-"""What must not pass without a word: a bake that changes nothing, or less than it seems."""
-
-from __future__ import annotations
+"""Warnings of a bake that changes nothing, or less than it seems."""
 
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+from pxr import Sdf, Usd, UsdShade
 
-from bake_scenes import files, image, run, sheet, sheet_arguments
+import scenes
+from bake_scenes import files, flat, image, run, sheet, sheet_arguments
+from conftest import grid
 from scenes import bind, preview_material
 
 STACKED, FREE = "/model/stacked", "/model/free"
@@ -21,25 +20,13 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two meshes that are stretched, of two quadrilaterals each: one's lie over the same UVs, the other's side by side.
     Everything on them is rigid."""
     folder = tmp_path_factory.mktemp("stacked")
-    stage = Usd.Stage.CreateNew(str(folder / "shot.usda"))
-    stage.SetStartTimeCode(1)
-    stage.SetEndTimeCode(4)
-    corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    stage = scenes.stage(folder / "shot.usda", 1, 4)
+    corners = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    rest = np.concatenate([corners, np.add(corners, (2, 0, 0))])
     for path, apart in ((STACKED, 0.0), (FREE, 0.5)):
-        mesh = UsdGeom.Mesh.Define(stage, path)
-        mesh.CreateSubdivisionSchemeAttr("none")
-        points = [Gf.Vec3f(x + 2 * face, y, 0) for face in range(2) for x, y in corners]
-        attribute = mesh.CreatePointsAttr(points)
-        for frame in range(1, 5):
-            attribute.Set([Gf.Vec3f(p[0], p[1] * (1 + 0.1 * frame * p[0]), p[2]) for p in points], frame)
-        mesh.CreateFaceVertexCountsAttr([4, 4])
-        mesh.CreateFaceVertexIndicesAttr(list(range(8)))
-        primvars = UsdGeom.PrimvarsAPI(mesh)
-        kinds = Sdf.ValueTypeNames
-        rest = primvars.CreatePrimvar("Pref", kinds.Point3fArray, UsdGeom.Tokens.vertex)
-        rest.Set(points)
-        uvs = [(0.1 + 0.35 * x + apart * face, 0.1 + 0.8 * y) for face in range(2) for x, y in corners]
-        primvars.CreatePrimvar("st", kinds.TexCoord2fArray, UsdGeom.Tokens.vertex).Set([Gf.Vec2f(*uv) for uv in uvs])
+        poses = {frame: rest * (1 + 0.1 * frame * rest[:, :1] * [0, 1, 0]) for frame in range(1, 5)}
+        uvs = [(0.1 + 0.35 * x + apart * face, 0.1 + 0.8 * y) for face in range(2) for x, y, _ in corners]
+        scenes.mesh(stage, path, rest, uvs, faces=range(8), poses=poses, pref=True)
     stage.Save()
     image(folder / "rigid.png", np.full((64, 64, 1), 255, np.uint8))
     return folder / "shot.usda"
@@ -67,10 +54,8 @@ def test_stacked_uvs_are_told_and_not_within_a_tolerance(scene: Path, tmp_path: 
         assert f"{STACKED} tile 1001: 100.0% of the rigid texels are fixed, 100.0% overlapped" in ended.stdout
         assert "--max-strain cannot be met in 4 of 8: stacked, frame 1, tile 1001" in ended.stderr
         document = json.loads(report.read_text())
-        assert (
-            document["exit_code"] == 3
-            and [line.removeprefix("vrtm: warning: ") for line in told] == document["warnings"]
-        )
+        assert document["exit_code"] == 3
+        assert [line.removeprefix("vrtm: warning: ") for line in told] == document["warnings"]
         for frame in document["frames"]:
             (tile,) = frame["tiles"]
             strain = tile["strain"]
@@ -114,44 +99,22 @@ def test_a_pose_in_another_unit_ends_the_bake(tmp_path: Path) -> None:
         assert len(told) == 3 and all(line.startswith("vrtm: warning: /model/sheet, frame ") for line in told)
         assert ended.stderr.count("/model/sheet: the same of further frames") == 1
         frames = json.loads((tmp_path / "r.json").read_text())["frames"]
-        assert [frame["frame"] for frame in frames if any("other units" in w for w in frame["warnings"])] == [
-            2,
-            3,
-            4,
-            5,
-            6,
-        ]
+        warned = [frame["frame"] for frame in frames if any("other units" in w for w in frame["warnings"])]
+        assert warned == [2, 3, 4, 5, 6]
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_a_pose_that_tears_in_many_frames_is_told_once(tmp_path: Path, jobs: int) -> None:
     # Two strips whose sides at x = 1 are welded by position. Each frame pulls one vertex more apart.
-    count = 8
-    line = [[(x, j / count, 0.0) for j in range(count + 1)] for x in (0.0, 1.0, 1.0, 2.0)]
-    points = [point for column in line for point in column]
-    stage = Usd.Stage.CreateNew(str(tmp_path / "tear.usda"))
-    stage.SetStartTimeCode(1)
-    stage.SetEndTimeCode(4)
-    mesh = UsdGeom.Mesh.Define(stage, "/model/strips")
-    mesh.CreateSubdivisionSchemeAttr("none")
-    attribute = mesh.CreatePointsAttr()
-    for frame in range(1, 5):
-        pulled = range(2 * (count + 1), 2 * (count + 1) + frame + 1)
-        posed = [(x + 0.1 * (k in pulled), 1.1 * y, z) for k, (x, y, z) in enumerate(points)]
-        attribute.Set([Gf.Vec3f(*p) for p in posed], frame)
-    corners = [
-        first + j + step
-        for first in (0, 2 * (count + 1))
-        for j in range(count)
-        for step in (0, count + 1, count + 2, 1)
-    ]
-    mesh.CreateFaceVertexCountsAttr([4] * (len(corners) // 4))
-    mesh.CreateFaceVertexIndicesAttr(corners)
-    primvars, kinds = UsdGeom.PrimvarsAPI(mesh), Sdf.ValueTypeNames
-    rest = primvars.CreatePrimvar("Pref", kinds.Point3fArray, UsdGeom.Tokens.vertex)
-    rest.Set([Gf.Vec3f(*p) for p in points])
-    uvs = primvars.CreatePrimvar("st", kinds.TexCoord2fArray, UsdGeom.Tokens.vertex)
-    uvs.Set([Gf.Vec2f(0.1 + 0.4 * x, 0.1 + 0.8 * y) for x, y, _ in points])
+    strip, faces = grid(1, 8)
+    rest = np.concatenate([strip, np.add(strip, (1, 0, 0))])
+    right = np.flatnonzero((rest[:, 0] == 1) & (np.arange(len(rest)) >= len(strip)))
+    poses = {frame: rest * [1, 1.1, 1] for frame in range(1, 5)}
+    for frame, pose in poses.items():
+        pose[right[: frame + 1], 0] += 0.1
+    stage = scenes.stage(tmp_path / "tear.usda", 1, 4)
+    faces, uvs = np.concatenate([faces, faces + len(strip)]), 0.1 + rest[:, :2] * [0.4, 0.8]
+    scenes.mesh(stage, "/model/strips", rest, uvs, faces=faces, poses=poses, pref=True)
     stage.Save()
     image(tmp_path / "rigid.png", np.full((32, 32, 1), 255, np.uint8))
     arguments = bake(tmp_path / "tear.usda", tmp_path / "out", "--weld", "position", "--jobs", jobs)
@@ -159,46 +122,22 @@ def test_a_pose_that_tears_in_many_frames_is_told_once(tmp_path: Path, jobs: int
     assert len(told) == 1 and told[0].startswith("vrtm: warning: /model/strips: tile 1001: the pose tears"), told
 
 
-def test_missing_rigidity_is_told_and_may_be_an_error(tmp_path: Path) -> None:
+def test_missing_rigidity_is_told_by_the_names_of_maps_and_primvars(tmp_path: Path) -> None:
     scene = sheet(tmp_path / "maps", frames=1, cells=4)
-    (scene.parent / "rigid.1002.png").unlink()
-    arguments = sheet_arguments(scene, tmp_path / "out", "--jobs", 1)
-    assert "warning: /model/sheet, tile 1002: no map of --rigidity: nothing keeps" in run(*arguments).stderr
-    shutil.rmtree(tmp_path / "out")
-    ended = run(*arguments, "--strict", expect=2)
-    assert ended.stderr.splitlines()[-1].startswith("vrtm: --strict: /model/sheet, tile 1002: no map of --rigidity")
-    assert not (tmp_path / "out").exists()
-    # A tile that is not asked for is nobody's matter.
-    assert "no map of" not in run(*arguments, "--strict", "--tiles", 1001).stderr
+    arguments = ["bake", scene, "--size", 32, "--jobs", 1, "--device", "cpu", "--out", tmp_path / "out", "--rigidity"]
     # By the name of the mesh; one map is black.
     (scene.parent / "rigid.1001.png").rename(scene.parent / "sheet.1001.png")
-    image(scene.parent / "sheet.1002.png", np.zeros((8, 8, 1), np.uint8))
-    named = [scene.parent / "<mesh>.<UDIM>.png" if str(a).endswith("rigid.<UDIM>.png") else a for a in arguments]
-    told = run(*named, "--strict").stderr
+    flat(scene.parent / "sheet.1002.png", 0)
+    told = run(*arguments, scene.parent / "<mesh>.<UDIM>.png", "--strict").stderr
     assert "sheet.1002.png is black all over" in told and "no map of" not in told
-    named = [scene.parent / "none.<mesh>.<UDIM>.png" if str(a).endswith("<mesh>.<UDIM>.png") else a for a in named]
-    assert "/model/sheet, tiles 1001-1002: no map of --rigidity" in run(*named).stderr
+    told = run(*arguments, scene.parent / "none.<mesh>.<UDIM>.png").stderr
+    assert "/model/sheet, tiles 1001-1002: no map of --rigidity" in told
     # By values per vertex, which one of two meshes lacks.
     stage = Usd.Stage.Open(str(scene))
-    other = Sdf.Layer.FindOrOpen(str(scene))
-    Sdf.CopySpec(other, "/model/sheet", other, "/model/other")
-    values = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/model/other")).CreatePrimvar(
-        "rigid", Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex
-    )
-    values.Set([1.0] * 50)
+    Sdf.CopySpec(stage.GetRootLayer(), "/model/sheet", stage.GetRootLayer(), "/model/other")
+    scenes.primvar(stage.GetPrimAtPath("/model/other"), "rigid", scenes.TYPES.FloatArray, [1.0] * 50, "vertex")
     stage.Save()
-    by_vertex = [
-        "bake",
-        scene,
-        "--rigidity-primvar",
-        "rigid",
-        "--device",
-        "cpu",
-        "--size",
-        32,
-        "--out",
-        tmp_path / "new",
-    ]
+    by_vertex = [*arguments[:-1], "--rigidity-primvar", "rigid"]
     assert "/model/sheet, tiles 1001-1002: no values of --rigidity-primvar" in run(*by_vertex).stderr
     assert "/model/sheet" in run(*by_vertex, "--strict", expect=2).stderr
 

@@ -1,7 +1,5 @@
 """Subsets of a mesh that are baked each by itself: maps, names, figures, materials and corner UVs."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 
@@ -11,10 +9,9 @@ from pxr import Usd, UsdGeom, UsdShade, Vt
 
 import scenes
 import vrtm
-from bake_scenes import attributes, files, image, pixels, run, sheet, sheet_arguments
+from bake_scenes import attributes, files, image, pixels, run, sheet, sheet_arguments, solved_alone
 from mirrored import CELLS, MESH, SIZE, check_family, composed, looked_up, materials, mirrored
 from vrtm.bake.scene import Scene, SceneOptions
-from vrtm.bake.scene.images import read_map
 
 HALF = CELLS * CELLS
 FACES = {"left": np.arange(HALF), "right": np.arange(HALF, 2 * HALF), "rest": np.arange(2 * HALF, 3 * HALF)}
@@ -48,24 +45,10 @@ def arguments(scene: Path, out: Path, *more: object) -> list[object]:
 
 def solved(scene: Path, name: str, frame: int = 2, subdivide: int = 0) -> vrtm.Asset:
     """A subset alone in a frame, solved by the library without the command."""
-    with Scene(scene, SceneOptions(subdivide=subdivide)) as opened:
-        (shape,) = opened.shapes
-        per_face = 16 if subdivide else 1
-        made = vrtm.Asset(
-            vrtm.Device("cpu"),
-            shape.rest,
-            shape.indices,
-            face_counts=shape.face_counts,
-            uvs=shape.uvs,
-            uv_indices=shape.uv_indices,
-            textured_faces=(FACES[name][:, None] * per_face + np.arange(per_face)).ravel(),
-        )
-        positions = opened.positions(shape, frame)
-    (tile,) = made.tiles
-    tile.set_rigidity(read_map(str(scene.parent / f"{name}.rigid.{tile.udim}.png")))
-    tile.set_settings(grid_width=SIZE, grid_height=SIZE)
-    made.solve(positions)
-    return made
+    per_face = 16 if subdivide else 1
+    faces = (FACES[name][:, None] * per_face + np.arange(per_face)).ravel()
+    options = SceneOptions(subdivide=subdivide)
+    return solved_alone(scene, frame, SIZE, f"{name}.rigid.<UDIM>.png", options, textured_faces=faces)
 
 
 @pytest.fixture(scope="module")
@@ -191,7 +174,6 @@ def test_wrong_uses_are_refused(baked: Path, tmp_path: Path) -> None:
     out = tmp_path / "out"
     for more, told in (
         (("--name", "<kind>.<frame>.<UDIM>.exr"), "3 values of <subset> are written"),
-        (("--open-borders", "slide"), "--subsets and --open-borders slide exclude each other"),
         (("--rigidity", baked.parent / "none.<UDIM>.png"), "no such file"),
     ):
         assert told in run(*arguments(baked, out, *more), expect=2).stderr, told

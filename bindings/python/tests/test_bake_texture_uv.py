@@ -1,18 +1,14 @@
 """Maps that are solved in one UV set and hold UVs of another, by which the textures are looked up."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+from pxr import Sdf, Usd, UsdGeom, UsdShade
 
-import vrtm
-from bake_scenes import attributes, files, pixels, run, sheet, sheet_arguments
+from bake_scenes import attributes, files, pixels, run, sheet, sheet_arguments, solved_alone
 from mirrored import CELLS, MESH, SIZE, composed, materials, mirrored
 from vrtm.bake.scene import Scene, SceneOptions
-from vrtm.bake.scene.images import read_map
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +21,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     half = CELLS * CELLS * 4
     uvs[:half, 0] = 0.5 + uvs[:half, 0] / 2
     uvs[half : 2 * half, 0] = 0.5 - uvs[half : 2 * half, 0] / 2
-    kind = Sdf.ValueTypeNames.TexCoord2fArray
-    primvars.CreatePrimvar("unique", kind, UsdGeom.Tokens.faceVarying).Set([Gf.Vec2f(*map(float, uv)) for uv in uvs])
+    primvars.CreatePrimvar("unique", Sdf.ValueTypeNames.TexCoord2fArray, "faceVarying").Set(uvs)
     stage.Save()
     return made
 
@@ -39,23 +34,10 @@ def arguments(scene: Path, out: Path, *more: object) -> list[object]:
 def test_maps_hold_uvs_of_the_other_set(scene: Path, tmp_path: Path, form: str) -> None:
     given = arguments(scene, tmp_path / "maps", "--form", form, "--layer", tmp_path / "over.usda", "--measure")
     run(*given)
-    with Scene(scene, SceneOptions(uv="unique", texture_uv="st")) as opened:
+    options = SceneOptions(uv="unique", texture_uv="st")
+    with Scene(scene, options) as opened:
         (shape,) = opened.shapes
-        asset = vrtm.Asset(
-            vrtm.Device("cpu"),
-            shape.rest,
-            shape.indices,
-            face_counts=shape.face_counts,
-            uvs=shape.uvs,
-            uv_indices=shape.uv_indices,
-            uv_sets=[shape.texture_uvs],
-        )
-        positions = opened.positions(shape, 2)
-    for udim in (1001, 1002):
-        tile = asset.tile(udim)
-        tile.set_rigidity(read_map(str(scene.parent / f"rigid.{udim}.png")))
-        tile.set_settings(grid_width=SIZE, grid_height=SIZE)
-    asset.solve(positions)
+    asset = solved_alone(scene, 2, SIZE, options=options, uv_sets=[shape.texture_uvs])
     assert set(files(tmp_path / "maps")) == {f"redirect.0002.{udim}.exr" for udim in (1001, 1002)}
     for udim in (1001, 1002):
         path = tmp_path / "maps" / f"redirect.0002.{udim}.exr"

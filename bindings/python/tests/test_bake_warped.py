@@ -1,14 +1,13 @@
 """Warped copies of textures, against a reference in f64 that takes many samples of a texture given in closed form."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bake_scenes import attributes, image, pixels, run, sheet, sheet_arguments
+from bake_scenes import attributes, image, pixels, run, sheet, sheet_arguments, written
+from conftest import centres
 from vrtm.bake.failure import Failure
 from vrtm.bake.scene import SceneError
 from vrtm.bake.warped import Copy, Texture, _footprint, listed, read, warp
@@ -36,18 +35,12 @@ def moved(amount: float) -> Plane:
     return at
 
 
-def centres(count: int) -> tuple[np.ndarray, np.ndarray]:
-    along = (np.arange(count) + 0.5) / count
-    u, v = np.meshgrid(along, 1 - along)
-    return u, v
-
-
 def averaged(fine: np.ndarray) -> np.ndarray:
     return fine.reshape(SIZE, SAMPLES, SIZE, SAMPLES, -1).mean(axis=(1, 3))
 
 
 def fetched(at: Plane) -> Callable[[str, int, int, int, int], np.ndarray]:
-    """What the library hands out, for a redirection in closed form."""
+    """Fetches of the library, for a redirection in closed form."""
     u, v = centres(SIZE)
     step = 1e-6
     du = [(a - b) / (2 * step) for a, b in zip(at(u + step, v), at(u - step, v))]
@@ -62,6 +55,12 @@ def fetched(at: Plane) -> Callable[[str, int, int, int, int], np.ndarray]:
 
 def texture(values: np.ndarray) -> Texture:
     return Texture("a.exr", values, ("R", "G", "B"), -1, {}, "openexr", "")
+
+
+def noise(shape: tuple[int, ...], dtype: type) -> np.ndarray:
+    """Texels of all values of a type; of floats, from 0 to 1."""
+    most = 1 if np.dtype(dtype).kind == "f" else np.iinfo(dtype).max
+    return (np.random.default_rng(len(shape)).random(shape) * most).astype(dtype)
 
 
 @pytest.mark.parametrize("amount", [0.03, 0.09])
@@ -86,31 +85,26 @@ def test_a_warped_texture_is_near_the_truth(amount: float) -> None:
     assert rms["as it is"] > 30
 
 
-def test_where_nothing_moves_the_copy_is_the_texture() -> None:
-    chance = np.random.default_rng(1)
-    for dtype in (np.uint8, np.uint16, np.float16, np.float32):
-        values = (chance.random((SIZE, SIZE, 3)) * (1 if np.dtype(dtype).kind == "f" else np.iinfo(dtype).max)).astype(
-            dtype
-        )
-        for is_normal in (False, True):
-            found = warp(texture(values), Copy("a", "a", is_normal, False), fetched(moved(0.0)))
-            assert found.dtype == dtype and np.array_equal(found, values)
+@pytest.mark.parametrize("is_normal", [False, True])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float16, np.float32])
+def test_where_nothing_moves_the_copy_is_the_texture(dtype: type, is_normal: bool) -> None:
+    values = noise((SIZE, SIZE, 3), dtype)
+    found = warp(texture(values), Copy("a", "a", is_normal, False), fetched(moved(0.0)))
+    assert found.dtype == dtype and np.array_equal(found, values)
 
 
 def test_the_squeezed_is_filtered() -> None:
     """Waves that a map squeezes to less than two texels must become grey, not a pattern."""
 
-    def at(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return 0.5 + (u - 0.5) * 0.98, 0.5 + (v - 0.5) * 0.98 + 0.0 * u
-
-    def narrow(u: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return np.clip(0.5 + (u - 0.5) * 3.3, 0, 1), v
-
     u, _ = centres(SIZE)
     waves = np.repeat((0.5 + 0.5 * np.sin(2 * np.pi * u * 80))[..., None], 3, axis=-1).astype(np.float32)
-    middle = np.s_[20:-20, SIZE // 2 - 30 : SIZE // 2 + 30]
-    assert warp(texture(waves), Copy("a", "a", False, False), fetched(narrow))[middle].std() < 0.05
-    assert warp(texture(waves), Copy("a", "a", False, False), fetched(at))[middle].std() > 0.25
+
+    def spread(factor: float) -> float:
+        at = fetched(lambda u, v: (np.clip(0.5 + (u - 0.5) * factor, 0, 1), v))
+        middle = np.s_[20:-20, SIZE // 2 - 30 : SIZE // 2 + 30]
+        return warp(texture(waves), Copy("a", "a", False, False), at)[middle].std()
+
+    assert spread(3.3) < 0.05 and spread(0.98) > 0.25
 
 
 @pytest.mark.parametrize("down", [False, True])
@@ -148,7 +142,6 @@ def test_normals_turn_with_their_features(down: bool) -> None:
 
 def test_copies_keep_what_their_textures_are(tmp_path: Path) -> None:
     scene = sheet(tmp_path, frames=1)
-    chance = np.random.default_rng(3)
     cases = {
         "grey8": ("png", np.uint8, 1, {}, "png"),
         "srgb8": ("png", np.uint8, 3, {"oiio:ColorSpace": "srgb_rec709_scene"}, "png"),
@@ -162,8 +155,7 @@ def test_copies_keep_what_their_textures_are(tmp_path: Path) -> None:
     }
     for name, (ending, dtype, channels, told, _) in cases.items():
         for udim in (1001, 1002):
-            values = chance.random((40, 72, channels)).repeat(2, axis=0)
-            values = (values * (1 if np.dtype(dtype).kind == "f" else np.iinfo(dtype).max)).astype(dtype)
+            values = noise((40, 72, channels), dtype).repeat(2, axis=0)
             image(tmp_path / f"{name}.{udim}.{ending}", values, **told)
     patterns = [tmp_path / f"{name}.<UDIM>.{case[0]}" for name, case in cases.items()]
     out = tmp_path / "out"
@@ -181,11 +173,9 @@ def test_copies_keep_what_their_textures_are(tmp_path: Path) -> None:
             for attribute, value in told.items():
                 assert attributes(out / f"{name}.0001.{udim}.{kept}")[attribute] == value
     # Up to date, also in formats that have no attributes of one's own.
-    ended = run(*sheet_arguments(scene, out, "--texture", *patterns))
-    assert ended.stdout.splitlines()[-1].startswith(f"0 files written, {len(before)} up to date"), ended.stdout
+    assert written(run(*sheet_arguments(scene, out, "--texture", *patterns))) == (0, len(before))
     image(tmp_path / "grey8.1001.png", np.zeros((80, 72, 1), np.uint8))
-    ended = run(*sheet_arguments(scene, out, "--texture", *patterns))
-    assert ended.stdout.splitlines()[-1].startswith("1 file written"), ended.stdout
+    assert written(run(*sheet_arguments(scene, out, "--texture", *patterns))) == (1, len(before) - 1)
     assert {p.name for p in out.iterdir() if p.read_bytes() != before[p.name]} == {"grey8.0001.1001.png"}
 
 

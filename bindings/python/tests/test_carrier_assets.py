@@ -1,19 +1,19 @@
-"""What is carried against what is painted, on real meshes: each texel of a map shows where some paint is, and the posed
-mesh where the texel is. Nothing is shared with carriers: paint is found in maps, places by the weights of corners."""
+"""Carried points beside the paint of real meshes: each texel of a map names the paint that it shows, and the posed mesh
+has the texel's place. Nothing is shared with carriers: paint is found in maps, places by the weights of corners."""
 
-from __future__ import annotations
-
+import dataclasses
 import json
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
-import OpenImageIO as oiio
 import pytest
 
 import vrtm
+from bake_scenes import asset_of
+from conftest import real_mesh
 from vrtm.bake.raster import cover
 from vrtm.bake.scene import Scene
+from vrtm.bake.scene.images import read_map
 
 GRID = 256
 EXACT = 1e-3
@@ -26,8 +26,9 @@ SEEN = 0.05
 REACH, TEXELS = 1 / 32, 2048
 
 
-def read(folder: Path) -> SimpleNamespace:
+def read(name: str) -> SimpleNamespace:
     """A mesh, its triangles, poses and maps."""
+    folder = real_mesh(name)
     facts = json.loads((folder / "asset.json").read_text())
     with Scene(str(folder / "rest.obj")) as file:
         (shape,) = file.shapes
@@ -41,13 +42,9 @@ def read(folder: Path) -> SimpleNamespace:
         first += count
     rest = shape.rest.astype(float)
     frames = np.fromfile(folder / "frames.f32", "<f4").reshape(-1, *rest.shape).astype(float)
-    maps = {}
-    for udim, name in facts["rigidity"].items():
-        maps[int(udim)] = oiio.ImageBuf(str(folder / name)).get_pixels(oiio.UINT8)[..., 0]
+    maps = {int(udim): read_map(str(folder / name)) for udim, name in facts["rigidity"].items()}
     vertices, corners = shape.indices[found], uvs[shape.uv_indices[found]]
-    return SimpleNamespace(
-        shape=shape, rest=rest, frames=frames, maps=maps, vertices=vertices, corners=corners, uvs=uvs
-    )
+    return SimpleNamespace(shape=shape, rest=rest, frames=frames, maps=maps, vertices=vertices, corners=corners)
 
 
 def area(corners: np.ndarray) -> np.ndarray:
@@ -59,20 +56,8 @@ def origin(udim: int) -> np.ndarray:
     return np.array([(udim - 1001) % 10, (udim - 1001) // 10], float)
 
 
-def make(device: vrtm.Device, model: SimpleNamespace, seams: str) -> vrtm.Asset:
-    shape = model.shape
-    asset = vrtm.Asset(
-        device,
-        model.rest,
-        shape.indices,
-        face_counts=shape.face_counts,
-        uvs=shape.uvs,
-        uv_indices=shape.uv_indices,
-    )
-    return prepare(asset, model, seams)
-
-
-def prepare(asset: vrtm.Asset, model: SimpleNamespace, seams: str) -> vrtm.Asset:
+def make(model: SimpleNamespace, seams: str = "shut", **mesh: object) -> vrtm.Asset:
+    asset = asset_of(model.shape, **mesh)
     for tile in asset.tiles:
         if tile.udim in model.maps:
             tile.set_rigidity(model.maps[tile.udim])
@@ -146,58 +131,44 @@ def check(name: str, found: list[SimpleNamespace], most: float = EXACT) -> None:
     [(name, "shut") for name in ("cesium_man", "fox", "ict_inner", "mh_face", "spot")]
     + [(name, "continue") for name in ("cesium_man", "fox", "mh_face", "spot")],
 )
-def test_rims_coincide(device, assets, name, seams):
-    model = read(assets / name)
+def test_rims_coincide(name, seams):
+    model = read(name)
     pose = model.frames[min(3, len(model.frames) - 1) if name != "mh_face" else 0]
-    with make(device, model, seams) as asset:
+    with make(model, seams) as asset:
         # The gums are enough of the mouth.
         tiles = [asset.tile(udim) for udim in list(model.maps)[:1]]
         most = EXACT if seams == "shut" else ON_BORDER
         check(f"{name} {seams}", [rims(asset, tile, model, pose) for tile in tiles], most)
 
 
-def test_rims_coincide_in_layers(device, assets):
+def test_rims_coincide_in_layers():
     """Two mirrored halves in one place of the UV plane, each in a pose of its own."""
-    model, count = read(assets / "cesium_man"), 0
+    model = read("cesium_man")
     shape, count = model.shape, len(model.rest)
-    mirror = np.array([-1, 1, 1])
-    rest = np.concatenate([model.rest, model.rest * mirror + [9, 0, 0]])
-    poses = model.frames[3], model.frames[1] * mirror + [9, 0, 0]
-    with vrtm.Asset(
-        device,
-        rest,
-        np.concatenate([shape.indices, shape.indices + count]),
+    halves = [model.rest, model.rest * [-1, 1, 1] + [9, 0, 0]]
+    pose = np.concatenate([model.frames[3], model.frames[1] * [-1, 1, 1] + [9, 0, 0]])
+    model.shape = dataclasses.replace(
+        shape,
+        rest=np.concatenate(halves),
         face_counts=np.tile(shape.face_counts, 2),
-        uvs=shape.uvs,
+        indices=np.concatenate([shape.indices, shape.indices + count]),
         uv_indices=np.tile(shape.uv_indices, 2),
-        max_layers=2,
-    ) as asset:
-        prepare(asset, model, "shut")
+    )
+    with make(model, max_layers=2) as asset:
         layers = asset.face_layers().reshape(2, -1)
         for layer in (0, 1):
             # Which half a layer has differs from chart to chart: its mesh is put together of both.
-            half = (layers[1] == layer).astype(int)
-            of_face = np.repeat(half, shape.face_counts - 2)
-            one = SimpleNamespace(**vars(model))
-            one.vertices = model.vertices + count * of_face[:, None]
-            found = rims(asset, asset.tile(1001, layer=layer), one, np.concatenate(poses), layers=layer)
-            check(f"layer {layer}", [found])
+            of_face = np.repeat((layers[1] == layer).astype(int), shape.face_counts - 2)
+            one = SimpleNamespace(**vars(model) | {"vertices": model.vertices + count * of_face[:, None]})
+            check(f"layer {layer}", [rims(asset, asset.tile(1001, layer=layer), one, pose, layers=layer)])
 
 
-def test_rims_coincide_in_a_second_uv_set(device, assets):
-    model = read(assets / "mh_face")
-    shape, pose = model.shape, model.frames[0]
-    with vrtm.Asset(
-        device,
-        model.rest,
-        shape.indices,
-        face_counts=shape.face_counts,
-        uvs=np.full((1, 2), 0.5),
-        uv_indices=np.zeros_like(shape.indices),
-        uv_sets=[(shape.uvs, shape.uv_indices)],
-    ) as asset:
-        prepare(asset, model, "shut")
-        check("UV set 1", [rims(asset, asset.tile(1001, uv_set=1), model, pose, uv_set=1)])
+def test_rims_coincide_in_a_second_uv_set():
+    model = read("mh_face")
+    shape = model.shape
+    nowhere = {"uvs": np.full((1, 2), 0.5), "uv_indices": np.zeros_like(shape.indices)}
+    with make(model, **nowhere, uv_sets=[(shape.uvs, shape.uv_indices)]) as asset:
+        check("UV set 1", [rims(asset, asset.tile(1001, uv_set=1), model, model.frames[0], uv_set=1)])
 
 
 def forward(nodes: np.ndarray, uv: np.ndarray) -> np.ndarray:
@@ -211,8 +182,8 @@ def forward(nodes: np.ndarray, uv: np.ndarray) -> np.ndarray:
 
 
 def beyond(dilation: np.ndarray, at: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where on the surface a UV beside the charts is, by the affine map of the nearest three texels of the gutter; and
-    for which of them there are such texels. Others, and UVs on charts, are left out."""
+    """Places on the surface of UVs beside the charts, by the affine map of the nearest three texels of the gutter; and
+    a mask of the UVs that have such texels. UVs on charts have none."""
     own = (np.stack(np.meshgrid(*(np.arange(TEXELS),) * 2), -1) + 0.5) / TEXELS + place
     gutter = (np.abs(dilation[..., :2] - own).max(-1) > 1 / TEXELS) & (dilation[..., 3] > 0.5)
     i, j = np.clip(np.floor(at * TEXELS).astype(int), 1, TEXELS - 2).T
@@ -244,11 +215,11 @@ def locate(model: SimpleNamespace, uv: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 @pytest.mark.parametrize("name", ["cesium_man", "fox"])
-def test_points_go_over_seams(device, assets, name):
-    """Where the warp leads over a seam, the place is that of the neighbour's texel which the dilation names there."""
-    model = read(assets / name)
+def test_points_go_over_seams(name):
+    """A point that the warp leads over a seam is at the place of the texel that the dilation names there."""
+    model = read(name)
     pose = model.frames[3]
-    with make(device, model, "continue") as asset:
+    with make(model, "continue") as asset:
         tile, texels = asset.tile(1001), covered(model, 1001)
         asset.solve(pose)
         nodes = tile.fetch("warp", origin="bottom")[..., :2].astype(float)

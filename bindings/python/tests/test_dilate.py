@@ -1,13 +1,13 @@
 """`vrtm dilate`: both sides of a seam show the same."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import scenes
 from bake_scenes import files, image, pixels, run
+from conftest import centres, grid
 
 # Two squares side by side; the second one lies in the next tile, turned by 90 degrees and half as large.
 OBJ = """\
@@ -19,14 +19,13 @@ f 1/1 2/2 5/3 4/4\nf 2/5 3/6 6/7 5/8
 
 
 def content(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """What is painted at a point of the surface, from 0 to 1."""
+    """Paint at a point of the surface, from 0 to 1."""
     return np.stack([0.2 + 0.3 * x, 0.1 + 0.8 * y, 0.5 + 0.4 * np.sin(3 * x + 2 * y)], axis=-1)
 
 
 def at_texels(udim: int, size: int) -> tuple[np.ndarray, np.ndarray]:
     """The points of the surface under the texels of a tile."""
-    along = (np.arange(size) + 0.5) / size
-    u, v = np.meshgrid(along, 1 - along)
+    u, v = centres(size)
     if udim == 1001:
         return (u - 0.1) / 0.8, (v - 0.1) / 0.8
     return 1 + (v - 0.3) / 0.4, (0.7 - u) / 0.4
@@ -148,17 +147,12 @@ def test_textures_are_not_replaced(scene: Path) -> None:
 
 
 def test_a_mesh_without_a_texture_is_told(tmp_path: Path) -> None:
-    square = """
-    def Mesh "%s" {
-        int[] faceVertexCounts = [4]
-        int[] faceVertexIndices = [0, 1, 2, 3]
-        point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
-        texCoord2f[] primvars:st = [(%s.1, 0.1), (%s.9, 0.1), (%s.9, 0.9), (%s.1, 0.9)] (interpolation = "vertex")
-    }"""
-    scene = tmp_path / "two.usda"
-    scene.write_text("#usda 1.0\n" + square % ("first", 0, 0, 0, 0) + square % ("second", 1, 1, 1, 1))
+    stage = scenes.stage(tmp_path / "two.usda")
+    for tile, name in enumerate(("first", "second")):
+        square, faces = grid(1)
+        scenes.mesh(stage, f"/{name}", square, 0.1 + 0.8 * square[:, :2] + [tile, 0], faces=faces)
     image(tmp_path / "skin.1001.png", np.zeros((32, 32, 3), np.uint8))
-    said = dilate(scene)
+    said = dilate(Path(scenes.saved(stage)))
     assert "1 file written" in said.stdout
     assert "/second: left out, with its charts" in said.stderr and "1002" in said.stderr
 

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import vrtm
-from conftest import studs
+from conftest import studded, studs
+from vrtm import _abi
+from vrtm._errors import _CLASSES
 
 
 def refused(kind, words, function, *arguments, **more):
@@ -15,9 +17,6 @@ def refused(kind, words, function, *arguments, **more):
 
 
 def test_every_status_has_a_class():
-    from vrtm import _abi
-    from vrtm._errors import _CLASSES
-
     statuses = {value for name, value in vars(_abi).items() if name.startswith("VRTM_ERROR_")}
     assert statuses == set(_CLASSES)
     assert all(issubclass(kind, vrtm.Error) for kind in _CLASSES.values())
@@ -116,15 +115,13 @@ def test_device():
 
 
 def test_memory_budget(model):
-    with vrtm.Device("cpu", memory_budget=2_000_000) as device:
-        with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as asset:
-            asset.tile(1001).set_settings(grid_width=1024, grid_height=1024)
-            asset.tile(1001).set_rigidity(studs())
-            with pytest.raises(vrtm.OutOfMemoryError) as caught:
-                asset.solve(model.pose)
-            assert isinstance(caught.value, MemoryError)
-            asset.tile(1001).set_settings(grid_width=16, grid_height=16)
+    with vrtm.Device("cpu", memory_budget=2_000_000) as device, studded(device, model) as asset:
+        asset.tile(1001).set_settings(grid_width=1024, grid_height=1024)
+        with pytest.raises(vrtm.OutOfMemoryError) as caught:
             asset.solve(model.pose)
+        assert isinstance(caught.value, MemoryError)
+        asset.tile(1001).set_settings(grid_width=16, grid_height=16)
+        asset.solve(model.pose)
 
 
 def test_closed(device, model, asset):
@@ -147,9 +144,8 @@ def test_exceptions_cross_processes():
 def test_saved_tiles(device, model, asset):
     tile = asset.tile(1001)
     data = tile.save()
-    with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as other:
+    with studded(device, model) as other:
         refused(vrtm.InvalidArgumentError, "", other.tile(1001).load, data)
-        other.tile(1001).set_rigidity(studs())
         other.tile(1001).set_settings(tile.settings)
         refused(vrtm.InvalidArgumentError, "", other.tile(1001).load, data[:-1])
         refused(vrtm.InvalidArgumentError, "", other.tile(1001).load, b"")

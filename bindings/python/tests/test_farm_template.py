@@ -1,7 +1,5 @@
 """The farm's template in OpenJobDescription's own programs: checked, run, killed and run again."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
@@ -14,14 +12,12 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import pytest
-from pxr import Usd
 
-from bake_scenes import INSTALLED, files, run, sheet, sheet_arguments
-from scenes import bind, materialx_material
+from bake_scenes import INSTALLED, files, processes, run, sheet_arguments, with_material
 from vrtm.farm import template
 
 FRAMES = 8
-OPTIONS = "--size 256 --jacobian"
+OPTIONS = "--size 128 --jacobian"
 
 
 @pytest.fixture(scope="module")
@@ -40,10 +36,7 @@ class Farm:
 
     def __init__(self, openjd: str, folder: Path) -> None:
         self.openjd, self.folder = openjd, folder
-        self.scene = sheet(folder / "scene", frames=FRAMES)
-        stage = Usd.Stage.Open(str(self.scene))
-        bind(stage.GetPrimAtPath("/model/sheet"), materialx_material(stage, "/model/material"))
-        stage.Save()
+        self.scene = with_material(folder / "scene", frames=FRAMES, cells=8)
         self.template = folder / "job.yaml"
         assert run("farm-template", "--out", self.template).returncode == 0
         program = folder / "bin" / "vrtm"
@@ -86,7 +79,7 @@ def farm(openjd: str, tmp_path_factory: pytest.TempPathFactory) -> Farm:
 
 @pytest.fixture(scope="module")
 def local(farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
-    """What a run without a farm writes."""
+    """Files of a run without a farm."""
     out = tmp_path_factory.mktemp("local")
     layer = ("--layer", out / "redirect.usda")
     run(*sheet_arguments(farm.scene, out, "--form", "udim", *OPTIONS.split(), *layer))
@@ -159,21 +152,14 @@ def by_frame(names: Iterable[str]) -> list[set[str]]:
 
 def tree(root: int) -> list[int]:
     """A process and all that descend from it."""
-    parents: dict[int, int] = {}
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit():
-            try:
-                parents[int(entry.name)] = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
-            except OSError:
-                continue
-    found = [root]
+    found, all_ = [root], processes()
     for process in found:
-        found += [child for child, parent in parents.items() if parent == process]
+        found += [child for child, (_, parent, _) in all_.items() if parent == process]
     return found
 
 
 def test_paths_are_mapped(farm: Farm, local: dict[str, bytes], tmp_path: Path) -> None:
-    """Where the farm mounts the files elsewhere than the artist does."""
+    """The farm mounts the files elsewhere than the artist does."""
     rule = {"source_path_format": "POSIX", "source_path": "/artist", "destination_path": str(tmp_path / "there")}
     rules = tmp_path / "rules.json"
     rules.write_text(json.dumps({"version": "pathmapping-1.0", "path_mapping_rules": [rule]}))

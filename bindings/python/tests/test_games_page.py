@@ -1,17 +1,14 @@
 """The shaders of docs/games.md compile, and the page's options are those of the command."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from bake_scenes import REPOSITORY, run
-from vrtm.basis.stored import numbers, stored
+from bake_scenes import run
+from conftest import REPOSITORY
 
 PAGE = REPOSITORY / "docs" / "games.md"
 GLSL = """#version 330
@@ -54,21 +51,7 @@ def test_shaders_compile(tmp_path: Path, language: str, program: str, options: l
         assert ended.returncode == 0, ended.stdout + ended.stderr
 
 
-def test_weights_that_take_the_range_in_give_the_same_sum() -> None:
-    """The shader for integers, its loop in Python, against the sum of what the numbers stand for."""
-    random = np.random.default_rng(1)
-    maps = random.uniform(-0.1, 0.2, (3, 50, 2)).astype(np.float32)
-    weights = random.uniform(-1, 1, 3)
-    found, ranges = stored(maps, "unorm8")
-    scaled = [weight * of.scale for weight, of in zip(weights, ranges)]
-    offset = sum(weight * of.offset for weight, of in zip(weights, ranges))
-    moved = np.zeros((50, 2)) + offset
-    for k in range(3):
-        moved = moved + scaled[k] * (numbers(found[k], ranges[k], "unorm8") / 255)
-    np.testing.assert_allclose(moved, np.einsum("k,ktc->tc", weights, found), atol=1e-7)
-
-
 def test_its_options_are_there() -> None:
-    told = run("bake", "--help").stdout
+    told = run("bake", "--help-all").stdout
     for option in set(re.findall(r"--[a-z][a-z-]+", PAGE.read_text())):
         assert option in told, option

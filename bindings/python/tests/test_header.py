@@ -1,4 +1,4 @@
-"""What is generated from the header agrees with a C compiler."""
+"""Modules generated from the header agree with a C compiler."""
 
 import ctypes
 import os
@@ -16,11 +16,8 @@ HEADER = Path(__file__).resolve().parents[3] / "include" / "vrtm.h"
 
 
 def structs():
-    return {
-        n: s
-        for n, s in vars(_abi).items()
-        if isinstance(s, type) and issubclass(s, ctypes.Structure) and s is not ctypes.Structure
-    }
+    kinds = {name: value for name, value in vars(_abi).items() if isinstance(value, type)}
+    return {name: kind for name, kind in kinds.items() if ctypes.Structure in kind.__bases__}
 
 
 def test_layouts_are_those_of_a_compiler(tmp_path):
@@ -88,8 +85,8 @@ def test_names():
 
 def test_hints_of_names_are_what_the_library_takes():
     """Each parameter and setting that is a name has a Literal, of the names that are taken there."""
-    places = [vrtm.Device.__init__, vrtm.Asset.__init__, vrtm.Fetch.__init__, vrtm.SolveOptions, vrtm.TileSettings]
-    places += [_records.TileSettingsFields]
+    places = [vrtm.Device.__init__, vrtm.Asset.__init__, vrtm.Fetch.__init__]
+    places += [vrtm.SolveOptions, vrtm.TileSettings, _records.TileSettingsFields]
     places += [function for name, function in vars(vrtm.Tile).items() if callable(function) and name != "_set"]
     # Modules of the package import each other, so that some names are imported for type checkers alone.
     local, found = {"Asset": vrtm.Asset, "Tile": vrtm.Tile, "Unpack": typing.Unpack}, set()

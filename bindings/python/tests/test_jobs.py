@@ -2,27 +2,28 @@
 
 import asyncio
 import concurrent.futures
+import gc
 import signal
 import subprocess
 import sys
 import textwrap
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import vrtm
-from conftest import sheet, studs
+from conftest import sheet, studded
 
 
 @pytest.fixture
 def slow(device):
     """An asset whose solves take long enough to be cancelled."""
     model = sheet(33)
-    with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as asset:
+    with studded(device, model, 1024, 64) as asset:
         asset.tile(1001).set_settings(grid_width=2048, grid_height=2048)
-        asset.tile(1001).set_rigidity(studs(1024, 64))
         asset.pose = model.pose
         yield asset
 
@@ -80,13 +81,8 @@ def test_await(device, model):
         with pytest.raises(asyncio.TimeoutError):
             await asyncio.wait_for(asset.submit(pose), 0.001)
 
-    assets = []
-    for _ in poses:
-        asset = vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces)
-        asset.tile(1001).set_rigidity(studs())
-        assets.append(asset)
-    reports = asyncio.run(all_of_them(assets))
-    for asset, pose, report in zip(assets, poses, reports):
+    assets = [studded(device, model) for _ in poses]
+    for asset, pose, report in zip(assets, poses, asyncio.run(all_of_them(assets))):
         assert report.ms_total > 0
         result = asset.tile(1001).fetch()
         asset.solve(pose)
@@ -124,61 +120,50 @@ def test_the_gil_is_released(slow):
     assert counted > 1000
 
 
-def test_threads(device):
+def test_threads(device, model):
     """Assets of their own on threads of their own, and one asset's results read while it solves."""
-    model = sheet()
     poses = [model.rest + (model.pose - model.rest) * k / 4 for k in range(1, 5)]
 
     def bake(pose):
-        with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as asset:
-            asset.tile(1001).set_rigidity(studs())
-            return [asset.redirect(pose, asset.tiles)[0] for _ in range(3)][-1]
+        with studded(device, model) as asset:
+            return asset.redirect(pose, asset.tiles)[0]
 
     alone = [bake(pose) for pose in poses]
     with concurrent.futures.ThreadPoolExecutor(4) as pool:
         for result, expected in zip(pool.map(bake, poses * 3), alone * 3):
             assert np.array_equal(result, expected)
-    with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as asset:
-        asset.tile(1001).set_rigidity(studs())
+    with studded(device, model) as asset:
         asset.solve(poses[0])
-        wrong = []
         stop = threading.Event()
 
         def read():
             while not stop.is_set():
                 found = asset.tile(1001).fetch()
-                if not any(np.array_equal(found, expected) for expected in alone):
-                    wrong.append(found)
+                assert any(np.array_equal(found, expected) for expected in alone)
 
-        readers = [threading.Thread(target=read) for _ in range(2)]
-        for reader in readers:
-            reader.start()
-        for pose in poses * 5:
-            asset.solve(pose)
-        stop.set()
-        for reader in readers:
-            reader.join()
-        assert not wrong
+        with concurrent.futures.ThreadPoolExecutor(2) as pool:
+            readers = [pool.submit(read) for _ in range(2)]
+            for pose in poses * 5:
+                asset.solve(pose)
+            stop.set()
+            assert [reader.result() for reader in readers] == [None, None]
 
 
 PRELUDE = """
     import sys, signal, threading, time
     sys.path.insert(0, {tests!r})
     import numpy as np, vrtm
-    from conftest import sheet, studs
+    from conftest import sheet, studded
     model = sheet(33)
     device = vrtm.Device("cpu")
-    asset = vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces)
+    asset = studded(device, model, 1024, 64)
     asset.tile(1001).set_settings(grid_width=2048, grid_height=2048)
-    asset.tile(1001).set_rigidity(studs(1024, 64))
 """
 
 
-def run(code, **how):
-    from pathlib import Path
-
+def run(code):
     text = textwrap.dedent(PRELUDE.format(tests=str(Path(__file__).parent))) + textwrap.dedent(code)
-    return subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=100, **how)
+    return subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, timeout=100)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are sent otherwise there")
@@ -206,7 +191,7 @@ def test_ctrl_c():
 def test_the_end_of_a_process():
     """A process may end while jobs run that call Python functions, and with everything left open."""
     done = run("""
-        other = vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces)
+        other = studded(device, model)
         job = asset.submit(model.pose, max_corrections=7, progress=lambda fraction: time.sleep(0.01))
         time.sleep(0.1)
         print(job.running())
@@ -217,12 +202,9 @@ def test_the_end_of_a_process():
 
 def test_nothing_is_left(model):
     """Objects that nobody holds any more give their memory back."""
-    import gc
-
     with vrtm.Device("cpu") as device:
         for _ in range(3):
-            asset = vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces)
-            asset.tile(1001).set_rigidity(studs())
+            asset = studded(device, model)
             asset.submit(model.pose).result()
             assert device.info.bytes_held > 0
             del asset
@@ -234,21 +216,18 @@ def test_nothing_is_left(model):
             assert device.info.bytes_held == 0
 
 
-def test_log(model):
+def test_log(model, caplog):
     lines = []
     with vrtm.Device("cpu", log=lambda level, text: lines.append((level, text))) as device:
-        asset = vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces)
+        asset = studded(device, model)
     # The asset outlives the device, and so does the log.
     asset.solve(model.pose * 100)
     assert ("info", "warning") == (lines[0][0], lines[-1][0])
     assert "100" in lines[-1][1] or "units" in lines[-1][1]
     asset.close()
-
-
-def test_default_log(model, caplog):
-    with vrtm.Device("cpu") as device:
-        with vrtm.Asset(device, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as asset:
-            asset.solve(model.pose * 100)
+    assert not caplog.records
+    with vrtm.Device("cpu") as device, studded(device, model) as asset:
+        asset.solve(model.pose * 100)
     assert any(record.name == "vrtm" and record.levelname == "WARNING" for record in caplog.records)
 
 

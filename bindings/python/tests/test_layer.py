@@ -1,7 +1,5 @@
 """Layers over shots: what a renderer would resolve, and what USD's validators say."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -9,27 +7,30 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("pxr")
-
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 import scenes
-from shots import FRAMES, bake, bound, checked, composed, corner_uvs, shot, texture, varname
-from vrtm.bake.layer import LayerError, LayerPlan, check_layer, write_corner_uvs, write_layer
+from shots import FRAMES, bake, bound, checked, corner_uvs, over, shot, texture, varname
+from vrtm.bake.layer import LayerError, LayerPlan, corner_uv_layer, write_layer
 from vrtm.bake.scene import Scene, SceneOptions
 
 
-def test_a_preview_surface_reads_the_primvar(tmp_path: Path) -> None:
-    shot(tmp_path).Save()
-    with Scene(tmp_path / "shot.usda") as scene:
-        _, warnings = bake(tmp_path, scene, ("one", "two"))
-        shape = scene.shape("two")
+@pytest.fixture
+def stage(tmp_path: Path) -> Usd.Stage:
+    return shot(tmp_path)
+
+
+def redirected(stage: Usd.Stage, path: str = "/world/one") -> UsdGeom.Primvar:
+    return UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(path)).GetPrimvar("st_redirected")
+
+
+def test_a_preview_surface_reads_the_primvar(stage: Usd.Stage, tmp_path: Path) -> None:
+    final, warnings = over(stage, ("one", "two"))
+    shape = Scene(tmp_path / "shot.usda").shape("two")
     assert warnings == [] and checked(tmp_path) == []
-    stage = composed(tmp_path)
     for name in ("one", "two"):
-        assert varname(texture(bound(stage, f"/world/{name}"))) == "st_redirected"
-        primvar = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(f"/world/{name}")).GetPrimvar("st_redirected")
+        assert varname(texture(bound(final, f"/world/{name}"))) == "st_redirected"
+        primvar = redirected(final, f"/world/{name}")
         assert primvar.GetInterpolation() == "faceVarying" and primvar.GetTypeName() == "texCoord2f[]"
         # Between frames they are interpolated, also where one was not baked; outside they are held.
         for time, frame in ((0, 1), (1, 1), (1.5, 1.5), (2, 2), (3, 3), (3.5, 3.5), (4, 4), (9, 4)):
@@ -37,34 +38,27 @@ def test_a_preview_surface_reads_the_primvar(tmp_path: Path) -> None:
         assert primvar.GetAttr().GetTimeSamples() == [1, 2, 4]
 
 
-def test_a_mesh_that_shares_the_material_is_left_alone(tmp_path: Path) -> None:
-    shot(tmp_path).Save()
-    bake(tmp_path, Scene(tmp_path / "shot.usda"))
-    stage = composed(tmp_path)
-    assert bound(stage, "/world/three").GetPath() == "/world/looks/skin"
-    assert varname(texture(bound(stage, "/world/three"))) == "st"
-    assert not stage.GetPrimAtPath("/world/three").HasAttribute("primvars:st_redirected")
-    made = bound(stage, "/world/one")
+def test_a_mesh_that_shares_the_material_is_left_alone(stage: Usd.Stage, tmp_path: Path) -> None:
+    final, _ = over(stage)
+    assert bound(final, "/world/three").GetPath() == "/world/looks/skin"
+    assert varname(texture(bound(final, "/world/three"))) == "st" and not redirected(final, "/world/three")
+    made = bound(final, "/world/one")
     assert made.GetPath() != "/world/looks/skin" and made.GetBaseMaterialPath() == "/world/looks/skin"
     # Whoever changes the shot's material later changes the derived one, too.
-    shader = UsdShade.Shader(stage.GetPrimAtPath("/world/looks/skin/surface"))
-    stage.SetEditTarget(Sdf.Layer.Find(str(tmp_path / "shot.usda")))
+    shader = UsdShade.Shader(final.GetPrimAtPath("/world/looks/skin/surface"))
+    final.SetEditTarget(Sdf.Layer.Find(str(tmp_path / "shot.usda")))
     shader.CreateInput("roughness", scenes.TYPES.Float).Set(0.125)
     assert made.ComputeSurfaceSource()[0].GetInput("roughness").Get() == 0.125
 
 
-def test_the_layer_holds_overs_alone_and_the_shot_is_not_touched(tmp_path: Path) -> None:
-    shot(tmp_path).Save()
-    before = (tmp_path / "shot.usda").read_bytes()
-    path, _ = bake(tmp_path, Scene(tmp_path / "shot.usda"))
-    layer = Sdf.Layer.FindOrOpen(str(path))
+def test_the_layer_holds_overs_alone_and_the_shot_is_not_touched(stage: Usd.Stage, tmp_path: Path) -> None:
+    before = Path(scenes.saved(stage)).read_bytes()
+    over(stage)
+    layer = Sdf.Layer.FindOrOpen(str(tmp_path / "over.usda"))
     assert list(layer.subLayerPaths) == [] and layer.defaultPrim == "world"
     assert layer.GetPrimAtPath("/world/one").specifier == Sdf.SpecifierOver
     assert (tmp_path / "shot.usda").read_bytes() == before
     assert sorted(p.name for p in tmp_path.iterdir() if ".part" in p.name) == []
-    path, _ = bake(tmp_path, Scene(tmp_path / "shot.usda"), sublayer="./shot.usda")
-    alone = Usd.Stage.Open(str(path))
-    assert varname(texture(bound(alone, "/world/one"))) == "st_redirected"
 
 
 def test_instances_become_plain_prims(tmp_path: Path) -> None:
@@ -82,74 +76,57 @@ def test_instances_become_plain_prims(tmp_path: Path) -> None:
     stage.Save()
     scene = Scene(tmp_path / "shot.usda")
     assert len(scene.shapes) == 1
-    _, warnings = bake(tmp_path, scene)
-    assert warnings == [
-        f"/set/{n}: is no instance any more, since what is inside is redirected" for n in ("left", "right")
-    ]
-    assert checked(tmp_path) == []
-    final = composed(tmp_path)
+    final, warnings = over(stage)
+    told = "is no instance any more, since what is inside is redirected"
+    assert warnings == [f"/set/{name}: {told}" for name in ("left", "right")] and checked(tmp_path) == []
     for name in ("left", "right"):
         path = f"/set/{name}/one"
         assert bound(final, path).GetPath() == f"/set/{name}/looks/skin_one_redirected"
         assert varname(texture(bound(final, path))) == "st_redirected"
-        primvar = UsdGeom.PrimvarsAPI(final.GetPrimAtPath(path)).GetPrimvar("st_redirected")
-        assert np.array(primvar.Get(2)) == pytest.approx(corner_uvs(scene.shapes[0], 2))
+        assert np.array(redirected(final, path).Get(2)) == pytest.approx(corner_uvs(scene.shapes[0], 2))
     # With plain prims in the shot, the scene finds two shapes: bake and layer are of the shot without the layer.
     write_layer(tmp_path / "over.usda", scene, LayerPlan(FRAMES, ("one",), corner_path=lambda *_: "./x.usdc"))
 
 
-def test_variants_are_those_that_were_baked(tmp_path: Path) -> None:
-    stage = shot(tmp_path)
+def test_variants_are_those_that_were_baked(stage: Usd.Stage, tmp_path: Path) -> None:
     look = stage.GetPrimAtPath("/world").GetVariantSets().AddVariantSet("size")
     for name in ("small", "large"):
         look.AddVariant(name)
-        look.SetVariantSelection(name)
-        if name == "large":
-            with look.GetVariantEditContext():
-                skin = UsdShade.Material(stage.GetPrimAtPath("/world/looks/skin"))
-                scenes.bind(scenes.mesh(stage, "/world/big"), skin)
+    look.SetVariantSelection("large")
+    with look.GetVariantEditContext():
+        scenes.bind(scenes.mesh(stage, "/world/big"), UsdShade.Material.Get(stage, "/world/looks/skin"))
     look.SetVariantSelection("small")
-    stage.Save()
     options = SceneOptions(variants=(("/world", "size", "large"),))
-    _, warnings = bake(tmp_path, Scene(tmp_path / "shot.usda", options), ("big",))
+    final, warnings = over(stage, ("big",), options)
     assert warnings == [] and checked(tmp_path, options=options) == []
-    assert varname(texture(bound(composed(tmp_path), "/world/big"))) == "st_redirected"
+    assert varname(texture(bound(final, "/world/big"))) == "st_redirected"
 
 
-def test_time_codes_are_the_shots(tmp_path: Path) -> None:
-    stage = shot(tmp_path, fps=24)
+def test_time_codes_are_the_shots(stage: Usd.Stage, tmp_path: Path) -> None:
     stage.SetTimeCodesPerSecond(48)
-    stage.Save()
-    scene = Scene(tmp_path / "shot.usda")
-    bake(tmp_path, scene)
-    primvar = UsdGeom.PrimvarsAPI(composed(tmp_path).GetPrimAtPath("/world/one")).GetPrimvar("st_redirected")
+    primvar = redirected(over(stage)[0])
     assert primvar.GetAttr().GetTimeSamples() == [1, 2, 4]
-    assert np.array(primvar.Get(4)) == pytest.approx(corner_uvs(scene.shape("one"), 4))
+    assert np.array(primvar.Get(4)) == pytest.approx(corner_uvs(Scene(tmp_path / "shot.usda").shape("one"), 4))
 
 
-def test_baking_again_over_a_shot_that_has_the_layer(tmp_path: Path) -> None:
-    shot(tmp_path).Save()
-    path, _ = bake(tmp_path, Scene(tmp_path / "shot.usda"))
-    composed(tmp_path)
+def test_baking_again_over_a_shot_that_has_the_layer(stage: Usd.Stage, tmp_path: Path) -> None:
+    over(stage)
     scene = Scene(tmp_path / "final.usda")
     assert scene.shape("one").uv_name == "st"
-    bake(tmp_path, scene)
+    path, _ = bake(tmp_path, scene)
     layer = Sdf.Layer.FindOrOpen(str(path))
     assert [spec.name for spec in layer.GetPrimAtPath("/world/looks").nameChildren] == ["skin_one_redirected"]
 
 
-def test_corner_uvs_of_a_refined_mesh_are_those_of_its_cage(tmp_path: Path) -> None:
-    stage = shot(tmp_path)
+def test_corner_uvs_of_a_refined_mesh_are_those_of_its_cage(stage: Usd.Stage, tmp_path: Path) -> None:
     UsdGeom.Mesh(stage.GetPrimAtPath("/world/one")).CreateSubdivisionSchemeAttr("catmullClark")
-    stage.Save()
-    scene = Scene(tmp_path / "shot.usda", SceneOptions(subdivide=2))
-    bake(tmp_path, scene)
-    shape, cage = scene.shape("one"), Scene(tmp_path / "shot.usda").shape("one")
-    found = UsdGeom.PrimvarsAPI(composed(tmp_path).GetPrimAtPath("/world/one")).GetPrimvar("st_redirected").Get(1)
-    assert len(shape.indices) == 128 and np.array(found) == pytest.approx(corner_uvs(shape, 1)[shape.cage_corners])
-    assert np.array(found) == pytest.approx(cage.uvs[cage.uv_indices], abs=0.3), "the same corners"
+    found = np.array(redirected(over(stage, options=SceneOptions(subdivide=2))[0]).Get(1))
+    cage = Scene(tmp_path / "shot.usda").shape("one")
+    shape = Scene(tmp_path / "shot.usda", SceneOptions(subdivide=2)).shape("one")
+    assert len(shape.indices) == 128 and found == pytest.approx(corner_uvs(shape, 1)[shape.cage_corners])
+    assert found == pytest.approx(cage.uvs[cage.uv_indices], abs=0.3), "the same corners"
     with pytest.raises(ValueError, match=r"uvs: the shape \(3, 2\) is not \(128, 2\)"):
-        write_corner_uvs(tmp_path / "x.usdc", shape, 1, np.zeros((3, 2)))
+        corner_uv_layer(shape, 1, np.zeros((3, 2)))
 
 
 def test_bytes_do_not_depend_on_the_run(tmp_path: Path) -> None:
@@ -163,7 +140,7 @@ shots.bake(Path(sys.argv[1]), Scene(sys.argv[1] + "/shot.usda"), ("one", "two"))
         (tmp_path / str(number)).mkdir()
         environment = os.environ | {
             "PYTHONHASHSEED": str(number),
-            "PYTHONPATH": os.pathsep.join(p for p in sys.path if p),
+            "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
         }
         subprocess.run([sys.executable, "-c", script, tmp_path / str(number)], check=True, env=environment)
     files = [path.relative_to(tmp_path / "0") for path in sorted((tmp_path / "0").rglob("*")) if path.is_file()]
@@ -172,45 +149,19 @@ shots.bake(Path(sys.argv[1]), Scene(sys.argv[1] + "/shot.usda"), ("one", "two"))
         assert (tmp_path / "0" / file).read_bytes() == (tmp_path / "1" / file).read_bytes(), file
 
 
-def test_validators_notice_a_missing_file_and_a_wrong_type(tmp_path: Path) -> None:
-    shot(tmp_path).Save()
-    scene = Scene(tmp_path / "shot.usda")
-    path, _ = bake(tmp_path, scene)
+def test_validators_notice_a_missing_file_and_a_wrong_type(stage: Usd.Stage, tmp_path: Path) -> None:
+    over(stage)
     (tmp_path / "st/one.2.usdc").unlink()
     assert any("one.2.usdc" in found for found in checked(tmp_path))
-    bake(tmp_path, scene)
-    layer = Sdf.Layer.FindOrOpen(str(path))
-    spec = layer.GetPrimAtPath("/world/looks/skin_one_redirected")
-    Sdf.RelationshipSpec(spec, "outputs:surface")
-    over = Sdf.CreatePrimInLayer(layer, "/world/looks/skin_one_redirected/colour")
-    Sdf.AttributeSpec(over, "inputs:st", scenes.TYPES.Float3)
+    over(stage)
+    layer = Sdf.Layer.FindOrOpen(str(tmp_path / "over.usda"))
+    Sdf.RelationshipSpec(layer.GetPrimAtPath("/world/looks/skin_one_redirected"), "outputs:surface")
+    image = Sdf.CreatePrimInLayer(layer, "/world/looks/skin_one_redirected/colour")
+    Sdf.AttributeSpec(image, "inputs:st", scenes.TYPES.Float3)
     layer.Save()
     assert any("skin_one_redirected" in found for found in checked(tmp_path))
 
 
-def test_a_scene_of_another_kind_has_no_layer(tmp_path: Path) -> None:
-    (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n")
-    with pytest.raises(LayerError, match=r"a\.obj: only a USD scene can have a layer over it"):
-        write_layer(tmp_path / "over.usda", Scene(tmp_path / "a.obj"), LayerPlan((1,), ("a",)))
-
-
-def test_wrong_plans(tmp_path: Path) -> None:
-    shot(tmp_path).Save()
-    scene = Scene(tmp_path / "shot.usda")
-    for plan, message in (
-        ({"mode": "uv"}, "mode 'uv'"),
-        ({"form": "uv"}, "form 'uv'"),
-        ({"mode": "both", "corners": False}, "needs the corner UVs"),
-        ({"form": "tile", "tiles": {"one": (1001, 1002)}}, "cannot serve one, whose tiles are"),
-    ):
-        with pytest.raises(LayerError, match=message):
-            bake(tmp_path, scene, **plan)
-
-
-def test_without_validators_the_check_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    shot(tmp_path).Save()
-    path, _ = bake(tmp_path, Scene(tmp_path / "shot.usda"))
-    monkeypatch.setitem(sys.modules, "pxr.UsdValidation", None)
-    monkeypatch.delattr("pxr.UsdValidation", raising=False)
-    with pytest.raises(LayerError, match=r"the validators of USD [0-9.]+ cannot be loaded"):
-        check_layer(path)
+def test_wrong_plans(stage: Usd.Stage) -> None:
+    with pytest.raises(LayerError, match="cannot serve one, whose tiles are"):
+        over(stage, form="tile", tiles={"one": (1001, 1002)})

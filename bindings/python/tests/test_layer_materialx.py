@@ -1,22 +1,16 @@
 """The networks that a layer makes, in the eyes of MaterialX itself: the build of USD in the wheel does not know its
 nodes."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
+import MaterialX as mx
+import MaterialX.PyMaterialXGenGlsl as glsl
+import MaterialX.PyMaterialXGenShader as generators
 import pytest
+from pxr import UsdShade
 
-pytest.importorskip("pxr")
-mx = pytest.importorskip("MaterialX")
-
-import MaterialX.PyMaterialXGenGlsl as glsl  # noqa: E402
-import MaterialX.PyMaterialXGenShader as generators  # noqa: E402
-from pxr import UsdShade  # noqa: E402
-
-import scenes  # noqa: E402
-from shots import FRAMES, bake, composed, shot  # noqa: E402
-from vrtm.bake.scene import Scene  # noqa: E402
+import scenes
+from shots import FRAMES, bound, over, shot
 
 TYPES = {
     "string": "string",
@@ -66,11 +60,8 @@ def document(material: UsdShade.Material, library: mx.Document, time: float) -> 
 def test_networks_are_valid_and_become_shaders(tmp_path: Path, library: mx.Document, plugged: bool, how: dict) -> None:
     stage = shot(tmp_path)
     scenes.bind(stage.GetPrimAtPath("/world/one"), scenes.materialx_material(stage, "/world/looks/mx", plugged, False))
-    stage.Save()
-    bake(tmp_path, Scene(tmp_path / "shot.usda"), **how)
-    final = composed(tmp_path)
-    material = UsdShade.MaterialBindingAPI(final.GetPrimAtPath("/world/one")).ComputeBoundMaterial()[0]
-    made = document(material, library, FRAMES[1])
+    final, _ = over(stage, **how)
+    made = document(bound(final, "/world/one"), library, FRAMES[1])
     valid, message = made.validate()
     assert valid, message
     generator = glsl.GlslShaderGenerator.create()

@@ -1,6 +1,4 @@
-"""Which number of a file's name is the frame, and which token stands for it or for a tile."""
-
-from __future__ import annotations
+"""The number of the frame in a file's name, and tokens that stand for it or for a tile."""
 
 from pathlib import Path
 
@@ -9,7 +7,7 @@ import pytest
 from vrtm.bake import arguments, frames, parsing, tokens, warped, words
 from vrtm.bake.failure import Failure
 from vrtm.bake.left_out import LeftOut
-from vrtm.bake.names import ONE_MESH, Pattern
+from vrtm.bake.names import Pattern
 from vrtm.bake.scene import SceneError
 from vrtm.bake.scene.images import find_maps
 from vrtm.bake.scene.poses import find_poses
@@ -104,6 +102,7 @@ def test_tokens_of_a_frame(tmp_path: Path, names: str, pattern: str, expected: l
         ("pose.0001.obj", "posse.<frame>.obj", r"posse\.<frame>\.obj: no such files: did you mean pose\.0001\.obj"),
         ("", "a.{frame}.obj", "no such file; tokens of a frame are ####, @@@@, %04d, "),
         ("pose.0001.obj", "pose..obj", r"pose\.\.obj: no such file: did you mean pose\.0001\.obj"),
+        ("b7.obj c.obj", "b%d.obj c.obj", "cannot be mixed"),
     ],
 )
 def test_two_readings_are_refused(tmp_path: Path, names: str, patterns: str, message: str) -> None:
@@ -136,7 +135,7 @@ def test_files_with_other_digits_are_listed(tmp_path: Path) -> None:
 
 
 def test_tokens_of_a_tile() -> None:
-    """Those of OpenImageIO mean what they mean there."""
+    """OpenImageIO's tokens mean the same here."""
     for pattern, expected in {
         "a.<UDIM>": "a.1023",
         "a.<udim>": "a.1023",
@@ -174,10 +173,9 @@ def test_maps_by_tokens_of_a_tile(tmp_path: Path) -> None:
         find_maps(str(tmp_path / "a_<TILE>.png"), "mesh")
 
 
-def test_names_of_negative_frames_have_four_digits() -> None:
-    texts = [frames.padded(frame) for frame in (-2, -2.5, -0.5, -12345, 0, 7)]
-    assert texts == ["-0002", "-0002.5", "-0000.5", "-12345", "0000", "0007"]
-    assert Pattern(ONE_MESH, {}).name("a", "redirect", -2, 1001) == "redirect.-0002.1001.exr"
+def test_names_of_frames_have_four_digits() -> None:
+    texts = [frames.padded(frame) for frame in (-2, -2.5, -0.5, -12345, 0, 7, 1003.5, 12345)]
+    assert texts == ["-0002", "-0002.5", "-0000.5", "-12345", "0000", "0007", "1003.5", "12345"]
     for text in ("a.$F4.exr", "a.%04d.exr", "a.####.exr", "a.%(UDIM)d.<frame>.exr"):
         with pytest.raises(Failure, match="is none of <mesh>, "):
             Pattern(text, {})

@@ -1,4 +1,4 @@
-"""Wheels are for the platform that their library is for, on whichever system they are made."""
+"""Wheels: for the platform of their library, on whichever system they are made; and their description."""
 
 import os
 import struct
@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(PACKAGE))
+sys.path[:0] = [str(PACKAGE), str(PACKAGE.parent)]
+import links  # noqa: E402
 import platforms  # noqa: E402
 
 HERE = "linux_x86_64"
@@ -102,7 +103,6 @@ def test_a_library_for_another_platform_is_refused(tmp_path, data, wanted, text)
     ids=name_of,
 )
 def test_a_wheel_for_another_system(tmp_path, data, name, file):
-    pytest.importorskip("hatchling")
     path = tmp_path / "built"
     path.write_bytes(data)
     environment = {**os.environ, "VRTM_LIBRARY": str(path)}
@@ -131,3 +131,25 @@ def test_a_library_that_does_not_load_is_named(tmp_path):
     found = subprocess.run([sys.executable, "-c", "import vrtm"], capture_output=True, text=True, env=environment)
     assert found.returncode != 0
     assert f"ImportError: vrtm: the shared library {path} does not load on " in found.stderr
+
+
+TEXT = """\
+![A picture](../../docs/images/sheet.png) of [this](
+../README.md#a-b), [here](#there), and [there](https://example.org/a).
+"""
+
+
+def test_links_of_the_description(tmp_path, monkeypatch):
+    """They lead into the repository, or are text."""
+    file = tmp_path / "one" / "two" / "README.md"
+    file.parent.mkdir(parents=True)
+    file.write_text(TEXT)
+    monkeypatch.setattr(links, "ROOT", tmp_path)
+    monkeypatch.delenv("VRTM_REPOSITORY", raising=False)
+    assert links.absolute(file, "1.2") == " of this, here, and [there](https://example.org/a).\n"
+    monkeypatch.setenv("VRTM_REPOSITORY", "https://example.org/v/")
+    assert links.absolute(file, "1.2") == (
+        "![A picture](https://example.org/v/raw/v1.2/docs/images/sheet.png) of "
+        "[this](https://example.org/v/blob/v1.2/one/README.md#a-b), "
+        "[here](https://example.org/v/blob/v1.2/one/two/README.md#there), and [there](https://example.org/a).\n"
+    )

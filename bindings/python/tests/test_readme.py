@@ -7,12 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
+from pxr import Usd
 
 import vrtm
+from conftest import REPOSITORY
 
-README = Path(__file__).resolve().parents[1] / "README.md"
-REPOSITORY = README.parents[2]
+README = REPOSITORY / "bindings" / "python" / "README.md"
 
 
 def test_examples(capsys):
@@ -41,8 +41,6 @@ def test_the_front_page():
 
 def test_the_bake_to_try(tmp_path):
     """The lines of docs/bake.md for those without a scene: the second of them, given again, writes nothing."""
-    pytest.importorskip("OpenImageIO")
-    usd = pytest.importorskip("pxr.Usd")
     text = (REPOSITORY / "docs" / "bake.md").read_text(encoding="utf-8").replace("\\\n", " ")
     made, baked = (
         next(shlex.split(line, comments=True) for line in text.splitlines() if line.startswith(f"    {start}"))
@@ -64,5 +62,5 @@ def test_the_bake_to_try(tmp_path):
     ]
     assert sorted(os.listdir(tmp_path / "shot" / "maps")) == sorted(names)
     assert "4 files written" in told[1] and "0 files written, 4 up to date" in told[2]
-    layer = usd.Stage.Open(str(tmp_path / "shot" / "arm_vrtm.usda"))
+    layer = Usd.Stage.Open(str(tmp_path / "shot" / "arm_vrtm.usda"))
     assert layer.GetEndTimeCode() == 24

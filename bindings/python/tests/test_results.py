@@ -2,14 +2,13 @@
 
 import base64
 import dataclasses
-import struct
-import zlib
 
 import numpy as np
 import pytest
 
 import vrtm
-from conftest import studs
+from bake_scenes import pixels
+from conftest import studded
 
 
 def test_reports(asset, model):
@@ -108,8 +107,7 @@ def test_gpu_agrees(model):
         pytest.skip(f"no GPU: {why}")
     results = []
     for on in (device, vrtm.Device("cpu")):
-        with on, vrtm.Asset(on, model.rest, model.faces, uvs=model.uvs, uv_indices=model.faces) as asset:
-            asset.tile(1001).set_rigidity(studs())
+        with on, studded(on, model) as asset:
             results.append(asset.redirect(model.pose, asset.tiles)[0])
     assert device.closed
     assert np.abs(results[0] - results[1]).max() < 1e-3
@@ -127,27 +125,19 @@ def test_reports_are_tables(asset, model):
     assert eval(repr(asset.tile(1001).settings), vars(vrtm)) == asset.tile(1001).settings
 
 
-def test_notebooks_show_the_map(asset, model):
+def test_notebooks_show_the_map(asset, model, tmp_path):
     tile = asset.tile(1001)
     assert "solve first" in tile._repr_html_() and "<img" not in tile._repr_html_()
     asset.solve(model.pose)
     page = tile._repr_html_()
     assert page in asset._repr_html_() and len(page) < 100_000
     data = base64.b64decode(page.split("base64,")[1].split('"')[0])
-    # As a reader of PNG takes it apart: chunks with their checksums, then rows with their filters.
-    chunks, rest = {}, data[8:]
-    while rest:
-        length, kind = struct.unpack(">I4s", rest[:8])
-        body, (checksum,) = rest[8 : 8 + length], struct.unpack(">I", rest[8 + length : 12 + length])
-        assert checksum == zlib.crc32(kind + body)
-        chunks[kind], rest = body, rest[12 + length :]
-    width, height = struct.unpack(">II", chunks[b"IHDR"][:8])
-    rows = np.frombuffer(zlib.decompress(chunks[b"IDAT"]), np.uint8).reshape(height, 1 + 4 * width)
-    pixels = rows[:, 1:].reshape(height, width, 4)
-    assert list(chunks) == [b"IHDR", b"IDAT", b"IEND"] and not rows[:, 0].any()
+    (tmp_path / "map.png").write_bytes(data)
+    picture = pixels(tmp_path / "map.png")
+    assert picture.shape[2] == 4 and picture.dtype == np.uint8
     # Red where the texture is looked up the farthest away, grey where it stays.
-    shift = np.abs(tile.fetch("redirection_delta", width)).max(-1)
+    shift = np.abs(tile.fetch("redirection_delta", picture.shape[1])).max(-1)
     far, still = np.unravel_index(shift.argmax(), shift.shape), np.unravel_index(shift.argmin(), shift.shape)
-    assert pixels[far][0] > 1.8 * pixels[far][2] and np.ptp(pixels[still][:3]) < 3
+    assert picture[far][0] > 1.8 * picture[far][2] and np.ptp(picture[still][:3]) < 3
     asset.close()
     assert "closed" in asset._repr_html_()

@@ -1,13 +1,12 @@
 """Rigidity out of pictures: against plain loops, on pictures of which it is known what is in them, and the command."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bake_scenes import files, image, pixels
+from conftest import centres
 from vrtm import cli, rigidity
 
 
@@ -24,9 +23,8 @@ def overlap(one: np.ndarray, other: np.ndarray) -> float:
 
 def discs(size: int) -> np.ndarray:
     """Round studs, (size, size) of 0 and 1."""
-    at = (np.arange(size) + 0.5) / size
-    x, y = np.meshgrid(at * 6 % 1 - 0.5, at * 4 % 1 - 0.5)
-    return (np.hypot(x / 6, y / 4) < 0.055).astype(np.float32)
+    u, v = centres(size)
+    return (np.hypot((u * 6 % 1 - 0.5) / 6, (v * 4 % 1 - 0.5) / 4) < 0.055).astype(np.float32)
 
 
 def test_the_threshold_is_the_best_one(random: np.random.Generator) -> None:
@@ -186,10 +184,7 @@ def test_a_map_of_nothing_is_told(skin: Path, capsys: pytest.CaptureFixture[str]
         (("--from", "colour"), "--from colour: --colour says which"),
         (("--colour", "#ffffff"), "--colour: only with --from colour"),
         (("--feature", "0.1"), "--feature: only with --from height"),
-        (
-            ("--from", "colour", "--colour", "#ffffff", "--threshold", "0.5"),
-            "--threshold: only with --from brightness or height",
-        ),
+        (("--from", "colour", "--colour", "#fff000", "--threshold", "0.5"), "--threshold: only with --from brightness"),
         (("--from", "colour", "--colour", "gold"), "'gold' is no colour"),
         (("--from", "colour", "--colour", "1,nan,1"), "'1,nan,1' is no colour"),
         (("--threshold", "2"), "'2' is not a number from 0 to 1"),

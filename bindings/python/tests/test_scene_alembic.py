@@ -1,39 +1,18 @@
 """Alembic archives, written by the same wheel that reads them."""
 
-from __future__ import annotations
-
+import sys
 from pathlib import Path
 
+import imath
 import numpy as np
 import pytest
+from alembic3d import Abc, AbcCoreAbstract, AbcGeom
 
-abc = pytest.importorskip("alembic3d.Abc")
+import alembic_scenes as abc
+from scenes import POINTS, UVS
+from vrtm.bake.scene import Scene, SceneError, SceneOptions
 
-import imath  # noqa: E402
-from alembic3d import AbcCoreAbstract, AbcGeom  # noqa: E402
-
-from vrtm.bake.scene import Scene, SceneError, SceneOptions  # noqa: E402
-
-POINTS = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
-UVS = [(0, 0), (0.5, 0), (1, 0), (0, 1), (0.5, 1), (1, 1)]
 FACES = [0, 3, 4, 1, 1, 4, 5, 2]
-FACE_VARYING = AbcGeom.GeometryScope.kFacevaryingScope
-VERTEX = AbcGeom.GeometryScope.kVertexScope
-
-
-def array(kind, values):
-    made = kind(len(values))
-    for index, value in enumerate(values):
-        made[index] = value
-    return made
-
-
-def v3f(points):
-    return array(imath.V3fArray, [imath.V3f(*point) for point in points])
-
-
-def ints(values):
-    return array(imath.IntArray, values)
 
 
 def write(
@@ -43,8 +22,8 @@ def write(
     start=1.0,
     uvs=UVS,
     indices=FACES,
-    scope=FACE_VARYING,
-    then=None,
+    scope=AbcGeom.GeometryScope.kFacevaryingScope,
+    then=FACES,
     extra=None,
     fps=24,
     shutter=(0,),
@@ -52,10 +31,10 @@ def write(
     hint=None,
 ) -> str:
     """A mesh /group/mesh whose right edge moves by 0.1 per sample, at so many frames per second. `shutter`: samples
-    around each frame."""
-    archive = abc.CreateArchiveWithInfo(str(path), hint, "test", "") if hint else abc.OArchive(str(path))
+    around each frame. `then`: the faces after the first sample."""
+    archive = Abc.CreateArchiveWithInfo(str(path), hint, "test", "") if hint else Abc.OArchive(str(path))
     if shutter == (0,):
-        sampling = AbcCoreAbstract.TimeSampling(1 / fps, start / fps)
+        times = abc.sampled(archive, start, fps)
     else:
         kept = AbcCoreAbstract.TimeVector()
         for number in range(len(shutter) if cyclic else samples):
@@ -63,25 +42,12 @@ def write(
             kept.append((start + frame + shutter[offset]) / fps)
         kind = (len(shutter), 1 / fps) if cyclic else (AbcCoreAbstract.AcyclicFlag.kAcyclic,)
         sampling = AbcCoreAbstract.TimeSampling(AbcCoreAbstract.TimeSamplingType(*kind), kept)
-    times = archive.addTimeSampling(sampling)
+        times = archive.addTimeSampling(sampling)
+    poses = [[(x + 0.1 * number * (x == 2), y, z) for x, y, z in POINTS] for number in range(samples)]
     group = AbcGeom.OXform(archive.getTop(), "group")
-    kind, made = (
-        (AbcGeom.OSubD, AbcGeom.OSubDSchemaSample) if subd else (AbcGeom.OPolyMesh, AbcGeom.OPolyMeshSchemaSample)
-    )
-    mesh = kind(group, "mesh", times)
-    schema = mesh.getSchema()
-    for number in range(samples):
-        points = v3f([(x + 0.1 * number * (x == 2), y, z) for x, y, z in POINTS])
-        sample = made(points, ints(FACES), ints([4, 4]))
-        if number == 0 and uvs is not None:
-            values = array(imath.V2fArray, [imath.V2f(*uv) for uv in uvs])
-            chosen = (array(imath.UnsignedIntArray, indices),) if indices else ()
-            sample.setUVs(AbcGeom.OV2fGeomParamSample(values, *chosen, scope))
-        if then and number:
-            sample = made(points, ints(then), ints([4, 4]))
-        schema.set(sample)
+    mesh = abc.mesh(group, "mesh", poses, FACES, times, uvs, subd, indices, scope, then)
     if extra:
-        extra(schema)
+        extra(mesh.getSchema())
     return str(path)
 
 
@@ -136,16 +102,10 @@ def test_samples_for_motion_blur_are_no_other_rate(tmp_path: Path, shutter, cycl
 
 
 def test_transforms_have_frames_with_world_alone(tmp_path: Path) -> None:
-    archive = abc.OArchive(str(tmp_path / "a.abc"))
-    above = AbcGeom.OXform(archive.getTop(), "above", archive.addTimeSampling(AbcCoreAbstract.TimeSampling(1 / 30, 1)))
-    for scale in (1, 2, 3):
-        sample = AbcGeom.XformSample()
-        sample.setScale(imath.V3d(scale, 1, 1))
-        above.getSchema().set(sample)
-    mesh = AbcGeom.OPolyMesh(above, "mesh")
-    sample = AbcGeom.OPolyMeshSchemaSample(v3f(POINTS), ints(FACES), ints([4, 4]))
-    sample.setUVs(AbcGeom.OV2fGeomParamSample(array(imath.V2fArray, [imath.V2f(*uv) for uv in UVS]), VERTEX))
-    mesh.getSchema().set(sample)
+    archive = Abc.OArchive(str(tmp_path / "a.abc"))
+    scales = [np.diag([scale, 1.0, 1.0, 1.0]) for scale in (1, 2, 3)]
+    above = abc.placed(archive.getTop(), "above", scales, abc.sampled(archive, 30, 30))
+    mesh = abc.mesh(above, "mesh", [POINTS], FACES, uvs=UVS)
     del mesh, above, archive
     assert Scene(tmp_path / "a.abc").frames == (1,)
     scene = Scene(tmp_path / "a.abc", SceneOptions(world=True))
@@ -163,7 +123,7 @@ def test_samples_between_frames_are_told(tmp_path: Path) -> None:
 
 
 def test_uvs_per_vertex_and_per_corner(tmp_path: Path) -> None:
-    shape = Scene(write(tmp_path / "a.abc", indices=None, scope=VERTEX)).shapes[0]
+    shape = Scene(write(tmp_path / "a.abc", indices=None, scope=abc.VERTEX)).shapes[0]
     assert shape.uv_indices.tolist() == FACES
     corners = [UVS[vertex] for vertex in FACES]
     shape = Scene(write(tmp_path / "b.abc", uvs=corners, indices=None)).shapes[0]
@@ -179,12 +139,11 @@ def test_uvs_per_vertex_and_per_corner(tmp_path: Path) -> None:
 def test_parameters_are_rest_rigidity_and_uvs(tmp_path: Path) -> None:
     def extra(schema) -> None:
         group = schema.getArbGeomParams()
-        rest = AbcGeom.OP3fGeomParam(group, "Pref", False, VERTEX, 1)
-        rest.set(AbcGeom.OP3fGeomParamSample(v3f([(3 * x, y, z) for x, y, z in POINTS]), VERTEX))
-        stiff = AbcGeom.OFloatGeomParam(group, "stiff", False, VERTEX, 1)
-        stiff.set(AbcGeom.OFloatGeomParamSample(array(imath.FloatArray, [0, 0.5, 1, 0, 0.5, 1]), VERTEX))
-        uvs = AbcGeom.OV2fGeomParam(group, "map2", False, VERTEX, 1)
-        uvs.set(AbcGeom.OV2fGeomParamSample(array(imath.V2fArray, [imath.V2f(v, u) for u, v in UVS]), VERTEX))
+        rest, stiff = abc.v3f([(3 * x, y, z) for x, y, z in POINTS]), abc.array(imath.FloatArray, [0, 0.5, 1] * 2)
+        flipped = abc.array(imath.V2fArray, [imath.V2f(v, u) for u, v in UVS])
+        for kind, name, values in (("P3f", "Pref", rest), ("Float", "stiff", stiff), ("V2f", "map2", flipped)):
+            made = getattr(AbcGeom, f"O{kind}GeomParam")(group, name, False, abc.VERTEX, 1)
+            made.set(getattr(AbcGeom, f"O{kind}GeomParamSample")(values, abc.VERTEX))
 
     path = write(tmp_path / "a.abc", extra=extra)
     shape = Scene(path, SceneOptions(rigidity_primvar="stiff", uv="map2")).shapes[0]
@@ -218,14 +177,10 @@ def test_topology_that_changes(tmp_path: Path) -> None:
 
 def test_hidden_objects_are_left_out(tmp_path: Path) -> None:
     path = tmp_path / "a.abc"
-    archive = abc.OArchive(str(path))
+    archive = Abc.OArchive(str(path))
     for name, visible in (("on", 1), ("off", 0), ("inherits", -1)):
-        mesh = AbcGeom.OPolyMesh(archive.getTop(), name)
-        sample = AbcGeom.OPolyMeshSchemaSample(v3f(POINTS), ints(FACES), ints([4, 4]))
-        values = array(imath.V2fArray, [imath.V2f(*uv) for uv in UVS])
-        sample.setUVs(AbcGeom.OV2fGeomParamSample(values, VERTEX))
-        mesh.getSchema().set(sample)
-        abc.OCharProperty(mesh.getProperties(), "visible").setValue(visible)
+        mesh = abc.mesh(archive.getTop(), name, [POINTS], FACES, uvs=UVS)
+        Abc.OCharProperty(mesh.getProperties(), "visible").setValue(visible)
     del mesh, archive
     scene = Scene(path)
     assert [shape.name for shape in scene.shapes] == ["on", "inherits"]
@@ -240,34 +195,27 @@ def test_subdivision_surfaces_are_refined(tmp_path: Path) -> None:
     assert len(Scene(write(tmp_path / "b.abc"), SceneOptions(subdivide=2)).shapes[0].face_counts) == 2
 
 
-def test_files_that_are_no_archives(tmp_path: Path) -> None:
-    (tmp_path / "a.abc").write_text("nothing")
-    with pytest.raises(SceneError, match=r"a\.abc: not an Alembic file"):
-        Scene(tmp_path / "a.abc")
-
-
-def test_archives_of_the_older_format_are_named(tmp_path: Path) -> None:
-    (tmp_path / "a.abc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(500))
-    with pytest.raises(SceneError, match=r"a\.abc: an Alembic file in HDF5, .* convert it with 'abcconvert -toOgawa"):
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"nothing", "not an Alembic file"),
+        (b"\x89HDF\r\n\x1a\n" + bytes(500), "an Alembic file in HDF5, .* convert it with 'abcconvert -toOgawa"),
+    ],
+)
+def test_files_that_are_no_archives(tmp_path: Path, content: bytes, message: str) -> None:
+    (tmp_path / "a.abc").write_bytes(content)
+    with pytest.raises(SceneError, match=rf"a\.abc: {message}"):
         Scene(tmp_path / "a.abc")
 
 
 def test_instances_are_one_shape(tmp_path: Path) -> None:
     def write_instances(path: Path, scale: float) -> Path:
-        archive = abc.OArchive(str(path))
+        archive = Abc.OArchive(str(path))
         group = AbcGeom.OXform(archive.getTop(), "group")
-        mesh = AbcGeom.OPolyMesh(group, "mesh", archive.addTimeSampling(AbcCoreAbstract.TimeSampling(1 / 24, 1 / 24)))
-        for width in (2, 3):
-            points = v3f([(width if x == 2 else x, y, z) for x, y, z in POINTS])
-            sample = AbcGeom.OPolyMeshSchemaSample(points, ints(FACES), ints([4, 4]))
-            values = array(imath.V2fArray, [imath.V2f(*uv) for uv in UVS])
-            sample.setUVs(AbcGeom.OV2fGeomParamSample(values, VERTEX))
-            mesh.getSchema().set(sample)
+        poses = [[(width if x == 2 else x, y, z) for x, y, z in POINTS] for width in (2, 3)]
+        mesh = abc.mesh(group, "mesh", poses, FACES, abc.sampled(archive, fps=24), UVS)
         archive.getTop().addChildInstance(group, "again")
-        deep = AbcGeom.OXform(archive.getTop(), "deep")
-        placed = AbcGeom.XformSample()
-        placed.setScale(imath.V3d(scale, 1, 1))
-        deep.getSchema().set(placed)
+        deep = abc.placed(archive.getTop(), "deep", [np.diag([scale, 1.0, 1.0, 1.0])])
         deep.addChildInstance(mesh, "third")
         return path
 
@@ -282,6 +230,12 @@ def test_instances_are_one_shape(tmp_path: Path) -> None:
     assert [found.instances for found in apart] == [("/group/mesh", "/again/mesh"), ("/deep/third",)]
 
 
+def forget(monkeypatch: pytest.MonkeyPatch, *packages: str) -> None:
+    """Takes modules out of those that are loaded, with all below them."""
+    for name in [name for name in sys.modules if name.startswith(packages)]:
+        monkeypatch.delitem(sys.modules, name)
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [
@@ -291,26 +245,18 @@ def test_instances_are_one_shape(tmp_path: Path) -> None:
     ],
 )
 def test_a_wheel_that_cannot_be_loaded_says_why(tmp_path: Path, monkeypatch, text: str, told: str) -> None:
-    import sys
-
     path = write(tmp_path / "a.abc")
     (tmp_path / "alembic3d.py").write_text(text)
     (tmp_path / "imath.py").touch()
     monkeypatch.syspath_prepend(tmp_path)
-    for name in [name for name in sys.modules if name.split(".")[0] in ("alembic3d", "imath")]:
-        monkeypatch.delitem(sys.modules, name)
-    for name in [name for name in sys.modules if name.startswith("vrtm.bake.scene.alembic")]:
-        monkeypatch.delitem(sys.modules, name)
+    forget(monkeypatch, "alembic3d", "imath", "vrtm.bake.scene.alembic")
     with pytest.raises(SceneError, match="which cannot be loaded: ") as raised:
         Scene(path)
     assert told in str(raised.value) and "pip install" not in str(raised.value)
 
 
 def test_without_the_wheel_the_error_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    import sys
-
     monkeypatch.setitem(sys.modules, "alembic3d", None)
-    for name in [name for name in sys.modules if name.startswith("vrtm.bake.scene.alembic")]:
-        monkeypatch.delitem(sys.modules, name)
+    forget(monkeypatch, "vrtm.bake.scene.alembic")
     with pytest.raises(SceneError, match=r"alembic3d: pip install 'vrtm\[alembic\]'"):
         Scene(write(tmp_path / "a.abc"))

@@ -1,29 +1,13 @@
 """Maps from image files."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-oiio = pytest.importorskip("OpenImageIO")
-
-from vrtm.bake.scene import SceneError  # noqa: E402
-from vrtm.bake.scene.images import find_maps, read_map  # noqa: E402
-
-NAMES = {"uint8": "uint8", "uint16": "uint16", "float16": "half", "float32": "float", "float64": "double"}
-
-
-def write(path: Path, texels: np.ndarray, **fields) -> str:
-    spec = oiio.ImageSpec(texels.shape[1], texels.shape[0], texels.shape[2], NAMES[str(texels.dtype)])
-    spec.attribute("oiio:UnassociatedAlpha", 1)
-    for name, value in fields.items():
-        setattr(spec, name, value)
-    out = oiio.ImageOutput.create(str(path))
-    assert out and out.open(str(path), spec) and out.write_image(texels), oiio.geterror()
-    out.close()
-    return str(path)
+from bake_scenes import image
+from vrtm.bake.scene import SceneError
+from vrtm.bake.scene.images import find_maps, read_map
 
 
 @pytest.mark.parametrize(
@@ -39,45 +23,45 @@ def write(path: Path, texels: np.ndarray, **fields) -> str:
 )
 def test_values_are_read_as_they_are_stored(tmp_path: Path, name: str, kind: type, largest: float) -> None:
     texels = np.linspace(0, largest, 12).astype(kind).reshape(3, 4, 1)
-    read = read_map(write(tmp_path / name, texels))
+    read = read_map(str(image(tmp_path / name, texels)))
     assert read.dtype == kind and read.flags.c_contiguous and np.array_equal(read, texels[..., 0])
 
 
 def test_f64_becomes_f32(tmp_path: Path) -> None:
-    read = read_map(write(tmp_path / "a.tif", np.full((2, 2, 1), 0.3)))
+    read = read_map(str(image(tmp_path / "a.tif", np.full((2, 2, 1), 0.3))))
     assert read.dtype == np.float32 and read[0, 0] == np.float32(0.3)
 
 
 def test_which_channel(tmp_path: Path) -> None:
+    def read(name: str, texels: np.ndarray, **attributes: object) -> np.ndarray:
+        return read_map(str(image(tmp_path / name, texels, **{"oiio:UnassociatedAlpha": 1}, **attributes)))
+
     grey = np.tile(np.arange(4, dtype=np.uint8)[None, :, None] * 80, (2, 1, 3))
-    read = read_map(write(tmp_path / "grey.png", grey))
-    assert read.dtype == np.uint8 and np.array_equal(read, grey[..., 0])
+    found = read("grey.png", grey)
+    assert found.dtype == np.uint8 and np.array_equal(found, grey[..., 0])
     alpha = np.concatenate([grey, np.full((2, 4, 1), 100, np.uint8)], axis=2)
-    assert np.array_equal(read_map(write(tmp_path / "alpha.png", alpha)), grey[..., 0]), "alpha does not count"
+    assert np.array_equal(read("alpha.png", alpha), grey[..., 0]), "alpha does not count"
     alpha[0, 0] = 255, 0, 0, 255
     alpha[0, 1] = 0, 255, 0, 255
-    read = read_map(write(tmp_path / "colour.png", alpha))
-    assert (
-        read.dtype == np.float32
-        and read[0, :2] == pytest.approx([0.2126, 0.7152])
-        and read[1, 2] == np.float32(160 / 255)
-    )
+    found = read("colour.png", alpha)
+    assert found.dtype == np.float32 and found[0, :2] == pytest.approx([0.2126, 0.7152])
+    assert found[1, 2] == np.float32(160 / 255)
     layered = np.arange(3, dtype=np.float32).reshape(1, 1, 3) + 1
     for names, value in {
         ("a.Y", "a.R", "b"): 1,
         ("G", "B", "R"): 0.2126 * 3 + 0.7152 + 0.0722 * 2,
         ("q", "R", "z"): 2,
     }.items():
-        assert read_map(write(tmp_path / "a.exr", layered, channelnames=names))[0, 0] == pytest.approx(value), names
+        assert read("a.exr", layered, channelnames=names)[0, 0] == pytest.approx(value), names
 
 
 def test_outside_of_the_data_window_is_0(tmp_path: Path) -> None:
     ones = np.ones((2, 2, 1), np.float32)
-    small = read_map(write(tmp_path / "a.exr", ones, x=1, y=0, full_width=4, full_height=3))
-    assert small.tolist() == [[0, 1, 1, 0], [0, 1, 1, 0], [0, 0, 0, 0]]
+    small = image(tmp_path / "a.exr", ones, x=1, y=0, full_width=4, full_height=3)
+    assert read_map(str(small)).tolist() == [[0, 1, 1, 0], [0, 1, 1, 0], [0, 0, 0, 0]]
     counted = np.arange(9, dtype=np.float32).reshape(3, 3, 1)
-    large = read_map(write(tmp_path / "b.exr", counted, x=-1, y=-1, full_width=1, full_height=2))
-    assert large.tolist() == [[4], [7]]
+    large = image(tmp_path / "b.exr", counted, x=-1, y=-1, full_width=1, full_height=2)
+    assert read_map(str(large)).tolist() == [[4], [7]]
 
 
 def test_patterns(tmp_path: Path) -> None:

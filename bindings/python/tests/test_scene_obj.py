@@ -1,19 +1,15 @@
 """OBJ files: a mesh at rest, and a file for each pose."""
 
-from __future__ import annotations
-
 import json
-import os
 import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from conftest import REPOSITORY, real_mesh
 from vrtm.bake.scene import Scene, SceneError, SceneOptions
-from vrtm.bake.scene.poses import find_poses
 
-ASSETS = Path(os.environ.get("VRTM_ASSETS", Path(__file__).parents[3].parent / "shared" / "assets"))
 VERTICES = "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0\n"
 UVS = "vt 0 0\nvt 0.5 0\nvt 1 0\nvt 0 1\nvt 0.5 1\nvt 1 1\n"
 FACES = "f 1/1 2/2 5/5 4/4\nf 2/2/1 3/3/1 6/6/1 5/5/1\n"
@@ -39,14 +35,8 @@ def test_vertices_uvs_and_polygons_keep_their_order(tmp_path: Path) -> None:
     assert shape.rest.dtype == np.float64
 
 
-def test_negative_indices_and_continued_lines(tmp_path: Path) -> None:
-    text = f"{VERTICES}{UVS}f -6/-6 -5/-5 \\\n -2/-2 -3/-3\nv 9 9 9\nvt 0.25 1\nf 2/2 3/3 -2/-2 -3/-1\n"
-    shape = Scene(write(tmp_path / "a.obj", text)).shapes[0]
-    assert shape.indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 4] and shape.uv_indices.tolist() == [0, 1, 4, 3, 1, 2, 5, 6]
-
-
 # The bake program's tests read the same table.
-CASES = json.loads((Path(__file__).parents[3] / "tests" / "bake" / "obj.json").read_text("utf-8"))
+CASES = json.loads((REPOSITORY / "tests" / "bake" / "obj.json").read_text("utf-8"))
 
 
 @pytest.mark.parametrize("name", CASES["same"])
@@ -103,22 +93,6 @@ def test_poses(tmp_path: Path) -> None:
     assert scene.positions("rest", 2)[2, 0] == 7 and scene.positions("rest", 10)[2, 0] == 8
 
 
-def test_which_file_is_which_frame(tmp_path: Path) -> None:
-    for name in ("a.0001.obj", "a.0020.obj", "a.10000.obj", "a.00003.obj", "a.x.obj", "b7.obj", "b12.obj", "c.obj"):
-        (tmp_path / name).touch()
-    at = str(tmp_path) + "/"
-    assert find_poses((f"{at}a.####.obj",)) == {1: f"{at}a.0001.obj", 20: f"{at}a.0020.obj", 10000: f"{at}a.10000.obj"}
-    assert find_poses((f"{at}b%d.obj",)) == find_poses((f"{at}b*.obj",)) == {7: f"{at}b7.obj", 12: f"{at}b12.obj"}
-    assert find_poses((f"{at}c.obj", f"{at}b7.obj")) == {1: f"{at}c.obj", 2: f"{at}b7.obj"}, "not all have numbers"
-    for wrong, message in {
-        (f"{at}d.####.obj",): r"d\.####\.obj: no such files",
-        (f"{at}d.obj",): r"d\.obj: no such file",
-        (f"{at}b%d.obj", f"{at}c.obj"): "cannot be mixed",
-    }.items():
-        with pytest.raises(SceneError, match=message):
-            find_poses(wrong)
-
-
 def test_poses_of_other_faces_are_named(tmp_path: Path) -> None:
     rest = pose(tmp_path / "rest.obj", 2)
     wrongs = {
@@ -136,25 +110,6 @@ def test_poses_of_other_faces_are_named(tmp_path: Path) -> None:
         scene.positions("rest", 1)
 
 
-def test_bad_files_are_named_with_their_line(tmp_path: Path) -> None:
-    wrongs = {
-        "v 0 0 0\nv 1 x 0\n": "line 2: '1 x 0' is not 3 numbers",
-        "v 0 0 0\nv 1 0\n": "line 2: '1 0' is not 3 numbers",
-        VERTICES + UVS + "f 1/1 2/2 9/3\n": "corner 2 names the vertex 8, but there are 6",
-        VERTICES + UVS + "f 1/1 2/2 3/7\n": "a face names the vt 7, but there are 6",
-        VERTICES + UVS + "f 1/1 2/2 -7/3\n": "line 13: '-7/3' names what stands before the file's first",
-        VERTICES + UVS + "f 1/1 2/2 0/3\n": "line 13: '0/3' is not the corner of a face",
-        VERTICES + UVS + "f 1/1 2/2 4294967295/3\n": "line 13: '4294967295/3' names what the file does not have",
-        "v 0 0 \\\n0\nv 1_0 0 0\n": "line 3: '1_0 0 0' is not 3 numbers",
-        VERTICES + UVS + "f 1/1 2/2\n": "line 13: face 1 has 2 corners",
-        VERTICES + "f 1 2 3\n": r"no faces with UVs \(vt\)",
-        VERTICES: "no faces",
-    }
-    for number, (text, message) in enumerate(wrongs.items()):
-        with pytest.raises(SceneError, match=rf"bad{number}\.obj: {message}"):
-            Scene(write(tmp_path / f"bad{number}.obj", text))
-
-
 def test_options_that_obj_does_not_have(tmp_path: Path) -> None:
     path = pose(tmp_path / "a.obj", 2)
     for options in (SceneOptions(uv="st"), SceneOptions(subdivide=1), SceneOptions(rest="bind")):
@@ -168,10 +123,7 @@ def test_nan_is_left_to_the_library(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["mh_face", "ict_inner", "spot"])
 def test_real_meshes(name: str) -> None:
-    path = ASSETS / name / "rest.obj"
-    if not path.exists():
-        assert not os.environ.get("VRTM_REQUIRE_ASSETS"), f"{path} is missing"
-        pytest.skip(f"{path} is missing")
+    path = real_mesh(name) / "rest.obj"
     shape = Scene(path).shapes[0]
     text = path.read_text().splitlines()
     assert len(shape.rest) == sum(line.startswith("v ") for line in text)

@@ -1,14 +1,9 @@
 """Refined subdivision surfaces, against what Catmull and Clark's rules give by hand."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("pxr")
-
 from pxr import UsdGeom
 
 import scenes
@@ -26,9 +21,9 @@ def refined(folder: Path, levels: int, change=lambda mesh: None, grid: bool = Fa
     """A cube, or a grid of 3 x 3 squares, refined."""
     stage = scenes.stage(folder / "a.usda")
     if grid:
-        mesh = {"points": GRID, "uvs": [p[:2] for p in GRID], "counts": [4] * 9, "faces": GRID_FACES} | mesh
+        mesh = {"points": GRID, "uvs": [p[:2] for p in GRID], "faces": GRID_FACES} | mesh
     else:
-        cube = {"points": CUBE, "uvs": CUBE_UVS, "counts": [4] * 6, "faces": CUBE_FACES}
+        cube = {"points": CUBE, "uvs": CUBE_UVS, "faces": CUBE_FACES}
         mesh = cube | {"interpolation": "faceVarying"} | mesh
     made = scenes.mesh(stage, "/mesh", **mesh)
     made.CreateSubdivisionSchemeAttr("catmullClark")
@@ -150,7 +145,7 @@ def test_face_varying_uvs_inside_and_along_seams(tmp_path: Path) -> None:
 
 def test_poses_values_and_faces_without_uvs_are_refined_alike(tmp_path: Path) -> None:
     stage = scenes.stage(tmp_path / "a.usda")
-    mesh = scenes.mesh(stage, "/mesh", GRID, [p[:2] for p in GRID], counts=[4] * 9, faces=GRID_FACES)
+    mesh = scenes.mesh(stage, "/mesh", GRID, [p[:2] for p in GRID], faces=GRID_FACES)
     mesh.CreateSubdivisionSchemeAttr("catmullClark")
     mesh.CreateHoleIndicesAttr([4])
     scenes.primvar(mesh.GetPrim(), "stiff", scenes.TYPES.FloatArray, [float(p[0]) for p in GRID], "vertex")

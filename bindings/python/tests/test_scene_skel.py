@@ -1,88 +1,78 @@
 """Skinned and blend-shaped meshes, against closed forms."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("pxr")
-
 from pxr import Gf, Usd, UsdGeom, UsdSkel
 
 import scenes
+from scenes import saved
 from vrtm.bake.scene import Scene, SceneError, SceneOptions
 
 
-def saved(stage: Usd.Stage) -> str:
-    stage.Save()
-    return stage.GetRootLayer().realPath
+@pytest.fixture
+def arm(tmp_path: Path) -> Usd.Stage:
+    return scenes.arm(tmp_path / "arm.usda")
 
 
 @pytest.mark.parametrize("frame", [1, 3, 5.5, 7, 10])
-def test_joints_and_blend_shapes_with_an_in_between(tmp_path: Path, frame: float) -> None:
-    scene = Scene(saved(scenes.arm(tmp_path / "arm.usda")))
+def test_joints_and_blend_shapes_with_an_in_between(arm: Usd.Stage, frame: float) -> None:
+    scene = Scene(saved(arm))
     # Animations are interpolated along the arc between two frames, weights linearly.
     assert scene.positions("skin", frame) == pytest.approx(scenes.arm_at((frame - 1) / 9), abs=1e-5)
 
 
-def test_rest_is_the_bind_pose_in_the_skeletons_space(tmp_path: Path) -> None:
-    path = saved(scenes.arm(tmp_path / "arm.usda"))
+def test_rest_is_the_bind_pose_in_the_skeletons_space(arm: Usd.Stage) -> None:
+    path = saved(arm)
     for rest in (None, "bind"):
         assert Scene(path, SceneOptions(rest=rest)).shapes[0].rest == pytest.approx(np.array(scenes.POINTS, float))
     assert Scene(path, SceneOptions(rest="frame:10")).shapes[0].rest == pytest.approx(scenes.arm_at(1), abs=1e-5)
-    stage = Usd.Stage.Open(path)
     pref = [(2 * x + 10, y, z) for x, y, z in scenes.POINTS]
-    scenes.primvar(stage.GetPrimAtPath("/arm/skin"), "Pref", scenes.TYPES.Point3fArray, pref, "vertex")
-    rest = Scene(saved(stage)).shapes[0].rest
+    scenes.primvar(arm.GetPrimAtPath("/arm/skin"), "Pref", scenes.TYPES.Point3fArray, pref, "vertex")
+    rest = Scene(saved(arm)).shapes[0].rest
     assert rest[5].tolist() == pytest.approx([4, 1, 0]), "the bind transform applies to Pref, too"
 
 
-def test_a_skeleton_without_animation_is_in_its_rest_pose(tmp_path: Path) -> None:
-    stage = scenes.arm(tmp_path / "arm.usda")
-    skeleton = UsdSkel.Skeleton(stage.GetPrimAtPath("/arm/skeleton"))
+def test_a_skeleton_without_animation_is_in_its_rest_pose(arm: Usd.Stage) -> None:
+    skeleton = UsdSkel.Skeleton(arm.GetPrimAtPath("/arm/skeleton"))
     UsdSkel.BindingAPI(skeleton.GetPrim()).GetAnimationSourceRel().ClearTargets(True)
     skeleton.GetRestTransformsAttr().Set([Gf.Matrix4d(1), Gf.Matrix4d().SetTranslate((1, 2, 0))])
-    scene = Scene(saved(stage))
+    scene = Scene(saved(arm))
     assert scene.positions("skin", 5)[5].tolist() == pytest.approx([2, 3, 0])
     assert scene.shapes[0].rest[5].tolist() == [2, 1, 0]
 
 
-def test_blend_shapes_without_joints(tmp_path: Path) -> None:
-    stage = scenes.arm(tmp_path / "arm.usda")
+def test_blend_shapes_without_joints(arm: Usd.Stage) -> None:
     for name in ("skel:jointIndices", "skel:jointWeights"):
-        stage.GetPrimAtPath("/arm/skin").RemoveProperty(f"primvars:{name}")
-    scene = Scene(saved(stage))
+        arm.GetPrimAtPath("/arm/skin").RemoveProperty(f"primvars:{name}")
+    scene = Scene(saved(arm))
     expected = np.add(scenes.POINTS, (10.0, 0, 0))
     assert scene.shapes[0].rest == pytest.approx(expected)
     expected[5, 2] = 3
     assert scene.positions("skin", 5.5) == pytest.approx(expected)
 
 
-def test_smooth_weights(tmp_path: Path) -> None:
-    stage = scenes.arm(tmp_path / "arm.usda")
-    binding = UsdSkel.BindingAPI(stage.GetPrimAtPath("/arm/skin"))
+def test_smooth_weights(arm: Usd.Stage) -> None:
+    binding = UsdSkel.BindingAPI(arm.GetPrimAtPath("/arm/skin"))
     binding.CreateJointIndicesPrimvar(False, 2).Set([0, 1] * 6)
     binding.CreateJointWeightsPrimvar(False, 2).Set([1, 0, 1, 0, 0.5, 0.5, 1, 0, 1, 0, 0, 1])
     # Half of the way between where each joint alone puts it: (2, 0) and (1, 1).
-    assert Scene(saved(stage)).positions("skin", 10)[2].tolist() == pytest.approx([1.5, 0.5, 0], abs=1e-5)
+    assert Scene(saved(arm)).positions("skin", 10)[2].tolist() == pytest.approx([1.5, 0.5, 0], abs=1e-5)
 
 
-def test_one_joint_moves_a_rigid_prop(tmp_path: Path) -> None:
-    stage = scenes.arm(tmp_path / "arm.usda")
-    binding = UsdSkel.BindingAPI(stage.GetPrimAtPath("/arm/skin"))
+def test_one_joint_moves_a_rigid_prop(arm: Usd.Stage) -> None:
+    binding = UsdSkel.BindingAPI(arm.GetPrimAtPath("/arm/skin"))
     binding.CreateJointIndicesPrimvar(True, 1).Set([1])
     binding.CreateJointWeightsPrimvar(True, 1).Set([1.0])
     binding.GetBlendShapeTargetsRel().ClearTargets(True)
-    points = Scene(saved(stage)).positions("skin", 10)
+    points = Scene(saved(arm)).positions("skin", 10)
     assert points[[0, 2]] == pytest.approx(np.array([(1, -1, 0), (1, 1, 0)]), abs=1e-5)
 
 
-def test_instances_are_one_shape_if_one_animation_moves_them(tmp_path: Path) -> None:
-    stage = scenes.arm(tmp_path / "arm.usda")
+def test_instances_are_one_shape_if_one_animation_moves_them(arm: Usd.Stage, tmp_path: Path) -> None:
     shot = scenes.stage(tmp_path / "shot.usda", 1, 10)
-    saved(stage)
+    saved(arm)
     for name in ("one", "two", "still"):
         UsdSkel.Root.Define(shot, f"/{name}")
         prim = shot.DefinePrim(f"/{name}/arm")
@@ -93,12 +83,11 @@ def test_instances_are_one_shape_if_one_animation_moves_them(tmp_path: Path) -> 
     assert scene.positions(scene.shapes[0], 10) == pytest.approx(scenes.arm_at(1), abs=1e-5)
 
 
-def test_instances_with_animations_of_their_own_are_shapes_of_their_own(tmp_path: Path) -> None:
-    stage = scenes.arm(tmp_path / "arm.usda")
+def test_instances_with_animations_of_their_own_are_shapes_of_their_own(arm: Usd.Stage, tmp_path: Path) -> None:
     # The animation comes from above the instance.
-    UsdSkel.BindingAPI(stage.GetPrimAtPath("/arm/skeleton")).GetAnimationSourceRel().ClearTargets(True)
-    stage.GetPrimAtPath("/arm/skeleton").RemoveProperty("skel:animationSource")
-    saved(stage)
+    UsdSkel.BindingAPI(arm.GetPrimAtPath("/arm/skeleton")).GetAnimationSourceRel().ClearTargets(True)
+    arm.GetPrimAtPath("/arm/skeleton").RemoveProperty("skel:animationSource")
+    saved(arm)
     shot = scenes.stage(tmp_path / "shot.usda", 1, 10)
     for name, angle in (("one", 0), ("two", 90), ("three", 90)):
         root = UsdSkel.Root.Define(shot, f"/{name}")
@@ -117,17 +106,15 @@ def test_instances_with_animations_of_their_own_are_shapes_of_their_own(tmp_path
     assert scene.positions("two_arm_skin", 1)[2].tolist() == pytest.approx([1, 1, 0], abs=1e-5)
 
 
-def test_a_binding_that_cannot_pose_is_an_error(tmp_path: Path) -> None:
-    stage = scenes.arm(tmp_path / "arm.usda")
-    UsdSkel.BindingAPI(stage.GetPrimAtPath("/arm/skin")).GetJointIndicesPrimvar().Set([0, 0, 7, 0, 0, 1])
+def test_a_binding_that_cannot_pose_is_an_error(arm: Usd.Stage) -> None:
+    UsdSkel.BindingAPI(arm.GetPrimAtPath("/arm/skin")).GetJointIndicesPrimvar().Set([0, 0, 7, 0, 0, 1])
     with pytest.raises(SceneError, match="/arm/skin"):
-        Scene(saved(stage)).positions("skin", 2)
+        Scene(saved(arm)).positions("skin", 2)
 
 
-def test_meshes_beside_a_skinned_one(tmp_path: Path) -> None:
-    stage = scenes.arm(tmp_path / "arm.usda")
-    scenes.stretch(scenes.mesh(stage, "/arm/prop"), [1, 5])
-    scene = Scene(saved(stage))
+def test_meshes_beside_a_skinned_one(arm: Usd.Stage) -> None:
+    scenes.stretch(scenes.mesh(arm, "/arm/prop"), [1, 5])
+    scene = Scene(saved(arm))
     assert [shape.name for shape in scene.shapes] == ["skin", "prop"]
     assert scene.positions("prop", 5)[2].tolist() == pytest.approx([2.4, 0, 0])
-    assert UsdGeom.Mesh(stage.GetPrimAtPath("/arm/prop"))
+    assert UsdGeom.Mesh(arm.GetPrimAtPath("/arm/prop"))

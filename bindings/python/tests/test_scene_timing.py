@@ -1,20 +1,16 @@
-"""Which times of a scene are frames: time codes, rates, samples of motion blur."""
-
-from __future__ import annotations
+"""Frames among the times of a scene: time codes, rates, samples of motion blur."""
 
 import math
 from pathlib import Path
 
 import numpy as np
 import pytest
-
-pytest.importorskip("pxr")
-
 from pxr import Sdf, Usd, UsdGeom
 
 import scenes
+from shots import write_corner_uvs
 from vrtm.bake import arguments, parsing
-from vrtm.bake.layer import LayerPlan, write_corner_uvs, write_layer
+from vrtm.bake.layer import LayerPlan, write_layer
 from vrtm.bake.scene import Scene, SceneError, SceneOptions, timing
 
 FILE = SceneOptions(fps="file")
@@ -22,12 +18,12 @@ FILE = SceneOptions(fps="file")
 
 def animated(path: Path, times, codes: float | None = 24, fps: float | None = 24, ends=None) -> Usd.Stage:
     """A mesh with samples at time codes, the n-th of which moves it by n / 10."""
-    stage = scenes.stage(path, *(ends or (times[0], times[-1])))
+    stage = scenes.stage(path, *(ends or (times[0], times[-1])), fps=None)
     for name, value in (("timeCodesPerSecond", codes), ("framesPerSecond", fps)):
-        stage.SetMetadata(name, value) if value else stage.ClearMetadata(name)
-    mesh = scenes.mesh(stage, "/mesh")
-    for number, time in enumerate(times):
-        mesh.GetPointsAttr().Set([(x + 0.1 * number * (x == 2), y, z) for x, y, z in scenes.POINTS], time)
+        if value:
+            stage.SetMetadata(name, value)
+    right = np.equal(scenes.POINTS, [2, 9, 9])
+    scenes.mesh(stage, "/mesh", poses={time: scenes.POINTS + 0.1 * k * right for k, time in enumerate(times)})
     stage.Save()
     return stage
 
@@ -65,11 +61,7 @@ def test_frames_are_time_codes_or_counted_by_the_rate(tmp_path: Path, times, cod
 
 def test_time_codes_that_are_no_frames_are_told(tmp_path: Path) -> None:
     for name, given, expected in (
-        (
-            "a",
-            ([n / 24 for n in range(25)], 1, 24),
-            "and 23 samples between them, such as 0.04167, are not baked: ",
-        ),
+        ("a", ([n / 24 for n in range(25)], 1, 24), "and 23 samples between them, such as 0.04167, are not baked: "),
         ("b", (range(0, 50, 2), 48, 24), "for frames: --fps file takes 2 time codes for each frame"),
         ("c", ([n / 25 for n in range(26)], 1, None), "24 of its 26 samples lie between frames, such as at 0.04, and"),
         ("d", ([0.8 * n for n in range(50)], 24, 24), "--fps 30 counts frames by them"),

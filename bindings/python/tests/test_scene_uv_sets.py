@@ -1,6 +1,4 @@
-"""Which UV set each mesh takes, and meshes that cannot end a bake since nothing deforms there."""
-
-from __future__ import annotations
+"""Choice of each mesh's UV set, and meshes that cannot end a bake since nothing deforms there."""
 
 from pathlib import Path
 

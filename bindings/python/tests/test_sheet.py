@@ -1,20 +1,21 @@
 """`vrtm bake --sheet`: the rasteriser, the strain that is drawn, and the file."""
 
-from __future__ import annotations
-
+import contextlib
+import dataclasses
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bake_scenes import attributes, files, image, pixels, sheet, sheet_arguments
+from bake_scenes import attributes, files, flat, image, opened, pixels, sheet, sheet_arguments
 from mirrored import CELLS, mirrored
 from vrtm import cli
 from vrtm.bake import sheet as drawing
 from vrtm.bake import sheet_figures
+from vrtm.bake.mesh_work import MeshWork
 from vrtm.bake.raster import Camera, cover
-from vrtm.bake.settings import Settings
-from vrtm.bake.work import Work
+from vrtm.bake.scene import SceneOptions
 
 
 @pytest.fixture(autouse=True)
@@ -59,20 +60,29 @@ def test_cameras_see_all() -> None:
         # As large as fits: it fills one of both.
         assert max(np.ptp(seen[:, 0]) / 200, np.ptp(seen[:, 1]) / 100) == pytest.approx(1 / 1.06)
     # Right is x, up is y, and z is nearer.
-    x, y, z = np.diff(
-        Camera([np.eye(3)], 0, 0).project(np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1]]), (9, 9)), axis=0
-    )
+    steps = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1]])
+    x, y, z = np.diff(Camera([np.eye(3)], 0, 0).project(steps, (9, 9)), axis=0)
     assert x[0] > 0 and y[1] < 0 and z[2] > 0 and abs(x[1:]).max() + abs(y[[0, 2]]).max() < 1e-12
 
 
-def work_of(folder: Path, pose: str) -> Work:
+@contextlib.contextmanager
+def drawn(scene: Path, frame: int, **settings: object) -> Iterator[tuple[MeshWork, drawing._Surface]]:
+    """A mesh that is solved in a frame, and its surface as the sheet draws it."""
+    with opened(scene, **settings) as work:
+        [mesh] = work.meshes.values()
+        positions = work.scene.positions(mesh.shape, frame)
+        mesh.parts[0].asset.solve(positions, measure=True)
+        yield mesh, drawing._Surface(mesh, positions)
+
+
+def square(folder: Path, pose: str) -> dict[str, object]:
+    """Arguments of `drawn` for a square that is rigid all over, and its pose."""
     faces = "vt .1 .1\nvt .9 .1\nvt .9 .9\nvt .1 .9\nf 1/1 2/2 3/3 4/4\n"
     (folder / "rest.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n" + faces)
     (folder / "pose.1.obj").write_text(pose + faces)
-    image(folder / "rigid.png", np.full((48, 48, 1), 255, np.uint8))
-    parsed = {"poses": (str(folder / "pose.1.obj"),)}
-    options = drawing.dataclasses.replace(Settings("").options, **parsed)
-    return Work(Settings(str(folder / "rest.obj"), options, str(folder / "rigid.png"), device="cpu"), 1)
+    options = SceneOptions(poses=(str(folder / "pose.1.obj"),))
+    rigidity = str(flat(folder / "rigid.png", size=48))
+    return {"scene": folder / "rest.obj", "frame": 1, "options": options, "rigidity": rigidity}
 
 
 @pytest.mark.parametrize(
@@ -85,11 +95,7 @@ def work_of(folder: Path, pose: str) -> Work:
     ],
 )
 def test_strain_of_known_poses(tmp_path: Path, pose: str, strain: tuple[float, float]) -> None:
-    with work_of(tmp_path, pose) as work:
-        [mesh] = work.meshes.values()
-        positions = work.scene.positions(mesh.shape, 1)
-        mesh.parts[0].asset.solve(positions, measure=True)
-        surface = drawing._Surface(mesh, positions)
+    with drawn(**square(tmp_path, pose)) as (_, surface):
         [looked] = surface.looked
         assert np.abs(looked.strains[0][8:-8, 8:-8] - strain).max() < 1e-5
         assert surface.figures().startswith("strain ")
@@ -97,29 +103,19 @@ def test_strain_of_known_poses(tmp_path: Path, pose: str, strain: tuple[float, f
 
 def test_what_vrtm_gains_is_seen(tmp_path: Path) -> None:
     scene = sheet(tmp_path, frames=5, cells=16)
-    settings = Settings(str(scene), rigidity=str(tmp_path / "rigid.<UDIM>.png"), size=64, device="cpu")
-    with Work(settings, 1) as work:
-        [mesh] = work.meshes.values()
-        positions = work.scene.positions(mesh.shape, 5)
-        mesh.parts[0].asset.solve(positions, measure=True)
-        surface = drawing._Surface(mesh, positions)
+    with drawn(scene, 5, rigidity=str(tmp_path / "rigid.<UDIM>.png"), size=64) as (mesh, surface):
         for looked, tile in zip(surface.looked, mesh.tiles):
             rigid = looked.rigidity[..., 0] > 0.5
-            drawn = [np.sqrt((strain**2).sum(-1)[rigid].mean() / 2) for strain in looked.strains]
+            before, after = (np.sqrt((strain**2).sum(-1)[rigid].mean() / 2) for strain in looked.strains)
             report = tile.tile.report()
             # The picture's texels weigh otherwise than the lengths that the solve measures.
-            assert drawn[0] == pytest.approx(report.before.rms, rel=0.35)
-            assert drawn[1] < 0.5 * drawn[0] and report.after.rms < 0.5 * report.before.rms
+            assert before == pytest.approx(report.before.rms, rel=0.35)
+            assert after < 0.5 * before and report.after.rms < 0.5 * report.before.rms
 
 
 def test_each_layer_is_drawn_with_its_own_map(tmp_path: Path) -> None:
     scene = mirrored(tmp_path)
-    settings = Settings(str(scene), rigidity=str(tmp_path / "rigid.<UDIM>.png"), device="cpu")
-    with Work(settings, 1) as work:
-        [mesh] = work.meshes.values()
-        positions = work.scene.positions(mesh.shape, 2)
-        mesh.parts[0].asset.solve(positions, measure=True)
-        surface = drawing._Surface(mesh, positions)
+    with drawn(scene, 2, rigidity=str(tmp_path / "rigid.<UDIM>.png")) as (mesh, surface):
         places = [(tile.udim, tile.layer) for tile in mesh.every_tile]
         assert places == [(1001, 0), (1001, 1), (1002, 0)]
         # Two triangles for each of the squares of a part, which is all of the surface.
@@ -130,13 +126,10 @@ def test_each_layer_is_drawn_with_its_own_map(tmp_path: Path) -> None:
 
 
 def test_rigidity_of_vertices_is_drawn(tmp_path: Path) -> None:
-    with work_of(tmp_path, "v 0 0 0\nv 1.2 0 0\nv 1.2 .9 0\nv 0 .9 0\n") as work:
-        [mesh] = work.meshes.values()
+    with drawn(**square(tmp_path, "v 0 0 0\nv 1.2 0 0\nv 1.2 .9 0\nv 0 .9 0\n")) as (mesh, _):
         mesh.parts[0].maps["rigidity"].clear()
-        shape = drawing.dataclasses.replace(mesh.shape, vertex_rigidity=np.float32([0, 1, 1, 0]))
-        mesh.shape, positions = shape, work.scene.positions(mesh.shape, 1)
-        mesh.parts[0].asset.solve(positions, measure=True)
-        rigidity = drawing._Surface(mesh, positions).looked[0].rigidity[..., 0]
+        mesh.shape = dataclasses.replace(mesh.shape, vertex_rigidity=np.float32([0, 1, 1, 0]))
+        rigidity = drawing._Surface(mesh, mesh.shape.rest).looked[0].rigidity[..., 0]
     # Along u, from 0 at .1 to 1 at .9; nothing beside the chart.
     u = (np.arange(48) + 0.5) / 48
     inside = (u > 0.1) & (u < 0.9)
@@ -160,9 +153,9 @@ def test_no_part_of_the_figures_is_empty(count: int, height: int) -> None:
     for x, baseline, size, text in texts:
         assert text
         sheet[baseline - size // 2 : baseline, x : x + len(text) * size // 3] = 1
-    drawn = sheet.any(-1)
-    inside = drawn[top : top + height, left : left + width]
-    assert drawn.sum() == inside.sum(), "beside its box"
+    inked = sheet.any(-1)
+    inside = inked[top : top + height, left : left + width]
+    assert inked.sum() == inside.sum(), "beside its box"
     for k in range(10):
         band = inside[k * height // 10 : (k + 1) * height // 10]
         assert band[:, : width // 2].any() and band[:, width // 2 :].any(), f"nothing in row {k} of 10"
@@ -185,11 +178,11 @@ def test_the_sheet_of_a_bake(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert f"sheet: {path}\n" in bake("--dry-run") and not path.exists()
     # The one that is stretched the most.
     assert f"{path}: frame 3\n" in bake()
-    drawn = pixels(path)
-    assert attributes(path)["vrtm:kind"] == "sheet" and drawn.dtype == np.uint8
+    picture = pixels(path)
+    assert attributes(path)["vrtm:kind"] == "sheet" and picture.dtype == np.uint8
     # Three columns and two rows of pictures: each has something else than paper in it, less the one of the legend.
-    paper = np.abs(drawn.astype(int) - drawn[-1, -1]).max(-1) < 3
-    width = (drawn.shape[1] - 64) // 3
+    paper = np.abs(picture.astype(int) - picture[-1, -1]).max(-1) < 3
+    width = (picture.shape[1] - 64) // 3
     for k in range(3):
         column = paper[80:, 16 + k * (width + 16) :][:, :width]
         assert (~column).mean() > 0.1
@@ -198,6 +191,6 @@ def test_the_sheet_of_a_bake(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert files(out) == before
     assert f"{path}: frame 2\n" in bake("--frames", "1-2")
     # One that somebody has drawn on is not replaced.
-    image(path, drawn)
+    image(path, picture)
     assert str(path) in bake(expect=2)
-    assert np.array_equal(pixels(path), drawn)
+    assert np.array_equal(pixels(path), picture)

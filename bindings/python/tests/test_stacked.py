@@ -4,35 +4,24 @@ import numpy as np
 import pytest
 
 import vrtm
+from conftest import centres, grid, studs
 
 SIDE = 16
 
 
 def halves(layers):
     """Two sheets on the same UVs in set 0, and on their own in set 1, which deform differently."""
-    xs = np.linspace(0, 1, SIDE + 1)
-    u, v = (part.ravel() for part in np.meshgrid(xs, xs))
-    at = np.arange(SIDE)[None] + (SIDE + 1) * np.arange(SIDE)[:, None]
-    quads = np.stack([at, at + 1, at + SIDE + 2, at + SIDE + 1], -1).reshape(-1, 4)
+    sheet, quads = grid(SIDE)
+    u, v, none = sheet.T
     faces = np.concatenate([quads, quads + len(u)])
-    rest = np.concatenate([np.stack([sign * u, v, 0 * u], -1) for sign in (1, -1)])
-    pose = rest + np.concatenate(
-        [np.stack([0.2 * np.sin(3 * v) * u, 0.1 * u * v, 0 * u], -1), np.stack([-0.15 * u * u, 0.2 * u, 0 * u], -1)]
-    )
-    shared = np.tile(np.stack([0.05 + 0.9 * u, 0.05 + 0.9 * v], -1), (2, 1))
+    rest = np.concatenate([sheet, sheet * [-1, 1, 1]])
+    first, second = ([0.2 * np.sin(3 * v) * u, 0.1 * u * v, none], [-0.15 * u * u, 0.2 * u, none])
+    pose = rest + np.concatenate([np.stack(moved, -1) for moved in (first, second)])
+    shared = np.tile(0.05 + 0.9 * sheet[:, :2], (2, 1))
     unique = shared * [0.5, 1] + np.repeat([[0, 0], [0.5, 0]], len(u), 0)
-    asset = vrtm.Asset(
-        vrtm.Device("cpu"),
-        rest,
-        faces,
-        uvs=shared,
-        uv_indices=faces.ravel(),
-        uv_sets=[(unique, faces.ravel())],
-        max_layers=layers,
-    )
-    y, x = np.mgrid[0:64, 0:64]
-    rigid = (np.hypot(x % 16 - 7.5, y % 16 - 7.5) < 5).astype(np.uint8) * 255
-    return asset, rigid, pose
+    sets = {"uv_indices": faces, "uv_sets": [(unique, faces)]}
+    asset = vrtm.Asset(vrtm.Device("cpu"), rest, faces, uvs=shared, max_layers=layers, **sets)
+    return asset, studs(64, 16), pose
 
 
 def test_each_layer_has_a_map_of_its_own():
@@ -58,15 +47,6 @@ def test_each_layer_has_a_map_of_its_own():
     assert np.array_equal(images[0], second.fetch()) and images[1].shape == (32, 32, 2)
 
 
-def test_without_layers_shared_texels_stay():
-    asset, rigid, pose = halves(0)
-    tile = asset.tile(1001)
-    tile.set_rigidity(rigid)
-    asset.solve(pose)
-    assert tile.layers == 1 and tile.info.rigid_overlapped == tile.info.rigid_nodes
-    assert not tile.fetch("redirection_delta").any()
-
-
 def test_uvs_of_another_set():
     asset, rigid, pose = halves(0)
     tile = asset.tile(1001, 1)
@@ -77,11 +57,10 @@ def test_uvs_of_another_set():
     other, delta = (tile.fetch(kind, size, uv_set=0) for kind in ("uv_set", "uv_set_delta"))
     covered = tile.fetch("redirection", size, channels=4)[..., 3] > 0
     # Set 1 has the halves side by side at half of the width.
-    expected = (redirected - [[[0, 0]], [[0.5, 0]]][0]) * [2, 1]
+    expected = redirected * [2, 1]
     expected[:, size // 2 :] -= [1, 0]
     assert np.abs(other - expected)[covered].max() < 1e-5
-    own = np.stack(np.meshgrid((np.arange(size) + 0.5) / size, 1 - (np.arange(size) + 0.5) / size), -1)
-    assert np.abs(delta - (redirected - own) * [2, 1])[covered].max() < 1e-5
+    assert np.abs(delta - (redirected - np.stack(centres(size), -1)) * [2, 1])[covered].max() < 1e-5
     assert np.abs(delta).max() > 1e-3
     assert np.array_equal(asset.redirect(pose, [vrtm.Fetch(tile, "uv_set", size, uv_set=0)])[0], other)
 

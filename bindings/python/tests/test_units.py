@@ -1,20 +1,17 @@
 """A rest in another unit than the poses, against deformations and scales that are meant."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Sdf, Usd
 
-from bake_scenes import image
+from bake_scenes import flat, opened
 from conftest import sheet
-from scenes import POINTS, TYPES, mesh, primvar, stage, stretch
+from scenes import POINTS, TYPES, mesh, primvar, stage
 from vrtm.bake import remarks
 from vrtm.bake.scene import Scene, SceneOptions, Shape
-from vrtm.bake.settings import Settings
 from vrtm.bake.units import Finding, Units
 from vrtm.bake.work import Work
 
@@ -140,25 +137,15 @@ def test_a_unit_that_cannot_be_told_ends_the_bake_or_is_warned_of() -> None:
     assert not finding.ends and finding.factor == 1 and "as if one of them were in another unit" in finding.warning
 
 
-def work(scene: Path, **options: object) -> Work:
-    image(scene.parent / "rigid.png", np.full((16, 16, 1), 255, np.uint8))
-    allow = bool(options.pop("allow_units", False))
-    settings = Settings(
-        str(scene), SceneOptions(**options), rigidity=str(scene.parent / "rigid.png"), device="cpu", allow_units=allow
-    )
-    return Work(settings, 1)
+def work(scene: Path, allow_units: bool = False, **options: object) -> Work:
+    rigidity = str(flat(scene.parent / "rigid.png"))
+    return opened(scene, SceneOptions(**options), rigidity=rigidity, allow_units=allow_units)
 
 
-def shot(path: Path, factor: float, meters: float | None = 0.01) -> Usd.Stage:
-    made = stage(path)
-    if meters is None:
-        made.GetRootLayer().pseudoRoot.ClearInfo("metersPerUnit")
-    else:
-        UsdGeom.SetStageMetersPerUnit(made, meters)
-    prim = mesh(made, "/cloth", [(x * factor, y * factor, z * factor) for x, y, z in POINTS])
-    stretch(prim, (1, 2, 3, 4, 5))
-    for time in prim.GetPointsAttr().GetTimeSamples():
-        prim.GetPointsAttr().Set([p * factor for p in prim.GetPointsAttr().Get(time)], time)
+def shot(path: Path, factor: float, meters: float = 0.01) -> Usd.Stage:
+    made = stage(path, meters=meters)
+    right, rest = np.equal(POINTS, [2, 9, 9]), factor * np.array(POINTS)
+    mesh(made, "/cloth", rest, poses={frame: rest + 0.1 * factor * (frame - 1) * right for frame in range(1, 6)})
     return made
 
 
@@ -166,31 +153,30 @@ def test_units_of_pref_and_of_rest_files(tmp_path: Path) -> None:
     made = shot(tmp_path / "inches.usda", 2.54)
     primvar(made.GetPrimAtPath("/cloth"), "Pref", TYPES.Point3fArray, POINTS, "vertex")
     made.Save()
-    with work(tmp_path / "inches.usda") as opened:
-        (told,) = [note for note in remarks.notes(opened) if "another unit" in note]
+    with work(tmp_path / "inches.usda") as bake:
+        (told,) = [note for note in remarks.notes(bake) if "another unit" in note]
         assert told.startswith("/cloth: all of its edges are 2.54 times as long as at rest (the rest is from Pref)")
-        assert opened.shapes[0].rest[2, 0] == pytest.approx(5.08)
-        opened.check_units()
-    with work(tmp_path / "inches.usda", allow_units=True) as opened:
-        assert opened.shapes[0].rest[2, 0] == 2 and not [note for note in remarks.notes(opened) if "unit" in note]
+        assert bake.shapes[0].rest[2, 0] == pytest.approx(5.08)
+        bake.check_units()
+    with work(tmp_path / "inches.usda", allow_units=True) as bake:
+        assert bake.shapes[0].rest[2, 0] == 2 and not [note for note in remarks.notes(bake) if "unit" in note]
     # The layers say it: Pref is from one in meters, the poses from one in centimeters.
     shot(tmp_path / "shot.usda", 100, 0.01).Save()
-    model = stage(tmp_path / "model.usda")
-    UsdGeom.SetStageMetersPerUnit(model, 1.0)
+    model = stage(tmp_path / "model.usda", meters=1)
     primvar(mesh(model, "/cloth").GetPrim(), "Pref", TYPES.Point3fArray, POINTS, "vertex")
     model.Save()
     layer = Sdf.Layer.FindOrOpen(str(tmp_path / "shot.usda"))
     layer.subLayerPaths = ["./model.usda"]
     layer.Save()
     for options in ({}, {"rest": str(tmp_path / "model.usda")}):
-        with work(tmp_path / "shot.usda", **options) as opened:
-            assert not [note for note in remarks.notes(opened) if "unit" in note]
-            assert opened.shapes[0].rest[2, 0] == pytest.approx(200)
-            assert "100 times as large as metersPerUnit says: /cloth" in remarks.facts(opened)[-1]
+        with work(tmp_path / "shot.usda", **options) as bake:
+            assert not [note for note in remarks.notes(bake) if "unit" in note]
+            assert bake.shapes[0].rest[2, 0] == pytest.approx(200)
+            assert "100 times as large as metersPerUnit says: /cloth" in remarks.facts(bake)[-1]
     # One that says nothing is known by its edges.
     model.GetRootLayer().pseudoRoot.ClearInfo("metersPerUnit")
     model.Save()
     assert Scene(tmp_path / "shot.usda", SceneOptions(rest=str(tmp_path / "model.usda"))).shapes[0].rest_unit == 1
-    with work(tmp_path / "shot.usda", rest=str(tmp_path / "model.usda")) as opened:
-        assert opened.shapes[0].rest[2, 0] == pytest.approx(200)
-        assert [note for note in remarks.notes(opened) if "100 times as long" in note]
+    with work(tmp_path / "shot.usda", rest=str(tmp_path / "model.usda")) as bake:
+        assert bake.shapes[0].rest[2, 0] == pytest.approx(200)
+        assert [note for note in remarks.notes(bake) if "100 times as long" in note]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -67,7 +67,7 @@ class Pinned:
 
 
 def array_of(name: str, value: ArrayLike) -> np.ndarray:
-    """What numpy makes of a value. Raises ValueError for rows of different lengths."""
+    """Returns numpy's array of a value. Raises ValueError for rows of different lengths."""
     try:
         array = np.asarray(value)
         ragged = array.dtype == object and any(isinstance(row, (Sequence, np.ndarray)) for row in array.flat)
@@ -100,3 +100,13 @@ def output(name: str, out: Any, shape: tuple[int, ...], dtype: Any = np.float32)
     if not out.flags.writeable:
         raise ValueError(f"{name}: is read-only")
     return out
+
+
+def filled(out: Any, shape: tuple[int, ...], write: Callable[[int], None]) -> NDArray[np.float32]:
+    """The caller's array, or a new one, with what `write` puts at the address of a packed array of this shape."""
+    array = output("out", out, shape)
+    packed = np.ascontiguousarray(array)
+    write(packed.ctypes.data)
+    if packed is not array:
+        array[...] = packed
+    return array

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import html
-import weakref
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -12,15 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _abi, _mesh
-from ._arrays import Pinned, output
+from ._arrays import Pinned, filled
 from ._call import interruptible
 from ._carrier import Carrier
 from ._device import Device
 from ._errors import InvalidArgumentError
 from ._fetch import CarrierFetch, Fetch
 from ._job import Job
-from ._library import check, library, new
-from ._names import natural, record
+from ._library import Owned, check, library
+from ._names import natural, told
 from ._options import SolveOptions, build
 from ._records import AssetInfo, AssetReport, Fit, Weld
 from ._refinement import Refinement
@@ -34,7 +33,7 @@ _NAMED = 20
 """Tiles that a message names at most."""
 
 
-class Asset:
+class Asset(Owned):
     """A mesh at rest, and all that is computed for it.
 
     positions       rest positions, (vertices, 3) or (vertices, 4) of float32 or float64, any unit of length
@@ -52,7 +51,8 @@ class Asset:
                     layers, each a tile of its own; see Tile.layer and face_layers
 
     The asset keeps copies: the arrays may be changed afterwards. Raises InvalidArgumentError, which names the array and
-    the index. May be used with `with`, which closes the asset.
+    the index. close(), or the end of a `with` block, also ends the tiles and cancels a solve in progress; refinements
+    and carriers stay usable.
     """
 
     def __init__(
@@ -76,27 +76,23 @@ class Asset:
         if not isinstance(device, Device):
             raise TypeError(f"device: {device!r} is no vrtm.Device")
         pinned = Pinned()
-        desc = _mesh.mesh(
-            pinned,
-            positions,
-            indices,
-            face_counts=face_counts,
-            face_offsets=face_offsets,
-            uvs=uvs,
-            uv_indices=uv_indices,
-            uv_sets=uv_sets,
-            seams=seams,
-            textured_faces=textured_faces,
-            weld=weld,
-            weld_position_tolerance=weld_position_tolerance,
-            weld_uv_tolerance=weld_uv_tolerance,
-            max_layers=max_layers,
-        )
+        given = {
+            "face_counts": face_counts,
+            "face_offsets": face_offsets,
+            "uvs": uvs,
+            "uv_indices": uv_indices,
+            "uv_sets": uv_sets,
+            "seams": seams,
+            "textured_faces": textured_faces,
+            "weld": weld,
+            "weld_position_tolerance": weld_position_tolerance,
+            "weld_uv_tolerance": weld_uv_tolerance,
+            "max_layers": max_layers,
+        }
+        desc = _mesh.mesh(pinned, positions, indices, given)
         handle = _abi.vrtm_asset()
         check(library.vrtm_asset_create(device._handle, ctypes.byref(desc), ctypes.byref(handle)))
-        self._handle = handle
-        self._log = device._log
-        self._end = weakref.finalize(self, _destroy, handle, device._log)
+        self._own(handle, library.vrtm_asset_destroy, device._log)
         info = self.info
         self._corners = info.corners
         self._tiles = tuple(Tile(self, self._tile_handle(index)) for index in range(info.tiles))
@@ -109,9 +105,7 @@ class Asset:
     @property
     def info(self) -> AssetInfo:
         """Counts of the mesh's parts, and of its defects."""
-        struct = new(_abi.vrtm_asset_info)
-        check(library.vrtm_asset_get_info(self._handle, ctypes.byref(struct)))
-        return record(AssetInfo, struct)
+        return told(AssetInfo, library.vrtm_asset_get_info, self._handle)
 
     @property
     def tiles(self) -> tuple[Tile, ...]:
@@ -217,20 +211,17 @@ class Asset:
 
     def report(self) -> AssetReport:
         """The report of the last solve, over all tiles. Raises NotSolvedError before the first solve."""
-        struct = new(_abi.vrtm_asset_report)
-        check(library.vrtm_asset_get_report(self._handle, ctypes.byref(struct)))
-        return record(AssetReport, struct)
+        return told(AssetReport, library.vrtm_asset_get_report, self._handle)
 
     def corner_uvs(self, uv_set: int = 0, *, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         """The redirected UV of each face corner, (corners, 2) of float32, with the tile's place added as in the mesh's
         own UVs. They recover less than the map where the mesh is coarser than the painted detail: see refine."""
-        array = output("out", out, (self._corners, 2))
-        written = np.ascontiguousarray(array)
-        uv_set = natural("uv_set", uv_set, 32)
-        check(library.vrtm_asset_fetch_corner_uvs(self._handle, uv_set, written.ctypes.data, self._corners))
-        if written is not array:
-            array[...] = written
-        return array
+        number = natural("uv_set", uv_set, 32)
+
+        def write(at: int) -> None:
+            check(library.vrtm_asset_fetch_corner_uvs(self._handle, number, at, self._corners))
+
+        return filled(out, (self._corners, 2), write)
 
     def refine(self, uv_set: int = 0, *, tolerance: float = 1 / 2048, max_triangles: int = 0) -> Refinement:
         """The mesh with its triangles split where linear interpolation of the last result's UVs would err by more than
@@ -269,21 +260,6 @@ class Asset:
         settings = {"farthest": farthest, "heights": heights, "frames": frames, "pieces": pieces}
         return Carrier(self._handle, points, settings | {"uv_set": uv_set, "fit": fit, "skirt": skirt})
 
-    def close(self) -> None:
-        """Ends the asset and its tiles, and cancels a solve in progress. Refinements and carriers stay usable."""
-        self._end()
-
-    @property
-    def closed(self) -> bool:
-        """Whether close() was called."""
-        return not self._end.alive
-
-    def __enter__(self) -> Asset:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
     def __repr__(self) -> str:
         if self.closed:
             return "<vrtm.Asset, closed>"
@@ -293,7 +269,3 @@ class Asset:
     def _repr_html_(self) -> str:
         title = f"<p>{html.escape(repr(self))}</p>"
         return title if self.closed else title + "".join(tile._repr_html_() for tile in self._tiles[:_NAMED])
-
-
-def _destroy(handle: _abi.vrtm_asset, _log: object) -> None:
-    library.vrtm_asset_destroy(handle)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import weakref
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,14 +11,14 @@ from numpy.typing import DTypeLike, NDArray
 
 from . import _abi
 from ._arrays import FLOATS, Pinned, floats
-from ._library import check, library, new
-from ._names import natural, record, value_of
+from ._library import Owned, check, library, new
+from ._names import natural, told, value_of
 from ._records import CarrierInfo
 
 
 @dataclass(frozen=True)
 class Carried:
-    """Where points have gone: arrays with a row for each point, None for what was not asked for."""
+    """Carried points: arrays with a row for each point, None for those that were not asked for."""
 
     positions: NDArray[np.floating[Any]] | None = None
     """(points, 3): positions in the pose."""
@@ -39,7 +38,7 @@ Arrays = dict[str, NDArray[np.floating[Any]]]
 _COLUMNS = {"positions": (3,), "rotations": (4,), "matrices": (3, 3), "stretch": (2,), "uvs": (2,)}
 
 
-class Carrier:
+class Carrier(Owned):
     """Points bound to the rest surface of an asset; made by Asset.carrier. It follows the solves that come after it was
     made, keeps the data that it needs, and may be used after the asset is closed."""
 
@@ -89,22 +88,19 @@ class Carrier:
                 setattr(desc, name, numbers.ctypes.data)
         handle = _abi.vrtm_carrier()
         check(library.vrtm_carrier_create(asset, ctypes.byref(desc), ctypes.byref(handle)))
-        self._handle = handle
-        self._end = weakref.finalize(self, library.vrtm_carrier_destroy, handle)
+        self._own(handle, library.vrtm_carrier_destroy)
 
     @property
     def info(self) -> CarrierInfo:
         """Numbers of points, also of those that could not be bound, and what the last fetch found."""
-        struct = new(_abi.vrtm_carrier_info)
-        check(library.vrtm_carrier_get_info(self._handle, ctypes.byref(struct)))
-        return record(CarrierInfo, struct)
+        return told(CarrierInfo, library.vrtm_carrier_get_info, self._handle)
 
     def __len__(self) -> int:
         return self.info.points
 
     def states(self) -> NDArray[np.int32]:
-        """How each point is bound, (points,): 0 on a chart; 1 outside of all, 2 in folded UVs and 3 too far from the
-        surface, where it moves with the surface alone."""
+        """Binding of each point, (points,): 0 on a chart; 1 outside of all charts, 2 in folded UVs, 3 too far from the
+        surface. Points of states 1 to 3 move with the surface alone."""
         states = np.empty(self.info.points, np.int32)
         check(library.vrtm_carrier_fetch_states(self._handle, states.ctypes.data, len(states)))
         return states
@@ -117,16 +113,6 @@ class Carrier:
         target = CarriedTarget(self, names, dtype, out)
         check(library.vrtm_carrier_fetch(self._handle, ctypes.byref(target.struct)))
         return target.done()
-
-    def close(self) -> None:
-        """Destroys the carrier."""
-        self._end()
-
-    def __enter__(self) -> Carrier:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 class CarriedTarget:

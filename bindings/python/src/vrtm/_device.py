@@ -1,16 +1,15 @@
-"""Devices: where assets are solved."""
+"""Devices: the GPU or CPU that solves assets."""
 
 from __future__ import annotations
 
 import ctypes
 import logging
-import weakref
 from collections.abc import Callable
 from typing import Any, cast
 
 from . import _abi
-from ._library import check, library, new
-from ._names import name_of, natural, record, value_of
+from ._library import Owned, check, library, new
+from ._names import name_of, natural, record, told, value_of
 from ._records import Adapter, Backend, DeviceInfo, LogLevel
 
 Log = Callable[[LogLevel, str], Any]
@@ -34,8 +33,8 @@ def adapters() -> list[Adapter]:
     return found
 
 
-class Device:
-    """Where assets are solved: a GPU or the CPU. Make one and keep it.
+class Device(Owned):
+    """A GPU or the CPU, on which assets are solved. Make one and keep it.
 
     backend         "auto" (a hardware GPU if available, else the CPU), "cpu" or "gpu"
     adapter         which GPU: its index in adapters()
@@ -80,30 +79,12 @@ class Device:
         self._log = desc.log = _abi.vrtm_log_fn(line)
         handle = _abi.vrtm_device()
         check(library.vrtm_device_create(ctypes.byref(desc), ctypes.byref(handle)))
-        self._handle = handle
-        self._end = weakref.finalize(self, library.vrtm_device_destroy, handle)
+        self._own(handle, library.vrtm_device_destroy)
 
     @property
     def info(self) -> DeviceInfo:
         """The chosen backend, the reason, and how much memory the device's assets hold."""
-        struct = new(_abi.vrtm_device_info)
-        check(library.vrtm_device_get_info(self._handle, ctypes.byref(struct)))
-        return record(DeviceInfo, struct)
-
-    def close(self) -> None:
-        """Ends the device. Assets that were made on it stay usable."""
-        self._end()
-
-    @property
-    def closed(self) -> bool:
-        """Whether close() was called."""
-        return not self._end.alive
-
-    def __enter__(self) -> Device:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+        return told(DeviceInfo, library.vrtm_device_get_info, self._handle)
 
     def __repr__(self) -> str:
         return "<vrtm.Device, closed>" if self.closed else f"<vrtm.Device {self.info.backend}: {self.info.name}>"

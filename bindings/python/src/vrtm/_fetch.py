@@ -47,7 +47,7 @@ class Fetch:
         return Target(pinned, self.kind, size, **self._more)
 
     def fill(self, struct: _abi.vrtm_fetch, target: Target) -> None:
-        """The library's struct."""
+        """Fills the library's struct."""
         struct.struct_size = new(_abi.vrtm_fetch).struct_size
         struct.kind = self._kind
         struct.tile = self.tile._handle
@@ -68,7 +68,7 @@ class CarrierFetch:
         return CarriedTarget(self.carrier, self._names, self._dtype, self._out)
 
     def fill(self, struct: _abi.vrtm_fetch, target: CarriedTarget) -> None:
-        """The library's struct."""
+        """Fills the library's struct."""
         struct.struct_size = new(_abi.vrtm_fetch).struct_size
         struct.kind = value_of("fetch_kind", "carried")
         struct.carrier = self.carrier._handle

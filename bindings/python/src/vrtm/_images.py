@@ -59,7 +59,7 @@ def _strides(array: np.ndarray) -> tuple[int, int]:
 
 
 def _fits(array: np.ndarray, texel: int) -> bool:
-    """Whether texels of this many bytes lie in ascending order without overlap."""
+    """True if texels of this many bytes lie in ascending order without overlap."""
     height, width = array.shape[:2]
     row, pixel = _strides(array)
     end = (pixel or texel) * (width - 1) + texel

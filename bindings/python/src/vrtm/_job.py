@@ -94,7 +94,7 @@ class Job(concurrent.futures.Future):
         return True
 
     def running(self) -> bool:
-        """Whether the job is not done yet."""
+        """True until the job is done."""
         return not self.done()
 
     def result(self, timeout: float | None = None) -> AssetReport:

@@ -6,13 +6,16 @@ import ctypes
 import os
 import platform
 import sys
+import weakref
+from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from . import _abi
 from ._errors import error_of
 
 Struct = TypeVar("Struct", bound=ctypes.Structure)
+Object = TypeVar("Object", bound="Owned")
 
 FILE = {"win32": "vrtm.dll", "darwin": "libvrtm.dylib"}.get(sys.platform, "libvrtm.so")
 
@@ -69,3 +72,31 @@ def new(struct: type[Struct]) -> Struct:
     value = struct()
     check(library.vrtm_defaults(struct.__name__.encode(), ctypes.byref(value), ctypes.sizeof(struct)))
     return value
+
+
+class Owned:
+    """An object of the library. close(), the end of a `with` block, or the end of its last reference destroys it."""
+
+    def _own(self, handle: Any, destroy: Callable[[Any], Any], kept: object = None) -> None:
+        """Takes a handle. `kept` lives until the handle is destroyed."""
+        self._handle = handle
+        self._end = weakref.finalize(self, _destroy, destroy, handle, kept)
+
+    def close(self) -> None:
+        """Destroys the object; a second call does nothing."""
+        self._end()
+
+    @property
+    def closed(self) -> bool:
+        """True after close()."""
+        return not self._end.alive
+
+    def __enter__(self: Object) -> Object:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def _destroy(destroy: Callable[[Any], Any], handle: Any, _kept: object) -> None:
+    destroy(handle)

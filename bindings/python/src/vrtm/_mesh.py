@@ -1,4 +1,4 @@
-"""A mesh's arrays as the library takes them."""
+"""A mesh's arrays as the library's struct."""
 
 from __future__ import annotations
 
@@ -11,56 +11,40 @@ from . import _abi
 from ._arrays import Pinned, array_of
 from ._library import new
 from ._names import natural, value_of
-from ._records import Weld
 
 
-def mesh(
-    pinned: Pinned,
-    positions: Any,
-    indices: Any,
-    *,
-    face_counts: Any = None,
-    face_offsets: Any = None,
-    uvs: Any = None,
-    uv_indices: Any = None,
-    uv_sets: Any = (),
-    seams: Any = None,
-    textured_faces: Any = None,
-    weld: Weld = "index",
-    weld_position_tolerance: float = 1e-5,
-    weld_uv_tolerance: float = 1 / 2048,
-    max_layers: int = 0,
-) -> _abi.vrtm_mesh_desc:
-    """The struct for vrtm_asset_create. The arguments are those of Asset."""
+def mesh(pinned: Pinned, positions: Any, indices: Any, given: dict[str, Any]) -> _abi.vrtm_mesh_desc:
+    """The struct for vrtm_asset_create. `given`: the keyword arguments of Asset."""
     desc = new(_abi.vrtm_mesh_desc)
     desc.positions = ctypes.pointer(pinned.vectors("positions", positions, 3, more=1))
     corners = array_of("indices", indices)
-    if corners.ndim == 2 and face_counts is None and face_offsets is None:
+    face_counts = given["face_counts"]
+    if corners.ndim == 2 and face_counts is None and given["face_offsets"] is None:
         # One row per face.
         face_counts = np.full(corners.shape[0], corners.shape[1], np.uint32)
     _list(pinned, desc, "indices", corners, "index_count")
     _list(pinned, desc, "face_counts", face_counts, "face_count")
-    _list(pinned, desc, "face_offsets", face_offsets, "face_offset_count")
-    _list(pinned, desc, "textured_faces", textured_faces, "textured_face_count")
-    if seams is not None:
-        pairs = array_of("seams", seams)
+    _list(pinned, desc, "face_offsets", given["face_offsets"], "face_offset_count")
+    _list(pinned, desc, "textured_faces", given["textured_faces"], "textured_face_count")
+    if given["seams"] is not None:
+        pairs = array_of("seams", given["seams"])
         if pairs.size and (pairs.ndim != 2 or pairs.shape[1] != 2):
             raise ValueError(f"seams: has the shape {pairs.shape}, not (count, 2)")
         _list(pinned, desc, "seams", pairs, "seam_count")
         desc.seam_count //= 2
-    _uvs(pinned, desc, "uvs", uvs, "uv_indices", uv_indices)
-    if uv_sets := list(uv_sets):
+    _uvs(pinned, desc, "uvs", given["uvs"], "uv_indices", given["uv_indices"])
+    if uv_sets := list(given["uv_sets"]):
         sets = pinned.keep((_abi.vrtm_uv_set * len(uv_sets))())
-        for k, (struct, given) in enumerate(zip(sets, uv_sets)):
+        for k, (struct, uvs) in enumerate(zip(sets, uv_sets)):
             # A pair (uvs, uv_indices), or the UVs alone, which may be a pair (u, v).
-            paired = isinstance(given, tuple) and len(given) == 2 and array_of(f"uv_sets[{k}]", given[0]).ndim == 2
-            of_set, corners_of_set = given if paired else (given, None)
+            paired = isinstance(uvs, tuple) and len(uvs) == 2 and array_of(f"uv_sets[{k}]", uvs[0]).ndim == 2
+            of_set, corners_of_set = uvs if paired else (uvs, None)
             _uvs(pinned, struct, f"uv_sets[{k}]", of_set, f"uv_sets[{k}] indices", corners_of_set)
         desc.uv_sets, desc.uv_set_count = sets, len(uv_sets)
-    desc.weld = value_of("weld", weld)
-    desc.weld_position_tolerance = weld_position_tolerance
-    desc.weld_uv_tolerance = weld_uv_tolerance
-    desc.max_layers = natural("max_layers", max_layers, 64)
+    desc.weld = value_of("weld", given["weld"])
+    desc.weld_position_tolerance = given["weld_position_tolerance"]
+    desc.weld_uv_tolerance = given["weld_uv_tolerance"]
+    desc.max_layers = natural("max_layers", given["max_layers"], 64)
     return desc
 
 

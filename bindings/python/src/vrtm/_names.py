@@ -6,6 +6,7 @@ import ctypes
 from typing import Any, TypeVar
 
 from . import _abi, _records
+from ._library import check, new
 
 Record = TypeVar("Record")
 
@@ -30,7 +31,7 @@ def name_of(argument: str, value: int) -> str:
 
 
 def _named(field: str) -> bool:
-    """Whether the numbers of a field have names."""
+    """True if the numbers of a field have names."""
     return hasattr(_abi, f"vrtm_{field}_values")
 
 
@@ -51,6 +52,13 @@ def record(cls: type[Record], struct: ctypes.Structure) -> Record:
             value = bool(value)
         fields[name] = value
     return cls(**fields)
+
+
+def told(cls: type[Record], function: Any, *arguments: Any) -> Record:
+    """Calls a function of the library whose last argument is a struct to fill; returns the struct's dataclass."""
+    struct = new(getattr(_abi, _records.structs[cls]))
+    check(function(*arguments, ctypes.byref(struct)))
+    return record(cls, struct)
 
 
 def fill(struct: ctypes.Structure, settings: Any) -> None:

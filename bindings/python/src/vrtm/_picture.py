@@ -13,8 +13,8 @@ _SQUARES = 16
 
 
 def figure(title: str, redirection: np.ndarray, least: float) -> str:
-    """A redirection of four channels as HTML: a checkerboard as it is looked up, the redder the farther away; `least`:
-    the least Jacobian."""
+    """HTML of a redirection of four channels: a checkerboard that is looked up through it, redder where that is farther
+    away. `least`: the least Jacobian."""
     rows, columns = redirection.shape[:2]
     across, up = (np.arange(columns) + 0.5) / columns, 1 - (np.arange(rows) + 0.5) / rows
     shift = np.hypot(redirection[..., 0] - across, redirection[..., 1] - up[:, None])
@@ -32,7 +32,7 @@ def figure(title: str, redirection: np.ndarray, least: float) -> str:
 
 
 def without_picture(title: str, why: str) -> str:
-    """In the place of a figure: why there is none."""
+    """HTML in the place of a figure, with the reason."""
     return f"<figure><figcaption>{html.escape(f'{title}: {why}')}</figcaption></figure>"
 
 

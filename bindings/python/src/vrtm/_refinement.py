@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import weakref
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _abi
-from ._arrays import output
-from ._library import check, library, new
-from ._names import natural, record
+from ._arrays import filled
+from ._library import Owned, check, library, new
+from ._names import natural, told
 from ._records import RefinementInfo
 
 
 @dataclass(frozen=True)
 class Pattern:
-    """How the refined mesh is built from the mesh. Vertices and corners have three sources each, with weights that add
+    """Recipe for the refined mesh from the mesh. Vertices and corners have three sources each, with weights that add
     up to 1: positions of the refined mesh are (positions[vertex_sources] * vertex_weights[..., None]).sum(1)."""
 
     vertex_sources: NDArray[np.uint32]
@@ -40,7 +39,7 @@ class Pattern:
     """(corners, 2) of float32: the original UVs, with the tile's place added."""
 
 
-class Refinement:
+class Refinement(Owned):
     """The mesh of an asset, its triangles split where interpolated UVs would err; made by Asset.refine. It keeps the
     data that it needs, and may be used after the asset is closed."""
 
@@ -51,15 +50,12 @@ class Refinement:
         desc.max_triangles = natural("max_triangles", max_triangles, 64)
         handle = _abi.vrtm_refinement()
         check(library.vrtm_refinement_create(asset, ctypes.byref(desc), ctypes.byref(handle)))
-        self._handle = handle
-        self._end = weakref.finalize(self, library.vrtm_refinement_destroy, handle)
+        self._own(handle, library.vrtm_refinement_destroy)
 
     @property
     def info(self) -> RefinementInfo:
         """Sizes and accuracy of the refinement."""
-        struct = new(_abi.vrtm_refinement_info)
-        check(library.vrtm_refinement_get_info(self._handle, ctypes.byref(struct)))
-        return record(RefinementInfo, struct)
+        return told(RefinementInfo, library.vrtm_refinement_get_info, self._handle)
 
     def extend(self) -> None:
         """Splits further, for the asset's last result. Existing splits stay: extended for each frame of a shot,
@@ -67,7 +63,7 @@ class Refinement:
         check(library.vrtm_refinement_extend(self._handle))
 
     def pattern(self) -> Pattern:
-        """How the refined mesh is built from the mesh. It changes only when the refinement is extended."""
+        """Recipe for the refined mesh from the mesh. It changes only when the refinement is extended."""
         info = self.info
         counts = {"vertex": info.vertices, "face": info.faces, "corner": info.corners}
         struct = new(_abi.vrtm_refinement_pattern)
@@ -86,19 +82,8 @@ class Refinement:
     def corner_uvs(self, *, out: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
         """The redirected UV of each corner in the asset's last result, (corners, 2) of float32."""
         count = self.info.corners
-        array = output("out", out, (count, 2))
-        written = np.ascontiguousarray(array)
-        check(library.vrtm_refinement_fetch_corner_uvs(self._handle, written.ctypes.data, count))
-        if written is not array:
-            array[...] = written
-        return array
 
-    def close(self) -> None:
-        """Destroys the refinement."""
-        self._end()
+        def write(at: int) -> None:
+            check(library.vrtm_refinement_fetch_corner_uvs(self._handle, at, count))
 
-    def __enter__(self) -> Refinement:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
+        return filled(out, (count, 2), write)

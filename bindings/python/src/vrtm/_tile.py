@@ -14,7 +14,7 @@ from ._arrays import Pinned, Pixels
 from ._errors import Error
 from ._images import PIXELS, Target, image, image_size, pixel_type
 from ._library import check, library, new
-from ._names import fill, natural, record, value_of
+from ._names import fill, natural, told, value_of
 from ._picture import figure, without_picture
 from ._records import FetchKind, MapInfo, Origin, TileEstimate, TileInfo, TileReport, TileSettings, TileSettingsFields
 
@@ -50,12 +50,10 @@ class Tile:
     def info(self) -> TileInfo:
         """Facts that need no solve. The first call, and the first after a change of maps or settings, prepares the
         tile's grid, which takes time."""
-        struct = new(_abi.vrtm_tile_info)
-        check(library.vrtm_tile_get_info(self._handle, ctypes.byref(struct)))
-        return record(TileInfo, struct)
+        return told(TileInfo, library.vrtm_tile_get_info, self._handle)
 
     def set_rigidity(self, rigidity: ArrayLike | None, *, channel: int = 0, origin: Origin = "top") -> None:
-        """Sets what is rigid: an image (height, width) or (height, width, channels) of uint8, uint16, float16 or
+        """Sets the rigidity map: an image (height, width) or (height, width, channels) of uint8, uint16, float16 or
         float32, 0 (elastic) to 1 (rigid; for integers their largest value), of any size. `origin`: "top" if the first
         row is at v = 1, as in image files, or "bottom". None removes it: the tile then has the rigidity of the
         vertices, if there is any."""
@@ -83,9 +81,7 @@ class Tile:
     @property
     def settings(self) -> TileSettings:
         """The settings, with the defaults filled in."""
-        struct = new(_abi.vrtm_tile_settings)
-        check(library.vrtm_tile_get_settings(self._handle, ctypes.byref(struct)))
-        return record(TileSettings, struct)
+        return told(TileSettings, library.vrtm_tile_get_settings, self._handle)
 
     def set_settings(self, settings: TileSettings | None = None, **fields: Unpack[TileSettingsFields]) -> None:
         """Sets all settings: those given, with `fields` changed; without either, the defaults. To change one and keep
@@ -114,9 +110,7 @@ class Tile:
 
     def estimate(self) -> TileEstimate:
         """Estimates the memory for preparing and solving the tile, to about a tenth."""
-        struct = new(_abi.vrtm_tile_estimate)
-        check(library.vrtm_tile_get_estimate(self._handle, ctypes.byref(struct)))
-        return record(TileEstimate, struct)
+        return told(TileEstimate, library.vrtm_tile_get_estimate, self._handle)
 
     def save(self) -> bytes:
         """The prepared tile as bytes, for load on another machine or in a later session."""
@@ -206,10 +200,10 @@ class Tile:
         origin: Origin = "top",
         out: NDArray[np.float32] | None = None,
     ) -> NDArray[np.float32]:
-        """What a texture must hold around the tile's charts, (height, width, channels) of float32: for each texel
-        beside the charts, up to about `reach` (in UV) from a seam, the UV among all tiles of the texel that shows what
-        the surface shows there; for all other texels their own. A fourth channel is 1 in charts and where a UV was
-        found. Depends on the mesh alone: no solve is needed."""
+        """Sources of the texels around the tile's charts, (height, width, channels) of float32. A texel beside the
+        charts, up to about `reach` (in UV) from a seam, has the UV, among all tiles, of the texel to copy into it: the
+        one that lies beyond the seam on the surface. All other texels have their own UV. A fourth channel is 1 in
+        charts and where a source was found. Depends on the mesh alone: no solve is needed."""
         target = Target(
             Pinned(),
             "redirection_udim",
@@ -268,21 +262,17 @@ class Tile:
         *,
         dtype: DTypeLike = np.float32,
     ) -> MapInfo:
-        """What a redirection map of this kind, size and format gives when a renderer interpolates in it: where it
-        folds, how far it is from the redirection itself (lengths in UV), and which size suffices."""
+        """Quality of a redirection map of this kind, size and format when a renderer interpolates in it: its folds, its
+        distance from the redirection itself (in UV), and the size that suffices."""
         desc = new(_abi.vrtm_map_desc)
         desc.kind = value_of("fetch_kind", kind, "kind")
         desc.format = PIXELS[pixel_type(dtype)]
         desc.width, desc.height = self._size(kind, None if size is None else image_size(size), None)
-        struct = new(_abi.vrtm_map_info)
-        check(library.vrtm_tile_inspect_map(self._handle, ctypes.byref(desc), ctypes.byref(struct)))
-        return record(MapInfo, struct)
+        return told(MapInfo, library.vrtm_tile_inspect_map, self._handle, ctypes.byref(desc))
 
     def report(self) -> TileReport:
         """The report of the tile's last solve. Raises NotSolvedError before the first solve."""
-        struct = new(_abi.vrtm_tile_report)
-        check(library.vrtm_tile_get_report(self._handle, ctypes.byref(struct)))
-        return record(TileReport, struct)
+        return told(TileReport, library.vrtm_tile_get_report, self._handle)
 
     def _size(self, kind: FetchKind, size: tuple[int, int] | None, out: Any, *, next: bool = False) -> tuple[int, int]:
         """(width, height) of an output: as asked for, or that of `out`, or one texel per cell of the last result's

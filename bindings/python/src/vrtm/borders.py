@@ -1,7 +1,7 @@
-"""What is right at the borders of charts where nobody says it: for `vrtm bake` and the add-on for Blender.
+"""Choice of --seams and --open-borders where the user gives none: for `vrtm bake` and the add-on for Blender.
 
-With seams 'continue' redirections lead over the borders of charts, which is right where all textures hold what lies
-there (`vrtm.dilation`), and with open borders 'slide' along them, which is right where the surface ends there.
+With seams 'continue' redirections lead over the borders of charts: all textures must then be dilated
+(`vrtm.dilation`). With open borders 'slide' redirections run along borders at which the surface ends.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 def kept_or_shut(solved: Callable[[str], Iterable[TileReport]]) -> tuple[str, str]:
-    """The better one of the seams 'shut' and 'keep', and what tells it: that with fewer rigid edges whose strain rises
-    by over a quarter; of equals, that with less strain; 'shut' if that is the same, too. `solved` solves with either,
-    measures, and gives the tiles' reports."""
+    """Returns the better one of the seams 'shut' and 'keep', and the figures that decide: the one with fewer rigid
+    edges whose strain rises by over a quarter; if equal, the one with less strain; else 'shut'. `solved` solves with
+    either, measures, and returns the tiles' reports."""
     found = {seams: _harm(solved(seams)) for seams in ("shut", "keep")}
     (shut, shut_strain), (keep, keep_strain) = found["shut"], found["keep"]
     told = f"{shut} rigid edges are strained by over a quarter more if shut, {keep} if kept"
@@ -28,8 +28,8 @@ def kept_or_shut(solved: Callable[[str], Iterable[TileReport]]) -> tuple[str, st
 
 
 def _harm(reports: Iterable[TileReport]) -> tuple[int, float]:
-    """How many rigid edges are strained by over a quarter more than with the mesh's own UVs, and the strain of all
-    (RMS)."""
+    """Number of rigid edges that are strained by over a quarter more than with the mesh's own UVs, and the strain of
+    all (RMS)."""
     harmed = edges = 0
     squares = 0.0
     for report in reports:
@@ -40,7 +40,7 @@ def _harm(reports: Iterable[TileReport]) -> tuple[int, float]:
 
 
 def places(points: np.ndarray) -> np.ndarray:
-    """(points, 3) as numbers, which are the same where the points are, in f32."""
+    """Hashes of (points, 3): equal for points that are equal in f32."""
     found = np.zeros(len(points), np.uint64)
     # With 0 for -0.
     for column in (points.astype(np.float32) + np.float32(0)).T.copy().view(np.uint32):
@@ -50,13 +50,13 @@ def places(points: np.ndarray) -> np.ndarray:
 
 
 def shared(meshes: Iterable[np.ndarray]) -> np.ndarray:
-    """The `places` that several vertices of some meshes have: where meshes meet, and where vertices are doubled."""
+    """The `places` of more than one vertex of some meshes: where meshes meet, and where vertices are doubled."""
     found, counts = np.unique(np.concatenate([np.zeros(0, np.uint64), *meshes]), return_counts=True)
     return found[counts > 1]
 
 
 def open_border(vertices: np.ndarray, face_counts: np.ndarray, textured: np.ndarray) -> np.ndarray:
-    """The vertices at the ends of all edges that one face with texture alone has. `vertices`: (corners,), that of each
+    """The vertices of all edges that belong to a single face with texture. `vertices`: (corners,), the vertex of each
     corner; `face_counts` and `textured`: (faces,)."""
     vertices, counts = vertices.astype(np.int64), face_counts.astype(np.int64)
     following = np.arange(1, len(vertices) + 1)

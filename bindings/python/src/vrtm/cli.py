@@ -126,12 +126,12 @@ def _template(path: str | None, layer: bool, replace: bool) -> int:
 
 
 def _devices() -> int:
-    from vrtm.bake import cores
+    from vrtm.bake import pool
     from vrtm.bake.console import Console
 
     console = Console()
     with vrtm.Device("cpu") as device:
-        console.info(f"cpu    {device.info.name or 'CPU'}, {cores.available()} cores")
+        console.info(f"cpu    {device.info.name or 'CPU'}, {pool.available()} cores")
     for index, adapter in enumerate(vrtm.adapters()):
         kind = ", software" if adapter.software else ""
         console.info(f"gpu {index}  {adapter.name}, {adapter.api}, {adapter.driver}{kind}")

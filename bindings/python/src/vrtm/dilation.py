@@ -1,5 +1,5 @@
-"""Images with, around each chart, what the surface shows beyond the chart's seams: for textures that are looked up, or
-filtered, over seams. `Tile.dilation` tells what belongs where; here it is copied."""
+"""Dilation of textures that are looked up, or filtered, over seams: around each chart, copies of the texels that lie
+beyond its seams on the surface. `Tile.dilation` names these texels."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ class Lookups:
 def dilated(
     images: Mapping[Hashable, np.ndarray], lookups: Sequence[Lookups], normals: str | None = None
 ) -> dict[Hashable, tuple[np.ndarray, np.ndarray]]:
-    """The images of one texture with what lies beyond the seams of the meshes that look them up, and where that changed
-    them.
+    """Copies texels from beyond the seams of meshes into the images of one texture. Returns each image, and a mask of
+    the texels that changed.
 
-    `images` are (height, width, channels) f32 by their keys, all with as many channels, the first row at the top. What
-    lies in a chart of any mesh stays. `normals` is "up" or "down" for a normal map in tangent space, with numbers from
+    `images` are (height, width, channels) f32 by their keys, all with as many channels, the first row at the top.
+    Texels in a chart of any mesh stay. `normals` is "up" or "down" for a normal map in tangent space, with numbers from
     0 to 1, by the way that green grows: up as v does, or down."""
     found = {key: _copies(key, image, lookups, normals is not None) for key, image in images.items()}
     now = {key: image.astype(np.float32) for key, image in images.items()}
@@ -80,17 +80,17 @@ def _filtered(pixels: np.ndarray, _covered: np.ndarray, x: np.ndarray, y: np.nda
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """What is known of an image's texels."""
+    """Sources of an image's texels."""
 
     covered: np.ndarray
-    """(height, width): whether a chart covers it."""
+    """(height, width) of bool: covered by a chart."""
     copies: dict[Hashable, tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]
-    """By the image that texels are copied from: their rows and columns, the UVs, within the tile, of what they show,
-    and how these change from texel to texel (`_jacobian`)."""
+    """By the image that texels are copied from: rows and columns of the copies, the UVs of their sources, within the
+    tile, and the Jacobians of these (`_jacobian`)."""
 
 
 def _copies(key: Hashable, image: np.ndarray, lookups: Sequence[Lookups], turns: bool) -> _Found:
-    """What is copied in an image, by the dilations of all meshes that look it up. No chart of theirs is changed."""
+    """Texels to copy into an image, by the dilations of the meshes that look it up. No texel of a chart changes."""
     height, width, _ = image.shape
     covered = np.zeros((height, width), bool)
     found: dict[Hashable, list[np.ndarray]] = {}

@@ -1,4 +1,4 @@
-"""Rigidity out of pictures that are there: brightness, a colour, or what stands out of a height map.
+"""Rigidity maps from pictures: from brightness, from a colour, or from the relief of a height map.
 
 Pictures are arrays, (height, width) or (height, width, channels) of float32, any row first. Those of a texture's tiles
 come together, by any keys: one threshold holds for all of them, so that a tile without features gets none.
@@ -18,7 +18,7 @@ _BRIGHTNESS = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 def brightness(pixels: np.ndarray) -> np.ndarray:
-    """Of pictures with at least three channels; that of others is their first one."""
+    """Brightness of a picture with at least three channels; the first channel of others."""
     if pixels.ndim == 2 or pixels.shape[2] < 3:
         return pixels if pixels.ndim == 2 else pixels[..., 0]
     return pixels[..., :3] @ _BRIGHTNESS
@@ -53,7 +53,7 @@ def otsu(*pictures: np.ndarray) -> float:
 
 
 def of_brightness(pictures: Mapping[Key, np.ndarray], threshold: float = 0.0) -> dict[Key, np.ndarray]:
-    """What is brighter than a threshold; 0: than what parts dark and bright best."""
+    """Maps that are rigid where a picture is brighter than a threshold; 0 = Otsu's threshold."""
     values = {key: brightness(pixels) for key, pixels in pictures.items()}
     threshold = threshold or otsu(*values.values())
     return {key: soft(bright > threshold) for key, bright in values.items()}
@@ -62,7 +62,7 @@ def of_brightness(pictures: Mapping[Key, np.ndarray], threshold: float = 0.0) ->
 def of_colour(
     pictures: Mapping[Key, np.ndarray], colour: tuple[float, float, float], tolerance: float = 0.2
 ) -> dict[Key, np.ndarray]:
-    """What is at most `tolerance` from a colour; black and white are the root of 3 apart."""
+    """Maps that are rigid where a picture is at most `tolerance` from a colour; black and white are sqrt(3) apart."""
 
     def near(pixels: np.ndarray) -> np.ndarray:
         return np.linalg.norm(pixels[..., :3] - np.array(colour, np.float32), axis=-1) <= tolerance
@@ -73,9 +73,10 @@ def of_colour(
 def of_heights(
     pictures: Mapping[Key, np.ndarray], feature: float = 0.06, threshold: float = 0.0, sunken: bool = False
 ) -> dict[Key, np.ndarray]:
-    """What stands out of its surroundings: higher than the mean of all that is at most about half of `feature`
-    away, the width of the largest feature in UV, by `threshold` times the largest such difference; 0: by what parts
-    them best. `sunken`: what lies deeper instead. Specks and pinholes are left out."""
+    """Maps that are rigid where a height map stands out of its surroundings: above the mean of the heights that are at
+    most about half of `feature` away, by `threshold` times the largest such difference; 0 = by Otsu's threshold.
+    `feature`: the width of the largest feature, in UV. `sunken`: below that mean instead. Specks and pinholes are left
+    out."""
     radius, above, size = {}, {}, 0.0
     for key, pixels in pictures.items():
         heights = brightness(pixels)
@@ -96,7 +97,7 @@ def _cleaned(found: np.ndarray, steps: int) -> np.ndarray:
 
 
 def changed(values: np.ndarray, invert: bool = False, grow: int = 0) -> np.ndarray:
-    """A rigidity map with its other part rigid, or with what is rigid made larger by so many texels, or smaller."""
+    """Inverts a rigidity map, or makes its rigid parts larger by `grow` texels; smaller, if that is negative."""
     values = 1 - values if invert else values
     return grown(values, grow) if grow >= 0 else shrunk(values, -grow)
 
@@ -127,7 +128,7 @@ def without_specks(values: np.ndarray, width: float) -> tuple[np.ndarray, int, i
 
 
 def blurred(values: np.ndarray, radius: int) -> np.ndarray:
-    """Three means over squares, nearly a Gaussian; what lies beyond the picture is its border."""
+    """Blurs a picture by three means over squares, nearly a Gaussian. Its border goes on beyond the picture."""
     for _ in range(3):
         for axis in (0, 1):
             width = [(0, 0), (0, 0)]
@@ -140,7 +141,7 @@ def blurred(values: np.ndarray, radius: int) -> np.ndarray:
 
 
 def grown(values: np.ndarray, steps: int) -> np.ndarray:
-    """The largest of all values at most about so many texels away: crosses and squares in turn, which is an octagon."""
+    """Maximum over an octagon of about so many texels: over crosses and squares in turn."""
     for step in range(steps):
         padded = np.pad(values, 1, "edge")
         centre = padded[1:-1, 1:-1]
@@ -158,7 +159,7 @@ def shrunk(values: np.ndarray, steps: int) -> np.ndarray:
 
 
 def soft(inside: np.ndarray) -> np.ndarray:
-    """A yes or no as 1 and 0, with borders of about a texel."""
+    """A mask as 1 and 0, with borders about a texel wide."""
     padded = np.pad(inside.astype(np.float32), 1, "edge")
     columns = padded[:, :-2] + 2 * padded[:, 1:-1] + padded[:, 2:]
     return (columns[:-2] + 2 * columns[1:-1] + columns[2:]) / 16

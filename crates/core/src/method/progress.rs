@@ -11,7 +11,7 @@ pub struct Progress {
     control: Option<Arc<Control>>,
     /// The remaining part of that share.
     left: f32,
-    /// That share divided by the cost of the whole solve.
+    /// The share divided by the cost of the whole solve.
     per_cost: f32,
     /// The start of the solve; followed by the cost of the work done.
     start: Instant,

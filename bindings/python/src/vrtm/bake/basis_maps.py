@@ -1,8 +1,11 @@
-"""Basis maps: a few maps whose weighted sums stand for those of all frames, with the weights and what was measured."""
+"""Basis maps: a few maps whose weighted sums stand for those of all frames, with the weights, a rig's controls that
+drive these, and figures."""
 
 from __future__ import annotations
 
+import csv
 import json
+import math
 import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -10,11 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 import vrtm
-from vrtm.bake import basis_morphs, basis_shapes, basis_tiles, frames, image_file, overwrite, staging
-from vrtm.bake.basis_measure import Measure
-from vrtm.bake.basis_tiles import TileMaps
-from vrtm.bake.controls_file import Controls, read
-from vrtm.bake.failure import INPUT, TOLERANCE, Failure
+from vrtm.bake import basis_morphs, basis_tiles, frames, image_file, overwrite, staging
+from vrtm.bake.basis_tiles import Measure, TileMaps
+from vrtm.bake.failure import INPUT, TOLERANCE, Failure, one_line
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.image_file import Target
@@ -32,12 +33,11 @@ VERSION = 4
 
 @dataclass
 class Made:
-    """What became of the basis maps of all meshes."""
+    """Files and messages of all meshes' basis maps."""
 
     lines: list[str] = field(default_factory=list)
-    """What is to be said of them."""
     failure: Failure | None = None
-    """Why they are not as asked for."""
+    """The reason that they are not as asked for."""
     written: int = 0
     """Files."""
     skipped: int = 0
@@ -52,7 +52,7 @@ def check(work: Work) -> Controls | None:
         raise Failure(INPUT, f"--held-out {frames.text(missing)}: none of {frames.text(work.frames)}")
     if set(settings.held_out or ()) == set(work.frames):
         raise Failure(INPUT, "--held-out: no frame is left to fit basis maps to")
-    controls = None if settings.controls is None else read(settings.controls)
+    controls = None if settings.controls is None else read_controls(settings.controls)
     if controls is not None:
         controls.of(work.frames)
     return controls
@@ -85,7 +85,7 @@ class _MeshBasis:
 
     @property
     def form(self) -> str:
-        """What the maps are stored in, one of `FORMATS`."""
+        """Numbers of the stored maps, one of `FORMATS`."""
         return self.work.settings.basis_format
 
     def made(self) -> tuple[dict, bool]:
@@ -95,7 +95,7 @@ class _MeshBasis:
         fitted = [frame for frame in self.frames if frame not in held]
         if not fitted:
             raise Failure(INPUT, f"--held-out: {self.mesh.shape.path} has no map of any other frame")
-        bound = (1.0 if settings.max_error is None else settings.max_error) / settings.texture_size
+        bound = settings.bound
         path = self.work.basis_file(self.mesh.shape.name)
         inputs = Fingerprint().text(VERSION, vrtm.version(), bound, settings.texture_size, fitted, held, self.form)
         for frame in self.frames:
@@ -161,7 +161,7 @@ class _MeshBasis:
         return np.stack(rows), sizes
 
     def _folding(self, tiles: list[TileMaps], basis: Basis, allowed: list[list[int]]) -> bool:
-        """Whether the sum of a frame folds where the frame's own map does not."""
+        """True if the sum of a frame folds where the frame's own map does not."""
         for weights, own in zip(basis.weights, allowed):
             self.stop()
             counts = basis_tiles.fold_counts(tiles, summed(basis.maps, weights[None])[0])
@@ -226,9 +226,7 @@ class _MeshBasis:
             # In the words that a shader has: UV += weight * (offset + scale * texel).
             facts |= {} if of is None else {"vrtm:offset": _list(of.offset), "vrtm:scale": _list(of.scale)}
             return Target(path, *size, ("R", "G", "B"), kind, facts, format="png")
-        said = {"colorInteropID": "data", "oiio:ColorSpace": "data", "wrapmodes": "clamp"}
-        attributes = {name: ("string", value) for name, value in said.items()}
-        return Target(path, *size, ("R", "G", "B"), kind, facts, attributes)
+        return Target(path, *size, ("R", "G", "B"), kind, facts, image_file.DATA)
 
     def _write(self, tiles: list[TileMaps], basis: Basis, inputs: Fingerprint) -> list[dict]:
         files = []
@@ -267,7 +265,7 @@ class _MeshBasis:
             if kind == "gltf":
                 staging.write_bytes(path, found.glb(self.work.settings.options.fps))
             else:
-                basis_shapes.write(path, found, self.work.scene)
+                basis_morphs.write_shapes(path, found, self.work.scene)
             told[kind] = {"bytes": os.path.getsize(path)} | found.figures
         return told
 
@@ -318,3 +316,50 @@ def _failure(document: dict, name: str) -> Failure | None:
         f"{name}: the sum of basis maps folds in {counted(random['folding'], 'pose')} of {random['poses']} with random "
         f"controls, in {counted(random['folds'], 'place')} with {values}: a frame with such a pose helps",
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Controls:
+    """A row of numbers per frame."""
+
+    path: str
+    names: tuple[str, ...]
+    rows: dict[Frame, tuple[float, ...]]
+
+    def of(self, wanted: Sequence[Frame]) -> np.ndarray:
+        """(frames, controls). Raises Failure for a frame that the table lacks."""
+        lacking = [frame for frame in wanted if frame not in self.rows]
+        if lacking:
+            raise Failure(INPUT, f"--controls {self.path}: no row for frame {frames.text(lacking)}")
+        return np.array([self.rows[frame] for frame in wanted]).reshape(len(wanted), len(self.names))
+
+
+def read_controls(path: str) -> Controls:
+    """Reads comma-separated values: a first line `frame,smile,jaw`, and a line of numbers per frame. Raises Failure."""
+
+    def bad(line: int, reason: str) -> Failure:
+        return Failure(INPUT, f"--controls {path}:{line}: {reason}")
+
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            table = [(n, [cell.strip() for cell in row]) for n, row in enumerate(csv.reader(file), 1) if any(row)]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise Failure(INPUT, f"--controls {path}: {one_line(getattr(error, 'strerror', None) or error)}") from error
+    if not table or table[0][1][0].lower() != "frame" or len(table[0][1]) < 2:
+        raise bad(1, "the first line must be 'frame', and the names of the controls, with commas between them")
+    names = tuple(table[0][1][1:])
+    if len(set(names)) < len(names) or "" in names:
+        raise bad(1, "each control needs a name of its own")
+    rows: dict[Frame, tuple[float, ...]] = {}
+    for line, (first, *cells) in table[1:]:
+        try:
+            [frame] = frames.parse(first)
+            values = tuple(map(float, cells))
+        except ValueError:
+            raise bad(line, f"'{','.join([first, *cells])}' is not a frame and numbers") from None
+        if len(values) != len(names) or not all(map(math.isfinite, values)):
+            raise bad(line, f"{len(names)} finite numbers are needed, one per control")
+        if frame in rows:
+            raise bad(line, f"frame {first} is there twice")
+        rows[frame] = values
+    return Controls(path, names, rows)

@@ -1,17 +1,28 @@
-"""The maps of a mesh that basis maps are fitted to, as they were written, and the mesh under their texels."""
+"""The maps of a mesh that basis maps are fitted to, the mesh under their texels, and measures of their sums: errors,
+folds and strain."""
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
+from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import MeshWork
 from vrtm.bake.part import TileWork
 from vrtm.bake.scene.images import read_map, texels_of, white
+from vrtm.bake.scene.topology import fans
 from vrtm.bake.scene.types import Shape
+from vrtm.bake.work import Work
+from vrtm.basis.controls import Driver
+from vrtm.basis.fit import summed
 from vrtm.basis.folds import folds
 from vrtm.basis.strain import Ruler, Strain
+
+_RANDOM = 32
+"""Poses of random controls that are looked at for folds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +74,6 @@ def fold_counts(tiles: list[TileMaps], deltas: np.ndarray) -> list[int]:
 
 
 def folds_of(tiles: list[TileMaps], deltas: np.ndarray) -> int:
-    """The same, of all tiles together."""
     return sum(fold_counts(tiles, deltas))
 
 
@@ -74,15 +84,6 @@ def strain(tiles: list[TileMaps], shape: Shape, pose: np.ndarray, deltas: np.nda
         return None
     found = [tile.ruler.strains(tile.image(deltas), shape.rest, pose) for tile in rulers if tile.ruler is not None]
     return Strain.of(np.concatenate([values for values, _ in found]), sum(lost for _, lost in found))
-
-
-def fans(counts: np.ndarray) -> np.ndarray:
-    """(triangles, 3): the corners of faces with these numbers of them, split as fans."""
-    counts = np.asarray(counts, np.int64)
-    per_face = np.maximum(counts - 2, 0)
-    first = np.repeat(np.cumsum(counts) - counts, per_face)
-    step = np.arange(len(first)) - np.repeat(np.cumsum(per_face) - per_face, per_face)
-    return np.stack([first, first + step + 1, first + step + 2], -1)
 
 
 def _ruler(mesh: MeshWork, tile: TileWork, size: tuple[int, int], layers: np.ndarray) -> Ruler | None:
@@ -114,3 +115,50 @@ def _rigidity(mesh: MeshWork, tile: TileWork, size: tuple[int, int]) -> np.ndarr
         ((np.arange(n) + 0.5) / n * painted.shape[axis]).astype(int) for axis, n in ((0, size[1]), (1, size[0]))
     )
     return painted[np.ix_(rows, columns)].astype(np.float64) / white(painted.dtype)
+
+
+@dataclass
+class Measure:
+    """The basis maps of a mesh, as stored."""
+
+    work: Work
+    shape: Shape
+    tiles: list[TileMaps]
+    maps: np.ndarray
+    stop: Callable[[], None]
+
+    def row(self, weights: np.ndarray, delta: np.ndarray, frame: Frame) -> dict:
+        """Measures of a frame. Errors are in texels of the texture."""
+        self.stop()
+        total = summed(self.maps, weights[None])[0]
+        off = np.linalg.norm(total - delta, axis=1)[delta.any(axis=1) | total.any(axis=1)]
+        off = off * self.work.settings.texture_size if len(off) else np.zeros(1)
+        pose = self.work.scene.positions(self.shape, frame)
+        strains = {
+            name: strain(self.tiles, self.shape, pose, maps)
+            for name, maps in (("own_uvs", np.zeros_like(delta)), ("map", delta), ("basis", total))
+        }
+        return {
+            "frame": frame,
+            "weights": [float(weight) for weight in weights],
+            "error": float(off.max()),
+            "error_p99": float(np.quantile(off, 0.99)),
+            "error_mean": float(off.mean()),
+            "folds": {"map": folds_of(self.tiles, delta), "basis": folds_of(self.tiles, total)},
+            "strain": {name: None if found is None else dataclasses.asdict(found) for name, found in strains.items()},
+        }
+
+    def random(self, driver: Driver, known: np.ndarray, most: int) -> dict:
+        """Folds of the sum where controls are anywhere between the least and the largest of the poses, `known`: poses
+        with more than `most` places, the count of the poses' own maps."""
+        low, high = np.minimum(known.min(axis=0), 0), np.maximum(known.max(axis=0), 0)
+        # The same in each bake.
+        tried = np.random.default_rng(1).uniform(low, high, (_RANDOM, len(low)))
+        worst, count, folding = None, 0, 0
+        for values, weights in zip(tried, driver(tried)):
+            self.stop()
+            found = folds_of(self.tiles, summed(self.maps, weights[None].astype(np.float32))[0])
+            folding += found > most
+            if found > count:
+                worst, count = dict(zip(driver.names, map(float, values.round(4)))), found
+        return {"poses": _RANDOM, "folding": folding, "folds": count, "folds_of_maps": most, "worst": worst}

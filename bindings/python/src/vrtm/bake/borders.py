@@ -1,4 +1,4 @@
-"""What happens at the borders of a mesh's charts where --seams and --open-borders do not say it.
+"""The choice of --seams and --open-borders, unless the command line makes it.
 
 The choice follows from the scene as a whole and from options that all tasks of a bake share, never from --frames or
 --tiles: all tasks of a farm, and a bake that goes on where it stopped, choose the same.
@@ -13,9 +13,11 @@ import numpy as np
 
 import vrtm
 from vrtm import borders
-from vrtm.bake import image_file, warped
+from vrtm.bake import image_file
 from vrtm.bake.frames import Frame
+from vrtm.bake.layer import looked_up as textures_of
 from vrtm.bake.mesh_work import MeshWork
+from vrtm.bake.part import Given
 from vrtm.bake.scene import Scene, SceneError, Shape
 from vrtm.bake.settings import AUTO, Borders, Settings
 from vrtm.bake.units import Ruler, spread
@@ -25,26 +27,18 @@ _CELLS = 512
 """Per side: a finer grid hardly ever tells more of which of two ways is better."""
 
 
-def mesh(
-    settings: Settings,
-    scene: Scene,
-    shape: Shape,
-    device: vrtm.Device,
-    copies: Sequence[warped.Copy],
-    shared: Callable[[], np.ndarray],
-) -> MeshWork:
-    """A mesh, with what happens at its borders chosen as far as the command line leaves it open. `shared`: gives
+def mesh(given: Given, scene: Scene, shared: Callable[[], np.ndarray]) -> MeshWork:
+    """A mesh, with the treatment of its borders chosen as far as the command line leaves it open. `shared`: gives
     `shared_places`. Raises what MeshWork raises."""
+    settings, shape = given.settings, given.shape
 
     def made(chosen: Borders) -> MeshWork:
-        return MeshWork(settings, shape, device, copies, chosen)
+        return MeshWork(given, chosen)
 
     looked_up: list[str] = []
     if AUTO in (settings.seams, settings.open_borders) and scene.is_usd:
-        from vrtm.bake.layer import looked_up as of_materials
-
         # Also where another task writes the layer.
-        looked_up = of_materials(scene, shape, settings.layer_mode if settings.layer else "texture")
+        looked_up = textures_of(scene, shape, settings.layer_mode if settings.layer else "texture")
     copied = settings.textures or settings.normal_maps
     if not (copied or looked_up) or (settings.corner_uvs and not looked_up) or settings.options.texture_uv is not None:
         # Any texture may be looked up.
@@ -59,14 +53,14 @@ def mesh(
         found.close()
     found = made(_chosen(settings, "shut", "fixed", why))
     tiles = [tile for part in found.parts for tile in part.all_tiles]
-    # Where nothing rigid is held both are the same.
+    # Both are the same if no rigid texel is fixed.
     if settings.seams != AUTO or not any(tile.info.fixed for tile in tiles):
         return found
     if settings.only_layer or settings.dry_run:
         # Nothing is to be solved, and nothing that is told or written differs.
         found.borders = _chosen(settings, "shut", "fixed", f"{why}; if keep is better, a bake takes that")
         return found
-    chosen = _kept_or_shut(settings, scene, shape, device.info.threads, copies, why)
+    chosen = _kept_or_shut(given, scene, why)
     if chosen.seams == "shut":
         found.borders = chosen
         return found
@@ -75,7 +69,7 @@ def mesh(
 
 
 def _chosen(settings: Settings, seams: str, open_borders: str, why: str) -> Borders:
-    """These, as far as the command line does not say others."""
+    """The treatment of borders, as far as the command line does not state it."""
     own = {"seams": seams, "open_borders": open_borders}
     given = {name: getattr(settings, name) for name in own if getattr(settings, name) != AUTO}
     return Borders(**(own | given), why="" if len(given) == len(own) else why)
@@ -87,7 +81,7 @@ def _is_dilated(path: str, reach: float) -> bool:
 
 
 def _beyond(settings: Settings, shape: Shape, looked_up: Sequence[str], shared: Callable[[], np.ndarray]) -> Borders:
-    """What is right where textures show what lies beyond the borders."""
+    """The choice where textures show the surface beyond the borders."""
     why = f"all textures are {'copies or dilated' if looked_up else 'copies'}"
     if settings.subsets:
         return _chosen(settings, "continue", "fixed", f"{why}, and subsets meet")
@@ -99,7 +93,7 @@ def _beyond(settings: Settings, shape: Shape, looked_up: Sequence[str], shared: 
 
 
 def _without_copy(mesh: MeshWork) -> str:
-    """Which texture of a mesh has no copy, of those that were to have some; empty if none."""
+    """A sentence about a texture of a mesh without all of its copies; empty if each has them."""
     for part in mesh.parts:
         for copy, paths in part.textures:
             lacking = [udim for udim in part.all_udims if udim not in paths]
@@ -108,11 +102,10 @@ def _without_copy(mesh: MeshWork) -> str:
     return ""
 
 
-def _kept_or_shut(
-    settings: Settings, scene: Scene, shape: Shape, threads: int, copies: Sequence[warped.Copy], why: str
-) -> Borders:
+def _kept_or_shut(given: Given, scene: Scene, why: str) -> Borders:
     """The better one of `keep` and `shut` in the most deformed one of a few frames of the scene. It is found on the
     CPU, where all machines find the same. `why`: why seams do not go on."""
+    settings, shape = given.settings, given.shape
     ruler, strain = Ruler(shape), dict[Frame, float]()
     for frame in spread(scene.frames):
         try:
@@ -126,8 +119,9 @@ def _kept_or_shut(
     positions = scene.positions(shape, frame)
     # Tiles that are not to be baked count, too.
     everything = dataclasses.replace(settings, tiles=None)
-    with vrtm.Device("cpu", threads=threads) as device:
-        mesh = MeshWork(everything, shape, device, copies, _chosen(settings, "shut", "fixed", ""))
+    with vrtm.Device("cpu", threads=given.device.info.threads) as device:
+        on_cpu = dataclasses.replace(given, settings=everything, device=device)
+        mesh = MeshWork(on_cpu, _chosen(settings, "shut", "fixed", ""))
         try:
             seams, told = borders.kept_or_shut(lambda seams: _measured(mesh, seams, frame, positions))
         except SceneError:
@@ -140,7 +134,7 @@ def _kept_or_shut(
 def _measured(mesh: MeshWork, seams: str, frame: Frame, positions: np.ndarray) -> Iterator[vrtm.TileReport]:
     for part in mesh.parts:
         for tile in part.all_tiles:
-            # What is set for one layer holds for all of its tile.
+            # Settings of one layer hold for all layers of its tile.
             if tile.layer == 0:
                 now = tile.settings
                 width, height = (min(cells, _CELLS) for cells in tile.grid)
@@ -150,8 +144,7 @@ def _measured(mesh: MeshWork, seams: str, frame: Frame, positions: np.ndarray) -
 
 
 def shared_places(shapes: Sequence[Shape], weld: str) -> np.ndarray:
-    """Where the surface of a mesh goes on in another one, or beyond vertices that are doubled: places of several
-    vertices at rest."""
+    """Places of several vertices at rest: there the surface goes on in another mesh, or beyond doubled vertices."""
     places = [borders.places(shape.rest) for shape in shapes]
     # Doubled vertices that are welded are one.
     return borders.shared(np.unique(own) if weld == "position" else own for own in places)

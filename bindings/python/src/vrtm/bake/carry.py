@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 import vrtm
-from vrtm.bake.carry_parts import in_parts, wrong_faces
+from vrtm.bake.carry_parts import Nearest, in_parts, wrong_faces
 from vrtm.bake.carry_prims import CarriedPrim, Scatter, placed
-from vrtm.bake.failure import INPUT, Failure, describe, one_line
+from vrtm.bake.failure import INPUT, Failure, describe, unwritable
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.mesh_work import MeshWork
-from vrtm.bake.nearest import Nearest
-from vrtm.bake.scene import Scene, SceneError, Shape
+from vrtm.bake.scene import Scene, SceneError
+from vrtm.bake.scene.topology import fans
 from vrtm.bake.settings import CONNECTED, is_alembic
 from vrtm.bake.words import counted
 from vrtm.bake.work import Work
@@ -53,7 +53,7 @@ class Carry:
             raise Failure(INPUT, f"--carry-prims: {told[0]}: {file} must be in the world of the mesh at rest")
 
     def facts(self) -> list[str]:
-        """What is carried, and by which mesh."""
+        """A sentence per prim that is carried."""
         return [
             f"{prim.path}: {prim.kind}, {counted(len(prim.roots), prim.places)}, carried by {group.mesh.shape.path}"
             for group in self.groups
@@ -76,7 +76,7 @@ class Carry:
                 for line in self.scatter.write(path, inputs, json.dumps(rows)):
                     warn(line)
             except OSError as error:
-                raise Failure(INPUT, f"{path}: {one_line(error.strerror or error)}") from error
+                raise unwritable(path, error) from error
         return rows, True
 
     def _prims(self) -> list[CarriedPrim]:
@@ -170,7 +170,9 @@ class Group:
     ) -> None:
         settings = mesh.settings
         self.mesh, self.to_mesh = mesh, [to_mesh(mesh, prim) for prim in prims]
-        surface = Nearest(_triangles(mesh.shape)) if any(prim.faces is not None for prim in prims) else None
+        shape, surface = mesh.shape, None
+        if any(prim.faces is not None for prim in prims):
+            surface = Nearest(shape.rest[shape.indices[fans(shape.face_counts)]].astype(np.float64))
         self.prims = [
             prim if surface is None or prim.faces is None else in_parts(prim, own, surface)
             for prim, own in zip(prims, self.to_mesh)
@@ -195,7 +197,6 @@ class Group:
         return found.positions, found.matrices
 
     def told(self) -> list[str]:
-        """What is to be warned of, each as a sentence."""
         lines = []
         for prim, own in zip(self.prims, self.own):
             states, whole = self.states[own], counted(len(prim.roots), prim.places)
@@ -213,7 +214,7 @@ class Group:
         return lines
 
     def row(self) -> dict:
-        """What the report tells, less what frames do."""
+        """Row of the report, without the figures of frames."""
         prims = []
         for prim, own in zip(self.prims, self.own):
             counts = np.bincount(self.states[own], minlength=4).tolist()
@@ -223,7 +224,6 @@ class Group:
 
 
 def line(row: dict) -> str:
-    """What is said of a row."""
     count = {name: sum(prim[name] for prim in row["prims"]) for name in ("bound", "outside", "folded", "too_far")}
     rim = f", whose rims leave the surface by {row['rim']:.3g} (frame {row['rim_frame']})" if row["features"] else ""
     return (
@@ -252,18 +252,8 @@ def _inverse(matrix: np.ndarray, path: str) -> np.ndarray:
     return np.linalg.inv(matrix)
 
 
-def _triangles(shape: Shape) -> np.ndarray:
-    """(triangles, 3, 3): the mesh at rest, its faces as fans."""
-    first = np.cumsum(shape.face_counts, dtype=np.int64) - shape.face_counts
-    fans = np.maximum(shape.face_counts - 2, 0)
-    start = np.repeat(first, fans)
-    step = np.arange(len(start)) - np.repeat(np.cumsum(fans) - fans, fans)
-    corners = np.stack([start, start + step + 1, start + step + 2], axis=1)
-    return shape.rest[shape.indices[corners]].astype(np.float64)
-
-
 def _distance(mesh: MeshWork, prim: CarriedPrim, to_mesh: np.ndarray) -> float:
-    """How far a prim is from a mesh's vertices and faces' centres, in the median, over the mesh's size."""
+    """Distance of a prim from a mesh's vertices and faces' centres, in the median."""
     shape = mesh.shape
     ends = np.cumsum(shape.face_counts)
     corners = np.add.reduceat(shape.rest[shape.indices], (ends - shape.face_counts)[shape.face_counts > 0], axis=0)

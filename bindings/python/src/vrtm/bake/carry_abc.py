@@ -2,32 +2,37 @@
 
 from __future__ import annotations
 
+import errno
 import json
-from collections.abc import Iterator, Sequence
+import os
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+import imath
 import numpy as np
-from alembic3d import AbcGeom
+from alembic3d import Abc, AbcCoreAbstract, AbcGeom
 
-from vrtm.bake import overwrite
-from vrtm.bake.carry_prims import CarriedPrim, made, wrong
+from vrtm.bake import overwrite, staging
+from vrtm.bake.carry_prims import CarriedPrim, Scatter, made, wrong
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.scene import Scene
-from vrtm.bake.scene.alembic_copy import Motion, write_archive
 from vrtm.bake.scene.alembic_file import AlembicFile, AlembicMesh, to_world
-from vrtm.bake.words import cause, near
+from vrtm.bake.scene.types import SceneError
+from vrtm.bake.words import cause
 
 _KINDS = {"Points": "points", "Curves": "curves", "PolyMesh": "mesh", "SubD": "mesh"}
 """Objects that can be carried, by the names of their schemas."""
+_EVEN = 1e-9
+"""Seconds by which steps in time may differ."""
+_BESIDE = 1 << 20
+"""Bytes of an archive besides points that move, as a rule."""
 
 
 @dataclass(frozen=True)
 class _Found:
-    """An object of the archive."""
-
     object: Any
     parent: Any
     above: tuple[Any, ...]
@@ -36,44 +41,28 @@ class _Found:
     """One of `_KINDS`, or empty."""
 
 
-class AlembicScatter:
-    """Objects of an archive. See `vrtm.bake.carry_prims.Scatter`."""
+class AlembicScatter(Scatter):
+    """Objects of an archive."""
 
     def __init__(self, archive: AlembicFile, scene: Scene) -> None:
-        self._scene, self._archive, self._file = scene, archive, archive.path
+        super().__init__(archive.path, () if overwrite.is_ours(archive.path) else (archive.path,), "object", _KINDS)
+        self._scene, self._archive = scene, archive
         # A shot of USD counts time codes.
         self._seconds = 1 / scene.source.stage.GetTimeCodesPerSecond() if scene.is_usd else 1.0
-        self.files: tuple[str, ...] = () if overwrite.is_ours(archive.path) else (archive.path,)
-        self.warnings: list[str] = []
         self._carried: set[str] = set()
         self._motions: dict[str, Motion] = {}
         with self._reading():
-            self._objects = {found.object.getFullName(): found for found in _below(self._archive.top)}
+            self._objects = {found.object.getFullName(): found for found in _objects_below(self._archive.top)}
 
     def time(self, frame: float) -> float:
         return self._scene.clock.time(frame) * self._seconds
 
-    def prims(self, path: str, frame: float, baked: Sequence[str], in_parts: bool) -> list[CarriedPrim]:
-        where, below = f"--carry-prims {path}", f"{path.rstrip('/')}/"
-        if below != "/" and path not in self._objects:
-            raise Failure(INPUT, f"{where}: {self._file} has no such object{near(path, self._objects)}")
-        paths = [
-            name
-            for name, found in self._objects.items()
-            if found.schema and name not in baked and (name == path or name.startswith(below))
-        ]
-        if not paths:
-            kinds = ", ".join(_KINDS)
-            raise Failure(INPUT, f"{where}: in {self._file} it is none of {kinds} that is not baked, nor has one below")
-        prims = []
-        for name in paths:
-            with self._reading():
-                carried = self._read(name, self.time(frame), in_parts)
-            if isinstance(carried, str):
-                raise Failure(INPUT, f"{where}: {self._file} {name}: {carried}")
-            prims.append(carried)
-        self._carried.update(paths)
-        return prims
+    def _there(self, path: str) -> Iterable[str] | None:
+        return None if path.rstrip("/") == "" or path in self._objects else self._objects
+
+    def _below(self, path: str) -> list[str]:
+        below = f"{path.rstrip('/')}/"
+        return [name for name, found in self._objects.items() if found.schema and f"{name}/".startswith(below)]
 
     def to_world(self, prim: CarriedPrim, frame: float) -> np.ndarray:
         with self._reading():
@@ -121,7 +110,10 @@ class AlembicScatter:
         return kept | {path for path in sets if path.rsplit("/", 1)[0] in self._carried}
 
     def _read(self, path: str, seconds: float, in_parts: bool) -> CarriedPrim | str:
-        """An object at a time, or why it cannot be carried, as the end of a sentence."""
+        with self._reading():
+            return self._read_object(path, seconds, in_parts)
+
+    def _read_object(self, path: str, seconds: float, in_parts: bool) -> CarriedPrim | str:
         found = self._objects[path]
         schema = getattr(AbcGeom, f"I{found.schema}")(found.parent, found.object.getName()).getSchema()
         posed = AlembicMesh(self._file, path, path, schema, found.above, False)
@@ -141,6 +133,7 @@ class AlembicScatter:
             for name in posed.params()
             if found.schema == "Points" and posed.interpretation(name) == "quat"
         ]
+        self._carried.add(path)
         is_mesh = _KINDS[found.schema] == "mesh"
         faces = posed.faces(0) if is_mesh and in_parts else None
         return made(path, _KINDS[found.schema], points, curves, None, faces)
@@ -154,7 +147,7 @@ class AlembicScatter:
             raise Failure(INPUT, f"{self._file}: cannot be read: {cause(error)}") from error
 
 
-def _below(parent: Any, above: tuple[Any, ...] = ()) -> Iterator[_Found]:
+def _objects_below(parent: Any, above: tuple[Any, ...] = ()) -> Iterator[_Found]:
     for number in range(parent.getNumChildren()):
         child = parent.getChild(number)
         header = child.getHeader()
@@ -162,4 +155,145 @@ def _below(parent: Any, above: tuple[Any, ...] = ()) -> Iterator[_Found]:
         yield _Found(child, parent, above, schema)
         is_xform = AbcGeom.IXform.matches(header)
         own = (*above, AbcGeom.IXform(parent, child.getName()).getSchema()) if is_xform else above
-        yield from _below(child, own)
+        yield from _objects_below(child, own)
+
+
+class Motion:
+    """The points of an object over time."""
+
+    def __init__(self, rate: float) -> None:
+        """`rate`: samples per second of a single one."""
+        self._rate = rate
+        self._samples: dict[float, np.ndarray] = {}
+
+    def add(self, seconds: float, points: np.ndarray) -> None:
+        self._samples[seconds] = np.ascontiguousarray(points, np.float32)
+
+    @property
+    def bytes(self) -> int:
+        return sum(points.nbytes for points in self._samples.values())
+
+    def points(self) -> Iterator[Any]:
+        """The samples, in the order of their times."""
+        return (imath.V3fArrayFromBuffer(self._samples[seconds]) for seconds in sorted(self._samples))
+
+    def bounds(self) -> Iterator[Any]:
+        for seconds in sorted(self._samples):
+            low, high = (over(self._samples[seconds], axis=0).tolist() for over in (np.min, np.max))
+            yield imath.Box3d(imath.V3d(*low), imath.V3d(*high))
+
+    def sampling(self) -> Any:
+        """The times, as even steps where they are."""
+        times = sorted(self._samples)
+        steps = np.diff(times) if len(times) > 1 else np.array([1 / self._rate])
+        if np.ptp(steps) < _EVEN:
+            return AbcCoreAbstract.TimeSampling(float(steps.mean()), times[0])
+        kept = AbcCoreAbstract.TimeVector()
+        for seconds in times:
+            kept.append(seconds)
+        acyclic = AbcCoreAbstract.TimeSamplingType(AbcCoreAbstract.AcyclicFlag.kAcyclic)
+        return AbcCoreAbstract.TimeSampling(acyclic, kept)
+
+
+def write_archive(
+    path: str, top: Any, kept: Collection[str], motions: Mapping[str, Motion], rate: float, description: str
+) -> list[str]:
+    """Writes an archive with the objects `kept` below `top`, as they are but for the points of those that have a
+    motion. Returns what is to be warned of. Raises OSError, and RuntimeError for what cannot be read."""
+    # These letters end a value there.
+    told = description.replace("=", "\\u003d").replace(";", "\\u003b")
+
+    def body(temporary: str) -> None:
+        _reserve(temporary, _BESIDE + sum(motion.bytes for motion in motions.values()))
+        archive = Abc.CreateArchiveWithInfo(temporary, float(rate), "vrtm", told)
+        _Copier(archive, kept, motions).below(top, archive.getTop())
+
+    cut: list[str] = []
+
+    def is_whole(temporary: str) -> bool:
+        try:
+            written = AlembicFile(temporary)
+            cut.extend(_cut(top, written.top))
+        except (RuntimeError, SceneError):
+            return False
+        return written.description == told
+
+    staging.write(path, body, ".abc", is_whole)
+    return cut
+
+
+def _reserve(path: str, size: int) -> None:
+    """Raises OSError if there is no room for a file: the package ends the process on a disk that is full."""
+    if hasattr(os, "posix_fallocate"):
+        with open(path, "wb") as file:
+            os.posix_fallocate(file.fileno(), 0, size)
+
+
+class _Copier:
+    """Copies to an archive, which is whole once the copier is gone."""
+
+    def __init__(self, archive: Any, kept: Collection[str], motions: Mapping[str, Motion]) -> None:
+        self._archive, self._kept, self._motions = archive, kept, motions
+
+    def below(self, source: Any, target: Any) -> None:
+        for number in range(source.getNumChildren()):
+            child = source.getChild(number)
+            if child.getFullName() in self._kept:
+                own = Abc.OObject(target, child.getName(), child.getMetaData())
+                self._properties(child.getProperties(), own.getProperties(), self._motions.get(child.getFullName()))
+                self.below(child, own)
+
+    def _properties(self, source: Any, target: Any, motion: Motion | None, within: str = "") -> None:
+        """Copies properties, those directly within `.geom` with the points of a motion."""
+        for number in range(source.getNumProperties()):
+            header = source.getPropertyHeader(number)
+            name, meta = header.getName(), header.getMetaData()
+            if header.isCompound():
+                own = Abc.OCompoundProperty(target, name, meta)
+                self._properties(Abc.ICompoundProperty(source, name), own, motion, name)
+                continue
+            if name == ".childBnds" or (within == ".geom" and name == ".velocities"):
+                # They belong to the motion that the points had.
+                continue
+            kinds = Abc.IArrayProperty, Abc.OArrayProperty
+            if header.isScalar():
+                kinds = Abc.IScalarProperty, Abc.OScalarProperty
+            taken = kinds[0](source, name)
+            if motion is not None and within == ".geom" and name in ("P", ".selfBnds"):
+                sampling, values = motion.sampling(), motion.points() if name == "P" else motion.bounds()
+            else:
+                sampling, values = taken.getTimeSampling(), (taken.getValue(sample) for sample in _samples(taken))
+            # The sampling by its number: the package crashes on a sampling itself.
+            own = kinds[1](target, name, header.getDataType(), meta, self._archive.addTimeSampling(sampling))
+            for value in values:
+                try:
+                    own.setValue(value)
+                except RuntimeError as error:
+                    raise OSError(errno.EIO, cause(error)) from error
+
+
+def _samples(taken: Any) -> Iterator[Any]:
+    return (Abc.ISampleSelector(number) for number in range(taken.getNumSamples()))
+
+
+def _cut(source: Any, target: Any) -> Iterator[str]:
+    """Warnings of copied numbers that need more than 32 bits, which are all that the package hands out of 64."""
+    for number in range(target.getNumChildren()):
+        child = target.getChild(number)
+        same = source.getChild(child.getName())
+        for name in _differing(same.getProperties(), child.getProperties()):
+            yield f"{child.getFullName()}: {name} has numbers that need more than 32 bits, of which these are kept"
+        yield from _cut(same, child)
+
+
+def _differing(source: Any, target: Any) -> Iterator[str]:
+    for number in range(target.getNumProperties()):
+        header = target.getPropertyHeader(number)
+        name = header.getName()
+        if header.isCompound():
+            yield from _differing(Abc.ICompoundProperty(source, name), Abc.ICompoundProperty(target, name))
+        elif not header.isScalar() and str(header.getDataType().getPod()) in ("kInt64POD", "kUint64POD"):
+            both = [Abc.IArrayProperty(of, name) for of in (source, target)]
+            keys = [[of.getKey(sample) for sample in _samples(of)] for of in both]
+            if keys[0] != keys[1]:
+                yield name

@@ -1,4 +1,4 @@
-"""Connected parts of detail meshes, each of which is bound at its foot on the surface."""
+"""Connected parts of detail meshes, each of which is bound at its foot on the surface, and distances from it."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from dataclasses import replace
 import numpy as np
 
 from vrtm.bake.carry_prims import CarriedPrim, placed
-from vrtm.bake.nearest import Nearest
+from vrtm.bake.scene import topology
 
 _FOOT = 0.25
 """A part's foot is all that is at most this share of its radius farther from the surface than its nearest point."""
 _AT_ONCE = 1 << 16
 """Points that are searched for together."""
+_LEAF = 4
+"""Triangles in a box of the lowest level."""
 
 
 def in_parts(prim: CarriedPrim, to_mesh: np.ndarray, surface: Nearest) -> CarriedPrim:
@@ -44,18 +46,7 @@ def connected(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> np
     _, same = np.unique(points, axis=0, return_inverse=True)
     same = same.reshape(-1)
     indices = same[indices]
-    last = np.cumsum(counts)
-    following = np.arange(1, len(indices) + 1)
-    following[last[counts > 0] - 1] = (last - counts)[counts > 0]
-    a, b = indices, indices[following]
-    part = np.arange(len(points))
-    while not np.array_equal(part[a], part[b]):
-        least = np.minimum(part[a], part[b])
-        # The parts of both take the lesser number, and then each point that of its part.
-        for end in (part[a], part[b]):
-            np.minimum.at(part, end, least)
-        while not np.array_equal(part, part[part]):
-            part = part[part]
+    part = topology.connected(len(points), indices, indices[topology.next_corners(counts)])
     return np.unique(part[same], return_inverse=True)[1].reshape(-1)
 
 
@@ -68,3 +59,75 @@ def wrong_faces(prim: CarriedPrim) -> str | None:
         return f"has {len(indices)} corners, and faces with {int(counts.sum())}"
     beyond = (indices < 0) | (indices >= len(prim.points))
     return f"has {len(prim.points)} points, and a face with point {indices[beyond][0]}" if beyond.any() else None
+
+
+class Nearest:
+    """A surface, in boxes within boxes."""
+
+    def __init__(self, triangles: np.ndarray) -> None:
+        """`triangles`: (triangles, 3, 3)."""
+        leaves = 1 << max(-(-len(triangles) // _LEAF) - 1, 0).bit_length()
+        # Some triangles are there twice.
+        filled = np.resize(triangles, (leaves * _LEAF, 3, 3))
+        self._leaves = filled[_order(filled.mean(axis=1))].reshape(leaves, _LEAF, 3, 3)
+        corners = self._leaves.reshape(leaves, -1, 3)
+        self._boxes = [(corners.min(axis=1), corners.max(axis=1))]
+        """From the largest box to the smallest ones: of box k of a level, 2 k and 2 k + 1 of the next one."""
+        while len(self._boxes[0][0]) > 1:
+            low, high = (ends.reshape(-1, 2, 3) for ends in self._boxes[0])
+            self._boxes.insert(0, (low.min(axis=1), high.max(axis=1)))
+
+    def distances(self, points: np.ndarray, part: np.ndarray, nearest: np.ndarray, slack: np.ndarray) -> np.ndarray:
+        """(points,): distances of points from the surface; infinite for those that are farther than the nearest one of
+        their part by more than its `slack`. `nearest`, (parts,): the smallest distances so far, which is kept."""
+        box = np.zeros(len(points), np.int64)
+        for level in range(1, len(self._boxes)):
+            middle = np.add(*self._boxes[level]) / 2
+            both = [np.linalg.norm(points - middle[2 * box + k], axis=1) for k in (0, 1)]
+            box = 2 * box + np.argmin(both, axis=0)
+        found = self._in_leaf(points, box)
+        np.minimum.at(nearest, part, found)
+        at, box = np.arange(len(points)), np.zeros(len(points), np.int64)
+        for level in range(len(self._boxes)):
+            if level:
+                at, box = np.tile(at, 2), np.concatenate([2 * box, 2 * box + 1])
+            most = np.minimum(found, (nearest + slack)[part])
+            near = self._away(points[at], level, box) <= most[at]
+            at, box = at[near], box[near]
+        np.minimum.at(found, at, self._in_leaf(points[at], box))
+        np.minimum.at(nearest, part, found)
+        return np.where(found <= (nearest + slack)[part], found, np.inf)
+
+    def _away(self, points: np.ndarray, level: int, box: np.ndarray) -> np.ndarray:
+        low, high = self._boxes[level]
+        return np.linalg.norm(points - np.clip(points, low[box], high[box]), axis=1)
+
+    def _in_leaf(self, points: np.ndarray, box: np.ndarray) -> np.ndarray:
+        return np.min([to_triangles(points, self._leaves[box, k]) for k in range(_LEAF)], axis=0)
+
+
+def to_triangles(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """(n,): the distance of each point, (n, 3), from a triangle of its own, (n, 3, 3)."""
+    sides = np.roll(triangles, -1, axis=1) - triangles
+    away = points[:, None] - triangles
+    square = (sides * sides).sum(-1)
+    share = np.clip((away * sides).sum(-1) / np.where(square > 0, square, 1), 0, 1)
+    edge = np.linalg.norm(away - share[..., None] * sides, axis=-1).min(axis=1)
+    normal = np.cross(sides[:, 0], sides[:, 1])
+    length = np.linalg.norm(normal, axis=1)
+    above = ((np.cross(normal[:, None], sides) * away).sum(-1) >= 0).all(axis=1) & (length > 0)
+    height = np.abs((normal * away[:, 0]).sum(-1)) / np.where(length > 0, length, 1)
+    return np.where(above, height, edge)
+
+
+def _order(points: np.ndarray) -> np.ndarray:
+    """An order of a number of points that is _LEAF times a power of two, halves of which lie apart, and so on."""
+    order = np.arange(len(points))
+    count = len(points)
+    while count > _LEAF:
+        of = points[order].reshape(-1, count, 3)
+        along = np.ptp(of, axis=1).argmax(axis=1)
+        by = np.take_along_axis(of, along[:, None, None], axis=2)[..., 0]
+        order = np.take_along_axis(order.reshape(-1, count), by.argsort(axis=1, kind="stable"), axis=1).reshape(-1)
+        count //= 2
+    return order

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
+
+from vrtm.bake.failure import INPUT, Failure
+from vrtm.bake.words import near
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,41 +54,67 @@ class CarriedPrim:
         return points, quaternions(turned)
 
 
-class Scatter(Protocol):
-    """A file with geometry on the skin, and the file that it becomes."""
+class Scatter(ABC):
+    """A file with geometry on the skin, and the file that it becomes. `time` is the file's own."""
 
-    files: tuple[str, ...]
-    """The files that are read, less those that vrtm wrote."""
-    warnings: list[str]
-
-    def time(self, frame: float) -> float:
-        """The file's time at a frame of the scene."""
-        ...
+    def __init__(self, path: str, files: tuple[str, ...], noun: str, kinds: Iterable[str]) -> None:
+        """`files`: those that are read, less those that vrtm wrote. `noun`: one of its objects; `kinds`: the kinds of
+        them that can be carried."""
+        self._file, self.files, self._noun, self._kinds = path, files, noun, ", ".join(kinds)
+        self.warnings: list[str] = []
 
     def prims(self, path: str, frame: float, baked: Sequence[str], in_parts: bool) -> list[CarriedPrim]:
         """A prim and those below it that can be carried, as they are at a frame; none of the meshes `baked`.
         `in_parts`: meshes with their faces. Raises Failure."""
-        ...
+        where = f"--carry-prims {path}"
+        there = self._there(path)
+        if there is not None:
+            raise Failure(INPUT, f"{where}: {self._file} has no such {self._noun}{near(path, there)}")
+        found = [name for name in self._below(path) if name not in baked]
+        if not found:
+            reason = f"it is none of {self._kinds} that is not baked, nor has one below"
+            raise Failure(INPUT, f"{where}: in {self._file} {reason}")
+        prims = [self._read(name, self.time(frame), in_parts) for name in found]
+        for name, prim in zip(found, prims):
+            if isinstance(prim, str):
+                raise Failure(INPUT, f"{where}: {self._file} {name}: {prim}")
+        return prims
 
+    @abstractmethod
+    def time(self, frame: float) -> float:
+        """The file's time at a frame of the scene."""
+
+    @abstractmethod
+    def _there(self, path: str) -> Iterable[str] | None:
+        """All paths, if a path is none of them."""
+
+    @abstractmethod
+    def _below(self, path: str) -> list[str]:
+        """The paths of the objects at and below a path that can be carried."""
+
+    @abstractmethod
+    def _read(self, path: str, time: float, in_parts: bool) -> CarriedPrim | str:
+        """An object at a time, or why it cannot be carried, as the end of a sentence."""
+
+    @abstractmethod
     def to_world(self, prim: CarriedPrim, frame: float) -> np.ndarray:
         """(4, 4) by which rows of points are multiplied to lie in the scene's world, in its units."""
-        ...
 
+    @abstractmethod
     def add(self, prim: CarriedPrim, time: float, points: np.ndarray, turns: np.ndarray | None) -> None:
         """Adds a pose of a prim."""
-        ...
 
     def digest(self) -> str:
-        """A hash of what the file that is written has besides the poses."""
-        ...
+        """A hash of the written file's content besides the poses."""
+        return ""
 
+    @abstractmethod
     def write(self, path: str, inputs: str, told: str) -> list[str]:
-        """Writes all poses to a file that keeps the two texts; returns what is to be warned of. Raises OSError."""
-        ...
+        """Writes all poses to a file that keeps the two texts; returns warnings. Raises OSError."""
 
+    @abstractmethod
     def known(self, path: str, inputs: str) -> str | None:
         """The text `told` of a file that is as it was written, of these inputs; None if there is no such file."""
-        ...
 
 
 def wrong(points: np.ndarray, counts: np.ndarray | None = None) -> str | None:
@@ -115,7 +144,7 @@ def made(
 
 
 def placed(points: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """(points, 3) as a (4, 4) places rows of them."""
+    """(points, 3), transformed by a (4, 4) as rows."""
     return points @ matrix[:3, :3] + matrix[3, :3]
 
 

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from vrtm.bake.carry_prims import CarriedPrim, made, matrices, wrong
-from vrtm.bake.failure import INPUT, Failure
+from vrtm.bake.carry_prims import CarriedPrim, Scatter, made, matrices, wrong
 from vrtm.bake.layer import export
-from vrtm.bake.layer.write import STAGE_FIELDS
+from vrtm.bake.layer.write import tell
 from vrtm.bake.mark import CARRIED, found_in, is_marked, mark
 from vrtm.bake.scene import Scene, SceneOptions
 from vrtm.bake.scene.usd_stage import open_stage, stage_files
-from vrtm.bake.words import near
 
 _KINDS = {"instances": UsdGeom.PointInstancer, "points": UsdGeom.Points, "curves": UsdGeom.BasisCurves}
 _KINDS["mesh"] = UsdGeom.Mesh
@@ -23,48 +21,41 @@ _VELOCITIES = ("velocities", "angularVelocities", "accelerations")
 _INPUTS, _TOLD = "vrtm_inputs", "vrtm_told"
 
 
-class UsdScatter:
-    """Prims of a USD file. See `vrtm.bake.carry_prims.Scatter`. Raises SceneError."""
+class UsdScatter(Scatter):
+    """Prims of a USD file. Raises SceneError."""
 
     def __init__(self, file: str, scene: Scene) -> None:
-        self._scene, self._file = scene, file
+        self._scene = scene
         self.stage = open_stage(file, scene.options if file == scene.path else SceneOptions())
-        self.files = stage_files(self.stage)
-        self.warnings: list[str] = []
+        super().__init__(file, stage_files(self.stage), "prim", (schema.__name__ for schema in _KINDS.values()))
         shot = scene.source.stage if scene.is_usd else self.stage
         self._unit = _unit(self.stage, shot)
         # Time codes of a shot are the scatter's; other files count seconds.
         self._codes = 1.0 if scene.is_usd else self.stage.GetTimeCodesPerSecond()
         # A root layer says how long the stage is, and which prim it is by default.
         self._layer = Sdf.Layer.CreateAnonymous(".usda")
-        for name in STAGE_FIELDS:
-            if name != "defaultPrim" and shot.GetRootLayer().pseudoRoot.HasInfo(name):
-                self._layer.pseudoRoot.SetInfo(name, shot.GetRootLayer().pseudoRoot.GetInfo(name))
+        tell(shot.GetRootLayer(), self._layer, default=False)
         self._times: dict[str, list[float]] = {}
         self._before: dict[str, np.ndarray] = {}
 
     def time(self, frame: float) -> float:
         return self._scene.clock.time(frame) * self._codes
 
-    def digest(self) -> str:
-        return ""
+    def _there(self, path: str) -> list[str] | None:
+        if Sdf.Path.IsValidPathString(path) and self.stage.GetPrimAtPath(path):
+            return None
+        return [str(prim.GetPath()) for prim in Usd.PrimRange.Stage(self.stage)]
 
-    def prims(self, path: str, frame: float, baked: Sequence[str], in_parts: bool) -> list[CarriedPrim]:
-        where = f"--carry-prims {path}"
-        if not (Sdf.Path.IsValidPathString(path) and self.stage.GetPrimAtPath(path)):
-            there = [str(prim.GetPath()) for prim in Usd.PrimRange.Stage(self.stage)]
-            raise Failure(INPUT, f"{where}: {self._file} has no such prim{near(path, there)}")
-        prims = _listed(self.stage, path, baked)
-        if not prims:
-            kinds = ", ".join(schema.__name__ for schema in _KINDS.values())
-            raise Failure(INPUT, f"{where}: in {self._file} it is none of {kinds} that is not baked, nor has one below")
-        found = []
-        for prim in prims:
-            carried = _read(prim, Usd.TimeCode(self.time(frame)), in_parts)
-            if isinstance(carried, str):
-                raise Failure(INPUT, f"{where}: {self._file} {prim.GetPath()}: {carried}")
-            found.append(carried)
-        return found
+    def _below(self, path: str) -> list[str]:
+        found = list(_carriable(self.stage.GetPrimAtPath(path)))
+        instancers = [UsdGeom.PointInstancer(prim) for prim in found if prim.IsA(UsdGeom.PointInstancer)]
+        # Prototypes of instances are carried with these.
+        prototypes = [target for of in instancers for target in of.GetPrototypesRel().GetForwardedTargets()]
+        paths = [prim.GetPath() for prim in found]
+        return [str(own) for own in paths if not any(own.HasPrefix(target) for target in prototypes)]
+
+    def _read(self, path: str, time: float, in_parts: bool) -> CarriedPrim | str:
+        return _read(self.stage.GetPrimAtPath(path), Usd.TimeCode(time), in_parts)
 
     def to_world(self, prim: CarriedPrim, frame: float) -> np.ndarray:
         imageable = UsdGeom.Imageable(self._prim(prim))
@@ -77,7 +68,7 @@ class UsdScatter:
         values = Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(points, np.float32))
         self._set(own, _places(prim).GetName(), Sdf.ValueTypeNames.Point3fArray, time, values)
         if turns is not None:
-            # Of both signs, the one from which a host can interpolate.
+            # A quaternion and its negative are one rotation: hosts interpolate between neighbours of one sign.
             before = self._before.get(carried.path, np.array([0, 0, 0, 1.0]))
             turns = np.where((turns * before).sum(1, keepdims=True) < 0, -turns, turns)
             self._before[carried.path] = turns
@@ -139,19 +130,8 @@ def _unit(stage: Usd.Stage, shot: Usd.Stage) -> float:
     return UsdGeom.GetStageMetersPerUnit(stage) / UsdGeom.GetStageMetersPerUnit(shot)
 
 
-def _listed(stage: Usd.Stage, path: str, baked: Sequence[str]) -> list[Usd.Prim]:
-    """A prim and those below it that can be carried: no prototypes of instances, and none of the meshes `baked`."""
-    found = list(_below(stage.GetPrimAtPath(path)))
-    instancers = [UsdGeom.PointInstancer(prim) for prim in found if prim.IsA(UsdGeom.PointInstancer)]
-    prototypes = [target for of in instancers for target in of.GetPrototypesRel().GetForwardedTargets()]
-    return [
-        prim
-        for prim in found
-        if str(prim.GetPath()) not in baked and not any(prim.GetPath().HasPrefix(target) for target in prototypes)
-    ]
-
-
-def _below(prim: Usd.Prim) -> Iterator[Usd.Prim]:
+def _carriable(prim: Usd.Prim) -> Iterator[Usd.Prim]:
+    """A prim and those below it of a kind that can be carried, none of them below another."""
     prims = iter(Usd.PrimRange(prim))
     for prim in prims:
         if any(prim.IsA(kind) for kind in _KINDS.values()):

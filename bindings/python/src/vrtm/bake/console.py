@@ -1,4 +1,4 @@
-"""What the program says: a bar on a terminal, lines elsewhere, and lines for OpenJobDescription. Nothing that happens
+"""Messages of the program: a bar on a terminal, lines elsewhere, and lines for OpenJobDescription. Nothing that happens
 to the streams ends the bake: they may be closed, or full."""
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import sys
 import time
 from typing import TextIO
 
-from vrtm.bake.failure import INPUT, Failure, one_line
+from vrtm.bake.failure import INPUT, Failure, unwritable
 
 LOG = "# vrtm bake log"
 """The first line of a log, by which a later bake knows that it may go on in it."""
@@ -69,12 +69,10 @@ def _open_log(path: str) -> TextIO:
     except UnicodeError:
         raise Failure(INPUT, f"--log {path}: it is there, and is no log of vrtm") from None
     except OSError as error:
-        raise Failure(INPUT, f"--log {path}: {one_line(error.strerror or error)}") from error
+        raise unwritable(f"--log {path}", error) from error
 
 
 class Console:
-    """Progress and messages."""
-
     def __init__(
         self,
         quiet: bool = False,
@@ -105,7 +103,6 @@ class Console:
         self._say_progress()
 
     def done(self, message: str) -> None:
-        """One task more is done."""
         self._done += 1
         if self._bar is not None:
             with contextlib.suppress(OSError, ValueError):
@@ -117,7 +114,7 @@ class Console:
         self._say_progress()
 
     def status(self, message: str) -> None:
-        """What is going on."""
+        """Reports the current step to OpenJobDescription."""
         if self.openjd:
             self._put(sys.stdout, f"openjd_status: {message}")
 
@@ -128,7 +125,7 @@ class Console:
             self._put(sys.stdout, message)
 
     def verbose(self, message: str) -> None:
-        """A line of text for who wants to know all."""
+        """A line of text on stdout, with --verbose."""
         self._note("detail", message)
         if self._verbose:
             self._put(sys.stdout, message)
@@ -139,14 +136,13 @@ class Console:
         self._put(sys.stderr, f"vrtm: warning: {message}")
 
     def error(self, message: str) -> None:
-        """Why the program fails."""
+        """Prints why the program fails."""
         self._note("error", message)
         self._put(sys.stderr, f"vrtm: {message}")
         if self.openjd:
             self._put(sys.stdout, f"openjd_fail: {message.splitlines()[-1]}")
 
     def close(self) -> None:
-        """Takes the bar away."""
         if self._bar is not None:
             with contextlib.suppress(OSError, ValueError):
                 self._bar.close()

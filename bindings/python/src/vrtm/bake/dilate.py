@@ -44,7 +44,7 @@ class Mesh:
 
 def dilate(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
     """Runs the command, until it is to stop. Raises Failure, and what vrtm.bake.failure.describe knows."""
-    # All meshes: what lies in the charts of any of them stays as it is.
+    # All meshes: texels in the charts of any of them stay as they are.
     options = SceneOptions(uv=uv_names(parsed.uv), rest=parsed.rest)
     with contextlib.ExitStack() as opened:
         with stop.at_once(console.error):
@@ -67,7 +67,7 @@ def dilate(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
                 outputs += [(_output(parsed.out, path), f"--out, for {path}") for path in paths]
             overwrite.check(outputs, inputs, parsed.overwrite)
         staging.sweep(parsed.out)
-        # What is up to date, and what somebody has painted on, is found before anything is written.
+        # Files that are up to date, or painted on, are found before anything is written.
         left = [_left(copy, meshes, parsed, stop) for copy, meshes in groups]
         for (copy, meshes), targets in zip(groups, left):
             if targets:
@@ -105,7 +105,7 @@ def _asset(device: vrtm.Device, shape: Shape, weld: str) -> vrtm.Asset:
 
 
 def _left(copy: warped.Copy, meshes: Sequence[Mesh], parsed: argparse.Namespace, stop: Stop) -> dict[str, Target]:
-    """What is not up to date of the textures of one pattern. Raises Failure."""
+    """Targets of one pattern that are not up to date, by the files of the textures. Raises Failure."""
     paths = list(dict.fromkeys(path for mesh in meshes for path in mesh.files.values()))
     first = copy.read(paths[0])
     common = Fingerprint().text(VERSION, vrtm.version(), parsed.reach, parsed.weld, copy.is_normal, copy.down)
@@ -167,7 +167,7 @@ def dilated(copy: warped.Copy, meshes: Sequence[Mesh], reach: float) -> dict[str
         texture = textures[path]
         pixels = found * np.float32(white(texture.pixels.dtype))
         pixels = np.rint(pixels) if texture.pixels.dtype.kind == "u" else pixels
-        # What is not copied stays as it was, bit by bit.
+        # Texels that are not copied stay as they were, bit by bit.
         pixels = np.where(changed[..., None], pixels.astype(texture.pixels.dtype), texture.pixels)
         done[path] = replace(texture, pixels=pixels)
     return done

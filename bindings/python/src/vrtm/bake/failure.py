@@ -41,8 +41,13 @@ def one_line(text: object) -> str:
     return " ".join(str(text).split())
 
 
+def unwritable(place: str, error: OSError) -> Failure:
+    """The failure of a file or folder, in the system's words."""
+    return Failure(INPUT, f"{place}: {one_line(error.strerror or error)}")
+
+
 def describe(error: BaseException, subject: str = "") -> Failure:
-    """What an exception means to the caller of the program. `subject` names what was being worked on, if the
+    """The failure that an exception means to the caller of the program. `subject` names the work in progress, if the
     message does not."""
     named = f"{subject}: " if subject else ""
     if isinstance(error, Failure):

@@ -14,13 +14,11 @@ class Fingerprint:
         self._hash = hashlib.blake2b(digest_size=16)
 
     def copy(self) -> Fingerprint:
-        """Another one, to which more can be added."""
         other = Fingerprint()
         other._hash = self._hash.copy()
         return other
 
     def text(self, *parts: object) -> Fingerprint:
-        """Adds the text of each part."""
         for part in parts:
             self._bytes(str(part).encode())
         return self

@@ -1,4 +1,4 @@
-"""Which maps would be the identity in all frames: those of surfaces that move rigidly, or on which nothing is rigid.
+"""Maps that would be the identity in all frames: those of surfaces that move rigidly, or have nothing rigid on them.
 
 A chart, or all that hangs together, moves rigidly if all of its edges and the diagonals of its faces keep their
 lengths: then nothing on it is strained. That is looked at for all frames of the scene and not for those of one task, so
@@ -15,7 +15,7 @@ import numpy as np
 from vrtm.bake.frames import Frame
 from vrtm.bake.part import Part
 from vrtm.bake.scene import SceneError, Shape
-from vrtm.bake.scene.topology import corner_starts
+from vrtm.bake.scene.topology import connected, corner_starts
 
 Group = tuple[str, int]
 """The name of a part, and one of its layers."""
@@ -23,17 +23,18 @@ RIGIDLY = "nothing gained: all parts move rigidly"
 NOTHING = "nothing gained: nothing is rigid there"
 
 _STRAIN = 1e-4
-"""Up to that an edge keeps its length: less than a hundredth of a texel on features of a hundred texels."""
+"""Relative change of length up to which an edge keeps it: less than a hundredth of a texel on features of a hundred
+texels."""
 _ROUNDING, _MOST_ROUNDING = 4, 1e-2
-"""By so many units in the last place of the largest coordinate a length may be off, but by that share of it at most."""
+"""Rounding that a length may have: units in the last place of the largest coordinate, and a share of the length."""
 _CELLS = 512
-"""Per tile: UVs of one vertex that are less than half a cell apart are one, as for the library, which is stricter."""
+"""Cells of a tile: UVs of one vertex that are less than half a cell apart are one, as for the library, which is
+stricter."""
 _SAMPLE = 100_000
-"""Of so many lengths a look suffices to find most that deforms."""
+"""Number of lengths among which most deforming surfaces are found."""
 
 
 def groups(parts: Sequence[Part]) -> list[Group]:
-    """All parts and their layers."""
     return list(dict.fromkeys((part.subset, tile.layer) for part in parts for tile in part.all_tiles))
 
 
@@ -85,7 +86,7 @@ def _shells(shape: Shape, weld: str, charts: bool = False) -> np.ndarray:
     if charts:
         uvs = shape.uvs[shape.uv_indices].astype(np.float64) + 0.0
         places, nodes = _distinct(vertices, *uvs.T.copy().view(np.int64))
-        # Where a vertex has several UVs, those that are close together are one.
+        # UVs of a vertex that are close together are one.
         several = np.flatnonzero(np.bincount(vertices[places])[vertices[places]] > 1)
         places, uvs = places[several], np.nan_to_num(uvs[places[several]])
         for shift in ((0, 0), (0, 0.5), (0.5, 0), (0.5, 0.5)):
@@ -98,20 +99,12 @@ def _shells(shape: Shape, weld: str, charts: bool = False) -> np.ndarray:
     first = np.zeros(len(counts), np.int64)
     first[filled] = nodes[corner_starts(counts)[filled]]
     one, other = np.concatenate([np.stack([np.repeat(first, counts), nodes]), *links], axis=1)
-    root = np.arange(nodes.max(initial=0) + 1)
-    while True:
-        a, b = root[one], root[other]
-        apart = a != b
-        if not apart.any():
-            return root[first]
-        root[np.maximum(a, b)[apart]] = np.minimum(a, b)[apart]
-        while (root[root] != root).any():
-            root = root[root]
+    return connected(nodes.max(initial=0) + 1, one, other)[first]
 
 
 def _distinct(*numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where each combination is first, and which of them each is. Hardly ever are two taken for one, which only joins
-    surfaces."""
+    """The first place of each combination, and the number of each one's combination. Hardly ever are two taken for one,
+    which only joins surfaces."""
     mixed = np.zeros(len(numbers[0]), np.uint64)
     for number in numbers:
         mixed = (mixed ^ number.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
@@ -131,7 +124,7 @@ def _rigid_shells(shape: Shape, parts: Sequence[Part], shells: np.ndarray) -> di
         for layer in {tile.layer for tile in part.all_tiles}:
             own = layers == layer
             if part.settings.seams == "continue":
-                # What is rigid beyond a seam counts, too.
+                # Rigid texels beyond a seam count, too.
                 found[part.subset, layer] = set(shells[faces[own]].tolist()) & set(shells[faces[rigid]].tolist())
             else:
                 found[part.subset, layer] = set(shells[faces[own & rigid]].tolist())
@@ -139,7 +132,7 @@ def _rigid_shells(shape: Shape, parts: Sequence[Part], shells: np.ndarray) -> di
 
 
 def _rigid(shape: Shape, part: Part, faces: np.ndarray) -> np.ndarray:
-    """Whether anything may be rigid on each of the faces: texels around it, or vertices."""
+    """True for each face that may have anything rigid: in the texels around it, or its vertices."""
     counts, starts = shape.face_counts[faces], corner_starts(shape.face_counts)[faces]
     # Corners of the faces, one after another.
     corners = np.arange(counts.sum()) - np.repeat(corner_starts(counts) - starts, counts)
@@ -151,7 +144,7 @@ def _rigid(shape: Shape, part: Part, faces: np.ndarray) -> np.ndarray:
         found |= np.maximum.reduceat(shape.vertex_rigidity[shape.indices[corners]], cuts) > 0
     uvs = shape.uvs[shape.uv_indices[corners]]
     low, high = (f.reduceat(uvs, cuts, axis=0) for f in (np.minimum, np.maximum))
-    # What has no number is no tile's, and not looked at closely.
+    # Faces without a tile's number count as rigid, without a closer look.
     found |= ((low < 0).any(axis=1) | (high[:, 0] > 10)) & bool(part.rigid_sums)
     for udim, sums in part.rigid_sums.items():
         corner = np.array([(udim - 1001) % 10, (udim - 1001) // 10])
@@ -192,7 +185,7 @@ class _Lengths:
         for look in self._looks:
             rest, now = self._lengths[look], _distances(positions, self._a[look], self._b[look])
             allowed = _STRAIN * rest + np.minimum(_ROUNDING * unit, _MOST_ROUNDING * rest)
-            # What is no number deforms.
+            # NaN counts as a deformation.
             with np.errstate(invalid="ignore"):
                 kept = np.abs(now - rest) <= allowed
             yield set(np.unique(self._shells[look][~kept]).tolist())

@@ -2,82 +2,73 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import re
-from argparse import ArgumentParser, ArgumentTypeError
+from argparse import ArgumentTypeError
+from collections.abc import Callable
 from typing import Any
 
-from vrtm.bake.parsing import LARGEST, WELDS, flag, fraction, normal_maps, positive, several, whole
+from vrtm.bake.parsing import LARGEST, WELDS, fraction, normal_maps, option, positive, whole
 
 DILATION = """\
-Writes copies of textures that hold, around each chart, what the surface shows beyond the chart's seams, so that seams
-do not show when a renderer filters. What lies in charts, and farther from seams, stays as it is."""
+Writes copies of textures in which the surroundings of each chart show the surface beyond its seams, so that seams do
+not show when a renderer filters. Texels in charts, and texels farther from seams, stay as they are."""
 
 RIGIDITY = """\
-Makes rigidity maps out of pictures: what is bright in a texture, has about a colour, or stands out of its surroundings
-in a height map is rigid. One threshold holds for all tiles. A map that somebody has painted on is not replaced."""
+Makes rigidity maps of pictures. Rigid are the bright parts of a texture, the parts of about one colour, or the parts
+that stand out in a height map. One threshold holds for all tiles. Painted maps are not replaced."""
 
 
 def add_dilate(commands: Any) -> None:
-    """Adds the subcommand `dilate`."""
     parser = commands.add_parser("dilate", help="fill textures around charts, across seams", description=DILATION)
-    parser.add_argument("scene", metavar="SCENE", help="a USD, Alembic or OBJ file")
-    several(parser, "--texture", "PATTERN", "images; <UDIM> stands for the tile, <mesh> for the mesh's name")
-    normal_maps(parser)
-    parser.add_argument("--out", required=True, metavar="DIR", help="where to write, under the textures' own names")
-    parser.add_argument(
-        "--reach", type=positive, default=1 / 16, metavar="X", help="how far from seams, in UV, at most 0.5 (0.0625)"
-    )
-    several(parser, "--uv", "NAME", "as for bake")
-    parser.add_argument("--rest", metavar="WHERE", help="as for bake")
-    parser.add_argument("--weld", choices=WELDS, default="index", help="by what faces hang together (index)")
-    _common(parser)
+    parser.add_argument("scene", metavar="SCENE", help="The USD, Alembic or OBJ file.")
+    add = functools.partial(option, parser)
+    text = "Images of the texture; <UDIM> stands for the tile, <mesh> for the mesh."
+    add("--texture", text, "PATTERN...")
+    normal_maps(add)
+    add("--out", "Write to this folder, under the names of the textures.", "DIR", required=True)
+    text = "Fill texels up to this distance from seams, in UV, at most 0.5."
+    add("--reach", text, "X", type=positive, default=1 / 16)
+    add("--uv", "The UV set. Of several names each mesh takes the first that it has.", "NAME...")
+    add("--rest", "The shape at rest: bind, pref, first, frame:N, or a file with the same faces.", "WHERE")
+    text = "Faces are connected by their vertices, by equal positions, or not at all."
+    add("--weld", text, choices=WELDS, default="index")
+    _common(add)
 
 
 def add_rigidity(commands: Any) -> None:
-    """Adds the subcommand `rigidity`."""
     parser = commands.add_parser("rigidity", help="make rigidity maps out of textures", description=RIGIDITY)
-    parser.add_argument("image", metavar="IMAGE", help="a texture or a height map; <UDIM> stands for the tile")
-    parser.add_argument(
-        "--out", required=True, metavar="IMAGE", help="the maps, .png, .tif or .exr, with <UDIM> if IMAGE has it"
-    )
-    parser.add_argument(
+    parser.add_argument("image", metavar="IMAGE", help="A texture or a height map; <UDIM> stands for the tile.")
+    add = functools.partial(option, parser)
+    add("--out", "Write these maps, .png, .tif or .exr, with <UDIM> if IMAGE has it.", "IMAGE", required=True)
+    add(
         "--from",
+        "Rigid are the bright parts, the parts of about one colour, or the parts that stand out of their surroundings.",
         dest="source",
         choices=("brightness", "colour", "height"),
         default="brightness",
-        help="what is rigid: what is bright (the default), has about a colour, or stands out of its surroundings",
     )
-    parser.add_argument(
+    add(
         "--threshold",
+        "The least brightness, or the least height above the surroundings as a part of the largest. By default the "
+        "value that separates the texels best.",
+        "X",
         type=fraction,
-        metavar="X",
-        help="the least brightness, or the least height above the surroundings as a part of the largest (default: what "
-        "parts them best)",
     )
-    parser.add_argument(
-        "--colour", type=_colour, metavar="RGB", help="with --from colour: '#cc994d' or 0.8,0.6,0.3, as stored"
-    )
-    parser.add_argument("--tolerance", type=positive, metavar="X", help="with --from colour: how far from it (0.2)")
-    parser.add_argument(
-        "--feature", type=fraction, metavar="UV", help="with --from height: the width of the largest feature (0.06)"
-    )
-    parser.add_argument(
-        "--sunken", action="store_true", default=None, help="with --from height: what lies deeper is rigid"
-    )
-    flag(parser, "--invert", "the other part is rigid")
-    parser.add_argument(
-        "--grow", type=whole(-64, 64), default=0, metavar="N", help="texels by which what is rigid becomes larger (0)"
-    )
-    parser.add_argument(
-        "--size", type=whole(16, LARGEST), default=1024, metavar="N", help="texels per side at most (1024)"
-    )
-    _common(parser)
+    add("--colour", "With --from colour, the colour as stored: '#cc994d' or 0.8,0.6,0.3.", "RGB", type=_colour)
+    add("--tolerance", "With --from colour, the largest distance from it (0.2 by default).", "X", type=positive)
+    add("--feature", "With --from height, the width of the largest feature (0.06 by default).", "UV", type=fraction)
+    add("--sunken", "With --from height, sunken parts are rigid.", default=None)
+    add("--invert", "The other part is rigid.")
+    add("--grow", "Add so many texels to the rigid parts, or remove them (-2).", "N", type=whole(-64, 64), default=0)
+    add("--size", "Most texels of the maps per side.", "N", type=whole(16, LARGEST), default=1024)
+    _common(add)
 
 
-def _common(parser: ArgumentParser) -> None:
-    flag(parser, "--overwrite", "replace files that vrtm has not written, too")
-    flag(parser, "--quiet", "print errors and warnings only")
+def _common(add: Callable[..., None]) -> None:
+    add("--overwrite", "Also replace files that vrtm has not written.")
+    add("--quiet", "Print nothing but warnings and errors.")
 
 
 def _colour(text: str) -> tuple[float, ...]:

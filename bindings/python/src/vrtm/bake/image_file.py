@@ -13,7 +13,7 @@ import numpy as np
 import OpenImageIO as oiio
 
 from vrtm.bake import overwrite, staging
-from vrtm.bake.failure import INPUT, Failure, one_line
+from vrtm.bake.failure import INPUT, Failure, unwritable
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.scene.images import KEPT, said
 
@@ -22,6 +22,14 @@ _PIXELS = "vrtm:pixels"
 _FIGURES = "vrtm:figures"
 # TIFF has no attributes of one's own: there they are JSON in the description.
 _DESCRIPTION = "ImageDescription"
+# Blender and OpenImageIO take the first for the colour space. No chromaticities: a program that reads those converts
+# the numbers like colours. Edges are clamped where the wrap mode is read.
+DATA = {
+    "colorInteropID": ("string", "data"),
+    "oiio:ColorSpace": ("string", "data"),
+    "wrapmodes": ("string", "clamp"),
+}
+"""Attributes of images that are no colours."""
 _PNG_END = b"\0\0\0\0IEND\xaeB`\x82"
 
 
@@ -37,7 +45,8 @@ class Target:
     dtype: str
     """As numpy names it: uint8, uint16, float16 or float32."""
     facts: Mapping[str, str | int]
-    """What the file tells of itself, by names that begin with `vrtm:`; `vrtm:inputs` is the hash of its inputs."""
+    """Statements of the file about itself, by names that begin with `vrtm:`; `vrtm:inputs` is the hash of its
+    inputs."""
     attributes: Mapping[str, tuple[str, object]] = field(default_factory=dict)
     """Further attributes as OpenImageIO names them: types and values."""
     format: str = "openexr"
@@ -63,7 +72,7 @@ def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | No
             spec.attribute(name, "int" if number else "string", value if number else str(value))
 
     def body(temporary: str) -> None:
-        # By the format's name: the temporary name does not tell it.
+        # By the format's name, because the temporary name has no ending.
         out = oiio.ImageOutput.create(target.format)
         if out is None:
             raise OSError(said(oiio))
@@ -72,11 +81,11 @@ def write(target: Target, pixels: np.ndarray, figures: Mapping[str, object] | No
             raise OSError(said(out))
 
     try:
-        # That an image was closed does not tell that its last bytes could be written.
+        # A closed image may lack its last bytes.
         staging.write(target.path, body, is_whole=_is_whole)
     except OSError as error:
         _remove_damaged(target.path)
-        raise Failure(INPUT, f"{target.path}: {one_line(error.strerror or error)}") from error
+        raise unwritable(target.path, error) from error
 
 
 def up_to_date(target: Target, replace: bool = False) -> dict | None:
@@ -114,7 +123,7 @@ def up_to_date(target: Target, replace: bool = False) -> dict | None:
 
 
 def told(path: str) -> dict:
-    """What an image of vrtm tells of itself, but for a TIFF; its pixels are not read. Empty if there is none."""
+    """Statements of an image of vrtm about itself, but for a TIFF; its pixels are not read. Empty if there is none."""
     file = oiio.ImageInput.open(path) if os.path.isfile(path) else None
     if file is None:
         said(oiio)
@@ -177,7 +186,7 @@ def _read(path: str) -> tuple[oiio.ImageSpec, dict, str] | None:
 
 
 def _ends(path: str) -> bool:
-    """Whether a PNG has its last chunk: its pixels can be read without."""
+    """True if a PNG has its last chunk: its pixels can be read without."""
     with open(path, "rb") as file:
         file.seek(-len(_PNG_END), os.SEEK_END)
         return file.read() == _PNG_END

@@ -4,28 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 import os
-from typing import TYPE_CHECKING
 
 from vrtm.bake import frames, image_file, tokens, warped
-from vrtm.bake.corners import corner_name
 from vrtm.bake.failure import INPUT, TOLERANCE, Failure, one_line
 from vrtm.bake.frames import Frame
+from vrtm.bake.layer import LayerError, LayerPlan, manifest_path, redirected, relative, write_layer, write_root
 from vrtm.bake.mark import meshes_of
+from vrtm.bake.outputs import corner_name
 from vrtm.bake.part import Part
 from vrtm.bake.settings import Settings
 from vrtm.bake.words import others
 from vrtm.bake.work import Work
 
-if TYPE_CHECKING:
-    from vrtm.bake.layer import LayerPlan
-
 _SCENES = (".usda", ".usdc", ".usd", ".usdz")
 
 
 def names(settings: Settings) -> list[str]:
-    """The paths of all that is written with the layer."""
-    from vrtm.bake.layer import manifest_path
-
+    """The paths of the layer and the files beside it."""
     assert settings.layer is not None
     manifest = [manifest_path(settings.layer)] if settings.corner_uvs else []
     return [settings.layer, *manifest]
@@ -34,16 +29,13 @@ def names(settings: Settings) -> list[str]:
 def write(work: Work) -> tuple[list[str], Failure | None]:
     """Writes the layer of all frames and meshes that the settings name; returns warnings, and a failure if the layer
     changes nothing. Raises Failure."""
-    from vrtm.bake.layer import LayerError, write_layer, write_root
-
     settings = work.settings
     assert settings.layer is not None
     try:
-        # What is in its place was looked at before anything was baked.
         named: dict[str, list[str]] = {}
         with work.scene.listening():
             plan = planned(work, named)
-            written = write_layer(settings.layer, work.scene, plan, overwrite=True)
+            written = write_layer(settings.layer, work.scene, plan)
             if settings.root is not None:
                 write_root(settings.root, settings.layer, settings.scene)
     except LayerError as error:
@@ -54,7 +46,7 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
     there = work.scene.frames
     lacks = len(there) - sum(isinstance(frame, int) and frame in there for frame in work.frames)
     if lacks and settings.freeze is None:
-        # Nobody reads a list of very many.
+        # A list of very many is not readable.
         listed = frames.text(set(there) - set(work.frames)) if len(there) <= frames.MOST else ""
         which = f"frames {listed}" if listed else f"{lacks} frames"
         shown = f"{which} of the scene are not in it, and show the ones before them"
@@ -72,9 +64,7 @@ def write(work: Work) -> tuple[list[str], Failure | None]:
 
 
 def foretell(work: Work) -> list[str]:
-    """What will be warned of when the layer is written: better known before hours of baking."""
-    from vrtm.bake.layer import redirected
-
+    """Warnings of the layer that will be written: better known before hours of baking."""
     assert work.settings.layer is not None
     plan = planned(work, {})
     # Its frames have the same materials.
@@ -107,8 +97,6 @@ def _lacking(settings: Settings, files: list[str]) -> Failure:
 
 def check(work: Work) -> None:
     """Raises Failure for a layer that cannot be, before anything is baked for it."""
-    from vrtm.bake.layer import LayerError
-
     if os.path.splitext(work.settings.scene)[1].lower() not in _SCENES:
         raise _failure(work, f"{work.settings.scene} is no USD file, which a layer could lie over")
     for path in filter(None, (work.settings.layer, work.settings.root)):
@@ -131,9 +119,7 @@ def _failure(work: Work, reason: object) -> Failure:
 
 
 def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
-    """What the layer is to say. `files` receives the files that each of the names stands for that are asked for."""
-    from vrtm.bake.layer import LayerPlan, relative
-
+    """The layer's plan. `files` receives the files behind each name that the plan is asked for."""
     settings = work.settings
     assert settings.layer is not None
     beside = os.path.dirname(os.path.abspath(settings.layer))
@@ -174,7 +160,7 @@ def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
     def corner_path(mesh: str, frame: Frame) -> str:
         return named(corner_name(work.pattern, mesh, frame))
 
-    # What gains nothing stays as the shot has it.
+    # Meshes without a gain stay as the shot has them.
     gaining = {name: mesh for name, mesh in work.meshes.items() if mesh.gains}
     layers = {name: mesh.face_layers() for name, mesh in gaining.items()}
     face_layers = {name: of for name, of in layers.items() if of.any()}

@@ -27,7 +27,7 @@ class LeftOut:
     """Something that gets no maps."""
 
     why: str
-    """What follows the mesh and a colon: `has no UVs`, `not in --frames`."""
+    """The end of the sentence, behind the mesh and a colon: `has no UVs`, `not in --frames`."""
     mesh: str = ""
     """Its path, that of a prim that could not be read, or of one of its subsets as messages name it; empty: all."""
     frames: tuple[Frame, ...] = ()
@@ -37,8 +37,8 @@ class LeftOut:
     layers: tuple[int, ...] = ()
     """Of charts that lie over one another; empty: all."""
     meant: bool = False
-    """Whether this is as it should be, which `--strict` lets pass: an option asks for it, or maps would change nothing
-    that a renderer shows. What is not meant is also warned of as soon as it is known."""
+    """True if `--strict` lets it pass: an option asks for it, or maps would change nothing that a renderer shows. All
+    else is also warned of as soon as it is known."""
 
     def line(self, more: int = 0) -> str:
         """A sentence; `more`: how many other meshes it is said of."""
@@ -47,7 +47,6 @@ class LeftOut:
         return ": ".join(filter(None, [", ".join(filter(None, parts)), self.why]))
 
     def row(self) -> dict:
-        """Its row of the report."""
         return {
             "mesh": self.mesh or None,
             "frames": list(self.frames),
@@ -59,12 +58,12 @@ class LeftOut:
 
 
 def merged(entries: Iterable[LeftOut]) -> list[LeftOut]:
-    """The same with one entry for all frames of a mesh and its tiles, in the order of the first of each."""
+    """Entries with one for all frames of a mesh and its tiles, in the order of the first of each."""
     found: dict[tuple, set[Frame] | None] = {}
     for entry in entries:
         key = (entry.why, entry.mesh, entry.tiles, entry.layers, entry.meant)
         known = found.setdefault(key, set())
-        # All frames are more than any.
+        # An entry for all frames includes the others.
         if not entry.frames:
             found[key] = None
         elif known is not None:
@@ -91,5 +90,5 @@ def listed(entries: Iterable[LeftOut]) -> list[str]:
 
 
 def unmeant(entries: Iterable[LeftOut]) -> list[LeftOut]:
-    """Those that `--strict` makes an error."""
+    """The entries that `--strict` makes an error."""
     return [entry for entry in entries if not entry.meant]

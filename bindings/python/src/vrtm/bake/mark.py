@@ -27,7 +27,7 @@ def mark(layer: Sdf.Layer, kind: str, meshes: Sequence[str] = ()) -> None:
 
 
 def is_carried(layer: Sdf.Layer) -> bool:
-    """Whether a layer tells that it moves geometry on the skin."""
+    """True if a layer's mark says that it moves geometry on the skin."""
     return layer.customLayerData.get(_KIND) == CARRIED
 
 
@@ -37,7 +37,7 @@ def meshes_of(path: str) -> list[str]:
 
 
 def found_in(path: str, look: Callable[[Sdf.Layer], Found], otherwise: Found, values: bool = True) -> Found:
-    """What there is in a layer's file, be its values read or not; `otherwise` if it cannot be read."""
+    """The result of `look` for a layer's file, be its values read or not; `otherwise` if it cannot be read."""
     try:
         # Anonymous: USD would hand out what it read of an earlier file of that name.
         return look(Sdf.Layer.OpenAsAnonymous(path, metadataOnly=not values))
@@ -54,8 +54,8 @@ def is_marked_file(path: str) -> bool:
 
 
 def is_marked(layer: Sdf.Layer) -> bool:
-    """Whether a layer has the mark and the content that it was marked with: one that was edited by hand, or flattened
-    with others, which keeps what it tells of itself, is not vrtm's any more."""
+    """True if a layer has the mark, and the content that it was marked with: a layer that was edited by hand, or
+    flattened with others, keeps its mark and is not vrtm's any more."""
     told = layer.customLayerData
     return told.get(_KIND) in (CORNERS, SHAPES) or (_CONTENT in told and told[_CONTENT] == _content(layer))
 

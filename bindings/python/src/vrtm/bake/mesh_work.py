@@ -12,17 +12,16 @@ import numpy as np
 
 import vrtm
 from vrtm.bake import dilate, gain, image_file, outputs, rows, warped
-from vrtm.bake.corners import CornerFile, corner_name
 from vrtm.bake.failure import INPUT, Failure
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.image_file import Target
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.names import Pattern
-from vrtm.bake.part import Part, TileWork, parts
-from vrtm.bake.scene import Shape
+from vrtm.bake.outputs import CornerFile, corner_name
+from vrtm.bake.part import Given, Part, TileWork, parts
 from vrtm.bake.scene.topology import outside
-from vrtm.bake.settings import AUTO, Borders, Settings
+from vrtm.bake.settings import AUTO, Borders
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,54 +37,48 @@ class Piece:
 
     @property
     def is_redirection(self) -> bool:
-        """Whether it is the file that keeps the tile's figures."""
+        """True for the file that keeps the tile's figures."""
         return self.target.facts["vrtm:kind"] == "redirect"
 
 
 @dataclass
 class FrameResult:
-    """What became of a mesh in one frame, for the report."""
+    """Files and figures of a mesh in one frame, for the report."""
 
     mesh: str
     frame: Frame
     milliseconds: float = 0.0
     tiles: list[dict] = field(default_factory=list)
     files: list[dict] = field(default_factory=list)
-    """Those of no single tile."""
+    """Files of no single tile."""
     warnings: list[str] = field(default_factory=list)
-    """What the library warned of."""
     told: list[str] = field(default_factory=list)
-    """What else it said."""
+    """Details, for --verbose."""
     strain: rows.Strain | None = None
-    """That of all tiles, if it was measured."""
+    """The strain of all tiles, if it was measured."""
     left_out: list[LeftOut] = field(default_factory=list)
-    """What of the frame is not baked."""
+
+    @property
+    def every_file(self) -> list[dict]:
+        return [*self.files, *(file for tile in self.tiles for file in tile["files"])]
 
     def count(self, state: str) -> int:
         """Files that were `written`, or `skipped` since they were up to date."""
-        return sum(
-            file["state"] == state for part in [self.files, *(tile["files"] for tile in self.tiles)] for file in part
-        )
+        return sum(file["state"] == state for file in self.every_file)
 
 
 class MeshWork:
     """A mesh with the assets of its parts. Not for several threads at once."""
 
-    def __init__(
-        self,
-        settings: Settings,
-        shape: Shape,
-        device: vrtm.Device,
-        copies: Sequence[warped.Copy],
-        borders: Borders,
-    ) -> None:
-        """`settings`: those of the bake, where `borders` says more."""
-        self.settings = settings = borders.of(settings)
+    def __init__(self, given: Given, borders: Borders) -> None:
+        """`given`: with the settings of the bake, where `borders` says more."""
+        self.settings = settings = borders.of(given.settings)
+        self.shape = shape = given.shape
+        device = given.device
         self.borders = borders
-        self.shape = shape
         self.threads = device.info.threads
         self.releases = False
-        """Whether the memory of a tile's solver is given back once the tile is solved."""
+        """True if the memory of a tile's solver is given back once the tile is solved."""
         self.listed = outputs.listed(settings)
         common = Fingerprint().text(vrtm.version(), device.info.backend, settings.quality, settings.weld)
         if settings.warm:
@@ -99,14 +92,14 @@ class MeshWork:
             common.array(array)
         self.left_out: list[LeftOut] = []
         """Parts without maps."""
-        self.parts = parts(settings, shape, device, copies, common, self.left_out)
+        self.parts = parts(dataclasses.replace(given, settings=settings), common, self.left_out)
         self.all_udims = tuple(dict.fromkeys(udim for part in self.parts for udim in part.all_udims))
         if not self.all_udims:
             where = outside(shape.uvs, shape.uv_indices)
             raise Failure(INPUT, f"{settings.scene} {shape.path}: none of its UVs lies in a UDIM tile: {where}")
         self.tiles = [tile for part in self.parts for tile in part.tiles]
         self.every_tile = self.tiles
-        """Those that gain nothing, too."""
+        """All tiles, also those without a gain."""
         self.idle: dict[gain.Group, str] = {}
         """The parts and layers that get no files, since their maps would be the identity, and why."""
         self.common = common.copy()
@@ -114,13 +107,12 @@ class MeshWork:
             self.common.text(tile.inputs.hex())
 
     def close(self) -> None:
-        """Lets go of the assets."""
         for part in self.parts:
             part.asset.close()
 
     @property
     def gains(self) -> bool:
-        """Whether there are files of it."""
+        """True if there are files of it."""
         return len(self.idle) < len(gain.groups(self.parts))
 
     def leave_out(self, idle: dict[gain.Group, str]) -> None:
@@ -143,14 +135,13 @@ class MeshWork:
         return self._image_names([tile for tile in self.every_tile if tile not in self.tiles], frame, pattern)
 
     def names(self, frame: Frame, pattern: Pattern) -> list[str]:
-        """The paths of all files of a frame."""
         names = self._image_names(self.tiles, frame, pattern)
         if self.settings.corner_uvs and self.gains:
             names.append(os.path.join(self.settings.out, corner_name(pattern, self.shape.name, frame)))
         return names
 
     def _images(self, tile: TileWork) -> Iterator[tuple[outputs.Output | warped.Copy, str]]:
-        """What is written of a tile, and the texture that a copy is made of."""
+        """The outputs and copies of a tile, with the texture that a copy is made of."""
         yield from ((output, "") for output in self.listed)
         yield from ((copy, paths[tile.udim]) for copy, paths in tile.part.textures if tile.udim in paths)
 
@@ -177,16 +168,12 @@ class MeshWork:
         size = (tile.cells[0] + 1, tile.cells[1] + 1) if output.kind == "warp" else tile.size
         inputs = tile.inputs.copy().text(pose, dataclasses.astuple(output), size)
         if not size[0]:
-            inputs.text(AUTO, self._most_error())
+            inputs.text(AUTO, self.settings.bound)
         facts = self._facts(output.kind, frame, tile, inputs)
         if output.form is not None:
             facts["vrtm:form"] = output.form
         name = self.path(pattern, output.kind, frame, tile)
-        # Blender and OpenImageIO take the first for the colour space. No chromaticities: a program that reads those
-        # converts what it takes for a colour. Edges are clamped where the wrap mode is read.
-        said = {"colorInteropID": "data", "oiio:ColorSpace": "data", "wrapmodes": "clamp"}
-        said["Software"] = f"vrtm {vrtm.version()}"
-        attributes = {name: ("string", value) for name, value in said.items()}
+        attributes = image_file.DATA | {"Software": ("string", f"vrtm {vrtm.version()}")}
         alpha = 3 if output.kind == "redirect" and len(output.channels) == 4 else -1
         target = Target(name, *size, output.channels, output.dtype, facts, attributes, alpha=alpha)
         return Piece(tile, target, output=output)
@@ -197,11 +184,6 @@ class MeshWork:
         name, facts = self.path(pattern, copy.kind, frame, tile, path), self._facts(copy.kind, frame, tile, inputs)
         target = texture.target(name, facts)
         return Piece(tile, target, copy=copy, texture=path)
-
-    def _most_error(self) -> float:
-        """What a map of its own size may be off by, in UV."""
-        settings = self.settings
-        return (1.0 if settings.max_error is None else settings.max_error) / settings.texture_size
 
     def _facts(self, kind: str, frame: Frame, tile: TileWork, inputs: Fingerprint) -> dict[str, str | int]:
         facts: dict[str, str | int] = {
@@ -220,12 +202,11 @@ class MeshWork:
         return facts | {name: value for name, value in further.items() if value}
 
     def corners(self, frame: Frame, pose: str, pattern: Pattern) -> CornerFile:
-        """The file of a frame's corner UVs."""
         path = os.path.join(self.settings.out, corner_name(pattern, self.shape.name, frame))
         return CornerFile(path, self.common.copy().text(pose).hex())
 
     def check(self, pieces: Sequence[Piece]) -> list[dict | None]:
-        """What each file records if it is up to date, and None if it has to be written."""
+        """The record of each file that is up to date; None for each that has to be written."""
         if self.settings.force:
             return [None] * len(pieces)
         found = [image_file.up_to_date(piece.target, self.settings.overwrite) for piece in pieces]
@@ -319,7 +300,7 @@ class MeshWork:
             pixels = self._pixels(piece, (target.width, target.height), stop)
             stop()
             if piece.is_redirection:
-                # Of the image just fetched.
+                # These two figures are those of the image just fetched.
                 report = tile.tile.report()
                 figures |= {"texels_limited": report.texels_limited, "max_limit": report.max_limit}
             image_file.write(target, pixels, figures if piece.is_redirection else None)
@@ -335,7 +316,7 @@ class MeshWork:
         for size in sizes:
             stop()
             found = self._inspected(tile, size)
-            if found.error_p99 <= self._most_error():
+            if found.error_p99 <= self.settings.bound:
                 return size, found
             tried.append((found.error_p99, size, found))
         _, size, found = min(tried, key=lambda entry: entry[:2])

@@ -1,4 +1,4 @@
-"""What of an open scene is left out, and why: by options, maps and the range, and since nothing is gained."""
+"""Parts of an open scene that are left out, and why: by options, maps and the range, or since nothing is gained."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from vrtm.bake.settings import Settings
 def of_frames(
     settings: Settings, there: Sequence[Frame], baked: Sequence[Frame], missing: tuple[Frame, ...]
 ) -> Iterator[LeftOut]:
-    """What --frames leaves out of those that the scene has, and what it names beside them."""
+    """Frames of the scene that --frames leaves out, and frames that it names beside them."""
     if settings.frames is not None:
         if len(there) > frames.MOST:
             yield LeftOut(f"all but {len(baked)} of {len(there)} frames: not in --frames", meant=True)
@@ -26,7 +26,7 @@ def of_frames(
 
 
 def of_meshes(settings: Settings, meshes: Collection[MeshWork]) -> Iterator[LeftOut]:
-    """What --tiles and maps leave out. Raises Failure if no tile is left."""
+    """Tiles that --tiles and maps leave out. Raises Failure if no tile is left."""
     for mesh in meshes:
         yield from mesh.left_out
         without = tuple(udim for udim in mesh.all_udims if udim not in (settings.tiles or mesh.all_udims))

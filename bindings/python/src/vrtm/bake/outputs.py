@@ -1,11 +1,20 @@
-"""The kinds of files that are written per frame and tile, straight from the library."""
+"""Kinds of files: those per frame and tile, straight from the library, and redirected corner UVs per mesh and frame."""
 
 from __future__ import annotations
 
+import contextlib
+import os
 from dataclasses import dataclass
 
 import numpy as np
 
+from vrtm.bake import overwrite
+from vrtm.bake.failure import unwritable
+from vrtm.bake.frames import Frame
+from vrtm.bake.layer import corner_uv_layer, export, values_hash
+from vrtm.bake.mark import found_in
+from vrtm.bake.names import Pattern
+from vrtm.bake.scene import Shape
 from vrtm.bake.settings import Settings
 
 FETCH = {"tile": "redirection", "udim": "redirection_udim", "delta": "redirection_delta"}
@@ -14,6 +23,9 @@ _OF_SET = {"udim": "uv_set", "delta": "uv_set_delta"}
 """The same, as UVs of the set that textures are looked up by."""
 _RGB = ("R", "G", "B")
 _RGBA = ("R", "G", "B", "A")
+ENDING = ".usdc"
+_INPUTS = "vrtm_inputs"
+_VALUES = "vrtm_values"
 
 
 @dataclass(frozen=True)
@@ -23,7 +35,7 @@ class Output:
     kind: str
     """Its name in file names and metadata."""
     form: str | None
-    """How its UVs are meant, if it holds UVs."""
+    """The kind of its UVs, if it holds UVs."""
     fetch: str
     """The library's name of it."""
     fetched: int
@@ -62,3 +74,50 @@ def listed(settings: Settings) -> tuple[Output, ...]:
         # Three times the same number: programs that read one channel alone show it as red, or not at all.
         outputs.append(of("filter", None, "filter_scale", 1, _RGB))
     return tuple(outputs)
+
+
+def corner_name(pattern: Pattern, mesh: str, frame: Frame) -> str:
+    """The name below the output folder: that of the maps, of the kind `corners`, without a tile's number."""
+    folder, name = os.path.split(pattern.text)
+    parts = [part for part in name[: -len(".exr")].split(".") if part not in ("<UDIM>", "<subset>")]
+    stripped = "/".join(filter(None, [folder, ".".join(parts) + ".exr"]))
+    return Pattern(stripped, {"<subset>": 1}).name(mesh, "corners", frame, "all", ENDING, subset="all")
+
+
+@dataclass(frozen=True)
+class CornerFile:
+    """A file of a frame's corner UVs."""
+
+    path: str
+    inputs: str
+    """A hash of all that it depends on."""
+
+    def write(self, shape: Shape, frame: Frame, uvs: np.ndarray) -> None:
+        """Writes (corners, 2) UVs. Raises Failure."""
+        layer = corner_uv_layer(shape, frame, uvs)
+        layer.customLayerData |= {_INPUTS: self.inputs, _VALUES: values_hash(layer)}
+        try:
+            export(layer, self.path, values_hash)
+        except OSError as error:
+            self._remove_damaged()
+            raise unwritable(self.path, error) from error
+
+    def up_to_date(self) -> bool:
+        """True if the file is there, whole, and made of these inputs. A damaged one of vrtm's own is removed."""
+        recorded = _recorded(self.path)
+        if recorded is None:
+            self._remove_damaged()
+        return recorded is not None and recorded.get(_INPUTS) == self.inputs
+
+    def _remove_damaged(self) -> None:
+        if os.path.isfile(self.path) and overwrite.is_ours(self.path) and _recorded(self.path) is None:
+            with contextlib.suppress(OSError):
+                os.remove(self.path)
+
+
+def _recorded(path: str) -> dict | None:
+    """The custom data of a file; None if it cannot be read, or its values are others than it states."""
+    if not os.path.isfile(path):
+        return None
+    told, values = found_in(path, lambda layer: (dict(layer.customLayerData), values_hash(layer)), ({}, ""))
+    return told if told.get(_VALUES) == values else None

@@ -1,4 +1,4 @@
-"""Which files a program of vrtm may replace: never one that it reads, and none that vrtm has not written."""
+"""The files that a program of vrtm may replace: never one that it reads, and none that vrtm has not written."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ _CRATE, _LAYER, _ARCHIVE = b"PXR-USDC", b"#usda ", b"Ogawa\xff"
 _IN_IMAGE = re.compile(rb"vrtm:(inputs|kind)[\0\"]")
 _IN_ARCHIVE = b"_ai_Application=vrtm;"
 """The program that wrote an Alembic archive."""
-# How the texts begin that are no images, less what stands between the words.
+# Beginnings of the texts that vrtm writes, less their white space.
 _REPORT = b'{"program":{"name":"vrtmbake"'
 _TEMPLATE = b"#vrtmfarm-template"
 _GLTF = b'{"asset":{"generator":"vrtm'
 """After 20 bytes of a binary glTF's headers."""
 _BEGINNING = 1 << 16
-"""Bytes at a file's beginning among which an image's mark stands, as a rule."""
+"""Bytes at a file's beginning that mostly include an image's mark."""
 _LEAST_EXR = 256
-"""Bytes: what an EXR must say of itself alone takes more."""
+"""Bytes of the shortest EXR, with the attributes that it must have."""
 
 
 class Conflict(ValueError):
@@ -31,7 +31,7 @@ class Conflict(ValueError):
     def __init__(self, message: str, replaceable: bool = False) -> None:
         super().__init__(message)
         self.replaceable = replaceable
-        """Whether it would be written with `overwrite`."""
+        """True if `overwrite` would allow it."""
 
 
 def check(outputs: Iterable[tuple[str, str]], inputs: Iterable[tuple[str, str]], overwrite: bool = False) -> None:
@@ -74,7 +74,7 @@ def check(outputs: Iterable[tuple[str, str]], inputs: Iterable[tuple[str, str]],
 
 
 def is_ours(path: str) -> bool:
-    """Whether a file that is there carries vrtm's mark, or holds nothing that could be lost."""
+    """True if a file carries vrtm's mark, or holds nothing that could be lost."""
     try:
         found = os.stat(path)
         if not stat.S_ISREG(found.st_mode):
@@ -111,7 +111,7 @@ def is_ours(path: str) -> bool:
 
 
 def _is_cut_short(path: str, size: int) -> bool:
-    """Whether a USD crate lacks its end, without which nothing reads it: the table of contents, whose place is the
+    """True if a USD crate lacks its end, without which nothing reads it: the table of contents, whose place is the
     third number of the file, and which begins with the number of its entries, of 32 bytes each."""
     with open(path, "rb") as file:
         file.seek(16)
@@ -123,7 +123,7 @@ def _is_cut_short(path: str, size: int) -> bool:
 
 
 def _keys(path: str, folders: dict[str, str]) -> list[object]:
-    """What is equal for paths of the same file. `folders`: real paths of folders that were met."""
+    """Keys of a path; paths of the same file share one. `folders`: real paths of folders that were met."""
     folder, name = os.path.split(path)
     if folder not in folders:
         folders[folder] = os.path.realpath(folder or ".")

@@ -1,4 +1,4 @@
-"""What the command lines of all commands share: the parser, kinds of options, and kinds of values."""
+"""The parser of all commands: kinds of options and of values, and messages of one line."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ WELDS = ("index", "position", "off")
 
 
 class Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong."""
+    """A parser that reports an error in one line."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -34,32 +34,24 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}{found} (see {self.prog} --help)\n")
 
 
-def flag(to: argparse._ActionsContainer, name: str, text: str) -> None:
-    """Adds an option without a value."""
-    to.add_argument(name, action="store_true", help=text)
+def option(to: argparse._ActionsContainer, name: str, text: str, value: str = "", **more: Any) -> None:
+    """Adds an option with its sentence, which the default ends. `value`: the value's name in the help, with dots if
+    there may be several values. An option without a value, choices or a number of values is a flag."""
+    if value.endswith("..."):
+        more = {"nargs": "+", "action": "extend", "default": []} | more
+    elif not value and not more.keys() & {"choices", "nargs"}:
+        more["action"] = "store_true"
+    if value:
+        more["metavar"] = value.removesuffix("...")
+    to.add_argument(name, help=f"{text} (default: %(default)s)" if more.get("default") else text, **more)
 
 
-def several(to: argparse._ActionsContainer, name: str, metavar: str, text: str, dest: str | None = None) -> None:
-    """Adds an option that takes one or several values, and may be given again for more."""
-    more = {"dest": dest} if dest else {}
-    to.add_argument(name, nargs="+", action="extend", default=[], metavar=metavar, help=text, **more)
-
-
-def normal_maps(to: argparse._ActionsContainer) -> None:
-    """Adds `--normal-map`, after `--texture`."""
-    several(
-        to,
-        "--normal-map",
-        "PATTERN",
-        "the same for normal maps in tangent space, whose normals are turned along",
-        "normal_maps",
-    )
-    to.add_argument(
-        "--normal-y",
-        choices=("up", "down"),
-        default="up",
-        help="whether green grows with v in these (up, as in OpenGL) or against it (down, as in DirectX)",
-    )
+def normal_maps(add: Callable[..., None]) -> None:
+    """Adds `--normal-map` and `--normal-y`."""
+    text = "Do as with --texture for normal maps in tangent space, whose normals turn along."
+    add("--normal-map", text, "PATTERN...", dest="normal_maps")
+    text = "Green of normal maps points up (as in OpenGL) or down (as in DirectX)."
+    add("--normal-y", text, choices=("up", "down"), default="up")
 
 
 def uv_names(given: list[str]) -> tuple[str, ...] | None:
@@ -68,7 +60,7 @@ def uv_names(given: list[str]) -> tuple[str, ...] | None:
 
 
 def listed(parse: Callable[[str], Value]) -> Callable[[str], Value]:
-    """A kind of values that a parser reads which raises ValueError."""
+    """The kind of values that a parser reads which raises ValueError."""
 
     def read(text: str) -> Value:
         try:
@@ -77,6 +69,11 @@ def listed(parse: Callable[[str], Value]) -> Callable[[str], Value]:
             raise ArgumentTypeError(str(error)) from None
 
     return read
+
+
+def either(word: str, kind: Callable[[str], Any]) -> Callable[[str], Any]:
+    """A word, or values of a kind."""
+    return lambda text: text if text == word else kind(text)
 
 
 def whole(first: int, last: int) -> Callable[[str], int]:

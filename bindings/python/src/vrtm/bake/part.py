@@ -1,4 +1,5 @@
-"""What is baked by itself of a mesh: all of it, or the faces of one of its subsets; its asset, maps and tiles."""
+"""The parts of a mesh that are baked by themselves: all of it, or the faces of one of its subsets; each with its asset,
+maps and tiles."""
 
 from __future__ import annotations
 
@@ -31,6 +32,16 @@ REST = "rest"
 """The name of the part that has the faces in no subset."""
 
 
+@dataclass(frozen=True, eq=False)
+class Given:
+    """A mesh that is to be baked, with all that it is baked from."""
+
+    settings: Settings
+    shape: Shape
+    device: vrtm.Device
+    copies: Sequence[warped.Copy]
+
+
 @dataclass(eq=False)
 class TileWork:
     """A tile with its maps."""
@@ -39,7 +50,7 @@ class TileWork:
     tile: vrtm.Tile
     udim: int
     layer: int
-    """Which of the layers of charts that lie over one another in the UDIM tile; 0 if there is one."""
+    """Number of the layer of charts in the UDIM tile; 0 if there is one."""
     cells: tuple[int, int]
     size: tuple[int, int]
     """Of the redirection, in texels; (0, 0) if it follows from what the map holds."""
@@ -50,25 +61,16 @@ class TileWork:
 class Part:
     """A mesh, or a subset of its faces, with an asset of its own. Raises SceneError and vrtm.Error."""
 
-    def __init__(
-        self,
-        settings: Settings,
-        shape: Shape,
-        subset: tuple[str, np.ndarray] | None,
-        device: vrtm.Device,
-        copies: Sequence[warped.Copy],
-        common: Fingerprint,
-    ) -> None:
-        """`subset`: a name and the faces; None: all of them. `common`: a hash of what all tiles of the mesh depend
-        on."""
-        self.settings = settings
-        self.shape = shape
+    def __init__(self, given: Given, subset: tuple[str, np.ndarray] | None, common: Fingerprint) -> None:
+        """`subset`: a name and the faces; None: all of them. `common`: a hash of the inputs of all tiles of the
+        mesh."""
+        settings, shape = self.settings, self.shape = given.settings, given.shape
         self.subset, self.faces = subset or ("", None)
         self.where = f"{shape.path} subset {self.subset}" if subset else shape.path
         """The part, as messages name it."""
-        self.asset = shape.asset(device, settings.weld, settings.layers, self.faces)
+        self.asset = shape.asset(given.device, settings.weld, settings.layers, self.faces)
         self.all_tiles = [tile for tile in self.asset.tiles if tile.uv_set == 0]
-        """Those that are solved, of which `tiles` are to be baked."""
+        """The tiles that are solved, of which `tiles` are to be baked."""
         common = common.copy()
         if self.faces is not None:
             common.text("subset").array(self.faces)
@@ -84,10 +86,10 @@ class Part:
         self.rigid_sums: dict[int, np.ndarray] = {}
         """Of the rigidity maps by UDIM number, for `gain`."""
         self.notes: list[str] = []
-        """What is odd about its maps and primvars, each as a sentence."""
+        """Sentences about odd maps and primvars."""
         self._look_at_primvars()
         self.tiles = self._tiles(common)
-        self.textures = [(copy, self._found(copy.pattern)) for copy in copies]
+        self.textures = [(copy, self._found(copy.pattern)) for copy in given.copies]
 
     def _found(self, pattern: str | None) -> dict[int, str]:
         if pattern is None or not self.all_udims:
@@ -106,7 +108,7 @@ class Part:
                 self._look_at(option, f"--{option}-primvar {name}", values[shape.indices[textured]])
 
     def _look_at(self, option: str, name: str, values: np.ndarray) -> None:
-        """Notes values that do not seem to be meant as they count."""
+        """Notes values that are hardly meant as they count."""
         largest = float(values.max(initial=0))
         whole = white(values.dtype)
         of = f" of {whole:g}" if whole != 1 else ""
@@ -125,7 +127,7 @@ class Part:
             {udim: read_map(path) for udim, path in self.maps[option].items()} for option in ("rigidity", "mask")
         )
         if settings.seams == "continue":
-            # What lies beyond a tile's seams may be in any other.
+            # The surface beyond a tile's seams may be in any other tile.
             for maps in (rigid, masks):
                 for udim, pixels in sorted(maps.items()):
                     common = common.copy().text(udim).array(pixels)
@@ -143,7 +145,7 @@ class Part:
                 size = (settings.size,) * 2
             # 0 leaves the size to the features.
             grid = min(settings.size or 0, LARGEST_GRID)
-            # What is set for one layer holds for all of its tile.
+            # Settings of one layer hold for all layers of its tile.
             if tile.layer == 0:
                 if rigidity is not None:
                     tile.set_rigidity(rigidity)
@@ -197,7 +199,6 @@ class Part:
 
     @property
     def udims(self) -> list[int]:
-        """The numbers of the tiles to be baked."""
         return list(dict.fromkeys(tile.udim for tile in self.tiles))
 
     def without(self, option: str) -> list[int]:
@@ -209,18 +210,12 @@ class Part:
         return self.udims if wanted and getattr(self.shape, f"vertex_{option}") is None else []
 
 
-def parts(
-    settings: Settings,
-    shape: Shape,
-    device: vrtm.Device,
-    copies: Sequence[warped.Copy],
-    common: Fingerprint,
-    left_out: list[LeftOut],
-) -> list[Part]:
+def parts(given: Given, common: Fingerprint, left_out: list[LeftOut]) -> list[Part]:
     """The parts of a mesh that are baked each by itself: with --subsets its subsets, and the faces in none of them;
     those without UVs are left out."""
+    settings, shape = given.settings, given.shape
     if not settings.subsets:
-        return [Part(settings, shape, None, device, copies, common)]
+        return [Part(given, None, common)]
     rest = np.ones(len(shape.face_counts), bool)
     chosen = []
     for name, faces in shape.subsets.items():
@@ -234,10 +229,10 @@ def parts(
     left_out += [
         LeftOut("has no UVs", f"{shape.path} subset {n}") for n, f in chosen if len(f) and not with_uvs[f].any()
     ]
-    found = [Part(settings, shape, (n, f), device, copies, common) for n, f in chosen if with_uvs[f].any()]
+    found = [Part(given, (n, f), common) for n, f in chosen if with_uvs[f].any()]
     # One of them may lack a file, but not all.
     wanted = [(getattr(settings, option), [part.maps[option] for part in found]) for option in ("rigidity", "mask")]
-    wanted += [(copy.pattern, [part.textures[number][1] for part in found]) for number, copy in enumerate(copies)]
+    wanted += [(copy.pattern, [part.textures[number][1] for part in found]) for number, copy in enumerate(given.copies)]
     for pattern, maps in wanted:
         if pattern is not None and not any(maps):
             find_maps(pattern, shape.name, sorted({udim for part in found for udim in part.all_udims}))

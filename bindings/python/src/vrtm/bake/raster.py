@@ -46,15 +46,16 @@ def z_up(rest: np.ndarray) -> bool:
 
 
 def cover(corners: np.ndarray, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """Which triangle is seen at the centre of each pixel, (height, width), -1 for none, and the weights of its corners
-    there, (height, width, 3). `corners`: (triangles, 3, 3), in pixels from the left and from the top, and how near."""
+    """The triangle that is seen at the centre of each pixel, (height, width), -1 for none, and the weights of its
+    corners there, (height, width, 3). `corners`: (triangles, 3, 3), in pixels from the left and from the top, and how
+    near."""
     width, height = size
     near, found = np.full(width * height, -np.inf), np.full(width * height, -1)
     xy, z = corners[..., :2], corners[..., 2]
     low = np.nan_to_num(np.floor(xy.min(1))).clip(0, size).astype(np.int64)
     high = np.nan_to_num(np.ceil(xy.max(1))).clip(0, size).astype(np.int64)
     extent = (high - low).max(1)
-    extent[(high <= low).any(1) | (_area(*xy.swapaxes(0, 1)) == 0) | ~np.isfinite(corners).all((1, 2))] = 0
+    extent[(high <= low).any(1) | (area(*xy.swapaxes(0, 1)) == 0) | ~np.isfinite(corners).all((1, 2))] = 0
     side = 1
     while side < 2 * max(size):
         chosen = np.flatnonzero((extent <= side) & (extent > side // 2))
@@ -83,10 +84,10 @@ def weights_at(xy: np.ndarray, points: np.ndarray) -> np.ndarray:
     """(..., 3): the weights of the corners of triangles, (..., 3, 2), at points, (..., 2)."""
     corners = [xy[..., k, :] for k in range(3)]
     with np.errstate(divide="ignore", invalid="ignore"):
-        sides = [_area(points, corners[(k + 1) % 3], corners[(k + 2) % 3]) for k in range(3)]
-        return np.stack(sides, -1) / _area(*corners)[..., None]
+        sides = [area(points, corners[(k + 1) % 3], corners[(k + 2) % 3]) for k in range(3)]
+        return np.stack(sides, -1) / area(*corners)[..., None]
 
 
-def _area(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+def area(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
     """Twice the area of triangles, with a sign."""
     return (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])

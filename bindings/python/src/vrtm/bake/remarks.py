@@ -1,15 +1,130 @@
-"""What is to be said of an open scene: what is odd about it, and what was chosen for the user."""
+"""All that a bake prints and logs: about the scene when it is open, about each frame, and at the end."""
 
 from __future__ import annotations
 
-from vrtm.bake import frames
+import math
+import os
+import re
+import time
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from vrtm.bake import carry, frames, layer_file, left_out, pool, report, rows
+from vrtm.bake.console import Console
+from vrtm.bake.left_out import LeftOut
+from vrtm.bake.mesh_work import FrameResult
+from vrtm.bake.part import Part
+from vrtm.bake.report import summaries
 from vrtm.bake.scene.types import frame_number
-from vrtm.bake.words import numbered, others
+from vrtm.bake.words import counted, numbered, others
 from vrtm.bake.work import Work
+
+# A number in a warning, but for a tile's, a layer's and for digits within a name.
+_NUMBER = re.compile(r"(?<!tile )(?<!layer )\b\d[\d.]*")
+_FRAMES_TOLD = 3
+"""Frames for which a warning that names them is printed."""
+_LEAST = 10.0
+"""Least remaining seconds that are printed."""
+
+
+class Remarks:
+    """The messages of a bake, on its console. `warnings`: all warnings, each once, for the report."""
+
+    def __init__(self, console: Console) -> None:
+        self.console = console
+        self.warnings: list[str] = []
+        self._tiles: set[tuple[str, str]] = set()
+        self._kinds: Counter[str] = Counter()
+        self._left: TimeLeft | None = None
+        self._begun = 0.0
+
+    def warn(self, *messages: str) -> None:
+        for message in messages:
+            # Each worker process opens the scene, and its library warns again.
+            if message not in self.warnings:
+                self.warnings.append(message)
+                self.console.warning(message)
+
+    def info(self, *messages: str) -> None:
+        for message in messages:
+            self.console.info(message)
+
+    def opened(self, work: Work, carried: carry.Carry | None) -> None:
+        """The scene is open and checked."""
+        self.warn(*notes(work), *(carried.warnings if carried else ()))
+        self.warn(*(layer_file.foretell(work) if work.settings.layer else ()))
+        self.warn(*left_out.lines(left_out.unmeant(work.left_out)))
+        self.info(*facts(work), *borders(work), *hints(work), *(carried.facts() if carried else ()))
+        for line in work.told():
+            self.console.verbose(line)
+
+    def idle_files(self, kept: Sequence[str]) -> None:
+        """Files of earlier bakes without a gain are left in place."""
+        if kept:
+            more = f" and {len(kept) - 1} others are" if len(kept) > 1 else " is"
+            self.warn(f"{kept[0]}{more} left there, although nothing is gained: not as vrtm wrote it for the mesh")
+
+    def begun(self, work: Work, meshes: Sequence[str], jobs: int, threads: int) -> None:
+        """Frames of these meshes begin, in jobs of so many threads."""
+        sizes = {name: 1 + sum(math.prod(tile.cells) for tile in mesh.tiles) for name, mesh in work.meshes.items()}
+        self._left = TimeLeft(meshes, sizes)
+        self._begun = time.perf_counter()
+        each = counted(threads, "thread") if threads else "all threads"
+        self.console.verbose(f"{counted(len(meshes), 'frame')}, {jobs} at a time, on {each} each")
+
+    def done(self, work: Work, result: FrameResult) -> None:
+        """A frame is done."""
+        for note in [*result.warnings, *left_out.lines(left_out.unmeant(result.left_out))]:
+            # Tears and folds differ from frame to frame in their numbers alone: the first of them are told. A warning
+            # of a pose names its frame, and is told for a few.
+            kind = _NUMBER.sub("#", note)
+            most = _FRAMES_TOLD if ", frame " in note else 1
+            self._kinds[kind] += 1
+            if self._kinds[kind] <= most:
+                self.warn(note)
+            elif self._kinds[kind] == most + 1 and most > 1:
+                self.warn(f"{note.split(', frame ')[0]}: the same of further frames, which the report names")
+        for line in result.told:
+            self.console.verbose(line)
+        for tile in result.tiles:
+            self._tile(work, result, tile)
+        written, skipped = result.count("written"), result.count("skipped")
+        done = f"{counted(skipped, 'file')} up to date" if result.tiles else "not baked"
+        done = f"{counted(written, 'file')} in {result.milliseconds:.0f} ms" if written else done
+        left = ""
+        if self._left is not None:
+            self._left.done(result.mesh, result.milliseconds / 1e3)
+            left = self._left.text(time.perf_counter() - self._begun)
+        self.console.done(f"{result.mesh}, frame {result.frame}: {done}{left}")
+        for file in result.every_file:
+            self.console.verbose(f"{file['state']}: {os.path.join(work.settings.out, file['path'])}")
+
+    def _tile(self, work: Work, result: FrameResult, tile: dict) -> None:
+        name, mesh = rows.tile_name(tile), work.meshes[result.mesh]
+        if (result.mesh, name) in self._tiles:
+            return
+        self._tiles.add((result.mesh, name))
+        place = f"{mesh.shape.path} tile {name}"
+        self.info(f"{place}: {report.shares(tile)}")
+        if tile["fixed"] > report.MOSTLY:
+            self.warn(
+                f"{place}: {tile['fixed']:.0%} of its rigid texels are fixed and stay as they are: "
+                f"{report.advice(mesh.settings, tile)}"
+            )
+
+    def ended(self, work: Work, results: Sequence[FrameResult], missing: Sequence[LeftOut]) -> None:
+        """All files are written, as far as they can be."""
+        self.console.close()
+        self.info(*(mesh.line() for _, mesh in summaries(work.meshes, results)))
+        shown = left_out.listed(missing)
+        self.info(*shown)
+        # Some are told together, or not at all.
+        for entry in missing if len(missing) >= len(shown) else ():
+            self.console.verbose(f"not baked: {entry.line()}")
 
 
 def notes(work: Work) -> list[str]:
-    """What is odd about the scene and the options, each as a sentence."""
+    """Warnings about odd scenes and options."""
     notes = [*work.heard(), *work.scene.warnings, *_without_maps(work)]
     found = [(shape.path, work.units[shape.name][1]) for shape in work.shapes if shape.name in work.units]
     notes += [f"{path}: {finding.warning}" for path, finding in found if finding.warning and not finding.ends]
@@ -45,13 +160,11 @@ def _without_maps(work: Work) -> list[str]:
 
 
 def hints(work: Work) -> list[str]:
-    """What may be meant or not, each as a sentence."""
+    """Hints about options that may be meant or not."""
     hints = []
     for option in ("rigidity", "mask"):
-        pattern, users = getattr(work.settings, option), {}
-        for part in work.parts if pattern else ():
-            for path in part.maps[option].values():
-                users.setdefault(path, []).append(part.where)
+        pattern = getattr(work.settings, option)
+        users = _grouped((path, part.where) for part in work.parts if pattern for path in part.maps[option].values())
         shared = next(((path, meshes) for path, meshes in users.items() if len(meshes) > 1), None)
         if shared:
             path, (first, second, *more) = shared
@@ -70,29 +183,124 @@ def hints(work: Work) -> list[str]:
 
 
 def facts(work: Work) -> list[str]:
-    """What was chosen for the user: the device, and rest poses."""
+    """Choices that the bake made for the user: the device, and rest poses."""
     info = work.device.info
     threads = f", {info.threads} threads" if info.backend == "cpu" else ""
     lines = [f"device: {info.backend}, {info.name}{threads}{f' ({info.reason})' if info.reason else ''}"]
     lines += [f"frames: {work.scene.rate}"] if work.scene.rate else []
-    of: dict[str, list[str]] = {}
-    for shape in work.shapes:
-        of.setdefault(shape.rest_from, []).append(shape.path)
-    sets: dict[str, list[str]] = {}
-    for shape in work.shapes:
-        sets.setdefault(shape.uv_name, []).append(shape.path)
+    sets = _grouped((shape.uv_name, shape.path) for shape in work.shapes)
     for uv, (first, *more) in sets.items() if len(sets) > 1 else ():
         lines.append(f"UV set: {uv}: {first}{others(len(more))}")
-    for rest, (first, *more) in of.items():
+    for rest, (first, *more) in _grouped((shape.rest_from, shape.path) for shape in work.shapes).items():
         lines.append(f"rest: {rest}" if rest == first else f"rest: {rest}: {first}{others(len(more))}")
     return lines
 
 
 def borders(work: Work) -> list[str]:
-    """What was chosen to happen at borders, and why."""
-    chosen: dict[str, list[str]] = {}
-    for mesh in work.meshes.values():
-        if mesh.borders.why:
-            line = f"seams {mesh.borders.seams}, open borders {mesh.borders.open_borders}: {mesh.borders.why}"
-            chosen.setdefault(line, []).append(mesh.shape.path)
+    """The choices at borders, and their reasons."""
+    chosen = _grouped(
+        (f"seams {of.seams}, open borders {of.open_borders}: {of.why}", mesh.shape.path)
+        for mesh in work.meshes.values()
+        if (of := mesh.borders).why
+    )
     return [f"{first}{others(len(more))}: {line}" for line, (first, *more) in chosen.items()]
+
+
+def _grouped(pairs: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
+    """The second parts of pairs, by the first."""
+    found: dict[str, list[str]] = {}
+    for key, value in pairs:
+        found.setdefault(key, []).append(value)
+    return found
+
+
+def planned(work: Work) -> Iterator[str]:
+    """Meshes, tiles, maps, files and memory. Nothing is prepared, solved or written."""
+    settings = work.settings
+    yield f"frames: {frames.text(work.frames)} of {frames.text(work.scene.frames)}"
+    for mesh in work.meshes.values():
+        shape = mesh.shape
+        name = f" as {shape.name}" if len(work.meshes) > 1 else ""
+        yield f"{shape.path}{name}: UV set {shape.uv_name}, {len(shape.rest)} vertices, rest: {shape.rest_from}"
+        for tile in mesh.tiles:
+            needs = tile.tile.estimate()
+            grid, size = (f"{a} x {b}" for a, b in (tile.cells, tile.size))
+            size = size if tile.size[0] else "auto"
+            maps = ", ".join(_maps(tile.part, tile.udim))
+            share = needs.movable_nodes / ((tile.cells[0] + 1) * (tile.cells[1] + 1))
+            needed = _mb(needs.solving_bytes)
+            name = rows.tile_name(rows.place(tile))
+            yield f"  tile {name}: grid {grid}, maps {size}, {maps}; {share:.1%} may move; {needed}"
+    names = [name for mesh in work.meshes.values() for frame in work.frames for name in mesh.names(frame, work.pattern)]
+    there = sum(map(os.path.exists, names))
+    if names and not settings.only_layer:
+        yield f"files: {len(names)} below {settings.out}, {there} of which are there: {names[0]} to {names[-1]}"
+    for path in layer_file.names(settings) if settings.layer else ():
+        yield f"layer: {path}"
+    yield from [f"carried: {settings.carry_file}"] if settings.carry_file else []
+    yield from (f"sheet: {path}" for path in work.sheets().values())
+    for what in ("root", "report", "log"):
+        path = getattr(settings, what)
+        yield from [f"{what}: {path}"] if path else []
+    jobs, threads = pool.split(settings, work, len(work.frames) * len(work.meshes))
+    most = f"{counted(jobs, 'job')} of {counted(threads, 'thread')}"
+    yield f"memory: {_mb(work.bytes)} per job, besides the scene; at most {most}"
+
+
+def _maps(part: Part, udim: int) -> Iterator[str]:
+    for option in ("rigidity", "mask"):
+        path = part.maps[option].get(udim)
+        if path is not None:
+            yield f"{option} {path}"
+        elif getattr(part.shape, f"vertex_{option}") is not None:
+            yield f"{option} per vertex"
+        elif option == "rigidity":
+            yield "no rigidity"
+    for copy, paths in part.textures:
+        if udim in paths:
+            yield f"{copy.kind} {paths[udim]}"
+
+
+def _mb(count: int) -> str:
+    return f"{count / 1e6:.0f} MB"
+
+
+class TimeLeft:
+    """An estimate by mesh, since frames of one mesh take about as long, and those of another may take a hundredth."""
+
+    def __init__(self, meshes: Iterable[str], sizes: Mapping[str, float]) -> None:
+        """`meshes`: the mesh of each frame that is to be done. `sizes`: what a frame of a mesh is expected to take, to
+        any scale, until one is done."""
+        self._left = Counter(meshes)
+        self._sizes = sizes
+        self._done: Counter[str] = Counter()
+        self._spent: defaultdict[str, float] = defaultdict(float)
+
+    def done(self, mesh: str, seconds: float) -> None:
+        """A frame of a mesh is done, for which a job worked so long."""
+        self._left[mesh] -= 1
+        self._done[mesh] += 1
+        self._spent[mesh] += seconds
+
+    def seconds(self, elapsed: float) -> float:
+        """Seconds for the frames that are left, if the frames that are done took `elapsed` all together, side by side
+        as they were."""
+        worked = sum(self._spent.values())
+        if not worked:
+            return 0.0
+        scale = worked / sum(self._sizes[mesh] * count for mesh, count in self._done.items())
+
+        def expected(mesh: str) -> float:
+            return self._spent[mesh] / self._done[mesh] if self._done[mesh] else self._sizes[mesh] * scale
+
+        return elapsed / worked * sum(count * expected(mesh) for mesh, count in self._left.items() if count)
+
+    def text(self, elapsed: float) -> str:
+        """The same as the end of a line; empty if it is not worth a word."""
+        seconds = self.seconds(elapsed)
+        if seconds < _LEAST:
+            return ""
+        if seconds < 90:
+            return f", about {5 * round(seconds / 5)} s left"
+        minutes = round(seconds / 60)
+        return f", about {minutes} min left" if minutes < 90 else f", about {seconds / 3600:.1f} h left"

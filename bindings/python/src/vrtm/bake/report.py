@@ -4,24 +4,106 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
 
 import vrtm
-from vrtm.bake import left_out, staging
-from vrtm.bake.failure import DONE, INPUT, TOLERANCE, Failure, one_line
+from vrtm.bake import frames, gain, left_out, staging
+from vrtm.bake.failure import DONE, INPUT, TOLERANCE, Failure, unwritable
+from vrtm.bake.frames import Frame
 from vrtm.bake.left_out import LeftOut
-from vrtm.bake.mesh_work import FrameResult
-from vrtm.bake.rows import tile_name
+from vrtm.bake.mesh_work import FrameResult, MeshWork
+from vrtm.bake.rows import Strain, mean, tile_name
 from vrtm.bake.settings import EACH, Settings
-from vrtm.bake.summary import summaries
+from vrtm.bake.words import counted
 from vrtm.bake.work import Work
 
 MOSTLY = 0.5
 """If a larger share of a tile's rigid texels is fixed, its strain says little about what was baked."""
+_NONE = 1e-5
+"""RMS strain that rounding makes where there is none."""
+
+
+@dataclass
+class Summary:
+    """All frames of a mesh."""
+
+    path: str
+    frames: list[Frame] = field(default_factory=list)
+    measured: dict[Frame, Strain] = field(default_factory=dict)
+    """The frames whose strain is known."""
+    fixed: float = 0.0
+    """Share of the rigid texels."""
+    rigid: int = 0
+    """Number of rigid texels."""
+    written: int = 0
+    skipped: int = 0
+    seconds: float = 0.0
+    """Of all processes together."""
+
+    def line(self) -> str:
+        count = f"{counted(len(self.frames), 'frame')} ({frames.text(self.frames)})"
+        done = f"{counted(self.written, 'file')} written" + (f", {self.skipped} up to date" if self.skipped else "")
+        parts = [
+            count,
+            self._strain(),
+            f"{self.fixed:.1%} fixed" if self.rigid else "",
+            done,
+            f"{self.seconds:.1f} s",
+        ]
+        return f"{self.path}: {', '.join(filter(None, parts))}"
+
+    def _strain(self) -> str:
+        if not self.rigid:
+            return gain.NOTHING
+        if not self.measured:
+            return "strain not measured (--measure)"
+        total, worst = mean(self.measured.values()), self._worst
+        if total.before < _NONE:
+            return gain.RIGIDLY
+        change = f"strain {total.before:.3g} -> {total.after:.3g} RMS"
+        if len(self.frames) == 1:
+            return change
+        part = "" if len(self.measured) == len(self.frames) else f" of {len(self.measured)} measured"
+        at = self.measured[worst]
+        return f"{change} (frame {worst}, the worst{part}: {at.before:.3g} -> {at.after:.3g})"
+
+    @property
+    def _worst(self) -> Frame:
+        return max(self.measured, key=lambda frame: (self.measured[frame].after, self.measured[frame].before))
+
+    def row(self) -> dict:
+        strain = None
+        if self.measured:
+            total, at = mean(self.measured.values()), self.measured[self._worst]
+            worst = {"frame": self._worst, "before": at.before, "after": at.after}
+            strain = {"frames": sorted(self.measured), "before": total.before, "after": total.after, "worst": worst}
+        done = {"written": self.written, "skipped": self.skipped, "seconds": round(self.seconds, 3)}
+        return {"frames": len(self.frames), "strain": strain, "fixed": self.fixed, **done}
+
+
+def summaries(meshes: dict[str, MeshWork], results: Sequence[FrameResult]) -> Iterator[tuple[str, Summary]]:
+    """Of each mesh that has a frame which was baked, by its name."""
+    for name, mesh in meshes.items():
+        found = Summary(mesh.shape.path)
+        tiles: dict[tuple, dict] = {}
+        for result in sorted((r for r in results if r.mesh == name and r.tiles), key=lambda r: r.frame):
+            found.frames.append(result.frame)
+            found.written += result.count("written")
+            found.skipped += result.count("skipped")
+            found.seconds += result.milliseconds / 1e3
+            if result.strain is not None and math.isfinite(result.strain.before):
+                found.measured[result.frame] = result.strain
+            tiles |= {(tile["udim"], tile["layer"], tile.get("subset")): tile["rigid"] for tile in result.tiles}
+        found.rigid = sum(tile["texels"] for tile in tiles.values())
+        found.fixed = sum(tile["texels"] * tile["fixed"] for tile in tiles.values()) / max(found.rigid, 1)
+        if found.frames:
+            yield name, found
 
 
 def shares(tile: dict) -> str:
-    """What a tile's row tells of how much of it may move."""
+    """Shares of a tile's texels that are fixed and that may move, as a sentence."""
     rigid = tile["rigid"]
     return (
         f"{rigid['fixed']:.1%} of the rigid texels are fixed, {rigid['overlapped']:.1%} overlapped, "
@@ -31,7 +113,7 @@ def shares(tile: dict) -> str:
 
 
 def advice(settings: Settings, tile: dict) -> str:
-    """What most of a tile's fixed texels are fixed by, and what can be done about that."""
+    """The cause that fixes most of a tile's fixed texels, and the remedy."""
     rigid = tile["rigid"]
     if settings.overlap != "first" and rigid["overlapped"] > rigid["fixed"] / 2:
         if settings.overlap != EACH:
@@ -104,24 +186,24 @@ def write(path: str, content: dict) -> None:
     try:
         staging.write_bytes(path, (json.dumps(content, indent=1) + "\n").encode())
     except OSError as error:
-        raise Failure(INPUT, f"--report {path}: {one_line(error.strerror or error)}") from error
+        raise unwritable(f"--report {path}", error) from error
 
 
 def strict(settings: Settings, missing: Sequence[LeftOut]) -> Failure | None:
-    """What --strict makes an error of all that is not baked."""
+    """The failure that --strict makes of all that is not baked."""
     wrong = left_out.lines(left_out.unmeant(missing)) if settings.strict else []
     more = f" (and {len(wrong) - 1} more, named above)" if len(wrong) > 1 else ""
     return Failure(INPUT, f"--strict: {wrong[0]}{more}") if wrong else None
 
 
 def nothing(results: Sequence[FrameResult]) -> Failure | None:
-    """What is wrong where no pose could be used."""
+    """The failure of a bake of which no pose could be used."""
     wrong = [result.left_out[0] for result in results if result.left_out and not result.tiles]
     return Failure(INPUT, wrong[0].line()) if wrong and len(wrong) == len(results) else None
 
 
 def tolerance(work: Work, results: Sequence[FrameResult]) -> Failure | None:
-    """What is worse than asked for: the worst tile."""
+    """The failure of the worst tile, if a limit is exceeded."""
     settings = work.settings
     # In this order, not in that in which they were done: of equals the first one is told.
     ordered = sorted(results, key=lambda result: (result.frame, result.mesh))

@@ -59,25 +59,20 @@ def make(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
         height, width = pictures[udim].shape[:2]
         facts: dict[str, str | int] = {"vrtm:kind": "rigidity", "vrtm:inputs": inputs.copy().text(udim).hex()}
         target = Target(path, width, height, ("Y",), dtype, facts, format=form)
-        # What somebody has painted on is found before anything is written.
+        # Painted maps are found before anything is written.
         if image_file.up_to_date(target, parsed.overwrite) is None:
             targets[udim] = target
     if targets:
         staging.sweep(os.path.dirname(parsed.out))
-        _write(parsed, options, pictures, targets, console, stop)
+        maps = _MAKERS[parsed.source][0](pictures, **options)
+        stop.check()
+        _write(parsed, maps, targets, console)
     console.info(f"{counted(len(targets), 'file')} written, {len(outputs) - len(targets)} up to date: {parsed.out}")
 
 
 def _write(
-    parsed: argparse.Namespace,
-    options: dict,
-    pictures: dict[int, np.ndarray],
-    targets: dict[int, Target],
-    console: Console,
-    stop: Stop,
+    parsed: argparse.Namespace, maps: dict[int, np.ndarray], targets: dict[int, Target], console: Console
 ) -> None:
-    maps = _MAKERS[parsed.source][0](pictures, **options)
-    stop.check()
     maps = {udim: np.clip(rigidity.changed(values, parsed.invert, parsed.grow), 0, 1) for udim, values in maps.items()}
     for where, bad in (("nothing is rigid in any", (0, 0)), ("all is rigid in all", (1, 1))):
         if all((values.min(), values.max()) == bad for values in maps.values()):

@@ -23,12 +23,12 @@ class Strain:
 
     @staticmethod
     def of(told: dict) -> Strain:
-        """That of a tile, from its row."""
+        """The strain of a tile, from its row."""
         return Strain(told["segments"], told["before"]["rms"], told["after"]["rms"])
 
 
 def mean(strains: Iterable[Strain]) -> Strain:
-    """That of all of their segments."""
+    """The strain of all of their segments."""
     found = list(strains)
     segments = sum(own.segments for own in found)
 
@@ -61,7 +61,7 @@ def strain(report: vrtm.TileReport) -> dict:
 
 
 def figures(tile: TileWork, size: tuple[int, int], found: vrtm.MapInfo | None, settings: Settings) -> dict:
-    """What a file keeps of its solve: nothing that changes from run to run, such as times. `found`: what is known about
+    """Figures of a solve that its file keeps: none that changes from run to run, such as times. `found`: facts about
     maps of the size."""
     report = tile.tile.report()
     names = ("energy_before", "energy", "min_jacobian", "folds", "max_displacement")
@@ -85,7 +85,7 @@ def figures(tile: TileWork, size: tuple[int, int], found: vrtm.MapInfo | None, s
 
 
 def place(tile: TileWork) -> dict:
-    """What tells a tile from the others of its mesh, in its row."""
+    """The keys of a tile's row that distinguish it from the others of its mesh."""
     subset = {"subset": tile.part.subset} if tile.part.subset else {}
     return {"udim": tile.udim, "layer": tile.layer, "layers": tile.tile.layers} | subset
 
@@ -118,6 +118,5 @@ def tile_name(row: dict) -> str:
 
 
 def file(path: str, is_new: bool, settings: Settings) -> dict:
-    """A file's row of the report."""
     state = "written" if is_new else "skipped"
     return {"path": os.path.relpath(path, settings.out).replace(os.sep, "/"), "state": state}

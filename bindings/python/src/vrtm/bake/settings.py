@@ -1,4 +1,4 @@
-"""What a bake is asked to do."""
+"""The settings of a bake."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from vrtm.bake.scene import SceneOptions
 EACH = "each"
 """Charts that lie over one another are baked each by itself, in layers."""
 OVERLAP = EACH
-"""What is done with such charts unless something else is asked for."""
+"""The default."""
 AUTO = "auto"
 """A size of maps that follows from what they hold; what happens at borders, chosen for each mesh."""
 CONNECTED = "connected"
@@ -22,7 +22,6 @@ NUMBERS = tuple(f.name for f in fields(vrtm.TileSettings) if f.type == "float" a
 
 
 def is_alembic(path: str) -> bool:
-    """True if a file's name is that of an Alembic archive."""
     return path.lower().endswith(".abc")
 
 
@@ -66,7 +65,7 @@ class Settings:
     overlap: str = OVERLAP
     max_layers: int = 32
     numbers: dict[str, float] = field(default_factory=dict)
-    """Those of `NUMBERS` that are given."""
+    """The given ones of `NUMBERS`."""
     weld: vrtm.Weld = "index"
     device: vrtm.Backend = "auto"
     adapter: int = 0
@@ -105,6 +104,11 @@ class Settings:
         return self.numbers | borders | {"overlap": "first_face" if self.overlap == "first" else "fixed"}
 
     @property
+    def bound(self) -> float:
+        """Largest error of maps that are as small or as few as possible, in UV."""
+        return (1.0 if self.max_error is None else self.max_error) / self.texture_size
+
+    @property
     def layers(self) -> int:
         """The most layers that a tile may have; 0 if there are none."""
         return self.max_layers if self.overlap == EACH else 0
@@ -123,19 +127,18 @@ class Settings:
 
     @property
     def corner_uvs(self) -> bool:
-        """Whether the corner UVs of each frame are written, for the layer."""
+        """True if the corner UVs of each frame are written, for the layer."""
         return bool(self.layer) and self.layer_mode in ("primvar", "both")
 
 
 @dataclass(frozen=True)
 class Borders:
-    """What happens at the borders of a mesh's charts."""
+    """The treatment of the borders of a mesh's charts."""
 
     seams: str
     open_borders: str
     why: str = ""
-    """Why that was chosen; empty if the command line says both."""
+    """The reason for the choice; empty if the command line makes it."""
 
     def of(self, settings: Settings) -> Settings:
-        """The settings of the mesh."""
         return replace(settings, seams=self.seams, open_borders=self.open_borders)

@@ -19,7 +19,7 @@ from vrtm.bake.mesh_work import FrameResult, MeshWork
 from vrtm.bake.part import TileWork
 from vrtm.bake.raster import Camera, cover
 from vrtm.bake.scene.images import read_colours
-from vrtm.bake.scene.topology import corner_starts
+from vrtm.bake.scene.topology import fans
 from vrtm.bake.settings import Settings
 from vrtm.bake.sheet_figures import GOLD, QUIET, mix, strain_colour
 from vrtm.rigidity import blurred, brightness
@@ -41,7 +41,6 @@ _OVER = 2
 
 
 def path(settings: Settings, mesh: str, several: bool) -> str:
-    """The file of a mesh's sheet."""
     return os.path.join(settings.out, f"{mesh}.sheet.png" if several else "sheet.png")
 
 
@@ -112,7 +111,7 @@ def _texture(tile: TileWork) -> str:
 
 @dataclass(eq=False)
 class _Looked:
-    """What is looked up in a tile: images whose first row is at the top."""
+    """Images of a tile, whose first row is at the top."""
 
     rigidity: np.ndarray
     delta: np.ndarray
@@ -123,7 +122,7 @@ class _Looked:
 
 @dataclass(eq=False)
 class _View:
-    """What is seen of a pose."""
+    """The visible part of a pose."""
 
     seen: np.ndarray
     """(height, width) of samples: where the mesh is. All others are of these samples."""
@@ -141,11 +140,8 @@ class _Surface:
     def __init__(self, mesh: MeshWork, positions: np.ndarray) -> None:
         shape = self.shape = mesh.shape
         self.poses = [shape.rest.astype(np.float64), positions.astype(np.float64)]
-        counts = np.maximum(shape.face_counts.astype(np.int64) - 2, 0)
-        face = np.repeat(np.arange(len(counts)), counts)
-        first = corner_starts(shape.face_counts)[face]
-        second = first + 1 + np.arange(len(face)) - np.repeat(np.cumsum(counts) - counts, counts)
-        corners = np.stack([first, second, second + 1], 1)
+        corners = fans(shape.face_counts)
+        face = np.repeat(np.arange(len(shape.face_counts)), np.maximum(shape.face_counts - 2, 0))
         self.vertices, numbers = shape.indices[corners], shape.uv_indices[corners]
         uvs = shape.uvs[np.maximum(numbers, 0)].astype(np.float64)
         place = np.floor(uvs.mean(1))
@@ -176,11 +172,11 @@ class _Surface:
         else:
             rigidity = np.zeros((height, width))
         file = _texture(tile)
-        # What has 8 or 16 bits is taken for sRGB, as most textures are.
+        # Textures of 8 or 16 bits are taken for sRGB, as most are.
         encoded = bool(file) and warped.read(file).pixels.dtype.kind == "u"
         texture = read_colours(file) ** np.float32(2.2 if encoded else 1) if file else None
         delta, jacobian = (tile.tile.fetch(kind, size) for kind in ("redirection_delta", "jacobian"))
-        # What is painted where the redirection leads to moves along the surface by the inverse Jacobian.
+        # Paint at the redirected UV moves along the surface by the inverse Jacobian.
         at = np.stack(np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5), -1) + delta * [width, -height]
         column, row = at.astype(np.int64).clip(0, [width - 1, height - 1]).transpose(2, 0, 1)
         target = np.where(triangle[row, column] >= 0, triangle[row, column], triangle)
@@ -242,7 +238,6 @@ class _Surface:
         return normals if (normals * a).sum() >= 0 else -normals
 
     def view(self, camera: Camera, positions: np.ndarray, height: int) -> _View:
-        """What a camera sees of a pose."""
         size = (_SAMPLES * _WIDTH, _SAMPLES * height)
         found, weights = cover(camera.project(positions, size)[self.vertices], size)
         seen = found >= 0
@@ -321,12 +316,12 @@ def _strain(rest: np.ndarray, pose: np.ndarray, rigid: np.ndarray) -> np.ndarray
 
 
 def _area(metrics: np.ndarray) -> np.ndarray:
-    """Of the surface per area of UV."""
+    """Surface area per area of UV."""
     return np.sqrt((metrics[:, 0] * metrics[:, 2] - metrics[:, 1] ** 2).clip(0))
 
 
 def _at(image: np.ndarray, uv: np.ndarray) -> np.ndarray:
-    """(points, channels): bilinear."""
+    """(points, channels) of an image, interpolated."""
     height, width = image.shape[:2]
     x, y = (uv[:, 0] * width - 0.5).clip(0, width - 1), ((1 - uv[:, 1]) * height - 0.5).clip(0, height - 1)
     column, row = x.astype(np.int64), y.astype(np.int64)

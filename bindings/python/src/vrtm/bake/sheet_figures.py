@@ -118,6 +118,6 @@ def strain_colour(stretch: np.ndarray, squeeze: np.ndarray) -> np.ndarray:
 
 
 def mix(a: object, b: object, t: np.ndarray) -> np.ndarray:
-    """Linear, by shares (points, 1)."""
+    """(points, channels) between two colours, by shares (points, 1)."""
     a, b = np.asarray(a), np.asarray(b)
     return a + (b - a) * t

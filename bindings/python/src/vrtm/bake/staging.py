@@ -81,7 +81,7 @@ class _Place:
         return os.path.join(self.path, name) if self.descriptor is None else name
 
     def has(self, name: str, file: BinaryIO) -> bool:
-        """Whether a name in it is that of an open file."""
+        """True if a name in it is that of an open file."""
         try:
             found = os.stat(self.at(name), dir_fd=self.descriptor, follow_symlinks=False)
         except OSError:
@@ -168,13 +168,13 @@ def _reserved(place: _Place, name: str) -> Iterator[tuple[str, BinaryIO]]:
 
 
 def _close(file: BinaryIO) -> None:
-    # What could not be written before was told.
+    # An earlier failed write was reported.
     with contextlib.suppress(OSError):
         file.close()
 
 
 def _lock(descriptor: int) -> bool:
-    """Whether the lock is ours. Where the file system has no locks, it is: only age tells there."""
+    """True if the lock is ours. Where the file system has no locks, it is: only age tells there."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

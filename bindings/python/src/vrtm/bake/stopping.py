@@ -53,7 +53,7 @@ class Stop:
             raise self.failure()
 
     def failure(self) -> Failure:
-        """Why the program ends, with the exit code that shells give."""
+        """The failure of an ended program, with the exit code that shells give."""
         name = signal.Signals(self.signal).name if self.signal else "cancelled"
         return Failure(SIGNAL + self.signal, f"ended by {name}" if self.signal else name)
 

@@ -1,4 +1,4 @@
-"""What stands for a frame or a tile in the names of files: the tokens of the programs that write them."""
+"""Tokens of a frame or a tile in the names of files, as the programs write them that make such files."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 FRAME = re.compile(r"#+|@+|%0?(\d*)d|\$F(\d*)|\$\{F(\d*)\}|(?i:<f(?:rame)?(\d*)>)")
 """A frame's number; the group, or the letters' count, is how many digits it has at least."""
 FRAMES = "####, @@@@, %04d, $F4 and <frame>"
-"""Those, for messages."""
+"""The tokens of frames, for messages."""
 TILES = "<UDIM>, <UVTILE>, u<U>_v<V> and %(UDIM)d"
 """The same for tiles."""
 
@@ -21,13 +21,13 @@ _SEPARATED = re.compile(rf"[._-]*(?:{_TILE.pattern})|[._-]*<(?:mesh|subset)>")
 
 
 def digits(token: re.Match[str]) -> int:
-    """How many digits a frame's number has at least, for a match of `FRAME`."""
+    """Least number of digits of a frame's number, for a match of `FRAME`."""
     letters = len(token[0]) if token[0][0] in "#@" else 0
     return letters or int(next(filter(None, token.groups()), 1))
 
 
 def has_tile(pattern: str) -> bool:
-    """Whether a pattern has a token of the tile."""
+    """True if a pattern has a token of the tile."""
     return _TILE.search(pattern) is not None
 
 
@@ -46,7 +46,7 @@ def tiled(pattern: str, udim: int) -> str:
         if name.upper() == "UVTILE":
             return f"u{u}_v{v}"
         number = u if name in "uU" else v
-        # Where no letter is written, OpenImageIO's tokens bring one.
+        # OpenImageIO's tokens bring a letter if none is written.
         return number if token["printf"] else (token["letter"] or name.lower()) + number
 
     return _TILE.sub(filled, pattern)

@@ -1,4 +1,4 @@
-"""Whether the poses of a mesh are in the units of its rest, and what is done where they are not.
+"""The units of a mesh's rest and poses, and the scaling of the rest where they differ.
 
 A deformation makes some edges longer and others shorter. Where all of them are longer by one factor, in all frames,
 the rest is in another unit, or the whole mesh has another size on purpose: in both cases what is painted on it has
@@ -16,7 +16,7 @@ import numpy as np
 
 from vrtm.bake.frames import Frame
 from vrtm.bake.scene import SceneError, Shape
-from vrtm.bake.scene.topology import corner_starts
+from vrtm.bake.scene.topology import corner_starts, next_corners
 
 _ALIKE, _EXACT = 1.01, 1.0001
 """Ratios up to which factors count as one, and as one that is known to some digits."""
@@ -37,7 +37,7 @@ _FACES = 5000
 
 @dataclass(frozen=True)
 class Lengths:
-    """How many times as long as at rest the edges of a pose are."""
+    """Lengths of the edges of a pose, in those at rest."""
 
     median: float
     factor: float
@@ -56,7 +56,7 @@ class Lengths:
 
     @property
     def is_odd(self) -> bool:
-        """Whether the rest may be in another unit."""
+        """True if the rest may be in another unit."""
         least = _ALIKE if self.share >= _PURE else _LARGE if self.share >= _RIGID else math.inf
         return _apart(self.factor, 1) > least or (self.median > 1e-6 and _apart(self.median, 1) >= _IMPLAUSIBLE)
 
@@ -70,9 +70,7 @@ class Ruler:
         starts, counts = starts[counts > 0], counts[counts > 0]
         self._first = corner_starts(counts)
         corners = np.repeat(starts - self._first, counts) + np.arange(counts.sum())
-        following = corners + 1
-        following[self._first + counts - 1] = starts
-        self._ends = shape.indices[corners], shape.indices[following]
+        self._ends = shape.indices[corners], shape.indices[corners[next_corners(counts)]]
         self._rest = self._measured(shape.rest)
 
     def _measured(self, positions: np.ndarray) -> np.ndarray:
@@ -80,7 +78,7 @@ class Ruler:
         return np.linalg.norm(np.subtract(positions[a], positions[b], dtype=np.float64), axis=-1)
 
     def lengths(self, positions: np.ndarray) -> Lengths:
-        """What a pose has. A mesh without edges that have a length is as at rest."""
+        """The lengths of a pose. A mesh without edges that have a length is as at rest."""
         with np.errstate(all="ignore"):
             ratios = self._measured(positions) / self._rest
         known = np.isfinite(ratios)
@@ -96,7 +94,7 @@ class Ruler:
         return Lengths(float(np.median(ratios[known])), factor, len(shared) / np.count_nonzero(faces))
 
     def strain(self, positions: np.ndarray) -> float:
-        """How much the edges of a pose differ from those at rest (RMS), each by 1 at most."""
+        """RMS difference of the edges of a pose from those at rest, each by 1 at most."""
         with np.errstate(all="ignore"):
             strain = np.minimum(np.abs(self._measured(positions) / self._rest - 1), 1)
         known = np.isfinite(strain)
@@ -104,23 +102,23 @@ class Ruler:
 
 
 def spread(frames: Sequence[Frame]) -> list[Frame]:
-    """A few of some frames, from the first to the last."""
+    """A few frames, from the first to the last."""
     last = len(frames) - 1
     return [frames[index] for index in sorted({round(last * k / (_LOOKED_AT - 1)) for k in range(_LOOKED_AT)})]
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found about the rest of a mesh."""
+    """Facts about the rest of a mesh."""
 
     factor: float = 1.0
     """The rest is to be multiplied by it."""
     reason: str = ""
-    """Where the factor is from."""
+    """Origin of the factor."""
     warning: str = ""
     """The end of a sentence; empty if nothing is odd."""
     ends: bool = False
-    """Whether the warning ends the bake."""
+    """True if the warning ends the bake."""
 
 
 class Units:
@@ -143,7 +141,7 @@ class Units:
             return None
 
     def finding(self) -> Finding:
-        """What is to be done with the rest, and to be said."""
+        """The factor of the rest, and the warning about it."""
         first = self._at(self._frames[0])
         if first is None:
             return Finding()
@@ -191,15 +189,15 @@ class Units:
         return Finding(self._scale, reason)
 
     def jump(self, frame: Frame, positions: np.ndarray) -> Finding:
-        """What is to be said of a frame: where the whole mesh has another size than at rest, and got it from one frame
-        to the next. A mesh that grows may grow by any factor."""
+        """The warning about a frame: the whole mesh has another size than at rest, and got it from one frame to the
+        next. A mesh that grows may grow by any factor."""
         here = self._ruler.lengths(positions).over(self._scale)
         gross = here.median > 1e-6 and _apart(here.median, 1) >= _OTHER
         if not gross and not (here.share >= _PURE and _apart(here.factor, 1) > _LARGE):
             return Finding()
         start = self._at(self._anchor)
         if start is None or frame == self._anchor or (gross and _apart(start.median, 1) >= _OTHER):
-            # Of such a scene all was said before.
+            # The first finding covers such a scene.
             return Finding()
         (before, start), (after, end) = sorted([(self._anchor, start), (frame, here)], key=lambda entry: entry[0])
         while between := self._frames[bisect_right(self._frames, before) : bisect_left(self._frames, after)]:
@@ -227,14 +225,14 @@ class Units:
 
 
 def _densest(ascending: np.ndarray, ratio: float) -> np.ndarray:
-    """As many of some numbers as lie together within a ratio."""
+    """The longest run of ascending numbers within a ratio."""
     counts = np.searchsorted(ascending, ascending * ratio, "right") - np.arange(len(ascending))
     best = int(np.argmax(counts)) if len(ascending) else 0
     return ascending[best : best + int(counts.max(initial=0))]
 
 
 def _apart(a: float, b: float) -> float:
-    """How many times as large the larger of two numbers is."""
+    """The ratio of two numbers, the larger over the smaller."""
     low, high = min(a, b), max(a, b)
     return high / low if low > 0 else math.inf
 

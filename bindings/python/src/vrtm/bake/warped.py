@@ -53,7 +53,7 @@ class Copy:
     """Its name in file names."""
     is_normal: bool
     down: bool
-    """Whether green grows against v."""
+    """True if green grows against v."""
 
     def read(self, path: str) -> Texture:
         """Reads a texture. Raises SceneError, Failure."""
@@ -79,7 +79,6 @@ class Texture:
     """A hash of all these but the path."""
 
     def target(self, path: str, facts: Mapping[str, str | int]) -> Target:
-        """The file of a copy."""
         (height, width, _), dtype = self.pixels.shape, str(self.pixels.dtype)
         return Target(path, width, height, self.channels, dtype, facts, self.attributes, self.format, self.alpha)
 
@@ -117,7 +116,7 @@ def read(path: str) -> Texture:
 
 
 def _can_be_kept(attribute: oiio.ParamValue) -> bool:
-    """Whether an attribute means something in a copy, and can be written: one may have bytes that are no UTF-8."""
+    """True if an attribute means something in a copy, and can be written: one may have bytes that are no UTF-8."""
     if _FILE_ONLY.fullmatch(attribute.name):
         return False
     try:
@@ -151,7 +150,7 @@ def warp(
     height, width, channels = texture.pixels.shape
     top = white(texture.pixels.dtype)
     source = texture.pixels.astype(np.float32) / np.float32(top)
-    # What overshoots beside an edge must not leave the range that the texture has.
+    # Overshoots beside an edge must not leave the texture's range.
     low, high = source.min(axis=(0, 1)), source.max(axis=(0, 1))
     # A margin, since there is nothing to interpolate with beyond an image's edge.
     padded = np.pad(source, ((MARGIN, MARGIN), (MARGIN, MARGIN), (0, 0)), mode="edge")
@@ -230,5 +229,5 @@ def _sampled(padded: np.ndarray, x: np.ndarray, y: np.ndarray, axes: np.ndarray)
 
 
 def _samples(length: np.ndarray) -> np.ndarray:
-    """How many samples a footprint of so many texels takes."""
+    """Number of samples of a footprint of so many texels."""
     return np.where(length < 0.3, 1, np.minimum(_MOST_SAMPLES, 1 + np.ceil(length))).astype(np.int64)

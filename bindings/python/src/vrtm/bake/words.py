@@ -30,13 +30,13 @@ def numbered(noun: str, numbers: Collection[Frame]) -> str:
 
 
 def others(count: int) -> str:
-    """What follows the first of several meshes."""
+    """The words behind the first of several meshes."""
     return "" if count == 0 else " and another mesh" if count == 1 else f" and {count} other meshes"
 
 
 def cause(error: Exception) -> str:
-    """What an exception of a library says, in one line. That of a Tf.ErrorException has a line for each of USD's
-    functions that it passed, of which the first one names the cause, and where in USD's sources it was raised."""
+    """The message of a library's exception, in one line. That of a Tf.ErrorException has a line for each of USD's
+    functions that it passed: the first one names the cause, and its place in USD's sources."""
     try:
         told = str(error)
     except UnicodeDecodeError as wrong:

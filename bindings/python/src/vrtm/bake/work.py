@@ -15,13 +15,13 @@ import OpenImageIO as oiio
 
 import vrtm
 from vrtm.bake import borders, frames, gain, image_file, not_baked, overwrite, sheet, staging, units, warped
-from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line
+from vrtm.bake.failure import DEVICE, INPUT, Failure, describe, one_line, unwritable
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.frames import Frame
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.mesh_work import FrameResult, MeshWork
 from vrtm.bake.names import ONE_MESH, SEVERAL, Pattern
-from vrtm.bake.part import Part
+from vrtm.bake.part import Given, Part
 from vrtm.bake.scene import Scene, SceneError, Shape
 from vrtm.bake.scene.topology import outside
 from vrtm.bake.settings import Borders, Settings
@@ -34,14 +34,14 @@ _MOST_BYTES = 256 << 20
 
 @dataclass(frozen=True)
 class Choices:
-    """What was chosen for the meshes, by their names. Picklable."""
+    """Choices for the meshes, by their names. Picklable."""
 
     borders: dict[str, Borders]
     idle: dict[str, dict[gain.Group, str]]
-    """What gains nothing."""
+    """Parts and layers without a gain."""
 
 
-class Work:
+class Work(contextlib.AbstractContextManager):
     """An open scene and the device. A context manager; not for several threads at once. Raises Failure."""
 
     def __init__(self, settings: Settings, threads: int, choices: Choices | None = None) -> None:
@@ -52,58 +52,72 @@ class Work:
         # The mesh that is worked on, and the frame.
         self._subject = self._frame = ""
         self._shape: Shape | None = None
+        self._poses: dict[str, list[str]] = {}
         oiio.attribute("threads", threads)
-        try:
-            self.device = vrtm.Device(settings.device, adapter=settings.adapter, threads=threads, log=self._hear)
-        except vrtm.Error as error:
-            # Whatever it is, another machine may have what this one lacks.
-            raise Failure(DEVICE, f"--device {settings.device}: {one_line(error)}") from error
+        self.device = self._opened_device(threads)
         self.scene = Scene(settings.scene, settings.options)
-        if not self.scene.shapes:
-            raise Failure(INPUT, f"{settings.scene}: no mesh with UVs")
-        try:
-            self.frames, self.missing_frames = frames.clamp(
-                settings.frames, self.scene.frames, self.scene.has_subframes
-            )
-        except ValueError as error:
-            raise Failure(INPUT, f"{settings.scene}: {error}") from None
-        if not self.frames:
-            there = frames.text(self.scene.frames)
-            raise Failure(INPUT, f"--frames: none of these is in {settings.scene}, which has {there or 'none'}")
-        if settings.freeze is not None and settings.freeze not in self.frames:
-            raise Failure(INPUT, f"--freeze {settings.freeze}: it is none of {frames.text(self.frames)}")
+        self.frames, self.missing_frames = self._present_frames()
         self.units: dict[str, tuple[units.Units, units.Finding]] = {}
         """Of the meshes, by name, with what was found of all of their frames."""
-        shapes = [self._in_units(shape) for shape in self.scene.shapes]
-        self.shapes = [shape for shape in shapes if not self._stays(shape)]
+        in_units = [self._in_units(shape) for shape in self.scene.shapes]
+        self.shapes = [shape for shape in in_units if not self._stays(shape)]
         """The meshes to bake: those that deform, and those that are named."""
-        still = [shape.path for shape in shapes if shape not in self.shapes]
-        if not self.shapes:
-            named = f"{still[0]}{others(len(still) - 1)}"
-            moved = "; ".join(warning for warning in self.scene.warnings if "--world" in warning)
-            message = f"{settings.scene}: nothing deforms: {named} can be baked if --meshes names it"
-            raise Failure(INPUT, f"{message}; {moved}" if moved else message)
-        if settings.subsets and not any(shape.subsets for shape in self.shapes):
-            raise Failure(INPUT, f"--subsets: no mesh of {settings.scene} has subsets that materials can be bound to")
+        still = [shape.path for shape in in_units if shape not in self.shapes]
+        self._check_shapes(still)
         copies = warped.listed(settings.textures, settings.normal_maps, settings.normal_y == "down")
         known = {} if choices is None else choices.borders
         self.meshes = {shape.name: self._mesh(shape, copies, known.get(shape.name)) for shape in self.shapes}
-        unnamed = [entry for entry in self.scene.left_out if not set(entry.frames) & set(self.frames)]
-        self.left_out = [
-            *unnamed,
-            *(LeftOut("nothing deforms there; --meshes can name it", path, meant=True) for path in still),
-            *not_baked.of_frames(settings, self.scene.frames, self.frames, self.missing_frames),
-            *not_baked.of_meshes(settings, self.meshes.values()),
-        ]
+        self.left_out = self._known_left_out(still)
         """All that is known not to be baked."""
         self.pattern = self._pattern(copies)
         self.idle: dict[str, dict[gain.Group, str]] = {}
-        """What gains nothing, by the mesh's name."""
+        """Parts and layers without a gain, by the mesh's name."""
         # Without --measure, for the last lines of the bake alone.
         self._measured = {self.frames[k * (len(self.frames) - 1) // 4] for k in (1, 2, 4)}
-        self._poses: dict[str, list[str]] = {}
         if choices is not None:
             self.leave_out(choices.idle)
+
+    def _opened_device(self, threads: int) -> vrtm.Device:
+        settings = self.settings
+        try:
+            return vrtm.Device(settings.device, adapter=settings.adapter, threads=threads, log=self._hear)
+        except vrtm.Error as error:
+            # Whatever it is, another machine may have what this one lacks.
+            raise Failure(DEVICE, f"--device {settings.device}: {one_line(error)}") from error
+
+    def _present_frames(self) -> tuple[tuple[Frame, ...], tuple[Frame, ...]]:
+        """The frames to bake, and those of --frames that the scene lacks."""
+        settings, scene = self.settings, self.scene
+        try:
+            found, missing = frames.clamp(settings.frames, scene.frames, scene.has_subframes)
+        except ValueError as error:
+            raise Failure(INPUT, f"{settings.scene}: {error}") from None
+        if not found:
+            there = frames.text(scene.frames)
+            raise Failure(INPUT, f"--frames: none of these is in {settings.scene}, which has {there or 'none'}")
+        if settings.freeze is not None and settings.freeze not in found:
+            raise Failure(INPUT, f"--freeze {settings.freeze}: it is none of {frames.text(found)}")
+        return found, missing
+
+    def _check_shapes(self, still: Sequence[str]) -> None:
+        """Raises Failure if no mesh is left to bake, or none has the subsets that are asked for. `still`: the paths of
+        meshes that do not deform."""
+        scene = self.settings.scene
+        if not self.shapes:
+            named = f"{still[0]}{others(len(still) - 1)}"
+            moved = "; ".join(warning for warning in self.scene.warnings if "--world" in warning)
+            message = f"{scene}: nothing deforms: {named} can be baked if --meshes names it"
+            raise Failure(INPUT, f"{message}; {moved}" if moved else message)
+        if self.settings.subsets and not any(shape.subsets for shape in self.shapes):
+            raise Failure(INPUT, f"--subsets: no mesh of {scene} has subsets that materials can be bound to")
+
+    def _known_left_out(self, still: Sequence[str]) -> list[LeftOut]:
+        return [
+            *(entry for entry in self.scene.left_out if not set(entry.frames) & set(self.frames)),
+            *(LeftOut("nothing deforms there; --meshes can name it", path, meant=True) for path in still),
+            *not_baked.of_frames(self.settings, self.scene.frames, self.frames, self.missing_frames),
+            *not_baked.of_meshes(self.settings, self.meshes.values()),
+        ]
 
     def _hear(self, level: str, message: str) -> None:
         """The library's log."""
@@ -118,12 +132,12 @@ class Work:
         (self._heard if level == "warning" else self._told).append(line)
 
     def told(self) -> list[str]:
-        """What the library said besides since this was asked last."""
+        """Details of the library since the last call."""
         told, self._told = self._told, []
         return told
 
     def _stays(self, shape: Shape) -> bool:
-        """Whether a mesh is at rest in all frames, so that its maps would be the identity, and is not named."""
+        """True if a mesh is at rest in all frames, so that its maps would be the identity, and is not named."""
         if not shape.still or self.settings.options.names(shape.path):
             return False
         pose = self.scene.positions(shape, self.frames[0])
@@ -145,16 +159,17 @@ class Work:
         return dataclasses.replace(shape, rest=shape.rest * finding.factor, rest_from=rest_from)
 
     def heard(self) -> list[str]:
-        """What the library warned of since this was asked last, each as a sentence that names the mesh."""
+        """Warnings of the library since the last call, as sentences that name the mesh."""
         heard, self._heard = self._heard, []
         return heard
 
     def _mesh(self, shape: Shape, copies: tuple[warped.Copy, ...], known: Borders | None) -> MeshWork:
         self._subject, self._frame, self._shape = shape.path, "", shape
         try:
+            given = Given(self.settings, shape, self.device, copies)
             if known is not None:
-                return MeshWork(self.settings, shape, self.device, copies, known)
-            return borders.mesh(self.settings, self.scene, shape, self.device, copies, lambda: self._shared_places)
+                return MeshWork(given, known)
+            return borders.mesh(given, self.scene, lambda: self._shared_places)
         except (vrtm.Error, ValueError) as error:
             raise describe(error, f"{self.settings.scene} {shape.path}") from error
 
@@ -183,8 +198,8 @@ class Work:
         # Maps of UVs of another set are none of the identity; and between two frames what turns rigidly shrinks.
         if settings.options.texture_uv is not None or not all(isinstance(frame, int) for frame in self.frames):
             return
-        # Nobody waits for so many.
         if len(self.scene.frames) > frames.MOST:
+            # To look at so many would take too long.
             return
         every = sorted({*self.scene.frames, *self.frames})
         for mesh in self.meshes.values():
@@ -199,7 +214,7 @@ class Work:
         self.leave_out(self.idle)
 
     def leave_out(self, idle: dict[str, dict[gain.Group, str]]) -> None:
-        """Takes what gains nothing out of what is baked."""
+        """Leaves parts and layers without a gain out of the bake."""
         for name, groups in idle.items():
             self.meshes[name].leave_out(groups)
 
@@ -219,12 +234,12 @@ class Work:
 
     @property
     def choices(self) -> Choices:
-        """What was found that a further process need not find again."""
+        """Findings that a further process need not repeat."""
         return Choices({name: mesh.borders for name, mesh in self.meshes.items()}, self.idle)
 
     @property
     def parts(self) -> list[Part]:
-        """What is baked by itself, of all meshes."""
+        """The parts of all meshes, each of which is baked by itself."""
         return [part for mesh in self.meshes.values() for part in mesh.parts]
 
     def check_units(self) -> None:
@@ -234,7 +249,7 @@ class Work:
             if found.ends:
                 raise Failure(INPUT, f"{self.settings.scene} {mesh.shape.path}: {found.warning}")
             with contextlib.suppress(SceneError):
-                # What is wrong with a pose is said when its frame is baked.
+                # A wrong pose is reported when its frame is baked.
                 self._check_units(mesh.shape, self.frames[0], self.scene.positions(mesh.shape, self.frames[0]))
 
     def _check_units(self, shape: Shape, frame: Frame, positions: np.ndarray) -> list[str]:
@@ -257,23 +272,8 @@ class Work:
 
     def check_files(self, of_layer: Sequence[str] = (), of_carry: Sequence[str] = ()) -> None:
         """Raises Conflict if a file cannot be written without the loss of another, Failure if a folder is missing.
-        `of_layer`: what is written beside the layer; `of_carry`: what is read for what is carried."""
+        `of_layer`: files written beside the layer; `of_carry`: files read for geometry on the skin."""
         settings = self.settings
-        # What is there where nothing is gained is removed, or wrong.
-        there = [name for _, name in self._idle_names() if os.path.lexists(name)]
-        outputs = [] if settings.only_layer else [(name, "--out") for name in [*self._names(), *there]]
-        outputs += [(path, "--sheet") for path in self.sheets().values()]
-        inputs = [(settings.scene, "the scene")]
-        for part in self.parts:
-            inputs += [(path, f"--{option}") for option, paths in part.maps.items() for path in paths.values()]
-            inputs += [(path, "--texture") for _, paths in part.textures for path in paths.values()]
-        inputs += [(path, "a file of the scene") for path in self.scene.files]
-        inputs += [(path, "a file of --carry") for path in of_carry]
-        # The log is open.
-        further = {"--controls": settings.controls, "--carry": settings.carry, "--log": settings.log}
-        inputs += [(path, option) for option, path in further.items() if path is not None]
-        outputs += [(path, "--layer") for path in of_layer]
-        outputs += [(path, option) for option, path in settings.beside.items()]
         for name in (settings.out, *settings.beside.values()):
             # Raises UnicodeEncodeError for what is no UTF-8.
             name.encode()
@@ -282,7 +282,7 @@ class Work:
             folder = os.path.dirname(os.path.abspath(path))
             if not os.path.exists(folder) and not os.path.join(folder, "").startswith(out):
                 raise Failure(INPUT, f"{option} {path}: there is no folder {folder}")
-        overwrite.check(outputs, inputs, settings.overwrite)
+        overwrite.check(self._outputs(of_layer), self._inputs(of_carry), settings.overwrite)
         names = {mesh.shape.name for mesh in self.meshes.values()}
         for path, mesh in self.replaced("vrtm:mesh"):
             if mesh not in names and not settings.overwrite:
@@ -291,6 +291,29 @@ class Work:
                     f"--out: {path} holds the maps of the mesh {mesh}: --overwrite replaces them, and --name with "
                     "<mesh> keeps both",
                 )
+
+    def _outputs(self, of_layer: Sequence[str]) -> list[tuple[str, str]]:
+        """All files to be written, with their options."""
+        # Files that are there without a gain are removed, or wrong.
+        there = [name for _, name in self._idle_names() if os.path.lexists(name)]
+        return [
+            *((name, "--out") for name in ([] if self.settings.only_layer else [*self._names(), *there])),
+            *((path, "--sheet") for path in self.sheets().values()),
+            *((path, "--layer") for path in of_layer),
+            *((path, option) for option, path in self.settings.beside.items()),
+        ]
+
+    def _inputs(self, of_carry: Sequence[str]) -> list[tuple[str, str]]:
+        """All files that are read, and the log, which is open, each in a word."""
+        settings = self.settings
+        inputs = [(settings.scene, "the scene")]
+        for part in self.parts:
+            inputs += [(path, f"--{option}") for option, paths in part.maps.items() for path in paths.values()]
+            inputs += [(path, "--texture") for _, paths in part.textures for path in paths.values()]
+        inputs += [(path, "a file of the scene") for path in self.scene.files]
+        inputs += [(path, "a file of --carry") for path in of_carry]
+        further = {"--controls": settings.controls, "--carry": settings.carry, "--log": settings.log}
+        return inputs + [(path, option) for option, path in further.items() if path is not None]
 
     def _names(self) -> Iterator[str]:
         yield from filter(None, [self.settings.carry_file])
@@ -318,7 +341,6 @@ class Work:
         return {name: sheet.path(self.settings, name, several) for name in self.meshes if self.settings.sheet}
 
     def folders(self) -> list[str]:
-        """The folders that files are written to."""
         return sorted({os.path.dirname(name) for name in self._names()})
 
     def try_folders(self) -> None:
@@ -330,7 +352,7 @@ class Work:
             try:
                 staging.try_folder(folder)
             except OSError as error:
-                raise Failure(INPUT, f"{option}: {folder}: {one_line(error.strerror or error)}") from error
+                raise unwritable(f"{option}: {folder}", error) from error
 
     def _positions(self, work: MeshWork, frame: Frame) -> tuple[np.ndarray, str]:
         """The pose of a mesh, and a hash of it, with what was before it where frames start from those before them."""
@@ -349,7 +371,7 @@ class Work:
 
     @functools.cached_property
     def bytes(self) -> int:
-        """What a job needs for all of its tiles, less the scene."""
+        """Bytes of a job for all of its tiles, less the scene."""
         needs = [tile.tile.estimate() for mesh in self.meshes.values() for tile in mesh.tiles]
         kept = sum(need.solving_bytes for need in needs)
         if len(needs) < 2 or kept <= _MOST_BYTES:
@@ -364,7 +386,7 @@ class Work:
         work = self.meshes[mesh]
         if self.settings.force:
             return None
-        # By the names alone, before the pose is read.
+        # Missing files show without reading the pose.
         if not all(map(os.path.isfile, work.names(frame, self.pattern))):
             return None
         try:
@@ -395,14 +417,10 @@ class Work:
         return result
 
     def close(self) -> None:
-        """Lets go of everything."""
         for mesh in self.meshes.values():
             mesh.close()
         self.scene.close()
         self.device.close()
-
-    def __enter__(self) -> Work:
-        return self
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -14,15 +14,15 @@ import numpy as np
 
 PRODUCTS, DISTANCES = "products", "distances"
 _STILL = 1e-2
-"""The share of the largest range up to which a control has moved by chance: it is not stretched to the same range."""
+"""Share of the largest range up to which a control counts as still: it is not scaled to the same range."""
 _KNOWN = 0.1
-"""Directions in which the poses vary less than that, beside the one in which they vary most, tell no slope: one that is
-taken from them grows without bound beyond the poses."""
+"""Variation of the poses in a direction, relative to the largest one, below which no slope is fitted: it would grow
+without bound beyond the poses."""
 
 
 @dataclass(frozen=True, eq=False)
 class Driver:
-    """`weights(controls)`. At controls of 0 all weights are 0, where the poses do not say otherwise."""
+    """A function from controls to weights. At controls of 0 all weights are 0, unless a pose there has others."""
 
     form: str
     """`products` or `distances`."""
@@ -31,7 +31,7 @@ class Driver:
     centres: np.ndarray
     """(terms, controls): exponents, 0 or 1, of products; or the poses that distances are measured to."""
     ranges: np.ndarray
-    """(controls,): what controls are divided by before distances are measured."""
+    """(controls,): divisors of the controls before distances are measured."""
     coefficients: np.ndarray
     """(terms, weights); of distances, with the controls and 1 as further terms."""
 
@@ -49,11 +49,11 @@ class Driver:
         return np.hstack([away, scaled, np.ones((len(given), 1))])
 
     def term_names(self) -> list[str]:
-        """What each product is of: `smile`, `smile*jaw`."""
+        """Names of the products: `smile`, `smile*jaw`."""
         return ["*".join(name for name, has in zip(self.names, row) if has) for row in self.centres]
 
     def document(self) -> dict:
-        """For a file: plain lists."""
+        """Returns the driver as plain lists, for a file."""
         arrays = {"centres": self.centres, "ranges": self.ranges, "coefficients": self.coefficients}
         return {"form": self.form, "controls": list(self.names)} | {k: v.tolist() for k, v in arrays.items()}
 

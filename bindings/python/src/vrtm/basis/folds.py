@@ -1,17 +1,19 @@
-"""Where a map that is interpolated bilinearly is not one-to-one, by the rule of the library's certificate of maps
-(method §9): over four neighbouring texel centres the Jacobian is smallest at one of them."""
+"""Folds of a map that is interpolated bilinearly: quads of four texel centres in which it is not one-to-one.
+
+The rule is that of the library's certificate of maps (method §9): over such a quad the Jacobian is smallest at one of
+the four centres."""
 
 from __future__ import annotations
 
 import numpy as np
 
 _ROUNDING = 1e-11
-"""A Jacobian as small as this is one of coarsely rounded neighbours that are equal."""
+"""Jacobians up to this size count as 0: they come from coarsely rounded neighbours that are equal."""
 
 
 def folds(delta: np.ndarray) -> tuple[int, float]:
-    """Of the map `UV + delta`: the quads that fold, and the smallest Jacobian (1 at most). `delta`: (height, width, 2),
-    the first row at the top, v up."""
+    """Number of quads of the map `UV + delta` that fold, and the smallest Jacobian (1 at most). `delta`:
+    (height, width, 2), the first row at the top, v up."""
     height, width = delta.shape[:2]
     rows, columns = np.mgrid[:height, :width].astype(np.float64)
     at = np.stack([columns + delta[..., 0] * float(width), (height - 1 - rows) + delta[..., 1] * float(height)], -1)

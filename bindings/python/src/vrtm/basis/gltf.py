@@ -16,7 +16,7 @@ _ARRAY, _ELEMENTS = 34962, 34963
 
 @dataclass(frozen=True, eq=False)
 class Morph:
-    """A morph target: what a weight of 1 adds."""
+    """A morph target: the changes that a weight of 1 adds."""
 
     name: str
     positions: np.ndarray

@@ -15,8 +15,8 @@ def morphs(
     """The targets whose sums come nearest to the poses, and the weights of all of them, (poses, targets).
 
     `weights`: (poses, K) of the targets with `names`. `positions`, `uvs`: (poses, vertices, 3 and 2), less those at
-    rest. What positions lack then by more than `tolerance` gets targets of its own, that leave the UVs alone: as many
-    of its singular vectors as it takes."""
+    rest. Positions that are then off by more than `tolerance` get targets of their own, which leave the UVs alone: as
+    many singular vectors of the difference as it takes."""
     count = len(positions)
     given = np.asarray(weights, np.float64)
     flat = [values.reshape(count, -1).astype(np.float64) for values in (positions, uvs)]

@@ -12,13 +12,13 @@ FORMATS = {HALF: "float16", "unorm16": "uint16", "unorm8": "uint8"}
 
 
 def ending(form: str) -> str:
-    """That of a file with such numbers: no EXR has integers of 16 or 8 bits."""
+    """Ending of a file with such numbers: no EXR has integers of 16 or 8 bits."""
     return ".exr" if form == HALF else ".png"
 
 
 @dataclass(frozen=True, eq=False)
 class Range:
-    """What stored numbers stand for: `offset + scale * number`, where the largest of an unsigned type counts as 1."""
+    """Meaning of stored numbers: `offset + scale * number`, where an unsigned type's largest counts as 1."""
 
     offset: np.ndarray
     """(2,) f32, of u and v."""
@@ -27,8 +27,8 @@ class Range:
 
 
 def stored(maps: np.ndarray, form: str) -> tuple[np.ndarray, list[Range]]:
-    """Maps (K, texels, 2) rounded to a format: what their numbers stand for, in f32 (f16 as they are), and the range of
-    each. A value of 0 stays 0."""
+    """Rounds maps (K, texels, 2) to a format. Returns the rounded values, in f32 (f16 as they are), and the range of
+    each map. A value of 0 stays 0."""
     if form == HALF:
         return maps.astype(np.float16), [Range(np.zeros(2, np.float32), np.ones(2, np.float32)) for _ in maps]
     most = np.iinfo(FORMATS[form]).max
@@ -46,7 +46,7 @@ def numbers(values: np.ndarray, of: Range, form: str) -> np.ndarray:
 
 
 def values(numbers: np.ndarray, of: Range) -> np.ndarray:
-    """What (..., 2) stored numbers stand for, as a shader reads them: f32."""
+    """Values of stored numbers, (..., 2) f32, as a shader reads them."""
     if numbers.dtype.kind == "f":
         return numbers.astype(np.float32)
     most = np.iinfo(numbers.dtype).max

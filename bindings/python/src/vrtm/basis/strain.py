@@ -21,7 +21,7 @@ _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
 
 @dataclass(frozen=True)
 class Strain:
-    """Of all segments of a map."""
+    """Strain of the segments of a map."""
 
     rms: float
     p99: float
@@ -33,7 +33,7 @@ class Strain:
 
     @staticmethod
     def of(values: np.ndarray, lost: int = 0) -> Strain:
-        """Of strains of segments, which may be those of several tiles."""
+        """Summary of the strains of segments, of one tile or several."""
         size = np.abs(values)
         if not len(size):
             return Strain(0.0, 0.0, 0.0, 0, lost)

@@ -1,16 +1,12 @@
 """The USD layer that a bake hands to a shot: redirected texture lookups, and redirected corner UVs as a primvar."""
 
-from vrtm.bake.layer.check import check_layer
-from vrtm.bake.layer.clips import corner_uv_layer, export, manifest_path, values_hash, write_corner_uvs
-from vrtm.bake.layer.lookups import looked_up
+from vrtm.bake.layer.clips import corner_uv_layer, export, manifest_path, values_hash
 from vrtm.bake.layer.plan import LayerError, LayerPlan
-from vrtm.bake.layer.write import Written, redirected, relative, write_layer, write_root
+from vrtm.bake.layer.write import looked_up, redirected, relative, write_layer, write_root
 
 __all__ = [
     "LayerError",
     "LayerPlan",
-    "Written",
-    "check_layer",
     "corner_uv_layer",
     "export",
     "looked_up",
@@ -18,7 +14,6 @@ __all__ = [
     "redirected",
     "relative",
     "values_hash",
-    "write_corner_uvs",
     "write_layer",
     "write_root",
 ]

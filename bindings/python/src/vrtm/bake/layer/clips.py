@@ -14,7 +14,6 @@ from vrtm.bake import staging
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.layer.plan import PRIMVAR, LayerPlan
 from vrtm.bake.mark import CORNERS, found_in, mark
-from vrtm.bake.overwrite import check
 from vrtm.bake.scene.types import Shape
 from vrtm.bake.words import cause
 
@@ -37,18 +36,6 @@ def corner_uv_layer(shape: Shape, frame: float, uvs: np.ndarray) -> Sdf.Layer:
     layer.startTimeCode = layer.endTimeCode = float(frame)
     mark(layer, CORNERS)
     return layer
-
-
-def write_corner_uvs(
-    path: str | os.PathLike[str], shape: Shape, frame: float, uvs: np.ndarray, overwrite: bool = False
-) -> None:
-    """Writes one frame's corner UVs to a USD file (.usdc, .usda or .usd), which `write_layer` joins with the others.
-
-    The file depends on these values alone, and appears under its name when it is whole. Raises OSError; ValueError if a
-    file is there that vrtm has not written, unless `overwrite` is set.
-    """
-    check([(os.fspath(path), "corner UVs")], (), overwrite)
-    export(corner_uv_layer(shape, frame, uvs), path, values_hash)
 
 
 def author_clips(prim: Sdf.PrimSpec, shape: Shape, plan: LayerPlan, manifest: str) -> None:
@@ -106,7 +93,7 @@ def export(layer: Sdf.Layer, path: str | os.PathLike[str], told: Callable[[Sdf.L
 
 
 def same_file(layers: Iterable[Sdf.Layer], path: str) -> list[Sdf.Layer]:
-    """Those of the layers that a path leads to, whatever way they were found."""
+    """The layers that are one file, under whatever names they were found."""
     real = os.path.realpath(path)
     return [layer for layer in layers if layer.realPath and os.path.realpath(layer.realPath) == real]
 

@@ -1,4 +1,4 @@
-"""Which faces of a mesh take the maps of which layer, and the GeomSubsets by which renderers tell them apart: no
+"""The maps that each face takes, and the GeomSubsets by which renderers tell the faces of different layers apart: no
 renderer needs a choice between maps in its shaders."""
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Bound:
 
 
 def bound_parts(mesh: Usd.Prim, shape: Shape, plan: LayerPlan) -> list[Bound]:
-    """What materials are bound to in a mesh: itself first, then its subsets."""
+    """The prims of a mesh that materials are bound to: itself first, then its subsets."""
     subsets = [
         subset
         for subset in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets()

@@ -43,7 +43,7 @@ class Redirector:
         self._copies: dict[str, tuple[Usd.Attribute, list[tuple[str, float | None]]]] = {}
         """Textures that are replaced by warped copies: what names the file, and the copies over time."""
         self._refused: dict[str, str] = {}
-        """Why other textures of which there are copies do not take them."""
+        """Reasons that other textures do not take their copies."""
 
     def redirect(self) -> int:
         """Rewires all lookups by the shape's UVs. Returns how many textures are redirected now."""
@@ -102,7 +102,7 @@ class Redirector:
         return found
 
     def _is_looked_up(self, texture: UsdShade.Shader) -> bool:
-        """Whether a texture is looked up by the shape's UVs, which is warned of if it is not."""
+        """True if a texture is looked up by the shape's UVs; otherwise warns."""
         readers = self._readers(texture.GetInput("st"))
         values = [_producer(reader.GetInput("varname")) for reader in readers]
         # Without a reader, renderers take the UVs by default.
@@ -134,13 +134,14 @@ class Redirector:
                 del self._copies[path]
 
     def _rewired(self, texture: UsdShade.Shader) -> set[str]:
-        """What names the shape's UVs, where a texture is looked up by them and the material says so itself."""
+        """Attributes that name the shape's UVs, where a texture is looked up by them and the material names them
+        itself."""
         values = [_producer(reader.GetInput("varname")) for reader in self._readers(texture.GetInput("st"))]
         own = [value for value in values if value is not None and value.Get() in (self._uv_name, PRIMVAR)]
         return {str(value.GetPath()) for value in own if self._inside(value.GetPrim())}
 
     def _copy(self, texture: UsdShade.Shader) -> tuple[Usd.Attribute, list[tuple[str, float | None]]] | None:
-        """What names a texture's file, and the copies that it can take; None if there are none."""
+        """The attribute that names a texture's file, and the copies that it can take; None if there are none."""
         file = _producer(texture.GetInput("file"))
         asset = file.Get() if file else None
         if not asset:
@@ -162,7 +163,8 @@ class Redirector:
         return file, paths
 
     def _between(self, texture: UsdShade.Shader) -> str | None:
-        """Why a copy, which is made for the UVs as they are, does not fit what stands between them and the lookup."""
+        """The node or value between the mesh's UVs and the lookup for which a copy does not fit, as the end of a
+        sentence; None if one fits."""
         plug = texture.GetInput("st")
         while plug:
             outputs = UsdShade.Utils.GetValueProducingAttributes(plug, shaderOutputsOnly=True)
@@ -179,7 +181,7 @@ class Redirector:
         return None
 
     def _wrapped(self, texture: UsdShade.Shader, asset: Sdf.AssetPath) -> str | None:
-        """The same of what the texture's wrapping does."""
+        """The wrapping for which a copy does not fit; None if one fits."""
         if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
             return None
         tiles = self._plan.tiles.get(self._shape.name, (1001,))
@@ -193,7 +195,7 @@ class Redirector:
         return [shader for shader in self._upstream(coordinate) if shader.GetIdAttr().Get() in READERS]
 
     def _upstream(self, plug: UsdShade.Input | UsdShade.Output | None) -> Iterator[UsdShade.Shader]:
-        """All shaders that a plug hangs on."""
+        """All shaders upstream of a plug."""
         if not plug:
             return
         for value in UsdShade.Utils.GetValueProducingAttributes(plug):
@@ -265,7 +267,7 @@ class Redirector:
 
     @property
     def _is_default(self) -> bool:
-        """Whether nodes that name no UVs take those that are redirected."""
+        """True if nodes that name no UVs take the redirected ones."""
         return not self._shape.texture_uv_name or self._uv_name == "st"
 
     def _insert(self, container: Usd.Prim, uvs: UsdShade.Output | None) -> UsdShade.Output:
@@ -336,7 +338,7 @@ def _set_files(attribute: Usd.Attribute, paths: list[tuple[str, float | None]]) 
 
 
 def _is_identity(transform: UsdShade.Shader) -> bool:
-    """Whether a UsdTransform2d leaves UVs as they are, as exporters write it."""
+    """True if a UsdTransform2d leaves UVs as they are, as exporters write it."""
     for name, neutral in (("rotation", 0), ("scale", (1, 1)), ("translation", (0, 0))):
         plug = transform.GetInput(name)
         value = _producer(plug)
@@ -351,7 +353,7 @@ def _is_identity(transform: UsdShade.Shader) -> bool:
 
 
 def _is_animated(file: Usd.Attribute) -> bool:
-    """Whether a texture changes over time in the shot; copies that an earlier layer names do not count."""
+    """True if a texture changes over time in the shot; copies that an earlier layer names do not count."""
     if not file.ValueMightBeTimeVarying():
         return False
     layers = [spec.layer for spec in file.GetPropertyStack(file.GetTimeSamples()[0])[:1]]
@@ -365,8 +367,7 @@ def _producer(plug: UsdShade.Input | None) -> Usd.Attribute | None:
 
 
 def _resolved(attribute: Usd.Attribute, asset: Sdf.AssetPath) -> str:
-    """Where a texture is: that file, or with <UDIM> where the files of its tiles are; as it is named if there is
-    none."""
+    """Path of a texture, with <UDIM> if it has tiles; as it is named if there is no such file."""
     if asset.resolvedPath:
         return asset.resolvedPath
     layers = [spec.layer for spec in attribute.GetPropertyStack(Usd.TimeCode.Default())]

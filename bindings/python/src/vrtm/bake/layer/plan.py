@@ -1,4 +1,4 @@
-"""What a layer is to say."""
+"""The plan of a layer."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ LAYER = "vrtmLayer"
 """Name of the primvar that says which layer's maps each face takes."""
 
 UDIM = "<UDIM>"
-"""What renderers replace by the number of a tile."""
+"""Placeholder that renderers replace by the number of a tile."""
 
 
 class LayerError(Exception):
-    """A plan that no layer can say."""
+    """A plan that no layer can express."""
 
 
 @dataclass(frozen=True)
 class LayerPlan:
-    """What was baked, and how the shot's materials are to use it. All paths are relative to the layer, or absolute."""
+    """The baked files, and their use by the shot's materials. All paths are relative to the layer, or absolute."""
 
     frames: tuple[Frame, ...]
     """Frames that were baked."""
@@ -47,38 +47,25 @@ class LayerPlan:
     """The redirection map of (shape, frame, UDIM number or "<UDIM>"); of a further layer with its number as `layer`,
     and of a part with its name as `subset`. None: there are no maps."""
     form: str = "udim"
-    """What the maps hold: `udim`, `tile` or `delta`."""
+    """UVs of the maps: `udim`, `tile` or `delta`."""
     warped_path: Callable[..., str | None] | None = None
     """The warped copy of (shape, frame, texture as the material names it, resolved where it is one file), `layer` and
     `subset` as above; in the path `<UDIM>` stands for the number if the texture's name has it. None: this texture was
     not warped."""
     corner_path: Callable[[str, Frame], str] | None = None
-    """The file that `write_corner_uvs` wrote for (shape, frame). None: there are no corner UVs."""
+    """The file that of corner UVs of (shape, frame). None: there are no corner UVs."""
     freeze: Frame | None = None
     """The frame whose files are named at all times; None: each frame has its own."""
     time_of: Callable[[Frame], float] = float
     """The time code of a frame."""
-    sublayer: str | None = None
-    """The shot, to be sublayered below; None: the layer holds overs only, to be sublayered over the shot."""
 
     def check(self) -> None:
-        """Raises LayerError for what cannot be."""
-        if self.mode not in ("texture", "primvar", "both"):
-            raise LayerError(f"mode '{self.mode}' is none of texture, primvar, both")
-        if self.form not in ("udim", "tile", "delta"):
-            raise LayerError(f"form '{self.form}' is none of udim, tile, delta")
-        if not self.frames:
-            raise LayerError("no frames were baked")
-        if self.freeze is not None and self.freeze not in self.frames:
-            raise LayerError(f"frame {self.freeze}, which it is to hold at all times, was not baked")
-        if self.mode in ("primvar", "both") and self.corner_path is None:
-            raise LayerError(f"mode '{self.mode}' needs the corner UVs of each frame (corner_path)")
-        if self.mode != "primvar" and self.form == "tile":
-            for name in self.shapes:
-                if tuple(self.tiles.get(name, (1001,))) != (1001,):
-                    raise LayerError(
-                        f"maps of form 'tile' cannot serve {name}, whose tiles are {self.tiles[name]}: use 'udim'"
-                    )
+        """Raises LayerError for maps that cannot serve their materials."""
+        for name in self.shapes if self.mode != "primvar" and self.form == "tile" else ():
+            if tuple(self.tiles.get(name, (1001,))) != (1001,):
+                raise LayerError(
+                    f"maps of form 'tile' cannot serve {name}, whose tiles are {self.tiles[name]}: use 'udim'"
+                )
 
     def of(self, subset: str, layer: int) -> LayerPlan:
         """The plan with the files of a part and a layer, for the materials of its faces."""

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 
 import numpy as np
 
 from vrtm.bake.left_out import LeftOut
-from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, Source
 from vrtm.bake.words import cause
 
@@ -18,7 +17,7 @@ __all__ = ["Scene", "SceneError", "SceneOptions", "Shape"]
 _USD = (".usd", ".usda", ".usdc", ".usdz")
 
 
-class Scene:
+class Scene(AbstractContextManager):
     """An open scene file. A context manager; not for several threads at once.
 
     Raises SceneError, here and in `positions`, for input that cannot be used.
@@ -26,6 +25,7 @@ class Scene:
 
     def __init__(self, path: str | os.PathLike[str], options: SceneOptions | None = None) -> None:
         self.path = os.fspath(path)
+        self.is_usd = self.path.lower().endswith(_USD)
         self.options = options or SceneOptions()
         if not os.path.isfile(self.path):
             raise SceneError(f"{self.path}: no such file")
@@ -33,49 +33,21 @@ class Scene:
         self._says = any(path.lower().endswith(_USD) for path in (self.path, self.options.rest or ""))
         try:
             with self._reading():
-                self._source = _open(self.path, self.options)
+                source = self.source = _open(self.path, self.options)
         except SceneError as error:
-            # What a stage lacks may be why nothing is in it.
+            # A missing layer may be why the stage is empty.
             missing = [entry.line() for entry in self._said if isinstance(entry, LeftOut)]
             raise SceneError("; ".join([str(error), *missing[:3]])) from error
+        self.shapes: tuple[Shape, ...] = source.shapes
+        """The meshes, in the order of the file."""
+        self.frames, self.has_subframes = source.frames, source.has_subframes
+        self.clock, self.rate = source.clock, source.rate
+        self.warnings: list[str] = source.warnings
+        """Sentences, each of which begins with the prim, or the file."""
+        self.left_out: list[LeftOut] = source.left_out
         for entry in self.said():
             (self.left_out if isinstance(entry, LeftOut) else self.warnings).append(entry)
-        self._at_rest = {shape.name: shape for shape in self._source.shapes}
-
-    @property
-    def shapes(self) -> tuple[Shape, ...]:
-        """The meshes, in the order of the file."""
-        return self._source.shapes
-
-    @property
-    def frames(self) -> Sequence[int]:
-        """The whole frames that the scene has, ascending."""
-        return self._source.frames
-
-    @property
-    def has_subframes(self) -> bool:
-        """Whether there are positions between two of the frames."""
-        return self._source.has_subframes
-
-    @property
-    def clock(self) -> Clock:
-        """Which time of the file, time code or second, each frame is at."""
-        return self._source.clock
-
-    @property
-    def rate(self) -> str:
-        """How frames are counted, in words; empty where there is nothing to choose."""
-        return self._source.rate
-
-    @property
-    def warnings(self) -> list[str]:
-        """What was noticed while reading, each as a sentence that begins with the prim, or the file."""
-        return self._source.warnings
-
-    @property
-    def left_out(self) -> list[LeftOut]:
-        """What of the file is not read, or not taken, and why."""
-        return self._source.left_out
+        self._at_rest = {shape.name: shape for shape in self.shapes}
 
     @property
     def files(self) -> tuple[str, ...]:
@@ -83,34 +55,24 @@ class Scene:
         may replace. Files that vrtm wrote earlier do not count."""
         rest = self.options.rest
         with self._reading():
-            return (*self._source.files, *(_files_of(rest) if rest is not None and os.path.isfile(rest) else ()))
-
-    @property
-    def is_usd(self) -> bool:
-        """Whether the file is one of USD."""
-        return self.path.lower().endswith(_USD)
-
-    @property
-    def source(self) -> Source:
-        """The reader of this kind of file."""
-        return self._source
+            return (*self.source.files, *(_files_of(rest) if rest is not None and os.path.isfile(rest) else ()))
 
     def said(self) -> list[LeftOut | str]:
-        """What USD has said by itself since this was asked last: what it lacks, and warnings."""
+        """Messages of USD since the last call: missing parts, and warnings."""
         said, self._said = self._said, []
         return said
 
     def listening(self) -> AbstractContextManager[None]:
-        """What USD says in the block belongs to `said`, where the scene is one of USD."""
+        """Collects USD's messages in the block for `said`, if the scene is one of USD."""
         if not self._says:
             return nullcontext()
-        from vrtm.bake.scene.usd_said import collected
+        from vrtm.bake.scene.usd_stage import collected
 
         return collected(self._said)
 
     @contextmanager
     def _reading(self) -> Iterator[None]:
-        """What libraries raise that read a damaged file, which may be anywhere, becomes a SceneError."""
+        """Turns exceptions of libraries, which damaged files may cause anywhere, into SceneError."""
         try:
             with self.listening():
                 yield
@@ -126,7 +88,7 @@ class Scene:
         one), which is the space of `shape.rest`; without the transforms above the mesh."""
         shape = self._at_rest[shape] if isinstance(shape, str) else shape
         with self._reading():
-            positions = np.ascontiguousarray(self._source.positions(shape, frame))
+            positions = np.ascontiguousarray(self.source.positions(shape, frame))
         if positions.shape != shape.rest.shape:
             raise SceneError(
                 f"{self.path} {shape.path}: frame {frame:g} has {len(positions)} vertices, "
@@ -135,11 +97,7 @@ class Scene:
         return positions
 
     def close(self) -> None:
-        """Lets go of the file."""
-        self._source.close()
-
-    def __enter__(self) -> Scene:
-        return self
+        self.source.close()
 
     def __exit__(self, *_: object) -> None:
         self.close()

@@ -1,4 +1,4 @@
-"""Alembic: which meshes of an archive are shapes, and where they are frame by frame.
+"""Alembic: the meshes of an archive, and their faces, UVs, rest and poses.
 
 Frame N is at N / fps seconds, in the file's own rate by default; between two samples, positions are interpolated.
 """
@@ -6,29 +6,28 @@ Frame N is at N / fps seconds, in the file's own rate by default; between two sa
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.alembic_file import AlembicFile, AlembicMesh
-from vrtm.bake.scene.alembic_shape import AlembicShape
-from vrtm.bake.scene.posed import shapes, unknown
+from vrtm.bake.scene.obj import rest_from_file
+from vrtm.bake.scene.posed import PosedMesh, PosedSource
+from vrtm.bake.scene.refine import Cage
 from vrtm.bake.scene.timing import FILE, Clock, is_between, is_whole
-from vrtm.bake.scene.topology import matches, whole_frames
-from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
+from vrtm.bake.scene.topology import check_mesh, corner_elements, matches, per_vertex, whole_frames
+from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 
 
-class AlembicSource:
+class AlembicSource(PosedSource["AlembicShape"]):
     """The meshes of an archive. See `vrtm.bake.scene.Scene`."""
 
     def __init__(self, path: str, options: SceneOptions) -> None:
-        self.warnings: list[str] = []
-        self.left_out: list[LeftOut] = []
-        self.has_subframes = True
+        super().__init__(path, options)
         if isinstance(options.fps, (int, float)) and not options.fps > 0:
             raise SceneError(f"{path}: {options.fps} frames per second")
-        self._path, self._options = path, options
         self.files = (path,)
         self._file = AlembicFile(path)
         chosen = self._chosen()
@@ -47,7 +46,7 @@ class AlembicSource:
             identity = (mesh.origin, posed.scaled_alike() if options.world else "")
             groups.setdefault(identity, []).append(posed)
         found = [(group[0], tuple(instance.path for instance in group)) for group in groups.values()]
-        self.shapes, self._meshes = shapes(path, found, options, self.warnings, self.left_out)
+        self._take(found)
 
     def _clocked(self, meshes: list[AlembicMesh]) -> Clock:
         """The clock of the samples of meshes, with warnings of those that it does not fit."""
@@ -58,7 +57,7 @@ class AlembicSource:
         if not isinstance(fps, (int, float)):
             hint = self._file.rate
             fits = hint is not None and all(is_whole(max(hint / found, found / hint)) for found in own)
-            # Of equally many the slower ones: samples of the others lie between their frames.
+            # The slower of two equally frequent rates: the samples of the other lie between its frames.
             fps = hint if fits else min(own, key=lambda found: (-own[found], found), default=24.0)
             guessed = None if fits else next((mesh for mesh, found, guess in rates if guess and found == fps), None)
             if guessed is not None:
@@ -75,25 +74,15 @@ class AlembicSource:
         return Clock(1.0, fps)
 
     def _chosen(self) -> list[tuple[AlembicMesh, Any]]:
-        options, met, chosen = self._options, set(), []
-        for mesh in self._file.meshes():
-            patterns = [pattern for pattern in options.meshes if matches(pattern, mesh.path)]
-            if options.meshes and not patterns:
-                self.left_out.append(LeftOut("not named by --meshes", mesh.path, meant=True))
-                continue
-            met.update(patterns)
+        options, chosen = self._options, []
+        for mesh in filter(lambda mesh: self._takes(mesh.path), self._file.meshes()):
             if mesh.hidden:
-                self.left_out.append(LeftOut("is hidden", mesh.path, meant=True))
-                if options.names(mesh.path):
-                    raise SceneError(f"{mesh.where}: is hidden")
+                self._leave_out(mesh.path, "is hidden", True)
                 continue
             sets = (mesh.uvs(name) for name in options.uv_names or (None,))
             uvs = next((found for found in sets if found is not None), None)
             if uvs is None:
-                why = f"has no UVs{options.uv_text}"
-                self.left_out.append(LeftOut(why, mesh.path, meant=mesh.is_still(options)))
-                if options.names(mesh.path):
-                    raise SceneError(f"{mesh.where}: {why}")
+                self._leave_out(mesh.path, f"has no UVs{options.uv_text}", mesh.is_still(options))
             else:
                 chosen.append((mesh, uvs))
         self.left_out += [
@@ -101,29 +90,117 @@ class AlembicSource:
             for path in self._file.unread
             if not options.meshes or any(matches(pattern, path) for pattern in options.meshes)
         ]
-        for pattern in options.meshes:
-            if pattern not in met:
-                raise unknown(self._path, pattern, [mesh.path for mesh in self._file.meshes()])
-        if not chosen:
-            why = "; ".join(f"{entry.mesh} {entry.why}" for entry in self.left_out[:5])
-            raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
+        self._check_chosen(chosen)
         return chosen
 
-    def positions(self, shape: Shape, frame: float) -> np.ndarray:
-        """(vertices, 3) f32 of the shape at a frame."""
-        return self._meshes[shape.name].positions(frame)
-
-    def to_world(self, shape: Shape, frame: float | None) -> np.ndarray:
-        """(4, 4) by which rows of the shape's positions at a frame, or of its rest, are multiplied to lie in the
-        world."""
-        mesh = self._meshes[shape.name]
-        return mesh.to_world(mesh.rest_frame if frame is None else frame)
-
-    def rest_frame(self, shape: Shape) -> float:
-        """The frame whose transforms lie above the rest."""
-        return self._meshes[shape.name].rest_frame
-
     def close(self) -> None:
-        """Lets go of the archive."""
         self._meshes.clear()
         self._file = None
+
+
+class AlembicShape(PosedMesh):
+    """A mesh of an archive as the library takes it, and its poses."""
+
+    def __init__(self, mesh: AlembicMesh, uvs: Any, options: SceneOptions, frames: Sequence[int], clock: Clock) -> None:
+        super().__init__(mesh.where, mesh.path, frames, options)
+        self._mesh, self._clock = mesh, clock
+        self._uvs, self._elements, self._interpolation, self._uv_name = uvs
+
+    def shape(self, name: str, instances: tuple[str, ...]) -> Shape:
+        self._faces = self._mesh.faces(0)
+        self._points = len(self._mesh.sample(0))
+        check_mesh(self.where, *self._faces, self._points)
+        try:
+            corners = corner_elements(self._interpolation, *self._faces, self._points, self._elements)
+        except ValueError as error:
+            raise SceneError(f"{self.where}: the UV set {self._uv_name} has {error}") from error
+        if corners.max(initial=-1) >= len(self._uvs):
+            raise SceneError(f"{self.where}: the UV set {self._uv_name} names a UV that it does not have")
+        return self._shape(
+            name,
+            instances,
+            self._faces,
+            (self._uvs.reshape(-1, 2), corners),
+            self._subd("Holes", np.int64),
+            [self._values(primvar) for primvar in (self._options.rigidity_primvar, self._options.mask_primvar)],
+            self._cage if hasattr(self._mesh.schema, "getCreaseIndicesProperty") else None,
+            uv_name=self._uv_name,
+        )
+
+    @property
+    def deforms(self) -> bool:
+        return not self._mesh.is_still(self._options)
+
+    @property
+    def is_moved(self) -> bool:
+        return self._mesh.is_moved
+
+    def primvars(self) -> list[str]:
+        return self._mesh.params()
+
+    def _matrix(self, frame: float) -> np.ndarray:
+        return self._mesh.to_world(self._clock.time(frame))
+
+    def _posed(self, frame: float) -> np.ndarray:
+        points = self._mesh.at(self._clock.time(frame), self._faces)
+        if len(points) != self._points:
+            raise SceneError(f"{self.where}: frame {frame:g} has {len(points)} vertices, the first {self._points}")
+        return points
+
+    def _found_rest(self, wanted: str | None) -> tuple[np.ndarray, str]:
+        if wanted in (None, "pref"):
+            found = self._mesh.param("Pref", ("P3f", "V3f", "P3d", "V3d"))
+            if found is not None and len(found[1]) == self._points:
+                return found[0][found[1]], "Pref"
+            if wanted == "pref":
+                raise SceneError(f"{self.where}: no parameter Pref holds a rest position per vertex")
+        if wanted == "bind":
+            raise SceneError(f"{self.where}: Alembic has no skeletons, so that there is no bind pose")
+        if wanted in (None, "first"):
+            return self._posed(self._frames[0]), f"first frame {self._frames[0]}"
+        if wanted.startswith("frame:"):
+            return self._posed(frame_number(wanted)), wanted
+        # Alembic has no units, to which those of the rest could be compared.
+        return rest_from_file(wanted, self.path, *self._faces, self._points)[0], wanted
+
+    def _values(self, name: str | None) -> np.ndarray | None:
+        found = name and self._mesh.param(name, ("Float", "Half", "Double", "C3f", "C4f", "V3f"))
+        if not found:
+            return None
+        values, elements, interpolation = found
+        try:
+            return per_vertex(values[elements], interpolation, *self._faces, self._points)
+        except ValueError as error:
+            raise SceneError(f"{self.where}: {name} has {error}") from error
+
+    def _subd(self, what: str, kind: type) -> np.ndarray:
+        """Values of a property that subdivision surfaces alone have; empty where it is absent."""
+        get = getattr(self._mesh.schema, f"get{what}Property", None)
+        found = get() if get else None
+        return np.array(found.getValue(), kind) if found is not None and found.valid() else np.zeros(0, kind)
+
+    def _cage(self) -> Cage:
+        def number(what: str) -> int:
+            found = getattr(self._mesh.schema, f"get{what}Property")()
+            return int(found.getValue()) if found.valid() and found.getNumSamples() else 1
+
+        scheme = self._mesh.schema.getSubdivisionSchemeProperty()
+        name = str(scheme.getValue()) if scheme.valid() and scheme.getNumSamples() else "catmull-clark"
+        counts, indices = self._faces
+        return Cage(
+            where=self.where,
+            scheme={"catmull-clark": "catmullClark"}.get(name, name),
+            counts=counts,
+            indices=indices,
+            points=self._points,
+            boundary={0: "none", 2: "edgeOnly"}.get(number("InterpolateBoundary"), "edgeAndCorner"),
+            face_varying={0: "all", 2: "none", 3: "boundaries"}.get(
+                number("FaceVaryingInterpolateBoundary"), "cornersPlus1"
+            ),
+            crease_lengths=self._subd("CreaseLengths", np.int64),
+            crease_indices=self._subd("CreaseIndices", np.int64),
+            crease_sharpnesses=self._subd("CreaseSharpnesses", np.float64),
+            corner_indices=self._subd("CornerIndices", np.int64),
+            corner_sharpnesses=self._subd("CornerSharpnesses", np.float64),
+            uv_per_vertex=self._interpolation == "vertex",
+        )

@@ -37,8 +37,6 @@ HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 class AlembicFile:
-    """An open archive."""
-
     def __init__(self, path: str) -> None:
         if not os.path.isfile(path):
             raise SceneError(f"{path}: no such file")
@@ -111,7 +109,7 @@ class AlembicMesh:
         self.origin = origin
         """The path of the mesh that an instance stands for; its own path, if it is none."""
         self.hidden = hidden
-        """Whether it, or what it lies below, is hidden in the first sample."""
+        """True if it, or an object above it, is hidden in the first sample."""
         self.path, self.where = path, f"{file} {path}"
         self.schema = schema
         self._above = above
@@ -151,10 +149,9 @@ class AlembicMesh:
 
     def sample(self, index: int) -> np.ndarray:
         """(vertices, 3) f32 of a sample."""
-        return _array(self._positions.getValue(self._selector(index))).reshape(-1, 3)
+        return np.array(self._positions.getValue(self._selector(index))).reshape(-1, 3)
 
     def count(self, index: int) -> int:
-        """The vertices of a sample."""
         return self._positions.getDimension(self._selector(index)).numPoints()
 
     def _selector(self, index: int) -> Any:
@@ -162,9 +159,8 @@ class AlembicMesh:
         return Abc.ISampleSelector(self._sampling.getSampleTime(index), Abc.ISampleSelector.TimeIndexType.kNearIndex)
 
     def faces(self, index: int) -> tuple[np.ndarray, np.ndarray]:
-        """Face counts and indices of a sample."""
         properties = self.schema.getFaceCountsProperty(), self.schema.getFaceIndicesProperty()
-        counts, indices = (_array(found.getValue(self._selector(index)), np.int32) for found in properties)
+        counts, indices = (np.array(found.getValue(self._selector(index)), np.int32) for found in properties)
         return counts, indices
 
     def at(self, seconds: float, expected: tuple[np.ndarray, np.ndarray] | None) -> np.ndarray:
@@ -190,11 +186,11 @@ class AlembicMesh:
 
     @property
     def is_moved(self) -> bool:
-        """Whether transforms above it change over time."""
+        """True if transforms above it change over time."""
         return any(not transform.isConstant() for transform in self._above)
 
     def is_still(self, options: SceneOptions) -> bool:
-        """Whether the scene has one pose of it alone."""
+        """True if the scene has one pose of it alone."""
         return self.samples <= 1 and not (options.world and self.is_moved)
 
     def to_world(self, seconds: float) -> np.ndarray:
@@ -213,7 +209,6 @@ class AlembicMesh:
         return None
 
     def params(self) -> list[str]:
-        """The names of its geometry parameters."""
         group = self.schema.getArbGeomParams()
         return [group.getPropertyHeader(k).getName() for k in range(group.getNumProperties())] if group.valid() else []
 
@@ -269,13 +264,9 @@ def _hidden(item: Any) -> bool:
 
 def _param(param: Any) -> tuple[np.ndarray, np.ndarray, str]:
     sample = param.getIndexedValue()
-    values = _array(sample.getVals())
-    elements = _array(sample.getIndices(), np.int64) if param.isIndexed() else np.arange(len(values))
+    values = np.array(sample.getVals())
+    elements = np.array(sample.getIndices(), np.int64) if param.isIndexed() else np.arange(len(values))
     scope = str(sample.getScope())
     if scope == "kUnknownScope":
         scope = str(param.getScope())
     return values, elements, SCOPES.get(scope, scope)
-
-
-def _array(values: Any, kind: type | None = None) -> np.ndarray:
-    return np.array(values, kind)

@@ -1,33 +1,37 @@
-"""What meshes of USD and Alembic share: how a shape is made of what their files hold, and of which meshes."""
+"""Meshes of USD and Alembic: the choice of meshes, their shapes, and the transforms above them. Translations do not
+count: they stretch nothing, and far away they cost digits."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
-from typing import TypeVar
+from collections.abc import Callable, Collection, Iterable, Sequence
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from vrtm.bake.left_out import LeftOut
 from vrtm.bake.scene.refine import Cage, Refined
-from vrtm.bake.scene.topology import unique_names, without_uvs
+from vrtm.bake.scene.topology import matches, unique_names, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
-from vrtm.bake.scene.world import placed, uneven_scale
 from vrtm.bake.words import near
+
+_LOOKED_AT = 10_000
+_EVEN = 1.001
+"""Ratio up to which a scale is the same along all axes."""
 
 
 class PosedMesh:
     """A mesh with poses over time, in a space that transforms lie above. Frames are those of the scene."""
 
     deforms: bool
-    """Whether the scene has more than one pose of it."""
+    """True if the scene has more than one pose of it."""
     is_moved: bool
-    """Whether the transforms above it change over time."""
+    """True if the transforms above it change over time."""
     shape: Callable[[str, tuple[str, ...]], Shape]
     """Reads all that does not change with time, by a name and the paths that the mesh stands for. Raises SceneError."""
     primvars: Callable[[], list[str]]
     """The names of its values per vertex."""
-    _linear: Callable[[float], np.ndarray]
-    """(3, 3) of a frame: the linear part of these transforms, by which rows of points are multiplied."""
+    _matrix: Callable[[float], np.ndarray]
+    """(4, 4) of a frame: these transforms, by which rows of points are multiplied."""
     _posed: Callable[[float], np.ndarray]
     """(points, 3) of the cage at a frame, without these transforms."""
     _found_rest: Callable[[str | None], tuple[np.ndarray, str]]
@@ -44,8 +48,20 @@ class PosedMesh:
         return self._refined.points(cage) if self._refined else cage
 
     def uneven_scale(self) -> str | None:
-        """What to warn of where transforms that are not applied stretch the mesh over time."""
-        return uneven_scale(self._linear, self._frames) if self.is_moved and not self._options.world else None
+        """A warning where transforms that are not applied stretch the mesh over time."""
+        return _uneven_scale(self._linear, self._frames) if self.is_moved and not self._options.world else None
+
+    def to_world(self, frame: float) -> np.ndarray:
+        """(4, 4) f64, by which rows of positions of a frame are multiplied to lie in the world."""
+        matrix = self._matrix(frame)
+        if self._options.world:
+            # They have the linear part.
+            matrix[:3, :3] = np.eye(3)
+        return matrix
+
+    def _linear(self, frame: float) -> np.ndarray:
+        """(3, 3), the linear part."""
+        return self._matrix(frame)[:3, :3]
 
     def scaled_alike(self) -> str:
         """Equal for instances of one mesh that the transforms above them scale alike in all frames."""
@@ -53,7 +69,7 @@ class PosedMesh:
         return self.path if self.is_moved else str(np.round(linear @ linear.T, 6).tolist())
 
     def _placed(self, points: np.ndarray, frame: float) -> np.ndarray:
-        return placed(points, self._linear(frame)) if self._options.world else points
+        return points.astype(np.float64) @ self._linear(frame) if self._options.world else points
 
     def _rest(self) -> tuple[np.ndarray, str]:
         """(points, 3) of the cage at rest, in the space of the poses, and where it is from."""
@@ -115,7 +131,69 @@ class PosedMesh:
 Mesh = TypeVar("Mesh", bound=PosedMesh)
 
 
-def shapes(
+class PosedSource(Generic[Mesh]):
+    """The meshes of a scene of USD or Alembic. See `vrtm.bake.scene.Scene`."""
+
+    has_subframes = True
+
+    def __init__(self, path: str, options: SceneOptions) -> None:
+        self.warnings: list[str] = []
+        self.left_out: list[LeftOut] = []
+        self._path, self._options = path, options
+        self._paths: list[str] = []
+        self._named: set[str] = set()
+
+    def _takes(self, path: str) -> bool:
+        """True unless --meshes names other meshes."""
+        self._paths.append(path)
+        patterns = [pattern for pattern in self._options.meshes if matches(pattern, path)]
+        if self._options.meshes and not patterns:
+            self.left_out.append(LeftOut("not named by --meshes", path, meant=True))
+            return False
+        self._named.update(patterns)
+        return True
+
+    def _leave_out(self, path: str, why: str, meant: bool) -> None:
+        """Raises SceneError for a mesh that --meshes names by itself."""
+        self.left_out.append(LeftOut(why, path, meant=meant))
+        if self._options.names(path):
+            raise SceneError(f"{self._path} {path}: {why}")
+
+    def _check_chosen(self, chosen: Collection[object]) -> None:
+        """Raises SceneError for names of --meshes without a mesh, and if no mesh is chosen."""
+        for name in (name for name in self._options.meshes if name not in self._named):
+            kind = self._kind(name)
+            if kind:
+                raise SceneError(f"{self._path}: '{name}' is a {kind}, not a mesh")
+            hint = near(name, [*self._paths, *(path.rsplit("/", 1)[-1] for path in self._paths)])
+            raise SceneError(f"{self._path}: '{name}' is no mesh of the scene{hint}")
+        if not chosen:
+            why = "; ".join(f"{entry.mesh} {entry.why}" for entry in self.left_out[:5] if entry.mesh)
+            raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
+
+    def _kind(self, path: str) -> str:
+        """The kind of another object that is there; empty without one."""
+        return ""
+
+    def _take(self, groups: Sequence[tuple[Mesh, tuple[str, ...]]]) -> None:
+        """Reads meshes that stand for some paths each. Raises SceneError."""
+        self.shapes, self._meshes = _shapes(self._path, groups, self._options, self.warnings, self.left_out)
+
+    def positions(self, shape: Shape, frame: float) -> np.ndarray:
+        return self._meshes[shape.name].positions(frame)
+
+    def to_world(self, shape: Shape, frame: float | None) -> np.ndarray:
+        """(4, 4) by which rows of the shape's positions at a frame, or of its rest, are multiplied to lie in the
+        world."""
+        mesh = self._meshes[shape.name]
+        return mesh.to_world(mesh.rest_frame if frame is None else frame)
+
+    def rest_frame(self, shape: Shape) -> float:
+        """The frame whose transforms lie above the rest."""
+        return self._meshes[shape.name].rest_frame
+
+
+def _shapes(
     file: str,
     groups: Sequence[tuple[Mesh, tuple[str, ...]]],
     options: SceneOptions,
@@ -146,7 +224,21 @@ def shapes(
     return tuple(found), meshes
 
 
-def unknown(file: str, pattern: str, paths: Sequence[str], what: str = "no mesh of the scene") -> SceneError:
-    """A mesh that is asked for is not there; `paths`: those that are."""
-    hint = near(pattern, [*paths, *(path.rsplit("/", 1)[-1] for path in paths)])
-    return SceneError(f"{file}: '{pattern}' is {what}{hint}")
+def _uneven_scale(linear: Callable[[float], np.ndarray], frames: Sequence[int]) -> str | None:
+    """A warning where a transform that is not applied stretches a mesh over time, by more along one axis than along
+    another; the end of a sentence. Of very many frames some are looked at."""
+    frames = frames[:: -(-len(frames) // _LOOKED_AT)]
+    first = linear(frames[0])
+    if abs(np.linalg.det(first)) == 0:
+        return None
+    ratios = []
+    for frame in frames[1:]:
+        scales = np.linalg.svd(np.linalg.solve(first, linear(frame)), compute_uv=False)
+        ratios.append(scales[0] / max(scales[2], 1e-9 * scales[0], 1e-300))
+    worst = int(np.argmax(ratios)) if ratios else 0
+    if not ratios or ratios[worst] <= _EVEN:
+        return None
+    return (
+        f"the transforms above it scale it {ratios[worst]:.3g} times as much along one axis as along another (frame "
+        f"{frames[1 + worst]}, against frame {frames[0]}), which is not taken for a stretch: --world does"
+    )

@@ -1,4 +1,4 @@
-"""Which file holds which pose of a sequence. docs/bake.md has the rules, which follow the library fileseq."""
+"""The files of a sequence of poses, by frame. docs/bake.md has the rules, which follow the library fileseq."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def _hint(pattern: str) -> str:
 
 
 def _folders(pattern: str) -> int:
-    """How much of a pattern is a folder that is there, whatever letters its name has."""
+    """Length of the part of a pattern that is an existing folder, whatever letters its name has."""
     ends = [slash.end() for slash in re.finditer(r"[/\\]", pattern)]
     return max((end for end in ends if os.path.isdir(pattern[:end])), default=0)
 
@@ -126,7 +126,7 @@ def _sequence(
 
 
 def _is_unclear(path: str, number: int) -> bool:
-    """Whether a number has a hyphen before it that may be its minus sign or not."""
+    """True if a number has a hyphen before it that may be its minus sign or not."""
     return path[number] == "-" and _LETTER.fullmatch(path[max(number - 1, 0)]) is not None
 
 

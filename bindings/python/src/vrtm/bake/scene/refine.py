@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from vrtm.bake.scene.topology import corner_starts, without_uvs
+from vrtm.bake.scene.topology import corner_starts, next_corners, without_uvs
 from vrtm.bake.scene.types import SceneError
 
 
@@ -121,7 +121,7 @@ class _Mesh:
     def edges(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Ends (edges, 2), the edge of each corner, how many faces an edge has, and its sharpness: no end where these
         are not two."""
-        ends = np.sort(np.stack([self.indices, self.indices[_next(self.counts)]], axis=1), axis=1)
+        ends = np.sort(np.stack([self.indices, self.indices[next_corners(self.counts)]], axis=1), axis=1)
         keys, edge = np.unique(ends[:, 0] * self.points + ends[:, 1], return_inverse=True)
         faces = np.bincount(edge)
         sharpness = np.zeros(len(keys))
@@ -146,7 +146,7 @@ class _Mesh:
         order = order[np.argsort(row[order], kind="stable")]
         starts = np.searchsorted(row[order], np.arange(self.points + len(ends)))
         step = _Step(self.indices, self.counts, starts, column[order], weight[order])
-        last = np.argsort(_next(self.counts))  # the corner before each
+        last = np.argsort(next_corners(self.counts))  # the corner before each
         edge_point, face_point = edge + self.points, face + self.points + len(ends)
         softer = np.maximum(self.edge_sharpness - 1, 0)
         none = np.zeros(len(edge))
@@ -205,14 +205,6 @@ class _Mesh:
         return kept, along, spread[self.indices]
 
 
-def _next(counts: np.ndarray) -> np.ndarray:
-    """The corner after each, around its face."""
-    after = np.arange(int(counts.sum())) + 1
-    filled = counts > 0
-    after[(corner_starts(counts) + counts - 1)[filled]] = corner_starts(counts)[filled]
-    return after
-
-
 def _sharpness(cage: Cage) -> tuple[np.ndarray, np.ndarray]:
     """Of the edge of each corner, and of each vertex. Sharpness has one value per crease, or one per edge."""
     lengths, per_edge = cage.crease_lengths, cage.crease_lengths - 1
@@ -239,7 +231,7 @@ def _sharpness(cage: Cage) -> tuple[np.ndarray, np.ndarray]:
     indices = cage.indices.astype(np.int64)
     edges = np.zeros(len(indices))
     if table:
-        corners = np.sort(np.stack([indices, indices[_next(cage.counts)]]), axis=0).tolist()
+        corners = np.sort(np.stack([indices, indices[next_corners(cage.counts)]]), axis=0).tolist()
         edges[:] = [table.get(pair, 0.0) for pair in zip(*corners)]
     vertices = np.zeros(cage.points)
     vertices[cage.corner_indices] = cage.corner_sharpnesses

@@ -21,7 +21,7 @@ _MOST = 64
 
 @dataclass(frozen=True)
 class Clock:
-    """Which time of a file each frame is at."""
+    """The time of a file at each frame."""
 
     times: float = 1.0
     """Units of the file's time per second: time codes, or 1."""
@@ -38,7 +38,7 @@ class Clock:
 
 
 def is_whole(number: float) -> bool:
-    """Whether a number of frames is a whole one, but for rounding."""
+    """True if a number of frames is a whole one, but for rounding."""
     return abs(number - round(number)) < _CLOSE
 
 
@@ -71,7 +71,7 @@ def tidy(rate: float) -> float:
 
 
 def is_between(frames: Sequence[float]) -> bool:
-    """Whether most frames have no sample, and yet there are as many samples as if they had: the samples are at another
+    """True if most frames have no sample, and yet there are as many samples as if they had: the samples are at another
     rate, or shifted. `frames`: where samples lie, ascending. Samples around each frame, as of a shutter, are at its
     rate."""
     whole = {round(frame) for frame in frames if is_whole(frame)}

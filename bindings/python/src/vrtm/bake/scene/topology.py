@@ -54,6 +54,35 @@ def corner_starts(counts: np.ndarray) -> np.ndarray:
     return np.cumsum(counts, dtype=np.int64) - counts
 
 
+def next_corners(counts: np.ndarray) -> np.ndarray:
+    """(corners,): the corner after each, around its face."""
+    after = np.arange(int(counts.sum())) + 1
+    filled = counts > 0
+    after[(corner_starts(counts) + counts - 1)[filled]] = corner_starts(counts)[filled]
+    return after
+
+
+def fans(counts: np.ndarray) -> np.ndarray:
+    """(triangles, 3): the corners of faces with these numbers of them, split as fans."""
+    triangles = np.maximum(counts.astype(np.int64) - 2, 0)
+    first = np.repeat(corner_starts(counts), triangles)
+    step = np.arange(len(first)) - np.repeat(corner_starts(triangles), triangles)
+    return np.stack([first, first + step + 1, first + step + 2], -1)
+
+
+def connected(nodes: int, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """(nodes,): the least number among the nodes that links, from `one` to `other`, connect to each."""
+    root = np.arange(nodes)
+    while True:
+        a, b = root[one], root[other]
+        apart = a != b
+        if not apart.any():
+            return root
+        root[np.maximum(a, b)[apart]] = np.minimum(a, b)[apart]
+        while (root[root] != root).any():
+            root = root[root]
+
+
 def check_mesh(where: str, counts: np.ndarray, indices: np.ndarray, points: int) -> None:
     """Raises SceneError for faces that no mesh of so many points can have."""
     if len(counts) == 0:
@@ -122,7 +151,7 @@ def corner_elements(
 
 
 def outside(uvs: np.ndarray, uv_indices: np.ndarray) -> str:
-    """Where those UVs of a mesh are that lie in no UDIM tile, and where tiles are."""
+    """Bounds of the UVs of a mesh that lie in no UDIM tile, and of all tiles, in words."""
     uvs = uvs[np.unique(uv_indices[uv_indices >= 0])].astype(np.float64)
     uvs = uvs[np.isfinite(uvs).all(axis=-1)]
     beyond = uvs[((uvs < 0) | (uvs > TILES)).any(axis=-1)]
@@ -208,7 +237,7 @@ def _safe(name: str) -> str:
 
 
 def _folded(name: str) -> str:
-    """Equal for names that a file system may take for one."""
+    """Key of a name, equal for names that a file system may take for one."""
     return unicodedata.normalize("NFC", name).casefold()
 
 

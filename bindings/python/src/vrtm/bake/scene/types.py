@@ -1,4 +1,4 @@
-"""What all readers of scenes share: options, shapes, the error, and the interface of a reader."""
+"""Types that all readers of scenes share: options, shapes, the error, and the interface of a reader."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class SceneError(Exception):
 
 
 def not_loaded(error: Exception, what: str, package: str, extra: str, module: str) -> SceneError:
-    """Why files of a kind cannot be read: their package is missing, or something keeps it from being loaded."""
+    """The error of files that cannot be read, since their package is missing or cannot be loaded."""
     if isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] == module:
         return SceneError(f"{what} need the package {package}: pip install 'vrtm[{extra}]'")
     return SceneError(f"{what} need the package {package}, which cannot be loaded: {type(error).__name__}: {error}")
@@ -34,7 +34,8 @@ def frame_number(rest: str) -> float:
 
 @dataclass(frozen=True)
 class SceneOptions:
-    """What to read of a scene, and how. Picklable: worker processes open the scene again with the same options."""
+    """Options of reading a scene. Picklable: worker processes open the scene again with the same options.
+    The help of `vrtm bake` has their meaning."""
 
     meshes: tuple[str, ...] = ()
     """Names or paths of meshes, or paths of what they lie below; `*`, `?` and `[...]` are wildcards. Empty: all meshes
@@ -46,31 +47,23 @@ class SceneOptions:
     """`bind`, `pref`, `first`, `frame:N`, or a file with the same faces. None: the scene's own rest, which is Pref
     where there is one, else the bind pose of a skeleton, else the first frame; for OBJ the scene file itself."""
     texture_uv: str | None = None
-    """USD: name of a further UV set, by which textures are looked up. None: they are by the one above."""
+    """None: textures are looked up by the UV set above."""
     rigidity_primvar: str | None = None
-    """Primvar with the rigidity of vertices; `colors` in OBJ."""
     mask_primvar: str | None = None
-    """Primvar with the mask of vertices; `colors` in OBJ."""
     subdivide: int = 0
-    """Levels of refinement of subdivision meshes; 0: the control cage."""
-    population_mask: tuple[str, ...] = ()
-    """USD: prim paths outside of which nothing is loaded, but for what is bound or targeted from inside."""
     variants: tuple[tuple[str, str, str], ...] = ()
     """USD: (prim path, variant set, variant) to select."""
     poses: tuple[str, ...] = ()
-    """OBJ: files of the poses, or patterns of them with `####`, `%04d` or wildcards."""
     fps: float | str | None = None
-    """Frames per second: frame N is at N / fps seconds. `file`: as the file says. None: that in Alembic; time codes are
-    frames in USD."""
     skip_still: bool = False
-    """Whether a mesh that does not deform and is not named is left out where it cannot be read, or has several UV sets
-    to choose from."""
+    """True if a mesh that does not deform, and is not named, is left out if it cannot be read or has several UV sets to
+    choose from."""
     world: bool = False
-    """Whether the transforms above a mesh are applied, less their translation: to the poses those of their frames, to
+    """True if the transforms above a mesh are applied, less their translation: to the poses those of their frames, to
     the rest those of the frame that it is taken from, or of the first."""
 
     def names(self, path: str) -> bool:
-        """Whether a mesh is asked for by its own name or path."""
+        """True if a mesh is asked for by its own name or path."""
         return path in self.meshes or path.rsplit("/", 1)[-1] in self.meshes
 
     @property
@@ -80,7 +73,7 @@ class SceneOptions:
 
     @property
     def uv_text(self) -> str:
-        """What follows `has no UVs`, where UV sets are asked for."""
+        """End of the sentence `has no UVs`, if UV sets are asked for."""
         return f" {' or '.join(map(repr, self.uv_names))}" if self.uv_names else ""
 
 
@@ -115,11 +108,11 @@ class Shape:
     instances: tuple[str, ...] = ()
     """Paths of all prims that this shape stands for, `path` first: instances in the same pose are one shape."""
     rest_from: str = ""
-    """Where the rest is from, in words: `Pref`, `first frame 1001`."""
+    """Origin of the rest, in words: `Pref`, `first frame 1001`."""
     rest_unit: float = 1.0
-    """How many units of the poses one of the rest is, as far as the files say (metersPerUnit)."""
+    """Units of the poses in one of the rest, as far as the files say (metersPerUnit)."""
     still: bool = False
-    """Whether the scene has one pose of it alone."""
+    """True if the scene has one pose of it alone."""
     subsets: dict[str, np.ndarray] = field(default_factory=dict)
     """The faces of the subsets that materials are bound to, by their names."""
     cage_corners: np.ndarray | None = None
@@ -127,12 +120,12 @@ class Shape:
 
     @property
     def arrays(self) -> tuple[np.ndarray, ...]:
-        """What a solve without maps depends on, poses excepted."""
+        """Arrays that a solve without maps depends on, poses excepted."""
         return self.rest, self.face_counts, self.indices, self.uvs, self.uv_indices
 
     @property
     def textured(self) -> np.ndarray:
-        """(faces,): whether each has UVs."""
+        """(faces,): true for faces with UVs."""
         if len(self.uv_indices) == 0:
             return np.zeros(len(self.face_counts), bool)
         first = np.cumsum(self.face_counts, dtype=np.int64) - self.face_counts
@@ -164,16 +157,13 @@ class Source(Protocol):
     files: tuple[str, ...]
     """The files that are read, and the textures that materials name."""
     has_subframes: bool
-    """Whether there are positions between two frames."""
+    """True if there are positions between two frames."""
     clock: Clock
-    """Which time of the file each frame is at."""
     rate: str
-    """How frames are counted, in words; empty where there is nothing to choose."""
+    """The rate of frames in words; empty if there is nothing to choose."""
 
     def positions(self, shape: Shape, frame: float) -> np.ndarray:
         """(vertices, 3) of the shape at a frame, in the shape's own topology."""
         ...
 
-    def close(self) -> None:
-        """Lets go of the file."""
-        ...
+    def close(self) -> None: ...

@@ -5,14 +5,13 @@ from __future__ import annotations
 from functools import cached_property
 from typing import Any
 
-import numpy as np
 from pxr import Sdf, Usd, UsdGeom
 
 from vrtm.bake.left_out import LeftOut
-from vrtm.bake.scene.posed import shapes, unknown
+from vrtm.bake.scene.posed import PosedSource
 from vrtm.bake.scene.timing import Clock, is_between, is_whole, rate
 from vrtm.bake.scene.topology import matches
-from vrtm.bake.scene.types import SceneError, SceneOptions, Shape
+from vrtm.bake.scene.types import SceneError, SceneOptions
 from vrtm.bake.scene.usd_mesh import UsdMesh
 from vrtm.bake.scene.usd_skel import Skeletons
 from vrtm.bake.scene.usd_stage import (
@@ -33,14 +32,11 @@ _UNREAD = ("NurbsPatch", "TetMesh")
 """Surfaces with UVs that are no meshes."""
 
 
-class UsdSource:
+class UsdSource(PosedSource[UsdMesh]):
     """The meshes of a stage. See `vrtm.bake.scene.Scene`."""
 
     def __init__(self, path: str, options: SceneOptions) -> None:
-        self.warnings: list[str] = []
-        self.left_out: list[LeftOut] = []
-        self.has_subframes = True
-        self._path = path
+        super().__init__(path, options)
         self.stage = open_stage(path, options)
         for asset, why in unreadable(self.stage):
             # Materials are none of what is baked.
@@ -54,42 +50,22 @@ class UsdSource:
         )
         self.frames = stage_frames(self.stage, path, self.warnings, self.left_out, self.clock)
         self._skeletons = Skeletons(self.stage)
-        groups = [(mesh, tuple(str(prim.GetPath()) for prim in of_one)) for of_one, mesh in self._chosen(options)]
-        self.shapes, self._meshes = shapes(path, groups, options, self.warnings, self.left_out)
+        self._take([(mesh, tuple(paths)) for paths, mesh in self._chosen()])
         self._check_times()
-
-    def positions(self, shape: Shape, frame: float) -> np.ndarray:
-        """(vertices, 3) of the shape at a frame."""
-        return self._meshes[shape.name].positions(frame)
-
-    def to_world(self, shape: Shape, frame: float | None) -> np.ndarray:
-        """(4, 4) by which rows of the shape's positions at a frame, or of its rest, are multiplied to lie in the
-        world."""
-        mesh = self._meshes[shape.name]
-        return mesh.to_world(mesh.rest_frame if frame is None else frame)
-
-    def rest_frame(self, shape: Shape) -> float:
-        """The frame whose transforms lie above the rest."""
-        return self._meshes[shape.name].rest_frame
 
     @cached_property
     def files(self) -> tuple[str, ...]:
-        """See `stage_files`."""
         return stage_files(self.stage)
 
     def close(self) -> None:
-        """Lets go of the stage."""
         self._meshes.clear()
         self._skeletons = None
         self.stage = None
 
-    def _chosen(self, options: SceneOptions) -> list[tuple[list[Any], UsdMesh]]:
-        """Meshes to take; instances in the same pose stand together."""
-        paths: list[str] = []
-        taken: dict[Any, tuple[list[Any], UsdMesh]] = {}
-        met: set[str] = set()
-        if options.population_mask:
-            self.left_out.append(LeftOut("what lies outside of --population-mask is not loaded", meant=True))
+    def _chosen(self) -> list[tuple[list[str], UsdMesh]]:
+        """Meshes to take, with their paths; instances in the same pose stand together."""
+        options = self._options
+        taken: dict[Any, tuple[list[str], UsdMesh]] = {}
         for prim in Usd.PrimRange.Stage(self.stage, Usd.TraverseInstanceProxies()):
             path = str(prim.GetPath())
             if prim.GetTypeName() in _UNREAD and (not options.meshes or any(matches(p, path) for p in options.meshes)):
@@ -97,41 +73,29 @@ class UsdSource:
                 self.left_out.append(LeftOut(f"is a {prim.GetTypeName()}, which is not read", path, meant=meant))
             if not prim.IsA(UsdGeom.Mesh):
                 continue
-            paths.append(path)
-            patterns = [pattern for pattern in options.meshes if matches(pattern, path)]
-            if options.meshes and not patterns:
-                self.left_out.append(LeftOut("not named by --meshes", path, meant=True))
+            if not self._takes(path):
                 continue
-            met.update(patterns)
             reason = hidden(prim, self.frames, self.clock)
-            # A renderer does not show it either.
-            meant = reason is not None
-            if reason is None:
-                mesh = UsdMesh(self._path, prim, self._skeletons, self.frames, self.clock, options, self.warnings)
-                try:
-                    reason = None if mesh.uv is not None else f"has no UVs{mesh.other_uvs()}"
-                except SceneError:
-                    if not options.skip_still or options.names(path) or not mesh.stays():
-                        raise
-                    reason = "nothing deforms there, and it has several UV sets"
-                meant = not mesh.deforms
             if reason is not None:
-                self.left_out.append(LeftOut(reason, path, meant=meant))
-                if options.names(path):
-                    raise SceneError(f"{self._path} {path}: {reason}")
+                self._leave_out(path, reason, True)
                 continue
-            taken.setdefault(mesh.identity(), ([], mesh))[0].append(prim)
-        for pattern in options.meshes:
-            if pattern not in met:
-                prim = self.stage.GetPrimAtPath(pattern) if Sdf.Path.IsValidPathString(pattern) else None
-                if prim:
-                    kind = prim.GetTypeName() or "prim without type"
-                    raise SceneError(f"{self._path}: '{pattern}' is a {kind}, not a mesh")
-                raise unknown(self._path, pattern, paths)
-        if not taken:
-            why = "; ".join(f"{entry.mesh} {entry.why}" for entry in self.left_out[:5] if entry.mesh)
-            raise SceneError(f"{self._path}: no mesh to bake ({why or 'the scene has none'})")
+            mesh = UsdMesh(self._path, prim, self._skeletons, self.frames, self.clock, options, self.warnings)
+            try:
+                reason = None if mesh.uv is not None else f"has no UVs{mesh.other_uvs()}"
+            except SceneError:
+                if not options.skip_still or options.names(path) or not mesh.stays():
+                    raise
+                reason = "nothing deforms there, and it has several UV sets"
+            if reason is not None:
+                self._leave_out(path, reason, not mesh.deforms)
+            else:
+                taken.setdefault(mesh.identity(), ([], mesh))[0].append(path)
+        self._check_chosen(taken)
         return list(taken.values())
+
+    def _kind(self, path: str) -> str:
+        prim = self.stage.GetPrimAtPath(path) if Sdf.Path.IsValidPathString(path) else None
+        return (prim.GetTypeName() or "prim without type") if prim else ""
 
     def _check_times(self) -> None:
         """Warns of samples that lie where no frame is, and of frames where no sample is."""

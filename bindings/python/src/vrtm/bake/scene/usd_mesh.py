@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import Any
@@ -10,18 +10,21 @@ from typing import Any
 import numpy as np
 from pxr import Usd, UsdGeom, UsdShade
 
+from vrtm.bake.scene.obj import rest_from_file
 from vrtm.bake.scene.posed import PosedMesh
 from vrtm.bake.scene.refine import Cage
-from vrtm.bake.scene.rest import rest_from_file
 from vrtm.bake.scene.timing import Clock
 from vrtm.bake.scene.topology import check_faces, check_mesh, corner_elements, per_vertex, without_uvs
 from vrtm.bake.scene.types import SceneError, SceneOptions, Shape, frame_number
 from vrtm.bake.scene.usd_skel import Skeletons
 from vrtm.bake.scene.usd_stage import meters
-from vrtm.bake.scene.usd_uvs import find_uv, uv_sets
 from vrtm.bake.words import near
 
 REST_NAMES = ("primvars:Pref", "primvars:pref", "primvars:rest", "Pref", "rest")
+UV_TYPES = ("texCoord2f[]", "texCoord2h[]", "texCoord2d[]")
+PLAIN_UV_TYPES = ("float2[]", "half2[]", "double2[]")
+# The primvar that a bake writes.
+REDIRECTED = "st_redirected"
 
 
 class UsdMesh(PosedMesh):
@@ -55,7 +58,7 @@ class UsdMesh(PosedMesh):
         return [primvar.GetPrimvarName() for primvar in api.FindPrimvarsWithInheritance() if primvar.HasAuthoredValue()]
 
     def other_uvs(self) -> str:
-        """Where the wanted UV set is missing: its name, and that of one that is near."""
+        """The end of a sentence about a missing UV set: its name, and that of one that is near."""
         there = self.primvars()
         hint = next(filter(None, (near(name, there) for name in self._options.uv_names)), "")
         sets = sorted(primvar.GetPrimvarName() for primvar in uv_sets(self._prim) if self._options.uv_names)
@@ -94,7 +97,7 @@ class UsdMesh(PosedMesh):
         return replace(shape, rest_unit=self._rest_unit, subsets=self._subsets(first))
 
     def _read_faces(self) -> Usd.TimeCode:
-        """Reads them at the first frame, and returns that."""
+        """Reads the faces at the first frame, which it returns."""
         first = self._code(self._frames[0])
         self._counts, self._indices = self._faces(first)
         self._points = len(self._read(self._mesh.GetPointsAttr(), first, "points"))
@@ -102,7 +105,7 @@ class UsdMesh(PosedMesh):
         return first
 
     def stays(self) -> bool:
-        """Whether it is at rest in all frames, as far as it can be read."""
+        """True if it is at rest in all frames, as far as it can be read."""
         if self.deforms:
             return False
         try:
@@ -178,11 +181,8 @@ class UsdMesh(PosedMesh):
             found.update(points.GetTimeSamples())
         if self._skin:
             found.update(self._skin.samples())
-        prim = self._space if self._options.world else None
-        while prim and not prim.IsPseudoRoot():
-            xform = UsdGeom.Xformable(prim)
-            found.update(xform.GetTimeSamples() if xform else ())
-            prim = None if xform and xform.GetResetXformStack() else prim.GetParent()
+        for xform in self._above() if self._options.world else ():
+            found.update(xform.GetTimeSamples())
         return sorted(found)
 
     def _posed(self, frame: float) -> np.ndarray:
@@ -203,29 +203,21 @@ class UsdMesh(PosedMesh):
         """The prim in whose space positions are."""
         return (self._skin.space if self._skin else None) or self._prim
 
-    @cached_property
-    def is_moved(self) -> bool:
+    def _above(self) -> Iterator[UsdGeom.Xformable]:
+        """The transforms above the space of positions, from below."""
         prim = self._space
         while prim and not prim.IsPseudoRoot():
             xform = UsdGeom.Xformable(prim)
-            if xform and xform.TransformMightBeTimeVarying():
-                return True
-            if xform and xform.GetResetXformStack():
-                return False
-            prim = prim.GetParent()
-        return False
+            if xform:
+                yield xform
+            prim = None if xform and xform.GetResetXformStack() else prim.GetParent()
 
-    def to_world(self, frame: float) -> np.ndarray:
-        """(4, 4) f64, by which rows of positions of a frame are multiplied to lie in the world."""
-        matrix = np.array(UsdGeom.Imageable(self._space).ComputeLocalToWorldTransform(self._code(frame)))
-        if self._options.world:
-            # They have the linear part.
-            matrix[:3, :3] = np.eye(3)
-        return matrix
+    @cached_property
+    def is_moved(self) -> bool:
+        return any(xform.TransformMightBeTimeVarying() for xform in self._above())
 
-    def _linear(self, frame: float) -> np.ndarray:
-        matrix = UsdGeom.Imageable(self._space).ComputeLocalToWorldTransform(self._code(frame))
-        return np.array(matrix)[:3, :3]
+    def _matrix(self, frame: float) -> np.ndarray:
+        return np.array(UsdGeom.Imageable(self._space).ComputeLocalToWorldTransform(self._code(frame)))
 
     def _topology(self) -> tuple[Usd.Attribute, Usd.Attribute]:
         return self._mesh.GetFaceVertexCountsAttr(), self._mesh.GetFaceVertexIndicesAttr()
@@ -344,3 +336,40 @@ class UsdMesh(PosedMesh):
 
 def _counted(count: int) -> str:
     return f"{count} {'is' if count == 1 else 'are'}"
+
+
+def find_uv(prim: Usd.Prim, names: tuple[str, ...], where: str) -> UsdGeom.Primvar | None:
+    """The primvar of a mesh's UVs, inherited ones included: the first of these names that it has; None if it has none.
+    Raises SceneError if none is named, there are several, and none of them is `st`, or if a named one does not hold
+    pairs."""
+    api = UsdGeom.PrimvarsAPI(prim)
+    for name in names:
+        primvar = api.FindPrimvarWithInheritance(name.removeprefix("primvars:"))
+        if not primvar or not primvar.HasAuthoredValue():
+            continue
+        if str(primvar.GetTypeName()) not in UV_TYPES + PLAIN_UV_TYPES:
+            raise SceneError(f"{where}: {primvar.GetName()} is a {primvar.GetTypeName()}, not a texCoord2f[]")
+        return primvar
+    if names:
+        return None
+    candidates = uv_sets(prim)
+    default = [primvar for primvar in candidates if primvar.GetPrimvarName() == "st"]
+    if not default and len(candidates) > 1:
+        there = sorted(primvar.GetPrimvarName() for primvar in candidates)
+        raise SceneError(
+            f"{where}: several UV sets ({', '.join(there)}), none of them 'st': name the one to take, and after it "
+            f"those of other meshes, of which each takes the first that it has: --uv {there[0]} st"
+        )
+    return next(iter(default or candidates), None)
+
+
+def uv_sets(prim: Usd.Prim) -> list[UsdGeom.Primvar]:
+    """The primvars of texture coordinates that a mesh has; if it has none, those that hold pairs."""
+    found = {kind: [] for kind in UV_TYPES + PLAIN_UV_TYPES}
+    for primvar in UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance():
+        name = primvar.GetPrimvarName()
+        # A primvar of an earlier bake is no UV set of the artist's.
+        if name != REDIRECTED and primvar.HasAuthoredValue() and str(primvar.GetTypeName()) in found:
+            found[str(primvar.GetTypeName())].append(primvar)
+    of = ([primvar for kind in kinds for primvar in found[kind]] for kinds in (UV_TYPES, PLAIN_UV_TYPES))
+    return next(filter(None, of), [])

@@ -50,7 +50,6 @@ class Skin:
 
     @property
     def moves(self) -> bool:
-        """Whether there is an animation."""
         return bool(self._animation)
 
     def samples(self) -> list[float]:
@@ -64,7 +63,7 @@ class Skin:
         return self._skeleton.GetPrim() if self._jointed else None
 
     def identity(self) -> str:
-        """The same for instances that the same animation moves."""
+        """Key of a skinning, equal for instances that the same animation moves."""
         animation = self._animation.GetPrim() if self._animation else None
         skeleton = self._skeleton.GetPrim()
         parts = [

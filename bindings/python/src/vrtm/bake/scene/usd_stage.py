@@ -1,13 +1,15 @@
-"""USD stages: opened, their files, frames and units, and which of their meshes a renderer shows."""
+"""USD stages: opened, their files, frames and units, and which of their meshes a renderer shows; messages of USD."""
 
 from __future__ import annotations
 
+import contextlib
 import math
 import os
+import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade
+from pxr import Ar, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils
 
 from vrtm.bake import overwrite
 from vrtm.bake.left_out import LeftOut
@@ -17,26 +19,24 @@ from vrtm.bake.scene.topology import whole_frames
 from vrtm.bake.scene.types import SceneError, SceneOptions
 from vrtm.bake.words import cause, near
 
-
-def populated(root: str | Sdf.Layer, options: SceneOptions) -> Usd.Stage:
-    """A stage of a file or a layer, with the prims that the options name."""
-    if not options.population_mask:
-        return Usd.Stage.Open(root)
-    stage = Usd.Stage.OpenMasked(root, Usd.StagePopulationMask(list(options.population_mask)))
-    stage.ExpandPopulationMask()
-    return stage
+_IN = re.compile(r"(?:In <([^>]*)>: )?(.*)", re.DOTALL)
+_STAGE = re.compile(r"\s*\(\w+ stage .*\)$", re.DOTALL)
+_MISSING = ("_ReportErrors", "_GetLayerForClip")
+"""USD's functions that tell of what a stage lacks."""
+_NO_FORMAT = "Cannot determine file format"
+"""The reader says in better words which kinds of files USD does not open."""
 
 
 def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
     """Opens a stage, with variants selected in its session layer. Raises SceneError."""
     try:
-        stage = populated(path, options)
+        stage = Usd.Stage.Open(path)
     except Tf.ErrorException as error:
         raise SceneError(f"{path}: {cause(error)}") from error
     if stage is None:
         raise SceneError(f"{path}: cannot be opened as a USD stage")
     for layer in filter(is_carried, stage.GetUsedLayers()):
-        # What an earlier bake moved is read at rest.
+        # Prims that an earlier bake moved are read at rest.
         stage.MuteLayer(layer.identifier)
     with Usd.EditContext(stage, stage.GetSessionLayer()):
         for prim_path, name, variant in options.variants:
@@ -58,7 +58,7 @@ def open_stage(path: str, options: SceneOptions) -> Usd.Stage:
 
 
 def unreadable(stage: Usd.Stage) -> list[tuple[str, str]]:
-    """What the stage's layers refer to and this build of USD cannot open, each with a sentence's end."""
+    """Files that the stage's layers refer to and this build of USD cannot open, each with a sentence's end."""
     found = {}
     for layer in stage.GetUsedLayers():
         for asset in layer.GetCompositionAssetDependencies():
@@ -106,7 +106,6 @@ def assets(attribute: Usd.Attribute, ours: set[str]) -> Iterator[str]:
 
 
 def authored_rate(stage: Usd.Stage) -> float | None:
-    """framesPerSecond, where a stage says it."""
     return stage.GetFramesPerSecond() if stage.HasAuthoredMetadata("framesPerSecond") else None
 
 
@@ -125,7 +124,7 @@ def stage_clock(stage: Usd.Stage, where: str, fps: float | str | None) -> Clock:
 
 
 def sample_times(stage: Usd.Stage) -> list[float]:
-    """Of all time samples of meshes and animations."""
+    """Times of all samples of meshes and animations."""
     prims = Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())
     found = (prim for prim in prims if prim.IsA(UsdGeom.PointBased) or prim.GetTypeName() == "SkelAnimation")
     return sorted(
@@ -149,13 +148,8 @@ def stage_frames(
     return whole_frames(clock.frame(first), clock.frame(last), where, warnings, left_out, slack)
 
 
-def meshes_of(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """All meshes that are active, loaded and defined, those of instances as proxies."""
-    return (prim for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies()) if prim.IsA(UsdGeom.Mesh))
-
-
 def hidden(prim: Usd.Prim, frames: Sequence[int], clock: Clock) -> str | None:
-    """Why a renderer does not show a mesh, as the end of a sentence; None if it shows it."""
+    """The reason that a renderer does not show a mesh, as the end of a sentence; None if it shows it."""
     imageable = UsdGeom.Imageable(prim)
     purpose = imageable.ComputePurpose()
     if purpose in (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy):
@@ -184,7 +178,7 @@ def meshes_at_first_frame(
     others at their first time sample; and by their paths how many meters their units are. Raises SceneError."""
     stage = open_stage(file, SceneOptions())
     found, units = [], {}
-    for prim in meshes_of(stage):
+    for prim in filter(UsdGeom.Mesh, Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies())):
         mesh = UsdGeom.Mesh(prim)
         time = Usd.TimeCode.EarliestTime()
         arrays = [mesh.GetPointsAttr(), mesh.GetFaceVertexCountsAttr(), mesh.GetFaceVertexIndicesAttr()]
@@ -196,10 +190,31 @@ def meshes_at_first_frame(
 
 
 def meters(attribute: Usd.Attribute, time: Usd.TimeCode) -> float | None:
-    """How many meters the unit of an attribute is: as the layer says that it is from, else the stage's own; None if
-    neither says it."""
+    """Meters of the unit of an attribute: as its layer says, else the stage's own; None if neither says it."""
     layers = [spec.layer for spec in attribute.GetPropertyStack(time)[:1]]
     for layer in (*layers, attribute.GetStage().GetRootLayer()):
         if layer.pseudoRoot.HasInfo(UsdGeom.Tokens.metersPerUnit):
             return float(layer.pseudoRoot.GetInfo(UsdGeom.Tokens.metersPerUnit))
     return None
+
+
+@contextlib.contextmanager
+def collected(said: list[LeftOut | str]) -> Iterator[None]:
+    """Adds USD's messages in the block, in all threads, to `said`: missing references, layers and clips, and warnings.
+    They would otherwise go to stderr in USD's own words, or get lost."""
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        yield
+    finally:
+        for found in delegate.TakeUncoalescedDiagnostics():
+            entry = _entry(found.commentary, found.sourceFunction)
+            if entry not in said and _NO_FORMAT not in found.commentary:
+                said.append(entry)
+
+
+def _entry(text: str, function: str) -> LeftOut | str:
+    place, what = _IN.fullmatch(_STAGE.sub("", text)).groups()
+    what = f"USD: {' '.join(what.split())}"
+    if function.endswith(_MISSING):
+        return LeftOut(what, place or "")
+    return f"{place}: {what}" if place else what

@@ -1,13 +1,10 @@
 """USD's own validation of a layer."""
 
-from __future__ import annotations
-
 import os
 from typing import Any
 
-from pxr import Sdf, Sdr, Tf, Usd, UsdUtils
+from pxr import Sdf, Sdr, Usd, UsdUtils, UsdValidation
 
-from vrtm.bake.layer.plan import LayerError
 from vrtm.bake.layer.write import compose
 from vrtm.bake.scene import SceneOptions
 
@@ -15,13 +12,8 @@ from vrtm.bake.scene import SceneOptions
 def check_layer(
     path: str | os.PathLike[str], shot: str | os.PathLike[str] | None = None, options: SceneOptions | None = None
 ) -> list[str]:
-    """What USD's validators, those that usdchecker runs, say of a layer: over its shot, less what they say of the shot
-    alone, or by itself. Each entry names the error and the place.
-
-    Raises LayerError if this build of USD has no validators: usd-core from 26 on has them.
-
-    That a node of MaterialX is not known is left out in a build of USD that knows none of them.
-    """
+    """Complaints of USD's validators, which usdchecker runs, about a layer: over its shot, less those about the shot
+    alone, or by itself. Unknown nodes of MaterialX are left out in a build of USD that knows none of them."""
     path = os.path.abspath(os.fspath(path))
     layer = Sdf.Layer.FindOrOpen(path)
     if layer is None:
@@ -34,12 +26,7 @@ def check_layer(
 
 
 def _complaints(stage: Usd.Stage) -> set[str]:
-    try:
-        from pxr import UsdValidation
-
-        validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
-    except (ImportError, Tf.ErrorException) as error:
-        raise LayerError(f"the validators of USD {'.'.join(map(str, Usd.GetVersion()))} cannot be loaded") from error
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     # Kept while the validators run: what they say besides is about paths that are checked below.
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     knows_materialx = any(name.startswith("ND_") for name in Sdr.Registry().GetShaderNodeIdentifiers())
