@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 from vrtm._records import about_settings
@@ -68,7 +68,7 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         add_help=False,
     )
 
-    def group(title: str) -> Callable[..., None]:
+    def group(title: str) -> functools.partial[None]:
         return functools.partial(option, parser.add_argument_group(title))
 
     add = group("usual options")
