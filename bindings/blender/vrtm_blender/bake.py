@@ -205,15 +205,10 @@ class Bake:
 
 
 def save(pixels: np.ndarray, path: Path, facts: dict[str, str | int]) -> None:
-    """Writes a picture, (height, width, 4) float32 with the bottom row first, as EXR: whole, or not at all. If that
-    fails, what is there stays, unless it is a file of a bake that is damaged."""
-    from vrtm.bake import overwrite, staging
+    """Writes a picture, (height, width, 4) float32 with the bottom row first, as EXR: whole, or not at all."""
+    from vrtm.bake import staging
 
     try:
         staging.write(str(path), lambda temporary: exr.write(temporary, pixels, facts))
     except OSError as error:
-        removed = ""
-        if path.exists() and overwrite.is_ours(str(path)) and not exr.is_whole(str(path)):
-            path.unlink()
-            removed = "; the damaged file that was there is removed"
-        raise Problem(f"{path} cannot be written: {error.strerror or error}{removed}") from error
+        raise Problem(f"{path} cannot be written: {error.strerror or error}") from error
