@@ -91,18 +91,6 @@ class Borders(Case):
             self.assertEqual((found.seams, found.open_borders), expected)
             self.assertEqual(bool(found.why), "seams" not in given)
 
-    def test_files_of_earlier_versions_stay_as_they_are(self):
-        arm = self.arm(dilated=False)
-        self.assertEqual(part("borders").chosen(arm.object), part("borders").Borders("shut", "fixed"))
-        self.check_solved(arm)
-        # Files have the numbers.
-        numbers = {
-            name: {item.identifier: item.value for item in arm.object.vrtm.bl_rna.properties[name].enum_items}
-            for name in ("seams", "open_borders")
-        }
-        self.assertEqual(numbers["seams"], {"shut": 0, "keep": 1, "continue": 2, "auto": 3})
-        self.assertEqual(numbers["open_borders"], {"fixed": 0, "slide": 1, "auto": 2})
-
     def test_the_better_one_where_a_texture_is_not_dilated(self):
         arm = self.arm()
         self.texture(arm)

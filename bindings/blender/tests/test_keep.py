@@ -84,45 +84,6 @@ class Keep(Case):
                 self.assertSame(pixels(bpy.data.images[name]), in_file(expected))
                 self.assertEqual(self.read(self.group()), bpy.data.images[name])
 
-    def test_files_of_earlier_versions_are_mended(self):
-        for baked in (False, True):
-            with self.subTest(baked=baked):
-                self.setUp()
-                arm = self.arm()
-                obj, tree = arm.object, self.group()
-                tree["vrtm_result"] = obj.vrtm.image
-                obj.vrtm.image.pack()
-                if baked:
-                    obj.vrtm.shows_baked = True
-                    image = bpy.data.images.new("vrtm arm baked", 8, 8)
-                    next(n for n in tree.nodes if n.bl_idname == "ShaderNodeTexImage").image = image
-                obj = self.saved(handlers=False)
-                tree = self.group()
-                self.assertNotIn("vrtm_result", tree)
-                self.assertEqual(obj.vrtm.image.users, 2)
-                self.assertEqual(part("nodes").image_of(tree), obj.vrtm.image)
-                self.assertEqual(self.read(tree).name, "vrtm arm baked" if baked else "vrtm arm")
-                if baked:
-                    bpy.ops.vrtm.use_live()
-                    self.assertEqual(self.read(tree), obj.vrtm.image)
-                    self.assertNotIn("vrtm arm baked", bpy.data.images)
-
-    def test_what_is_appended_is_mended(self):
-        arm = self.arm()
-        self.group()["vrtm_result"] = arm.object.vrtm.image
-        with tempfile.TemporaryDirectory() as folder:
-            self.saved(handlers=False, folder=folder)
-            path = os.path.join(folder, "file.blend")
-            for link in (False, True):
-                with self.subTest(link=link):
-                    self.setUp()
-                    with bpy.data.libraries.load(path, link=link) as (_, into):
-                        into.materials = ["arm skin"]
-                    # Nothing tells of it there.
-                    if bpy.app.version < (4, 3, 0):
-                        bpy.ops.wm.save_as_mainfile(filepath=os.path.join(folder, "other.blend"))
-                    self.assertNotIn("vrtm_result", self.group())
-
     def test_a_group_that_lost_its_image_is_built_again(self):
         def removed(obj):
             bpy.data.images.remove(obj.vrtm.image)

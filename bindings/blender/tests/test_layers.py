@@ -311,22 +311,6 @@ class Pictures(SheetsScene):
         self.assertSame(attribute(obj), halves(0, 1))
         self.assertLooksLike(render(), expected)
 
-    def test_a_file_of_an_earlier_version(self):
-        """It has one image, a group that reads it, and no setting."""
-        obj = self.sheets()
-        expected = render()
-        obj.vrtm.overlaps = "fixed"
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-        obj.vrtm.property_unset("overlaps")
-        with tempfile.TemporaryDirectory() as folder:
-            path = os.path.join(folder, "file.blend")
-            bpy.ops.wm.save_as_mainfile(filepath=path)
-            bpy.ops.wm.open_mainfile(filepath=path)
-        obj = bpy.data.objects["sheets"]
-        self.assertEqual((obj.vrtm.overlaps, len(images_of(obj))), ("each", 1))
-        self.assertLooksLike(render(), expected)
-        self.assertIsNone(part("results").missing(obj))
-
     def test_baked_files_render_as_the_live_result_does(self):
         for tiles in ((0, 0), (0, 0, 1)):
             with self.subTest(tiles=tiles), tempfile.TemporaryDirectory() as folder:

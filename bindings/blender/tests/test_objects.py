@@ -106,17 +106,6 @@ class Objects(Case):
                         self.assertTrue(nodes.is_by_uv_map(one, obj.vrtm.uv_name))
                         self.assertTrue(nodes.is_by_uv_map(two, other.vrtm.uv_name))
 
-    def test_groups_of_earlier_versions_get_a_strength(self):
-        arm = self.arm()
-        arm.paint_image()
-        for by in ("image", "uv_map"):
-            bpy.ops.vrtm.set_up_material(by=by)
-            tree = self.groups(arm.object)[0].node_tree
-            tree.interface.remove(tree.interface.items_tree["Strength"])
-            bpy.ops.vrtm.set_up_material(by=by)
-            self.assertEqual(self.groups(arm.object)[0].node_tree, tree)
-            self.assertEqual(self.groups(arm.object)[0].inputs["Strength"].default_value, 1)
-
     def test_nothing_is_left(self):
         arm = self.arm()
         obj, mesh = arm.object, arm.mesh

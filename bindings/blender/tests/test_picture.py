@@ -102,7 +102,7 @@ class Picture(Case):
                 obj.vrtm.measure = True
                 modifiers.new("it", kind)
                 modifiers.move(1, 0)
-                # As an earlier version has put it.
+                # In front of what deforms.
                 tap = modifiers.new("vrtm pose", "NODES")
                 tap.node_group = part("tap").GROUP.tree()
                 modifiers.move(2, 0)

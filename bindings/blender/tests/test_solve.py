@@ -41,18 +41,6 @@ class Solve(Case):
         self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
         self.check(arm, arm.asset())
 
-    def test_a_quality_that_is_gone(self):
-        arm = Arm()
-        arm.paint_image()
-        settings = arm.object.vrtm
-        # Before Blender 5.0 a property's number lies in the group itself.
-        stored = getattr(settings, "bl_system_properties_get", lambda **_: settings)(do_create=True)
-        stored["quality"] = 2
-        self.assertEqual(settings.quality, "")
-        bpy.context.scene.frame_set(5)
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-        self.check(arm, arm.asset())
-
     def test_two_tiles_painted_in_files_and_in_memory(self):
         arm = Arm(tiles=2)
         with tempfile.TemporaryDirectory() as folder:

@@ -57,8 +57,7 @@ def chosen(obj: bpy.types.Object) -> Borders:
 
 
 def leave_open(obj: bpy.types.Object) -> None:
-    """Textures are dilated: what was never set by hand becomes Auto. A file of an earlier version stays as it is until
-    then."""
+    """Sets Seams and Open Borders to Auto, unless they were set by hand: the textures are dilated."""
     settings = obj.vrtm
     if not settings.is_property_set("seams"):
         settings.seams = AUTO

@@ -141,23 +141,13 @@ def file_closes(*_) -> None:
 
 @persistent
 def file_loaded(*_) -> None:
-    keep.mend_groups()
-    keep.mend_ranges()
     want_all()
-
-
-@persistent
-def imported(*_) -> None:
-    """blend_import_post: data-blocks were appended or linked."""
-    keep.mend_groups()
 
 
 @persistent
 def file_saves(*_) -> None:
     """save_pre"""
     states.forget_gone()
-    # Before Blender 4.3 nothing tells of what was appended.
-    keep.mend_groups()
     keep.keep_results()
     keep.tell_unsaved()
 
@@ -182,8 +172,6 @@ HANDLERS = {
     "load_post": file_loaded,
     "save_pre": file_saves,
 }
-if bpy.app.version >= (4, 3, 0):
-    HANDLERS["blend_import_post"] = imported
 
 
 def register() -> None:

@@ -1,42 +1,10 @@
-"""What a file must hold when it is saved, so that nothing is lost, and what is mended in files of earlier versions."""
+"""The contents of a saved file: nothing that was solved or painted is lost."""
 
 from __future__ import annotations
 
 import bpy
 
 from . import messages, nodes, result_image, session
-
-
-def mend_groups() -> None:
-    """Takes data-blocks out of the custom properties of this add-on's node groups, where earlier versions kept the
-    result image. They may come with a file, and with what is appended or linked."""
-    for tree in bpy.data.node_groups:
-        if not tree.get(nodes.KIND):
-            continue
-        # None is what a data-block that was lost leaves.
-        held = {key: value for key, value in tree.items() if value is None or isinstance(value, bpy.types.ID)}
-        for key in held:
-            try:
-                del tree[key]
-            except (TypeError, AttributeError, RuntimeError):
-                session.log.debug("%s is linked, and cannot be mended here", tree.name)
-                continue
-            # The copy that is drawn has it until the tree is evaluated again.
-            tree.update_tag()
-        images = [
-            image for image in held.values() if isinstance(image, bpy.types.Image) and result_image.is_result(image)
-        ]
-        if images and tree.library is None and nodes.image_of(tree) is None:
-            nodes.remember(tree, images[0])
-
-
-def mend_ranges() -> None:
-    """Bakes of earlier versions had frames of their own, and not the scene's."""
-    for scene in bpy.data.scenes:
-        settings = scene.vrtm_bake
-        own = settings.is_property_set("frame_start") or settings.is_property_set("frame_end")
-        if own and not settings.is_property_set("use_custom_range"):
-            settings.use_custom_range = True
 
 
 def keep_results() -> None:
@@ -74,7 +42,7 @@ def _count_again(image: bpy.types.Image) -> None:
             return
     for tree in bpy.data.node_groups:
         if tree.get(nodes.KIND) and nodes.image_of(tree) == image:
-            nodes.remember(tree, image)
+            nodes.count_again(tree, image)
             return
 
 

@@ -66,9 +66,6 @@ def group_by_image(obj: bpy.types.Object) -> bpy.types.NodeTree:
     # A linked group will do, too.
     trees = [tree for tree in _by_image() if image_of(tree) == image] or groups_of(obj)
     if trees:
-        if trees[0].library is None and not has_strength(trees[0]) and not obj.vrtm.shows_baked:
-            # Of an earlier version.
-            build_by_image(trees[0], obj)
         return trees[0]
     tree = bpy.data.node_groups.new(f"vrtm redirection {obj.name}", "ShaderNodeTree")
     tree[KIND] = BY_IMAGE
@@ -76,29 +73,15 @@ def group_by_image(obj: bpy.types.Object) -> bpy.types.NodeTree:
     return tree
 
 
-def has_strength(tree: bpy.types.NodeTree) -> bool:
-    return "Strength" in tree.interface.items_tree
-
-
 def _sockets(tree: bpy.types.NodeTree) -> None:
-    """UV and strength in, UV out: what is there already keeps its links."""
-    if "UV" not in tree.interface.items_tree:
-        tree.interface.new_socket("UV", in_out="OUTPUT", socket_type="NodeSocketVector")
-        tree.interface.new_socket("UV", in_out="INPUT", socket_type="NodeSocketVector")
-    if not has_strength(tree):
-        socket = tree.interface.new_socket("Strength", in_out="INPUT", socket_type="NodeSocketFloat")
-        socket.subtype, socket.min_value, socket.max_value, socket.default_value = "FACTOR", 0, 1, 1
-        # A node that was there before has 0 for what is new.
-        for node in _nodes_with(tree):
-            node.inputs["Strength"].default_value = 1
-        socket.description = "How much of the redirection is added: 0 shows the texture as the surface stretches it"
-
-
-def _nodes_with(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
-    """The nodes that are a group, in materials and in other groups."""
-    trees = [material.node_tree for material in bpy.data.materials if material.node_tree] + list(bpy.data.node_groups)
-    nodes = [node for other in trees if other.bl_idname == "ShaderNodeTree" for node in other.nodes]
-    return [node for node in nodes if node.bl_idname == "ShaderNodeGroup" and node.node_tree == tree]
+    """Makes the sockets of a new group: UV and strength in, UV out."""
+    if len(tree.interface.items_tree):
+        return
+    tree.interface.new_socket("UV", in_out="OUTPUT", socket_type="NodeSocketVector")
+    tree.interface.new_socket("UV", in_out="INPUT", socket_type="NodeSocketVector")
+    socket = tree.interface.new_socket("Strength", in_out="INPUT", socket_type="NodeSocketFloat")
+    socket.subtype, socket.min_value, socket.max_value, socket.default_value = "FACTOR", 0, 1, 1
+    socket.description = "How much of the redirection is added: 0 shows the texture as the surface stretches it"
 
 
 def _by_image() -> list[bpy.types.NodeTree]:
@@ -149,13 +132,11 @@ def group_by_uv_map(obj: bpy.types.Object) -> bpy.types.NodeTree:
     if name not in obj.data.uv_layers:
         raise Problem(f"{obj.name} has no result UV map yet: press Update Now with the UV Map output on")
     tree = next((tree for tree in bpy.data.node_groups if is_by_uv_map(tree, name)), None)
-    if tree is None:
-        tree = bpy.data.node_groups.new(f"vrtm UV map {name}", "ShaderNodeTree")
-        tree[KIND] = BY_UV_MAP
-    elif tree.library is not None or has_strength(tree):
+    if tree is not None:
         return tree
+    tree = bpy.data.node_groups.new(f"vrtm UV map {name}", "ShaderNodeTree")
+    tree[KIND] = BY_UV_MAP
     _sockets(tree)
-    tree.nodes.clear()
     link = tree.links.new
     begin, node, output = map(tree.nodes.new, ("NodeGroupInput", "ShaderNodeUVMap", "NodeGroupOutput"))
     node.uv_map = name
@@ -174,13 +155,9 @@ def _socket(sockets, identifier: str) -> bpy.types.NodeSocket:
     return next(socket for socket in sockets if socket.identifier == identifier)
 
 
-def remember(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
-    """Has a group know its result image, whatever it shows: by a node of its own."""
-    node = next((node for node in _textures(tree) if node.image == image), None)
-    if node is None:
-        _texture(tree, image, (900, -450))
-    else:
-        node.image = image
+def count_again(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
+    """Assigns a group's result image once more, which counts its users again."""
+    next(node for node in _textures(tree) if node.image == image).image = image
 
 
 def show_baked(obj: bpy.types.Object, paths: list[str], first: int, number: int) -> None:

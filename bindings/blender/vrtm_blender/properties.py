@@ -136,10 +136,10 @@ class VrtmSettings(bpy.types.PropertyGroup):
         name="Seams",
         description="What happens to features at the seams of the UV map",
         items=[
-            ("auto", "Auto", "Continue where all textures are dilated; else Shut or Keep, whichever is better", "", 3),
-            ("shut", "Shut", "Nothing moves at a seam: a feature on one keeps its width there", "", 0),
-            ("keep", "Keep", "A feature that touches a border stays as it is, whole", "", 1),
-            ("continue", "Continue", "Features keep their shape across seams. Press Dilate Textures for that", "", 2),
+            ("auto", "Auto", "Continue where all textures are dilated; else Shut or Keep, whichever is better"),
+            ("shut", "Shut", "Nothing moves at a seam: a feature on one keeps its width there"),
+            ("keep", "Keep", "A feature that touches a border stays as it is, whole"),
+            ("continue", "Continue", "Features keep their shape across seams. Press Dilate Textures for that"),
         ],
         default="shut",
         update=_changed,
@@ -148,15 +148,9 @@ class VrtmSettings(bpy.types.PropertyGroup):
         name="Open Borders",
         description="What happens where the mesh ends",
         items=[
-            (
-                "auto",
-                "Auto",
-                "Slide where all textures are dilated, and no other mesh begins there",
-                "",
-                2,
-            ),
-            ("fixed", "Fixed", "Nothing moves there, as is right where another mesh begins", "", 0),
-            ("slide", "Slide", "Textures slide along the border, so that features there keep their shape", "", 1),
+            ("auto", "Auto", "Slide where all textures are dilated, and no other mesh begins there"),
+            ("fixed", "Fixed", "Nothing moves there, as is right where another mesh begins"),
+            ("slide", "Slide", "Textures slide along the border, so that features there keep their shape"),
         ],
         default="fixed",
         update=_changed,
@@ -267,7 +261,7 @@ class VrtmSettings(bpy.types.PropertyGroup):
     )
     # What Auto has found: the better one of Shut and Keep and what told it, and whether the surface goes on in other
     # vertices where the mesh ends.
-    seams_found: EnumProperty(items=[("shut", "Shut", "", "", 0), ("keep", "Keep", "", "", 1)], default="shut")
+    seams_found: EnumProperty(items=[("shut", "Shut", ""), ("keep", "Keep", "")])
     seams_why: StringProperty()
     goes_on: BoolProperty()
     # The outputs. A pointer follows renaming, undo and saving; a UV map has no pointer, so its name is kept.

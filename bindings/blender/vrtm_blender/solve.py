@@ -60,9 +60,7 @@ def _read_maps(obj: bpy.types.Object, state: State) -> None:
 def level_of(obj: bpy.types.Object) -> tuple[str, int, int]:
     """Quality, grid and map size: the viewport's, or those of renders and bakes."""
     kind = "render_" if session.rendering or session.baking else ""
-    quality, grid, map_size = (getattr(obj.vrtm, kind + name) for name in ("quality", "grid", "map_size"))
-    # Files of earlier versions may have a quality that is gone.
-    return quality or "normal", grid, map_size
+    return tuple(getattr(obj.vrtm, kind + name) for name in ("quality", "grid", "map_size"))
 
 
 def settings_of(obj: bpy.types.Object) -> dict[str, object]:
