@@ -150,7 +150,7 @@ class Pieces(Case):
             self.assertEqual(abs(apart / rest - 1) < 1e-5, same)
 
     def test_parts_and_feet(self):
-        connected, feet = part("pieces").connected, part("pieces").feet
+        connected, feet = part("carriers").connected, part("carriers").feet
         rng = np.random.default_rng(3)
         points, order = rng.random((400, 3)), rng.permutation(400)
         # Three chains, by edges in any order, and a vertex at the place of another one.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,12 +11,17 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from . import exr, geometry, layers, reads, result_image, session, solve, states
+from . import exr, geometry, layers, nodes, result_image, session, solve, states
 from .messages import Problem
 from .outcome import surface_strain
 
 if TYPE_CHECKING:
     import vrtm
+
+# A frame's number, as Blender counts: the last digits of the name.
+_NUMBER = re.compile(r"\d+(?=\D*$)")
+# What stands for a tile in the path of an image with tiles.
+_TOKENS = {"<UDIM>": r"\d{4}", "<UVTILE>": r"u\d+_v\d+"}
 
 KINDS = {"delta": "redirection_delta", "udim": "redirection_udim", "tile": "redirection"}
 
@@ -132,9 +139,6 @@ class Bake:
 
     def _check(self) -> None:
         """Before anything is written: that nothing is replaced which is not a bake's. Raises a Problem."""
-        session.library()
-        from vrtm.bake import overwrite, staging
-
         objects, outputs = self._objects(), []
         for obj in objects:
             name = file_name(obj, "", 0).casefold()
@@ -149,12 +153,10 @@ class Bake:
                 for frame in self.frames
                 for part, kind in kinds
             ]
-        try:
-            overwrite.check(outputs, reads.files(), self.overwrite)
-        except overwrite.Conflict as conflict:
-            hint = ": choose another folder, or switch Overwrite on" if conflict.replaceable else ""
-            raise Problem(f"{conflict}{hint}") from conflict
+        check_free(outputs, self.overwrite)
         self.planned = {path for path, _ in outputs}
+        from vrtm.bake import staging
+
         # What bakes that were killed have left.
         staging.sweep(str(self.folder))
 
@@ -212,3 +214,52 @@ def save(pixels: np.ndarray, path: Path, facts: dict[str, str | int]) -> None:
         staging.write(str(path), lambda temporary: exr.write(temporary, pixels, facts))
     except OSError as error:
         raise Problem(f"{path} cannot be written: {error.strerror or error}") from error
+
+
+def check_free(outputs: list[tuple[str, str]], overwriting: bool) -> None:
+    """Raises a Problem if an output, a path with the name of its object, replaces what is not a bake's, unless
+    `overwriting`, or what the open file reads."""
+    session.library()
+    from vrtm.bake import overwrite
+
+    try:
+        overwrite.check(outputs, _read_files(), overwriting)
+    except overwrite.Conflict as conflict:
+        hint = ": choose another folder, or switch Overwrite on" if conflict.replaceable else ""
+        raise Problem(f"{conflict}{hint}") from conflict
+
+
+def _read_files() -> list[tuple[str, str]]:
+    """The files that the open file is made of, and the name of each to the artist. Baked files that a node group reads
+    are no inputs of a bake."""
+    found = [(bpy.data.filepath, "the open file")] if bpy.data.filepath else []
+    baked, replaceable = nodes.baked_images(), set()
+    for owner in (*bpy.data.images, *bpy.data.movieclips, *bpy.data.cache_files, *bpy.data.libraries):
+        if not owner.filepath or getattr(owner, "packed_file", None) is not None:
+            continue
+        path = os.path.abspath(bpy.path.abspath(owner.filepath, library=owner.library))
+        if owner in baked:
+            replaceable.add(path)
+            continue
+        what = f"the file of {owner.id_type.lower()} {owner.name!r}"
+        sequence = getattr(owner, "source", "") == "SEQUENCE" or getattr(owner, "is_sequence", False)
+        found += [(one, what) for one in _each(path, sequence)]
+    # Of all others Blender tells the paths alone.
+    paths = {os.path.abspath(path) for path in bpy.utils.blend_paths(absolute=True)}
+    return found + [(path, "a file that the open one reads") for path in sorted(paths - replaceable)]
+
+
+def _each(path: str, sequence: bool) -> list[str]:
+    """The path, or those of all tiles or frames that are there."""
+    folder, name = os.path.split(path)
+    pattern = re.escape(name)
+    for token, digits in _TOKENS.items():
+        pattern = pattern.replace(re.escape(token), digits)
+    if sequence and (number := _NUMBER.search(name)):
+        pattern = re.escape(name[: number.start()]) + r"-?\d+" + re.escape(name[number.end() :])
+    if pattern == re.escape(name):
+        return [path]
+    try:
+        return [path] + [os.path.join(folder, one) for one in sorted(os.listdir(folder)) if re.fullmatch(pattern, one)]
+    except OSError:
+        return [path]

@@ -8,8 +8,8 @@ import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, PointerProperty
 from mathutils import Matrix
 
-from . import carry_nodes, geometry, pieces, session
-from .carriers import CarriedInput, Moved, Thing
+from . import carry_nodes, geometry, session
+from .carriers import CarriedInput, Moved, Thing, connected
 from .messages import Problem
 
 FITS = [
@@ -243,7 +243,7 @@ def read(skin: bpy.types.Object) -> CarriedInput:
             points = own_places(obj)
             places = points.astype(np.float64) @ to_skin[:3, :3].T + to_skin[:3, 3]
             if own.pieces:
-                parts = pieces.connected(points, geometry.read(obj.data.edges, "vertices", 2, np.int32))
+                parts = connected(points, geometry.read(obj.data.edges, "vertices", 2, np.int32))
         if not np.isfinite(places).all():
             raise Problem(f"{obj.name}: a point of it has no place (NaN): mend or delete it")
         if len(places):

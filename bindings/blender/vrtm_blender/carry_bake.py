@@ -9,8 +9,8 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import carry, carry_nodes, geometry, live, reads, session, solve, states
-from .bake import file_name, folder_of, frames_of, save
+from . import carry, carry_nodes, geometry, live, session, solve, states
+from .bake import check_free, file_name, folder_of, frames_of, save
 from .carriers import Moved
 from .messages import Problem
 
@@ -100,9 +100,6 @@ class Bake:
 
     def _begin(self) -> None:
         """Takes out what an earlier bake has written. Raises a Problem if a file in the way is no bake's."""
-        session.library()
-        from vrtm.bake import overwrite
-
         for skin in map(self._found, self.skins):
             live_again(skin)
             for obj in self._points(skin):
@@ -116,11 +113,7 @@ class Bake:
         ]
         if len({path.casefold() for path, _ in outputs}) < len(outputs):
             raise Problem("two carried objects have names that make the same file names: rename one")
-        try:
-            overwrite.check(outputs, reads.files(), self.overwrite)
-        except overwrite.Conflict as conflict:
-            hint = ": choose another folder, or switch Overwrite on" if conflict.replaceable else ""
-            raise Problem(f"{conflict}{hint}") from conflict
+        check_free(outputs, self.overwrite)
 
     def _frame(self, skin: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
         state = states.state_of(skin)

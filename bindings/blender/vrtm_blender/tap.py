@@ -7,11 +7,11 @@ attributes' names begin with a dot: Blender does not list them.
 
 from __future__ import annotations
 
-import functools
+from functools import partial
 
 import bpy
 
-from . import layer_nodes, modifier_group
+from . import layer_nodes, trees
 
 POSE_NAME = ".vrtm_pose"
 INDEX_NAME = ".vrtm_index"
@@ -32,7 +32,7 @@ DEFORMING = frozenset(
 
 
 def _fill(tree: bpy.types.NodeTree) -> None:
-    link, node = tree.links.new, functools.partial(modifier_group.node, tree)
+    link, node = tree.links.new, partial(trees.node, tree)
     last = node("NodeGroupInput", 0, 0).outputs["Geometry"]
     for place, (name, kind, source) in enumerate(
         [(POSE_NAME, "FLOAT_VECTOR", "GeometryNodeInputPosition"), (INDEX_NAME, "INT", "GeometryNodeInputIndex")]
@@ -40,14 +40,12 @@ def _fill(tree: bpy.types.NodeTree) -> None:
         store = node("GeometryNodeStoreNamedAttribute", 1 + place, 0, data_type=kind, domain="POINT")
         store.inputs["Name"].default_value = name
         link(last, store.inputs["Geometry"])
-        # There is a socket of this name for each type; the one of the chosen type is enabled.
-        value = next(socket for socket in store.inputs if socket.name == "Value" and socket.enabled)
-        link(node(source, place, -1).outputs[0], value)
+        link(node(source, place, -1).outputs[0], trees.enabled(store.inputs, "Value"))
         last = store.outputs["Geometry"]
     link(last, node("NodeGroupOutput", 3, 0).inputs["Geometry"])
 
 
-GROUP = modifier_group.ModifierGroup(".vrtm pose", "vrtm_pose_group", {}, _fill)
+GROUP = trees.ModifierGroup(".vrtm pose", "vrtm_pose_group", {}, _fill)
 
 
 def is_own(modifier: bpy.types.Modifier) -> bool:
