@@ -1,4 +1,4 @@
-"""What the tests share: Blender as a Python module with the installed extension, and a model, an arm that bends."""
+"""Shared by the tests: Blender as a Python module with the installed extension, and a model, an arm that bends."""
 
 from __future__ import annotations
 
@@ -174,7 +174,7 @@ class Arm:
         return asset
 
     def delta(self, asset) -> np.ndarray:
-        """What the result image should hold: the tiles side by side, (height, width, 2)."""
+        """The expected result image: the tiles side by side, (height, width, 2)."""
         return np.concatenate(
             [tile.fetch("redirection_delta", self.size, channels=2, origin="bottom") for tile in asset.tiles], 1
         )

@@ -62,7 +62,7 @@ class Files(Case):
         return self.at(name + frames[0] + ".exr")
 
     def refused(self, *words):
-        """That the bake is refused with these words, and that nothing in the folder has changed."""
+        """Checks that the bake is refused with these words, and that nothing in the folder has changed."""
         before = {name: self.content(name) for name in os.listdir(self.folder)}
         with self.assertRaises(RuntimeError) as caught:
             bpy.ops.vrtm.bake()

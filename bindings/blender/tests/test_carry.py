@@ -1,4 +1,4 @@
-"""What rides on the skin: objects as a whole, points, hair, instances and detail meshes."""
+"""Things on the skin: objects as a whole, points, hair, instances and detail meshes."""
 
 import os
 import tempfile

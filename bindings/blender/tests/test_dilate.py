@@ -54,7 +54,7 @@ class Dilate(Case):
         return image
 
     def check(self, found):
-        """What is beside the chart is the other side of the seam, as far as the reach, which is one of the surface."""
+        """Checks that the other side of the seam lies beside the chart, as far as the reach along the surface."""
         v = (np.arange(SIZE) + 0.5) / SIZE
         rows = ((v > 0.025) & (v < 0.04)) | ((v > 0.96) & (v < 0.975))
         inside = (v > 0.04) & (v < 0.96)

@@ -77,7 +77,7 @@ def attribute(obj, name="vrtm_layer"):
 
 
 def halves(*layers):
-    """What the attribute should be, by the sheets' layers."""
+    """The expected attribute, by the sheets' layers."""
     return np.repeat(np.array(layers, np.int32), SIDE * SIDE)
 
 

@@ -1,5 +1,5 @@
-"""What happens to objects and files: undo, saving and loading, deleting, renaming, duplicates, modifiers, edits, and
-the extension being switched off and on."""
+"""The life of objects and files: undo, saving and loading, deleting, renaming, duplicates, modifiers, edits, and the
+extension being switched off and on."""
 
 import os
 import tempfile
@@ -27,7 +27,7 @@ class Life(Case):
         self.assertSame(uv_layer(obj.data, obj.vrtm.uv_name), asset.corner_uvs())
 
     def refused(self, word, operator=None):
-        """That the operator is cancelled, and says `word`."""
+        """Checks that the operator is cancelled, and says `word`."""
         with self.assertRaises(RuntimeError) as caught:
             (operator or bpy.ops.vrtm.update)()
         self.assertIn(word, str(caught.exception))

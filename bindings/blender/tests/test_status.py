@@ -1,4 +1,4 @@
-"""What is told is true: of frames, of what is rigid, of baked files, and of what the library warns of."""
+"""The panel tells the truth: of frames, rigid texels, baked files, and the library's warnings."""
 
 import os
 import tempfile

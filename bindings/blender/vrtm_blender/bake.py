@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 # A frame's number, as Blender counts: the last digits of the name.
 _NUMBER = re.compile(r"\d+(?=\D*$)")
-# What stands for a tile in the path of an image with tiles.
+# Tokens for a tile in the path of an image with tiles.
 _TOKENS = {"<UDIM>": r"\d{4}", "<UVTILE>": r"u\d+_v\d+"}
 
 KINDS = {"delta": "redirection_delta", "udim": "redirection_udim", "tile": "redirection"}
@@ -56,13 +56,13 @@ def file_name(obj: bpy.types.Object, part: str, frame: int, kind: str = "redirec
 
 
 def part_of(place: int | str, layer: int) -> str:
-    """What a name tells of a file's content: a tile or all of them, and the layer, but for the first."""
+    """The part of a file's name for its content: a tile or all of them, and the layer, but for the first."""
     return f"{place}.layer{layer}" if layer else str(place)
 
 
 def sequence(obj: bpy.types.Object, scene: bpy.types.Scene) -> tuple[list[str], int, int]:
-    """What the node group reads of a bake with the scene's settings: the first file of each layer, its frame, and how
-    many there are."""
+    """The files of a bake with the scene's settings, for the node group: the first one of each layer, its frame, and
+    the number of frames."""
     settings, frames = scene.vrtm_bake, frames_of(scene)
     if settings.form != "delta":
         raise Problem("the node group reads bakes of the form Delta")
@@ -157,7 +157,7 @@ class Bake:
         self.planned = {path for path, _ in outputs}
         from vrtm.bake import staging
 
-        # What bakes that were killed have left.
+        # Files that killed bakes have left.
         staging.sweep(str(self.folder))
 
     def _write(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:

@@ -38,8 +38,8 @@ class Basis:
         return [] if driver is None else driver["controls"]
 
     def terms(self, number: int) -> list[str]:
-        """What is added up to the weight of a map: expressions of the controls, v0, v1 and so on, in words that Blender
-        evaluates without Python."""
+        """The terms of a map's weight: expressions of the controls, v0, v1 and so on, in words that Blender evaluates
+        without Python."""
         driver, found = self.document["driver"], []
         coefficients = [row[number] for row in driver["coefficients"]]
         if driver["form"] == "products":
@@ -123,7 +123,7 @@ def _tile(
     row: int,
     place: tuple[float, float, float] | None,
 ) -> bpy.types.NodeSocket | None:
-    """What the maps of a tile add to UVs in it, and 0 to others; `place`: where the tile begins, None for all UVs."""
+    """The sum of a tile's maps for UVs in it, and 0 for others; `place`: the tile's corner, None for all UVs."""
     vector, down = partial(trees.operate, tree, "VectorMath"), -6 * row
     at = uv if place is None else vector("SUBTRACT", 0, down, uv, place)
     total = None

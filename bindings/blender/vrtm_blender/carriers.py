@@ -55,7 +55,7 @@ class CarriedInput:
 
 @dataclass(frozen=True)
 class Moved:
-    """Where a carried object is in a pose."""
+    """The place of a carried object in a pose."""
 
     # As a whole: (4, 4) float64 from its own space to the skin's.
     matrix: np.ndarray | None = None
@@ -104,7 +104,7 @@ class Carriers:
         return found
 
     def figures(self) -> list[tuple[str, str]]:
-        """What the panel shows of the last fetch."""
+        """Labels and values of the last fetch, for the panel."""
         if not self._groups:
             return []
         info = [carrier.info for carrier, _ in self._groups]
@@ -148,7 +148,7 @@ def eulers(turns: np.ndarray) -> np.ndarray:
 
 
 def told(states: np.ndarray, farthest: float) -> str:
-    """Which places are not carried, and which not as they should be, in words; empty where there is nothing to tell."""
+    """The places that are not carried, or not as they should be, in words; empty if there are none."""
     lines, number = [], len(states)
     if far := int((states == TOO_FAR).sum()):
         lines.append(f"{far} of {number} are farther than {farthest:.3g} from the skin at rest, and stay as they are")

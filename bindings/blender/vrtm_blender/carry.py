@@ -1,5 +1,5 @@
-"""What rides on an object's skin: objects as a whole, and the points, hair curves and instances of others. Each of them
-knows its skin, and what it was before, in its own properties (Object.vrtm_carry), so that the file keeps it."""
+"""The things that an object's skin carries: objects as a whole, and the points, hair curves and instances of others.
+Each has its skin, and its state before, in its own properties (Object.vrtm_carry), so that the file keeps them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .carriers import CarriedInput, Moved, Thing, connected
 from .messages import Problem
 
 FITS = [
-    ("feature", "Features", "What is on a rigid feature moves with it as one body"),
+    ("feature", "Features", "Things on a rigid feature move with it as one body"),
     ("surface", "Surface", "All follows the redirected surface"),
     ("none", "Skin", "All follows the skin, as if nothing were redirected"),
 ]
@@ -39,7 +39,7 @@ class VrtmCarry(bpy.types.PropertyGroup):
     fit: EnumProperty(items=FITS)
     skirt: FloatProperty()
     pieces: BoolProperty()
-    # What it was before: its channels, one behind the other, and how it was parented.
+    # Its state before: its channels, one behind the other, and its parenting.
     channels: FloatVectorProperty(size=sum(CHANNELS.values()))
     was_child: BoolProperty()
     inverse: FloatVectorProperty(size=16)
@@ -52,7 +52,7 @@ def carried_by(skin: bpy.types.Object) -> list[bpy.types.Object]:
 
 
 def carries_live(skin: bpy.types.Object) -> bool:
-    """Whether what it carries follows it, in place of a bake."""
+    """True if the things that it carries follow it, and show no bake."""
     return not skin.vrtm.carried_baked and bool(carried_by(skin))
 
 
@@ -75,7 +75,7 @@ def default_distance(skin: bpy.types.Object) -> float:
 
 
 def reason(obj: bpy.types.Object, skin: bpy.types.Object, kind: str) -> str | None:
-    """Why an object cannot be carried, and what to do, as the end of a sentence."""
+    """The reason why an object cannot be carried, and the remedy, as the end of a sentence."""
     if obj.library is not None or obj.override_library is not None:
         return "is linked from another file: make it local"
     if obj.mode == "EDIT":
@@ -134,7 +134,7 @@ def mover(obj: bpy.types.Object) -> bpy.types.Modifier | None:
 
 
 def kind_of(obj: bpy.types.Object) -> str:
-    """How an object is carried, unless it is asked for: what is scattered over its points, or as a whole."""
+    """The kind of carrying that suits an object: by points if something is scattered over them, else as a whole."""
     if obj.type in {"POINTCLOUD", "CURVES"}:
         return "POINTS"
     if obj.type == "MESH":
@@ -231,7 +231,7 @@ def own_keys(obj: bpy.types.Object) -> bpy.types.Action | None:
 
 
 def read(skin: bpy.types.Object) -> CarriedInput:
-    """What an object carries, at rest."""
+    """The things that an object carries, at rest."""
     things = []
     for obj in carried_by(skin):
         own, parts = obj.vrtm_carry, None
@@ -285,7 +285,7 @@ def _place_points(obj: bpy.types.Object, moved: Moved) -> None:
 
 
 def troubles(skin: bpy.types.Object) -> list[str]:
-    """What has become of what is carried, in sentences."""
+    """Problems of carried things, in sentences."""
     found = []
     if skin.hide_render and carries_live(skin):
         found.append("It is hidden in renders, where what it carries is not moved then: press Bake Carried")

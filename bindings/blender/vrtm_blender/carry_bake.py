@@ -1,4 +1,4 @@
-"""Bakes what is carried: keys of objects as a whole, and a file per frame of the points of others, which the carry
+"""Bakes carried things: keys of objects as a whole, and a file per frame of the points of others, which the carry
 modifier reads without this add-on."""
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def layout(number: int) -> tuple[int, int]:
 
 
 def texels(number: int) -> np.ndarray:
-    """Where a file has each point: u, v of its place, and v of its turn, (number, 3)."""
+    """The texels of each point in a file: u, v of its place, and v of its turn, (number, 3)."""
     columns, rows = layout(number)
     index = np.arange(number)
     v = (index // columns + 0.5) / (2 * rows)
@@ -43,7 +43,7 @@ def picture(places: np.ndarray, turns: np.ndarray) -> np.ndarray:
 
 
 class Bake:
-    """The baking of what some objects carry: a step, and its file names, at a time."""
+    """The baking of the things that some objects carry: a step, and its file names, at a time."""
 
     def __init__(self, scene: bpy.types.Scene, skins: list[bpy.types.Object]) -> None:
         self.skins = [skin.name for skin in skins]
@@ -99,7 +99,7 @@ class Bake:
         return [obj for obj in found if obj.vrtm_carry.kind == "POINTS"]
 
     def _begin(self) -> None:
-        """Takes out what an earlier bake has written. Raises a Problem if a file in the way is no bake's."""
+        """Removes what an earlier bake has written. Raises a Problem if a file in the way is no bake's."""
         for skin in map(self._found, self.skins):
             live_again(skin)
             for obj in self._points(skin):
@@ -152,7 +152,7 @@ def _key(obj: bpy.types.Object, moved: Moved, frame: int) -> None:
 
 
 def live_again(skin: bpy.types.Object) -> None:
-    """Has what an object carries follow it again, in place of a bake."""
+    """Has the things that an object carries follow it again, in place of a bake."""
     skin.vrtm.carried_baked = False
     for obj in carry.carried_by(skin):
         carry.clear_baked(obj)

@@ -36,7 +36,7 @@ def is_copy(image: bpy.types.Image) -> bool:
 
 
 def is_dilated(image: bpy.types.Image, reach: float) -> bool:
-    """Whether an image is a copy that was made with a reach."""
+    """True if an image is a copy that was made with a reach."""
     return is_copy(image) and abs(image[REACH] - reach) <= 1e-6
 
 
@@ -108,7 +108,7 @@ def _stamp(tiles: dict[int | None, np.ndarray]) -> str:
 
 
 def _holds_normals(node: bpy.types.Node) -> bool:
-    """Whether a texture goes into a Normal Map node of tangent space, through Reroutes at most."""
+    """True if a texture goes into a Normal Map node of tangent space, through Reroutes at most."""
     links = list(node.outputs["Color"].links)
     while links:
         to = links.pop().to_node

@@ -1,5 +1,4 @@
-"""Blender's handlers: when an object's pose, mesh or maps may have changed, and what a render, an undo or a file
-needs."""
+"""Blender's handlers: they note changes of objects' poses, meshes and maps, and see to renders, undos and files."""
 
 from __future__ import annotations
 
@@ -46,7 +45,7 @@ def in_renders(obj: bpy.types.Object) -> bool:
 
 
 def solve_now(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> None:
-    """Solves within a handler: what is wrong is told, and the frame goes on without it."""
+    """Solves within a handler. A failure is told, and the frame goes on with the last redirection."""
     session.handling = True
     try:
         solve.run(obj, depsgraph)
@@ -86,8 +85,8 @@ def updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 
 def painted(obj: bpy.types.Object) -> bool:
-    """Whether an image may be painted on the object at present. Strokes change images without an update of the
-    image."""
+    """True if an image may be painted on the object at present. Strokes change images without an
+    update of the image."""
     return obj.mode == "TEXTURE_PAINT" and "IMAGE" in (obj.vrtm.rigidity_source, obj.vrtm.mask_source)
 
 

@@ -8,8 +8,8 @@ from . import messages, nodes, result_image, session
 
 
 def keep_results() -> None:
-    """Packs the images of results, which exist in memory only: so they are there again when the file is opened, with or
-    without this add-on."""
+    """Packs the images of results, which exist in memory only, so that the opened file has them, with or without this
+    add-on."""
     for image in bpy.data.images:
         if not result_image.is_cache(image) or image.library is not None:
             continue
@@ -23,14 +23,14 @@ def keep_results() -> None:
 
 
 def keep_image(image: bpy.types.Image | None) -> None:
-    """Has an image saved with the file that nothing uses any more: it is the artist's to delete."""
+    """Has an unused image saved with the file: only the artist deletes it."""
     if image is not None and not image.users and image.library is None:
         image.use_fake_user = True
 
 
 def _count_again(image: bpy.types.Image) -> None:
-    """Gives an image a user again if something uses it: Blender does not save an image whose count of users is 0.
-    Assigning the image counts its users again; a count of 0 does not become negative."""
+    """Counts the users of an image again: Blender does not save one whose count is 0. Assigning the image
+    counts them; a count of 0 does not become negative."""
     for obj in bpy.data.objects:
         for name in ("image", "strain_image"):
             if getattr(obj.vrtm, name) == image:
@@ -47,8 +47,8 @@ def _count_again(image: bpy.types.Image) -> None:
 
 
 def unsaved_maps(obj: bpy.types.Object) -> list[str]:
-    """What is painted for the object and is not in a file that is saved now, or was not in the one that was opened, in
-    words. It is the artist's to save or to pack."""
+    """Painted maps of the object that a file saved now would lack, or that the opened one lacked, in sentences. The
+    artist saves or packs them."""
     settings = obj.vrtm
     found = []
     for which in ("rigidity", "mask"):
@@ -63,13 +63,13 @@ def unsaved_maps(obj: bpy.types.Object) -> list[str]:
 
 
 def _is_black(image: bpy.types.Image) -> bool:
-    """Whether an image is as Blender made it, which is also how one comes back that was painted and not saved."""
+    """True if an image is as Blender made it: so it comes back, too, if it was painted and not saved."""
     made = image.source == "GENERATED" and image.packed_file is None and image.generated_type == "BLANK"
     return made and not any(image.generated_color[:3])
 
 
 def tell_unsaved() -> None:
-    """Tells, as a file is saved, which painted maps are not in it."""
+    """Tells the painted maps that the file being saved lacks."""
     for obj in bpy.data.objects:
         for text in unsaved_maps(obj) if obj.vrtm.is_set_up else []:
             session.log.warning("%s: %s", obj.name, text)

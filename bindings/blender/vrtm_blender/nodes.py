@@ -18,20 +18,19 @@ BY_IMAGE, BY_UV_MAP = "image", "uv_map"
 
 
 def image_of(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
-    """The result image that a group is for, also while it shows baked files: that of one of its nodes. So it stays the
-    same one whatever it is called."""
+    """The result image of a group, also while it shows baked files: that of one of its nodes, whatever it is called."""
     images = [node.image for node in _textures(tree) if node.image is not None]
     return next((image for image in images if result_image.LAYOUT in image and layers.is_first(image)), None)
 
 
 def baked_images() -> set[bpy.types.Image]:
-    """The images that groups read baked files by."""
+    """The images of the baked files that groups read."""
     return {image for tree in _by_image() for image in _baked_of(tree)}
 
 
 def groups_of(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
-    """The object's groups by image: those that have its result image, and those in its materials whose result image is
-    gone or is no object's, as where the image was deleted or another one was chosen in the panel."""
+    """The object's groups by image: those with its result image, and those in its materials whose result image is gone
+    or no object's, for example if the image was deleted or another one was chosen in the panel."""
     image, groups = obj.vrtm.image, [tree for tree in _by_image() if tree.library is None]
     found = [tree for tree in groups if image is not None and image_of(tree) == image]
     used = used_by(obj)
@@ -42,7 +41,7 @@ def groups_of(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
 
 
 def stale_groups(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
-    """The object's groups by image that do not read the images of its result, as they should."""
+    """The object's groups by image that have lost the images of its result."""
     if obj.vrtm.shows_baked or not obj.vrtm.write_image:
         return []
     images = layers.images_of(obj.vrtm.image)
@@ -108,7 +107,7 @@ def _attributes_in(tree: bpy.types.NodeTree) -> set[str]:
 
 
 def _owner(tree: bpy.types.NodeTree) -> bpy.types.Object | None:
-    """The object that a group without a result is for: the first that writes an image and has a material with it."""
+    """The object of a group without a result: the first that writes an image and has a material with it."""
     owners = [obj for obj in bpy.data.objects if obj.vrtm.is_set_up and obj.vrtm.write_image and tree in used_by(obj)]
     return min(owners, key=session.uid_of, default=None)
 
@@ -174,7 +173,7 @@ def show_baked(obj: bpy.types.Object, paths: list[str], first: int, number: int)
 
 
 def baked_frames(obj: bpy.types.Object) -> range | None:
-    """The frames of the baked files that the object's material shows, if it does."""
+    """The frames of the baked files that the object's material shows; None if it shows none."""
     for tree in groups_of(obj) if obj.vrtm.shows_baked else []:
         for node in _textures(tree):
             if node.image is not None and node.image.source == "SEQUENCE":
@@ -183,7 +182,7 @@ def baked_frames(obj: bpy.types.Object) -> range | None:
 
 
 def baked_files(obj: bpy.types.Object, frame: int) -> list[str]:
-    """The files of a frame that the object's material reads, if it shows baked files."""
+    """The baked files of a frame that the object's material reads."""
     found = []
     for tree in groups_of(obj) if obj.vrtm.shows_baked else []:
         for node in _textures(tree):
@@ -219,8 +218,8 @@ def is_by_uv_map(tree: bpy.types.NodeTree, name: str) -> bool:
 def build_by_image(
     tree: bpy.types.NodeTree, obj: bpy.types.Object, baked: list[bpy.types.Image] | None = None
 ) -> list[bpy.types.Node]:
-    """The nodes of a group by image: the UV's place in the image, what is to be added there, and the sum. Returns the
-    nodes that are looked up, one for each layer: those of `baked`, if it is given.
+    """Makes the nodes of a group by image: the UV's place in the image, the difference there, and the sum. Returns the
+    texture nodes, one for each layer: those of `baked`, if it is given.
 
     The image holds differences, so that where there is nothing yet, and outside of all tiles, the UV stays what it
     is. It is looked up with Linear and Extend. Where tiles lie side by side, a lookup stays half a texel away from
@@ -298,7 +297,7 @@ def own_textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
 
 
 def is_of_another(tree: bpy.types.NodeTree, obj: bpy.types.Object) -> bool:
-    """Whether a group hands out the redirection of another object, which has it as its result."""
+    """True if a group's redirection is the result of another object."""
     others = [other for other in bpy.data.objects if other != obj and other.type == "MESH" and other.vrtm.is_set_up]
     if tree[KIND] == BY_UV_MAP:
         names = {other.vrtm.uv_name for other in others if other.data == obj.data} - {obj.vrtm.uv_name}
@@ -308,7 +307,7 @@ def is_of_another(tree: bpy.types.NodeTree, obj: bpy.types.Object) -> bool:
 
 
 def shows_uv_map(obj: bpy.types.Object) -> bool:
-    """Whether one of the object's materials looks up its result UV map."""
+    """True if one of the object's materials looks up its result UV map."""
     return any(is_by_uv_map(tree, obj.vrtm.uv_name) for tree in used_by(obj))
 
 

@@ -53,7 +53,7 @@ class VRTM_PT_main(_Panel, bpy.types.Panel):
 
 
 class VRTM_PT_view(bpy.types.Panel):
-    """In the sidebar of 3D views: what is needed while posing and painting."""
+    """In the sidebar of 3D views: buttons for posing and painting."""
 
     bl_label = "Rigid Features (vrtm)"
     bl_space_type, bl_region_type, bl_category = "VIEW_3D", "UI", "vrtm"
@@ -233,7 +233,7 @@ class VRTM_MT_rigidity(bpy.types.Menu):
 
 
 class VRTM_MT_begin(bpy.types.Menu):
-    """What Set Up asks where nothing tells what is rigid."""
+    """The question of Set Up if nothing tells what is rigid."""
 
     bl_label = "What keeps its shape?"
 
@@ -285,7 +285,7 @@ def paint_header(self, context: bpy.types.Context) -> None:
 
 
 def draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """What has an object solved, and what it came to."""
+    """Draws the buttons for solves, and two rows on the last one."""
     obj, settings = context.object, context.object.vrtm
     row, present = layout.row(align=True), preset_of(settings)
     for name in PRESETS:

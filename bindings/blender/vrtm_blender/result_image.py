@@ -1,4 +1,4 @@
-"""An object's result image: how tiles lie in it, and its texels."""
+"""An object's result image: the layout of its tiles, and its texels."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from .messages import Problem
 if TYPE_CHECKING:
     import vrtm
 
-# Of an image that holds the surface's strain: lookups of it are not redirected.
+# The custom property of an image of the surface's strain: lookups of it are not redirected.
 STRAIN = "vrtm_strain"
-# Where the layout of a result's image is kept: in the image, for the node group and for bakes.
+# The custom property of a result's image with its layout, for the node group and for bakes.
 LAYOUT = "vrtm_layout"
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How tiles lie in the image: side by side, as in the UV editor, each of `size` x `size` texels.
+    """The layout of tiles in the image: side by side, as in the UV editor, each of `size` x `size` texels.
 
     Blender lets scripts write the first tile of a tiled image only. So a result of several tiles is one image without
     tiles, and the node group finds a UV's place in it.
@@ -94,19 +94,19 @@ def pack(image: bpy.types.Image) -> None:
 
 
 def is_result(image: bpy.types.Image | None) -> bool:
-    """Whether an image was made for a result. The artist may choose another one in the panel, which is not written
+    """True if an image was made for a result. The artist may choose another one in the panel, which is not written
     to."""
     return image is not None and LAYOUT in image
 
 
 def is_cache(image: bpy.types.Image | None) -> bool:
-    """Whether an image is written by solves: a redirection, or the surface's strain."""
+    """True if solves write the image: a redirection, or the surface's strain."""
     return is_result(image) or (image is not None and STRAIN in image)
 
 
 def has_pixels(image: bpy.types.Image) -> bool:
-    """Whether an image holds anything. One that existed in memory only is there again when the file is opened, but
-    empty: so it is with files that Blender saved on a timer, or without this add-on."""
+    """True if an image has pixels. One that existed in memory only is empty when the file is opened: so it is with
+    files that Blender saved on a timer, or without this add-on."""
     if image.is_dirty or image.packed_file is not None:
         return True
     return image.source != "GENERATED" and image.size[0] > 0

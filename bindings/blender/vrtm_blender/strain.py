@@ -1,4 +1,4 @@
-"""How much the texture is stretched or squeezed on the surface, as colours of vertices. All of it on arrays."""
+"""Stretch and squeeze of the texture on the surface, as colours of vertices. All of it on arrays."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def of_vertices(
     pose: np.ndarray,
     jacobians: Jacobians | None,
 ) -> np.ndarray:
-    """The logarithm of the ratio of posed length to rest length of what is painted, in the direction in which it
-    differs most from 0: (vertices,), a mean over the triangles around a vertex by their areas.
+    """The logarithm of posed length by rest length of the texture, in the direction in which it differs most from 0:
+    (vertices,), a mean over the triangles around a vertex by their areas.
 
     `jacobians` gives the redirection's derivatives at UVs (n, 2), as (n, 2, 2); None: the texture is looked up at the
     mesh's own UVs. With M the posed, R the resting and U the UV edges of a triangle and J the derivative, what is
@@ -72,8 +72,8 @@ def of_vertices(
 
 
 def of_surface(corner_vertices: np.ndarray, face_counts: np.ndarray, rest: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    """How much the surface itself is longer than at rest in the direction in which it is stretched most, and shorter in
-    that in which it is squashed most, as shares of its length; and 0: (vertices, 3) float32."""
+    """Largest stretch and largest squash of the surface itself at each vertex, as shares of its length at rest; and 0:
+    (vertices, 3) float32."""
     vertices = corner_vertices[triangles(face_counts)].astype(np.int64)
     at_rest, posed = edges(rest[vertices].astype(np.float64)), edges(pose[vertices].astype(np.float64))
     area = np.abs(_determinant(at_rest))
@@ -115,8 +115,8 @@ def of_features(
     shown: np.ndarray,
     rigidity: Rigidity,
 ) -> float:
-    """The RMS strain along u and v of what is rigid, with the UVs that are `shown`, (corners, 2), which are linear on
-    each triangle."""
+    """The RMS strain of rigid parts along u and v, with the UVs `shown`, (corners, 2), which are linear on each
+    triangle."""
     corners = triangles(face_counts)
     vertices = corner_vertices[corners].astype(np.int64)
     sides, moved = (_sides(of[corners].astype(np.float64)) for of in (uvs, shown))
@@ -131,7 +131,7 @@ def of_features(
 
 
 def _rigid(corners: np.ndarray, uvs: np.ndarray, rigidity: Rigidity) -> np.ndarray:
-    """Which of fifteen points of each triangle are rigid, (triangles, 15): features may be smaller than a triangle."""
+    """Rigidity of fifteen points of each triangle, (triangles, 15) bool: features may be smaller than a triangle."""
     lattice = (np.array([(i, j, 4 - i - j) for i in range(5) for j in range(5 - i)]) + 1 / 3) / 5
     each, weights = np.repeat(corners, len(lattice), 0), np.tile(lattice, (len(corners), 1))
     at = (uvs[each] * weights[..., None]).sum(1)

@@ -63,7 +63,7 @@ def changes_topology(modifier: bpy.types.Modifier) -> bool:
 
 
 def topology_modifiers(obj: bpy.types.Object) -> list[bpy.types.Modifier]:
-    """Those that change the topology, what keeps no vertices first, as messages should name it."""
+    """The modifiers that change the topology, first those that keep no vertices: messages name the first one."""
     return sorted(filter(changes_topology, working(obj)), key=_keeps)
 
 
@@ -84,7 +84,7 @@ def place(obj: bpy.types.Object) -> bpy.types.Modifier | None:
         return None
     deforming = [number for number, modifier in enumerate(others) if modifier.type in DEFORMING]
     at = deforming[-1] + 1 if deforming else changing[0]
-    # What Geometry Nodes do in front of it would not be noticed.
+    # Changes by Geometry Nodes in front of it would not be noticed.
     if any(others[number].type == "NODES" for number in changing if number < at):
         return None
     return others[min(at, len(others) - 1)]

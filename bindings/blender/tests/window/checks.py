@@ -1,4 +1,4 @@
-"""What is checked in a window. See driver.py."""
+"""The checks in a window. See driver.py."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def solved(obj: bpy.types.Object) -> Iterator[float]:
 
 
 def says(obj: bpy.types.Object, text: str) -> Iterator[float]:
-    """What was just done is heard, and once no solve is under way this is what the headline begins with."""
+    """Waits until the headline begins with a text: the last change is heard, and no solve is under way."""
     yield 0.5
     yield from until(lambda: headline(obj).startswith(text))
 
@@ -223,7 +223,7 @@ def check_eevee():
 
 
 def check_frames():
-    """What is told of frames is true, while scrubbing, with Live off, and after an animation was rendered."""
+    """The headline is true of frames while scrubbing, with Live off, and after an animation was rendered."""
     obj = yield from set_up()
     scene = window().scene
     paused = {}
@@ -439,7 +439,7 @@ def check_undo():
 
 
 def check_scripts():
-    """What a script calls is an undo step: undoing a mesh edit that follows leaves it, and Blender lives on."""
+    """A script's call is an undo step: undoing a mesh edit that follows leaves it, and Blender lives on."""
     sample_file()
     yield 1
     with at("VIEW_3D"):
@@ -483,7 +483,7 @@ def check_begin():
 
 
 def check_carry():
-    """What is carried follows a scrub beside Blender's work, and is put back by Ctrl-Z."""
+    """Carried things follow a scrub beside Blender's work, and Ctrl-Z puts them back."""
     obj = yield from set_up()
     scene = window().scene
     scene.frame_set(1)

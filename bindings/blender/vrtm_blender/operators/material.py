@@ -39,7 +39,7 @@ class VRTM_OT_set_up_material(OnObject, bpy.types.Operator):
 
 
 def redirect(context: bpy.types.Context, obj: bpy.types.Object, slots: list[bpy.types.MaterialSlot], by: str) -> int:
-    """Has materials look up redirected UVs; returns for how many textures. Raises a Problem before anything is
+    """Has materials look up redirected UVs; returns the number of textures. Raises a Problem before anything is
     changed."""
     if not results.are_there(obj):
         solve.run(obj, context.evaluated_depsgraph_get())
@@ -61,7 +61,7 @@ def redirect(context: bpy.types.Context, obj: bpy.types.Object, slots: list[bpy.
 
 
 def set_up(context: bpy.types.Context, obj: bpy.types.Object) -> str:
-    """All that follows once there is a rigidity: the materials, and Live; returns what was done."""
+    """Sets up the materials, and switches Live on, once there is a rigidity; returns what was done, in words."""
     number, without = 0, []
     for slot in [slot for slot in obj.material_slots if slot.material is not None]:
         try:

@@ -49,7 +49,7 @@ class VRTM_OT_set_up(OnObject, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         settings, done = obj.vrtm, []
-        # What is wrong with the mesh, before anything is made.
+        # Faults of the mesh are told before anything is made.
         geometry.source_uv_layer(obj)
         if settings.rigidity_source == "NONE" and (found := rigidity_like()) is not None:
             settings.rigidity_source, settings.rigidity_image = "IMAGE", found

@@ -57,15 +57,13 @@ class _FromImage(OnObject):
     )
     smallest: FloatProperty(
         name="Smallest",
-        description="Texels across the smallest feature: what is smaller is a speck, and left out",
+        description="Texels across the smallest feature: smaller ones are specks, and left out",
         min=0,
         max=512,
         default=3,
     )
     invert: BoolProperty(name="Invert", description="The other part is rigid")
-    grow: IntProperty(
-        name="Grow", description="Texels by which what is rigid is made larger, or smaller", min=-64, max=64
-    )
+    grow: IntProperty(name="Grow", description="Texels by which rigid parts grow, or shrink", min=-64, max=64)
 
     # As a step of Set Up.
     set_up: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
@@ -107,18 +105,27 @@ class VRTM_OT_rigidity_from_texture(_FromImage, bpy.types.Operator):
     by: EnumProperty(
         name="By",
         items=[
-            ("brightness", "Brightness", "What is brighter than the threshold"),
-            ("colour", "Color", "What has about the colour"),
+            ("brightness", "Brightness", "Texels brighter than the threshold"),
+            ("colour", "Color", "Texels of about the colour"),
         ],
     )
     threshold: FloatProperty(
-        name="Threshold", description="0: what parts dark and bright best", min=0, max=1, subtype="FACTOR"
+        name="Threshold",
+        description="0: the brightness that parts dark and bright best",
+        min=0,
+        max=1,
+        subtype="FACTOR",
     )
     colour: FloatVectorProperty(
         name="Color", description="As the texture's image has it", subtype="COLOR_GAMMA", min=0, max=1, default=(1,) * 3
     )
     tolerance: FloatProperty(
-        name="Tolerance", description="How far from the colour", min=0.001, max=2, default=0.2, subtype="FACTOR"
+        name="Tolerance",
+        description="Largest distance from the colour",
+        min=0.001,
+        max=2,
+        default=0.2,
+        subtype="FACTOR",
     )
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
@@ -152,12 +159,12 @@ class VRTM_OT_rigidity_from_heights(_FromImage, bpy.types.Operator):
     )
     threshold: FloatProperty(
         name="Threshold",
-        description="How high above its surroundings, as a part of the highest; 0: what parts them best",
+        description="Least height above the surroundings, as a part of the largest; 0: the height that parts them best",
         min=0,
         max=1,
         subtype="FACTOR",
     )
-    sunken: BoolProperty(name="Sunken", description="What lies deeper than its surroundings is rigid")
+    sunken: BoolProperty(name="Sunken", description="Parts deeper than their surroundings are rigid")
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         found, down = (None, False) if self.image else textures.height_image(obj)
@@ -199,9 +206,9 @@ class VRTM_OT_change_rigidity(_OnImage, bpy.types.Operator):
     how: EnumProperty(
         name="How",
         items=[
-            ("invert", "Invert", "What was rigid is elastic"),
-            ("grow", "Grow", "What is rigid becomes larger"),
-            ("shrink", "Shrink", "What is rigid becomes smaller"),
+            ("invert", "Invert", "Rigid parts become elastic, and the rest rigid"),
+            ("grow", "Grow", "Rigid parts become larger"),
+            ("shrink", "Shrink", "Rigid parts become smaller"),
         ],
     )
     texels: IntProperty(name="Texels", description="By how much it becomes larger or smaller", min=1, max=64, default=2)
