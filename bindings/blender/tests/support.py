@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 import unittest
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 bpy = pytest.importorskip("bpy", reason="skipped: bpy cannot be imported", exc_type=ImportError)
 # The sample file's script lies beside this folder.
 sys.path.append(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-from sample import nodes_of, rgba  # noqa: E402, F401
+from sample import nodes_of, rgba  # noqa: E402
 
 EXTENSION = "bl_ext.user_default.vrtm"
 
@@ -43,6 +44,38 @@ class Case(unittest.TestCase):
         part("session").live_in_background = False
         part("live").stop_timer()
         part("states").clear()
+
+    def idle(self) -> None:
+        """Until nothing is wanted and no job is under way."""
+        states = part("states").known.values()
+        poll_until(lambda: not any(state.wanted or state.doubted or state.job for state in states))
+
+    def update(self) -> None:
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+
+    def headline(self, obj: bpy.types.Object) -> str:
+        return part("status").headline(obj, bpy.context.scene).text
+
+    def notes(self, obj: bpy.types.Object) -> str:
+        return " ".join(line.text for line in part("status").notes(obj, bpy.context.scene))
+
+    def scratch(self) -> str:
+        """A folder that the test's end removes."""
+        return self.enterContext(tempfile.TemporaryDirectory())
+
+    def reopened(self, folder: str | None = None, name: str = "arm") -> bpy.types.Object:
+        """The object of this name, active, in the file that is saved and opened again."""
+        path = os.path.join(folder or self.scratch(), "file.blend")
+        bpy.ops.wm.save_as_mainfile(filepath=path)
+        bpy.ops.wm.open_mainfile(filepath=path)
+        obj = bpy.context.view_layer.objects.active = bpy.data.objects[name]
+        return obj
+
+    def bakes_to(self, folder: str, start: int, end: int) -> bpy.types.PropertyGroup:
+        """The settings of bakes of these frames."""
+        settings = bpy.context.scene.vrtm_bake
+        settings.directory, settings.frame_start, settings.frame_end = folder, start, end
+        return settings
 
     def assertSame(self, one: np.ndarray, other: np.ndarray) -> None:
         """The same bits."""
@@ -147,6 +180,17 @@ class Arm:
         settings.rigidity_source, settings.rigidity_image = "IMAGE", image
         return image
 
+    def add_material(self, name: str = "skin", albedo: bpy.types.Image | None = None) -> bpy.types.Node:
+        """Gives the arm a material with a texture in its colour, whose node is returned."""
+        material = bpy.data.materials.new(name)
+        tree = nodes_of(material)
+        texture = tree.nodes.new("ShaderNodeTexImage")
+        texture.image = albedo or bpy.data.images.new("albedo", 128, 128)
+        shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
+        tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
+        self.mesh.materials.append(material)
+        return texture
+
     def rest(self) -> np.ndarray:
         return np.array([vertex.co[:] for vertex in self.mesh.vertices], np.float32)
 
@@ -203,15 +247,34 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
     return values.reshape(image.size[1], image.size[0], -1)
 
 
+def delta(obj: bpy.types.Object) -> np.ndarray:
+    """The content of the object's result image, (height, width, 2)."""
+    return np.ascontiguousarray(pixels(obj.vrtm.image)[..., :2])
+
+
+def load(path: str) -> np.ndarray:
+    """The pixels of a file, as data."""
+    image = bpy.data.images.load(path)
+    image.colorspace_settings.name = "Non-Color"
+    found = pixels(image)
+    bpy.data.images.remove(image)
+    return found
+
+
+def read(data, name: str, width: int, kind: type = np.float32) -> np.ndarray:
+    """A property of all elements of a collection, (elements, width)."""
+    values = np.empty(len(data) * width, kind)
+    data.foreach_get(name, values)
+    return values.reshape(-1, width)
+
+
 def in_file(values: np.ndarray) -> np.ndarray:
     """A result's pixels as a saved file has them: as floats of 16 bits."""
     return values.astype(np.float16).astype(np.float32)
 
 
 def uv_layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
-    values = np.empty(len(mesh.loops) * 2, np.float32)
-    mesh.uv_layers[name].uv.foreach_get("vector", values)
-    return values.reshape(-1, 2)
+    return read(mesh.uv_layers[name].uv, "vector", 2)
 
 
 def poll_until(condition, seconds: float = 300.0) -> None:

@@ -2,7 +2,6 @@
 
 import os
 import resource
-import tempfile
 
 import numpy as np
 import pytest
@@ -29,11 +28,8 @@ class limited:
 class Files(Case):
     def setUp(self):
         super().setUp()
-        scratch = tempfile.TemporaryDirectory()
-        self.addCleanup(scratch.cleanup)
-        self.folder = scratch.name
-        settings = bpy.context.scene.vrtm_bake
-        settings.directory, settings.frame_start, settings.frame_end, settings.overwrite = self.folder, 1, 1, False
+        self.folder = self.scratch()
+        self.bakes_to(self.folder, 1, 1).overwrite = False
 
     def arm(self, name="arm"):
         arm = Arm(name, along=12, around=8, size=64)
@@ -94,37 +90,10 @@ class Files(Case):
         self.refused("arm.redirect.1001.0003.exr")
 
     def test_what_the_file_reads_is_never_replaced(self):
-        def same(path):
-            os.replace(path, self.at())
-            return self.at()
+        def image(arm):
+            os.replace(self.picture("skin"), self.at())
+            bpy.data.images.load(self.at()).name = "the skin"
 
-        def symbolic(path):
-            os.symlink(path, self.at())
-            return path
-
-        def linked_to(path):
-            os.replace(path, self.at())
-            os.symlink(self.at(), path)
-            return path
-
-        def hard(path):
-            os.link(path, self.at())
-            return path
-
-        def case(path):
-            other = self.at(NAME.replace("arm", "ARM"))
-            os.replace(path, other)
-            return other
-
-        for way in (same, symbolic, linked_to, hard, case):
-            with self.subTest(way.__name__):
-                self.setUp()
-                self.arm()
-                bpy.data.images.load(way(self.picture("skin"))).name = "the skin"
-                bpy.context.scene.vrtm_bake.overwrite = True
-                self.refused("arm", "'the skin'", "which is read")
-
-    def test_all_kinds_of_what_is_read(self):
         def blend(arm):
             bpy.ops.wm.save_as_mainfile(filepath=self.at("scene.blend"))
             os.symlink(self.at("scene.blend"), self.at())
@@ -149,13 +118,13 @@ class Files(Case):
             arm.object.modifiers.new("cache", "MESH_CACHE").filepath = self.put("arm.pc2")
             os.symlink(self.at("arm.pc2"), self.at())
 
-        for kind in (blend, tiles, sequence, library, cache):
+        for kind in (image, blend, tiles, sequence, library, cache):
             with self.subTest(kind.__name__):
                 self.setUp()
                 arm = self.arm()
                 kind(arm)
                 bpy.context.scene.vrtm_bake.overwrite = True
-                self.refused("which is read")
+                self.refused("arm", "'the skin'" if kind == image else NAME, "which is read")
 
     def test_baked_files_that_are_shown_are_baked_again(self):
         self.arm()

@@ -1,13 +1,10 @@
 """Seams and Open Borders that are left to Auto: what they come to, what is kept of it, and what is said."""
 
-import os
-import tempfile
-
 import numpy as np
 
 import test_dilate
 import test_panel
-from support import Case, bpy, part, pixels, rgba
+from support import Case, bpy, delta, part, rgba
 
 
 class Borders(Case):
@@ -34,8 +31,7 @@ class Borders(Case):
 
     def check_solved(self, arm, **settings):
         bpy.ops.vrtm.update()
-        shown = np.ascontiguousarray(pixels(arm.object.vrtm.image)[..., :2])
-        self.assertSame(shown, arm.delta(self.solved(arm, **settings)))
+        self.assertSame(delta(arm.object), arm.delta(self.solved(arm, **settings)))
 
     def texture(self, arm):
         node = arm.object.data.materials[0].node_tree.nodes.new("ShaderNodeTexImage")
@@ -50,11 +46,7 @@ class Borders(Case):
         self.assertIn(said, self.draw(arm.object))
         self.check_solved(arm, seams="continue", open_borders="slide")
         # It is saved with the file.
-        with tempfile.TemporaryDirectory() as folder:
-            path = os.path.join(folder, "arm.blend")
-            bpy.ops.wm.save_as_mainfile(filepath=path)
-            bpy.ops.wm.open_mainfile(filepath=path)
-            self.assertEqual(part("borders").chosen(bpy.data.objects["arm"]).why, said)
+        self.assertEqual(part("borders").chosen(self.reopened()).why, said)
 
     def test_features_on_seams_are_counted_and_continue(self):
         arm = self.arm(dilated=False)

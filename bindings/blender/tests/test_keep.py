@@ -15,13 +15,9 @@ class Keep(Case):
         """An arm that is solved, and whose material is set up by image."""
         arm = Arm(name, along=20, around=12, size=64)
         arm.paint_image(f"{name} rigidity").pack()
-        material = bpy.data.materials.new(f"{name} skin")
-        tree = nodes_of(material)
-        tree.nodes.new("ShaderNodeTexImage").image = bpy.data.images.new("albedo", 8, 8)
-        arm.mesh.materials.append(material)
+        arm.add_material(f"{name} skin")
         bpy.context.scene.frame_set(5)
-        bpy.context.view_layer.objects.active = arm.object
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.update()
         self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
         return arm
 
@@ -32,19 +28,14 @@ class Keep(Case):
         """The image that is looked up: that of the node with links."""
         return next(node.image for node in tree.nodes if "Color" in node.outputs and node.outputs["Color"].is_linked)
 
-    def saved(self, handlers=True, folder=None):
+    def saved(self, handlers=True):
         """Saves the file and opens it again; without the add-on's handlers, as an earlier version or Blender by itself
         saves it."""
         kept = list(bpy.app.handlers.save_pre)
-        with tempfile.TemporaryDirectory() as scratch:
-            path = os.path.join(folder or scratch, "file.blend")
-            if not handlers:
-                bpy.app.handlers.save_pre.clear()
-            bpy.ops.wm.save_as_mainfile(filepath=path)
-            bpy.app.handlers.save_pre[:] = kept
-            bpy.ops.wm.open_mainfile(filepath=path)
-        obj = bpy.data.objects["arm"]
-        bpy.context.view_layer.objects.active = obj
+        if not handlers:
+            bpy.app.handlers.save_pre.clear()
+        obj = self.reopened()
+        bpy.app.handlers.save_pre[:] = kept
         return obj
 
     def shown(self, obj):
@@ -56,8 +47,7 @@ class Keep(Case):
         arm.object.modifiers.new("it", "SUBSURF")
         bpy.ops.vrtm.insert_tap()
         with tempfile.TemporaryDirectory() as folder:
-            settings = bpy.context.scene.vrtm_bake
-            settings.directory, settings.frame_start, settings.frame_end = folder, 1, 2
+            self.bakes_to(folder, 1, 2)
             bpy.ops.vrtm.bake()
             bpy.ops.vrtm.use_baked()
         trees = [*bpy.data.node_groups, *(material.node_tree for material in bpy.data.materials)]

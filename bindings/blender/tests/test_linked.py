@@ -2,20 +2,17 @@
 is an image alone, and a copy of the material in the object's own slot."""
 
 import os
-import tempfile
 
 import numpy as np
 
 import test_panel
-from support import Arm, Case, bpy, in_file, nodes_of, part, pixels, rgba, studs
+from support import Arm, Case, bpy, in_file, load, nodes_of, part, pixels, rgba, studs
 
 
 class LinkedCase(Case):
     def setUp(self):
         super().setUp()
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = folder.name
+        self.folder = self.scratch()
 
     def at(self, name):
         return os.path.join(self.folder, name)
@@ -169,13 +166,10 @@ class Linked(LinkedCase):
     def test_baked_files_are_read(self):
         obj, delta = self.character()
         bpy.ops.vrtm.set_up()
-        settings = bpy.context.scene.vrtm_bake
-        settings.directory, settings.frame_start, settings.frame_end = self.folder, 4, 5
+        self.bakes_to(self.folder, 4, 5)
         self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
         self.assertEqual(bpy.ops.vrtm.use_baked(), {"FINISHED"})
-        image = bpy.data.images.load(self.at("arm.redirect.1001.0005.exr"))
-        image.colorspace_settings.name = "Non-Color"
-        self.assertSame(pixels(image)[..., :2], delta)
+        self.assertSame(load(self.at("arm.redirect.1001.0005.exr"))[..., :2], delta)
         self.untouched(obj)
 
     def test_a_captured_rest(self):

@@ -33,14 +33,6 @@ class Solve(Case):
         self.assertEqual(moved[0], 0)
         self.assertGreater(min(moved[1:]), 0.5 / arm.size)
 
-    def test_update_now_without_live(self):
-        arm = Arm()
-        arm.paint_image()
-        bpy.context.scene.frame_set(4)
-        self.assertIsNone(arm.object.vrtm.image)
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-        self.check(arm, arm.asset())
-
     def test_two_tiles_painted_in_files_and_in_memory(self):
         arm = Arm(tiles=2)
         with tempfile.TemporaryDirectory() as folder:

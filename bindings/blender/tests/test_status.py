@@ -6,7 +6,7 @@ import types
 
 import numpy as np
 
-from support import Arm, Case, bpy, part, poll_until, rgba
+from support import Arm, Case, bpy, part, rgba
 
 
 class Status(Case):
@@ -18,14 +18,10 @@ class Status(Case):
     def headline(self, arm):
         if self.session.live_in_background:
             self.idle()
-        return self.status.headline(arm.object, bpy.context.scene).text
+        return super().headline(arm.object)
 
     def notes(self, arm):
-        return " ".join(line.text for line in self.status.notes(arm.object, bpy.context.scene))
-
-    def idle(self):
-        states = self.states.known.values()
-        poll_until(lambda: not any(state.wanted or state.doubted or state.job for state in states))
+        return super().notes(arm.object)
 
     def test_frames(self):
         self.session.live_in_background = True

@@ -265,8 +265,8 @@ class VrtmSettings(bpy.types.PropertyGroup):
         ],
         update=_strain_changed,
     )
-    # Findings of Auto: the better one of Shut and Keep, its reason, and True if the surface goes on in other vertices at
-    # the ends of the mesh.
+    # Findings of Auto: the better one of Shut and Keep, its reason, and True if other vertices lie at the ends of the
+    # mesh.
     seams_found: EnumProperty(items=[("shut", "Shut", ""), ("keep", "Keep", "")])
     seams_why: StringProperty()
     goes_on: BoolProperty()

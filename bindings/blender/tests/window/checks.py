@@ -339,31 +339,6 @@ def check_large():
     obj.data.update_tag()
 
 
-def check_duplicate():
-    """A duplicate that is posed by itself has its own redirection, and the original keeps its own."""
-    obj = yield from set_up()
-    first = pixels(obj.vrtm.image)
-    with at("VIEW_3D"):
-        bpy.ops.object.duplicate_move(TRANSFORM_OT_translate={"value": (0, 2, 0)})
-    other = window().view_layer.objects.active
-    assert other != obj
-    yield from solved(other)
-    assert other.vrtm.image != obj.vrtm.image and other.active_material != obj.active_material
-    key = other.data.shape_keys.key_blocks["biceps"]
-    other.data.shape_keys.animation_data_clear()
-    key.value = 0.0
-    yield 0.3
-    yield from solved(other)
-    assert np.array_equal(pixels(obj.vrtm.image), first)
-    assert not np.array_equal(pixels(other.vrtm.image), first)
-    trees = [
-        next(node.node_tree for node in one.active_material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup")
-        for one in (obj, other)
-    ]
-    found = [part("nodes").image_of(tree) for tree in trees]
-    assert found == [obj.vrtm.image, other.vrtm.image]
-
-
 def check_search():
     """F3 finds the operators, and runs one; the modifier that reads poses is not offered as one of the artist's."""
     obj = yield from set_up()
