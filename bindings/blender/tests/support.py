@@ -122,6 +122,13 @@ class Arm:
         # UDIM numbers and what is painted on them.
         self.painted = {1001 + tile: studs(size, tile) for tile in range(tiles)}
 
+    @classmethod
+    def with_studs(cls, *given, **options) -> Arm:
+        """An arm whose rigidity is the image of its studs."""
+        arm = cls(*given, **options)
+        arm.paint_image()
+        return arm
+
     def _rig(self, name: str) -> bpy.types.Object:
         armature = bpy.data.armatures.new(f"{name} rig")
         rig = bpy.data.objects.new(f"{name} rig", armature)
@@ -222,6 +229,52 @@ class Arm:
         return np.concatenate(
             [tile.fetch("redirection_delta", self.size, channels=2, origin="bottom") for tile in asset.tiles], 1
         )
+
+
+def quads(side: int) -> np.ndarray:
+    """The vertices of the faces of a square lattice with so many faces per side, (side * side, 4)."""
+    first = np.add.outer(np.arange(side) * (side + 1), np.arange(side)).ravel()
+    return first[:, None] + [0, 1, side + 2, side + 1]
+
+
+def bending(
+    name: str, rest: np.ndarray, faces: np.ndarray, uvs: np.ndarray, moved: np.ndarray, rigidity: np.ndarray
+) -> bpy.types.Object:
+    """A mesh with UVs (corners, 2) and a rigidity image, which a shape key moves from frame 1 to frame 5; active."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(rest.tolist(), [], faces.tolist())
+    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", uvs.astype(np.float32).ravel())
+    obj = bpy.data.objects.new(name, mesh)
+    bpy.context.collection.objects.link(obj)
+    bpy.context.view_layer.objects.active = obj
+    obj.select_set(True)
+    obj.shape_key_add(name="Basis")
+    key = obj.shape_key_add(name="moved")
+    key.data.foreach_set("co", moved.astype(np.float32).ravel())
+    for frame, value in ((1, 0.0), (5, 1.0)):
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
+    image = bpy.data.images.new("rigidity", *rigidity.shape)
+    image.pixels.foreach_set(rgba(rigidity).ravel())
+    image.pack()
+    settings = obj.vrtm
+    settings.device, settings.grid, settings.render_grid = "cpu", len(rigidity), len(rigidity)
+    settings.rigidity_source, settings.rigidity_image = "IMAGE", image
+    return obj
+
+
+def sampled(image: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Bilinear between texel centres, clamped: (height, width, 2) with the bottom row first, at (..., 2)."""
+    height, width = image.shape[:2]
+    x, y = at[..., 0] * width - 0.5, at[..., 1] * height - 0.5
+    left, low = np.floor(x).astype(int), np.floor(y).astype(int)
+    total = 0
+    for right in (0, 1):
+        for up in (0, 1):
+            weight = np.abs(1 - right - (x - left)) * np.abs(1 - up - (y - low))
+            column, row = (np.clip(v, 0, n - 1) for v, n in ((left + right, width), (low + up, height)))
+            total = total + weight[..., None] * image[row, column]
+    return total
 
 
 def studs(size: int, tile: int = 0) -> np.ndarray:

@@ -15,8 +15,7 @@ def world(obj):
 class Carry(Case):
     def setUp(self):
         super().setUp()
-        self.arm = Arm()
-        self.arm.paint_image()
+        self.arm = Arm.with_studs()
         self.skin = self.arm.object
         # Wherever the skin is, and as large as it is.
         self.skin.scale = (1.7, 1.7, 1.7)

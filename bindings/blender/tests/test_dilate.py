@@ -23,8 +23,7 @@ def content(size, inside_only=True):
 
 class Dilate(Case):
     def arm(self, tiles=1, folder=None):
-        arm = Arm(tiles=tiles)
-        arm.paint_image()
+        arm = Arm.with_studs(tiles=tiles)
         arm.texture = arm.add_material(albedo=self.image(folder, tiles))
         arm.object.vrtm.seams = "continue"
         bpy.context.scene.frame_set(4)

@@ -6,7 +6,7 @@ import tempfile
 
 import numpy as np
 
-from support import Case, bpy, in_file, load, part, pixels, read, rgba, studs, uv_layer
+from support import Case, bending, bpy, in_file, load, part, pixels, quads, read, studs, uv_layer
 from test_render import Scene, render
 
 SIDE, SIZE = 24, 128
@@ -17,12 +17,9 @@ class Sheets:
     `tiles[k]`, so that (0, 0) is a mirrored pair, and (0, 1) the same pair unwrapped side by side: the texture and the
     rigidity are repeated on all tiles."""
 
-    def __init__(self, tiles=(0, 0), name="sheets"):
-        self.tiles = tiles
-        line = np.linspace(0, 1, SIDE + 1)
+    def __init__(self, tiles=(0, 0)):
+        line, one = np.linspace(0, 1, SIDE + 1), quads(SIDE)
         x, y = (values.ravel() for values in np.meshgrid(line, line))
-        first = np.add.outer(np.arange(SIDE) * (SIDE + 1), np.arange(SIDE)).ravel()
-        quads = first[:, None] + [0, 1, SIDE + 2, SIDE + 1]
         points, moved, uvs = [], [], []
         for sheet, tile in enumerate(tiles):
             # The second is the mirror image of the first.
@@ -34,28 +31,11 @@ class Sheets:
                 (x * (1 + 0.4 * x), y),
             )[sheet]
             moved.append(np.stack([sign * bent[0] + shift, bent[1], 0 * x], -1))
-            uvs.append(np.stack([x * 0.9 + 0.05 + tile, y * 0.9 + 0.05], -1)[quads].reshape(-1, 2))
-        faces = np.concatenate([quads + sheet * len(x) for sheet in range(len(tiles))])
-        mesh = self.mesh = bpy.data.meshes.new(name)
-        mesh.from_pydata(np.concatenate(points).tolist(), [], faces.tolist())
-        mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.concatenate(uvs).astype(np.float32).ravel())
-        obj = self.object = bpy.data.objects.new(name, mesh)
-        bpy.context.collection.objects.link(obj)
-        bpy.context.view_layer.objects.active = obj
-        obj.select_set(True)
-        obj.shape_key_add(name="Basis")
-        key = obj.shape_key_add(name="bent")
-        key.data.foreach_set("co", np.concatenate(moved).astype(np.float32).ravel())
-        for frame, value in ((1, 0.0), (5, 1.0)):
-            key.value = value
-            key.keyframe_insert("value", frame=frame)
-        image = bpy.data.images.new("rigidity", SIZE, SIZE)
-        image.pixels.foreach_set(rgba(studs(SIZE)).ravel())
-        image.pack()
-        settings = obj.vrtm
-        settings.device, settings.measure = "cpu", True
-        settings.grid = settings.render_grid = SIZE
-        settings.rigidity_source, settings.rigidity_image = "IMAGE", image
+            uvs.append(np.stack([x * 0.9 + 0.05 + tile, y * 0.9 + 0.05], -1)[one].reshape(-1, 2))
+        faces = np.concatenate([one + sheet * len(x) for sheet in range(len(tiles))])
+        points, uvs, moved = map(np.concatenate, (points, uvs, moved))
+        self.object = bending("sheets", points, faces, uvs, moved, studs(SIZE))
+        self.object.vrtm.measure = True
         bpy.context.scene.frame_set(5)
 
 

@@ -16,8 +16,7 @@ class Life(Case):
 
     def running(self):
         """An arm whose job is under way, and its state."""
-        arm = Arm(size=640)
-        arm.paint_image()
+        arm = Arm.with_studs(size=640)
         part("session").live_in_background = True
         arm.object.vrtm.live = True
         bpy.context.scene.frame_set(5)
@@ -62,21 +61,6 @@ class Life(Case):
         self.assertNotIn("arm", bpy.data.objects)
         live.poll()
         self.assertEqual(states, {})
-
-    def test_undo_takes_results_away_that_come_back(self):
-        arm = Arm()
-        arm.paint_image()
-        bpy.context.scene.frame_set(5)
-        bpy.ops.ed.undo_push(message="before")
-        bpy.ops.vrtm.update()
-        bpy.ops.ed.undo_push(message="after")
-        bpy.ops.ed.undo()
-        obj = bpy.data.objects["arm"]
-        self.assertIsNone(obj.vrtm.image)
-        arm.object, arm.mesh = obj, obj.data
-        bpy.context.view_layer.objects.active = obj
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-        self.check(arm)
 
     def test_undo_to_before_a_result_was_written(self):
         arm = self.solved()
@@ -249,8 +233,7 @@ class Life(Case):
         self.assertEqual(len([tree for tree in bpy.data.node_groups if "vrtm" in tree.name]), 1)
 
     def test_multiresolution_has_to_be_hidden(self):
-        arm = Arm(along=10, around=8)
-        arm.paint_image()
+        arm = Arm.with_studs(along=10, around=8)
         arm.object.shape_key_clear()
         bpy.context.view_layer.objects.active = arm.object
         modifier = arm.object.modifiers.new("it", "MULTIRES")

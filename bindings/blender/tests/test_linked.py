@@ -6,7 +6,7 @@ import os
 import numpy as np
 
 import test_panel
-from support import Arm, Case, bpy, in_file, load, nodes_of, part, pixels, rgba, studs
+from support import Arm, Case, bpy, in_file, nodes_of, part, pixels, rgba, studs
 
 
 class LinkedCase(Case):
@@ -162,15 +162,6 @@ class Linked(LinkedCase):
         self.assertFalse(obj.vrtm.is_set_up)
         self.untouched(obj)
         self.assertFalse([image for image in bpy.data.images if image.name.startswith("vrtm")])
-
-    def test_baked_files_are_read(self):
-        obj, delta = self.character()
-        bpy.ops.vrtm.set_up()
-        self.bakes_to(self.folder, 4, 5)
-        self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
-        self.assertEqual(bpy.ops.vrtm.use_baked(), {"FINISHED"})
-        self.assertSame(load(self.at("arm.redirect.1001.0005.exr"))[..., :2], delta)
-        self.untouched(obj)
 
     def test_a_captured_rest(self):
         obj, delta = self.character()

@@ -23,8 +23,7 @@ class Live(Case):
 
     def followed(self):
         """An arm with the result of frame 2, and a gate: while it is shut, no job ends that is not cancelled."""
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         arm.object.vrtm.live = True
         bpy.context.scene.frame_set(2)
         self.idle()
@@ -42,8 +41,7 @@ class Live(Case):
         return arm, gate
 
     def test_frames_and_poses_are_followed(self):
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         arm.object.vrtm.live = True
         self.assertTrue(bpy.app.timers.is_registered(self.live.poll))
         asset = arm.asset()
@@ -61,8 +59,7 @@ class Live(Case):
         self.check(arm, asset)
 
     def test_own_writes_are_not_followed(self):
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         arm.object.vrtm.live = True
         bpy.context.scene.frame_set(3)
         self.idle()
@@ -150,8 +147,7 @@ class Live(Case):
         self.assertEqual(self.headline(arm.object), "Up to date")
 
     def test_what_a_job_has_not_used_is_kept_for_the_next(self):
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         prepared = part("prepared").Prepared
         apply = prepared.apply
 
@@ -259,8 +255,7 @@ class Live(Case):
         bpy.ops.object.mode_set(mode="OBJECT")
 
     def test_settings_are_followed_and_live_can_be_switched_off(self):
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         settings = arm.object.vrtm
         settings.live = True
         bpy.context.scene.frame_set(5)

@@ -225,7 +225,7 @@ class Picture(Case):
                 self.assertFalse(part("materials").of_others(arm.object))
                 # Given to it afterwards, without an update.
                 other.object.material_slots[0].material = skin
-                self.assertIn("A material shows the redirection of another", self.notes(other))
+                self.assertIn("A material shows the redirection of another", self.notes(other.object))
                 self.ticked(other)
                 self.assertNotEqual(other.object.active_material, skin)
 

@@ -6,7 +6,7 @@ import tempfile
 
 import numpy as np
 
-from support import Arm, Case, bpy, load, nodes_of, part, rgba, studs
+from support import Arm, Case, bpy, load, nodes_of, part, rgba, sampled, studs
 
 
 def render(path=None, animation=False):
@@ -62,8 +62,7 @@ class Scene(Case):
 
 class Render(Scene):
     def arm(self, live=False, tiles=1):
-        arm = Arm(tiles=tiles)
-        arm.paint_image()
+        arm = Arm.with_studs(tiles=tiles)
         self.material(arm.object)
         self.camera((1.0, 0.5), 2.2)
         arm.object.vrtm.live = live
@@ -109,8 +108,7 @@ class Render(Scene):
                 self.setUp()
                 scene = bpy.context.scene
                 scene.render.use_persistent_data = persistent
-                arm = Arm()
-                arm.paint_image()
+                arm = Arm.with_studs()
                 self.camera((1.0, 0.5), 2.2)
                 # A patch of the arm's own faces, as a detail mesh, and a cube.
                 mesh = bpy.data.meshes.new("patch")
@@ -282,12 +280,8 @@ def lookup(values, layout, u, v):
     result = np.zeros((*u.shape, 2))
     local = np.stack([u - layout.first_u, v - layout.first_v], -1)
     tile = np.clip(np.floor(local), 0, (layout.columns - 1, layout.rows - 1))
-    at = np.clip((local - tile) * layout.size - 0.5, 0, layout.size - 1)
-    cell = np.minimum(np.floor(at), layout.size - 2)
-    part_ = at - cell
-    cell = (cell + tile * layout.size).astype(int)
-    for dx in (0, 1):
-        for dy in (0, 1):
-            weight = np.abs(1 - dx - part_[..., 0]) * np.abs(1 - dy - part_[..., 1])
-            result += weight[..., None] * values[cell[..., 1] + dy, cell[..., 0] + dx, :2]
+    for x, y in np.ndindex(layout.columns, layout.rows):
+        image = values[layout.place(1001 + layout.first_u + x + 10 * (layout.first_v + y))]
+        here = (tile == (x, y)).all(-1)
+        result[here] = sampled(image[..., :2], (local - tile)[here])
     return result

@@ -22,8 +22,7 @@ class Solve(Case):
         return np.abs(delta).max()
 
     def test_scrubbed_frames(self):
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         arm.object.vrtm.live = True
         asset, moved = arm.asset(), []
         for frame in (1, 3, 5, 2):
@@ -77,8 +76,7 @@ class Solve(Case):
             self.assertEqual((image.is_dirty, image.filepath, len(image.tiles)), (True, "", 2))
 
     def test_one_image_is_repeated_on_all_tiles(self):
-        arm = Arm(tiles=2)
-        arm.paint_image()
+        arm = Arm.with_studs(tiles=2)
         arm.painted[1002] = arm.painted[1001]
         bpy.context.scene.frame_set(5)
         bpy.ops.vrtm.update()
@@ -117,8 +115,7 @@ class Solve(Case):
         self.assertFalse(np.array_equal(before, pixels(settings.image)))
 
     def test_rest_shapes(self):
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         scene, settings = bpy.context.scene, arm.object.vrtm
         scene.frame_set(3)
         third = arm.pose()
@@ -146,8 +143,7 @@ class Solve(Case):
         self.check(arm, arm.asset(captured))
 
     def test_map_size_quality_and_figures(self):
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         settings = arm.object.vrtm
         settings.map_size, settings.quality, settings.measure = 64, "draft", True
         bpy.context.scene.frame_set(5)
@@ -167,8 +163,7 @@ class Solve(Case):
         self.assertEqual(figures["Folds"], "0")
 
     def test_what_is_advanced(self):
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         settings, asset = arm.object.vrtm, arm.asset()
         bpy.context.scene.frame_set(5)
         for name, value, of in (

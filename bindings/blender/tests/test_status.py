@@ -79,8 +79,7 @@ class Status(Case):
 
     def test_a_mesh_that_no_frame_changes_is_up_to_date_at_all(self):
         self.session.live_in_background = True
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         arm.rig.animation_data_clear()
         arm.mesh.shape_keys.animation_data_clear()
         bpy.ops.vrtm.update()
@@ -144,8 +143,7 @@ class Status(Case):
         self.assertEqual({share: percent(share) for share in words}, words)
 
     def test_what_the_library_warns_of(self):
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         arm.rig.animation_data_clear()
         arm.mesh.shape_keys.key_blocks["swell"].value = 0
         arm.rig.scale = (10, 10, 10)
@@ -156,8 +154,7 @@ class Status(Case):
         self.assertNotIn("times as long", self.notes(arm))
 
     def test_baked_files(self):
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         scene, settings = bpy.context.scene, bpy.context.scene.vrtm_bake
         scene.frame_start, scene.frame_end = 2, 4
         with tempfile.TemporaryDirectory() as folder:

@@ -5,17 +5,16 @@ import tempfile
 
 import numpy as np
 
-from support import Arm, Case, bpy, in_file, load, part, pixels, read
+from support import Arm, Case, bpy, in_file, load, part, pixels, quads, read
 
 
 def sheet(n=8):
     """A square of quads and, at its end, two triangles: corners, counts, UVs, positions."""
     x, y = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
     points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], -1).astype(np.float32)
-    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
-    quads = np.stack([first, first + 1, first + n + 2, first + n + 1], -1)
-    corners = np.concatenate([quads[:-1].ravel(), quads[-1][[0, 1, 2]], quads[-1][[0, 2, 3]]]).astype(np.uint32)
-    counts = np.array([4] * (len(quads) - 1) + [3, 3], np.uint32)
+    faces = quads(n)
+    corners = np.concatenate([faces[:-1].ravel(), faces[-1][[0, 1, 2]], faces[-1][[0, 2, 3]]]).astype(np.uint32)
+    counts = np.array([4] * (len(faces) - 1) + [3, 3], np.uint32)
     return corners, counts, points[corners][:, :2] * [0.5, 0.25] + 0.1, points
 
 
@@ -63,8 +62,7 @@ class Strain(Case):
         self.assertGreater(found[3, 0], found[3, 2])
 
     def test_the_overlay_follows_the_result(self):
-        arm = Arm(along=160, around=96, size=256)
-        arm.paint_image()
+        arm = Arm.with_studs(along=160, around=96, size=256)
         obj, settings = arm.object, arm.object.vrtm
         bpy.context.scene.frame_set(5)
         # Vertices that are rigid, and away from the borders of features and from the seam.
@@ -98,8 +96,7 @@ class Strain(Case):
         self.assertEqual(len(obj.data.color_attributes), 0)
 
     def test_strain_as_data(self):
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         bpy.context.scene.frame_set(1)
         arm.rig.animation_data_clear()
         arm.object.vrtm.write_strain = True
@@ -144,8 +141,7 @@ class Strain(Case):
         for tiles in (1, 2):
             with self.subTest(tiles=tiles), tempfile.TemporaryDirectory() as folder:
                 self.setUp()
-                arm = Arm(tiles=tiles)
-                arm.paint_image()
+                arm = Arm.with_studs(tiles=tiles)
                 bpy.context.scene.frame_set(1)
                 arm.rig.animation_data_clear()
                 node = arm.add_material()

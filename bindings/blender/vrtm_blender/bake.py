@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from . import exr, geometry, layers, nodes, result_image, session, solve, states
+from . import exr, geometry, layers, live, nodes, result_image, session, solve, states
 from .messages import Problem
 from .outcome import surface_strain
 
@@ -82,48 +82,71 @@ def sequence(obj: bpy.types.Object, scene: bpy.types.Scene) -> tuple[list[str], 
     return [str(folder / file_name(obj, part, frames[0])) for part in parts], frames[0], len(frames)
 
 
-class Bake:
-    """The baking of some objects' frames: a step, and its file names, at a time."""
+class FrameBake:
+    """The baking of frames for some objects: a step, and its file names, at a time."""
 
     def __init__(self, scene: bpy.types.Scene, objects: list[bpy.types.Object]) -> None:
-        self.folder, self.frames = folder_of(scene), frames_of(scene)
-        self.form, self.overwrite, self.strain = (getattr(scene.vrtm_bake, n) for n in ("form", "overwrite", "strain"))
-        self.uids = [session.uid_of(obj) for obj in objects]
-        self.names = [obj.name for obj in objects]
-        self.kept = scene.frame_current
+        self.frames, self.kept = frames_of(scene), scene.frame_current
+        self.overwrite = scene.vrtm_bake.overwrite
+        self.uids = {obj.name: session.uid_of(obj) for obj in objects}
         # Mesh and maps are read once.
         for obj in objects:
-            state = states.state_of(obj)
-            state.mesh_changed = state.maps_changed = True
+            states.state_of(obj).read_again()
 
     def steps(self) -> Iterator[tuple[int, list[Path]]]:
-        """Goes to each frame and writes it. The scene is left at the frame where it was, also if this is given up."""
-        scene = bpy.context.scene
+        """Goes to each frame and bakes it. The scene is left at the frame where it was, also if this is given up."""
+        scene, whole = bpy.context.scene, False
         session.baking = True
         try:
-            self._check()
+            self.begin()
             for frame in self.frames:
                 scene.frame_set(frame)
                 depsgraph = bpy.context.evaluated_depsgraph_get()
-                written: list[Path] = []
-                for obj in self._objects():
-                    written += self._write(obj, depsgraph, frame)
-                yield frame, written
+                yield frame, [path for obj in self.objects() for path in self.bake(obj, depsgraph, frame)]
+            self.finish()
+            whole = True
         finally:
+            left = [obj for name in self.uids if (obj := self._find(name)) is not None]
+            if not whole:
+                self.give_up(left)
             scene.frame_set(self.kept)
             session.baking = False
-            for state in filter(None, map(states.known.get, self.uids)):
+            for obj in left:
                 # The viewport has settings of its own.
-                state.maps_changed = True
+                live.touch(obj, mesh=False)
 
-    def _objects(self) -> list[bpy.types.Object]:
-        found = []
-        for uid, name in zip(self.uids, self.names):
-            obj = bpy.data.objects.get(name)
-            if obj is None or session.uid_of(obj) != uid:
+    def objects(self) -> list[bpy.types.Object]:
+        """The objects, as they are now. Raises a Problem if one is gone."""
+        for name in self.uids:
+            if self._find(name) is None:
                 raise Problem(f"{name} is gone: the bake ends")
-            found.append(obj)
-        return found
+        return list(filter(None, map(self._find, self.uids)))
+
+    def _find(self, name: str) -> bpy.types.Object | None:
+        obj = bpy.data.objects.get(name)
+        return obj if obj is not None and session.uid_of(obj) == self.uids[name] else None
+
+    def begin(self) -> None:
+        """Checks, before anything is written, that nothing of others is replaced. Raises a Problem."""
+
+    def bake(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
+        """Bakes a frame of an object; returns the files."""
+        raise NotImplementedError
+
+    def finish(self) -> None:
+        """After the last frame."""
+
+    def give_up(self, left: list[bpy.types.Object]) -> None:
+        """After a failure or an early end, for the objects that are there."""
+
+
+class Bake(FrameBake):
+    """The baking of some objects' redirections."""
+
+    def __init__(self, scene: bpy.types.Scene, objects: list[bpy.types.Object]) -> None:
+        self.folder = folder_of(scene)
+        self.form, self.strain = scene.vrtm_bake.form, scene.vrtm_bake.strain
+        super().__init__(scene, objects)
 
     def _prepared(self, obj: bpy.types.Object) -> tuple[vrtm.Asset, result_image.Layout, list[tuple[int | str, int]]]:
         """The object's asset, the layout of its tiles, and of what there are files: tiles by their numbers, or all of
@@ -137,10 +160,9 @@ class Bake:
             parts += [("tiles", layer) for layer in range(layers.number_of(state.asset))]
         return state.asset, layout, parts
 
-    def _check(self) -> None:
-        """Before anything is written: that nothing is replaced which is not a bake's. Raises a Problem."""
-        objects, outputs = self._objects(), []
-        for obj in objects:
+    def begin(self) -> None:
+        outputs: list[tuple[str, str]] = []
+        for obj in self.objects():
             name = file_name(obj, "", 0).casefold()
             for other in bpy.data.objects:
                 if other != obj and other.library is None and other.vrtm.is_set_up:
@@ -160,7 +182,7 @@ class Bake:
         # Files that killed bakes have left.
         staging.sweep(str(self.folder))
 
-    def _write(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
+    def bake(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
         asset, layout, parts = self._prepared(obj)
         positions = geometry.pose(obj, depsgraph)
         asset.solve(positions, **solve.options_of(obj))

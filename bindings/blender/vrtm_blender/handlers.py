@@ -32,10 +32,9 @@ def frame_changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None 
 
 
 def look_again(obj: bpy.types.Object) -> None:
-    """Has mesh and maps read again before the next solve; what has not changed stays prepared."""
-    state = states.find_state(obj)
-    if state is not None:
-        state.mesh_changed = state.maps_changed = state.carried_changed = True
+    """Has the object's inputs read again before the next solve."""
+    if (state := states.find_state(obj)) is not None:
+        state.read_again()
 
 
 def in_renders(obj: bpy.types.Object) -> bool:
@@ -52,15 +51,10 @@ def solve_now(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> None:
     except Exception as error:  # a render must not end here.
         states.state_of(obj).say(text_of(error), error=True)
         # Blender shows neither panel nor status bar while it renders on a farm: its log does.
-        session.log.error(
-            "frame %d of %s keeps its last redirection: %s", frame_of(depsgraph), obj.name, text_of(error)
-        )
+        frame = depsgraph.scene.frame_current
+        session.log.error("frame %d of %s keeps its last redirection: %s", frame, obj.name, text_of(error))
     finally:
         session.handling = False
-
-
-def frame_of(depsgraph: bpy.types.Depsgraph) -> int:
-    return depsgraph.scene.frame_current
 
 
 @persistent
@@ -125,7 +119,8 @@ def undone(*_) -> None:
     written last may not be there any more."""
     states.forget_gone()
     for state in states.known.values():
-        state.mesh_changed = state.maps_changed = state.carried_changed = state.rewrite = True
+        state.read_again()
+        state.rewrite = True
     live.doubt()
     want_all()
 

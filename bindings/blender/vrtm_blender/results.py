@@ -15,13 +15,8 @@ from .states import State
 OUTPUTS = ("image", "uvs", "delta", "strain", "strain_image")
 
 
-def are_there(obj: bpy.types.Object) -> bool:
-    """True if the written results are still there: an undo, a file or the artist may have removed them."""
-    return missing(obj) is None
-
-
 def missing(obj: bpy.types.Object) -> str | None:
-    """The missing part of the object's results, in words."""
+    """The missing part of the object's results, in words: an undo, a file or the artist may have removed it."""
     settings = obj.vrtm
     if not obj.vrtm.is_set_up:
         return None
@@ -110,7 +105,7 @@ def still_right(state: State, request: Request) -> None:
 
 def is_shown(obj: bpy.types.Object, state: State, request: Request) -> bool:
     """True if the result of this request was written last, and is there."""
-    return request.stamp == state.shown and are_there(obj)
+    return request.stamp == state.shown and missing(obj) is None
 
 
 def was_taken_back(obj: bpy.types.Object, state: State) -> bool:

@@ -67,6 +67,10 @@ class State:
     def asset(self) -> vrtm.Asset | None:
         return self.prepared.asset
 
+    def read_again(self) -> None:
+        """Has all inputs read again before the next solve; unchanged ones stay prepared."""
+        self.mesh_changed = self.maps_changed = self.carried_changed = True
+
     def take_job(self) -> Work | None:
         """The job, which the state has no longer. Inputs that it has not used are kept for the next."""
         job, self.job = self.job, None

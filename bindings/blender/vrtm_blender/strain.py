@@ -35,6 +35,15 @@ def edges(points: np.ndarray) -> np.ndarray:
     return np.stack([np.stack([length, along], -1), np.stack([np.zeros_like(length), across], -1)], -2)
 
 
+def _edges(vertices: np.ndarray, rest: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Of triangles of vertices (n, 3): the vertices, the edges at rest and in the pose, the areas at rest (twice), and
+    True for those that have one."""
+    vertices = vertices.astype(np.int64)
+    at_rest, posed = edges(rest[vertices].astype(np.float64)), edges(pose[vertices].astype(np.float64))
+    area = np.abs(_determinant(at_rest))
+    return vertices, at_rest, posed, area, area > 1e-12 * max(float(area.max(initial=0.0)), 1e-300)
+
+
 def of_vertices(
     corner_vertices: np.ndarray,
     face_counts: np.ndarray,
@@ -51,10 +60,7 @@ def of_vertices(
     painted around a point is deformed by M U^-1 J^-1 U R^-1.
     """
     corners = triangles(face_counts)
-    vertices = corner_vertices[corners].astype(np.int64)
-    at_rest, posed = edges(rest[vertices].astype(np.float64)), edges(pose[vertices].astype(np.float64))
-    area = np.abs(_determinant(at_rest))
-    whole = area > 1e-12 * max(float(area.max(initial=0.0)), 1e-300)
+    vertices, at_rest, posed, area, whole = _edges(corner_vertices[corners], rest, pose)
     if jacobians is None:
         middle = np.broadcast_to(np.eye(2), at_rest.shape)
     else:
@@ -74,10 +80,7 @@ def of_vertices(
 def of_surface(corner_vertices: np.ndarray, face_counts: np.ndarray, rest: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """Largest stretch and largest squash of the surface itself at each vertex, as shares of its length at rest; and 0:
     (vertices, 3) float32."""
-    vertices = corner_vertices[triangles(face_counts)].astype(np.int64)
-    at_rest, posed = edges(rest[vertices].astype(np.float64)), edges(pose[vertices].astype(np.float64))
-    area = np.abs(_determinant(at_rest))
-    whole = area > 1e-12 * max(float(area.max(initial=0.0)), 1e-300)
+    vertices, at_rest, posed, area, whole = _edges(corner_vertices[triangles(face_counts)], rest, pose)
     at_rest[~whole] = np.eye(2)
     largest, smallest = _logarithms(posed @ _inverse(at_rest))
     shares = (np.maximum(np.expm1(largest), 0), np.maximum(-np.expm1(smallest), 0))

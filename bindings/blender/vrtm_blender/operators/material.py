@@ -41,7 +41,7 @@ class VRTM_OT_set_up_material(OnObject, bpy.types.Operator):
 def redirect(context: bpy.types.Context, obj: bpy.types.Object, slots: list[bpy.types.MaterialSlot], by: str) -> int:
     """Has materials look up redirected UVs; returns the number of textures. Raises a Problem before anything is
     changed."""
-    if not results.are_there(obj):
+    if results.missing(obj) is not None:
         solve.run(obj, context.evaluated_depsgraph_get())
     source = geometry.source_uv_layer(obj)
     if by == nodes.BY_UV_MAP and geometry.is_linked(obj):

@@ -68,6 +68,17 @@ class _FromImage(OnObject):
     # As a step of Set Up.
     set_up: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
 
+    def own(self) -> tuple[str, ...]:
+        """The names of the operator's own properties to be shown."""
+        raise NotImplementedError
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        layout.prop_search(self, "image", bpy.data, "images")
+        for name in (*self.own(), "smallest", "invert", "grow", "size"):
+            layout.prop(self, name)
+
     def source(self, obj: bpy.types.Object, found: bpy.types.Image | None, what: str) -> bpy.types.Image:
         if self.image:
             found = bpy.data.images.get(self.image)
@@ -137,15 +148,8 @@ class VRTM_OT_rigidity_from_texture(_FromImage, bpy.types.Operator):
             return library().rigidity.of_colour(tiles, self.colour, self.tolerance)
         return library().rigidity.of_brightness(tiles, self.threshold)
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split, layout.use_property_decorate = True, False
-        layout.prop_search(self, "image", bpy.data, "images")
-        layout.prop(self, "by")
-        for name in ("colour", "tolerance") if self.by == "colour" else ("threshold",):
-            layout.prop(self, name)
-        for name in ("smallest", "invert", "grow", "size"):
-            layout.prop(self, name)
+    def own(self) -> tuple[str, ...]:
+        return ("by", "colour", "tolerance") if self.by == "colour" else ("by", "threshold")
 
 
 class VRTM_OT_rigidity_from_heights(_FromImage, bpy.types.Operator):
@@ -175,12 +179,8 @@ class VRTM_OT_rigidity_from_heights(_FromImage, bpy.types.Operator):
         )
         return text + "; what is dark in it is high, as its nodes have it" * down
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split, layout.use_property_decorate = True, False
-        layout.prop_search(self, "image", bpy.data, "images")
-        for name in ("feature", "threshold", "sunken", "smallest", "invert", "grow", "size"):
-            layout.prop(self, name)
+    def own(self) -> tuple[str, ...]:
+        return "feature", "threshold", "sunken"
 
 
 class _OnImage(OnObject):
