@@ -58,22 +58,6 @@ class Keep(Case):
         # What is registered on a tree would be kept in the same way.
         self.assertEqual([name for name in dir(bpy.types.NodeTree) if "vrtm" in name], [])
 
-    def test_a_result_that_lost_its_users_is_saved(self):
-        for by in ("object", "group"):
-            with self.subTest(by=by):
-                self.setUp()
-                arm = self.arm()
-                expected, name = pixels(arm.object.vrtm.image), arm.object.vrtm.image.name
-                if by == "group":
-                    self.assertEqual(self.group().nodes.get("Image Texture").image, arm.object.vrtm.image)
-                    arm.object.vrtm.image = None
-                # As EEVEE's compiles leave it.
-                bpy.data.images[name].user_clear()
-                self.saved()
-                self.assertIn(name, bpy.data.images)
-                self.assertSame(pixels(bpy.data.images[name]), in_file(expected))
-                self.assertEqual(self.read(self.group()), bpy.data.images[name])
-
     def test_a_group_that_lost_its_image_is_built_again(self):
         def removed(obj):
             bpy.data.images.remove(obj.vrtm.image)

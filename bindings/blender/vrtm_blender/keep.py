@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import messages, nodes, result_image, session
+from . import messages, result_image, session
 
 
 def keep_results() -> None:
@@ -13,8 +13,6 @@ def keep_results() -> None:
     for image in bpy.data.images:
         if not result_image.is_cache(image) or image.library is not None:
             continue
-        if not image.users:
-            _count_again(image)
         if image.is_dirty or image.packed_file is None:
             try:
                 result_image.pack(image)
@@ -26,24 +24,6 @@ def keep_image(image: bpy.types.Image | None) -> None:
     """Has an unused image saved with the file: only the artist deletes it."""
     if image is not None and not image.users and image.library is None:
         image.use_fake_user = True
-
-
-def _count_again(image: bpy.types.Image) -> None:
-    """Counts the users of an image again: Blender does not save one whose count is 0. Assigning the image
-    counts them; a count of 0 does not become negative."""
-    for obj in bpy.data.objects:
-        for name in ("image", "strain_image"):
-            if getattr(obj.vrtm, name) == image:
-                setattr(obj.vrtm, name, image)
-                return
-    for other in bpy.data.images:
-        if other.vrtm_next == image:
-            other.vrtm_next = image
-            return
-    for tree in bpy.data.node_groups:
-        if tree.get(nodes.KIND) and nodes.image_of(tree) == image:
-            nodes.count_again(tree, image)
-            return
 
 
 def unsaved_maps(obj: bpy.types.Object) -> list[str]:

@@ -149,11 +149,6 @@ def _mixed(tree: bpy.types.NodeTree, x: float, y: float, *sources: bpy.types.Nod
     return trees.enabled(mix.outputs)
 
 
-def count_again(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
-    """Assigns a group's result image once more, which counts its users again."""
-    next(node for node in _textures(tree) if node.image == image).image = image
-
-
 def show_baked(obj: bpy.types.Object, paths: list[str], first: int, number: int) -> None:
     """Has the object's group read sequences of baked files, one for each layer, from the files of frame `first` on,
     instead of the result images."""

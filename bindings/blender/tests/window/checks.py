@@ -223,7 +223,7 @@ def check_eevee():
 
 
 def check_frames():
-    """The headline is true of frames while scrubbing, with Live off, and after an animation was rendered."""
+    """A scrub keeps the window drawn, with Live and without; after a rendered animation the viewport has its frame."""
     obj = yield from set_up()
     scene = window().scene
     paused = {}
@@ -246,32 +246,7 @@ def check_frames():
     assert paused[True] < 3 * paused[False] + 0.1, paused
     scene.frame_set(12)
     yield from solved(obj)
-    twelve, action = pixels(obj.vrtm.image), obj.data.shape_keys.animation_data.action
-    obj.vrtm.live = False
-    yield from says(obj, "Up to date")
-    key = obj.data.shape_keys.key_blocks["biceps"]
-    for driven in (True, False):
-        if driven:
-            obj.data.shape_keys.animation_data.action = None
-            key.driver_add("value").driver.expression = "0.5"
-        else:
-            key.driver_remove("value")
-            obj.data.shape_keys.animation_data.action = action
-            scene.frame_set(12)
-        yield from says(obj, "Out of date: press Update Now" if driven else "Up to date")
-    scene.frame_set(5)
-    yield from says(obj, "Out of date: shows frame 12")
-    assert np.array_equal(pixels(obj.vrtm.image), twelve)
-    scene.frame_set(12)
-    yield from says(obj, "Up to date")
-    # A bone that is moved without a key.
-    bpy.data.objects["rig"].pose.bones["lower"].rotation_euler[0] = 0.3
-    yield from says(obj, "Out of date")
-    scene.frame_set(12)
-    with at("PROPERTIES"):
-        bpy.ops.vrtm.update("INVOKE_DEFAULT")
-    yield from solved(obj)
-    assert np.array_equal(pixels(obj.vrtm.image), twelve)
+    twelve = pixels(obj.vrtm.image)
     # An animation: the viewport has its frame again.
     scene.frame_start, scene.frame_end, scene.render.filepath = 15, 17, f"{OUT}/frame."
     scene.render.engine = "BLENDER_WORKBENCH"
@@ -386,31 +361,6 @@ def check_bake():
         assert scene.frame_current == 20 and headline(obj) == "Up to date", headline(obj)
         scene.frame_end = 20
     assert 2 <= files[0] < 400, files
-
-
-def check_undo():
-    """Ctrl-Z after strokes, poses and results, from the keyboard: what is shown is right in the end."""
-    obj = yield from set_up()
-    press("mousemove", "500", "500")
-    with at("VIEW_3D"):
-        bpy.ops.ed.undo_push(message="before")
-    first = pixels(obj.vrtm.image)
-    scene = window().scene
-    for _ in range(3):
-        scene.frame_set(scene.frame_current - 3)
-        with at("VIEW_3D"):
-            bpy.ops.ed.undo_push(message="frame")
-        yield 0.4
-    for _ in range(3):
-        press("key", "ctrl+z")
-        yield 0.5
-    obj = bpy.data.objects["skin"]
-    yield from solved(obj)
-    assert window().scene.frame_current == 20
-    assert np.array_equal(pixels(obj.vrtm.image), first)
-    press("key", "ctrl+shift+z")
-    yield 0.5
-    yield from solved(bpy.data.objects["skin"])
 
 
 def check_scripts():
