@@ -149,8 +149,8 @@ class Bake(FrameBake):
         super().__init__(scene, objects)
 
     def _prepared(self, obj: bpy.types.Object) -> tuple[vrtm.Asset, result_image.Layout, list[tuple[int | str, int]]]:
-        """The object's asset, the layout of its tiles, and of what there are files: tiles by their numbers, or all of
-        them, and the layer of each."""
+        """The object's asset, the layout of its tiles, and the parts with a file each: tiles by their numbers, or all
+        of them, and their layers."""
         state = states.state_of(obj)
         state.end_job()
         solve.prepare(obj, state)

@@ -29,13 +29,12 @@ class Thing:
     uid: int
     name: str
     places: np.ndarray  # (places, 3) float64, in the skin's space
-    # (4, 4) float64 from its own space to the skin's; whether it is carried as a whole.
-    to_skin: np.ndarray
-    is_whole: bool
+    to_skin: np.ndarray  # (4, 4) float64 from its own space to the skin's
+    is_whole: bool  # carried as a whole
     farthest: float
     fit: str
     skirt: float
-    # The connected part of each place, (places,), of which each moves as one body; None: each place by itself.
+    # The connected part of each place, (places,): each part moves as one body. None: each place moves by itself.
     parts: np.ndarray | None = None
 
     @property
@@ -88,7 +87,7 @@ class Carriers:
                 self.states[thing.uid] = states if thing.parts is None else states[thing.parts]
 
     def fetch(self) -> dict[int, Moved]:
-        """All things in the pose that was solved last, by uid. What is too far stays as it is."""
+        """All things in the pose that was solved last, by uid. Things that are too far stay as they are."""
         found = {}
         for carrier, things in self._groups:
             carried = carrier.fetch("positions", "matrices", dtype=np.float64)

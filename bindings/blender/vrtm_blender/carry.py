@@ -17,9 +17,9 @@ FITS = [
     ("surface", "Surface", "All follows the redirected surface"),
     ("none", "Skin", "All follows the skin, as if nothing were redirected"),
 ]
-# The largest distance, unless one is asked for: of the diagonal of the skin's bounding box.
+# Default of the largest distance, as a share of the diagonal of the skin's bounding box.
 FAR = 0.05
-# Modifiers that move things by what else moves the skin.
+# Modifiers that may move things by the deformers of the skin.
 MOVING = frozenset(
     "ARMATURE CLOTH CURVE HOOK LATTICE MESH_CACHE MESH_DEFORM MESH_SEQUENCE_CACHE SHRINKWRAP SOFT_BODY "
     "SURFACE_DEFORM".split()
@@ -191,7 +191,7 @@ def attach(
 
 
 def release(obj: bpy.types.Object) -> None:
-    """Puts an object back to what it was."""
+    """Lets an object go: its place, parent and data are as before."""
     own = obj.vrtm_carry
     clear_baked(obj)
     if own.kind == "OBJECT":
@@ -215,7 +215,7 @@ def release(obj: bpy.types.Object) -> None:
 
 
 def clear_baked(obj: bpy.types.Object) -> None:
-    """Takes out what a bake has written: keys and files."""
+    """Removes the keys and files of a bake."""
     if obj.vrtm_carry.kind == "POINTS":
         carry_nodes.show_live(obj)
     elif (action := own_keys(obj)) is not None:
@@ -255,7 +255,7 @@ def read(skin: bpy.types.Object) -> CarriedInput:
 
 
 def place(skin: bpy.types.Object, moved: dict[int, Moved]) -> None:
-    """Moves all that an object carries, unless it shows what was baked."""
+    """Moves the things that an object carries, unless they show a bake."""
     if not moved or not carries_live(skin):
         return
     for obj in carried_by(skin):

@@ -1,5 +1,5 @@
-"""The Geometry Nodes group `vrtm carry`, which moves points, hair curves and instances to where attributes, or the
-files of a bake, say that they are."""
+"""The Geometry Nodes group `vrtm carry`, which moves points, hair curves and instances to the places in attributes,
+or in the files of a bake."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _fill(tree: bpy.types.NodeTree) -> None:
     link(value(attribute(TEXEL, 0, -3).outputs), texel.inputs[0])
 
     def either(name: str, v: str, y: int) -> bpy.types.NodeSocket:
-        """The attribute, or what the bake has."""
+        """The attribute, or the texel of the bake."""
         at, image = node("ShaderNodeCombineXYZ", 2, y - 2), node("GeometryNodeImageTexture", 3, y - 2)
         image.interpolation, image.extension = "Closest", "EXTEND"
         link(texel.outputs["X"], at.inputs["X"])
@@ -79,7 +79,7 @@ GROUP = trees.ModifierGroup(
 
 
 def remove(obj: bpy.types.Object) -> None:
-    """Takes the modifier away, and what nothing uses any more."""
+    """Removes the modifier, and its unused data."""
     show_live(obj)
     GROUP.remove(obj)
 

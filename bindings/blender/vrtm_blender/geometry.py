@@ -31,7 +31,7 @@ class Topology:
 
 
 def stamp_of(*arrays: np.ndarray) -> bytes:
-    """A hash of the arrays' bits and shapes: what is compared to know whether anything has changed."""
+    """A hash of the arrays' bits and shapes, by which changes are noticed."""
     hashed = hashlib.blake2b(digest_size=16)
     for array in arrays:
         hashed.update(repr((array.shape, array.dtype.str)).encode())

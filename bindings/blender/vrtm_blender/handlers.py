@@ -13,8 +13,8 @@ PAINT_MODES = frozenset({"TEXTURE_PAINT", "VERTEX_PAINT", "WEIGHT_PAINT"})
 
 @persistent
 def frame_changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None = None) -> None:
-    """frame_change_post. In a render this comes before the render engine looks at the scene, so that what is written
-    here is what it draws."""
+    """frame_change_post. In a render this comes before the render engine looks at the scene, so that it draws the
+    results that are written here."""
     if session.writing or session.baking or depsgraph is None:
         return
     live.doubt()
@@ -115,8 +115,8 @@ def render_ends(scene: bpy.types.Scene, *_) -> None:
 
 @persistent
 def undone(*_) -> None:
-    """undo_post and redo_post: the file's data is another now. Objects are found again by their session_uid; what was
-    written last may not be there any more."""
+    """undo_post and redo_post: the file's data is another now. Objects are found again by their session_uid; the last
+    results may be gone."""
     states.forget_gone()
     for state in states.known.values():
         state.read_again()

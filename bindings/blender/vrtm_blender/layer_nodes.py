@@ -70,7 +70,7 @@ def insert(obj: bpy.types.Object, name: str, values: np.ndarray, stamp: str) -> 
 
 
 def remove(obj: bpy.types.Object) -> None:
-    """Takes the modifier away, and what nothing uses any more."""
+    """Removes the modifier, and its unused data."""
     GROUP.remove(obj)
     # Also those of modifiers that the artist has taken away.
     for image in [image for image in bpy.data.images if STAMP in image and not image.users and image.library is None]:

@@ -43,7 +43,7 @@ def images_of(first: bpy.types.Image | None) -> list[bpy.types.Image]:
 
 
 def own_images(first: bpy.types.Image, number: int, new: Callable[[int], bpy.types.Image]) -> list[bpy.types.Image]:
-    """The images of so many layers, the first of which is there. What is missing is made by `new`."""
+    """The images of `number` layers, of which the first is given; `new` makes missing ones."""
     found = [image for image in images_of(first)[:number] if image == first or image.library is None]
     for layer in range(len(found), number):
         image = new(layer)

@@ -169,23 +169,23 @@ def show_baked(obj: bpy.types.Object, paths: list[str], first: int, number: int)
 
 def baked_frames(obj: bpy.types.Object) -> range | None:
     """The frames of the baked files that the object's material shows; None if it shows none."""
-    for tree in groups_of(obj) if obj.vrtm.shows_baked else []:
-        for node in _textures(tree):
-            if node.image is not None and node.image.source == "SEQUENCE":
-                return range(node.image_user.frame_start, node.image_user.frame_start + node.image_user.frame_duration)
+    for user in [node.image_user for node in _sequences(obj)]:
+        return range(user.frame_start, user.frame_start + user.frame_duration)
     return None
 
 
 def baked_files(obj: bpy.types.Object, frame: int) -> list[str]:
     """The baked files of a frame that the object's material reads."""
-    found = []
-    for tree in groups_of(obj) if obj.vrtm.shows_baked else []:
-        for node in _textures(tree):
-            if node.image is not None and node.image.source == "SEQUENCE":
-                path = bpy.path.abspath(node.image.filepath, library=node.image.library)
-                # Blender counts by the last number of a name.
-                found.append(re.sub(r"\d+(?=\D*$)", lambda number: f"{frame:0{len(number[0])}d}", path))
-    return found
+    images = [node.image for node in _sequences(obj)]
+    paths = [bpy.path.abspath(image.filepath, library=image.library) for image in images]
+    # Blender counts by the last number of a name.
+    return [re.sub(r"\d+(?=\D*$)", lambda number: f"{frame:0{len(number[0])}d}", path) for path in paths]
+
+
+def _sequences(obj: bpy.types.Object) -> list[bpy.types.Node]:
+    """The nodes of baked files in the object's groups, if it shows them."""
+    nodes = [node for tree in groups_of(obj) if obj.vrtm.shows_baked for node in _textures(tree)]
+    return [node for node in nodes if node.image is not None and node.image.source == "SEQUENCE"]
 
 
 def show_live(obj: bpy.types.Object) -> None:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import vrtm
 
 
-# A finer grid hardly ever tells more of which of two ways is better.
+# Cells per side for the choice between two ways: a finer grid hardly ever changes it.
 MEASURED = 512
 
 
@@ -144,7 +144,7 @@ class Prepared:
             self.stamps[which] = maps.stamps[which]
 
     def _tiles(self) -> list[vrtm.Tile]:
-        """One for each UDIM number: what is set of it holds for all of its layers."""
+        """One tile for each UDIM number: its settings hold for all of its layers."""
         return [tile for tile in self.asset.tiles if tile.layer == 0]
 
     def _set_settings(self, settings: dict[str, Any]) -> None:
@@ -217,7 +217,7 @@ class Prepared:
         return total / np.maximum(number, 1)
 
     def whole_share(self) -> float:
-        """The share of what is rigid that lies in triangles which are rigid as a whole."""
+        """The share of rigid texels in triangles that are rigid as a whole."""
         if self.whole is None:
             topology = self.mesh.topology
             self.whole = strain.whole_share(topology.face_counts, topology.uvs, self._rigidity)
@@ -233,7 +233,7 @@ class Prepared:
         return self.on_seams
 
     def strain_of(self, pose: np.ndarray, uvs: np.ndarray) -> float:
-        """The strain (RMS) of what is rigid where the texture is looked up at UVs of the face corners, (corners, 2)."""
+        """The strain (RMS) of rigid parts if the texture is looked up at UVs of the face corners, (corners, 2)."""
         of = self.mesh.topology
         return strain.of_features(of.corner_vertices, of.face_counts, of.uvs, self.mesh.rest, pose, uvs, self._rigidity)
 

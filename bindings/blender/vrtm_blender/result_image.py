@@ -69,8 +69,8 @@ def layout_of(asset: vrtm.Asset, name: str, map_size: int) -> Layout:
 
 
 def redirection(asset: vrtm.Asset, layout: Layout, layer: int) -> np.ndarray:
-    """The image of a layer of the last result: (height, width, 4) float32, bottom row first; what to add to u and v in
-    the first two channels, and 1 in the last one, so that no alpha mode changes the others."""
+    """The image of a layer of the last result: (height, width, 4) float32, bottom row first; the differences of u and
+    v in the first two channels, and 1 in the last one, so that no alpha mode changes the others."""
     image = np.zeros((layout.height, layout.width, 4), np.float32)
     image[..., 3] = 1
     for tile in [tile for tile in asset.tiles if tile.layer == layer]:
@@ -81,9 +81,9 @@ def redirection(asset: vrtm.Asset, layout: Layout, layer: int) -> np.ndarray:
 
 
 def pack(image: bpy.types.Image) -> None:
-    """Packs an image into the file as EXR of 16-bit floats, compressed; what is in memory is then what was packed: of
-    what is to be added to u and v 1 / 2048 is lost at most, a tenth of a texel of 4096 where it is 0.05. Blender's own
-    `pack` takes 16 bytes for each texel. Raises RuntimeError."""
+    """Packs an image into the file as EXR of 16-bit floats, compressed, and reads it back: differences of UVs lose
+    1 / 2048 at most, a tenth of a texel of 4096 for one of 0.05. Blender's own `pack` takes 16 bytes for each texel.
+    Raises RuntimeError."""
     pixels = np.empty((image.size[1], image.size[0], 4), np.float32)
     image.pixels.foreach_get(pixels.ravel())
     data = exr.halves(pixels)

@@ -89,7 +89,7 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
 
 
 def _update() -> None:
-    """Has Blender evaluate what was changed, so that its handlers are called now."""
+    """Has Blender evaluate the changes, so that its handlers are called now."""
     layer = bpy.context.view_layer
     if layer is not None and not (session.rendering or session.baking or session.handling):
         layer.update()

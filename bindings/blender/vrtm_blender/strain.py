@@ -101,7 +101,7 @@ Rigidity = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 def whole_share(face_counts: np.ndarray, uvs: np.ndarray, rigidity: Rigidity) -> float:
-    """The share of what is rigid in the UV map that lies in triangles which are rigid as a whole; 1 without any."""
+    """The share of the rigid part of the UV map in triangles that are rigid as a whole; 1 without any."""
     corners = triangles(face_counts)
     rigid = _rigid(corners, uvs, rigidity)
     area = np.abs(_determinant(_sides(uvs[corners].astype(np.float64))))

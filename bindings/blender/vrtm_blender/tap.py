@@ -101,7 +101,7 @@ def insert(obj: bpy.types.Object, at: bpy.types.Modifier) -> bpy.types.Modifier:
 
 
 def deforms_behind(obj: bpy.types.Object) -> bpy.types.Modifier | None:
-    """The first modifier behind the Pose modifier that deforms: what it does is not in the pose."""
+    """The first modifier behind the Pose modifier that deforms: its deformation is not in the pose."""
     on = working(obj)
     at = next((number for number, modifier in enumerate(on) if GROUP.is_of(modifier)), len(on))
     needed = any(map(changes_topology, on))

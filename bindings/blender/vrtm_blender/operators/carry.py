@@ -176,8 +176,8 @@ class VRTM_OT_wrap(_Carry, bpy.types.Operator):
 
 
 class VRTM_OT_carry_remove(OnObject, bpy.types.Operator):
-    """Put what is carried back to where and what it was: what is selected of it, or, with the skin alone selected, all
-    of it"""
+    """Put carried things back to their places before: the selected ones, or, with the skin alone selected, all of
+    them"""
 
     bl_idname = "vrtm.carry_remove"
     bl_label = "Let Go"
@@ -219,8 +219,8 @@ def let_all_go(skin: bpy.types.Object) -> None:
 
 
 class VRTM_OT_carry_bake(BakesFrames, bpy.types.Operator):
-    """Bake what the selected objects carry, over the frames of Bake to Disk: keys of what is carried as a whole, and
-    files of all else. It then plays and renders without this add-on. Esc ends it"""
+    """Bake the things that the selected objects carry, over the frames of Bake to Disk: keys of whole objects, and
+    files of all else. The bake plays and renders without this add-on. Esc ends it"""
 
     bl_idname = "vrtm.carry_bake"
     bl_label = "Bake Carried"
@@ -233,7 +233,7 @@ class VRTM_OT_carry_bake(BakesFrames, bpy.types.Operator):
 
 
 class VRTM_OT_carry_live(OnObject, bpy.types.Operator):
-    """Take the bake of what is carried out again, its keys too: it follows the skin"""
+    """Remove the bake of carried things, with its keys: they follow the skin again"""
 
     bl_idname = "vrtm.carry_live"
     bl_label = "Carry Live"

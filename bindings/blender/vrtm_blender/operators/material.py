@@ -83,8 +83,8 @@ def kept_text(painted: list[str]) -> str:
 
 
 class VRTM_OT_dilate(OnObject, bpy.types.Operator):
-    """Have the materials look up copies of their textures that hold, around each chart, what lies beyond its seams. The
-    copies are packed into the file; press it again after painting on the originals"""
+    """Have the materials look up copies of their textures that show, around each chart, the surface beyond its seams.
+    The copies are packed into the file; press it again after painting on the originals"""
 
     bl_idname = "vrtm.dilate"
     bl_label = "Dilate Textures"

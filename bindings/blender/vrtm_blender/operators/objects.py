@@ -71,7 +71,7 @@ def rigidity_like() -> bpy.types.Image | None:
 
 
 class VRTM_OT_preset(OnObject, bpy.types.Operator):
-    """Set quality, grid and map size of what the viewport shows; renders and bakes have their own"""
+    """Set quality, grid and map size for the viewport; renders and bakes have their own"""
 
     bl_idname = "vrtm.preset"
     bl_label = "Quality Preset"

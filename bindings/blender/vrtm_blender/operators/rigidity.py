@@ -108,7 +108,7 @@ class _FromImage(OnObject):
 
 
 class VRTM_OT_rigidity_from_texture(_FromImage, bpy.types.Operator):
-    """Make the rigidity image out of the texture: what is brighter than a threshold, or of about a colour"""
+    """Make the rigidity image out of the texture: texels brighter than a threshold, or of about a colour"""
 
     bl_idname = "vrtm.rigidity_from_texture"
     bl_label = "Rigidity from Texture"
