@@ -1,9 +1,10 @@
-"""What the tests share: Blender as a Python module with the installed extension, and a model, an arm that bends."""
+"""Shared by the tests: Blender as a Python module with the installed extension, and a model, an arm that bends."""
 
 from __future__ import annotations
 
 import os
 import sys
+import tempfile
 import unittest
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 bpy = pytest.importorskip("bpy", reason="skipped: bpy cannot be imported", exc_type=ImportError)
 # The sample file's script lies beside this folder.
 sys.path.append(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-from sample import nodes_of, rgba  # noqa: E402, F401
+from sample import nodes_of, rgba  # noqa: E402
 
 EXTENSION = "bl_ext.user_default.vrtm"
 
@@ -43,6 +44,38 @@ class Case(unittest.TestCase):
         part("session").live_in_background = False
         part("live").stop_timer()
         part("states").clear()
+
+    def idle(self) -> None:
+        """Until nothing is wanted and no job is under way."""
+        states = part("states").known.values()
+        poll_until(lambda: not any(state.wanted or state.doubted or state.job for state in states))
+
+    def update(self) -> None:
+        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+
+    def headline(self, obj: bpy.types.Object) -> str:
+        return part("status").headline(obj, bpy.context.scene).text
+
+    def notes(self, obj: bpy.types.Object) -> str:
+        return " ".join(line.text for line in part("status").notes(obj, bpy.context.scene))
+
+    def scratch(self) -> str:
+        """A folder that the test's end removes."""
+        return self.enterContext(tempfile.TemporaryDirectory())
+
+    def reopened(self, folder: str | None = None, name: str = "arm") -> bpy.types.Object:
+        """The object of this name, active, in the file that is saved and opened again."""
+        path = os.path.join(folder or self.scratch(), "file.blend")
+        bpy.ops.wm.save_as_mainfile(filepath=path)
+        bpy.ops.wm.open_mainfile(filepath=path)
+        obj = bpy.context.view_layer.objects.active = bpy.data.objects[name]
+        return obj
+
+    def bakes_to(self, folder: str, start: int, end: int) -> bpy.types.PropertyGroup:
+        """The settings of bakes of these frames."""
+        settings = bpy.context.scene.vrtm_bake
+        settings.directory, settings.frame_start, settings.frame_end = folder, start, end
+        return settings
 
     def assertSame(self, one: np.ndarray, other: np.ndarray) -> None:
         """The same bits."""
@@ -88,6 +121,13 @@ class Arm:
         settings.device, settings.grid, settings.render_grid = "cpu", size, size
         # UDIM numbers and what is painted on them.
         self.painted = {1001 + tile: studs(size, tile) for tile in range(tiles)}
+
+    @classmethod
+    def with_studs(cls, *given, **options) -> Arm:
+        """An arm whose rigidity is the image of its studs."""
+        arm = cls(*given, **options)
+        arm.paint_image()
+        return arm
 
     def _rig(self, name: str) -> bpy.types.Object:
         armature = bpy.data.armatures.new(f"{name} rig")
@@ -147,6 +187,17 @@ class Arm:
         settings.rigidity_source, settings.rigidity_image = "IMAGE", image
         return image
 
+    def add_material(self, name: str = "skin", albedo: bpy.types.Image | None = None) -> bpy.types.Node:
+        """Gives the arm a material with a texture in its colour, whose node is returned."""
+        material = bpy.data.materials.new(name)
+        tree = nodes_of(material)
+        texture = tree.nodes.new("ShaderNodeTexImage")
+        texture.image = albedo or bpy.data.images.new("albedo", 128, 128)
+        shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
+        tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
+        self.mesh.materials.append(material)
+        return texture
+
     def rest(self) -> np.ndarray:
         return np.array([vertex.co[:] for vertex in self.mesh.vertices], np.float32)
 
@@ -174,10 +225,56 @@ class Arm:
         return asset
 
     def delta(self, asset) -> np.ndarray:
-        """What the result image should hold: the tiles side by side, (height, width, 2)."""
+        """The expected result image: the tiles side by side, (height, width, 2)."""
         return np.concatenate(
             [tile.fetch("redirection_delta", self.size, channels=2, origin="bottom") for tile in asset.tiles], 1
         )
+
+
+def quads(side: int) -> np.ndarray:
+    """The vertices of the faces of a square lattice with so many faces per side, (side * side, 4)."""
+    first = np.add.outer(np.arange(side) * (side + 1), np.arange(side)).ravel()
+    return first[:, None] + [0, 1, side + 2, side + 1]
+
+
+def bending(
+    name: str, rest: np.ndarray, faces: np.ndarray, uvs: np.ndarray, moved: np.ndarray, rigidity: np.ndarray
+) -> bpy.types.Object:
+    """A mesh with UVs (corners, 2) and a rigidity image, which a shape key moves from frame 1 to frame 5; active."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(rest.tolist(), [], faces.tolist())
+    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", uvs.astype(np.float32).ravel())
+    obj = bpy.data.objects.new(name, mesh)
+    bpy.context.collection.objects.link(obj)
+    bpy.context.view_layer.objects.active = obj
+    obj.select_set(True)
+    obj.shape_key_add(name="Basis")
+    key = obj.shape_key_add(name="moved")
+    key.data.foreach_set("co", moved.astype(np.float32).ravel())
+    for frame, value in ((1, 0.0), (5, 1.0)):
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
+    image = bpy.data.images.new("rigidity", *rigidity.shape)
+    image.pixels.foreach_set(rgba(rigidity).ravel())
+    image.pack()
+    settings = obj.vrtm
+    settings.device, settings.grid, settings.render_grid = "cpu", len(rigidity), len(rigidity)
+    settings.rigidity_source, settings.rigidity_image = "IMAGE", image
+    return obj
+
+
+def sampled(image: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Bilinear between texel centres, clamped: (height, width, 2) with the bottom row first, at (..., 2)."""
+    height, width = image.shape[:2]
+    x, y = at[..., 0] * width - 0.5, at[..., 1] * height - 0.5
+    left, low = np.floor(x).astype(int), np.floor(y).astype(int)
+    total = 0
+    for right in (0, 1):
+        for up in (0, 1):
+            weight = np.abs(1 - right - (x - left)) * np.abs(1 - up - (y - low))
+            column, row = (np.clip(v, 0, n - 1) for v, n in ((left + right, width), (low + up, height)))
+            total = total + weight[..., None] * image[row, column]
+    return total
 
 
 def studs(size: int, tile: int = 0) -> np.ndarray:
@@ -203,15 +300,34 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
     return values.reshape(image.size[1], image.size[0], -1)
 
 
+def delta(obj: bpy.types.Object) -> np.ndarray:
+    """The content of the object's result image, (height, width, 2)."""
+    return np.ascontiguousarray(pixels(obj.vrtm.image)[..., :2])
+
+
+def load(path: str) -> np.ndarray:
+    """The pixels of a file, as data."""
+    image = bpy.data.images.load(path)
+    image.colorspace_settings.name = "Non-Color"
+    found = pixels(image)
+    bpy.data.images.remove(image)
+    return found
+
+
+def read(data, name: str, width: int, kind: type = np.float32) -> np.ndarray:
+    """A property of all elements of a collection, (elements, width)."""
+    values = np.empty(len(data) * width, kind)
+    data.foreach_get(name, values)
+    return values.reshape(-1, width)
+
+
 def in_file(values: np.ndarray) -> np.ndarray:
     """A result's pixels as a saved file has them: as floats of 16 bits."""
     return values.astype(np.float16).astype(np.float32)
 
 
 def uv_layer(mesh: bpy.types.Mesh, name: str) -> np.ndarray:
-    values = np.empty(len(mesh.loops) * 2, np.float32)
-    mesh.uv_layers[name].uv.foreach_get("vector", values)
-    return values.reshape(-1, 2)
+    return read(mesh.uv_layers[name].uv, "vector", 2)
 
 
 def poll_until(condition, seconds: float = 300.0) -> None:

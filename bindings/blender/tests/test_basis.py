@@ -7,27 +7,13 @@ import tempfile
 
 import numpy as np
 
-from support import bpy, nodes_of
+from support import bpy, nodes_of, sampled
 from test_render import Scene, render
 
 SIDE, MAPS = 16, 3
 CONTROLS = ("smile", 'jaw "open"')
 # Cycles looks up, as GPUs do, in single precision: UVs up to 2, in sums of a few terms.
 NEAR = 4e-6
-
-
-def sampled(image, at):
-    """Bilinear between texel centres, clamped: (height, width, 2) with the bottom row first, at (..., 2)."""
-    height, width = image.shape[:2]
-    x, y = at[..., 0] * width - 0.5, at[..., 1] * height - 0.5
-    left, low = np.floor(x).astype(int), np.floor(y).astype(int)
-    total = 0
-    for right in (0, 1):
-        for up in (0, 1):
-            weight = np.abs(1 - right - (x - left)) * np.abs(1 - up - (y - low))
-            column, row = (np.clip(v, 0, n - 1) for v, n in ((left + right, width), (low + up, height)))
-            total = total + weight[..., None] * image[row, column]
-    return total
 
 
 class Files:
@@ -108,9 +94,7 @@ def write(path, numbers):
 class Basis(Scene):
     def setUp(self):
         super().setUp()
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = folder.name
+        self.folder = self.scratch()
 
     def plane(self, wide=1, keys=CONTROLS):
         """A rectangle with UVs as its places; and the socket of what it shows."""

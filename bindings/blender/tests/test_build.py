@@ -56,23 +56,6 @@ class Build(unittest.TestCase):
         self.assertLessEqual({"LICENSE-MIT", "LICENSE-APACHE", "README.md", "__init__.py"}, names)
         self.assertEqual(list(found["permissions"]), ["files"])
 
-    def test_wrong_manifests_are_refused(self):
-        tool = build()
-        with zipfile.ZipFile(ARCHIVE) as archive:
-            good = tomllib.loads(archive.read("blender_manifest.toml").decode())
-        wheels = [name.removeprefix("./wheels/") for name in good["wheels"]]
-        tool.check_manifest(good, wheels, good["platforms"])
-        for changes, word in (
-            ({"maintainer": ""}, "maintainer is missing"),
-            ({"license": ["MIT"]}, "SPDX"),
-            ({"tagline": "It ends with a full stop."}, "full stop"),
-            ({"permissions": {"network": "To look around"}}, "no network"),
-            ({"wheels": []}, "this script's to write"),
-            ({"schema_version": "2.0.0"}, "schema 1.0.0"),
-        ):
-            with self.assertRaisesRegex(tool.Refused, word):
-                tool.check_manifest({**good, **changes}, wheels, good["platforms"])
-
     def test_platforms(self):
         platforms_of = build().platforms_of
         for tag, expected in (

@@ -15,13 +15,9 @@ class Keep(Case):
         """An arm that is solved, and whose material is set up by image."""
         arm = Arm(name, along=20, around=12, size=64)
         arm.paint_image(f"{name} rigidity").pack()
-        material = bpy.data.materials.new(f"{name} skin")
-        tree = nodes_of(material)
-        tree.nodes.new("ShaderNodeTexImage").image = bpy.data.images.new("albedo", 8, 8)
-        arm.mesh.materials.append(material)
+        arm.add_material(f"{name} skin")
         bpy.context.scene.frame_set(5)
-        bpy.context.view_layer.objects.active = arm.object
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
+        self.update()
         self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
         return arm
 
@@ -32,19 +28,14 @@ class Keep(Case):
         """The image that is looked up: that of the node with links."""
         return next(node.image for node in tree.nodes if "Color" in node.outputs and node.outputs["Color"].is_linked)
 
-    def saved(self, handlers=True, folder=None):
+    def saved(self, handlers=True):
         """Saves the file and opens it again; without the add-on's handlers, as an earlier version or Blender by itself
         saves it."""
         kept = list(bpy.app.handlers.save_pre)
-        with tempfile.TemporaryDirectory() as scratch:
-            path = os.path.join(folder or scratch, "file.blend")
-            if not handlers:
-                bpy.app.handlers.save_pre.clear()
-            bpy.ops.wm.save_as_mainfile(filepath=path)
-            bpy.app.handlers.save_pre[:] = kept
-            bpy.ops.wm.open_mainfile(filepath=path)
-        obj = bpy.data.objects["arm"]
-        bpy.context.view_layer.objects.active = obj
+        if not handlers:
+            bpy.app.handlers.save_pre.clear()
+        obj = self.reopened()
+        bpy.app.handlers.save_pre[:] = kept
         return obj
 
     def shown(self, obj):
@@ -56,8 +47,7 @@ class Keep(Case):
         arm.object.modifiers.new("it", "SUBSURF")
         bpy.ops.vrtm.insert_tap()
         with tempfile.TemporaryDirectory() as folder:
-            settings = bpy.context.scene.vrtm_bake
-            settings.directory, settings.frame_start, settings.frame_end = folder, 1, 2
+            self.bakes_to(folder, 1, 2)
             bpy.ops.vrtm.bake()
             bpy.ops.vrtm.use_baked()
         trees = [*bpy.data.node_groups, *(material.node_tree for material in bpy.data.materials)]
@@ -67,61 +57,6 @@ class Keep(Case):
                 self.assertEqual([key for key, value in owner.items() if isinstance(value, bpy.types.ID)], [])
         # What is registered on a tree would be kept in the same way.
         self.assertEqual([name for name in dir(bpy.types.NodeTree) if "vrtm" in name], [])
-
-    def test_a_result_that_lost_its_users_is_saved(self):
-        for by in ("object", "group"):
-            with self.subTest(by=by):
-                self.setUp()
-                arm = self.arm()
-                expected, name = pixels(arm.object.vrtm.image), arm.object.vrtm.image.name
-                if by == "group":
-                    self.assertEqual(self.group().nodes.get("Image Texture").image, arm.object.vrtm.image)
-                    arm.object.vrtm.image = None
-                # As EEVEE's compiles leave it.
-                bpy.data.images[name].user_clear()
-                self.saved()
-                self.assertIn(name, bpy.data.images)
-                self.assertSame(pixels(bpy.data.images[name]), in_file(expected))
-                self.assertEqual(self.read(self.group()), bpy.data.images[name])
-
-    def test_files_of_earlier_versions_are_mended(self):
-        for baked in (False, True):
-            with self.subTest(baked=baked):
-                self.setUp()
-                arm = self.arm()
-                obj, tree = arm.object, self.group()
-                tree["vrtm_result"] = obj.vrtm.image
-                obj.vrtm.image.pack()
-                if baked:
-                    obj.vrtm.shows_baked = True
-                    image = bpy.data.images.new("vrtm arm baked", 8, 8)
-                    next(n for n in tree.nodes if n.bl_idname == "ShaderNodeTexImage").image = image
-                obj = self.saved(handlers=False)
-                tree = self.group()
-                self.assertNotIn("vrtm_result", tree)
-                self.assertEqual(obj.vrtm.image.users, 2)
-                self.assertEqual(part("nodes").image_of(tree), obj.vrtm.image)
-                self.assertEqual(self.read(tree).name, "vrtm arm baked" if baked else "vrtm arm")
-                if baked:
-                    bpy.ops.vrtm.use_live()
-                    self.assertEqual(self.read(tree), obj.vrtm.image)
-                    self.assertNotIn("vrtm arm baked", bpy.data.images)
-
-    def test_what_is_appended_is_mended(self):
-        arm = self.arm()
-        self.group()["vrtm_result"] = arm.object.vrtm.image
-        with tempfile.TemporaryDirectory() as folder:
-            self.saved(handlers=False, folder=folder)
-            path = os.path.join(folder, "file.blend")
-            for link in (False, True):
-                with self.subTest(link=link):
-                    self.setUp()
-                    with bpy.data.libraries.load(path, link=link) as (_, into):
-                        into.materials = ["arm skin"]
-                    # Nothing tells of it there.
-                    if bpy.app.version < (4, 3, 0):
-                        bpy.ops.wm.save_as_mainfile(filepath=os.path.join(folder, "other.blend"))
-                    self.assertNotIn("vrtm_result", self.group())
 
     def test_a_group_that_lost_its_image_is_built_again(self):
         def removed(obj):

@@ -6,8 +6,8 @@ import tempfile
 
 import numpy as np
 
-from support import Case, bpy, in_file, part, pixels, poll_until, rgba, studs, uv_layer
-from test_render import Scene, load, render
+from support import Case, bending, bpy, in_file, load, part, pixels, quads, read, studs, uv_layer
+from test_render import Scene, render
 
 SIDE, SIZE = 24, 128
 
@@ -17,12 +17,9 @@ class Sheets:
     `tiles[k]`, so that (0, 0) is a mirrored pair, and (0, 1) the same pair unwrapped side by side: the texture and the
     rigidity are repeated on all tiles."""
 
-    def __init__(self, tiles=(0, 0), name="sheets"):
-        self.tiles = tiles
-        line = np.linspace(0, 1, SIDE + 1)
+    def __init__(self, tiles=(0, 0)):
+        line, one = np.linspace(0, 1, SIDE + 1), quads(SIDE)
         x, y = (values.ravel() for values in np.meshgrid(line, line))
-        first = np.add.outer(np.arange(SIDE) * (SIDE + 1), np.arange(SIDE)).ravel()
-        quads = first[:, None] + [0, 1, SIDE + 2, SIDE + 1]
         points, moved, uvs = [], [], []
         for sheet, tile in enumerate(tiles):
             # The second is the mirror image of the first.
@@ -34,28 +31,11 @@ class Sheets:
                 (x * (1 + 0.4 * x), y),
             )[sheet]
             moved.append(np.stack([sign * bent[0] + shift, bent[1], 0 * x], -1))
-            uvs.append(np.stack([x * 0.9 + 0.05 + tile, y * 0.9 + 0.05], -1)[quads].reshape(-1, 2))
-        faces = np.concatenate([quads + sheet * len(x) for sheet in range(len(tiles))])
-        mesh = self.mesh = bpy.data.meshes.new(name)
-        mesh.from_pydata(np.concatenate(points).tolist(), [], faces.tolist())
-        mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.concatenate(uvs).astype(np.float32).ravel())
-        obj = self.object = bpy.data.objects.new(name, mesh)
-        bpy.context.collection.objects.link(obj)
-        bpy.context.view_layer.objects.active = obj
-        obj.select_set(True)
-        obj.shape_key_add(name="Basis")
-        key = obj.shape_key_add(name="bent")
-        key.data.foreach_set("co", np.concatenate(moved).astype(np.float32).ravel())
-        for frame, value in ((1, 0.0), (5, 1.0)):
-            key.value = value
-            key.keyframe_insert("value", frame=frame)
-        image = bpy.data.images.new("rigidity", SIZE, SIZE)
-        image.pixels.foreach_set(rgba(studs(SIZE)).ravel())
-        image.pack()
-        settings = obj.vrtm
-        settings.device, settings.measure = "cpu", True
-        settings.grid = settings.render_grid = SIZE
-        settings.rigidity_source, settings.rigidity_image = "IMAGE", image
+            uvs.append(np.stack([x * 0.9 + 0.05 + tile, y * 0.9 + 0.05], -1)[one].reshape(-1, 2))
+        faces = np.concatenate([one + sheet * len(x) for sheet in range(len(tiles))])
+        points, uvs, moved = map(np.concatenate, (points, uvs, moved))
+        self.object = bending("sheets", points, faces, uvs, moved, studs(SIZE))
+        self.object.vrtm.measure = True
         bpy.context.scene.frame_set(5)
 
 
@@ -71,13 +51,11 @@ def attribute(obj, name="vrtm_layer"):
     found = obj.data.attributes.get(name)
     if found is None:
         return None
-    values = np.empty(len(found.data), np.int32)
-    found.data.foreach_get("value", values)
-    return values
+    return read(found.data, "value", 1, np.int32).ravel()
 
 
 def halves(*layers):
-    """What the attribute should be, by the sheets' layers."""
+    """The expected attribute, by the sheets' layers."""
     return np.repeat(np.array(layers, np.int32), SIDE * SIDE)
 
 
@@ -88,12 +66,6 @@ def strains(obj):
 
 
 class Layers(Case):
-    def update(self):
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-
-    def notes(self, obj):
-        return " ".join(line.text for line in part("status").notes(obj, bpy.context.scene))
-
     def test_both_halves_keep_their_features_and_fixed_moves_nothing(self):
         obj = Sheets().object
         self.assertEqual(obj.vrtm.overlaps, "each")
@@ -162,8 +134,7 @@ class Layers(Case):
             obj = Sheets(tiles).object
             obj.vrtm.strain = "AFTER"
             self.update()
-            colours = np.empty(len(obj.data.vertices) * 4, np.float32)
-            obj.data.attributes["vrtm strain"].data.foreach_get("color", colours)
+            colours = read(obj.data.attributes["vrtm strain"].data, "color", 4).ravel()
             own = uv_layer(obj.data, "UVMap")
             found.append((uv_layer(obj.data, "vrtm") - own, colours))
         (uvs, colours), (uvs_apart, colours_apart) = found
@@ -192,11 +163,10 @@ class Layers(Case):
     def test_a_setting_is_a_change_that_is_followed(self):
         part("session").live_in_background = True
         obj = Sheets().object
-        states = part("states").known
 
         def headline():
-            poll_until(lambda: not any(s.wanted or s.doubted or s.job for s in states.values()))
-            return part("status").headline(obj, bpy.context.scene).text
+            self.idle()
+            return self.headline(obj)
 
         self.update()
         self.assertEqual(headline(), "Up to date")
@@ -237,8 +207,7 @@ class Layers(Case):
         self.update()
         evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         found = evaluated.attributes["vrtm_layer"]
-        values = np.empty(len(found.data), np.int32)
-        found.data.foreach_get("value", values)
+        values = read(found.data, "value", 1, np.int32).ravel()
         self.assertEqual((found.domain, found.data_type), ("FACE", "INT"))
         self.assertSame(values, np.repeat(halves(0, 1), 4))
 
@@ -298,11 +267,7 @@ class Pictures(SheetsScene):
     def test_it_is_saved_and_opened_again(self):
         obj = self.sheets()
         expected, kept = render(), [pixels(image) for image in images_of(obj)]
-        with tempfile.TemporaryDirectory() as folder:
-            path = os.path.join(folder, "file.blend")
-            bpy.ops.wm.save_as_mainfile(filepath=path)
-            bpy.ops.wm.open_mainfile(filepath=path)
-        obj = bpy.data.objects["sheets"]
+        obj = self.reopened(name="sheets")
         obj.vrtm.in_renders = False
         self.assertIsNone(part("results").missing(obj))
         self.assertEqual(len(images_of(obj)), 2)
@@ -311,33 +276,20 @@ class Pictures(SheetsScene):
         self.assertSame(attribute(obj), halves(0, 1))
         self.assertLooksLike(render(), expected)
 
-    def test_a_file_of_an_earlier_version(self):
-        """It has one image, a group that reads it, and no setting."""
-        obj = self.sheets()
-        expected = render()
-        obj.vrtm.overlaps = "fixed"
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-        obj.vrtm.property_unset("overlaps")
-        with tempfile.TemporaryDirectory() as folder:
-            path = os.path.join(folder, "file.blend")
-            bpy.ops.wm.save_as_mainfile(filepath=path)
-            bpy.ops.wm.open_mainfile(filepath=path)
-        obj = bpy.data.objects["sheets"]
-        self.assertEqual((obj.vrtm.overlaps, len(images_of(obj))), ("each", 1))
-        self.assertLooksLike(render(), expected)
-        self.assertIsNone(part("results").missing(obj))
-
     def test_baked_files_render_as_the_live_result_does(self):
-        for tiles in ((0, 0), (0, 0, 1)):
+        for tiles, places in (
+            ((0, 0), ["1001", "1001.layer1"]),
+            ((0, 1), ["1001", "1002", "tiles"]),
+            ((0, 0, 1), ["1001", "1001.layer1", "1002", "tiles", "tiles.layer1"]),
+        ):
             with self.subTest(tiles=tiles), tempfile.TemporaryDirectory() as folder:
                 self.setUp()
                 obj, scene = self.sheets(tiles), bpy.context.scene
                 render(os.path.join(folder, "live."), animation=True)
                 scene.vrtm_bake.directory = os.path.join(folder, "baked")
+                with self.assertRaisesRegex(RuntimeError, "bake first"):
+                    bpy.ops.vrtm.use_baked()
                 self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
-                places = ["1001", "1001.layer1"]
-                if len(tiles) == 3:
-                    places += ["1002", "tiles", "tiles.layer1"]
                 names = {f"sheets.redirect.{place}.{frame:04d}.exr" for place in places for frame in (3, 4, 5)}
                 self.assertEqual(set(os.listdir(scene.vrtm_bake.directory)), names)
                 self.assertEqual(bpy.ops.vrtm.use_baked(), {"FINISHED"})
@@ -354,10 +306,9 @@ class Pictures(SheetsScene):
                 self.assertSame(render(), baked)
                 # A file that is gone is told, also if it is that of another layer.
                 scene.frame_set(4)
-                self.assertEqual(part("status").headline(obj, scene).text, "Shows baked files")
-                place = "tiles" if len(tiles) == 3 else "1001"
-                os.remove(os.path.join(scene.vrtm_bake.directory, f"sheets.redirect.{place}.layer1.0004.exr"))
-                self.assertEqual(part("status").headline(obj, scene).text, "Frame is not baked: see Status")
+                self.assertEqual(self.headline(obj), "Shows baked files")
+                os.remove(os.path.join(scene.vrtm_bake.directory, f"sheets.redirect.{places[-1]}.0004.exr"))
+                self.assertEqual(self.headline(obj), "Frame is not baked: see Status")
                 obj.vrtm.overlaps = "each"
                 self.assertEqual(bpy.ops.vrtm.use_live(), {"FINISHED"})
                 scene.frame_set(5)

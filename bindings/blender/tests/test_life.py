@@ -1,12 +1,7 @@
-"""What happens to objects and files: undo, saving and loading, deleting, renaming, duplicates, modifiers, edits, and
-the extension being switched off and on."""
+"""The life of objects and files: undo, saving and loading, deleting, renaming, duplicates, modifiers, edits, and the
+extension being switched off and on."""
 
-import os
-import tempfile
-
-import numpy as np
-
-from support import EXTENSION, Arm, Case, bpy, in_file, part, pixels, poll_until, uv_layer
+from support import EXTENSION, Arm, Case, bpy, delta, in_file, part, pixels, poll_until, uv_layer
 
 
 class Life(Case):
@@ -19,15 +14,25 @@ class Life(Case):
         self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
         return arm
 
+    def running(self):
+        """An arm whose job is under way, and its state."""
+        arm = Arm.with_studs(size=640)
+        part("session").live_in_background = True
+        arm.object.vrtm.live = True
+        bpy.context.scene.frame_set(5)
+        state = part("states").find_state(arm.object)
+        poll_until(lambda: state.job is not None)
+        return arm, state
+
     def check(self, arm, obj=None, pose=None):
         obj = obj or arm.object
         asset = arm.asset()
         asset.solve(arm.pose(obj) if pose is None else pose)
-        self.assertSame(np.ascontiguousarray(pixels(obj.vrtm.image)[..., :2]), arm.delta(asset))
+        self.assertSame(delta(obj), arm.delta(asset))
         self.assertSame(uv_layer(obj.data, obj.vrtm.uv_name), asset.corner_uvs())
 
     def refused(self, word, operator=None):
-        """That the operator is cancelled, and says `word`."""
+        """Checks that the operator is cancelled, and says `word`."""
         with self.assertRaises(RuntimeError) as caught:
             (operator or bpy.ops.vrtm.update)()
         self.assertIn(word, str(caught.exception))
@@ -47,30 +52,15 @@ class Life(Case):
         self.assertEqual(session.uid_of(obj), uid)
         arm.object, arm.mesh, arm.rig = obj, obj.data, bpy.data.objects["arm rig"]
         states = states.known
-        poll_until(lambda: not any(state.wanted or state.job for state in states.values()))
+        self.idle()
         self.check(arm)
         bpy.context.scene.frame_set(3)
-        poll_until(lambda: not any(state.wanted or state.job for state in states.values()))
+        self.idle()
         self.check(arm)
         bpy.ops.ed.redo()
         self.assertNotIn("arm", bpy.data.objects)
         live.poll()
         self.assertEqual(states, {})
-
-    def test_undo_takes_results_away_that_come_back(self):
-        arm = Arm()
-        arm.paint_image()
-        bpy.context.scene.frame_set(5)
-        bpy.ops.ed.undo_push(message="before")
-        bpy.ops.vrtm.update()
-        bpy.ops.ed.undo_push(message="after")
-        bpy.ops.ed.undo()
-        obj = bpy.data.objects["arm"]
-        self.assertIsNone(obj.vrtm.image)
-        arm.object, arm.mesh = obj, obj.data
-        bpy.context.view_layer.objects.active = obj
-        self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-        self.check(arm)
 
     def test_undo_to_before_a_result_was_written(self):
         arm = self.solved()
@@ -81,14 +71,14 @@ class Life(Case):
         # The result of this pose is written after the undo step, as it is beside an artist's work.
         bpy.ops.ed.undo_push(message="posed")
         states = states.known
-        poll_until(lambda: not any(state.wanted or state.job for state in states.values()))
+        self.idle()
         self.check(arm)
         arm.rig.name = "renamed"
         bpy.ops.ed.undo_push(message="something else")
         bpy.ops.ed.undo()
         arm.object, arm.rig = bpy.data.objects["arm"], bpy.data.objects["arm rig"]
         arm.mesh = arm.object.data
-        poll_until(lambda: not any(state.wanted or state.job for state in states.values()))
+        self.idle()
         self.check(arm)
 
     def test_save_and_load(self):
@@ -97,51 +87,31 @@ class Life(Case):
         settings.quality, settings.live = "draft", True
         settings.quality = "normal"
         arm.object.vrtm.rigidity_image.pack()
-        with tempfile.TemporaryDirectory() as folder:
-            path = os.path.join(folder, "file.blend")
-            bpy.ops.wm.save_as_mainfile(filepath=path)
-            state = part("states").find_state(arm.object)
-            asset = state.asset
-            bpy.ops.wm.open_mainfile(filepath=path)
-            self.assertEqual(part("states").known, {})
-            self.assertTrue(asset.closed)
-            obj = bpy.data.objects["arm"]
-            self.assertEqual((obj.vrtm.live, obj.vrtm.rigidity_image.name), (True, "arm rigidity"))
-            # What was shown is in the file.
-            self.assertSame(pixels(obj.vrtm.image), in_file(expected))
-            self.assertFalse(obj.vrtm.image.is_dirty)
-            arm.object, arm.mesh, arm.rig = obj, obj.data, bpy.data.objects["arm rig"]
-            bpy.context.scene.frame_set(3)
-            self.check(arm)
+        asset = part("states").find_state(arm.object).asset
+        obj = self.reopened()
+        self.assertEqual(part("states").known, {})
+        self.assertTrue(asset.closed)
+        self.assertEqual((obj.vrtm.live, obj.vrtm.rigidity_image.name), (True, "arm rigidity"))
+        # What was shown is in the file.
+        self.assertSame(pixels(obj.vrtm.image), in_file(expected))
+        self.assertFalse(obj.vrtm.image.is_dirty)
+        arm.object, arm.mesh, arm.rig = obj, obj.data, bpy.data.objects["arm rig"]
+        bpy.context.scene.frame_set(3)
+        self.check(arm)
 
     def test_a_file_is_loaded_while_a_job_runs(self):
-        arm = Arm(size=640)
-        arm.paint_image()
-        session, states = part("session"), part("states")
-        session.live_in_background = True
-        arm.object.vrtm.live = True
-        bpy.context.scene.frame_set(5)
-        state = states.find_state(arm.object)
-        poll_until(lambda: state.job is not None)
-        job = state.job
+        job = self.running()[1].job
         bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
         self.assertTrue(job.done())
-        self.assertEqual((states.known, session.devices), ({}, {}))
+        self.assertEqual((part("states").known, part("session").devices), ({}, {}))
         self.assertFalse(bpy.app.timers.is_registered(part("live").poll))
 
     def test_an_object_is_deleted_while_its_job_runs(self):
-        arm = Arm(size=640)
-        arm.paint_image()
-        session, states = part("session"), part("states")
-        session.live_in_background = True
-        arm.object.vrtm.live = True
-        bpy.context.scene.frame_set(5)
-        state = states.find_state(arm.object)
-        poll_until(lambda: state.job is not None)
+        arm, state = self.running()
         bpy.data.objects.remove(arm.object)
         bpy.data.meshes.remove(arm.mesh)
         part("live").poll()
-        self.assertEqual(states.known, {})
+        self.assertEqual(part("states").known, {})
         self.assertIsNone(state.job)
 
     def test_a_renamed_object_keeps_its_asset(self):
@@ -263,8 +233,7 @@ class Life(Case):
         self.assertEqual(len([tree for tree in bpy.data.node_groups if "vrtm" in tree.name]), 1)
 
     def test_multiresolution_has_to_be_hidden(self):
-        arm = Arm(along=10, around=8)
-        arm.paint_image()
+        arm = Arm.with_studs(along=10, around=8)
         arm.object.shape_key_clear()
         bpy.context.view_layer.objects.active = arm.object
         modifier = arm.object.modifiers.new("it", "MULTIRES")
@@ -309,14 +278,7 @@ class Life(Case):
     def test_switched_off_nothing_is_left(self):
         import addon_utils
 
-        arm = Arm(size=640)
-        arm.paint_image()
-        session, states, live = part("session"), part("states"), part("live")
-        session.live_in_background = True
-        arm.object.vrtm.live = True
-        bpy.context.scene.frame_set(5)
-        state = states.find_state(arm.object)
-        poll_until(lambda: state.job is not None)
+        arm, state = self.running()
         job, prepared = state.job, state.prepared
         for again in (False, True):
             session, states, live = part("session"), part("states"), part("live")

@@ -2,7 +2,6 @@
 is an image alone, and a copy of the material in the object's own slot."""
 
 import os
-import tempfile
 
 import numpy as np
 
@@ -13,9 +12,7 @@ from support import Arm, Case, bpy, in_file, nodes_of, part, pixels, rgba, studs
 class LinkedCase(Case):
     def setUp(self):
         super().setUp()
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = folder.name
+        self.folder = self.scratch()
 
     def at(self, name):
         return os.path.join(self.folder, name)
@@ -165,18 +162,6 @@ class Linked(LinkedCase):
         self.assertFalse(obj.vrtm.is_set_up)
         self.untouched(obj)
         self.assertFalse([image for image in bpy.data.images if image.name.startswith("vrtm")])
-
-    def test_baked_files_are_read(self):
-        obj, delta = self.character()
-        bpy.ops.vrtm.set_up()
-        settings = bpy.context.scene.vrtm_bake
-        settings.directory, settings.frame_start, settings.frame_end = self.folder, 4, 5
-        self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
-        self.assertEqual(bpy.ops.vrtm.use_baked(), {"FINISHED"})
-        image = bpy.data.images.load(self.at("arm.redirect.1001.0005.exr"))
-        image.colorspace_settings.name = "Non-Color"
-        self.assertSame(pixels(image)[..., :2], delta)
-        self.untouched(obj)
 
     def test_a_captured_rest(self):
         obj, delta = self.character()

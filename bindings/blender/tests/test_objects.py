@@ -2,19 +2,13 @@
 
 import numpy as np
 
-from support import Arm, Case, bpy, nodes_of, part, pixels, rgba, studs
+from support import Arm, Case, bpy, nodes_of, part, pixels, read, rgba, studs
 
 
 class Objects(Case):
     def arm(self, name="arm"):
         arm = Arm(name)
-        material = bpy.data.materials.new("skin")
-        tree = nodes_of(material)
-        node = tree.nodes.new("ShaderNodeTexImage")
-        node.image = bpy.data.images.new("albedo", 128, 128)
-        shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
-        tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
-        arm.mesh.materials.append(material)
+        arm.add_material()
         return arm
 
     def groups(self, obj):
@@ -106,17 +100,6 @@ class Objects(Case):
                         self.assertTrue(nodes.is_by_uv_map(one, obj.vrtm.uv_name))
                         self.assertTrue(nodes.is_by_uv_map(two, other.vrtm.uv_name))
 
-    def test_groups_of_earlier_versions_get_a_strength(self):
-        arm = self.arm()
-        arm.paint_image()
-        for by in ("image", "uv_map"):
-            bpy.ops.vrtm.set_up_material(by=by)
-            tree = self.groups(arm.object)[0].node_tree
-            tree.interface.remove(tree.interface.items_tree["Strength"])
-            bpy.ops.vrtm.set_up_material(by=by)
-            self.assertEqual(self.groups(arm.object)[0].node_tree, tree)
-            self.assertEqual(self.groups(arm.object)[0].inputs["Strength"].default_value, 1)
-
     def test_nothing_is_left(self):
         arm = self.arm()
         obj, mesh = arm.object, arm.mesh
@@ -167,9 +150,7 @@ class Objects(Case):
         bpy.ops.vrtm.update()
 
         def values(of):
-            found = np.empty(len(arm.mesh.loops) * 3, np.float32)
-            arm.mesh.attributes[part("results").delta_name(of.vrtm)].data.foreach_get("vector", found)
-            return found
+            return read(arm.mesh.attributes[part("results").delta_name(of.vrtm)].data, "vector", 3)
 
         first = values(obj)
         bpy.ops.object.duplicate(linked=True)
@@ -189,11 +170,10 @@ class Objects(Case):
         arm.object.vrtm.write_delta = True
         bpy.context.scene.frame_set(5)
         bpy.ops.vrtm.update()
-        values = np.empty(len(arm.mesh.loops) * 3, np.float32)
-        arm.mesh.attributes["vrtm_delta"].data.foreach_get("vector", values)
+        values = read(arm.mesh.attributes["vrtm_delta"].data, "vector", 3)
         asset = arm.asset()
         asset.solve(arm.pose())
-        self.assertSame(np.ascontiguousarray(values.reshape(-1, 3)[:, :2]), asset.corner_uvs() - arm.uvs)
+        self.assertSame(np.ascontiguousarray(values[:, :2]), asset.corner_uvs() - arm.uvs)
         # Blender would count an attribute of two numbers among its eight UV maps.
         self.assertEqual([layer.name for layer in arm.mesh.uv_layers], ["UVMap", "vrtm"])
 

@@ -1,6 +1,6 @@
 """No tick over a wrong picture: where what is drawn is not as the result is, the panel has no tick, and says why."""
 
-from support import Arm, Case, bpy, nodes_of, part, poll_until, rgba, studs
+from support import Arm, Case, bpy, nodes_of, part, rgba, studs
 
 
 class Picture(Case):
@@ -9,36 +9,28 @@ class Picture(Case):
         arm = Arm(name, **{"along": 20, "around": 12, "size": 64, **options})
         arm.object.vrtm.grid = arm.object.vrtm.render_grid = 0
         arm.paint_image(f"{name} rigidity")
-        material = bpy.data.materials.new(f"{name} skin")
-        tree = nodes_of(material)
-        texture = tree.nodes.new("ShaderNodeTexImage")
-        texture.image = bpy.data.images.new(f"{name} albedo", 64, 64)
-        texture.image.pixels.foreach_set(rgba(studs(64)).ravel())
-        shader = next(node for node in tree.nodes if node.bl_idname == "ShaderNodeBsdfPrincipled")
-        tree.links.new(texture.outputs["Color"], shader.inputs["Base Color"])
-        arm.mesh.materials.append(material)
+        albedo = bpy.data.images.new(f"{name} albedo", 64, 64)
+        albedo.pixels.foreach_set(rgba(studs(64)).ravel())
+        self.tree = arm.add_material(f"{name} skin", albedo).id_data
         bpy.context.view_layer.objects.active = arm.object
         bpy.context.scene.frame_set(5)
         self.assertEqual(bpy.ops.vrtm.set_up_material(by=by), {"FINISHED"})
-        self.tree = tree
         return arm
 
-    def headline(self, arm):
+    def line(self, arm):
+        """The headline after an update."""
         bpy.context.view_layer.objects.active = arm.object
         bpy.ops.vrtm.update()
         return part("status").headline(arm.object, bpy.context.scene)
 
-    def notes(self, arm):
-        return " ".join(line.text for line in part("status").notes(arm.object, bpy.context.scene))
-
     def ticked(self, arm):
-        self.assertEqual(self.headline(arm).icon, "CHECKMARK", self.notes(arm))
+        self.assertEqual(self.line(arm).icon, "CHECKMARK", self.notes(arm.object))
 
     def wrong(self, arm, *words):
-        line = self.headline(arm)
+        line = self.line(arm)
         self.assertEqual((line.icon, line.text), ("ERROR", "Not what it should be: see Status"))
         for word in words:
-            self.assertIn(word, self.notes(arm))
+            self.assertIn(word, self.notes(arm.object))
 
     def source(self):
         """The node that the group has its UVs from."""
@@ -102,7 +94,7 @@ class Picture(Case):
                 obj.vrtm.measure = True
                 modifiers.new("it", kind)
                 modifiers.move(1, 0)
-                # As an earlier version has put it.
+                # In front of what deforms.
                 tap = modifiers.new("vrtm pose", "NODES")
                 tap.node_group = part("tap").GROUP.tree()
                 modifiers.move(2, 0)
@@ -114,7 +106,7 @@ class Picture(Case):
                 before, after = float(strain[0]), float(strain[2])
                 self.assertGreater(before, 0.08)
                 self.assertLess(after, 0.5 * before)
-                self.assertEqual("makes copies" in self.notes(arm), kind in ("MIRROR", "ARRAY"))
+                self.assertEqual("makes copies" in self.notes(arm.object), kind in ("MIRROR", "ARRAY"))
                 # Where it stands already, and one that is added later, behind it.
                 modifiers.new("late", "CAST").factor = 0.1
                 self.wrong(arm, "'late' deforms behind")
@@ -147,8 +139,8 @@ class Picture(Case):
             with self.subTest(along=along):
                 arm = self.arm(by="uv_map", along=along, around=around)
                 arm.object.vrtm.measure = True
-                self.assertEqual(self.headline(arm).icon, "INFO" if wrong else "CHECKMARK")
-                self.assertEqual(words in self.notes(arm), wrong)
+                self.assertEqual(self.line(arm).icon, "INFO" if wrong else "CHECKMARK")
+                self.assertEqual(words in self.notes(arm.object), wrong)
                 state = part("states").find_state(arm.object)
 
                 def strain(state=state):
@@ -161,7 +153,7 @@ class Picture(Case):
                 self.assertAlmostEqual(state.prepared.strain_of(pose, own), before, delta=0.2 * before)
                 # What follows at once, and what the image has.
                 bpy.ops.vrtm.set_up_material(by="image")
-                self.assertNotIn(words, self.notes(arm))
+                self.assertNotIn(words, self.notes(arm.object))
                 self.assertEqual(strain()[0], before)
                 self.assertLess(strain()[1], 0.25 * before)
                 self.assertEqual(after > 0.7 * before, wrong)
@@ -174,13 +166,13 @@ class Picture(Case):
         arm.mesh.uv_layers["UVMap"].uv[0].vector = (-0.01, 0.06)
         for frame in (4, 3, 2):
             bpy.context.scene.frame_set(frame)
-            self.assertEqual(self.headline(arm).icon, "INFO")
+            self.assertEqual(self.line(arm).icon, "INFO")
             for said in (words, "faces reach out of their tile"):
-                self.assertEqual(self.notes(arm).count(said), 1, frame)
+                self.assertEqual(self.notes(arm.object).count(said), 1, frame)
         settings.grid = 0
-        self.headline(arm)
-        self.assertNotIn(words, self.notes(arm))
-        self.assertIn("faces reach out of their tile", self.notes(arm))
+        self.line(arm)
+        self.assertNotIn(words, self.notes(arm.object))
+        self.assertIn("faces reach out of their tile", self.notes(arm.object))
         arm.mesh.uv_layers["UVMap"].uv[0].vector = (0, 0.04)
         self.ticked(arm)
 
@@ -192,7 +184,7 @@ class Picture(Case):
         for corner in range(4):
             uvs[corner].vector = uvs[4 + corner].vector
         self.ticked(arm)
-        self.assertNotIn("overlapped", self.notes(arm))
+        self.assertNotIn("overlapped", self.notes(arm.object))
 
     def test_an_uneven_scale(self):
         arm = self.arm()
@@ -233,7 +225,7 @@ class Picture(Case):
                 self.assertFalse(part("materials").of_others(arm.object))
                 # Given to it afterwards, without an update.
                 other.object.material_slots[0].material = skin
-                self.assertIn("A material shows the redirection of another", self.notes(other))
+                self.assertIn("A material shows the redirection of another", self.notes(other.object))
                 self.ticked(other)
                 self.assertNotEqual(other.object.active_material, skin)
 
@@ -243,26 +235,22 @@ class Picture(Case):
         arm = self.arm()
         arm.object.vrtm.live = True
 
-        def idle():
-            states = part("states").known.values()
-            poll_until(lambda: not any(state.wanted or state.doubted or state.job for state in states))
-
-        idle()
+        self.idle()
         bpy.ops.ed.undo_push(message="set up")
         bpy.ops.object.duplicate()
         bpy.ops.ed.undo_push(message="duplicate")
         name = bpy.context.view_layer.objects.active.name
-        idle()
+        self.idle()
         for step in range(3):
             bpy.data.objects[name].data.vertices[0].co.x += 0.01
             bpy.data.objects[name].data.update_tag()
             bpy.context.view_layer.update()
             bpy.ops.ed.undo_push(message=f"edit {step}")
-            idle()
+            self.idle()
         for step in (*[bpy.ops.ed.undo] * 4, *[bpy.ops.ed.redo] * 4, *[bpy.ops.ed.undo] * 3):
             step()
             bpy.context.view_layer.update()
-            idle()
+            self.idle()
             for obj in [obj for obj in bpy.data.objects if obj.type == "MESH"]:
                 self.assertEqual(part("materials").of_others(obj), [], step)
                 self.assertEqual(part("status").headline(obj, bpy.context.scene).icon, "CHECKMARK")

@@ -3,7 +3,7 @@ lips."""
 
 import numpy as np
 
-from support import Case, bpy, part, rgba
+from support import Case, bending, bpy, part, quads
 from test_carry import world
 
 SIDE, SIZE = 12, 64
@@ -17,34 +17,17 @@ class Lips:
 
     def __init__(self, disc=0.0):
         x, y = (values.ravel() for values in np.meshgrid(np.linspace(-1, 1, SIDE + 1), np.linspace(GAP, 1, SIDE + 1)))
-        first = np.add.outer(np.arange(SIDE) * (SIDE + 1), np.arange(SIDE)).ravel()
-        quads = first[:, None] + [0, 1, SIDE + 2, SIDE + 1]
         upper, lower = np.stack([x, y, 0 * x], -1), np.stack([x, -y, 0 * x], -1)
         moved = np.stack([1.3 * x, y + 0.3 + 0.1 * x, 0.4 * y], -1), np.stack([x, -y - 0.4, 0.1 * x - 0.2 * y], -1)
         self.rest = np.concatenate([upper, lower]).astype(np.float32)
-        self.faces = np.concatenate([quads, quads[:, ::-1] + len(x)])
+        self.faces = np.concatenate([quads(SIDE), quads(SIDE)[:, ::-1] + len(x)])
         plane = np.stack([0.5 + 0.45 * x, 0.04 + 0.44 * (y - GAP)], -1)
         self.uvs = np.concatenate([plane, plane + np.array([0, 0.5])])[self.faces].reshape(-1, 2).astype(np.float32)
-        mesh = bpy.data.meshes.new("lips")
-        mesh.from_pydata(self.rest.tolist(), [], self.faces.tolist())
-        mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", self.uvs.ravel())
-        obj = self.object = bpy.data.objects.new("lips", mesh)
-        bpy.context.collection.objects.link(obj)
-        obj.shape_key_add(name="Basis")
-        key = obj.shape_key_add(name="open")
         self.pose = np.concatenate(moved).astype(np.float32)
-        key.data.foreach_set("co", self.pose.ravel())
-        for frame, value in ((1, 0.0), (5, 1.0)):
-            key.value = value
-            key.keyframe_insert("value", frame=frame)
         at = (np.arange(SIZE) + 0.5) / SIZE
         u, v = np.meshgrid(at, at)
         self.rigidity = (np.hypot(u - 0.5, v - 0.04) < 0.45 * disc).astype(np.float32)
-        image = bpy.data.images.new("rigidity", SIZE, SIZE)
-        image.pixels.foreach_set(rgba(self.rigidity).ravel())
-        settings = obj.vrtm
-        settings.device, settings.grid = "cpu", SIZE
-        settings.rigidity_source, settings.rigidity_image = "IMAGE", image
+        obj = self.object = bending("lips", self.rest, self.faces, self.uvs, self.pose, self.rigidity)
         # Wherever the skin is, and as large as it is.
         obj.scale, obj.location, obj.rotation_euler = (1.7, 1.7, 1.7), (0.3, -1, 2), (0.2, 0.1, 0.7)
         bpy.context.view_layer.update()
@@ -150,7 +133,7 @@ class Pieces(Case):
             self.assertEqual(abs(apart / rest - 1) < 1e-5, same)
 
     def test_parts_and_feet(self):
-        connected, feet = part("pieces").connected, part("pieces").feet
+        connected, feet = part("carriers").connected, part("carriers").feet
         rng = np.random.default_rng(3)
         points, order = rng.random((400, 3)), rng.permutation(400)
         # Three chains, by edges in any order, and a vertex at the place of another one.

@@ -6,7 +6,7 @@ import tempfile
 
 import numpy as np
 
-from support import Arm, Case, bpy, nodes_of, part, pixels, rgba, studs
+from support import Arm, Case, bpy, load, nodes_of, part, rgba, sampled, studs
 
 
 def render(path=None, animation=False):
@@ -16,14 +16,6 @@ def render(path=None, animation=False):
         scene.render.filepath = path or os.path.join(folder, "still.exr")
         bpy.ops.render.render(write_still=not animation, animation=animation)
         return None if animation else load(scene.render.filepath)
-
-
-def load(path):
-    image = bpy.data.images.load(path)
-    image.colorspace_settings.name = "Non-Color"
-    found = pixels(image)
-    bpy.data.images.remove(image)
-    return found
 
 
 class Scene(Case):
@@ -70,8 +62,7 @@ class Scene(Case):
 
 class Render(Scene):
     def arm(self, live=False, tiles=1):
-        arm = Arm(tiles=tiles)
-        arm.paint_image()
+        arm = Arm.with_studs(tiles=tiles)
         self.material(arm.object)
         self.camera((1.0, 0.5), 2.2)
         arm.object.vrtm.live = live
@@ -117,8 +108,7 @@ class Render(Scene):
                 self.setUp()
                 scene = bpy.context.scene
                 scene.render.use_persistent_data = persistent
-                arm = Arm()
-                arm.paint_image()
+                arm = Arm.with_studs()
                 self.camera((1.0, 0.5), 2.2)
                 # A patch of the arm's own faces, as a detail mesh, and a cube.
                 mesh = bpy.data.meshes.new("patch")
@@ -147,48 +137,6 @@ class Render(Scene):
                     bpy.context.view_layer.update()
                     self.assertSame(animated[frame], render())
 
-    def test_baked_files_render_as_the_live_result_does(self):
-        for tiles in (1, 2):
-            with self.subTest(tiles=tiles), tempfile.TemporaryDirectory() as folder:
-                self.setUp()
-                arm = self.arm(tiles=tiles)
-                obj, scene = arm.object, bpy.context.scene
-                scene.frame_set(3)
-                bpy.ops.vrtm.set_up_material()
-                render(os.path.join(folder, "live."), animation=True)
-                settings = scene.vrtm_bake
-                settings.directory, settings.frame_start, settings.frame_end = folder, 3, 5
-                with self.assertRaisesRegex(RuntimeError, "bake first"):
-                    bpy.ops.vrtm.use_baked()
-                bpy.ops.vrtm.bake()
-                bpy.ops.vrtm.use_baked()
-                # What is in the result image does not matter any more.
-                obj.vrtm.image.pixels.foreach_set(np.zeros(len(obj.vrtm.image.pixels), np.float32))
-                render(os.path.join(folder, "baked."), animation=True)
-                for frame in (3, 4, 5):
-                    live, baked = (load(os.path.join(folder, f"{word}.{frame:04d}.exr")) for word in ("live", "baked"))
-                    self.assertSame(live, baked)
-                self.assertEqual(np.abs(pixels(obj.vrtm.image)).max(), 0)
-                bpy.ops.vrtm.use_live()
-                scene.frame_set(5)
-                self.assertSame(render(), baked)
-                self.assertGreater(np.abs(pixels(obj.vrtm.image)[..., :2]).max(), 0.001)
-
-    def test_a_still_with_a_stale_result(self):
-        arm = self.arm()
-        scene = bpy.context.scene
-        scene.frame_set(1)
-        bpy.ops.vrtm.set_up_material()
-        scene.frame_set(5)
-        # Live is off: the result is that of frame 1 until it is rendered.
-        self.assertEqual(np.abs(pixels(arm.object.vrtm.image)[..., :2]).max(), 0)
-        found = render()
-        asset = arm.asset()
-        asset.solve(arm.pose())
-        self.assertSame(np.ascontiguousarray(pixels(arm.object.vrtm.image)[..., :2]), arm.delta(asset))
-        self.assertSame(found, render())
-        self.assertFalse(part("session").rendering)
-
     def test_renders_and_bakes_have_settings_of_their_own(self):
         for tiles in (1, 2):
             with self.subTest(tiles=tiles), tempfile.TemporaryDirectory() as folder:
@@ -206,8 +154,7 @@ class Render(Scene):
                     self.assertEqual(tuple(settings.image.size), size)
                 bpy.ops.vrtm.update()
                 self.assertEqual(tuple(settings.image.size), (grid * tiles, grid))
-                options = scene.vrtm_bake
-                options.directory, options.frame_start, options.frame_end = folder, 5, 5
+                self.bakes_to(folder, 5, 5)
                 bpy.ops.vrtm.bake()
                 self.assertEqual(load(os.path.join(folder, "arm.redirect.1001.0005.exr")).shape[:2], (128, 128))
                 bpy.ops.vrtm.update()
@@ -311,20 +258,6 @@ class Render(Scene):
         self.assertEqual(source(mapping), coordinates)
         self.assertFalse([node for node in tree.nodes if part("nodes").is_ours(node)])
 
-    def test_an_undo_takes_the_nodes_away(self):
-        self.arm()
-        bpy.ops.vrtm.update()
-        bpy.ops.ed.undo_push(message="before")
-        # A step of its own.
-        bpy.ops.vrtm.set_up_material()
-        for step, expected in ((bpy.ops.ed.undo, 0), (bpy.ops.ed.redo, 1)):
-            step()
-            nodes = bpy.data.materials["skin"].node_tree.nodes
-            self.assertEqual(len([node for node in nodes if part("nodes").is_ours(node)]), expected)
-        # The group still reads the object's image.
-        obj = bpy.data.objects["arm"]
-        self.assertEqual(part("nodes").image_of(part("nodes").group_by_image(obj)), obj.vrtm.image)
-
     def test_a_material_that_others_use_is_copied(self):
         arm = self.arm()
         material = arm.object.data.materials[0]
@@ -347,12 +280,8 @@ def lookup(values, layout, u, v):
     result = np.zeros((*u.shape, 2))
     local = np.stack([u - layout.first_u, v - layout.first_v], -1)
     tile = np.clip(np.floor(local), 0, (layout.columns - 1, layout.rows - 1))
-    at = np.clip((local - tile) * layout.size - 0.5, 0, layout.size - 1)
-    cell = np.minimum(np.floor(at), layout.size - 2)
-    part_ = at - cell
-    cell = (cell + tile * layout.size).astype(int)
-    for dx in (0, 1):
-        for dy in (0, 1):
-            weight = np.abs(1 - dx - part_[..., 0]) * np.abs(1 - dy - part_[..., 1])
-            result += weight[..., None] * values[cell[..., 1] + dy, cell[..., 0] + dx, :2]
+    for x, y in np.ndindex(layout.columns, layout.rows):
+        image = values[layout.place(1001 + layout.first_u + x + 10 * (layout.first_v + y))]
+        here = (tile == (x, y)).all(-1)
+        result[here] = sampled(image[..., :2], (local - tile)[here])
     return result

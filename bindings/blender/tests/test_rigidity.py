@@ -1,6 +1,5 @@
 """Rigidity images that are made, changed, painted on and packed."""
 
-import os
 import tempfile
 
 import numpy as np
@@ -152,7 +151,7 @@ class Rigidity(Case):
     def test_images_that_nothing_uses_any_more_are_saved(self):
         for way in ("grow", "new", "texture", "remove"):
             for packed in (True, False):
-                with self.subTest(way=way, packed=packed), tempfile.TemporaryDirectory() as folder:
+                with self.subTest(way=way, packed=packed):
                     self.setUp()
                     arm = self.arm()
                     image = arm.paint_image("mine")
@@ -167,9 +166,7 @@ class Rigidity(Case):
                     before = pixels(image)
                     if not packed:
                         image.pack()
-                    path = os.path.join(folder, "file.blend")
-                    bpy.ops.wm.save_as_mainfile(filepath=path)
-                    bpy.ops.wm.open_mainfile(filepath=path)
+                    self.reopened()
                     self.assertSame(pixels(bpy.data.images["mine"]), before)
 
     def test_changes_leave_what_was_painted(self):

@@ -1,4 +1,4 @@
-"""What is told is true: of frames, of what is rigid, of baked files, and of what the library warns of."""
+"""The panel tells the truth: of frames, rigid texels, baked files, and the library's warnings."""
 
 import os
 import tempfile
@@ -6,7 +6,7 @@ import types
 
 import numpy as np
 
-from support import Arm, Case, bpy, part, poll_until, rgba
+from support import Arm, Case, bpy, part, rgba
 
 
 class Status(Case):
@@ -18,14 +18,10 @@ class Status(Case):
     def headline(self, arm):
         if self.session.live_in_background:
             self.idle()
-        return self.status.headline(arm.object, bpy.context.scene).text
+        return super().headline(arm.object)
 
     def notes(self, arm):
-        return " ".join(line.text for line in self.status.notes(arm.object, bpy.context.scene))
-
-    def idle(self):
-        states = self.states.known.values()
-        poll_until(lambda: not any(state.wanted or state.doubted or state.job for state in states))
+        return super().notes(arm.object)
 
     def test_frames(self):
         self.session.live_in_background = True
@@ -83,8 +79,7 @@ class Status(Case):
 
     def test_a_mesh_that_no_frame_changes_is_up_to_date_at_all(self):
         self.session.live_in_background = True
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         arm.rig.animation_data_clear()
         arm.mesh.shape_keys.animation_data_clear()
         bpy.ops.vrtm.update()
@@ -148,8 +143,7 @@ class Status(Case):
         self.assertEqual({share: percent(share) for share in words}, words)
 
     def test_what_the_library_warns_of(self):
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         arm.rig.animation_data_clear()
         arm.mesh.shape_keys.key_blocks["swell"].value = 0
         arm.rig.scale = (10, 10, 10)
@@ -160,8 +154,7 @@ class Status(Case):
         self.assertNotIn("times as long", self.notes(arm))
 
     def test_baked_files(self):
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         scene, settings = bpy.context.scene, bpy.context.scene.vrtm_bake
         scene.frame_start, scene.frame_end = 2, 4
         with tempfile.TemporaryDirectory() as folder:

@@ -5,17 +5,16 @@ import tempfile
 
 import numpy as np
 
-from support import Arm, Case, bpy, in_file, nodes_of, part, pixels
+from support import Arm, Case, bpy, in_file, load, part, pixels, quads, read
 
 
 def sheet(n=8):
     """A square of quads and, at its end, two triangles: corners, counts, UVs, positions."""
     x, y = np.meshgrid(np.linspace(0, 1, n + 1), np.linspace(0, 1, n + 1))
     points = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], -1).astype(np.float32)
-    first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
-    quads = np.stack([first, first + 1, first + n + 2, first + n + 1], -1)
-    corners = np.concatenate([quads[:-1].ravel(), quads[-1][[0, 1, 2]], quads[-1][[0, 2, 3]]]).astype(np.uint32)
-    counts = np.array([4] * (len(quads) - 1) + [3, 3], np.uint32)
+    faces = quads(n)
+    corners = np.concatenate([faces[:-1].ravel(), faces[-1][[0, 1, 2]], faces[-1][[0, 2, 3]]]).astype(np.uint32)
+    counts = np.array([4] * (len(faces) - 1) + [3, 3], np.uint32)
     return corners, counts, points[corners][:, :2] * [0.5, 0.25] + 0.1, points
 
 
@@ -63,8 +62,7 @@ class Strain(Case):
         self.assertGreater(found[3, 0], found[3, 2])
 
     def test_the_overlay_follows_the_result(self):
-        arm = Arm(along=160, around=96, size=256)
-        arm.paint_image()
+        arm = Arm.with_studs(along=160, around=96, size=256)
         obj, settings = arm.object, arm.object.vrtm
         bpy.context.scene.frame_set(5)
         # Vertices that are rigid, and away from the borders of features and from the seam.
@@ -80,9 +78,7 @@ class Strain(Case):
             self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
             attribute = arm.mesh.color_attributes["vrtm strain"]
             self.assertEqual((attribute.domain, attribute.data_type), ("POINT", "FLOAT_COLOR"))
-            colours = np.empty(len(at) * 4, np.float32)
-            attribute.data.foreach_get("color", colours)
-            colours = colours.reshape(-1, 4)
+            colours = read(attribute.data, "color", 4)
             amounts[which] = np.abs(colours[:, 0] - colours[:, 2])
         self.assertLess(amounts["AFTER"][rigid].mean(), 0.25 * amounts["BEFORE"][rigid].mean())
         self.assertGreater(amounts["BEFORE"][rigid].mean(), 0.2)
@@ -93,16 +89,14 @@ class Strain(Case):
         self.assertLess(amounts["AFTER"][elastic].max(), 1e-6)
         settings.strain_rigid = False
         bpy.ops.vrtm.update()
-        attribute.data.foreach_get("color", found := np.empty(len(at) * 4, np.float32))
-        self.assertGreater(np.abs(np.diff(found.reshape(-1, 4)[elastic][:, ::2])).mean(), 0.2)
+        self.assertGreater(np.abs(np.diff(read(attribute.data, "color", 4)[elastic][:, ::2])).mean(), 0.2)
         settings.strain = "NONE"
         self.assertEqual(len(arm.mesh.color_attributes), 0)
         self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
         self.assertEqual(len(obj.data.color_attributes), 0)
 
     def test_strain_as_data(self):
-        arm = Arm()
-        arm.paint_image()
+        arm = Arm.with_studs()
         bpy.context.scene.frame_set(1)
         arm.rig.animation_data_clear()
         arm.object.vrtm.write_strain = True
@@ -112,10 +106,8 @@ class Strain(Case):
             self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
             attribute = arm.mesh.attributes["vrtm_strain"]
             self.assertEqual((attribute.domain, attribute.data_type), ("POINT", "FLOAT_VECTOR"))
-            values = np.empty(len(arm.mesh.vertices) * 3, np.float32)
-            attribute.data.foreach_get("vector", values)
             # The tube is thinner at its end: what is longer along x is so by a little less along the skin.
-            self.assertLess(np.abs(values.reshape(-1, 3) - (stretch, squash, 0)).max(), 2e-3)
+            self.assertLess(np.abs(read(attribute.data, "vector", 3) - (stretch, squash, 0)).max(), 2e-3)
         arm.mesh.attributes.remove(attribute)
         self.assertIn("'vrtm_strain' is not there", part("results").missing(arm.object))
         bpy.ops.vrtm.update()
@@ -149,14 +141,10 @@ class Strain(Case):
         for tiles in (1, 2):
             with self.subTest(tiles=tiles), tempfile.TemporaryDirectory() as folder:
                 self.setUp()
-                arm = Arm(tiles=tiles)
-                arm.paint_image()
+                arm = Arm.with_studs(tiles=tiles)
                 bpy.context.scene.frame_set(1)
                 arm.rig.animation_data_clear()
-                material = bpy.data.materials.new("skin")
-                node = nodes_of(material).nodes.new("ShaderNodeTexImage")
-                node.image = bpy.data.images.new("albedo", 8, 8)
-                arm.mesh.materials.append(material)
+                node = arm.add_material()
                 settings = arm.object.vrtm
                 settings.write_strain_image = True
                 arm.rig.pose.bones["upper"].scale = 0.7, 1.2, 0.7
@@ -169,35 +157,29 @@ class Strain(Case):
                 self.assertLess(np.abs(pixels(image)[rows] - (0.2, 0.3, 0, 1)).max(), 2e-3)
                 self.assertNotIn("vrtm_strain", arm.mesh.attributes)
                 # It is no texture of the artist's: Set Up leaves it alone.
-                strained = nodes_of(material).nodes.new("ShaderNodeTexImage")
+                strained = node.id_data.nodes.new("ShaderNodeTexImage")
                 strained.image = image
                 self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
                 self.assertFalse(strained.inputs["Vector"].is_linked)
                 self.assertTrue(node.inputs["Vector"].is_linked)
                 # A bake has a file for each tile.
-                bake = bpy.context.scene.vrtm_bake
-                bake.directory, bake.strain, bake.frame_start, bake.frame_end = folder, True, 1, 1
+                self.bakes_to(folder, 1, 1).strain = True
                 for _ in range(2):
                     self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
                 for tile in range(tiles):
-                    loaded = bpy.data.images.load(os.path.join(folder, f"arm.strain.{1001 + tile}.0001.exr"))
-                    loaded.colorspace_settings.name = "Non-Color"
-                    baked = pixels(loaded)
+                    baked = load(os.path.join(folder, f"arm.strain.{1001 + tile}.0001.exr"))
                     self.assertSame(baked, pixels(image)[:, 128 * tile : 128 * (tile + 1)])
                 # Saved, a duplicate's own, and gone with all else.
                 copy = arm.object.copy()
                 bpy.context.collection.objects.link(copy)
                 part("solve").run(copy, bpy.context.evaluated_depsgraph_get())
                 self.assertNotEqual(copy.vrtm.strain_image, image)
-                expected, path = pixels(image), os.path.join(folder, "file.blend")
-                bpy.ops.wm.save_as_mainfile(filepath=path)
-                bpy.ops.wm.open_mainfile(filepath=path)
-                obj = bpy.data.objects["arm"]
+                expected = pixels(image)
+                obj = self.reopened()
                 self.assertSame(pixels(obj.vrtm.strain_image), in_file(expected))
                 self.assertIsNone(part("results").missing(obj))
                 bpy.data.images.remove(obj.vrtm.strain_image)
                 self.assertIn("strain image is not there", part("results").missing(obj))
-                bpy.context.view_layer.objects.active = obj
                 bpy.ops.vrtm.update()
                 bpy.ops.vrtm.remove_all()
                 self.assertNotIn("vrtm arm strain", bpy.data.images)
@@ -207,9 +189,7 @@ class Strain(Case):
         arm.object.vrtm.strain = "BEFORE"
         bpy.context.scene.frame_set(5)
         self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-        colours = np.empty(len(arm.mesh.vertices) * 4, np.float32)
-        arm.mesh.color_attributes["vrtm strain"].data.foreach_get("color", colours)
-        self.assertGreater(np.ptp(colours.reshape(-1, 4)[:, 0]), 0.3)
+        self.assertGreater(np.ptp(read(arm.mesh.color_attributes["vrtm strain"].data, "color", 4)[:, 0]), 0.3)
         # Nothing else is written, and the panel does not speak of results.
         self.assertIsNone(arm.object.vrtm.image)
         self.assertEqual([layer.name for layer in arm.mesh.uv_layers], ["UVMap"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -9,12 +11,17 @@ from typing import TYPE_CHECKING
 import bpy
 import numpy as np
 
-from . import exr, geometry, layers, reads, result_image, session, solve, states
+from . import exr, geometry, layers, live, nodes, result_image, session, solve, states
 from .messages import Problem
 from .outcome import surface_strain
 
 if TYPE_CHECKING:
     import vrtm
+
+# A frame's number, as Blender counts: the last digits of the name.
+_NUMBER = re.compile(r"\d+(?=\D*$)")
+# Tokens for a tile in the path of an image with tiles.
+_TOKENS = {"<UDIM>": r"\d{4}", "<UVTILE>": r"u\d+_v\d+"}
 
 KINDS = {"delta": "redirection_delta", "udim": "redirection_udim", "tile": "redirection"}
 
@@ -49,13 +56,13 @@ def file_name(obj: bpy.types.Object, part: str, frame: int, kind: str = "redirec
 
 
 def part_of(place: int | str, layer: int) -> str:
-    """What a name tells of a file's content: a tile or all of them, and the layer, but for the first."""
+    """The part of a file's name for its content: a tile or all of them, and the layer, but for the first."""
     return f"{place}.layer{layer}" if layer else str(place)
 
 
 def sequence(obj: bpy.types.Object, scene: bpy.types.Scene) -> tuple[list[str], int, int]:
-    """What the node group reads of a bake with the scene's settings: the first file of each layer, its frame, and how
-    many there are."""
+    """The files of a bake with the scene's settings, for the node group: the first one of each layer, its frame, and
+    the number of frames."""
     settings, frames = scene.vrtm_bake, frames_of(scene)
     if settings.form != "delta":
         raise Problem("the node group reads bakes of the form Delta")
@@ -75,52 +82,75 @@ def sequence(obj: bpy.types.Object, scene: bpy.types.Scene) -> tuple[list[str], 
     return [str(folder / file_name(obj, part, frames[0])) for part in parts], frames[0], len(frames)
 
 
-class Bake:
-    """The baking of some objects' frames: a step, and its file names, at a time."""
+class FrameBake:
+    """The baking of frames for some objects: a step, and its file names, at a time."""
 
     def __init__(self, scene: bpy.types.Scene, objects: list[bpy.types.Object]) -> None:
-        self.folder, self.frames = folder_of(scene), frames_of(scene)
-        self.form, self.overwrite, self.strain = (getattr(scene.vrtm_bake, n) for n in ("form", "overwrite", "strain"))
-        self.uids = [session.uid_of(obj) for obj in objects]
-        self.names = [obj.name for obj in objects]
-        self.kept = scene.frame_current
+        self.frames, self.kept = frames_of(scene), scene.frame_current
+        self.overwrite = scene.vrtm_bake.overwrite
+        self.uids = {obj.name: session.uid_of(obj) for obj in objects}
         # Mesh and maps are read once.
         for obj in objects:
-            state = states.state_of(obj)
-            state.mesh_changed = state.maps_changed = True
+            states.state_of(obj).read_again()
 
     def steps(self) -> Iterator[tuple[int, list[Path]]]:
-        """Goes to each frame and writes it. The scene is left at the frame where it was, also if this is given up."""
-        scene = bpy.context.scene
+        """Goes to each frame and bakes it. The scene is left at the frame where it was, also if this is given up."""
+        scene, whole = bpy.context.scene, False
         session.baking = True
         try:
-            self._check()
+            self.begin()
             for frame in self.frames:
                 scene.frame_set(frame)
                 depsgraph = bpy.context.evaluated_depsgraph_get()
-                written: list[Path] = []
-                for obj in self._objects():
-                    written += self._write(obj, depsgraph, frame)
-                yield frame, written
+                yield frame, [path for obj in self.objects() for path in self.bake(obj, depsgraph, frame)]
+            self.finish()
+            whole = True
         finally:
+            left = [obj for name in self.uids if (obj := self._find(name)) is not None]
+            if not whole:
+                self.give_up(left)
             scene.frame_set(self.kept)
             session.baking = False
-            for state in filter(None, map(states.known.get, self.uids)):
+            for obj in left:
                 # The viewport has settings of its own.
-                state.maps_changed = True
+                live.touch(obj, mesh=False)
 
-    def _objects(self) -> list[bpy.types.Object]:
-        found = []
-        for uid, name in zip(self.uids, self.names):
-            obj = bpy.data.objects.get(name)
-            if obj is None or session.uid_of(obj) != uid:
+    def objects(self) -> list[bpy.types.Object]:
+        """The objects, as they are now. Raises a Problem if one is gone."""
+        for name in self.uids:
+            if self._find(name) is None:
                 raise Problem(f"{name} is gone: the bake ends")
-            found.append(obj)
-        return found
+        return list(filter(None, map(self._find, self.uids)))
+
+    def _find(self, name: str) -> bpy.types.Object | None:
+        obj = bpy.data.objects.get(name)
+        return obj if obj is not None and session.uid_of(obj) == self.uids[name] else None
+
+    def begin(self) -> None:
+        """Checks, before anything is written, that nothing of others is replaced. Raises a Problem."""
+
+    def bake(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
+        """Bakes a frame of an object; returns the files."""
+        raise NotImplementedError
+
+    def finish(self) -> None:
+        """After the last frame."""
+
+    def give_up(self, left: list[bpy.types.Object]) -> None:
+        """After a failure or an early end, for the objects that are there."""
+
+
+class Bake(FrameBake):
+    """The baking of some objects' redirections."""
+
+    def __init__(self, scene: bpy.types.Scene, objects: list[bpy.types.Object]) -> None:
+        self.folder = folder_of(scene)
+        self.form, self.strain = scene.vrtm_bake.form, scene.vrtm_bake.strain
+        super().__init__(scene, objects)
 
     def _prepared(self, obj: bpy.types.Object) -> tuple[vrtm.Asset, result_image.Layout, list[tuple[int | str, int]]]:
-        """The object's asset, the layout of its tiles, and of what there are files: tiles by their numbers, or all of
-        them, and the layer of each."""
+        """The object's asset, the layout of its tiles, and the parts with a file each: tiles by their numbers, or all
+        of them, and their layers."""
         state = states.state_of(obj)
         state.end_job()
         solve.prepare(obj, state)
@@ -130,13 +160,9 @@ class Bake:
             parts += [("tiles", layer) for layer in range(layers.number_of(state.asset))]
         return state.asset, layout, parts
 
-    def _check(self) -> None:
-        """Before anything is written: that nothing is replaced which is not a bake's. Raises a Problem."""
-        session.library()
-        from vrtm.bake import overwrite, staging
-
-        objects, outputs = self._objects(), []
-        for obj in objects:
+    def begin(self) -> None:
+        outputs: list[tuple[str, str]] = []
+        for obj in self.objects():
             name = file_name(obj, "", 0).casefold()
             for other in bpy.data.objects:
                 if other != obj and other.library is None and other.vrtm.is_set_up:
@@ -149,16 +175,14 @@ class Bake:
                 for frame in self.frames
                 for part, kind in kinds
             ]
-        try:
-            overwrite.check(outputs, reads.files(), self.overwrite)
-        except overwrite.Conflict as conflict:
-            hint = ": choose another folder, or switch Overwrite on" if conflict.replaceable else ""
-            raise Problem(f"{conflict}{hint}") from conflict
+        check_free(outputs, self.overwrite)
         self.planned = {path for path, _ in outputs}
-        # What bakes that were killed have left.
+        from vrtm.bake import staging
+
+        # Files that killed bakes have left.
         staging.sweep(str(self.folder))
 
-    def _write(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
+    def bake(self, obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
         asset, layout, parts = self._prepared(obj)
         positions = geometry.pose(obj, depsgraph)
         asset.solve(positions, **solve.options_of(obj))
@@ -205,15 +229,59 @@ class Bake:
 
 
 def save(pixels: np.ndarray, path: Path, facts: dict[str, str | int]) -> None:
-    """Writes a picture, (height, width, 4) float32 with the bottom row first, as EXR: whole, or not at all. If that
-    fails, what is there stays, unless it is a file of a bake that is damaged."""
-    from vrtm.bake import overwrite, staging
+    """Writes a picture, (height, width, 4) float32 with the bottom row first, as EXR: whole, or not at all."""
+    from vrtm.bake import staging
 
     try:
         staging.write(str(path), lambda temporary: exr.write(temporary, pixels, facts))
     except OSError as error:
-        removed = ""
-        if path.exists() and overwrite.is_ours(str(path)) and not exr.is_whole(str(path)):
-            path.unlink()
-            removed = "; the damaged file that was there is removed"
-        raise Problem(f"{path} cannot be written: {error.strerror or error}{removed}") from error
+        raise Problem(f"{path} cannot be written: {error.strerror or error}") from error
+
+
+def check_free(outputs: list[tuple[str, str]], overwriting: bool) -> None:
+    """Raises a Problem if an output, a path with the name of its object, replaces what is not a bake's, unless
+    `overwriting`, or what the open file reads."""
+    session.library()
+    from vrtm.bake import overwrite
+
+    try:
+        overwrite.check(outputs, _read_files(), overwriting)
+    except overwrite.Conflict as conflict:
+        hint = ": choose another folder, or switch Overwrite on" if conflict.replaceable else ""
+        raise Problem(f"{conflict}{hint}") from conflict
+
+
+def _read_files() -> list[tuple[str, str]]:
+    """The files that the open file is made of, and the name of each to the artist. Baked files that a node group reads
+    are no inputs of a bake."""
+    found = [(bpy.data.filepath, "the open file")] if bpy.data.filepath else []
+    baked, replaceable = nodes.baked_images(), set()
+    for owner in (*bpy.data.images, *bpy.data.movieclips, *bpy.data.cache_files, *bpy.data.libraries):
+        if not owner.filepath or getattr(owner, "packed_file", None) is not None:
+            continue
+        path = os.path.abspath(bpy.path.abspath(owner.filepath, library=owner.library))
+        if owner in baked:
+            replaceable.add(path)
+            continue
+        what = f"the file of {owner.id_type.lower()} {owner.name!r}"
+        sequence = getattr(owner, "source", "") == "SEQUENCE" or getattr(owner, "is_sequence", False)
+        found += [(one, what) for one in _each(path, sequence)]
+    # Of all others Blender tells the paths alone.
+    paths = {os.path.abspath(path) for path in bpy.utils.blend_paths(absolute=True)}
+    return found + [(path, "a file that the open one reads") for path in sorted(paths - replaceable)]
+
+
+def _each(path: str, sequence: bool) -> list[str]:
+    """The path, or those of all tiles or frames that are there."""
+    folder, name = os.path.split(path)
+    pattern = re.escape(name)
+    for token, digits in _TOKENS.items():
+        pattern = pattern.replace(re.escape(token), digits)
+    if sequence and (number := _NUMBER.search(name)):
+        pattern = re.escape(name[: number.start()]) + r"-?\d+" + re.escape(name[number.end() :])
+    if pattern == re.escape(name):
+        return [path]
+    try:
+        return [path] + [os.path.join(folder, one) for one in sorted(os.listdir(folder)) if re.fullmatch(pattern, one)]
+    except OSError:
+        return [path]

@@ -8,10 +8,11 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import bpy
 
-from . import nodes
+from . import nodes, packed, trees
 from .messages import Problem
 
 BASIS = "basis"
@@ -37,8 +38,8 @@ class Basis:
         return [] if driver is None else driver["controls"]
 
     def terms(self, number: int) -> list[str]:
-        """What is added up to the weight of a map: expressions of the controls, v0, v1 and so on, in words that Blender
-        evaluates without Python."""
+        """The terms of a map's weight: expressions of the controls, v0, v1 and so on, in words that Blender evaluates
+        without Python."""
         driver, found = self.document["driver"], []
         coefficients = [row[number] for row in driver["coefficients"]]
         if driver["form"] == "products":
@@ -94,8 +95,7 @@ def group(obj: bpy.types.Object, basis: Basis) -> bpy.types.NodeTree:
     tree[nodes.KIND] = BASIS
     tree.interface.new_socket("UV", in_out="OUTPUT", socket_type="NodeSocketVector")
     tree.interface.new_socket("UV", in_out="INPUT", socket_type="NodeSocketVector")
-    begin, end = tree.nodes.new("NodeGroupInput"), tree.nodes.new("NodeGroupOutput")
-    begin.location, end.location = (-200, 300), (2000, 300)
+    begin, end = trees.node(tree, "NodeGroupInput", -1, 1), trees.node(tree, "NodeGroupOutput", 6, 1)
     if basis.controls:
         weights = [_driven(tree, k, expressions, basis, keys) for k, expressions in enumerate(sums)]
     else:
@@ -109,7 +109,7 @@ def group(obj: bpy.types.Object, basis: Basis) -> bpy.types.NodeTree:
             tree, begin.outputs["UV"], tile, basis, weights, row, None if is_alone else _place(tile["udim"])
         )
         if of_tile is not None:
-            total = _vector(tree, "ADD", (1800, 300 - 1000 * row), total, of_tile)
+            total = trees.operate(tree, "VectorMath", "ADD", 5, 1 - 6 * row, total, of_tile)
     tree.links.new(total, end.inputs["UV"])
     return tree
 
@@ -123,59 +123,23 @@ def _tile(
     row: int,
     place: tuple[float, float, float] | None,
 ) -> bpy.types.NodeSocket | None:
-    """What the maps of a tile add to UVs in it, and 0 to others; `place`: where the tile begins, None for all UVs."""
-    down = -1000 * row
-    at = uv if place is None else _vector(tree, "SUBTRACT", (0, down), uv, place)
+    """The sum of a tile's maps for UVs in it, and 0 for others; `place`: the tile's corner, None for all UVs."""
+    vector, down = partial(trees.operate, tree, "VectorMath"), -6 * row
+    at = uv if place is None else vector("SUBTRACT", 0, down, uv, place)
     total = None
     for number, name in enumerate(tile["maps"]):
-        found = _lookup(tree, at, os.path.join(os.path.dirname(basis.path), name), (700, down - 300 * number))
+        path, y = os.path.join(os.path.dirname(basis.path), name), down - 2 * number
+        found = trees.texture(tree, packed.from_file(path, check_existing=True), 2, y, at).outputs["Color"]
         of = basis.document["ranges"][number]
         if basis.document["format"] != "half":
             scale, offset = ((*of[name], 0.0) for name in ("scale", "offset"))
-            found = _vector(tree, "MULTIPLY_ADD", (1000, down - 300 * number), found, scale, offset)
-        before = (0.0, 0.0, 0.0) if total is None else total
-        total = _vector(tree, "MULTIPLY_ADD", (1200, down - 300 * number), found, weights[number], before)
+            found = vector("MULTIPLY_ADD", 3, y, found, scale, offset)
+        total = vector("MULTIPLY_ADD", 4, y, found, weights[number], (0.0, 0.0, 0.0) if total is None else total)
     if total is None or place is None:
         return total
     # Of UVs in the tile, whole numbers are the tile's.
-    whole = _vector(tree, "FLOOR", (0, down + 200), at)
-    apart = tree.nodes.new("ShaderNodeVectorMath")
-    apart.operation, apart.location = "LENGTH", (200, down + 200)
-    tree.links.new(whole, apart.inputs[0])
-    inside = tree.nodes.new("ShaderNodeMath")
-    inside.operation, inside.location = "LESS_THAN", (400, down + 200)
-    inside.inputs[1].default_value = 0.5
-    tree.links.new(apart.outputs["Value"], inside.inputs[0])
-    return _vector(tree, "MULTIPLY", (1500, down), total, inside.outputs["Value"])
-
-
-def _lookup(
-    tree: bpy.types.NodeTree, at: bpy.types.NodeSocket, path: str, location: tuple[float, float]
-) -> bpy.types.NodeSocket:
-    image = bpy.data.images.load(path, check_existing=True)
-    if bpy.data.filepath:
-        # On another drive of Windows there is no relative path.
-        try:
-            image.filepath = bpy.path.relpath(path)
-        except ValueError:
-            image.filepath = path
-    image.colorspace_settings.name, image.alpha_mode = "Non-Color", "CHANNEL_PACKED"
-    node = tree.nodes.new("ShaderNodeTexImage")
-    node.image, node.interpolation, node.extension, node.projection = image, "Linear", "EXTEND", "FLAT"
-    node.location = location
-    tree.links.new(at, node.inputs["Vector"])
-    return node.outputs["Color"]
-
-
-def _vector(tree: bpy.types.NodeTree, operation: str, location: tuple[float, float], *inputs) -> bpy.types.NodeSocket:
-    node = tree.nodes.new("ShaderNodeVectorMath")
-    node.operation, node.location = operation, location
-    for socket, value in zip(node.inputs, inputs):
-        if isinstance(value, tuple):
-            socket.default_value = value
-        else:
-            tree.links.new(value, socket)
-    return node.outputs["Vector"]
+    apart = vector("LENGTH", 1, down + 1, vector("FLOOR", 0, down + 1, at))
+    return vector("MULTIPLY", 5, down, total, trees.operate(tree, "Math", "LESS_THAN", 2, down + 1, apart, 0.5))
 
 
 def _driven(
@@ -193,14 +157,8 @@ def _driven(
             target = variable.targets[0]
             target.id_type, target.id = "KEY", keys
             target.data_path = f'key_blocks["{bpy.utils.escape_identifier(basis.controls[k])}"].value'
-        if total is None:
-            total = node.outputs[0]
-            continue
-        add = tree.nodes.new("ShaderNodeMath")
-        add.operation, add.location = "ADD", (300, node.location[1])
-        tree.links.new(total, add.inputs[0])
-        tree.links.new(node.outputs[0], add.inputs[1])
-        total = add.outputs["Value"]
+        weight = node.outputs[0]
+        total = weight if total is None else trees.operate(tree, "Math", "ADD", 1, -2 - number, total, weight)
     return total
 
 
@@ -214,9 +172,8 @@ def _keyed(tree: bpy.types.NodeTree, number: int, basis: Basis) -> bpy.types.Nod
 
 
 def _value(tree: bpy.types.NodeTree, number: int, part: int) -> bpy.types.Node:
-    node = tree.nodes.new("ShaderNodeValue")
+    node = trees.node(tree, "ShaderNodeValue", 0, -2 - number - 0.3 * part)
     node.name = node.label = f"weight {number}" + (f" part {part}" if part else "")
-    node.location = (0, -400 - 200 * number - 60 * part)
     return node
 
 

@@ -1,7 +1,7 @@
-"""What happens at the borders of an object's islands where Seams and Open Borders are Auto.
+"""The choice at the borders of an object's islands if Seams and Open Borders are Auto.
 
-What takes long to find out is found when Dilate Textures or Update Now is pressed, and kept in the object's settings:
-all frames, and all machines of a farm, have the same.
+Dilate Textures and Update Now find what takes long, and keep it in the object's settings: all frames, and all machines
+of a farm, have the same.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Borders:
 
 
 def chosen(obj: bpy.types.Object) -> Borders:
-    """What the object's settings come to."""
+    """The borders that follow from the object's settings."""
     settings = obj.vrtm
     if AUTO not in (settings.seams, settings.open_borders):
         return Borders(settings.seams, settings.open_borders)
@@ -57,8 +57,7 @@ def chosen(obj: bpy.types.Object) -> Borders:
 
 
 def leave_open(obj: bpy.types.Object) -> None:
-    """Textures are dilated: what was never set by hand becomes Auto. A file of an earlier version stays as it is until
-    then."""
+    """Sets Seams and Open Borders to Auto, unless they were set by hand: the textures are dilated."""
     settings = obj.vrtm
     if not settings.is_property_set("seams"):
         settings.seams = AUTO
@@ -67,8 +66,8 @@ def leave_open(obj: bpy.types.Object) -> None:
 
 
 def find_ends(obj: bpy.types.Object, scene: bpy.types.Scene) -> None:
-    """Finds whether other vertices are where the mesh ends, its own or those of other objects: textures that slide
-    would come apart there."""
+    """Notes in the settings if other vertices, of the mesh or of other objects, lie at the ends of the mesh: sliding
+    textures would come apart there."""
     session.library()
     from vrtm import borders
 

@@ -1,4 +1,5 @@
-"""Carriers of what is carried by an object. None of this touches Blender's data: it takes arrays, on any thread."""
+"""Carriers of the things that an object carries, and the connected parts of detail meshes among them. None of this
+touches Blender's data: it takes arrays, on any thread."""
 
 from __future__ import annotations
 
@@ -6,8 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from mathutils.bvhtree import BVHTree
 
-from . import pieces, strain
+from . import strain
 
 if TYPE_CHECKING:
     import vrtm
@@ -16,6 +18,8 @@ if TYPE_CHECKING:
 
 # States of a carrier's points: on a chart, outside of all, in folded UVs, and too far from the surface.
 BOUND, OUTSIDE, FOLDED, TOO_FAR = range(4)
+# A part's foot is all that is at most this share of its radius farther from the skin than its nearest vertex.
+FOOT = 0.25
 
 
 @dataclass(frozen=True)
@@ -25,13 +29,12 @@ class Thing:
     uid: int
     name: str
     places: np.ndarray  # (places, 3) float64, in the skin's space
-    # (4, 4) float64 from its own space to the skin's; whether it is carried as a whole.
-    to_skin: np.ndarray
-    is_whole: bool
+    to_skin: np.ndarray  # (4, 4) float64 from its own space to the skin's
+    is_whole: bool  # carried as a whole
     farthest: float
     fit: str
     skirt: float
-    # The connected part of each place, (places,), of which each moves as one body; None: each place by itself.
+    # The connected part of each place, (places,): each part moves as one body. None: each place moves by itself.
     parts: np.ndarray | None = None
 
     @property
@@ -51,7 +54,7 @@ class CarriedInput:
 
 @dataclass(frozen=True)
 class Moved:
-    """Where a carried object is in a pose."""
+    """The place of a carried object in a pose."""
 
     # As a whole: (4, 4) float64 from its own space to the skin's.
     matrix: np.ndarray | None = None
@@ -70,7 +73,7 @@ class Carriers:
         self._roots = {thing.uid: thing.places for thing in given.things}
         for thing in [thing for thing in given.things if thing.parts is not None]:
             triangles = topology.corner_vertices[strain.triangles(topology.face_counts)]
-            self._roots[thing.uid] = pieces.feet(thing.places, thing.parts, thing.farthest, rest, triangles)
+            self._roots[thing.uid] = feet(thing.places, thing.parts, thing.farthest, rest, triangles)
         # By uid: how each place is bound, (places,) int32.
         self.states: dict[int, np.ndarray] = {}
         self._groups: list[tuple[vrtm.Carrier, list[Thing]]] = []
@@ -84,7 +87,7 @@ class Carriers:
                 self.states[thing.uid] = states if thing.parts is None else states[thing.parts]
 
     def fetch(self) -> dict[int, Moved]:
-        """All things in the pose that was solved last, by uid. What is too far stays as it is."""
+        """All things in the pose that was solved last, by uid. Things that are too far stay as they are."""
         found = {}
         for carrier, things in self._groups:
             carried = carrier.fetch("positions", "matrices", dtype=np.float64)
@@ -100,7 +103,7 @@ class Carriers:
         return found
 
     def figures(self) -> list[tuple[str, str]]:
-        """What the panel shows of the last fetch."""
+        """Labels and values of the last fetch, for the panel."""
         if not self._groups:
             return []
         info = [carrier.info for carrier, _ in self._groups]
@@ -144,10 +147,47 @@ def eulers(turns: np.ndarray) -> np.ndarray:
 
 
 def told(states: np.ndarray, farthest: float) -> str:
-    """Which places are not carried, and which not as they should be, in words; empty where there is nothing to tell."""
+    """The places that are not carried, or not as they should be, in words; empty if there are none."""
     lines, number = [], len(states)
     if far := int((states == TOO_FAR).sum()):
         lines.append(f"{far} of {number} are farther than {farthest:.3g} from the skin at rest, and stay as they are")
     if outside := int(((states == OUTSIDE) | (states == FOLDED)).sum()):
         lines.append(f"{outside} of {number} lie where the skin has no UVs, or folded ones, and follow the skin alone")
     return "; ".join(lines)
+
+
+def connected(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """The part of each vertex, (points,) from 0 on. Edges (n, 2) join vertices, and so does the same place."""
+    _, same = np.unique(points, axis=0, return_inverse=True)
+    same = same.reshape(-1)
+    ends = same[edges]
+    # Each place refers to another one of its part, with a lower number; in the end to the lowest.
+    found = np.arange(len(points))
+    while True:
+        one, other = found[ends].T
+        apart = one != other
+        if not apart.any():
+            return np.unique(found[same], return_inverse=True)[1].reshape(-1)
+        np.minimum.at(found, np.maximum(one, other)[apart], np.minimum(one, other)[apart])
+        while not np.array_equal(found, found[found]):
+            found = found[found]
+
+
+def feet(points: np.ndarray, parts: np.ndarray, farthest: float, skin: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """The centre of each part's foot on the skin, (parts, 3), a mean of vertices; that of all vertices where a part is
+    farther from the skin than `farthest`."""
+    tree = BVHTree.FromPolygons(skin.tolist(), triangles.tolist(), all_triangles=True)
+    found = [tree.find_nearest(point, farthest)[3] for point in points.tolist()]
+    away = np.array([np.inf if distance is None else distance for distance in found])
+    centres = _means(points, parts)
+    number = len(centres)
+    nearest, radius = np.full(number, np.inf), np.zeros(number)
+    np.minimum.at(nearest, parts, away)
+    np.maximum.at(radius, parts, np.linalg.norm(points - centres[parts], axis=1))
+    stands = away <= (nearest + FOOT * radius)[parts]
+    return _means(points[stands], parts[stands])
+
+
+def _means(points: np.ndarray, parts: np.ndarray) -> np.ndarray:
+    sums = np.stack([np.bincount(parts, values) for values in points.T], -1)
+    return sums / np.bincount(parts)[:, None]

@@ -1,5 +1,5 @@
-"""What rides on an object's skin: objects as a whole, and the points, hair curves and instances of others. Each of them
-knows its skin, and what it was before, in its own properties (Object.vrtm_carry), so that the file keeps it."""
+"""The things that an object's skin carries: objects as a whole, and the points, hair curves and instances of others.
+Each has its skin, and its state before, in its own properties (Object.vrtm_carry), so that the file keeps them."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, PointerProperty
 from mathutils import Matrix
 
-from . import carry_nodes, geometry, pieces, session
-from .carriers import CarriedInput, Moved, Thing
+from . import carry_nodes, geometry, session
+from .carriers import CarriedInput, Moved, Thing, connected
 from .messages import Problem
 
 FITS = [
-    ("feature", "Features", "What is on a rigid feature moves with it as one body"),
+    ("feature", "Features", "Things on a rigid feature move with it as one body"),
     ("surface", "Surface", "All follows the redirected surface"),
     ("none", "Skin", "All follows the skin, as if nothing were redirected"),
 ]
-# The largest distance, unless one is asked for: of the diagonal of the skin's bounding box.
+# Default of the largest distance, as a share of the diagonal of the skin's bounding box.
 FAR = 0.05
-# Modifiers that move things by what else moves the skin.
+# Modifiers that may move things by the deformers of the skin.
 MOVING = frozenset(
     "ARMATURE CLOTH CURVE HOOK LATTICE MESH_CACHE MESH_DEFORM MESH_SEQUENCE_CACHE SHRINKWRAP SOFT_BODY "
     "SURFACE_DEFORM".split()
@@ -39,7 +39,7 @@ class VrtmCarry(bpy.types.PropertyGroup):
     fit: EnumProperty(items=FITS)
     skirt: FloatProperty()
     pieces: BoolProperty()
-    # What it was before: its channels, one behind the other, and how it was parented.
+    # Its state before: its channels, one behind the other, and its parenting.
     channels: FloatVectorProperty(size=sum(CHANNELS.values()))
     was_child: BoolProperty()
     inverse: FloatVectorProperty(size=16)
@@ -52,7 +52,7 @@ def carried_by(skin: bpy.types.Object) -> list[bpy.types.Object]:
 
 
 def carries_live(skin: bpy.types.Object) -> bool:
-    """Whether what it carries follows it, in place of a bake."""
+    """True if the things that it carries follow it, and show no bake."""
     return not skin.vrtm.carried_baked and bool(carried_by(skin))
 
 
@@ -75,7 +75,7 @@ def default_distance(skin: bpy.types.Object) -> float:
 
 
 def reason(obj: bpy.types.Object, skin: bpy.types.Object, kind: str) -> str | None:
-    """Why an object cannot be carried, and what to do, as the end of a sentence."""
+    """The reason why an object cannot be carried, and the remedy, as the end of a sentence."""
     if obj.library is not None or obj.override_library is not None:
         return "is linked from another file: make it local"
     if obj.mode == "EDIT":
@@ -134,7 +134,7 @@ def mover(obj: bpy.types.Object) -> bpy.types.Modifier | None:
 
 
 def kind_of(obj: bpy.types.Object) -> str:
-    """How an object is carried, unless it is asked for: what is scattered over its points, or as a whole."""
+    """The kind of carrying that suits an object: by points if something is scattered over them, else as a whole."""
     if obj.type in {"POINTCLOUD", "CURVES"}:
         return "POINTS"
     if obj.type == "MESH":
@@ -191,7 +191,7 @@ def attach(
 
 
 def release(obj: bpy.types.Object) -> None:
-    """Puts an object back to what it was."""
+    """Lets an object go: its place, parent and data are as before."""
     own = obj.vrtm_carry
     clear_baked(obj)
     if own.kind == "OBJECT":
@@ -215,7 +215,7 @@ def release(obj: bpy.types.Object) -> None:
 
 
 def clear_baked(obj: bpy.types.Object) -> None:
-    """Takes out what a bake has written: keys and files."""
+    """Removes the keys and files of a bake."""
     if obj.vrtm_carry.kind == "POINTS":
         carry_nodes.show_live(obj)
     elif (action := own_keys(obj)) is not None:
@@ -231,7 +231,7 @@ def own_keys(obj: bpy.types.Object) -> bpy.types.Action | None:
 
 
 def read(skin: bpy.types.Object) -> CarriedInput:
-    """What an object carries, at rest."""
+    """The things that an object carries, at rest."""
     things = []
     for obj in carried_by(skin):
         own, parts = obj.vrtm_carry, None
@@ -243,7 +243,7 @@ def read(skin: bpy.types.Object) -> CarriedInput:
             points = own_places(obj)
             places = points.astype(np.float64) @ to_skin[:3, :3].T + to_skin[:3, 3]
             if own.pieces:
-                parts = pieces.connected(points, geometry.read(obj.data.edges, "vertices", 2, np.int32))
+                parts = connected(points, geometry.read(obj.data.edges, "vertices", 2, np.int32))
         if not np.isfinite(places).all():
             raise Problem(f"{obj.name}: a point of it has no place (NaN): mend or delete it")
         if len(places):
@@ -255,7 +255,7 @@ def read(skin: bpy.types.Object) -> CarriedInput:
 
 
 def place(skin: bpy.types.Object, moved: dict[int, Moved]) -> None:
-    """Moves all that an object carries, unless it shows what was baked."""
+    """Moves the things that an object carries, unless they show a bake."""
     if not moved or not carries_live(skin):
         return
     for obj in carried_by(skin):
@@ -285,7 +285,7 @@ def _place_points(obj: bpy.types.Object, moved: Moved) -> None:
 
 
 def troubles(skin: bpy.types.Object) -> list[str]:
-    """What has become of what is carried, in sentences."""
+    """Problems of carried things, in sentences."""
     found = []
     if skin.hide_render and carries_live(skin):
         found.append("It is hidden in renders, where what it carries is not moved then: press Bake Carried")

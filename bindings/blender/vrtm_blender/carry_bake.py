@@ -1,16 +1,15 @@
-"""Bakes what is carried: keys of objects as a whole, and a file per frame of the points of others, which the carry
+"""Bakes carried things: keys of objects as a whole, and a file per frame of the points of others, which the carry
 modifier reads without this add-on."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from . import carry, carry_nodes, geometry, live, reads, session, solve, states
-from .bake import file_name, folder_of, frames_of, save
+from . import carry, carry_nodes, geometry, session, solve, states
+from .bake import FrameBake, check_free, file_name, folder_of, save
 from .carriers import Moved
 from .messages import Problem
 
@@ -26,7 +25,7 @@ def layout(number: int) -> tuple[int, int]:
 
 
 def texels(number: int) -> np.ndarray:
-    """Where a file has each point: u, v of its place, and v of its turn, (number, 3)."""
+    """The texels of each point in a file: u, v of its place, and v of its turn, (number, 3)."""
     columns, rows = layout(number)
     index = np.arange(number)
     v = (index // columns + 0.5) / (2 * rows)
@@ -42,92 +41,61 @@ def picture(places: np.ndarray, turns: np.ndarray) -> np.ndarray:
     return pixels.reshape(2 * rows, columns, 4)
 
 
-class Bake:
-    """The baking of what some objects carry: a step, and its file names, at a time."""
+class Bake(FrameBake):
+    """The baking of the things that some objects carry. If it is given up, they are live as before."""
 
     def __init__(self, scene: bpy.types.Scene, skins: list[bpy.types.Object]) -> None:
-        self.skins = [skin.name for skin in skins]
-        self.frames, self.kept = frames_of(scene), scene.frame_current
-        self.overwrite = scene.vrtm_bake.overwrite
-        self.objects = {skin.name: [obj.name for obj in carry.carried_by(skin)] for skin in skins}
-        points = [obj for skin in skins for obj in carry.carried_by(skin) if obj.vrtm_carry.kind == "POINTS"]
+        super().__init__(scene, skins)
+        self.things = {skin.name: [obj.name for obj in carry.carried_by(skin)] for skin in skins}
+        points = [obj for skin in skins for obj in self._points(skin)]
         if points and self.frames.step != 1:
             raise Problem("Blender plays sequences without gaps only: bake with Step 1")
         # Keys alone need no folder.
         self.folder = folder_of(scene) if points else Path()
-        for skin in skins:
-            state = states.state_of(skin)
-            state.mesh_changed = state.maps_changed = state.carried_changed = True
 
-    def steps(self) -> Iterator[tuple[int, list[Path]]]:
-        """Goes to each frame and bakes it. If this is given up, things are live as before."""
-        scene = bpy.context.scene
-        session.baking = True
-        whole = False
-        try:
-            self._begin()
-            for frame in self.frames:
-                scene.frame_set(frame)
-                depsgraph = bpy.context.evaluated_depsgraph_get()
-                yield frame, [path for name in self.skins for path in self._frame(self._found(name), depsgraph, frame)]
-            for name in self.skins:
-                skin = self._found(name)
-                skin.vrtm.carried_baked = True
-                for obj in self._points(skin):
-                    path = self.folder / file_name(obj, "points", self.frames[0], KIND)
-                    carry_nodes.show_baked(obj, str(path), self.frames[0], self.frames[-1])
-            whole = True
-        finally:
-            skins = list(filter(None, map(bpy.data.objects.get, self.skins)))
-            for skin in skins if not whole else ():
-                live_again(skin)
-            scene.frame_set(self.kept)
-            session.baking = False
-            for skin in skins:
-                # The viewport has settings of its own.
-                live.touch(skin, mesh=False)
+    def finish(self) -> None:
+        for skin in self.objects():
+            skin.vrtm.carried_baked = True
+            for obj in self._points(skin):
+                path = self.folder / file_name(obj, "points", self.frames[0], KIND)
+                carry_nodes.show_baked(obj, str(path), self.frames[0], self.frames[-1])
 
-    @staticmethod
-    def _found(name: str) -> bpy.types.Object:
-        obj = bpy.data.objects.get(name)
-        if obj is None:
-            raise Problem(f"{name} is gone: the bake ends")
-        return obj
+    def give_up(self, left: list[bpy.types.Object]) -> None:
+        for skin in left:
+            live_again(skin)
+
+    def _things(self, skin: bpy.types.Object) -> list[bpy.types.Object]:
+        for name in self.things[skin.name]:
+            if name not in bpy.data.objects:
+                raise Problem(f"{name} is gone: the bake ends")
+        return [bpy.data.objects[name] for name in self.things[skin.name]]
 
     def _points(self, skin: bpy.types.Object) -> list[bpy.types.Object]:
-        found = map(self._found, self.objects[skin.name])
-        return [obj for obj in found if obj.vrtm_carry.kind == "POINTS"]
+        return [obj for obj in self._things(skin) if obj.vrtm_carry.kind == "POINTS"]
 
-    def _begin(self) -> None:
-        """Takes out what an earlier bake has written. Raises a Problem if a file in the way is no bake's."""
-        session.library()
-        from vrtm.bake import overwrite
-
-        for skin in map(self._found, self.skins):
+    def begin(self) -> None:
+        # Things do not show an earlier bake any more.
+        for skin in self.objects():
             live_again(skin)
             for obj in self._points(skin):
                 values = texels(len(carry.own_places(obj)))
                 geometry.write(obj.data, carry_nodes.TEXEL, carry.domain_of(obj), "FLOAT_VECTOR", values)
         outputs = [
             (str(self.folder / file_name(obj, "points", frame, KIND)), obj.name)
-            for skin in map(self._found, self.skins)
+            for skin in self.objects()
             for obj in self._points(skin)
             for frame in self.frames
         ]
         if len({path.casefold() for path, _ in outputs}) < len(outputs):
             raise Problem("two carried objects have names that make the same file names: rename one")
-        try:
-            overwrite.check(outputs, reads.files(), self.overwrite)
-        except overwrite.Conflict as conflict:
-            hint = ": choose another folder, or switch Overwrite on" if conflict.replaceable else ""
-            raise Problem(f"{conflict}{hint}") from conflict
+        check_free(outputs, self.overwrite)
 
-    def _frame(self, skin: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
+    def bake(self, skin: bpy.types.Object, depsgraph: bpy.types.Depsgraph, frame: int) -> list[Path]:
         state = states.state_of(skin)
         solve.prepare(skin, state)
         state.asset.solve(geometry.pose(skin, depsgraph), **solve.options_of(skin))
         moved, written = state.prepared.carriers.fetch(), []
-        for obj in map(self._found, self.objects[skin.name]):
+        for obj in self._things(skin):
             own = moved.get(session.uid_of(obj))
             if own is None:
                 continue
@@ -159,7 +127,7 @@ def _key(obj: bpy.types.Object, moved: Moved, frame: int) -> None:
 
 
 def live_again(skin: bpy.types.Object) -> None:
-    """Has what an object carries follow it again, in place of a bake."""
+    """Has the things that an object carries follow it again, in place of a bake."""
     skin.vrtm.carried_baked = False
     for obj in carry.carried_by(skin):
         carry.clear_baked(obj)

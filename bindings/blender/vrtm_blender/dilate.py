@@ -1,5 +1,5 @@
-"""Copies of textures that hold, around each chart, what the surface shows beyond the chart's seams: where seams go on,
-redirections lead there.
+"""Copies of textures that show, around each chart, the surface beyond the chart's seams: redirections of seams that
+continue lead there.
 
 A copy is an image that is packed into the file, and knows the image that it was made of (Image.vrtm_original). The
 materials' nodes show the copy; taking the redirection out of a material gives them the original back.
@@ -36,7 +36,7 @@ def is_copy(image: bpy.types.Image) -> bool:
 
 
 def is_dilated(image: bpy.types.Image, reach: float) -> bool:
-    """Whether an image is a copy that was made with a reach."""
+    """True if an image is a copy that was made with a reach."""
     return is_copy(image) and abs(image[REACH] - reach) <= 1e-6
 
 
@@ -89,7 +89,7 @@ def restore(obj: bpy.types.Object) -> list[str]:
 
 
 def _let_go(images: Iterable[bpy.types.Image]) -> list[str]:
-    """Removes copies that nothing uses; but what somebody painted on one stays, and is saved with the file."""
+    """Removes unused copies. One that was painted on stays, and is saved with the file."""
     kept = []
     for image in images:
         if not is_copy(image) or image.users:
@@ -108,7 +108,7 @@ def _stamp(tiles: dict[int | None, np.ndarray]) -> str:
 
 
 def _holds_normals(node: bpy.types.Node) -> bool:
-    """Whether a texture goes into a Normal Map node of tangent space, through Reroutes at most."""
+    """True if a texture goes into a Normal Map node of tangent space, through Reroutes at most."""
     links = list(node.outputs["Color"].links)
     while links:
         to = links.pop().to_node

@@ -13,9 +13,9 @@ from .messages import Problem
 from .tap import GROUP as POSE_GROUP
 from .tap import INDEX_NAME, POSE_NAME, TOPOLOGY, place, topology_modifiers
 
-# Where a captured rest shape is kept: an attribute of the mesh, which is saved with the file, or of a mesh of its own.
+# The attribute with a captured rest shape: of the mesh, which is saved with the file, or of a mesh of its own.
 REST_NAME = "vrtm_rest"
-# Of which frame it is: a custom property of the mesh.
+# The custom property of the mesh with the frame of that shape.
 REST_FRAME_NAME = "vrtm_rest_frame"
 
 
@@ -31,7 +31,7 @@ class Topology:
 
 
 def stamp_of(*arrays: np.ndarray) -> bytes:
-    """A hash of the arrays' bits and shapes: what is compared to know whether anything has changed."""
+    """A hash of the arrays' bits and shapes, by which changes are noticed."""
     hashed = hashlib.blake2b(digest_size=16)
     for array in arrays:
         hashed.update(repr((array.shape, array.dtype.str)).encode())
@@ -81,7 +81,7 @@ def mesh_of(obj: bpy.types.Object) -> bpy.types.Mesh:
 
 
 def is_linked(obj: bpy.types.Object) -> bool:
-    """Whether the mesh is another file's, so that nothing can be written to it: the result is an image alone."""
+    """True if the mesh is another file's: nothing can be written to it, and the result is an image alone."""
     return obj.data is not None and obj.data.library is not None
 
 
@@ -197,7 +197,7 @@ def has_tap(obj: bpy.types.Object) -> bool:
 
 
 def same_faces(obj: bpy.types.Object, evaluated: bpy.types.Mesh) -> bool:
-    """Whether a mesh with as many vertices and corners has the same faces. Deforming modifiers are trusted."""
+    """True if a mesh with as many vertices and corners has the same faces. Deforming modifiers are trusted."""
     if not any(modifier.type in TOPOLOGY for modifier in obj.modifiers):
         return True
     return np.array_equal(corner_vertices(obj.data), corner_vertices(evaluated))

@@ -1,5 +1,4 @@
-"""Blender's handlers: when an object's pose, mesh or maps may have changed, and what a render, an undo or a file
-needs."""
+"""Blender's handlers: they note changes of objects' poses, meshes and maps, and see to renders, undos and files."""
 
 from __future__ import annotations
 
@@ -14,8 +13,8 @@ PAINT_MODES = frozenset({"TEXTURE_PAINT", "VERTEX_PAINT", "WEIGHT_PAINT"})
 
 @persistent
 def frame_changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None = None) -> None:
-    """frame_change_post. In a render this comes before the render engine looks at the scene, so that what is written
-    here is what it draws."""
+    """frame_change_post. In a render this comes before the render engine looks at the scene, so that it draws the
+    results that are written here."""
     if session.writing or session.baking or depsgraph is None:
         return
     live.doubt()
@@ -33,10 +32,9 @@ def frame_changed(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph | None 
 
 
 def look_again(obj: bpy.types.Object) -> None:
-    """Has mesh and maps read again before the next solve; what has not changed stays prepared."""
-    state = states.find_state(obj)
-    if state is not None:
-        state.mesh_changed = state.maps_changed = state.carried_changed = True
+    """Has the object's inputs read again before the next solve."""
+    if (state := states.find_state(obj)) is not None:
+        state.read_again()
 
 
 def in_renders(obj: bpy.types.Object) -> bool:
@@ -46,22 +44,17 @@ def in_renders(obj: bpy.types.Object) -> bool:
 
 
 def solve_now(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> None:
-    """Solves within a handler: what is wrong is told, and the frame goes on without it."""
+    """Solves within a handler. A failure is told, and the frame goes on with the last redirection."""
     session.handling = True
     try:
         solve.run(obj, depsgraph)
     except Exception as error:  # a render must not end here.
         states.state_of(obj).say(text_of(error), error=True)
         # Blender shows neither panel nor status bar while it renders on a farm: its log does.
-        session.log.error(
-            "frame %d of %s keeps its last redirection: %s", frame_of(depsgraph), obj.name, text_of(error)
-        )
+        frame = depsgraph.scene.frame_current
+        session.log.error("frame %d of %s keeps its last redirection: %s", frame, obj.name, text_of(error))
     finally:
         session.handling = False
-
-
-def frame_of(depsgraph: bpy.types.Depsgraph) -> int:
-    return depsgraph.scene.frame_current
 
 
 @persistent
@@ -86,8 +79,8 @@ def updated(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 
 def painted(obj: bpy.types.Object) -> bool:
-    """Whether an image may be painted on the object at present. Strokes change images without an update of the
-    image."""
+    """True if an image may be painted on the object at present. Strokes change images without an
+    update of the image."""
     return obj.mode == "TEXTURE_PAINT" and "IMAGE" in (obj.vrtm.rigidity_source, obj.vrtm.mask_source)
 
 
@@ -122,11 +115,12 @@ def render_ends(scene: bpy.types.Scene, *_) -> None:
 
 @persistent
 def undone(*_) -> None:
-    """undo_post and redo_post: the file's data is another now. Objects are found again by their session_uid; what was
-    written last may not be there any more."""
+    """undo_post and redo_post: the file's data is another now. Objects are found again by their session_uid; the last
+    results may be gone."""
     states.forget_gone()
     for state in states.known.values():
-        state.mesh_changed = state.maps_changed = state.carried_changed = state.rewrite = True
+        state.read_again()
+        state.rewrite = True
     live.doubt()
     want_all()
 
@@ -141,23 +135,13 @@ def file_closes(*_) -> None:
 
 @persistent
 def file_loaded(*_) -> None:
-    keep.mend_groups()
-    keep.mend_ranges()
     want_all()
-
-
-@persistent
-def imported(*_) -> None:
-    """blend_import_post: data-blocks were appended or linked."""
-    keep.mend_groups()
 
 
 @persistent
 def file_saves(*_) -> None:
     """save_pre"""
     states.forget_gone()
-    # Before Blender 4.3 nothing tells of what was appended.
-    keep.mend_groups()
     keep.keep_results()
     keep.tell_unsaved()
 
@@ -182,8 +166,6 @@ HANDLERS = {
     "load_post": file_loaded,
     "save_pre": file_saves,
 }
-if bpy.app.version >= (4, 3, 0):
-    HANDLERS["blend_import_post"] = imported
 
 
 def register() -> None:

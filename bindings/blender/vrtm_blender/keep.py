@@ -1,52 +1,18 @@
-"""What a file must hold when it is saved, so that nothing is lost, and what is mended in files of earlier versions."""
+"""The contents of a saved file: nothing that was solved or painted is lost."""
 
 from __future__ import annotations
 
 import bpy
 
-from . import messages, nodes, result_image, session
-
-
-def mend_groups() -> None:
-    """Takes data-blocks out of the custom properties of this add-on's node groups, where earlier versions kept the
-    result image. They may come with a file, and with what is appended or linked."""
-    for tree in bpy.data.node_groups:
-        if not tree.get(nodes.KIND):
-            continue
-        # None is what a data-block that was lost leaves.
-        held = {key: value for key, value in tree.items() if value is None or isinstance(value, bpy.types.ID)}
-        for key in held:
-            try:
-                del tree[key]
-            except (TypeError, AttributeError, RuntimeError):
-                session.log.debug("%s is linked, and cannot be mended here", tree.name)
-                continue
-            # The copy that is drawn has it until the tree is evaluated again.
-            tree.update_tag()
-        images = [
-            image for image in held.values() if isinstance(image, bpy.types.Image) and result_image.is_result(image)
-        ]
-        if images and tree.library is None and nodes.image_of(tree) is None:
-            nodes.remember(tree, images[0])
-
-
-def mend_ranges() -> None:
-    """Bakes of earlier versions had frames of their own, and not the scene's."""
-    for scene in bpy.data.scenes:
-        settings = scene.vrtm_bake
-        own = settings.is_property_set("frame_start") or settings.is_property_set("frame_end")
-        if own and not settings.is_property_set("use_custom_range"):
-            settings.use_custom_range = True
+from . import messages, result_image, session
 
 
 def keep_results() -> None:
-    """Packs the images of results, which exist in memory only: so they are there again when the file is opened, with or
-    without this add-on."""
+    """Packs the images of results, which exist in memory only, so that the opened file has them, with or without this
+    add-on."""
     for image in bpy.data.images:
         if not result_image.is_cache(image) or image.library is not None:
             continue
-        if not image.users:
-            _count_again(image)
         if image.is_dirty or image.packed_file is None:
             try:
                 result_image.pack(image)
@@ -55,32 +21,14 @@ def keep_results() -> None:
 
 
 def keep_image(image: bpy.types.Image | None) -> None:
-    """Has an image saved with the file that nothing uses any more: it is the artist's to delete."""
+    """Has an unused image saved with the file: only the artist deletes it."""
     if image is not None and not image.users and image.library is None:
         image.use_fake_user = True
 
 
-def _count_again(image: bpy.types.Image) -> None:
-    """Gives an image a user again if something uses it: Blender does not save an image whose count of users is 0.
-    Assigning the image counts its users again; a count of 0 does not become negative."""
-    for obj in bpy.data.objects:
-        for name in ("image", "strain_image"):
-            if getattr(obj.vrtm, name) == image:
-                setattr(obj.vrtm, name, image)
-                return
-    for other in bpy.data.images:
-        if other.vrtm_next == image:
-            other.vrtm_next = image
-            return
-    for tree in bpy.data.node_groups:
-        if tree.get(nodes.KIND) and nodes.image_of(tree) == image:
-            nodes.remember(tree, image)
-            return
-
-
 def unsaved_maps(obj: bpy.types.Object) -> list[str]:
-    """What is painted for the object and is not in a file that is saved now, or was not in the one that was opened, in
-    words. It is the artist's to save or to pack."""
+    """Painted maps of the object that a file saved now would lack, or that the opened one lacked, in sentences. The
+    artist saves or packs them."""
     settings = obj.vrtm
     found = []
     for which in ("rigidity", "mask"):
@@ -95,13 +43,13 @@ def unsaved_maps(obj: bpy.types.Object) -> list[str]:
 
 
 def _is_black(image: bpy.types.Image) -> bool:
-    """Whether an image is as Blender made it, which is also how one comes back that was painted and not saved."""
+    """True if an image is as Blender made it: so it comes back, too, if it was painted and not saved."""
     made = image.source == "GENERATED" and image.packed_file is None and image.generated_type == "BLANK"
     return made and not any(image.generated_color[:3])
 
 
 def tell_unsaved() -> None:
-    """Tells, as a file is saved, which painted maps are not in it."""
+    """Tells the painted maps that the file being saved lacks."""
     for obj in bpy.data.objects:
         for text in unsaved_maps(obj) if obj.vrtm.is_set_up else []:
             session.log.warning("%s: %s", obj.name, text)

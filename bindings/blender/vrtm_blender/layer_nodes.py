@@ -3,12 +3,12 @@ for an object whose mesh is linked, and cannot keep the attribute itself."""
 
 from __future__ import annotations
 
-import functools
+from functools import partial
 
 import bpy
 import numpy as np
 
-from . import modifier_group, packed
+from . import packed, trees
 
 # Of the image: a hash of the faces' layers.
 STAMP = "vrtm_faces"
@@ -18,17 +18,7 @@ WIDTH = 4096
 
 def _fill(tree: bpy.types.NodeTree) -> None:
     """Of face n: the texel in column n % columns and row n / columns, whose values are the layer / 255."""
-    link, node = tree.links.new, functools.partial(modifier_group.node, tree)
-
-    def math(operation: str, x: int, y: int, *values: object) -> bpy.types.NodeSocket:
-        made = node("ShaderNodeMath", x, y, operation=operation)
-        for socket, value in zip(made.inputs, values):
-            if isinstance(value, float):
-                socket.default_value = value
-            else:
-                link(value, socket)
-        return made.outputs[0]
-
+    link, node, math = tree.links.new, partial(trees.node, tree), partial(trees.operate, tree, "Math")
     given, index = node("NodeGroupInput", 0, 0), node("GeometryNodeInputIndex", 0, 2).outputs[0]
     columns, rows = given.outputs["Columns"], given.outputs["Rows"]
     column = math("ADD", 2, 2, math("MODULO", 1, 2, index, columns), 0.5)
@@ -44,12 +34,11 @@ def _fill(tree: bpy.types.NodeTree) -> None:
     store = node("GeometryNodeStoreNamedAttribute", 9, 0, data_type="INT", domain="FACE")
     link(given.outputs["Geometry"], store.inputs["Geometry"])
     link(given.outputs["Name"], store.inputs["Name"])
-    # There is a socket of this name for each type; the one of the chosen type is enabled.
-    link(layer.outputs[0], next(one for one in store.inputs if one.name == "Value" and one.enabled))
+    link(layer.outputs[0], trees.enabled(store.inputs, "Value"))
     link(store.outputs["Geometry"], node("NodeGroupOutput", 10, 0).inputs[0])
 
 
-GROUP = modifier_group.ModifierGroup(
+GROUP = trees.ModifierGroup(
     "vrtm layers", "vrtm_layers_group", {"Image": "Image", "Columns": "Int", "Rows": "Int", "Name": "String"}, _fill
 )
 
@@ -57,7 +46,7 @@ GROUP = modifier_group.ModifierGroup(
 def stamp_of(obj: bpy.types.Object) -> str | None:
     """The hash of the layers that the object's modifier gives to faces; None where it gives none."""
     modifier = GROUP.modifier_of(obj)
-    image = None if modifier is None else modifier_group.image_of(modifier)
+    image = None if modifier is None else trees.image_of(modifier)
     works = image is not None and modifier.show_viewport and modifier.show_render
     return image.get(STAMP) if works else None
 
@@ -77,11 +66,11 @@ def insert(obj: bpy.types.Object, name: str, values: np.ndarray, stamp: str) -> 
     soft = [modifier.type == "SOFT_BODY" for modifier in obj.modifiers]
     made = GROUP.insert(obj, at=[*soft, False].index(False))
     for of, value in zip(GROUP.inputs, (image, columns, rows, name)):
-        modifier_group.set_input(made, of, value)
+        trees.set_input(made, of, value)
 
 
 def remove(obj: bpy.types.Object) -> None:
-    """Takes the modifier away, and what nothing uses any more."""
+    """Removes the modifier, and its unused data."""
     GROUP.remove(obj)
     # Also those of modifiers that the artist has taken away.
     for image in [image for image in bpy.data.images if STAMP in image and not image.users and image.library is None]:

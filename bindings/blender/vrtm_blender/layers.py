@@ -1,6 +1,6 @@
-"""Layers: where charts lie over one another in the UV map, as mirrored halves do, each layer of them has an image of
-its own, and an attribute of faces tells the material which one to look up. A linked mesh cannot keep it: a modifier of
-the object makes it.
+"""Layers: if charts lie over one another in the UV map, as mirrored halves do, each layer of them has an image of its
+own, and an attribute of faces tells the material which one to look up. A linked mesh cannot keep the attribute: a
+modifier of the object makes it.
 
 The image of the first layer is the object's result image, as where there is one layer alone. Each image knows the next
 one (Image.vrtm_next), so that all of them are there as long as the first is.
@@ -43,7 +43,7 @@ def images_of(first: bpy.types.Image | None) -> list[bpy.types.Image]:
 
 
 def own_images(first: bpy.types.Image, number: int, new: Callable[[int], bpy.types.Image]) -> list[bpy.types.Image]:
-    """The images of so many layers, the first of which is there. What is missing is made by `new`."""
+    """The images of `number` layers, of which the first is given; `new` makes missing ones."""
     found = [image for image in images_of(first)[:number] if image == first or image.library is None]
     for layer in range(len(found), number):
         image = new(layer)
@@ -60,7 +60,7 @@ def own_images(first: bpy.types.Image, number: int, new: Callable[[int], bpy.typ
 
 
 def remove_unused() -> None:
-    """Removes the images of layers that there are no more. In a render they may still be looked up."""
+    """Removes the images of layers that are gone. In a render they may still be looked up."""
     while not session.rendering:
         following = {image.vrtm_next for image in bpy.data.images}
         unused = [i for i in bpy.data.images if not is_first(i) and i.library is None and i not in following]
@@ -81,7 +81,7 @@ def attribute_of(obj: bpy.types.Object) -> bpy.types.Attribute | None:
 
 
 def missing(obj: bpy.types.Object) -> str | None:
-    """What of the layers of the object's result is not there, in words."""
+    """The missing part of the layers of the object's result, in words."""
     image = obj.vrtm.image
     number = image.get(NUMBER, 1)
     if len(images_of(image)) != number:

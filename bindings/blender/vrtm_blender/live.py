@@ -25,7 +25,7 @@ FRAME = 0.04
 
 
 def touch(obj: bpy.types.Object, mesh: bool = True, maps: bool = True) -> None:
-    """Something that the object's result depends on may have changed."""
+    """Notes that an input of the object's result may have changed."""
     if session.writing:
         return
     state = states.find_state(obj)
@@ -38,7 +38,7 @@ def touch(obj: bpy.types.Object, mesh: bool = True, maps: bool = True) -> None:
 
 
 def touch_carried(skin: bpy.types.Object | None) -> None:
-    """Something that an object carries may have changed."""
+    """Notes that a thing that the object carries may have changed."""
     if skin is not None and not session.writing:
         state = states.find_state(skin)
         if state is not None:
@@ -59,7 +59,7 @@ def want(obj: bpy.types.Object) -> None:
 
 
 def doubt() -> None:
-    """Something has changed: has it looked at which of the results that are shown are those of the present pose."""
+    """Something has changed: the timer compares each result that is shown with the present pose."""
     if session.synchronous():
         return
     for state in states.known.values():
@@ -101,7 +101,7 @@ def poll() -> float | None:
 
 
 def step(state: State) -> None:
-    """What there is to do for one object now."""
+    """Does the next step for one object."""
     if not (state.wanted or state.doubted) and state.job is None:
         return
     obj = states.object_of(state)
@@ -125,7 +125,7 @@ def step(state: State) -> None:
 
 
 def take(obj: bpy.types.Object, state: State) -> None:
-    """A job is over: writes its result, if it has one."""
+    """Writes the result of a job that is over, if it has one."""
     job = state.take_job()
     try:
         outcome = job.result()
@@ -144,7 +144,7 @@ def take(obj: bpy.types.Object, state: State) -> None:
 
 
 def collect(obj: bpy.types.Object, state: State) -> None:
-    """Submits the object's present pose, if it is another than the one that is shown or under way."""
+    """Submits the object's present pose, unless it is shown or under way already."""
     if obj.mode == "EDIT":
         # Leaving Edit Mode is an update of the mesh, which asks again.
         if state.job is not None:
@@ -179,7 +179,7 @@ def collect(obj: bpy.types.Object, state: State) -> None:
 
 
 def look(obj: bpy.types.Object, state: State) -> None:
-    """Finds out whether what is shown is the result of the present pose. Where that takes long, it is done seldom."""
+    """Finds out if the result of the present pose is shown. An object for which that takes long is looked at seldom."""
     begun, before = session.now(), state.fresh
     state.doubted = state.fresh = False
     layer = bpy.context.view_layer

@@ -58,8 +58,8 @@ def read_image(image: bpy.types.Image) -> dict[int | None, np.ndarray]:
     if image.source != "TILED":
         return {None: _pixels(image)}
     # A script sees the pixels of an image's first tile only. So tiles are read from a copy of the image, whose first
-    # tile is taken away again and again. A copy has what is on disk; what is painted and not saved goes through a
-    # folder, and so does what is packed, of which a copy has the first tile alone.
+    # tile is removed again and again. A copy has the tiles on disk: unsaved tiles, and packed ones, of which a copy has
+    # the first alone, go through a folder.
     only_in_memory = not image.filepath and not image.packed_files
     if image.is_dirty or only_in_memory:
         found = _unsaved_tiles(image)
@@ -180,8 +180,8 @@ def group_values(obj: bpy.types.Object, name: str) -> np.ndarray:
 
 
 def attribute_values(obj: bpy.types.Object, name: str) -> np.ndarray:
-    """A colour or float attribute per vertex, (vertices,) float32: of colours the largest channel, and of what is
-    kept per corner the mean over the vertex's corners."""
+    """A colour or float attribute per vertex, (vertices,) float32: of colours the largest channel, and of corners
+    the mean around the vertex."""
     mesh = mesh_of(obj)
     attribute = mesh.attributes.get(name)
     if attribute is None:

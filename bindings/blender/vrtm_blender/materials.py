@@ -1,4 +1,4 @@
-"""The groups' places in an artist's materials: where they are put in and taken out, and what lies behind them."""
+"""The groups in an artist's materials: putting them in, taking them out, and finding the textures behind them."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def own_material(obj: bpy.types.Object, slot: bpy.types.MaterialSlot) -> bpy.typ
 
 
 def is_copied(obj: bpy.types.Object, material: bpy.types.Material) -> bool:
-    """Whether a material is another file's, as the object's mesh is: then a copy of it stands in the object's slot."""
+    """True if a material is another file's, as the object's mesh is: a copy of it stands in the object's slot."""
     return material.library is not None and geometry.is_linked(obj)
 
 
@@ -60,8 +60,8 @@ def separate(
     is_others: Callable[[bpy.types.NodeTree], bool],
     own: Callable[[bpy.types.Object], bpy.types.NodeTree],
 ) -> None:
-    """Has the materials of a duplicate, which hold groups of the original, hold its own; a material that other objects
-    use is copied."""
+    """Gives the materials of a duplicate its own groups in place of the original's; a material that other objects use
+    is copied."""
     for slot in obj.material_slots:
         if slot.material is None or slot.material.library is not None:
             continue
@@ -74,14 +74,14 @@ def separate(
 
 
 def of_others(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
-    """The groups in the object's materials that hand out other objects' redirections, as in a material of theirs."""
+    """The groups in the object's materials with other objects' redirections."""
     own = [material for material in materials_of(obj) if material.library is None]
     trees = {node.node_tree for material in own for node in _instances(material.node_tree)}
     return [tree for tree in trees if nodes.is_of_another(tree, obj)]
 
 
 def of_other_files(obj: bpy.types.Object) -> list[bpy.types.Material]:
-    """The object's linked materials that show what was saved in their own file, and not its result."""
+    """The object's linked materials that show the result of their own file, and not the object's."""
     return [
         material
         for material in materials_of(obj)
@@ -103,8 +103,8 @@ def insert(
     source_uv: bpy.types.MeshUVLoopLayer,
     group: bpy.types.NodeTree,
 ) -> int:
-    """Puts a group of the object behind the UVs that the material's Image Texture nodes read; returns for how many of
-    them.
+    """Puts a group of the object behind the UVs that the material's Image Texture nodes read; returns the number of
+    these nodes.
 
     The group goes directly behind the node that hands out the mesh's UVs, in front of Mapping nodes: a redirection is
     one of the mesh's UVs. What else is linked there, and textures with other coordinates, stay as they are.
@@ -159,7 +159,7 @@ def _flat_textures(obj: bpy.types.Object, trees: Iterable[bpy.types.NodeTree]) -
 
 
 def remove(material: bpy.types.Material) -> int:
-    """Takes the groups out again and links what they stood between."""
+    """Removes the groups, and links the nodes before and behind them; returns their number."""
     removed = 0
     for node in _instances(material.node_tree):
         tree = node.id_data
@@ -221,7 +221,7 @@ def lost_maps(obj: bpy.types.Object) -> list[tuple[bpy.types.Node, str]]:
 
 
 def _uv_node(tree, name, texture):
-    """What hands out a UV map: the one that renders, also after it was renamed, where none is named."""
+    """The socket with a UV map's UVs; without a name with those of the map that renders, also after it was renamed."""
     kind = "ShaderNodeUVMap" if name else "ShaderNodeTexCoord"
     same = [n for n in tree.nodes if n.bl_idname == kind and not n.from_instancer and getattr(n, "uv_map", "") == name]
     node = same[0] if same else tree.nodes.new(kind)

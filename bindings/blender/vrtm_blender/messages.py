@@ -1,4 +1,4 @@
-"""What artists are told: problems as sentences, and the status bar."""
+"""Messages to artists: problems as sentences, and the status bar."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import bpy
 
 
 class Problem(Exception):
-    """Something that the artist can mend; its text says what and how, and names the object or the setting."""
+    """A fault that the artist can mend; its text names the object or the setting, and the remedy."""
 
 
 def text_of(error: BaseException) -> str:
@@ -22,7 +22,7 @@ def text_of(error: BaseException) -> str:
     return f"{type(error).__name__}: {line}"
 
 
-# Whether the status bar shows a line of this add-on.
+# True while the status bar shows a line of this add-on.
 _shown = False
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import re
+from functools import partial
 
 import bpy
 
-from . import layers, result_image, session
+from . import layers, packed, result_image, session, trees
 from .messages import Problem
 
 # The custom property that tells the kind of a node group of this add-on. No tree may hold a data-block in a custom
@@ -18,31 +18,30 @@ BY_IMAGE, BY_UV_MAP = "image", "uv_map"
 
 
 def image_of(tree: bpy.types.NodeTree) -> bpy.types.Image | None:
-    """The result image that a group is for, also while it shows baked files: that of one of its nodes. So it stays the
-    same one whatever it is called."""
+    """The result image of a group, also while it shows baked files: that of one of its nodes, whatever it is called."""
     images = [node.image for node in _textures(tree) if node.image is not None]
     return next((image for image in images if result_image.LAYOUT in image and layers.is_first(image)), None)
 
 
 def baked_images() -> set[bpy.types.Image]:
-    """The images that groups read baked files by."""
+    """The images of the baked files that groups read."""
     return {image for tree in _by_image() for image in _baked_of(tree)}
 
 
 def groups_of(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
-    """The object's groups by image: those that have its result image, and those in its materials whose result image is
-    gone or is no object's, as where the image was deleted or another one was chosen in the panel."""
-    image, trees = obj.vrtm.image, [tree for tree in _by_image() if tree.library is None]
-    found = [tree for tree in trees if image is not None and image_of(tree) == image]
+    """The object's groups by image: those with its result image, and those in its materials whose result image is gone
+    or no object's, for example if the image was deleted or another one was chosen in the panel."""
+    image, groups = obj.vrtm.image, [tree for tree in _by_image() if tree.library is None]
+    found = [tree for tree in groups if image is not None and image_of(tree) == image]
     used = used_by(obj)
-    others = [tree for tree in trees if tree in used and tree not in found]
+    others = [tree for tree in groups if tree in used and tree not in found]
     # All objects are looked at only where there may be something to mend.
     taken = {other.vrtm.image for other in bpy.data.objects} - {None} if others else set()
     return found + [tree for tree in others if image_of(tree) not in taken and _owner(tree) == obj]
 
 
 def stale_groups(obj: bpy.types.Object) -> list[bpy.types.NodeTree]:
-    """The object's groups by image that do not read the images of its result, as they should."""
+    """The object's groups by image that have lost the images of its result."""
     if obj.vrtm.shows_baked or not obj.vrtm.write_image:
         return []
     images = layers.images_of(obj.vrtm.image)
@@ -64,41 +63,23 @@ def group_by_image(obj: bpy.types.Object) -> bpy.types.NodeTree:
     if image is None:
         raise Problem(f"{obj.name} has no result image yet: press Update Now with the Image output on")
     # A linked group will do, too.
-    trees = [tree for tree in _by_image() if image_of(tree) == image] or groups_of(obj)
-    if trees:
-        if trees[0].library is None and not has_strength(trees[0]) and not obj.vrtm.shows_baked:
-            # Of an earlier version.
-            build_by_image(trees[0], obj)
-        return trees[0]
+    if groups := [tree for tree in _by_image() if image_of(tree) == image] or groups_of(obj):
+        return groups[0]
     tree = bpy.data.node_groups.new(f"vrtm redirection {obj.name}", "ShaderNodeTree")
     tree[KIND] = BY_IMAGE
     build_by_image(tree, obj)
     return tree
 
 
-def has_strength(tree: bpy.types.NodeTree) -> bool:
-    return "Strength" in tree.interface.items_tree
-
-
 def _sockets(tree: bpy.types.NodeTree) -> None:
-    """UV and strength in, UV out: what is there already keeps its links."""
-    if "UV" not in tree.interface.items_tree:
-        tree.interface.new_socket("UV", in_out="OUTPUT", socket_type="NodeSocketVector")
-        tree.interface.new_socket("UV", in_out="INPUT", socket_type="NodeSocketVector")
-    if not has_strength(tree):
-        socket = tree.interface.new_socket("Strength", in_out="INPUT", socket_type="NodeSocketFloat")
-        socket.subtype, socket.min_value, socket.max_value, socket.default_value = "FACTOR", 0, 1, 1
-        # A node that was there before has 0 for what is new.
-        for node in _nodes_with(tree):
-            node.inputs["Strength"].default_value = 1
-        socket.description = "How much of the redirection is added: 0 shows the texture as the surface stretches it"
-
-
-def _nodes_with(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
-    """The nodes that are a group, in materials and in other groups."""
-    trees = [material.node_tree for material in bpy.data.materials if material.node_tree] + list(bpy.data.node_groups)
-    nodes = [node for other in trees if other.bl_idname == "ShaderNodeTree" for node in other.nodes]
-    return [node for node in nodes if node.bl_idname == "ShaderNodeGroup" and node.node_tree == tree]
+    """Makes the sockets of a new group: UV and strength in, UV out."""
+    if len(tree.interface.items_tree):
+        return
+    tree.interface.new_socket("UV", in_out="OUTPUT", socket_type="NodeSocketVector")
+    tree.interface.new_socket("UV", in_out="INPUT", socket_type="NodeSocketVector")
+    socket = tree.interface.new_socket("Strength", in_out="INPUT", socket_type="NodeSocketFloat")
+    socket.subtype, socket.min_value, socket.max_value, socket.default_value = "FACTOR", 0, 1, 1
+    socket.description = "How much of the redirection is added: 0 shows the texture as the surface stretches it"
 
 
 def _by_image() -> list[bpy.types.NodeTree]:
@@ -126,7 +107,7 @@ def _attributes_in(tree: bpy.types.NodeTree) -> set[str]:
 
 
 def _owner(tree: bpy.types.NodeTree) -> bpy.types.Object | None:
-    """The object that a group without a result is for: the first that writes an image and has a material with it."""
+    """The object of a group without a result: the first that writes an image and has a material with it."""
     owners = [obj for obj in bpy.data.objects if obj.vrtm.is_set_up and obj.vrtm.write_image and tree in used_by(obj)]
     return min(owners, key=session.uid_of, default=None)
 
@@ -149,38 +130,23 @@ def group_by_uv_map(obj: bpy.types.Object) -> bpy.types.NodeTree:
     if name not in obj.data.uv_layers:
         raise Problem(f"{obj.name} has no result UV map yet: press Update Now with the UV Map output on")
     tree = next((tree for tree in bpy.data.node_groups if is_by_uv_map(tree, name)), None)
-    if tree is None:
-        tree = bpy.data.node_groups.new(f"vrtm UV map {name}", "ShaderNodeTree")
-        tree[KIND] = BY_UV_MAP
-    elif tree.library is not None or has_strength(tree):
+    if tree is not None:
         return tree
+    tree = bpy.data.node_groups.new(f"vrtm UV map {name}", "ShaderNodeTree")
+    tree[KIND] = BY_UV_MAP
     _sockets(tree)
-    tree.nodes.clear()
-    link = tree.links.new
-    begin, node, output = map(tree.nodes.new, ("NodeGroupInput", "ShaderNodeUVMap", "NodeGroupOutput"))
-    node.uv_map = name
-    mix = tree.nodes.new("ShaderNodeMix")
-    mix.data_type = "VECTOR"
-    begin.location, node.location, mix.location, output.location = (-250, 150), (-250, -100), (0, 0), (250, 0)
-    factor, before, after = (_socket(mix.inputs, name) for name in ("Factor_Float", "A_Vector", "B_Vector"))
-    link(begin.outputs["Strength"], factor)
-    link(begin.outputs["UV"], before)
-    link(node.outputs["UV"], after)
-    link(_socket(mix.outputs, "Result_Vector"), output.inputs["UV"])
+    begin, uv = trees.node(tree, "NodeGroupInput", 0, 1), trees.node(tree, "ShaderNodeUVMap", 0, 0, uv_map=name)
+    mixed = _mixed(tree, 1, 0, begin.outputs["Strength"], begin.outputs["UV"], uv.outputs["UV"])
+    tree.links.new(mixed, trees.node(tree, "NodeGroupOutput", 2, 0).inputs["UV"])
     return tree
 
 
-def _socket(sockets, identifier: str) -> bpy.types.NodeSocket:
-    return next(socket for socket in sockets if socket.identifier == identifier)
-
-
-def remember(tree: bpy.types.NodeTree, image: bpy.types.Image) -> None:
-    """Has a group know its result image, whatever it shows: by a node of its own."""
-    node = next((node for node in _textures(tree) if node.image == image), None)
-    if node is None:
-        _texture(tree, image, (900, -450))
-    else:
-        node.image = image
+def _mixed(tree: bpy.types.NodeTree, x: float, y: float, *sources: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
+    """The output of a new Mix node of a factor and two vectors."""
+    mix = trees.node(tree, "ShaderNodeMix", x, y, data_type="VECTOR")
+    for source, name in zip(sources, ("Factor", "A", "B")):
+        tree.links.new(source, trees.enabled(mix.inputs, name))
+    return trees.enabled(mix.outputs)
 
 
 def show_baked(obj: bpy.types.Object, paths: list[str], first: int, number: int) -> None:
@@ -190,13 +156,7 @@ def show_baked(obj: bpy.types.Object, paths: list[str], first: int, number: int)
     before = _baked_of(tree)
     baked = []
     for layer, path in enumerate(paths):
-        image = bpy.data.images.load(path)
-        if bpy.data.filepath:
-            # Beside the file, so that both can be moved together; on another drive of Windows there is no such path.
-            with contextlib.suppress(ValueError):
-                image.filepath = bpy.path.relpath(path)
-        image.source = "SEQUENCE"
-        image.colorspace_settings.name, image.alpha_mode = "Non-Color", "CHANNEL_PACKED"
+        image = packed.from_file(path, "SEQUENCE")
         image.name = f"{obj.vrtm.image.name} baked" + (f" layer {layer}" if layer else "")
         baked.append(image)
     for node in build_by_image(tree, obj, baked):
@@ -208,24 +168,24 @@ def show_baked(obj: bpy.types.Object, paths: list[str], first: int, number: int)
 
 
 def baked_frames(obj: bpy.types.Object) -> range | None:
-    """The frames of the baked files that the object's material shows, if it does."""
-    for tree in groups_of(obj) if obj.vrtm.shows_baked else []:
-        for node in _textures(tree):
-            if node.image is not None and node.image.source == "SEQUENCE":
-                return range(node.image_user.frame_start, node.image_user.frame_start + node.image_user.frame_duration)
+    """The frames of the baked files that the object's material shows; None if it shows none."""
+    for user in [node.image_user for node in _sequences(obj)]:
+        return range(user.frame_start, user.frame_start + user.frame_duration)
     return None
 
 
 def baked_files(obj: bpy.types.Object, frame: int) -> list[str]:
-    """The files of a frame that the object's material reads, if it shows baked files."""
-    found = []
-    for tree in groups_of(obj) if obj.vrtm.shows_baked else []:
-        for node in _textures(tree):
-            if node.image is not None and node.image.source == "SEQUENCE":
-                path = bpy.path.abspath(node.image.filepath, library=node.image.library)
-                # Blender counts by the last number of a name.
-                found.append(re.sub(r"\d+(?=\D*$)", lambda number: f"{frame:0{len(number[0])}d}", path))
-    return found
+    """The baked files of a frame that the object's material reads."""
+    images = [node.image for node in _sequences(obj)]
+    paths = [bpy.path.abspath(image.filepath, library=image.library) for image in images]
+    # Blender counts by the last number of a name.
+    return [re.sub(r"\d+(?=\D*$)", lambda number: f"{frame:0{len(number[0])}d}", path) for path in paths]
+
+
+def _sequences(obj: bpy.types.Object) -> list[bpy.types.Node]:
+    """The nodes of baked files in the object's groups, if it shows them."""
+    nodes = [node for tree in groups_of(obj) if obj.vrtm.shows_baked for node in _textures(tree)]
+    return [node for node in nodes if node.image is not None and node.image.source == "SEQUENCE"]
 
 
 def show_live(obj: bpy.types.Object) -> None:
@@ -253,8 +213,8 @@ def is_by_uv_map(tree: bpy.types.NodeTree, name: str) -> bool:
 def build_by_image(
     tree: bpy.types.NodeTree, obj: bpy.types.Object, baked: list[bpy.types.Image] | None = None
 ) -> list[bpy.types.Node]:
-    """The nodes of a group by image: the UV's place in the image, what is to be added there, and the sum. Returns the
-    nodes that are looked up, one for each layer: those of `baked`, if it is given.
+    """Makes the nodes of a group by image: the UV's place in the image, the difference there, and the sum. Returns the
+    texture nodes, one for each layer: those of `baked`, if it is given.
 
     The image holds differences, so that where there is nothing yet, and outside of all tiles, the UV stays what it
     is. It is looked up with Linear and Extend. Where tiles lie side by side, a lookup stays half a texel away from
@@ -264,82 +224,42 @@ def build_by_image(
     tree.nodes.clear()
     images = layers.images_of(obj.vrtm.image)
     first_u, first_v, columns, rows, size = images[0][result_image.LAYOUT]
-    link = tree.links.new
-    begin = tree.nodes.new("NodeGroupInput")
-    uv = begin.outputs["UV"]
+    begin, vector = trees.node(tree, "NodeGroupInput", 0, 0), partial(trees.operate, tree, "VectorMath")
+    uv = place = begin.outputs["UV"]
     if baked is not None:
         # The result's node stays, without links: by it the group is known, and the image has a user.
-        _texture(tree, images[0], (900, 150))
-    lookups = [_texture(tree, image, (900, -150 - 300 * layer)) for layer, image in enumerate(baked or images)]
-    place = uv
+        trees.texture(tree, images[0], 5, 1)
     if (first_u, first_v, columns, rows) != (0, 0, 1, 1):
         place = _place(tree, uv, (first_u, first_v), (columns, rows), 0.5 / size)
-    for lookup in lookups:
-        link(place, lookup.inputs["Vector"])
-    scale, add = tree.nodes.new("ShaderNodeVectorMath"), tree.nodes.new("ShaderNodeVectorMath")
-    output = tree.nodes.new("NodeGroupOutput")
-    scale.operation, add.operation = "SCALE", "ADD"
-    scale.location, add.location, output.location = (1600, -150), (1800, 0), (2000, 0)
-    link(_of_layer(tree, lookups, layers.attribute_name(obj.vrtm)), scale.inputs[0])
-    link(begin.outputs["Strength"], scale.inputs["Scale"])
-    link(uv, add.inputs[0])
-    link(scale.outputs["Vector"], add.inputs[1])
-    link(add.outputs["Vector"], output.inputs["UV"])
+    lookups = [trees.texture(tree, image, 5, -1 - 2 * layer, place) for layer, image in enumerate(baked or images)]
+    found = _of_layer(tree, lookups, layers.attribute_name(obj.vrtm))
+    scaled = vector("MULTIPLY", 8, -1, found, begin.outputs["Strength"])
+    tree.links.new(vector("ADD", 9, 0, uv, scaled), trees.node(tree, "NodeGroupOutput", 10, 0).inputs["UV"])
     return lookups
 
 
 def _of_layer(tree: bpy.types.NodeTree, lookups: list[bpy.types.Node], name: str) -> bpy.types.NodeSocket:
-    """What is looked up in the layer of the face that is drawn, by the attribute of faces `name`."""
+    """The lookup in the layer of the face that is drawn, by the attribute of faces `name`."""
     found = lookups[0].outputs["Color"]
     if len(lookups) == 1:
         return found
-    attribute = tree.nodes.new("ShaderNodeAttribute")
-    attribute.attribute_name, attribute.location = name, (900, 400)
+    # An attribute of integers is handed out as a float.
+    number = trees.node(tree, "ShaderNodeAttribute", 5, 3, attribute_name=name).outputs["Fac"]
     for layer, lookup in enumerate(lookups[1:], 1):
-        # An attribute of integers is handed out as a float.
-        equal, mix = tree.nodes.new("ShaderNodeMath"), tree.nodes.new("ShaderNodeMix")
-        equal.operation, mix.data_type = "COMPARE", "VECTOR"
-        equal.location, mix.location = (1200, -150 - 300 * layer), (1400, -150 - 300 * layer)
-        tree.links.new(attribute.outputs["Fac"], equal.inputs[0])
-        equal.inputs[1].default_value, equal.inputs[2].default_value = layer, 0.5
-        factor, before, after = (_socket(mix.inputs, of) for of in ("Factor_Float", "A_Vector", "B_Vector"))
-        tree.links.new(equal.outputs["Value"], factor)
-        tree.links.new(found, before)
-        tree.links.new(lookup.outputs["Color"], after)
-        found = _socket(mix.outputs, "Result_Vector")
+        equal = trees.operate(tree, "Math", "COMPARE", 6, -1 - 2 * layer, number, layer, 0.5)
+        found = _mixed(tree, 7, -1 - 2 * layer, equal, found, lookup.outputs["Color"])
     return found
-
-
-def _texture(tree: bpy.types.NodeTree, image: bpy.types.Image, at: tuple[float, float]) -> bpy.types.Node:
-    node = tree.nodes.new("ShaderNodeTexImage")
-    node.image, node.interpolation, node.extension, node.projection = image, "Linear", "EXTEND", "FLAT"
-    node.location = at
-    return node
 
 
 def _place(tree, uv, first, counts, margin):
     """The UV's place in an image of several tiles: (tile + place within the tile) / number of tiles."""
-    link = tree.links.new
-
-    def vector(operation, at, *inputs):
-        node = tree.nodes.new("ShaderNodeVectorMath")
-        node.operation, node.location = operation, at
-        for socket, value in zip(node.inputs, inputs):
-            if isinstance(value, tuple):
-                socket.default_value = value
-            else:
-                link(value, socket)
-        return node.outputs["Vector"]
-
-    local = vector("SUBTRACT", (150, 0), uv, (*map(float, first), 0.0))
-    tile = vector("FLOOR", (300, -150), local)
-    tile = vector("MAXIMUM", (450, -150), tile, (0.0, 0.0, 0.0))
-    tile = vector("MINIMUM", (600, -150), tile, (counts[0] - 1.0, counts[1] - 1.0, 0.0))
-    within = vector("SUBTRACT", (300, 100), local, tile)
-    within = vector("MAXIMUM", (450, 100), within, (margin, margin, 0.0))
-    within = vector("MINIMUM", (600, 100), within, (1 - margin, 1 - margin, 0.0))
-    both = vector("ADD", (750, 0), tile, within)
-    return vector("DIVIDE", (750, -250), both, (float(counts[0]), float(counts[1]), 1.0))
+    vector = partial(trees.operate, tree, "VectorMath")
+    local = vector("SUBTRACT", 1, 0, uv, (*first, 0))
+    tile = vector("MAXIMUM", 2, -1, vector("FLOOR", 1, -1, local), (0, 0, 0))
+    tile = vector("MINIMUM", 3, -1, tile, (counts[0] - 1, counts[1] - 1, 0))
+    within = vector("MAXIMUM", 3, 1, vector("SUBTRACT", 2, 1, local, tile), (margin, margin, 0))
+    within = vector("MINIMUM", 4, 1, within, (1 - margin, 1 - margin, 0))
+    return vector("DIVIDE", 4, -1, vector("ADD", 4, 0, tile, within), (*counts, 1))
 
 
 def remove_unused_groups() -> None:
@@ -372,7 +292,7 @@ def own_textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
 
 
 def is_of_another(tree: bpy.types.NodeTree, obj: bpy.types.Object) -> bool:
-    """Whether a group hands out the redirection of another object, which has it as its result."""
+    """True if a group's redirection is the result of another object."""
     others = [other for other in bpy.data.objects if other != obj and other.type == "MESH" and other.vrtm.is_set_up]
     if tree[KIND] == BY_UV_MAP:
         names = {other.vrtm.uv_name for other in others if other.data == obj.data} - {obj.vrtm.uv_name}
@@ -382,7 +302,7 @@ def is_of_another(tree: bpy.types.NodeTree, obj: bpy.types.Object) -> bool:
 
 
 def shows_uv_map(obj: bpy.types.Object) -> bool:
-    """Whether one of the object's materials looks up its result UV map."""
+    """True if one of the object's materials looks up its result UV map."""
     return any(is_by_uv_map(tree, obj.vrtm.uv_name) for tree in used_by(obj))
 
 

@@ -1,4 +1,4 @@
-"""How many features lie on seams of the UV map. All of it on arrays."""
+"""The number of features on seams of the UV map. All of it on arrays."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def features(
     uvs: np.ndarray,
     rigidity: Callable[[np.ndarray], np.ndarray],
 ) -> int:
-    """The number of connected parts of all seams that are rigid, by the rigidity of UVs (n, 2): a feature on a seam has
-    one, as a rule. A seam is an edge that two faces have with different UVs."""
+    """The number of connected rigid parts of all seams, by the rigidity of UVs (n, 2): a feature on a seam has one, as
+    a rule. A seam is an edge of two faces with different UVs."""
     following = np.arange(1, len(corner_vertices) + 1)
     ends = np.cumsum(face_counts.astype(np.int64))
     following[ends - 1] = ends - face_counts

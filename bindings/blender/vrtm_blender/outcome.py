@@ -1,4 +1,4 @@
-"""What is asked of a solve, and what it came to: fetched on any thread, and not written anywhere yet."""
+"""The request for a solve, and its results: fetched on any thread, and not written anywhere yet."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .carriers import Moved
 from .prepared import Prepared
 from .result_image import Layout, layout_of, redirection
 
-# Of what is rigid, the least share in triangles that are rigid as a whole at which a UV map keeps features round: about
+# The least share of rigid texels in triangles that are rigid as a whole at which a UV map keeps features round: about
 # four triangles across a feature.
 LEAST_WHOLE = 0.4
 
@@ -24,7 +24,7 @@ class Request:
     positions: np.ndarray  # (vertices, 3) float32
     options: dict[str, Any]
     stamp: bytes  # of all that the result depends on
-    # What is to be fetched of the result; the object's name is for messages.
+    # The parts of the result to be fetched; the object's name is for messages.
     name: str
     map_size: int
     write_image: bool
@@ -43,7 +43,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Outputs:
-    """What is written of a result; None for what was not asked for."""
+    """The written parts of a result; None for those that were not requested."""
 
     layout: Layout | None
     images: list[np.ndarray] | None  # of each layer, (height, width, 4) float32
@@ -88,7 +88,7 @@ def surface_strain(prepared: Prepared, positions: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What there is to be written and told of a solve."""
+    """The parts of a solve's result that are written and told."""
 
     outputs: Outputs
     figures: list[tuple[str, str]]
@@ -96,7 +96,7 @@ class Outcome:
 
 
 def figures(prepared: Prepared, request: Request, outputs: Outputs) -> list[tuple[str, str]]:
-    """What the panel shows of the last solve, as labels and values: the strain of what the material shows."""
+    """Labels and values of the last solve, for the panel; the strain is for the material's source, image or UV map."""
     report = prepared.asset.report()
     tiles = [tile.report() for tile in prepared.asset.tiles]
     number = layers.number_of(prepared.asset)
@@ -136,7 +136,7 @@ def percent(share: float) -> str:
 
 
 def notes(prepared: Prepared, request: Request) -> list[str]:
-    """What is likely not as it is meant, in sentences."""
+    """Likely mistakes in the inputs, in sentences."""
     found = _of_rigidity(*prepared.rigid_share()) or _of_overlaps(prepared)
     if request.by_uv_map and prepared.whole_share() < LEAST_WHOLE:
         found.append("Faces are larger than features, which the UV map cannot follow: press Set Up by Image")
@@ -144,7 +144,7 @@ def notes(prepared: Prepared, request: Request) -> list[str]:
 
 
 def _of_overlaps(prepared: Prepared) -> list[str]:
-    """Whether most of what is rigid does not move because islands share the texture there. All layers count."""
+    """A sentence if most rigid texels do not move, since islands share the texture there. All layers count."""
     tiles = prepared.asset.tiles
     rigid, overlapped = (sum(getattr(tile.info, f"rigid_{of}") for tile in tiles) for of in ("nodes", "overlapped"))
     if 2 * overlapped <= rigid or tiles[0].settings.overlap == "first_face":

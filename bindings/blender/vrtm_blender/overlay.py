@@ -1,5 +1,4 @@
-"""Strain in the viewport: a colour attribute that Solid shading shows, red where what is painted is stretched, blue
-where it is squeezed."""
+"""Strain in the viewport: a colour attribute that Solid shading shows, red for stretched texture, blue for squeezed."""
 
 from __future__ import annotations
 
@@ -16,8 +15,8 @@ _shading: dict[int, str] = {}
 
 
 def colours(prepared: Prepared, pose: np.ndarray, after: bool, rigid_only: bool) -> np.ndarray:
-    """Colours of all vertices, (vertices, 4) float32, for the asset's last result, or without it; of what is rigid
-    alone, or all of the texture. On any thread."""
+    """Colours of all vertices, (vertices, 4) float32, `after` the asset's last result or before it, of rigid parts only
+    or of all of the texture. On any thread."""
     mesh = prepared.mesh
     topology = mesh.topology
     found = strain.of_vertices(
@@ -68,7 +67,7 @@ def remove(obj: bpy.types.Object) -> None:
 
 
 def show(on: bool) -> None:
-    """Has the viewports with Solid shading show the active colour attribute, or what they showed before."""
+    """Has the viewports with Solid shading show the active colour attribute, or the colours before."""
     manager = bpy.context.window_manager
     for window in manager.windows if manager is not None else ():
         for space in (area.spaces.active for area in window.screen.areas if area.type == "VIEW_3D"):

@@ -1,7 +1,8 @@
-"""Images out of arrays, packed into the file, with UDIM tiles, too."""
+"""Images out of arrays, packed into the file, with UDIM tiles, too; and images of files."""
 
 from __future__ import annotations
 
+import contextlib
 import os
 import tempfile
 
@@ -22,6 +23,18 @@ def image(name: str, tiles: dict[int, np.ndarray], like: bpy.types.Image | None 
         return _tiled(name, tiles, like)
     made = _whole(name, tiles[WHOLE], like)
     made.pack()
+    return made
+
+
+def from_file(path: str, source: str = "FILE", check_existing: bool = False) -> bpy.types.Image:
+    """A file's image, as data."""
+    made = bpy.data.images.load(path, check_existing=check_existing)
+    if bpy.data.filepath:
+        # Beside the file, so that both can be moved together; on another drive of Windows there is no such path.
+        with contextlib.suppress(ValueError):
+            made.filepath = bpy.path.relpath(path)
+    made.source = source
+    made.colorspace_settings.name, made.alpha_mode = "Non-Color", "CHANNEL_PACKED"
     return made
 
 

@@ -19,6 +19,11 @@ class _Panel:
         return context.object is not None and context.object.type == "MESH"
 
 
+class _Part(_Panel):
+    bl_parent_id = "VRTM_PT_main"
+    bl_options = {"DEFAULT_CLOSED"}
+
+
 class VRTM_PT_main(_Panel, bpy.types.Panel):
     bl_label = "Rigid Features (vrtm)"
     bl_idname = "VRTM_PT_main"
@@ -53,7 +58,7 @@ class VRTM_PT_main(_Panel, bpy.types.Panel):
 
 
 class VRTM_PT_view(bpy.types.Panel):
-    """In the sidebar of 3D views: what is needed while posing and painting."""
+    """In the sidebar of 3D views: buttons for posing and painting."""
 
     bl_label = "Rigid Features (vrtm)"
     bl_space_type, bl_region_type, bl_category = "VIEW_3D", "UI", "vrtm"
@@ -70,10 +75,8 @@ class VRTM_PT_view(bpy.types.Panel):
             status.draw(layout, context, line)
 
 
-class VRTM_PT_quality(_Panel, bpy.types.Panel):
+class VRTM_PT_quality(_Part, bpy.types.Panel):
     bl_label = "Quality and Outputs"
-    bl_parent_id = "VRTM_PT_main"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.object.vrtm
@@ -100,10 +103,8 @@ class VRTM_PT_quality(_Panel, bpy.types.Panel):
             layout.prop(settings, "image")
 
 
-class VRTM_PT_advanced(_Panel, bpy.types.Panel):
+class VRTM_PT_advanced(_Part, bpy.types.Panel):
     bl_label = "Advanced"
-    bl_parent_id = "VRTM_PT_main"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         # Names stand within the fields: beside them the longest is cut at the panel's usual width.
@@ -119,10 +120,8 @@ class VRTM_PT_advanced(_Panel, bpy.types.Panel):
             status.draw(column, context, status.Line(text))
 
 
-class VRTM_PT_strain(_Panel, bpy.types.Panel):
+class VRTM_PT_strain(_Part, bpy.types.Panel):
     bl_label = "Show Strain"
-    bl_parent_id = "VRTM_PT_main"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -132,10 +131,8 @@ class VRTM_PT_strain(_Panel, bpy.types.Panel):
         layout.label(text="Red: stretched. Blue: squeezed", icon="INFO")
 
 
-class VRTM_PT_material(_Panel, bpy.types.Panel):
+class VRTM_PT_material(_Part, bpy.types.Panel):
     bl_label = "Material"
-    bl_parent_id = "VRTM_PT_main"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
@@ -147,10 +144,8 @@ class VRTM_PT_material(_Panel, bpy.types.Panel):
         layout.operator("vrtm.clear_material")
 
 
-class VRTM_PT_carry(_Panel, bpy.types.Panel):
+class VRTM_PT_carry(_Part, bpy.types.Panel):
     bl_label = "Carry"
-    bl_parent_id = "VRTM_PT_main"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, obj = self.layout, context.object
@@ -167,10 +162,8 @@ class VRTM_PT_carry(_Panel, bpy.types.Panel):
         layout.operator("vrtm.carry_remove")
 
 
-class VRTM_PT_bake(_Panel, bpy.types.Panel):
+class VRTM_PT_bake(_Part, bpy.types.Panel):
     bl_label = "Bake to Disk"
-    bl_parent_id = "VRTM_PT_main"
-    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         layout, scene = self.layout, context.scene
@@ -233,7 +226,7 @@ class VRTM_MT_rigidity(bpy.types.Menu):
 
 
 class VRTM_MT_begin(bpy.types.Menu):
-    """What Set Up asks where nothing tells what is rigid."""
+    """The question of Set Up if nothing tells what is rigid."""
 
     bl_label = "What keeps its shape?"
 
@@ -285,7 +278,7 @@ def paint_header(self, context: bpy.types.Context) -> None:
 
 
 def draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """What has an object solved, and what it came to."""
+    """Draws the buttons for solves, and two rows on the last one."""
     obj, settings = context.object, context.object.vrtm
     row, present = layout.row(align=True), preset_of(settings)
     for name in PRESETS:

@@ -1,4 +1,4 @@
-"""An object's asset, and what it was made of. None of this touches Blender's data: it takes arrays, on any thread."""
+"""An object's asset, and its inputs. None of this touches Blender's data: it takes arrays, on any thread."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     import vrtm
 
 
-# A finer grid hardly ever tells more of which of two ways is better.
+# Cells per side for the choice between two ways: a finer grid hardly ever changes it.
 MEASURED = 512
 
 
-# What the library says once, when it makes something: parts of its sentences, and the inputs with which they end. All
-# else is of a pose.
+# Warnings that the library gives once, when it makes something: parts of its sentences, and the inputs with which they
+# end. All others are of a pose.
 LASTING = {
     "mesh: ": ("mesh",),
     " goes up to ": ("mesh", "rigidity", "mask"),
@@ -39,7 +39,7 @@ ARTISTS = (
     r"Tile \1: \2 points do not move, where UV edges nearly touch. Where they belong together, merge them in the UV "
     r"editor (UV > Merge > By Distance)"
 )
-# What outcome.py tells in other words.
+# A warning that outcome.py tells in other words.
 SAID = " of it is overlapped"
 
 
@@ -66,20 +66,20 @@ class MapsInput:
 
 @dataclass
 class Inputs:
-    """What was read of an object and is not part of its asset yet; None for what has not changed."""
+    """The inputs that were read of an object and are not in its asset yet; None for unchanged ones."""
 
     mesh: MeshInput | None = None
     maps: MapsInput | None = None
     carried: CarriedInput | None = None
 
     def take(self) -> Inputs:
-        """All of it; nothing is left here."""
+        """The inputs; nothing is left here."""
         taken = Inputs(self.mesh, self.maps, self.carried)
         self.mesh = self.maps = self.carried = None
         return taken
 
     def give_back(self, older: Inputs) -> None:
-        """Puts back what came to nothing, unless it was read again meanwhile."""
+        """Puts back unused inputs, unless they were read again meanwhile."""
         self.mesh, self.maps = self.mesh or older.mesh, self.maps or older.maps
         self.carried = self.carried or older.carried
 
@@ -95,20 +95,20 @@ class Prepared:
     mesh: MeshInput | None = None
     # The rigidity by vertices, if it is.
     vertices: np.ndarray | None = None
-    # What rigid_share has found, whole_share, and features_on_seams.
+    # Kept results of rigid_share, whole_share and features_on_seams.
     rigid: tuple[float, float, float] | None = None
     whole: float | None = None
     on_seams: int | None = None
-    # What the library has said that lasts, and the stamps of what it lasts with.
+    # Lasting warnings of the library, and the stamps of the inputs with which they end.
     told: dict[str, dict[str, Any]] = field(default_factory=dict)
-    # Where the mesh lies in an image of this layout.
+    # The raster of the mesh in an image of this layout.
     raster: tuple[Layout, Raster] | None = None
     # The layer of each face, (faces,) uint32; None where there is one layer alone.
     layers: np.ndarray | None = None
     carriers: Carriers | None = None
 
     def apply(self, inputs: Inputs) -> None:
-        """Makes or mends the asset, as far as what it depends on has changed. Raises vrtm.Error or a Problem."""
+        """Makes or mends the asset, as far as its inputs have changed. Raises vrtm.Error or a Problem."""
         mesh = inputs.mesh
         if mesh is not None and (self.asset is None or self.stamps.get("mesh") != mesh.stamp):
             self.close()
@@ -137,14 +137,14 @@ class Prepared:
         for which, setter in setters.items():
             if self.stamps.get(which) == maps.stamps[which]:
                 continue
-            # What is set first must not stay if what follows fails.
+            # The stamp must not stay if the setter fails.
             self.stamps.pop(which, None)
             self.rigid = self.whole = self.on_seams = None
             setter(getattr(maps, which))
             self.stamps[which] = maps.stamps[which]
 
     def _tiles(self) -> list[vrtm.Tile]:
-        """One for each UDIM number: what is set of it holds for all of its layers."""
+        """One tile for each UDIM number: its settings hold for all of its layers."""
         return [tile for tile in self.asset.tiles if tile.layer == 0]
 
     def _set_settings(self, settings: dict[str, Any]) -> None:
@@ -152,7 +152,7 @@ class Prepared:
             tile.set_settings(**settings)
 
     def measured(self, seams: str, positions: np.ndarray, quality: str) -> list[vrtm.TileReport]:
-        """What a pose comes to with these seams, on at most 512 cells per side. The settings are to be set again."""
+        """The reports of a pose with these seams, on at most 512 cells per side. The settings are to be set again."""
         self.stamps.pop("settings", None)
         for tile in self._tiles():
             width, height = (min(cells, MEASURED) for cells in tile.grid)
@@ -186,7 +186,7 @@ class Prepared:
         self.painted = {tile.udim: image for tile in self._tiles() if (image := new.of(tile.udim)) is not None}
 
     def notes(self, said: list[str]) -> list[str]:
-        """What the library has said of a solve, and what it said of the same inputs before."""
+        """The library's warnings of a solve, and its earlier ones of the same inputs."""
         said = [line for line in said if SAID not in line]
         for line in said:
             for part in [part for part in LASTING if part in line]:
@@ -210,21 +210,21 @@ class Prepared:
         return self.vertices is not None or bool(self.painted)
 
     def rigidity_of_vertices(self, uvs: np.ndarray) -> np.ndarray:
-        """What is seen at each vertex with UVs of the face corners, (vertices,): a mean over its corners."""
+        """The rigidity at each vertex with UVs of the face corners, (vertices,): a mean over its corners."""
         of = self.mesh.topology
         found = self._rigidity(uvs, np.arange(len(uvs))[:, None], np.ones((len(uvs), 1)))
         total, number = (np.bincount(of.corner_vertices, values, of.vertices) for values in (found, None))
         return total / np.maximum(number, 1)
 
     def whole_share(self) -> float:
-        """The share of what is rigid that lies in triangles which are rigid as a whole."""
+        """The share of rigid texels in triangles that are rigid as a whole."""
         if self.whole is None:
             topology = self.mesh.topology
             self.whole = strain.whole_share(topology.face_counts, topology.uvs, self._rigidity)
         return self.whole
 
     def features_on_seams(self) -> int:
-        """How many features of a painted image lie on seams that do not continue."""
+        """The number of features of a painted image on seams that do not continue."""
         if not self.painted or self.asset.tiles[0].settings.seams == "continue":
             return 0
         if self.on_seams is None:
@@ -233,7 +233,7 @@ class Prepared:
         return self.on_seams
 
     def strain_of(self, pose: np.ndarray, uvs: np.ndarray) -> float:
-        """The strain (RMS) of what is rigid where the texture is looked up at UVs of the face corners, (corners, 2)."""
+        """The strain (RMS) of rigid parts if the texture is looked up at UVs of the face corners, (corners, 2)."""
         of = self.mesh.topology
         return strain.of_features(of.corner_vertices, of.face_counts, of.uvs, self.mesh.rest, pose, uvs, self._rigidity)
 

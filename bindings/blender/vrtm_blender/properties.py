@@ -77,7 +77,10 @@ class VrtmSettings(bpy.types.PropertyGroup):
         name="In Renders", description="Solve each frame that is rendered, also while Live is off", default=True
     )
     rigidity_source: EnumProperty(
-        name="Rigidity", description="Where it is painted what keeps its shape", items=SOURCES, update=_changed
+        name="Rigidity",
+        description="The source of rigidity: painted parts keep their shape",
+        items=SOURCES,
+        update=_changed,
     )
     rigidity_image: PointerProperty(
         name="Image", description="White keeps its shape, black is elastic", type=bpy.types.Image, update=_changed
@@ -87,10 +90,13 @@ class VrtmSettings(bpy.types.PropertyGroup):
         name="Name", description="The vertex group or attribute: 1 keeps its shape, 0 is elastic", update=_changed
     )
     mask_source: EnumProperty(
-        name="Mask", description="Where it is painted what must not move in the UVs", items=SOURCES, update=_changed
+        name="Mask",
+        description="The source of the mask: masked parts do not move in the UVs",
+        items=SOURCES,
+        update=_changed,
     )
     mask_image: PointerProperty(
-        name="Image", description="What is darker than half does not move", type=bpy.types.Image, update=_changed
+        name="Image", description="Parts darker than half do not move", type=bpy.types.Image, update=_changed
     )
     mask_channel: EnumProperty(name="Channel", items=CHANNELS, update=_changed)
     mask_name: StringProperty(
@@ -114,7 +120,7 @@ class VrtmSettings(bpy.types.PropertyGroup):
     rest_frame: IntProperty(name="Frame", description="The frame whose shape is the rest shape", default=1)
     # The captured shape, where the object's mesh is linked and cannot keep it.
     rest_mesh: PointerProperty(name="Captured Rest", type=bpy.types.Mesh)
-    # As Subdivision Surface has them: what the viewport shows, and what renders and bakes have.
+    # Two values each, as of Subdivision Surface: the viewport's, and that of renders and bakes.
     quality: EnumProperty(**QUALITY, update=_changed)
     render_quality: EnumProperty(**QUALITY)
     grid: IntProperty(**GRID, update=_changed)
@@ -123,7 +129,7 @@ class VrtmSettings(bpy.types.PropertyGroup):
     render_map_size: IntProperty(**MAP_SIZE)
     overlaps: EnumProperty(
         name="Overlaps",
-        description="What happens where islands lie over one another in the UV map, as mirrored halves do",
+        description="Treatment of islands that lie over one another in the UV map, as mirrored halves do",
         items=[
             ("each", "Each", "Every island is solved as if it were alone: each layer of islands has its own result"),
             ("fixed", "Fixed", "Nothing moves where islands share the texture"),
@@ -134,36 +140,30 @@ class VrtmSettings(bpy.types.PropertyGroup):
     )
     seams: EnumProperty(
         name="Seams",
-        description="What happens to features at the seams of the UV map",
+        description="Treatment of features at the seams of the UV map",
         items=[
-            ("auto", "Auto", "Continue where all textures are dilated; else Shut or Keep, whichever is better", "", 3),
-            ("shut", "Shut", "Nothing moves at a seam: a feature on one keeps its width there", "", 0),
-            ("keep", "Keep", "A feature that touches a border stays as it is, whole", "", 1),
-            ("continue", "Continue", "Features keep their shape across seams. Press Dilate Textures for that", "", 2),
+            ("auto", "Auto", "Continue where all textures are dilated; else Shut or Keep, whichever is better"),
+            ("shut", "Shut", "Nothing moves at a seam: a feature on one keeps its width there"),
+            ("keep", "Keep", "A feature that touches a border stays as it is, whole"),
+            ("continue", "Continue", "Features keep their shape across seams. Press Dilate Textures for that"),
         ],
         default="shut",
         update=_changed,
     )
     open_borders: EnumProperty(
         name="Open Borders",
-        description="What happens where the mesh ends",
+        description="Treatment of textures at the ends of the mesh",
         items=[
-            (
-                "auto",
-                "Auto",
-                "Slide where all textures are dilated, and no other mesh begins there",
-                "",
-                2,
-            ),
-            ("fixed", "Fixed", "Nothing moves there, as is right where another mesh begins", "", 0),
-            ("slide", "Slide", "Textures slide along the border, so that features there keep their shape", "", 1),
+            ("auto", "Auto", "Slide where all textures are dilated, and no other mesh begins there"),
+            ("fixed", "Fixed", "Nothing moves there, as is right where another mesh begins"),
+            ("slide", "Slide", "Textures slide along the border, so that features there keep their shape"),
         ],
         default="fixed",
         update=_changed,
     )
     seam_reach: FloatProperty(
         name="Reach",
-        description="How far the surface is looked at beyond seams and open borders, in UV: the radius of the largest "
+        description="Width of the surface beyond seams and open borders that counts, in UV: the radius of the largest "
         "feature there",
         min=0.001,
         max=0.5,
@@ -265,9 +265,9 @@ class VrtmSettings(bpy.types.PropertyGroup):
         ],
         update=_strain_changed,
     )
-    # What Auto has found: the better one of Shut and Keep and what told it, and whether the surface goes on in other
-    # vertices where the mesh ends.
-    seams_found: EnumProperty(items=[("shut", "Shut", "", "", 0), ("keep", "Keep", "", "", 1)], default="shut")
+    # Findings of Auto: the better one of Shut and Keep, its reason, and True if other vertices lie at the ends of the
+    # mesh.
+    seams_found: EnumProperty(items=[("shut", "Shut", ""), ("keep", "Keep", "")])
     seams_why: StringProperty()
     goes_on: BoolProperty()
     # The outputs. A pointer follows renaming, undo and saving; a UV map has no pointer, so its name is kept.
@@ -281,12 +281,12 @@ class VrtmSettings(bpy.types.PropertyGroup):
 
     @property
     def is_set_up(self) -> bool:
-        """Whether there is something to be redirected."""
+        """True if the object has a rigidity, so that something is redirected."""
         return self.id_data.type == "MESH" and self.rigidity_source != "NONE"
 
     @property
     def is_followed(self) -> bool:
-        """Whether there is something to be computed for the object's poses: a redirection, or strain alone."""
+        """True if something is computed for the object's poses: a redirection, or strain alone."""
         return self.id_data.type == "MESH" and (self.is_set_up or self.strain != "NONE")
 
 
@@ -299,7 +299,7 @@ class VrtmBakeSettings(bpy.types.PropertyGroup):
 
     directory: StringProperty(
         name="Folder",
-        description="Where to write; // is the folder of the file",
+        description="The folder of baked files; // is that of the file",
         subtype="DIR_PATH",
         default="//vrtm/",
         **PATH_OPTIONS,
@@ -313,7 +313,7 @@ class VrtmBakeSettings(bpy.types.PropertyGroup):
     form: EnumProperty(
         name="Form",
         items=[
-            ("delta", "Delta", "What to add to the UV; what the node group reads"),
+            ("delta", "Delta", "The difference to add to the UV, for the node group"),
             ("udim", "UDIM", "The UV among all tiles, for a lookup that goes straight into a texture's Vector"),
             ("tile", "Tile", "The UV within the tile, for programs with one texture per tile"),
         ],

@@ -11,7 +11,7 @@ _CHUNK = 1 << 20
 
 
 class Raster:
-    """Which triangle lies under the middle of each texel of an image, and where in it. Of triangles that lie over one
+    """The triangle under the middle of each texel of an image, and the place in it. Of triangles that lie over one
     another the last one counts."""
 
     def __init__(self, vertices: np.ndarray, points: np.ndarray, shape: tuple[int, int]) -> None:
@@ -26,7 +26,7 @@ class Raster:
             np.where(area == 0, 1, np.maximum(np.ceil(points[..., 1].min(1) - 0.5), 0)).astype(np.int64),
             np.where(area == 0, 0, np.minimum(np.floor(points[..., 1].max(1) - 0.5), height - 1)).astype(np.int64),
         )
-        # Where each row's middle line enters and leaves the triangle.
+        # The columns at which each row's middle line enters and leaves the triangle.
         a, b, y = points[triangle], np.roll(points, -1, 1)[triangle], (rows + 0.5)[:, None]
         with np.errstate(all="ignore"):
             share = (y - a[..., 1]) / (b[..., 1] - a[..., 1])

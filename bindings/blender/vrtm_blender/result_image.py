@@ -1,4 +1,4 @@
-"""An object's result image: how tiles lie in it, and its texels."""
+"""An object's result image: the layout of its tiles, and its texels."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from .messages import Problem
 if TYPE_CHECKING:
     import vrtm
 
-# Of an image that holds the surface's strain: lookups of it are not redirected.
+# The custom property of an image of the surface's strain: lookups of it are not redirected.
 STRAIN = "vrtm_strain"
-# Where the layout of a result's image is kept: in the image, for the node group and for bakes.
+# The custom property of a result's image with its layout, for the node group and for bakes.
 LAYOUT = "vrtm_layout"
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How tiles lie in the image: side by side, as in the UV editor, each of `size` x `size` texels.
+    """The layout of tiles in the image: side by side, as in the UV editor, each of `size` x `size` texels.
 
     Blender lets scripts write the first tile of a tiled image only. So a result of several tiles is one image without
     tiles, and the node group finds a UV's place in it.
@@ -69,8 +69,8 @@ def layout_of(asset: vrtm.Asset, name: str, map_size: int) -> Layout:
 
 
 def redirection(asset: vrtm.Asset, layout: Layout, layer: int) -> np.ndarray:
-    """The image of a layer of the last result: (height, width, 4) float32, bottom row first; what to add to u and v in
-    the first two channels, and 1 in the last one, so that no alpha mode changes the others."""
+    """The image of a layer of the last result: (height, width, 4) float32, bottom row first; the differences of u and
+    v in the first two channels, and 1 in the last one, so that no alpha mode changes the others."""
     image = np.zeros((layout.height, layout.width, 4), np.float32)
     image[..., 3] = 1
     for tile in [tile for tile in asset.tiles if tile.layer == layer]:
@@ -81,9 +81,9 @@ def redirection(asset: vrtm.Asset, layout: Layout, layer: int) -> np.ndarray:
 
 
 def pack(image: bpy.types.Image) -> None:
-    """Packs an image into the file as EXR of 16-bit floats, compressed; what is in memory is then what was packed: of
-    what is to be added to u and v 1 / 2048 is lost at most, a tenth of a texel of 4096 where it is 0.05. Blender's own
-    `pack` takes 16 bytes for each texel. Raises RuntimeError."""
+    """Packs an image into the file as EXR of 16-bit floats, compressed, and reads it back: differences of UVs lose
+    1 / 2048 at most, a tenth of a texel of 4096 for one of 0.05. Blender's own `pack` takes 16 bytes for each texel.
+    Raises RuntimeError."""
     pixels = np.empty((image.size[1], image.size[0], 4), np.float32)
     image.pixels.foreach_get(pixels.ravel())
     data = exr.halves(pixels)
@@ -94,19 +94,19 @@ def pack(image: bpy.types.Image) -> None:
 
 
 def is_result(image: bpy.types.Image | None) -> bool:
-    """Whether an image was made for a result. The artist may choose another one in the panel, which is not written
+    """True if an image was made for a result. The artist may choose another one in the panel, which is not written
     to."""
     return image is not None and LAYOUT in image
 
 
 def is_cache(image: bpy.types.Image | None) -> bool:
-    """Whether an image is written by solves: a redirection, or the surface's strain."""
+    """True if solves write the image: a redirection, or the surface's strain."""
     return is_result(image) or (image is not None and STRAIN in image)
 
 
 def has_pixels(image: bpy.types.Image) -> bool:
-    """Whether an image holds anything. One that existed in memory only is there again when the file is opened, but
-    empty: so it is with files that Blender saved on a timer, or without this add-on."""
+    """True if an image has pixels. One that existed in memory only is empty when the file is opened: so it is with
+    files that Blender saved on a timer, or without this add-on."""
     if image.is_dirty or image.packed_file is not None:
         return True
     return image.source != "GENERATED" and image.size[0] > 0

@@ -15,13 +15,8 @@ from .states import State
 OUTPUTS = ("image", "uvs", "delta", "strain", "strain_image")
 
 
-def are_there(obj: bpy.types.Object) -> bool:
-    """Whether what was written before is still there: an undo, a file or the artist may have taken it away."""
-    return missing(obj) is None
-
-
 def missing(obj: bpy.types.Object) -> str | None:
-    """What of the object's results is not there, in words."""
+    """The missing part of the object's results, in words: an undo, a file or the artist may have removed it."""
     settings = obj.vrtm
     if not obj.vrtm.is_set_up:
         return None
@@ -51,14 +46,14 @@ def missing(obj: bpy.types.Object) -> str | None:
 
 
 def is_written(obj: bpy.types.Object, output: str) -> bool:
-    """Whether an output is switched on, and there is somewhere to write it: a linked mesh takes nothing."""
+    """True if an output is switched on, and can be written: a linked mesh takes nothing."""
     return getattr(obj.vrtm, f"write_{output}") and (output.endswith("image") or not geometry.is_linked(obj))
 
 
 def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outcome) -> None:
-    """Writes what a job came to."""
+    """Writes the outcome of a job."""
     outputs = outcome.outputs
-    # What the artist has done until now is heard of as such, and what the writes cause as nothing new.
+    # Updates until now are the artist's; those of the writes are not.
     _update()
     before, session.writing = session.writing, True
     try:
@@ -94,27 +89,27 @@ def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outc
 
 
 def _update() -> None:
-    """Has Blender evaluate what was changed, so that its handlers are called now."""
+    """Has Blender evaluate the changes, so that its handlers are called now."""
     layer = bpy.context.view_layer
     if layer is not None and not (session.rendering or session.baking or session.handling):
         layer.update()
 
 
 def still_right(state: State, request: Request) -> None:
-    """What is shown is the result of this request."""
+    """Notes that the result of this request is shown."""
     state.frame, state.fresh = request.frame, True
     if state.stamps == state.prepared.stamps:
-        # What was read again is in the asset already.
+        # Inputs that were read again are in the asset already.
         state.inputs.take()
 
 
 def is_shown(obj: bpy.types.Object, state: State, request: Request) -> bool:
-    """Whether the result of this request is what was written last, and is there."""
-    return request.stamp == state.shown and are_there(obj)
+    """True if the result of this request was written last, and is there."""
+    return request.stamp == state.shown and missing(obj) is None
 
 
 def was_taken_back(obj: bpy.types.Object, state: State) -> bool:
-    """Whether an undo has taken a UV map back that was written after the undo's step. Pixels of images stay."""
+    """True if an undo has taken back a UV map that was written after the undo's step. Pixels of images stay."""
     if not state.rewrite or state.uvs is None or obj.vrtm.uv_name not in obj.data.uv_layers:
         return False
     return not np.array_equal(geometry.read(obj.data.uv_layers[obj.vrtm.uv_name].uv, "vector", 2), state.uvs)
@@ -235,7 +230,7 @@ def strain_name(settings: bpy.types.PropertyGroup) -> str:
 
 
 def names_of(settings: bpy.types.PropertyGroup) -> set[str]:
-    """What is written to the mesh of an object's results."""
+    """The names of all that an object's results write to the mesh."""
     return {settings.uv_name, delta_name(settings), strain_name(settings), layers.attribute_name(settings)}
 
 
@@ -246,7 +241,7 @@ def write_attribute(obj: bpy.types.Object, name: str, domain: str, values: np.nd
 
 
 def own_name(obj: bpy.types.Object) -> None:
-    """Sees to the name of what is written to the mesh: objects that share a mesh have one each."""
+    """Gives the object a name of its own for its results in the mesh: objects that share a mesh have one each."""
     mesh, settings, uid = obj.data, obj.vrtm, session.uid_of(obj)
     before = settings.uv_name
     others = [other for other in bpy.data.objects if other != obj and other.data == mesh and other.vrtm.is_set_up]

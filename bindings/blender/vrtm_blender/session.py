@@ -1,4 +1,4 @@
-"""What lives as long as Blender's session: the library, its devices, and what Blender is doing at present."""
+"""Blender's session: the library, its devices, and Blender's present activity."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ _ear = threading.local()
 
 @contextlib.contextmanager
 def listening() -> Iterator[list[str]]:
-    """What the library warns of on this thread until the end of the block."""
+    """The library's warnings on this thread until the end of the block."""
     before, _ear.lines = getattr(_ear, "lines", None), []
     try:
         yield _ear.lines
@@ -75,7 +75,7 @@ def _log(level: str, message: str) -> None:
 
 
 def synchronous() -> bool:
-    """Whether a frame is to be solved at once, instead of beside Blender's work."""
+    """True if a frame is solved at once, and not beside Blender's work."""
     return rendering or baking or (bpy.app.background and not live_in_background)
 
 

@@ -1,4 +1,4 @@
-"""From an object's settings and geometry to what a job needs, and from a pose to its result."""
+"""From an object's settings and geometry to a job's inputs, and from a pose to its result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .work import Work
 
 
 def read(obj: bpy.types.Object, state: State) -> None:
-    """Reads what has changed of what the object's asset depends on, into the state's inputs. Raises a Problem."""
+    """Reads the changed inputs of the object's asset into the state. Raises a Problem."""
     if obj.mode == "EDIT":
         raise Problem(f"{obj.name} is in Edit Mode: results are computed when you leave it")
     if not obj.vrtm.is_followed:
@@ -60,16 +60,14 @@ def _read_maps(obj: bpy.types.Object, state: State) -> None:
 def level_of(obj: bpy.types.Object) -> tuple[str, int, int]:
     """Quality, grid and map size: the viewport's, or those of renders and bakes."""
     kind = "render_" if session.rendering or session.baking else ""
-    quality, grid, map_size = (getattr(obj.vrtm, kind + name) for name in ("quality", "grid", "map_size"))
-    # Files of earlier versions may have a quality that is gone.
-    return quality or "normal", grid, map_size
+    return tuple(getattr(obj.vrtm, kind + name) for name in ("quality", "grid", "map_size"))
 
 
 def settings_of(obj: bpy.types.Object) -> dict[str, object]:
-    """What is set of all tiles."""
+    """The settings of all tiles."""
     settings, found = obj.vrtm, borders.chosen(obj)
     ways = {"seams": found.seams, "open_borders": found.open_borders, "seam_reach": settings.seam_reach}
-    # What lies over itself, and what the layers do not suffice for, stays as it is.
+    # Islands that lie over themselves, and those beyond the last layer, stay as they are.
     overlap = "first_face" if settings.overlaps == "first_face" else "fixed"
     grid, turns = level_of(obj)[1], settings.keep_direction
     if turns and (found.seams == "continue" or found.open_borders == "slide"):
@@ -81,7 +79,7 @@ def settings_of(obj: bpy.types.Object) -> dict[str, object]:
 
 
 def options_of(obj: bpy.types.Object) -> dict[str, object]:
-    """How the library solves for this object."""
+    """The options of the library's solves for this object."""
     return {"quality": level_of(obj)[0], "measure": obj.vrtm.measure}
 
 
@@ -98,8 +96,8 @@ def prepare(obj: bpy.types.Object, state: State) -> None:
 
 
 def find_seams(obj: bpy.types.Object, state: State, depsgraph: bpy.types.Depsgraph) -> None:
-    """Finds which of Keep and Shut is better in the object's pose, where Auto has to choose between them. Raises a
-    Problem or vrtm.Error."""
+    """Chooses the better one of Keep and Shut in the object's pose, if Auto leaves both. Raises a Problem or
+    vrtm.Error."""
     settings = obj.vrtm
     if settings.seams != borders.AUTO or not settings.is_set_up or borders.chosen(obj).seams == "continue":
         return

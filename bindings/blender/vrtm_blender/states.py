@@ -1,4 +1,4 @@
-"""What is known of each object: its asset, its job and what was last heard of it.
+"""The state of each object: its asset, its job and the last message.
 
 All of it is a cache. Nothing here refers to Blender's data: objects are known by their session_uid, which survives
 renaming and undo, so that an undo, a deletion or another file cannot leave a dead pointer behind.
@@ -29,9 +29,9 @@ class State:
     prepared: Prepared
     inputs: Inputs
     counts: tuple[int, int, int] = (0, 0, 0)
-    # What the inputs that were read last depend on.
+    # Stamps of the inputs that were read last.
     stamps: dict[str, Any] = field(default_factory=dict)
-    # What has to be read again before the next solve.
+    # Inputs to be read again before the next solve.
     mesh_changed: bool = True
     maps_changed: bool = True
     carried_changed: bool = True
@@ -42,7 +42,8 @@ class State:
     shown: bytes = b""
     frame: int = 0
     uvs: np.ndarray | None = None
-    # Whether that is the result of the present pose, as far as is known; whether it is to be looked at, and not before.
+    # True if that is the result of the present pose, as far as is known; True if it is to be compared with it; the time
+    # before which it is not.
     fresh: bool = False
     doubted: bool = False
     next_look: float = 0.0
@@ -50,15 +51,15 @@ class State:
     # artist asks for it.
     rewrite: bool = False
     waiting_since: float = 0.0
-    # When a pose was wanted last, whether it followed another one at once, how long the last solve that was no draft
-    # took, and whether a draft is shown, which is to be solved again when the pose rests.
+    # The time of the last wanted pose, and True if it followed another one at once; seconds of the last solve that was
+    # no draft; True if a draft is shown, which is solved again when the pose rests.
     wanted_at: float = 0.0
     moves: bool = False
     seconds: float = 0.0
     is_draft: bool = False
     message: str = ""
     error: bool = False
-    # What the library, or this add-on, has to say of the result that is shown.
+    # Notes of the library and of this add-on on the result that is shown.
     notes: list[str] = field(default_factory=list)
     figures: list[tuple[str, str]] = field(default_factory=list)
 
@@ -66,15 +67,19 @@ class State:
     def asset(self) -> vrtm.Asset | None:
         return self.prepared.asset
 
+    def read_again(self) -> None:
+        """Has all inputs read again before the next solve; unchanged ones stay prepared."""
+        self.mesh_changed = self.maps_changed = self.carried_changed = True
+
     def take_job(self) -> Work | None:
-        """The job, which is none any more. What it has not used of what was read is kept for the next."""
+        """The job, which the state has no longer. Inputs that it has not used are kept for the next."""
         job, self.job = self.job, None
         if job is not None and not job.applied:
             self.inputs.give_back(job.inputs)
         return job
 
     def end_job(self) -> None:
-        """Cancels the job, if there is one, and waits for its end: milliseconds, but while a mesh is prepared."""
+        """Cancels the job, if there is one, and waits for its end: milliseconds, unless a mesh is being prepared."""
         if self.job is not None:
             self.job.close()
             self.take_job()
@@ -88,7 +93,7 @@ class State:
 
     @property
     def progress(self) -> str:
-        """What the job is at, in words."""
+        """State of the object's job, in words."""
         if self.is_draft:
             return "Draft while it moves"
         done = self.job.progress if self.job is not None else None

@@ -1,5 +1,5 @@
-"""What there is to be told of an object, in words: whether what is shown is right, and what is to be mended. Telling
-changes nothing and solves nothing."""
+"""An object's status in words: the state of the result that is shown, and what is to be mended. Telling changes nothing
+and solves nothing."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Line:
 
 
 def headline(obj: bpy.types.Object, scene: bpy.types.Scene) -> Line:
-    """One short line, which is always there: whether what is shown is this frame's result."""
+    """One short line, which is always there, on the result that is shown."""
     state, settings = states.find_state(obj), obj.vrtm
     if state is not None and (state.job is not None or state.wanted):
         return Line(state.progress, "SORTTIME")
@@ -69,7 +69,7 @@ def figures(obj: bpy.types.Object) -> list[tuple[str, str]]:
 
 
 def wrong(obj: bpy.types.Object) -> list[str]:
-    """Why what is drawn is not as the result is, in sentences, whatever the result is worth."""
+    """Reasons why the picture differs from the result, in sentences, whatever the result is worth."""
     found = []
     for node, name in materials.lost_maps(obj):
         text = f"Node {node.name!r} of {node.id_data.name!r} reads UV map {name!r}, which the mesh does not have"
@@ -94,7 +94,7 @@ def wrong(obj: bpy.types.Object) -> list[str]:
 
 
 def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
-    """What is to be known or to be mended, in sentences."""
+    """Notes and remedies, in sentences."""
     state, settings = states.find_state(obj), obj.vrtm
     found = []
     if state is not None and state.message:
@@ -132,7 +132,7 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
 
 
 def not_baked(obj: bpy.types.Object, scene: bpy.types.Scene, frames: range | None) -> str | None:
-    """Why this frame's baked file is not what is shown, in words."""
+    """The reason why this frame's baked file is not shown, in words; None if it is."""
     if not frames:
         return "The material reads no baked files: press Use Live Result, or bake and press Use Baked Files"
     frame = min(max(scene.frame_current, frames[0]), frames[-1])
@@ -159,7 +159,7 @@ def _wrapped(text: str, context: bpy.types.Context) -> list[str]:
     # 0 without a window.
     scale = context.preferences.system.ui_scale or 1
     blf.size(0, 11 * scale)
-    # What borders, a box and the icon take.
+    # Borders, a box and the icon take the rest.
     free = region.width - 75 * scale
     width, _ = blf.dimensions(0, text)
     if width <= free:

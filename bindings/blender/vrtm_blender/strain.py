@@ -1,4 +1,4 @@
-"""How much the texture is stretched or squeezed on the surface, as colours of vertices. All of it on arrays."""
+"""Stretch and squeeze of the texture on the surface, as colours of vertices. All of it on arrays."""
 
 from __future__ import annotations
 
@@ -35,6 +35,15 @@ def edges(points: np.ndarray) -> np.ndarray:
     return np.stack([np.stack([length, along], -1), np.stack([np.zeros_like(length), across], -1)], -2)
 
 
+def _edges(vertices: np.ndarray, rest: np.ndarray, pose: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Of triangles of vertices (n, 3): the vertices, the edges at rest and in the pose, the areas at rest (twice), and
+    True for those that have one."""
+    vertices = vertices.astype(np.int64)
+    at_rest, posed = edges(rest[vertices].astype(np.float64)), edges(pose[vertices].astype(np.float64))
+    area = np.abs(_determinant(at_rest))
+    return vertices, at_rest, posed, area, area > 1e-12 * max(float(area.max(initial=0.0)), 1e-300)
+
+
 def of_vertices(
     corner_vertices: np.ndarray,
     face_counts: np.ndarray,
@@ -43,18 +52,15 @@ def of_vertices(
     pose: np.ndarray,
     jacobians: Jacobians | None,
 ) -> np.ndarray:
-    """The logarithm of the ratio of posed length to rest length of what is painted, in the direction in which it
-    differs most from 0: (vertices,), a mean over the triangles around a vertex by their areas.
+    """The logarithm of posed length by rest length of the texture, in the direction in which it differs most from 0:
+    (vertices,), a mean over the triangles around a vertex by their areas.
 
     `jacobians` gives the redirection's derivatives at UVs (n, 2), as (n, 2, 2); None: the texture is looked up at the
     mesh's own UVs. With M the posed, R the resting and U the UV edges of a triangle and J the derivative, what is
     painted around a point is deformed by M U^-1 J^-1 U R^-1.
     """
     corners = triangles(face_counts)
-    vertices = corner_vertices[corners].astype(np.int64)
-    at_rest, posed = edges(rest[vertices].astype(np.float64)), edges(pose[vertices].astype(np.float64))
-    area = np.abs(_determinant(at_rest))
-    whole = area > 1e-12 * max(float(area.max(initial=0.0)), 1e-300)
+    vertices, at_rest, posed, area, whole = _edges(corner_vertices[corners], rest, pose)
     if jacobians is None:
         middle = np.broadcast_to(np.eye(2), at_rest.shape)
     else:
@@ -72,12 +78,9 @@ def of_vertices(
 
 
 def of_surface(corner_vertices: np.ndarray, face_counts: np.ndarray, rest: np.ndarray, pose: np.ndarray) -> np.ndarray:
-    """How much the surface itself is longer than at rest in the direction in which it is stretched most, and shorter in
-    that in which it is squashed most, as shares of its length; and 0: (vertices, 3) float32."""
-    vertices = corner_vertices[triangles(face_counts)].astype(np.int64)
-    at_rest, posed = edges(rest[vertices].astype(np.float64)), edges(pose[vertices].astype(np.float64))
-    area = np.abs(_determinant(at_rest))
-    whole = area > 1e-12 * max(float(area.max(initial=0.0)), 1e-300)
+    """Largest stretch and largest squash of the surface itself at each vertex, as shares of its length at rest; and 0:
+    (vertices, 3) float32."""
+    vertices, at_rest, posed, area, whole = _edges(corner_vertices[triangles(face_counts)], rest, pose)
     at_rest[~whole] = np.eye(2)
     largest, smallest = _logarithms(posed @ _inverse(at_rest))
     shares = (np.maximum(np.expm1(largest), 0), np.maximum(-np.expm1(smallest), 0))
@@ -98,7 +101,7 @@ Rigidity = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 
 def whole_share(face_counts: np.ndarray, uvs: np.ndarray, rigidity: Rigidity) -> float:
-    """The share of what is rigid in the UV map that lies in triangles which are rigid as a whole; 1 without any."""
+    """The share of the rigid part of the UV map in triangles that are rigid as a whole; 1 without any."""
     corners = triangles(face_counts)
     rigid = _rigid(corners, uvs, rigidity)
     area = np.abs(_determinant(_sides(uvs[corners].astype(np.float64))))
@@ -115,8 +118,8 @@ def of_features(
     shown: np.ndarray,
     rigidity: Rigidity,
 ) -> float:
-    """The RMS strain along u and v of what is rigid, with the UVs that are `shown`, (corners, 2), which are linear on
-    each triangle."""
+    """The RMS strain of rigid parts along u and v, with the UVs `shown`, (corners, 2), which are linear on each
+    triangle."""
     corners = triangles(face_counts)
     vertices = corner_vertices[corners].astype(np.int64)
     sides, moved = (_sides(of[corners].astype(np.float64)) for of in (uvs, shown))
@@ -131,7 +134,7 @@ def of_features(
 
 
 def _rigid(corners: np.ndarray, uvs: np.ndarray, rigidity: Rigidity) -> np.ndarray:
-    """Which of fifteen points of each triangle are rigid, (triangles, 15): features may be smaller than a triangle."""
+    """Rigidity of fifteen points of each triangle, (triangles, 15) bool: features may be smaller than a triangle."""
     lattice = (np.array([(i, j, 4 - i - j) for i in range(5) for j in range(5 - i)]) + 1 / 3) / 5
     each, weights = np.repeat(corners, len(lattice), 0), np.tile(lattice, (len(corners), 1))
     at = (uvs[each] * weights[..., None]).sum(1)

@@ -7,11 +7,11 @@ attributes' names begin with a dot: Blender does not list them.
 
 from __future__ import annotations
 
-import functools
+from functools import partial
 
 import bpy
 
-from . import layer_nodes, modifier_group
+from . import layer_nodes, trees
 
 POSE_NAME = ".vrtm_pose"
 INDEX_NAME = ".vrtm_index"
@@ -32,7 +32,7 @@ DEFORMING = frozenset(
 
 
 def _fill(tree: bpy.types.NodeTree) -> None:
-    link, node = tree.links.new, functools.partial(modifier_group.node, tree)
+    link, node = tree.links.new, partial(trees.node, tree)
     last = node("NodeGroupInput", 0, 0).outputs["Geometry"]
     for place, (name, kind, source) in enumerate(
         [(POSE_NAME, "FLOAT_VECTOR", "GeometryNodeInputPosition"), (INDEX_NAME, "INT", "GeometryNodeInputIndex")]
@@ -40,14 +40,12 @@ def _fill(tree: bpy.types.NodeTree) -> None:
         store = node("GeometryNodeStoreNamedAttribute", 1 + place, 0, data_type=kind, domain="POINT")
         store.inputs["Name"].default_value = name
         link(last, store.inputs["Geometry"])
-        # There is a socket of this name for each type; the one of the chosen type is enabled.
-        value = next(socket for socket in store.inputs if socket.name == "Value" and socket.enabled)
-        link(node(source, place, -1).outputs[0], value)
+        link(node(source, place, -1).outputs[0], trees.enabled(store.inputs, "Value"))
         last = store.outputs["Geometry"]
     link(last, node("NodeGroupOutput", 3, 0).inputs["Geometry"])
 
 
-GROUP = modifier_group.ModifierGroup(".vrtm pose", "vrtm_pose_group", {}, _fill)
+GROUP = trees.ModifierGroup(".vrtm pose", "vrtm_pose_group", {}, _fill)
 
 
 def is_own(modifier: bpy.types.Modifier) -> bool:
@@ -65,7 +63,7 @@ def changes_topology(modifier: bpy.types.Modifier) -> bool:
 
 
 def topology_modifiers(obj: bpy.types.Object) -> list[bpy.types.Modifier]:
-    """Those that change the topology, what keeps no vertices first, as messages should name it."""
+    """The modifiers that change the topology, first those that keep no vertices: messages name the first one."""
     return sorted(filter(changes_topology, working(obj)), key=_keeps)
 
 
@@ -86,7 +84,7 @@ def place(obj: bpy.types.Object) -> bpy.types.Modifier | None:
         return None
     deforming = [number for number, modifier in enumerate(others) if modifier.type in DEFORMING]
     at = deforming[-1] + 1 if deforming else changing[0]
-    # What Geometry Nodes do in front of it would not be noticed.
+    # Changes by Geometry Nodes in front of it would not be noticed.
     if any(others[number].type == "NODES" for number in changing if number < at):
         return None
     return others[min(at, len(others) - 1)]
@@ -103,7 +101,7 @@ def insert(obj: bpy.types.Object, at: bpy.types.Modifier) -> bpy.types.Modifier:
 
 
 def deforms_behind(obj: bpy.types.Object) -> bpy.types.Modifier | None:
-    """The first modifier behind the Pose modifier that deforms: what it does is not in the pose."""
+    """The first modifier behind the Pose modifier that deforms: its deformation is not in the pose."""
     on = working(obj)
     at = next((number for number, modifier in enumerate(on) if GROUP.is_of(modifier)), len(on))
     needed = any(map(changes_topology, on))

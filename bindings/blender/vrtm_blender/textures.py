@@ -1,4 +1,4 @@
-"""The artist's textures: which of them is most likely the colour, and which the height."""
+"""The artist's textures: the one that is most likely the colour, and that of the height."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def textures_of(obj: bpy.types.Object) -> list[bpy.types.Node]:
 
 
 def colour_image(obj: bpy.types.Object) -> bpy.types.Image | None:
-    """What most likely is the texture to be looked at: one that goes into a colour."""
+    """The texture that is most likely meant: one that goes into a colour."""
     found = textures_of(obj)
     into_colours = [
         node for node in found if any("Color" in link.to_socket.name for link in node.outputs["Color"].links)
@@ -29,8 +29,8 @@ def colour_image(obj: bpy.types.Object) -> bpy.types.Image | None:
 
 
 def height_image(obj: bpy.types.Object) -> tuple[bpy.types.Image | None, bool]:
-    """The texture behind a Bump or Displacement node's height, whatever nodes lie between them; and whether what is
-    dark in it is high, as far as the nodes tell."""
+    """The texture behind a Bump or Displacement node's height, whatever nodes lie between them; and True if its dark
+    parts are high, as far as the nodes tell."""
     for material in materials.materials_of(obj):
         for end in [node for node in material.node_tree.nodes if node.bl_idname in HEIGHTS]:
             down = getattr(end, "invert", False) != any(
@@ -43,7 +43,7 @@ def height_image(obj: bpy.types.Object) -> tuple[bpy.types.Image | None, bool]:
 
 
 def _behind(socket: bpy.types.NodeSocket, down: bool, seen: set) -> tuple[bpy.types.Image, bool] | None:
-    """The first texture upstream of a socket, and whether heights are upside down there."""
+    """The first texture upstream of a socket, and True if heights are upside down there."""
     for link in socket.links:
         node = link.from_node
         if node.bl_idname == "ShaderNodeTexImage":
@@ -58,7 +58,7 @@ def _behind(socket: bpy.types.NodeSocket, down: bool, seen: set) -> tuple[bpy.ty
 
 
 def _turns(node: bpy.types.Node, socket: bpy.types.NodeSocket) -> bool:
-    """Whether a node's output falls where its input rises: for the nodes of which that is likely."""
+    """True if a node's output falls as its input rises: for the nodes of which that is likely."""
     if node.bl_idname == "ShaderNodeInvert":
         return True
     if node.bl_idname == "ShaderNodeMath":

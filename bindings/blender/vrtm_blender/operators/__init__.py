@@ -1,10 +1,10 @@
-"""What buttons and menus do."""
+"""The operators of buttons and menus."""
 
 from __future__ import annotations
 
 import bpy
 
-from . import bake, basis, carry, material, objects, rigidity, solve
+from . import bake, carry, material, objects, rigidity, solve
 
 CLASSES = (
     *solve.CLASSES,
@@ -12,7 +12,6 @@ CLASSES = (
     *rigidity.CLASSES,
     *material.CLASSES,
     *bake.CLASSES,
-    *basis.CLASSES,
     *carry.CLASSES,
 )
 

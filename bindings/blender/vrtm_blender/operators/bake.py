@@ -75,7 +75,7 @@ class BakesFrames:
         return True
 
     def step(self) -> bool:
-        """Bakes one more frame; False at the end. Raises what goes wrong."""
+        """Bakes one more frame; False at the end."""
         try:
             _, written = next(self._steps)
         except StopIteration:

@@ -1,4 +1,4 @@
-"""What the operators share."""
+"""Shared by the operators."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from ..messages import Problem, text_of
 
 
 class OnObject:
-    """An operator on the active mesh object: what is wrong is reported, in words, and cancels it."""
+    """An operator on the active mesh object. A failure is reported, in words, and cancels it."""
 
     bl_options = {"REGISTER", "UNDO"}
     # It works on all selected mesh objects.

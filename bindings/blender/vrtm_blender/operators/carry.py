@@ -1,4 +1,4 @@
-"""What rides on the skin: carried, wrapped, baked, and put back."""
+"""Things on the skin: carried, wrapped, baked, and put back."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ class _Carry(OnObject):
 
     farthest: FloatProperty(
         name="Largest Distance",
-        description="What is farther from the skin at rest is not carried; 0: a twentieth of the skin's diagonal",
+        description="Things farther from the skin at rest are not carried; 0: a twentieth of the skin's diagonal",
         min=0,
         subtype="DISTANCE",
     )
-    fit: EnumProperty(name="Follow", description="What things on the skin move with", items=carry.FITS)
+    fit: EnumProperty(name="Follow", description="The guide of things on the skin", items=carry.FITS)
     skirt: FloatProperty(
         name="Skirt",
         description="Up to this height above the skin what rides on a rigid feature is blended into the skin, so that "
@@ -84,7 +84,8 @@ class _Carry(OnObject):
     def bind(
         self, context: bpy.types.Context, skin: bpy.types.Object, attached: list[bpy.types.Object]
     ) -> tuple[list[str], list[str]]:
-        """Binds what is attached, and lets go what is too far; tells what is carried, and what is not."""
+        """Binds attached things, and lets go those that are too far. Returns sentences on what is carried, and on the
+        rest."""
         if not attached:
             return [], []
         context.view_layer.update()
@@ -136,7 +137,7 @@ class VRTM_OT_carry(_Carry, bpy.types.Operator):
 
     how: EnumProperty(
         name="As",
-        description="What is carried of an object",
+        description="The carried part of each object",
         items=[
             ("AUTO", "Automatic", "Points of scatters, point clouds and hair; all else as a whole"),
             ("OBJECT", "Whole", "Each object as a whole, at its origin"),
@@ -175,8 +176,8 @@ class VRTM_OT_wrap(_Carry, bpy.types.Operator):
 
 
 class VRTM_OT_carry_remove(OnObject, bpy.types.Operator):
-    """Put what is carried back to where and what it was: what is selected of it, or, with the skin alone selected, all
-    of it"""
+    """Put carried things back to their places before: the selected ones, or, with the skin alone selected, all of
+    them"""
 
     bl_idname = "vrtm.carry_remove"
     bl_label = "Let Go"
@@ -218,8 +219,8 @@ def let_all_go(skin: bpy.types.Object) -> None:
 
 
 class VRTM_OT_carry_bake(BakesFrames, bpy.types.Operator):
-    """Bake what the selected objects carry, over the frames of Bake to Disk: keys of what is carried as a whole, and
-    files of all else. It then plays and renders without this add-on. Esc ends it"""
+    """Bake the things that the selected objects carry, over the frames of Bake to Disk: keys of whole objects, and
+    files of all else. The bake plays and renders without this add-on. Esc ends it"""
 
     bl_idname = "vrtm.carry_bake"
     bl_label = "Bake Carried"
@@ -232,7 +233,7 @@ class VRTM_OT_carry_bake(BakesFrames, bpy.types.Operator):
 
 
 class VRTM_OT_carry_live(OnObject, bpy.types.Operator):
-    """Take the bake of what is carried out again, its keys too: it follows the skin"""
+    """Remove the bake of carried things, with its keys: they follow the skin again"""
 
     bl_idname = "vrtm.carry_live"
     bl_label = "Carry Live"

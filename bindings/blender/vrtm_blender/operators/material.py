@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 
-from .. import borders, dilate, geometry, live, materials, nodes, results, solve, states
+from .. import basis, borders, dilate, geometry, live, materials, nodes, results, solve, states
 from ..messages import Problem
 from .base import OnObject
 
@@ -39,9 +39,9 @@ class VRTM_OT_set_up_material(OnObject, bpy.types.Operator):
 
 
 def redirect(context: bpy.types.Context, obj: bpy.types.Object, slots: list[bpy.types.MaterialSlot], by: str) -> int:
-    """Has materials look up redirected UVs; returns for how many textures. Raises a Problem before anything is
+    """Has materials look up redirected UVs; returns the number of textures. Raises a Problem before anything is
     changed."""
-    if not results.are_there(obj):
+    if results.missing(obj) is not None:
         solve.run(obj, context.evaluated_depsgraph_get())
     source = geometry.source_uv_layer(obj)
     if by == nodes.BY_UV_MAP and geometry.is_linked(obj):
@@ -61,7 +61,7 @@ def redirect(context: bpy.types.Context, obj: bpy.types.Object, slots: list[bpy.
 
 
 def set_up(context: bpy.types.Context, obj: bpy.types.Object) -> str:
-    """All that follows once there is a rigidity: the materials, and Live; returns what was done."""
+    """Sets up the materials, and switches Live on, once there is a rigidity; returns what was done, in words."""
     number, without = 0, []
     for slot in [slot for slot in obj.material_slots if slot.material is not None]:
         try:
@@ -83,8 +83,8 @@ def kept_text(painted: list[str]) -> str:
 
 
 class VRTM_OT_dilate(OnObject, bpy.types.Operator):
-    """Have the materials look up copies of their textures that hold, around each chart, what lies beyond its seams. The
-    copies are packed into the file; press it again after painting on the originals"""
+    """Have the materials look up copies of their textures that show, around each chart, the surface beyond its seams.
+    The copies are packed into the file; press it again after painting on the originals"""
 
     bl_idname = "vrtm.dilate"
     bl_label = "Dilate Textures"
@@ -144,4 +144,41 @@ class VRTM_OT_clear_material(OnObject, bpy.types.Operator):
         return f"{obj.name}: {removed} node groups removed" + kept_text(painted)
 
 
-CLASSES = (VRTM_OT_set_up_material, VRTM_OT_dilate, VRTM_OT_continue_seams, VRTM_OT_clear_material)
+class VRTM_OT_add_basis(OnObject, bpy.types.Operator):
+    """Have the object's materials look up UVs through the basis maps of a basis.json, which vrtm bake --basis has
+    written: shape keys with the names of the rig's controls drive them. Nothing is solved then"""
+
+    bl_idname = "vrtm.add_basis"
+    bl_label = "Add Basis Maps"
+    makes_step = True
+
+    filepath: StringProperty(name="File", description="A basis.json", subtype="FILE_PATH")
+    filter_glob: StringProperty(default="*.json", options={"HIDDEN"})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+        context.window_manager.fileselect_add(self)
+        return {"RUNNING_MODAL"}
+
+    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
+        found = basis.read(self.filepath)
+        slots = [slot for slot in obj.material_slots if slot.material is not None]
+        if not slots:
+            raise Problem(f"{obj.name} has no material: give it one with an Image Texture")
+        source = geometry.source_uv_layer(obj)
+        for slot in slots:
+            materials.check(obj, slot.material, source)
+        group = basis.group(obj, found)
+        for slot in slots:
+            materials.insert(obj, materials.own_material(obj, slot), source, group)
+        nodes.remove_unused_groups()
+        what = f"{len(found.controls)} shape keys drive" if found.controls else "keyframes weigh"
+        return f"{obj.name}: {what} {found.maps} basis maps"
+
+
+CLASSES = (
+    VRTM_OT_set_up_material,
+    VRTM_OT_dilate,
+    VRTM_OT_continue_seams,
+    VRTM_OT_clear_material,
+    VRTM_OT_add_basis,
+)

@@ -49,7 +49,7 @@ class VRTM_OT_set_up(OnObject, bpy.types.Operator):
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         settings, done = obj.vrtm, []
-        # What is wrong with the mesh, before anything is made.
+        # Faults of the mesh are told before anything is made.
         geometry.source_uv_layer(obj)
         if settings.rigidity_source == "NONE" and (found := rigidity_like()) is not None:
             settings.rigidity_source, settings.rigidity_image = "IMAGE", found
@@ -71,7 +71,7 @@ def rigidity_like() -> bpy.types.Image | None:
 
 
 class VRTM_OT_preset(OnObject, bpy.types.Operator):
-    """Set quality, grid and map size of what the viewport shows; renders and bakes have their own"""
+    """Set quality, grid and map size for the viewport; renders and bakes have their own"""
 
     bl_idname = "vrtm.preset"
     bl_label = "Quality Preset"

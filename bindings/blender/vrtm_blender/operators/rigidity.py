@@ -57,18 +57,27 @@ class _FromImage(OnObject):
     )
     smallest: FloatProperty(
         name="Smallest",
-        description="Texels across the smallest feature: what is smaller is a speck, and left out",
+        description="Texels across the smallest feature: smaller ones are specks, and left out",
         min=0,
         max=512,
         default=3,
     )
     invert: BoolProperty(name="Invert", description="The other part is rigid")
-    grow: IntProperty(
-        name="Grow", description="Texels by which what is rigid is made larger, or smaller", min=-64, max=64
-    )
+    grow: IntProperty(name="Grow", description="Texels by which rigid parts grow, or shrink", min=-64, max=64)
 
     # As a step of Set Up.
     set_up: BoolProperty(options={"HIDDEN", "SKIP_SAVE"})
+
+    def own(self) -> tuple[str, ...]:
+        """The names of the operator's own properties to be shown."""
+        raise NotImplementedError
+
+    def draw(self, context: bpy.types.Context) -> None:
+        layout = self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        layout.prop_search(self, "image", bpy.data, "images")
+        for name in (*self.own(), "smallest", "invert", "grow", "size"):
+            layout.prop(self, name)
 
     def source(self, obj: bpy.types.Object, found: bpy.types.Image | None, what: str) -> bpy.types.Image:
         if self.image:
@@ -99,7 +108,7 @@ class _FromImage(OnObject):
 
 
 class VRTM_OT_rigidity_from_texture(_FromImage, bpy.types.Operator):
-    """Make the rigidity image out of the texture: what is brighter than a threshold, or of about a colour"""
+    """Make the rigidity image out of the texture: texels brighter than a threshold, or of about a colour"""
 
     bl_idname = "vrtm.rigidity_from_texture"
     bl_label = "Rigidity from Texture"
@@ -107,18 +116,27 @@ class VRTM_OT_rigidity_from_texture(_FromImage, bpy.types.Operator):
     by: EnumProperty(
         name="By",
         items=[
-            ("brightness", "Brightness", "What is brighter than the threshold"),
-            ("colour", "Color", "What has about the colour"),
+            ("brightness", "Brightness", "Texels brighter than the threshold"),
+            ("colour", "Color", "Texels of about the colour"),
         ],
     )
     threshold: FloatProperty(
-        name="Threshold", description="0: what parts dark and bright best", min=0, max=1, subtype="FACTOR"
+        name="Threshold",
+        description="0: the brightness that parts dark and bright best",
+        min=0,
+        max=1,
+        subtype="FACTOR",
     )
     colour: FloatVectorProperty(
         name="Color", description="As the texture's image has it", subtype="COLOR_GAMMA", min=0, max=1, default=(1,) * 3
     )
     tolerance: FloatProperty(
-        name="Tolerance", description="How far from the colour", min=0.001, max=2, default=0.2, subtype="FACTOR"
+        name="Tolerance",
+        description="Largest distance from the colour",
+        min=0.001,
+        max=2,
+        default=0.2,
+        subtype="FACTOR",
     )
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
@@ -130,15 +148,8 @@ class VRTM_OT_rigidity_from_texture(_FromImage, bpy.types.Operator):
             return library().rigidity.of_colour(tiles, self.colour, self.tolerance)
         return library().rigidity.of_brightness(tiles, self.threshold)
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split, layout.use_property_decorate = True, False
-        layout.prop_search(self, "image", bpy.data, "images")
-        layout.prop(self, "by")
-        for name in ("colour", "tolerance") if self.by == "colour" else ("threshold",):
-            layout.prop(self, name)
-        for name in ("smallest", "invert", "grow", "size"):
-            layout.prop(self, name)
+    def own(self) -> tuple[str, ...]:
+        return ("by", "colour", "tolerance") if self.by == "colour" else ("by", "threshold")
 
 
 class VRTM_OT_rigidity_from_heights(_FromImage, bpy.types.Operator):
@@ -152,12 +163,12 @@ class VRTM_OT_rigidity_from_heights(_FromImage, bpy.types.Operator):
     )
     threshold: FloatProperty(
         name="Threshold",
-        description="How high above its surroundings, as a part of the highest; 0: what parts them best",
+        description="Least height above the surroundings, as a part of the largest; 0: the height that parts them best",
         min=0,
         max=1,
         subtype="FACTOR",
     )
-    sunken: BoolProperty(name="Sunken", description="What lies deeper than its surroundings is rigid")
+    sunken: BoolProperty(name="Sunken", description="Parts deeper than their surroundings are rigid")
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         found, down = (None, False) if self.image else textures.height_image(obj)
@@ -168,12 +179,8 @@ class VRTM_OT_rigidity_from_heights(_FromImage, bpy.types.Operator):
         )
         return text + "; what is dark in it is high, as its nodes have it" * down
 
-    def draw(self, context: bpy.types.Context) -> None:
-        layout = self.layout
-        layout.use_property_split, layout.use_property_decorate = True, False
-        layout.prop_search(self, "image", bpy.data, "images")
-        for name in ("feature", "threshold", "sunken", "smallest", "invert", "grow", "size"):
-            layout.prop(self, name)
+    def own(self) -> tuple[str, ...]:
+        return "feature", "threshold", "sunken"
 
 
 class _OnImage(OnObject):
@@ -199,9 +206,9 @@ class VRTM_OT_change_rigidity(_OnImage, bpy.types.Operator):
     how: EnumProperty(
         name="How",
         items=[
-            ("invert", "Invert", "What was rigid is elastic"),
-            ("grow", "Grow", "What is rigid becomes larger"),
-            ("shrink", "Shrink", "What is rigid becomes smaller"),
+            ("invert", "Invert", "Rigid parts become elastic, and the rest rigid"),
+            ("grow", "Grow", "Rigid parts become larger"),
+            ("shrink", "Shrink", "Rigid parts become smaller"),
         ],
     )
     texels: IntProperty(name="Texels", description="By how much it becomes larger or smaller", min=1, max=64, default=2)

@@ -41,7 +41,8 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
         if settings.rest_source == "FRAME" and kept.get(geometry.REST_FRAME_NAME) != settings.rest_frame:
             capture(context, obj, settings.rest_frame)
         state = states.state_of(obj)
-        state.mesh_changed = state.maps_changed = state.carried_changed = state.rewrite = True
+        state.read_again()
+        state.rewrite = True
         solve.find_seams(obj, state, context.evaluated_depsgraph_get())
         return state
 

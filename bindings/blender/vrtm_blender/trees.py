@@ -1,4 +1,4 @@
-"""Node groups of Geometry Nodes modifiers of this add-on: one group, which all of its modifiers share."""
+"""Node trees of this add-on: their nodes, and the groups of its Geometry Nodes modifiers."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import bpy
 
 
 class ModifierGroup(NamedTuple):
+    """A group that all modifiers of one kind share."""
+
     # With a dot in front, Blender does not list the group.
     name: str
     # The custom property that tells the group from others, whatever it is called.
@@ -58,13 +60,41 @@ class ModifierGroup(NamedTuple):
                 bpy.data.node_groups.remove(tree)
 
 
-def node(tree: bpy.types.NodeTree, kind: str, x: int, y: int, **settings: object) -> bpy.types.Node:
+def node(tree: bpy.types.NodeTree, kind: str, x: float, y: float, **settings: object) -> bpy.types.Node:
     """A new node, in a column and a row."""
     made = tree.nodes.new(kind)
     made.location = (220 * x, 180 * y)
     for name, value in settings.items():
         setattr(made, name, value)
     return made
+
+
+def operate(
+    tree: bpy.types.NodeTree, kind: str, operation: str, x: float, y: float, *inputs: object
+) -> bpy.types.NodeSocket:
+    """The output of a new node of the kind "Math" or "VectorMath", of sockets and values."""
+    made = node(tree, f"ShaderNode{kind}", x, y, operation=operation)
+    for socket, value in zip(made.inputs, inputs):
+        if isinstance(value, bpy.types.NodeSocket):
+            tree.links.new(value, socket)
+        else:
+            socket.default_value = value
+    return enabled(made.outputs)
+
+
+def texture(
+    tree: bpy.types.NodeTree, image: bpy.types.Image, x: float, y: float, at: bpy.types.NodeSocket | None = None
+) -> bpy.types.Node:
+    """A new Image Texture node of a shader, looked up at `at`."""
+    made = node(tree, "ShaderNodeTexImage", x, y, image=image, interpolation="Linear", extension="EXTEND")
+    if at is not None:
+        tree.links.new(at, made.inputs["Vector"])
+    return made
+
+
+def enabled(sockets, name: str = "") -> bpy.types.NodeSocket:
+    """The socket of a name, or of any: a node may have one for each type, and the one of the chosen type is enabled."""
+    return next(socket for socket in sockets if socket.enabled and name in ("", socket.name))
 
 
 def input_of(modifier: bpy.types.Modifier, name: str) -> object:
