@@ -51,7 +51,7 @@ def test_other_identities_are_refused():
 
 
 def test_memory_of_a_gpu_is_refused_on_the_cpu(asset, model):
-    """What is written on a GPU is tested where a program has a Vulkan device of its own: crates/gpu/tests/gpu/external.rs."""
+    """Writing on a GPU is tested in crates/gpu/tests/gpu/external.rs, which has a Vulkan device of its own."""
     tile = asset.tile(1001)
     with pytest.raises(vrtm.NotSolvedError):
         tile.fetch_external("redirection", 8, 0, 512)
