@@ -14,7 +14,7 @@
  *   prepare  vrtm_tile_get_estimate,      if memory or the first frame's time matter
  *            vrtm_tile_save, vrtm_tile_load
  *   frame    vrtm_asset_redirect          every frame: new positions in, redirection maps out
- *            or vrtm_asset_solve, then vrtm_tile_fetch and vrtm_asset_fetch_corner_uvs
+ *            or vrtm_asset_solve, then vrtm_asset_fetch and vrtm_asset_fetch_corner_uvs
  *   job      vrtm_asset_submit, then vrtm_job_wait    solves in the background; can be cancelled
  *   facts    vrtm_tile_get_report, vrtm_asset_get_report, vrtm_tile_get_info, vrtm_asset_get_info
  *   refine   vrtm_refinement_create, then vrtm_refinement_fetch_corner_uvs every frame, for hosts that support
@@ -815,12 +815,12 @@ typedef struct vrtm_fetch {
 } vrtm_fetch;
 
 // Solves every tile for a pose and writes `count` outputs, in one call: all that a host's compute() needs for a frame.
-// Equivalent to vrtm_asset_solve followed by vrtm_tile_fetch, except that all arguments are checked before any work,
+// Equivalent to vrtm_asset_solve followed by vrtm_asset_fetch, except that all arguments are checked before any work,
 // and nothing else can use the asset in between. `fetches` may be null if `count` is 0. No two outputs may write the
 // same byte, but they may be interleaved, such as two pairs of channels of one image. No output may overlap the memory
 // that the positions span.
 //
-// Errors: those of vrtm_asset_solve and vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile or carrier of another
+// Errors: those of vrtm_asset_solve and vrtm_asset_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile or carrier of another
 // asset and for outputs that overlap. On an error nothing is written, unless a GPU fails while the outputs are
 // written.
 VRTM_API
@@ -857,7 +857,7 @@ vrtm_status vrtm_asset_solve(vrtm_asset asset,
 // the whole image, or outputs that overlap; the errors of vrtm_carrier_fetch; VRTM_ERROR_OUT_OF_MEMORY. On any error
 // nothing is written, unless a GPU fails while the outputs are written. Never busy.
 VRTM_API
-vrtm_status vrtm_tile_fetch(const vrtm_fetch *fetches,
+vrtm_status vrtm_asset_fetch(const vrtm_fetch *fetches,
                             size_t count);
 
 // Writes the redirected UV of every face corner of the mesh in a UV set: `count` pairs (u, v), in corner order, with
@@ -1370,8 +1370,8 @@ typedef struct vrtm_map_info {
     uint32_t sufficient_height;
 } vrtm_map_info;
 
-// Inspects the map that a vrtm_tile_fetch of this kind, size and format would write for the last result. A map samples
-// the redirection at texel centres only, and a renderer's interpolation between them may fold where the warp squeezes.
+// Inspects the map that a vrtm_asset_fetch of this kind, size and format would write for the last result. A map
+// samples the redirection at texel centres only, and a renderer's interpolation may fold where the warp squeezes.
 // This function reports whether it folds, how far it is from the exact redirection, and which size suffices. It takes
 // about as long as fetching the map and a second map of twice its size or the grid's. The map is computed on the CPU:
 // if a GPU writes it, single quads that almost fold may be counted differently.
@@ -1754,13 +1754,13 @@ typedef struct vrtm_external_image {
 } vrtm_external_image;
 
 // Writes a redirection of the last solve into memory of the host's own Vulkan device, which must be the same GPU
-// (vrtm_device_desc.adapter_by), without copying through the CPU. The texels equal those of vrtm_tile_fetch bit for
+// (vrtm_device_desc.adapter_by), without copying through the CPU. The texels equal those of vrtm_asset_fetch bit for
 // bit. Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM, of two channels.
 //
 // Nothing on the host's device may use the texels during the call. The call returns when the GPU has written them, so
 // that the host needs no semaphore. docs/hosts.md says how a buffer with exclusive sharing is handed over.
 //
-// Errors: those of vrtm_tile_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
+// Errors: those of vrtm_asset_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
 // formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT,
 // naming the field, for an unknown value, a zero size, an offset or stride that is too short or no multiple of a
 // texel, memory that is too small, a handle that does not refer to memory, or a memory type that cannot hold buffers.

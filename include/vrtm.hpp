@@ -906,7 +906,7 @@ public:
     Result<> fetch(FetchKind kind, const ImageOut &image, std::uint32_t uv_set = 0) const noexcept
     {
         const vrtm_fetch c = detail::fetch(handle_, kind, image, uv_set);
-        return Result<>(vrtm_tile_fetch(&c, 1));
+        return Result<>(vrtm_asset_fetch(&c, 1));
     }
     // Of an image of `width` x `height` texels the rectangle of `image`'s size that begins at (x, y).
     Result<> fetch_part(FetchKind kind, const ImageOut &image, std::uint32_t x, std::uint32_t y,
@@ -917,7 +917,7 @@ public:
         c.y = y;
         c.whole_width = width;
         c.whole_height = height;
-        return Result<>(vrtm_tile_fetch(&c, 1));
+        return Result<>(vrtm_asset_fetch(&c, 1));
     }
 
     // What a texture must hold around the tile's charts, up to `reach` in UV from their seams. Needs no solve.

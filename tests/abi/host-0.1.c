@@ -182,11 +182,11 @@ static void solves(vrtm_asset asset, vrtm_tile tile)
     fetches[0].tile = fetches[1].tile = tile;
     fetches[0].image = &image;
     fetches[1].image = &nodes;
-    CALL(vrtm_tile_fetch(fetches, 1));
+    CALL(vrtm_asset_fetch(fetches, 1));
     check(map[0] > 0 && map[0] < 1 && map[1] > 0 && map[1] < 1, "the map holds UVs");
     image.data = again;
     fetches[0].whole_width = fetches[0].whole_height = MAP;
-    CALL(vrtm_tile_fetch(fetches, 1));
+    CALL(vrtm_asset_fetch(fetches, 1));
     check(memcmp(map, again, sizeof map) == 0, "a rectangle that is all gives the same");
     fetches[0].whole_width = fetches[0].whole_height = 0;
     memset(again, 0, sizeof again);
