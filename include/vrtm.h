@@ -405,15 +405,109 @@ typedef int32_t vrtm_adapter_by;
 typedef int32_t vrtm_log_level;
 
 // Something to show to the artist: clipped faces, overlapping charts.
-#define VRTM_LOG_WARNING 1
+#define VRTM_LOG_LEVEL_WARNING 1
 
-// The chosen backend and device, and the reason.
-#define VRTM_LOG_INFO 2
+// Facts, such as the chosen device and the reason.
+#define VRTM_LOG_LEVEL_INFO 2
+
+// Kind of a log line. Each has the same level and the same values in every line.
+typedef int32_t vrtm_log_code;
+
+// A new device, and the reason for its choice. Values: CPU threads.
+#define VRTM_LOG_CODE_DEVICE 1
+
+// A new mesh. Values: vertices, faces, faces that are skipped, faces without texture, triangles, tiles.
+#define VRTM_LOG_CODE_MESH 2
+
+// A tile of a new mesh. Values: triangles, charts, border edges, edges welded by position, edges apart.
+#define VRTM_LOG_CODE_TILE 3
+
+// Faces that reach out of their tile are clipped to it. Values: their number.
+#define VRTM_LOG_CODE_FACES_CLIPPED 4
+
+// Faces that lie in no UDIM tile are left out. Values: their number.
+#define VRTM_LOG_CODE_FACES_OUTSIDE 5
+
+// Triangles without UV area are left out. Values: their number.
+#define VRTM_LOG_CODE_TRIANGLES_DEGENERATE 6
+
+// Edges lie together in space and in UV, and are not connected, so that charts end there. Values: their number.
+#define VRTM_LOG_CODE_EDGES_APART 7
+
+// Seams that are no edge of a face do nothing. Values: their number.
+#define VRTM_LOG_CODE_SEAMS_UNUSED 8
+
+// All rest positions are one point, so that nothing can move.
+#define VRTM_LOG_CODE_REST_IS_POINT 9
+
+// A rigidity, of a tile or of the vertices, has values in another range than 0..1. Values: the largest.
+#define VRTM_LOG_CODE_RIGIDITY_RANGE 10
+
+// A mask, of a tile or of the vertices, has values in another range than 0..1. Values: the largest.
+#define VRTM_LOG_CODE_MASK_RANGE 11
+
+// A grid that was set has too few cells for its rigid features. Values: cells in u and in v, cells per side that would
+// resolve them.
+#define VRTM_LOG_CODE_GRID_TOO_COARSE 12
+
+// A grid that was set has far more cells than its rigid features need. Values: as for the one that is too coarse.
+#define VRTM_LOG_CODE_GRID_TOO_FINE 13
+
+// Charts of a tile overlap, and what they share does not move in one map. Values: the share of the textured area.
+#define VRTM_LOG_CODE_OVERLAP 14
+
+// Nodes are fixed at gaps in the UVs that welding closes. Values: their number.
+#define VRTM_LOG_CODE_NODES_AT_GAPS 15
+
+// A new grid. Values: nodes that may move, cells in u and in v, and of the rigid texels the shares that are fixed and
+// overlapped, both 0 if nothing is rigid.
+#define VRTM_LOG_CODE_GRID 16
+
+// A tile has rigid texels, but nothing that may move.
+#define VRTM_LOG_CODE_NOTHING_MOVES 17
+
+// No tile has a rigidity, so that nothing moves.
+#define VRTM_LOG_CODE_NO_RIGIDITY 18
+
+// The edges of a pose are much longer or shorter than at rest, as if it were in other units. Values: the median of
+// their lengths, as multiples of those at rest.
+#define VRTM_LOG_CODE_POSE_SCALE 19
+
+// Many edges of a pose are much longer than at rest, as if its vertices were in another order. Values: the share of
+// edges over 3 times as long.
+#define VRTM_LOG_CODE_POSE_ORDER 20
+
+// The pose tears welded edges of a tile. Values: torn edges, welded edges.
+#define VRTM_LOG_CODE_WELDS_TORN 21
+
+// The pose tears no welded edges of a tile any more. Values: 0, welded edges.
+#define VRTM_LOG_CODE_WELDS_WHOLE 22
+
+// A line of the log, which the library fills. It lives during the call of the log function.
+typedef struct vrtm_log_entry {
+    // sizeof(vrtm_log_entry) of the library.
+    uint32_t struct_size;
+    // One of VRTM_LOG_LEVEL_.
+    vrtm_log_level level;
+    // One of VRTM_LOG_CODE_, or one of a later version. Programs decide by it and by `values`: the words of a message
+    // may change.
+    vrtm_log_code code;
+    // UDIM number of the tile that the line is about; 0 = about no single tile.
+    uint32_t udim;
+    // UV set of that tile.
+    uint32_t uv_set;
+    // Layer of that tile.
+    uint32_t layer;
+    // Numbers of the message, as the code's comment lists them; the others are 0.
+    double values[6];
+    // One line for people, UTF-8, without a line break.
+    const char *message;
+} vrtm_log_entry;
 
 // A host's log function. It is called during a call into vrtm, on the thread that does the call's work, also by
-// several threads at once. `message` is one UTF-8 line without a line break, valid during the call. It may call vrtm
-// functions; calls that use the asset of the current call give VRTM_ERROR_BUSY, as does waiting for the current job.
-typedef void (*vrtm_log_fn)(void *user, vrtm_log_level level, const char *message);
+// several threads at once. It may call vrtm functions; calls that use the asset of the current call give
+// VRTM_ERROR_BUSY, as does waiting for the current job.
+typedef void (*vrtm_log_fn)(void *user, const vrtm_log_entry *entry);
 
 // Settings of a new device. Start from vrtm_device_desc_init(), whose defaults are: automatic backend, all cores, no
 // memory budget, no log.
@@ -2123,6 +2217,7 @@ VRTM_DEFINE_INIT_WITH_(vrtm_refinement_desc,
 VRTM_DEFINE_INIT_(vrtm_allocator)
 VRTM_DEFINE_INIT_(vrtm_executor)
 VRTM_DEFINE_INIT_(vrtm_device_desc)
+VRTM_DEFINE_INIT_(vrtm_log_entry)
 VRTM_DEFINE_INIT_(vrtm_device_info)
 VRTM_DEFINE_INIT_(vrtm_adapter_info)
 VRTM_DEFINE_INIT_(vrtm_array)
