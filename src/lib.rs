@@ -101,8 +101,8 @@ pub use vrtm_core::report::{
     TileEstimate, TileInfo, TileReport,
 };
 pub use vrtm_core::settings::{
-    AdapterId, Backend, DeviceSettings, MAX_GRID, OpenBorders, Overlap, PbdSettings,
-    Quality, Seams, SolveOptions, Solver, TileSettings,
+    AdapterId, Backend, DeviceSettings, MAX_GRID, OpenBorders, Overlap, PbdSettings, Quality, Seams,
+    SolveOptions, Solver, TileSettings,
 };
 pub use vrtm_core::team::{Executor, Task};
 pub use vrtm_core::view::{Scalar, Strided, StridedMut};

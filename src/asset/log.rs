@@ -8,8 +8,14 @@ use vrtm_core::mesh::{Mesh, TileMesh};
 /// Describes a mesh and its tiles, and warns of possible mistakes of the host.
 pub(super) fn describe(device: &Device, mesh: &Mesh) {
     let info = &mesh.info;
-    let counts =
-        [info.vertices, info.faces, info.faces_skipped, info.faces_untextured, info.triangles, info.tiles.into()];
+    let counts = [
+        info.vertices,
+        info.faces,
+        info.faces_skipped,
+        info.faces_untextured,
+        info.triangles,
+        info.tiles.into(),
+    ];
     let [vertices, faces, skipped, untextured, triangles, tiles] = counts;
     let message = format!(
         "mesh: {vertices} vertices, {faces} faces ({skipped} skipped, {untextured} without texture), \

@@ -207,7 +207,8 @@ fn compare(call: &Call, tile: usize) {
 fn describe(device: &Device, tile: &TileMesh, grid: &Grid) {
     if grid.overlap > 0.0 {
         let percent = 100.0 * grid.overlap;
-        let message = format!("{percent:.2} % of it is overlapped, and what charts share does not move in one map");
+        let message =
+            format!("{percent:.2} % of it is overlapped, and what charts share does not move in one map");
         device.log(LogCode::Overlap, Some(tile), &[grid.overlap.into()], &message);
     }
     if grid.at_gaps > 0 {

@@ -172,7 +172,8 @@ impl Asset {
 
     fn set_map(&mut self, name: &str, which: Which, tile: usize, image: Option<ImageView>) -> Result<()> {
         self.check_tile(tile)?;
-        let map = image.map(|image| self.device.call(|| self.map_of(name, which, tile, image))).transpose()?;
+        let map =
+            image.map(|image| self.device.call(|| self.map_of(name, which, tile, image))).transpose()?;
         self.given.set(self.mesh.layers(tile), which, map);
         Ok(())
     }

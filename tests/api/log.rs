@@ -119,6 +119,6 @@ fn overlaps_have_their_share() {
     assert_eq!(values(LogCode::Overlap), Some((Some(1001), vec![info.overlap.into()])));
     let (_, grid) = values(LogCode::Grid).unwrap();
     let overlapped = info.rigid_overlapped as f32 / info.rigid_nodes as f32;
-    assert_eq!(grid[3..], [info.fixed.into(), overlapped.into()].map(|x: f64| x));
+    assert_eq!(grid[3..], [info.fixed, overlapped].map(f64::from));
     assert!(info.overlap > 0.9 && overlapped > 0.9, "{info:?}");
 }

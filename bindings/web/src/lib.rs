@@ -10,9 +10,9 @@ use arrays::Array;
 use js_sys::{Float32Array, Object, Uint16Array};
 use objects::Fields;
 use vrtm::{
-    Backend, Device, DeviceSettings, Error, FetchKind, ImageLayout, ImageViewMut, LogEntry, LogLevel, MeshSource,
-    OpenBorders, Overlap, PixelFormat, Quality, Seams, SolveOptions, Solver, TileSettings, UvSource, Weld,
-    WeldBy,
+    Backend, Device, DeviceSettings, Error, FetchKind, ImageLayout, ImageViewMut, LogEntry, LogLevel,
+    MeshSource, OpenBorders, Overlap, PixelFormat, Quality, Seams, SolveOptions, Solver, TileSettings,
+    UvSource, Weld, WeldBy,
 };
 use wasm_bindgen::prelude::{JsValue, wasm_bindgen};
 

@@ -108,12 +108,7 @@ impl<'a> LogEntry<'a> {
     /// `tile`: UDIM number, UV set and layer.
     #[doc(hidden)]
     #[must_use]
-    pub fn new(
-        code: LogCode,
-        tile: Option<[u32; 3]>,
-        values: &'a [f64],
-        message: &'a str,
-    ) -> LogEntry<'a> {
+    pub fn new(code: LogCode, tile: Option<[u32; 3]>, values: &'a [f64], message: &'a str) -> LogEntry<'a> {
         let [udim, uv_set, layer] = tile.unwrap_or_default();
         let udim = (udim > 0).then_some(udim);
         LogEntry { level: code.level(), code, udim, uv_set, layer, values, message }
