@@ -99,7 +99,7 @@ fn a_size_that_is_set_is_obeyed_and_compared() {
         let info = asset.tile_info(0).unwrap();
         assert_eq!(info.grid, grid.map(|cells| cells.unwrap_or(512)));
         let of_size =
-            |(code, _): &&(LogCode, _)| matches!(code, LogCode::GridTooCoarse | LogCode::GridTooFine);
+            |(code, _): &&(LogCode, Vec<f64>)| matches!(code, LogCode::GridTooCoarse | LogCode::GridTooFine);
         lines.lock().unwrap().iter().filter(of_size).cloned().collect::<Vec<_>>()
     };
     for grid in [[None, None], [Some(256), None], [Some(144), Some(2032)]] {
