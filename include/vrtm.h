@@ -14,7 +14,7 @@
  *   prepare  vrtm_tile_get_estimate,      if memory or the first frame's time matter
  *            vrtm_tile_save, vrtm_tile_load
  *   frame    vrtm_asset_redirect          every frame: new positions in, redirection maps out
- *            or vrtm_asset_solve, then vrtm_tile_fetch and vrtm_asset_fetch_corner_uvs
+ *            or vrtm_asset_solve, then vrtm_asset_fetch and vrtm_asset_fetch_corner_uvs
  *   job      vrtm_asset_submit, then vrtm_job_wait    solves in the background; can be cancelled
  *   facts    vrtm_tile_get_report, vrtm_asset_get_report, vrtm_tile_get_info, vrtm_asset_get_info
  *   refine   vrtm_refinement_create, then vrtm_refinement_fetch_corner_uvs every frame, for hosts that support
@@ -405,15 +405,109 @@ typedef int32_t vrtm_adapter_by;
 typedef int32_t vrtm_log_level;
 
 // Something to show to the artist: clipped faces, overlapping charts.
-#define VRTM_LOG_WARNING 1
+#define VRTM_LOG_LEVEL_WARNING 1
 
-// The chosen backend and device, and the reason.
-#define VRTM_LOG_INFO 2
+// Facts, such as the chosen device and the reason.
+#define VRTM_LOG_LEVEL_INFO 2
+
+// Kind of a log line. Each has the same level and the same values in every line.
+typedef int32_t vrtm_log_code;
+
+// A new device, and the reason for its choice. Values: CPU threads.
+#define VRTM_LOG_CODE_DEVICE 1
+
+// A new mesh. Values: vertices, faces, faces that are skipped, faces without texture, triangles, tiles.
+#define VRTM_LOG_CODE_MESH 2
+
+// A tile of a new mesh. Values: triangles, charts, border edges, edges welded by position, edges apart.
+#define VRTM_LOG_CODE_TILE 3
+
+// Faces that reach out of their tile are clipped to it. Values: their number.
+#define VRTM_LOG_CODE_FACES_CLIPPED 4
+
+// Faces that lie in no UDIM tile are left out. Values: their number.
+#define VRTM_LOG_CODE_FACES_OUTSIDE 5
+
+// Triangles without UV area are left out. Values: their number.
+#define VRTM_LOG_CODE_TRIANGLES_DEGENERATE 6
+
+// Edges lie together in space and in UV, and are not connected, so that charts end there. Values: their number.
+#define VRTM_LOG_CODE_EDGES_APART 7
+
+// Seams that are no edge of a face do nothing. Values: their number.
+#define VRTM_LOG_CODE_SEAMS_UNUSED 8
+
+// All rest positions are one point, so that nothing can move.
+#define VRTM_LOG_CODE_REST_IS_POINT 9
+
+// A rigidity, of a tile or of the vertices, has values in another range than 0..1. Values: the largest.
+#define VRTM_LOG_CODE_RIGIDITY_RANGE 10
+
+// A mask, of a tile or of the vertices, has values in another range than 0..1. Values: the largest.
+#define VRTM_LOG_CODE_MASK_RANGE 11
+
+// A grid that was set has too few cells for its rigid features. Values: cells in u and in v, cells per side that would
+// resolve them.
+#define VRTM_LOG_CODE_GRID_TOO_COARSE 12
+
+// A grid that was set has far more cells than its rigid features need. Values: as for the one that is too coarse.
+#define VRTM_LOG_CODE_GRID_TOO_FINE 13
+
+// Charts of a tile overlap, and what they share does not move in one map. Values: the share of the textured area.
+#define VRTM_LOG_CODE_OVERLAP 14
+
+// Nodes are fixed at gaps in the UVs that welding closes. Values: their number.
+#define VRTM_LOG_CODE_NODES_AT_GAPS 15
+
+// A new grid. Values: nodes that may move, cells in u and in v, and of the rigid texels the shares that are fixed and
+// overlapped, both 0 if nothing is rigid.
+#define VRTM_LOG_CODE_GRID 16
+
+// A tile has rigid texels, but nothing that may move.
+#define VRTM_LOG_CODE_NOTHING_MOVES 17
+
+// No tile has a rigidity, so that nothing moves.
+#define VRTM_LOG_CODE_NO_RIGIDITY 18
+
+// The edges of a pose are much longer or shorter than at rest, as if it were in other units. Values: the median of
+// their lengths, as multiples of those at rest.
+#define VRTM_LOG_CODE_POSE_SCALE 19
+
+// Many edges of a pose are much longer than at rest, as if its vertices were in another order. Values: the share of
+// edges over 3 times as long.
+#define VRTM_LOG_CODE_POSE_ORDER 20
+
+// The pose tears welded edges of a tile. Values: torn edges, welded edges.
+#define VRTM_LOG_CODE_WELDS_TORN 21
+
+// The pose tears no welded edges of a tile any more. Values: 0, welded edges.
+#define VRTM_LOG_CODE_WELDS_WHOLE 22
+
+// A line of the log, which the library fills. It lives during the call of the log function.
+typedef struct vrtm_log_entry {
+    // sizeof(vrtm_log_entry) of the library.
+    uint32_t struct_size;
+    // One of VRTM_LOG_LEVEL_.
+    vrtm_log_level level;
+    // One of VRTM_LOG_CODE_, or one of a later version. Programs decide by it and by `values`: the words of a message
+    // may change.
+    vrtm_log_code code;
+    // UDIM number of the tile that the line is about; 0 = about no single tile.
+    uint32_t udim;
+    // UV set of that tile.
+    uint32_t uv_set;
+    // Layer of that tile.
+    uint32_t layer;
+    // Numbers of the message, as the code's comment lists them; the others are 0.
+    double values[6];
+    // One line for people, UTF-8, without a line break.
+    const char *message;
+} vrtm_log_entry;
 
 // A host's log function. It is called during a call into vrtm, on the thread that does the call's work, also by
-// several threads at once. `message` is one UTF-8 line without a line break, valid during the call. It may call vrtm
-// functions; calls that use the asset of the current call give VRTM_ERROR_BUSY, as does waiting for the current job.
-typedef void (*vrtm_log_fn)(void *user, vrtm_log_level level, const char *message);
+// several threads at once. It may call vrtm functions; calls that use the asset of the current call give
+// VRTM_ERROR_BUSY, as does waiting for the current job.
+typedef void (*vrtm_log_fn)(void *user, const vrtm_log_entry *entry);
 
 // Settings of a new device. Start from vrtm_device_desc_init(), whose defaults are: automatic backend, all cores, no
 // memory budget, no log.
@@ -815,12 +909,12 @@ typedef struct vrtm_fetch {
 } vrtm_fetch;
 
 // Solves every tile for a pose and writes `count` outputs, in one call: all that a host's compute() needs for a frame.
-// Equivalent to vrtm_asset_solve followed by vrtm_tile_fetch, except that all arguments are checked before any work,
+// Equivalent to vrtm_asset_solve followed by vrtm_asset_fetch, except that all arguments are checked before any work,
 // and nothing else can use the asset in between. `fetches` may be null if `count` is 0. No two outputs may write the
 // same byte, but they may be interleaved, such as two pairs of channels of one image. No output may overlap the memory
 // that the positions span.
 //
-// Errors: those of vrtm_asset_solve and vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile or carrier of another
+// Errors: those of vrtm_asset_solve and vrtm_asset_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile or carrier of another
 // asset and for outputs that overlap. On an error nothing is written, unless a GPU fails while the outputs are
 // written.
 VRTM_API
@@ -857,7 +951,7 @@ vrtm_status vrtm_asset_solve(vrtm_asset asset,
 // the whole image, or outputs that overlap; the errors of vrtm_carrier_fetch; VRTM_ERROR_OUT_OF_MEMORY. On any error
 // nothing is written, unless a GPU fails while the outputs are written. Never busy.
 VRTM_API
-vrtm_status vrtm_tile_fetch(const vrtm_fetch *fetches,
+vrtm_status vrtm_asset_fetch(const vrtm_fetch *fetches,
                             size_t count);
 
 // Writes the redirected UV of every face corner of the mesh in a UV set: `count` pairs (u, v), in corner order, with
@@ -1372,8 +1466,8 @@ typedef struct vrtm_map_info {
     uint32_t sufficient_height;
 } vrtm_map_info;
 
-// Inspects the map that a vrtm_tile_fetch of this kind, size and format would write for the last result. A map samples
-// the redirection at texel centres only, and a renderer's interpolation between them may fold where the warp squeezes.
+// Inspects the map that a vrtm_asset_fetch of this kind, size and format would write for the last result. A map
+// samples the redirection at texel centres only, and a renderer's interpolation may fold where the warp squeezes.
 // This function reports whether it folds, how far it is from the exact redirection, and which size suffices. It takes
 // about as long as fetching the map and a second map of twice its size or the grid's. The map is computed on the CPU:
 // if a GPU writes it, single quads that almost fold may be counted differently.
@@ -1756,13 +1850,13 @@ typedef struct vrtm_external_image {
 } vrtm_external_image;
 
 // Writes a redirection of the last solve into memory of the host's own Vulkan device, which must be the same GPU
-// (vrtm_device_desc.adapter_by), without copying through the CPU. The texels equal those of vrtm_tile_fetch bit for
+// (vrtm_device_desc.adapter_by), without copying through the CPU. The texels equal those of vrtm_asset_fetch bit for
 // bit. Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM, of two channels.
 //
 // Nothing on the host's device may use the texels during the call. The call returns when the GPU has written them, so
 // that the host needs no semaphore. docs/hosts.md says how a buffer with exclusive sharing is handed over.
 //
-// Errors: those of vrtm_tile_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
+// Errors: those of vrtm_asset_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
 // formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT,
 // naming the field, for an unknown value, a zero size, an offset or stride that is too short or no multiple of a
 // texel, memory that is too small, a handle that does not refer to memory, or a memory type that cannot hold buffers.
@@ -2125,6 +2219,7 @@ VRTM_DEFINE_INIT_WITH_(vrtm_refinement_desc,
 VRTM_DEFINE_INIT_(vrtm_allocator)
 VRTM_DEFINE_INIT_(vrtm_executor)
 VRTM_DEFINE_INIT_(vrtm_device_desc)
+VRTM_DEFINE_INIT_(vrtm_log_entry)
 VRTM_DEFINE_INIT_(vrtm_device_info)
 VRTM_DEFINE_INIT_(vrtm_adapter_info)
 VRTM_DEFINE_INIT_(vrtm_array)

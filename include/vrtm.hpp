@@ -73,7 +73,6 @@ enum class PixelFormat : vrtm_pixel_format {
 };
 enum class Origin : vrtm_origin { top = VRTM_ORIGIN_TOP, bottom = VRTM_ORIGIN_BOTTOM };
 enum class Backend : vrtm_backend { automatic = VRTM_BACKEND_AUTO, cpu = VRTM_BACKEND_CPU, gpu = VRTM_BACKEND_GPU };
-enum class LogLevel : vrtm_log_level { warning = VRTM_LOG_WARNING, info = VRTM_LOG_INFO };
 enum class Weld : vrtm_weld { index = VRTM_WELD_INDEX, position = VRTM_WELD_POSITION, off = VRTM_WELD_OFF };
 enum class Overlap : vrtm_overlap { fixed = VRTM_OVERLAP_FIXED, first_face = VRTM_OVERLAP_FIRST_FACE };
 enum class Seams : vrtm_seams { shut = VRTM_SEAMS_SHUT, go_on = VRTM_SEAMS_CONTINUE, keep = VRTM_SEAMS_KEEP };
@@ -409,7 +408,7 @@ private:
 
 // ---- Device ----
 
-using Log = std::function<void(LogLevel level, const char *message)>;
+using Log = std::function<void(const vrtm_log_entry &entry)>;
 
 // Settings of a new device: the fields of vrtm_device_desc, and the functions of the host.
 struct DeviceDesc : vrtm_device_desc {
@@ -434,14 +433,14 @@ struct DeviceDesc : vrtm_device_desc {
         const std::shared_ptr<Log> kept(new Log(std::move(function)));
         keep_log = kept;
         log_user = kept.get();
-        log = [](void *user, vrtm_log_level level, const char *message) noexcept {
+        log = [](void *user, const vrtm_log_entry *entry) noexcept {
 #if VRTM_EXCEPTIONS
             try {
-                (*static_cast<const Log *>(user))(LogLevel(level), message);
+                (*static_cast<const Log *>(user))(*entry);
             } catch (...) {
             }
 #else
-            (*static_cast<const Log *>(user))(LogLevel(level), message);
+            (*static_cast<const Log *>(user))(*entry);
 #endif
         };
         return *this;
@@ -906,7 +905,7 @@ public:
     Result<> fetch(FetchKind kind, const ImageOut &image, std::uint32_t uv_set = 0) const noexcept
     {
         const vrtm_fetch c = detail::fetch(handle_, kind, image, uv_set);
-        return Result<>(vrtm_tile_fetch(&c, 1));
+        return Result<>(vrtm_asset_fetch(&c, 1));
     }
     // Of an image of `width` x `height` texels the rectangle of `image`'s size that begins at (x, y).
     Result<> fetch_part(FetchKind kind, const ImageOut &image, std::uint32_t x, std::uint32_t y,
@@ -917,7 +916,7 @@ public:
         c.y = y;
         c.whole_width = width;
         c.whole_height = height;
-        return Result<>(vrtm_tile_fetch(&c, 1));
+        return Result<>(vrtm_asset_fetch(&c, 1));
     }
 
     // What a texture must hold around the tile's charts, up to `reach` in UV from their seams. Needs no solve.

@@ -11,11 +11,12 @@ use vrtm_core::backend::{Gpu, Options, TileSolver};
 use vrtm_core::control::Control;
 use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::Grid;
+use vrtm_core::log::{LogCode, LogEntry};
 use vrtm_core::mesh::TileMesh;
 use vrtm_core::method::plan::Purpose;
 use vrtm_core::panics::lock;
 use vrtm_core::report::{AdapterInfo, DeviceInfo, report};
-use vrtm_core::settings::{AdapterId, Backend, DeviceSettings, LogLevel, MAX_THREADS};
+use vrtm_core::settings::{AdapterId, Backend, DeviceSettings, MAX_THREADS};
 use vrtm_core::team::{Crew, Executor, Team};
 use vrtm_core::unwind::caught;
 use vrtm_cpu as cpu;
@@ -197,7 +198,8 @@ impl Device {
             assets: AtomicUsize::new(0),
         }));
         let info = device.info();
-        device.log(LogLevel::Info, &format!("device: {}, {threads} threads; {}", info.name, info.reason));
+        let message = format!("device: {}, {threads} threads; {}", info.name, info.reason);
+        device.log(LogCode::Device, None, &[f64::from(threads)], &message);
         Ok(device)
     }
 
@@ -301,10 +303,12 @@ impl Device {
         self.0.settings.log.is_some()
     }
 
-    pub(crate) fn log(&self, level: LogLevel, message: &str) {
-        if let Some(log) = &self.0.settings.log {
-            log(level, message);
-        }
+    /// Writes a line, which names its tile first if it is about one.
+    pub(crate) fn log(&self, code: LogCode, tile: Option<&TileMesh>, values: &[f64], message: &str) {
+        let Some(log) = &self.0.settings.log else { return };
+        let named = tile.map(|tile| format!("{}: {message}", tile.name()));
+        let key = tile.map(|tile| [tile.udim, tile.uv_set, tile.layer]);
+        log(&LogEntry::new(code, key, values, named.as_deref().unwrap_or(message)));
     }
 
     /// Most bytes on the device's account.

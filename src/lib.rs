@@ -94,14 +94,15 @@ pub use vrtm_core::image::external::{ExternalHandle, ExternalImage};
 pub use vrtm_core::image::format::PixelFormat;
 pub use vrtm_core::image::texels::{InputTexel, OutputTexel};
 pub use vrtm_core::image::{ImageLayout, ImageView, ImageViewMut, Origin};
+pub use vrtm_core::log::{LogCode, LogEntry, LogFn, LogLevel};
 pub use vrtm_core::mesh::{MeshSource, UvSource, Weld, WeldBy};
 pub use vrtm_core::report::{
     AdapterInfo, AssetInfo, AssetReport, DeviceInfo, GpuKernel, GpuWork, StageTimes, Strain, StrainReport,
     TileEstimate, TileInfo, TileReport,
 };
 pub use vrtm_core::settings::{
-    AdapterId, Backend, DeviceSettings, LogFn, LogLevel, MAX_GRID, OpenBorders, Overlap, PbdSettings,
-    Quality, Seams, SolveOptions, Solver, TileSettings,
+    AdapterId, Backend, DeviceSettings, MAX_GRID, OpenBorders, Overlap, PbdSettings, Quality, Seams,
+    SolveOptions, Solver, TileSettings,
 };
 pub use vrtm_core::team::{Executor, Task};
 pub use vrtm_core::view::{Scalar, Strided, StridedMut};

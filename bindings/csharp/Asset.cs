@@ -197,7 +197,7 @@ namespace Vrtm
             fetch.tile = Tile(udim);
             fetch.kind = kind;
             fetch.image = &image;
-            Check(vrtm_tile_fetch(&fetch, (UIntPtr)1));
+            Check(vrtm_asset_fetch(&fetch, (UIntPtr)1));
         }
 
         private vrtm_tile Tile(uint udim)

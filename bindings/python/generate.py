@@ -138,8 +138,11 @@ class Header:
 
     def signature(self, node: c_ast.FuncDecl, form: str) -> str:
         """A function's result and then its arguments, within `form`."""
-        parameters = [p for p in node.args.params if self.type(p.type) != "None"] if node.args else []
-        return form.format(", ".join([self.type(node.type), *(self.type(p.type) for p in parameters)]))
+        types = [self.type(p.type) for p in node.args.params] if node.args else []
+        # Structs are defined below the functions of a host, which get addresses of them.
+        pointer = "c_void_p" if form.startswith("CFUNCTYPE") else None
+        types = [(pointer or kind) if kind.startswith("POINTER") else kind for kind in types if kind != "None"]
+        return form.format(", ".join([self.type(node.type), *types]))
 
     def _prefixed(self, typedef: str) -> list[tuple[str, str]]:
         """The prefix and the name of each constant of a type such as vrtm_quality: ("VRTM_QUALITY_", "normal"), ..."""

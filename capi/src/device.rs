@@ -13,7 +13,8 @@ use super::handle::{self, vrtm_device};
 use super::mirror::{Mirror, choice};
 use super::status::{Outcome, chars, vrtm_status};
 use vrtm::Device;
-use vrtm_core::settings::{Backend, DeviceSettings, LogFn, LogLevel};
+use vrtm_core::log::{LogCode, LogEntry, LogFn, LogLevel};
+use vrtm_core::settings::{Backend, DeviceSettings};
 
 choice! {
     BACKENDS: vrtm_backend of Backend {
@@ -21,18 +22,64 @@ choice! {
     }
 }
 
-/// Importance of a log line.
-pub type vrtm_log_level = i32;
-/// Something to show to the artist: clipped faces, overlapping charts.
-pub const VRTM_LOG_WARNING: vrtm_log_level = 1;
-/// The chosen backend and device, and the reason.
-pub const VRTM_LOG_INFO: vrtm_log_level = 2;
+choice! {
+    LOG_LEVELS: vrtm_log_level of LogLevel { VRTM_LOG_LEVEL_WARNING = 1: Warning, VRTM_LOG_LEVEL_INFO = 2: Info }
+}
+
+choice! {
+    LOG_CODES: vrtm_log_code of LogCode {
+        VRTM_LOG_CODE_DEVICE = 1: Device,
+        VRTM_LOG_CODE_MESH = 2: Mesh,
+        VRTM_LOG_CODE_TILE = 3: Tile,
+        VRTM_LOG_CODE_FACES_CLIPPED = 4: FacesClipped,
+        VRTM_LOG_CODE_FACES_OUTSIDE = 5: FacesOutside,
+        VRTM_LOG_CODE_TRIANGLES_DEGENERATE = 6: TrianglesDegenerate,
+        VRTM_LOG_CODE_EDGES_APART = 7: EdgesApart,
+        VRTM_LOG_CODE_SEAMS_UNUSED = 8: SeamsUnused,
+        VRTM_LOG_CODE_REST_IS_POINT = 9: RestIsPoint,
+        VRTM_LOG_CODE_RIGIDITY_RANGE = 10: RigidityRange,
+        VRTM_LOG_CODE_MASK_RANGE = 11: MaskRange,
+        VRTM_LOG_CODE_GRID_TOO_COARSE = 12: GridTooCoarse,
+        VRTM_LOG_CODE_GRID_TOO_FINE = 13: GridTooFine,
+        VRTM_LOG_CODE_OVERLAP = 14: Overlap,
+        VRTM_LOG_CODE_NODES_AT_GAPS = 15: NodesAtGaps,
+        VRTM_LOG_CODE_GRID = 16: Grid,
+        VRTM_LOG_CODE_NOTHING_MOVES = 17: NothingMoves,
+        VRTM_LOG_CODE_NO_RIGIDITY = 18: NoRigidity,
+        VRTM_LOG_CODE_POSE_SCALE = 19: PoseScale,
+        VRTM_LOG_CODE_POSE_ORDER = 20: PoseOrder,
+        VRTM_LOG_CODE_WELDS_TORN = 21: WeldsTorn,
+        VRTM_LOG_CODE_WELDS_WHOLE = 22: WeldsWhole,
+    }
+}
+
+/// A line of the log, which the library fills. It lives during the call of the log function.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub struct vrtm_log_entry {
+    /// sizeof(vrtm_log_entry) of the library.
+    pub struct_size: u32,
+    /// One of VRTM_LOG_LEVEL_.
+    pub level: vrtm_log_level,
+    /// One of VRTM_LOG_CODE_, or one of a later version. Programs decide by it and by `values`: the words of a message
+    /// may change.
+    pub code: vrtm_log_code,
+    /// UDIM number of the tile that the line is about; 0 = about no single tile.
+    pub udim: u32,
+    /// UV set of that tile.
+    pub uv_set: u32,
+    /// Layer of that tile.
+    pub layer: u32,
+    /// Numbers of the message, as the code's comment lists them; the others are 0.
+    pub values: [f64; 6],
+    /// One line for people, UTF-8, without a line break.
+    pub message: *const c_char,
+}
 
 /// A host's log function. It is called during a call into vrtm, on the thread that does the call's work, also by
-/// several threads at once. `message` is one UTF-8 line without a line break, valid during the call. It may call vrtm
-/// functions; calls that use the asset of the current call give VRTM_ERROR_BUSY, as does waiting for the current job.
-pub type vrtm_log_fn =
-    Option<unsafe extern "C" fn(user: *mut c_void, level: vrtm_log_level, message: *const c_char)>;
+/// several threads at once. It may call vrtm functions; calls that use the asset of the current call give
+/// VRTM_ERROR_BUSY, as does waiting for the current job.
+pub type vrtm_log_fn = Option<unsafe extern "C" fn(user: *mut c_void, entry: *const vrtm_log_entry)>;
 
 /// Settings of a new device. Start from vrtm_device_desc_init(), whose defaults are: automatic backend, all cores, no
 /// memory budget, no log.
@@ -107,9 +154,14 @@ unsafe impl Sized32 for vrtm_device_info {
     const NAME: &'static str = "vrtm_device_info";
 }
 
+// SAFETY: repr(C), struct_size first, numbers and a pointer.
+unsafe impl Sized32 for vrtm_log_entry {
+    const NAME: &'static str = "vrtm_log_entry";
+}
+
 /// A host's log function and its user data.
 struct HostLog {
-    call: unsafe extern "C" fn(*mut c_void, vrtm_log_level, *const c_char),
+    call: unsafe extern "C" fn(*mut c_void, *const vrtm_log_entry),
     user: *mut c_void,
 }
 
@@ -119,16 +171,25 @@ unsafe impl Send for HostLog {}
 unsafe impl Sync for HostLog {}
 
 impl HostLog {
-    fn write(&self, level: LogLevel, message: &str) {
+    fn write(&self, entry: &LogEntry) {
+        let &LogEntry { level, code, udim, uv_set, layer, values: numbers, message, .. } = entry;
         let line: String =
             message.chars().map(|c| if matches!(c, '\0' | '\n' | '\r') { ' ' } else { c }).collect();
-        let level = match level {
-            LogLevel::Warning => VRTM_LOG_WARNING,
-            _ => VRTM_LOG_INFO,
-        };
+        let mut values = [0.0; 6];
+        values[..numbers.len()].copy_from_slice(numbers);
         if let Ok(line) = CString::new(line) {
+            let entry = vrtm_log_entry {
+                level: level.to_c(),
+                code: code.to_c(),
+                udim: udim.unwrap_or(0),
+                uv_set,
+                layer,
+                values,
+                message: line.as_ptr(),
+                ..Sized32::zeroed()
+            };
             // SAFETY: the host vouches for the function and for its user data.
-            unsafe { (self.call)(self.user, level, line.as_ptr()) }
+            unsafe { (self.call)(self.user, &entry) }
         }
     }
 }
@@ -137,7 +198,7 @@ unsafe fn settings(desc: &vrtm_device_desc) -> Outcome<DeviceSettings> {
     let backend = Backend::from_c(desc.backend, "desc.backend")?;
     let log = desc.log.map(|call| {
         let host = HostLog { call, user: desc.log_user };
-        Arc::new(move |level: LogLevel, message: &str| host.write(level, message)) as LogFn
+        Arc::new(move |entry: &LogEntry| host.write(entry)) as LogFn
     });
     // SAFETY: the host's pointer.
     let executor = unsafe { HostExecutor::read(desc.executor, "desc.executor") }?;

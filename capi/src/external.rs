@@ -80,13 +80,13 @@ unsafe fn read(image: *const vrtm_external_image, name: &str) -> Outcome<Externa
 }
 
 /// Writes a redirection of the last solve into memory of the host's own Vulkan device, which must be the same GPU
-/// (vrtm_device_desc.adapter_by), without copying through the CPU. The texels equal those of vrtm_tile_fetch bit for
+/// (vrtm_device_desc.adapter_by), without copying through the CPU. The texels equal those of vrtm_asset_fetch bit for
 /// bit. Kinds: REDIRECTION, REDIRECTION_DELTA and REDIRECTION_UDIM, of two channels.
 ///
 /// Nothing on the host's device may use the texels during the call. The call returns when the GPU has written them, so
 /// that the host needs no semaphore. docs/hosts.md says how a buffer with exclusive sharing is handed over.
 ///
-/// Errors: those of vrtm_tile_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
+/// Errors: those of vrtm_asset_fetch; VRTM_ERROR_UNSUPPORTED if the asset's device is the CPU, for other kinds and
 /// formats, and for handles that this GPU, its driver or this system does not import; VRTM_ERROR_INVALID_ARGUMENT,
 /// naming the field, for an unknown value, a zero size, an offset or stride that is too short or no multiple of a
 /// texel, memory that is too small, a handle that does not refer to memory, or a memory type that cannot hold buffers.

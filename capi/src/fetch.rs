@@ -270,8 +270,8 @@ impl Checked<'_> {
 /// the whole image, or outputs that overlap; the errors of vrtm_carrier_fetch; VRTM_ERROR_OUT_OF_MEMORY. On any error
 /// nothing is written, unless a GPU fails while the outputs are written. Never busy.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn vrtm_tile_fetch(fetches: *const vrtm_fetch, count: usize) -> vrtm_status {
-    guard("vrtm_tile_fetch", || {
+pub unsafe extern "C" fn vrtm_asset_fetch(fetches: *const vrtm_fetch, count: usize) -> vrtm_status {
+    guard("vrtm_asset_fetch", || {
         // SAFETY: the host's pointer, valid during the call.
         let mut wanted = unsafe { Wanted::read(None, fetches, count, 0..0) }?;
         let results = wanted.results.clone();

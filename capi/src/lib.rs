@@ -63,6 +63,8 @@ pub const MIRRORED: &[mirror::Struct] = &[
 /// Their constants.
 pub const CHOICES: &[mirror::Choice] = &[
     device::BACKENDS,
+    device::LOG_LEVELS,
+    device::LOG_CODES,
     solve::QUALITIES,
     solve::SOLVERS,
     tile::OVERLAPS,

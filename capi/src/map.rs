@@ -60,8 +60,8 @@ unsafe impl Sized32 for vrtm_map_info {
     const NAME: &'static str = "vrtm_map_info";
 }
 
-/// Inspects the map that a vrtm_tile_fetch of this kind, size and format would write for the last result. A map samples
-/// the redirection at texel centres only, and a renderer's interpolation between them may fold where the warp squeezes.
+/// Inspects the map that a vrtm_asset_fetch of this kind, size and format would write for the last result. A map
+/// samples the redirection at texel centres only, and a renderer's interpolation may fold where the warp squeezes.
 /// This function reports whether it folds, how far it is from the exact redirection, and which size suffices. It takes
 /// about as long as fetching the map and a second map of twice its size or the grid's. The map is computed on the CPU:
 /// if a GPU writes it, single quads that almost fold may be counted differently.

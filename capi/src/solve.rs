@@ -199,12 +199,12 @@ pub unsafe extern "C" fn vrtm_asset_solve(
 }
 
 /// Solves every tile for a pose and writes `count` outputs, in one call: all that a host's compute() needs for a frame.
-/// Equivalent to vrtm_asset_solve followed by vrtm_tile_fetch, except that all arguments are checked before any work,
+/// Equivalent to vrtm_asset_solve followed by vrtm_asset_fetch, except that all arguments are checked before any work,
 /// and nothing else can use the asset in between. `fetches` may be null if `count` is 0. No two outputs may write the
 /// same byte, but they may be interleaved, such as two pairs of channels of one image. No output may overlap the memory
 /// that the positions span.
 ///
-/// Errors: those of vrtm_asset_solve and vrtm_tile_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile or carrier of another
+/// Errors: those of vrtm_asset_solve and vrtm_asset_fetch; VRTM_ERROR_INVALID_ARGUMENT for a tile or carrier of another
 /// asset and for outputs that overlap. On an error nothing is written, unless a GPU fails while the outputs are
 /// written.
 #[unsafe(no_mangle)]

@@ -23,7 +23,7 @@ use std::process::ExitCode;
 use std::sync::{Arc, Mutex};
 
 use serde_json::Value;
-use vrtm::{AssetReport, Device, DeviceSettings, FetchKind, LogLevel};
+use vrtm::{AssetReport, Device, DeviceSettings, FetchKind, LogCode, LogLevel};
 
 use args::Args;
 use bake::{Bake, OUTPUTS};
@@ -150,12 +150,12 @@ fn print(line: &str) {
 /// Prints each of the library's warnings once. Warnings about a pose are printed with the frame, by `warn_of_pose`.
 fn log() -> vrtm::LogFn {
     let told = Mutex::new(BTreeSet::new());
-    Arc::new(move |level, message| {
-        if level == LogLevel::Warning
-            && !message.starts_with("pose")
-            && told.lock().is_ok_and(|mut told| told.insert(message.to_string()))
+    Arc::new(move |entry| {
+        if entry.level == LogLevel::Warning
+            && !matches!(entry.code, LogCode::PoseScale | LogCode::PoseOrder)
+            && told.lock().is_ok_and(|mut told| told.insert(entry.message.to_string()))
         {
-            say(&format!("warning: {message}"));
+            say(&format!("warning: {}", entry.message));
         }
     })
 }

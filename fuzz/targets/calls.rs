@@ -240,7 +240,7 @@ fn call(input: &mut Input, handles: &Handles, number: usize) {
                 ]);
                 let mut fetch = sized::<vrtm_fetch>();
                 (fetch.kind, fetch.tile, fetch.image) = (kind, tile, &raw const target);
-                let done = check(vrtm_tile_fetch(&fetch, 1));
+                let done = check(vrtm_asset_fetch(&fetch, 1));
                 assert!(if done { map.iter().all(|x| x.is_finite()) } else { untouched(&map) });
             }
             20 => {

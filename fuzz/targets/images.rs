@@ -207,7 +207,7 @@ unsafe fn step(input: &mut Input, sheet: &Sheet, asset: vrtm_asset, tile: vrtm_t
                 let mut target = Target::new(input)?;
                 let mut fetch = sized::<vrtm_fetch>();
                 (fetch.kind, fetch.tile, fetch.image) = (input.pick(&kinds), tile, &target.c);
-                let done = check(vrtm_tile_fetch(&fetch, 1));
+                let done = check(vrtm_asset_fetch(&fetch, 1));
                 target.compare(done);
             }
             5 => {
@@ -217,7 +217,7 @@ unsafe fn step(input: &mut Input, sheet: &Sheet, asset: vrtm_asset, tile: vrtm_t
                 (fetch.x, fetch.y) = (x, y);
                 (fetch.whole_width, fetch.whole_height) = (input.pick(&places), input.pick(&places));
                 (fetch.kind, fetch.tile, fetch.image) = (input.pick(&kinds), tile, &target.c);
-                let done = check(vrtm_tile_fetch(&fetch, 1));
+                let done = check(vrtm_asset_fetch(&fetch, 1));
                 target.compare(done);
             }
             6 => {

@@ -217,7 +217,7 @@ unsafe fn solve(input: &mut Input, asset: vrtm_asset, vertices: usize, corners: 
             let kind = input.pick(&[VRTM_FETCH_REDIRECTION, VRTM_FETCH_REDIRECTION_DELTA, VRTM_FETCH_WARP]);
             let mut fetch = sized::<vrtm_fetch>();
             (fetch.kind, fetch.tile, fetch.image) = (kind, tile, &image);
-            assert!(check(vrtm_tile_fetch(&fetch, 1)));
+            assert!(check(vrtm_asset_fetch(&fetch, 1)));
             assert!(map.iter().all(|x| x.is_finite()), "a texel is not finite");
         }
         refine(input, asset);

@@ -98,7 +98,7 @@ fuzz_target!(|bytes: &[u8]| {
         if check(vrtm_asset_solve(asset, &sheet.positions(), &options)) {
             let mut fetch = sized::<vrtm_fetch>();
             (fetch.tile, fetch.image) = (tile, &image);
-            check(vrtm_tile_fetch(&fetch, 1));
+            check(vrtm_asset_fetch(&fetch, 1));
         }
         let mut needs = sized::<vrtm_tile_estimate>();
         check(vrtm_tile_get_estimate(tile, &mut needs));

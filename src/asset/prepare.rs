@@ -10,10 +10,11 @@ use vrtm_core::error::Result;
 use vrtm_core::grid::pieces::resolving;
 use vrtm_core::grid::survey::Survey;
 use vrtm_core::grid::{Grid, build, saved};
+use vrtm_core::log::LogCode;
 use vrtm_core::mesh::TileMesh;
 use vrtm_core::method::plan::Purpose;
 use vrtm_core::report::{TileEstimate, TileInfo, report};
-use vrtm_core::settings::{LogLevel, Solver};
+use vrtm_core::settings::Solver;
 
 use super::given::{Change, Given};
 use super::room;
@@ -59,8 +60,8 @@ impl TileState {
 
     /// The tile with these welds torn, and its grid; builds it if it is not there.
     pub fn prepared(&mut self, call: &Call, welds: &[u32]) -> Result<Prepared> {
-        let (tile, name, is_whole) = (self.tile, call.mesh.tiles[self.tile].name(), welds.is_empty());
-        self.maps.set(call.given.bytes(call.mesh, tile), &name)?;
+        let (tile, own, is_whole) = (self.tile, &call.mesh.tiles[self.tile], welds.is_empty());
+        self.maps.set(call.given.bytes(call.mesh, tile), &own.name())?;
         self.book_shape(call, welds)?;
         let shape = self.shape(call, welds)?;
         let is_repainted = shape.repaint(call);
@@ -77,13 +78,13 @@ impl TileState {
         let built = grid.get(call.device, key.clone(), |key, booked| {
             let built = Built::new(call, key, mesh, booked)?;
             if is_whole {
-                describe(call.device, &name, &built.grid);
-                compare(call, key.tile, &name);
+                describe(call.device, own, &built.grid);
+                compare(call, key.tile);
             }
             Ok(built)
         })?;
         if is_repainted {
-            describe_rigidity(call.device, &name, &built.grid);
+            describe_rigidity(call.device, own, &built.grid);
         }
         Ok(Prepared { mesh: mesh.clone(), grid: built.grid.clone(), key, since: built.since.clone() })
     }
@@ -186,7 +187,7 @@ impl TileState {
 
 /// Tells of a grid that was asked for and has a quarter of the cells on a side that resolve the rigidity, or four times
 /// as many.
-fn compare(call: &Call, tile: usize, name: &str) {
+fn compare(call: &Call, tile: usize) {
     let maps = &call.given.maps[tile];
     if !call.device.has_log() || maps.settings.grid == [None; 2] {
         return;
@@ -194,47 +195,51 @@ fn compare(call: &Call, tile: usize, name: &str) {
     let (tile, rigidity) = (&call.mesh.tiles[tile], &maps.rigidity);
     let Some(cells) = resolving(call.team, tile, rigidity, None, &mut None) else { return };
     let [width, height] = maps.grid_size().map(|cells| cells as u32);
-    let said = |what: &str| {
-        format!("{name}: {width} x {height} cells {what}: {cells} x {cells} resolve its rigid features")
-    };
-    if 4 * width.min(height) <= cells {
-        call.device.log(LogLevel::Warning, &said("are too few"));
+    let (code, what) = if 4 * width.min(height) <= cells {
+        (LogCode::GridTooCoarse, "are too few")
     } else if width.max(height) >= 4 * cells {
-        call.device.log(LogLevel::Info, &said("take time and gain little"));
-    }
+        (LogCode::GridTooFine, "take time and gain little")
+    } else {
+        return;
+    };
+    let message = format!("{width} x {height} cells {what}: {cells} x {cells} resolve its rigid features");
+    call.device.log(code, Some(tile), &[width, height, cells].map(f64::from), &message);
 }
 
 /// Tells of a new grid.
-fn describe(device: &Device, name: &str, grid: &Grid) {
+fn describe(device: &Device, tile: &TileMesh, grid: &Grid) {
     if grid.overlap > 0.0 {
         let percent = 100.0 * grid.overlap;
-        let message = format!(
-            "{name}: {percent:.2} % of it is overlapped, and what charts share does not move in one map"
-        );
-        device.log(LogLevel::Warning, &message);
+        let message =
+            format!("{percent:.2} % of it is overlapped, and what charts share does not move in one map");
+        device.log(LogCode::Overlap, Some(tile), &[grid.overlap.into()], &message);
     }
     if grid.at_gaps > 0 {
         let message = format!(
-            "{name}: {} nodes are fixed at gaps in the UVs that welding closes: if they are none, give UVs with less noise",
+            "{} nodes are fixed at gaps in the UVs that welding closes: if they are none, give UVs with less noise",
             grid.at_gaps
         );
-        device.log(LogLevel::Warning, &message);
+        device.log(LogCode::NodesAtGaps, Some(tile), &[grid.at_gaps as f64], &message);
     }
-    describe_rigidity(device, name, grid);
+    describe_rigidity(device, tile, grid);
 }
 
 /// Tells how much of what is rigid may move.
-fn describe_rigidity(device: &Device, name: &str, grid: &Grid) {
-    let rigid = match grid.rigid_sum(|of| of.rigid) {
+fn describe_rigidity(device: &Device, tile: &TileMesh, grid: &Grid) {
+    let rigid = grid.rigid_sum(|of| of.rigid);
+    let fixed = if rigid > 0 { grid.fixed() } else { 0.0 };
+    let overlapped = grid.rigid_sum(|of| of.overlapped) as f32 / rigid.max(1) as f32;
+    let of_rigid = match rigid {
         0 => "nothing is rigid".to_owned(),
-        rigid => format!(
+        _ => format!(
             "{:.1} % of its rigid texels are fixed, {:.1} % overlapped, {:.1} % may move",
-            100.0 * grid.fixed(),
-            100.0 * grid.rigid_sum(|of| of.overlapped) as f32 / rigid as f32,
-            100.0 * (1.0 - grid.fixed())
+            100.0 * fixed,
+            100.0 * overlapped,
+            100.0 * (1.0 - fixed)
         ),
     };
     let (movable, level) = (grid.movable.iter().sum::<u64>(), &grid.levels[0]);
-    let message = format!("{name}: {movable} nodes of {} x {} cells may move, {rigid}", level.nx, level.ny);
-    device.log(LogLevel::Info, &message);
+    let message = format!("{movable} nodes of {} x {} cells may move, {of_rigid}", level.nx, level.ny);
+    let values = [movable as f64, level.nx as f64, level.ny as f64, fixed.into(), overlapped.into()];
+    device.log(LogCode::Grid, Some(tile), &values, &message);
 }

@@ -12,8 +12,9 @@ use vrtm_core::grid::repaint::{Repainted, repaint};
 use vrtm_core::grid::survey::Survey;
 use vrtm_core::grid::{Grid, build};
 use vrtm_core::image::map::TexelRect;
+use vrtm_core::log::LogCode;
 use vrtm_core::mesh::{Mesh, TileMesh};
-use vrtm_core::settings::{Beyond, LogLevel};
+use vrtm_core::settings::Beyond;
 use vrtm_core::team::Team;
 use vrtm_core::view::Strided;
 
@@ -121,7 +122,7 @@ impl Built {
         let mut since = self.since.clone();
         let changed = since.iter_mut().zip(charts).filter(|(_, changed)| *changed);
         changed.for_each(|(since, _)| *since = key.changes());
-        tell_if_stuck(call.device, &mesh.name(), &grid);
+        tell_if_stuck(call.device, mesh, &grid);
         Some(Built { grid: Arc::new(grid), since, ms: self.ms + milliseconds(start) })
     }
 
@@ -133,7 +134,7 @@ impl Built {
         room::of_survey(call, key.tile, &survey)?;
         booked.set(survey.grid_bytes(), &name)?;
         let grid = build::grid(call.team, call.mesh, maps, survey);
-        tell_if_stuck(call.device, &name, &grid);
+        tell_if_stuck(call.device, mesh, &grid);
         let built = Built::of(grid, key.changes(), milliseconds(start));
         built.book(booked, &name)?;
         Ok(built)
@@ -150,9 +151,10 @@ impl Built {
     }
 }
 
-fn tell_if_stuck(device: &Device, name: &str, grid: &Grid) {
+fn tell_if_stuck(device: &Device, tile: &TileMesh, grid: &Grid) {
     if grid.rigid_sum(|square| square.rigid) > 0 && grid.movable.iter().all(|&count| count == 0) {
-        device.log(LogLevel::Warning, &format!("{name}: it has rigid texels, but nothing that may move"));
+        let message = "it has rigid texels, but nothing that may move";
+        device.log(LogCode::NothingMoves, Some(tile), &[], message);
     }
 }
 

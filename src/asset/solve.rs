@@ -9,9 +9,10 @@ use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::clock::Instant;
 use vrtm_core::error::Result;
 use vrtm_core::grid::maps::{TileMaps, Values};
+use vrtm_core::log::LogCode;
 use vrtm_core::mesh::Chart;
 use vrtm_core::method::plan::Plan;
-use vrtm_core::settings::{LogLevel, SolveOptions};
+use vrtm_core::settings::SolveOptions;
 use vrtm_core::team::{Crew, Team};
 use vrtm_core::unwind::caught;
 use vrtm_core::view::Strided;
@@ -107,7 +108,8 @@ impl Asset {
         let Asset { device, mesh, given, tiles, after, .. } = &mut *self;
         let is_elastic = |maps: &TileMaps| matches!(maps.rigidity, Values::None);
         if given.maps.iter().all(is_elastic) && tiles.iter().any(|state| state.grid(given).is_none()) {
-            device.log(LogLevel::Warning, "no tile has a rigidity, so that nothing moves");
+            let message = "no tile has a rigidity, so that nothing moves";
+            device.log(LogCode::NoRigidity, None, &[], message);
         }
         let has_seams = given.maps.iter().any(|maps| maps.settings.beyond().is_some());
         // Collars read maps as the grids of other tiles do.

@@ -5,8 +5,8 @@ use glam::DVec3;
 
 use crate::device::Device;
 use vrtm_core::allocation::Vec;
+use vrtm_core::log::LogCode;
 use vrtm_core::mesh::Mesh;
-use vrtm_core::settings::LogLevel;
 use vrtm_core::view::Strided;
 
 /// Most edges that are measured: enough for a median, and cheap compared to a solve.
@@ -73,20 +73,22 @@ impl Stretch {
     /// Warns of an implausible pose.
     pub fn warn(&self, device: &Device) {
         let Stretch { median, share } = *self;
-        let message = if !(1.0 / IMPLAUSIBLE..=IMPLAUSIBLE).contains(&median) {
-            format!(
+        let (code, value, message) = if !(1.0 / IMPLAUSIBLE..=IMPLAUSIBLE).contains(&median) {
+            let message = format!(
                 "pose: its edges are {median:.3} times as long as at rest (median): is it in other units, or are its \
                  vertices in another order?"
-            )
+            );
+            (LogCode::PoseScale, median, message)
         } else if share > IMPLAUSIBLE_SHARE {
             let percent = 100.0 * share;
-            format!(
+            let message = format!(
                 "pose: {percent:.1} % of its edges are more than 3 times as long as at rest: are its vertices in the \
                  order of the mesh?"
-            )
+            );
+            (LogCode::PoseOrder, share, message)
         } else {
             return;
         };
-        device.log(LogLevel::Warning, &message);
+        device.log(code, None, &[value], &message);
     }
 }

@@ -13,11 +13,12 @@ use vrtm_core::error::{Error, ErrorKind, Result};
 use vrtm_core::grid::Grid;
 use vrtm_core::grid::planes::SIDE;
 use vrtm_core::grid::pose::{ChartPose, Pose};
+use vrtm_core::log::LogCode;
 use vrtm_core::mesh::TileMesh;
 use vrtm_core::method::plan::{ChartResult, Input, Plan, Purpose, Summary};
 use vrtm_core::panics::lock;
 use vrtm_core::report::{GpuWork, TileReport, report};
-use vrtm_core::settings::{LogLevel, TileSettings};
+use vrtm_core::settings::TileSettings;
 use vrtm_core::unwind::caught;
 
 use super::blended::{BlendKey, Blended, CopiesKey};
@@ -132,9 +133,9 @@ impl TileState {
         let torn = torn_welds(call.on.mesh, whole, &call.positions);
         if torn != self.welds_torn {
             let (count, of) = (torn.len(), whole.welds.len());
-            let message = format!("{}: the pose tears {count} of {of} welded edges", whole.name());
-            let level = if count > 0 { LogLevel::Warning } else { LogLevel::Info };
-            call.on.device.log(level, &message);
+            let message = format!("the pose tears {count} of {of} welded edges");
+            let code = if count > 0 { LogCode::WeldsTorn } else { LogCode::WeldsWhole };
+            call.on.device.log(code, Some(whole), &[count as f64, of as f64], &message);
         }
         let prepared = self.prepared(&call.on, &torn);
         self.welds_torn = torn;

@@ -173,7 +173,8 @@ impl Asset {
 
     fn set_map(&mut self, name: &str, which: Which, tile: usize, image: Option<ImageView>) -> Result<()> {
         self.check_tile(tile)?;
-        let map = image.map(|image| self.device.call(|| self.map_of(name, tile, image))).transpose()?;
+        let map =
+            image.map(|image| self.device.call(|| self.map_of(name, which, tile, image))).transpose()?;
         self.given.set(self.mesh.layers(tile), which, map);
         Ok(())
     }
@@ -212,7 +213,7 @@ impl Asset {
     }
 
     /// Copies the part of an image near the charts of all layers of a tile.
-    fn map_of(&self, name: &str, tile: usize, image: ImageView) -> Result<Arc<Map>> {
+    fn map_of(&self, name: &str, which: Which, tile: usize, image: ImageView) -> Result<Arc<Map>> {
         let (size, _) = image.shape();
         let mut near: Vec<bool> = Vec::new();
         for layer in self.mesh.layers(tile) {
@@ -225,7 +226,8 @@ impl Asset {
         }
         let columns = size[0].div_ceil(PAGE);
         let map = image.to_map(name, |rect| near[rect.first[1] / PAGE * columns + rect.first[0] / PAGE])?;
-        log::doubt(&self.device, &format!("{}: its {name}", self.mesh.tiles[tile].name()), map.largest());
+        let own = Some(&*self.mesh.tiles[tile]);
+        log::doubt(&self.device, which, own, &format!("its {name}"), map.largest());
         Ok(Arc::new(map))
     }
 
@@ -254,7 +256,8 @@ impl Asset {
         if let Some(values) = values {
             self.check_vertices(name, &values, 1)?;
             let largest = (0..values.len()).map(|v| values.get(v, 0)).fold(0.0, f64::max);
-            log::doubt(&self.device, &format!("the {name} of the vertices"), largest as f32);
+            let what = format!("the {name} of the vertices");
+            log::doubt(&self.device, which, None, &what, largest as f32);
             let value = |v: usize| (values.get(v, 0) as f32).clamp(0.0, 1.0);
             let values = self.device.call(|| Ok((0..values.len()).map(value).collect()))?;
             copy = Values::Vertices(Arc::new(values));

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use vrtm::{Asset, Backend, Device, DeviceSettings, LogLevel, Quality, Strided, TileSettings};
+use vrtm::{Asset, Backend, Device, DeviceSettings, LogCode, LogEntry, Quality, Strided, TileSettings};
 use vrtm_testkit::features::at_texels;
 use vrtm_testkit::sixteen::{sixteen_asset, sixteen_charts};
 use vrtm_testkit::{Model, analytic, cpu, options, view};
@@ -87,7 +87,7 @@ fn a_size_that_is_set_is_obeyed_and_compared() {
     let lines = Arc::new(Mutex::new(Vec::new()));
     let log = {
         let lines = lines.clone();
-        move |level, line: &str| lines.lock().unwrap().push((level, line.to_owned()))
+        move |entry: &LogEntry| lines.lock().unwrap().push((entry.code, entry.values.to_vec()))
     };
     let settings =
         DeviceSettings { backend: Backend::Cpu, log: Some(Arc::new(log)), ..DeviceSettings::default() };
@@ -98,18 +98,15 @@ fn a_size_that_is_set_is_obeyed_and_compared() {
         lines.lock().unwrap().clear();
         let info = asset.tile_info(0).unwrap();
         assert_eq!(info.grid, grid.map(|cells| cells.unwrap_or(512)));
-        let of_size = |(_, line): &&(LogLevel, String)| line.contains("resolve");
+        let of_size =
+            |(code, _): &&(LogCode, Vec<f64>)| matches!(code, LogCode::GridTooCoarse | LogCode::GridTooFine);
         lines.lock().unwrap().iter().filter(of_size).cloned().collect::<Vec<_>>()
     };
     for grid in [[None, None], [Some(256), None], [Some(144), Some(2032)]] {
         assert_eq!(said(grid), [], "{grid:?}");
     }
-    let line =
-        |level, text: &str| (level, format!("tile 1001: {text}: 512 x 512 resolve its rigid features"));
-    let few = line(LogLevel::Warning, "128 x 512 cells are too few");
-    assert_eq!(said([Some(128), None]), [few]);
-    let much = line(LogLevel::Info, "512 x 2048 cells take time and gain little");
-    assert_eq!(said([Some(512), Some(2048)]), [much]);
+    assert_eq!(said([Some(128), None]), [(LogCode::GridTooCoarse, vec![128.0, 512.0, 512.0])]);
+    assert_eq!(said([Some(512), Some(2048)]), [(LogCode::GridTooFine, vec![512.0, 2048.0, 512.0])]);
 }
 
 /// The grid of a tile fits into its share of the device's memory.

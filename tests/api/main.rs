@@ -8,6 +8,7 @@ mod control;
 mod fresh;
 mod grid;
 mod layers;
+mod log;
 mod maps;
 mod new_maps;
 mod prepare;

@@ -365,7 +365,7 @@ impl Host {
                     fetch.whole_width = self.odd(0, &[1, 64, u32::MAX]);
                     fetch.whole_height = self.odd(0, &[1, 64, u32::MAX]);
                     fetch.x = self.odd(0, &[1, u32::MAX]);
-                    return (vrtm_tile_fetch(&fetch, 1), true);
+                    return (vrtm_asset_fetch(&fetch, 1), true);
                 }
                 30..=34 => {
                     let (positions, options) = (self.positions(), self.solve_options());

@@ -4,6 +4,9 @@
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use vrtm_testkit::long;
 
 /// The repository.
 pub fn root() -> &'static Path {
@@ -74,4 +77,77 @@ pub fn search_path() -> OsString {
 pub fn compiler(language: &str) -> OsString {
     let (variable, default) = if language == "c" { ("CC", "cc") } else { ("CXX", "c++") };
     std::env::var_os(variable).unwrap_or_else(|| default.into())
+}
+
+pub fn text(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+/// Compiles a C or C++ program or, with `-shared`, a library, with warnings as errors and further options. It is linked to
+/// the library unless it loads the library itself.
+#[cfg(any(unix, all(windows, target_env = "gnu")))] // The flags are those of gcc and clang.
+pub fn build(source: &Path, name: &str, options: &[&str], linked: bool) -> PathBuf {
+    let built = if name.contains('.') { scratch().join(name) } else { program(name) };
+    let (language, standard) = match source.extension() {
+        Some(extension) if extension == "cpp" => ("cpp", "-std=c++17"),
+        _ => ("c", "-std=c11"),
+    };
+    let mut command = Command::new(compiler(language));
+    command
+        // Hosts are small: in a short run it is the compiler's time that counts.
+        .args([standard, if long::long() { "-O1" } else { "-O0" }])
+        .args(["-g", "-Wall", "-Wextra", "-pedantic", "-Werror", "-pthread"])
+        // On Windows all code can be moved, and the compiler warns of being told so.
+        .args(if cfg!(windows) { &[][..] } else { &["-fPIC"] })
+        .args(options);
+    for folder in ["include", "tests/host"] {
+        command.arg("-I").arg(root().join(folder));
+    }
+    command.arg(root().join(source)).arg("-o").arg(&built);
+    if linked {
+        command.args(link_arguments());
+    }
+    command.args(system_libraries());
+    let output = command.output().unwrap_or_else(|error| panic!("{:?}: {error}", compiler(language)));
+    assert!(output.status.success(), "{command:?}:\n{}", text(&output));
+    built
+}
+
+/// A program of `tests/host` that is linked to the library.
+pub fn host(file: &str) -> PathBuf {
+    let name = format!("host_{}", file.rsplit('/').next().unwrap().split('.').next().unwrap());
+    build(&Path::new("tests/host").join(file), &name, &[], true)
+}
+
+/// Runs a program and prints its output. The settings of the machine must not change what it does.
+pub fn run(program: &Path, arguments: &[&Path]) -> String {
+    run_with(program, arguments, &[])
+}
+
+pub fn run_with(program: &Path, arguments: &[&Path], variables: &[(&str, &str)]) -> String {
+    let output = Command::new(program)
+        .args(arguments)
+        .env_remove("VRTM_DEVICE")
+        .env_remove("VRTM_THREADS")
+        .env_remove("VRTM_GPU_LIMITS")
+        // Without it, a layer of Mesa's Vulkan drivers prints a warning to stderr.
+        .env("XDG_RUNTIME_DIR", scratch())
+        .env("PATH", search_path())
+        .envs(variables.iter().copied())
+        .output()
+        .unwrap_or_else(|error| panic!("{}: {error}", program.display()));
+    let said = text(&output);
+    println!("{said}");
+    assert!(output.status.success(), "{}: {}\n{said}", program.display(), output.status);
+    // The library itself prints nothing.
+    assert!(output.stderr.is_empty(), "stderr: {}", String::from_utf8_lossy(&output.stderr));
+    said
+}
+
+/// Each line of a host is a case that went well: the library itself prints nothing.
+pub fn check_cases(said: &str, at_least: usize) {
+    let cases = said.lines().filter(|line| line.starts_with("ok   ")).count();
+    assert!(cases >= at_least, "only {cases} cases ran");
+    let foreign = said.lines().find(|line| !line.starts_with("ok   ") && *line != "0 failed");
+    assert!(foreign.is_none(), "it did not print {foreign:?}: the library must not either");
 }

@@ -118,7 +118,7 @@ static void with_the_solve(vrtm_asset asset, vrtm_asset other, vrtm_tile tile, v
     all[0].tile = tile, all[0].image = &image;
     points_of->kind = VRTM_FETCH_CARRIED, points_of->carrier = carrier, points_of->carried = &r.carried;
     memset(points, 7, sizeof points);
-    fails("before any solve", vrtm_tile_fetch(all, 2), VRTM_ERROR_NOT_SOLVED, "");
+    fails("before any solve", vrtm_asset_fetch(all, 2), VRTM_ERROR_NOT_SOLVED, "");
     fails("of another asset", vrtm_asset_redirect(other, posed, NULL, points_of, 1), bad,
           "fetches[0].carrier belongs to another asset");
     points_of->tile = tile;
@@ -138,7 +138,7 @@ static void with_the_solve(vrtm_asset asset, vrtm_asset other, vrtm_tile tile, v
     fails("too short", vrtm_asset_redirect(asset, posed, NULL, all, 2), bad, "fetches[1].carried.uvs.count is 3");
     ask(&r);
     check_that(points[3].own != 0 && map[4][4][0] == 0, "nothing is written", "");
-    fails("nothing is solved", vrtm_tile_fetch(all, 2), VRTM_ERROR_NOT_SOLVED, "");
+    fails("nothing is solved", vrtm_asset_fetch(all, 2), VRTM_ERROR_NOT_SOLVED, "");
     succeeds("a solve with both", vrtm_asset_redirect(asset, posed, NULL, all, 2));
     memcpy(expected, points, sizeof points);
     memset(points, 7, sizeof points);
@@ -146,7 +146,7 @@ static void with_the_solve(vrtm_asset asset, vrtm_asset other, vrtm_tile tile, v
     check_that(memcmp(expected, points, sizeof points) == 0, "are the same", "");
     memset(points, 7, sizeof points);
     image.data = same;
-    succeeds("both again", vrtm_tile_fetch(all, 2));
+    succeeds("both again", vrtm_asset_fetch(all, 2));
     check_that(memcmp(expected, points, sizeof points) == 0 && memcmp(map, same, sizeof map) == 0, "too", "");
 }
 
@@ -207,7 +207,7 @@ int main(void)
     succeeds("fetch again", vrtm_carrier_fetch(carrier, &r.carried));
     vrtm_fetch alone = vrtm_fetch_init();
     alone.kind = VRTM_FETCH_CARRIED, alone.carrier = carrier, alone.carried = &r.carried;
-    succeeds("and again", vrtm_tile_fetch(&alone, 1));
+    succeeds("and again", vrtm_asset_fetch(&alone, 1));
     check_that(memcmp(before.position, points[12].position, sizeof before.position) != 0, "it has moved", "");
     succeeds("info", vrtm_carrier_get_info(carrier, &data));
     check_that(data.points == POINTS && data.outside == 0 && data.bytes > 0, "of all points", "");

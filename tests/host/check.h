@@ -57,7 +57,7 @@ static inline vrtm_status fetch_rectangle(vrtm_tile tile, vrtm_fetch_kind kind, 
     fetch.y = y;
     fetch.whole_width = width;
     fetch.whole_height = height;
-    return vrtm_tile_fetch(&fetch, 1);
+    return vrtm_asset_fetch(&fetch, 1);
 }
 
 /* One whole image of a tile. */

@@ -208,7 +208,7 @@ void callbacks(const sheet &flat)
     Nested nested{};
     /* A log function that calls back into the asset it was called for. */
     vrtm::DeviceDesc desc;
-    desc.set_log([&nested](vrtm::LogLevel, const char *) {
+    desc.set_log([&nested](const vrtm_log_entry &) {
         nested.calls += 1;
         if (nested.tile && nested.tile.info().code() == vrtm::Code::busy) {
             nested.refused += 1;

@@ -164,7 +164,7 @@ static uint32_t on_progress(void *user, float progress)
 }
 
 /* The tile's maps were changed, so that the job has something to say about it. */
-static void on_line(void *user, vrtm_log_level level, const char *line)
+static void on_line(void *user, const vrtm_log_entry *entry)
 {
     watch *w = user;
     pthread_mutex_lock(&written);
@@ -173,8 +173,7 @@ static void on_line(void *user, vrtm_log_level level, const char *line)
         w->lines += 1;
         ask(w, 0);
     }
-    (void)level;
-    (void)line;
+    (void)entry;
 }
 
 static void *destroy(void *job)

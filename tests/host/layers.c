@@ -118,28 +118,28 @@ static void maps(vrtm_asset asset)
         }
     }
     check_that(off < 1e-5 && moved > 1e-3, "and it as UVs of set 0", "");
-    succeeds("by itself", vrtm_tile_fetch(&fetches[2], 1));
+    succeeds("by itself", vrtm_asset_fetch(&fetches[2], 1));
     images[0].data = redirect;
-    succeeds("all at once", vrtm_tile_fetch(fetches, 3));
+    succeeds("all at once", vrtm_asset_fetch(fetches, 3));
     check_that(memcmp(first, redirect, sizeof first) == 0, "as after the solve", "");
-    succeeds("nothing", vrtm_tile_fetch(NULL, 0));
+    succeeds("nothing", vrtm_asset_fetch(NULL, 0));
     images[1].data = redirect;
-    fails("two in one place", vrtm_tile_fetch(fetches, 3), VRTM_ERROR_INVALID_ARGUMENT,
+    fails("two in one place", vrtm_asset_fetch(fetches, 3), VRTM_ERROR_INVALID_ARGUMENT,
           "fetches[0].image and fetches[1].image overlap");
     fetches[2].uv_set = 2;
-    fails("of set 2", vrtm_tile_fetch(&fetches[2], 1), VRTM_ERROR_INVALID_ARGUMENT,
+    fails("of set 2", vrtm_asset_fetch(&fetches[2], 1), VRTM_ERROR_INVALID_ARGUMENT,
           "fetches[0].uv_set is 2, but the mesh has 2 UV sets");
     fetches[2].uv_set = 1;
     fetches[2].kind = VRTM_FETCH_REDIRECTION;
-    fails("of a kind without a set", vrtm_tile_fetch(&fetches[2], 1), VRTM_ERROR_INVALID_ARGUMENT,
+    fails("of a kind without a set", vrtm_asset_fetch(&fetches[2], 1), VRTM_ERROR_INVALID_ARGUMENT,
           "fetches[0].uv_set is 1");
-    fails("no fetch", vrtm_tile_fetch(NULL, 1), VRTM_ERROR_INVALID_ARGUMENT, "fetches is null");
+    fails("no fetch", vrtm_asset_fetch(NULL, 1), VRTM_ERROR_INVALID_ARGUMENT, "fetches is null");
     fetches[0].x = 1;
-    fails("a rectangle of nothing", vrtm_tile_fetch(&fetches[0], 1), VRTM_ERROR_INVALID_ARGUMENT,
+    fails("a rectangle of nothing", vrtm_asset_fetch(&fetches[0], 1), VRTM_ERROR_INVALID_ARGUMENT,
           "fetches[0].x and y are 1 and 0");
     fetches[0].x = 0;
     fetches[0].reserved = 1;
-    fails("a field of a later version", vrtm_tile_fetch(&fetches[0], 1), VRTM_ERROR_UNSUPPORTED, "reserved");
+    fails("a field of a later version", vrtm_asset_fetch(&fetches[0], 1), VRTM_ERROR_UNSUPPORTED, "reserved");
 }
 
 int main(void)

@@ -135,9 +135,9 @@ static void two_uv_sets(void)
 
 static int torn_lines;
 
-static void count_torn(void *user, vrtm_log_level level, const char *message)
+static void count_torn(void *user, const vrtm_log_entry *entry)
 {
-    *(int *)user += level == VRTM_LOG_WARNING && strstr(message, "welded edges") != NULL;
+    *(int *)user += entry->code == VRTM_LOG_CODE_WELDS_TORN && entry->udim == 1001 && entry->values[0] == SIDE;
 }
 
 /* Every face has vertices of its own, an ulp from the others'. The pose lifts the upper half of the sheet away. */

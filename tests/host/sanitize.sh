@@ -79,9 +79,6 @@ for host in smoke.c misuse.c mesh.c prepare.c maps.c float_mode.c job.c refine.c
     build "tests/host/$host" "$hosts/$name" && run "$hosts/$name" && good=1
     count "$name" $good
 done
-good=0
-build tests/abi/host-0.1.c "$hosts/host-0.1" && run "$hosts/host-0.1" && good=1
-count "host-0.1" $good
 
 if [ "$failed" = 0 ]; then verdict=ok; else verdict=FAILED; fi
 echo "test result: $verdict. $passed passed; $failed failed; 0 ignored"

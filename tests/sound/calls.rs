@@ -96,13 +96,13 @@ fn a_solve_and_its_outputs() {
         for (kind, format, channels) in outputs {
             let image = Image::new(format, channels);
             let fetch = vrtm_fetch { kind, tile: tiles[0], image: &image.c, ..sized() };
-            done(vrtm_tile_fetch(&fetch, 1));
+            done(vrtm_asset_fetch(&fetch, 1));
             image.check();
         }
         let image = Image::new(VRTM_PIXEL_F32, 2);
         let mut fetch = vrtm_fetch { tile: tiles[1], image: &image.c, ..sized() };
         (fetch.x, fetch.y, fetch.whole_width, fetch.whole_height) = (2, 1, 16, 16);
-        done(vrtm_tile_fetch(&fetch, 1));
+        done(vrtm_asset_fetch(&fetch, 1));
         image.check();
         let image = Image::new(VRTM_PIXEL_F32, 2);
         done(vrtm_tile_fetch_dilation(tiles[0], 0.1, &image.c));

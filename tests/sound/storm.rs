@@ -75,7 +75,7 @@ impl Shared {
                 7 => vrtm_job_cancel(job),
                 8 => vrtm_job_get_progress(job, &mut sized()),
                 9 => vrtm_asset_cancel(asset),
-                10 => vrtm_tile_fetch(&vrtm_fetch { tile, image: &image.c, ..sized() }, 1),
+                10 => vrtm_asset_fetch(&vrtm_fetch { tile, image: &image.c, ..sized() }, 1),
                 11 => {
                     let fetch = vrtm_fetch { kind: VRTM_FETCH_WARP, tile, image: &image.c, ..sized() };
                     vrtm_asset_redirect(asset, &bent.c(), &options, &fetch, 1)

@@ -21,10 +21,6 @@ rest() {
     host tests/host/memory.c 25 1
     host tests/host/soak.c 15 1000
     host tests/host/allocate.c 8 cpu 1
-    # The first version's header did not know gcc's warning about functions that are not used.
-    options=-Wno-unused-function
-    host tests/abi/host-0.1.c 50
-    options=
     # The plug-in is a library of its own, which needs vrtm's.
     if compile tests/host/maya_plugin.cpp maya_plugin.plugin -shared $position -fno-exceptions -fno-rtti; then
         before=$linked

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -24,23 +23,21 @@ if TYPE_CHECKING:
 MEASURED = 512
 
 
-# Warnings that the library gives once, when it makes something: parts of its sentences, and the inputs with which they
-# end. All others are of a pose.
+# Codes of warnings that the library gives once, when it makes something, and the inputs with which they end. All others
+# are of a pose.
 LASTING = {
-    "mesh: ": ("mesh",),
-    " goes up to ": ("mesh", "rigidity", "mask"),
-    " cells are too few": ("mesh", "settings"),
-    " at gaps in the UVs": ("mesh", "settings"),
-    " nothing that may move": ("mesh", "rigidity", "mask", "settings"),
+    "faces_clipped": ("mesh",),
+    "faces_outside": ("mesh",),
+    "triangles_degenerate": ("mesh",),
+    "edges_apart": ("mesh",),
+    "seams_unused": ("mesh",),
+    "rest_is_point": ("mesh",),
+    "rigidity_range": ("mesh", "rigidity"),
+    "mask_range": ("mesh", "mask"),
+    "grid_too_coarse": ("mesh", "settings"),
+    "nodes_at_gaps": ("mesh", "settings"),
+    "nothing_moves": ("mesh", "rigidity", "mask", "settings"),
 }
-# The library's words, and an artist's.
-WORDS = re.compile(r"^tile (\d+): (\d+) nodes are fixed at gaps in the UVs.*")
-ARTISTS = (
-    r"Tile \1: \2 points do not move, where UV edges nearly touch. Where they belong together, merge them in the UV "
-    r"editor (UV > Merge > By Distance)"
-)
-# A warning that outcome.py tells in other words.
-SAID = " of it is overlapped"
 
 
 @dataclass(frozen=True)
@@ -100,7 +97,7 @@ class Prepared:
     whole: float | None = None
     on_seams: int | None = None
     # Lasting warnings of the library, and the stamps of the inputs with which they end.
-    told: dict[str, dict[str, Any]] = field(default_factory=dict)
+    told: dict[vrtm.LogEntry, dict[str, Any]] = field(default_factory=dict)
     # The raster of the mesh in an image of this layout.
     raster: tuple[Layout, Raster] | None = None
     # The layer of each face, (faces,) uint32; None where there is one layer alone.
@@ -185,14 +182,15 @@ class Prepared:
                 tile.update_rigidity(image, int(x), int(y), int(width), int(height), origin=ORIGIN)
         self.painted = {tile.udim: image for tile in self._tiles() if (image := new.of(tile.udim)) is not None}
 
-    def notes(self, said: list[str]) -> list[str]:
+    def notes(self, said: list[vrtm.LogEntry]) -> list[str]:
         """The library's warnings of a solve, and its earlier ones of the same inputs."""
-        said = [line for line in said if SAID not in line]
-        for line in said:
-            for part in [part for part in LASTING if part in line]:
-                self.told[line] = {which: self.stamps.get(which) for which in LASTING[part]}
-        self.told = {line: of for line, of in self.told.items() if of.items() <= self.stamps.items()}
-        return [WORDS.sub(ARTISTS, line) for line in dict.fromkeys([*self.told, *said])]
+        # outcome.py tells of overlaps.
+        said = [entry for entry in said if entry.code != "overlap"]
+        for entry in said:
+            if entry.code in LASTING:
+                self.told[entry] = {which: self.stamps.get(which) for which in LASTING[entry.code]}
+        self.told = {entry: of for entry, of in self.told.items() if of.items() <= self.stamps.items()}
+        return [_in_artists_words(entry) for entry in dict.fromkeys([*self.told, *said])]
 
     def rigid_share(self) -> tuple[float, float, float]:
         """The share of the textured surface, by its area in the UV map, whose rigidity is over 0.5; of values by
@@ -292,3 +290,12 @@ class Prepared:
 
 def _origin(image: np.ndarray | None) -> dict[str, str]:
     return {} if image is None else {"origin": ORIGIN}
+
+
+def _in_artists_words(entry: vrtm.LogEntry) -> str:
+    if entry.code != "nodes_at_gaps":
+        return entry.message
+    return (
+        f"Tile {entry.udim}: {entry.values[0]:.0f} points do not move, where UV edges nearly touch. Where they belong "
+        "together, merge them in the UV editor (UV > Merge > By Distance)"
+    )

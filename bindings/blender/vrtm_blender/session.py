@@ -58,7 +58,7 @@ _ear = threading.local()
 
 
 @contextlib.contextmanager
-def listening() -> Iterator[list[str]]:
+def listening() -> Iterator[list[vrtm.LogEntry]]:
     """The library's warnings on this thread until the end of the block."""
     before, _ear.lines = getattr(_ear, "lines", None), []
     try:
@@ -67,11 +67,11 @@ def listening() -> Iterator[list[str]]:
         _ear.lines = before
 
 
-def _log(level: str, message: str) -> None:
-    warning = level == "warning"
+def _log(entry: vrtm.LogEntry) -> None:
+    warning = entry.level == "warning"
     if warning and getattr(_ear, "lines", None) is not None:
-        _ear.lines.append(message)
-    log.log(logging.WARNING if warning else logging.DEBUG, "%s", message)
+        _ear.lines.append(entry)
+    log.log(logging.WARNING if warning else logging.DEBUG, "%s", entry.message)
 
 
 def synchronous() -> bool:

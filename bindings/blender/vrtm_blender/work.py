@@ -5,10 +5,14 @@ from __future__ import annotations
 
 import concurrent.futures
 import threading
+from typing import TYPE_CHECKING
 
 from . import outcome, session
 from .outcome import Outcome, Request
 from .prepared import Inputs, Prepared
+
+if TYPE_CHECKING:
+    import vrtm
 
 
 class Work:
@@ -39,7 +43,7 @@ class Work:
             self.seconds = session.now() - begun
             self._over.set()
 
-    def _work(self, notes: list[str]) -> Outcome:
+    def _work(self, notes: list[vrtm.LogEntry]) -> Outcome:
         prepared, request = self._prepared, self.request
         prepared.apply(self.inputs)
         self.applied = True

@@ -100,3 +100,4 @@ def test_hints_of_names_are_what_the_library_takes():
     named = {"backend", "kind", "open_borders", "origin", "overlap", "quality", "seams", "solver", "weld"}
     assert found == named
     assert set(typing.get_args(vrtm.LogLevel)) == set(_names.values("log_level"))
+    assert set(typing.get_args(vrtm.LogCode)) == set(_names.values("log_code"))

@@ -218,12 +218,15 @@ def test_nothing_is_left(model):
 
 def test_log(model, caplog):
     lines = []
-    with vrtm.Device("cpu", log=lambda level, text: lines.append((level, text))) as device:
+    with vrtm.Device("cpu", log=lines.append) as device:
         asset = studded(device, model)
     # The asset outlives the device, and so does the log.
     asset.solve(model.pose * 100)
-    assert ("info", "warning") == (lines[0][0], lines[-1][0])
-    assert "100" in lines[-1][1] or "units" in lines[-1][1]
+    assert ("info", "device", 0) == (lines[0].level, lines[0].code, lines[0].udim)
+    assert any(line.code == "tile" and line.udim == 1001 for line in lines)
+    last = lines[-1]
+    assert (last.level, last.code) == ("warning", "pose_scale") and "units" in last.message
+    assert 50 < last.values[0] < 200 and last.values[1:] == (0,) * 5
     asset.close()
     assert not caplog.records
     with vrtm.Device("cpu") as device, studded(device, model) as asset:

@@ -10,9 +10,9 @@ use arrays::Array;
 use js_sys::{Float32Array, Object, Uint16Array};
 use objects::Fields;
 use vrtm::{
-    Backend, Device, DeviceSettings, Error, FetchKind, ImageLayout, ImageViewMut, LogLevel, MeshSource,
-    OpenBorders, Overlap, PixelFormat, Quality, Seams, SolveOptions, Solver, TileSettings, UvSource, Weld,
-    WeldBy,
+    Backend, Device, DeviceSettings, Error, FetchKind, ImageLayout, ImageViewMut, LogEntry, LogLevel,
+    MeshSource, OpenBorders, Overlap, PixelFormat, Quality, Seams, SolveOptions, Solver, TileSettings,
+    UvSource, Weld, WeldBy,
 };
 use wasm_bindgen::prelude::{JsValue, wasm_bindgen};
 
@@ -47,9 +47,9 @@ impl Asset {
     /// An array that is missing or wrong, by name.
     #[wasm_bindgen(constructor)]
     pub fn new(mesh: &JsValue) -> Result<Asset> {
-        let log = |level: LogLevel, line: &str| {
-            if level == LogLevel::Warning {
-                warn(line);
+        let log = |entry: &LogEntry| {
+            if entry.level == LogLevel::Warning {
+                warn(entry.message);
             }
         };
         let settings = DeviceSettings {

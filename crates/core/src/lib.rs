@@ -21,6 +21,7 @@ pub mod panics;
 pub mod control;
 pub mod team;
 pub mod view;
+pub mod log;
 pub mod settings;
 pub mod report;
 pub mod mesh;

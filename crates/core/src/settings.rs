@@ -8,6 +8,7 @@ use std::time::Duration;
 use crate::allocation::HostAllocator;
 use crate::declare::settings;
 use crate::error::{Error, Result};
+use crate::log::LogFn;
 use crate::team::Executor;
 
 /// Most CPU threads per solve.
@@ -25,20 +26,6 @@ pub enum Backend {
     /// The GPU that [`DeviceSettings`] selects, even a software driver; never falls back to the CPU.
     Gpu,
 }
-
-/// Importance of a log line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum LogLevel {
-    /// Something the host may want to show: clipped faces, overlaps.
-    Warning,
-    /// The chosen backend and device, and the reason.
-    Info,
-}
-
-/// A host's log function, called on the thread that called into vrtm. The asset that the line is about is in use
-/// meanwhile.
-pub type LogFn = Arc<dyn Fn(LogLevel, &str) + Send + Sync>;
 
 /// An identity of a GPU that is unique in the machine and the same in every program: see
 /// [`crate::report::AdapterInfo`].
@@ -108,7 +95,7 @@ pub struct DeviceSettings {
     /// Most bytes that the tiles of all assets of the device may hold together between calls: maps, grids, solvers,
     /// results; `None` = no limit.
     pub memory_budget: Option<u64>,
-    /// Receiver of warnings; `None` = none.
+    /// Receiver of the log's lines; `None` = none.
     pub log: Option<LogFn>,
     /// The host's threads, on which solves and fetches work instead of the library's own, with bit-identical results;
     /// `None` = the library's own, which end with each call.

@@ -375,9 +375,9 @@ MStatus VrtmWarpNode::compute(const MPlug &plug, MDataBlock &block)
 MStatus initializePlugin(MObject object)
 {
     vrtm::DeviceDesc desc;
-    desc.set_log([](vrtm::LogLevel level, const char *message) {
-        if (level == vrtm::LogLevel::warning) {
-            MGlobal::displayWarning(MString("vrtm: ") + message);
+    desc.set_log([](const vrtm_log_entry &entry) {
+        if (entry.level == VRTM_LOG_LEVEL_WARNING) {
+            MGlobal::displayWarning(MString("vrtm: ") + entry.message);
         }
     });
     vrtm::Result<vrtm::Device> made = vrtm::Device::create(desc);

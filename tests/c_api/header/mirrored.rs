@@ -10,7 +10,8 @@ use vrtm_capi::mirror::{Choice, Field, Struct};
 use vrtm_capi::{CHOICES, MIRRORED};
 
 /// Files of the Rust API with the mirrored documentation.
-const SOURCES: [&str; 6] = [
+const SOURCES: [&str; 7] = [
+    "crates/core/src/log.rs",
     "crates/core/src/settings.rs",
     "crates/core/src/report.rs",
     "src/refine.rs",
@@ -172,7 +173,10 @@ impl Words {
                 text += &format!("| `{}` | {} |\n", field.name, self.comment(of, field)?);
             }
         }
-        for choice in CHOICES.iter().filter(|choice| !["Backend", "PointState"].contains(&choice.of)) {
+        for choice in CHOICES
+            .iter()
+            .filter(|choice| !["Backend", "LogLevel", "LogCode", "PointState"].contains(&choice.of))
+        {
             text += &format!("\n## {}\n\n", choice.name);
             text += &format!(
                 "{}\n\n| value | meaning |\n|---|---|\n",

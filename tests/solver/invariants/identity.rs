@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use vrtm::{Asset, Device, DeviceSettings, LogLevel, SolveOptions, Strided};
+use vrtm::{Asset, Device, DeviceSettings, LogCode, LogEntry, LogLevel, SolveOptions, Strided};
 
 use vrtm_testkit::{self, Model, Warp, bits, doubles};
 
@@ -115,21 +115,19 @@ fn far_is_as_good_as_near(models: &[Model], device: &Device, grid: u32) {
 fn a_rest_mesh_of_one_point_is_the_identity_and_is_warned_of() {
     let warnings = Arc::new(Mutex::new(Vec::new()));
     let kept = warnings.clone();
-    let log = move |level, message: &str| {
-        if level == LogLevel::Warning {
-            kept.lock().unwrap().push(message.to_owned());
+    let log = move |entry: &LogEntry| {
+        if entry.level == LogLevel::Warning {
+            kept.lock().unwrap().push(entry.code);
         }
     };
     let device =
         Device::new(&DeviceSettings { log: Some(Arc::new(log)), ..DeviceSettings::default() }).unwrap();
     let model = Model::from(vrtm_testkit::scenes::mug_to_jug());
     model.bare_on(&device, model.frame(1));
-    assert_eq!(*warnings.lock().unwrap(), Vec::<String>::new());
+    assert!(warnings.lock().unwrap().is_empty());
     let point = vec![[1.5f32, -2.0, 3.0]; model.rest.len()];
     let mut asset = model.bare_on(&device, Strided::from_f32x3(&point));
-    let said = warnings.lock().unwrap().clone();
-    assert_eq!(said.len(), 1, "{said:?}");
-    assert!(said[0].starts_with("mesh: all rest positions are one point"), "{said:?}");
+    assert_eq!(*warnings.lock().unwrap(), [LogCode::RestIsPoint]);
     asset.set_vertex_rigidity(Some(Strided::from_f32(&vec![1.0; model.rest.len()]))).unwrap();
     vrtm_testkit::set_grid(&mut asset, 64);
     asset.solve(model.frame(1), &SolveOptions::default()).unwrap();

@@ -19,7 +19,7 @@ that solves or changes an asset while another does raises BusyError.
 from . import rigidity
 from ._asset import Asset
 from ._carrier import Carried, Carrier
-from ._device import Device, adapters
+from ._device import Device, LogEntry, adapters
 from ._errors import (
     BusyError,
     CancelledError,
@@ -47,6 +47,7 @@ from ._records import (
     DeviceInfo,
     FetchKind,
     Fit,
+    LogCode,
     LogLevel,
     MapInfo,
     OpenBorders,
@@ -92,6 +93,8 @@ __all__ = [
     "InvalidArgumentError",
     "InvalidHandleError",
     "Job",
+    "LogCode",
+    "LogEntry",
     "LogLevel",
     "MapInfo",
     "NotSolvedError",

@@ -5,19 +5,36 @@ from __future__ import annotations
 import ctypes
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, cast
 
 from . import _abi
 from ._library import Owned, check, library, new
 from ._names import name_of, natural, record, told, value_of
-from ._records import Adapter, Backend, DeviceInfo, LogLevel
-
-Log = Callable[[LogLevel, str], Any]
-_LEVELS = {"warning": logging.WARNING, "info": logging.INFO}
+from ._records import Adapter, Backend, DeviceInfo, LogCode, LogLevel
 
 
-def _to_logging(level: str, message: str) -> None:
-    logging.getLogger("vrtm").log(_LEVELS.get(level, logging.INFO), "%s", message)
+@dataclass(frozen=True)
+class LogEntry:
+    """A line of the log. Programs decide by its code and values: the words of a message may change."""
+
+    level: LogLevel
+    code: LogCode
+    udim: int
+    """UDIM number of the tile that it is about; 0 = about no single tile. Its UV set and layer follow."""
+    uv_set: int
+    layer: int
+    values: tuple[float, ...]
+    """The numbers of the message, as VRTM_LOG_CODE_... in vrtm.h lists them; the others are 0."""
+    message: str
+
+
+Log = Callable[[LogEntry], Any]
+
+
+def _to_logging(entry: LogEntry) -> None:
+    level = logging.WARNING if entry.level == "warning" else logging.INFO
+    logging.getLogger("vrtm").log(level, "%s", entry.message)
 
 
 def adapters() -> list[Adapter]:
@@ -44,8 +61,8 @@ class Device(Owned):
     adapter_luid    which GPU, instead of its index: the 8 bytes of its Direct3D LUID
     threads         CPU threads that one solve uses; 0 = one per core. Results do not depend on it
     memory_budget   maximum bytes that all assets of the device may hold; 0 = no limit
-    log             called with "warning" or "info" and a line of text, on the thread of the call (a job has a thread of
-                    its own); None = Python's logger "vrtm"
+    log             called with each LogEntry, on the thread of the call (a job has a thread of its own); None =
+                    Python's logger "vrtm"
 
     Raises UnsupportedError if the GPU was not found. Assets keep what they need of a device and may outlive it. May be
     used with `with`, which closes it.
@@ -72,8 +89,12 @@ class Device(Owned):
             raise TypeError(f"log: {log!r} cannot be called")
         tell = log or _to_logging
 
-        def line(_user: int, level: int, message: bytes) -> None:
-            tell(cast(LogLevel, name_of("log_level", level)), message.decode(errors="replace"))
+        def line(_user: int, address: int) -> None:
+            entry = _abi.vrtm_log_entry.from_address(address)
+            level = cast(LogLevel, name_of("log_level", entry.level))
+            code = cast(LogCode, name_of("log_code", entry.code))
+            message = entry.message.decode(errors="replace")
+            tell(LogEntry(level, code, entry.udim, entry.uv_set, entry.layer, tuple(entry.values), message))
 
         # The assets keep the log function alive, too: the library calls it as long as one of them exists.
         self._log = desc.log = _abi.vrtm_log_fn(line)

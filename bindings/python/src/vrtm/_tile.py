@@ -166,7 +166,7 @@ class Tile:
         for name, value in fields.items():
             setattr(fetch, name, value)
         fetch.image = ctypes.pointer(target.struct)
-        check(library.vrtm_tile_fetch(ctypes.byref(fetch), 1))
+        check(library.vrtm_asset_fetch(ctypes.byref(fetch), 1))
         return target.done()
 
     def fetch_part(

@@ -379,7 +379,7 @@ fn the_c_functions_do_the_same() {
         let mut ordinary = vec![0u8; bytes];
         let mut out: vrtm_image_out = sized();
         (out.data, out.width, out.height) = (ordinary.as_mut_ptr().cast(), size[0], size[1]);
-        done(vrtm_tile_fetch(&vrtm_fetch { kind, tile, image: &out, ..sized() }, 1));
+        done(vrtm_asset_fetch(&vrtm_fetch { kind, tile, image: &out, ..sized() }, 1));
         assert!(ordinary.iter().any(|&byte| byte != 0) && shared.read() == ordinary);
         done(vrtm_asset_destroy(asset));
         assert_eq!(vrtm_tile_fetch_external(tile, kind, &target), VRTM_ERROR_INVALID_HANDLE);

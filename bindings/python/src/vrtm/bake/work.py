@@ -119,17 +119,18 @@ class Work(contextlib.AbstractContextManager):
             *not_baked.of_meshes(self.settings, self.meshes.values()),
         ]
 
-    def _hear(self, level: str, message: str) -> None:
+    def _hear(self, entry: vrtm.LogEntry) -> None:
         """The library's log."""
-        if "values are 0..1" in message:
+        if entry.code in ("rigidity_range", "mask_range"):
             # The notes say it with the name of the file.
             return
-        if self._shape is not None and "lie in no UDIM tile" in message:
+        message = entry.message
+        if self._shape is not None and entry.code == "faces_outside":
             message = f"{message}: {outside(self._shape.uvs, self._shape.uv_indices)}"
         # What it says of a pose is said of a frame.
-        frame = self._frame if message.startswith("pose") else ""
+        frame = self._frame if entry.code in ("pose_scale", "pose_order") else ""
         line = ": ".join(filter(None, [self._subject + frame, message]))
-        (self._heard if level == "warning" else self._told).append(line)
+        (self._heard if entry.level == "warning" else self._told).append(line)
 
     def told(self) -> list[str]:
         """Details of the library since the last call."""
