@@ -46,7 +46,7 @@ def test_negative_indices_and_continued_lines(tmp_path: Path) -> None:
 
 
 # The bake program's tests read the same table.
-CASES = json.loads((Path(__file__).parents[3] / "tests" / "bake" / "obj.json").read_text("utf-8"))
+CASES = json.loads((Path(__file__).parents[3] / "examples" / "tests" / "bake" / "obj.json").read_text("utf-8"))
 
 
 @pytest.mark.parametrize("name", CASES["same"])
