@@ -100,7 +100,7 @@ impl Clip {
         (last, rate): (usize, u16),
     ) -> Result<Box<dyn Film>> {
         let path = &paths[0];
-        Ok(match format {
+        let film: Box<dyn Film> = match format {
             Format::Gif => Box::new(gif::Gif::new(path, size, rate)?),
             Format::Apng => Box::new(apng::Apng::new(path, size, last, rate)?),
             Format::Sequence => Box::new(sequence::Sequence::new(paths.to_vec(), size)),
@@ -109,7 +109,8 @@ impl Clip {
                     mp4::program().ok_or("there is no program ffmpeg in the PATH, which writes MP4")?;
                 Box::new(mp4::Mp4::new(&program, path, size, rate)?)
             }
-        })
+        };
+        Ok(film)
     }
 
     /// Adds a frame of 4 bytes per pixel.
