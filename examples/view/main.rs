@@ -1,9 +1,9 @@
 //! A window that shows how painted features keep their shape while a mesh deforms: orbit, scrub, paint what is rigid.
 //!
 //! `cargo run --release -p vrtm-view` opens a built-in scene; README.md shows what the window can do. The way of the
-//! data: `source` (shared with the example `bake`) and `gltf` read files into a `model`; `solve` turns a frame of the
-//! `timeline` into an answer, on a thread of its own; `draw` shows it; `brush` changes the maps; `carry` is what
-//! stands on features; `panel` is what the user sees of all that, and `save` writes files.
+//! data: `source` (of `vrtm_examples`, for the example `bake`, too) and `gltf` read files into a `model`; `solve` turns
+//! a frame of the `timeline` into an answer, on a thread of its own; `draw` shows it; `brush` changes the maps; `carry`
+//! is what stands on features; `panel` is what the user sees of all that, and `save` writes files.
 
 mod app;
 mod args;
@@ -20,28 +20,13 @@ mod solve;
 mod timeline;
 mod trace;
 
-// What the example `bake` reads files with.
-#[allow(dead_code)]
-#[path = "../bake/failure.rs"]
-mod failure;
-#[allow(dead_code)]
-#[path = "../bake/maps.rs"]
-mod maps;
-#[allow(dead_code)]
-#[path = "../bake/mesh.rs"]
-mod mesh;
-#[path = "../bake/obj.rs"]
-mod obj;
-#[allow(dead_code)]
-#[path = "../bake/source.rs"]
-mod source;
-
 use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::Parser;
 use eframe::egui;
 use eframe::egui_wgpu::{WgpuConfiguration, WgpuSetup, WgpuSetupCreateNew};
+use vrtm_examples::{failure, maps, mesh, source};
 
 use app::App;
 use args::Args;

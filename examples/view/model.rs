@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use vrtm::{Asset, Backend, Device, DeviceSettings, MeshSource, Strided, UvSource};
+use vrtm::{Asset, Backend, Device, DeviceSettings, MeshSource, Strided};
 
 use crate::failure::{Failure, Result};
 use crate::gltf::{self, Choice, Contents, Opened};
@@ -72,10 +72,11 @@ pub struct Page {
 }
 
 impl Model {
-    /// Without layers.
+    /// A built-in scene without layers.
     #[cfg(test)]
-    pub fn load(files: &Files) -> Result<Model> {
-        Model::layered(files, &Choice::default(), 0)
+    pub fn scene(name: &str) -> Model {
+        let files = Files { scene: Some(name.into()), ..Files::default() };
+        Model::layered(&files, &Choice::default(), 0).unwrap_or_else(|failure| panic!("{}", failure.0))
     }
 
     /// Charts that lie over one another come into up to so many layers.
@@ -125,7 +126,7 @@ impl Model {
             tiles,
             pages,
             layers,
-            inputs: inputs.into_iter().map(|(_, path)| path).collect(),
+            inputs,
             files: files.clone(),
             choice: choice.clone(),
             contents,
@@ -209,14 +210,7 @@ impl Model {
 
 /// A mesh as vrtm takes it.
 pub fn mesh_source<'a>(mesh: &'a Mesh, rest: &'a [[f32; 3]], layers: u32) -> MeshSource<'a> {
-    MeshSource {
-        positions: Strided::from_f32x3(rest),
-        face_counts: Some(&mesh.face_counts),
-        indices: &mesh.indices,
-        uvs: UvSource { u: Strided::from_f32x2(&mesh.uvs), v: None, indices: Some(&mesh.uv_indices) },
-        max_layers: layers,
-        ..MeshSource::default()
-    }
+    MeshSource { max_layers: layers, ..mesh.source(Strided::from_f32x3(rest)) }
 }
 
 /// The layer of each triangle.

@@ -36,7 +36,7 @@ def test_vertices_uvs_and_polygons_keep_their_order(tmp_path: Path) -> None:
 
 
 # The bake program's tests read the same table.
-CASES = json.loads((REPOSITORY / "tests" / "bake" / "obj.json").read_text("utf-8"))
+CASES = json.loads((REPOSITORY / "examples" / "tests" / "bake" / "obj.json").read_text("utf-8"))
 
 
 @pytest.mark.parametrize("name", CASES["same"])

@@ -1,6 +1,6 @@
 //! An orthographic camera that sees all poses.
 
-use crate::mesh::{dot, minus};
+use vrtm_examples::mesh::{dot, minus};
 
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
@@ -16,60 +16,36 @@ const MARGIN: f64 = 1.06;
 const SWING: f64 = 50.0;
 
 impl Camera {
-    /// A camera for all poses, of which the first is the rest. Without a given view, it looks at the mesh from the
-    /// front at an angle and from above, or at a flat sheet straight from the front.
-    pub fn new(poses: &[Vec<[f32; 3]>], view: Option<[f64; 2]>) -> Camera {
-        let axes = axes(poses, view.unwrap_or_else(|| usual(poses)));
-        let mut camera = Camera { axes, centre: [0.0; 2], half: [1.0; 2] };
+    /// A camera for each of `count` pictures in which the mesh turns once around its upright axis; a flat sheet, whose
+    /// back shows nothing else, swings to both sides instead. The mesh is at one place and of one size in all of them.
+    /// `poses` begin with rest. Without a given view, the first camera looks at the mesh from the front at an angle and
+    /// from above, or at a flat sheet straight from the front.
+    pub fn turning(poses: &[Vec<[f32; 3]>], view: Option<[f64; 2]>, count: usize) -> Vec<Camera> {
+        let is_flat = is_flat(poses);
+        let [yaw, pitch] = view.unwrap_or(if is_flat { [0.0; 2] } else { [25.0, 14.0] });
+        let angle = |k: usize| {
+            let turn = k as f64 / count as f64;
+            if is_flat { SWING * (turn * std::f64::consts::TAU).sin() } else { 360.0 * turn }
+        };
+        let [low, high] = bounds(poses);
+        let middle = [0, 1, 2].map(|c| 0.5 * (low[c] + high[c]));
+        let all: Vec<_> = (0..count).map(|k| axes(poses, [yaw + angle(k), pitch])).collect();
+        // The box around all that is seen, relative to the middle.
         let (mut low, mut high) = ([f64::MAX; 2], [f64::MIN; 2]);
-        for &p in poses.iter().flatten() {
-            let seen = camera.view(p);
+        for (axes, &p) in all.iter().flat_map(|axes| poses.iter().flatten().map(move |p| (axes, p))) {
+            let away = minus(p.map(f64::from), middle);
+            let seen = [dot(axes[0], away), dot(axes[1], away)];
             low = [0, 1].map(|c| low[c].min(seen[c]));
             high = [0, 1].map(|c| high[c].max(seen[c]));
         }
-        camera.fit(low, high);
-        camera
-    }
-
-    /// A camera for each of `count` pictures in which the mesh turns once around its upright axis; a flat sheet, whose
-    /// back shows nothing else, swings to both sides instead. The mesh is at one place and of one size in all of them.
-    pub fn turning(poses: &[Vec<[f32; 3]>], view: Option<[f64; 2]>, count: usize) -> Vec<Camera> {
-        let [yaw, pitch] = view.unwrap_or_else(|| usual(poses));
-        let middle = {
-            let [low, high] = bounds(poses);
-            [0, 1, 2].map(|c| 0.5 * (low[c] + high[c]))
-        };
-        // Without pitch, of any yaw: up is along the axis, and a turn keeps the distance from it.
-        let upright = Camera { axes: axes(poses, [0.0; 2]), centre: [0.0; 2], half: [1.0; 2] };
-        let (ps, pc) = pitch.to_radians().sin_cos();
-        let (mut low, mut high) = ([0.0f64; 2], [0.0f64; 2]);
-        for &p in poses.iter().flatten() {
-            let away = minus(p.map(f64::from), middle);
-            let [x, y, z] = upright.axes.map(|axis| dot(axis, away));
-            let (radius, up) = (x.hypot(z), pc * y);
-            low = [low[0].min(-radius), low[1].min(up - ps.abs() * radius)];
-            high = [high[0].max(radius), high[1].max(up + ps.abs() * radius)];
-        }
-        let angle = |k: usize| {
-            let turn = k as f64 / count as f64;
-            if is_flat(poses) { SWING * (turn * std::f64::consts::TAU).sin() } else { 360.0 * turn }
-        };
-        let camera = |k: usize| {
-            let axes = axes(poses, [yaw + angle(k), pitch]);
-            let mut camera = Camera { axes, centre: [0.0; 2], half: [1.0; 2] };
-            let centre = [dot(axes[0], middle), dot(axes[1], middle)];
-            camera.fit([0, 1].map(|c| centre[c] + low[c]), [0, 1].map(|c| centre[c] + high[c]));
-            camera
-        };
-        (0..count).map(camera).collect()
-    }
-
-    /// Shows a rectangle of the plane along right and up.
-    fn fit(&mut self, low: [f64; 2], high: [f64; 2]) {
         let size = (high[0] - low[0]).max(high[1] - low[1]).max(1e-30);
-        self.centre = [0, 1].map(|c| 0.5 * (low[c] + high[c]));
-        // A mesh seen edge-on must have a height, too.
-        self.half = [0, 1].map(|c| 0.5 * MARGIN * (high[c] - low[c]).max(0.05 * size));
+        let camera = |axes: [[f64; 3]; 3]| Camera {
+            axes,
+            centre: [0, 1].map(|c| dot(axes[c], middle) + 0.5 * (low[c] + high[c])),
+            // A mesh seen edge-on must have a height, too.
+            half: [0, 1].map(|c| 0.5 * MARGIN * (high[c] - low[c]).max(0.05 * size)),
+        };
+        all.into_iter().map(camera).collect()
     }
 
     /// Coordinates along right, up and toward the viewer, without scaling.
@@ -94,11 +70,6 @@ impl Camera {
     pub fn aspect(&self) -> f64 {
         self.half[1] / self.half[0]
     }
-}
-
-/// Degrees around the mesh and upward.
-fn usual(poses: &[Vec<[f32; 3]>]) -> [f64; 2] {
-    if is_flat(poses) { [0.0; 2] } else { [25.0, 14.0] }
 }
 
 fn is_flat(poses: &[Vec<[f32; 3]>]) -> bool {

@@ -2,6 +2,7 @@
 
 use image::{Rgb, RgbImage};
 use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
+use vrtm_testkit::on_all_cores;
 
 use super::material::{Colour, mix};
 
@@ -42,22 +43,13 @@ impl Canvas {
             let sum = all.fold([0.0; 3], |sum, colour| [0, 1, 2].map(|c| sum[c] + colour[c]));
             sum.map(|x: f32| x / (samples * samples) as f32)
         };
-        let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
-        let band = height.div_ceil(threads);
-        let mut pixels = vec![[0.0; 3]; width * height];
-        std::thread::scope(|scope| {
-            for (number, pixels) in pixels.chunks_mut(band * width).enumerate() {
-                let pixel = &pixel;
-                scope.spawn(move || {
-                    for (k, out) in pixels.iter_mut().enumerate() {
-                        *out = pixel(k % width, number * band + k / width);
-                    }
-                });
-            }
-        });
-        for (k, colour) in pixels.into_iter().enumerate() {
-            if let Some(pixel) = self.at(corner[0] + k % width, corner[1] + k / width) {
-                *pixel = colour;
+        let rows: Vec<usize> = (0..height).collect();
+        let row = |&y: &usize| (0..width).map(|x| pixel(x, y)).collect::<Vec<Colour>>();
+        for (y, row) in on_all_cores(&rows, row).into_iter().enumerate() {
+            for (x, colour) in row.into_iter().enumerate() {
+                if let Some(pixel) = self.at(corner[0] + x, corner[1] + y) {
+                    *pixel = colour;
+                }
             }
         }
     }

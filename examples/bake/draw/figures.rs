@@ -6,7 +6,7 @@ use vrtm::{StrainReport, TileReport};
 use super::canvas::{Canvas, TEXT};
 use super::material::{Colour, mix};
 use super::stage::{INK, QUIET, SUPER, Stage, redirect};
-use crate::maps::Field;
+use crate::field::Field;
 use crate::report;
 
 const STRETCH: Colour = [0.72, 0.015, 0.020];
@@ -41,15 +41,15 @@ pub fn draw(
     stage: &Stage,
     scale: f64,
     maps: &[Field<3>],
-    reports: &[&TileReport],
+    reports: &[TileReport],
 ) {
     let bottom = top + height - LEGEND;
     legend(canvas, [left, bottom], width);
     let room = (bottom - top - SPACE) / LINE - 1;
-    let mut lines: Vec<String> = reports.iter().map(|tile| report::line(tile)).collect();
+    let mut lines: Vec<String> = reports.iter().map(report::line).collect();
     if lines.len() > room {
         lines.truncate(room - 1);
-        lines.push(format!("... and {} more tiles, in report.json", reports.len() - lines.len()));
+        lines.push(format!("... and {} more tiles", reports.len() - lines.len()));
     }
     lines.insert(0, report::TITLES.into());
     for (k, line) in lines.iter().enumerate() {
@@ -86,7 +86,7 @@ fn textures(
 }
 
 /// Bars of strain, a pair for each tile and kind, of as many kinds and tiles as there is room for.
-fn bars(canvas: &mut Canvas, [left, top]: [usize; 2], [width, height]: [usize; 2], reports: &[&TileReport]) {
+fn bars(canvas: &mut Canvas, [left, top]: [usize; 2], [width, height]: [usize; 2], reports: &[TileReport]) {
     let measured = reports.iter().filter_map(|tile| Some((tile.udim, tile.strain.as_ref()?)));
     let mut tiles: Vec<(u32, &StrainReport)> = measured.filter(|(_, strain)| strain.segments > 0).collect();
     let height = height.saturating_sub(LINE);

@@ -1,18 +1,14 @@
 //! Draws a film: while the mesh turns once, it goes from rest to a pose, stays there, and goes back; on the left with
 //! its own UVs, on the right with redirected ones.
 
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
-
 use image::RgbImage;
+use vrtm_examples::failure::{Failure, Result};
+use vrtm_examples::source::Frame;
 
 use super::camera::Camera;
 use super::canvas::{Canvas, HEADING};
-use super::palette::{Indexed, Palette};
 use super::stage::{INK, PAPER, SUPER, Stage, redirect};
 use crate::bake::Bake;
-use crate::failure::Result;
-use crate::source::Frame;
 
 /// Side of each half in pixels, and the height of its label.
 const SIDE: usize = 400;
@@ -26,19 +22,19 @@ const COUNT: usize = AT_REST + 2 * ON_THE_WAY + IN_THE_POSE;
 pub const DURATION: (u16, u16) = (2, 25);
 
 /// Solves a frame and the way to it, and draws the pictures of the film.
-pub fn draw(stage: &Stage, bake: &mut Bake, view: Option<[f64; 2]>, frame: &Frame) -> Result<Indexed> {
+pub fn draw(stage: &Stage, bake: &mut Bake, view: Option<[f64; 2]>, frame: &Frame) -> Result<Vec<RgbImage>> {
     let poses = [stage.rest.clone(), stage.near(&frame.positions)];
     let cameras = Camera::turning(&poses, view, COUNT);
     let mut pictures: Vec<RgbImage> = vec![RgbImage::default(); COUNT];
     for step in 0..=ON_THE_WAY + 1 {
-        let numbers: Vec<usize> = (0..COUNT).filter(|&number| step_of(number) == step).collect();
         let way = smooth(step as f64 / (ON_THE_WAY + 1) as f64);
         let positions = stage.between(&frame.positions, way);
         let frame =
             Frame { positions, origin: frame.origin.clone(), note: String::new(), number: frame.number };
-        let maps = bake.redirections(&frame)?;
+        bake.solve(&frame)?;
+        let maps = bake.redirections().map_err(|e| Failure::named(&frame.origin, e))?;
         let pose = stage.near(&frame.positions);
-        let picture = |number: usize| {
+        for number in (0..COUNT).filter(|&number| step_of(number) == step) {
             let size = [SIDE, SIDE - LABEL];
             let view = stage.view(&cameras[number], &pose, size);
             let mut canvas = Canvas::new([2 * SIDE, SIDE], PAPER);
@@ -52,13 +48,10 @@ pub fn draw(stage: &Stage, bake: &mut Bake, view: Option<[f64; 2]>, frame: &Fram
                     })
                 });
             }
-            canvas.finish()
-        };
-        for (number, picture) in numbers.iter().zip(side_by_side(&numbers, picture)) {
-            pictures[*number] = picture;
+            pictures[number] = canvas.finish();
         }
     }
-    Ok(Palette::of(&pictures).index(&pictures))
+    Ok(pictures)
 }
 
 /// Step of a picture on the way from rest, 0, to the pose.
@@ -72,22 +65,4 @@ fn step_of(number: usize) -> usize {
 /// From 0 to 1, slowly at both ends.
 fn smooth(t: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
-}
-
-/// The results of a function for each number, on all cores.
-fn side_by_side<T: Send>(numbers: &[usize], of: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    let threads = std::thread::available_parallelism().map_or(1, |n| n.get()).min(numbers.len());
-    let (next, done) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
-    let work = || {
-        while let Some(&number) = numbers.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let result = of(number);
-            done.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push((number, result));
-        }
-    };
-    std::thread::scope(|scope| {
-        (0..threads).for_each(|_| drop(scope.spawn(work)));
-    });
-    let mut done = done.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    done.sort_by_key(|(number, _)| *number);
-    done.into_iter().map(|(_, result)| result).collect()
 }

@@ -1,6 +1,8 @@
 //! The texture of the pictures, painted from the rigidity map: gold studs on blue enamel with a fine UV grid.
 
-use crate::maps::{Field, Map};
+use vrtm_examples::maps::Map;
+
+use crate::field::Field;
 
 /// Linear RGB.
 pub type Colour = [f32; 3];

@@ -5,7 +5,6 @@ mod canvas;
 mod figures;
 pub mod film;
 mod material;
-pub mod palette;
 mod raster;
 pub mod sheet;
 pub mod stage;

@@ -1,16 +1,17 @@
 //! Draws the sheet of a frame: rest, deformed and corrected side by side, the strain as colours below, and the figures.
 
 use vrtm::TileReport;
+use vrtm_examples::islands::islands;
+use vrtm_examples::mesh::Positions;
 
 use super::camera::Camera;
 use super::canvas::{Canvas, HEADING, TITLE};
 use super::figures::{self, strain_colour};
 use super::material::Colour;
 use super::stage::{INK, PAPER, SUPER, Sample, Stage, View, redirect};
-use super::strain::{self, Surface};
+use super::strain::Surface;
 use crate::bake::{Bake, Tile};
-use crate::maps::Field;
-use crate::mesh::Positions;
+use crate::field::Field;
 
 const COLUMN: usize = 640;
 const GAP: usize = 20;
@@ -30,14 +31,14 @@ pub struct Sheet<'a> {
 impl<'a> Sheet<'a> {
     pub fn new(stage: &'a Stage, bake: &Bake, view: Option<[f64; 2]>) -> Sheet<'a> {
         let Stage { triangles, owners, .. } = stage;
-        let camera = Camera::new(&stage.poses(), view);
+        let [camera] = Camera::turning(&stage.poses(), view, 1)[..] else { unreachable!("one camera") };
         let height = (COLUMN as f64 * camera.aspect()).clamp(0.74 * COLUMN as f64, 1.15 * COLUMN as f64);
         let surface = |(number, tile): (usize, &Tile)| {
             let all = (0u32..).zip(triangles).zip(owners);
             Surface::new(all.filter(|(_, owner)| **owner == number).map(|(own, _)| own), tile.cells)
         };
         let surfaces = bake.tiles.iter().enumerate().map(surface).collect();
-        let charts = strain::charts(triangles, stage.corners());
+        let charts = islands(triangles);
         Sheet { stage, surfaces, charts, camera, size: [COLUMN, height as usize] }
     }
 
@@ -47,7 +48,7 @@ impl<'a> Sheet<'a> {
         title: &str,
         pose: &Positions,
         maps: &[Field<3>],
-        reports: &[&TileReport],
+        reports: &[TileReport],
     ) -> image::RgbImage {
         let Sheet { stage, camera, .. } = self;
         let pose = stage.near(pose);

@@ -1,12 +1,13 @@
 //! The mesh as pictures show it: a pose in front of a camera, its painted surface, and the light on it.
 
+use vrtm_examples::mesh::{Positions, Triangle, cross, dot, minus};
+use vrtm_examples::source::Source;
+
 use super::camera::Camera;
 use super::material::{Colour, Material, mix, step};
 use super::raster::Raster;
 use crate::bake::{Bake, Tile};
-use crate::maps::Field;
-use crate::mesh::{Positions, Triangle, cross, dot, minus};
-use crate::source::Source;
+use crate::field::Field;
 
 /// Samples per pixel along each axis.
 pub const SUPER: usize = 2;
@@ -82,11 +83,6 @@ impl<'a> Stage<'a> {
         let rest = self.source.mesh.rest.iter();
         let point = |(a, b): ([f64; 3], [f64; 3])| [0, 1, 2].map(|c| (1.0 - way) * a[c] + way * b[c]);
         Positions::F64(rest.zip(pose.iter()).map(point).collect())
-    }
-
-    /// Number of the mesh's UVs.
-    pub fn corners(&self) -> usize {
-        self.source.mesh.uvs.len()
     }
 
     /// A pose in a picture of `size` pixels.

@@ -1,7 +1,7 @@
 //! Strain at a point of the picture: how much longer or shorter than at rest the painting appears there.
 
 use super::raster::Raster;
-use crate::mesh::{Triangle, dot, minus};
+use vrtm_examples::mesh::{Triangle, dot, minus};
 
 /// A tile's surface, searchable by UV.
 pub struct Surface {
@@ -78,23 +78,4 @@ impl Surface {
         let strain = [large - 1.0, 1.0 - small].map(|x| x.max(0.0) as f32);
         strain.iter().all(|x| x.is_finite()).then_some(strain)
     }
-}
-
-/// Numbers the components of triangles that are connected by shared corners.
-pub fn charts(triangles: &[Triangle], corners: usize) -> Vec<u32> {
-    fn root(parent: &mut [u32], mut i: u32) -> u32 {
-        while parent[i as usize] != i {
-            parent[i as usize] = parent[parent[i as usize] as usize];
-            i = parent[i as usize];
-        }
-        i
-    }
-    let mut parent: Vec<u32> = (0..corners as u32).collect();
-    for [first, others @ ..] in triangles.iter().map(|t| t.corners) {
-        for other in others {
-            let (a, b) = (root(&mut parent, first), root(&mut parent, other));
-            parent[a as usize] = b;
-        }
-    }
-    triangles.iter().map(|t| root(&mut parent, t.corners[0])).collect()
 }

@@ -3,7 +3,7 @@
 //!
 //! `cargo run --release -p vrtm-render` draws a built-in scene into `out/`; `--help` lists the options. With `--film` it
 //! draws all frames, with the original UVs and redirected, side by side; with `--live` it solves, inverts and draws frame by
-//! frame with no map in the CPU's memory, and prints what each takes, also into the last picture (`live.rs`, `shared.rs`).
+//! frame with no map in the CPU's memory, and prints what each takes (`live.rs`, `shared.rs`).
 //! The shaders in `examples/render/` are short and meant to be copied: `map_filtered.wgsl` and `forward.wgsl` are all that a
 //! forward renderer needs; `deferred.wgsl` is for a deferred renderer.
 
@@ -12,8 +12,6 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
-#[cfg(target_os = "linux")]
-use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
 use vrtm::DeviceSettings;
 use vrtm_render::camera::View;
 use vrtm_render::difference::{self, difference};
@@ -71,8 +69,7 @@ struct Args {
     #[arg(long, value_name = "A-B", value_parser = range)]
     film: Option<(usize, usize)>,
     /// Solve, invert and draw so many frames one after the other, and print the time of each: with maps in memory that the
-    /// library and this program share on the GPU, and then with maps that pass through the CPU. The last picture of each has
-    /// its medians. On Linux.
+    /// library and this program share on the GPU, and then with maps that pass through the CPU. On Linux.
     #[arg(long, value_name = "N", conflicts_with = "film")]
     live: Option<usize>,
     /// Cells on a side of each tile's grid [default: the library's choice].
@@ -251,9 +248,8 @@ fn live(args: &Args, gpu: &Gpu, model: &Model, count: usize) -> Result<()> {
         }
         let medians = live::medians(&times[1..]);
         create(&args.out)?;
-        let mut picture = live.picture()?;
-        stamp(&mut picture, args.size, &line(name, &medians));
-        save(&args.out.join(format!("live {name}.png").replace(' ', "-")), args.size, &picture)?;
+        let path = args.out.join(format!("live {name}.png").replace(' ', "-"));
+        save(&path, args.size, &live.picture()?)?;
         rows.push((name, medians));
     }
     println!("medians without the first frame:");
@@ -267,23 +263,6 @@ fn live(args: &Args, gpu: &Gpu, model: &Model, count: usize) -> Result<()> {
 fn line(name: &str, t: &live::Times) -> String {
     let Times { solve, map, draw } = t;
     format!("{name:16} {:8.2} ms: solve {solve:.2}, map {map:.2}, draw {draw:.2}", t.frame())
-}
-
-/// Writes a line of text into a picture.
-#[cfg(target_os = "linux")]
-fn stamp(texels: &mut [u8], [width, height]: [u32; 2], text: &str) {
-    let font = (FontWeight::Regular, RasterHeight::Size20);
-    for (k, raster) in text.chars().map(|c| get_raster(c, font.0, font.1)).enumerate() {
-        let left = 12 + k * get_raster_width(font.0, font.1);
-        for (y, row) in raster.iter().flat_map(|raster| raster.rows().enumerate()) {
-            for (x, &cover) in row.iter().enumerate().filter(|(_, cover)| **cover > 0) {
-                let (x, y) = (left + x, 12 + y);
-                if x < width as usize && y < height as usize {
-                    texels[4 * (y * width as usize + x)..][..4].copy_from_slice(&[cover, cover, cover, 255]);
-                }
-            }
-        }
-    }
 }
 
 #[cfg(not(target_os = "linux"))]

@@ -4,24 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use exr::image::{AnyChannels, FlatSamples, Layer};
-use exr::prelude::{ReadChannels as _, ReadLayers as _, read};
-use serde_json::Value;
+use exr::prelude::read_first_rgba_layer_from_file;
 
-/// The bake program. Cargo builds examples before it runs tests, in a folder beside that of the test's executable.
+/// Runs the bake program, which cargo builds before it runs tests, in a folder beside that of the test's executable.
 pub fn bake(arguments: &[&str]) -> Output {
-    without_remarks(command().args(arguments).output().expect("bake runs"))
-}
-
-/// An output without warnings of grids that are too coarse for their features: these keep tests short.
-pub fn without_remarks(output: Output) -> Output {
-    let is_remark = |line: &[u8]| line.windows(12).any(|words| words == b"are too few:");
-    let lines = output.stderr.split_inclusive(|&byte| byte == b'\n');
-    Output { stderr: lines.filter(|line| !is_remark(line)).flatten().copied().collect(), ..output }
-}
-
-/// The program, without arguments.
-pub fn command() -> Command {
     let test = std::env::current_exe().expect("a path to this test");
     let profile = test.ancestors().nth(2).expect("target/<profile>/deps/<test>");
     let program = profile.join("examples").join(format!("bake{}", std::env::consts::EXE_SUFFIX));
@@ -30,9 +16,7 @@ pub fn command() -> Command {
     for variable in ["VRTM_DEVICE", "VRTM_THREADS", "VRTM_GPU_LIMITS"] {
         command.env_remove(variable);
     }
-    // Without it, a layer of Mesa's Vulkan drivers prints a warning to stderr.
-    command.env("XDG_RUNTIME_DIR", env!("CARGO_TARGET_TMPDIR"));
-    command
+    command.args(arguments).output().expect("bake runs")
 }
 
 /// An empty folder for one test.
@@ -55,53 +39,31 @@ pub fn text(path: &Path) -> &str {
     path.to_str().expect("a path in UTF-8")
 }
 
-/// Runs a bake that must succeed without a warning; returns what it prints.
-pub fn succeed(arguments: &[&str]) -> String {
-    let (printed, warnings) = succeed_with_warnings(arguments);
-    // There is no progress bar and no other output: stderr is not a terminal here.
-    assert_eq!(warnings, "", "{arguments:?}");
-    printed
-}
-
-/// The same, and what it prints to stderr.
-pub fn succeed_with_warnings(arguments: &[&str]) -> (String, String) {
+/// Runs a bake that must succeed; returns what it prints, and its warnings but for those of grids that are too coarse
+/// for their features: these keep tests short.
+pub fn succeed(arguments: &[&str]) -> (String, String) {
     let output = bake(arguments);
-    let [printed, warnings] =
-        [output.stdout, output.stderr].map(|text| String::from_utf8(text).expect("UTF-8"));
-    assert!(output.status.success(), "{arguments:?}: {warnings}");
-    (printed, warnings)
+    let [printed, said] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).expect("UTF-8"));
+    assert!(output.status.success(), "{arguments:?}: {said}");
+    (
+        printed,
+        said.lines().filter(|line| !line.contains("are too few:")).map(|line| format!("{line}\n")).collect(),
+    )
 }
 
-/// The one layer of an EXR file.
-pub fn layer(path: &Path) -> Layer<AnyChannels<FlatSamples>> {
-    read()
-        .no_deep_data()
-        .largest_resolution_level()
-        .all_channels()
-        .first_valid_layer()
-        .all_attributes()
-        .from_file(path)
-        .unwrap_or_else(|e| panic!("{}: {e}", path.display()))
-        .layer_data
-}
-
-/// Reads the size and the UVs of an EXR file, which must have the channels R, G and B of f32, and 0 in B.
+/// The size and the UVs of an EXR file, which has 0 in B.
 pub fn read_exr(path: &Path) -> (usize, usize, Vec<[f32; 2]>) {
-    let layer = layer(path);
-    let channels = &layer.channel_data.list;
-    let names: Vec<String> = channels.iter().map(|channel| channel.name.to_string()).collect();
-    assert_eq!(names, ["B", "G", "R"], "{}", path.display());
-    let [b, g, r] = [0, 1, 2].map(|k| match &channels[k].sample_data {
-        FlatSamples::F32(values) => values,
-        other => panic!("not f32: {other:?}"),
-    });
-    assert!(b.iter().all(|&x| x == 0.0));
-    (layer.size.x(), layer.size.y(), r.iter().zip(g).map(|(&u, &v)| [u, v]).collect())
-}
-
-pub fn report(out: &Path) -> Value {
-    let bytes = fs::read(out.join("report.json")).expect("a report");
-    serde_json::from_slice(&bytes).expect("JSON")
+    let new = |size: exr::math::Vec2<usize>, _: &_| (size, vec![[0.0; 2]; size.area()]);
+    let set = |(size, texels): &mut (exr::math::Vec2<usize>, Vec<[f32; 2]>),
+               at: exr::math::Vec2<usize>,
+               rgba: (f32, f32, f32, f32)| {
+        assert_eq!(rgba.2, 0.0);
+        texels[at.y() * size.x() + at.x()] = [rgba.0, rgba.1];
+    };
+    let image =
+        read_first_rgba_layer_from_file(path, new, set).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let (size, texels) = image.layer_data.channel_data.pixels;
+    (size.x(), size.y(), texels)
 }
 
 /// Two quads side by side on two tiles, lifted in the pose, with a map each; UVs have indices of their own.
@@ -118,7 +80,7 @@ impl Files {
         let files = Files { folder: folder(name) };
         files.write("rest.obj", REST.as_bytes());
         files.write("pose.obj", REST.replace("v 0 1 0", "v 0 1.4 0.2").as_bytes());
-        files.write("poses.f32", &floats(&[0.5; 2 * 6 * 3]));
+        files.write("poses.f32", &[0u8; 2 * 6 * 12]);
         let map = image::ImageBuffer::from_fn(32, 32, |x, y| {
             image::Luma([if (10..22).contains(&x) && (10..22).contains(&y) { u16::MAX } else { 0 }])
         });
@@ -136,34 +98,21 @@ impl Files {
         text(&self.folder.join(name)).to_string()
     }
 
-    /// The arguments for these files, without a film, and the output folder.
-    pub fn arguments(&self, pose: &str, more: &[&str]) -> (Vec<String>, PathBuf) {
-        let out = self.folder.join("out");
-        let mut list =
-            ["--rest", &self.path("rest.obj"), "--pose", &self.path(pose)].map(String::from).to_vec();
-        list.extend(["--rigidity", &self.path("r.<UDIM>.png"), "--out", text(&out)].map(String::from));
-        list.push("--no-film".into());
-        list.extend(more.iter().map(|m| m.to_string()));
-        (list, out)
+    /// The files as the programs name them.
+    pub fn wanted(&self, pose: &str, rigidity: &str) -> vrtm_examples::source::Files {
+        vrtm_examples::source::Files {
+            rest: Some(self.folder.join("rest.obj")),
+            pose: vec![self.folder.join(pose)],
+            rigidity: Some(self.path(rigidity)),
+            ..Default::default()
+        }
     }
-}
 
-pub fn floats(values: &[f32]) -> Vec<u8> {
-    values.iter().flat_map(|v| v.to_le_bytes()).collect()
-}
-
-pub fn borrow(arguments: &[String]) -> Vec<&str> {
-    arguments.iter().map(String::as_str).collect()
-}
-
-/// Expects exit code 2, one line that names the culprit, and no file in the output folder.
-pub fn refuse(arguments: &[String], out: &Path, culprit: &str, reason: &str) {
-    let output = bake(&borrow(arguments));
-    let line = String::from_utf8(output.stderr).expect("UTF-8");
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {line}");
-    assert_eq!(line.lines().count(), 1, "one line: {line}");
-    assert!(line.contains(culprit), "'{culprit}' in: {line}");
-    assert!(line.contains(reason), "'{reason}' in: {line}");
-    assert_eq!(names(out), Vec::<String>::new(), "{line}");
-    assert!(output.stdout.is_empty());
+    /// Bakes with these poses and without a film.
+    pub fn bake(&self, poses: &[&str], more: &[&str]) -> Vec<String> {
+        let poses = poses.iter().map(|pose| self.path(pose));
+        let start = ["--rest".into(), self.path("rest.obj"), "--rigidity".into(), self.path("r.<UDIM>.png")];
+        let end = ["--no-film", "--pose"].map(String::from);
+        start.into_iter().chain(more.iter().map(|word| word.to_string())).chain(end).chain(poses).collect()
+    }
 }

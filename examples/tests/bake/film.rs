@@ -6,10 +6,9 @@ use std::path::Path;
 
 use image::codecs::png::PngDecoder;
 use image::imageops::crop_imm;
-use image::{AnimationDecoder, Frame, Rgb, RgbImage, RgbaImage};
+use image::{AnimationDecoder, Frame, RgbaImage};
 
-use crate::common::{bake, folder, succeed, text};
-use crate::palette::Palette;
+use crate::common::{folder, succeed, text};
 
 /// Side of each half, and the height of its label.
 const SIDE: u32 = 400;
@@ -67,31 +66,4 @@ fn the_mesh_turns_between_rest_and_its_worst_pose_and_nothing_jumps_or_is_cut_of
     let (last, others) = steps.split_last().expect("pictures");
     assert!(steps.iter().all(|&step| step > 0.01), "{steps:?}");
     assert!(*last <= others.iter().fold(0.0, |a: f64, &b| a.max(b)), "{steps:?}");
-
-    // One of somebody else is not replaced, and one of vrtm's is.
-    succeed(&["--scene", "squash", "--size", "16", "--no-sheet", "--out", text(&out)]);
-    fs::write(&path, "notes").expect("a file");
-    let refused = bake(&["--scene", "squash", "--size", "16", "--no-sheet", "--out", text(&out)]);
-    assert_eq!(refused.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&refused.stderr).contains("turning.png"));
-    assert_eq!(fs::read(&path).expect("a file"), b"notes");
-}
-
-#[test]
-fn few_colours_stay_as_they_are_and_many_are_near() {
-    let error = |picture: RgbImage| {
-        let indexed = Palette::of(std::slice::from_ref(&picture)).index(std::slice::from_ref(&picture));
-        assert!(indexed.palette.len() <= 3 * 256);
-        let colours: Vec<&[u8]> = indexed.palette.chunks_exact(3).collect();
-        let pixels = picture.pixels().zip(&indexed.pictures[0]);
-        let apart = |(pixel, &index): (&Rgb<u8>, &u8)| {
-            (0..3).map(|c| pixel.0[c].abs_diff(colours[usize::from(index)][c])).max().unwrap_or(0)
-        };
-        pixels.map(apart).max().expect("pixels")
-    };
-    assert_eq!(error(RgbImage::from_fn(40, 2, |x, y| Rgb([6 * x as u8, 200, 100 * y as u8]))), 0);
-    // Shades of two colours, as those of a lit surface.
-    let shade = |x: u32, colour: [u32; 3]| Rgb(colour.map(|c| (c * x / 255) as u8));
-    let shades = RgbImage::from_fn(256, 2, |x, y| shade(x, [[40, 90, 160], [230, 180, 90]][y as usize]));
-    assert!(error(shades) <= 4);
 }

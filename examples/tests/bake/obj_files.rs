@@ -4,11 +4,12 @@ use std::fs;
 use std::path::PathBuf;
 
 use serde_json::Value;
+use vrtm_examples::failure::{Failure, Result};
+use vrtm_examples::islands::islands;
+use vrtm_examples::mesh::{Mesh, NO_UV, Triangle};
+use vrtm_examples::obj::load_mesh;
 
 use crate::common::folder;
-use crate::failure::{Failure, Result};
-use crate::mesh::{Mesh, NO_UV};
-use crate::obj::load_mesh;
 
 fn cases(kind: &str) -> Vec<(String, Value)> {
     let table: Value = serde_json::from_str(include_str!("obj.json")).expect("JSON");
@@ -62,4 +63,11 @@ fn numbers_are_read_in_f64() {
     let far = "v 500000.0000001 4649776.22482 0.1\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n";
     let mesh = load(&path, &far.into()).expect("a mesh");
     assert_eq!(mesh.rest.iter().next(), Some([500000.0000001, 4649776.22482, 0.1]));
+}
+
+#[test]
+fn triangles_that_share_uvs_are_one_island() {
+    let triangle = |corners| Triangle { vertices: [0, 1, 2], uvs: [[0.0; 2]; 3], corners, udim: 1001 };
+    let all = [[0, 1, 2], [9, 8, 7], [2, 3, 4], [4, 5, 6], [7, 10, 11]].map(triangle);
+    assert_eq!(islands(&all), [0, 1, 0, 0, 1]);
 }

@@ -134,7 +134,7 @@ impl App {
             rate: args.fps,
             notice: None,
         };
-        app.open_with(&args.files(), &args.choice(), args.texture.as_deref(), args.normal.as_deref());
+        app.open_with(&args.files, &args.choice(), args.texture.as_deref(), args.normal.as_deref());
         if let Some(shape) = args.carried {
             (app.look.carried, app.look.shape) = (true, shape);
         }

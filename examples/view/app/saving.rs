@@ -138,7 +138,7 @@ impl App {
         let size = self.screen.size();
         let pixels = self.pixels(size)?;
         let bytes = encode::picture(size, &pixels).map_err(|error| format!("{}: {error}", path.display()))?;
-        file::write(path, &bytes)
+        vrtm_examples::whole::write(path, &bytes)
     }
 
     fn begin_clip(&mut self, format: Format, paths: Vec<PathBuf>) {

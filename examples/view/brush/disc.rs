@@ -93,7 +93,6 @@ pub fn closest(p: [f32; 3], [a, b, c]: [[f32; 3]; 3]) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::Files;
 
     #[test]
     fn the_closest_point_is_inside_on_an_edge_or_a_corner() {
@@ -110,8 +109,7 @@ mod tests {
 
     #[test]
     fn a_disc_hangs_together_and_stays_within_its_radius() {
-        let model =
-            Model::load(&Files { scene: Some("mug_to_jug".into()), ..Files::default() }).expect("a scene");
+        let model = Model::scene("mug_to_jug");
         let rest = &model.rest;
         let first = model.triangles.len() / 3;
         let centre = rest[model.triangles[first].vertices[0] as usize];
@@ -129,8 +127,7 @@ mod tests {
     #[test]
     fn another_part_that_is_near_in_space_is_left_out() {
         // Two sheets, one closely above the other, that share no vertex.
-        let mut model =
-            Model::load(&Files { scene: Some("squash".into()), ..Files::default() }).expect("a scene");
+        let mut model = Model::scene("squash");
         let alone = disc(&model, &model.rest, 0, model.rest[0], 0.3 * model.radius).len();
         let count = model.rest.len() as u32;
         let above: Vec<_> = model.rest.iter().map(|p| [p[0], p[1], p[2] + 1e-4]).collect();

@@ -46,12 +46,10 @@ pub fn opposite(model: &Model, positions: &[[f32; 3]], hit: &Hit, plane: f32, re
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::Files;
 
     #[test]
     fn the_opposite_point_is_that_of_the_mirrored_place_at_rest() {
-        let model =
-            Model::load(&Files { scene: Some("squash".into()), ..Files::default() }).expect("a scene");
+        let model = Model::scene("squash");
         let x = plane(&model);
         // In another pose, in which everything lies elsewhere.
         let pose: Vec<_> = model.rest.iter().map(|p| [3.0 * p[0] + 7.0, p[1] + p[0], p[2]]).collect();

@@ -5,7 +5,6 @@
 pub mod canvas;
 pub mod disc;
 pub mod ids;
-pub mod islands;
 pub mod kind;
 pub mod mirror;
 pub mod painter;

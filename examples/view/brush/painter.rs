@@ -1,9 +1,10 @@
 //! The maps of all pages while they are painted: strokes, fills and tools for whole maps.
 
+use vrtm_examples::islands::islands;
+
 use super::canvas::{Canvas, Rect};
 use super::disc::{Part, disc};
 use super::ids::Ids;
-use super::islands::islands;
 use super::kind::Brush;
 use super::pick::Hit;
 use super::steps::{Change, Steps};
@@ -267,12 +268,10 @@ pub fn weights([a, b, c]: [[f32; 2]; 3], uv: [f32; 2]) -> [f32; 3] {
 mod tests {
     use super::*;
     use crate::brush::whole::{Tool, used};
-    use crate::source::Files;
 
     /// A scene with empty maps, and a point on it.
     fn scene() -> (Model, Painter, Hit) {
-        let model =
-            Model::load(&Files { scene: Some("mug_to_jug".into()), ..Files::default() }).expect("a scene");
+        let model = Model::scene("mug_to_jug");
         let mut painter = Painter::new(&model);
         painter.canvases[0].texels.fill(0);
         let triangle = model.triangles.len() / 3;

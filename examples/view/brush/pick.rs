@@ -64,12 +64,10 @@ mod tests {
     use super::*;
     use crate::draw::camera::Orbit;
     use crate::model::{dot, length};
-    use crate::source::Files;
 
     #[test]
     fn the_nearest_of_two_sides_is_picked() {
-        let model =
-            Model::load(&Files { scene: Some("mug_to_jug".into()), ..Files::default() }).expect("a scene");
+        let model = Model::scene("mug_to_jug");
         let rest = &model.rest;
         let camera = Orbit::of(rest, model.centre, model.radius).camera(1.3);
         let projected = Projected::new(&camera, rest);

@@ -3,10 +3,11 @@
 
 use std::collections::HashMap;
 
+use vrtm_examples::islands::{islands, join, root};
+
 use super::outward;
 use crate::brush::canvas::Canvas;
 use crate::brush::ids::Ids;
-use crate::brush::islands::{islands, join, root};
 use crate::brush::painter::{ids_of, weights};
 use crate::model::{Model, cross, dot, length, minus, plus, unit};
 
@@ -262,13 +263,13 @@ fn uv_of(model: &Model, spot: Spot) -> [f32; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::gltf::Choice;
     use crate::source::Files;
 
     #[test]
     fn each_disc_is_a_piece_with_its_place_and_size() {
         // Discs of two sizes, 6 by 6, on a sheet whose positions are its UVs.
-        let model =
-            Model::load(&Files { scene: Some("squash".into()), ..Files::default() }).expect("a scene");
+        let model = Model::scene("squash");
         let canvas = Canvas::new(model.pages[0].rigidity.as_ref());
         let found = find(&model, std::slice::from_ref(&canvas));
         assert_eq!(found.len(), 36);
@@ -318,7 +319,8 @@ mod tests {
         }
         let rest = folder.join("rest.obj");
         std::fs::write(&rest, text).expect("written");
-        let model = Model::load(&Files { rest: Some(rest), ..Files::default() }).expect("a mesh");
+        let files = Files { rest: Some(rest), ..Files::default() };
+        let model = Model::layered(&files, &Choice::default(), 0).expect("a mesh");
         let mut canvas = Canvas { size: [512; 2], texels: vec![0; 512 * 512], deep: false };
         for k in 0..512 * 512 {
             let [u, v] = canvas.uv([k % 512, k / 512]);

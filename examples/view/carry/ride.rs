@@ -121,14 +121,12 @@ mod tests {
     use super::*;
     use crate::model::{length, mesh_source};
     use crate::solve::answer::Maps;
-    use crate::source::Files;
 
     /// A sheet of discs that is squashed to 0.7 of its width: on the skin they become ovals; carried they stay round,
     /// where the redirection shows what is painted.
     #[test]
     fn pieces_are_carried_as_rigid_bodies_and_squashed_on_the_plain_skin() {
-        let model =
-            Model::load(&Files { scene: Some("squash".into()), ..Files::default() }).expect("a scene");
+        let model = Model::scene("squash");
         let settings = DeviceSettings { backend: vrtm::Backend::Cpu, ..DeviceSettings::default() };
         let device = Device::new(&settings).expect("a device");
         let mut asset = Asset::new(&device, &mesh_source(&model.mesh, &model.rest, 0)).expect("an asset");

@@ -291,14 +291,12 @@ impl Gutter {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::Files;
 
     /// On the mug's side, whose seam runs down the tile's left and right ends: what is painted on one end is copied
     /// beyond the other, and follows a stroke.
     #[test]
     fn maps_go_on_beyond_seams_and_follow_strokes() {
-        let model =
-            Model::load(&Files { scene: Some("mug_to_jug".into()), ..Files::default() }).expect("a scene");
+        let model = Model::scene("mug_to_jug");
         let empty = Canvas { size: [256; 2], texels: vec![0; 256 * 256], deep: false };
         let beyond = Beyond::new(&model, std::slice::from_ref(&empty), REACH).expect("beyond");
         // The side covers u from 0.02 to 0.98: a stripe at its right end, 3 to 6 texels from the border.

@@ -128,7 +128,7 @@ fn read(path: &Path, choice: &Choice) -> std::result::Result<Opened, String> {
     });
     let frames = frames.collect();
     let (pictures, notice) = pictures::read(&mut file, &geometry.materials);
-    let inputs = file.read.into_iter().map(|path| ("--rest", path)).collect();
+    let inputs = file.read;
     let mesh_of_all = Mesh { rest: Positions::F32(rest), ..geometry.mesh };
     let source = Source { mesh: mesh_of_all, frames, inputs, ..Source::default() };
     let meshes = subjects.into_iter().map(|subject| subject.name).collect();

@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 
 use super::*;
@@ -284,8 +286,12 @@ fn textures_come_with_the_file() {
 fn buffers_are_beside_the_file_or_in_it() {
     let tiny = Tiny::strip();
     let encoded = tiny.bytes.iter().map(|byte| format!("%{byte:02x}")).collect::<String>();
-    let bytes = tiny.gltf(&format!("data:application/octet-stream,{encoded}"));
-    assert_eq!(open("data", &bytes, &slow()).expect("a model").poses.len(), 5);
+    for data in [format!(",{encoded}"), format!(";base64,{}", STANDARD.encode(&tiny.bytes))] {
+        let bytes = tiny.gltf(&format!("data:application/octet-stream{data}"));
+        assert_eq!(open("data", &bytes, &slow()).expect("a model").poses.len(), 5);
+    }
+    let failed = open("data", &tiny.gltf("data:;base64,a*b="), &slow()).err().expect("no digit").0;
+    assert!(failed.contains("not in base 64"), "{failed}");
     std::fs::write(folder("beside").join("tiny.bin"), &tiny.bytes).expect("written");
     let bytes = tiny.gltf("tiny.bin");
     assert_eq!(open("beside", &bytes, &slow()).expect("a model").inputs.len(), 2);
@@ -352,7 +358,7 @@ fn damaged_files_are_named() {
     let failed = open("damaged", &bytes, &slow()).err().expect("no file").0;
     assert!(failed.contains("buffer 0: 'https://example.org/a.bin' is no path"), "{failed}");
     let files = Files { rest: Some("a.glb".into()), pose: vec!["b.obj".into()], ..Files::default() };
-    let failed = Model::load(&files).err().expect("poses").0;
+    let failed = Model::layered(&files, &slow(), 0).err().expect("poses").0;
     assert_eq!(failed, "--pose: a.glb has its own poses");
 }
 

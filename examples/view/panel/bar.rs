@@ -7,6 +7,7 @@ use eframe::egui::{self, PopupCloseBehavior, Rect, RichText, Ui};
 
 use super::open;
 use super::save::{self, Pressed, Saving};
+use super::side::words;
 use super::style;
 use super::view;
 use super::viewport::{Look, Panes, Shown};
@@ -141,21 +142,12 @@ fn choice<T: Copy + PartialEq>(
     mut noted: impl FnMut(&str, Rect),
 ) {
     let now = all.iter().find(|(of, ..)| of == value).map_or("", |(_, name, _)| name);
-    let mut words = |ui: &mut Ui| {
-        for &(of, name, about) in all {
-            let response = ui.selectable_label(*value == of, name).on_hover_text(about);
-            noted(name, response.rect);
-            if response.clicked() {
-                *value = of;
-            }
-        }
-    };
     if width >= ROOMY {
-        words(ui);
-    } else {
-        let list = egui::ComboBox::from_id_salt(id).selected_text(now).width(96.0).show_ui(ui, words);
-        noted(id, list.response.rect);
+        return words(ui, value, all, noted);
     }
+    let list = egui::ComboBox::from_id_salt(id).selected_text(now).width(96.0);
+    let list = list.show_ui(ui, |ui| words(ui, value, all, &mut noted));
+    noted(id, list.response.rect);
 }
 
 /// Keys that do what the bar does.

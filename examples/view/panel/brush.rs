@@ -2,7 +2,7 @@
 
 use eframe::egui::{self, Slider, Ui};
 
-use super::side::row;
+use super::side::{row, words};
 use crate::brush::kind::Brush;
 use crate::brush::steps::Steps;
 use crate::brush::whole::Tool;
@@ -36,16 +36,11 @@ pub fn show(
 ) -> Option<BrushWish> {
     row(ui, "tool", "What a click does on the surface.", |ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
-        for (fills, name, about) in [
+        let tools = [
             (false, "paint", "Paint around the mouse"),
             (true, "fill island", "Make all of the UV island under the mouse rigid, or elastic with erase"),
-        ] {
-            let chosen = ui.selectable_label(brush.fills == fills, name).on_hover_text(about);
-            noted(name, chosen.rect);
-            if chosen.clicked() {
-                brush.fills = fills;
-            }
-        }
+        ];
+        words(ui, &mut brush.fills, &tools, &mut noted);
     });
     let mut number = |ui: &mut Ui, value: &mut f32, range, name: &str, about: &str| {
         let slider = Slider::new(value, range).fixed_decimals(2);

@@ -20,22 +20,19 @@ pub fn show(
 ) -> bool {
     let (mut dragged, mut ends) = (false, [0.0; 2]);
     ui.horizontal(|ui| {
-        let mut button = |ui: &mut Ui, name: &str, icon: Icon, about: &str| {
-            let response = ui.add(egui::Button::new("").min_size(vec2(34.0, 28.0))).on_hover_text(about);
-            icon.draw(ui, response.rect);
+        let mut button = |ui: &mut Ui, name: &str, icon: &str, about: &str| {
+            let response = ui.add(egui::Button::new(icon).min_size(vec2(34.0, 28.0))).on_hover_text(about);
             noted(name, response.rect);
             response.clicked()
         };
-        if button(ui, "previous key", Icon::Previous, "The key before this frame: rest, or a pose (Page Up)")
-        {
+        if button(ui, "previous key", "⏮", "The key before this frame: rest, or a pose (Page Up)") {
             line.step_to_key(false);
         }
-        let (icon, about) =
-            if line.is_playing() { (Icon::Pause, "Stop (space)") } else { (Icon::Play, "Play (space)") };
+        let (icon, about) = if line.is_playing() { ("⏸", "Stop (space)") } else { ("▶", "Play (space)") };
         if button(ui, "play", icon, about) {
             line.toggle(now);
         }
-        if button(ui, "next key", Icon::Next, "The key after this frame (Page Down)") {
+        if button(ui, "next key", "⏭", "The key after this frame (Page Down)") {
             line.step_to_key(true);
         }
         let number = RichText::new(format!("{:>4}", line.number(line.frame)))
@@ -127,42 +124,4 @@ fn pointer(ui: &Ui) -> Option<Pos2> {
         };
         i.events.iter().find_map(released).or(i.pointer.latest_pos())
     })
-}
-
-/// The picture on a button.
-#[derive(Clone, Copy)]
-enum Icon {
-    Play,
-    Pause,
-    Previous,
-    Next,
-}
-
-impl Icon {
-    fn draw(self, ui: &Ui, button: Rect) {
-        let centre = button.center();
-        let painter = ui.painter();
-        let bar = |x: f32| {
-            let box_ = Rect::from_center_size(centre + vec2(x, 0.0), vec2(2.6, 12.0));
-            painter.rect_filled(box_, 0.5, style::TEXT);
-        };
-        // A triangle that points to the right, or to the left.
-        let triangle = |x: f32, way: f32| {
-            let points = [vec2(x - 4.5 * way, -6.0), vec2(x - 4.5 * way, 6.0), vec2(x + 5.5 * way, 0.0)];
-            let points = points.map(|offset| centre + offset).to_vec();
-            painter.add(egui::Shape::convex_polygon(points, style::TEXT, Stroke::NONE));
-        };
-        match self {
-            Icon::Play => triangle(0.5, 1.0),
-            Icon::Pause => [-3.2, 3.2].into_iter().for_each(bar),
-            Icon::Next => {
-                triangle(-1.5, 1.0);
-                bar(5.0);
-            }
-            Icon::Previous => {
-                triangle(1.5, -1.0);
-                bar(-5.0);
-            }
-        }
-    }
 }

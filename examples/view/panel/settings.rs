@@ -4,7 +4,7 @@
 use eframe::egui::{self, ComboBox, RichText, Slider, SliderClamping, Ui};
 use vrtm::{OpenBorders, Overlap, Quality, Seams, TileSettings};
 
-use super::side::row;
+use super::side::{row, words};
 use super::style;
 use crate::model::LAYERS;
 
@@ -97,13 +97,8 @@ pub fn show(ui: &mut Ui, settings: &mut Settings, mut noted: impl FnMut(&str, eg
     let mut dragged = false;
     row(ui, "Quality", "How much work a solve does on each level of its grid (quality).", |ui| {
         ui.spacing_mut().item_spacing.x = 2.0;
-        for (quality, name, about) in QUALITIES {
-            let chosen = ui.selectable_label(settings.quality == quality, name).on_hover_text(about);
-            noted(&format!("quality {name}"), chosen.rect);
-            if chosen.clicked() {
-                settings.quality = quality;
-            }
-        }
+        let quality = &mut settings.quality;
+        words(ui, quality, &QUALITIES, |name, rect| noted(&format!("quality {name}"), rect));
     });
     let tile = &mut settings.tile;
     for Knob { name, setting, range: [least, most], about } in KNOBS {
@@ -234,10 +229,7 @@ pub fn choice<T: Copy + PartialEq>(
     let now = all.iter().find(|(of, ..)| of == value).map_or("", |(_, name, _)| name);
     row(ui, id, about, |ui| {
         let list = ComboBox::from_id_salt(id).width(118.0).truncate().selected_text(now).show_ui(ui, |ui| {
-            for &(of, name, about) in all {
-                let item = ui.selectable_value(value, of, name).on_hover_text(about);
-                noted(&format!("{id} {name}"), item.rect);
-            }
+            words(ui, value, all, |name, rect| noted(&format!("{id} {name}"), rect));
         });
         noted(id, list.response.rect);
     });

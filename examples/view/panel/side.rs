@@ -1,6 +1,6 @@
 //! Sections of the panel at the side.
 
-use eframe::egui::{Align, CollapsingHeader, Layout, RichText, Sense, Ui, vec2};
+use eframe::egui::{Align, CollapsingHeader, Layout, Rect, RichText, Sense, Ui, vec2};
 
 use super::style;
 
@@ -15,6 +15,19 @@ pub fn section<R>(ui: &mut Ui, title: &str, open: bool, content: impl FnOnce(&mu
     });
     ui.separator();
     shown.body_returned
+}
+
+/// A row of words, one of which is chosen; each explains itself under the mouse.
+pub fn words<T: Copy + PartialEq>(
+    ui: &mut Ui,
+    value: &mut T,
+    all: &[(T, &str, &str)],
+    mut noted: impl FnMut(&str, Rect),
+) {
+    for &(of, name, about) in all {
+        let response = ui.selectable_value(value, of, name).on_hover_text(about);
+        noted(name, response.rect);
+    }
 }
 
 /// A row with a name, which explains itself under the mouse, and a widget.

@@ -1,6 +1,6 @@
 //! Where from and with what marks the mesh is looked at.
 
-use eframe::egui::{DragValue, Rect, RichText, Ui};
+use eframe::egui::{Rect, RichText, Ui};
 
 use super::bar::Wish;
 use super::style;
@@ -36,16 +36,6 @@ pub fn show(ui: &mut Ui, look: &mut Look, z_up: bool, mut noted: impl FnMut(&str
         }
     });
     ui.separator();
-    ui.horizontal(|ui| {
-        ui.label(quiet("grid lines every"));
-        let every = DragValue::new(&mut look.every).range(1..=256).suffix(" cells");
-        ui.add(every).on_hover_text("Cells of the grid from one line to the next");
-    });
-    ui.horizontal(|ui| {
-        ui.label(quiet("colours of strain to"));
-        let range = DragValue::new(&mut look.range).speed(0.005).range(0.02..=2.0).prefix("± ");
-        ui.add(range).on_hover_text("The strain at the ends of the colours");
-    });
     ui.horizontal(|ui| {
         let about =
             "Geometry on each feature: bound to the skin on the left, carried by vrtm on the right (C)";

@@ -36,11 +36,8 @@ pub struct Look {
     /// Place of a wipe's line, as a fraction of the width.
     pub wipe: f32,
     pub shown: Shown,
-    /// Spacing of grid lines in cells, if they are drawn.
+    /// True if grid lines are drawn.
     pub grid: bool,
-    pub every: u32,
-    /// Strain at the ends of the colours.
-    pub range: f32,
     /// True if the left mouse button paints.
     pub brush: bool,
     /// Geometry on the features, if any.
@@ -57,8 +54,6 @@ impl Default for Look {
             wipe: 0.5,
             shown: Shown::Texture,
             grid: false,
-            every: 8,
-            range: 0.3,
             brush: false,
             carried: false,
             shape: Shape::default(),
@@ -67,6 +62,10 @@ impl Default for Look {
     }
 }
 
+/// Cells of the grid from one line to the next.
+const EVERY: f32 = 8.0;
+/// Strain at the ends of the colours.
+const RANGE: f32 = 0.3;
 /// Points of the window's width from which the panel at the side is there unasked.
 const WIDE: f32 = 1000.0;
 
@@ -125,7 +124,7 @@ impl Look {
     /// The views to draw; `cells` is the grid's size along a side, `scale` pixels per point.
     pub fn views(&self, camera: &Camera, cells: u32, scale: f32) -> Vec<View> {
         let wide = |[x, y, z]: [f32; 3]| [x, y, z, 0.0];
-        let lines = if self.grid { cells as f32 / self.every as f32 } else { 0.0 };
+        let lines = if self.grid { cells as f32 / EVERY } else { 0.0 };
         let view = |&redirected: &bool| View {
             clip: camera.clip(),
             eye: wide(camera.eye),
@@ -135,7 +134,7 @@ impl Look {
             shown: self.shown as u8 as f32,
             lines,
             line_width: 1.1 * scale.max(1.0),
-            range: self.range,
+            range: RANGE,
             ..View::default()
         };
         self.redirected().iter().map(view).collect()
@@ -234,11 +233,11 @@ pub fn overlay(ui: &Ui, area: Rect, look: &Look, has_strain: bool) {
         }
     }
     if look.shown == Shown::Strain && has_strain {
-        legend(&painter, area, look.range);
+        legend(&painter, area);
     }
 }
 
-fn legend(painter: &egui::Painter, area: Rect, range: f32) {
+fn legend(painter: &egui::Painter, area: Rect) {
     let bar = Rect::from_min_size(pos2(area.left() + 16.0, area.bottom() - 40.0), vec2(220.0, 10.0));
     let steps = 44;
     for k in 0..steps {
@@ -251,9 +250,9 @@ fn legend(painter: &egui::Painter, area: Rect, range: f32) {
         painter.text(pos2(x, y), align, text, FontId::proportional(11.0), style::TEXT);
     };
     for (x, align, value) in [
-        (bar.left(), Align2::LEFT_TOP, -range),
+        (bar.left(), Align2::LEFT_TOP, -RANGE),
         (bar.center().x, Align2::CENTER_TOP, 0.0),
-        (bar.right(), Align2::RIGHT_TOP, range),
+        (bar.right(), Align2::RIGHT_TOP, RANGE),
     ] {
         let value = if value == 0.0 { "0".into() } else { format!("{value:+.2}") };
         text(x, bar.bottom() + 3.0, align, value);

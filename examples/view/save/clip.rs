@@ -2,26 +2,24 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{apng, gif, mp4, sequence, webp};
+use super::{apng, gif, mp4, sequence};
 
 /// Format of a clip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Format {
     #[default]
-    WebP,
-    Gif,
     Apng,
+    Gif,
     /// A PNG per frame.
     Sequence,
     Mp4,
 }
 
 impl Format {
-    pub const ALL: [Format; 5] = [Format::WebP, Format::Gif, Format::Apng, Format::Sequence, Format::Mp4];
+    pub const ALL: [Format; 4] = [Format::Apng, Format::Gif, Format::Sequence, Format::Mp4];
 
     pub fn name(self) -> &'static str {
         match self {
-            Format::WebP => "WebP",
             Format::Gif => "GIF",
             Format::Apng => "animated PNG",
             Format::Sequence => "PNG sequence",
@@ -31,7 +29,6 @@ impl Format {
 
     pub fn about(self) -> &'static str {
         match self {
-            Format::WebP => "Every pixel as it is; browsers and chats play it",
             Format::Gif => "256 colours a frame; whatever shows pictures plays it",
             Format::Apng => "Every pixel as it is; browsers play it",
             Format::Sequence => "A file per frame, with the frame's number, for a program that cuts films",
@@ -49,7 +46,6 @@ impl Format {
     pub fn paths(self, folder: &Path, name: &str, numbers: impl Iterator<Item = i64>) -> Vec<PathBuf> {
         let one = |ending: &str| vec![folder.join(format!("{name}_clip.{ending}"))];
         match self {
-            Format::WebP => one("webp"),
             Format::Gif => one("gif"),
             Format::Apng => one("png"),
             Format::Mp4 => one("mp4"),
@@ -58,19 +54,16 @@ impl Format {
     }
 }
 
+/// A result whose error does not name the file.
+pub type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
+
 /// A file, or files, that a clip's frames go to.
 pub trait Film {
     /// Adds a frame of 4 bytes per pixel.
-    ///
-    /// # Errors
-    /// What the system says, naming the file.
-    fn add(&mut self, pixels: &[u8]) -> Result<(), String>;
+    fn add(&mut self, pixels: &[u8]) -> Result<()>;
 
     /// Gives the files their names.
-    ///
-    /// # Errors
-    /// What the system says, naming the file.
-    fn finish(self: Box<Self>) -> Result<(), String>;
+    fn finish(self: Box<Self>) -> Result<()>;
 }
 
 /// A clip that is being written. Dropped before it is complete, it leaves nothing.
@@ -94,27 +87,39 @@ impl Clip {
         paths: Vec<PathBuf>,
         size: [u32; 2],
         (last, rate): (usize, u16),
-    ) -> Result<Clip, String> {
+    ) -> std::result::Result<Clip, String> {
         let path = paths.first().ok_or("a clip without frames")?;
+        let film = Clip::film(format, &paths, size, (last, rate)).map_err(|error| named(path, &*error))?;
+        Ok(Clip { paths, next: 1, last, size, film })
+    }
+
+    fn film(
+        format: Format,
+        paths: &[PathBuf],
+        size: [u32; 2],
+        (last, rate): (usize, u16),
+    ) -> Result<Box<dyn Film>> {
+        let path = &paths[0];
         let film: Box<dyn Film> = match format {
-            Format::WebP => Box::new(webp::WebP::new(path, size, rate)?),
             Format::Gif => Box::new(gif::Gif::new(path, size, rate)?),
             Format::Apng => Box::new(apng::Apng::new(path, size, last, rate)?),
-            Format::Sequence => Box::new(sequence::Sequence::new(paths.clone(), size)),
+            Format::Sequence => Box::new(sequence::Sequence::new(paths.to_vec(), size)),
             Format::Mp4 => {
-                let missing = || "there is no program ffmpeg in the PATH, which writes MP4".to_string();
-                Box::new(mp4::Mp4::new(&mp4::program().ok_or_else(missing)?, path, size, rate)?)
+                let program =
+                    mp4::program().ok_or("there is no program ffmpeg in the PATH, which writes MP4")?;
+                Box::new(mp4::Mp4::new(&program, path, size, rate)?)
             }
         };
-        Ok(Clip { paths, next: 1, last, size, film })
+        Ok(film)
     }
 
     /// Adds a frame of 4 bytes per pixel.
     ///
     /// # Errors
     /// What the system says, naming the file.
-    pub fn add(&mut self, pixels: &[u8]) -> Result<(), String> {
-        self.film.add(pixels)?;
+    pub fn add(&mut self, pixels: &[u8]) -> std::result::Result<(), String> {
+        let path = self.paths.get(self.next - 1).unwrap_or(&self.paths[0]);
+        self.film.add(pixels).map_err(|error| named(path, &*error))?;
         self.next += 1;
         Ok(())
     }
@@ -127,10 +132,14 @@ impl Clip {
     ///
     /// # Errors
     /// What the system says, naming the file.
-    pub fn finish(self) -> Result<Vec<PathBuf>, String> {
-        self.film.finish()?;
+    pub fn finish(self) -> std::result::Result<Vec<PathBuf>, String> {
+        self.film.finish().map_err(|error| named(&self.paths[0], &*error))?;
         Ok(self.paths)
     }
+}
+
+fn named(path: &Path, error: &dyn std::error::Error) -> String {
+    format!("{}: {error}", path.display())
 }
 
 #[cfg(test)]
@@ -140,7 +149,7 @@ mod tests {
 
     use image::AnimationDecoder;
     use image::codecs::gif::GifDecoder;
-    use image::codecs::webp::WebPDecoder;
+    use image::codecs::png::PngDecoder;
 
     use super::*;
 
@@ -178,23 +187,8 @@ mod tests {
     fn an_animated_png_holds_all_frames_in_turn() {
         let (folder, paths) = written(Format::Apng, "apng");
         let file = BufReader::new(File::open(&paths[0]).expect("there"));
-        let mut reader = png::Decoder::new(file).read_info().expect("a PNG");
-        assert_eq!(reader.info().animation_control().map(|control| control.num_frames), Some(3));
-        for value in [10, 20, 30] {
-            let mut pixels = vec![0; 45];
-            reader.next_frame(&mut pixels).expect("a frame");
-            assert_eq!(pixels, [value; 45]);
-        }
-        fs::remove_dir_all(&folder).expect("removed");
-    }
-
-    #[test]
-    fn a_webp_holds_all_frames_in_turn() {
-        let (folder, paths) = written(Format::WebP, "webp");
-        let file = BufReader::new(File::open(&paths[0]).expect("there"));
-        let decoder = WebPDecoder::new(file).expect("a WebP");
-        assert!(decoder.has_animation());
-        assert_eq!(greys(decoder), [(10, 42), (20, 41), (30, 42)]);
+        let decoder = PngDecoder::new(file).and_then(|decoder| decoder.apng()).expect("an animated PNG");
+        assert_eq!(greys(decoder).iter().map(|(grey, _)| *grey).collect::<Vec<_>>(), [10, 20, 30]);
         fs::remove_dir_all(&folder).expect("removed");
     }
 

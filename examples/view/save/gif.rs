@@ -2,20 +2,19 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, Frame, RgbaImage};
+use vrtm_examples::whole::Whole;
 
-use super::clip::Film;
-use super::file::Whole;
+use super::clip::{Film, Result};
 
 /// Speed of the choice of colours, 1 (best) to 30.
 const SPEED: i32 = 10;
 
 pub struct Gif {
-    path: PathBuf,
     size: [u32; 2],
     rate: u16,
     encoder: GifEncoder<Shared>,
@@ -38,31 +37,28 @@ impl Write for Shared {
 }
 
 impl Gif {
-    /// # Errors
-    /// A file that cannot be written, naming it.
-    pub fn new(path: &Path, size: [u32; 2], rate: u16) -> Result<Gif, String> {
+    pub fn new(path: &Path, size: [u32; 2], rate: u16) -> Result<Gif> {
         let (whole, file) = Whole::create(path)?;
         let file = Shared(Arc::new(Mutex::new(file)));
         let mut encoder = GifEncoder::new_with_speed(file.clone(), SPEED);
-        encoder.set_repeat(Repeat::Infinite).map_err(|error| format!("{}: {error}", path.display()))?;
-        Ok(Gif { path: path.into(), size, rate, encoder, file, whole })
+        encoder.set_repeat(Repeat::Infinite)?;
+        Ok(Gif { size, rate, encoder, file, whole })
     }
 }
 
 impl Film for Gif {
-    fn add(&mut self, pixels: &[u8]) -> Result<(), String> {
+    fn add(&mut self, pixels: &[u8]) -> Result<()> {
         let [width, height] = self.size;
         let opaque = pixels.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2], 255]).collect();
         let image = RgbaImage::from_raw(width, height, opaque).ok_or("a frame of another size")?;
         let delay = Delay::from_numer_denom_ms(1000, self.rate.into());
-        let written = self.encoder.encode_frame(Frame::from_parts(image, 0, 0, delay));
-        written.map_err(|error| format!("{}: {error}", self.path.display()))
+        Ok(self.encoder.encode_frame(Frame::from_parts(image, 0, 0, delay))?)
     }
 
-    fn finish(self: Box<Self>) -> Result<(), String> {
-        let Gif { path, encoder, mut file, whole, .. } = *self;
+    fn finish(self: Box<Self>) -> Result<()> {
+        let Gif { encoder, mut file, whole, .. } = *self;
         drop(encoder);
-        file.flush().map_err(|error| format!("{}: {error}", path.display()))?;
-        whole.finish()
+        file.flush()?;
+        Ok(whole.finish()?)
     }
 }

@@ -8,4 +8,3 @@ mod gif;
 mod mp4;
 pub mod rigidity;
 mod sequence;
-mod webp;

@@ -4,11 +4,11 @@ use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
-use super::clip::Film;
-use super::file::Whole;
+use vrtm_examples::whole::Whole;
+
+use super::clip::{Film, Result};
 
 pub struct Mp4 {
-    path: PathBuf,
     child: Running,
     whole: Whole,
 }
@@ -31,9 +31,7 @@ pub fn program() -> Option<PathBuf> {
 }
 
 impl Mp4 {
-    /// # Errors
-    /// A file that cannot be written or a program that does not start, naming it.
-    pub fn new(program: &Path, path: &Path, [width, height]: [u32; 2], rate: u16) -> Result<Mp4, String> {
+    pub fn new(program: &Path, path: &Path, [width, height]: [u32; 2], rate: u16) -> Result<Mp4> {
         let (whole, file) = Whole::create(path)?;
         drop(file);
         let child = Command::new(program)
@@ -48,7 +46,7 @@ impl Mp4 {
             .stderr(Stdio::piped())
             .spawn()
             .map_err(|error| format!("{}: {error}", program.display()))?;
-        Ok(Mp4 { path: path.into(), child: Running(child), whole })
+        Ok(Mp4 { child: Running(child), whole })
     }
 
     /// Message of ffmpeg, or else the error.
@@ -59,25 +57,25 @@ impl Mp4 {
             let _ = out.read_to_string(&mut text);
         }
         let reason = text.lines().last().map_or_else(|| error.to_string(), str::to_string);
-        format!("{}: ffmpeg: {reason}", self.path.display())
+        format!("ffmpeg: {reason}")
     }
 }
 
 impl Film for Mp4 {
-    fn add(&mut self, pixels: &[u8]) -> Result<(), String> {
+    fn add(&mut self, pixels: &[u8]) -> Result<()> {
         let written = self.child.0.stdin.as_mut().map_or(Ok(()), |to| to.write_all(pixels));
-        written.map_err(|error| self.said(&error))
+        Ok(written.map_err(|error| self.said(&error))?)
     }
 
-    fn finish(mut self: Box<Self>) -> Result<(), String> {
+    fn finish(mut self: Box<Self>) -> Result<()> {
         drop(self.child.0.stdin.take());
         match self.child.0.wait() {
             Ok(status) if status.success() => {}
-            Ok(status) => return Err(self.said(&status)),
-            Err(error) => return Err(self.said(&error)),
+            Ok(status) => return Err(self.said(&status).into()),
+            Err(error) => return Err(self.said(&error).into()),
         }
         let Mp4 { whole, .. } = *self;
-        whole.finish()
+        Ok(whole.finish()?)
     }
 }
 
@@ -112,8 +110,8 @@ mod tests {
         assert_eq!(fs::read(&path).expect("read"), [[10; 8], [20; 8]].concat());
         let program = stand_in(&folder, "cat > /dev/null; echo 'no such encoder' >&2; exit 3");
         let film = Box::new(Mp4::new(&program, &path, [2, 1], 24).expect("started"));
-        let said = film.finish().expect_err("it failed");
-        assert!(said.ends_with("a.mp4: ffmpeg: no such encoder"), "{said}");
+        let said = film.finish().expect_err("it failed").to_string();
+        assert_eq!(said, "ffmpeg: no such encoder");
         assert_eq!(fs::read_dir(&folder).expect("read").count(), 2, "the clip and the program");
         assert_eq!(fs::read(&path).expect("read").len(), 16, "the clip before stays");
         fs::remove_dir_all(&folder).expect("removed");

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use image::ExtendedColorType;
+
 use super::{encode, file};
 use crate::brush::canvas::Canvas;
 
@@ -44,19 +46,19 @@ pub fn pattern(path: &str) -> String {
 pub fn save(paths: &[PathBuf], canvases: &[Canvas]) -> Result<(), String> {
     for (path, canvas) in paths.iter().zip(canvases) {
         let bytes = encoded(canvas).map_err(|error| format!("{}: {error}", path.display()))?;
-        file::write(path, &bytes)?;
+        vrtm_examples::whole::write(path, &bytes)?;
     }
     Ok(())
 }
 
-fn encoded(canvas: &Canvas) -> Result<Vec<u8>, String> {
+fn encoded(canvas: &Canvas) -> image::ImageResult<Vec<u8>> {
     if canvas.deep {
-        let bytes: Vec<u8> = canvas.texels.iter().flat_map(|texel| texel.to_be_bytes()).collect();
-        return encode::grey(canvas.size, png::BitDepth::Sixteen, &bytes);
+        let bytes = bytemuck::cast_slice(&canvas.texels);
+        return encode::encode(canvas.size, ExtendedColorType::L16, bytes);
     }
     // To the nearest of 256 values.
     let bytes: Vec<u8> = canvas.texels.iter().map(|&texel| ((u32::from(texel) + 128) / 257) as u8).collect();
-    encode::grey(canvas.size, png::BitDepth::Eight, &bytes)
+    encode::encode(canvas.size, ExtendedColorType::L8, &bytes)
 }
 
 #[cfg(test)]

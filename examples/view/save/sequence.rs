@@ -3,9 +3,10 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use super::clip::Film;
+use vrtm_examples::whole::Whole;
+
+use super::clip::{Film, Result};
 use super::encode;
-use super::file::Whole;
 
 pub struct Sequence {
     size: [u32; 2],
@@ -22,17 +23,16 @@ impl Sequence {
 }
 
 impl Film for Sequence {
-    fn add(&mut self, pixels: &[u8]) -> Result<(), String> {
+    fn add(&mut self, pixels: &[u8]) -> Result<()> {
         let path = self.paths.pop().ok_or("more frames than files")?;
-        let failed = |error: &dyn std::fmt::Display| format!("{}: {error}", path.display());
         let (whole, mut file) = Whole::create(&path)?;
-        let bytes = encode::picture(self.size, pixels).map_err(|error| failed(&error))?;
-        file.write_all(&bytes).and_then(|()| file.flush()).map_err(|error| failed(&error))?;
+        file.write_all(&encode::picture(self.size, pixels)?)?;
+        file.flush()?;
         self.done.push(whole);
         Ok(())
     }
 
-    fn finish(self: Box<Self>) -> Result<(), String> {
-        self.done.into_iter().try_for_each(Whole::finish)
+    fn finish(self: Box<Self>) -> Result<()> {
+        Ok(self.done.into_iter().try_for_each(Whole::finish)?)
     }
 }

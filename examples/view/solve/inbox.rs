@@ -192,9 +192,9 @@ mod tests {
         assert!(work.control.is_cancelled());
         inbox.ask(request(1, Purpose::Preview));
         let work = inbox.take().expect("open");
-        let model = Model::load(&crate::source::Files { scene: Some("squash".into()), ..Default::default() });
+        let model = Model::scene("squash");
         inbox.ask(request(5, Purpose::Preview));
-        inbox.post(Edit::Open(Arc::new(model.expect("a scene")), Vec::new()));
+        inbox.post(Edit::Open(Arc::new(model), Vec::new()));
         assert!(work.control.is_cancelled());
         assert_eq!(inbox.take().and_then(|work| work.request), None, "a request for the mesh before");
     }

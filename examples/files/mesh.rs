@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use vrtm::Strided;
+use vrtm::{MeshSource, Strided, UvSource};
 
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
@@ -84,6 +84,17 @@ pub struct Triangle {
 }
 
 impl Mesh {
+    /// The mesh as vrtm takes it, with these positions at rest.
+    pub fn source<'a>(&'a self, positions: Strided<'a>) -> MeshSource<'a> {
+        MeshSource {
+            positions,
+            face_counts: Some(&self.face_counts),
+            indices: &self.indices,
+            uvs: UvSource { u: Strided::from_f32x2(&self.uvs), v: None, indices: Some(&self.uv_indices) },
+            ..MeshSource::default()
+        }
+    }
+
     /// The range of corners of each face.
     pub fn faces(&self) -> impl Iterator<Item = Range<usize>> {
         let mut end = 0;

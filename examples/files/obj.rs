@@ -1,5 +1,5 @@
 //! Reads Wavefront OBJ: polygons stay polygons, and vertices, UVs and faces keep their order in the file. `vrtm bake` reads by
-//! the same rules (docs/bake.md); tests/obj.json has cases for both.
+//! the same rules (docs/bake.md); tests/bake/obj.json has cases for both.
 //!
 //! Readers at hand keep positions in f32, sort faces by group, or merge vertices.
 

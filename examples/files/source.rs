@@ -1,9 +1,9 @@
-//! Loads a mesh, its poses and maps: from a built-in scene, from an asset folder, or from a user's files. The viewer in
-//! `examples/view` reads them with the same code.
+//! Loads a mesh, its poses and maps: from a built-in scene, from an asset folder, or from a user's files.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use clap::builder::PossibleValuesParser;
 use serde_json::Value;
 
 use crate::failure::{Failure, Result, read};
@@ -12,17 +12,31 @@ use crate::mesh::{Mesh, Positions};
 use crate::obj;
 use vrtm_testkit::scenes::{self, Scene};
 
-/// An input file, after the option that names it.
-pub type Input = (&'static str, PathBuf);
-
-/// Files to load, from the command line's options. Without any it is a built-in scene.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// The options that name the files to load. Without any it is a built-in scene.
+#[derive(clap::Args, Clone, Debug, Default, PartialEq)]
 pub struct Files {
+    /// Built-in scene
+    #[arg(long, value_name = "NAME", value_parser = PossibleValuesParser::new(scenes::NAMES))]
     pub scene: Option<String>,
+
+    /// Folder with asset.json, rest.obj, frames.f32 and rigidity.<UDIM>.png
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["rest", "scene"])]
     pub asset: Option<PathBuf>,
+
+    /// Mesh at rest, with UVs: an OBJ file; the viewer also reads glTF files (.gltf, .glb), which have their own poses
+    /// and textures
+    #[arg(long, value_name = "FILE", conflicts_with = "scene")]
     pub rest: Option<PathBuf>,
+
+    /// Poses in the order of their frames: each OBJ is one, a .f32 file (little-endian f32, frames x vertices x 3) as
+    /// many as it holds; the vertices in the order of the rest mesh. The viewer takes numbers in the names of OBJ
+    /// files, as in walk.0101.obj, for those of the frames
+    #[arg(long, value_name = "FILE", num_args = 1.., requires = "rest")]
     pub pose: Vec<PathBuf>,
-    /// A path in which `<UDIM>` stands for the tile's number; `None` = no maps.
+
+    /// Rigidity maps, white = rigid: PNGs of 8 or 16 bits, as a path in which <UDIM> stands for the tile's number, e.g.
+    /// 'r.<UDIM>.png' [default: nothing is rigid]
+    #[arg(long, value_name = "PATTERN", requires = "rest")]
     pub rigidity: Option<String>,
 }
 
@@ -33,16 +47,11 @@ pub struct Source {
     /// Name of the mesh's file, for messages.
     pub origin: String,
     pub mesh: Mesh,
-    /// All existing frames: the sheet's camera also considers frames that are not baked.
     pub frames: Vec<Frame>,
-    /// Indices of the frames to bake.
-    pub chosen: Vec<usize>,
     /// Maps by UDIM number.
     pub maps: BTreeMap<u32, TileMaps>,
-    /// The content of asset.json, for the report.
-    pub asset: Value,
     /// All files that were read.
-    pub inputs: Vec<Input>,
+    pub inputs: Vec<PathBuf>,
 }
 
 #[derive(Debug)]
@@ -63,12 +72,11 @@ pub struct TileMaps {
 
 impl Source {
     pub fn load(wanted: &Files) -> Result<Source> {
-        let mut source = match (&wanted.asset, &wanted.rest) {
+        let source = match (&wanted.asset, &wanted.rest) {
             (Some(folder), _) => asset(folder)?,
             (_, Some(rest)) => files(rest, wanted)?,
             _ => scene(wanted.scene.as_deref().unwrap_or("mug_to_jug"))?,
         };
-        source.chosen = (0..source.frames.len()).collect();
         let vertices = source.mesh.rest.len();
         for Frame { number, positions, origin, .. } in &source.frames {
             let bad = |reason: String| Err(Failure::named(origin, reason));
@@ -113,7 +121,7 @@ fn scene(name: &str) -> Result<Source> {
 
 fn asset(folder: &Path) -> Result<Source> {
     let [path, rest, poses] = ["asset.json", "rest.obj", "frames.f32"].map(|name| folder.join(name));
-    let mut json: Value = serde_json::from_slice(&read(&path)?).map_err(|e| Failure::file(&path, e))?;
+    let json: Value = serde_json::from_slice(&read(&path)?).map_err(|e| Failure::file(&path, e))?;
     let mut mesh = obj::load_mesh(&rest)?;
     // As the frames are: a frame that is the rest pose is exactly that.
     mesh.rest = Positions::F32(mesh.rest.around([0.0; 3]));
@@ -126,7 +134,7 @@ fn asset(folder: &Path) -> Result<Source> {
     for frame in &mut frames {
         frame.note = json["frame_notes"][frame.number - 1].as_str().unwrap_or_default().into();
     }
-    let mut inputs = [&path, &rest, &poses].map(|path| ("--asset", path.clone())).to_vec();
+    let mut inputs = [&path, &rest, &poses].map(PathBuf::clone).to_vec();
     let mut maps: BTreeMap<u32, TileMaps> = BTreeMap::new();
     for kind in ["rigidity", "mask"] {
         for (udim, file) in json[kind].as_object().into_iter().flatten() {
@@ -134,7 +142,7 @@ fn asset(folder: &Path) -> Result<Source> {
             let tile = maps.entry(udim.parse().map_err(|_| bad())?).or_default();
             let file = folder.join(file.as_str().ok_or_else(bad)?);
             *(if kind == "mask" { &mut tile.mask } else { &mut tile.rigidity }) = Some(Map::load(&file)?);
-            inputs.push(("--asset", file));
+            inputs.push(file);
         }
     }
     let present: BTreeSet<u32> = mesh.faces().filter_map(|face| mesh.udim(face)).collect();
@@ -146,10 +154,6 @@ fn asset(folder: &Path) -> Result<Source> {
         mesh,
         frames,
         maps,
-        asset: ["author", "licence", "licence_url", "source"]
-            .map(|key| (key.to_string(), json[key].take()))
-            .into_iter()
-            .collect(),
         inputs,
         ..Source::default()
     })
@@ -157,10 +161,10 @@ fn asset(folder: &Path) -> Result<Source> {
 
 fn files(rest: &Path, wanted: &Files) -> Result<Source> {
     let mesh = obj::load_mesh(rest)?;
-    let mut inputs = vec![("--rest", rest.to_path_buf())];
+    let mut inputs = vec![rest.to_path_buf()];
     let mut frames = Vec::new();
     for path in &wanted.pose {
-        inputs.push(("--pose", path.clone()));
+        inputs.push(path.clone());
         if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("f32")) {
             load_f32(path, mesh.rest.len(), &mut frames)?;
             continue;
@@ -182,12 +186,12 @@ fn files(rest: &Path, wanted: &Files) -> Result<Source> {
 }
 
 /// Reads the maps of a mesh, and adds their files to the inputs.
-pub fn rigidity(wanted: &Files, mesh: &Mesh, inputs: &mut Vec<Input>) -> Result<BTreeMap<u32, TileMaps>> {
+pub fn rigidity(wanted: &Files, mesh: &Mesh, inputs: &mut Vec<PathBuf>) -> Result<BTreeMap<u32, TileMaps>> {
     let mut maps = BTreeMap::new();
     let found = wanted.rigidity.as_ref().map(|pattern| existing(pattern, mesh)).transpose()?;
     for (udim, path) in found.unwrap_or_default() {
         maps.insert(udim, TileMaps { rigidity: Some(Map::load(&path)?), mask: None });
-        inputs.push(("--rigidity", path));
+        inputs.push(path);
     }
     Ok(maps)
 }

@@ -31,15 +31,3 @@ pub fn join(of: &mut [u32], a: u32, b: u32) {
     let [a, b] = [root(of, a), root(of, b)];
     of[a.max(b) as usize] = a.min(b);
 }
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn triangles_that_share_uvs_are_one_island() {
-        let triangle = |corners| Triangle { vertices: [0, 1, 2], uvs: [[0.0; 2]; 3], corners, udim: 1001 };
-        let all = [[0, 1, 2], [9, 8, 7], [2, 3, 4], [4, 5, 6], [7, 10, 11]].map(triangle);
-        assert_eq!(islands(&all), [0, 1, 0, 0, 1]);
-    }
-}

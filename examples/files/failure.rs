@@ -1,7 +1,7 @@
 //! Errors that end the program: one line with the file (or argument) and the reason.
 
 use std::fmt;
-use std::io::{self, Read, Write};
+use std::io::{self, Read};
 use std::path::Path;
 
 #[derive(Debug)]
@@ -19,11 +19,6 @@ impl Failure {
         let reason = reason.to_string().split_whitespace().collect::<Vec<_>>().join(" ");
         Failure(format!("{subject}: {reason}"))
     }
-}
-
-/// Writes a line to stderr. The bake continues if it cannot be written, as on a full disk.
-pub fn say(line: &str) {
-    let _ = writeln!(io::stderr(), "bake: {line}");
 }
 
 /// Reads a whole file. Pipes and devices are refused: some never say anything, others never end.

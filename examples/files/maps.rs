@@ -1,4 +1,4 @@
-//! Images in memory: the maps that are read, and the outputs of vrtm.
+//! Maps of one channel in memory.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -50,17 +50,6 @@ impl Map {
         ImageView::new("map", &self.bytes, layout).map_err(|e| Failure::named(&self.origin, e))
     }
 
-    /// The largest value, and what stands for 1 in the map's format.
-    pub fn largest(&self) -> (u16, u16) {
-        match self.format {
-            PixelFormat::U8 => (self.bytes.iter().max().map_or(0, |&b| b.into()), 255),
-            _ => {
-                let texels = self.bytes.chunks_exact(2).map(|b| u16::from_ne_bytes([b[0], b[1]]));
-                (texels.max().unwrap_or(0), u16::MAX)
-            }
-        }
-    }
-
     /// Values between 0 and 1.
     pub fn values(&self) -> Vec<f32> {
         match self.format {
@@ -72,34 +61,4 @@ impl Map {
                 .collect(),
         }
     }
-}
-
-/// N channels per texel, first row at the top of the tile.
-#[derive(Clone, Debug)]
-pub struct Field<const N: usize> {
-    pub size: [usize; 2],
-    pub data: Vec<[f32; N]>,
-}
-
-impl<const N: usize> Field<N> {
-    /// Bilinear between texel centres, clamped at the edges.
-    pub fn sample(&self, uv: [f32; 2]) -> [f32; N] {
-        let [width, height] = self.size;
-        let (x0, x1, fx) = taps(uv[0] * width as f32 - 0.5, width);
-        let (y0, y1, fy) = taps((1.0 - uv[1]) * height as f32 - 0.5, height);
-        let at = |x: usize, y: usize| self.data[y * width + x];
-        let (a, b, c, d) = (at(x0, y0), at(x1, y0), at(x0, y1), at(x1, y1));
-        std::array::from_fn(|k| {
-            let top = a[k] + (b[k] - a[k]) * fx;
-            let bottom = c[k] + (d[k] - c[k]) * fx;
-            top + (bottom - top) * fy
-        })
-    }
-}
-
-/// The two neighbours of a coordinate in texels, and the weight of the second.
-fn taps(x: f32, size: usize) -> (usize, usize, f32) {
-    let x = x.clamp(0.0, (size - 1) as f32);
-    let low = x as usize;
-    (low, (low + 1).min(size - 1), x - low as f32)
 }
