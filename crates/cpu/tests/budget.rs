@@ -65,7 +65,7 @@ struct Outcome {
     energies: [f64; 2],
     summary: Summary,
     stages: Vec<Stage>,
-    /// The longest time of a level's start and its first step.
+    /// The longest time of a level's start, its first step, and the step that may end it.
     longest: Duration,
     warp: Vec<[Plane; 2]>,
 }
@@ -108,7 +108,8 @@ impl Scene {
             let Machine { costs, stages, .. } = machine;
             let of_level = |level| {
                 let step = plan.step(level, 0, false).expect("a step");
-                seconds(&costs, &plan.start(level)) + seconds(&costs, &step)
+                let last = step.last_instead().map_or(Duration::ZERO, |last| seconds(&costs, &last));
+                seconds(&costs, &plan.start(level)) + seconds(&costs, &step) + last
             };
             let longest = (0..=plan.coarsest(grid)).map(of_level).max().expect("a level");
             let mut run = Run::new(team, &input, &mut memory, &mut level_0, &warp);
@@ -155,7 +156,7 @@ fn small_levels_always_run_and_no_other_begins_after_the_end() {
             let found = scene.solve(&options, Some(budget));
             assert!(found.time <= budget + found.longest + none.time, "{solver:?}: {:?}", found.time);
             assert!(found.energies[1] < found.energies[0], "{solver:?}, {budget:?}");
-            assert_eq!(found.summary.truncated, found.warp != whole.warp, "{solver:?}, {budget:?}");
+            assert!(found.summary.truncated || found.warp == whole.warp, "{solver:?}, {budget:?}");
         }
     }
 }
