@@ -785,13 +785,13 @@ typedef struct vrtm_solve_options {
     // original UVs is added), or when a level's first correction gains what its quadratic model predicts to a quarter
     // of that fraction; over 0 and under 1. 0 = the quality's own.
     float tolerance;
-    // The time that the call may take, excluding fetches, measuring and rebuilding after a change of maps or settings;
-    // 0 = no limit. The result comes from the finest level of the grid that the time allows, certified, and never
-    // worse than the identity, which it is if no level fits (the report is then `truncated`, with energies of 0).
-    // Costs are predicted from the last solves: the call returns within 1.2 times the budget plus 5 ms, unless the
-    // machine is suddenly busier. Seams are brought together if that takes half of the budget at most; else the report
-    // counts their charts in `charts_apart`. With a limit the result depends on the speed of the machine. In
-    // milliseconds.
+    // The time after which the call begins no further level of a grid; 0 = no limit. The work that is under way is
+    // finished: one level's first step, at most half of a whole solve, then interpolation, the certificate and the
+    // seams. The coarsest levels, up to 4,096 nodes each, are always solved. The result comes from the finest level
+    // that was reached, certified, and is never worse than the identity; its report is `truncated`. A tile whose turn
+    // comes after the end, or for which the time gave nothing better than the identity, keeps its last result (`kept`
+    // and `truncated`) and is among the first in the next call. With a limit the result depends on the speed of the
+    // machine. In milliseconds.
     float time_budget_ms;
     // 0 (the default): start from the identity, so that a frame's result depends on its inputs alone. 1: start from
     // the last result, for interactive use: faster on small changes, but it depends on the order of the frames.
@@ -1609,8 +1609,7 @@ typedef struct vrtm_tile_report {
     // Cells of the grid in v.
     uint32_t grid_height;
     // Energy of the identity, summed over the charts that were solved or reused, on the finest level that was worked
-    // on: level 1 for a draft, a coarser one if time was up there. It and `energy` are 0 if a time budget left no time
-    // to compute them.
+    // on: level 1 for a draft, a coarser one if time was up there.
     double energy_before;
     // Energy of the result, on the same level.
     double energy;
@@ -1622,10 +1621,11 @@ typedef struct vrtm_tile_report {
     uint64_t folds;
     // Length of the longest displacement, in cells.
     float max_displacement;
-    // 1 if the time budget ended the solve early.
+    // 1 if the time budget ended the solve early, or left no time for the tile.
     uint32_t truncated;
-    // 1 if the asset's last solve skipped the tile: it was frozen, not requested, or touched by no dirty vertex. The
-    // other fields then describe the tile's own last solve.
+    // 1 if the asset's last solve left the tile as it was: it was frozen, not requested, or touched by no dirty vertex,
+    // or the time budget left no time for it (then it is `truncated`, too). The other fields then describe the tile's
+    // own last solve.
     uint32_t kept;
     // Edges welded by position whose sides the pose pulls apart: charts end there in this result.
     uint32_t welds_torn;
@@ -1719,8 +1719,8 @@ typedef struct vrtm_asset_report {
     uint32_t tiles;
     // Tiles with at least one chart solved in the last call.
     uint32_t tiles_active;
-    // Tiles with a result that the last call skipped: frozen, not requested, or touched by no dirty vertex. Their
-    // charts count as reused.
+    // Tiles with a result that the last call left as it was: frozen, not requested, touched by no dirty vertex, or
+    // without time. Their charts count as reused.
     uint32_t tiles_kept;
     // Charts solved.
     uint32_t charts_active;
@@ -1738,7 +1738,7 @@ typedef struct vrtm_asset_report {
     uint64_t bytes;
     // Wall-clock milliseconds of the last solve, without measuring strain.
     float ms_total;
-    // 1 if the time budget ended a tile's solve early.
+    // 1 if the time budget ended a tile's solve early, or left no time for it.
     uint32_t truncated;
     // Median ratio of posed length to rest length, over a few thousand edges. If it is over 3 or under 1/3, the log
     // warns: the pose probably has other units, or its vertices are in another order.

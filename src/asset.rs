@@ -1,6 +1,5 @@
 //! An asset: a mesh with its tiles, their maps, settings and results. The public entry to everything.
 
-mod after;
 mod blended;
 pub(crate) mod carrier;
 pub(crate) mod derived;
@@ -23,23 +22,20 @@ pub(crate) mod tile;
 mod tiles;
 mod together;
 
+use std::ops::Deref;
 use std::sync::Arc;
 
 use crate::device::Device;
-use crate::map::FetchKind;
-use crate::map::certificate::desc::{MapDesc, MapReport};
-use after::After;
 use derived::{Derived, Same};
 use given::Given;
 use results::Results;
 use tile::TileState;
 use vrtm_beyond::Places;
 use vrtm_core::allocation::Vec;
+use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, Result};
-use vrtm_core::image::ImageViewMut;
-use vrtm_core::image::external::ExternalImage;
 use vrtm_core::mesh::{Mesh, MeshSource, TileMesh};
-use vrtm_core::report::{AssetInfo, AssetReport, GpuWork, TileReport};
+use vrtm_core::report::AssetInfo;
 use vrtm_core::view::Strided;
 
 /// One mesh with its tiles, on a device. If the device's GPU is lost, everything that uses or reads the tiles returns
@@ -55,8 +51,8 @@ pub struct Asset {
     pub(crate) results: Results,
     /// Places of the surface beyond seams in the charts that have collars.
     places: Derived<Vec<Same<TileMesh>>, Places>,
-    /// Time of the last calls after their tiles were solved, which time budgets leave free.
-    after: After,
+    /// The clock of time budgets.
+    clock: fn() -> Instant,
 }
 
 impl Asset {
@@ -76,8 +72,14 @@ impl Asset {
         let given = Given::new(mesh.tiles.len());
         let tiles = (0..mesh.tiles.len()).map(|tile| TileState::new(tile, device)).collect();
         let results = Results::new(device, &mesh);
-        let (places, after) = (Derived::default(), After::default());
-        Ok(Asset { device: device.clone(), mesh, given, tiles, results, places, after })
+        let (places, clock) = (Derived::default(), Instant::now);
+        Ok(Asset { device: device.clone(), mesh, given, tiles, results, places, clock })
+    }
+
+    /// Sets the clock that time budgets are measured by: for tests.
+    #[doc(hidden)]
+    pub fn set_clock(&mut self, clock: fn() -> Instant) {
+        self.clock = clock;
     }
 
     /// The device that the asset was made on.
@@ -102,111 +104,13 @@ impl Asset {
     /// Index of the tile of UV set 0 with this UDIM number, or of its first layer.
     #[must_use]
     pub fn find_tile(&self, udim: u32) -> Option<usize> {
-        self.find_tile_of_set(0, udim)
-    }
-
-    /// Index of the tile of a UV set with this UDIM number, or of its first layer.
-    #[must_use]
-    pub fn find_tile_of_set(&self, uv_set: u32, udim: u32) -> Option<usize> {
-        self.results.find_tile_of_set(uv_set, udim)
+        self.results.find_tile_of_set(0, udim)
     }
 
     /// The last good results, which other threads may also read, even while the asset is being solved.
     #[must_use]
     pub fn results(&self) -> &Results {
         &self.results
-    }
-
-    /// See [`Results::fetch`].
-    ///
-    /// # Errors
-    /// Those of [`Results::fetch`].
-    pub fn fetch(&self, tile: usize, kind: FetchKind, image: &mut ImageViewMut) -> Result<()> {
-        self.results.fetch(tile, kind, image)
-    }
-
-    /// See [`Results::fetch_external`].
-    ///
-    /// # Errors
-    /// Those of [`Results::fetch_external`].
-    ///
-    /// # Safety
-    /// See [`Results::fetch_external`].
-    pub unsafe fn fetch_external(&self, tile: usize, kind: FetchKind, image: &ExternalImage) -> Result<()> {
-        // SAFETY: the caller keeps the promises of `Results::fetch_external`.
-        unsafe { self.results.fetch_external(tile, kind, image) }
-    }
-
-    /// See [`Results::inspect_map`].
-    ///
-    /// # Errors
-    /// Those of [`Results::inspect_map`].
-    pub fn inspect_map(&self, tile: usize, desc: &MapDesc) -> Result<MapReport> {
-        self.results.inspect_map(tile, desc)
-    }
-
-    /// See [`Results::corner_uvs`].
-    ///
-    /// # Errors
-    /// Those of [`Results::corner_uvs`].
-    ///
-    /// # Example
-    /// ```
-    /// # use vrtm::{Asset, Device, DeviceSettings, ErrorKind, MeshSource, SolveOptions, Strided, UvSource};
-    /// # fn main() -> vrtm::Result<()> {
-    /// # let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
-    /// # let rest = uvs.map(|[x, y]: [f32; 2]| [x, y, 0.0]);
-    /// # let source = MeshSource {
-    /// #     positions: Strided::from_f32x3(&rest),
-    /// #     face_counts: Some(&[4]),
-    /// #     indices: &[0, 1, 2, 3],
-    /// #     uvs: UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() },
-    /// #     ..MeshSource::default()
-    /// # };
-    /// let mut asset = Asset::new(&Device::new(&DeviceSettings::default())?, &source)?;
-    /// let mut corners = [[0.0; 2]; 4];
-    /// let error = asset.corner_uvs(&mut corners).expect_err("nothing is solved yet");
-    /// assert_eq!(error.kind, ErrorKind::NotSolved);
-    /// asset.solve(Strided::from_f32x3(&rest), &SolveOptions::default())?;
-    /// asset.corner_uvs(&mut corners)?;
-    /// assert_eq!(corners, uvs, "at rest a corner has its own UV");
-    /// # Ok(())
-    /// # }
-    /// ```
-    pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
-        self.results.corner_uvs(out)
-    }
-
-    /// See [`Results::corner_uvs_of_set`].
-    ///
-    /// # Errors
-    /// Those of [`Results::corner_uvs_of_set`].
-    pub fn corner_uvs_of_set(&self, uv_set: u32, out: &mut [[f32; 2]]) -> Result<()> {
-        self.results.corner_uvs_of_set(uv_set, out)
-    }
-
-    /// See [`Results::tile_report`].
-    ///
-    /// # Errors
-    /// Those of [`Results::tile_report`].
-    pub fn tile_report(&self, tile: usize) -> Result<TileReport> {
-        self.results.tile_report(tile)
-    }
-
-    /// See [`Results::gpu_work`].
-    ///
-    /// # Errors
-    /// Those of [`Results::gpu_work`].
-    pub fn gpu_work(&self, tile: usize) -> Result<Option<GpuWork>> {
-        self.results.gpu_work(tile)
-    }
-
-    /// See [`Results::report`].
-    ///
-    /// # Errors
-    /// Those of [`Results::report`].
-    pub fn report(&self) -> Result<AssetReport> {
-        self.results.report()
     }
 
     pub(crate) fn check_tile(&self, tile: usize) -> Result<()> {
@@ -230,6 +134,15 @@ impl Asset {
             )));
         }
         values.check_finite(name)
+    }
+}
+
+/// An asset is read as its last good results are.
+impl Deref for Asset {
+    type Target = Results;
+
+    fn deref(&self) -> &Results {
+        &self.results
     }
 }
 

@@ -3,8 +3,8 @@
 mod choice;
 
 use std::num::NonZeroU32;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard};
 
 use vrtm_core::allocation::{self, Current, boxed};
 use vrtm_core::backend::{Gpu, Options, TileSolver};
@@ -14,7 +14,6 @@ use vrtm_core::grid::Grid;
 use vrtm_core::log::{LogCode, LogEntry};
 use vrtm_core::mesh::TileMesh;
 use vrtm_core::method::plan::Purpose;
-use vrtm_core::panics::lock;
 use vrtm_core::report::{AdapterInfo, DeviceInfo, report};
 use vrtm_core::settings::{AdapterId, Backend, DeviceSettings, MAX_THREADS};
 use vrtm_core::team::{Crew, Executor, Team};
@@ -31,8 +30,6 @@ struct Inner {
     threads: u32,
     reason: String,
     bytes_held: AtomicU64,
-    /// The measured pace of the device's solves, for time budgets; see `Deadline`.
-    pace: Mutex<f64>,
     gpu: Option<Arc<dyn Gpu>>,
     /// Number of live assets.
     assets: AtomicUsize,
@@ -187,13 +184,12 @@ impl Device {
         };
         let cores = std::thread::available_parallelism().map_or(1, |n| n.get() as u32);
         let threads = settings.threads.map_or(cores.min(MAX_THREADS), NonZeroU32::get);
-        let (bytes_held, pace) = (AtomicU64::new(0), Mutex::new(1.0));
+        let bytes_held = AtomicU64::new(0);
         let device = Device(Arc::new(Inner {
             settings,
             threads,
             reason,
             bytes_held,
-            pace,
             gpu,
             assets: AtomicUsize::new(0),
         }));
@@ -291,11 +287,6 @@ impl Device {
     #[doc(hidden)]
     pub fn team<R: Send>(&self, f: impl FnOnce(&Team) -> R + Send) -> R {
         Team::of(&self.crew(None, None), f)
-    }
-
-    /// The pace measured by the device's last solves with a time budget; see `Deadline`.
-    pub(crate) fn pace(&self) -> MutexGuard<'_, f64> {
-        lock(&self.0.pace)
     }
 
     /// True if the log has a receiver.

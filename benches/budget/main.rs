@@ -1,17 +1,18 @@
-//! Measures solves with a time budget: the time that a solve takes, and the fraction of the full solve's gain in energy
-//! that it reaches. First for a tile whose memory has never been used, then for a tile that has been solved before.
+//! Measures solves with a time budget. On an idle machine: the time that a solve takes, and the fraction of the full
+//! solve's gain in energy that it reaches. Beside two busy threads per core: the frames of a motion.
 //!
 //!     cargo bench -p vrtm-benches --bench budget
 //!     cargo bench -p vrtm-benches --bench budget -- --grids 512 --scenes squash
 
 #![allow(missing_docs)]
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use clap::Parser;
-use vrtm::{Asset, Backend, Device, DeviceSettings, SolveOptions};
-use vrtm_testkit::Lab as _;
-use vrtm_testkit::{Model, scenes};
+use vrtm::{Asset, Device, DeviceSettings, SolveOptions, Strided};
+use vrtm_testkit::roughness::{Smoothness, Warp, warp};
+use vrtm_testkit::{Lab as _, Model, scenes};
 
 /// Measures solves with a time budget.
 #[derive(Parser)]
@@ -21,23 +22,20 @@ struct Args {
     #[arg(long, value_delimiter = ',', default_values = scenes::NAMES)]
     scenes: Vec<String>,
     /// Cells on a side of the grids.
-    #[arg(long, value_delimiter = ',', default_values_t = [256, 512, 1024, 2048])]
+    #[arg(long, value_delimiter = ',', default_values_t = [256, 1024])]
     grids: Vec<u32>,
-    /// Budgets in milliseconds.
-    #[arg(long, value_delimiter = ',', default_values_t = [5.0, 20.0, 100.0])]
+    /// Cells on a side of the grid of a motion.
+    #[arg(long, default_value_t = 128)]
+    motion_grid: u32,
+    /// Budgets of a motion in milliseconds.
+    #[arg(long, value_delimiter = ',', default_values_t = [10.0, 30.0, 100.0])]
     budgets: Vec<f64>,
     /// Budgets as fractions of the time of a solve without one
-    #[arg(long, value_delimiter = ',', default_values_t = [0.1, 0.15, 0.25, 0.5])]
+    #[arg(long, value_delimiter = ',', default_values_t = [0.25, 0.5])]
     fractions: Vec<f64>,
-    /// Solves per budget; the median and the longest time are printed.
-    #[arg(long, default_value_t = 5)]
-    repeats: usize,
-    /// cpu or gpu.
-    #[arg(long, default_value = "cpu")]
-    backend: String,
-    /// Leave out the solves of fresh tiles, which need a newly built grid each
-    #[arg(long)]
-    no_first: bool,
+    /// Frames of a motion.
+    #[arg(long, default_value_t = 200)]
+    frames: usize,
     /// Passed by `cargo bench` and not by `cargo test`; without it one small grid is measured.
     #[arg(long, hide = true)]
     bench: bool,
@@ -49,41 +47,47 @@ struct Args {
 fn main() {
     let mut args = Args::parse();
     if !args.bench && !args.full {
-        (args.grids, args.repeats, args.budgets) = (vec![128], 1, vec![1.0, 1000.0]);
-        args.scenes.truncate(2);
+        (args.grids, args.frames, args.budgets) = (vec![128], 4, vec![10.0]);
+        args.scenes.truncate(1);
     }
-    let backend = if args.backend == "gpu" { Backend::Gpu } else { Backend::Cpu };
-    let device = Device::new(&DeviceSettings { backend, ..DeviceSettings::default() }).expect("a device");
+    let device = Device::new(&DeviceSettings::default()).expect("a device");
+    let models: Vec<Model> =
+        args.scenes.iter().map(|name| Model::from(scenes::by_name(name).expect("a scene"))).collect();
+    println!("| scene | grid | whole solve, ms | part | ms | gain |\n|---|---|---|---|---|---|");
+    for (model, &grid) in models.iter().flat_map(|model| args.grids.iter().map(move |grid| (model, grid))) {
+        parts(&args, &device, model, grid);
+    }
     println!(
-        "Milliseconds: median and longest of {} solves. Gain: of the full solve's, in per cent, median and least.",
-        args.repeats
+        "\n| scene | budget, ms | longest, ms | truncated | identity | second difference | in those of no budget |"
     );
-    println!("| scene | grid | budget | first | gain | median | longest | gain | least | over the bound |");
-    println!("|---|---|---|---|---|---|---|---|---|---|");
-    for name in &args.scenes {
-        let scene = scenes::by_name(name).expect("the name of a built-in scene");
-        let model = Model::from(scene);
-        for &grid in &args.grids {
-            measure(&args, &device, &model, grid);
+    println!("|---|---|---|---|---|---|---|");
+    let ends = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
+        for _ in 0..2 * cores {
+            scope.spawn(|| {
+                while !ends.load(Ordering::Relaxed) {
+                    std::hint::spin_loop();
+                }
+            });
         }
-    }
+        models.iter().for_each(|model| motion(&args, &device, model));
+        ends.store(true, Ordering::Relaxed);
+    });
 }
 
-/// An asset with its grids built.
-fn prepared(model: &Model, device: &Device, grid: u32) -> Asset {
-    let mut asset = model.asset_on(device, grid);
-    for tile in 0..asset.tile_count() {
-        asset.tile_info(tile).expect("a tile");
-    }
-    asset
+fn with_budget(ms: Option<f64>) -> SolveOptions {
+    let time_budget = ms.map(|ms| Duration::from_secs_f64(ms / 1000.0));
+    SolveOptions { time_budget, ..SolveOptions::default() }
 }
 
-/// Milliseconds of a solve, and the fraction by which it lowers the energy.
-fn solve(asset: &mut Asset, model: &Model, frame: usize, budget: Option<f64>) -> (f64, f64) {
-    let time_budget = budget.map(|ms| Duration::from_secs_f64(ms / 1000.0));
-    let options = SolveOptions { time_budget, ..SolveOptions::default() };
+/// Milliseconds of the solve of a frame, and the fraction by which it lowers the energy.
+fn solve(asset: &mut Asset, model: &Model, ms: Option<f64>) -> (f64, f64) {
+    let frame = model.frames.len().min(5);
+    // Another pose, so that no result is kept.
+    asset.solve(Strided::from_f32x3(&model.rest), &SolveOptions::default()).expect("a solve");
     let start = Instant::now();
-    asset.solve(model.frame(frame), &options).expect("a solve");
+    asset.solve(model.frame(frame), &with_budget(ms)).expect("a solve");
     let ms = start.elapsed().as_secs_f64() * 1000.0;
     let (mut before, mut after) = (0.0, 0.0);
     for tile in 0..asset.tile_count() {
@@ -95,53 +99,44 @@ fn solve(asset: &mut Asset, model: &Model, frame: usize, budget: Option<f64>) ->
     (ms, if before > 0.0 { 1.0 - after / before } else { 0.0 })
 }
 
-fn measure(args: &Args, device: &Device, model: &Model, grid: u32) {
-    let frame = model.frames.len().min(5);
-    let name = &model.name;
-    let mut asset = prepared(model, device, grid);
-    let (first, full) = solve(&mut asset, model, frame, None);
-    let other = if frame > 1 { frame - 1 } else { frame };
-    // Changing the settings back and forth makes the tile forget its inputs but keep its memory.
-    let mut full_ms: Vec<f64> = Vec::new();
-    for _ in 0..args.repeats {
-        forget(&mut asset, model, other);
-        full_ms.push(solve(&mut asset, model, frame, None).0);
-    }
-    full_ms.sort_by(f64::total_cmp);
-    let (median, longest) = (full_ms[full_ms.len() / 2], full_ms[full_ms.len() - 1]);
-    println!("| {name} | {grid} | none | {first:.1} | 100 | {median:.1} | {longest:.1} | 100 | 100 | |");
-    let fractions = args.fractions.iter().map(|part| (part * median, format!(" ({part})")));
-    for (budget, part) in args.budgets.iter().map(|&budget| (budget, String::new())).chain(fractions) {
-        let fresh = (!args.no_first).then(|| {
-            let mut asset = prepared(model, device, grid);
-            solve(&mut asset, model, frame, Some(budget))
-        });
-        let mut runs = Vec::new();
-        for _ in 0..args.repeats {
-            forget(&mut asset, model, other);
-            runs.push(solve(&mut asset, model, frame, Some(budget)));
-        }
-        runs.sort_by(|a, b| f64::total_cmp(&a.0, &b.0));
-        let (median, longest) = (runs[runs.len() / 2].0, runs[runs.len() - 1].0);
-        let mut gains: Vec<f64> = runs.iter().map(|run| 100.0 * run.1 / full).collect();
-        gains.sort_by(f64::total_cmp);
-        let (gain, least) = (gains[gains.len() / 2], gains[0]);
-        let bound = budget * 1.2 + 5.0;
-        let over = runs.iter().filter(|run| run.0 > bound).count();
-        let over_first = if fresh.is_some_and(|(ms, _)| ms > bound) { ", first" } else { "" };
-        let first =
-            fresh.map_or("- | -".into(), |(ms, part)| format!("{ms:.1} | {:.1}", 100.0 * part / full));
-        println!(
-            "| {name} | {grid} | {budget:.1}{part} | {first} | {median:.1} | {longest:.1} | {gain:.1} | {least:.1} | \
-             {over} of {}{over_first} |",
-            runs.len()
-        );
+/// Solves in parts of the time of a whole solve.
+fn parts(args: &Args, device: &Device, model: &Model, grid: u32) {
+    let mut asset = model.asset_on(device, grid);
+    solve(&mut asset, model, None);
+    let (whole, gain) = solve(&mut asset, model, None);
+    for part in &args.fractions {
+        let (ms, found) = solve(&mut asset, model, Some(part * whole));
+        println!("| {} | {grid} | {whole:.1} | {part} | {ms:.1} | {:.3} |", model.name, found / gain);
     }
 }
 
-/// Makes the next solve compute everything from scratch: a warm result is never reused.
-fn forget(asset: &mut Asset, model: &Model, frame: usize) {
-    let options =
-        SolveOptions { warm: true, time_budget: Some(Duration::from_nanos(1)), ..SolveOptions::default() };
-    asset.solve(model.frame(frame), &options).expect("a solve");
+/// The frames of a motion between 0.3 and the whole of the way from rest to a pose, with and without budgets.
+fn motion(args: &Args, device: &Device, model: &Model) {
+    let target = &model.frames[model.frames.len().min(5) - 1];
+    let mut second = 0.0;
+    for budget in std::iter::once(None).chain(args.budgets.iter().copied().map(Some)) {
+        let mut asset = model.asset_on(device, args.motion_grid);
+        let mut warps: Vec<Vec<Warp>> = vec![Vec::new(); asset.tile_count()];
+        let (mut longest, mut truncated, mut identity) = (0.0f64, 0, 0);
+        for frame in 0..args.frames {
+            let part = 0.65 - 0.35 * (std::f32::consts::TAU * frame as f32 / 100.0).cos();
+            let point = |(r, p): (&[f32; 3], &[f32; 3])| [0, 1, 2].map(|k| r[k] + part * (p[k] - r[k]));
+            let pose: Vec<[f32; 3]> = model.rest.iter().zip(target).map(point).collect();
+            let start = Instant::now();
+            asset.solve(Strided::from_f32x3(&pose), &with_budget(budget)).expect("a solve");
+            longest = longest.max(start.elapsed().as_secs_f64() * 1000.0);
+            truncated += usize::from(asset.report().expect("a report").truncated);
+            let moves = |tile: usize| asset.tile_report(tile).expect("a report").max_displacement > 0.0;
+            identity += usize::from(!(0..warps.len()).any(moves));
+            warps.iter_mut().enumerate().for_each(|(tile, warps)| warps.push(warp(&asset, tile)));
+        }
+        let found = warps.iter().map(|warps| Smoothness::of(warps).second).fold(0.0, f64::max);
+        second = if budget.is_none() { found } else { second };
+        let budget = budget.map_or("none".into(), |ms| ms.to_string());
+        println!(
+            "| {} | {budget} | {longest:.0} | {truncated} | {identity} | {found:.4} | {:.2} |",
+            model.name,
+            found / second
+        );
+    }
 }

@@ -1,6 +1,6 @@
-//! What follows from a mesh, maps and settings is made when it is first needed, and stored with the key that it was
-//! made from. It is got through one function, which compares the keys: nobody has to tell it that something has
-//! changed.
+//! A value that is derived from a mesh, maps and settings. It is made when it is first needed, and stored with the key
+//! that it was made from. One function returns it and compares the keys first, so that nobody has to clear it when an
+//! input changes.
 
 use std::sync::{Arc, Weak};
 

@@ -1,6 +1,6 @@
-//! What the host has set for the tiles of an asset: maps and settings. The functions that set them know nothing of what
-//! follows from them; what does stores a key (`derived`) in which each state of a tile's maps has a number, its
-//! generation.
+//! The maps and settings that the host has set for the tiles of an asset. The functions that set them know nothing of
+//! the values that are derived from them: those store a key (`derived`) in which each state of a tile's maps has a
+//! number, its generation.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -248,14 +248,15 @@ impl Given {
             there.generation = then.generation;
         }
         let History { start, strokes, .. } = &self.history[key.tile];
-        match () {
-            () if like_then != *key => Change::Other,
-            () if now == *key => Change::Nothing,
-            () if !is_own || key.generation < *start => Change::Rigidity,
-            () => {
-                let first = strokes.partition_point(|stroke| stroke.generation <= key.generation);
-                Change::Strokes(&strokes[first..])
-            }
+        if like_then != *key {
+            Change::Other
+        } else if now == *key {
+            Change::Nothing
+        } else if !is_own || key.generation < *start {
+            Change::Rigidity
+        } else {
+            let first = strokes.partition_point(|stroke| stroke.generation <= key.generation);
+            Change::Strokes(&strokes[first..])
         }
     }
 }

@@ -1,4 +1,4 @@
-//! What tests and benches read of an asset (crate `vrtm-testkit`).
+//! An asset as tests and benches read it (crate `vrtm-testkit`).
 
 use std::sync::Arc;
 

@@ -148,7 +148,7 @@ impl TileState {
         let has_collars = !mesh.sources.is_empty();
         let collars = if has_collars { mesh.bytes() } else { 0 };
         let prepared = given.bytes(call.mesh, self.tile) + collars + grid_bytes;
-        // What is published is a result of its own.
+        // With collars the published result is one of its own, beside the solver's.
         let [copies, depths] = if has_collars { Copies::bytes_for(mesh, &grid) } else { [0; 2] };
         let beyond = if has_collars { Gutter::BYTES + result + copies + depths } else { 0 };
         Ok(report!(TileEstimate {

@@ -90,6 +90,8 @@ pub(crate) struct TileResult {
     pub solved: Arc<Solved>,
     /// True if the last solve skipped the tile.
     pub kept: bool,
+    /// True if it is of an earlier pose because a time budget left no time for the tile.
+    pub late: bool,
 }
 
 /// The farthest reach of a dilation, in UV.
@@ -284,6 +286,30 @@ impl Results {
     ///
     /// # Errors
     /// `NotSolved`; `InvalidArgument` if the length is not the number of corners.
+    ///
+    /// # Example
+    /// ```
+    /// # use vrtm::{Asset, Device, DeviceSettings, ErrorKind, MeshSource, SolveOptions, Strided, UvSource};
+    /// # fn main() -> vrtm::Result<()> {
+    /// # let uvs = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    /// # let rest = uvs.map(|[x, y]: [f32; 2]| [x, y, 0.0]);
+    /// # let source = MeshSource {
+    /// #     positions: Strided::from_f32x3(&rest),
+    /// #     face_counts: Some(&[4]),
+    /// #     indices: &[0, 1, 2, 3],
+    /// #     uvs: UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() },
+    /// #     ..MeshSource::default()
+    /// # };
+    /// let mut asset = Asset::new(&Device::new(&DeviceSettings::default())?, &source)?;
+    /// let mut corners = [[0.0; 2]; 4];
+    /// let error = asset.corner_uvs(&mut corners).expect_err("nothing is solved yet");
+    /// assert_eq!(error.kind, ErrorKind::NotSolved);
+    /// asset.solve(Strided::from_f32x3(&rest), &SolveOptions::default())?;
+    /// asset.corner_uvs(&mut corners)?;
+    /// assert_eq!(corners, uvs, "at rest a corner has its own UV");
+    /// # Ok(())
+    /// # }
+    /// ```
     pub fn corner_uvs(&self, out: &mut [[f32; 2]]) -> Result<()> {
         self.corner_uvs_of_set(0, out)
     }
@@ -318,7 +344,9 @@ impl Results {
     /// # Errors
     /// `NotSolved` before the first solve.
     pub fn tile_report(&self, tile: usize) -> Result<TileReport> {
-        self.solved(tile).map(|result| report!(result.solved.report(), { kept: result.kept }))
+        let TileResult { solved, kept, late } = self.solved(tile)?;
+        let report = solved.report();
+        Ok(report!(report, { kept: kept, truncated: report.truncated || late }))
     }
 
     /// The dispatches, submissions and transfers of a tile's last solve; `None` on the CPU, or if no chart needed
@@ -345,6 +373,7 @@ impl Results {
         });
         for result in last.tiles.iter().flatten() {
             let tile = result.solved.report();
+            report.truncated |= result.late;
             if result.kept {
                 report.tiles_kept += 1;
                 report.charts_reused += tile.charts_active + tile.charts_reused;

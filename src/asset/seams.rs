@@ -4,7 +4,6 @@
 use std::sync::Arc;
 
 use super::Asset;
-use super::after;
 use super::blended::{BlendKey, Blended, CopiesKey};
 use super::derived::{Derived, Same};
 use super::results::not_solved;
@@ -21,20 +20,21 @@ use vrtm_core::mesh::{Mesh, TileMesh};
 use vrtm_core::report::report;
 use vrtm_core::team::Team;
 
+/// The share of a call's progress for the blend, if charts continue beyond their borders.
+pub(super) const SHARE: f32 = 0.2;
+
 impl Asset {
     /// Blends the results of a call with one another; returns what is to be published instead of them, where that is
-    /// something else. Tiles without a result of this call take no part: their results may be those of another pose.
-    /// Without time, results stay as they are.
+    /// something else. Tiles that were not asked for take no part: their results may be those of another pose.
     pub(super) fn blend(
         &mut self,
         team: &Team,
         results: &[(usize, Arc<Solved>)],
-        has_time: bool,
     ) -> Result<Vec<Option<Solved>>> {
         let moves = |solved: &Solved| solved.results.iter().any(|result| result.max_displacement > 0.0);
         let has_seams = results.iter().any(|(_, solved)| solved.extended.is_some());
         if !results.iter().any(|(_, solved)| moves(solved)) {
-            // What a tile published may have been blended with another tile's last result.
+            // A tile's published result may have been blended with another tile's last one.
             let plain =
                 |(_, solved): &(usize, Arc<Solved>)| has_seams.then(|| solved.with_warp(solved.warp.clone()));
             return Ok(results.iter().map(plain).collect());
@@ -42,18 +42,17 @@ impl Asset {
         if !has_seams {
             return Ok(results.iter().map(|_| None).collect());
         }
-        if !has_time {
-            return Ok(results.iter().map(|(_, solved)| Some(apart(solved))).collect());
-        }
-        let start = Instant::now();
-        let Asset { device, mesh, given, tiles, places, after, .. } = self;
+        let Asset { device, mesh, given, tiles, places, .. } = self;
         let places = &*find_places(device, mesh, places, results)?;
         let solved: Vec<Option<&Arc<Solved>>> =
             (0..tiles.len()).map(|tile| taking_part(places, results, tile)).collect();
         let copies = find_copies(team, device, places, &solved, tiles)?;
-        let advance =
-            |fraction: f32| team.control().into_iter().for_each(|control| control.advance(fraction));
-        advance(0.5 * after::SHARE);
+        let advance = |fraction: f32| {
+            if let Some(control) = team.control() {
+                control.advance(fraction);
+            }
+        };
+        advance(0.5 * SHARE);
         let warp = |solved: &Option<&Arc<Solved>>| solved.map(|solved| Same::of(&solved.warp));
         let key = Arc::new(BlendKey { warps: solved.iter().map(warp).collect(), copies });
         // The displacements of all tiles, which a GPU's results are read for.
@@ -88,19 +87,9 @@ impl Asset {
                 solved.report.times.total += solved.report.times.blend;
             }
             published.push(Some(solved));
-            advance(0.5 * after::SHARE / results.len() as f32);
-        }
-        if sides.is_some() {
-            after.blend = start.elapsed();
+            advance(0.5 * SHARE / results.len() as f32);
         }
         Ok(published)
-    }
-
-    /// The results of tiles that were asked for and need no solve, since nothing in them has moved, but whose
-    /// neighbours may say something else at their seams.
-    pub(super) fn beside(&self, asked: &[bool], wanted: &[bool]) -> Vec<(usize, Arc<Solved>)> {
-        let tiles = (0..self.tiles.len()).filter(|&tile| asked[tile] && !wanted[tile]);
-        tiles.filter_map(|tile| Some((tile, self.tiles[tile].last.as_ref()?.solved.clone()))).collect()
     }
 }
 
@@ -159,16 +148,6 @@ fn taking_part<'a>(
     let (_, solved) = results.iter().find(|(k, _)| *k == tile)?;
     let mesh = solved.extended.as_ref().unwrap_or(&solved.mesh);
     Arc::ptr_eq(mesh, &places.tiles[tile]).then_some(solved)
-}
-
-/// A result for whose blend there is no time.
-fn apart(solved: &Solved) -> Solved {
-    let mut solved = solved.with_warp(solved.warp.clone());
-    if let Some(extended) = &solved.extended {
-        let count = extended.charts.iter().filter(|chart| !chart.collar.is_empty()).count();
-        solved.report = report!(solved.report, { charts_apart: count as u32, truncated: true });
-    }
-    solved
 }
 
 /// A result with the warp of a blend.

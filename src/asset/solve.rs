@@ -3,7 +3,6 @@
 
 use std::cmp::Reverse;
 use std::sync::Arc;
-use std::time::Duration;
 
 use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::clock::Instant;
@@ -11,6 +10,7 @@ use vrtm_core::error::Result;
 use vrtm_core::grid::maps::{TileMaps, Values};
 use vrtm_core::log::LogCode;
 use vrtm_core::mesh::Chart;
+use vrtm_core::method::deadline::Deadline;
 use vrtm_core::method::plan::Plan;
 use vrtm_core::settings::SolveOptions;
 use vrtm_core::team::{Crew, Team};
@@ -18,10 +18,10 @@ use vrtm_core::unwind::caught;
 use vrtm_core::view::Strided;
 
 use super::Asset;
-use super::after;
 use super::outputs::Fetch;
 use super::request::SolveRequest;
 use super::results::{KeptPose, Last, TileResult};
+use super::seams;
 use super::shape::{Call, Prepared};
 use super::side_by_side::together;
 use super::solver::SolveCall;
@@ -37,6 +37,8 @@ const PREPARING: f32 = 0.3;
 struct Fresh {
     /// Of the solved tiles.
     solved: Vec<TileSolved>,
+    /// See `Asset::late`.
+    late: Vec<bool>,
     /// The results of all tiles.
     last: Last,
 }
@@ -54,7 +56,7 @@ impl Asset {
     /// Solves and fetches in one call: all arguments are checked before anything is written.
     ///
     /// # Errors
-    /// Those of [`Asset::solve`] and [`Asset::fetch`].
+    /// Those of [`Asset::solve`] and [`Results::fetch`].
     pub fn redirect(
         &mut self,
         positions: Strided,
@@ -69,9 +71,9 @@ impl Asset {
     ///
     /// # Errors
     /// `InvalidArgument` for a wrong count, a position that is not finite, an unknown tile or vertex; `Cancelled`;
-    /// `OutOfMemory`; those of [`Asset::fetch`]. The last good results are kept.
+    /// `OutOfMemory`; those of [`Results::fetch`]. The last good results are kept.
     pub fn run(&mut self, request: &SolveRequest, fetches: &mut [Fetch]) -> Result<()> {
-        let start = Instant::now();
+        let start = (self.clock)();
         self.check_request(request)?;
         self.results.check_fetches(fetches)?;
         let crew = self.device.crew(request.threads, request.control.clone());
@@ -90,6 +92,7 @@ impl Asset {
         })
     }
 
+    /// Solves the tiles of a request; returns the results to be published.
     fn solve_tiles(
         &mut self,
         team: &Team,
@@ -100,98 +103,144 @@ impl Asset {
         let _working = team.control().map(|control| control.begin());
         team.check_or_unwind();
         let plan = Plan::new(&request.options);
-        let may_solve = self.may_solve(request);
-        let must_solve = self.must_solve(request, &plan, &may_solve);
+        let asked = self.asked(request);
+        let due = self.due(request, &plan, &asked);
         if request.release_last {
-            self.release_results(&must_solve);
+            self.release_results(&due);
         }
-        let Asset { device, mesh, given, tiles, after, .. } = &mut *self;
-        let is_elastic = |maps: &TileMaps| matches!(maps.rigidity, Values::None);
-        if given.maps.iter().all(is_elastic) && tiles.iter().any(|state| state.grid(given).is_none()) {
-            let message = "no tile has a rigidity, so that nothing moves";
-            device.log(LogCode::NoRigidity, None, &[], message);
-        }
-        let has_seams = given.maps.iter().any(|maps| maps.settings.beyond().is_some());
-        // Collars read maps as the grids of other tiles do.
-        let sized = (0..must_solve.len()).filter(|&tile| must_solve[tile] || has_seams);
-        given.find_sizes(team, mesh, sized, device);
-        let call = SolveCall {
-            on: Call { team, device, mesh, given },
-            positions: request.positions,
-            plan: &plan,
-            start,
-            release_solvers: request.release_solvers,
-            budget: None,
-            progress: if has_seams { 1.0 - after::SHARE } else { 1.0 },
-            learns: true,
-        };
-        let states = tiles.iter_mut().filter(|state| must_solve[state.tile]).collect();
-        let solved = match request.options.time_budget {
-            Some(budget) => in_turn(&call, budget.saturating_sub(after.of(budget)), states)?,
-            None => solve(&call, crew, states)?,
-        };
-        let begin = Instant::now();
-        let of = |new: &TileSolved| (new.tile(), new.solved.clone());
-        let mut results: Vec<(usize, Arc<Solved>)> = solved.iter().map(of).collect();
-        results.extend(self.beside(&may_solve, &must_solve));
-        let has_time = request.options.time_budget.is_none_or(|budget| self.after.has_time(budget));
-        let (new, mut published) = (solved.len(), self.blend(team, &results, has_time)?);
-        let blended = begin.elapsed();
-        let is_still = results.iter().all(|(_, solved)| solved.report.max_displacement == 0.0);
-        if request.options.measure {
-            self.measure(team, request.positions, &results[..new], &mut published)?;
-        }
-        let solved_ms = start.elapsed().as_secs_f32() * 1000.0;
-        let stretch = Stretch::new(&self.mesh, &request.positions);
-        stretch.warn(&self.device);
-        let keep = || KeptPose::new(&self.device, &request.positions, &self.given.maps).map(Arc::new);
-        let pose = (self.results.count_carriers(0) > 0).then(keep).transpose()?;
-        let mut last = Last { tiles: self.kept(), solved_ms: Some(solved_ms), stretch, pose };
-        for (k, ((tile, solved), published)) in results.into_iter().zip(published).enumerate() {
-            let kept = k >= new;
-            // What is beside the new results was blended again, where it changes.
-            if let Some(solved) = published.map(Arc::new).or((!kept).then_some(solved)) {
-                last.tiles[tile] = Some(TileResult { solved, kept });
-            }
-        }
-        self.after.rest = begin.elapsed().saturating_sub(blended);
-        if request.options.time_budget.is_some() && (is_still || !has_time) {
-            self.after = self.after.less();
-        }
+        self.warn_of_no_rigidity();
+        self.find_sizes(team, &due);
+        let solved = self.solved(team, crew, request, &plan, &due, start)?;
+        let late = self.late(&due, &solved);
+        let last = self.last(team, request, &asked, &solved, &late, start)?;
         // From here on the call has a result and can no longer be cancelled.
         if let Some(control) = team.control() {
             control.seal_or_unwind();
         }
-        Ok(Fresh { solved, last })
+        Ok(Fresh { solved, late, last })
     }
 
-    /// Per tile, whether its result may change.
-    fn may_solve(&self, request: &SolveRequest) -> Vec<bool> {
-        let mut may_solve = vec![request.tiles.is_none(); self.tiles.len()];
+    /// Per tile, whether the request allows that its result changes.
+    fn asked(&self, request: &SolveRequest) -> Vec<bool> {
+        let mut asked = vec![request.tiles.is_none(); self.tiles.len()];
         for &tile in request.tiles.unwrap_or_default() {
-            may_solve[tile] = true;
+            asked[tile] = true;
         }
-        self.given.frozen.iter().zip(&mut may_solve).for_each(|(frozen, may_solve)| *may_solve &= !frozen);
-        may_solve
+        self.given.frozen.iter().zip(&mut asked).for_each(|(frozen, asked)| *asked &= !frozen);
+        asked
     }
 
     /// Per tile, whether it has to be solved.
-    fn must_solve(&self, request: &SolveRequest, plan: &Plan, may_solve: &[bool]) -> Vec<bool> {
-        let mut must_solve = Vec::from(may_solve);
-        if let Some(dirty) = request.dirty_vertices {
-            let mut is_dirty = zeroed(self.mesh.rest.len());
-            for &vertex in dirty {
-                is_dirty[vertex as usize] = true;
-            }
-            for (state, must_solve) in self.tiles.iter().zip(&mut must_solve) {
-                let last = state.last.as_ref().filter(|last| last.is_of(plan, &self.given));
-                *must_solve &= last.is_none_or(|TileSolved { solved, .. }| {
-                    let charts = &solved.extended.as_ref().unwrap_or(&solved.mesh).charts;
-                    charts.iter().flat_map(Chart::of_mesh).any(|vertex| is_dirty[vertex as usize])
-                });
+    fn due(&self, request: &SolveRequest, plan: &Plan, asked: &[bool]) -> Vec<bool> {
+        let mut due = Vec::from(asked);
+        let Some(dirty) = request.dirty_vertices else { return due };
+        let mut is_dirty = zeroed(self.mesh.rest.len());
+        for &vertex in dirty {
+            is_dirty[vertex as usize] = true;
+        }
+        for (state, due) in self.tiles.iter().zip(&mut due).filter(|(state, _)| !state.late) {
+            let last = state.last.as_ref().filter(|last| last.is_of(plan, &self.given));
+            *due &= last.is_none_or(|TileSolved { solved, .. }| {
+                let charts = &solved.extended.as_ref().unwrap_or(&solved.mesh).charts;
+                charts.iter().flat_map(Chart::of_mesh).any(|vertex| is_dirty[vertex as usize])
+            });
+        }
+        due
+    }
+
+    /// Warns of an asset in which nothing can move, before its first tile is prepared.
+    fn warn_of_no_rigidity(&self) {
+        let Asset { device, given, tiles, .. } = self;
+        let is_elastic = |maps: &TileMaps| matches!(maps.rigidity, Values::None);
+        if given.maps.iter().all(is_elastic) && tiles.iter().any(|state| state.grid(given).is_none()) {
+            device.log(LogCode::NoRigidity, None, &[], "no tile has a rigidity, so that nothing moves");
+        }
+    }
+
+    /// True if charts of a tile continue beyond their borders.
+    fn has_collars(&self) -> bool {
+        self.given.maps.iter().any(|maps| maps.settings.beyond().is_some())
+    }
+
+    /// Finds the sizes of the grids that are left open, of the tiles to be solved; of all if there are collars, which
+    /// read maps as the grids of other tiles do.
+    fn find_sizes(&mut self, team: &Team, due: &[bool]) {
+        let has_collars = self.has_collars();
+        let tiles = (0..due.len()).filter(|&tile| due[tile] || has_collars);
+        self.given.find_sizes(team, &self.mesh, tiles, self.device.memory_budget());
+    }
+
+    /// The new results of tiles, before they are blended; a tile for which a time budget leaves no time has none.
+    fn solved(
+        &mut self,
+        team: &Team,
+        crew: &Crew,
+        request: &SolveRequest,
+        plan: &Plan,
+        due: &[bool],
+        start: Instant,
+    ) -> Result<Vec<TileSolved>> {
+        let progress = if self.has_collars() { 1.0 - seams::SHARE } else { 1.0 };
+        let Asset { device, mesh, given, tiles, clock, .. } = self;
+        let call = SolveCall {
+            on: Call { team, device, mesh, given },
+            positions: request.positions,
+            plan,
+            deadline: Deadline::new(start, request.options.time_budget, *clock),
+            release_solvers: request.release_solvers,
+            progress,
+        };
+        let states = tiles.iter_mut().filter(|state| due[state.tile]).collect();
+        if call.deadline.is_limited() { in_turn(&call, states) } else { side_by_side(&call, crew, states) }
+    }
+
+    /// Per tile, whether it keeps the result of an earlier pose because a time budget left no time for it.
+    fn late(&self, due: &[bool], solved: &[TileSolved]) -> Vec<bool> {
+        let mut late: Vec<bool> = self.tiles.iter().zip(due).map(|(state, due)| *due || state.late).collect();
+        solved.iter().for_each(|solved| late[solved.tile()] = false);
+        late
+    }
+
+    /// All results as they are published: the new ones, and their neighbours, blended with one another.
+    fn last(
+        &mut self,
+        team: &Team,
+        request: &SolveRequest,
+        asked: &[bool],
+        solved: &[TileSolved],
+        late: &[bool],
+        start: Instant,
+    ) -> Result<Last> {
+        let of = |new: &TileSolved| (new.tile(), new.solved.clone());
+        let mut results: Vec<(usize, Arc<Solved>)> = solved.iter().map(of).collect();
+        let new = results.len();
+        results.extend(self.neighbours(asked, solved));
+        let mut blended = self.blend(team, &results)?;
+        if request.options.measure {
+            self.measure(team, request.positions, &results[..new], &mut blended)?;
+        }
+        let solved_ms = ((self.clock)() - start).as_secs_f32() * 1000.0;
+        let stretch = Stretch::new(&self.mesh, &request.positions);
+        stretch.warn(&self.device);
+        let keep = || KeptPose::new(&self.device, &request.positions, &self.given.maps).map(Arc::new);
+        let pose = (self.results.count_carriers(0) > 0).then(keep).transpose()?;
+        let mut last = Last { tiles: self.kept(late), solved_ms: Some(solved_ms), stretch, pose };
+        for (k, ((tile, solved), blended)) in results.into_iter().zip(blended).enumerate() {
+            let kept = k >= new;
+            // Unsolved neighbours are republished only if the blend changed them.
+            if let Some(solved) = blended.map(Arc::new).or((!kept).then_some(solved)) {
+                last.tiles[tile] = Some(TileResult { solved, kept, late: late[tile] });
             }
         }
-        must_solve
+        Ok(last)
+    }
+
+    /// The last results of tiles that were asked for and have no new one, whose neighbours may have changed at their
+    /// seams.
+    fn neighbours(&self, asked: &[bool], solved: &[TileSolved]) -> Vec<(usize, Arc<Solved>)> {
+        let is_new = |tile: usize| solved.iter().any(|solved| solved.tile() == tile);
+        let tiles = (0..self.tiles.len()).filter(|&tile| asked[tile] && !is_new(tile));
+        tiles.filter_map(|tile| Some((tile, self.tiles[tile].last.as_ref()?.solved.clone()))).collect()
     }
 
     /// Drops the results of tiles.
@@ -207,10 +256,12 @@ impl Asset {
     }
 
     /// The last results, as those of tiles that a solve skips.
-    fn kept(&self) -> Vec<Option<TileResult>> {
+    fn kept(&self, late: &[bool]) -> Vec<Option<TileResult>> {
         let last = self.results.last();
-        let kept = |tile: usize| Some(TileResult { kept: true, ..last.tiles.get(tile)?.clone()? });
-        (0..self.tiles.len()).map(kept).collect()
+        let kept = |(tile, &late): (usize, &bool)| {
+            Some(TileResult { kept: true, late, ..last.tiles.get(tile)?.clone()? })
+        };
+        late.iter().enumerate().map(kept).collect()
     }
 
     /// Replaces the last results, all at once. Cannot fail.
@@ -219,12 +270,13 @@ impl Asset {
             let tile = solved.tile();
             self.tiles[tile].last = Some(solved);
         }
+        self.tiles.iter_mut().zip(fresh.late).for_each(|(state, late)| state.late = late);
         self.results.replace(fresh.last);
     }
 }
 
-/// Solves tiles.
-fn solve(call: &SolveCall, crew: &Crew, tiles: Vec<&mut TileState>) -> Result<Vec<TileSolved>> {
+/// Solves large tiles one after the other on all threads, then small ones side by side.
+fn side_by_side(call: &SolveCall, crew: &Crew, tiles: Vec<&mut TileState>) -> Result<Vec<TileSolved>> {
     let mut queue = prepare(call, tiles)?;
     // Longest first, so that no long tile is left for a single thread at the end.
     queue.sort_unstable_by_key(|queued| (Reverse(queued.nodes), queued.state.tile));
@@ -241,11 +293,28 @@ fn solve(call: &SolveCall, crew: &Crew, tiles: Vec<&mut TileState>) -> Result<Ve
     }
     let alone = crew.alone();
     call.on.team.fill_large(small, |_, unit| {
-        Team::of(&alone, |team| {
-            let on = Call { team, ..call.on };
-            solve_unit(&SolveCall { on, learns: false, ..*call }, unit);
-        });
+        Team::of(&alone, |team| solve_unit(&SolveCall { on: Call { team, ..call.on }, ..*call }, unit));
     });
+    results(units)
+}
+
+/// Solves tiles one after the other within a time budget, dividing the remaining time among the remaining tiles. A tile
+/// whose turn comes after the end keeps its last result; the first one, and one without a result, is solved all the
+/// same.
+fn in_turn(call: &SolveCall, tiles: Vec<&mut TileState>) -> Result<Vec<TileSolved>> {
+    let mut queue = prepare(call, tiles)?;
+    queue.sort_by_key(|queued| !queued.state.late);
+    let nodes = |unit: &Vec<Queued>| unit.iter().map(|queued| queued.nodes).sum::<u64>();
+    let mut units = units(call, queue);
+    let mut left: u64 = units.iter().map(nodes).sum();
+    for (k, unit) in units.iter_mut().enumerate() {
+        let deadline = call.deadline.part(nodes(unit) as f64 / left.max(1) as f64);
+        left -= nodes(unit);
+        let may_keep = k > 0 && unit.iter().all(|queued| queued.state.last.is_some());
+        if !(may_keep && call.deadline.is_over()) {
+            solve_unit(&SolveCall { deadline, ..*call }, unit);
+        }
+    }
     results(units)
 }
 
@@ -254,42 +323,6 @@ fn results(units: Vec<Vec<Queued>>) -> Result<Vec<TileSolved>> {
     let mut queue: Vec<Queued> = units.into_iter().flatten().collect();
     queue.sort_unstable_by_key(|queued| queued.state.tile);
     queue.into_iter().filter_map(|queued| queued.result).collect::<Result<Vec<_>>>()
-}
-
-/// Solves tiles one after the other within a time budget, dividing the remaining time among the remaining tiles. A GPU
-/// solves together what it can.
-fn in_turn(call: &SolveCall, budget: Duration, tiles: Vec<&mut TileState>) -> Result<Vec<TileSolved>> {
-    if call.on.device.gpu().is_some() {
-        let mut units = units(call, prepare(call, tiles)?);
-        let nodes = |unit: &Vec<Queued>| unit.iter().map(|queued| queued.nodes).sum::<u64>();
-        let mut left = units.iter().map(nodes).sum();
-        for unit in &mut units {
-            let budget = Some(share(call, budget, nodes(unit), &mut left));
-            solve_unit(&SolveCall { budget, ..*call }, unit);
-        }
-        return results(units);
-    }
-    // Nothing is known yet of a tile without a grid.
-    let movable = |state: &TileState| state.grid(call.on.given).map_or(0, |grid| grid.movable.iter().sum());
-    let mut left: u64 = tiles.iter().map(|state| movable(state)).sum();
-    let progress = call.progress / tiles.len() as f32;
-    let mut solved = Vec::with_capacity(tiles.len());
-    for state in tiles {
-        let budget = Some(share(call, budget, movable(state), &mut left));
-        let prepared = state.prepare(call)?;
-        let call = SolveCall { budget, progress, ..*call };
-        let mut begun = state.begin(&call, &prepared);
-        solved.push(state.solve(&call, &prepared, &mut begun)?);
-    }
-    Ok(solved)
-}
-
-/// The time, from the call's start, by which some tiles are to be solved: their share of what is left of the budget.
-fn share(call: &SolveCall, budget: Duration, own: u64, left: &mut u64) -> Duration {
-    let spent = call.start.elapsed();
-    let part = if own < *left { own as f64 / *left as f64 } else { 1.0 };
-    *left -= own.min(*left);
-    spent.saturating_add(budget.saturating_sub(spent).mul_f64(part))
 }
 
 /// Prepares the tiles one after the other, so that the host's log is called on the thread that does the call's work.

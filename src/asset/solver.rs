@@ -1,13 +1,11 @@
 //! A call that solves tiles, and the solvers of tiles: of one, or of several that share one.
 
 use std::sync::{Arc, Mutex};
-use std::time::Duration;
 
 use super::shape::Call;
 use crate::device::Booked;
 use vrtm_core::allocation::Vec;
 use vrtm_core::backend::{TileSolution, TileSolve, TileSolver, Warp};
-use vrtm_core::clock::Instant;
 use vrtm_core::error::{ErrorKind, Result};
 use vrtm_core::grid::Grid;
 use vrtm_core::mesh::TileMesh;
@@ -23,24 +21,18 @@ pub(crate) struct SolveCall<'a> {
     pub on: Call<'a>,
     pub positions: Strided<'a>,
     pub plan: &'a Plan,
-    /// When it began.
-    pub start: Instant,
+    /// The time by which the call, or a tile of it, is to end.
+    pub deadline: Deadline,
     /// True if tiles free their solver's memory once they are solved.
     pub release_solvers: bool,
-    /// A tile's time limit, from the start.
-    pub budget: Option<Duration>,
     /// A tile's share of the progress.
     pub progress: f32,
-    /// True if the measured times of stages are typical of the device.
-    pub learns: bool,
 }
 
 /// A solver, which knows the grid that it is for, and its memory.
 #[derive(Debug)]
 pub(super) struct BookedSolver {
     pub solver: Box<dyn TileSolver>,
-    /// True if the memory has never been used.
-    pub is_fresh: bool,
     pub booked: Booked,
 }
 
@@ -54,16 +46,10 @@ impl BookedSolver {
         lasts: &[Option<&Warp>],
         keep: &[bool],
     ) -> Result<TileSolution> {
-        let (team, device, plan) = (call.on.team, call.on.device, call.plan);
-        let fresh = std::mem::replace(&mut self.is_fresh, false);
-        let deadline = Deadline::new(call.start, [call.budget, plan.budget], *device.pace(), fresh);
+        let SolveCall { on: Call { team, .. }, plan, deadline, .. } = *call;
         let progress = Progress::new(team.control(), progress);
         let mut solve = TileSolve { team, input, plan, deadline, progress, lasts, keep };
-        let solution = caught(|| self.solver.run(&mut solve));
-        if call.learns {
-            *device.pace() = solve.deadline.learnt();
-        }
-        solution
+        caught(|| self.solver.run(&mut solve))
     }
 }
 

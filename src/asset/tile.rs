@@ -48,6 +48,8 @@ pub(crate) struct TileState {
     /// The solver that it shares with other tiles.
     pub(super) together: Option<Shared>,
     pub(super) last: Option<TileSolved>,
+    /// True if a time budget left no time for the last pose.
+    pub(super) late: bool,
     /// The welds that the last pose tore.
     welds_torn: Vec<u32>,
 }
@@ -96,6 +98,7 @@ impl TileState {
             solver: None,
             together: None,
             last: None,
+            late: false,
             welds_torn: Vec::new(),
         }
     }
@@ -119,7 +122,9 @@ impl TileState {
     /// Frees its solver, and the one that it shares.
     pub fn free_solvers(&mut self) {
         self.solver = None;
-        self.together.take().into_iter().for_each(|shared| *lock(&shared) = None);
+        if let Some(shared) = self.together.take() {
+            *lock(&shared) = None;
+        }
     }
 
     /// True if the last pose tears welds.
@@ -153,9 +158,14 @@ impl TileState {
         Begun { pose, tasks, results, warp, spent: start.elapsed() }
     }
 
-    /// Solves the prepared tile with its own solver. The last result is unchanged: the caller replaces it when all
-    /// tiles are solved.
-    pub fn solve(&mut self, call: &SolveCall, prepared: &Prepared, begun: &mut Begun) -> Result<TileSolved> {
+    /// Solves the prepared tile with its own solver; see `end`. The last result is unchanged: the caller replaces it
+    /// when all tiles are solved.
+    pub fn solve(
+        &mut self,
+        call: &SolveCall,
+        prepared: &Prepared,
+        begun: &mut Begun,
+    ) -> Result<Option<TileSolved>> {
         let start = Instant::now();
         let solution = match begun.warp {
             Some(_) => None,
@@ -165,20 +175,26 @@ impl TileState {
         self.end(call, prepared, begun, solution)
     }
 
-    /// The result of the prepared tile.
+    /// The result of the prepared tile; `None` if it keeps its last result for want of time.
     pub fn end(
         &mut self,
         call: &SolveCall,
         prepared: &Prepared,
         begun: &mut Begun,
-        solution: Option<TileSolution>,
-    ) -> Result<TileSolved> {
+        mut solution: Option<TileSolution>,
+    ) -> Result<Option<TileSolved>> {
         let Prepared { mesh, grid, .. } = prepared;
         let own = if self.is_torn() { mesh } else { &call.on.mesh.tiles[self.tile] };
         let settings = call.on.given.maps[self.tile].settings;
         if call.release_solvers {
             // That of an earlier call, too, if no chart had to be solved.
             self.free_solvers();
+        }
+        if let Some(solution) = &mut solution
+            && solution.summary.truncated
+            && self.keeps_last(grid, begun, solution)
+        {
+            return Ok(None);
         }
         let (gutter, build_ms) = self.gutter_and_ms(&call.on, self.is_torn())?;
         let WarpResult { warp, results, mut report, work } = begun.result(call.plan, grid, solution)?;
@@ -206,7 +222,30 @@ impl TileState {
             work,
         };
         let (solved, plan, grid) = (Arc::new(solved), *call.plan, prepared.key.clone());
-        Ok(TileSolved { solved, plan, settings, grid, inputs })
+        Ok(Some(TileSolved { solved, plan, settings, grid, inputs }))
+    }
+
+    /// Gives charts their last results where the time of a solve sufficed for nothing better than the identity. True if
+    /// no chart moves otherwise, so that the whole last result can be kept.
+    fn keeps_last(&self, grid: &Grid, begun: &Begun, solution: &mut TileSolution) -> bool {
+        let moves = |result: &ChartResult| result.max_displacement > 0.0;
+        let solved = begun.solved();
+        let moves_now = |c: usize| solved[c] && moves(&solution.charts[c]);
+        if !(0..solved.len()).any(moves_now) {
+            return self.last.as_ref().is_some_and(|last| last.solved.results.iter().any(moves));
+        }
+        let Some(TileSolved { solved: last, .. }) = self.last_on(grid) else { return false };
+        // A GPU's results stay in its memory.
+        if let (Warp::Host(u), Warp::Host(before)) = (&mut solution.warp, &*last.warp) {
+            for (c, result) in solution.charts.iter_mut().enumerate().filter(|(c, _)| solved[*c]) {
+                if !moves(result) && moves(&last.results[c]) {
+                    let blocks = grid.levels[0].blocks.of_chart[c].clone();
+                    u[blocks.clone()].copy_from_slice(&before[blocks]);
+                    *result = last.results[c];
+                }
+            }
+        }
+        false
     }
 
     /// The last result, if it was solved on a grid with the same blocks.
@@ -233,10 +272,14 @@ impl TileState {
             let input = last.and_then(|last| last.inputs[c].as_ref());
             input.is_some_and(|input| input.since == since[c] && input.pose == pose.charts[c])
         };
-        let task = |c: usize| match () {
-            () if grid.is_still(mesh, pose, c) => ChartTask::Identity,
-            () if same(c) => ChartTask::Reuse,
-            () => ChartTask::Solve,
+        let task = |c: usize| {
+            if grid.is_still(mesh, pose, c) {
+                ChartTask::Identity
+            } else if same(c) {
+                ChartTask::Reuse
+            } else {
+                ChartTask::Solve
+            }
         };
         (0..mesh.charts.len()).map(task).collect()
     }
@@ -287,7 +330,7 @@ impl TileState {
         let mut booked = device.booking();
         booked.set(device.solver_bytes(&on.grid, &[&*on.mesh], purpose), &on.mesh.name())?;
         let solver = caught(|| device.solver(&on.grid, &[&*on.mesh], purpose))?;
-        Ok(BookedSolver { solver, is_fresh: true, booked })
+        Ok(BookedSolver { solver, booked })
     }
 
     /// Fills in what follows from the charts' results.

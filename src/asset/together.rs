@@ -27,6 +27,7 @@ pub(super) struct Queued<'a> {
     pub nodes: u64,
     /// This tile's share of the call's progress.
     pub progress: f32,
+    /// `None` if the tile was not solved, or keeps its last result for want of time.
     pub result: Option<Result<TileSolved>>,
 }
 
@@ -74,7 +75,7 @@ pub(super) fn solve(call: &SolveCall, unit: &mut [Queued]) {
         Ok(false) => {
             for queued in unit {
                 let call = SolveCall { progress: queued.progress, ..*call };
-                queued.result = Some(queued.state.solve(&call, &queued.prepared, &mut queued.begun));
+                queued.result = queued.state.solve(&call, &queued.prepared, &mut queued.begun).transpose();
             }
         }
         Err(error) => unit.iter_mut().for_each(|queued| queued.result = Some(Err(error.clone()))),
@@ -110,7 +111,8 @@ fn with_one_solver(call: &SolveCall, unit: &mut [Queued]) -> Result<bool> {
     }
     drop(guard);
     for (queued, solution) in unit.iter_mut().zip(solutions?) {
-        queued.result = Some(queued.state.end(call, &queued.prepared, &mut queued.begun, Some(solution)));
+        queued.result =
+            queued.state.end(call, &queued.prepared, &mut queued.begun, Some(solution)).transpose();
     }
     Ok(true)
 }
@@ -156,7 +158,7 @@ fn make(call: &SolveCall, unit: &mut [Queued]) -> Result<Option<Shared>> {
     let mut of_solver = device.booking();
     of_solver.set(device.solver_bytes(&grid, &meshes, purpose), WHAT)?;
     let solver = caught(|| device.solver(&grid, &meshes, purpose))?;
-    let solver = Some(BookedSolver { solver, is_fresh: true, booked: of_solver });
+    let solver = Some(BookedSolver { solver, booked: of_solver });
     *lock(&shared) = Some(Together { members, grid, solver, booked });
     Ok(Some(shared))
 }

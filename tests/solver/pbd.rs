@@ -226,7 +226,8 @@ fn a_budget_ends_it_early_and_a_warm_start_goes_on() {
             )
             .unwrap();
         let cut = report(&asset);
-        assert!(cut.truncated && cut.sweeps == 0, "{} iterations", cut.sweeps);
+        // One iteration, and a last one, on each small level.
+        assert!(cut.truncated && cut.sweeps <= 2 * cut.levels, "{} iterations", cut.sweeps);
         // A warm start continues from its own result on the finest level alone.
         asset.solve(model.frame(1), &pbd(4)).unwrap();
         let cold = report(&asset);

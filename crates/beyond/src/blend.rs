@@ -84,7 +84,7 @@ impl Blending<'_> {
             let there = self.through(copy, of_block.chart, side.grid.triangle[block as usize][s], at / cells);
             if let Some(there) = there {
                 let apart = there - (at + moved) / cells;
-                // What lies far away is another sheet of the surface.
+                // A place far away is on another sheet of the surface.
                 let near = smooth(2.0 - 2.0 * (apart.length() / self.farthest) as f32);
                 change += f64::from(copy.part * near) * (apart * cells);
             }

@@ -1,8 +1,8 @@
-//! What lies beyond a chart's border on the surface, laid into the chart's own UV plane: its *collar*. Across a seam
-//! the surface goes on elsewhere in the UV plane; the collar is a copy of that part of it, continued from the seam with
-//! as little change of shape as possible. Beyond an open border the surface goes on with its mirror image, if that is
-//! asked for: what is the same on both sides of a border can only slide along it. The collar depends on the rest pose
-//! alone.
+//! The *collar* of a chart: the surface beyond the chart's border, laid into the chart's own UV plane. Across a seam
+//! the surface continues elsewhere in the UV plane; the collar is a copy of that part of it, continued from the seam
+//! with as little change of shape as possible. Beyond an open border the surface continues with its mirror image, if
+//! that is asked for: texture that is the same on both sides of a border can only slide along it. The collar depends on
+//! the rest pose alone.
 
 mod flatten;
 mod patch;

@@ -1,5 +1,20 @@
-//! A tile whose charts go on beyond their borders: each chart with its collar, as far as it lies over nothing else of
-//! the same chart. What is left out of a collar is beyond a border, as everything is without collars.
+//! A tile whose charts continue beyond their borders: each chart with its collar, as far as that lies over nothing else
+//! of the same chart. What is left out of a collar is beyond a border, as everything is without collars.
+//!
+//! Notation, here and in `sides`:
+//!
+//! - *chart*, *collar*: a chart of the tile, and the triangles around it that show the surface beyond its borders.
+//! - *side*: a side of a chart's triangle. Its *twin* is the side of another chart at the same edge of the surface.
+//! - *part*: one of the equal parts, as long as the collar's triangles there, into which each side is divided
+//!   (`Collar::parts`). A *run* is a range of consecutive parts of a side.
+//! - *contact*: a triangle of the collar that touches the chart, with the part of the side where it does.
+//! - *kept*: a triangle of the collar that lies over no other kept triangle of its chart and collar, and is connected
+//!   with the chart through kept triangles, from an open part.
+//! - *open*: a part at whose contact the collar is kept: the chart continues there. All other parts are *shut*.
+//! - *ending*: a chart that does not continue beyond its seams, and a tile of such charts.
+//! - *stacked*: a chart that lies over another chart. It gets no collar, since what charts share must stay where it is.
+//! - *reach*, *distance*, *depth*: how far a collar extends on the surface; a corner's distance from the chart there;
+//!   1 at the chart, falling to 0 where the collar ends.
 
 mod sides;
 #[cfg(test)]
@@ -10,7 +25,7 @@ use std::ops::Range;
 use glam::DVec2;
 
 use crate::collar::{Across, Collar, CollarTriangle, Surface, Twin, collar};
-use sides::{AtSide, Open, Side, drop_runs, ends, open_sides, part_of, rims, run_of};
+use sides::{Contact, Open, Side, contacts, drop_runs, ends, is_open, open_sides, part_of, run_of};
 use vrtm_core::allocation::{Vec, vec, zeroed};
 use vrtm_core::mesh::hash::{Table, enter};
 use vrtm_core::mesh::overlaps::Overlaps;
@@ -18,23 +33,22 @@ use vrtm_core::mesh::{Chart, Cut, FacePoint, Mesh, Mirror, NONE, Source, TileMes
 use vrtm_core::settings::Beyond;
 use vrtm_core::team::Team;
 
-/// A tile with collars. Triangles of charts keep their numbers. Charts that lie over others get no collars: what they
-/// share must stay where it is. `stay` are the tiles whose charts do not go on beyond their seams.
-pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond, stay: &[u32]) -> TileMesh {
+/// A tile with collars. Triangles of charts keep their numbers.
+pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond, ending_tiles: &[u32]) -> TileMesh {
     let source = &mesh.tiles[tile];
     let surface = Surface::new(mesh, tile, beyond);
     let stacked = stacked(source);
-    // Where a stacked chart of the tile lies beyond the seam, which stays, the seam is shut.
-    let stays =
+    // A seam with a stacked chart of the tile on its other side is shut, since that chart does not move there.
+    let is_of_stacked =
         |of: &Source| of.tile as usize == tile && stacked[source.chart_of_triangle(of.triangle) as usize];
     let check = || team.check_or_unwind();
-    // Of each collar only what is used is kept, before the next one is made.
-    let used = team.map(source.charts.len(), |c| {
-        let is_open = !stacked[c];
-        is_open.then(|| Used::new(source, c, collar(&surface, c, beyond.reach, &check), stays))
+    // Of each collar only the kept part is stored before the next one is made.
+    let extensions = team.map(source.charts.len(), |c| {
+        let make = || Extension::new(source, c, collar(&surface, c, beyond.reach, &check), is_of_stacked);
+        (!stacked[c]).then(make)
     });
-    let mut used: Vec<Used> = used.into_iter().map(Option::unwrap_or_default).collect();
-    shut_one_sided(source, &surface, tile, stay, &mut used, &check);
+    let mut extensions: Vec<Extension> = extensions.into_iter().map(Option::unwrap_or_default).collect();
+    shut_one_sided(source, &surface, tile, ending_tiles, &mut extensions, &check);
     let mut extended = TileMesh {
         udim: source.udim,
         uv_set: source.uv_set,
@@ -47,9 +61,9 @@ pub fn extended(team: &Team, mesh: &Mesh, tile: usize, beyond: &Beyond, stay: &[
         welds: Vec::new(),
         edges_apart: source.edges_apart,
     };
-    for (chart, used) in source.charts.iter().zip(used) {
+    for (chart, extension) in source.charts.iter().zip(extensions) {
         check();
-        let chart = add(&mut extended, chart, &used);
+        let chart = add(&mut extended, chart, &extension);
         extended.charts.push(chart);
     }
     extended.cuts.sort_unstable_by_key(|cut| cut.triangle);
@@ -69,106 +83,109 @@ fn stacked(tile: &TileMesh) -> Vec<bool> {
     stacked
 }
 
-/// The used part of a collar, and the sides through which it is reached.
+/// The kept part of a collar, and the open parts of the chart's sides.
 #[derive(Default)]
-struct Used {
+struct Extension {
     collar: Collar,
-    /// The sides of the chart beyond which it goes on, ascending.
+    /// The sides with open parts, ascending.
     open: Vec<Open>,
 }
 
-impl Used {
-    /// Keeps the triangles that lie over nothing else of the chart, nearer ones first, as far as they hang together
-    /// with it.
-    fn new(tile: &TileMesh, chart: usize, collar: Collar, stays: impl Fn(&Source) -> bool) -> Used {
+impl Extension {
+    /// Keeps the triangles that lie over nothing else of the chart, nearer ones first, except those of `excluded`.
+    fn new(tile: &TileMesh, chart: usize, collar: Collar, excluded: impl Fn(&Source) -> bool) -> Extension {
+        if collar.triangles.is_empty() {
+            return Extension::default();
+        }
         let own = tile.charts[chart].triangles.clone();
-        let list = &collar.triangles;
-        if list.is_empty() {
-            return Used::default();
-        }
         let first = own.len();
-        let all = tile.triangles[own].iter().map(|t| t.uv).chain(list.iter().map(|t| t.uv));
-        let all = Overlaps::of(all.collect());
-        let rims = rims(tile, &collar);
-        let mut triangles: Vec<bool> = zeroed(list.len());
+        let list = &collar.triangles;
+        let uvs = tile.triangles[own].iter().map(|t| t.uv).chain(list.iter().map(|t| t.uv));
+        let all = Overlaps::of(uvs.collect());
+        let mut kept: Vec<bool> = zeroed(list.len());
         for (k, triangle) in list.iter().enumerate() {
-            let lies = |other: usize| other < first || triangles[other - first];
-            triangles[k] = in_tile(triangle.uv) && !stays(&triangle.source) && !all.any(triangle.uv, lies);
+            let counts = |other: usize| other < first || kept[other - first];
+            let is_free = !all.any(triangle.uv, counts);
+            kept[k] = is_free && in_tile(triangle.uv) && !excluded(&triangle.source);
         }
-        Used::hanging(collar, &rims, triangles)
+        let contacts = contacts(tile, &collar);
+        Extension::connected(collar, &contacts, kept)
     }
 
-    /// Keeps of some triangles those that hang together with the chart at these rims.
-    fn hanging(collar: Collar, rims: &[AtSide], mut triangles: Vec<bool>) -> Used {
+    /// Keeps those of some triangles that are connected with the chart at these contacts.
+    fn connected(collar: Collar, contacts: &[Contact], mut kept: Vec<bool>) -> Extension {
         loop {
-            let open = open_sides(rims, &triangles);
-            let reached = reached(&collar, &triangles, rims, &open);
-            if reached == triangles {
-                return Used { collar: part_of_collar(collar, &triangles), open };
+            let open = open_sides(contacts, &kept);
+            let reached = reached(&collar, &kept, contacts, &open);
+            if reached == kept {
+                return Extension { collar: part_of_collar(collar, &kept), open };
             }
-            triangles = reached;
+            kept = reached;
         }
     }
 }
 
-/// Shuts the parts of seams at which only one of two charts could move, since they would come apart there. The other
-/// chart does not go on, or lies in a tile of `stay`; charts of further tiles are taken to go on. Short runs of parts
-/// stay open: corners of charts have some, and features over them would lose more than is gained.
+/// Shuts the parts of seams at which only one of two charts continues, since the charts would come apart there. The
+/// other chart has no open part there, or lies in a tile of `ending_tiles`; charts of all other tiles are taken to
+/// continue. Short runs stay open: corners of charts have some, and features over them would lose more than is gained.
 fn shut_one_sided(
     source: &TileMesh,
     surface: &Surface,
     tile: usize,
-    stay: &[u32],
-    used: &mut [Used],
+    ending_tiles: &[u32],
+    extensions: &mut [Extension],
     check: &dyn Fn(),
 ) {
     let chart_of = source.chart_of_triangles();
-    let of_triangle = |t: u32| chart_of[t as usize] as usize;
-    let is_open = |used: &[Used], side: Side| match surface.twin(side) {
-        Some(twin) if twin.tile as usize == tile => !used[of_triangle(twin.side.0)].open.is_empty(),
-        Some(twin) => !stay.contains(&twin.tile),
+    let beyond = |twin: &Twin| chart_of[twin.side.0 as usize] as usize;
+    // True if the chart beyond a side continues anywhere.
+    let continues = |extensions: &[Extension], side: Side| match surface.twin(side) {
+        Some(twin) if twin.tile as usize == tile => !extensions[beyond(&twin)].open.is_empty(),
+        Some(twin) => !ending_tiles.contains(&twin.tile),
         None => true,
     };
-    let goes_on = |used: &[Used], rim: &AtSide, parts: usize| {
-        let Some(Twin { side, turns, .. }) = surface.twin(rim.side).filter(|twin| twin.tile as usize == tile)
-        else {
+    // True if the chart beyond a part continues at that part.
+    let continues_at = |extensions: &[Extension], contact: &Contact, parts: usize| {
+        let Some(twin) = surface.twin(contact.side).filter(|twin| twin.tile as usize == tile) else {
             return true;
         };
-        let Used { collar, open } = &used[of_triangle(side.0)];
-        let middle = (rim.part as f64 + 0.5) / parts as f64;
-        let along = if turns { 1.0 - middle } else { middle };
-        let part = (along * collar.parts as f64) as usize;
-        run_of(open, side).is_some_and(|open| open.parts.contains(&part))
+        let Extension { collar, open } = &extensions[beyond(&twin)];
+        let middle = (contact.part as f64 + 0.5) / parts as f64;
+        let along = if twin.turns { 1.0 - middle } else { middle };
+        is_open(open, twin.side, (along * collar.parts as f64) as usize)
     };
+    // A part that is shut may shut others, so this is repeated until nothing changes.
     loop {
         check();
-        // A part that is shut shuts others: until nothing changes.
-        let less = |c: usize| {
-            let Used { collar, open } = &used[c];
-            let mut rims = rims(source, collar);
-            rims.retain(|rim| run_of(open, rim.side).is_some_and(|open| open.parts.contains(&rim.part)));
-            let count = rims.len();
-            rims.retain(|rim| is_open(used, rim.side));
-            drop_runs(source, collar, &mut rims, |rim| goes_on(used, rim, collar.parts));
-            (rims.len() < count).then_some((c, rims))
+        // The contacts that a chart keeps, if it loses any.
+        let kept_contacts = |c: usize| {
+            let Extension { collar, open } = &extensions[c];
+            let mut contacts = contacts(source, collar);
+            contacts.retain(|contact| is_open(open, contact.side, contact.part));
+            let before = contacts.len();
+            contacts.retain(|contact| continues(extensions, contact.side));
+            drop_runs(source, collar, &mut contacts, |contact| {
+                continues_at(extensions, contact, collar.parts)
+            });
+            (contacts.len() < before).then_some((c, contacts))
         };
-        let less: Vec<(usize, Vec<AtSide>)> = (0..used.len()).filter_map(less).collect();
-        if less.is_empty() {
+        let changed: Vec<(usize, Vec<Contact>)> = (0..extensions.len()).filter_map(kept_contacts).collect();
+        if changed.is_empty() {
             return;
         }
-        for (c, rims) in less {
-            let collar = std::mem::take(&mut used[c]).collar;
-            let all = vec![true; collar.triangles.len()];
-            used[c] = Used::hanging(collar, &rims, all);
+        for (c, contacts) in changed {
+            let collar = std::mem::take(&mut extensions[c]).collar;
+            let kept = vec![true; collar.triangles.len()];
+            extensions[c] = Extension::connected(collar, &contacts, kept);
         }
     }
 }
 
-/// The part of a collar that is used.
-fn part_of_collar(collar: Collar, used: &[bool]) -> Collar {
-    let mut numbers = vec![NONE; used.len()];
+/// The kept part of a collar.
+fn part_of_collar(collar: Collar, kept: &[bool]) -> Collar {
+    let mut numbers = vec![NONE; kept.len()];
     let mut count = 0;
-    for (number, _) in numbers.iter_mut().zip(used).filter(|(_, used)| **used) {
+    for (number, _) in numbers.iter_mut().zip(kept).filter(|(_, kept)| **kept) {
         *number = count;
         count += 1;
     }
@@ -177,13 +194,12 @@ fn part_of_collar(collar: Collar, used: &[bool]) -> Collar {
         Across::Collar(other) => Across::Collar(numbers[other as usize]),
         _ => across,
     };
-    let list = collar.triangles.into_iter().zip(used).filter(|(_, used)| **used);
-    let triangles =
-        list.map(|(triangle, _)| CollarTriangle { across: triangle.across.map(across), ..triangle });
-    // With no room for what is left out.
-    let mut kept = Vec::with_capacity(count as usize);
-    kept.extend(triangles);
-    Collar { triangles: kept, ..collar }
+    // Allocated anew, without room for what is left out.
+    let mut triangles = Vec::with_capacity(count as usize);
+    for (triangle, _) in collar.triangles.into_iter().zip(kept).filter(|(_, kept)| **kept) {
+        triangles.push(CollarTriangle { across: triangle.across.map(across), ..triangle });
+    }
+    Collar { triangles, ..collar }
 }
 
 fn in_tile(uv: [DVec2; 3]) -> bool {
@@ -191,24 +207,17 @@ fn in_tile(uv: [DVec2; 3]) -> bool {
     high.min_element() > 0.0 && low.max_element() < 1.0
 }
 
-/// The triangles that hang together with the chart.
-fn reached(collar: &Collar, used: &[bool], rims: &[AtSide], open: &[Open]) -> Vec<bool> {
-    let list = &collar.triangles;
-    let mut reached: Vec<bool> = zeroed(list.len());
-    let mut stack: Vec<u32> = Vec::new();
-    let is_open = |rim: &&AtSide| run_of(open, rim.side).is_some_and(|open| open.parts.contains(&rim.part));
-    for rim in rims.iter().filter(|rim| used[rim.triangle as usize]).filter(is_open) {
-        if !std::mem::replace(&mut reached[rim.triangle as usize], true) {
-            stack.push(rim.triangle);
-        }
-    }
+/// The kept triangles that are connected with the chart through kept triangles, from open parts.
+fn reached(collar: &Collar, kept: &[bool], contacts: &[Contact], open: &[Open]) -> Vec<bool> {
+    let mut reached: Vec<bool> = zeroed(kept.len());
+    let begins = |contact: &&Contact| is_open(open, contact.side, contact.part);
+    let mut stack: Vec<u32> = contacts.iter().filter(begins).map(|contact| contact.triangle).collect();
     while let Some(k) = stack.pop() {
-        for across in list[k as usize].across {
-            if let Across::Collar(next) = across
-                && used[next as usize]
-                && !std::mem::replace(&mut reached[next as usize], true)
-            {
-                stack.push(next);
+        if kept[k as usize] && !std::mem::replace(&mut reached[k as usize], true) {
+            for across in collar.triangles[k as usize].across {
+                if let Across::Collar(next) = across {
+                    stack.push(next);
+                }
             }
         }
     }
@@ -218,42 +227,37 @@ fn reached(collar: &Collar, used: &[bool], rims: &[AtSide], open: &[Open]) -> Ve
 /// Identity of a point of a triangle: its vertices, weights and mirror.
 type PointKey = ([u32; 3], [u64; 3], Option<Mirror>);
 
-/// Adds what is used of a collar to a tile; returns the extended chart.
-fn add(tile: &mut TileMesh, chart: &Chart, used: &Used) -> Chart {
+/// Adds the kept part of a collar to a tile; returns the extended chart.
+fn add(tile: &mut TileMesh, chart: &Chart, extension: &Extension) -> Chart {
     let first = tile.triangles.len() as u32;
-    let Used { collar, open } = used;
+    let Extension { collar, open } = extension;
     let list = &collar.triangles;
     let mut vertices = chart.vertices.clone();
-    let mut local_of: Table<u32, u32> = Table::default();
-    let mut with_vertex = |vertices: &mut Vec<u32>, v: u32| match local_of.get(&v) {
-        Some(&local) => local,
-        None => {
-            let local = vertices.len() as u32;
-            vertices.push(v);
-            enter(&mut local_of, v, local);
-            local
+    let mut local_of_vertex: Table<u32, u32> = Table::default();
+    for vertex in list.iter().flat_map(|triangle| &triangle.points).filter_map(FacePoint::vertex) {
+        if !local_of_vertex.contains_key(&vertex) {
+            enter(&mut local_of_vertex, vertex, vertices.len() as u32);
+            vertices.push(vertex);
         }
-    };
+    }
     // Points are numbered after all vertices.
     let mut points: Vec<FacePoint> = Vec::new();
-    let mut number_of: Table<PointKey, u32> = Table::default();
-    let mut corner = |point: &FacePoint| {
-        if let Some(v) = point.vertex() {
-            return Ok(with_vertex(&mut vertices, v));
+    let mut local_of_point: Table<PointKey, u32> = Table::default();
+    let mut local_of = |point: &FacePoint| {
+        if let Some(vertex) = point.vertex() {
+            return local_of_vertex[&vertex];
         }
         let key = (point.vertices, point.weights.map(f64::to_bits), point.mirror);
-        let known = number_of.get(&key).copied();
-        Err(known.unwrap_or_else(|| {
-            let number = points.len() as u32;
-            points.push(*point);
-            enter(&mut number_of, key, number);
-            number
-        }))
+        if let Some(&local) = local_of_point.get(&key) {
+            return local;
+        }
+        let local = (vertices.len() + points.len()) as u32;
+        enter(&mut local_of_point, key, local);
+        points.push(*point);
+        local
     };
-    let locals: Vec<[Result<u32, u32>; 3]> =
-        list.iter().map(|triangle| triangle.points.each_ref().map(&mut corner)).collect();
     let parts = collar.parts as f64;
-    for Open { side, parts: run } in open {
+    for Open { side, run } in open {
         let [from, to] = ends(tile, *side);
         let at = |part: usize| from + (part as f64 / parts) * (to - from);
         for [a, b] in [[0, run.start], [run.end, collar.parts]] {
@@ -262,21 +266,20 @@ fn add(tile: &mut TileMesh, chart: &Chart, used: &Used) -> Chart {
             }
         }
     }
+    // The neighbour at a corner, and the side of the chart from which walks continue to this triangle: of the triangles
+    // at an open run, to the one in its middle.
     let across = |tile: &TileMesh, k: usize, corner: usize| match list[k].across[corner] {
         Across::Nothing => (NONE, None),
         Across::Collar(other) => (first + other, None),
         Across::Chart(side) => {
             let part = part_of(tile, collar, side, list[k].uv, corner);
-            match run_of(open, side).filter(|open| open.parts.contains(&part)) {
+            match run_of(open, side).filter(|run| run.contains(&part)) {
                 None => (NONE, None),
-                // From the chart, walks go on from the part in the middle.
-                Some(Open { parts, .. }) => {
-                    (side.0, Some(side).filter(|_| part == (parts.start + parts.end - 1) / 2))
-                }
+                Some(run) => (side.0, (part == (run.start + run.end - 1) / 2).then_some(side)),
             }
         }
     };
-    for (k, local) in locals.into_iter().enumerate() {
+    for (k, triangle) in list.iter().enumerate() {
         let number = tile.triangles.len() as u32;
         let neighbours = [0, 1, 2].map(|corner| {
             let (neighbour, entered) = across(tile, k, corner);
@@ -285,9 +288,9 @@ fn add(tile: &mut TileMesh, chart: &Chart, used: &Used) -> Chart {
             }
             neighbour
         });
-        let local = local.map(|local| local.unwrap_or_else(|point| vertices.len() as u32 + point));
-        tile.triangles.push(Triangle { local, uv: list[k].uv, neighbours });
-        tile.sources.push(Source { distance: list[k].distance.map(|x| x as f32), ..list[k].source });
+        let local = triangle.points.each_ref().map(&mut local_of);
+        tile.triangles.push(Triangle { local, uv: triangle.uv, neighbours });
+        tile.sources.push(Source { distance: triangle.distance.map(|x| x as f32), ..triangle.source });
     }
     let range = first as usize..tile.triangles.len();
     set_depths(tile, range.clone(), collar.reach);
@@ -321,18 +324,17 @@ fn set_depths(tile: &mut TileMesh, collar: Range<usize>, reach: f64) {
             })
         })
         .collect();
-    // Ends first: a corner at which the collar both begins and ends counts as its beginning.
-    for is_end in [true, false] {
+    let mut set = |depth: f64, is_beyond: &dyn Fn(u32) -> bool| {
         for (of, t) in corners.iter().zip(collar.clone()) {
-            for k in 0..3 {
-                let next = tile.triangles[t].neighbours[k];
-                if if is_end { next == NONE } else { next < own } {
-                    let depth = if is_end { 0.0 } else { 1.0 };
-                    [1, 2].into_iter().for_each(|d| depths[of[(k + d) % 3] as usize] = depth);
-                }
+            for k in (0..3).filter(|&k| is_beyond(tile.triangles[t].neighbours[k])) {
+                depths[of[(k + 1) % 3] as usize] = depth;
+                depths[of[(k + 2) % 3] as usize] = depth;
             }
         }
-    }
+    };
+    // Ends first: a corner at which the collar both begins and ends counts as its beginning.
+    set(0.0, &|neighbour| neighbour == NONE);
+    set(1.0, &|neighbour| neighbour < own);
     let mut is_known = false;
     while !is_known {
         is_known = true;

@@ -390,10 +390,12 @@ fn nearest(triangles: &Triangles, search: &Nearest, at: DVec3, farthest: Option<
     let weights = clamped(found.weights);
     let skin = Skin { vertices: triangles.vertices[k], weights };
     let is_textured = k < triangles.textured;
-    let state = match () {
-        () if farthest.is_some_and(|farthest| found.distance > farthest) => PointState::Far,
-        () if !is_textured => PointState::Outside,
-        () => PointState::Bound,
+    let state = if farthest.is_some_and(|farthest| found.distance > farthest) {
+        PointState::Far
+    } else if is_textured {
+        PointState::Bound
+    } else {
+        PointState::Outside
     };
     let uv = if is_textured {
         let (corners, tile) = triangles.uv(k);

@@ -47,10 +47,12 @@ fn any_normal(a: DVec3, b: DVec3) -> DVec3 {
         return DVec3::Z;
     }
     let size = longer.abs();
-    let axis = match () {
-        () if size.z <= size.x && size.z <= size.y => DVec3::Z,
-        () if size.y <= size.x => DVec3::Y,
-        () => DVec3::X,
+    let axis = if size.z <= size.x && size.z <= size.y {
+        DVec3::Z
+    } else if size.y <= size.x {
+        DVec3::Y
+    } else {
+        DVec3::X
     };
     let apart = axis - longer * (axis.dot(longer) / length2);
     apart / apart.length()
@@ -61,11 +63,14 @@ fn any_normal(a: DVec3, b: DVec3) -> DVec3 {
 pub fn quaternion(m: &DMat3) -> DQuat {
     let [[a, b, c], [d, e, f], [g, h, i]] = m.to_cols_array_2d();
     // The largest component first: its square is a quarter at least.
-    let q = match () {
-        () if a + e + i > 0.0 => [f - h, g - c, b - d, 1.0 + a + e + i],
-        () if a >= e && a >= i => [1.0 + a - e - i, b + d, g + c, f - h],
-        () if e >= i => [b + d, 1.0 - a + e - i, f + h, g - c],
-        () => [g + c, f + h, 1.0 - a - e + i, b - d],
+    let q = if a + e + i > 0.0 {
+        [f - h, g - c, b - d, 1.0 + a + e + i]
+    } else if a >= e && a >= i {
+        [1.0 + a - e - i, b + d, g + c, f - h]
+    } else if e >= i {
+        [b + d, 1.0 - a + e - i, f + h, g - c]
+    } else {
+        [g + c, f + h, 1.0 - a - e + i, b - d]
     };
     normalised(q)
 }

@@ -1,6 +1,6 @@
-//! What the rest of the library knows of a backend: the memory of a tile's solver and its solves, which the CPU has,
-//! too; and, of backends for GPUs, adapters, an open GPU, results in its memory, and images of them. All calls
-//! through these traits are calls for a whole tile or image.
+//! The interface of a backend: the memory of a tile's solver and its solves, which the CPU has, too; and, for GPUs,
+//! adapters, an open GPU, results in its memory, and images of them. All calls through these traits are calls for a
+//! whole tile or image.
 
 use std::any::Any;
 use std::fmt::Debug;
@@ -98,7 +98,7 @@ impl<'a> TileSolve<'a> {
     pub fn run_schedule(&mut self, stages: &mut impl Stages) -> Summary {
         let warm = self.plan.warm && self.lasts.iter().any(Option::is_some);
         if self.input.charts.contains(&true) {
-            schedule::run(stages, &self.input, self.plan, warm, &mut self.deadline, &mut self.progress)
+            schedule::run(stages, &self.input, self.plan, warm, &self.deadline, &mut self.progress)
         } else {
             Summary::default()
         }

@@ -1,4 +1,4 @@
-//! What the library keeps for each thread, in one record: plain values without a destructor, so that nothing is
+//! The library's data of each thread, in one record: plain values without a destructor, so that nothing is
 //! registered with the thread, which would keep the library from being unloaded, or would run after it was unloaded.
 
 mod record;

@@ -11,5 +11,4 @@ pub mod plan;
 pub mod cost;
 pub mod deadline;
 pub mod progress;
-pub mod timed;
 pub mod schedule;

@@ -259,8 +259,7 @@ pub struct TileReport {
     /// Cells of the grid in u and v.
     pub grid: [u32; 2],
     /// Energy of the identity, summed over the charts that were solved or reused, on the finest level that was worked
-    /// on: level 1 for a draft, a coarser one if time was up there. It and `energy` are 0 if a time budget left no time
-    /// to compute them.
+    /// on: level 1 for a draft, a coarser one if time was up there.
     pub energy_before: f64,
     /// Energy of the result, on the same level.
     pub energy: f64,
@@ -310,12 +309,13 @@ pub struct TileReport {
     pub node_updates: u64,
     /// Bytes held for this tile: maps, state, result.
     pub bytes: u64,
-    /// True if the time budget ended the solve early.
+    /// True if the time budget ended the solve early, or left no time for the tile.
     pub truncated: bool,
     /// Edges welded by position whose sides the pose pulls apart: charts end there in this result.
     pub welds_torn: u32,
-    /// True if the asset's last solve skipped the tile: it was frozen, not requested, or touched by no dirty vertex.
-    /// The other fields then describe the tile's own last solve.
+    /// True if the asset's last solve left the tile as it was: it was frozen, not requested, or touched by no dirty
+    /// vertex, or the time budget left no time for it (then it is `truncated`, too). The other fields then describe the
+    /// tile's own last solve.
     pub kept: bool,
     /// Milliseconds per stage.
     pub times: StageTimes,
@@ -347,10 +347,10 @@ pub struct AssetReport {
     pub bytes: u64,
     /// Wall-clock milliseconds of the last solve, without measuring strain.
     pub total_ms: f32,
-    /// True if the time budget ended a tile's solve early.
+    /// True if the time budget ended a tile's solve early, or left no time for it.
     pub truncated: bool,
-    /// Tiles with a result that the last call skipped: frozen, not requested, or touched by no dirty vertex. Their
-    /// charts count as reused.
+    /// Tiles with a result that the last call left as it was: frozen, not requested, touched by no dirty vertex, or
+    /// without time. Their charts count as reused.
     pub tiles_kept: u32,
     /// Median ratio of posed length to rest length, over a few thousand edges. If it is over 3 or under 1/3, the log
     /// warns: the pose probably has other units, or its vertices are in another order.

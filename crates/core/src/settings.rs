@@ -316,13 +316,13 @@ settings! {
         /// the original UVs is added), or when a level's first correction gains what its quadratic model predicts to a
         /// quarter of that fraction; over 0 and under 1. `None` = the quality's own.
         pub tolerance: Option<f32> = None;
-        /// The time that the call may take, excluding fetches, measuring and rebuilding after a change of maps or
-        /// settings; `None` = no limit. The result comes from the finest level of the grid that the time allows,
-        /// certified, and never worse than the identity, which it is if no level fits (the report is then `truncated`,
-        /// with energies of 0). Costs are predicted from the last solves: the call returns within 1.2 times the budget
-        /// plus 5 ms, unless the machine is suddenly busier. Seams are brought together if that takes half of the
-        /// budget at most; else the report counts their charts in `charts_apart`. With a limit the result depends on
-        /// the speed of the machine.
+        /// The time after which the call begins no further level of a grid; `None` = no limit. The work that is under
+        /// way is finished: one level's first step, at most half of a whole solve, then interpolation, the certificate
+        /// and the seams. The coarsest levels, up to 4,096 nodes each, are always solved. The result comes from the
+        /// finest level that was reached, certified, and is never worse than the identity; its report is `truncated`.
+        /// A tile whose turn comes after the end, or for which the time gave nothing better than the identity, keeps
+        /// its last result (`kept` and `truncated`) and is among the first in the next call. With a limit the result
+        /// depends on the speed of the machine.
         pub time_budget: Option<Duration> = None;
         /// False (the default): start from the identity, so that a frame's result depends on its inputs alone. True:
         /// start from the last result, for interactive use: faster on small changes, but it depends on the order of the

@@ -52,7 +52,7 @@ pub fn why(payload: &(dyn Any + Send)) -> Option<Stop> {
 /// # Errors
 /// `Cancelled`, `OutOfMemory`, and those of `body`.
 pub fn caught<R>(body: impl FnOnce() -> Result<R>) -> Result<R> {
-    // What `body` leaves incomplete is dropped with its owner; `Asset` handles its own state.
+    // Values that `body` leaves incomplete are dropped with their owners; `Asset` handles its own state.
     catch_unwind(AssertUnwindSafe(body)).unwrap_or_else(|payload| match why(&*payload) {
         Some(stop) => Err(stop.error()),
         None => resume_unwind(payload),

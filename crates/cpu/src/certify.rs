@@ -17,7 +17,7 @@ impl Run<'_> {
     /// Certifies the finest level's state and makes it the result. A chart becomes the identity if it is folded or if
     /// its energy is above that of the identity or not finite; with `allow_folds`, only if its energy is not finite.
     pub(super) fn certify_result(&mut self, allow_folds: bool) {
-        // Those of a coarser level are known if work has ended there.
+        // If work has ended on a coarser level, the energies there count, and are known.
         self.complete_energies(0, allow_folds);
         let certificates = self.certificates();
         for c in 0..self.charts.len() {
@@ -50,16 +50,6 @@ impl Run<'_> {
                 // SAFETY: each item has its own block.
                 unsafe { *result.get_mut(k) = if better { u[k] } else { [[0.0; NODES]; 2] } };
             });
-        }
-    }
-
-    /// Makes the identity the result of all charts that are solved, without certification.
-    pub(super) fn fall_back_everywhere(&mut self) {
-        for c in (0..self.charts.len()).filter(|&c| self.charts[c]) {
-            self.results[c] = ChartResult { min_jacobian: 1.0, fallback: true, ..ChartResult::default() };
-            if self.result_is_used {
-                self.result[self.grid.levels[0].blocks.of_chart[c].clone()].fill([[0.0; NODES]; 2]);
-            }
         }
     }
 

@@ -35,7 +35,6 @@ impl Run<'_> {
         // A warm start has already read the last result, so its memory can hold the step until certification writes the
         // new result.
         let result = std::mem::take(&mut self.result);
-        self.result_is_used |= level == 0;
         let mut fraction = std::mem::take(&mut workspace.next_fraction);
         if correction.first {
             fraction.fill(1.0);

@@ -62,8 +62,6 @@ pub struct Run<'a> {
     /// Displacements of the result. Where charts are solved it is 0 until certification writes this solve's result;
     /// corrections of the finest level keep their step in it meanwhile.
     pub(super) result: &'a mut [[Plane; 2]],
-    /// True once a correction of the finest level has put its step into `result`.
-    pub(super) result_is_used: bool,
     /// Displacements of the previous result if the solve starts from them or is pulled towards them; otherwise empty.
     pub(super) anchor: &'a [[Plane; 2]],
     /// Result per chart; the default for charts that are not solved.
@@ -115,7 +113,6 @@ impl<'a> Run<'a> {
             spare,
             charts,
             result,
-            result_is_used: false,
             anchor,
             results: vec![ChartResult::default(); charts.len()],
             known_energies: vec![None; charts.len()],
@@ -237,7 +234,6 @@ impl Stages for Run<'_> {
                 self.complete_energies(level, allow_folds);
             }
             Stage::Certify { allow_folds } => self.certify_result(allow_folds),
-            Stage::GiveUp => self.fall_back_everywhere(),
         }
     }
 }

@@ -47,8 +47,6 @@ pub struct Run<'a> {
     upload_ms: f32,
     /// The time when recording began.
     recording: Instant,
-    /// True if the result is the identity because time ran out.
-    pub(super) gave_up: bool,
     /// True if no chart takes part in further corrections of the present level.
     pub(super) settled: bool,
     /// The active blocks on level 0 of the charts that take part in the present correction, and of all charts that are
@@ -150,7 +148,6 @@ impl<'a> Run<'a> {
             nodes_of_level: 0,
             upload_ms: 0.0,
             recording: start,
-            gave_up: false,
             settled: false,
             share: [1, 1],
             energy_is_known: false,
@@ -221,11 +218,7 @@ impl<'a> Run<'a> {
         let (statistics, recording) = self.recorder.close(&gates, &times);
         self.memory.recording = recording;
         let records = parts[0].chunks_exact(size_of::<Chart>());
-        let identity = ChartResult { min_jacobian: 1.0, fallback: true, ..ChartResult::default() };
-        let read = |bytes: &[u8]| match self.gave_up {
-            true => identity,
-            false => chart_result(&bytemuck::pod_read_unaligned(bytes)),
-        };
+        let read = |bytes: &[u8]| chart_result(&bytemuck::pod_read_unaligned(bytes));
         let statistics = Statistics {
             upload_ms: self.upload_ms,
             record_ms,

@@ -45,10 +45,6 @@ impl Stages for Run<'_> {
                 self.complete_energies(level, allow_folds);
             }
             Stage::Certify { allow_folds } => self.certify(allow_folds),
-            Stage::GiveUp => {
-                self.clear(&Vec::from(self.charts));
-                self.gave_up = true;
-            }
         }
     }
 

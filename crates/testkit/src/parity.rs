@@ -111,8 +111,8 @@ pub fn compare_backends(
         context.contain(|| {
             let gpu = vrtm_gpu::Run::new(&input, &mut of_gpu, None, &vec![false; charts.len()], None)?;
             let mut pair = Pair::new(cpu, gpu, &grid, &charts, lockstep);
-            let (mut deadline, mut progress) = (Deadline::unlimited(), Progress::new(None, 1.0));
-            schedule::run(&mut pair, &input, &plan, false, &mut deadline, &mut progress);
+            let (deadline, mut progress) = (Deadline::unlimited(), Progress::new(None, 1.0));
+            schedule::run(&mut pair, &input, &plan, false, &deadline, &mut progress);
             Ok(pair.finish()?.into())
         })?
     })

@@ -59,7 +59,7 @@ fn both_backends_invert_a_result_alike() {
             assert!(matches!(&*of_gpu.warp, Warp::Gpu(_)), "{}", device.info().reason);
             let warp = Arc::new(Warp::Host(of_gpu.warp.host().unwrap().into()));
             let show = |solved: Arc<Solved>| {
-                let tiles = vec![Some(TileResult { solved, kept: false })];
+                let tiles = vec![Some(TileResult { solved, kept: false, late: false })];
                 asset.results.replace(Last { tiles, solved_ms: Some(0.0), ..Last::default() });
             };
             show(Arc::new(of_gpu.with_warp(warp)));

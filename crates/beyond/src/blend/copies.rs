@@ -104,7 +104,7 @@ impl Copies {
     pub fn bytes_for(tile: &TileMesh, grid: &Grid) -> [u64; 2] {
         let level = &grid.levels[0];
         let area: f64 = tile.triangles[tile.own()..].iter().map(|t| 0.5 * doubled_area(t.uv).abs()).sum();
-        // What is a collar of one chart lies on another, mostly.
+        // Most of a collar lies on another chart.
         let nodes = 2.0 * area * (level.nx * level.ny) as f64;
         let copies = nodes * (size_of::<Node>() as f64 + 1.3 * size_of::<NodeCopy>() as f64);
         [copies as u64, Depths::bytes_for(nodes, level.blocks.list.len())]

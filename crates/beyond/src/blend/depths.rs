@@ -1,5 +1,5 @@
-//! How deep inside of each chart a node of the surface lies, from 0 where the chart's collar ends to 1 on the chart
-//! itself: the measure of a chart's part in the blend there. On a rigid feature it is the same everywhere, so that the
+//! The depth of a node of the surface in each chart, from 0 where the chart's collar ends to 1 on the chart itself: the
+//! measure of a chart's part in the blend there. On a rigid feature it is the same everywhere, so that the
 //! feature moves as one piece; around features it changes little faster than elsewhere.
 
 use glam::DVec2;

@@ -1,4 +1,4 @@
-//! How much of the blend each node takes: the whole of it, but less around cells that it would crush, falling off
+//! The part of the blend that each node takes: the whole of it, but less around cells that it would crush, falling off
 //! smoothly.
 
 use vrtm_core::allocation::{Vec, vec, zeroed};

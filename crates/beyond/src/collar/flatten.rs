@@ -477,8 +477,9 @@ fn element(piece: &Piece, corners: [u32; 3]) -> Element {
     Element { corners, gradients: [0, 1, 2].map(gradient), wanted: root * piece.map }
 }
 
-/// The sum of the squared differences between the maps of the elements and what is wanted, turned to fit best, becomes
-/// least: rotations and places in turn, places by conjugate gradients.
+/// Moves the points `at` so that the maps of the elements come as near as possible to the wanted maps, each turned by
+/// the rotation that fits best, in the sum of squares. Rotations and places are found in turn, places by conjugate
+/// gradients.
 fn solve(elements: &[Element], places: &[Option<DVec2>], slots: &[u32], at: &mut [DVec2]) {
     let n = at.len();
     let [mut residual, mut direction, mut product]: [Vec<DVec2>; 3] =
@@ -492,7 +493,7 @@ fn solve(elements: &[Element], places: &[Option<DVec2>], slots: &[u32], at: &mut
             }
         }
     }
-    // Adds the products of the gradients with what `f` makes of each element's map.
+    // Sums `f` of each element's map, times the gradients, at the element's corners.
     let gather = |out: &mut [DVec2], value: &dyn Fn(u32) -> DVec2, f: &dyn Fn(&Element, DMat2) -> DMat2| {
         out.fill(DVec2::ZERO);
         for element in elements {

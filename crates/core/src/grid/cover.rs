@@ -163,7 +163,7 @@ impl<'a> Coverer<'a> {
             NONE => NONE,
             t => self.charts[t as usize],
         };
-        // Whether a border matters to a chart.
+        // True if a border matters to a chart.
         let counts = |border: u32, chart: u32| match self.overlap {
             Overlap::Fixed => border != NONE,
             Overlap::FirstFace => border == chart || border == SEVERAL,

@@ -1,5 +1,5 @@
-//! What holds texture at open borders beyond which the surface goes on as its own mirror image (method §16): at nodes
-//! near such a border, the direction across it, in which they should not move.
+//! Open borders beyond which the surface continues as its own mirror image (method §16): at nodes near such a border,
+//! the direction across it, in which they should not move.
 
 use glam::DVec2;
 

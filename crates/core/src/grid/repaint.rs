@@ -81,7 +81,7 @@ pub fn repaint(
     }
     let mut charts: Vec<bool> = zeroed(grid.movable.len());
     if near != Nodes::ALL {
-        // What a stroke touches is solved again.
+        // The charts that a stroke touches are solved again.
         let touched = grid.parts.iter().filter(|part| near.meet([part.x, part.y], SIDE));
         touched.for_each(|part| charts[part.chart as usize] = true);
     }

@@ -1,4 +1,4 @@
-//! What follows from the rigidity of a tile on all levels (method §3 and §7.5), for all nodes or within a rectangle of
+//! The data of all levels that depend on a tile's rigidity (method §3 and §7.5), for all nodes or within a rectangle of
 //! them.
 
 use super::Level;

@@ -8,7 +8,7 @@ use crate::allocation::{Vec, zeroed};
 const SLACK: f64 = 1e-9;
 /// Most bins along a side.
 const MOST_BINS: usize = 1024;
-/// In about so many bins triangles are on average, at most.
+/// Bound on the mean number of bins that a triangle lies in.
 const MOST_ENTRIES: f64 = 8.0;
 
 /// Triangles, sorted into square bins.

@@ -1,5 +1,5 @@
-//! Relative costs of the stages of a solve, for time budgets and for progress. Costs are microseconds on two cores of
-//! 2.5 GHz; the actual times on this machine are measured (`deadline`, `progress`).
+//! Relative costs of the stages of a solve, for its progress (`progress`). A cost is a number of microseconds on two
+//! cores of 2.5 GHz.
 
 use crate::allocation::Vec;
 use crate::grid::Level;
@@ -15,14 +15,10 @@ pub struct Costs {
     triangles: f64,
     /// Triangles per node of level 0, 0 to 16. Where there are many, nodes walk over several to find theirs.
     dense: f64,
-    pbd: bool,
 }
 
-/// Stages with fewer blocks are not representative of larger ones.
-const TYPICAL: f64 = 16.0;
-
 impl Costs {
-    pub fn new(input: &Input, pbd: bool) -> Costs {
+    pub fn new(input: &Input) -> Costs {
         let active = |level: &Level| {
             let list = level.blocks.list.iter();
             list.filter(|block| block.active && input.charts[block.chart as usize]).count() as f64
@@ -30,7 +26,7 @@ impl Costs {
         let blocks: Vec<f64> = input.grid.levels.iter().map(active).collect();
         let triangles = input.grid.triangles.len() as f64;
         let dense = (triangles / (blocks[0] * NODES as f64)).min(16.0);
-        Costs { blocks, triangles, dense, pbd }
+        Costs { blocks, triangles, dense }
     }
 
     /// The cost of a stage.
@@ -50,53 +46,30 @@ impl Costs {
             // Most charts skip these corrections.
             Stage::Correct { .. } => 25.0,
             Stage::Iterate { .. } => 12.0,
-            // Those of a correction's last state are known.
+            // A correction knows the energies of its last state; this is the cost without one.
             Stage::Energies { .. } => 6.0,
             Stage::Certify { .. } => 3.0,
-            Stage::GiveUp => return 0.0,
         };
         // Grids may have a single level.
         10.0 + of_block * self.blocks.get(stage.level()).unwrap_or(&0.0)
     }
 
-    /// True if the time of a stage is representative of others.
-    pub fn is_typical(&self, stage: &Stage) -> bool {
-        let further = matches!(stage, Stage::Correct { correction, .. } if !correction.first);
-        !further && self.blocks[stage.level()] >= TYPICAL
-    }
-
-    /// The cost of turning the state of a level into a result.
-    pub fn result_of(&self, level: usize) -> f64 {
-        let allow_folds = self.pbd;
-        let passing = |level| self.of(&Stage::Start { level, from: Start::Passing });
-        // On level 0, certification computes them unless a correction has.
-        let energies = self.of(&Stage::Energies { level, allow_folds });
-        energies + (0..level).map(passing).sum::<f64>() + self.of(&Stage::Certify { allow_folds })
-    }
-
-    /// The cost of a level's first step; 0 if the level has no steps.
-    pub fn first_step(&self, plan: &Plan, level: usize) -> f64 {
-        plan.step(level, 0, false).map_or(0.0, |step| self.of(&step))
-    }
-
-    /// The cost of a result of the coarsest level.
-    pub fn least(&self, plan: &Plan, coarsest: usize) -> f64 {
-        let before = self.of(&Stage::Surface) + self.of(&Stage::Pyramid { coarsest: 1 });
-        // The start of a warm solve is already a result.
-        before
-            + self.of(&plan.start(coarsest))
-            + if coarsest > 0 { self.first_step(plan, coarsest) } else { 0.0 }
-            + self.result_of(coarsest)
-    }
-
     /// The cost of the whole solve, if no chart is crowded.
     pub fn whole(&self, plan: &Plan, coarsest: usize) -> f64 {
+        let finest = plan.finest.min(coarsest);
         let steps = plan.pbd.map_or(1.0, |settings| f64::from(settings.iterations));
-        let level = |level| self.of(&plan.start(level)) + steps * self.first_step(plan, level);
-        let levels = (plan.finest.min(coarsest)..=coarsest).map(level);
+        let of_level = |level| {
+            let step = plan.step(level, 0, false).map_or(0.0, |step| self.of(&step));
+            self.of(&plan.start(level)) + steps * step
+        };
+        let passing = |level| self.of(&Stage::Start { level, from: Start::Passing });
+        let allow_folds = plan.pbd.is_some();
         self.of(&Stage::Surface)
             + self.of(&Stage::Pyramid { coarsest: 1 })
-            + levels.sum::<f64>()
-            + self.result_of(plan.finest.min(coarsest))
+            + (finest..=coarsest).map(of_level).sum::<f64>()
+            // On level 0, certification computes them unless a correction has.
+            + self.of(&Stage::Energies { level: finest, allow_folds })
+            + (0..finest).map(passing).sum::<f64>()
+            + self.of(&Stage::Certify { allow_folds })
     }
 }

@@ -74,9 +74,9 @@ impl Set {
 }
 
 impl PbdSettings {
-    /// The `n`-th iteration on a level, counted from 0. `stop` makes it the last one.
-    pub fn iteration(&self, level: usize, n: u32, stop: bool) -> Iteration {
-        let last = n + 1 == self.iterations || stop;
+    /// The `n`-th iteration on a level, counted from 0.
+    pub fn iteration(&self, level: usize, n: u32) -> Iteration {
+        let last = n + 1 == self.iterations;
         Iteration {
             first: n == 0,
             regularise: last || (n + 1).is_multiple_of(PROJECTIONS),

@@ -172,7 +172,7 @@ impl Plan {
         let corrections = self.corrections[coarser];
         let sweeps = self.sweeps.get(level).copied().unwrap_or(0);
         if let Some(settings) = self.pbd {
-            let iteration = settings.iteration(level, n, false);
+            let iteration = settings.iteration(level, n);
             return (n < settings.iterations).then_some(Stage::Iterate { level, iteration });
         }
         let Some(n) = n.checked_sub(u32::from(warm)) else { return Some(Stage::Relax { level, sweeps }) };

@@ -2,16 +2,17 @@
 //! first, its start and its steps, which are corrections or relaxation alone, or the iterations of the paper's solver;
 //! certify. A draft ends its steps on level 1, and is interpolated from there.
 //!
-//! With a time budget, only steps are begun that leave time for making a result of their level (`timed`). After the
-//! first one that does not, the best level so far is interpolated to level 0 and certified.
+//! Once the time is over, no further level is begun but small ones, and no further step of a level. The finest level
+//! that was reached is then interpolated to level 0 and certified.
 
-use std::iter::repeat_n;
-
+use super::cost::Costs;
 use super::deadline::Deadline;
 use super::plan::{Input, Plan, Summary};
 use super::progress::Progress;
 use super::stage::{Stage, Stages, Start};
-use super::timed::Timed;
+
+/// Blocks of 16 x 16 nodes up to which a level is solved even if the time is over, as the coarsest level always is.
+pub const SMALL_LEVEL_BLOCKS: usize = 16;
 
 /// Runs the schedule; a `warm` solve starts from the previous result, on level 0.
 pub fn run(
@@ -19,90 +20,80 @@ pub fn run(
     input: &Input,
     plan: &Plan,
     warm: bool,
-    deadline: &mut Deadline,
+    deadline: &Deadline,
     progress: &mut Progress,
 ) -> Summary {
     let coarsest = if warm { 0 } else { plan.coarsest(input.grid) };
-    let mut timed = Timed::new(stages, input, plan, coarsest, deadline, progress);
-    if !solve(&mut timed, plan, warm, coarsest) {
-        timed.run(&Stage::GiveUp);
-        timed.summary.truncated = true;
-    }
-    timed.summary
-}
-
-/// Returns false if there is no time for a result.
-fn solve(timed: &mut Timed<impl Stages>, plan: &Plan, warm: bool, coarsest: usize) -> bool {
-    if !timed.may_begin(plan, coarsest) {
-        return false;
-    }
-    timed.run(&Stage::Surface);
+    let costs = Costs::new(input);
+    progress.begin(costs.whole(plan, coarsest));
+    let mut solve = Solve { stages, costs, deadline, progress, summary: Summary::default() };
+    solve.run(&Stage::Surface);
     // Level 0 has what it loses of its weight from level 1.
-    timed.run(&Stage::Pyramid { coarsest: coarsest.max(1) });
+    solve.run(&Stage::Pyramid { coarsest: coarsest.max(1) });
     let mut reached = coarsest;
-    'levels: for level in (plan.finest.min(coarsest)..=coarsest).rev() {
-        let mut start = Some(match level {
+    for level in (plan.finest.min(coarsest)..=coarsest).rev() {
+        let is_small = input.grid.levels[level].blocks.list.len() <= SMALL_LEVEL_BLOCKS;
+        if level < coarsest && !is_small && solve.is_over() {
+            solve.summary.truncated = true;
+            break;
+        }
+        solve.run(&match level {
             _ if level < coarsest => plan.start(level),
             _ if warm => Stage::Start { level, from: Start::Previous },
             _ => Stage::Start { level, from: Start::Identity },
         });
-        if level == coarsest {
-            start.take().iter().for_each(|start| timed.run(start));
-        }
-        for n in 0.. {
-            let Some(step) = plan.step(level, n, warm) else { break };
-            if !try_step(timed, &mut start, step, warm) {
-                let relax = step.instead().into_iter();
-                relax.for_each(|relax| {
-                    _ = (0..MOST_INSTEAD).all(|_| try_step(timed, &mut start, relax, warm))
-                });
-            }
-            if start.is_none() {
-                reached = level;
-            }
-            if timed.summary.truncated {
-                break 'levels;
-            }
-        }
-    }
-    let Summary { truncated, sweeps, corrections, .. } = timed.summary;
-    // The identity needs no certificate.
-    if truncated && !warm && sweeps + corrections == 0 || !timed.may_end(reached) {
-        return false;
+        solve.steps(plan, level, warm);
+        reached = level;
     }
     let allow_folds = plan.pbd.is_some();
     if reached > 0 {
-        timed.run(&Stage::Energies { level: reached, allow_folds });
+        solve.run(&Stage::Energies { level: reached, allow_folds });
     }
     for level in (0..reached).rev() {
-        timed.run(&Stage::Start { level, from: Start::Passing });
+        solve.run(&Stage::Start { level, from: Start::Passing });
     }
-    timed.run(&Stage::Certify { allow_folds });
-    true
+    solve.run(&Stage::Certify { allow_folds });
+    solve.summary
 }
 
-/// Does a step, after its level's start unless that was done, if there is time. A level without time for a step is not
-/// started.
-fn try_step(timed: &mut Timed<impl Stages>, start: &mut Option<Stage>, mut step: Stage, warm: bool) -> bool {
-    let stages = |n| start.iter().chain(repeat_n(&step, n));
-    // Without a step there is no result, so the first one may take the grace period, as in `may_begin`.
-    let is_first = start.is_none() && timed.summary.sweeps + timed.summary.corrections == 0;
-    let once = timed.fits(stages(1), step.level(), is_first && !warm);
-    let twice = timed.fits(stages(2), step.level(), false);
-    timed.summary.truncated |= !once;
-    // The last iteration does not predict, so it must be known beforehand to be the last.
-    if let Stage::Iterate { iteration, .. } = &mut step
-        && !iteration.last
-        && !twice
-    {
-        (iteration.last, iteration.regularise) = (true, true);
-        timed.summary.truncated = true;
-    }
-    if once {
-        start.take().iter().chain([&step]).for_each(|stage| timed.run(stage));
-    }
-    once
+/// A solve that is under way.
+struct Solve<'a, S> {
+    stages: &'a mut S,
+    costs: Costs,
+    deadline: &'a Deadline,
+    progress: &'a mut Progress,
+    summary: Summary,
 }
 
-/// The greatest number of relaxations in the place of a correction: each gains less than the one before.
-const MOST_INSTEAD: usize = 8;
+impl<S: Stages> Solve<'_, S> {
+    /// Runs a stage, and records its time.
+    fn run(&mut self, stage: &Stage) {
+        self.progress.check_or_unwind();
+        let start = self.deadline.now();
+        self.progress.during(self.costs.of(stage), || self.stages.run(stage));
+        self.summary.count(stage, (self.deadline.now() - start).as_secs_f64());
+    }
+
+    /// Does the steps of a level, of which the first is always done.
+    fn steps(&mut self, plan: &Plan, level: usize, warm: bool) {
+        for n in 0.. {
+            let Some(step) = plan.step(level, n, warm) else { return };
+            if n > 0 && self.is_over() {
+                self.summary.truncated = true;
+                if let Some(last) = step.last_instead() {
+                    self.run(&last);
+                }
+                return;
+            }
+            self.run(&step);
+        }
+    }
+
+    /// True if the time is over, once all stages so far are done.
+    fn is_over(&mut self) -> bool {
+        if self.deadline.is_limited() {
+            self.stages.wait();
+        }
+        self.deadline.is_over()
+    }
+}

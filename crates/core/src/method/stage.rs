@@ -26,8 +26,6 @@ pub enum Stage {
     /// that is folded, or whose energy is not finite or above that of the identity, becomes the identity; with
     /// `allow_folds`, only one whose energy is not finite.
     Certify { allow_folds: bool },
-    /// Makes the identity the result instead of certifying one, with as little work as possible.
-    GiveUp,
 }
 
 /// The start of a level.
@@ -80,18 +78,15 @@ impl Stage {
             Stage::Relax { .. } => Kind::Relax,
             Stage::Correct { .. } => Kind::Correct,
             Stage::Iterate { .. } => Kind::Pbd,
-            Stage::Energies { .. } | Stage::Certify { .. } | Stage::GiveUp => Kind::Certify,
+            Stage::Energies { .. } | Stage::Certify { .. } => Kind::Certify,
         }
     }
 
-    /// The relaxation that can be done in the place of a level's first correction.
-    pub fn instead(&self) -> Option<Stage> {
-        match *self {
-            Stage::Correct { level, correction: Correction { first: true, sweeps, .. } } => {
-                Some(Stage::Relax { level, sweeps: sweeps.max(1) })
-            }
-            _ => None,
-        }
+    /// The stage that ends a level's steps in the place of this one: the state after an iteration that is not the last
+    /// one is a prediction.
+    pub fn last_instead(&self) -> Option<Stage> {
+        let Stage::Iterate { level, iteration } = *self else { return None };
+        Some(Stage::Iterate { level, iteration: Iteration { regularise: true, last: true, ..iteration } })
     }
 
     /// The level that the stage works on; the finest for stages without a level.
@@ -102,7 +97,7 @@ impl Stage {
             | Stage::Energies { level, .. }
             | Stage::Correct { level, .. }
             | Stage::Iterate { level, .. } => level,
-            Stage::Surface | Stage::Pyramid { .. } | Stage::Certify { .. } | Stage::GiveUp => 0,
+            Stage::Surface | Stage::Pyramid { .. } | Stage::Certify { .. } => 0,
         }
     }
 }
@@ -111,6 +106,6 @@ impl Stage {
 pub trait Stages {
     /// Does a stage. The schedule depends on no outcome: a GPU records a solve in advance.
     fn run(&mut self, stage: &Stage);
-    /// Waits until all stages called so far are done. Called before the clock is read, if there is a time budget.
+    /// Waits until all stages called so far are done. Called before the clock is read for a time budget.
     fn wait(&mut self) {}
 }

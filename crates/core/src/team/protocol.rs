@@ -1,4 +1,4 @@
-//! How a team's caller and its helpers agree on who runs which item of which job, and when a job is over.
+//! The protocol by which a team's caller and its helpers divide the items of a job, and know that it is over.
 //!
 //! A job is any value that can be copied, and `help` is told how to run its items. The caller publishes the job, works
 //! on it like the helpers, closes it, and waits until every helper that joined has left: from then on no helper uses

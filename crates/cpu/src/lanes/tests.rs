@@ -119,8 +119,8 @@ fn displacements(quality: Quality) -> Vec<u32> {
     let mut u = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
     Team::with(2, |team| {
         let mut run = Run::new(team, &input, &mut memory, &mut u, &[]);
-        let (mut deadline, mut progress) = (Deadline::unlimited(), Progress::new(None, 1.0));
-        schedule::run(&mut run, &input, &plan, false, &mut deadline, &mut progress);
+        let (deadline, mut progress) = (Deadline::unlimited(), Progress::new(None, 1.0));
+        schedule::run(&mut run, &input, &plan, false, &deadline, &mut progress);
     });
     let u = u.as_flattened().as_flattened();
     assert!(u.iter().any(|u| u.abs() > 0.5), "something moved");

@@ -221,7 +221,7 @@ fn without_memory_for_all_tiles_each_is_solved_alone() {
     assert_eq!(error.kind, ErrorKind::OutOfMemory, "{error}");
 }
 
-/// With time enough a budget changes nothing; with none, all tiles are the identity.
+/// With time enough a budget changes nothing; with none, all tiles end early.
 #[test]
 fn a_time_budget_is_that_of_all_tiles() {
     let Some(device) = gpu(&DeviceSettings::default()) else { return };

@@ -280,7 +280,7 @@ impl Stages for Pair<'_> {
                 self.level(level, 1);
             }
             Stage::Energies { level, .. } => self.energies_of_identity(Point::level(level, 2)),
-            Stage::Correct { .. } | Stage::Certify { .. } | Stage::GiveUp => {}
+            Stage::Correct { .. } | Stage::Certify { .. } => {}
         }
     }
 }
