@@ -167,7 +167,7 @@ impl Asset {
     fn find_sizes(&mut self, team: &Team, due: &[bool]) {
         let has_collars = self.has_collars();
         let tiles = (0..due.len()).filter(|&tile| due[tile] || has_collars);
-        self.given.find_sizes(team, &self.mesh, tiles, self.device.memory_budget());
+        self.given.find_sizes(team, &self.mesh, tiles, &self.device);
     }
 
     /// The new results of tiles, before they are blended; a tile for which a time budget leaves no time has none.
