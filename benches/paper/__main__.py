@@ -62,7 +62,7 @@ def scene(name, folder):
 
 
 def missing(needs, options, scenes):
-    """Why a figure cannot be made, or None."""
+    """Reason for which a figure cannot be made, or None."""
     for need in needs:
         if need == "scipy":
             try:

@@ -30,6 +30,15 @@ pub(crate) struct Given {
     of_vertices: TileMaps,
 }
 
+/// A call on tiles of an asset, and all that what is made for them follows from.
+#[derive(Clone, Copy)]
+pub(crate) struct Call<'a> {
+    pub team: &'a Team,
+    pub device: &'a Device,
+    pub mesh: &'a Mesh,
+    pub given: &'a Given,
+}
+
 /// A tile's rigidity or its mask.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Which {

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use super::Asset;
-use super::shape::{Call, torn_welds};
+use super::given::Call;
+use super::shape::torn_welds;
 use crate::map::nodes;
 use crate::solved::Solved;
 use vrtm_core::allocation::Vec;

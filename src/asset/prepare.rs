@@ -16,9 +16,9 @@ use vrtm_core::method::plan::Purpose;
 use vrtm_core::report::{TileEstimate, TileInfo, report};
 use vrtm_core::settings::Solver;
 
-use super::given::{Change, Given};
+use super::given::{Call, Change, Given};
 use super::room;
-use super::shape::{Built, Call, Prepared, Shape, ShapeKey, new_mesh};
+use super::shape::{Built, Prepared, Shape, ShapeKey, new_mesh};
 use super::tile::TileState;
 use crate::solved::Solved;
 

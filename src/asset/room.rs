@@ -6,7 +6,7 @@ use vrtm_core::grid::survey::Survey;
 use vrtm_core::grid::{Grid, Level};
 use vrtm_core::mesh::TileMesh;
 
-use super::shape::Call;
+use super::given::Call;
 
 /// Returns the error of a surveyed grid that is too large.
 pub(super) fn of_survey(call: &Call, tile: usize, survey: &Survey) -> Result<()> {

@@ -15,22 +15,13 @@ use vrtm_core::image::map::TexelRect;
 use vrtm_core::log::LogCode;
 use vrtm_core::mesh::{Mesh, TileMesh};
 use vrtm_core::settings::Beyond;
-use vrtm_core::team::Team;
+
 use vrtm_core::view::Strided;
 
 use super::derived::Derived;
-use super::given::{Change, Given, GridKey};
+use super::given::{Call, Change, GridKey};
 use super::room;
 use crate::solved::Solved;
-
-/// A call on tiles of an asset, and all that what is made for them follows from.
-#[derive(Clone, Copy)]
-pub(crate) struct Call<'a> {
-    pub team: &'a Team,
-    pub device: &'a Device,
-    pub mesh: &'a Mesh,
-    pub given: &'a Given,
-}
 
 /// The key of a tile's triangles: the borders beyond which its charts go on, with the tiles whose charts do not go on
 /// beyond seams, and the welds that are torn.

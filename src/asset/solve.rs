@@ -18,11 +18,12 @@ use vrtm_core::unwind::caught;
 use vrtm_core::view::Strided;
 
 use super::Asset;
+use super::given::Call;
 use super::outputs::Fetch;
 use super::request::SolveRequest;
 use super::results::{KeptPose, Last, TileResult};
 use super::seams;
-use super::shape::{Call, Prepared};
+use super::shape::Prepared;
 use super::side_by_side::together;
 use super::solver::SolveCall;
 use super::stretch::Stretch;

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex};
 
-use super::shape::Call;
+use super::given::Call;
 use crate::device::Booked;
 use vrtm_core::allocation::Vec;
 use vrtm_core::backend::{TileSolution, TileSolve, TileSolver, Warp};

@@ -23,8 +23,8 @@ use vrtm_core::unwind::caught;
 
 use super::blended::{BlendKey, Blended, CopiesKey};
 use super::derived::Derived;
-use super::given::{Change, Given, GridKey};
-use super::shape::{Call, Prepared, Shape, ShapeKey, torn_welds};
+use super::given::{Call, Change, Given, GridKey};
+use super::shape::{Prepared, Shape, ShapeKey, torn_welds};
 use super::solver::{BookedSolver, Shared, SolveCall, is_usable_after};
 use crate::solved::Solved;
 use vrtm_core::backend::{TileSolution, Warp};

@@ -2,8 +2,7 @@
 
 use std::sync::Arc;
 
-use super::given::Which;
-use super::shape::Call;
+use super::given::{Call, Which};
 use super::tile::TileState;
 use super::{Asset, log};
 use vrtm_core::allocation::{Vec, zeroed};

@@ -1,5 +1,5 @@
-//! Each line of the log has a code, a tile and values. Words are for people: no test looks for them. `set_maps`, `grid`,
-//! `prepare` and the stretch of poses in tests/solver test the codes of maps, settings and poses.
+//! Each line of the log has a code, a tile and values. Words are for people: no test looks for them. `set_maps`,
+//! `grid`, `prepare` and the stretch of poses in tests/solver test the codes of maps, settings and poses.
 
 use std::sync::{Arc, Mutex};
 

@@ -49,7 +49,8 @@ fn compile(source: &str, name: &str, arguments: &[&str]) -> Result<(), String> {
     if output.status.success() { Ok(()) } else { Err(text(&output)) }
 }
 
-/// The table of a header. A line of a struct is `name size: offset declaration, ...`, with >= before a size that may grow.
+/// The table of a header. A line of a struct is `name size: offset declaration, ...`, with >= before a size that may
+/// grow.
 fn table(header: &Path) -> String {
     let text = promised(&std::fs::read_to_string(header).unwrap());
     let mut lines =

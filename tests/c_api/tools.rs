@@ -83,8 +83,8 @@ pub fn text(output: &Output) -> String {
     format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
-/// Compiles a C or C++ program or, with `-shared`, a library, with warnings as errors and further options. It is linked to
-/// the library unless it loads the library itself.
+/// Compiles a C or C++ program or, with `-shared`, a library, with warnings as errors and further options. It is linked
+/// to the library unless it loads the library itself.
 #[cfg(any(unix, all(windows, target_env = "gnu")))] // The flags are those of gcc and clang.
 pub fn build(source: &Path, name: &str, options: &[&str], linked: bool) -> PathBuf {
     let built = if name.contains('.') { scratch().join(name) } else { program(name) };

@@ -5,11 +5,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// The source folders of the crates.
+/// The source folders of the library's crates.
 fn crates() -> Vec<PathBuf> {
     let root = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).canonicalize().unwrap();
     let mut folders = vec![root.join("src"), root.join("capi/src")];
     folders.extend(fs::read_dir(root.join("crates")).unwrap().map(|entry| entry.unwrap().path().join("src")));
+    // For development alone.
+    folders.retain(|folder| !folder.ends_with("testkit/src"));
     folders
 }
 

@@ -1,7 +1,7 @@
-//! The words of comments, and the width of lines. A doc comment begins with its noun or verb: "Bytes of a block.", never "What
-//! a block takes."; a docstring of Python does, too. `tests/house/exceptions.txt` counts, file by file, what is otherwise: it may
-//! only shrink, and a file that is not in it has none. `VRTM_UPDATE_EXCEPTIONS=1 cargo test --test house words::` writes it anew
-//! where it has shrunk.
+//! The words of comments, and the width of lines. A doc comment begins with its noun or verb: "Bytes of a block.",
+//! never "What a block takes."; a docstring of Python does, too. `tests/house/exceptions.txt` counts, file by file,
+//! what is otherwise: it may only shrink, and a file that is not in it has none. `VRTM_UPDATE_EXCEPTIONS=1 cargo test
+//! --test house words::` writes it anew where it has shrunk.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -103,11 +103,12 @@ fn exceptions_only_shrink() {
         let numbers = [number(), number()];
         known.insert(words.next().unwrap().to_owned(), numbers);
     }
-    for (file, faults) in &found {
-        let allowed = known.get(file).copied().unwrap_or_default();
-        let worse = (0..2).any(|k| faults[k] > allowed[k]);
-        assert!(!worse, "{file}: {} long lines and {} openings, and not {allowed:?}", faults[0], faults[1]);
-    }
+    let is_worse = |(file, faults): &(&String, &[usize; 2])| {
+        let allowed = known.get(*file).copied().unwrap_or_default();
+        (0..2).any(|k| faults[k] > allowed[k])
+    };
+    let worse: Vec<_> = found.iter().filter(is_worse).collect();
+    assert!(worse.is_empty(), "more long lines and openings than before: {worse:#?}");
     let mut text = String::from(
         "# tests/house/words.rs: lines over 120 columns, doc comments that begin with What or the like, file.\n",
     );

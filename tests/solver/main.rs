@@ -2,6 +2,7 @@
 
 mod assets;
 mod bits;
+mod budget;
 mod cost;
 mod cuts;
 mod draft;

@@ -4,8 +4,8 @@ use crate::long;
 use vrtm::{AdapterInfo, Backend, Device, DeviceSettings, adapters};
 
 /// True if there is an adapter; prints a message if there is none. With VRTM_REQUIRE_GPU=1 there must be one. In a
-/// short run, tests beside those of `crates/gpu/tests/gpu` leave a software driver alone: it is ten times as slow as the CPU
-/// backend.
+/// short run, tests beside those of `crates/gpu/tests/gpu` leave a software driver alone: it is ten times as slow as
+/// the CPU backend.
 pub fn has_gpu() -> bool {
     match adapters().first() {
         Some(first) => counts(first) || long::only("tests on a software driver"),

@@ -1,5 +1,5 @@
-//! What vrtm's tests, benches and examples share: built-in scenes and assets, measures of results that share no code with
-//! the library, the f64 minimum that they are compared with (`reference`, which shares no numerical code with the
+//! What vrtm's tests, benches and examples share: built-in scenes and assets, measures of results that share no code
+//! with the library, the f64 minimum that they are compared with (`reference`, which shares no numerical code with the
 //! solver), and both backends side by side, stage by stage (`parity`).
 
 #![allow(missing_docs, reason = "for vrtm's own programs alone")]

@@ -1,4 +1,5 @@
-//! Models from scenes and asset folders, solving them, and f64 views of the results that share no code with the library.
+//! Models from scenes and asset folders, solving them, and f64 views of the results that share no code with the
+//! library.
 
 use std::panic::resume_unwind;
 

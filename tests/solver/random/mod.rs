@@ -1,8 +1,8 @@
 //! Random small models: for every valid input the result is certified. Each failure that was ever found is a case in
 //! `named.rs`.
 //!
-//! A run without variables draws a part of the models of a long run, another one every day. `VRTM_RANDOM_CASES=200000` draws that number of other
-//! models, from a seed that is printed; `VRTM_RANDOM_SEED` sets the seed.
+//! A run without variables draws a part of the models of a long run, another one every day. `VRTM_RANDOM_CASES=200000`
+//! draws that number of other models, from a seed that is printed; `VRTM_RANDOM_SEED` sets the seed.
 
 mod borders;
 mod build;

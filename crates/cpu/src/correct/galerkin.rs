@@ -3,13 +3,13 @@
 //! for each row of fine nodes, and then along y, which takes a third of the operations of forming the whole stencil at
 //! once.
 
+use super::super::decode::interpolation;
 use super::super::lanes::{LANES, Lanes, Vectorised, dispatch, each};
 use super::super::prefetch::prefetch_next;
 use super::super::run::Run;
 use super::rows::{BlockRows, Pairs, Words, decode_one, encode, halo_pairs};
 use super::transfer::{RestrictQuarter, active_neighbours};
 use super::workspace::SolvingLevel;
-use crate::decode::interpolation;
 use vrtm_core::grid::codes::decode_weight;
 use vrtm_core::grid::planes::{EDGES, NODES, Plane, SIDE, slot};
 use vrtm_core::grid::window::{self, WINDOW_NODES, Window, place};

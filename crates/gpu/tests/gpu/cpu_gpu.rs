@@ -72,18 +72,19 @@ impl fmt::Display for Difference {
 }
 
 /// Allowed difference of the backends in a solve that does not magnify rounding. Displacements: as much as after one
-/// relaxation from the same state, in which single nodes decide otherwise (`relax` in crates/gpu/tests/gpu/lock_step.rs).
-/// Energies: four times the 1.1e-6 measured on scenes with room. Smallest corner Jacobian: the GPU reports a lower
-/// bound, smaller by four units of rounding (method §8), for which crates/gpu/tests/gpu/lock_step.rs allows 4e-6.
+/// relaxation from the same state, in which single nodes decide otherwise (`relax` in
+/// crates/gpu/tests/gpu/lock_step.rs). Energies: four times the 1.1e-6 measured on scenes with room. Smallest corner
+/// Jacobian: the GPU reports a lower bound, smaller by four units of rounding (method §8), for which
+/// crates/gpu/tests/gpu/lock_step.rs allows 4e-6.
 const ONE_STAGE: Difference =
     Difference { max: 1e-2, p999: 1e-2, rms: 1e-4, energy: 5e-6, identity_energy: 5e-6, jacobian: 1e-5 };
 
 /// Allowed difference of the backends beyond `ONE_STAGE`, in multiples of the sensitivity, which is the largest change
 /// of the CPU's own result over three poses with noise. A stage on both backends differs by rounding alone
-/// (crates/gpu/tests/gpu/lock_step.rs), and a solve magnifies that as it magnifies noise in the pose: little where there is room,
-/// and up to another minimum where charts are crowded (method §13). How far away that minimum lies is not known
-/// beforehand. The largest multiple that was needed with Mesa's software driver is 7. The margin is for the small
-/// number of samples, and for other drivers.
+/// (crates/gpu/tests/gpu/lock_step.rs), and a solve magnifies that as it magnifies noise in the pose: little where
+/// there is room, and up to another minimum where charts are crowded (method §13). How far away that minimum lies is
+/// not known beforehand. The largest multiple that was needed with Mesa's software driver is 7. The margin is for the
+/// small number of samples, and for other drivers.
 const FACTOR: f64 = 10.0;
 
 /// Bound of 99.9 % of the nodes on real meshes, `normal`, 256 x 256 cells: less than anyone sees.
