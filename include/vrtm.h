@@ -952,7 +952,7 @@ vrtm_status vrtm_asset_solve(vrtm_asset asset,
 // nothing is written, unless a GPU fails while the outputs are written. Never busy.
 VRTM_API
 vrtm_status vrtm_asset_fetch(const vrtm_fetch *fetches,
-                            size_t count);
+                             size_t count);
 
 // Writes the redirected UV of every face corner of the mesh in a UV set: `count` pairs (u, v), in corner order, with
 // the tile's offset added as in the mesh's own UVs; 0, 0 at corners of faces without UVs. For hosts that set UVs
@@ -1623,9 +1623,9 @@ typedef struct vrtm_tile_report {
     float max_displacement;
     // 1 if the time budget ended the solve early, or left no time for the tile.
     uint32_t truncated;
-    // 1 if the asset's last solve left the tile as it was: it was frozen, not requested, or touched by no dirty vertex,
-    // or the time budget left no time for it (then it is `truncated`, too). The other fields then describe the tile's
-    // own last solve.
+    // 1 if the asset's last solve left the tile as it was: it was frozen, not requested, or touched by no dirty
+    // vertex, or the time budget left no time for it (then it is `truncated`, too). The other fields then describe the
+    // tile's own last solve.
     uint32_t kept;
     // Edges welded by position whose sides the pose pulls apart: charts end there in this result.
     uint32_t welds_torn;
