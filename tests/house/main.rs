@@ -5,4 +5,5 @@ mod arrows;
 mod bindings;
 mod links;
 mod packages;
+mod size;
 mod words;
