@@ -304,7 +304,7 @@ fn side_by_side(call: &SolveCall, crew: &Crew, tiles: Vec<&mut TileState>) -> Re
 /// same.
 fn in_turn(call: &SolveCall, tiles: Vec<&mut TileState>) -> Result<Vec<TileSolved>> {
     let mut queue = prepare(call, tiles)?;
-    queue.sort_by_key(|queued| !queued.state.late);
+    queue.sort_unstable_by_key(|queued| (!queued.state.late, queued.state.tile));
     let nodes = |unit: &Vec<Queued>| unit.iter().map(|queued| queued.nodes).sum::<u64>();
     let mut units = units(call, queue);
     let mut left: u64 = units.iter().map(nodes).sum();

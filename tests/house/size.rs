@@ -1,5 +1,5 @@
-//! The sum of code, which does not grow: what is added pays with something that it removes. Where it has shrunk, lower the
-//! numbers here.
+//! The sum of code, which does not grow: what is added pays with something that it removes. Where it has shrunk, lower
+//! the numbers here.
 
 use std::fs;
 use std::path::Path;

@@ -45,6 +45,8 @@ def test_the_library_knows_the_defaults_of_every_struct():
     """They are those of the header's initialisers, which set few fields besides the size."""
     initialised = HEADER.read_text().split("Initialisers")[1]
     sized = {name: struct for name, struct in structs().items() if struct._fields_[0][0] == "struct_size"}
+    # Only the library makes entries of the log.
+    del sized["vrtm_log_entry"]
     assert len(sized) > 20
     for name, struct in sized.items():
         value = vrtm._library.new(struct)

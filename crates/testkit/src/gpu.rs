@@ -2,8 +2,8 @@
 
 use vrtm::{AdapterInfo, Backend, Device, DeviceSettings, adapters};
 
-/// True if there is an adapter; prints a message if there is none. With VRTM_REQUIRE_GPU=1 there must be one. Without the
-/// feature `gpu` tests leave GPUs alone.
+/// True if there is an adapter; prints a message if there is none. With VRTM_REQUIRE_GPU=1 there must be one. Without
+/// the feature `gpu` tests leave GPUs alone.
 pub fn has_gpu() -> bool {
     if cfg!(not(feature = "gpu")) {
         println!("without tests on a GPU; the feature gpu has them");
