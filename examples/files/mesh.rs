@@ -38,6 +38,7 @@ impl Positions {
         }
     }
 
+    #[allow(clippy::len_without_is_empty, reason = "no mesh is empty")]
     pub fn len(&self) -> usize {
         self.view().len()
     }

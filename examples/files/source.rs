@@ -155,7 +155,6 @@ fn asset(folder: &Path) -> Result<Source> {
         frames,
         maps,
         inputs,
-        ..Source::default()
     })
 }
 
@@ -181,7 +180,6 @@ fn files(rest: &Path, wanted: &Files) -> Result<Source> {
         frames,
         maps,
         inputs,
-        ..Source::default()
     })
 }
 

@@ -32,7 +32,7 @@ fn lines(folder: &Path) -> usize {
         if path.is_dir() {
             return if BUILT.contains(&&*name) { 0 } else { lines(&path) };
         }
-        let is_code = ENDINGS.contains(&ending) || folder.ends_with(".ci");
+        let is_code = ENDINGS.contains(&ending) || folder.file_name().is_some_and(|name| name == ".ci");
         if is_code && !generated { fs::read_to_string(&path).unwrap().lines().count() } else { 0 }
     };
     fs::read_dir(folder).unwrap().map(count).sum()

@@ -3,10 +3,18 @@
 import os
 import tempfile
 import types
+from typing import NamedTuple
 
 import numpy as np
 
 from support import Arm, Case, bpy, part, rgba
+
+
+class Entry(NamedTuple):
+    code: str
+    udim: int
+    values: tuple[float, ...]
+    message: str
 
 
 class Status(Case):
@@ -200,7 +208,7 @@ class Status(Case):
 
     def test_gaps_are_told_in_an_artists_words(self):
         prepared = part("prepared").Prepared()
-        said = "tile 1001: 318 nodes are fixed at gaps in the UVs that welding closes: if they are none, give UVs"
+        said = Entry("nodes_at_gaps", 1001, (318.0,), "in other words")
         for _ in range(2):
             [told] = prepared.notes([said])
             self.assertTrue(told.startswith("Tile 1001: 318 points do not move, where UV edges nearly touch"), told)

@@ -3,7 +3,6 @@
 use vrtm::{Asset, FetchKind};
 
 use super::refined::Refined;
-use vrtm_testkit;
 
 /// The largest error at the texel centres of maps of `size` x `size` texels, over all tiles and both ways to cut a quad
 /// into triangles, and the number of texels compared.

@@ -10,7 +10,10 @@ use vrtm::{
 use vrtm_testkit::{self, Model, options};
 
 /// An asset of a model without maps, and what its device has warned of.
-fn listened(model: &Model) -> (Asset, Arc<Mutex<Vec<(LogCode, Vec<f64>)>>>) {
+/// Codes of the log with their values.
+type Told = Arc<Mutex<Vec<(LogCode, Vec<f64>)>>>;
+
+fn listened(model: &Model) -> (Asset, Told) {
     let said = Arc::new(Mutex::new(Vec::new()));
     let book = said.clone();
     let log = move |entry: &LogEntry| {
