@@ -57,7 +57,7 @@ impl Asset {
     /// Solves and fetches in one call: all arguments are checked before anything is written.
     ///
     /// # Errors
-    /// Those of [`Asset::solve`] and [`Results::fetch`].
+    /// Those of [`Asset::solve`] and [`crate::Results::fetch`].
     pub fn redirect(
         &mut self,
         positions: Strided,
@@ -72,7 +72,7 @@ impl Asset {
     ///
     /// # Errors
     /// `InvalidArgument` for a wrong count, a position that is not finite, an unknown tile or vertex; `Cancelled`;
-    /// `OutOfMemory`; those of [`Results::fetch`]. The last good results are kept.
+    /// `OutOfMemory`; those of [`crate::Results::fetch`]. The last good results are kept.
     pub fn run(&mut self, request: &SolveRequest, fetches: &mut [Fetch]) -> Result<()> {
         let start = (self.clock)();
         self.check_request(request)?;
