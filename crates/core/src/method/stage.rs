@@ -82,8 +82,8 @@ impl Stage {
         }
     }
 
-    /// The stage that ends a level's steps in the place of this one: the state after an iteration that is not the last
-    /// one is a prediction.
+    /// The last iteration of a level, if this stage is an earlier one. It ends the level's steps instead, since the
+    /// state after an earlier iteration is a prediction.
     pub fn last_instead(&self) -> Option<Stage> {
         let Stage::Iterate { level, iteration } = *self else { return None };
         Some(Stage::Iterate { level, iteration: Iteration { regularise: true, last: true, ..iteration } })

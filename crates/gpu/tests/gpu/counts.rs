@@ -1,6 +1,6 @@
-//! What a solve has a GPU do, in counts that are the same on any driver: dispatches, empty dispatches, submissions,
-//! bytes moved and bytes held. They stand here so that they cannot rise unseen; `benches/gpu.sh --counts` has them in
-//! full.
+//! Work that a solve gives to a GPU, in counts that are the same on any driver: dispatches, empty dispatches,
+//! submissions, bytes moved and bytes held. They stand here so that they cannot rise unseen; `benches/gpu.sh --counts`
+//! has them in full.
 
 use vrtm::{DeviceSettings, Quality};
 use vrtm_testkit::{self, Model, assets, options, scenes};

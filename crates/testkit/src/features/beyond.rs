@@ -1,4 +1,4 @@
-//! Where the surface is at points of a chart's plane beyond the chart's seams.
+//! Places on the surface of points of a chart's plane beyond the chart's seams.
 
 use std::collections::HashMap;
 

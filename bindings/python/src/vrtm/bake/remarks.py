@@ -296,7 +296,7 @@ class TimeLeft:
         return elapsed / worked * sum(count * expected(mesh) for mesh, count in self._left.items() if count)
 
     def text(self, elapsed: float) -> str:
-        """The same as the end of a line; empty if it is not worth a word."""
+        """Return it as the end of a line; empty if it is not worth a word."""
         seconds = self.seconds(elapsed)
         if seconds < _LEAST:
             return ""
