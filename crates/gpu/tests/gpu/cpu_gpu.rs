@@ -254,8 +254,8 @@ fn whole_solves_agree() {
         let frames = 1..=model.frames.len();
         cases.extend(frames.map(|frame| Case { model, frame, grid: 256, quality, real: true }));
     }
-    // Always the same ones: on others, such as tile 1005 of ict_inner, noise in the pose moves nodes as far as the other
-    // backend does.
+    // Always the same ones: on others, such as tile 1005 of ict_inner, noise in the pose moves nodes as far as the
+    // other backend does.
     let cases: Vec<Case> =
         if long::only("7 of 8 solves") { cases } else { cases.into_iter().step_by(8).collect() };
     let differences =
