@@ -1,6 +1,6 @@
 //! Windows (method §1): contiguous copies of a block and its halo of one node, on which a stage works.
 
-use crate::grid::planes::{Plane, SIDE};
+use crate::grid::planes::{Plane, SIDE, slot};
 use crate::mesh::NONE;
 
 /// Nodes of a window: 18 x 18.
@@ -26,7 +26,14 @@ pub fn load<'a, T: Copy + 'a>(
     plane: impl Fn(usize) -> &'a Plane<T>,
     window: &mut Window<T>,
 ) {
-    let centre = plane(neighbours[4] as usize);
+    copy(neighbours.map(|b| (b != NONE).then(|| plane(b as usize))), default, window);
+}
+
+/// One function for each type: inlined into each kernel, it would take a large part of the time that kernels take to
+/// compile.
+#[inline(never)]
+fn copy<T: Copy>(planes: [Option<&Plane<T>>; 9], default: T, window: &mut Window<T>) {
+    let centre = planes[4].expect("a stored block");
     for colour in 0..4 {
         let (ci, cj) = (colour & 1, colour >> 1);
         for row in 0..8 {
@@ -37,39 +44,27 @@ pub fn load<'a, T: Copy + 'a>(
     }
     // South (j = -1 is row 15 of the block below) and north.
     for (k, from_j, to_j) in [(1, 15, 0), (7, 0, 17)] {
-        let b = neighbours[k];
         for ci in 0..2 {
-            let to = place(ci + 1, to_j);
+            let (to, from) = (place(ci + 1, to_j), slot(ci, from_j));
             let row = &mut window[to..to + 8];
-            if b == NONE {
-                row.fill(default);
-            } else {
-                let from = super::planes::slot(ci, from_j);
-                row.copy_from_slice(&plane(b as usize)[from..from + 8]);
+            match planes[k] {
+                Some(plane) => row.copy_from_slice(&plane[from..from + 8]),
+                None => row.fill(default),
             }
         }
     }
+    let mut set = |to, k: usize, from| {
+        window[to] = planes[k].map_or(default, |plane| plane[from]);
+    };
     // West and east.
     for (k, from_i, to_i) in [(3, 15, 0), (5, 0, 17)] {
-        let b = neighbours[k];
-        if b == NONE {
-            for j in 0..SIDE {
-                window[place(to_i, j + 1)] = default;
-            }
-        } else {
-            let source = plane(b as usize);
-            for j in 0..SIDE {
-                window[place(to_i, j + 1)] = source[super::planes::slot(from_i, j)];
-            }
-        }
+        (0..SIDE).for_each(|j| set(place(to_i, j + 1), k, slot(from_i, j)));
     }
     // The corners.
     for (k, from, to) in
         [(0, (15, 15), (0, 0)), (2, (0, 15), (17, 0)), (6, (15, 0), (0, 17)), (8, (0, 0), (17, 17))]
     {
-        let b = neighbours[k];
-        window[place(to.0, to.1)] =
-            if b == NONE { default } else { plane(b as usize)[super::planes::slot(from.0, from.1)] };
+        set(place(to.0, to.1), k, slot(from.0, from.1));
     }
 }
 
