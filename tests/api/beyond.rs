@@ -222,6 +222,21 @@ fn a_tile_follows_the_setting_of_its_neighbour() {
     assert!(before == run(&mut asset, Some(&[][..])), "and back");
 }
 
+/// Nodes of a collar are free where the mask of the tile that it lies in leaves them free.
+#[test]
+fn the_mask_of_a_neighbour_holds_in_collars() {
+    let sheet = CutSheet::new([2, 1], 8).in_two_tiles();
+    let nodes = |goes_on: bool, masked: bool| {
+        let mut asset = sheet.asset(&cpu(1), 64, goes_on);
+        let fixed = masked.then(|| view(&[0u8; 4], 2, 2));
+        asset.set_mask(1, fixed).unwrap();
+        asset.tile_info(0).unwrap().movable_nodes
+    };
+    let [alone, masked, free] =
+        [(false, false), (true, true), (true, false)].map(|(on, mask)| nodes(on, mask));
+    assert!(alone <= masked && masked < free, "{alone} nodes, in collars {masked} and {free}");
+}
+
 /// If the collar of one of two charts has no room beside a part of their seam, neither side moves over that part, so
 /// that both stay together; over the rest of the seam texture moves.
 #[test]
