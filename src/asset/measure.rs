@@ -7,7 +7,7 @@ use crate::map::nodes;
 use crate::solved::Solved;
 use vrtm_core::allocation::Vec;
 use vrtm_core::error::Result;
-use vrtm_core::grid::coverage::{Coverage, NodeMaps, node_maps};
+use vrtm_core::grid::coverage::{NodeMaps, node_maps};
 use vrtm_core::grid::planes::{NODES, SIDE, slot};
 use vrtm_core::strain::measure;
 use vrtm_core::team::Team;
@@ -35,21 +35,14 @@ impl Asset {
             let level = &solved.grid.levels[0];
             let mut booked = self.device.booking();
             booked.set(BYTES_PER_NODE * ((level.nx + 1) * (level.ny + 1)) as u64, &mesh.name())?;
-            let coverage = Coverage::new(mesh, level.nx, level.ny, given.settings.overlap);
             let mut maps = node_maps(mesh, given, [level.nx, level.ny]);
             if solved.extended.is_some() {
                 set_movable(&mut maps, solved);
             }
             let nodes = nodes::dense(solved)?;
             let width = level.nx + 1;
-            let strain = measure(
-                &self.mesh,
-                solved.extended.as_deref().unwrap_or(mesh),
-                &coverage,
-                &maps,
-                &pose,
-                &|i, j| nodes[j * width + i],
-            );
+            let tile = solved.extended.as_deref().unwrap_or(mesh);
+            let strain = measure(&self.mesh, tile, &maps, &pose, &|i, j| nodes[j * width + i]);
             solved.report.strain = Some(strain);
         }
         Ok(())

@@ -4,7 +4,7 @@
 use glam::{DVec2, DVec3};
 
 use vrtm_core::allocation::{Vec, vec};
-use vrtm_core::grid::coverage::{Coverage, node_maps};
+use vrtm_core::grid::coverage::{NodeMaps, node_maps};
 use vrtm_core::grid::maps::Values;
 use vrtm_core::mesh::{Mesh, NONE, TileMesh};
 use vrtm_core::team::Team;
@@ -87,8 +87,7 @@ impl<'a> Features<'a> {
             let has_rigidity = !matches!(tile.maps.rigidity, Values::None);
             surfaces[k].as_ref().filter(|_| has_rigidity && tile.grid.is_some())?;
             let [nx, ny] = tile.cells();
-            let triangle = Coverage::new(tile.mesh, nx, ny, tile.maps.settings.overlap).triangle;
-            let rigidity = node_maps(tile.mesh, tile.maps, [nx, ny]).rigidity;
+            let NodeMaps { triangle, rigidity, .. } = node_maps(tile.mesh, tile.maps, [nx, ny]);
             let rigid = vec![NONE; triangle.len()];
             Some(TileNodes { size: [nx + 1, ny + 1], triangle, rigidity, rigid })
         });

@@ -32,8 +32,13 @@ pub use __vec as vec;
 
 /// A value on the heap.
 pub fn boxed<T>(value: T) -> Box<T> {
-    // One element without spare capacity, so nothing is reallocated.
-    let one = vec![value].into_boxed_slice();
+    only(vec![value])
+}
+
+/// The one element of an array.
+fn only<T>(one: Vec<T>) -> Box<T> {
+    // Without spare capacity, so nothing is reallocated.
+    let one = one.into_boxed_slice();
     // SAFETY: a slice of one element has the layout of the element, which is owned by whoever has the pointer.
     unsafe { Box::from_raw(Box::into_raw(one).cast::<T>()) }
 }
@@ -76,9 +81,7 @@ pub fn zeroed<T: Plain>(count: usize) -> Vec<T> {
 
 /// A zeroed value on the heap. Unlike with `boxed`, the value is never on the stack, which may be small.
 pub fn zeroed_box<T: Plain>() -> Box<T> {
-    let one = zeroed::<T>(1).into_boxed_slice();
-    // SAFETY: a slice of one element has the layout of the element, which is owned by whoever has the pointer.
-    unsafe { Box::from_raw(Box::into_raw(one).cast::<T>()) }
+    only(zeroed(1))
 }
 
 /// Makes room for `count` more entries of a hash table.

@@ -3,9 +3,12 @@
 use std::sync::Arc;
 
 use crate::allocation::Vec;
+use crate::grid::Grid;
 use crate::grid::maps::{TileMaps, Values};
+use crate::grid::pose::Pose;
 use crate::image::map::Map;
-use crate::mesh::{Mesh, MeshSource, UvSource};
+use crate::mesh::{Mesh, MeshSource, TileMesh, UvSource};
+use crate::method::plan::Input;
 use crate::settings::TileSettings;
 use crate::view::{Scalar, Strided};
 
@@ -38,6 +41,43 @@ pub fn sheet(n: u32, rest: impl Fn(f64, f64) -> [f64; 3]) -> Mesh {
 pub fn posed(n: u32, pose: impl Fn(f64, f64) -> [f64; 3]) -> Vec<[f64; 3]> {
     let at = |i: u32| f64::from(i as f32 / n as f32);
     (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j))).map(|(i, j)| pose(at(i), at(j))).collect()
+}
+
+/// A flat sheet on the grid of its maps, in a pose.
+pub struct Posed {
+    mesh: Mesh,
+    pub maps: TileMaps,
+    pub grid: Arc<Grid>,
+    pose: Pose,
+}
+
+impl Posed {
+    /// A sheet of n x n quads, whose vertices `pose` maps from their UVs.
+    pub fn new(n: u32, maps: TileMaps, pose: impl Fn(f64, f64) -> [f64; 3]) -> Posed {
+        let mesh = sheet(n, |u, v| [u, v, 0.0]);
+        let grid = Arc::new(Grid::new(&mesh, &mesh.tiles[0], &maps));
+        let positions = posed(n, pose);
+        let pose = Pose::new(&mesh.tiles[0], |v| positions[v as usize], Some(&grid.rest));
+        Posed { mesh, maps, grid, pose }
+    }
+
+    pub fn tile(&self) -> &TileMesh {
+        &self.mesh.tiles[0]
+    }
+
+    /// The input of a solve of its one chart.
+    pub fn input(&self) -> Input<'_> {
+        Input {
+            grid: &self.grid,
+            mesh: self.tile(),
+            pose: &self.pose,
+            settings: &self.maps.settings,
+            protect: 0.0,
+            charts: &[true],
+            continuation: 1.0,
+            pull: 0.0,
+        }
+    }
 }
 
 /// A square rigidity map.

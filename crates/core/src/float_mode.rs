@@ -95,31 +95,19 @@ mod tests {
     const ODD: Word = (DEFAULT & !(1 << 9)) | 0x4000 | 0x8000 | 0x40;
 
     #[test]
-    fn a_mode_is_set_and_restored() {
-        let before = read();
-        write(ODD);
-        let inside = {
-            let _mode = FloatMode::set_default();
-            (read(), std::thread::spawn(read).join())
-        };
-        let after = read();
-        write(before);
-        assert_eq!(inside.0, DEFAULT);
-        assert_eq!(inside.1.unwrap(), DEFAULT);
-        assert_eq!(after, ODD);
-    }
-
-    #[test]
-    fn a_panic_restores_it_too() {
-        let before = read();
-        write(ODD);
-        let caught = crate::unwind::hold_back(|| {
-            let _mode = FloatMode::set_default();
-            panic!("inside")
-        });
-        let after = read();
-        write(before);
-        let _: Result<(), _> = caught;
-        assert_eq!(after, ODD);
+    fn a_mode_is_set_and_restored_even_by_a_panic() {
+        for panics in [false, true] {
+            let before = read();
+            write(ODD);
+            let mut inside = None;
+            let caught = crate::unwind::hold_back(|| {
+                let _mode = FloatMode::set_default();
+                inside = Some((read(), std::thread::spawn(read).join().unwrap()));
+                assert!(!panics, "inside");
+            });
+            let after = read();
+            write(before);
+            assert_eq!((inside, after, caught.is_err()), (Some((DEFAULT, DEFAULT)), ODD, panics));
+        }
     }
 }

@@ -52,7 +52,7 @@ use uv_triangle::UvTriangle;
 
 /// One level of a tile's grid: all of its data that does not depend on the pose. Data that does not depend on the
 /// rigidity either is shared between grids that differ only in rigidity.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Level {
     /// Cells along u.
     pub nx: usize,
@@ -88,7 +88,7 @@ pub struct Level {
 }
 
 /// A tile's grid: all data that is built once per mesh, maps and settings.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Grid {
     pub levels: Vec<Level>,
     pub triangles: Arc<Vec<UvTriangle>>,

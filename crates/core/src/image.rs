@@ -145,6 +145,14 @@ pub struct TexelLayout {
 }
 
 impl TexelLayout {
+    fn check_bytes(&self, name: &str, given: usize) -> Result<()> {
+        let needed = self.bytes;
+        match given >= needed {
+            true => Ok(()),
+            false => Err(Error::argument(format!("{name}: {given} bytes given, {needed} needed"))),
+        }
+    }
+
     /// Byte offset of texel `x` in row `y`, rows counted from v = 0 upward.
     pub fn offset(&self, x: usize, y: usize) -> usize {
         self.row(y) * self.row_stride + x * self.pixel_stride
@@ -173,10 +181,7 @@ impl<'a> ImageView<'a> {
     /// `InvalidArgument` for a zero size, a short stride or too few bytes.
     pub fn new(name: &str, bytes: &'a [u8], layout: ImageLayout) -> Result<ImageView<'a>> {
         let layout = layout.resolve(name, 1)?;
-        if bytes.len() < layout.bytes {
-            let (given, needed) = (bytes.len(), layout.bytes);
-            return Err(Error::argument(format!("{name}: {given} bytes given, {needed} needed")));
-        }
+        layout.check_bytes(name, bytes.len())?;
         Ok(ImageView { bytes, layout })
     }
 
@@ -290,10 +295,7 @@ impl<'a> ImageViewMut<'a> {
     pub fn new(name: &str, bytes: &'a mut [u8], layout: ImageLayout) -> Result<ImageViewMut<'a>> {
         // SAFETY: the bytes are borrowed for as long as the view lives, and their number is checked here.
         let view = unsafe { ImageViewMut::from_raw(name, bytes.as_mut_ptr(), layout) }?;
-        if bytes.len() < view.layout.bytes {
-            let (given, needed) = (bytes.len(), view.layout.bytes);
-            return Err(Error::argument(format!("{name}: {given} bytes given, {needed} needed")));
-        }
+        view.layout.check_bytes(name, bytes.len())?;
         Ok(view)
     }
 

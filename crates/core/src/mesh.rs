@@ -237,14 +237,12 @@ impl TileMesh {
         of(|chart| &chart.triangles).chain(of(|chart| &chart.collar)).collect()
     }
 
-    /// The chart of a triangle.
     pub fn chart_of_triangle(&self, triangle: u32) -> u32 {
         let t = triangle as usize;
         let end = |chart: &Chart| if t < self.own() { chart.triangles.end } else { chart.collar.end };
         self.charts.partition_point(|chart| end(chart) <= t) as u32
     }
 
-    /// The cuts at a triangle.
     pub fn cuts_of(&self, triangle: u32) -> impl Iterator<Item = &Cut> {
         let first = self.cuts.partition_point(|cut| cut.triangle < triangle);
         self.cuts[first..].iter().take_while(move |cut| cut.triangle == triangle)

@@ -10,7 +10,7 @@ pub mod exact;
 use glam::{DVec2, DVec3};
 
 use crate::allocation::{Vec, vec};
-use crate::grid::coverage::{Coverage, NodeMaps};
+use crate::grid::coverage::NodeMaps;
 use crate::grid::planes::EDGES;
 use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::report::{Strain, StrainReport, report};
@@ -36,22 +36,21 @@ const LARGEST: f64 = 1e12;
 pub fn measure(
     mesh: &Mesh,
     tile: &TileMesh,
-    coverage: &Coverage,
     maps: &NodeMaps,
     pose: &[[f64; 3]],
     u: &dyn Fn(usize, usize) -> [f32; 2],
 ) -> StrainReport {
-    let (nx, ny) = (coverage.nx, coverage.ny);
+    let (nx, ny) = (maps.nx, maps.ny);
     let width = nx + 1;
-    let locator = Locator::new(tile, nx, ny, coverage.triangle.clone());
+    let locator = Locator::new(tile, nx, ny, maps.triangle.clone());
     let rest = Surface::new(tile, &locator, |v| mesh.rest[v]);
     let posed = Surface::new(tile, &locator, |v| pose[v]);
-    let near_border = near_border(coverage);
-    let rigid = |n: usize| maps.rigidity[n] > RIGID && coverage.triangle[n] != NONE;
+    let near_border = near_border(maps);
+    let rigid = |n: usize| maps.rigidity[n] > RIGID && maps.triangle[n] != NONE;
     let mut ends = vec![End::default(); width * (ny + 1)];
     for (n, end) in ends.iter_mut().enumerate().filter(|(n, _)| rigid(*n)) {
         let (i, j) = (n % width, n / width);
-        let (at, home) = (DVec2::new(i as f64, j as f64), coverage.triangle[n]);
+        let (at, home) = (DVec2::new(i as f64, j as f64), maps.triangle[n]);
         let warped = at + DVec2::from(u(i, j).map(f64::from));
         *end = End {
             rest: rest.at(home, at).into(),
@@ -73,7 +72,7 @@ pub fn measure(
             if maps.chart[a] == NONE && maps.chart[b] == NONE {
                 // Follow the surface from a: the triangle under b may belong to another chart, or to another layer.
                 let at = DVec2::new(i as f64, j as f64);
-                let Some(under) = locator.walk(coverage.triangle[a], at) else { continue };
+                let Some(under) = locator.walk(maps.triangle[a], at) else { continue };
                 let length = distance(ends[a].rest, rest.at(under, at).into());
                 if length > 0.0 {
                     edges.add_fixed(strain(distance(ends[a].before, posed.at(under, at).into()), length));
@@ -83,7 +82,7 @@ pub fn measure(
             // With collars, nodes next to a border move, too: on its other side another part of the surface may begin.
             if !tile.sources.is_empty() {
                 let at = DVec2::new(i as f64, j as f64);
-                let under = locator.walk(coverage.triangle[a], at);
+                let under = locator.walk(maps.triangle[a], at);
                 if under.is_none_or(|t| t as usize >= tile.own()) {
                     continue;
                 }
@@ -199,9 +198,9 @@ fn statistics(values: &mut [f64], places: &[Place]) -> Strain {
 
 /// Per node, true if a node within `BORDER` nodes along both axes is outside of every chart. (Such a node always lies
 /// between the interiors of two charts.) Computed along rows first, then along columns.
-fn near_border(coverage: &Coverage) -> Vec<bool> {
-    let (width, height) = (coverage.nx + 1, coverage.ny + 1);
-    let mut near: Vec<bool> = coverage.interior.iter().map(|inside| !inside).collect();
+fn near_border(maps: &NodeMaps) -> Vec<bool> {
+    let (width, height) = (maps.nx + 1, maps.ny + 1);
+    let mut near: Vec<bool> = maps.interior.iter().map(|inside| !inside).collect();
     let mut line = Vec::new();
     for j in 0..height {
         dilate(&mut near, j * width, 1, width, &mut line);

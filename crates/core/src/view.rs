@@ -103,34 +103,31 @@ impl<'a> Strided<'a> {
     /// Packed f32 triples: positions.
     #[must_use]
     pub fn from_f32x3(values: &'a [[f32; 3]]) -> Strided<'a> {
-        let bytes = as_bytes(values);
-        Strided { bytes, scalar: Scalar::F32, components: 3, count: values.len(), stride: 12 }
+        Strided::packed(values, Scalar::F32, 3)
     }
 
     /// Packed f64 triples: positions.
     #[must_use]
     pub fn from_f64x3(values: &'a [[f64; 3]]) -> Strided<'a> {
-        let bytes = as_bytes(values);
-        Strided { bytes, scalar: Scalar::F64, components: 3, count: values.len(), stride: 24 }
+        Strided::packed(values, Scalar::F64, 3)
     }
 
     /// Packed f32 pairs: UVs.
     #[must_use]
     pub fn from_f32x2(values: &'a [[f32; 2]]) -> Strided<'a> {
-        let bytes = as_bytes(values);
-        Strided { bytes, scalar: Scalar::F32, components: 2, count: values.len(), stride: 8 }
+        Strided::packed(values, Scalar::F32, 2)
     }
 
     /// Packed f32 values.
     #[must_use]
     pub fn from_f32(values: &'a [f32]) -> Strided<'a> {
-        Strided {
-            bytes: as_bytes(values),
-            scalar: Scalar::F32,
-            components: 1,
-            count: values.len(),
-            stride: 4,
-        }
+        Strided::packed(values, Scalar::F32, 1)
+    }
+
+    /// Elements that are these components one after the other.
+    fn packed<T: Copy>(values: &'a [T], scalar: Scalar, components: usize) -> Strided<'a> {
+        let (bytes, stride) = (as_bytes(values), size_of::<T>());
+        Strided { bytes, scalar, components, count: values.len(), stride }
     }
 
     /// Number of elements.

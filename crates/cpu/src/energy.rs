@@ -119,15 +119,9 @@ impl<S: Surface> Vectorised for BlockEnergy<'_, S> {
     fn run<V: Lanes>(self) -> f64 {
         let BlockEnergy { patch, level, state, surface, weights, anchor, b, allow_folds, is_identity } = self;
         // SAFETY: nothing writes the state.
-        unsafe { patch.load::<V, S>(level, state, b) };
+        unsafe { patch.load::<V, S>(level, state, surface, weights, anchor, b) };
         if is_identity {
             patch.load_identity(level, surface, b);
-        }
-        if S::CHORDS {
-            patch.load_tangents::<V, S>(surface);
-        }
-        if weights.pull > 0.0 {
-            patch.load_anchor(level, anchor, b);
         }
         let mut total = Total::<V>::new();
         for row in Row::all() {

@@ -100,7 +100,6 @@ impl Memory {
         count.bytes
     }
 
-    /// Constructs the memory with an allocator.
     fn construct(allocator: &mut impl Allocate, grid: &Grid, purpose: Purpose) -> Memory {
         let mut levels = Vec::with_capacity(grid.levels.len());
         for (k, level) in grid.levels.iter().enumerate() {
@@ -110,7 +109,7 @@ impl Memory {
             levels.push(Buffers { metric, lost, ..Buffers::new(allocator, blocks, k == 0) });
         }
         let (workspace, pbd) = if purpose.solver == Solver::Pbd {
-            (Workspace::without_corrections(allocator, grid), PbdBuffers::new(allocator, grid))
+            (Workspace::default(), PbdBuffers::new(allocator, grid))
         } else {
             (Workspace::new(allocator, grid), Vec::new())
         };

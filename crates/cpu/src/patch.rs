@@ -52,7 +52,6 @@ impl Weights {
         self.orientation > 0.0 || self.orientation_density > 0.0
     }
 
-    /// The weights on `level`.
     pub fn new(input: &Input, level: usize) -> Weights {
         let (settings, scale) = (input.settings, input.least_weight());
         Weights {
@@ -129,12 +128,20 @@ impl Patch {
         prefetch_next(&level.rest_length[b]);
     }
 
-    /// Gathers block `b` of a level with its halo, except for the tangents.
+    /// Gathers block `b` of a level with its halo. `anchor` is the previous result.
     ///
     /// # Safety
     /// No other item writes this block or its neighbour blocks meanwhile.
     #[inline(always)]
-    pub unsafe fn load<V: Lanes, S: Surface>(&mut self, level: &Level, state: State, b: usize) {
+    pub unsafe fn load<V: Lanes, S: Surface>(
+        &mut self,
+        level: &Level,
+        state: State,
+        surface: S,
+        weights: &Weights,
+        anchor: &[[Plane; 2]],
+        b: usize,
+    ) {
         let neighbours = &level.blocks.neighbours[b];
         let block = &level.blocks.list[b];
         self.block = b;
@@ -173,9 +180,17 @@ impl Patch {
                 (V::one() / V::load(&self.length[e], at).max(floor)).store(&mut self.inverse_length[e], at);
             }
         }
+        if S::CHORDS {
+            self.load_tangents::<V, S>(surface);
+        }
+        if weights.pull > 0.0 {
+            for (c, window) in self.anchor.iter_mut().enumerate() {
+                window::load(neighbours, 0.0, |b| &anchor[b][c], window);
+            }
+        }
     }
 
-    /// Replaces the state of block `b` by that of the identity.
+    /// Replaces the displacements and values of block `b` by those of the identity.
     #[inline(always)]
     pub fn load_identity<S: Surface>(&mut self, level: &Level, surface: S, b: usize) {
         self.u = [[0.0; WINDOW_NODES]; 2];
@@ -198,7 +213,7 @@ impl Patch {
 
     /// Gathers the tangents at W(p) for the movable nodes of a block of the finest level.
     #[inline(always)]
-    pub fn load_tangents<V: Lanes, S: Surface>(&mut self, surface: S) {
+    fn load_tangents<V: Lanes, S: Surface>(&mut self, surface: S) {
         for row in Row::all() {
             let at = row.at(0, 0);
             let lanes = self.movable_lanes::<V>(row);
@@ -211,13 +226,6 @@ impl Patch {
             for (plane, x) in self.tangents.iter_mut().zip(tangents) {
                 x.store(plane, row.slot());
             }
-        }
-    }
-
-    /// Gathers the previous result on block `b` and its halo.
-    pub fn load_anchor(&mut self, level: &Level, anchor: &[[Plane; 2]], b: usize) {
-        for (c, window) in self.anchor.iter_mut().enumerate() {
-            window::load(&level.blocks.neighbours[b], 0.0, |b| &anchor[b][c], window);
         }
     }
 

@@ -2,6 +2,7 @@
 //! it; then the two are swapped. No node depends on values that the same pass writes, so neither the number of threads
 //! nor their order affects the result.
 
+mod block;
 mod project;
 mod regularise;
 #[cfg(test)]
@@ -13,8 +14,10 @@ use vrtm_core::grid::planes::Plane;
 use vrtm_core::method::pbd::{Iteration, SETS};
 
 use super::buffers::State;
+use super::lanes::dispatch;
 use super::run::{Run, SurfaceFn};
 use super::sampling::Surface;
+use block::PassBlock;
 use project::Project;
 use regularise::{Regularise, Velocity};
 use vrtm_core::team::SharedSlice;
@@ -27,8 +30,9 @@ impl Run<'_> {
         if iteration.first {
             self.begin_level(level);
         }
+        let density = self.weights[level].orientation_density;
         for set in SETS {
-            self.pass(level, Pass::Project(Project { set, iteration: *iteration }));
+            self.pass(level, Pass::Project(Project { set, iteration: *iteration, density }));
         }
         if iteration.regularise {
             let velocity = Velocity { last: iteration.last, momentum: iteration.momentum };
@@ -105,16 +109,16 @@ impl SurfaceFn<()> for RunPass {
     fn call<S: Surface>(self, run: &mut Run, state: State, surface: S) {
         let RunPass { level, pass, next, previous } = self;
         let blocks = &run.work[level].active;
-        let (level, density) = (&run.grid.levels[level], run.weights[level].orientation_density);
+        let level = &run.grid.levels[level];
         run.team.run(blocks.len(), |k| {
+            // No item writes `state`, and each item has its own block of `next` and `previous`.
             let b = blocks[k] as usize;
-            // SAFETY: no item writes `state`, and each item has its own block of `next` and `previous`.
-            unsafe {
-                match &pass {
-                    Pass::Project(project) => project.block(level, state, next, surface, density, b),
-                    Pass::Regularise(regularise) => {
-                        regularise.block(level, state, next, previous, surface, b)
-                    }
+            match pass {
+                Pass::Project(pass) => {
+                    dispatch(PassBlock { pass, level, state, next, previous, surface, b });
+                }
+                Pass::Regularise(pass) => {
+                    dispatch(PassBlock { pass, level, state, next, previous, surface, b });
                 }
             }
         });

@@ -88,13 +88,7 @@ impl<S: Surface> Vectorised for RelaxBlock<'_, S> {
     fn run<V: Lanes>(self) {
         let RelaxBlock { patch, level, state, surface, weights, anchor, b, sweeps, fraction } = self;
         // SAFETY: no other item accesses the block, or writes to its neighbour blocks.
-        unsafe { patch.load::<V, S>(level, state, b) };
-        if S::CHORDS {
-            patch.load_tangents::<V, S>(surface);
-        }
-        if weights.pull > 0.0 {
-            patch.load_anchor(level, anchor, b);
-        }
+        unsafe { patch.load::<V, S>(level, state, surface, weights, anchor, b) };
         for _ in 0..sweeps {
             for row in Row::all() {
                 step::<V, S>(patch, surface, weights, row, fraction);

@@ -69,10 +69,7 @@ pub trait Surface: Copy + Sync {
     /// Per block, the sampled values at the nodes themselves, if they are stored.
     fn at_nodes(&self) -> Option<&[[Plane; 3]]>;
 
-    /// The tangents on a triangle of the finest level; 0 for `NONE`, and on coarser levels.
-    fn tangents(&self, triangle: u32) -> [f32; 6];
-
-    /// The tangents on eight triangles; see `tangents`.
+    /// The tangents on eight triangles of the finest level; 0 for `NONE`, and on coarser levels.
     fn tangents_row<V: Lanes>(&self, triangle: &[u32; LANES]) -> Slopes<V>;
 
     /// Lengths L of the edges between nodes with the values p and n, given the tangents at p, the offsets d, and

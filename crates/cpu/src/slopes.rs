@@ -103,7 +103,6 @@ impl Patch {
     ) {
         let mut own = [[0.0f32; LANES]; 2];
         let mut own_triangle = [NONE; LANES];
-        let mut tangents = [[0.0f32; LANES]; 6];
         let mut offset = [[[0.0f32; LANES]; 2]; 4];
         let mut value = [[[0.0f32; LANES]; 3]; 4];
         let mut triangle = [[NONE; LANES]; 4];
@@ -114,10 +113,6 @@ impl Patch {
             }
             if S::CHORDS {
                 own_triangle[lane] = self.triangle[at];
-                let t = surface.tangents(self.triangle[at]);
-                for c in 0..6 {
-                    tangents[c][lane] = t[c];
-                }
             }
             for (k, (di, dj)) in ENDS.into_iter().enumerate() {
                 // SAFETY: promised by the caller.
@@ -135,7 +130,7 @@ impl Patch {
             value: each!([0, 1, 2], |c| V::from_array(value[k][c])),
             triangle: V::index_from_array(triangle[k]),
         });
-        let tangents = each!([0, 1, 2, 3, 4, 5], |c| V::from_array(tangents[c]));
+        let tangents = surface.tangents_row::<V>(&own_triangle);
         let found = from_ends::<V, S>(&tangents, V::index_from_array(own_triangle), &ends);
         for c in 0..6 {
             let x = found[c].to_array();

@@ -18,7 +18,7 @@ use chart::{ChartProblem, DIM};
 use energy::Shape;
 use minimise::{Minimiser, Options};
 use vrtm_core::error::{Error, Result};
-use vrtm_core::grid::coverage::{Coverage, node_maps};
+use vrtm_core::grid::coverage::node_maps;
 use vrtm_core::grid::maps::TileMaps;
 use vrtm_core::mesh::{Mesh, TileMesh};
 use vrtm_core::strain::exact::{Locator, Surface};
@@ -71,9 +71,8 @@ impl<'a> Problem<'a> {
             return Err(Error::argument(format!("pose[{v}]: not finite")));
         }
         let [nx, ny] = maps.grid_size();
-        let coverage = Coverage::new(tile, nx, ny, maps.settings.overlap);
-        let nodes = node_maps(tile, maps, [nx, ny]);
-        let locator = Locator::new(tile, nx, ny, coverage.triangle);
+        let mut nodes = node_maps(tile, maps, [nx, ny]);
+        let locator = Locator::new(tile, nx, ny, std::mem::take(&mut nodes.triangle));
         let rest = Surface::new(tile, &locator, |v| mix(mesh.rest[v], pose[v], 0.0));
         let charts = chart::problems(tile.charts.len(), &nodes, &locator, &rest, &maps.settings);
         Ok(Problem { nx, ny, mesh, tile, locator, charts, pose })

@@ -89,18 +89,16 @@ fn empty(survey: Survey, levels: Vec<Level>) -> Grid {
         levels,
         triangles: Arc::new(triangles),
         chart_of: Arc::new(coverer.charts.into_owned().into()),
-        triangle: Arc::default(),
-        gather: Arc::default(),
         movable,
         overlap,
         at_gaps,
         has_extra,
-        rest: Arc::default(),
         survey: Arc::new(survey),
         parts: Arc::new(parts),
         squares: Arc::new(squares),
         rigid,
         rigid_nodes,
+        ..Grid::default()
     }
 }
 
@@ -123,19 +121,13 @@ pub(super) fn levels_of(survey: &[SurveyLevel], charts: usize) -> Vec<Level> {
         levels.push(Level {
             nx: size[0],
             ny: size[1],
-            rigidity: Vec::new(),
-            density: Arc::default(),
-            hold: Arc::default(),
-            interpolation: Vec::new(),
-            stiffness: Vec::new(),
             movable: Arc::new(movable.iter().map(mobility).collect()),
-            rest_length: Arc::default(),
             lengths: vec![[Lengths::default(); 4]; charts],
             floor: zeroed(charts),
-            coverage: Arc::default(),
             children: Arc::new(children),
             parent: Arc::new(vec![NONE; blocks.list.len()]),
             blocks: blocks.clone(),
+            ..Level::default()
         });
     }
     levels

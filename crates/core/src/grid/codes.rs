@@ -54,7 +54,6 @@ impl Lengths {
         Lengths { base: low.wrapping_sub(1 << shift), shift }
     }
 
-    /// The code of a length.
     pub fn code(self, length: f32) -> u16 {
         let excess = i64::from(length.to_bits()) - i64::from(self.base.wrapping_add(1 << self.shift));
         if excess < 0 {
@@ -63,7 +62,6 @@ impl Lengths {
         (1 + ((excess + (1 << self.shift >> 1)) >> self.shift)).min(i64::from(u16::MAX)) as u16
     }
 
-    /// Decodes a length.
     pub fn length(self, code: u16) -> f32 {
         match code {
             0 => 0.0,

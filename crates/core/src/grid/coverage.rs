@@ -8,64 +8,49 @@ use crate::allocation::{Vec, vec, zeroed};
 use crate::grid::maps::{MapsOfTile, TileMaps};
 use crate::grid::planes::SIDE;
 use crate::mesh::{NONE, TileMesh};
-use crate::settings::Overlap;
 use crate::team::Team;
 
-/// The triangles that cover the nodes of a grid of nx by ny cells. Node (i, j) lies at UV (i / nx, j / ny) and has the
-/// index `j * (nx + 1) + i`.
-#[derive(Debug)]
-pub struct Coverage {
+/// Coverage, rigidity and mobility at all nodes of a grid of nx by ny cells. Node (i, j) lies at UV (i / nx, j / ny),
+/// and has the index `j * (nx + 1) + i`.
+#[derive(Debug, Default)]
+pub struct NodeMaps {
     pub nx: usize,
     pub ny: usize,
     /// The triangle under each node, or `NONE`.
     pub triangle: Vec<u32>,
     /// True for nodes whose four cells all lie in the tile and inside one chart.
     pub interior: Vec<bool>,
-}
-
-impl Coverage {
-    pub fn new(tile: &TileMesh, nx: usize, ny: usize, overlap: Overlap) -> Coverage {
-        let coverer = Coverer::new(tile, nx, ny, overlap);
-        let nodes = (nx + 1) * (ny + 1);
-        let mut coverage = Coverage { nx, ny, triangle: vec![NONE; nodes], interior: zeroed(nodes) };
-        for square in 0..coverer.squares.list.len() {
-            let cover = coverer.cover(square);
-            each_node(coverer.squares.list[square].at, nx, ny, |i, j, node| {
-                coverage.triangle[node] = cover.triangle[at(i + 1, j + 1)];
-                coverage.interior[node] = cover.interior.contains(i, j);
-            });
-        }
-        coverage
-    }
-}
-
-/// Rigidity and mobility at all nodes of level 0; node (i, j) has the index `j * (nx + 1) + i`.
-#[derive(Debug)]
-pub struct NodeMaps {
-    pub nx: usize,
-    pub ny: usize,
     /// 0 at nodes without a triangle.
     pub rigidity: Vec<f32>,
     /// The chart of a movable node, `NONE` for a fixed one.
     pub chart: Vec<u32>,
 }
 
-/// Rigidity and mobility of a tile on a grid of nx by ny cells.
+/// The nodes of a tile on a grid of nx by ny cells.
 pub fn node_maps(tile: &TileMesh, maps: &TileMaps, [nx, ny]: [usize; 2]) -> NodeMaps {
     let survey = Team::with(1, |team| Survey::new(team, tile, MapsOfTile::alone(maps), [nx, ny]));
     let rigidity = survey.rigidity(MapsOfTile::alone(maps));
     node_maps_of(&rigidity, &survey)
 }
 
-/// Rigidity and mobility of a surveyed tile.
+/// The nodes of a surveyed tile.
 pub(super) fn node_maps_of(source: &NodeRigidity, survey: &Survey) -> NodeMaps {
     let Coverer { nx, ny, squares, .. } = &survey.coverer;
     let nodes = (nx + 1) * (ny + 1);
-    let mut maps = NodeMaps { nx: *nx, ny: *ny, rigidity: zeroed(nodes), chart: vec![NONE; nodes] };
+    let mut maps = NodeMaps {
+        nx: *nx,
+        ny: *ny,
+        triangle: vec![NONE; nodes],
+        interior: zeroed(nodes),
+        rigidity: zeroed(nodes),
+        chart: vec![NONE; nodes],
+    };
     for square in 0..squares.list.len() {
         let cover = survey.coverer.cover(square);
         let values = source.at_square(squares.list[square].at, |n| cover.triangle_at(n));
         each_node(squares.list[square].at, *nx, *ny, |i, j, node| {
+            maps.triangle[node] = cover.triangle[at(i + 1, j + 1)];
+            maps.interior[node] = cover.interior.contains(i, j);
             maps.rigidity[node] = values[j * SIDE + i];
         });
     }

@@ -49,12 +49,10 @@ fn means(line: &[f64], radius: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::allocation::vec;
-    use crate::mesh::NONE;
 
     fn of(nx: usize, ny: usize, rigidity: impl Fn(usize, usize) -> f32) -> Vec<f32> {
         let rigidity = (0..(nx + 1) * (ny + 1)).map(|k| rigidity(k % (nx + 1), k / (nx + 1))).collect();
-        density(&NodeMaps { nx, ny, rigidity, chart: vec![NONE; (nx + 1) * (ny + 1)] })
+        density(&NodeMaps { nx, ny, rigidity, ..NodeMaps::default() })
     }
 
     #[test]

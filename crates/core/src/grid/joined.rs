@@ -6,7 +6,6 @@ use std::sync::Arc;
 use super::blocks::{Block, Blocks};
 use super::gather::Gather;
 use super::planes::Plane;
-use super::pose::Pose;
 use super::uv_triangle::UvTriangle;
 use super::{Grid, Level};
 use crate::allocation::Vec;
@@ -75,7 +74,6 @@ impl Grid {
                 density: Arc::new(all(levels().map(|level| &level.density[..]))),
                 hold: Arc::new(all(levels().map(|level| &level.hold[..]))),
                 interpolation,
-                stiffness: Vec::new(),
                 movable: Arc::new(all(levels().map(|level| &level.movable[..]))),
                 rest_length: Arc::new(all(levels().map(|level| &level.rest_length[..]))),
                 lengths: all(levels().map(|level| &level.lengths[..])),
@@ -87,6 +85,7 @@ impl Grid {
                     coarser,
                     |&parent, first| after(&[parent], first)[0],
                 )),
+                ..Level::default()
             }
         };
         let levels = (0..blocks.len()).map(level).collect();
@@ -94,7 +93,6 @@ impl Grid {
         if let Some(before) = before {
             return Grid { levels, movable, ..before.clone() };
         }
-        let of = |grid: &Grid| Arc::clone(&grid.survey);
         Grid {
             levels,
             triangles: Arc::new(renumbered(
@@ -114,16 +112,10 @@ impl Grid {
             )),
             gather: Arc::new(Gather::joined(grids.iter().map(|grid| &*grid.gather), &triangles)),
             movable,
-            overlap: 0.0,
-            at_gaps: 0,
             has_extra: grids[0].has_extra,
-            rest: Arc::new(Pose::default()),
             // The coarsest level of all of them.
-            survey: of(&grids[0]),
-            parts: Arc::default(),
-            squares: Arc::default(),
-            rigid: Vec::new(),
-            rigid_nodes: Vec::new(),
+            survey: grids[0].survey.clone(),
+            ..Grid::default()
         }
     }
 }

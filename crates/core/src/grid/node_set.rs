@@ -7,7 +7,6 @@ use crate::grid::planes::SIDE;
 pub struct NodeSet(pub [u16; SIDE]);
 
 impl NodeSet {
-    /// The empty set.
     pub const EMPTY: NodeSet = NodeSet([0; SIDE]);
 
     pub fn insert(&mut self, i: usize, j: usize) {

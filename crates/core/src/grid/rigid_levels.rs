@@ -23,7 +23,6 @@ pub(super) struct Nodes {
 }
 
 impl Nodes {
-    /// All nodes.
     pub const ALL: Nodes = Nodes { first: [i64::MIN / 4; 2], last: [i64::MAX / 4; 2] };
 
     /// The nodes whose rigidity depends on some texels.
@@ -53,7 +52,6 @@ impl Nodes {
         Nodes { first: self.first.map(|x| x.div_euclid(2)), last: self.last.map(|x| (x + 1).div_euclid(2)) }
     }
 
-    /// The nodes of a block.
     pub fn of_block(block: &Block) -> Nodes {
         let first = [block.x, block.y].map(|x| i64::from(x) * SIDE as i64);
         Nodes { first, last: first.map(|x| x + SIDE as i64 - 1) }

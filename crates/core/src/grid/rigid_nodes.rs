@@ -30,19 +30,7 @@ pub(super) fn sum(squares: &[RigidNodes], of: fn(&RigidNodes) -> u16) -> u64 {
 /// The rigid nodes of squares, those of all layers together. `sets` has an entry per square.
 pub(super) fn rigid_nodes(squares: &[SquareNodes], sets: &[RigidSets]) -> Vec<RigidNodes> {
     let covered = squares.iter().zip(sets).filter(|(square, _)| !square.covered.is_empty());
-    merged(covered.map(|(square, sets)| of_square(square, sets)).collect())
-}
-
-/// The rigid nodes of a square.
-pub(super) fn of_square(nodes: &SquareNodes, sets: &RigidSets) -> RigidNodes {
-    let rigid = nodes.covered.and(sets.rigid);
-    let [rigid, fixed, overlapped] =
-        [rigid, rigid.without(nodes.free), rigid.and(nodes.layered)].map(|nodes| nodes.count() as u16);
-    RigidNodes { square: nodes.square.at, rigid, fixed, overlapped }
-}
-
-/// The rigid nodes of squares, those of all layers together.
-fn merged(mut found: Vec<RigidNodes>) -> Vec<RigidNodes> {
+    let mut found: Vec<_> = covered.map(|(square, sets)| of_square(square, sets)).collect();
     found.sort_unstable_by_key(|of| (of.square[1], of.square[0]));
     found.dedup_by(|next, first| {
         let same = next.square == first.square;
@@ -55,4 +43,11 @@ fn merged(mut found: Vec<RigidNodes>) -> Vec<RigidNodes> {
         same
     });
     found
+}
+
+pub(super) fn of_square(nodes: &SquareNodes, sets: &RigidSets) -> RigidNodes {
+    let rigid = nodes.covered.and(sets.rigid);
+    let [rigid, fixed, overlapped] =
+        [rigid, rigid.without(nodes.free), rigid.and(nodes.layered)].map(|nodes| nodes.count() as u16);
+    RigidNodes { square: nodes.square.at, rigid, fixed, overlapped }
 }

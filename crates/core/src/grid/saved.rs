@@ -80,21 +80,15 @@ pub fn key(mesh: &Mesh, tile: &TileMesh, MapsOfTile { own: maps, all }: MapsOfTi
 }
 
 fn hash_maps(hash: &mut Xxh3, tile: &TileMesh, maps: &TileMaps) {
-    match &maps.rigidity {
-        Values::None => hash.update(&[0]),
-        Values::Map(map) => map.add_to(hash),
-        Values::Vertices(values) => {
-            let of_tile = tile.charts.iter().flat_map(Chart::of_mesh);
-            of_tile.for_each(|v| hash.update(&values[v as usize].to_le_bytes()));
-        }
-    }
-    match &maps.mask {
-        Values::None => hash.update(&[0]),
-        Values::Map(map) => map.add_to(hash),
-        Values::Vertices(values) => {
-            hash.update(b"vertices");
-            let of_tile = tile.charts.iter().flat_map(Chart::of_mesh);
-            of_tile.for_each(|v| hash.update(&values[v as usize].to_le_bytes()));
+    for (values, per_vertex) in [(&maps.rigidity, &b""[..]), (&maps.mask, b"vertices")] {
+        match values {
+            Values::None => hash.update(&[0]),
+            Values::Map(map) => map.add_to(hash),
+            Values::Vertices(values) => {
+                hash.update(per_vertex);
+                let of_tile = tile.charts.iter().flat_map(Chart::of_mesh);
+                of_tile.for_each(|v| hash.update(&values[v as usize].to_le_bytes()));
+            }
         }
     }
 }

@@ -86,7 +86,6 @@ impl Squares {
         self.index(Square { layer: self.layers[chart as usize], at: [x, y] })
     }
 
-    /// The index of a square.
     pub fn index(&self, square: Square) -> Option<usize> {
         self.list.binary_search_by_key(&square.key(), Square::key).ok()
     }

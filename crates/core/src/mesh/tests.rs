@@ -18,9 +18,7 @@ fn strip(n: u32, origin: [f32; 2], size: f32) -> (Vec<[f32; 3]>, Vec<u32>, Vec<f
 }
 
 fn pairs(uvs: &[f32]) -> Strided<'_> {
-    // SAFETY: any byte of an f32 may be read.
-    let bytes = unsafe { std::slice::from_raw_parts(uvs.as_ptr().cast::<u8>(), uvs.len() * 4) };
-    Strided::new("uvs.u", bytes, crate::view::Scalar::F32, 2, uvs.len() / 2, 0).unwrap()
+    Strided::from_f32x2(uvs.as_chunks().0)
 }
 
 fn build(positions: &[[f32; 3]], counts: Option<&[u32]>, indices: &[u32], uvs: &[f32]) -> Result<Mesh> {

@@ -91,7 +91,6 @@ pub trait Real:
     fn abs(self) -> Self;
     /// The smaller of both operands; if one is NaN, the other.
     fn min(self, other: Self) -> Self;
-    /// Clamped to 0..1.
     fn clamp_to_unit(self) -> Self;
 }
 
@@ -120,18 +119,7 @@ real!(f32 f64);
 mod tests {
     use super::*;
 
-    fn next(first: bool, trusts_model: bool, gain: f64, predicted: f64, fraction: f32) -> f64 {
-        next_of_limited(first, trusts_model, gain, predicted, fraction, 0.0)
-    }
-
-    fn next_of_limited(
-        first: bool,
-        trusts_model: bool,
-        gain: f64,
-        predicted: f64,
-        fraction: f32,
-        cut: f64,
-    ) -> f64 {
+    fn next(first: bool, trusts_model: bool, [gain, predicted, cut]: [f64; 3], fraction: f32) -> f64 {
         let correction = Correction { first, iterations: 2, sweeps: 2, tolerance: 1e-2, trusts_model };
         // The unit of gains is 1 for this energy.
         let before = 100.0;
@@ -148,21 +136,21 @@ mod tests {
     #[test]
     fn a_trusted_first_correction_goes_on_where_its_model_erred() {
         let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-6, "{a} {b}");
-        near(next(true, true, 10.0, 10.0, 1.0), 0.0);
-        near(next(true, true, 10.0, 10.2, 1.0), 0.0);
-        near(next(true, true, 10.0, 11.125, 1.0), 0.5);
-        near(next(true, true, 10.0, 15.0, 1.0), 1.0);
+        near(next(true, true, [10.0, 10.0, 0.0], 1.0), 0.0);
+        near(next(true, true, [10.0, 10.2, 0.0], 1.0), 0.0);
+        near(next(true, true, [10.0, 11.125, 0.0], 1.0), 0.5);
+        near(next(true, true, [10.0, 15.0, 0.0], 1.0), 1.0);
         // Limited by the gain's own ramp.
-        near(next(true, true, 2.5, 15.0, 1.0), 0.5);
+        near(next(true, true, [2.5, 15.0, 0.0], 1.0), 0.5);
         // The gain that a limited step lost and sweeps made up for.
-        near(next_of_limited(true, true, 10.0, 10.0, 1.0, 0.1125), 0.5);
-        near(next_of_limited(true, true, 10.0, 10.0, 1.0, 0.5), 1.0);
-        near(next_of_limited(true, true, 10.0, 10.0, 1.0, 0.02), 0.0);
+        near(next(true, true, [10.0, 10.0, 0.1125], 1.0), 0.5);
+        near(next(true, true, [10.0, 10.0, 0.5], 1.0), 1.0);
+        near(next(true, true, [10.0, 10.0, 0.02], 1.0), 0.0);
         // Without trust in the model, and in later corrections, the fraction grows fourfold at most.
-        near(next(true, false, 10.0, 10.0, 1.0), 1.0);
-        near(next(false, true, 10.0, 10.0, 0.05), 0.2);
+        near(next(true, false, [10.0, 10.0, 0.0], 1.0), 1.0);
+        near(next(false, true, [10.0, 10.0, 0.0], 0.05), 0.2);
         for nothing in [0.0, -1.0, f64::NAN] {
-            assert_eq!(next(false, true, nothing, 10.0, 1.0), 0.0);
+            assert_eq!(next(false, true, [nothing, 10.0, 0.0], 1.0), 0.0);
         }
     }
 

@@ -1,7 +1,6 @@
 use super::*;
 use crate::fixtures::{discs, maps, posed, sheet};
 use crate::grid::coverage::node_maps;
-use crate::grid::maps::TileMaps;
 use crate::settings::TileSettings;
 
 fn flat(u: f64, v: f64) -> [f64; 3] {
@@ -14,9 +13,8 @@ fn a_stretched_sheet_has_the_strain_it_was_given() {
     let mesh = sheet(8, flat);
     let pose = posed(8, |u, v| [1.5 * u, v, 0.0]);
     let maps = maps(64, TileSettings::default(), |_, _| 1.0);
-    let coverage = cover(&mesh, &maps);
     let nodes = node_maps(&mesh.tiles[0], &maps, [64, 64]);
-    let report = measure(&mesh, &mesh.tiles[0], &coverage, &nodes, &pose, &|_, _| [0.0; 2]);
+    let report = measure(&mesh, &mesh.tiles[0], &nodes, &pose, &|_, _| [0.0; 2]);
     let diagonal = (3.25f64 / 2.0).sqrt() - 1.0;
     // 63 x 63 nodes move: 64 x 63 edges along each axis, and 64 x 64 cells with two diagonals, except one diagonal in
     // each of the four corner cells.
@@ -39,20 +37,19 @@ fn a_stretched_sheet_has_the_strain_it_was_given() {
 fn a_warp_that_undoes_the_stretch_is_help_and_its_reverse_is_harm() {
     let mesh = sheet(1, flat);
     let maps = maps(64, TileSettings::default(), |u, _| f64::from(u8::from((0.25..0.75).contains(&u))));
-    let coverage = cover(&mesh, &maps);
     let nodes = node_maps(&mesh.tiles[0], &maps, [64, 64]);
     // The whole sheet twice as long; features shrink to half their UV length about the middle.
     let pose = posed(1, |u, v| [2.0 * u, v, 0.0]);
     let shrink = |i: usize, _: usize| [-0.5 * (i as f32 - 32.0), 0.0];
     let moving = |i: usize, j: usize| if (1..64).contains(&j) { shrink(i, j) } else { [0.0; 2] };
-    let report = measure(&mesh, &mesh.tiles[0], &coverage, &nodes, &pose, &moving);
+    let report = measure(&mesh, &mesh.tiles[0], &nodes, &pose, &moving);
     assert!(report.before.rms > 0.5);
     // Away from the fixed rows at the tile's rim, no strain remains.
     assert!(report.after.interior_rms < 1e-6, "{}", report.after.interior_rms);
     assert!(report.after.border_rms > 0.1);
     assert!(report.help > 0.5);
     let mirror = posed(1, flat);
-    let report = measure(&mesh, &mesh.tiles[0], &coverage, &nodes, &mirror, &moving);
+    let report = measure(&mesh, &mesh.tiles[0], &nodes, &mirror, &moving);
     assert!(report.before.max < 1e-6 && report.harm > 0.2 && report.help == 0.0);
 }
 
@@ -60,17 +57,11 @@ fn a_warp_that_undoes_the_stretch_is_help_and_its_reverse_is_harm() {
 fn borders_are_ten_cells_wide() {
     let mesh = sheet(2, flat);
     let maps = maps(64, TileSettings::default(), discs);
-    let coverage = cover(&mesh, &maps);
-    let near = near_border(&coverage);
+    let near = near_border(&node_maps(&mesh.tiles[0], &maps, [64, 64]));
     let within = |i: usize, j: usize| i.min(j).min(64 - i).min(64 - j) <= BORDER;
     for j in 0..=64 {
         for i in 0..=64 {
             assert_eq!(near[j * 65 + i], within(i, j), "{i} {j}");
         }
     }
-}
-
-fn cover(mesh: &Mesh, maps: &TileMaps) -> Coverage {
-    let [nx, ny] = maps.grid_size();
-    Coverage::new(&mesh.tiles[0], nx, ny, maps.settings.overlap)
 }

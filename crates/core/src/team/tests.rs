@@ -6,25 +6,8 @@ use std::time::Duration;
 
 use super::*;
 
-use crate::allocation::{Vec, vec};
+use crate::allocation::vec;
 use crate::clock::Instant;
-
-#[test]
-fn every_item_runs_once() {
-    for threads in [1, 2, 5] {
-        Team::with(threads, |team| {
-            for count in [0, 1, 2, 3, 100, if cfg!(miri) { 200 } else { 1000 }] {
-                let hits: Vec<AtomicUsize> = (0..count).map(|_| AtomicUsize::new(0)).collect();
-                for _ in 0..20 {
-                    team.run(count, |i| {
-                        hits[i].fetch_add(1, Ordering::Relaxed);
-                    });
-                }
-                assert!(hits.iter().all(|h| h.load(Ordering::Relaxed) == 20));
-            }
-        });
-    }
-}
 
 #[test]
 fn results_are_in_the_order_of_the_items() {
@@ -37,24 +20,6 @@ fn results_are_in_the_order_of_the_items() {
             assert!(texts.iter().enumerate().all(|(k, text)| *text == k.to_string()));
         });
     }
-}
-
-#[test]
-fn helpers_that_slept_are_woken() {
-    Team::with(2, |team| {
-        for _ in 0..3 {
-            std::thread::sleep(Duration::from_millis(5));
-            meet(team, 2, |_| ());
-        }
-    });
-}
-
-#[test]
-fn a_panic_reaches_the_caller() {
-    let result = catch_unwind(|| {
-        Team::with(3, |team| team.run(50, |i| assert!(i != 30, "item {i}")));
-    });
-    assert!(result.is_err());
 }
 
 /// Calls `f` on `threads` threads of a team at the same time.

@@ -1,34 +1,32 @@
 //! Starts threads, and waits for their ends: a host may unload the library right after the call. If a team's helper
 //! cannot be started, that is no error: the others do its work.
 
-#[cfg(not(unix))]
 use std::cell::RefCell;
 use std::ops::Range;
 
-#[cfg(not(unix))]
 use crate::allocation::Vec;
 
 /// Runs `body` on this thread. Once that calls the function that it is given, `help(number)` runs on a thread for each
 /// of the numbers. `body` must make the helpers return; it does not unwind.
-#[cfg(unix)]
 pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl FnOnce(&dyn Fn()) -> R) -> R {
-    posix::with(numbers, help, body)
-}
-
-/// `with` through std, whose threads leave records on the thread that starts them. On these systems that does no harm.
-#[cfg(not(unix))]
-pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl FnOnce(&dyn Fn()) -> R) -> R {
-    std::thread::scope(|scope| {
-        let help = &help;
-        let start = |n| std::thread::Builder::new().spawn_scoped(scope, move || help(n)).ok();
-        let helpers = RefCell::new(Vec::new());
-        let result = body(&|| *helpers.borrow_mut() = numbers.clone().filter_map(start).collect());
-        // A scope waits until its threads have run their closures, not until they end, and ending runs code of this
-        // library, too.
-        for helper in helpers.into_inner() {
-            let _ = helper.join();
+    /// Joins the threads, even if `with` unwinds.
+    struct Helpers(Vec<Thread>);
+    impl Drop for Helpers {
+        fn drop(&mut self) {
+            self.0.drain(..).for_each(Thread::join);
         }
-        result
+    }
+    let (help, helpers) = (&help, RefCell::new(Helpers(Vec::with_capacity(numbers.len()))));
+    body(&|| {
+        for number in numbers.clone() {
+            #[expect(clippy::disallowed_methods, reason = "of constant size")]
+            let work: Box<dyn FnOnce() + Send + '_> = Box::new(move || help(number));
+            // SAFETY: only the lifetime changes: the thread is joined before `help` is dropped.
+            let work = unsafe {
+                std::mem::transmute::<Box<dyn FnOnce() + Send + '_>, Box<dyn FnOnce() + Send + 'static>>(work)
+            };
+            helpers.borrow_mut().0.extend(start(work));
+        }
     })
 }
 
@@ -36,7 +34,7 @@ pub fn with<R>(numbers: Range<usize>, help: impl Fn(usize) + Sync, body: impl Fn
 #[cfg(unix)]
 pub use posix::{Thread, start};
 
-/// `start` through std.
+/// `start` through std, whose threads leave records on the thread that starts them. On these systems that does no harm.
 #[cfg(not(unix))]
 pub struct Thread(std::thread::JoinHandle<()>);
 
@@ -57,61 +55,13 @@ impl Thread {
 /// it ends, and until then the system keeps the library in memory, even after a host has closed it.
 #[cfg(unix)]
 mod posix {
-    use std::cell::RefCell;
     use std::ffi::c_void;
     use std::mem::MaybeUninit;
-    use std::ops::Range;
     use std::panic::{AssertUnwindSafe, catch_unwind};
     use std::ptr;
 
-    use crate::allocation::Vec;
-
     /// The stack size of std's threads.
     const STACK: usize = 2 << 20;
-
-    /// Work of a helper.
-    struct Start<'a> {
-        help: &'a (dyn Fn(usize) + Sync),
-        number: usize,
-    }
-
-    extern "C" fn run(start: *mut c_void) -> *mut c_void {
-        // SAFETY: `with` keeps `start` alive until this thread has ended.
-        let start = unsafe { &*start.cast::<Start>() };
-        // Panics of items are caught earlier, and handed to the caller.
-        let _ = catch_unwind(AssertUnwindSafe(|| (start.help)(start.number)));
-        ptr::null_mut()
-    }
-
-    /// Joins the threads, even if `with` unwinds.
-    struct Helpers(Vec<libc::pthread_t>);
-
-    impl Drop for Helpers {
-        fn drop(&mut self) {
-            for &thread in &self.0 {
-                // SAFETY: the thread was started below and is joined once.
-                unsafe { libc::pthread_join(thread, ptr::null_mut()) };
-            }
-        }
-    }
-
-    pub fn with<R>(
-        numbers: Range<usize>,
-        help: impl Fn(usize) + Sync,
-        body: impl FnOnce(&dyn Fn()) -> R,
-    ) -> R {
-        let starts: Vec<Start> = numbers.map(|number| Start { help: &help, number }).collect();
-        let helpers = RefCell::new(Helpers(Vec::with_capacity(starts.len())));
-        let result = body(&|| {
-            for start in &starts {
-                // `start` lives until the thread is joined.
-                let thread = spawn(run, ptr::from_ref(start).cast_mut().cast());
-                helpers.borrow_mut().0.extend(thread);
-            }
-        });
-        drop(helpers);
-        result
-    }
 
     /// A started thread, which must be joined.
     pub struct Thread(libc::pthread_t);

@@ -90,13 +90,7 @@ impl<S: Surface> Vectorised for AssembleBlock<'_, S> {
     fn run<V: Lanes>(self) -> f64 {
         let AssembleBlock { patch, slopes, level, state, surface, weights, anchor, b, mut out } = self;
         // SAFETY: nothing writes the state.
-        unsafe { patch.load::<V, S>(level, state, b) };
-        if S::CHORDS {
-            patch.load_tangents::<V, S>(surface);
-        }
-        if weights.pull > 0.0 {
-            patch.load_anchor(level, anchor, b);
-        }
+        unsafe { patch.load::<V, S>(level, state, surface, weights, anchor, b) };
         // SAFETY: nothing writes the state.
         unsafe { patch.window_slopes::<V, S>(level, state, surface, slopes) };
         let mut total = Total::new();

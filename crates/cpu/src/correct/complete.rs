@@ -3,7 +3,7 @@
 use super::super::decode::interpolation;
 use super::super::lanes::{Lanes, Mask, Vectorised, dispatch, each};
 use super::super::patch::NEIGHBOURS;
-use super::super::prefetch::{prefetch, prefetch_next};
+use super::super::prefetch::{nothing, prefetch, prefetch_next};
 use super::super::row::Row;
 use super::super::run::Run;
 use super::rows::{BlockRows, Halo, Pairs, Rows, Words, halo_words};
@@ -56,17 +56,13 @@ fn interpolated_ones(run: &Run, level: usize, z: &mut [[Plane; 2]]) {
     let (fine, coarse) = (&run.grid.levels[level], &run.grid.levels[level + 1]);
     let movable = |b: usize| &coarse.movable[b];
     let z = SharedSlice::new(z);
-    run.each_block(
-        level,
-        |_| {},
-        |_, b, _| {
-            // SAFETY: each item has its own block.
-            let ones = unsafe { &mut z.get_mut(b)[0] };
-            *ones = [0.0; NODES];
-            let weights = interpolation(fine, &fine.blocks.neighbours[b]);
-            add_interpolated(run, level, b, &weights, movable, ones);
-        },
-    );
+    run.each_block(level, nothing, |_, b, _| {
+        // SAFETY: each item has its own block.
+        let ones = unsafe { &mut z.get_mut(b)[0] };
+        *ones = [0.0; NODES];
+        let weights = interpolation(fine, &fine.blocks.neighbours[b]);
+        add_interpolated(run, level, b, &weights, movable, ones);
+    });
 }
 
 /// Computes one block's diagonals from its row sums, and the block's part of A P 1 for the coarser level.

@@ -1,6 +1,7 @@
 //! Solves a level's system for the step: conjugate gradients, preconditioned with a V-cycle (method §7.3).
 
 use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch};
+use super::super::prefetch::nothing;
 use super::super::run::Run;
 use super::last_step::Directions;
 use super::multigrid;
@@ -52,18 +53,10 @@ impl Run<'_> {
                     })
                     .collect();
                 let (direction, step) = (SharedSlice::new(direction), &*solving.step);
-                self.each_block(
-                    level,
-                    |_| {},
-                    |_, b, c| {
-                        // SAFETY: each item has its own block.
-                        dispatch(Direction {
-                            z: unsafe { direction.get_mut(b) },
-                            x: &step[b],
-                            beta: beta[c],
-                        });
-                    },
-                );
+                self.each_block(level, nothing, |_, b, c| {
+                    // SAFETY: each item has its own block.
+                    dispatch(Direction { z: unsafe { direction.get_mut(b) }, x: &step[b], beta: beta[c] });
+                });
             }
             let curvature = multigrid::multiply(self, level, rows, direction, product);
             let alpha: Vec<f32> = (0..charts)
@@ -78,15 +71,11 @@ impl Run<'_> {
                 predicted[c] += f64::from(alpha[c]) * rz[c];
             }
             let (step, residual) = (SharedSlice::new(solving.step), SharedSlice::new(residual));
-            self.each_block(
-                level,
-                |_| {},
-                |_, b, c| {
-                    // SAFETY: each item has its own block.
-                    let (x, r) = unsafe { (step.get_mut(b), residual.get_mut(b)) };
-                    dispatch(Update { x, r, z: &direction[b], t: &product[b], alpha: alpha[c], first, last });
-                },
-            );
+            self.each_block(level, nothing, |_, b, c| {
+                // SAFETY: each item has its own block.
+                let (x, r) = unsafe { (step.get_mut(b), residual.get_mut(b)) };
+                dispatch(Update { x, r, z: &direction[b], t: &product[b], alpha: alpha[c], first, last });
+            });
             if first {
                 first_rz = rz;
             }

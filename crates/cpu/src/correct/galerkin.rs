@@ -75,7 +75,6 @@ pub fn triple_product(run: &Run, finer: usize, fine: &SolvingLevel, coarse: &mut
 
 /// Forms the pairs that the 8x8 coarse nodes over one fine block own, a row of eight nodes at a time.
 struct QuarterPairs<'a> {
-    /// The rows of the fine block.
     fine_rows: BlockRows<'a>,
     /// The encoded pairs of all fine blocks.
     fine_words: &'a [Words],

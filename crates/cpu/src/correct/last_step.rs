@@ -1,6 +1,7 @@
 //! The step of the correction before, as a third direction of conjugate gradients (method §7.3).
 
 use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch};
+use super::super::prefetch::nothing;
 use super::super::row::Row;
 use super::super::run::Run;
 use super::multigrid;
@@ -29,7 +30,7 @@ impl Run<'_> {
         let last_step = SharedSlice::new(last_step);
         // SAFETY: each item has its own block.
         let encode = |b: usize| dispatch(Encode { step: &step[b], words: unsafe { last_step.get_mut(b) } });
-        self.each_block(level, |_| {}, |_, b, _| encode(b));
+        self.each_block(level, nothing, |_, b, _| encode(b));
     }
 
     /// Adds to the step of `level` the part of the last step that is conjugate to both directions, at the length that
@@ -75,18 +76,14 @@ impl Run<'_> {
             .collect();
         let direction = &*solving.levels[0].direction;
         let step = SharedSlice::new(solving.step);
-        self.each_block(
-            level,
-            |_| {},
-            |_, b, c| {
-                // SAFETY: each item has its own block.
-                let x = unsafe { step.get_mut(b) };
-                if factors[c][2] != 0.0 {
-                    let (second, last, factors) = (&direction[b], &last_step[b], factors[c]);
-                    dispatch(Combine { x, second, last, factors });
-                }
-            },
-        );
+        self.each_block(level, nothing, |_, b, c| {
+            // SAFETY: each item has its own block.
+            let x = unsafe { step.get_mut(b) };
+            if factors[c][2] != 0.0 {
+                let (second, last, factors) = (&direction[b], &last_step[b], factors[c]);
+                dispatch(Combine { x, second, last, factors });
+            }
+        });
     }
 }
 

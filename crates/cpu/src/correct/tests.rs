@@ -1,15 +1,11 @@
-use std::sync::Arc;
-
 use super::*;
 use crate::Memory;
 use vrtm_core::allocation::{Vec, vec};
-use vrtm_core::fixtures::{maps, posed, sheet};
-use vrtm_core::grid::Grid;
+use vrtm_core::fixtures::{Posed, maps};
 use vrtm_core::grid::planes::{EDGES, SIDE, slot};
-use vrtm_core::grid::pose::Pose;
-use vrtm_core::method::plan::{Input, Purpose};
+use vrtm_core::method::plan::Purpose;
 use vrtm_core::method::stage::{Stage, Stages, Start};
-use vrtm_core::settings::{Solver, TileSettings};
+use vrtm_core::settings::TileSettings;
 use vrtm_core::team::Team;
 
 const GRID: usize = 64;
@@ -42,28 +38,14 @@ fn row_sum(run: &Run, level: usize, i: usize, j: usize) -> ([f64; 3], f64) {
 fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
     // On a flat surface only the fixed border resists a rigid motion of the whole surface. The sum of each row that has
     // no fixed neighbour is therefore 0, on every level.
-    let mesh = sheet(4, |u, v| [u, v, 0.0]);
     let stiff = |u: f64, v: f64| if (u - 0.5).hypot(v - 0.5) < 0.3 { 1.0 } else { 0.37 };
     let maps = maps(GRID, TileSettings::default(), stiff);
-    let tile = &mesh.tiles[0];
-    let grid = Arc::new(Grid::new(&mesh, tile, &maps));
-    let positions = posed(4, |u, v| [1.31 * u + 0.17 * v, 0.83 * v - 0.09 * u, 0.0]);
-    let pose = Pose::new(tile, |v| positions[v as usize], Some(&grid.rest));
-    let (settings, charts) = (&maps.settings, &[true]);
-    let input = Input {
-        grid: &grid,
-        mesh: tile,
-        pose: &pose,
-        settings,
-        protect: 0.0,
-        charts,
-        continuation: 1.0,
-        pull: 0.0,
-    };
-    let mut memory = Memory::new(&grid, Purpose::new(Solver::Descent, settings));
+    let sheet = Posed::new(4, maps, |u, v| [1.31 * u + 0.17 * v, 0.83 * v - 0.09 * u, 0.0]);
+    let grid = &sheet.grid;
+    let mut memory = Memory::new(grid, Purpose::default());
     let mut result = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
     Team::with(1, |team| {
-        let mut run = Run::new(team, &input, &mut memory, &mut result, &[]);
+        let mut run = Run::new(team, &sheet.input(), &mut memory, &mut result, &[]);
         run.run(&Stage::Surface);
         run.run(&Stage::Pyramid { coarsest: 8 });
         run.run(&Stage::Start { level: 0, from: Start::Identity });
@@ -86,24 +68,9 @@ fn a_body_moves_freely_whatever_its_pairs_were_rounded_to() {
 #[test]
 #[cfg_attr(miri, ignore = "too long; tests/sound runs the same code")]
 fn fractions_fall_off_by_the_slope() {
-    let mesh = sheet(4, |u, v| [u, v, 0.0]);
-    let maps = maps(GRID, TileSettings::default(), |_, _| 1.0);
-    let tile = &mesh.tiles[0];
-    let grid = Arc::new(Grid::new(&mesh, tile, &maps));
-    let positions = posed(4, |u, v| [u, v, 0.0]);
-    let pose = Pose::new(tile, |v| positions[v as usize], Some(&grid.rest));
-    let (settings, charts) = (&maps.settings, &[true]);
-    let input = Input {
-        grid: &grid,
-        mesh: tile,
-        pose: &pose,
-        settings,
-        protect: 0.0,
-        charts,
-        continuation: 1.0,
-        pull: 0.0,
-    };
-    let mut memory = Memory::new(&grid, Purpose::new(Solver::Descent, settings));
+    let sheet = Posed::new(4, maps(GRID, TileSettings::default(), |_, _| 1.0), |u, v| [u, v, 0.0]);
+    let grid = &sheet.grid;
+    let mut memory = Memory::new(grid, Purpose::default());
     let level = &grid.levels[0];
     let count = level.blocks.list.len();
     let mut result = vec![[[0.0; NODES]; 2]; count];
@@ -111,7 +78,7 @@ fn fractions_fall_off_by_the_slope() {
         (level.blocks.find(0, (i / SIDE) as i64, (j / SIDE) as i64) as usize, slot(i % SIDE, j % SIDE))
     };
     Team::with(2, |team| {
-        let run = Run::new(team, &input, &mut memory, &mut result, &[]);
+        let run = Run::new(team, &sheet.input(), &mut memory, &mut result, &[]);
         let active: Vec<u32> = (0..count as u32).filter(|&b| level.blocks.list[b as usize].active).collect();
         let mut step = vec![[[0.0f32; NODES]; 2]; count];
         let mut slope = |x: f32| {

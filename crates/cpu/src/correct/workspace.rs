@@ -59,13 +59,8 @@ impl Workspace {
             levels,
             coarse_step: allocator.zeros(largest.unwrap_or(0)),
             last_step: allocator.zeros(grid.levels[0].blocks.list.len()),
-            next_fraction: allocator.array(1.0, grid.movable.len()),
+            next_fraction: allocator.zeros(grid.movable.len()),
         }
-    }
-
-    /// The memory of a solver without corrections.
-    pub fn without_corrections(allocator: &mut impl Allocate, grid: &Grid) -> Workspace {
-        Workspace { next_fraction: allocator.array(1.0, grid.movable.len()), ..Workspace::default() }
     }
 
     /// Begins a correction of `level`. The finest level's step is stored in `result`.
@@ -76,15 +71,13 @@ impl Workspace {
     }
 }
 
+/// Leftovers of a correction, with which tests compare both backends.
 impl Workspace {
     /// The rows of a level, as the last correction left them.
     pub fn rows(&self, level: usize) -> &Rows {
         &self.levels[level].rows
     }
-}
 
-/// Leftovers of a correction, with which tests compare both backends.
-impl Workspace {
     /// The right-hand side of a level, if assembly was the last phase.
     pub fn residual(&self, level: usize) -> &[[Plane; 2]] {
         &self.levels[level].planes_a

@@ -1,14 +1,10 @@
 //! Every level gives the same bits as plain loops.
 
-use std::sync::Arc;
-
 use super::*;
 use crate::{Memory, Run};
 use vrtm_core::allocation::{Vec, vec};
-use vrtm_core::fixtures::{discs, maps, posed, sheet};
-use vrtm_core::grid::Grid;
+use vrtm_core::fixtures::{Posed, discs, maps};
 use vrtm_core::grid::planes::NODES;
-use vrtm_core::grid::pose::Pose;
 use vrtm_core::method::deadline::Deadline;
 use vrtm_core::method::plan::{Input, Plan, Purpose};
 use vrtm_core::method::progress::Progress;
@@ -99,23 +95,11 @@ fn masks_are_bits() {
 
 /// A whole solve of a stretched sheet with rigid discs: the bits of the displacements.
 fn displacements(quality: Quality) -> Vec<u32> {
-    let mesh = sheet(4, |u, v| [u, v, 0.0]);
-    let (tile, maps) = (&mesh.tiles[0], maps(64, TileSettings::default(), discs));
-    let grid = Arc::new(Grid::new(&mesh, tile, &maps));
-    let positions = posed(4, |u, v| [u + 0.4 * (u - 0.4).clamp(-0.2, 0.3), v + 0.1 * u * u, 0.0]);
-    let pose = Pose::new(tile, |v| positions[v as usize], Some(&grid.rest));
+    let stretched = |u: f64, v: f64| [u + 0.4 * (u - 0.4).clamp(-0.2, 0.3), v + 0.1 * u * u, 0.0];
+    let sheet = Posed::new(4, maps(64, TileSettings::default(), discs), stretched);
     let plan = Plan::new(&SolveOptions { quality, ..SolveOptions::default() });
-    let input = Input {
-        grid: &grid,
-        mesh: tile,
-        pose: &pose,
-        settings: &maps.settings,
-        protect: 0.0,
-        charts: &[true],
-        continuation: plan.continuation,
-        pull: 0.0,
-    };
-    let mut memory = Memory::new(&grid, Purpose::default());
+    let (grid, input) = (&sheet.grid, Input { continuation: plan.continuation, ..sheet.input() });
+    let mut memory = Memory::new(grid, Purpose::default());
     let mut u = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
     Team::with(2, |team| {
         let mut run = Run::new(team, &input, &mut memory, &mut u, &[]);

@@ -35,7 +35,6 @@ fn widened<S: Simd>(codes: u16x8<S>) -> u32x8<S> {
     codes.simd.widen_u16x16(codes.simd.combine_u16x8(codes, codes)).0
 }
 
-/// Codes as floats.
 #[inline(always)]
 fn floats<S: Simd>(codes: u32x8<S>) -> f32x8<S> {
     // Some levels have no conversion from unsigned numbers.

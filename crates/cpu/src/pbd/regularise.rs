@@ -2,17 +2,14 @@
 //! projections begin (method §10).
 
 use vrtm_core::grid::codes::RIGIDITY_STEPS;
-use vrtm_core::grid::planes::{Plane, SIDE};
-use vrtm_core::grid::window::{self, WINDOW_NODES, Window};
-use vrtm_core::grid::{Level, mirrors};
+use vrtm_core::grid::mirrors;
+use vrtm_core::grid::window::Window;
 
-use super::super::buffers::State;
-use super::super::lanes::{LANES, Lanes, Mask, Vectorised, dispatch, each};
+use super::super::lanes::{LANES, Lanes, Mask, Vectorised, each};
 use super::super::row::Row;
 use super::super::sampling::Surface;
-use super::project::{grid_row, store_moved};
+use super::block::PassBlock;
 use vrtm_core::method::law::TINY;
-use vrtm_core::team::SharedSlice;
 
 /// The parameters of integration and prediction.
 #[derive(Clone, Copy)]
@@ -32,65 +29,16 @@ pub struct Regularise {
     pub velocity: Option<Velocity>,
 }
 
-impl Regularise {
-    /// Regularises the nodes of block `b`.
-    ///
-    /// # Safety
-    /// No item writes `state`, and no other item accesses block `b` of `next` and of `previous` meanwhile.
-    pub unsafe fn block<S: Surface>(
-        self,
-        level: &Level,
-        state: State,
-        next: State,
-        previous: SharedSlice<[Plane; 2]>,
-        surface: S,
-        b: usize,
-    ) {
-        dispatch(RegulariseBlock { regularise: self, level, state, next, previous, surface, b });
-    }
-}
-
-struct RegulariseBlock<'a, S> {
-    regularise: Regularise,
-    level: &'a Level,
-    state: State,
-    next: State,
-    previous: SharedSlice<[Plane; 2]>,
-    surface: S,
-    b: usize,
-}
-
-impl<S: Surface> Vectorised for RegulariseBlock<'_, S> {
+impl<S: Surface> Vectorised for PassBlock<'_, Regularise, S> {
     type Output = ();
 
     #[inline(always)]
     fn run<V: Lanes>(self) {
-        let RegulariseBlock {
-            regularise: Regularise { smoothing, velocity },
-            level,
-            state,
-            next,
-            previous,
-            surface,
-            b,
-        } = self;
-        let neighbours = &level.blocks.neighbours[b];
-        let block = &level.blocks.list[b];
-        let origin = [i64::from(block.x) * SIDE as i64, i64::from(block.y) * SIDE as i64];
-        let mut u: [Window; 2] = [[0.0; WINDOW_NODES]; 2];
-        // SAFETY: promised by the caller.
-        let (next_u, next_value, previous) = unsafe {
-            for c in 0..2 {
-                window::load(neighbours, 0.0, |b| &state.u.get(b)[c], &mut u[c]);
-            }
-            if S::CHORDS {
-                *next.triangle.get_mut(b) = *state.triangle.get(b);
-            }
-            let (next_u, next_value) = (next.u.get_mut(b), next.value.get_mut(b));
-            *next_u = *state.u.get(b);
-            *next_value = *state.value.get(b);
-            (next_u, next_value, previous.get_mut(b))
-        };
+        let PassBlock { pass: Regularise { smoothing, velocity }, level, b, .. } = self;
+        let u = self.displacements();
+        let (next_u, next_value) = self.copied();
+        // SAFETY: nothing else accesses the block.
+        let previous = unsafe { self.previous.get_mut(b) };
         for row in Row::all() {
             let s = row.slot();
             let lanes = V::zero().lt(V::load_u8(&level.movable[b], s));
@@ -125,19 +73,7 @@ impl<S: Surface> Vectorised for RegulariseBlock<'_, S> {
                 let far = (across[0] * moved[0] + across[1] * moved[1]) / square;
                 moved = each!([0, 1], |c| moved[c] - across[c] * far);
             }
-            // SAFETY: promised by the caller.
-            unsafe {
-                store_moved(
-                    &moved,
-                    &here,
-                    lanes,
-                    row,
-                    &grid_row(row, b, origin),
-                    (next_u, next_value),
-                    next,
-                    surface,
-                )
-            };
+            self.store_moved(&moved, &here, lanes, row, (&mut *next_u, &mut *next_value));
         }
     }
 }

@@ -1,19 +1,13 @@
-use std::sync::Arc;
-
 use super::super::lanes::{LANES, Lanes, Portable as V};
 use super::project::projected;
 use super::*;
 use crate::Memory;
 use vrtm_core::allocation::vec;
-use vrtm_core::fixtures::{maps, posed, sheet};
-use vrtm_core::grid::Grid;
+use vrtm_core::fixtures::{Posed, maps};
 use vrtm_core::grid::codes::{decode_rigidity, encode_rigidity};
-use vrtm_core::grid::planes::NODES;
-use vrtm_core::grid::planes::slot;
-use vrtm_core::grid::pose::Pose;
-use vrtm_core::mesh::Mesh;
+use vrtm_core::grid::planes::{NODES, slot};
 use vrtm_core::method::pbd::Set;
-use vrtm_core::method::plan::{Input, Purpose};
+use vrtm_core::method::plan::Purpose;
 use vrtm_core::method::stage::{Stage, Stages, Start};
 use vrtm_core::settings::{Solver, TileSettings};
 use vrtm_core::team::Team;
@@ -35,26 +29,11 @@ fn with_sheet(
     pose: impl Fn(f64, f64) -> [f64; 3],
     test: impl FnOnce(&mut Run) + Send,
 ) {
-    let mesh: Mesh = sheet(1, |u, v| [u, v, 0.0]);
-    let maps = maps(16, TileSettings::default(), rigidity);
-    let tile = &mesh.tiles[0];
-    let grid = Arc::new(Grid::new(&mesh, tile, &maps));
-    let positions = posed(1, pose);
-    let pose = Pose::new(tile, |v| positions[v as usize], Some(&grid.rest));
-    let input = Input {
-        grid: &grid,
-        mesh: tile,
-        pose: &pose,
-        settings: &maps.settings,
-        protect: 0.0,
-        charts: &[true],
-        continuation: 1.0,
-        pull: 0.0,
-    };
-    let mut memory = Memory::new(&grid, Purpose::new(Solver::Pbd, input.settings));
-    let mut result = vec![[[0.0; NODES]; 2]; grid.levels[0].blocks.list.len()];
+    let sheet = Posed::new(1, maps(16, TileSettings::default(), rigidity), pose);
+    let mut memory = Memory::new(&sheet.grid, Purpose::new(Solver::Pbd, &sheet.maps.settings));
+    let mut result = vec![[[0.0; NODES]; 2]; sheet.grid.levels[0].blocks.list.len()];
     Team::with(1, |team| {
-        let mut run = Run::new(team, &input, &mut memory, &mut result, &[]);
+        let mut run = Run::new(team, &sheet.input(), &mut memory, &mut result, &[]);
         run.run(&Stage::Surface);
         run.run(&Stage::Start { level: 0, from: Start::Identity });
         run.begin_level(0);
@@ -74,13 +53,23 @@ fn set(run: &mut Run, i: usize, j: usize, u: [f32; 2]) {
 }
 
 fn project(run: &mut Run, edge: usize, parity: usize) {
-    run.pass(0, Pass::Project(Project { set: Set { edge, parity }, iteration: FULL }));
+    run.pass(0, Pass::Project(Project { set: Set { edge, parity }, iteration: FULL, density: 0.0 }));
 }
 
 #[track_caller]
 fn close(a: [f32; 2], b: [f32; 2]) {
     // The rounding errors of a few operations on numbers near 1 are far smaller.
     assert!((0..2).all(|c| (a[c] - b[c]).abs() < 1e-5), "{a:?} {b:?}");
+}
+
+/// A map that is rigid everywhere.
+fn rigid(_: f64, _: f64) -> f64 {
+    1.0
+}
+
+/// A map whose left half is rigid.
+fn left_rigid(u: f64, _: f64) -> f64 {
+    if u < 0.5 { 1.0 } else { 0.0 }
 }
 
 /// A pose that is twice as long as at rest along u.
@@ -90,54 +79,38 @@ fn stretched(u: f64, v: f64) -> [f64; 3] {
 
 #[test]
 fn a_rigid_edge_takes_its_rest_length_about_its_centre() {
-    with_sheet(
-        |_, _| 1.0,
-        stretched,
-        |run| {
-            project(run, 0, 0);
-            close(at(run, 2, 8), [0.25, 0.0]);
-            close(at(run, 3, 8), [-0.25, 0.0]);
-            // Node 0 is fixed, so its neighbour takes all of the change.
-            assert_eq!(at(run, 0, 8), [0.0; 2]);
-            close(at(run, 1, 8), [-0.5, 0.0]);
-            // All nodes of row 0 are fixed.
-            assert_eq!(at(run, 4, 0), [0.0; 2]);
-        },
-    );
-    with_sheet(
-        |_, _| 1.0,
-        stretched,
-        |run| {
-            project(run, 0, 1);
-            close(at(run, 1, 8), [0.25, 0.0]);
-            close(at(run, 2, 8), [-0.25, 0.0]);
-            // The other end lies in the next block, and is fixed.
-            close(at(run, 15, 8), [0.5, 0.0]);
-        },
-    );
+    with_sheet(rigid, stretched, |run| {
+        project(run, 0, 0);
+        close(at(run, 2, 8), [0.25, 0.0]);
+        close(at(run, 3, 8), [-0.25, 0.0]);
+        // Node 0 is fixed, so its neighbour takes all of the change.
+        assert_eq!(at(run, 0, 8), [0.0; 2]);
+        close(at(run, 1, 8), [-0.5, 0.0]);
+        // All nodes of row 0 are fixed.
+        assert_eq!(at(run, 4, 0), [0.0; 2]);
+    });
+    with_sheet(rigid, stretched, |run| {
+        project(run, 0, 1);
+        close(at(run, 1, 8), [0.25, 0.0]);
+        close(at(run, 2, 8), [-0.25, 0.0]);
+        // The other end lies in the next block, and is fixed.
+        close(at(run, 15, 8), [0.5, 0.0]);
+    });
     // Edges to the north already have their rest lengths; diagonal ones are sqrt(5 / 2) times as long as at rest.
-    with_sheet(
-        |_, _| 1.0,
-        stretched,
-        |run| {
-            project(run, 1, 0);
-            assert_eq!(at(run, 4, 4), [0.0; 2]);
-            project(run, 2, 0);
-            let change = 0.5 * (1.0 - (2.0f32 / 5.0).sqrt());
-            close(at(run, 4, 4), [change, change]);
-            close(at(run, 5, 5), [-change, -change]);
-        },
-    );
-    with_sheet(
-        |_, _| 1.0,
-        stretched,
-        |run| {
-            project(run, 3, 0);
-            let change = 0.5 * (1.0 - (2.0f32 / 5.0).sqrt());
-            close(at(run, 5, 4), [-change, change]);
-            close(at(run, 4, 5), [change, -change]);
-        },
-    );
+    with_sheet(rigid, stretched, |run| {
+        project(run, 1, 0);
+        assert_eq!(at(run, 4, 4), [0.0; 2]);
+        project(run, 2, 0);
+        let change = 0.5 * (1.0 - (2.0f32 / 5.0).sqrt());
+        close(at(run, 4, 4), [change, change]);
+        close(at(run, 5, 5), [-change, -change]);
+    });
+    with_sheet(rigid, stretched, |run| {
+        project(run, 3, 0);
+        let change = 0.5 * (1.0 - (2.0f32 / 5.0).sqrt());
+        close(at(run, 5, 4), [-change, change]);
+        close(at(run, 4, 5), [change, -change]);
+    });
 }
 
 #[test]
@@ -159,16 +132,13 @@ fn the_larger_rigidity_is_the_stiffness_and_elastic_edges_are_not_projected() {
 
 #[test]
 fn no_end_leaves_the_box_of_its_neighbours() {
-    // The pose is a tenth as long as at rest: the projection would make the edges ten cells long.
-    with_sheet(
-        |_, _| 1.0,
-        |u, v| [0.1 * u, v, 0.0],
-        |run| {
-            project(run, 0, 0);
-            assert_eq!(at(run, 4, 8), [-1.0, 0.0]);
-            assert_eq!(at(run, 5, 8), [1.0, 0.0]);
-        },
-    );
+    // The projection would make the edges ten cells long.
+    let squashed = |u: f64, v: f64| [0.1 * u, v, 0.0];
+    with_sheet(rigid, squashed, |run| {
+        project(run, 0, 0);
+        assert_eq!(at(run, 4, 8), [-1.0, 0.0]);
+        assert_eq!(at(run, 5, 8), [1.0, 0.0]);
+    });
 }
 
 #[test]
@@ -193,8 +163,7 @@ fn an_edge_turns_back_by_its_fraction() {
 
 #[test]
 fn regularisation_blends_with_the_gaussian_by_rigidity() {
-    let left = |u: f64, _: f64| if u < 0.5 { 1.0 } else { 0.0 };
-    with_sheet(left, stretched, |run| {
+    with_sheet(left_rigid, stretched, |run| {
         set(run, 4, 8, [1.0, 0.0]);
         set(run, 12, 8, [1.0, -1.0]);
         run.regularise_level(0, 0.2);
@@ -211,41 +180,33 @@ fn regularisation_blends_with_the_gaussian_by_rigidity() {
 
 #[test]
 fn positions_are_integrated_and_predicted_from_their_velocity() {
-    with_sheet(
-        |u, _| if u < 0.5 { 1.0 } else { 0.0 },
-        stretched,
-        |run| {
-            // Without smoothing, regularisation does not move a rigid node: its displacement is integrated unchanged.
-            set(run, 4, 8, [0.5, 0.25]);
-            let integrate = |last| {
-                let velocity = Some(Velocity { last, momentum: 0.5 });
-                Pass::Regularise(Regularise { smoothing: 0.0, velocity })
-            };
-            run.pass(0, integrate(false));
-            // The velocity is the change from 0 to (0.5, 0.25), and the prediction adds half of it.
-            close(at(run, 4, 8), [0.75, 0.375]);
-            // The predicted displacement is integrated in turn. No prediction follows the last iteration.
-            run.pass(0, integrate(true));
-            close(at(run, 4, 8), [0.75, 0.375]);
-            run.pass(0, integrate(false));
-            // The node has not moved since the last integration, so its velocity is 0.
-            close(at(run, 4, 8), [0.75, 0.375]);
-        },
-    );
+    with_sheet(left_rigid, stretched, |run| {
+        // Without smoothing, regularisation does not move a rigid node: its displacement is integrated unchanged.
+        set(run, 4, 8, [0.5, 0.25]);
+        let integrate = |last| {
+            let velocity = Some(Velocity { last, momentum: 0.5 });
+            Pass::Regularise(Regularise { smoothing: 0.0, velocity })
+        };
+        run.pass(0, integrate(false));
+        // The velocity is the change from 0 to (0.5, 0.25), and the prediction adds half of it.
+        close(at(run, 4, 8), [0.75, 0.375]);
+        // The predicted displacement is integrated in turn. No prediction follows the last iteration.
+        run.pass(0, integrate(true));
+        close(at(run, 4, 8), [0.75, 0.375]);
+        run.pass(0, integrate(false));
+        // The node has not moved since the last integration, so its velocity is 0.
+        close(at(run, 4, 8), [0.75, 0.375]);
+    });
 }
 
 #[test]
 fn a_node_that_would_leave_its_chart_stays() {
-    with_sheet(
-        |_, _| 1.0,
-        stretched,
-        |run| {
-            set(run, 4, 8, [-9.0, 0.0]);
-            run.copy_inactive_blocks(0);
-            // With a smoothing of 0.01 the rigid node would be far outside the chart, where the surface has no sample.
-            let before = at(run, 4, 8);
-            run.pass(0, Pass::Regularise(Regularise { smoothing: 0.01, velocity: None }));
-            assert_eq!(at(run, 4, 8), before);
-        },
-    );
+    with_sheet(rigid, stretched, |run| {
+        set(run, 4, 8, [-9.0, 0.0]);
+        run.copy_inactive_blocks(0);
+        // With a smoothing of 0.01 the rigid node would be far outside the chart, where the surface has no sample.
+        let before = at(run, 4, 8);
+        run.pass(0, Pass::Regularise(Regularise { smoothing: 0.01, velocity: None }));
+        assert_eq!(at(run, 4, 8), before);
+    });
 }

@@ -68,14 +68,6 @@ impl Surface for Chords<'_> {
     }
 
     #[inline(always)]
-    fn tangents(&self, triangle: u32) -> [f32; 6] {
-        match self.triangles.get(triangle as usize) {
-            Some(record) => record.tangents(),
-            None => [0.0; 6],
-        }
-    }
-
-    #[inline(always)]
     fn tangents_row<V: Lanes>(&self, triangle: &[u32; LANES]) -> Slopes<V> {
         let second = V::transpose(each!([0, 1, 2, 3, 4, 5, 6, 7], |k| self.half(triangle[k], 1)));
         each!([0, 1, 2, 3, 4, 5], |k| second[k + 1])

@@ -113,11 +113,6 @@ impl Surface for Metrics<'_> {
     }
 
     #[inline(always)]
-    fn tangents(&self, _triangle: u32) -> [f32; 6] {
-        [0.0; 6]
-    }
-
-    #[inline(always)]
     fn tangents_row<V: Lanes>(&self, _triangle: &[u32; LANES]) -> Slopes<V> {
         [V::zero(); 6]
     }

@@ -41,13 +41,6 @@ impl TriangleRecord {
         [1.0 - l1 - l2, l1, l2]
     }
 
-    /// ∂f/∂x, then ∂f/∂y.
-    #[inline(always)]
-    pub fn tangents(&self) -> [f32; 6] {
-        let [_, a, b, c, d, e, f, _] = self.halves[1];
-        [a, b, c, d, e, f]
-    }
-
     pub fn pose(&self) -> PoseTriangle {
         let ([.., px, py], [pz, x0, x1, x2, y0, y1, y2, _]) = (self.halves[0], self.halves[1]);
         PoseTriangle { origin: [px, py, pz], tangent: [[x0, x1, x2], [y0, y1, y2]] }

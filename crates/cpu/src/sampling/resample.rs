@@ -87,23 +87,18 @@ impl Vectorised for ResampleChords<'_> {
         for row in Row::all() {
             let s = row.slot();
             let nodes = GridRow::new(level, b, row);
-            if start == Start::Identity {
-                let samples =
-                    surface.sample_row_on::<V>(&nodes, &[V::zero(); 2], V::load_index(rest_triangles, s));
-                V::store_index(V::load_index(rest_triangles, s), triangle, s);
-                for c in 0..3 {
-                    samples.value[c].store(&mut value[c], s);
-                }
-                continue;
-            }
             let lanes = V::zero().lt(V::load_u8(&level.movable[b], s));
-            if start == Start::Present && lanes.bits() != u8::MAX {
-                // Sample fixed nodes, too: a correction has overwritten the memory of the samples.
-                let samples =
-                    surface.sample_row_on::<V>(&nodes, &[V::zero(); 2], V::load_index(rest_triangles, s));
+            // Fixed nodes are sampled, too: a correction has overwritten the memory of the samples.
+            if start == Start::Identity || start == Start::Present && lanes.bits() != u8::MAX {
+                let at_rest = V::load_index(rest_triangles, s);
+                let samples = surface.sample_row_on::<V>(&nodes, &[V::zero(); 2], at_rest);
                 for c in 0..3 {
                     samples.value[c].store(&mut value[c], s);
                 }
+            }
+            if start == Start::Identity {
+                V::store_index(V::load_index(rest_triangles, s), triangle, s);
+                continue;
             }
             if !lanes.any() {
                 continue;
