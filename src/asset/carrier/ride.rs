@@ -4,15 +4,19 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
-use super::kept::{Kept, Key};
+use glam::DMat3;
+
 use super::{Carried, Carrier};
 use crate::asset::derived::Same;
 use crate::asset::results::{KeptPose, Last, TileResult};
+use crate::device::Booked;
 use crate::solved::Solved;
-use vrtm_carry::{Carriage, Course, LastPoint, Parts, Tile, matrix};
+use vrtm_carry::{Carriage, Course, LastPoint, Parts, Tile};
 use vrtm_core::allocation::Vec;
 use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, ErrorKind, Result};
+use vrtm_core::grid::Grid;
+use vrtm_core::mesh::TileMesh;
 use vrtm_core::panics::lock;
 use vrtm_core::team::Team;
 use vrtm_core::view::{Packed, StridedMut};
@@ -24,6 +28,17 @@ const CHUNK: usize = 1024;
 const AHEAD: usize = 16;
 /// Bytes per node of a grid while its features are found: coverage, maps, numbers.
 const BYTES_PER_NODE: u64 = 32;
+
+/// Key of a course: per tile, its connectivity, with collars or not, and its grid.
+type Key = Vec<Option<(Same<TileMesh>, Option<Same<TileMesh>>, Same<Grid>)>>;
+
+/// The course of a carrier's points on the tiles of results, kept for the next fetch.
+#[derive(Debug)]
+pub(super) struct Kept {
+    key: Key,
+    course: Course,
+    pub booked: Booked,
+}
 
 impl Carrier {
     /// Makes ready to carry the points into the pose of results, which may not be published yet.
@@ -81,7 +96,6 @@ pub(crate) struct Ride<'a> {
     kept: Arc<Kept>,
     pub pose: &'a KeptPose,
     tiles: Vec<Tile<'a>>,
-    /// Time spent so far.
     spent: Duration,
 }
 
@@ -107,7 +121,7 @@ impl Ride<'_> {
         let (course, pieces) = (&self.kept.course, pieces.as_ref());
         let on_surface = out.rotations.is_some() || out.stretch.is_some() || out.uvs.is_some();
         let parts = Parts { mesh, binding, course, pieces, fit: *fit, skirt: *skirt, on_surface };
-        let carriage = Carriage::new(team, &parts, &self.tiles, position);
+        let carriage = Carriage::new(team, parts, &self.tiles, position);
         Begun { ride: self, carriage, out, spent: self.spent + start.elapsed() }
     }
 }
@@ -131,7 +145,11 @@ impl Begun<'_> {
                 put(&out.positions, k, carried.position.to_array());
                 match &out.rotations {
                     Some(array) if array.components() == 9 => {
-                        put(&out.rotations, k, matrix(carried.rotation).transpose().to_cols_array());
+                        put(
+                            &out.rotations,
+                            k,
+                            DMat3::from_quat(carried.rotation).transpose().to_cols_array(),
+                        );
                     }
                     rotations => put(rotations, k, carried.rotation.to_array()),
                 }
