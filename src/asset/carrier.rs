@@ -1,5 +1,6 @@
 //! Carries points, curves and detail meshes that are bound to the rest surface into the pose of the last solve.
 
+mod kept;
 pub(super) mod ride;
 
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
@@ -7,7 +8,7 @@ use std::sync::{Arc, Mutex};
 
 use crate::asset::results::Results;
 use crate::device::Booked;
-use ride::Kept;
+use kept::Kept;
 use vrtm_carry::{Bind, Binding, Fit, Pieces, PointState};
 use vrtm_core::error::{Error, Result};
 use vrtm_core::panics::lock;

@@ -6,17 +6,15 @@ use std::time::Duration;
 
 use glam::DMat3;
 
+use super::kept::{Kept, Key};
 use super::{Carried, Carrier};
 use crate::asset::derived::Same;
 use crate::asset::results::{KeptPose, Last, TileResult};
-use crate::device::Booked;
 use crate::solved::Solved;
 use vrtm_carry::{Carriage, Course, LastPoint, Parts, Tile};
 use vrtm_core::allocation::Vec;
 use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, ErrorKind, Result};
-use vrtm_core::grid::Grid;
-use vrtm_core::mesh::TileMesh;
 use vrtm_core::panics::lock;
 use vrtm_core::team::Team;
 use vrtm_core::view::{Packed, StridedMut};
@@ -28,17 +26,6 @@ const CHUNK: usize = 1024;
 const AHEAD: usize = 16;
 /// Bytes per node of a grid while its features are found: coverage, maps, numbers.
 const BYTES_PER_NODE: u64 = 32;
-
-/// Key of a course: per tile, its connectivity, with collars or not, and its grid.
-type Key = Vec<Option<(Same<TileMesh>, Option<Same<TileMesh>>, Same<Grid>)>>;
-
-/// The course of a carrier's points on the tiles of results, kept for the next fetch.
-#[derive(Debug)]
-pub(super) struct Kept {
-    key: Key,
-    course: Course,
-    pub booked: Booked,
-}
 
 impl Carrier {
     /// Makes ready to carry the points into the pose of results, which may not be published yet.

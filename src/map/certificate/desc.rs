@@ -24,8 +24,9 @@ pub struct MapDesc {
 pub struct MapReport {
     /// Texels along u and v.
     pub size: [u32; 2],
-    /// Quads of four neighbouring texel centres on which the interpolated map, in the numbers that a fetch writes, is not
-    /// one-to-one: 0 certifies that the map is one-to-one everywhere between the centres of the tile's outermost texels.
+    /// Quads of four neighbouring texel centres on which the interpolated map, in the numbers that a fetch writes, is
+    /// not one-to-one: 0 certifies that the map is one-to-one everywhere between the centres of the tile's outermost
+    /// texels.
     pub folds: u64,
     /// Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves): greater than 0 if there
     /// are no folds.
