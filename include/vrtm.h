@@ -1428,22 +1428,8 @@ vrtm_status vrtm_asset_fetch_face_layers(vrtm_asset asset,
                                          uint32_t *layers,
                                          size_t count);
 
-// The kind, format and size of a redirection map to inspect. Start from vrtm_map_desc_init().
-typedef struct vrtm_map_desc {
-    // sizeof(vrtm_map_desc); set by vrtm_map_desc_init().
-    uint32_t struct_size;
-    // VRTM_FETCH_REDIRECTION (0, the default), REDIRECTION_DELTA or REDIRECTION_UDIM.
-    vrtm_fetch_kind kind;
-    // VRTM_PIXEL_F32 (0, the default) or VRTM_PIXEL_F16.
-    vrtm_pixel_format format;
-    // Texels in u, 1 to 16384.
-    uint32_t width;
-    // Texels in v, 1 to 16384.
-    uint32_t height;
-} vrtm_map_desc;
-
-// Accuracy of a redirection map that is read with bilinear interpolation. Errors are lengths in UV; multiply
-// them by a texture's size to get its texels. Start from vrtm_map_info_init().
+// Accuracy of a redirection map that is read with bilinear interpolation. Errors are lengths in UV; multiplied by a
+// texture's size they are in its texels. Start from vrtm_map_info_init().
 typedef struct vrtm_map_info {
     // sizeof(vrtm_map_info); set by vrtm_map_info_init().
     uint32_t struct_size;
@@ -1451,7 +1437,8 @@ typedef struct vrtm_map_info {
     // not one-to-one: 0 certifies that the map is one-to-one everywhere between the centres of the tile's outermost
     // texels.
     uint64_t folds;
-    // Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves).
+    // Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves): greater than 0 if there
+    // are no folds.
     double min_jacobian;
     // Root mean square error over the tile's charts, relative to the exact redirection.
     double error_rms;
@@ -1465,6 +1452,20 @@ typedef struct vrtm_map_info {
     // Height at which the map has no folds; see `sufficient_width`.
     uint32_t sufficient_height;
 } vrtm_map_info;
+
+// The kind, format and size of a redirection map to inspect. Start from vrtm_map_desc_init().
+typedef struct vrtm_map_desc {
+    // sizeof(vrtm_map_desc); set by vrtm_map_desc_init().
+    uint32_t struct_size;
+    // VRTM_FETCH_REDIRECTION (0, the default), REDIRECTION_DELTA or REDIRECTION_UDIM.
+    vrtm_fetch_kind kind;
+    // VRTM_PIXEL_F32 (0, the default) or VRTM_PIXEL_F16.
+    vrtm_pixel_format format;
+    // Texels in u, 1 to 16384.
+    uint32_t width;
+    // Texels in v, 1 to 16384.
+    uint32_t height;
+} vrtm_map_desc;
 
 // Inspects the map that a vrtm_asset_fetch of this kind, size and format would write for the last result. A map
 // samples the redirection at texel centres only, and a renderer's interpolation may fold where the warp squeezes.
@@ -1890,7 +1891,7 @@ vrtm_status vrtm_tile_fetch_dilation(vrtm_tile tile,
 typedef struct vrtm_refinement_desc {
     // sizeof(vrtm_refinement_desc); set by vrtm_refinement_desc_init().
     uint32_t struct_size;
-    // The UV set: 0 <= uv_set < vrtm_asset_info.uv_sets.
+    // The UV set, less than vrtm_asset_info.uv_sets.
     uint32_t uv_set;
     // Largest error of linear interpolation on a triangle, in UV of a tile, over 0 and at most 1; default 1/2048, half
     // a texel of a texture of 1024. Halving it needs up to three times as many triangles.

@@ -33,7 +33,7 @@ use tile::TileState;
 use vrtm_beyond::Places;
 use vrtm_core::allocation::Vec;
 use vrtm_core::clock::Instant;
-use vrtm_core::error::{Error, Result};
+use vrtm_core::error::Result;
 use vrtm_core::mesh::{Mesh, MeshSource, TileMesh};
 use vrtm_core::report::AssetInfo;
 use vrtm_core::view::Strided;
@@ -115,24 +115,14 @@ impl Asset {
 
     pub(crate) fn check_tile(&self, tile: usize) -> Result<()> {
         self.device.alive()?;
-        if tile < self.tiles.len() {
-            return Ok(());
-        }
-        Err(Error::argument(format!("tile: index {tile} is out of range, there are {}", self.tiles.len())))
+        self.results.check_tile(tile)
     }
 
     pub(crate) fn check_vertices(&self, name: &str, values: &Strided, components: usize) -> Result<()> {
         self.device.alive()?;
-        if values.components() != components {
-            return Err(Error::argument(format!("{name}: {components} components are needed")));
-        }
-        if values.len() != self.mesh.rest.len() {
-            return Err(Error::argument(format!(
-                "{name}: {} elements, but the mesh has {} vertices",
-                values.len(),
-                self.mesh.rest.len()
-            )));
-        }
+        ensure!(values.components() == components, "{name}: {components} components are needed");
+        let (given, needed) = (values.len(), self.mesh.rest.len());
+        ensure!(given == needed, "{name}: {given} elements, but the mesh has {needed} vertices");
         values.check_finite(name)
     }
 }

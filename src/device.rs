@@ -31,7 +31,6 @@ struct Inner {
     reason: String,
     bytes_held: AtomicU64,
     gpu: Option<Arc<dyn Gpu>>,
-    /// Number of live assets.
     assets: AtomicUsize,
 }
 
@@ -100,9 +99,7 @@ impl Overrides {
             overrides.threads = Some(NonZeroU32::new(threads));
         }
         if let Some(value) = variable("VRTM_GPU_LIMITS") {
-            if value != "webgpu" {
-                return Err(Error::argument(format!("VRTM_GPU_LIMITS: '{value}' is not webgpu")));
-            }
+            ensure!(value == "webgpu", "VRTM_GPU_LIMITS: '{value}' is not webgpu");
             overrides.gpu.webgpu_limits = true;
         }
         Ok(overrides)
@@ -224,7 +221,6 @@ impl Device {
         in_memory_of(&self.0.settings, f)
     }
 
-    /// The open GPU of a GPU device.
     #[doc(hidden)]
     pub fn gpu(&self) -> Option<&Arc<dyn Gpu>> {
         self.0.gpu.as_ref()
@@ -277,7 +273,6 @@ impl Device {
         Crew { threads, executor: self.0.settings.executor.clone(), control }
     }
 
-    /// The host's executor, if it supplied one.
     #[doc(hidden)]
     pub fn executor(&self) -> Option<&Arc<dyn Executor>> {
         self.0.settings.executor.as_ref()
@@ -289,7 +284,6 @@ impl Device {
         Team::of(&self.crew(None, None), f)
     }
 
-    /// True if the log has a receiver.
     pub(crate) fn has_log(&self) -> bool {
         self.0.settings.log.is_some()
     }
@@ -311,28 +305,6 @@ impl Device {
     pub(crate) fn booking(&self) -> Booked {
         Booked { device: self.clone(), bytes: 0 }
     }
-
-    /// Books a change of an asset's bytes against the budget; the error names `what` if the budget is exceeded.
-    pub(crate) fn rebook(&self, before: u64, after: u64, what: &str) -> Result<()> {
-        let budget = self.0.settings.memory_budget;
-        self.0
-            .bytes_held
-            .fetch_update(Ordering::Relaxed, Ordering::Relaxed, |held| {
-                let next = held - before.min(held) + after;
-                (after <= before || budget.is_none_or(|budget| next <= budget)).then_some(next)
-            })
-            .map(drop)
-            .map_err(|held| {
-                Error::new(
-                    ErrorKind::OutOfMemory,
-                    format!(
-                        "{what} needs {after} bytes; {} of the device's {} are in use",
-                        held - before.min(held),
-                        budget.unwrap_or_default()
-                    ),
-                )
-            })
-    }
 }
 
 /// Bytes on a device's account, until this is dropped.
@@ -350,7 +322,17 @@ impl Booked {
     /// Books this many bytes in place of those before: as many or fewer always, more if the budget allows; the error
     /// names `what` if it does not.
     pub fn set(&mut self, bytes: u64, what: &str) -> Result<()> {
-        self.device.rebook(self.bytes, bytes, what)?;
+        let (before, budget) = (self.bytes, self.device.memory_budget());
+        let change = |held: u64| {
+            let next = held - before.min(held) + bytes;
+            (bytes <= before || budget.is_none_or(|budget| next <= budget)).then_some(next)
+        };
+        let changed = self.device.0.bytes_held.fetch_update(Ordering::Relaxed, Ordering::Relaxed, change);
+        changed.map_err(|held| {
+            let (held, budget) = (held - before.min(held), budget.unwrap_or_default());
+            let message = format!("{what} needs {bytes} bytes; {held} of the device's {budget} are in use");
+            Error::new(ErrorKind::OutOfMemory, message)
+        })?;
         self.bytes = bytes;
         Ok(())
     }
@@ -374,6 +356,3 @@ fn in_memory_of<R>(settings: &DeviceSettings, f: impl FnOnce() -> Result<R>) -> 
     let _scope = Current::new(settings.allocator.as_ref()).enter();
     caught(f)
 }
-
-#[cfg(test)]
-pub(crate) mod tests;

@@ -65,6 +65,15 @@
 // Allocations sized by user input must be fallible: clippy.toml lists the infallible ones.
 #![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods, clippy::disallowed_types))]
 
+/// Returns an error of a wrong argument, with this message, unless the condition holds.
+macro_rules! ensure {
+    ($condition:expr, $($message:tt)+) => {
+        if !$condition {
+            return Err(vrtm_core::error::Error::argument(format!($($message)+)));
+        }
+    };
+}
+
 // Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
 mod device;
 mod solved;
@@ -81,8 +90,6 @@ pub use device::{Device, adapters};
 pub use half::f16;
 pub use map::FetchKind;
 pub use map::certificate::desc::{MapDesc, MapReport};
-#[doc(hidden)]
-pub use refine::TOLERANCE;
 pub use refine::pattern::RefinementPattern;
 pub use refine::{Refinement, RefinementInfo, RefinementSettings};
 pub use vrtm_carry::{Bind, Fit, PointState};

@@ -3,7 +3,6 @@
 
 pub(crate) mod canvas;
 pub(crate) mod certificate;
-mod chart_texels;
 pub(crate) mod dilation;
 pub(crate) mod external;
 pub(crate) mod fetch;

@@ -2,40 +2,40 @@
 
 pub(crate) mod pattern;
 
-use std::sync::Arc;
-
 use glam::DVec2;
 use vrtm_core::allocation::Vec;
 use vrtm_core::clock::Instant;
-use vrtm_core::error::{Error, Result};
+use vrtm_core::error::Result;
 use vrtm_core::grid::planes::Plane;
 
-use crate::asset::Asset;
-use crate::asset::results::{Results, TileResult};
+use crate::asset::results::Results;
 use crate::map::nodes::NodeRows;
 use crate::solved::Solved;
 use vrtm_core::team::Team;
 use vrtm_refine::{Redirection, Redirections, RefinedMesh};
 
-/// Half a texel of a texture of 1024 x 1024.
-#[doc(hidden)]
-pub const TOLERANCE: f64 = 1.0 / 2048.0;
 /// Default number of triangles that a refinement may add.
 const ADDED_TRIANGLES: u64 = 1_000_000;
 /// Most triangles: beyond this, 32 bits cannot count their corners.
 const MOST_TRIANGLES: u64 = 1 << 30;
 
-/// Settings of a refinement. All have a working default.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+/// Settings of a refinement.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RefinementSettings {
-    /// The UV set.
+    /// The UV set, less than [`crate::AssetInfo::uv_sets`].
     pub uv_set: u32,
-    /// Largest error of linear interpolation on a triangle, in UV of a tile, > 0 and at most 1; `None` = 1/2048, half a
-    /// texel of a texture of 1024.
-    pub tolerance: Option<f64>,
-    /// Most triangles of the refined mesh, where a polygon of n corners counts as n - 2; `None` = a million more than
-    /// the mesh has.
+    /// Largest error of linear interpolation on a triangle, in UV of a tile, over 0 and at most 1; default 1/2048, half
+    /// a texel of a texture of 1024. Halving it needs up to three times as many triangles.
+    pub tolerance: f64,
+    /// Maximum number of triangles of the refined mesh, where a polygon of n corners counts as n - 2; `None` = a million
+    /// more than the mesh has. If the limit is reached, the largest errors are split first.
     pub max_triangles: Option<u64>,
+}
+
+impl Default for RefinementSettings {
+    fn default() -> RefinementSettings {
+        RefinementSettings { uv_set: 0, tolerance: 1.0 / 2048.0, max_triangles: None }
+    }
 }
 
 /// Sizes and accuracy of a refinement.
@@ -90,13 +90,8 @@ impl Results {
         let RefinementSettings { uv_set, tolerance, max_triangles } = *settings;
         let (device, mesh) = (self.device(), self.mesh());
         let sets = mesh.corners.len();
-        if uv_set as usize >= sets {
-            return Err(Error::argument(format!("uv_set: {uv_set} is out of range, there are {sets}")));
-        }
-        let tolerance = tolerance.unwrap_or(TOLERANCE);
-        if !(tolerance > 0.0 && tolerance <= 1.0) {
-            return Err(Error::argument(format!("tolerance: {tolerance} is not over 0 and at most 1")));
-        }
+        ensure!((uv_set as usize) < sets, "uv_set: {uv_set} is out of range, there are {sets}");
+        ensure!(tolerance > 0.0 && tolerance <= 1.0, "tolerance: {tolerance} is not over 0 and at most 1");
         self.solved_asset()?;
         device.call(|| {
             let start = Instant::now();
@@ -112,16 +107,6 @@ impl Results {
             refinement.refine(start)?;
             Ok(refinement)
         })
-    }
-}
-
-impl Asset {
-    /// See [`Results::refine`].
-    ///
-    /// # Errors
-    /// Those of [`Results::refine`].
-    pub fn refine(&self, settings: &RefinementSettings) -> Result<Refinement> {
-        self.results().refine(settings)
     }
 }
 
@@ -210,12 +195,10 @@ impl Refinement {
         f: impl FnOnce(&Team, &Redirections) -> Result<R> + Send,
     ) -> Result<R> {
         let last = self.results.solved_asset()?;
-        let of = |tile: &Option<TileResult>| tile.as_ref().map(|tile| tile.solved.clone());
-        let kept: Vec<Option<Arc<Solved>>> = last.tiles.iter().map(of).collect();
         // Tiles of other UV sets are not needed.
         let of_set = |solved: &&Solved| solved.mesh.uv_set == self.info.uv_set;
         self.results.device().team(|team| {
-            let of_tile = kept.iter().map(|solved| solved.as_deref().filter(of_set));
+            let of_tile = last.solved().map(|solved| solved.filter(of_set));
             let tiles: Vec<Option<TileRedirection>> = of_tile
                 .map(|solved| solved.map(TileRedirection::new).transpose())
                 .collect::<Result<Vec<_>>>()?;
@@ -226,10 +209,8 @@ impl Refinement {
     }
 
     fn check(&self, name: &str, given: usize, needed: u64, of: &str) -> Result<()> {
-        if given as u64 == needed {
-            return Ok(());
-        }
-        Err(Error::argument(format!("{name}: {given} elements, but the refinement has {needed} {of}")))
+        ensure!(given as u64 == needed, "{name}: {given} elements, but the refinement has {needed} {of}");
+        Ok(())
     }
 }
 

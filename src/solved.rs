@@ -72,7 +72,6 @@ impl Solved {
         report
     }
 
-    /// Records the time of an inversion.
     pub fn set_invert_ms(&self, ms: f32) {
         self.invert_ms.store(ms.to_bits(), Ordering::Relaxed);
     }

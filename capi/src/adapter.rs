@@ -2,7 +2,7 @@
 
 use std::ffi::c_char;
 
-use super::desc::{Out, Place, Sized32};
+use super::desc::{Out, Place, sized};
 use super::guard::guard;
 use super::status::{Failure, Outcome, chars, vrtm_status};
 use vrtm::adapters;
@@ -58,9 +58,7 @@ pub struct vrtm_adapter_info {
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
-unsafe impl Sized32 for vrtm_adapter_info {
-    const NAME: &'static str = "vrtm_adapter_info";
-}
+sized!(vrtm_adapter_info);
 
 /// The GPU that a host names by its identity; `None` for one that it names by its number.
 pub(super) fn adapter_id(by: vrtm_adapter_by, id: [u8; 16]) -> Outcome<Option<AdapterId>> {
@@ -130,31 +128,4 @@ pub unsafe extern "C" fn vrtm_adapter_get_info(index: u32, info: *mut vrtm_adapt
         });
         Ok(())
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use std::ffi::CStr;
-
-    use super::super::status::{VRTM_ERROR_INVALID_ARGUMENT, VRTM_OK};
-    use super::*;
-
-    #[test]
-    fn every_adapter_is_described() {
-        let mut count = 77;
-        // SAFETY: the pointers point to living memory.
-        unsafe {
-            assert_eq!(vrtm_adapter_count(&mut count), VRTM_OK);
-            for (index, adapter) in adapters().iter().enumerate() {
-                let mut info: vrtm_adapter_info = Sized32::zeroed();
-                assert_eq!(vrtm_adapter_get_info(index as u32, &mut info), VRTM_OK);
-                assert_eq!(info.software == 1, adapter.software);
-                let text = [&info.name[..], &info.driver, &info.api]
-                    .map(|text| CStr::from_ptr(text.as_ptr()).to_str().unwrap());
-                assert_eq!(text, [&adapter.name, &adapter.driver, adapter.api]);
-            }
-            let mut info: vrtm_adapter_info = Sized32::zeroed();
-            assert_eq!(vrtm_adapter_get_info(count, &mut info), VRTM_ERROR_INVALID_ARGUMENT);
-        }
-    }
 }

@@ -2,7 +2,7 @@
 
 use std::ffi::c_void;
 
-use super::desc::{self, Sized32};
+use super::desc::{self, sized};
 use super::status::{Failure, Outcome};
 use vrtm_core::allocation::HostAllocator;
 
@@ -35,9 +35,7 @@ pub struct vrtm_allocator {
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers, raw pointers and optional functions.
-unsafe impl Sized32 for vrtm_allocator {
-    const NAME: &'static str = "vrtm_allocator";
-}
+sized!(vrtm_allocator);
 
 /// Reads a host's allocator; null gives `None`, the system's allocator.
 ///

@@ -2,10 +2,10 @@
 
 use super::desc::{self, Out, Place};
 use super::guard::guard;
-use super::handle::{self, vrtm_asset, vrtm_device, vrtm_tile};
+use super::handle::{self, ASSETS, DEVICES, vrtm_asset, vrtm_device, vrtm_tile};
 use super::mesh::{in_c_words, mesh, more_uvs, vrtm_mesh_desc};
 use super::mirror::mirror;
-use super::status::{Failure, vrtm_status};
+use super::status::vrtm_status;
 use vrtm::Asset;
 use vrtm_core::report::AssetInfo;
 
@@ -31,7 +31,7 @@ pub unsafe extern "C" fn vrtm_asset_create(
 ) -> vrtm_status {
     guard("vrtm_asset_create", || {
         let out = Place::new(asset, "asset")?;
-        let device = handle::device(device)?;
+        let device = DEVICES.get("device", device.id)?;
         // SAFETY: the host's pointers, valid during the call.
         let (desc, uv_sets) = unsafe {
             let desc = desc::read(desc, "desc")?;
@@ -64,7 +64,10 @@ pub unsafe extern "C" fn vrtm_asset_get_info(asset: vrtm_asset, info: *mut vrtm_
 /// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_asset_destroy(asset: vrtm_asset) -> vrtm_status {
-    guard("vrtm_asset_destroy", || handle::remove_asset(asset))
+    guard("vrtm_asset_destroy", || {
+        ASSETS.remove(asset.id)?.end();
+        Ok(())
+    })
 }
 
 /// The tile at `index`, 0 <= index < vrtm_asset_info.tiles, first those of UV set 0 in the order of their UDIM numbers,
@@ -80,9 +83,7 @@ pub unsafe extern "C" fn vrtm_asset_get_tile(
     guard("vrtm_asset_get_tile", || {
         let out = Place::new(tile, "tile")?;
         let tiles = handle::asset(asset)?.tile_count();
-        if index as usize >= tiles {
-            return Err(Failure::argument(format!("index is {index}, but the asset has {tiles} tiles")));
-        }
+        ensure!((index as usize) < tiles, "index is {index}, but the asset has {tiles} tiles");
         out.write(handle::tile_handle(asset, index as usize));
         Ok(())
     })

@@ -1,17 +1,17 @@
 //! Carriers: points that ride on the warped surface.
 
-use std::sync::Arc;
-
-use super::desc::{self, Out, Place, Sized32};
+use super::desc::{self, Out, Place, Sized32, sized};
 use super::guard::guard;
-use super::handle::{self, Kind, Table, gone, pack, unpack, vrtm_asset, vrtm_carrier};
+use super::handle::{self, Kind, Table, vrtm_asset, vrtm_carrier};
 use super::mirror::{Mirror, choice, mirror};
 use super::status::{Failure, Outcome, vrtm_status};
 use super::strips::{Strips, check_apart};
-use super::types::{VRTM_SCALAR_F32, VRTM_SCALAR_F64, strided, vrtm_array, vrtm_array_out, vrtm_carried};
+use super::types::{
+    VRTM_SCALAR_F32, VRTM_SCALAR_F64, strided, strided_or_none, vrtm_array, vrtm_array_out, vrtm_carried,
+};
 use vrtm::{Bind, Carried, Carrier, CarrierInfo, CarrierSettings, Fit, PointState};
 use vrtm_core::allocation::Vec;
-use vrtm_core::view::{Scalar, Strided, StridedMut};
+use vrtm_core::view::{Scalar, StridedMut};
 
 /// Kind of place by which the points of a carrier are given.
 pub type vrtm_bind = i32;
@@ -87,28 +87,9 @@ mirror! {
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers and raw pointers.
-unsafe impl Sized32 for vrtm_carrier_desc {
-    const NAME: &'static str = "vrtm_carrier_desc";
-}
+sized!(vrtm_carrier_desc);
 
-static CARRIERS: Table<Carrier> = Table::new();
-
-/// The carrier of the handle that is given as `argument`.
-pub(super) fn living(argument: &str, handle: vrtm_carrier) -> Outcome<Arc<Carrier>> {
-    unpack(Kind::Carrier, handle.id)
-        .and_then(|(serial, _)| CARRIERS.get(serial))
-        .ok_or_else(|| gone(argument, "carrier", handle.id))
-}
-
-/// An array that may be null.
-unsafe fn optional<'a>(
-    array: *const vrtm_array,
-    components: usize,
-    name: &str,
-) -> Outcome<Option<Strided<'a>>> {
-    // SAFETY: the host's pointer.
-    (!array.is_null()).then(|| unsafe { strided(array, components, name) }).transpose()
-}
+pub(super) static CARRIERS: Table<Carrier> = Table::new(Kind::Carrier, "carrier");
 
 /// Binds points to the rest surface of an asset, for what is geometry on it and not painted: studs, scales, spikes,
 /// hair roots, decals. Curves and detail meshes are points, whose connectivity the host keeps.
@@ -138,19 +119,16 @@ pub unsafe extern "C" fn vrtm_carrier_create(
         // SAFETY: the host vouches for its pointers.
         let carrier = unsafe {
             let d = desc::read(desc, "desc")?;
-            let weights = optional(d.weights, 3, "desc.weights")?;
+            let weights = strided_or_none(d.weights, 3, "desc.weights")?;
             let count = match d.bind {
                 VRTM_BIND_UV => desc::read(d.uvs, "desc.uvs")?.count,
                 VRTM_BIND_CORNERS => desc::read(d.weights, "desc.weights")?.count,
                 VRTM_BIND_NEAREST => desc::read(d.positions, "desc.positions")?.count,
                 other => return Err(Failure::argument(format!("desc.bind is {other}, no VRTM_BIND_ value"))),
             };
-            let numbers = |pointer: *const u32, name: &str| {
-                (!pointer.is_null()).then(|| desc::slice(pointer, count, name)).transpose()
-            };
             let by = match (d.bind, weights) {
                 (VRTM_BIND_UV, _) => {
-                    let layers = numbers(d.layers, "desc.layers")?;
+                    let layers = desc::slice_or_none(d.layers, count, "desc.layers")?;
                     Bind::Uv { uvs: strided(d.uvs, 2, "desc.uvs")?, layers }
                 }
                 (VRTM_BIND_CORNERS, Some(weights)) => {
@@ -161,22 +139,20 @@ pub unsafe extern "C" fn vrtm_carrier_create(
                     farthest: (d.farthest != 0.0).then_some(d.farthest),
                 },
             };
-            let frames = optional(d.frames, 4, "desc.frames")?;
-            let matrices = optional(d.matrices, 9, "desc.matrices")?;
-            if frames.is_some() && matrices.is_some() {
-                return Err(Failure::argument("desc.frames and desc.matrices are both given".to_owned()));
-            }
+            let frames = strided_or_none(d.frames, 4, "desc.frames")?;
+            let matrices = strided_or_none(d.matrices, 9, "desc.matrices")?;
+            ensure!(frames.is_none() || matrices.is_none(), "desc.frames and desc.matrices are both given");
             asset.results.carrier(&CarrierSettings {
                 uv_set: d.uv_set,
-                heights: optional(d.heights, 1, "desc.heights")?,
+                heights: strided_or_none(d.heights, 1, "desc.heights")?,
                 frames: frames.or(matrices),
-                pieces: numbers(d.pieces, "desc.pieces")?,
+                pieces: desc::slice_or_none(d.pieces, count, "desc.pieces")?,
                 fit: Fit::from_c(d.fit, "desc.fit")?,
                 skirt: d.skirt,
                 ..CarrierSettings::new(by)
             })?
         };
-        out.write(vrtm_carrier { id: pack(Kind::Carrier, CARRIERS.insert(carrier)?, 0) });
+        out.write(vrtm_carrier { id: CARRIERS.add(carrier)? });
         Ok(())
     })
 }
@@ -191,7 +167,7 @@ pub unsafe extern "C" fn vrtm_carrier_get_info(
 ) -> vrtm_status {
     guard("vrtm_carrier_get_info", || {
         let out = Out::new(info, "info")?;
-        out.write(living("carrier", carrier)?.info().into());
+        out.write(CARRIERS.get("carrier", carrier.id)?.info().into());
         Ok(())
     })
 }
@@ -209,7 +185,7 @@ pub unsafe extern "C" fn vrtm_carrier_fetch(
     carried: *const vrtm_carried,
 ) -> vrtm_status {
     guard("vrtm_carrier_fetch", || {
-        let carrier = living("carrier", carrier)?;
+        let carrier = CARRIERS.get("carrier", carrier.id)?;
         // SAFETY: the host vouches for its pointers.
         let Points { carried, written } =
             unsafe { Points::read(carried, "carried", carrier.states().len()) }?;
@@ -229,12 +205,9 @@ pub unsafe extern "C" fn vrtm_carrier_fetch_states(
     count: usize,
 ) -> vrtm_status {
     guard("vrtm_carrier_fetch_states", || {
-        let carrier = living("carrier", carrier)?;
+        let carrier = CARRIERS.get("carrier", carrier.id)?;
         let of_points = carrier.states();
-        if count != of_points.len() {
-            let message = format!("count is {count}, but the carrier has {} points", of_points.len());
-            return Err(Failure::argument(message));
-        }
+        ensure!(count == of_points.len(), "count is {count}, but the carrier has {} points", of_points.len());
         // SAFETY: the host vouches for `count` elements during the call.
         let out = unsafe { desc::slice_mut(states, count, "states") }?;
         out.iter_mut().zip(of_points).for_each(|(out, state)| *out = state.to_c());
@@ -247,12 +220,7 @@ pub unsafe extern "C" fn vrtm_carrier_fetch_states(
 /// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_carrier_destroy(carrier: vrtm_carrier) -> vrtm_status {
-    guard("vrtm_carrier_destroy", || {
-        unpack(Kind::Carrier, carrier.id)
-            .and_then(|(serial, _)| CARRIERS.remove(serial))
-            .map(drop)
-            .ok_or_else(|| gone("carrier", "carrier", carrier.id))
-    })
+    guard("vrtm_carrier_destroy", || CARRIERS.remove(carrier.id).map(drop))
 }
 
 /// Destinations of carried points, checked but for overlaps.
@@ -267,10 +235,10 @@ impl<'a> Points<'a> {
     pub unsafe fn read(carried: *const vrtm_carried, name: &str, count: usize) -> Outcome<Points<'a>> {
         // SAFETY: the host's pointer.
         let c = unsafe { desc::read(carried, name) }?;
-        if !c.rotations.is_null() && !c.matrices.is_null() {
-            let message = format!("{name}.rotations and {name}.matrices are both given");
-            return Err(Failure::argument(message));
-        }
+        ensure!(
+            c.rotations.is_null() || c.matrices.is_null(),
+            "{name}.rotations and {name}.matrices are both given"
+        );
         let mut written = Vec::new();
         let mut array = |array: *const vrtm_array_out, components, field| -> Outcome<Option<StridedMut>> {
             if array.is_null() {
@@ -299,10 +267,7 @@ unsafe fn destination<'a>(
 ) -> Outcome<(StridedMut<'a>, Strips)> {
     // SAFETY: the host's pointer.
     let array = unsafe { desc::read(array, name) }?;
-    if array.count != count {
-        let message = format!("{name}.count is {}, but the carrier has {count} points", array.count);
-        return Err(Failure::argument(message));
-    }
+    ensure!(array.count == count, "{name}.count is {}, but the carrier has {count} points", array.count);
     // It is checked as an input of the same layout is.
     let input = vrtm_array {
         format: array.format,

@@ -33,9 +33,7 @@ use super::types::{vrtm_array, vrtm_array_out, vrtm_carried, vrtm_image, vrtm_im
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_defaults(name: *const c_char, value: *mut c_void, size: usize) -> vrtm_status {
     guard("vrtm_defaults", || {
-        if name.is_null() {
-            return Err(Failure::argument("name is null"));
-        }
+        ensure!(!name.is_null(), "name is null");
         // SAFETY: the host vouches for a string.
         let name = unsafe { CStr::from_ptr(name) }.to_str().unwrap_or_default();
         // SAFETY: the host vouches for `size` bytes during the call.
@@ -65,10 +63,12 @@ fn write<'a, T: Sized32>(
     size: usize,
     to: impl FnOnce(usize) -> Outcome<&'a mut [u8]>,
 ) -> Outcome<()> {
-    if !(T::FIRST..=LARGEST).contains(&size) {
-        let message = format!("size is {size}, but {} has {} bytes", T::NAME, size_of::<T>());
-        return Err(Failure::argument(message));
-    }
+    ensure!(
+        (T::FIRST..=LARGEST).contains(&size),
+        "size is {size}, but {} has {} bytes",
+        T::NAME,
+        size_of::<T>()
+    );
     let to = to(size)?;
     to.fill(0);
     let known = size.min(size_of::<T>());

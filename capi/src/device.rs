@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use super::adapter::{adapter_id, vrtm_adapter_by};
 use super::allocator::{self, vrtm_allocator};
-use super::desc::{self, Out, Place, Sized32};
+use super::desc::{self, Out, Place, Sized32, sized};
 use super::executor::{HostExecutor, vrtm_executor};
 use super::guard::guard;
-use super::handle::{self, vrtm_device};
+use super::handle::{DEVICES, vrtm_device};
 use super::mirror::{Mirror, choice};
 use super::status::{Outcome, chars, vrtm_status};
 use vrtm::Device;
@@ -137,26 +137,13 @@ pub struct vrtm_device_info {
     pub bytes_held: u64,
 }
 
-// SAFETY: repr(C), struct_size first, plain numbers, raw pointers and an optional function, as in the next
-// struct.
-unsafe impl Sized32 for vrtm_device_desc {
-    const NAME: &'static str = "vrtm_device_desc";
-}
+// SAFETY: repr(C), struct_size first, numbers, raw pointers and an optional function.
+sized!(vrtm_device_desc, vrtm_device_info, vrtm_log_entry);
 
 impl Default for vrtm_device_desc {
     fn default() -> vrtm_device_desc {
         Sized32::zeroed()
     }
-}
-
-// SAFETY: as above.
-unsafe impl Sized32 for vrtm_device_info {
-    const NAME: &'static str = "vrtm_device_info";
-}
-
-// SAFETY: repr(C), struct_size first, numbers and a pointer.
-unsafe impl Sized32 for vrtm_log_entry {
-    const NAME: &'static str = "vrtm_log_entry";
 }
 
 /// A host's log function and its user data.
@@ -236,7 +223,7 @@ pub unsafe extern "C" fn vrtm_device_create(
         let desc = unsafe { desc::read_or_default(desc, "desc") }?;
         // SAFETY: as above.
         let device = Device::new(&unsafe { settings(&desc) }?)?;
-        out.write(handle::add_device(device)?);
+        out.write(vrtm_device { id: DEVICES.add(device)? });
         Ok(())
     })
 }
@@ -252,7 +239,7 @@ pub unsafe extern "C" fn vrtm_device_get_info(
 ) -> vrtm_status {
     guard("vrtm_device_get_info", || {
         let out = Out::new(info, "info")?;
-        let info = handle::device(device)?.info();
+        let info = DEVICES.get("device", device.id)?.info();
         out.write(vrtm_device_info {
             struct_size: 0,
             backend: info.backend.to_c(),
@@ -271,100 +258,5 @@ pub unsafe extern "C" fn vrtm_device_get_info(
 /// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_device_destroy(device: vrtm_device) -> vrtm_status {
-    guard("vrtm_device_destroy", || handle::remove_device(device))
-}
-
-#[cfg(test)]
-mod tests {
-    use std::ffi::CStr;
-
-    use super::super::asset::{
-        vrtm_asset_create, vrtm_asset_destroy, vrtm_asset_get_info, vrtm_asset_get_tile,
-    };
-    use super::super::fetch::vrtm_asset_fetch_corner_uvs;
-    use super::super::handle::{vrtm_asset, vrtm_tile};
-    use super::super::report::vrtm_asset_get_report;
-    use super::super::solve::vrtm_asset_solve;
-    use super::super::status::{VRTM_ERROR_DEVICE_LOST, VRTM_ERROR_INVALID_HANDLE, VRTM_OK, vrtm_last_error};
-    use super::super::tile::vrtm_tile_set_mask;
-    use super::super::types::{VRTM_SCALAR_F32, vrtm_array};
-    use super::*;
-    use vrtm::{Asset, MeshSource, Strided, UvSource};
-
-    /// A device on the first GPU, software or not. `None`, with a printed note, if no GPU was found; VRTM_REQUIRE_GPU=1
-    /// makes that a failure.
-    fn gpu() -> Option<Device> {
-        let settings = DeviceSettings { backend: Backend::Gpu, ..DeviceSettings::default() };
-        let device = Device::new(&settings);
-        let asked = std::env::var_os("VRTM_REQUIRE_GPU").is_some_and(|value| value == "1");
-        let required = cfg!(feature = "gpu") && asked;
-        assert!(device.is_ok() || !required, "VRTM_REQUIRE_GPU is set, but there is no GPU: {device:?}");
-        device.inspect_err(|_| println!("skipped: no GPU adapter")).ok()
-    }
-
-    /// Two triangles of six vertices.
-    fn asset(device: &Device) -> Asset {
-        let rest = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [2.0, 0.0], [3.0, 0.0], [2.0, 1.0]];
-        let uvs = rest.map(|[x, y]: [f32; 2]| [x / 3.0, y]);
-        let rest = rest.map(|[x, y]| [x, y, 0.0]);
-        let positions = Strided::from_f32x3(&rest);
-        let uvs = UvSource { u: Strided::from_f32x2(&uvs), ..UvSource::default() };
-        let indices = &[0, 1, 2, 3, 4, 5];
-        Asset::new(device, &MeshSource { positions, indices, uvs, ..MeshSource::default() }).unwrap()
-    }
-
-    #[test]
-    fn a_lost_gpu_is_a_status_of_its_own_and_handles_still_end() {
-        let Some(lost) = gpu() else { return };
-        let made = handle::add_asset(asset(&lost)).unwrap();
-        let device = handle::add_device(lost.clone()).unwrap();
-        assert!(lost.lose_for_tests());
-        drop(lost);
-        let said = |status: vrtm_status, function: &str| {
-            assert_eq!(status, VRTM_ERROR_DEVICE_LOST, "{function}");
-            // SAFETY: the function returns this thread's zero-terminated line.
-            let message = unsafe { CStr::from_ptr(vrtm_last_error()) }.to_str().unwrap();
-            assert!(message.starts_with(&format!("{function}: the GPU ")), "{message}");
-            assert!(
-                message.ends_with(" is lost: it was destroyed; make a new device and new assets"),
-                "{message}"
-            );
-        };
-        // SAFETY: all pointers are null or point to living memory.
-        unsafe {
-            let mut tile = vrtm_tile { id: 0 };
-            assert_eq!(vrtm_asset_get_info(made, &mut Sized32::zeroed()), VRTM_OK);
-            assert_eq!(vrtm_asset_get_tile(made, 0, &mut tile), VRTM_OK);
-            said(vrtm_tile_set_mask(tile, std::ptr::null()), "vrtm_tile_set_mask");
-            let points = [0.0f32; 18];
-            let mut positions: vrtm_array = Sized32::zeroed();
-            positions.data = points.as_ptr().cast();
-            positions.count = 6;
-            positions.format = VRTM_SCALAR_F32;
-            said(vrtm_asset_solve(made, &positions, std::ptr::null()), "vrtm_asset_solve");
-            said(
-                vrtm_asset_fetch_corner_uvs(made, 0, [0.0f32; 12].as_mut_ptr(), 6),
-                "vrtm_asset_fetch_corner_uvs",
-            );
-            let mut uvs: vrtm_array = positions;
-            uvs.count = 3;
-            let indices = [0u32, 1, 2];
-            let mut mesh: super::super::mesh::vrtm_mesh_desc = Sized32::zeroed();
-            (mesh.positions, mesh.uvs) = (&positions, &uvs);
-            (mesh.indices, mesh.index_count) = (indices.as_ptr(), 3);
-            let mut other = vrtm_asset { id: 77 };
-            said(vrtm_asset_create(device, &mesh, &mut other), "vrtm_asset_create");
-            assert_eq!(other.id, 77);
-
-            let mut info: vrtm_device_info = Sized32::zeroed();
-            assert_eq!(vrtm_device_get_info(device, &mut info), VRTM_OK);
-            assert_eq!(info.backend, VRTM_BACKEND_GPU);
-            assert!(CStr::from_ptr(info.reason.as_ptr()).to_str().unwrap().contains(" is lost: "));
-            // In any order.
-            assert_eq!(vrtm_device_destroy(device), VRTM_OK);
-            said(vrtm_asset_solve(made, &positions, std::ptr::null()), "vrtm_asset_solve");
-            assert_eq!(vrtm_asset_destroy(made), VRTM_OK);
-            assert_eq!(vrtm_asset_get_report(made, &mut Sized32::zeroed()), VRTM_ERROR_INVALID_HANDLE);
-        }
-    }
+    guard("vrtm_device_destroy", || DEVICES.remove(device.id).map(drop))
 }

@@ -2,7 +2,7 @@
 
 use std::ffi::c_void;
 
-use super::desc::{self, Sized32};
+use super::desc::{self, sized};
 use super::status::{Failure, Outcome};
 use crate::hook;
 use vrtm_core::team::{Executor, Task};
@@ -39,9 +39,7 @@ pub struct vrtm_executor {
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers and pointers.
-unsafe impl Sized32 for vrtm_executor {
-    const NAME: &'static str = "vrtm_executor";
-}
+sized!(vrtm_executor);
 
 type ParallelFor = unsafe extern "C" fn(*mut c_void, usize, vrtm_task_fn, *mut c_void);
 type Spawn = unsafe extern "C" fn(*mut c_void, vrtm_task_fn, *mut c_void);

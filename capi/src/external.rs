@@ -1,6 +1,6 @@
 //! Writing results into memory of the host's graphics device.
 
-use super::desc::{self, Sized32};
+use super::desc::{self, sized};
 use super::fetch::{fetch_kind, vrtm_fetch_kind};
 use super::guard::guard;
 use super::handle::{self, vrtm_tile};
@@ -51,9 +51,7 @@ pub struct vrtm_external_image {
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
-unsafe impl Sized32 for vrtm_external_image {
-    const NAME: &'static str = "vrtm_external_image";
-}
+sized!(vrtm_external_image);
 
 unsafe fn read(image: *const vrtm_external_image, name: &str) -> Outcome<ExternalImage> {
     // SAFETY: the host's pointer.

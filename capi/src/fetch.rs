@@ -3,8 +3,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
-use super::carrier::{self, Points};
-use super::desc::{self, Sized32};
+use super::carrier::{CARRIERS, Points};
+use super::desc::{self, sized};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_carrier, vrtm_tile};
 use super::status::{Failure, Outcome, vrtm_status};
@@ -85,9 +85,7 @@ pub struct vrtm_fetch {
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers and a raw pointer.
-unsafe impl Sized32 for vrtm_fetch {
-    const NAME: &'static str = "vrtm_fetch";
-}
+sized!(vrtm_fetch);
 
 pub(super) fn fetch_kind(kind: vrtm_fetch_kind, name: &str) -> Outcome<FetchKind> {
     match kind {
@@ -115,10 +113,10 @@ impl vrtm_fetch {
             return unsafe { self.checked_points(name) };
         }
         let (asset, tile) = handle::tile(&format!("{name}.tile"), self.tile)?;
-        if self.carrier.id != 0 || !self.carried.is_null() {
-            let message = format!("{name}.carrier and carried are given, but the kind is not CARRIED");
-            return Err(Failure::argument(message));
-        }
+        ensure!(
+            self.carrier.id == 0 && self.carried.is_null(),
+            "{name}.carrier and carried are given, but the kind is not CARRIED"
+        );
         let sets = asset.info.uv_sets;
         let kind = match self.kind {
             VRTM_FETCH_UV_SET | VRTM_FETCH_UV_SET_DELTA if self.uv_set >= sets => {
@@ -148,12 +146,12 @@ impl vrtm_fetch {
 
     /// The fetch `name` of carried points, checked.
     unsafe fn checked_points<'a>(&self, name: &str) -> Outcome<(Checked<'a>, Results)> {
-        let carrier = carrier::living(&format!("{name}.carrier"), self.carrier)?;
+        let carrier = CARRIERS.get(&format!("{name}.carrier"), self.carrier.id)?;
         let of_image = [self.uv_set, self.whole_width, self.whole_height, self.x, self.y];
-        if self.tile.id != 0 || !self.image.is_null() || of_image != [0; 5] {
-            let message = format!("{name}: fields of images are given, but the kind is CARRIED");
-            return Err(Failure::argument(message));
-        }
+        ensure!(
+            self.tile.id == 0 && self.image.is_null() && of_image == [0; 5],
+            "{name}: fields of images are given, but the kind is CARRIED"
+        );
         // SAFETY: the host's pointer.
         let points =
             unsafe { Points::read(self.carried, &format!("{name}.carried"), carrier.states().len()) }?;
@@ -208,12 +206,11 @@ impl<'a> Wanted<'a> {
                 })?;
                 // SAFETY: as above.
                 let fetch = unsafe { desc::read(fetches.with_addr(at), &name) }?;
-                if fetch.struct_size != stride {
-                    return Err(Failure::argument(format!(
-                        "{name}.struct_size is {}, but that of fetches[0] is {stride}",
-                        fetch.struct_size
-                    )));
-                }
+                ensure!(
+                    fetch.struct_size == stride,
+                    "{name}.struct_size is {}, but that of fetches[0] is {stride}",
+                    fetch.struct_size
+                );
                 // SAFETY: the host's pointers, valid during the call.
                 let (checked, of) = unsafe { fetch.checked(&name) }?;
                 if !results.get_or_insert_with(|| of.clone()).is(&of) {
@@ -297,9 +294,7 @@ pub unsafe extern "C" fn vrtm_asset_fetch_face_layers(
     guard("vrtm_asset_fetch_face_layers", || {
         let asset = handle::asset(asset)?;
         let faces = asset.info.faces;
-        if count as u64 != faces {
-            return Err(Failure::argument(format!("count is {count}, but the mesh has {faces} faces")));
-        }
+        ensure!(count as u64 == faces, "count is {count}, but the mesh has {faces} faces");
         // SAFETY: the host vouches for `count` numbers during the call.
         let out = unsafe { desc::slice_mut(layers, count, "layers") }?;
         Ok(asset.results.face_layers(uv_set, out)?)
@@ -324,9 +319,7 @@ pub unsafe extern "C" fn vrtm_asset_fetch_corner_uvs(
     guard("vrtm_asset_fetch_corner_uvs", || {
         let asset = handle::asset(asset)?;
         let corners = asset.info.corners;
-        if count as u64 != corners {
-            return Err(Failure::argument(format!("count is {count}, but the mesh has {corners} corners")));
-        }
+        ensure!(count as u64 == corners, "count is {count}, but the mesh has {corners} corners");
         // SAFETY: the host vouches for `count` pairs during the call.
         let out = unsafe { desc::slice_mut(uvs.cast::<[f32; 2]>(), count, "uvs") }?;
         Ok(asset.results.corner_uvs_of_set(uv_set, out)?)

@@ -88,12 +88,12 @@ const TILE_BITS: u32 = 20;
 /// Number of tiles that a handle can distinguish.
 const MAX_TILES: usize = 1 << TILE_BITS;
 
-pub(super) fn pack(kind: Kind, serial: u64, tile: usize) -> u64 {
+fn pack(kind: Kind, serial: u64, tile: usize) -> u64 {
     (kind as u64) << (SERIAL_BITS + TILE_BITS) | (tile as u64) << SERIAL_BITS | serial
 }
 
 /// Serial number and tile index, if the handle has this kind.
-pub(super) fn unpack(kind: Kind, id: u64) -> Option<(u64, usize)> {
+fn unpack(kind: Kind, id: u64) -> Option<(u64, usize)> {
     let serial = id & ((1 << SERIAL_BITS) - 1);
     let tile = (id >> SERIAL_BITS) as usize & (MAX_TILES - 1);
     (pack(kind, serial, tile) == id && (kind == Kind::Tile || tile == 0)).then_some((serial, tile))
@@ -101,6 +101,9 @@ pub(super) fn unpack(kind: Kind, id: u64) -> Option<(u64, usize)> {
 
 /// All living objects of one kind. The lock is held only for look-ups, never while an object works or is dropped.
 pub(super) struct Table<T> {
+    kind: Kind,
+    /// The kind's name, for messages.
+    name: &'static str,
     entries: Mutex<Entries<T>>,
 }
 
@@ -110,15 +113,16 @@ struct Entries<T> {
 }
 
 impl<T> Table<T> {
-    pub const fn new() -> Table<T> {
-        Table { entries: Mutex::new(Entries { next: 0, live: BTreeMap::new() }) }
+    pub const fn new(kind: Kind, name: &'static str) -> Table<T> {
+        Table { kind, name, entries: Mutex::new(Entries { next: 0, live: BTreeMap::new() }) }
     }
 
     fn lock(&self) -> MutexGuard<'_, Entries<T>> {
         lock(&self.entries)
     }
 
-    pub fn insert(&self, value: T) -> Outcome<u64> {
+    /// Adds an object; returns its handle's number.
+    pub fn add(&self, value: T) -> Outcome<u64> {
         let value = Arc::new(value);
         let mut entries = self.lock();
         if entries.next == 0 {
@@ -127,55 +131,45 @@ impl<T> Table<T> {
         }
         let serial = entries.next;
         if serial >> SERIAL_BITS != 0 {
-            let message = "all handles of this process are used up".to_owned();
-            return Err(Failure { status: VRTM_ERROR_OUT_OF_MEMORY, message });
+            return Err(Failure::new(VRTM_ERROR_OUT_OF_MEMORY, "all handles of this process are used up"));
         }
         entries.next += 1;
         #[expect(clippy::disallowed_methods, reason = "a few bytes for each object")]
         entries.live.insert(serial, value);
-        Ok(serial)
+        Ok(pack(self.kind, serial, 0))
     }
 
-    pub fn get(&self, serial: u64) -> Option<Arc<T>> {
+    fn find(&self, serial: u64) -> Option<Arc<T>> {
         self.lock().live.get(&serial).cloned()
     }
 
-    pub fn remove(&self, serial: u64) -> Option<Arc<T>> {
+    /// The living object of the handle that is given as `argument`.
+    pub fn get(&self, argument: &str, id: u64) -> Outcome<Arc<T>> {
+        let found = unpack(self.kind, id).and_then(|(serial, _)| self.find(serial));
+        found.ok_or_else(|| gone(argument, self.name, id))
+    }
+
+    /// Ends a handle; returns its object.
+    pub fn remove(&self, id: u64) -> Outcome<Arc<T>> {
+        let (serial, _) = unpack(self.kind, id).ok_or_else(|| gone(self.name, self.name, id))?;
         let mut entries = self.lock();
         let removed = entries.live.remove(&serial);
         if entries.live.is_empty() {
             // An emptied tree keeps its root, which unloading the library would leave behind.
             entries.live = BTreeMap::new();
         }
-        removed
+        removed.ok_or_else(|| gone(self.name, self.name, id))
     }
 }
 
-static DEVICES: Table<Device> = Table::new();
-static ASSETS: Table<SharedAsset> = Table::new();
+pub(super) static DEVICES: Table<Device> = Table::new(Kind::Device, "device");
+pub(super) static ASSETS: Table<SharedAsset> = Table::new(Kind::Asset, "asset");
 
-pub(super) fn gone(argument: &str, kind: &str, id: u64) -> Failure {
+fn gone(argument: &str, kind: &str, id: u64) -> Failure {
     Failure::handle(match id {
         0 => format!("{argument}: the handle is zero"),
         _ => format!("{argument}: the handle {id:#x} is no living {kind}"),
     })
-}
-
-pub(super) fn add_device(device: Device) -> Outcome<vrtm_device> {
-    Ok(vrtm_device { id: pack(Kind::Device, DEVICES.insert(device)?, 0) })
-}
-
-pub(super) fn device(handle: vrtm_device) -> Outcome<Arc<Device>> {
-    unpack(Kind::Device, handle.id)
-        .and_then(|(serial, _)| DEVICES.get(serial))
-        .ok_or_else(|| gone("device", "device", handle.id))
-}
-
-pub(super) fn remove_device(handle: vrtm_device) -> Outcome<()> {
-    unpack(Kind::Device, handle.id)
-        .and_then(|(serial, _)| DEVICES.remove(serial))
-        .map(drop)
-        .ok_or_else(|| gone("device", "device", handle.id))
 }
 
 pub(super) fn add_asset(asset: Asset) -> Outcome<vrtm_asset> {
@@ -184,21 +178,11 @@ pub(super) fn add_asset(asset: Asset) -> Outcome<vrtm_asset> {
     if tiles > MAX_TILES {
         return Err(Failure::unsupported(format!("desc.uvs: {tiles} tiles are over {MAX_TILES}")));
     }
-    Ok(vrtm_asset { id: pack(Kind::Asset, ASSETS.insert(shared)?, 0) })
+    Ok(vrtm_asset { id: ASSETS.add(shared)? })
 }
 
 pub(super) fn asset(handle: vrtm_asset) -> Outcome<Arc<SharedAsset>> {
-    unpack(Kind::Asset, handle.id)
-        .and_then(|(serial, _)| ASSETS.get(serial))
-        .ok_or_else(|| gone("asset", "asset", handle.id))
-}
-
-/// Removes an asset's handle and cancels a solve in progress.
-pub(super) fn remove_asset(handle: vrtm_asset) -> Outcome<()> {
-    unpack(Kind::Asset, handle.id)
-        .and_then(|(serial, _)| ASSETS.remove(serial))
-        .map(|asset| asset.end())
-        .ok_or_else(|| gone("asset", "asset", handle.id))
+    ASSETS.get("asset", handle.id)
 }
 
 /// The handle of a tile of a living asset.
@@ -210,7 +194,7 @@ pub(super) fn tile_handle(asset: vrtm_asset, tile: usize) -> vrtm_tile {
 /// A tile's asset and its index in it. `argument` is the C argument's name.
 pub(super) fn tile(argument: &str, handle: vrtm_tile) -> Outcome<(Arc<SharedAsset>, usize)> {
     unpack(Kind::Tile, handle.id)
-        .and_then(|(serial, tile)| Some((ASSETS.get(serial)?, tile)))
+        .and_then(|(serial, tile)| Some((ASSETS.find(serial)?, tile)))
         .filter(|(asset, tile)| *tile < asset.tile_count())
         .ok_or_else(|| gone(argument, "tile", handle.id))
 }
@@ -224,49 +208,17 @@ pub(super) fn is_tile_of(tile: vrtm_tile, asset: vrtm_asset) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use vrtm_core::settings::DeviceSettings;
-
-    fn new_device() -> vrtm_device {
-        add_device(Device::new(&DeviceSettings::default()).unwrap()).unwrap()
-    }
-
-    #[test]
-    fn a_handle_lives_from_insert_to_remove() {
-        let handle = new_device();
-        assert!(device(handle).is_ok());
-        assert!(remove_device(handle).is_ok());
-        assert!(device(handle).is_err());
-        assert!(remove_device(handle).is_err());
-        // A new handle never equals an old one.
-        let next = new_device();
-        assert_ne!(next, handle);
-        assert!(device(handle).is_err());
-        assert!(remove_device(next).is_ok());
-    }
-
-    #[test]
-    fn zero_foreign_and_garbage_handles_are_refused_by_name() {
-        let living = new_device();
-        for id in [0, 1, living.id + 1, living.id ^ (1 << 63), living.id | (1 << SERIAL_BITS), u64::MAX] {
-            let failure = device(vrtm_device { id }).unwrap_err();
-            assert!(failure.message.starts_with("device: the handle"), "{}", failure.message);
-        }
-        // A device's number is not a valid asset or tile.
-        assert!(asset(vrtm_asset { id: living.id }).is_err());
-        assert!(tile("tile", vrtm_tile { id: living.id }).is_err());
-        assert!(remove_device(living).is_ok());
-    }
 
     #[test]
     fn handles_are_given_out_once_by_many_threads() {
-        let table: Table<u32> = Table::new();
+        let table: Table<u32> = Table::new(Kind::Job, "job");
         let serials = std::thread::scope(|scope| {
             let workers: Vec<_> = (0..4)
                 .map(|_| {
                     scope.spawn(|| {
                         let mut mine = Vec::new();
                         for i in 0..1000 {
-                            let serial = table.insert(i).unwrap();
+                            let serial = table.add(i).unwrap();
                             if i % 2 == 0 {
                                 assert_eq!(*table.remove(serial).unwrap(), i);
                             }

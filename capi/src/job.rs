@@ -5,9 +5,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
 
-use super::desc::{Out, Place, Sized32};
+use super::desc::{Out, Place, sized};
 use super::guard::guard;
-use super::handle::{self, Kind, Table, gone, pack, unpack, vrtm_asset, vrtm_job};
+use super::handle::{self, Kind, Table, vrtm_asset, vrtm_job};
 use super::shared::Claim;
 use super::solve::{CheckedOptions, vrtm_solve_options};
 use super::status::{
@@ -52,12 +52,9 @@ pub struct vrtm_job_progress {
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
-unsafe impl Sized32 for vrtm_job_progress {
-    const NAME: &'static str = "vrtm_job_progress";
-}
+sized!(vrtm_job_progress);
 
 /// One solve.
-#[derive(Debug)]
 pub(super) struct Job {
     control: Arc<Control>,
     submitted: Instant,
@@ -67,18 +64,9 @@ pub(super) struct Job {
     /// The thread that runs the job; 0 before it starts and after it ends.
     runs_on: AtomicUsize,
     /// The library's own thread, if it has one.
-    thread: Mutex<Option<Thread>>,
+    thread: Mutex<Option<threads::Thread>>,
 }
 
-struct Thread(threads::Thread);
-
-impl std::fmt::Debug for Thread {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Thread")
-    }
-}
-
-#[derive(Debug)]
 enum State {
     /// No thread has begun the job.
     Waiting(Box<Work>),
@@ -97,12 +85,6 @@ struct Work {
     checked: CheckedOptions<'static>,
 }
 
-impl std::fmt::Debug for Work {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str("Work")
-    }
-}
-
 impl Work {
     fn run(mut self) -> Outcome<()> {
         let Work { claim, positions, dirty_vertices, checked } = &mut self;
@@ -113,7 +95,7 @@ impl Work {
 }
 
 fn cancelled() -> Failure {
-    Failure { status: VRTM_ERROR_CANCELLED, message: "the job was cancelled".to_owned() }
+    Failure::new(VRTM_ERROR_CANCELLED, "the job was cancelled")
 }
 
 impl Job {
@@ -174,8 +156,7 @@ impl Job {
         if self.runs_on.load(Ordering::Relaxed) != this_thread() && !self.control.works_here() {
             return Ok(());
         }
-        let message = "job: a thread that does its work cannot wait for it".to_owned();
-        Err(Failure { status: VRTM_ERROR_BUSY, message })
+        Err(Failure::new(VRTM_ERROR_BUSY, "job: a thread that does its work cannot wait for it"))
     }
 
     /// Waits for the job to end; `None` waits as long as it takes.
@@ -197,32 +178,17 @@ impl Job {
             };
             let left = end.saturating_duration_since(Instant::now());
             if left.is_zero() {
-                let message = "job: it is not done yet".to_owned();
-                return Err(Failure { status: VRTM_ERROR_TIMEOUT, message });
+                return Err(Failure::new(VRTM_ERROR_TIMEOUT, "job: it is not done yet"));
             }
             state = self.done.wait_timeout(state, left).unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 }
 
-static JOBS: Table<Job> = Table::new();
-
-fn add(job: Job) -> Outcome<(vrtm_job, Arc<Job>)> {
-    let serial = JOBS.insert(job)?;
-    let job = JOBS.get(serial).ok_or_else(|| gone("job", "job", serial))?;
-    Ok((vrtm_job { id: pack(Kind::Job, serial, 0) }, job))
-}
+static JOBS: Table<Job> = Table::new(Kind::Job, "job");
 
 fn living(handle: vrtm_job) -> Outcome<Arc<Job>> {
-    unpack(Kind::Job, handle.id)
-        .and_then(|(serial, _)| JOBS.get(serial))
-        .ok_or_else(|| gone("job", "job", handle.id))
-}
-
-fn remove(handle: vrtm_job) -> Outcome<Arc<Job>> {
-    unpack(Kind::Job, handle.id)
-        .and_then(|(serial, _)| JOBS.remove(serial))
-        .ok_or_else(|| gone("job", "job", handle.id))
+    JOBS.get("job", handle.id)
 }
 
 /// Begins to solve an asset for a pose, and returns at once, so that the host can keep drawing. Positions and options
@@ -256,7 +222,8 @@ pub unsafe extern "C" fn vrtm_asset_submit(
         let (positions, dirty_vertices) = device.call(copies)?;
         claim.announce(&checked.control);
         let work = Work { claim, positions, dirty_vertices, checked: checked.without_dirty_vertices() };
-        let (handle, job) = add(Job::new(work))?;
+        let handle = vrtm_job { id: JOBS.add(Job::new(work))? };
+        let job = living(handle)?;
         let own = job.clone();
         #[expect(
             clippy::disallowed_methods,
@@ -269,12 +236,11 @@ pub unsafe extern "C" fn vrtm_asset_submit(
         };
         if let Some(task) = left {
             match threads::start(task) {
-                Some(thread) => *lock(&job.thread) = Some(Thread(thread)),
+                Some(thread) => *lock(&job.thread) = Some(thread),
                 None => {
                     job.cancel();
-                    remove(handle)?;
-                    let message = "no thread could be started".to_owned();
-                    return Err(Failure { status: VRTM_ERROR_OUT_OF_MEMORY, message });
+                    JOBS.remove(handle.id)?;
+                    return Err(Failure::new(VRTM_ERROR_OUT_OF_MEMORY, "no thread could be started"));
                 }
             }
         }
@@ -350,9 +316,9 @@ pub unsafe extern "C" fn vrtm_job_destroy(job: vrtm_job) -> vrtm_status {
         // The outcome no longer matters. The handle stays valid while waiting, so that other threads can ask for
         // progress.
         let _ = living.wait(None);
-        let job = remove(job)?;
+        let job = JOBS.remove(job.id)?;
         let thread = lock(&job.thread).take();
-        if let Some(Thread(thread)) = thread {
+        if let Some(thread) = thread {
             thread.join();
         }
         Ok(())

@@ -11,6 +11,15 @@
 #![allow(clippy::missing_safety_doc)] // The contract of all pointers stands once, at the head of the header.
 #![allow(rustdoc::broken_intra_doc_links)] // The comments are C: `indices[k]` there is an array's element.
 
+/// Returns an error of a wrong argument, with this message, unless the condition holds.
+macro_rules! ensure {
+    ($condition:expr, $($message:tt)+) => {
+        if !$condition {
+            return Err($crate::status::Failure::argument(format!($($message)+)));
+        }
+    };
+}
+
 // Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
 pub mod status;
 mod desc;
@@ -51,7 +60,9 @@ pub const MIRRORED: &[mirror::Struct] = &[
     carrier::vrtm_carrier_info::MIRROR,
     solve::vrtm_pbd_settings::MIRROR,
     solve::vrtm_solve_options::MIRROR,
+    map::vrtm_map_info::MIRROR,
     prepare::vrtm_tile_estimate::MIRROR,
+    refine::vrtm_refinement_desc::MIRROR,
     refine::vrtm_refinement_info::MIRROR,
     report::vrtm_strain::MIRROR,
     report::vrtm_tile_report::MIRROR,

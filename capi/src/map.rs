@@ -1,9 +1,10 @@
 //! The certificate of a redirection map.
 
-use super::desc::{self, Out, Sized32};
+use super::desc::{self, Out, sized};
 use super::fetch::{fetch_kind, vrtm_fetch_kind};
 use super::guard::guard;
 use super::handle::{self, vrtm_tile};
+use super::mirror::mirror;
 use super::status::{Outcome, vrtm_status};
 use super::types::{pixel_format, vrtm_pixel_format};
 use vrtm::{MapDesc, MapReport};
@@ -24,41 +25,19 @@ pub struct vrtm_map_desc {
     pub height: u32,
 }
 
-/// Accuracy of a redirection map that is read with bilinear interpolation. Errors are lengths in UV; multiply
-/// them by a texture's size to get its texels. Start from vrtm_map_info_init().
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct vrtm_map_info {
-    /// sizeof(vrtm_map_info); set by vrtm_map_info_init().
-    pub struct_size: u32,
-    /// Quads of four neighbouring texel centres on which the interpolated map, in the numbers that a fetch writes, is
-    /// not one-to-one: 0 certifies that the map is one-to-one everywhere between the centres of the tile's outermost
-    /// texels.
-    pub folds: u64,
-    /// Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves).
-    pub min_jacobian: f64,
-    /// Root mean square error over the tile's charts, relative to the exact redirection.
-    pub error_rms: f64,
-    /// 99th percentile of the error over the charts, rounded up by at most one percent.
-    pub error_p99: f64,
-    /// Largest error in the charts.
-    pub error_max: f64,
-    /// Width at which the map has no folds: the given size, or the first that works of two and four times that size,
-    /// then a half, a quarter and so on; 0 if no size was found. Larger maps often have more folds.
-    pub sufficient_width: u32,
-    /// Height at which the map has no folds; see `sufficient_width`.
-    pub sufficient_height: u32,
+mirror! {
+    report vrtm_map_info of r: MapReport {
+        folds: u64, min_jacobian: f64, error_rms: f64, error_p99: f64, error_max: f64,
+        /// Width at which the map has no folds: the given size, or the first that works of two and four times that
+        /// size, then a half, a quarter and so on; 0 if no size was found. Larger maps often have more folds.
+        sufficient_width: u32 = r.sufficient_size.unwrap_or_default()[0],
+        /// Height at which the map has no folds; see `sufficient_width`.
+        sufficient_height: u32 = r.sufficient_size.unwrap_or_default()[1],
+    }
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers.
-unsafe impl Sized32 for vrtm_map_desc {
-    const NAME: &'static str = "vrtm_map_desc";
-}
-
-// SAFETY: as above.
-unsafe impl Sized32 for vrtm_map_info {
-    const NAME: &'static str = "vrtm_map_info";
-}
+sized!(vrtm_map_desc);
 
 /// Inspects the map that a vrtm_asset_fetch of this kind, size and format would write for the last result. A map
 /// samples the redirection at texel centres only, and a renderer's interpolation may fold where the warp squeezes.
@@ -80,8 +59,7 @@ pub unsafe extern "C" fn vrtm_tile_inspect_map(
         let (asset, tile) = handle::tile("tile", tile)?;
         // SAFETY: the host's pointer.
         let desc = read(unsafe { desc::read(desc, "desc") }?)?;
-        let report = asset.results.inspect_map(tile, &desc)?;
-        out.write(info_of(&report));
+        out.write(asset.results.inspect_map(tile, &desc)?.into());
         Ok(())
     })
 }
@@ -92,18 +70,4 @@ fn read(desc: vrtm_map_desc) -> Outcome<MapDesc> {
         format: pixel_format(desc.format, "desc")?,
         size: [desc.width, desc.height],
     })
-}
-
-fn info_of(report: &MapReport) -> vrtm_map_info {
-    let [sufficient_width, sufficient_height] = report.sufficient_size.unwrap_or_default();
-    vrtm_map_info {
-        struct_size: 0,
-        folds: report.folds,
-        min_jacobian: report.min_jacobian,
-        error_rms: report.error_rms,
-        error_p99: report.error_p99,
-        error_max: report.error_max,
-        sufficient_width,
-        sufficient_height,
-    }
 }

@@ -1,6 +1,6 @@
 //! The description of a mesh.
 
-use super::desc::{self, Sized32};
+use super::desc::{self, Sized32, sized};
 use super::status::{Failure, Outcome};
 use super::types::{strided, vrtm_array};
 use vrtm_core::allocation::Vec;
@@ -111,9 +111,7 @@ pub struct vrtm_mesh_desc {
 }
 
 // SAFETY: repr(C), struct_size first, plain numbers and raw pointers.
-unsafe impl Sized32 for vrtm_mesh_desc {
-    const NAME: &'static str = "vrtm_mesh_desc";
-}
+sized!(vrtm_mesh_desc);
 
 impl Default for vrtm_mesh_desc {
     fn default() -> vrtm_mesh_desc {
@@ -125,20 +123,12 @@ impl Default for vrtm_mesh_desc {
     }
 }
 
-unsafe fn optional<'a>(pointer: *const u32, count: usize, name: &str) -> Outcome<Option<&'a [u32]>> {
-    if pointer.is_null() {
-        return Ok(None);
-    }
-    // SAFETY: the host vouches for `count` numbers.
-    unsafe { desc::slice(pointer, count, name) }.map(Some)
-}
-
 /// Reads a UV set; messages name its arrays as fields of `name`.
 unsafe fn uv_source<'a>(set: &vrtm_uv_set, name: &str) -> Outcome<UvSource<'a>> {
     let vrtm_uv_set { uvs, u, v, uv_indices, uv_index_count } = *set;
     // SAFETY: all of these are the host's pointers, valid during the call.
     unsafe {
-        let indices = optional(uv_indices, uv_index_count, &format!("{name}.uv_indices"))?;
+        let indices = desc::slice_or_none(uv_indices, uv_index_count, &format!("{name}.uv_indices"))?;
         match (uvs.is_null(), u.is_null() && v.is_null()) {
             (false, true) => Ok(UvSource { u: strided(uvs, 2, &format!("{name}.uvs"))?, v: None, indices }),
             (true, false) => {
@@ -174,13 +164,10 @@ fn weld(desc: &vrtm_mesh_desc) -> Outcome<Weld> {
 
 /// The UV sets after the first one.
 pub(super) unsafe fn more_uvs<'a>(desc: &vrtm_mesh_desc) -> Outcome<Vec<UvSource<'a>>> {
-    if desc.uv_sets.is_null() {
-        return Ok(Vec::new());
-    }
     // SAFETY: the host vouches for `uv_set_count` structs, and for their pointers.
-    let sets = unsafe { desc::slice(desc.uv_sets, desc.uv_set_count, "desc.uv_sets") }?;
+    let sets = unsafe { desc::slice_or_none(desc.uv_sets, desc.uv_set_count, "desc.uv_sets") }?;
     let source = |(k, set)| unsafe { uv_source(set, &format!("desc.uv_sets[{k}]")) };
-    sets.iter().enumerate().map(source).collect::<Result<Vec<_>, _>>()
+    sets.unwrap_or_default().iter().enumerate().map(source).collect::<Result<Vec<_>, _>>()
 }
 
 pub(super) unsafe fn mesh<'a>(desc: &vrtm_mesh_desc, uv_sets: &'a [UvSource<'a>]) -> Outcome<MeshSource<'a>> {
@@ -188,16 +175,15 @@ pub(super) unsafe fn mesh<'a>(desc: &vrtm_mesh_desc, uv_sets: &'a [UvSource<'a>]
     // SAFETY: all of these are the host's pointers, valid during the call.
     unsafe {
         let positions = strided(desc.positions, 3, "desc.positions")?;
-        let face_counts = optional(desc.face_counts, desc.face_count, "desc.face_counts")?;
-        let face_offsets = optional(desc.face_offsets, desc.face_offset_count, "desc.face_offsets")?;
+        let face_counts = desc::slice_or_none(desc.face_counts, desc.face_count, "desc.face_counts")?;
+        let face_offsets =
+            desc::slice_or_none(desc.face_offsets, desc.face_offset_count, "desc.face_offsets")?;
         let indices = desc::slice(desc.indices, desc.index_count, "desc.indices")?;
         let uvs = uv_source(&vrtm_uv_set { uvs, u, v, uv_indices, uv_index_count }, "desc")?;
-        let textured_faces = optional(desc.textured_faces, desc.textured_face_count, "desc.textured_faces")?;
-        let seams = if desc.seams.is_null() {
-            &[]
-        } else {
-            desc::slice(desc.seams.cast::<[u32; 2]>(), desc.seam_count, "desc.seams")?
-        };
+        let textured_faces =
+            desc::slice_or_none(desc.textured_faces, desc.textured_face_count, "desc.textured_faces")?;
+        let seams =
+            desc::slice_or_none(desc.seams.cast(), desc.seam_count, "desc.seams")?.unwrap_or_default();
         Ok(MeshSource {
             positions,
             face_counts,

@@ -5,7 +5,7 @@
 
 use std::time::Duration;
 
-use super::status::{Failure, Outcome};
+use super::status::Outcome;
 use super::types::flag;
 
 /// A C struct, for the header.
@@ -49,25 +49,20 @@ pub(super) trait Mirror<C>: Sized {
     fn from_c(value: C, name: &str) -> Outcome<Self>;
 }
 
-impl Mirror<f32> for f32 {
-    fn to_c(&self) -> f32 {
-        *self
-    }
+macro_rules! same {
+    ($($number:ty),+) => {
+        $(impl Mirror<$number> for $number {
+            fn to_c(&self) -> $number {
+                *self
+            }
 
-    fn from_c(value: f32, _: &str) -> Outcome<f32> {
-        Ok(value)
-    }
+            fn from_c(value: $number, _: &str) -> Outcome<$number> {
+                Ok(value)
+            }
+        })+
+    };
 }
-
-impl Mirror<u32> for u32 {
-    fn to_c(&self) -> u32 {
-        *self
-    }
-
-    fn from_c(value: u32, _: &str) -> Outcome<u32> {
-        Ok(value)
-    }
-}
+same!(f32, f64, u32, u64);
 
 impl Mirror<u32> for bool {
     fn to_c(&self) -> u32 {
@@ -97,9 +92,7 @@ impl Mirror<f32> for Option<Duration> {
     }
 
     fn from_c(ms: f32, name: &str) -> Outcome<Option<Duration>> {
-        if !(ms >= 0.0 && ms.is_finite()) {
-            return Err(Failure::argument(format!("{name}: {ms} is not a finite, non-negative number")));
-        }
+        ensure!(ms >= 0.0 && ms.is_finite(), "{name}: {ms} is not a finite, non-negative number");
         Ok(Duration::try_from_secs_f32(ms / 1000.0).ok().filter(|_| ms > 0.0))
     }
 }
@@ -223,9 +216,7 @@ macro_rules! mirror {
         mirror!(@struct $name [struct_size] $rust $of [$($fields)*]);
 
         // SAFETY: repr(C), struct_size first, plain numbers and pointers.
-        unsafe impl $crate::desc::Sized32 for $name {
-            const NAME: &'static str = stringify!($name);
-        }
+        $crate::desc::sized!($name);
     };
     (
         @struct $name:ident [$($size:ident)?] $rust:ident $of:ident

@@ -2,11 +2,11 @@
 
 use std::ffi::c_void;
 
-use super::desc::{self, Out};
+use super::desc::{self, Out, Place};
 use super::guard::guard;
 use super::handle::{self, vrtm_tile};
 use super::mirror::mirror;
-use super::status::{Failure, vrtm_status};
+use super::status::vrtm_status;
 use vrtm_core::report::TileEstimate;
 
 mirror! {
@@ -51,25 +51,16 @@ pub unsafe extern "C" fn vrtm_tile_save(
     size: *mut usize,
 ) -> vrtm_status {
     guard("vrtm_tile_save", || {
-        if size.is_null() {
-            return Err(Failure::argument("size is null"));
-        }
-        if !size.is_aligned() {
-            return Err(Failure::argument("size is not aligned"));
-        }
+        let out_size = Place::new(size, "size")?;
         let (asset, tile) = handle::tile("tile", tile)?;
         let needed = asset.write(|asset| Ok(asset.saved_tile_size(tile)?))?;
         if !data.is_null() {
-            if capacity < needed {
-                let message = format!("capacity is {capacity} bytes, {needed} are needed");
-                return Err(Failure::argument(message));
-            }
+            ensure!(capacity >= needed, "capacity is {capacity} bytes, {needed} are needed");
             // SAFETY: the host vouches for `capacity` bytes during the call.
             let out = unsafe { desc::slice_mut(data.cast::<u8>(), needed, "data") }?;
             asset.write(|asset| Ok(asset.save_tile_to(tile, out)?))?;
         }
-        // SAFETY: the host's pointer, not null and aligned.
-        unsafe { size.write(needed) };
+        out_size.write(needed);
         Ok(())
     })
 }
@@ -86,9 +77,7 @@ pub unsafe extern "C" fn vrtm_tile_save(
 pub unsafe extern "C" fn vrtm_tile_load(tile: vrtm_tile, data: *const c_void, size: usize) -> vrtm_status {
     guard("vrtm_tile_load", || {
         let (asset, tile) = handle::tile("tile", tile)?;
-        if data.is_null() {
-            return Err(Failure::argument("data is null"));
-        }
+        ensure!(!data.is_null(), "data is null");
         // SAFETY: the host vouches for `size` bytes during the call.
         let data = unsafe { desc::slice(data.cast::<u8>(), size, "data") }?;
         asset.write(|asset| Ok(asset.load_tile(tile, data)?))

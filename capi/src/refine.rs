@@ -4,29 +4,18 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 
-use super::desc::{self, Out, Place, Sized32};
+use super::desc::{self, Out, Place, sized};
 use super::guard::guard;
-use super::handle::{self, Kind, Table, gone, pack, unpack, vrtm_asset, vrtm_refinement};
+use super::handle::{self, Kind, Table, vrtm_asset, vrtm_refinement};
 use super::mirror::mirror;
 use super::status::{Failure, Outcome, VRTM_ERROR_BUSY, vrtm_status};
-use vrtm::RefinementPattern;
-use vrtm::{Refinement, RefinementInfo, RefinementSettings, TOLERANCE};
+use vrtm::{Refinement, RefinementInfo, RefinementPattern, RefinementSettings};
 use vrtm_core::panics::lock;
 
-/// Settings of a refinement. Start from vrtm_refinement_desc_init(), which sets the defaults.
-#[repr(C)]
-#[derive(Clone, Copy)]
-pub struct vrtm_refinement_desc {
-    /// sizeof(vrtm_refinement_desc); set by vrtm_refinement_desc_init().
-    pub struct_size: u32,
-    /// The UV set: 0 <= uv_set < vrtm_asset_info.uv_sets.
-    pub uv_set: u32,
-    /// Largest error of linear interpolation on a triangle, in UV of a tile, over 0 and at most 1; default 1/2048, half
-    /// a texel of a texture of 1024. Halving it needs up to three times as many triangles.
-    pub tolerance: f64,
-    /// Maximum number of triangles of the refined mesh, where a polygon of n corners counts as n - 2; 0 = a million
-    /// more than the mesh has. If the limit is reached, the largest errors are split first.
-    pub max_triangles: u64,
+mirror! {
+    settings vrtm_refinement_desc of s: RefinementSettings in "desc" {
+        uv_set: u32, tolerance: f64, max_triangles: u64,
+    }
 }
 
 mirror! {
@@ -72,21 +61,8 @@ pub struct vrtm_refinement_pattern {
     pub corner_uvs: *mut f32,
 }
 
-// SAFETY: repr(C), struct_size first, plain numbers.
-unsafe impl Sized32 for vrtm_refinement_desc {
-    const NAME: &'static str = "vrtm_refinement_desc";
-}
-
-impl Default for vrtm_refinement_desc {
-    fn default() -> vrtm_refinement_desc {
-        vrtm_refinement_desc { tolerance: TOLERANCE, ..Sized32::zeroed() }
-    }
-}
-
-// SAFETY: as above, with raw pointers.
-unsafe impl Sized32 for vrtm_refinement_pattern {
-    const NAME: &'static str = "vrtm_refinement_pattern";
-}
+// SAFETY: repr(C), struct_size first, plain numbers and raw pointers.
+sized!(vrtm_refinement_pattern);
 
 /// A refinement shared by threads: readers get the present version, even while another thread extends it.
 #[derive(Debug)]
@@ -108,8 +84,7 @@ impl SharedRefinement {
             }
         }
         if self.extending.swap(true, Ordering::Acquire) {
-            let message = "refinement: another call is extending it".to_owned();
-            return Err(Failure { status: VRTM_ERROR_BUSY, message });
+            return Err(Failure::new(VRTM_ERROR_BUSY, "refinement: another call is extending it"));
         }
         let _turn = Turn(&self.extending);
         let mut next = (*self.present()).clone();
@@ -121,23 +96,10 @@ impl SharedRefinement {
     }
 }
 
-static REFINEMENTS: Table<SharedRefinement> = Table::new();
-
-fn add(refinement: SharedRefinement) -> Outcome<vrtm_refinement> {
-    Ok(vrtm_refinement { id: pack(Kind::Refinement, REFINEMENTS.insert(refinement)?, 0) })
-}
+static REFINEMENTS: Table<SharedRefinement> = Table::new(Kind::Refinement, "refinement");
 
 fn living(handle: vrtm_refinement) -> Outcome<Arc<SharedRefinement>> {
-    unpack(Kind::Refinement, handle.id)
-        .and_then(|(serial, _)| REFINEMENTS.get(serial))
-        .ok_or_else(|| gone("refinement", "refinement", handle.id))
-}
-
-fn remove(handle: vrtm_refinement) -> Outcome<()> {
-    unpack(Kind::Refinement, handle.id)
-        .and_then(|(serial, _)| REFINEMENTS.remove(serial))
-        .map(drop)
-        .ok_or_else(|| gone("refinement", "refinement", handle.id))
+    REFINEMENTS.get("refinement", handle.id)
 }
 
 /// Refines the mesh of an asset for its last result, for hosts that support only UV sets. Where the mesh is coarser
@@ -165,15 +127,11 @@ pub unsafe extern "C" fn vrtm_refinement_create(
         let out = Place::new(refinement, "refinement")?;
         let asset = handle::asset(asset)?;
         // SAFETY: the host's pointer.
-        let desc = unsafe { desc::read_or_default(desc, "desc") }?;
-        let settings = RefinementSettings {
-            uv_set: desc.uv_set,
-            tolerance: Some(desc.tolerance),
-            max_triangles: (desc.max_triangles != 0).then_some(desc.max_triangles),
-        };
+        let desc: vrtm_refinement_desc = unsafe { desc::read_or_default(desc, "desc") }?;
+        let settings = desc.settings()?;
         let present = Mutex::new(Arc::new(asset.results.refine(&settings)?));
         let shared = SharedRefinement { present, extending: AtomicBool::new(false) };
-        out.write(add(shared)?);
+        out.write(vrtm_refinement { id: REFINEMENTS.add(shared)? });
         Ok(())
     })
 }
@@ -226,10 +184,10 @@ pub unsafe extern "C" fn vrtm_refinement_fetch_pattern(
             ("corner_count", p.corner_count, info.corners, "corners"),
         ];
         for (name, given, needed, of) in counts {
-            if given as u64 != needed {
-                let message = format!("pattern.{name} is {given}, but the refinement has {needed} {of}");
-                return Err(Failure::argument(message));
-            }
+            ensure!(
+                given as u64 == needed,
+                "pattern.{name} is {given}, but the refinement has {needed} {of}"
+            );
         }
         let (vertices, faces, corners) = (p.vertex_count, p.face_count, p.corner_count);
         let mut spans = Spans::default();
@@ -268,10 +226,10 @@ impl Spans {
         let bytes = count.saturating_mul(size_of::<T>());
         let span = pointer.addr()..pointer.addr().saturating_add(bytes);
         for (other, taken) in &self.0[..self.1] {
-            if span.start < taken.end && taken.start < span.end {
-                let message = format!("pattern.{other} and pattern.{name} overlap in memory");
-                return Err(Failure::argument(message));
-            }
+            ensure!(
+                span.start >= taken.end || taken.start >= span.end,
+                "pattern.{other} and pattern.{name} overlap in memory"
+            );
         }
         (self.0[self.1], self.1) = ((name, span), self.1 + 1);
         // SAFETY: passed on; no other array of this call overlaps this one.
@@ -297,10 +255,7 @@ pub unsafe extern "C" fn vrtm_refinement_fetch_corner_uvs(
     guard("vrtm_refinement_fetch_corner_uvs", || {
         let refinement = living(refinement)?.present();
         let corners = refinement.info().corners;
-        if count as u64 != corners {
-            let message = format!("count is {count}, but the refinement has {corners} corners");
-            return Err(Failure::argument(message));
-        }
+        ensure!(count as u64 == corners, "count is {count}, but the refinement has {corners} corners");
         // SAFETY: the host vouches for `count` pairs during the call.
         let out = unsafe { desc::slice_mut(uvs.cast::<[f32; 2]>(), count, "uvs") }?;
         Ok(refinement.corner_uvs(out)?)
@@ -312,5 +267,5 @@ pub unsafe extern "C" fn vrtm_refinement_fetch_corner_uvs(
 /// Errors: VRTM_ERROR_INVALID_HANDLE, also when it was destroyed before.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn vrtm_refinement_destroy(refinement: vrtm_refinement) -> vrtm_status {
-    guard("vrtm_refinement_destroy", || remove(refinement))
+    guard("vrtm_refinement_destroy", || REFINEMENTS.remove(refinement.id).map(drop))
 }

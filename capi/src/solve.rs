@@ -9,7 +9,7 @@ use super::fetch::{Wanted, vrtm_fetch};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::mirror::{choice, mirror};
-use super::status::{Failure, Outcome, vrtm_status};
+use super::status::{Outcome, vrtm_status};
 use super::types::{strided, strided_and_span, vrtm_array};
 use vrtm::SolveRequest;
 use vrtm_core::allocation::Vec;
@@ -93,30 +93,24 @@ impl<'a> CheckedOptions<'a> {
     pub unsafe fn read(asset: vrtm_asset, pointer: *const vrtm_solve_options) -> Outcome<CheckedOptions<'a>> {
         // SAFETY: the host's pointer.
         let from: vrtm_solve_options = unsafe { desc::read_or_default(pointer, "options") }?;
-        let mut tiles = None;
-        if !from.tiles.is_null() {
-            // SAFETY: the host vouches for `tile_count` handles.
-            let handles = unsafe { desc::slice(from.tiles, from.tile_count, "options.tiles") }?;
-            let index = |(k, &handle): (usize, &vrtm_tile)| {
-                let name = format!("options.tiles[{k}]");
-                let (_, index) = handle::tile(&name, handle)?;
-                match handle::is_tile_of(handle, asset) {
-                    true => Ok(index),
-                    false => Err(Failure::argument(format!("{name} belongs to another asset"))),
-                }
-            };
-            tiles = Some(handles.iter().enumerate().map(index).collect::<Result<Vec<_>, _>>()?);
-        }
-        let mut dirty_vertices = None;
-        if !from.dirty_vertices.is_null() {
-            let (first, count) = (from.dirty_vertices, from.dirty_vertex_count);
-            // SAFETY: the host vouches for `dirty_vertex_count` numbers.
-            dirty_vertices = Some(unsafe { desc::slice(first, count, "options.dirty_vertices") }?);
-        }
-        if from.release & !(VRTM_RELEASE_RESULTS | VRTM_RELEASE_SOLVERS) != 0 {
-            let message = format!("options.release is {}, no sum of VRTM_RELEASE_ flags", from.release);
-            return Err(Failure::argument(message));
-        }
+        let index = |(k, &handle): (usize, &vrtm_tile)| {
+            let name = format!("options.tiles[{k}]");
+            let (_, index) = handle::tile(&name, handle)?;
+            ensure!(handle::is_tile_of(handle, asset), "{name} belongs to another asset");
+            Ok(index)
+        };
+        // SAFETY: the host vouches for `tile_count` handles.
+        let handles = unsafe { desc::slice_or_none(from.tiles, from.tile_count, "options.tiles") }?;
+        let tiles =
+            handles.map(|handles| handles.iter().enumerate().map(index).collect::<Result<Vec<_>, _>>());
+        let (first, count) = (from.dirty_vertices, from.dirty_vertex_count);
+        // SAFETY: the host vouches for `dirty_vertex_count` numbers.
+        let dirty_vertices = unsafe { desc::slice_or_none(first, count, "options.dirty_vertices") }?;
+        ensure!(
+            from.release & !(VRTM_RELEASE_RESULTS | VRTM_RELEASE_SOLVERS) == 0,
+            "options.release is {}, no sum of VRTM_RELEASE_ flags",
+            from.release
+        );
         let control = from.progress.map_or_else(Control::new, |call| {
             let host = HostProgress { call, user: from.progress_user };
             Control::with_progress(Arc::new(move |progress| host.tell(progress)))
@@ -124,7 +118,7 @@ impl<'a> CheckedOptions<'a> {
         Ok(CheckedOptions {
             options: from.settings()?,
             threads: NonZeroU32::new(from.threads),
-            tiles,
+            tiles: tiles.transpose()?,
             dirty_vertices,
             release_last: from.release & VRTM_RELEASE_RESULTS != 0,
             release_solvers: from.release & VRTM_RELEASE_SOLVERS != 0,

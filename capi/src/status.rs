@@ -91,6 +91,10 @@ pub(super) struct Failure {
 }
 
 impl Failure {
+    pub fn new(status: vrtm_status, message: &str) -> Failure {
+        Failure { status, message: message.to_owned() }
+    }
+
     pub fn argument(message: impl Into<String>) -> Failure {
         Failure { status: VRTM_ERROR_INVALID_ARGUMENT, message: message.into() }
     }
@@ -169,6 +173,21 @@ mod tests {
         std::thread::spawn(|| assert_eq!(last_error(), "")).join().unwrap();
         set_last_error("f", "one\nline");
         assert_eq!(last_error(), "f: one line");
+    }
+
+    #[test]
+    fn every_kind_of_error_has_its_status() {
+        for (kind, status) in [
+            (ErrorKind::InvalidArgument, VRTM_ERROR_INVALID_ARGUMENT),
+            (ErrorKind::Unsupported, VRTM_ERROR_UNSUPPORTED),
+            (ErrorKind::OutOfMemory, VRTM_ERROR_OUT_OF_MEMORY),
+            (ErrorKind::NotSolved, VRTM_ERROR_NOT_SOLVED),
+            (ErrorKind::DeviceLost, VRTM_ERROR_DEVICE_LOST),
+            (ErrorKind::Cancelled, VRTM_ERROR_CANCELLED),
+            (ErrorKind::Internal, VRTM_ERROR_INTERNAL),
+        ] {
+            assert_eq!(Failure::from(Error::new(kind, "")).status, status);
+        }
     }
 
     #[test]

@@ -5,7 +5,7 @@ use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::mirror::{choice, mirror};
 use super::status::{Failure, vrtm_status};
-use super::types::{flag, image_or_none, strided, vrtm_array, vrtm_image};
+use super::types::{flag, image_or_none, strided_or_none, vrtm_array, vrtm_image};
 use vrtm_core::report::TileInfo;
 use vrtm_core::settings::{OpenBorders, Overlap, Seams, TileSettings};
 
@@ -89,18 +89,12 @@ pub unsafe extern "C" fn vrtm_asset_find_tile(
         // SAFETY: the host's pointer.
         let vrtm_tile_key { udim, uv_set, layer, .. } = unsafe { desc::slice(key, 1, "key") }?[0];
         let sets = shared.info.uv_sets;
-        if uv_set >= sets {
-            let message = format!("key.uv_set is {uv_set}, but the mesh has {sets} UV sets");
-            return Err(Failure::argument(message));
-        }
+        ensure!(uv_set < sets, "key.uv_set is {uv_set}, but the mesh has {sets} UV sets");
         let found = shared.results.find_tile_of_set(uv_set, udim);
         let index =
             found.ok_or_else(|| Failure::argument(format!("key.udim: the asset has no tile {udim}")))?;
         let layers = shared.results.tile_layer(index).1;
-        if layer >= layers {
-            let message = format!("key.layer is {layer}, but tile {udim} has {layers} layers");
-            return Err(Failure::argument(message));
-        }
+        ensure!(layer < layers, "key.layer is {layer}, but tile {udim} has {layers} layers");
         out.write(handle::tile_handle(asset, index + layer as usize));
         Ok(())
     })
@@ -221,12 +215,8 @@ pub unsafe extern "C" fn vrtm_asset_set_vertex_rigidity(
 ) -> vrtm_status {
     guard("vrtm_asset_set_vertex_rigidity", || {
         let asset = handle::asset(asset)?;
-        let values = if rigidity.is_null() {
-            None
-        } else {
-            // SAFETY: the host's pointer, valid during the call.
-            Some(unsafe { strided(rigidity, 1, "rigidity") }?)
-        };
+        // SAFETY: the host's pointer, valid during the call.
+        let values = unsafe { strided_or_none(rigidity, 1, "rigidity") }?;
         asset.write(|asset| Ok(asset.set_vertex_rigidity(values)?))
     })
 }
@@ -243,12 +233,8 @@ pub unsafe extern "C" fn vrtm_asset_set_vertex_mask(
 ) -> vrtm_status {
     guard("vrtm_asset_set_vertex_mask", || {
         let asset = handle::asset(asset)?;
-        let values = if mask.is_null() {
-            None
-        } else {
-            // SAFETY: the host's pointer, valid during the call.
-            Some(unsafe { strided(mask, 1, "mask") }?)
-        };
+        // SAFETY: the host's pointer, valid during the call.
+        let values = unsafe { strided_or_none(mask, 1, "mask") }?;
         asset.write(|asset| Ok(asset.set_vertex_mask(values)?))
     })
 }
@@ -298,22 +284,4 @@ pub unsafe extern "C" fn vrtm_tile_freeze(tile: vrtm_tile, frozen: u32) -> vrtm_
         let frozen = flag(frozen, "frozen")?;
         asset.write(|asset| Ok(asset.freeze(tile, frozen)?))
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn settings_are_read_and_other_values_are_named() {
-        let mut c = vrtm_tile_settings::default();
-        assert_eq!(c.settings().unwrap(), TileSettings::default());
-        (c.room, c.seam_reach, c.seams) = (0.0, 0.25, VRTM_SEAMS_KEEP);
-        let given =
-            TileSettings { room: 0.0, seam_reach: 0.25, seams: Seams::Keep, ..TileSettings::default() };
-        assert_eq!(c.settings().unwrap(), given);
-        assert_eq!(vrtm_tile_settings::from(&given).seam_reach, 0.25);
-        c.seams = 7;
-        assert_eq!(c.settings().unwrap_err().message, "settings.seams is 7, no VRTM_SEAMS_ value");
-    }
 }

@@ -3,7 +3,7 @@
 use std::ffi::c_void;
 use std::ops::Range;
 
-use super::desc::{self, Sized32};
+use super::desc::{self, sized};
 use super::status::{Failure, Outcome};
 use super::strips::Strips;
 use vrtm::FetchKind;
@@ -143,30 +143,8 @@ pub struct vrtm_carried {
     pub uvs: *const vrtm_array_out,
 }
 
-// SAFETY: repr(C), struct_size first, plain numbers and raw pointers, as in the structs below.
-unsafe impl Sized32 for vrtm_array {
-    const NAME: &'static str = "vrtm_array";
-}
-
-// SAFETY: as above.
-unsafe impl Sized32 for vrtm_image {
-    const NAME: &'static str = "vrtm_image";
-}
-
-// SAFETY: as above.
-unsafe impl Sized32 for vrtm_image_out {
-    const NAME: &'static str = "vrtm_image_out";
-}
-
-// SAFETY: as above.
-unsafe impl Sized32 for vrtm_array_out {
-    const NAME: &'static str = "vrtm_array_out";
-}
-
-// SAFETY: as above.
-unsafe impl Sized32 for vrtm_carried {
-    const NAME: &'static str = "vrtm_carried";
-}
+// SAFETY: repr(C), struct_size first, plain numbers and raw pointers.
+sized!(vrtm_array, vrtm_image, vrtm_image_out, vrtm_array_out, vrtm_carried);
 
 /// Reads a field of a struct that must be 0 or 1.
 pub(super) fn flag(value: u32, name: &str) -> Outcome<bool> {
@@ -187,6 +165,16 @@ pub(super) unsafe fn strided<'a>(
     unsafe { strided_and_span(array, components, name) }.map(|(view, _)| view)
 }
 
+/// A view of a host's array; null gives `None`.
+pub(super) unsafe fn strided_or_none<'a>(
+    array: *const vrtm_array,
+    components: usize,
+    name: &str,
+) -> Outcome<Option<Strided<'a>>> {
+    // SAFETY: passed on.
+    (!array.is_null()).then(|| unsafe { strided(array, components, name) }).transpose()
+}
+
 /// A view of a host's array, and the range of addresses that it spans.
 pub(super) unsafe fn strided_and_span<'a>(
     array: *const vrtm_array,
@@ -200,19 +188,11 @@ pub(super) unsafe fn strided_and_span<'a>(
         VRTM_SCALAR_F64 => Scalar::F64,
         other => return Err(Failure::argument(format!("{name}.format is {other}, no VRTM_SCALAR_ value"))),
     };
-    if array.data.is_null() {
-        return Err(Failure::argument(format!("{name}.data is null")));
-    }
-    if array.count == 0 {
-        return Err(Failure::argument(format!("{name}.count is 0")));
-    }
+    ensure!(!array.data.is_null(), "{name}.data is null");
+    ensure!(array.count != 0, "{name}.count is 0");
     let element = scalar.size() * components;
     let stride = if array.stride == 0 { element } else { array.stride };
-    if stride < element {
-        return Err(Failure::argument(format!(
-            "{name}.stride is {stride} bytes, smaller than an element ({element} bytes)"
-        )));
-    }
+    ensure!(stride >= element, "{name}.stride is {stride} bytes, smaller than an element ({element} bytes)");
     let most = (usize::MAX - array.data.addr()).min(isize::MAX as usize);
     let span = |stride: usize| {
         let bytes = (array.count - 1).checked_mul(stride).and_then(|n| n.checked_add(element));
@@ -279,9 +259,7 @@ pub(super) unsafe fn image_or_none<'a>(
     }
     // SAFETY: the host's pointer.
     let image = unsafe { desc::read(image, name) }?;
-    if image.data.is_null() {
-        return Err(Failure::argument(format!("{name}.data is null")));
-    }
+    ensure!(!image.data.is_null(), "{name}.data is null");
     let size = [image.width, image.height];
     let layout = layout(image.format, size, [image.pixel_stride, image.row_stride], image.origin, name)?;
     let bytes = layout.resolve_within(name, 1, usize::MAX - image.data.addr())?.bytes;
@@ -302,9 +280,7 @@ impl Target {
     pub unsafe fn read(image: *const vrtm_image_out, name: &str, kind: FetchKind) -> Outcome<Target> {
         // SAFETY: the host's pointer.
         let image = unsafe { desc::read(image, name) }?;
-        if image.data.is_null() {
-            return Err(Failure::argument(format!("{name}.data is null")));
-        }
+        ensure!(!image.data.is_null(), "{name}.data is null");
         let size = [image.width, image.height];
         let strides = [image.pixel_stride, image.row_stride];
         let layout = layout(image.format, size, strides, image.origin, name)?;

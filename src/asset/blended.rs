@@ -16,7 +16,6 @@ pub(super) struct CopiesKey {
     pub grids: Vec<Option<Same<Grid>>>,
 }
 
-/// A blended tile.
 #[derive(Debug)]
 pub(super) struct Blended {
     pub warp: Arc<Warp>,

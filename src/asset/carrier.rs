@@ -6,7 +6,6 @@ pub(super) mod ride;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-use crate::asset::Asset;
 use crate::asset::results::Results;
 use crate::device::Booked;
 use kept::Kept;
@@ -173,9 +172,7 @@ impl<'a> CarrierSettings<'a> {
                 (positions.len(), "positions")
             }
         };
-        if count >= u32::MAX as usize {
-            return Err(Error::argument(format!("{name}: {count} are too many")));
-        }
+        ensure!(count < u32::MAX as usize, "{name}: {count} are too many");
         for (name, array, components) in
             [("heights", &self.heights, &[1][..]), ("frames", &self.frames, &[4, 9])]
         {
@@ -185,9 +182,11 @@ impl<'a> CarrierSettings<'a> {
             }
         }
         check_count("pieces", self.pieces.map(<[u32]>::len), count)?;
-        if !(self.skirt >= 0.0 && self.skirt.is_finite()) {
-            return Err(Error::argument(format!("skirt: {} is not at least 0 and finite", self.skirt)));
-        }
+        ensure!(
+            self.skirt >= 0.0 && self.skirt.is_finite(),
+            "skirt: {} is not at least 0 and finite",
+            self.skirt
+        );
         Ok(count)
     }
 }
@@ -253,16 +252,6 @@ impl Results {
                 _booked: booked,
             })
         })
-    }
-}
-
-impl Asset {
-    /// See [`Results::carrier`].
-    ///
-    /// # Errors
-    /// Those of [`Results::carrier`].
-    pub fn carrier(&self, settings: &CarrierSettings) -> Result<Carrier> {
-        self.results().carrier(settings)
     }
 }
 

@@ -76,12 +76,10 @@ impl<K: PartialEq, T> Derived<K, T> {
         self.0.as_mut().map_or(Ok(()), |made| made.booked.set(bytes, what))
     }
 
-    /// Frees the memory.
     pub fn free(&mut self) {
         self.0 = None;
     }
 
-    /// Bytes that are booked.
     pub fn bytes(&self) -> u64 {
         self.0.as_ref().map_or(0, |made| made.booked.bytes())
     }

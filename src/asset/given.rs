@@ -129,7 +129,6 @@ pub(crate) enum Change<'a> {
 }
 
 impl Given {
-    /// Nothing is set yet.
     pub fn new(tiles: usize) -> Given {
         Given {
             maps: (0..tiles).map(|_| TileMaps::default()).collect(),

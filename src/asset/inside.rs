@@ -27,7 +27,6 @@ pub struct TileInside<'a> {
     pub all_maps: &'a [TileMaps],
 }
 
-/// The last result of a tile.
 #[derive(Debug)]
 pub struct ResultInside(Arc<Solved>);
 
@@ -65,7 +64,6 @@ impl Asset {
         Ok(TileInside { mesh, tile: whole, extended, maps: &given.maps[tile], all_maps: &given.maps })
     }
 
-    /// The last result of a tile.
     #[doc(hidden)]
     pub fn result_inside(&self, tile: usize) -> Result<ResultInside> {
         self.check_tile(tile)?;

@@ -5,7 +5,7 @@ use super::results::{Last, Results};
 use crate::map::FetchKind;
 use crate::map::fetch::Output;
 use vrtm_core::allocation::Vec;
-use vrtm_core::error::{Error, Result};
+use vrtm_core::error::Result;
 use vrtm_core::image::ImageViewMut;
 use vrtm_core::team::Team;
 
@@ -54,10 +54,7 @@ impl Results {
                 kind.check_channels(format_args!("fetches[{k}].image"), image.layout.channels)
             }
             Fetch::Carried { carrier, carried } => {
-                if !self.is(carrier.results()) {
-                    let message = format!("fetches[{k}].carrier belongs to another asset");
-                    return Err(Error::argument(message));
-                }
+                ensure!(self.is(carrier.results()), "fetches[{k}].carrier belongs to another asset");
                 carrier.check(carried, &format!("fetches[{k}].carried."))
             }
         })

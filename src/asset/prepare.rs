@@ -206,7 +206,6 @@ fn compare(call: &Call, tile: usize) {
     call.device.log(code, Some(tile), &[width, height, cells].map(f64::from), &message);
 }
 
-/// Tells of a new grid.
 fn describe(device: &Device, tile: &TileMesh, grid: &Grid) {
     if grid.overlap > 0.0 {
         let percent = 100.0 * grid.overlap;

@@ -44,20 +44,15 @@ impl Asset {
         if let Some(threads) = request.threads.filter(|threads| threads.get() > MAX_THREADS) {
             return Err(Error::argument(format!("options.threads: {threads} is over {MAX_THREADS}")));
         }
+        let (tiles, vertices) = (self.tiles.len(), self.mesh.rest.len());
         for (k, &tile) in request.tiles.unwrap_or_default().iter().enumerate() {
-            if tile >= self.tiles.len() {
-                let count = self.tiles.len();
-                let message = format!("options.tiles[{k}]: {tile} is out of range, there are {count}");
-                return Err(Error::argument(message));
-            }
+            ensure!(tile < tiles, "options.tiles[{k}]: {tile} is out of range, there are {tiles}");
         }
-        let vertices = self.mesh.rest.len();
         for (k, &vertex) in request.dirty_vertices.unwrap_or_default().iter().enumerate() {
-            if vertex as usize >= vertices {
-                return Err(Error::argument(format!(
-                    "options.dirty_vertices[{k}]: {vertex} is out of range, the mesh has {vertices} vertices"
-                )));
-            }
+            ensure!(
+                (vertex as usize) < vertices,
+                "options.dirty_vertices[{k}]: {vertex} is out of range, the mesh has {vertices} vertices"
+            );
         }
         Ok(())
     }

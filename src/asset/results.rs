@@ -1,8 +1,5 @@
 //! The last good results of an asset, which any thread may read at any time, even while the next ones are computed.
 
-#[cfg(test)]
-mod tests;
-
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, TryLockError};
 
@@ -61,6 +58,13 @@ pub(crate) struct Last {
     pub pose: Option<Arc<KeptPose>>,
 }
 
+impl Last {
+    /// Per tile, its result.
+    pub fn solved(&self) -> impl Iterator<Item = Option<&Solved>> {
+        self.tiles.iter().map(|tile| Some(&*tile.as_ref()?.solved))
+    }
+}
+
 /// Inputs of carriers from a solve, besides its results.
 #[derive(Debug)]
 pub(crate) struct KeptPose {
@@ -84,7 +88,6 @@ impl KeptPose {
     }
 }
 
-/// The result of a tile.
 #[derive(Clone, Debug)]
 pub(crate) struct TileResult {
     pub solved: Arc<Solved>,
@@ -131,10 +134,8 @@ impl Results {
         let mesh = &self.0.mesh;
         mesh.check_uv_set(uv_set)?;
         let layers = mesh.face_layers(uv_set as usize);
-        if out.len() != layers.len() {
-            let (given, faces) = (out.len(), layers.len());
-            return Err(Error::argument(format!("layers: {given} elements, but the mesh has {faces} faces")));
-        }
+        let (given, faces) = (out.len(), layers.len());
+        ensure!(given == faces, "layers: {given} elements, but the mesh has {faces} faces");
         out.iter_mut().zip(layers).for_each(|(out, layer)| *out = layer);
         Ok(())
     }
@@ -166,12 +167,10 @@ impl Results {
         self.0.carriers.fetch_add(change as usize, Ordering::Relaxed)
     }
 
-    /// The present results.
     pub(crate) fn last(&self) -> Arc<Last> {
         lock(&self.0.last).clone()
     }
 
-    /// Replaces the present results.
     pub(crate) fn replace(&self, last: Last) {
         let last = Arc::new(last);
         // The old results are dropped after the lock is released.
@@ -204,9 +203,7 @@ impl Results {
     pub fn fetch_dilation(&self, tile: usize, reach: f64, image: &mut ImageViewMut) -> Result<()> {
         let Shared { device, mesh, .. } = &*self.0;
         self.check_tile(tile)?;
-        if !(reach > 0.0 && reach <= MAX_REACH) {
-            return Err(Error::argument(format!("reach: {reach} is not over 0 and at most {MAX_REACH}")));
-        }
+        ensure!(reach > 0.0 && reach <= MAX_REACH, "reach: {reach} is not over 0 and at most {MAX_REACH}");
         FetchKind::RedirectionUdim.check_channels("image", image.layout.channels)?;
         device.call(|| {
             device.team(|team| {
@@ -217,28 +214,16 @@ impl Results {
         })
     }
 
-    /// Writes an output.
     pub(super) fn write(&self, team: &Team, output: Output, image: &mut ImageViewMut) -> Result<()> {
         let start = Instant::now();
         let device = &self.0.device;
         let solved = output.solved;
-        let write = |outputs: &mut Outputs| {
-            let result = caught(|| output.write(device, team, outputs, image));
-            if result.is_err() {
-                outputs.settle(device);
-            }
-            result
-        };
+        let write = |outputs: &mut Outputs| caught(|| output.write(device, team, outputs, image));
         let limited = match self.0.outputs.try_lock() {
             Ok(mut outputs) => write(&mut outputs)?,
             Err(TryLockError::Poisoned(poisoned)) => write(&mut poisoned.into_inner())?,
             // Another thread is fetching: calls never wait for each other, so this one uses its own memory.
-            Err(TryLockError::WouldBlock) => {
-                let mut outputs = Outputs::default();
-                let result = write(&mut outputs);
-                outputs.release(device);
-                result?
-            }
+            Err(TryLockError::WouldBlock) => write(&mut Outputs::default())?,
         };
         if let Some(limited) = limited {
             solved.limited.set(&limited);
@@ -323,18 +308,11 @@ impl Results {
         let Shared { device, mesh, .. } = &*self.0;
         mesh.check_uv_set(uv_set)?;
         let corners = &mesh.corners[uv_set as usize];
-        if out.len() != corners.len() {
-            return Err(Error::argument(format!(
-                "uvs: {} elements, but the mesh has {} corners",
-                out.len(),
-                corners.len()
-            )));
-        }
+        let (given, needed) = (out.len(), corners.len());
+        ensure!(given == needed, "uvs: {given} elements, but the mesh has {needed} corners");
         device.call(|| {
             let last = self.solved_asset()?;
-            let of = |tile: &Option<TileResult>| tile.as_ref().map(|tile| tile.solved.clone());
-            let kept: Vec<_> = last.tiles.iter().map(of).collect();
-            let tiles: Vec<_> = kept.iter().map(Option::as_deref).collect();
+            let tiles: Vec<_> = last.solved().collect();
             device.team(|team| fetch::corner_uvs(team, corners, &tiles, out))
         })
     }
@@ -394,13 +372,10 @@ impl Results {
 
     pub(super) fn check_tile(&self, tile: usize) -> Result<()> {
         let count = self.0.mesh.tiles.len();
-        if tile < count {
-            return Ok(());
-        }
-        Err(Error::argument(format!("tile: index {tile} is out of range, there are {count}")))
+        ensure!(tile < count, "tile: index {tile} is out of range, there are {count}");
+        Ok(())
     }
 
-    /// A tile's result.
     pub(crate) fn solved(&self, tile: usize) -> Result<TileResult> {
         self.0.device.alive()?;
         self.check_tile(tile)?;
@@ -424,7 +399,10 @@ impl Results {
 impl Drop for Shared {
     fn drop(&mut self) {
         *lock(&self.last) = Arc::default();
-        lock(&self.outputs).release(&self.device);
+        *lock(&self.outputs) = Outputs::default();
+        if let Some(gpu) = self.device.gpu() {
+            gpu.reclaim();
+        }
     }
 }
 

@@ -37,7 +37,6 @@ pub(super) struct BookedSolver {
 }
 
 impl BookedSolver {
-    /// Runs the solver on a call's input.
     pub fn run(
         &mut self,
         call: &SolveCall,
@@ -73,7 +72,6 @@ pub(super) struct Together {
     pub booked: Booked,
 }
 
-/// One of these tiles.
 #[derive(Debug)]
 pub(super) struct Member {
     pub tile: usize,
@@ -82,7 +80,6 @@ pub(super) struct Member {
 }
 
 impl Member {
-    /// Number of blocks of level 0.
     pub fn blocks(&self) -> usize {
         self.grid.levels[0].blocks.list.len()
     }

@@ -70,7 +70,6 @@ impl Stretch {
         Stretch { median: *median, share }
     }
 
-    /// Warns of an implausible pose.
     pub fn warn(&self, device: &Device) {
         let Stretch { median, share } = *self;
         let (code, value, message) = if !(1.0 / IMPLAUSIBLE..=IMPLAUSIBLE).contains(&median) {

@@ -33,7 +33,6 @@ use vrtm_core::backend::{TileSolution, Warp};
 /// key.
 #[derive(Debug)]
 pub(crate) struct TileState {
-    /// Its number in the mesh.
     pub(super) tile: usize,
     /// The bytes of its maps, and that they have a place on the device's account.
     pub(super) maps: Booked,
@@ -114,7 +113,6 @@ impl TileState {
         self.maps.bytes() + shapes + self.copies.bytes() + self.solver_bytes() + shared
     }
 
-    /// Bytes of its own solver.
     pub fn solver_bytes(&self) -> u64 {
         self.solver.as_ref().map_or(0, |solver| solver.booked.bytes())
     }
@@ -258,7 +256,6 @@ impl TileState {
         self.last_on(grid).map(|last| &*last.solved.warp)
     }
 
-    /// The task for each chart.
     fn tasks(
         &self,
         prepared: &Prepared,
@@ -365,10 +362,8 @@ impl TileState {
     }
 }
 
-/// A tile's new warp.
 struct WarpResult {
     warp: Arc<Warp>,
-    /// The results of all charts.
     results: Vec<ChartResult>,
     /// Filled in as far as it follows from the solve itself.
     report: TileReport,
@@ -429,10 +424,8 @@ impl Begun {
     }
 }
 
-/// The task for a chart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum ChartTask {
-    /// The chart must be solved.
     Solve,
     /// None of its inputs changed: it keeps its last result.
     Reuse,

@@ -134,7 +134,6 @@ impl Asset {
         self.on_tile(tile, |state, call| state.load(call, data))
     }
 
-    /// Calls `f` with a tile.
     fn on_tile<R: Send>(
         &mut self,
         tile: usize,
@@ -198,11 +197,10 @@ impl Asset {
             return Err(Error::argument("rigidity: the tile has no map to update"));
         };
         let (shape, [width, height]) = (map.shape(), map.shape().0);
-        if image.shape() != shape {
-            return Err(Error::argument(format!(
-                "rigidity: the map that was set has {width}x{height} texels of another format or size"
-            )));
-        }
+        ensure!(
+            image.shape() == shape,
+            "rigidity: the map that was set has {width}x{height} texels of another format or size"
+        );
         image.check_finite("rigidity", texels)?;
         let Asset { device, mesh, given, .. } = self;
         device.call(|| {

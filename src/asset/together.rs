@@ -18,12 +18,10 @@ use vrtm_core::method::plan::{Input, Purpose};
 use vrtm_core::panics::lock;
 use vrtm_core::unwind::caught;
 
-/// A tile to solve, and its result.
 pub(super) struct Queued<'a> {
     pub state: &'a mut TileState,
     pub prepared: Prepared,
     pub begun: Begun,
-    /// Nodes that may move.
     pub nodes: u64,
     /// This tile's share of the call's progress.
     pub progress: f32,
@@ -229,7 +227,6 @@ impl Together {
         }
     }
 
-    /// Solves some of the tiles.
     fn run(&mut self, call: &SolveCall, unit: &[Queued]) -> Result<Vec<TileSolution>> {
         let place = |queued: &Queued| self.place(queued.state.tile, &queued.prepared.grid);
         let places: Vec<usize> = unit.iter().filter_map(place).collect();

@@ -85,7 +85,7 @@ pub(super) fn choose(id: Option<AdapterId>, options: Options) -> (Option<Arc<dyn
 }
 
 /// The chosen GPU if it could be opened, otherwise the CPU.
-pub(super) fn or_the_cpu(opened: Result<Arc<dyn Gpu>>, options: Options) -> (Option<Arc<dyn Gpu>>, String) {
+fn or_the_cpu(opened: Result<Arc<dyn Gpu>>, options: Options) -> (Option<Arc<dyn Gpu>>, String) {
     match opened {
         Ok(gpu) => {
             let why = format!("a hardware GPU, {}", through(gpu.info(), options));
@@ -99,4 +99,17 @@ fn through(info: &AdapterInfo, options: Options) -> String {
     let software = if info.software { ", a software driver" } else { "" };
     let limits = if options.webgpu_limits { ", with WebGPU's default limits" } else { "" };
     format!("through {} ({}){software}{limits}", info.api, info.driver)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn auto_falls_back_to_the_cpu_and_says_why() {
+        let refused = Error::new(ErrorKind::Unsupported, "adapter: X cannot be opened: no more devices");
+        let (gpu, why) = or_the_cpu(Err(refused), Options::default());
+        assert!(gpu.is_none());
+        assert_eq!(why, "the CPU, as the GPU cannot be used: adapter: X cannot be opened: no more devices");
+    }
 }

@@ -10,7 +10,6 @@ use vrtm_core::allocation::vec;
 use vrtm_core::error::Result;
 use vrtm_core::mesh::Mesh;
 use vrtm_core::team::Team;
-use vrtm_core::unwind::caught;
 
 use super::inverse::Outputs;
 use super::smallest_jacobian;
@@ -30,15 +29,7 @@ pub(crate) fn inspect(
     solved: &Solved,
     desc: &MapDesc,
 ) -> Result<MapReport> {
-    let mut outputs = Outputs::default();
-    let mut reader = Reader { device, team, mesh, solved, outputs: &mut outputs };
-    // If memory runs short, the outputs' memory must not stay on the device's account.
-    let report = caught(|| inspect_with(&mut reader, desc));
-    outputs.release(device);
-    report
-}
-
-fn inspect_with(reader: &mut Reader, desc: &MapDesc) -> Result<MapReport> {
+    let reader = &mut Reader { device, team, mesh, solved, outputs: Outputs::default() };
     let found = count_folds(reader, desc, u64::MAX)?;
     let errors = error::measure(reader, desc)?;
     let mut sufficient = (found.folds == 0).then_some(desc.size);
@@ -75,7 +66,6 @@ fn near_sizes(size: [u32; 2]) -> impl Iterator<Item = [u32; 2]> {
 
 /// Folds of the interpolated map.
 struct Folds {
-    /// Quads that fold.
     folds: u64,
     /// Smallest Jacobian at a corner of a quad.
     min_jacobian: f64,

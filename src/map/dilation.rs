@@ -4,7 +4,7 @@
 use glam::DVec2;
 
 use super::canvas::Canvas;
-use super::chart_texels::{BAND, ChartTexels};
+use vrtm_beyond::bands::{BAND, Bands};
 use vrtm_beyond::{CollarTriangle, Surface, collar};
 use vrtm_core::allocation::{Vec, vec};
 use vrtm_core::grid::fill::Fill;
@@ -27,12 +27,12 @@ pub(crate) struct Dilation<'a> {
     mesh: &'a Mesh,
     tile: usize,
     part: ImagePart,
-    charts: ChartTexels,
+    /// True for texels whose centre lies in a chart.
+    charts: Bands<bool>,
     reach: f64,
     bands: Vec<Band>,
 }
 
-/// A band of rows.
 struct Band {
     texels: Vec<Found>,
     pieces: Vec<Piece>,
@@ -62,9 +62,11 @@ impl<'a> Dilation<'a> {
             collar.triangles.iter().map(piece).collect()
         };
         let pieces = team.map(mesh.tiles[tile].charts.len(), of_chart);
-        let mut charts = ChartTexels::new(part);
+        let mut charts = Bands::new(part, false);
         // All layers of the tile share one texture.
-        mesh.layers(tile).for_each(|layer| charts.draw(team, &mesh.tiles[layer], part));
+        mesh.layers(tile).for_each(|layer| {
+            charts.draw(team, &mesh.tiles[layer].triangles, |_, _, _, covered| *covered = true);
+        });
         let [width, height] = part.extent();
         let rows = |band: usize| BAND.min(height - band * BAND);
         let band = |band: usize| Band { texels: vec![NOTHING; rows(band) * width], pieces: Vec::new() };

@@ -43,12 +43,11 @@ pub(crate) fn write(
     let level = &solved.grid.levels[0];
     let bytes = gpu.external_bytes(texels)?;
     let what = format!("an image of {}x{} texels", texels.size[0], texels.size[1]);
-    device.rebook(0, bytes, &what)?;
-    let result = gpu.write_external(u, [level.nx, level.ny], origin, texels);
-    let _ = device.rebook(bytes, 0, "");
+    let mut booked = device.booking();
+    booked.set(bytes, &what)?;
+    gpu.write_external(u, [level.nx, level.ny], origin, texels)?;
     // The buffers have been dropped: this frees their memory and releases the host's memory.
-    gpu.reclaim();
-    result?;
+    drop(booked);
     solved.set_invert_ms(start.elapsed().as_secs_f32() * 1000.0);
     Ok(())
 }

@@ -14,11 +14,11 @@ use vrtm_core::team::Team;
 use super::FetchKind;
 use super::Form;
 use super::canvas::Canvas;
-use super::chart_texels::ChartTexels;
 use super::inverse::{self, Area, Centres, Outputs, Room};
 use super::nodes::{self, NodeRows};
 use super::uv_set::OtherSet;
 use crate::solved::Solved;
+use vrtm_beyond::bands::Bands;
 use vrtm_beyond::gutter::LimitedTexels;
 use vrtm_beyond::owners::Owners;
 
@@ -38,7 +38,7 @@ pub(crate) struct Output<'a> {
 }
 
 enum Content<'a> {
-    Inverse { form: Form, centres: Centres, coverage: Option<ChartTexels> },
+    Inverse { form: Form, centres: Centres, coverage: Option<Bands<bool>> },
     Jacobian { is_scale: bool },
     Warp { nodes: NodeRows<'a>, rows: Vec<Vec<[f32; 2]>> },
     OtherSet { centres: Centres, set: OtherSet<'a> },
@@ -58,7 +58,7 @@ impl<'a> Output<'a> {
                 Content::Inverse {
                     form: Form::new(kind, &solved.mesh),
                     centres: Centres::new(part),
-                    coverage: (image.channels as usize > ALPHA).then(|| ChartTexels::new(part)),
+                    coverage: (image.channels as usize > ALPHA).then(|| Bands::new(part, false)),
                 }
             }
             FetchKind::UvSet(uv_set) | FetchKind::UvSetDelta(uv_set) => {
@@ -92,7 +92,7 @@ impl<'a> Output<'a> {
     ) -> Result<Option<LimitedTexels>> {
         let Output { solved, part, mut owners, limited, content } = self;
         if let (Some(owners), Some(tile)) = (&mut owners, &solved.extended) {
-            owners.draw(team, tile, &part);
+            owners.draw(team, tile);
         }
         let is_redirection = matches!(content, Content::Inverse { .. } | Content::OtherSet { .. });
         let gutter = solved.gutter.as_ref().filter(|_| is_redirection);
@@ -108,7 +108,7 @@ impl<'a> Output<'a> {
                     })?;
                 }
                 if let Some(mut coverage) = coverage {
-                    coverage.draw(team, &solved.mesh, &part);
+                    coverage.draw(team, &solved.mesh.triangles, |_, _, _, covered| *covered = true);
                     team.run(part.extent()[1], |y| {
                         let row = coverage.row(y).iter().enumerate();
                         row.for_each(|(x, &covered)| canvas.put_from(ALPHA, x, y, [f64::from(covered)]));

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use crate::device::Device;
+use crate::device::{Booked, Device};
 use vrtm_core::allocation::Vec;
 use vrtm_core::error::Result;
 use vrtm_core::image::ImagePart;
@@ -23,10 +23,13 @@ const LEAST: f32 = 1e-5;
 /// Memory for images fetched from a GPU. One serves all tiles of an asset in turn: most of the time their images have
 /// the same size.
 #[derive(Debug, Default)]
-pub(crate) struct Outputs {
-    gpu: Option<Box<dyn GpuOutput>>,
-    /// Bytes booked on the device's account for this output.
-    booked: u64,
+pub(crate) struct Outputs(Option<BookedOutput>);
+
+#[derive(Debug)]
+struct BookedOutput {
+    output: Box<dyn GpuOutput>,
+    /// Dropped after the output.
+    booked: Booked,
 }
 
 /// The centres of the texels of a part of an image, in UV: those of its columns, and those of its rows.
@@ -153,12 +156,9 @@ impl Outputs {
             && let Some(gpu) = device.gpu()
             && let Some(bytes) = gpu.output_bytes(size, format)
         {
-            let output = self.output(device, gpu, size, format, bytes)?;
-            let result = write(&*output, &**u);
-            self.gpu = Some(output);
-            if self.booked > KEPT || result.is_err() {
-                self.release(device);
-            }
+            let of = self.output(device, gpu, size, format, bytes)?;
+            let result = write(&*of.output, &**u);
+            self.0 = Some(of).filter(|of| of.booked.bytes() <= KEPT && result.is_ok());
             return result.map(|()| true);
         }
         Ok(false)
@@ -172,32 +172,14 @@ impl Outputs {
         size: [usize; 2],
         format: PixelFormat,
         bytes: u64,
-    ) -> Result<Box<dyn GpuOutput>> {
-        if let Some(output) = self.gpu.take().filter(|output| output.holds(size, format)) {
-            return Ok(output);
-        }
+    ) -> Result<BookedOutput> {
         // The old output is freed before the new one is allocated.
-        self.release(device);
-        device.rebook(0, bytes, &format!("an image of {}x{} texels", size[0], size[1]))?;
-        self.booked = bytes;
-        gpu.clone().output(size, format).inspect_err(|_| self.release(device))
-    }
-
-    /// Corrects the account after a call ran out of memory: the output may be gone.
-    pub fn settle(&mut self, device: &Device) {
-        if self.gpu.is_none() {
-            self.release(device);
+        if let Some(of) = self.0.take().filter(|of| of.output.holds(size, format)) {
+            return Ok(of);
         }
-    }
-
-    /// Frees the memory and removes it from the device's account.
-    pub fn release(&mut self, device: &Device) {
-        self.gpu = None;
-        let _ = device.rebook(self.booked, 0, "");
-        self.booked = 0;
-        if let Some(context) = device.gpu() {
-            context.reclaim();
-        }
+        let mut booked = device.booking();
+        booked.set(bytes, &format!("an image of {}x{} texels", size[0], size[1]))?;
+        Ok(BookedOutput { output: gpu.clone().output(size, format)?, booked })
     }
 }
 

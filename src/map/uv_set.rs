@@ -4,10 +4,9 @@
 use glam::DVec2;
 
 use super::canvas::Canvas;
-use super::chart_texels::BAND;
 use crate::solved::Solved;
+use vrtm_beyond::bands::Bands;
 use vrtm_core::allocation::{Vec, vec};
-use vrtm_core::grid::fill::Fill;
 use vrtm_core::image::ImagePart;
 use vrtm_core::mesh::triangle::barycentrics;
 use vrtm_core::mesh::{Mesh, NONE, TileMesh};
@@ -25,8 +24,8 @@ pub(crate) struct OtherSet<'a> {
     uvs: Vec<[DVec2; 3]>,
     part: ImagePart,
     is_delta: bool,
-    /// Per texel, the triangle under its centre, or the nearest one within `MARGIN`, or `NONE`; in bands of rows.
-    under: Vec<Vec<u32>>,
+    /// Per texel, the triangle under its centre, or the nearest one within `MARGIN`, or `NONE`.
+    under: Bands<u32>,
 }
 
 impl<'a> OtherSet<'a> {
@@ -74,9 +73,7 @@ impl<'a> OtherSet<'a> {
     }
 
     fn with(surface: &'a TileMesh, uvs: Vec<[DVec2; 3]>, is_delta: bool, part: &ImagePart) -> OtherSet<'a> {
-        let [width, height] = part.extent();
-        let rows = |band: usize| BAND.min(height - band * BAND);
-        let under = (0..height.div_ceil(BAND)).map(|band| vec![NONE; rows(band) * width]).collect();
+        let under = Bands::new(part, NONE);
         OtherSet { surface, uvs, part: *part, is_delta, under }
     }
 
@@ -85,19 +82,12 @@ impl<'a> OtherSet<'a> {
         let OtherSet { surface, uvs, part, is_delta, mut under } = self;
         let [width, height] = part.extent();
         let size = DVec2::new(part.size[0] as f64, part.size[1] as f64);
-        team.fill_large(&mut under, |band, texels| {
-            let first = [0, band * BAND];
-            let end = [width, first[1] + texels.len() / width];
-            for (t, triangle) in surface.triangles[..surface.own()].iter().enumerate() {
-                Fill::new(triangle.uv.map(|uv| uv * size - 0.5)).visit_in(first, end, |x, y, _| {
-                    let texel = &mut texels[(y - first[1]) * width + x];
-                    if *texel == NONE {
-                        *texel = t as u32;
-                    }
-                });
+        under.draw(team, &surface.triangles[..surface.own()], |t, _, _, texel| {
+            if *texel == NONE {
+                *texel = t as u32;
             }
         });
-        let under: Vec<u32> = under.into_iter().flatten().collect();
+        let under = under.into_texels();
         let covered = under.iter().map(|&t| t != NONE).collect();
         let under = (0..MARGIN).fold(under, |under, _| grown(team, &under, width));
         let lattice = [width - 1, height - 1];

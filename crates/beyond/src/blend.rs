@@ -61,7 +61,6 @@ pub fn blend(
     Some(limit::add(team, &side.grid.levels[0], side.u, blocks, &changes))
 }
 
-/// The blend of one tile.
 struct Blending<'a> {
     places: &'a Places,
     sides: &'a [Option<Side<'a>>],
@@ -146,7 +145,6 @@ fn displacement(level: &Level, u: &[[Plane; 2]], chart: u32, holder: u32, at: DV
 
 /// Barycentric coordinates of at least minus this count as inside.
 const SLACK: f64 = 1e-9;
-/// Most steps of a walk.
 const STEPS: usize = 256;
 
 /// The triangle of the same chart that contains a point, found across sides from `start`. `None` beyond the chart.

@@ -40,10 +40,10 @@ impl Gutter {
     pub fn new<'a>(team: &Team, tile: &TileMesh, others: impl Iterator<Item = &'a TileMesh>) -> Gutter {
         let part = ImagePart { size: [SQUARES; 2], first: [0; 2], end: [SQUARES; 2] };
         let mut owners = Owners::new(&part);
-        owners.draw(team, tile, &part);
+        owners.draw(team, tile);
         let mut of_others = None;
         for other in others {
-            of_others.get_or_insert_with(|| Owners::new(&part)).draw(team, other, &part);
+            of_others.get_or_insert_with(|| Owners::new(&part)).draw(team, other);
         }
         let of_others = of_others.as_ref();
         let mut squares = zeroed(SQUARES * SQUARES);
@@ -61,7 +61,6 @@ impl Gutter {
         Gutter { squares }
     }
 
-    /// Bytes that it holds.
     pub const BYTES: u64 = 4 * (SQUARES * SQUARES) as u64;
 
     /// Nearest permitted target of a chart's texel, instead of `to`: on the way from there to the texel's
@@ -133,7 +132,6 @@ impl LimitedTexels {
         (self.texels.load(Ordering::Relaxed), f32::from_bits(self.most.load(Ordering::Relaxed)))
     }
 
-    /// Takes another one's numbers.
     pub fn set(&self, other: &LimitedTexels) {
         let (texels, most) = other.read();
         self.texels.store(texels, Ordering::Relaxed);

@@ -8,6 +8,7 @@
 #![cfg_attr(not(test), warn(clippy::disallowed_macros, clippy::disallowed_methods, clippy::disallowed_types))]
 
 // Ordered from the bottom up: a module imports only modules above it in this list. `tests/house/arrows.rs` checks this.
+pub mod bands;
 pub mod owners;
 pub mod gutter;
 mod collar;

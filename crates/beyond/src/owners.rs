@@ -3,7 +3,8 @@
 
 use glam::DVec2;
 
-use vrtm_core::allocation::{Vec, vec};
+use crate::bands::Bands;
+use vrtm_core::allocation::Vec;
 use vrtm_core::grid::fill::Fill;
 use vrtm_core::grid::planes::{NODES, Plane, SIDE, slot};
 use vrtm_core::image::ImagePart;
@@ -11,16 +12,9 @@ use vrtm_core::mesh::triangle::barycentrics;
 use vrtm_core::mesh::{NONE, TileMesh};
 use vrtm_core::team::Team;
 
-/// Rows that one item of work draws.
-const BAND: usize = 64;
-
 /// Charts that the texels of a part of an image belong to: the one that a texel's centre lies in; beside all charts,
 /// the one whose border is nearest on the surface, if its collar lies there.
-pub struct Owners {
-    width: usize,
-    /// Bands of rows, from v = 0 upward.
-    bands: Vec<Vec<Owner>>,
-}
+pub struct Owners(Bands<Owner>);
 
 #[derive(Clone, Copy)]
 struct Owner {
@@ -31,62 +25,43 @@ struct Owner {
 
 const NOBODY: Owner = Owner { chart: NONE, distance: f32::INFINITY };
 
-/// Draws a triangle of a chart on the points from `first` to `end`, which have integer places, `index` in `points`.
-fn draw(
-    tile: &TileMesh,
-    (t, chart): (usize, u32),
-    corners: [DVec2; 3],
-    [first, end]: [[usize; 2]; 2],
-    points: &mut [Owner],
-    index: impl Fn(usize, usize) -> usize,
-) {
-    Fill::new(corners).visit_in(first, end, |x, y, _| {
-        let owner = &mut points[index(x, y)];
+impl Owner {
+    /// Draws a point of a triangle of a chart.
+    fn draw(&mut self, tile: &TileMesh, (t, chart): (usize, u32), corners: [DVec2; 3], at: DVec2) {
         let distance = tile.source(t).map_or(0.0, |source| {
-            let [s, t] = barycentrics(corners, DVec2::new(x as f64, y as f64)).map(|l| l as f32);
+            let [s, t] = barycentrics(corners, at).map(|l| l as f32);
             let [p, q, r] = source.distance;
             // Never that of a chart.
             (p + s * (q - p) + t * (r - p)).max(f32::MIN_POSITIVE)
         });
-        if distance < owner.distance {
-            *owner = Owner { chart, distance };
+        if distance < self.distance {
+            *self = Owner { chart, distance };
         }
-    });
+    }
 }
 
 impl Owners {
     /// The owners of the texels of a part: nobody, before they are drawn.
     pub fn new(part: &ImagePart) -> Owners {
-        let [width, height] = part.extent();
-        let rows = |band: usize| BAND.min(height - band * BAND);
-        let bands = (0..height.div_ceil(BAND)).map(|band| vec![NOBODY; rows(band) * width]).collect();
-        Owners { width, bands }
+        Owners(Bands::new(part, NOBODY))
     }
 
-    /// Draws the charts of a tile with collars on the texels of a part.
-    pub fn draw(&mut self, team: &Team, tile: &TileMesh, part: &ImagePart) {
-        let size = DVec2::new(part.size[0] as f64, part.size[1] as f64);
-        let width = self.width;
+    /// Draws the charts of a tile with collars.
+    pub fn draw(&mut self, team: &Team, tile: &TileMesh) {
         let charts = tile.chart_of_triangles();
-        team.fill_large(&mut self.bands, |band, texels| {
-            let first = [part.first[0], part.first[1] + band * BAND];
-            let end = [part.end[0], first[1] + texels.len() / width];
-            for (t, triangle) in tile.triangles.iter().enumerate() {
-                let corners = triangle.uv.map(|uv| uv * size - 0.5);
-                let index = |x: usize, y: usize| (y - first[1]) * width + x - first[0];
-                draw(tile, (t, charts[t]), corners, [first, end], texels, index);
-            }
+        self.0.draw(team, &tile.triangles, |t, corners, at, owner| {
+            owner.draw(tile, (t, charts[t]), corners, at);
         });
     }
 
     /// True if a point lies in a chart, not beside all.
     pub fn is_inside(&self, x: usize, y: usize) -> bool {
-        self.bands[y / BAND][y % BAND * self.width + x].distance <= 0.0
+        self.0.row(y)[x].distance <= 0.0
     }
 
     /// The chart of a point, or `NONE`.
     pub fn chart(&self, x: usize, y: usize) -> u32 {
-        self.bands[y / BAND][y % BAND * self.width + x].chart
+        self.0.row(y)[x].chart
     }
 }
 
@@ -123,9 +98,11 @@ impl NodeOwners {
             let mut owners = [NOBODY; NODES];
             let from = near.partition_point(|&(square, _)| (square as usize) < k);
             for &(_, t) in near[from..].iter().take_while(|&&(square, _)| square as usize == k) {
-                let index = |x: usize, y: usize| slot(x - first[0], y - first[1]);
-                let of = (t as usize, charts[t as usize]);
-                draw(tile, of, corners(t), [first, end], &mut owners, index);
+                let (of, corners) = ((t as usize, charts[t as usize]), corners(t));
+                Fill::new(corners).visit_in(first, end, |x, y, _| {
+                    let owner = &mut owners[slot(x - first[0], y - first[1])];
+                    owner.draw(tile, of, corners, DVec2::new(x as f64, y as f64));
+                });
             }
             owners.map(|owner| owner.chart)
         };

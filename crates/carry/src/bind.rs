@@ -42,7 +42,6 @@ pub enum PointState {
     Far = 3,
 }
 
-/// A bound point.
 #[derive(Clone, Copy, Debug)]
 pub struct Bound {
     /// Its tile in `Mesh::tiles`; `NONE` for a point that moves with the surface alone.
@@ -63,7 +62,6 @@ pub struct Skin {
     pub weights: [f64; 3],
 }
 
-/// Bound points.
 #[derive(Debug)]
 pub struct Binding {
     pub points: Vec<Bound>,
@@ -101,7 +99,6 @@ impl Pieces {
         Pieces { of_point, points: sorted.iter().map(|(_, k)| *k).collect(), ends }
     }
 
-    /// True if a point belongs to a piece.
     pub fn has(&self, point: usize) -> bool {
         self.of_point[point] != NONE
     }
@@ -200,7 +197,6 @@ impl<'a> Triangles<'a> {
     }
 }
 
-/// A point as it is found.
 struct Hit {
     /// A triangle of `Triangles`.
     triangle: Option<usize>,
@@ -286,7 +282,6 @@ impl Binding {
         Ok(binding)
     }
 
-    /// Bytes held.
     pub fn bytes(&self) -> usize {
         let order = size_of_val(&*self.order) + size_of_val(&*self.place);
         size_of_val(&*self.points) + size_of_val(&*self.states) + size_of_val(&*self.skins) + order

@@ -9,11 +9,10 @@ use vrtm_core::team::Team;
 use crate::bind::{Binding, Pieces};
 use crate::course::{Body, Course, Fit, Point, absolute, from_rest, on_skin};
 use crate::features::smooth;
-use crate::frame::{Frame, Motion, blended, normal, polar, product, quaternion};
+use crate::frame::{Frame, Motion, blended, normal, polar, quaternion};
 use crate::surface::{Place, Posed, Spot, Surface, uv_of};
 use crate::tile::Tile;
 
-/// A carried point in the pose.
 #[derive(Clone, Copy, Debug)]
 pub struct Carried {
     pub position: DVec3,
@@ -67,16 +66,9 @@ impl OnSkin {
     }
 }
 
-/// Carries points into a pose.
 pub struct Carriage<'a> {
-    mesh: &'a Mesh,
+    parts: Parts<'a>,
     tiles: &'a [Tile<'a>],
-    binding: &'a Binding,
-    course: &'a Course,
-    pieces: Option<&'a Pieces>,
-    fit: Fit,
-    /// The height up to which points are blended from the surface to their feature's motion.
-    skirt: f64,
     position: &'a (dyn Fn(u32) -> [f64; 3] + Sync),
     posed: Vec<Posed>,
     features: Vec<Option<Motion>>,
@@ -85,7 +77,6 @@ pub struct Carriage<'a> {
     pub rim: f64,
 }
 
-/// The parts of a carrier.
 #[derive(Clone, Copy)]
 pub struct Parts<'a> {
     pub mesh: &'a Mesh,
@@ -93,6 +84,7 @@ pub struct Parts<'a> {
     pub course: &'a Course,
     pub pieces: Option<&'a Pieces>,
     pub fit: Fit,
+    /// The height up to which points are blended from the surface to their feature's motion.
     pub skirt: f64,
     /// Rotations, stretch or UVs are asked for.
     pub on_surface: bool,
@@ -102,11 +94,11 @@ impl<'a> Carriage<'a> {
     /// Poses the surface, and finds the motions of features.
     pub fn new(
         team: &Team,
-        parts: &Parts<'a>,
+        parts: Parts<'a>,
         tiles: &'a [Tile<'a>],
         position: &'a (dyn Fn(u32) -> [f64; 3] + Sync),
     ) -> Carriage<'a> {
-        let Parts { mesh, binding, course, pieces, fit, skirt, on_surface } = *parts;
+        let Parts { course, pieces, fit, on_surface, .. } = parts;
         let has_frames = on_surface || pieces.is_some() || course.is_above;
         let posed = |k: usize| match &course.surfaces[k] {
             Some(surface) => surface.posed(team, tiles[k].surface(), &course.charts[k], has_frames, position),
@@ -114,20 +106,7 @@ impl<'a> Carriage<'a> {
         };
         let posed = (0..tiles.len()).map(posed).collect();
         let (features, of_pieces) = (Vec::new(), Vec::new());
-        let mut carriage = Carriage {
-            mesh,
-            tiles,
-            binding,
-            course,
-            pieces,
-            fit,
-            skirt,
-            position,
-            posed,
-            features,
-            of_pieces,
-            rim: 0.0,
-        };
+        let mut carriage = Carriage { parts, tiles, position, posed, features, of_pieces, rim: 0.0 };
         let fits = team.map(course.features(), |feature| carriage.fit_feature(feature));
         carriage.rim = fits.iter().fold(0.0, |most: f64, (_, rim)| most.max(*rim));
         carriage.features = fits.into_iter().map(|(motion, _)| motion).collect();
@@ -139,7 +118,7 @@ impl<'a> Carriage<'a> {
 
     /// The motion of a feature, and how far its rim is from the surface then.
     fn fit_feature(&self, feature: usize) -> (Option<Motion>, f64) {
-        let nodes = &self.course.nodes[self.course.nodes_of(feature)];
+        let nodes = &self.parts.course.nodes[self.parts.course.nodes_of(feature)];
         let of_node = |k: usize| {
             let node = &nodes[k];
             let tile = &self.tiles[node.tile as usize];
@@ -162,10 +141,10 @@ impl<'a> Carriage<'a> {
         let first = piece.checked_sub(1).map_or(0, |before| pieces.ends[before]) as usize;
         let points = &pieces.points[first..pieces.ends[piece] as usize];
         let of_point = |&k: &u32| {
-            let n = self.binding.place[k as usize] as usize;
-            let (skin, point) = (self.skin(n, &mut LastPoint::default()), &self.course.points[n]);
+            let n = self.parts.binding.place[k as usize] as usize;
+            let (skin, point) = (self.skin(n, &mut LastPoint::default()), &self.parts.course.points[n]);
             let offset = DVec3::from(point.offset.map(f64::from));
-            let body = &self.course.bodies[point.body as usize];
+            let body = &self.parts.course.bodies[point.body as usize];
             let axes = skin.frame(point.inverse.map(f64::from)).axes;
             (1.0, body.rest, skin.place.at + axes * offset)
         };
@@ -174,7 +153,7 @@ impl<'a> Carriage<'a> {
     }
 
     fn surface(&self, tile: u32) -> &'a Surface {
-        self.course.surfaces[tile as usize].as_ref().expect("its tile is used")
+        self.parts.course.surfaces[tile as usize].as_ref().expect("its tile is used")
     }
 
     /// The spot under a UV of a tile, reached from a triangle.
@@ -214,33 +193,33 @@ impl<'a> Carriage<'a> {
     /// The `n`-th point as the skin carries it.
     #[inline(always)]
     fn skin(&self, n: usize, last: &mut LastPoint) -> OnSkin {
-        let point = &self.course.points[n];
+        let point = &self.parts.course.points[n];
         if point.tile == NONE {
-            let place = on_skin(&self.binding.skins[point.triangle as usize], self.position);
+            let place = on_skin(&self.parts.binding.skins[point.triangle as usize], self.position);
             return OnSkin::still(place, point.uv);
         }
         let k = point.tile as usize;
-        let warp = point.mean.warp(&self.tiles[k]).filter(|_| self.fit != Fit::None);
+        let warp = point.mean.warp(&self.tiles[k]).filter(|_| self.parts.fit != Fit::None);
         let to = point.uv + warp.map_or(DVec2::ZERO, |(moved, _)| moved);
         let spot = self.spot_near(point, to, last);
         let place = self.surface(point.tile).place(&self.posed[k], &spot);
         let Some((_, derivatives)) = warp else {
-            return OnSkin::still(place, absolute(self.mesh, point.tile, point.uv));
+            return OnSkin::still(place, absolute(self.parts.mesh, point.tile, point.uv));
         };
-        let origin = |tile: u32| self.mesh.tiles[tile as usize].origin();
+        let origin = |tile: u32| self.parts.mesh.tiles[tile as usize].origin();
         OnSkin { place, uv: uv_of(self.tiles[k].surface(), &spot, to, origin), derivatives }
     }
 
     /// The position of the `n`-th point as the skin carries it, for a point at this height and not beside its foot.
     #[inline(always)]
     fn above_skin(&self, n: usize, height: f64, last: &mut LastPoint) -> DVec3 {
-        let point = &self.course.points[n];
+        let point = &self.parts.course.points[n];
         if point.tile == NONE || height != 0.0 {
             let skin = self.skin(n, last);
             return skin.place.at + skin.normal() * height;
         }
         let k = point.tile as usize;
-        let moved = point.mean.moved(&self.tiles[k]).filter(|_| self.fit != Fit::None);
+        let moved = point.mean.moved(&self.tiles[k]).filter(|_| self.parts.fit != Fit::None);
         let spot = self.spot_near(point, point.uv + moved.unwrap_or_default(), last);
         self.surface(point.tile).at(&self.posed[k], &spot)
     }
@@ -248,18 +227,18 @@ impl<'a> Carriage<'a> {
     /// The number of the `n`-th point in the order of the binding.
     #[inline]
     pub fn number(&self, n: usize) -> Option<usize> {
-        self.binding.order.get(n).map(|&k| k as usize)
+        self.parts.binding.order.get(n).map(|&k| k as usize)
     }
 
     /// The `n`-th point in the pose, in the order of the binding. Without `on_surface`, stretch and UV of a
     /// point that moves with its body alone are left out; without `rotates`, rotations.
     #[inline(always)]
     pub fn carry(&self, n: usize, rotates: bool, on_surface: bool, last: &mut LastPoint) -> Carried {
-        let point = &self.course.points[n];
+        let point = &self.parts.course.points[n];
         let offset = DVec3::from(point.offset.map(f64::from));
         let body = self.body(n, offset.z);
         let turned = |motion: &Motion, body: &Body| match rotates {
-            true => product(motion.rotation, DQuat::from_array(body.host.map(f64::from))),
+            true => motion.rotation * DQuat::from_array(body.host.map(f64::from)),
             false => DQuat::IDENTITY,
         };
         if let Some((motion, body, 1.0)) = body.filter(|_| !on_surface) {
@@ -276,7 +255,7 @@ impl<'a> Carriage<'a> {
             let frame = skin.frame(point.inverse.map(f64::from));
             if rotates {
                 let own = DQuat::from_array(point.own.map(f64::from));
-                rotation = product(quaternion(&frame.axes), own);
+                rotation = quaternion(&frame.axes) * own;
             }
             (uv, stretch) = (skin.uv, frame.stretch);
             skin.place.at + frame.axes * offset
@@ -296,12 +275,13 @@ impl<'a> Carriage<'a> {
     /// The motion of a point's body, the point as a part of it, and how far the point moves with it.
     #[inline(always)]
     fn body(&self, n: usize, height: f64) -> Option<(&Motion, &Body, f64)> {
-        let body = self.course.bodies.get(self.course.points[n].body as usize)?;
-        let number = |pieces: &Pieces| pieces.of_point[self.binding.order[n] as usize];
-        let piece = self.pieces.and_then(|pieces| self.of_pieces.get(number(pieces) as usize)?.as_ref());
+        let body = self.parts.course.bodies.get(self.parts.course.points[n].body as usize)?;
+        let number = |pieces: &Pieces| pieces.of_point[self.parts.binding.order[n] as usize];
+        let piece =
+            self.parts.pieces.and_then(|pieces| self.of_pieces.get(number(pieces) as usize)?.as_ref());
         let feature = || Some((self.features.get(body.feature as usize)?.as_ref()?, f64::from(body.part)));
         let (motion, part) = piece.map(|motion| (motion, 1.0)).or_else(feature)?;
-        let part = if self.skirt > 0.0 { part * smooth(height / self.skirt) } else { part };
+        let part = if self.parts.skirt > 0.0 { part * smooth(height / self.parts.skirt) } else { part };
         Some((motion, body, part))
     }
 }

@@ -9,7 +9,7 @@ use vrtm_core::view::Strided;
 
 use crate::bind::{Binding, Pieces, Skin};
 use crate::features::{FeatureNode, Features};
-use crate::frame::{normal, polar, product, quaternion};
+use crate::frame::{normal, polar, quaternion};
 use crate::surface::{Place, Posed, Surface};
 use crate::tile::{Mean, Tile};
 
@@ -31,7 +31,6 @@ pub enum Fit {
     None,
 }
 
-/// A point's course.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Point {
     /// As those of `Bound`.
@@ -62,7 +61,6 @@ pub(crate) struct Body {
     pub part: f32,
 }
 
-/// The courses of a carrier's points.
 #[derive(Debug)]
 pub struct Course {
     /// In the binding's order.
@@ -159,7 +157,7 @@ impl Course {
             let beside = if is_rounding { DVec3::ZERO } else { beside };
             let offset = axes.transpose() * beside + DVec3::new(0.0, 0.0, bound.height);
             let host = host_frame(frames, k);
-            let own = product(quaternion(&axes).conjugate(), host);
+            let own = quaternion(&axes).conjugate() * host;
             let found = features.as_ref().filter(|_| bound.tile != NONE);
             let found = found.and_then(|features| features.at(bound.tile, triangle, bound.uv));
             let (feature, part) = found.unwrap_or((NONE, 0.0));
@@ -216,7 +214,6 @@ impl Course {
         Course { points, bodies, is_above, surfaces, charts, nodes, ends }
     }
 
-    /// Number of features that points move with.
     pub fn features(&self) -> usize {
         self.ends.len()
     }
@@ -230,7 +227,6 @@ impl Course {
             + size_of_val(&*self.ends)
     }
 
-    /// The nodes of a feature.
     pub(crate) fn nodes_of(&self, feature: usize) -> std::ops::Range<usize> {
         let first = feature.checked_sub(1).map_or(0, |before| self.ends[before]);
         first as usize..self.ends[feature] as usize

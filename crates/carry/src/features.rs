@@ -19,7 +19,6 @@ const WHOLE: f32 = 0.75;
 /// About the most nodes by which the motion of a feature is found: more of them say nothing new of a rigid motion.
 const MOST: usize = 1024;
 
-/// A tile's nodes.
 struct TileNodes {
     /// Numbers of nodes along u and v.
     size: [usize; 2],
@@ -64,7 +63,6 @@ pub struct Features<'a> {
     sets: Vec<u32>,
 }
 
-/// A node of a feature.
 #[derive(Clone, Copy, Debug)]
 pub struct FeatureNode {
     pub tile: u32,

@@ -58,7 +58,6 @@ fn any_normal(a: DVec3, b: DVec3) -> DVec3 {
     apart / apart.length()
 }
 
-/// The quaternion of a rotation.
 #[inline(always)]
 pub fn quaternion(m: &DMat3) -> DQuat {
     let [[a, b, c], [d, e, f], [g, h, i]] = m.to_cols_array_2d();
@@ -144,34 +143,12 @@ impl Motion {
         }
         let [w, x, y, z] = vectors[best];
         let rotation = normalised([x, y, z, w]);
-        Some(Motion { rotation, matrix: matrix(rotation), from, to })
+        Some(Motion { rotation, matrix: DMat3::from_quat(rotation), from, to })
     }
 }
 
 /// The share of the largest eigenvalue by which it exceeds the second, under which a rotation is undetermined.
 const LINE: f64 = 1e-9;
-
-/// The matrix of a rotation.
-pub fn matrix(q: DQuat) -> DMat3 {
-    let [x, y, z, w] = q.to_array();
-    DMat3::from_cols(
-        DVec3::new(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)),
-        DVec3::new(2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)),
-        DVec3::new(2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)),
-    )
-}
-
-/// The product of two rotations, the right one first.
-#[inline(always)]
-pub fn product(a: DQuat, b: DQuat) -> DQuat {
-    let ([ax, ay, az, aw], [bx, by, bz, bw]) = (a.to_array(), b.to_array());
-    DQuat::from_xyzw(
-        aw * bx + ax * bw + ay * bz - az * by,
-        aw * by - ax * bz + ay * bw + az * bx,
-        aw * bz + ax * by - ay * bx + az * bw,
-        aw * bw - ax * bx - ay * by - az * bz,
-    )
-}
 
 /// Eigenvalues and eigenvectors of a symmetric matrix, by Jacobi's rotations in their cyclic order.
 fn eigen(mut a: [[f64; 4]; 4]) -> ([f64; 4], [[f64; 4]; 4]) {

@@ -19,5 +19,4 @@ mod carried;
 pub use bind::{Bind, Binding, Pieces, PointState};
 pub use carried::{Carriage, Carried, LastPoint, Parts};
 pub use course::{Course, Fit};
-pub use frame::matrix;
 pub use tile::Tile;

@@ -113,7 +113,6 @@ impl Nearest {
     }
 }
 
-/// The weighted mean of three points.
 pub fn weighed(corners: &[DVec3; 3], [a, b, c]: [f64; 3]) -> DVec3 {
     a * corners[0] + b * corners[1] + c * corners[2]
 }

@@ -82,7 +82,6 @@ impl Surface {
         self.triangles[triangle as usize].chart
     }
 
-    /// The charts of these triangles.
     pub fn charts(&self, triangles: impl Iterator<Item = u32>) -> Vec<bool> {
         let mut wanted = vec![false; self.areas.len()];
         triangles.for_each(|t| wanted[self.chart(t) as usize] = true);
@@ -208,7 +207,6 @@ pub fn uv_of(tile: &TileMesh, spot: &Spot, uv: DVec2, origin: impl Fn(u32) -> DV
     }
 }
 
-/// All three barycentric coordinates.
 pub fn weights(corners: [DVec2; 3], at: DVec2) -> [f64; 3] {
     let [b, c] = barycentrics(corners, at);
     [1.0 - b - c, b, c]

@@ -8,7 +8,6 @@ use vrtm_core::grid::planes::{NODES, Plane, SIDE, slot};
 use vrtm_core::mesh::{NONE, TileMesh};
 use vrtm_core::settings::Overlap;
 
-/// A tile with its last result.
 #[derive(Clone, Copy, Debug)]
 pub struct Tile<'a> {
     /// As it hangs together in the pose.

@@ -4,12 +4,14 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
+use glam::DMat3;
+
 use super::kept::{Kept, Key};
 use super::{Carried, Carrier};
 use crate::asset::derived::Same;
 use crate::asset::results::{KeptPose, Last, TileResult};
 use crate::solved::Solved;
-use vrtm_carry::{Carriage, Course, LastPoint, Parts, Tile, matrix};
+use vrtm_carry::{Carriage, Course, LastPoint, Parts, Tile};
 use vrtm_core::allocation::Vec;
 use vrtm_core::clock::Instant;
 use vrtm_core::error::{Error, ErrorKind, Result};
@@ -81,7 +83,6 @@ pub(crate) struct Ride<'a> {
     kept: Arc<Kept>,
     pub pose: &'a KeptPose,
     tiles: Vec<Tile<'a>>,
-    /// Time spent so far.
     spent: Duration,
 }
 
@@ -107,7 +108,7 @@ impl Ride<'_> {
         let (course, pieces) = (&self.kept.course, pieces.as_ref());
         let on_surface = out.rotations.is_some() || out.stretch.is_some() || out.uvs.is_some();
         let parts = Parts { mesh, binding, course, pieces, fit: *fit, skirt: *skirt, on_surface };
-        let carriage = Carriage::new(team, &parts, &self.tiles, position);
+        let carriage = Carriage::new(team, parts, &self.tiles, position);
         Begun { ride: self, carriage, out, spent: self.spent + start.elapsed() }
     }
 }
@@ -131,7 +132,11 @@ impl Begun<'_> {
                 put(&out.positions, k, carried.position.to_array());
                 match &out.rotations {
                     Some(array) if array.components() == 9 => {
-                        put(&out.rotations, k, matrix(carried.rotation).transpose().to_cols_array());
+                        put(
+                            &out.rotations,
+                            k,
+                            DMat3::from_quat(carried.rotation).transpose().to_cols_array(),
+                        );
                     }
                     rotations => put(rotations, k, carried.rotation.to_array()),
                 }

@@ -17,20 +17,21 @@ pub struct MapDesc {
     pub size: [u32; 2],
 }
 
-/// Properties of a redirection map that is read with bilinear interpolation. Errors are lengths in UV; multiplied by a
+/// Accuracy of a redirection map that is read with bilinear interpolation. Errors are lengths in UV; multiplied by a
 /// texture's size they are in its texels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct MapReport {
     /// Texels along u and v.
     pub size: [u32; 2],
-    /// Quads of four neighbouring texel centres on which the interpolated map is not one-to-one. 0 certifies that it is
-    /// one-to-one on the whole tile, except for the half texel along its border that interpolation does not reach.
+    /// Quads of four neighbouring texel centres on which the interpolated map, in the numbers that a fetch writes, is
+    /// not one-to-one: 0 certifies that the map is one-to-one everywhere between the centres of the tile's outermost
+    /// texels.
     pub folds: u64,
     /// Smallest Jacobian of the interpolated map at a corner of a quad (1 where nothing moves): greater than 0 if there
     /// are no folds.
     pub min_jacobian: f64,
-    /// Root of the mean square error over the charts.
+    /// Root mean square error over the tile's charts, relative to the exact redirection.
     pub error_rms: f64,
     /// 99th percentile of the error over the charts, rounded up by at most one percent.
     pub error_p99: f64,
@@ -43,9 +44,7 @@ pub struct MapReport {
 
 impl MapDesc {
     pub(crate) fn check(&self) -> Result<()> {
-        if !self.kind.is_redirection() {
-            return Err(Error::argument("kind: not a form of the redirection"));
-        }
+        ensure!(self.kind.is_redirection(), "kind: not a form of the redirection");
         if !matches!(self.format, PixelFormat::F16 | PixelFormat::F32) {
             return Err(Error::new(ErrorKind::Unsupported, "format must be f16 or f32 for an output"));
         }

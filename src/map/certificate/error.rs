@@ -1,5 +1,6 @@
 //! Measures how far the interpolated map is from the redirection.
 
+use vrtm_beyond::bands::Bands;
 use vrtm_core::allocation::{Vec, zeroed};
 use vrtm_core::error::Result;
 use vrtm_core::image::ImagePart;
@@ -8,7 +9,6 @@ use vrtm_core::image::format::PixelFormat;
 use super::desc::MapDesc;
 use super::strip::{Reader, bands};
 use crate::map::FetchKind;
-use crate::map::chart_texels::ChartTexels;
 
 pub struct Errors {
     pub rms: f64,
@@ -16,10 +16,8 @@ pub struct Errors {
     pub max: f64,
 }
 
-/// Items of work per band.
 const ITEMS: usize = 16;
 
-/// The findings of an item of work.
 struct Found {
     squares: f64,
     max: f64,
@@ -58,8 +56,8 @@ pub fn measure(reader: &mut Reader, desc: &MapDesc) -> Result<Errors> {
         let texel = |row: usize| place(row, per_texel[1]).0;
         let map = reader.read(desc, texel(rows.start)..(texel(rows.end - 1) + 2).min(size[1]))?;
         let part = ImagePart { size: samples, first: [0, rows.start], end: [samples[0], rows.end] };
-        let mut charts = ChartTexels::new(&part);
-        charts.draw(reader.team, &reader.solved.mesh, &part);
+        let mut charts = Bands::new(&part, false);
+        charts.draw(reader.team, &reader.solved.mesh.triangles, |_, _, _, covered| *covered = true);
         reader.team.fill_large(&mut all, |k, found| {
             for y in rows.start + k * rows.len() / ITEMS..rows.start + (k + 1) * rows.len() / ITEMS {
                 let (covered, exact) = (charts.row(y - rows.start), exact.row(y));

@@ -23,7 +23,7 @@ pub struct Reader<'a> {
     pub team: &'a Team,
     pub mesh: &'a Mesh,
     pub solved: &'a Solved,
-    pub outputs: &'a mut Outputs,
+    pub outputs: Outputs,
 }
 
 /// Some rows of a map, from v = 0 upward.
@@ -49,7 +49,7 @@ impl Reader<'_> {
         let part = ImagePart { size, first: [0, rows.start], end: [size[0], rows.end] };
         let mut image = ImageViewMut::new("map", &mut bytes, layout)?;
         let output = Output::new(self.mesh, self.solved, desc.kind, &part, &image.layout)?;
-        output.write(self.device, self.team, self.outputs, &mut image)?;
+        output.write(self.device, self.team, &mut self.outputs, &mut image)?;
         Ok(bytes)
     }
 

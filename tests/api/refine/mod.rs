@@ -21,7 +21,7 @@ fn solve(model: &Model, asset: &mut Asset, frame: usize) {
 }
 
 fn with(tolerance: f64) -> RefinementSettings {
-    RefinementSettings { tolerance: Some(tolerance), ..RefinementSettings::default() }
+    RefinementSettings { tolerance, ..RefinementSettings::default() }
 }
 
 /// Refines a frame and checks everything.

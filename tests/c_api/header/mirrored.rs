@@ -10,10 +10,11 @@ use vrtm_capi::mirror::{Choice, Field, Struct};
 use vrtm_capi::{CHOICES, MIRRORED};
 
 /// Files of the Rust API with the mirrored documentation.
-const SOURCES: [&str; 7] = [
+const SOURCES: [&str; 8] = [
     "crates/core/src/log.rs",
     "crates/core/src/settings.rs",
     "crates/core/src/report.rs",
+    "src/map/certificate/desc.rs",
     "src/refine.rs",
     "src/asset/carrier.rs",
     "crates/carry/src/bind.rs",
@@ -124,7 +125,7 @@ impl Words {
     /// A struct with its comments.
     pub fn item(&self, of: &Struct) -> Result<String, String> {
         let &Struct { name, is_plain, .. } = of;
-        let is_setting = settings(of.of).is_some();
+        let is_setting = of.of == "RefinementSettings" || settings(of.of).is_some();
         let head = in_c(&self.about(of.of, "")?.0, of.of)?;
         let start = match (is_plain, is_setting) {
             (true, _) => "A plain value that never grows.".to_owned(),

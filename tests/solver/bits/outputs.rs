@@ -131,7 +131,7 @@ pub fn kinds(asset: &mut Asset, tile: usize, again: impl Fn(&mut Asset)) -> Vec<
         dilation.dilation(asset, tile, format);
     }
     (0..2).for_each(|set| corners.corner_uvs(asset, set));
-    let settings = RefinementSettings { tolerance: Some(1.0 / 1024.0), ..RefinementSettings::default() };
+    let settings = RefinementSettings { tolerance: 1.0 / 1024.0, ..RefinementSettings::default() };
     let mut refinement = asset.refine(&settings).unwrap();
     refined.refinement(&refinement);
     again(asset);

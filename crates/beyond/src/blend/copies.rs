@@ -16,7 +16,6 @@ use vrtm_core::team::Team;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Node {
     pub slot: u16,
-    /// The number of its copies.
     count: u16,
     /// The index of the first one.
     first: u32,
@@ -35,7 +34,6 @@ pub(super) struct NodeCopy {
     pub at: [f32; 2],
     /// The block of its chart that holds the lower left node of its cell, or `NONE`.
     pub block: u32,
-    /// Its part of the blend.
     pub part: f32,
     /// True if one of the node and the copy lies on a mirror image of the surface: what the copy's chart says
     /// is mirrored, too.
@@ -110,7 +108,6 @@ impl Copies {
         [copies as u64, Depths::bytes_for(nodes, level.blocks.list.len())]
     }
 
-    /// Bytes in use.
     pub fn bytes(&self) -> usize {
         self.blocks.len() * 8 + size_of_val(&*self.nodes) + size_of_val(&*self.copies)
     }
@@ -119,7 +116,6 @@ impl Copies {
         &self.blocks
     }
 
-    /// The nodes of the k-th block.
     pub(super) fn of_block(&self, k: usize) -> &[Node] {
         &self.nodes[self.starts[k] as usize..self.starts[k + 1] as usize]
     }

@@ -15,7 +15,6 @@ const RIGID: f32 = 0.5;
 /// The number of a node where only its own chart is.
 pub const FAR: u32 = NONE - 1;
 
-/// A node of a chart.
 #[derive(Clone, Copy)]
 pub struct Node {
     pub tile: u32,
@@ -24,7 +23,6 @@ pub struct Node {
     pub rigid: bool,
 }
 
-/// The nodes of a tile's grid.
 pub struct Nodes<'a> {
     pub grid: Option<&'a Grid>,
     /// Per node of each block, its number in `Depths`; `FAR` where only the node's own chart is, far from all others;
@@ -95,7 +93,6 @@ pub fn kinds_of(places: &Places, index: u32, grid: Option<&&Grid>, b: usize) -> 
     (kinds, links)
 }
 
-/// The UV of a node.
 pub fn uv_of(grid: &Grid, b: usize, s: usize) -> DVec2 {
     let (block, (i, j)) = (&grid.levels[0].blocks.list[b], node_at(s));
     let at = DVec2::new((block.x as usize * SIDE + i) as f64, (block.y as usize * SIDE + j) as f64);

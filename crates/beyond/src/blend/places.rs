@@ -7,8 +7,8 @@ use glam::DVec2;
 
 use super::lattice::point;
 use vrtm_core::allocation::{Vec, vec, zeroed};
-use vrtm_core::mesh::TileMesh;
 use vrtm_core::mesh::triangle::barycentrics;
+use vrtm_core::mesh::{Source, TileMesh};
 
 /// A point of the surface: a triangle of a chart, by its tile and its number there, and a UV within the tile; or the
 /// mirror image of such a point beyond an open border.
@@ -164,12 +164,7 @@ pub fn sheets(places: &Places, place: Place) -> Vec<OnChart> {
 
 /// Part of the collar that is left around a place, 0 (where it ends) to 1 (on the chart itself), by distance.
 pub fn depth_of(places: &Places, on: &OnChart) -> f32 {
-    let tile = &places.tiles[on.tile as usize];
-    tile.source(on.triangle as usize).map_or(1.0, |source| {
-        let [s, r] = barycentrics(tile.triangles[on.triangle as usize].uv, on.uv).map(|x| x as f32);
-        let [a, b, c] = source.depth;
-        (a + s * (b - a) + r * (c - a)).clamp(0.0, 1.0)
-    })
+    in_collar(places, on, |source| source.depth).map_or(1.0, |depth| depth.clamp(0.0, 1.0))
 }
 
 /// Cells from an open border within which a chart and its image are blended: the solve holds texture at the border,
@@ -178,11 +173,16 @@ const BESIDE_MIRROR: f64 = 2.0;
 
 /// Nearness of a place to the open border beyond which a chart has its image there, 0 to 1 (at the border).
 pub fn beside_mirror(places: &Places, on: &OnChart, cells: DVec2) -> f32 {
-    let tile = &places.tiles[on.tile as usize];
-    tile.source(on.triangle as usize).map_or(1.0, |source| {
-        let [s, r] = barycentrics(tile.triangles[on.triangle as usize].uv, on.uv).map(|x| x as f32);
-        let [a, b, c] = source.distance;
-        let distance = f64::from(a + s * (b - a) + r * (c - a)) * cells.min_element();
+    in_collar(places, on, |source| source.distance).map_or(1.0, |distance| {
+        let distance = f64::from(distance) * cells.min_element();
         (1.0 - distance / BESIDE_MIRROR).clamp(0.0, 1.0) as f32
     })
+}
+
+/// A value that the corners of collars have, at a place; `None` on the chart itself.
+fn in_collar(places: &Places, on: &OnChart, of_corners: impl Fn(&Source) -> [f32; 3]) -> Option<f32> {
+    let tile = &places.tiles[on.tile as usize];
+    let [a, b, c] = of_corners(tile.source(on.triangle as usize)?);
+    let [s, r] = barycentrics(tile.triangles[on.triangle as usize].uv, on.uv).map(|x| x as f32);
+    Some(a + s * (b - a) + r * (c - a))
 }

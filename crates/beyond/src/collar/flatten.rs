@@ -22,7 +22,6 @@ use vrtm_core::mesh::{FacePoint, Mirror, NONE, Source};
 /// far away must not bend what is near.
 pub(super) const BANDS: usize = 6;
 
-/// A triangle of a collar.
 #[derive(Clone, Copy, Debug)]
 pub struct CollarTriangle {
     /// Its corners in the chart's plane, as UVs within the chart's tile.
@@ -47,7 +46,6 @@ pub enum Across {
     Chart(Side),
 }
 
-/// A chart's collar.
 #[derive(Debug, Default)]
 pub struct Collar {
     pub triangles: Vec<CollarTriangle>,

@@ -3,7 +3,10 @@
 
 use std::path::Path;
 
-use vrtm::{AdapterId, Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, Quality, adapters};
+use vrtm::{
+    AdapterId, Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, MeshSource, Quality, Strided,
+    TileSettings, adapters,
+};
 
 use crate::child::in_a_child;
 use vrtm_testkit::{self, Model, gpu, has_gpu, options};
@@ -263,8 +266,15 @@ fn after_a_loss_every_call_says_so_and_a_new_device_works() {
         lost.tile_report(0).unwrap_err(),
         lost.report().unwrap_err(),
         lost.set_mask(0, None).unwrap_err(),
+        lost.set_rigidity(0, None).unwrap_err(),
+        lost.set_vertex_rigidity(Some(Strided::default())).unwrap_err(),
+        lost.set_vertex_mask(Some(Strided::default())).unwrap_err(),
+        lost.set_settings(0, &TileSettings::default()).unwrap_err(),
+        lost.corner_uvs(&mut vec![[0.0; 2]; lost.info().corners as usize]).unwrap_err(),
+        Asset::new(&device, &MeshSource::default()).unwrap_err(),
     ] {
         assert_eq!(error.kind, ErrorKind::DeviceLost, "{error}");
+        assert!(error.message.contains(" is lost: it was destroyed; make a new device"), "{error}");
     }
     assert!(device.info().reason.contains(" is lost: "), "{:?}", device.info());
     let new = gpu(&settings(Backend::Gpu, 0)).unwrap();

@@ -153,14 +153,25 @@ fn a_delta_in_f16_is_off_by_a_thirtieth_of_a_texel_of_4096() {
         // Up to 1/32 the step is 2^-16.
         assert!(worst <= (largest * 2.0).max(1.0 / 32.0), "{}: {worst} texels at {largest}", model.name);
         // Parts of an image are inverted on the CPU, here from the GPU's warp.
-        let mut parts = vec![0u8; side * side * 4];
-        for (k, part) in parts.chunks_exact_mut(side * side * 2).enumerate() {
-            let layout = ImageLayout { height: side as u32 / 2, origin: Origin::Bottom, ..layout };
-            let image = ImageViewMut::new("part", part, layout).unwrap();
-            let first = [0, k as u32 * side as u32 / 2];
-            asset.fetch(0, kind, &mut image.part_of("part", [side as u32; 2], first).unwrap()).unwrap();
+        let in_parts = |format: PixelFormat| {
+            let mut parts = vec![0u8; side * side * 2 * format.size()];
+            for (k, part) in parts.chunks_exact_mut(side * side * format.size()).enumerate() {
+                let layout =
+                    ImageLayout { height: side as u32 / 2, format, origin: Origin::Bottom, ..layout };
+                let image = ImageViewMut::new("part", part, layout).unwrap();
+                let first = [0, k as u32 * side as u32 / 2];
+                asset.fetch(0, kind, &mut image.part_of("part", [side as u32; 2], first).unwrap()).unwrap();
+            }
+            parts
+        };
+        let floats = in_parts(PixelFormat::F32);
+        for (bytes, on_gpu) in floats.chunks_exact(4).zip(exact.iter().flatten()) {
+            let on_cpu = f32::from_ne_bytes(bytes.try_into().unwrap());
+            // The offset from the centre is in f32 cells, from f32 barycentrics; then the output itself is f32.
+            let slack = 4e-6 / 128.0 + on_cpu.abs() * f32::EPSILON;
+            assert!((on_gpu - on_cpu).abs() < slack, "{}: {on_gpu} {on_cpu}", model.name);
         }
-        let parts = halves(&parts);
+        let parts = halves(&in_parts(PixelFormat::F16));
         let differ = found.iter().zip(&parts).filter(|(a, b)| a.to_bits() != b.to_bits());
         let differ: Vec<f32> = differ.map(|(a, b)| (a.to_f32() - b.to_f32()).abs() * side as f32).collect();
         let apart = differ.iter().fold(0.0f32, |a, &b| a.max(b));
