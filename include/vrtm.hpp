@@ -525,8 +525,8 @@ inline Result<std::vector<vrtm_adapter_info>> adapters()
 
 namespace detail {
 
-// The host's functions that an object needs: log, executor and allocator.
-using Keep = std::array<std::shared_ptr<const void>, 3>;
+// The host's functions that an object needs: log, executor, allocator and, for a job, its progress function.
+using Keep = std::array<std::shared_ptr<const void>, 4>;
 
 // Overloads for Owner. (A function of a DLL cannot be a template's argument.)
 inline void destroy(vrtm_device device) noexcept { static_cast<void>(vrtm_device_destroy(device)); }
@@ -539,7 +539,6 @@ inline void destroy(vrtm_carrier carrier) noexcept { static_cast<void>(vrtm_carr
 template <class Handle> class Owner {
 public:
     Owner() noexcept = default;
-    Owner(Handle handle, Keep keep) noexcept : handle_(handle), keep_(std::move(keep)) {}
     ~Owner() { reset(); }
     Owner(Owner &&other) noexcept : handle_(std::exchange(other.handle_, Handle{})), keep_(std::move(other.keep_)) {}
     Owner &operator=(Owner &&other) noexcept
@@ -552,17 +551,22 @@ public:
         return *this;
     }
 
+    explicit operator bool() const noexcept { return handle_.id != 0; }
     Handle handle() const noexcept { return handle_; }
-    const Keep &keep() const noexcept { return keep_; }
-
-private:
+    // Destroys the handle, unless it is empty. A job is cancelled, and waited for.
     void reset() noexcept
     {
         if (handle_.id != 0) {
             destroy(std::exchange(handle_, Handle{}));
         }
+        keep_ = Keep();
     }
 
+protected:
+    Owner(Handle handle, Keep keep) noexcept : handle_(handle), keep_(std::move(keep)) {}
+    const Keep &keep() const noexcept { return keep_; }
+
+private:
     Handle handle_{};
     Keep keep_;
 };
@@ -570,7 +574,7 @@ private:
 } // namespace detail
 
 // Where assets are solved. Assets may outlive it.
-class Device {
+class Device : public detail::Owner<vrtm_device> {
 public:
     // Empty: no device.
     Device() noexcept = default;
@@ -579,15 +583,8 @@ public:
     {
         vrtm_device handle{};
         const vrtm_status status = vrtm_device_create(&desc, &handle);
-        Device device;
-        device.owner_ = detail::Owner<vrtm_device>(handle, {desc.keep_log, desc.keep_executor, desc.keep_allocator});
-        return {std::move(device), status};
+        return {Device(handle, {desc.keep_log, desc.keep_executor, desc.keep_allocator, nullptr}), status};
     }
-
-    explicit operator bool() const noexcept { return handle().id != 0; }
-    vrtm_device handle() const noexcept { return owner_.handle(); }
-    // Destroys the handle, unless it is empty.
-    void reset() noexcept { *this = Device(); }
 
     Result<vrtm_device_info> info() const noexcept
     {
@@ -598,7 +595,7 @@ public:
 
 private:
     friend class Asset;
-    detail::Owner<vrtm_device> owner_;
+    Device(vrtm_device handle, detail::Keep keep) noexcept : Owner(handle, std::move(keep)) {}
 };
 
 // ---- Mesh ----
@@ -1151,23 +1148,10 @@ struct JobProgress {
 };
 
 // One solve that runs beside the host's own work. The destructor cancels the job and waits for it.
-class Job {
+class Job : public detail::Owner<vrtm_job> {
 public:
     // Empty: no job.
     Job() noexcept = default;
-
-    explicit operator bool() const noexcept { return handle().id != 0; }
-    vrtm_job handle() const noexcept { return owner_.handle(); }
-    // Cancels the job, waits for its end, and is empty then.
-    void reset() noexcept { *this = Job(); }
-    Job(Job &&) noexcept = default;
-    Job &operator=(Job &&other) noexcept
-    {
-        // Destroy the job first: it may be calling the function.
-        owner_ = std::move(other.owner_);
-        progress_ = std::move(other.progress_);
-        return *this;
-    }
 
     // Waits for the job; returns what Asset::solve would have returned.
     Result<> wait() const noexcept { return Result<>(vrtm_job_wait(handle(), VRTM_FOREVER)); }
@@ -1188,6 +1172,7 @@ public:
 
 private:
     friend class Asset;
+    Job(vrtm_job handle, detail::Keep keep) noexcept : Owner(handle, std::move(keep)) {}
 
     // Milliseconds are rounded up, and limited to 49 days.
     static std::uint32_t whole_ms(double ms) noexcept
@@ -1201,10 +1186,6 @@ private:
         const std::uint32_t whole = static_cast<std::uint32_t>(ms);
         return whole < ms ? whole + 1 : whole;
     }
-
-    // Declared first, so that it is destroyed last.
-    std::unique_ptr<const Progress> progress_;
-    detail::Owner<vrtm_job> owner_;
 };
 
 // ---- Refinement ----
@@ -1223,15 +1204,10 @@ struct RefinementPattern {
 };
 
 // An asset's mesh with its triangles split, for hosts that support only UV sets.
-class Refinement {
+class Refinement : public detail::Owner<vrtm_refinement> {
 public:
     // Empty: no refinement.
     Refinement() noexcept = default;
-
-    explicit operator bool() const noexcept { return handle().id != 0; }
-    vrtm_refinement handle() const noexcept { return owner_.handle(); }
-    // Destroys the handle, unless it is empty.
-    void reset() noexcept { *this = Refinement(); }
 
     // Refines further, for the asset's last result.
     Result<> extend() const noexcept { return Result<>(vrtm_refinement_extend(handle())); }
@@ -1287,14 +1263,13 @@ public:
 
 private:
     friend class Asset;
+    Refinement(vrtm_refinement handle, detail::Keep keep) noexcept : Owner(handle, std::move(keep)) {}
 
     template <class T> static T *sized(std::vector<T> &array, std::size_t count)
     {
         array.resize(count);
         return array.data();
     }
-
-    detail::Owner<vrtm_refinement> owner_;
 };
 
 // ---- Carrier ----
@@ -1337,15 +1312,10 @@ struct CarrierDesc : vrtm_carrier_desc {
 };
 
 // Points bound to an asset's rest surface, which its solves move along.
-class Carrier {
+class Carrier : public detail::Owner<vrtm_carrier> {
 public:
     // Empty: no carrier.
     Carrier() noexcept = default;
-
-    explicit operator bool() const noexcept { return handle().id != 0; }
-    vrtm_carrier handle() const noexcept { return owner_.handle(); }
-    // Destroys the handle, unless it is empty.
-    void reset() noexcept { *this = Carrier(); }
 
     Result<vrtm_carrier_info> info() const noexcept
     {
@@ -1384,14 +1354,13 @@ public:
 
 private:
     friend class Asset;
-
-    detail::Owner<vrtm_carrier> owner_;
+    Carrier(vrtm_carrier handle, detail::Keep keep) noexcept : Owner(handle, std::move(keep)) {}
 };
 
 // ---- Asset ----
 
 // One mesh with its tiles, their maps, settings and results.
-class Asset {
+class Asset : public detail::Owner<vrtm_asset> {
 public:
     // Empty: no asset.
     Asset() noexcept = default;
@@ -1404,15 +1373,8 @@ public:
     {
         vrtm_asset handle{};
         const vrtm_status status = vrtm_asset_create(device.handle(), &mesh, &handle);
-        Asset asset;
-        asset.owner_ = detail::Owner<vrtm_asset>(handle, device.owner_.keep());
-        return {std::move(asset), status};
+        return {Asset(handle, device.keep()), status};
     }
-
-    explicit operator bool() const noexcept { return handle().id != 0; }
-    vrtm_asset handle() const noexcept { return owner_.handle(); }
-    // Destroys the handle, unless it is empty.
-    void reset() noexcept { *this = Asset(); }
 
     Result<vrtm_asset_info> info() const noexcept
     {
@@ -1502,13 +1464,13 @@ public:
     // The job keeps a copy of the progress function.
     Result<Job> submit(const Array &positions, const SolveOptions &options = SolveOptions()) const
     {
-        Job job;
-        job.progress_ = std::unique_ptr<const Progress>(new Progress(options.progress_));
-        const vrtm_solve_options c = options.c_with(job.progress_.get());
+        const std::shared_ptr<const Progress> progress(new Progress(options.progress_));
+        const vrtm_solve_options c = options.c_with(progress.get());
         vrtm_job handle_of_job{};
         const vrtm_status status = vrtm_asset_submit(handle(), &positions.c(), &c, &handle_of_job);
-        job.owner_ = detail::Owner<vrtm_job>(handle_of_job, owner_.keep());
-        return {std::move(job), status};
+        detail::Keep kept = keep();
+        kept[3] = progress;
+        return {Job(handle_of_job, std::move(kept)), status};
     }
 
     // Redirected UVs: one pair (u, v) per face corner.
@@ -1533,9 +1495,7 @@ public:
     {
         vrtm_refinement handle_of_refinement{};
         const vrtm_status status = vrtm_refinement_create(handle(), &desc, &handle_of_refinement);
-        Refinement refinement;
-        refinement.owner_ = detail::Owner<vrtm_refinement>(handle_of_refinement, owner_.keep());
-        return {std::move(refinement), status};
+        return {Refinement(handle_of_refinement, keep()), status};
     }
 
     // Binds points to the rest surface; they follow the solves that come after.
@@ -1543,9 +1503,7 @@ public:
     {
         vrtm_carrier handle_of_carrier{};
         const vrtm_status status = vrtm_carrier_create(handle(), &desc, &handle_of_carrier);
-        Carrier carrier;
-        carrier.owner_ = detail::Owner<vrtm_carrier>(handle_of_carrier, owner_.keep());
-        return {std::move(carrier), status};
+        return {Carrier(handle_of_carrier, keep()), status};
     }
 
     Result<vrtm_asset_report> report() const noexcept
@@ -1556,7 +1514,7 @@ public:
     }
 
 private:
-    detail::Owner<vrtm_asset> owner_;
+    Asset(vrtm_asset handle, detail::Keep keep) noexcept : Owner(handle, std::move(keep)) {}
 };
 
 } // namespace vrtm

@@ -1,13 +1,10 @@
-//! Measures what a host that plays frames waits for: solves with their stages, what they leave of the strain, outputs,
-//! and the ends of cancelled solves.
+//! Measures what a host that plays frames waits for: solves with their stages, what they leave of the strain, and
+//! outputs.
 //!
 //!     cargo bench -p vrtm-benches --bench real_time
 //!     cargo bench -p vrtm-benches --bench real_time -- --grids 512 --scenes bulge,squash
-//!     cargo bench -p vrtm-benches --bench real_time -- --grids 512,2048 --cancel 30
 
 #![allow(missing_docs)]
-
-mod cancel;
 
 use std::time::{Duration, Instant};
 
@@ -39,9 +36,6 @@ struct Args {
     /// Leave out the outputs, and measure solves alone.
     #[arg(long, conflicts_with = "outputs")]
     solves: bool,
-    /// Cancel so many solves of each kind at various moments, and measure nothing else.
-    #[arg(long, value_name = "SOLVES")]
-    cancel: Option<u32>,
     /// Qualities of the solves.
     #[arg(long, value_enum, value_delimiter = ',', default_values = ["draft", "normal"])]
     qualities: Vec<Effort>,
@@ -77,16 +71,6 @@ fn main() {
     let device = vrtm_testkit::cpu(args.threads);
     println!("Milliseconds on {} threads, the shortest of {} runs.", device.info().threads, args.repeats);
     let models: Vec<Model> = args.scenes.iter().map(|name| model(name)).collect();
-    if let Some(repeats) = args.cancel {
-        println!("{}", cancel::HEAD);
-        for model in &models {
-            for &grid in &args.grids {
-                cancel::measure(repeats, &device, model, grid, true);
-                cancel::measure(repeats, &device, model, grid, false);
-            }
-        }
-        return;
-    }
     if !args.outputs {
         all_solves(&args, &device, &models);
     }

@@ -1,11 +1,19 @@
-//! Shared by the targets: numbers out of the fuzzer's bytes, memory of exactly the size that a call may read, a small mesh,
-//! and what must hold after any call.
+//! The targets, and what they share: numbers out of the fuzzer's bytes, memory of exactly the size that a call may read, a
+//! small mesh, and what must hold after any call. tests/c_api runs them, too, with random bytes.
+
+#![allow(clippy::field_reassign_with_default, reason = "as C programs fill in what an init function wrote")]
+
+pub mod calls;
+pub mod images;
+pub mod mesh;
+pub mod saved;
 
 use std::ffi::{CStr, c_void};
 use std::mem::{size_of, zeroed};
 use std::ptr;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-use libfuzzer_sys::arbitrary::Unstructured;
+use arbitrary::{Arbitrary, Unstructured};
 use vrtm_capi::{asset::*, device::*, handle::*, mesh::*, solve::*, status::*, tile::*, types::*};
 
 /// The fuzzer's bytes as choices; when they end, each choice is the first one.
@@ -34,7 +42,7 @@ impl<'a> Input<'a> {
         if self.below(16) == 15 { self.pick(others) } else { good }
     }
 
-    pub fn any<T: libfuzzer_sys::arbitrary::Arbitrary<'a>>(&mut self) -> Option<T> {
+    pub fn any<T: Arbitrary<'a>>(&mut self) -> Option<T> {
         self.0.arbitrary().ok()
     }
 
@@ -81,12 +89,16 @@ pub fn last_error() -> String {
     unsafe { CStr::from_ptr(vrtm_last_error()) }.to_str().expect("UTF-8").to_owned()
 }
 
+/// Numbers of calls, by their status.
+pub static STATUSES: [AtomicUsize; 11] = [const { AtomicUsize::new(0) }; 11];
+
 /// What holds of any call's status. True if the call succeeded.
 pub fn check(status: vrtm_status) -> bool {
     // SAFETY: a zero-terminated string of the library.
     let name = unsafe { CStr::from_ptr(vrtm_status_string(status)) }.to_str().expect("UTF-8");
     assert!(name.starts_with("VRTM_"), "status {status}");
     assert_ne!(status, VRTM_ERROR_INTERNAL, "{}", last_error());
+    STATUSES[status as usize].fetch_add(1, Ordering::Relaxed);
     if status != VRTM_OK {
         let message = last_error();
         assert!(message.starts_with("vrtm_") && message.len() < 512 && !message.contains('\n'), "{message}");

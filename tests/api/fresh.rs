@@ -8,7 +8,7 @@
 use std::sync::Arc;
 
 use vrtm::{
-    Asset, Control, Device, ErrorKind, FetchKind, OpenBorders, Overlap, Quality, Scalar, Seams, SolveOptions,
+    Asset, Control, Device, ErrorKind, FetchKind, OpenBorders, Overlap, Quality, Seams, SolveOptions,
     SolveRequest, Strided, TileSettings, Weld, WeldBy,
 };
 use vrtm_testkit::{Model, cpu, fetch, on_all_cores, options, view};
@@ -28,10 +28,10 @@ pub const TILES: usize = 2;
 const SHEETS: [[f32; 2]; 5] = [[0.08, 0.1], [0.55, 0.15], [1.1, 0.1], [1.55, 0.1], [1.6, 0.4]];
 const SIDE: f32 = 0.36;
 
-pub struct Random(pub u64);
+struct Random(u64);
 
 impl Random {
-    pub fn below(&mut self, n: usize) -> usize {
+    fn below(&mut self, n: usize) -> usize {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 33) as usize % n
     }
@@ -40,7 +40,7 @@ impl Random {
         of[self.below(of.len())]
     }
 
-    pub fn chance(&mut self, percent: usize) -> bool {
+    fn chance(&mut self, percent: usize) -> bool {
         self.below(100) < percent
     }
 }
@@ -105,12 +105,6 @@ fn image(texels: &[u8]) -> vrtm::ImageView<'_> {
     view(texels, SIZE as u32, SIZE as u32)
 }
 
-pub fn values(of: &[f32]) -> Strided<'_> {
-    // SAFETY: any byte of an f32 may be read.
-    let bytes = unsafe { std::slice::from_raw_parts(of.as_ptr().cast::<u8>(), size_of_val(of)) };
-    Strided::new("values", bytes, Scalar::F32, 1, of.len(), 0).unwrap()
-}
-
 fn painted(random: &mut Random) -> Vec<u8> {
     let (pitch, radius) = (8 + random.below(8), 2 + random.below(3));
     let is_in = |k: usize| [k % SIZE, k / SIZE].iter().all(|x| x % pitch < 2 * radius);
@@ -133,8 +127,8 @@ impl Given {
     /// An asset that knows nothing else.
     fn fresh(&self, model: &Model, device: &Device) -> Asset {
         let mut asset = model.bare_on(device, Strided::from_f32x3(&model.rest));
-        asset.set_vertex_rigidity(self.of_vertices[0].as_deref().map(values)).unwrap();
-        asset.set_vertex_mask(self.of_vertices[1].as_deref().map(values)).unwrap();
+        asset.set_vertex_rigidity(self.of_vertices[0].as_deref().map(Strided::from_f32)).unwrap();
+        asset.set_vertex_mask(self.of_vertices[1].as_deref().map(Strided::from_f32)).unwrap();
         for tile in 0..TILES {
             asset.set_settings(tile, &self.settings[tile]).unwrap();
             asset.set_rigidity(tile, self.rigidity[tile].as_deref().map(image)).unwrap();
@@ -166,7 +160,7 @@ impl Given {
                 let step = 2 + random.below(3);
                 let number = |v: usize| if v % 7 < step { 1.0 } else { 0.0 };
                 self.of_vertices[which] = random.chance(70).then(|| (0..vertices).map(number).collect());
-                let of = self.of_vertices[which].as_deref().map(values);
+                let of = self.of_vertices[which].as_deref().map(Strided::from_f32);
                 if which == 0 { asset.set_vertex_rigidity(of) } else { asset.set_vertex_mask(of) }.unwrap();
                 format!("vertices: {which} {step}")
             }
@@ -328,8 +322,10 @@ fn history(model: &Model, seed: u64, steps: usize) -> Counts {
             counts.kept += u32::from(report.kept);
             counts.torn += u32::from(report.welds_torn > 0);
             counts.extended += u32::from(asset.result_inside(tile).unwrap().extended().is_some());
+            // The bytes of a tile are all that is prepared of it.
             assert!(
-                result == seen(&mut fresh, tile),
+                result == seen(&mut fresh, tile)
+                    && asset.save_tile(tile).unwrap() == fresh.save_tile(tile).unwrap(),
                 "seed {seed}: tile {tile} differs from that of a fresh asset:\n{}",
                 past.join("\n")
             );

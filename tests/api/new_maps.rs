@@ -1,7 +1,7 @@
 //! A tile that gets a whole new rigidity keeps what does not depend on it, and is then what a fresh asset with that
 //! rigidity is, bit for bit: as it is prepared, and solved.
 
-use crate::fresh::{Random, TILES, model, values};
+use crate::fresh::{TILES, model};
 use vrtm::{
     Asset, ImageLayout, ImageView, OpenBorders, Overlap, PixelFormat, Quality, Seams, Strided, TileSettings,
 };
@@ -58,7 +58,7 @@ impl Case {
     fn make(&self, model: &Model, threads: u32) -> Asset {
         let mut asset = model.bare_on(&cpu(threads), Strided::from_f32x3(&model.rest));
         let free: Vec<f32> = (0..model.rest.len()).map(|v| if v % 9 == 4 { 0.0 } else { 1.0 }).collect();
-        asset.set_vertex_mask(self.vertex_mask.then(|| values(&free))).unwrap();
+        asset.set_vertex_mask(self.vertex_mask.then(|| Strided::from_f32(&free))).unwrap();
         for tile in 0..TILES {
             asset.set_settings(tile, &self.settings).unwrap();
             if let Some(mask) = &self.mask {
@@ -201,7 +201,7 @@ fn it_does_with_the_rigidity_of_vertices() {
                 let count = asset.info().vertices as usize;
                 let number = |v: usize| if v % 7 < step { 1.0 } else { 0.0 };
                 let rigidity: Vec<f32> = (0..count).map(number).collect();
-                asset.set_vertex_rigidity(Some(values(&rigidity))).unwrap();
+                asset.set_vertex_rigidity(Some(Strided::from_f32(&rigidity))).unwrap();
             }
         };
         history("vertices", &case, &[&set(2), &set(3), &set(4)], &[true, true]);
@@ -239,42 +239,4 @@ fn charts_that_a_new_map_does_not_change_are_not_solved_again() {
     solved(&mut asset, &model);
     let report = asset.tile_report(0).unwrap();
     assert!(report.charts_active == 1 && report.charts_reused >= 1, "{report:?}");
-}
-
-/// Strokes and new maps in any order, over a tile that was loaded, too.
-#[test]
-fn strokes_and_new_maps_follow_each_other() {
-    let mut random = Random(3);
-    for seams in [Seams::Shut, Seams::Continue] {
-        let (model, case) = (model(), case(|settings| settings.seams = seams));
-        let mut asset = case.make(&model, 1);
-        let mut texels = [9, 11].map(|pitch| Texels::new(64, PixelFormat::U8, [pitch, 5], 1.0));
-        (0..TILES).for_each(|tile| texels[tile].set(&mut asset, tile, false));
-        for round in 0..10 {
-            for _ in 0..1 + random.below(3) {
-                let tile = random.below(TILES);
-                if random.chance(40) {
-                    let pitch = 8 + random.below(5);
-                    texels[tile] = Texels::new(64, PixelFormat::U8, [pitch, 5], 1.0);
-                    texels[tile].set(&mut asset, tile, false);
-                } else {
-                    let [x, y, value] = [random.below(56), random.below(56), random.below(3)];
-                    for row in texels[tile].values.chunks_exact_mut(64).skip(y).take(8) {
-                        row[x..x + 8].fill(value as f32 / 2.0);
-                    }
-                    let bytes: Vec<u8> = texels[tile].values.iter().map(|x| (255.0 * x) as u8).collect();
-                    let image = ImageView::from_texels("rigidity", &bytes, [64, 64]).unwrap();
-                    asset.update_rigidity(tile, image, [x, y].map(|x| x as u32), [8, 8]).unwrap();
-                }
-            }
-            if round % 4 == 3 {
-                let bytes = asset.save_tile(0).unwrap();
-                asset.load_tile(0, &bytes).unwrap();
-            }
-            let mut fresh = case.make(&model, 1);
-            (0..TILES).for_each(|tile| texels[tile].set(&mut fresh, tile, false));
-            assert!(prepared(&mut asset) == prepared(&mut fresh), "{seams:?}, round {round}: prepared");
-            assert!(solved(&mut asset, &model) == solved(&mut fresh, &model), "{seams:?}, round {round}");
-        }
-    }
 }

@@ -12,12 +12,6 @@ use vrtm_testkit::{bits, cpu, view};
 
 const SIZE: u32 = 64;
 
-fn values(of: &[f32]) -> Strided<'_> {
-    // SAFETY: any byte of an f32 may be read.
-    let bytes = unsafe { std::slice::from_raw_parts(of.as_ptr().cast::<u8>(), size_of_val(of)) };
-    Strided::new("values", bytes, vrtm::Scalar::F32, 1, of.len(), 0).unwrap()
-}
-
 /// Maps and settings that a host may set, in any order.
 #[derive(Clone, Copy, Debug)]
 enum Step {
@@ -40,8 +34,8 @@ fn solved(steps: &[Step]) -> Vec<[u32; 2]> {
         match *step {
             Step::Map(is_set) => asset.set_rigidity(0, is_set.then(|| view(&texels, SIZE, SIZE))),
             Step::Mask(is_set) => asset.set_mask(0, is_set.then(|| view(&mask, SIZE, SIZE))),
-            Step::Vertices(is_set) => asset.set_vertex_rigidity(is_set.then(|| values(&rigidity))),
-            Step::VertexMask(is_set) => asset.set_vertex_mask(is_set.then(|| values(&free))),
+            Step::Vertices(is_set) => asset.set_vertex_rigidity(is_set.then(|| Strided::from_f32(&rigidity))),
+            Step::VertexMask(is_set) => asset.set_vertex_mask(is_set.then(|| Strided::from_f32(&free))),
         }
         .unwrap();
     }
@@ -135,6 +129,8 @@ fn values_in_another_range_are_told_of() {
     };
     let found = warnings(&without);
     assert_eq!(found, [(LogCode::NoRigidity, None, 0.0)]);
-    let found = warnings(&|asset| asset.set_vertex_rigidity(Some(values(&vec![100.0; rest.len()]))).unwrap());
+    let found = warnings(&|asset| {
+        asset.set_vertex_rigidity(Some(Strided::from_f32(&vec![100.0; rest.len()]))).unwrap()
+    });
     assert_eq!(found, [(LogCode::RigidityRange, None, 100.0)]);
 }

@@ -82,9 +82,15 @@ fn unindented(text: &str) -> String {
 /// Documents show code that runs: each block stands in one of the programs above, line for line.
 #[test]
 fn the_code_in_the_documents_is_in_programs_that_run() {
-    let programs: Vec<String> = ["maya_plugin", "houdini_cook", "viewport", "farm", "grid", "wrapper"]
-        .map(|name| unindented(&read(&format!("tests/host/{name}.cpp"))))
-        .to_vec();
+    let programs = [
+        "examples/hosts/houdini/SOP_VrtmWarp.cpp",
+        "tests/host/farm.cpp",
+        "tests/host/grid.cpp",
+        "tests/host/maya_plugin.cpp",
+        "tests/host/viewport.cpp",
+        "tests/host/wrapper.cpp",
+    ]
+    .map(|path| unindented(&read(path)));
     let document = read("docs/hosts.md");
     let mut fences = document.split("\n```");
     let mut blocks = 0;

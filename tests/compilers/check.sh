@@ -27,7 +27,7 @@ case $what in
         fi
         count=0
         hosts=$(echo tests/host/*."$ending")
-        [ $what = hosts ] || hosts="tests/host/wrapper.cpp tests/host/viewport.cpp tests/host/deformer.cpp"
+        [ $what = hosts ] || hosts="tests/host/wrapper.cpp tests/host/viewport.cpp tests/host/farm.cpp"
         for host in $hosts; do
             if sh "$(dirname "$0")/for_system.sh" "$system" "$host"; then
                 set -- "$@" "$host"

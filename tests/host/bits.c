@@ -61,28 +61,19 @@ static vrtm_device a_device(void)
     return device;
 }
 
-typedef struct model {
-    vrtm_asset asset;
-    vrtm_tile tile;
-} model;
-
-static model make(vrtm_device device, uint32_t width, uint32_t height)
+static scene make(vrtm_device device, uint32_t width, uint32_t height)
 {
-    sheet_desc d;
-    model m;
-    vrtm_image rigidity = sheet_rigidity(&s);
+    scene m = {device, {0}, {0}};
     vrtm_tile_settings settings = vrtm_tile_settings_init();
     settings.grid_width = width;
     settings.grid_height = height;
-    sheet_describe(&s, &d);
-    NEED(vrtm_asset_create(device, &d.mesh, &m.asset));
-    NEED(find_udim(m.asset, 1001, &m.tile));
-    NEED(vrtm_tile_set_rigidity(m.tile, &rigidity));
+    const char *wrong = scene_on_device(&m, &s, 0);
+    need(wrong == NULL ? VRTM_OK : VRTM_ERROR_INTERNAL, "a scene");
     NEED(vrtm_tile_set_settings(m.tile, &settings));
     return m;
 }
 
-static void solve(model m, int frame, const vrtm_solve_options *options)
+static void solve(scene m, int frame, const vrtm_solve_options *options)
 {
     const vrtm_array positions = sheet_positions(pose);
     pose_of(frame);
@@ -90,7 +81,7 @@ static void solve(model m, int frame, const vrtm_solve_options *options)
 }
 
 /* Continues a hash with a map. */
-static uint64_t add_map(uint64_t hash, model m, vrtm_fetch_kind kind, vrtm_pixel_format format, uint32_t size,
+static uint64_t add_map(uint64_t hash, scene m, vrtm_fetch_kind kind, vrtm_pixel_format format, uint32_t size,
                         uint32_t channels)
 {
     const size_t bytes = (size_t)size * size * channels * (format == VRTM_PIXEL_F32 ? 4 : format == VRTM_PIXEL_U8 ? 1 : 2);
@@ -107,7 +98,7 @@ static uint64_t add_map(uint64_t hash, model m, vrtm_fetch_kind kind, vrtm_pixel
 }
 
 /* Continues a hash with what a report says of the result: sums in double precision, strain, counts. */
-static uint64_t add_report(uint64_t hash, model m)
+static uint64_t add_report(uint64_t hash, scene m)
 {
     vrtm_tile_report r = vrtm_tile_report_init();
     NEED(vrtm_tile_get_report(m.tile, &r));
@@ -123,7 +114,7 @@ static uint64_t add_report(uint64_t hash, model m)
     return add(hash, &r.after, sizeof r.after);
 }
 
-static void end(model m)
+static void end(scene m)
 {
     NEED(vrtm_asset_destroy(m.asset));
 }
@@ -134,7 +125,7 @@ static void grids(vrtm_device device)
     for (int k = 0; k < 3; ++k) {
         char name[40];
         vrtm_solve_options options = vrtm_solve_options_init();
-        model m = make(device, sizes[k][0], sizes[k][1]);
+        scene m = make(device, sizes[k][0], sizes[k][1]);
         options.measure = 1;
         solve(m, 4, &options);
         snprintf(name, sizeof name, "grid of %u x %u", (unsigned)sizes[k][0], (unsigned)sizes[k][1]);
@@ -148,7 +139,7 @@ static void efforts(vrtm_device device)
     static const char *names[] = {"normal", "draft", "seven corrections", "pbd", "a warm start", "a budget of corrections"};
     for (int k = 0; k < 6; ++k) {
         vrtm_solve_options options = vrtm_solve_options_init();
-        model m = make(device, 128, 128);
+        scene m = make(device, 128, 128);
         options.measure = 1;
         if (k < 2) {
             options.quality = (vrtm_quality)k;
@@ -171,7 +162,7 @@ static void efforts(vrtm_device device)
 
 static void frames(vrtm_device device)
 {
-    model m = make(device, MAP, MAP);
+    scene m = make(device, MAP, MAP);
     for (int frame = 0; frame < 4; ++frame) {
         static float corners[2 * CORNERS];
         char name[40];
@@ -199,7 +190,7 @@ static void kinds_and_formats(vrtm_device device)
         {"derivatives", VRTM_FETCH_JACOBIAN, VRTM_PIXEL_F32, 90, 4},
         {"filter's scale", VRTM_FETCH_FILTER_SCALE, VRTM_PIXEL_F32, 90, 1},
     };
-    model m = make(device, MAP, MAP);
+    scene m = make(device, MAP, MAP);
     solve(m, 7, NULL);
     for (size_t k = 0; k < sizeof maps / sizeof maps[0]; ++k) {
         tell(maps[k].name, add_map(SEED, m, maps[k].kind, maps[k].format, maps[k].size, maps[k].channels));

@@ -177,4 +177,67 @@ static inline vrtm_image sheet_rigidity(const sheet *s)
     return image;
 }
 
+/* In a function that returns null, or what went wrong: threads and children do not print. */
+#define TRY(call)                 \
+    if ((call) != VRTM_OK) {      \
+        return vrtm_last_error(); \
+    }
+
+/* A device with an asset of the sheet, and its tile, which has the sheet's rigidity. */
+typedef struct scene {
+    vrtm_device device;
+    vrtm_asset asset;
+    vrtm_tile tile;
+} scene;
+
+/* On the scene's own device. The grid has so many cells per side, or with 0 as many as the library takes. */
+static inline const char *scene_on_device(scene *made, const sheet *s, uint32_t grid)
+{
+    sheet_desc d;
+    const vrtm_image rigidity = sheet_rigidity(s);
+    vrtm_tile_settings settings = vrtm_tile_settings_init();
+    settings.grid_width = settings.grid_height = grid;
+    sheet_describe(s, &d);
+    TRY(vrtm_asset_create(made->device, &d.mesh, &made->asset))
+    TRY(find_udim(made->asset, 1001, &made->tile))
+    TRY(vrtm_tile_set_settings(made->tile, &settings))
+    TRY(vrtm_tile_set_rigidity(made->tile, &rigidity))
+    return NULL;
+}
+
+static inline const char *scene_make(scene *made, const sheet *s, const vrtm_device_desc *desc, uint32_t grid)
+{
+    TRY(vrtm_device_create(desc, &made->device))
+    return scene_on_device(made, s, grid);
+}
+
+static inline const char *scene_end(const scene *made)
+{
+    TRY(vrtm_asset_destroy(made->asset))
+    TRY(vrtm_device_destroy(made->device))
+    return NULL;
+}
+
+/* Expects that such a function returned null. */
+static inline int went_well(const char *name, const char *wrong)
+{
+    return check_that(wrong == NULL, name, wrong != NULL ? wrong : "");
+}
+
+/* An image of MAP x MAP texels of two floats. */
+static inline vrtm_image_out sheet_map(float *texels)
+{
+    vrtm_image_out image = vrtm_image_out_init();
+    image.data = texels;
+    image.width = image.height = MAP;
+    return image;
+}
+
+/* The redirection. */
+static inline vrtm_status fetch_map(vrtm_tile tile, float *texels)
+{
+    const vrtm_image_out image = sheet_map(texels);
+    return fetch_image(tile, VRTM_FETCH_REDIRECTION, &image);
+}
+
 #endif

@@ -17,31 +17,19 @@ static double pose[VERTICES][4];
 /* Solves frame 5 on a new asset and fetches the redirection. */
 static void solve(float *map)
 {
-    vrtm_device_desc device_desc = vrtm_device_desc_init();
-    device_desc.backend = VRTM_BACKEND_CPU;
-    vrtm_device device;
-    sheet_desc d;
-    vrtm_asset asset;
-    vrtm_tile tile;
-    sheet_describe(&s, &d);
-    vrtm_image rigidity = sheet_rigidity(&s);
+    scene made;
+    vrtm_device_desc desc = vrtm_device_desc_init();
     vrtm_array positions = sheet_positions(pose);
     vrtm_solve_options options = vrtm_solve_options_init();
+    desc.backend = VRTM_BACKEND_CPU;
     options.measure = 1;
-    vrtm_image_out image = vrtm_image_out_init();
-    image.data = map;
-    image.width = image.height = MAP;
-    if (succeeds("a device", vrtm_device_create(&device_desc, &device)) &&
-        succeeds("an asset", vrtm_asset_create(device, &d.mesh, &asset))) {
-        succeeds("its tile", vrtm_asset_get_tile(asset, 0, &tile));
-        succeeds("its rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
+    if (went_well("a scene", scene_make(&made, &s, &desc, 0))) {
         for (int quality = 0; quality < 2; ++quality) {
             options.quality = quality;
-            succeeds("a solve", vrtm_asset_solve(asset, &positions, &options));
+            succeeds("a solve", vrtm_asset_solve(made.asset, &positions, &options));
         }
-        succeeds("a fetch", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
-        vrtm_asset_destroy(asset);
-        vrtm_device_destroy(device);
+        succeeds("a fetch", fetch_map(made.tile, map));
+        went_well("its end", scene_end(&made));
     }
 }
 

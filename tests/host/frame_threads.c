@@ -11,7 +11,7 @@
 #include <pthread.h>
 #include <stdatomic.h>
 
-enum { THREADS = 4, SIZE = 64 };
+enum { THREADS = 4 };
 
 static atomic_long threads;
 
@@ -35,52 +35,36 @@ static void started(long wanted, const char *name)
 int main(void)
 {
     static sheet s;
-    static sheet_desc desc;
     static double points[VERTICES][4];
-    static float map[SIZE * SIZE][2], uvs[CORNERS][2];
+    static float map[2 * MAP * MAP], uvs[CORNERS][2];
     vrtm_device_desc how = vrtm_device_desc_init();
-    vrtm_tile_settings settings = vrtm_tile_settings_init();
-    vrtm_image_out image = vrtm_image_out_init();
-    vrtm_image rigidity;
-    vrtm_device device;
-    vrtm_asset asset;
-    vrtm_tile tile;
+    scene made;
     vrtm_array positions = sheet_positions(points);
     vrtm_job job;
 
     sheet_make(&s);
-    sheet_describe(&s, &desc);
-    rigidity = sheet_rigidity(&s);
     how.backend = VRTM_BACKEND_CPU;
     how.threads = THREADS;
-    settings.grid_width = settings.grid_height = SIZE;
-    image.width = image.height = SIZE;
-    image.data = map;
-    succeeds("a device", vrtm_device_create(&how, &device));
-    succeeds("an asset", vrtm_asset_create(device, &desc.mesh, &asset));
-    succeeds("its tile", find_udim(asset, 1001, &tile));
-    succeeds("its grid", vrtm_tile_set_settings(tile, &settings));
-    succeeds("its map", vrtm_tile_set_rigidity(tile, &rigidity));
+    went_well("a scene", scene_make(&made, &s, &how, 64));
     sheet_pose(&s, 1, points);
 
     started(0, "none by then");
-    succeeds("the first frame", vrtm_asset_solve(asset, &positions, NULL));
+    succeeds("the first frame", vrtm_asset_solve(made.asset, &positions, NULL));
     started(THREADS - 1, "the calling thread works, too");
-    succeeds("its map", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
+    succeeds("its map", fetch_map(made.tile, map));
     started(THREADS - 1, "as for a solve");
-    succeeds("its UVs", vrtm_asset_fetch_corner_uvs(asset, 0, &uvs[0][0], CORNERS));
+    succeeds("its UVs", vrtm_asset_fetch_corner_uvs(made.asset, 0, &uvs[0][0], CORNERS));
     started(THREADS - 1, "as for a solve");
     sheet_pose(&s, 2, points);
-    succeeds("a further frame", vrtm_asset_solve(asset, &positions, NULL));
+    succeeds("a further frame", vrtm_asset_solve(made.asset, &positions, NULL));
     started(THREADS - 1, "as for the first");
-    succeeds("the same pose again", vrtm_asset_solve(asset, &positions, NULL));
+    succeeds("the same pose again", vrtm_asset_solve(made.asset, &positions, NULL));
     started(0, "none where there is nothing to do");
     sheet_pose(&s, 3, points);
-    succeeds("a job", vrtm_asset_submit(asset, &positions, NULL, &job));
+    succeeds("a job", vrtm_asset_submit(made.asset, &positions, NULL, &job));
     succeeds("that is done", vrtm_job_wait(job, VRTM_FOREVER));
     started(THREADS, "one more, for the job");
     succeeds("the job's end", vrtm_job_destroy(job));
-    succeeds("the asset's end", vrtm_asset_destroy(asset));
-    succeeds("the device's end", vrtm_device_destroy(device));
+    went_well("the scene's end", scene_end(&made));
     return finish();
 }

@@ -1,7 +1,7 @@
 /*
  * Jobs, cancelling and progress through the C API: a job beside the host's own work, what it keeps alive, what is busy
- * meanwhile, a host's threads and its task queue, and solves of some tiles. A gate holds solves while a test needs them
- * under way, so that nothing depends on how fast the machine is.
+ * meanwhile, a host's threads and its task queue. A gate holds solves while a test needs them under way, so that
+ * nothing depends on how fast the machine is.
  */
 
 #include "platform.h"
@@ -17,47 +17,25 @@ static float corners[2 * CORNERS];
 /* A grid whose solve takes several times as long as the time between two calls of a progress function. */
 static const uint32_t large = 160;
 
-typedef struct scene {
-    vrtm_device device;
-    vrtm_asset asset;
-    vrtm_tile tile;
-} scene;
-
 static scene make(const vrtm_executor *executor, uint32_t grid)
 {
     scene made;
-    sheet_desc d;
     vrtm_device_desc desc = vrtm_device_desc_init();
-    vrtm_image rigidity = sheet_rigidity(&s);
-    vrtm_tile_settings settings = vrtm_tile_settings_init();
     desc.executor = executor;
     desc.threads = 2;
-    settings.grid_width = settings.grid_height = grid;
     memset(&made, 0, sizeof made);
-    sheet_describe(&s, &d);
-    if (vrtm_device_create(&desc, &made.device) != VRTM_OK ||
-        vrtm_asset_create(made.device, &d.mesh, &made.asset) != VRTM_OK ||
-        find_udim(made.asset, 1001, &made.tile) != VRTM_OK ||
-        vrtm_tile_set_rigidity(made.tile, &rigidity) != VRTM_OK ||
-        vrtm_tile_set_settings(made.tile, &settings) != VRTM_OK) {
-        check_that(0, "a scene is made", vrtm_last_error());
-    }
+    went_well("a scene is made", scene_make(&made, &s, &desc, grid));
     return made;
 }
 
 static void end(scene made)
 {
-    if (vrtm_asset_destroy(made.asset) != VRTM_OK || vrtm_device_destroy(made.device) != VRTM_OK) {
-        check_that(0, "a scene is destroyed", vrtm_last_error());
-    }
+    went_well("a scene is destroyed", scene_end(&made));
 }
 
 static vrtm_status fetch(scene of, float *to)
 {
-    vrtm_image_out image = vrtm_image_out_init();
-    image.data = to;
-    image.width = image.height = MAP;
-    return fetch_image(of.tile, VRTM_FETCH_REDIRECTION, &image);
+    return fetch_map(of.tile, to);
 }
 
 static int same(const float *a, const float *b)
@@ -298,37 +276,6 @@ static void bad_arguments(void)
     end(foreign);
 }
 
-static void selection(void)
-{
-    scene made = make(NULL, 64);
-    vrtm_array a = sheet_positions(pose), b = sheet_positions(other);
-    vrtm_solve_options options = vrtm_solve_options_init();
-    vrtm_tile_report report = vrtm_tile_report_init();
-    const uint32_t vertex = 40;
-    succeeds("solve", vrtm_asset_solve(made.asset, &a, NULL));
-    fetch(made, first);
-    succeeds("freeze", vrtm_tile_freeze(made.tile, 1));
-    succeeds("solve a frozen tile", vrtm_asset_solve(made.asset, &b, NULL));
-    succeeds("report", vrtm_tile_get_report(made.tile, &report));
-    check_that(report.kept == 1 && fetch(made, map) == VRTM_OK && same(first, map), "it kept its result", "");
-    succeeds("let it go", vrtm_tile_freeze(made.tile, 0));
-    options.dirty_vertices = &vertex;
-    succeeds("nothing is dirty", vrtm_asset_solve(made.asset, &b, &options));
-    check_that(fetch(made, map) == VRTM_OK && same(first, map), "the tile kept its result", "");
-    options.dirty_vertex_count = 1;
-    succeeds("one vertex is dirty", vrtm_asset_solve(made.asset, &b, &options));
-    check_that(fetch(made, map) == VRTM_OK && !same(first, map), "the tile was solved", "");
-    options.tiles = &made.tile;
-    succeeds("no tile", vrtm_asset_solve(made.asset, &a, &options));
-    succeeds("report", vrtm_tile_get_report(made.tile, &report));
-    check_that(report.kept == 1, "none was solved", "");
-    options.tile_count = 1;
-    options.release = VRTM_RELEASE_RESULTS;
-    succeeds("one tile", vrtm_asset_solve(made.asset, &a, &options));
-    check_that(fetch(made, map) == VRTM_OK && same(first, map), "it was solved", "");
-    end(made);
-}
-
 /* Counts its calls, and cancels after some. */
 typedef struct watch {
     int calls, cancel_at, falls, busy;
@@ -535,7 +482,6 @@ int main(void)
     sheet_pose(&s, 9, other);
     plain_jobs();
     bad_arguments();
-    selection();
     progress_and_cancelling();
     a_host_s_threads();
     return finish();

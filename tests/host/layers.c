@@ -119,6 +119,18 @@ static void maps(vrtm_asset asset)
     }
     check_that(off < 1e-5 && moved > 1e-3, "and it as UVs of set 0", "");
     succeeds("by itself", vrtm_asset_fetch(&fetches[2], 1));
+    static float own[2 * CORNERS], unique_uvs[2 * CORNERS];
+    succeeds("corner UVs of set 0", vrtm_asset_fetch_corner_uvs(asset, 0, own, CORNERS));
+    succeeds("corner UVs of set 1", vrtm_asset_fetch_corner_uvs(asset, 1, unique_uvs, CORNERS));
+    double moved_corners[2] = {0, 0};
+    for (int c = 0; c < 2 * CORNERS; ++c) {
+        moved_corners[0] = fmax(moved_corners[0], fabs(own[c] - mirrored[s.indices[c / 2]][c % 2]));
+        moved_corners[1] = fmax(moved_corners[1], fabs(unique_uvs[c] - s.uvs[s.indices[c / 2]][c % 2]));
+    }
+    check_that(fmax(moved_corners[0], moved_corners[1]) < 0.2 && fmin(moved_corners[0], moved_corners[1]) > 1e-3,
+               "each near its own set, redirected", "");
+    fails("corner UVs of set 2", vrtm_asset_fetch_corner_uvs(asset, 2, own, CORNERS), VRTM_ERROR_INVALID_ARGUMENT,
+          "uv_set");
     images[0].data = redirect;
     succeeds("all at once", vrtm_asset_fetch(fetches, 3));
     check_that(memcmp(first, redirect, sizeof first) == 0, "as after the solve", "");

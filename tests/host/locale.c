@@ -16,35 +16,23 @@ static void run(float *map, char (*said)[512])
     vrtm_device_info info = vrtm_device_info_init();
     vrtm_tile_settings settings = vrtm_tile_settings_init();
     vrtm_solve_options options = vrtm_solve_options_init();
-    vrtm_image rigidity = sheet_rigidity(&s);
-    vrtm_image_out image = vrtm_image_out_init();
     vrtm_array positions = sheet_positions(pose);
-    vrtm_device device;
-    vrtm_asset asset;
-    vrtm_tile tile;
-    sheet_desc d;
-    sheet_describe(&s, &d);
+    scene made;
     desc.backend = VRTM_BACKEND_CPU;
-    succeeds("a device", vrtm_device_create(&desc, &device));
-    succeeds("its description", vrtm_device_get_info(device, &info));
-    succeeds("an asset", vrtm_asset_create(device, &d.mesh, &asset));
-    succeeds("its tile", find_udim(asset, 1001, &tile));
-    succeeds("its rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
+    went_well("a scene", scene_make(&made, &s, &desc, 0));
+    succeeds("its device's description", vrtm_device_get_info(made.device, &info));
     settings.smoothness = -1.5f;
-    fails("a setting that is wrong", vrtm_tile_set_settings(tile, &settings), VRTM_ERROR_INVALID_ARGUMENT, "-1.5");
+    fails("a setting that is wrong", vrtm_tile_set_settings(made.tile, &settings), VRTM_ERROR_INVALID_ARGUMENT, "-1.5");
     snprintf(said[0], 512, "%s", vrtm_last_error());
     options.tolerance = 1234.25f;
-    fails("an option that is wrong", vrtm_asset_solve(asset, &positions, &options), VRTM_ERROR_INVALID_ARGUMENT, "1234.25");
+    fails("an option that is wrong", vrtm_asset_solve(made.asset, &positions, &options), VRTM_ERROR_INVALID_ARGUMENT, "1234.25");
     snprintf(said[1], 512, "%s", vrtm_last_error());
     snprintf(said[2], 512, "%s", info.reason);
     options.tolerance = 0;
     options.measure = 1;
-    image.data = map;
-    image.width = image.height = MAP;
-    succeeds("a solve", vrtm_asset_solve(asset, &positions, &options));
-    succeeds("a fetch", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
-    succeeds("its end", vrtm_asset_destroy(asset));
-    succeeds("the device's end", vrtm_device_destroy(device));
+    succeeds("a solve", vrtm_asset_solve(made.asset, &positions, &options));
+    succeeds("a fetch", fetch_map(made.tile, map));
+    went_well("its end", scene_end(&made));
 }
 
 int main(int count, char **arguments)

@@ -11,26 +11,18 @@ static sheet s;
 static double pose[VERTICES][4];
 static float two[2 * MAP * MAP], udim[2 * MAP * MAP], four[4 * MAP * MAP], jacobian[4 * MAP * MAP], scale[MAP * MAP];
 
-static vrtm_image_out image_of(void *data)
-{
-    vrtm_image_out image = vrtm_image_out_init();
-    image.data = data;
-    image.width = image.height = MAP;
-    return image;
-}
-
 static void kinds(vrtm_tile tile)
 {
-    vrtm_image_out image = image_of(two);
+    vrtm_image_out image = sheet_map(two);
     succeeds("the redirection", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
-    image = image_of(udim);
+    image = sheet_map(udim);
     succeeds("among all tiles", fetch_image(tile, VRTM_FETCH_REDIRECTION_UDIM, &image));
-    image = image_of(four);
+    image = sheet_map(four);
     image.channels = 4;
     succeeds("with coverage", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
-    image = image_of(jacobian);
+    image = sheet_map(jacobian);
     succeeds("four derivatives without being asked for them", fetch_image(tile, VRTM_FETCH_JACOBIAN, &image));
-    image = image_of(scale);
+    image = sheet_map(scale);
     succeeds("one scale", fetch_image(tile, VRTM_FETCH_FILTER_SCALE, &image));
     int same = 1, moved = 0, covered = 0;
     for (size_t k = 0; k < MAP * MAP; k++) {
@@ -52,7 +44,7 @@ static void kinds(vrtm_tile tile)
 /* The sheet is one chart, beyond whose border there is nothing. It has not been solved yet. */
 static void dilation(vrtm_tile tile)
 {
-    vrtm_image_out image = image_of(four);
+    vrtm_image_out image = sheet_map(four);
     int same = 1, covered = 0;
     image.channels = 4;
     image.origin = VRTM_ORIGIN_BOTTOM;
@@ -72,7 +64,7 @@ static void dilation(vrtm_tile tile)
 
 static void refusals(vrtm_tile tile)
 {
-    vrtm_image_out image = image_of(four);
+    vrtm_image_out image = sheet_map(four);
     memset(four, 7, sizeof four);
     static float before[4 * MAP * MAP];
     memcpy(before, four, sizeof four);
@@ -86,7 +78,7 @@ static void refusals(vrtm_tile tile)
     fails("a warp has no coverage", fetch_image(tile, VRTM_FETCH_WARP, &image), VRTM_ERROR_INVALID_ARGUMENT, "2 to 3");
     image.pixel_stride = 12;
     fails("four in the place of three", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image), VRTM_ERROR_INVALID_ARGUMENT, "pixel_stride");
-    image = image_of(four);
+    image = sheet_map(four);
     check_that(memcmp(before, four, sizeof four) == 0, "nothing was written", "");
     succeeds("a part of a warp can be had", fetch_rectangle(tile, VRTM_FETCH_WARP, &image, 0, 0, 2 * MAP, MAP));
 }
@@ -124,29 +116,21 @@ static void inspect(vrtm_tile tile)
 
 int main(void)
 {
-    vrtm_device device;
-    vrtm_asset asset;
-    vrtm_tile tile;
-    sheet_desc d;
+    scene made;
     vrtm_map_desc desc = vrtm_map_desc_init();
     vrtm_map_info data = vrtm_map_info_init();
     sheet_make(&s);
     sheet_pose(&s, 3, pose);
-    sheet_describe(&s, &d);
-    vrtm_image rigidity = sheet_rigidity(&s);
-    succeeds("a device", vrtm_device_create(NULL, &device));
-    succeeds("an asset", vrtm_asset_create(device, &d.mesh, &asset));
-    succeeds("a tile", find_udim(asset, 1001, &tile));
-    succeeds("rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
+    went_well("a scene", scene_make(&made, &s, NULL, 0));
+    const vrtm_tile tile = made.tile;
     desc.width = desc.height = MAP;
     fails("nothing to look at", vrtm_tile_inspect_map(tile, &desc, &data), VRTM_ERROR_NOT_SOLVED, "solve");
     dilation(tile);
     vrtm_array positions = sheet_positions(pose);
-    succeeds("solved", vrtm_asset_solve(asset, &positions, NULL));
+    succeeds("solved", vrtm_asset_solve(made.asset, &positions, NULL));
     kinds(tile);
     refusals(tile);
     inspect(tile);
-    succeeds("the asset goes", vrtm_asset_destroy(asset));
-    succeeds("the device goes", vrtm_device_destroy(device));
+    went_well("the scene goes", scene_end(&made));
     return finish();
 }

@@ -21,33 +21,24 @@ static double resident(void)
 /* Makes an asset, solves it at several sizes, reads everything, and destroys it. Returns what it held, in MiB. */
 static double use(vrtm_device device, uint32_t grid)
 {
-    sheet_desc d;
-    vrtm_asset asset;
-    vrtm_tile tile;
-    vrtm_image rigidity = sheet_rigidity(&s);
-    vrtm_tile_settings settings = vrtm_tile_settings_init();
+    scene made = {device, {0}, {0}};
     vrtm_solve_options options = vrtm_solve_options_init();
     vrtm_image_out image = vrtm_image_out_init();
     vrtm_array positions = sheet_positions(pose);
     double held;
-    sheet_describe(&s, &d);
-    succeeds("an asset is made", vrtm_asset_create(device, &d.mesh, &asset));
-    succeeds("it has a tile", find_udim(asset, 1001, &tile));
-    succeeds("with rigidity", vrtm_tile_set_rigidity(tile, &rigidity));
-    settings.grid_width = settings.grid_height = grid;
-    succeeds("and a size", vrtm_tile_set_settings(tile, &settings));
+    went_well("an asset is made", scene_on_device(&made, &s, grid));
     image.width = image.height = 512;
     image.data = malloc(512 * 512 * 8);
     for (int frame = 1; frame < 3; ++frame) {
         sheet_pose(&s, frame, pose);
         options.quality = frame == 1 ? VRTM_QUALITY_NORMAL : VRTM_QUALITY_DRAFT;
-        succeeds("it is solved", vrtm_asset_solve(asset, &positions, &options));
-        succeeds("and fetched", fetch_image(tile, VRTM_FETCH_REDIRECTION, &image));
-        succeeds("and fetched again", fetch_image(tile, VRTM_FETCH_WARP, &image));
+        succeeds("it is solved", vrtm_asset_solve(made.asset, &positions, &options));
+        succeeds("and fetched", fetch_image(made.tile, VRTM_FETCH_REDIRECTION, &image));
+        succeeds("and fetched again", fetch_image(made.tile, VRTM_FETCH_WARP, &image));
     }
     free((void *)image.data);
     held = resident();
-    succeeds("it is destroyed", vrtm_asset_destroy(asset));
+    succeeds("it is destroyed", vrtm_asset_destroy(made.asset));
     return held;
 }
 

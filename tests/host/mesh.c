@@ -1,4 +1,4 @@
-/* Meshes as hosts have them: offsets, several UV sets, faces without UVs, seams, slits, vertices that are doubled. */
+/* Meshes as hosts have them: offsets, faces without UVs, slits, vertices that are doubled. layers.c has UV sets. */
 
 #include "check.h"
 
@@ -39,23 +39,6 @@ static void offsets(void)
     check_that(data.faces == FACES + 1 && data.faces_skipped == 2 && data.triangles == 2 * FACES - 2, "are skipped", "");
 }
 
-static void seams(void)
-{
-    /* Along the row in the middle, and one that is no edge. */
-    static uint32_t pairs[SIDE + 1][2];
-    for (uint32_t i = 0; i < SIDE; ++i) {
-        pairs[i][0] = SIDE / 2 * (SIDE + 1) + i + 1;
-        pairs[i][1] = SIDE / 2 * (SIDE + 1) + i;
-    }
-    pairs[SIDE][0] = 0;
-    pairs[SIDE][1] = 2;
-    sheet_describe(&s, &d);
-    d.mesh.seams = pairs[0];
-    d.mesh.seam_count = SIDE + 1;
-    const vrtm_asset_info data = data_of("seams");
-    check_that(data.charts == 2 && data.seams_unused == 1 && data.border_edges == 6 * SIDE, "cut a chart", "");
-}
-
 static void without_uvs(void)
 {
     static uint32_t indices[CORNERS], chosen[FACES / 2];
@@ -74,63 +57,6 @@ static void without_uvs(void)
     d.mesh.textured_face_count = FACES / 2;
     data = data_of("the upper half");
     check_that(data.faces_untextured == FACES / 2 && data.triangles == FACES, "carries the texture", "");
-}
-
-static void two_uv_sets(void)
-{
-    static double pose[VERTICES][4];
-    static float uvs[VERTICES][2], first[2 * CORNERS], second[2 * CORNERS];
-    vrtm_uv_set set;
-    vrtm_asset asset;
-    vrtm_tile tiles[2], found;
-    for (int k = 0; k < VERTICES; ++k) {
-        /* A quarter turn, in tile 1002. */
-        uvs[k][0] = 2 - s.uvs[k][1];
-        uvs[k][1] = s.uvs[k][0];
-    }
-    sheet_describe(&s, &d);
-    vrtm_array turned = d.uvs;
-    turned.data = uvs;
-    memset(&set, 0, sizeof set);
-    set.uvs = &turned;
-    set.uv_indices = s.indices;
-    set.uv_index_count = CORNERS;
-    d.mesh.uv_sets = &set;
-    d.mesh.uv_set_count = 1;
-    if (!succeeds("two UV sets", vrtm_asset_create(device, &d.mesh, &asset))) {
-        return;
-    }
-    succeeds("tile 0", vrtm_asset_get_tile(asset, 0, &tiles[0]));
-    succeeds("tile 1", vrtm_asset_get_tile(asset, 1, &tiles[1]));
-    vrtm_tile_key key = {1002, 1, 0, 0};
-    succeeds("tile 1002 of set 1", vrtm_asset_find_tile(asset, &key, &found));
-    check_that(found.id == tiles[1].id, "is tile 1", "");
-    fails("tile 1002 of set 0", find_udim(asset, 1002, &found), VRTM_ERROR_INVALID_ARGUMENT, "udim");
-    succeeds("the key of tile 0", vrtm_tile_get_key(tiles[0], &key));
-    check_that(key.udim == 1001 && key.uv_set == 0 && key.layers == 1, "is 1001 of set 0", "");
-    succeeds("the key of tile 1", vrtm_tile_get_key(tiles[1], &key));
-    check_that(key.udim == 1002 && key.uv_set == 1, "is 1002 of set 1", "");
-    vrtm_tile_info data = vrtm_tile_info_init();
-    succeeds("tile_info", vrtm_tile_get_info(tiles[1], &data));
-    check_that(data.uv_set == 1 && data.udim == 1002 && data.border_edges == 4 * SIDE, "says so", "");
-    const vrtm_image rigidity = sheet_rigidity(&s);
-    succeeds("rigidity of set 0", vrtm_tile_set_rigidity(tiles[0], &rigidity));
-    sheet_pose(&s, 3, pose);
-    const vrtm_array positions = sheet_positions(pose);
-    succeeds("solve", vrtm_asset_solve(asset, &positions, NULL));
-    succeeds("corner UVs of set 0", vrtm_asset_fetch_corner_uvs(asset, 0, first, CORNERS));
-    succeeds("corner UVs of set 1", vrtm_asset_fetch_corner_uvs(asset, 1, second, CORNERS));
-    fails("corner UVs of set 2", vrtm_asset_fetch_corner_uvs(asset, 2, second, CORNERS),
-          VRTM_ERROR_INVALID_ARGUMENT, "uv_set");
-    double moved[2] = {0, 0};
-    for (int c = 0; c < CORNERS; ++c) {
-        for (int k = 0; k < 2; ++k) {
-            moved[0] = fmax(moved[0], fabs(first[2 * c + k] - s.uvs[s.indices[c]][k]));
-            moved[1] = fmax(moved[1], fabs(second[2 * c + k] - uvs[s.indices[c]][k]));
-        }
-    }
-    check_that(moved[0] > 1e-3 && moved[1] == 0, "only set 0 has rigidity", "");
-    succeeds("its end", vrtm_asset_destroy(asset));
 }
 
 static int torn_lines;
@@ -204,9 +130,7 @@ int main(void)
     sheet_make(&s);
     succeeds("device_create", vrtm_device_create(NULL, &device));
     offsets();
-    seams();
     without_uvs();
-    two_uv_sets();
     doubled();
     succeeds("device_destroy", vrtm_device_destroy(device));
     return finish();

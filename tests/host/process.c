@@ -22,49 +22,24 @@ static sheet s;
 static double poses[8][VERTICES][4];
 static float expected[TEXELS];
 
-typedef struct {
-    vrtm_device device;
-    vrtm_asset asset;
-    vrtm_tile tile;
-} model;
-
-/* These return null, or what went wrong: threads and children do not print. */
-#define TRY(call)                 \
-    if ((call) != VRTM_OK) {      \
-        return vrtm_last_error(); \
-    }
-
-static const char *make(model *m, uint32_t threads)
+static const char *make(scene *m, uint32_t threads)
 {
     vrtm_device_desc desc = vrtm_device_desc_init();
-    vrtm_image rigidity = sheet_rigidity(&s);
-    vrtm_tile_settings settings = vrtm_tile_settings_init();
-    sheet_desc d;
-    sheet_describe(&s, &d);
     desc.backend = VRTM_BACKEND_CPU;
     desc.threads = threads;
-    settings.grid_width = settings.grid_height = 128;
-    TRY(vrtm_device_create(&desc, &m->device))
-    TRY(vrtm_asset_create(m->device, &d.mesh, &m->asset))
-    TRY(find_udim(m->asset, 1001, &m->tile))
-    TRY(vrtm_tile_set_settings(m->tile, &settings))
-    TRY(vrtm_tile_set_rigidity(m->tile, &rigidity))
-    return NULL;
+    return scene_make(m, &s, &desc, 128);
 }
 
-static const char *solve(const model *m, int frame, float *map)
+static const char *solve(const scene *m, int frame, float *map)
 {
     vrtm_array positions = sheet_positions(poses[frame]);
-    vrtm_image_out image = vrtm_image_out_init();
-    image.data = map;
-    image.width = image.height = MAP;
     TRY(vrtm_asset_solve(m->asset, &positions, NULL))
-    TRY(fetch_image(m->tile, VRTM_FETCH_REDIRECTION, &image))
+    TRY(fetch_map(m->tile, map))
     return NULL;
 }
 
 /* Frame 5, after another one, so that nothing is reused. */
-static const char *same_bits(const model *m)
+static const char *same_bits(const scene *m)
 {
     /* Not on the stack, which may be small, nor thread-local, which a thread's stack pays for, too. */
     float *map = malloc(sizeof expected);
@@ -79,26 +54,14 @@ static const char *same_bits(const model *m)
     return wrong;
 }
 
-static const char *end(const model *m)
-{
-    TRY(vrtm_device_destroy(m->device))
-    TRY(vrtm_asset_destroy(m->asset))
-    return NULL;
-}
-
 static const char *all(uint32_t threads)
 {
-    model m;
+    scene m;
     const char *wrong = make(&m, threads);
     if (wrong == NULL) {
         wrong = same_bits(&m);
     }
-    return wrong != NULL ? wrong : end(&m);
-}
-
-static void good(const char *name, const char *wrong)
-{
-    check_that(wrong == NULL, name, wrong != NULL ? wrong : "");
+    return wrong != NULL ? wrong : scene_end(&m);
 }
 
 /* Waits for a child, at most a minute, and says whether it ended with 0. */
@@ -117,19 +80,19 @@ static int ended_well(pid_t child)
 }
 
 /* A fork between calls: both processes use the device and the asset from before it, and new ones. */
-static void fork_between_calls(const model *m)
+static void fork_between_calls(const scene *m)
 {
     for (uint32_t threads = 1; threads <= 2; ++threads) {
         const pid_t child = fork();
         if (child == 0) {
             const char *wrong = same_bits(m);
             wrong = wrong != NULL ? wrong : all(threads);
-            wrong = wrong != NULL ? wrong : end(m);
+            wrong = wrong != NULL ? wrong : scene_end(m);
             _exit(wrong != NULL);
         }
-        good("the parent solves beside its child", same_bits(m));
+        went_well("the parent solves beside its child", same_bits(m));
         check_that(ended_well(child), "the child of a fork solves, and destroys", "it does not");
-        good("its parent's handles are still good", same_bits(m));
+        went_well("its parent's handles are still good", same_bits(m));
     }
 }
 
@@ -145,7 +108,7 @@ static void *solve_on(void *m)
 }
 
 /* Forks while another thread solves: the child does what POSIX allows it, and the solves go on. */
-static void fork_during_calls(model *m)
+static void fork_during_calls(scene *m)
 {
     pthread_t thread;
     void *wrong = NULL;
@@ -166,7 +129,7 @@ static void fork_during_calls(model *m)
     stop = 1;
     pthread_join(thread, &wrong);
     check_that(bad == 0, "children of forks during solves exec and exit", "not all");
-    good("the solves beside the forks have the same bits", wrong);
+    went_well("the solves beside the forks have the same bits", wrong);
 }
 
 static pthread_t host_threads[2];
@@ -181,7 +144,7 @@ static void tick(int signal)
     errno = before;
 }
 
-static void timers(const model *m)
+static void timers(const scene *m)
 {
     for (int restart = 0; restart < 2; ++restart) {
         struct sigaction action, before;
@@ -199,7 +162,7 @@ static void timers(const model *m)
         }
         setitimer(ITIMER_REAL, &never, NULL);
         sigaction(SIGALRM, &before, NULL);
-        good(restart ? "solves under a timer that restarts calls" : "solves under a timer that interrupts calls", wrong);
+        went_well(restart ? "solves under a timer that restarts calls" : "solves under a timer that interrupts calls", wrong);
         check_that(ticks >= 100, "which rang", "too rarely");
         check_that(foreign == 0, "on the host's thread alone", "a handler ran on a thread of the library");
     }
@@ -259,8 +222,8 @@ static void host_state(void)
     const int first = rand();
     srand(7);
     read_state(&before);
-    good("all calls", all(2));
-    model nothing = {{0}, {0}, {0}};
+    went_well("all calls", all(2));
+    scene nothing = {{0}, {0}, {0}};
     check_that(vrtm_device_destroy(nothing.device) == VRTM_ERROR_INVALID_HANDLE, "and one that fails", "");
     read_state(&after);
     check_that(memcmp(&before.mask, &after.mask, sizeof before.mask) == 0, "the signal mask is as it was", "changed");
@@ -296,25 +259,25 @@ static void small_stacks(void)
         }
         pthread_attr_destroy(&attributes);
         snprintf(name, sizeof name, "the same bits on a stack of %d KiB, of %u threads", (int)sizes[k / 2], threads);
-        good(name, wrong);
+        went_well(name, wrong);
     }
 }
 
 int main(void)
 {
-    model m;
+    scene m;
     sheet_make(&s);
     for (int frame = 0; frame < 8; ++frame) {
         sheet_pose(&s, frame, poses[frame]);
     }
-    good("a model", make(&m, 2));
-    good("its result", solve(&m, 5, expected));
-    good("again", same_bits(&m));
+    went_well("a model", make(&m, 2));
+    went_well("its result", solve(&m, 5, expected));
+    went_well("again", same_bits(&m));
     host_state();
     small_stacks();
     fork_between_calls(&m);
     fork_during_calls(&m);
     timers(&m);
-    good("its end", end(&m));
+    went_well("its end", scene_end(&m));
     return finish();
 }

@@ -155,20 +155,13 @@ static void wrong_arguments(vrtm_asset asset, vrtm_refinement refinement)
 
 int main(void)
 {
-    vrtm_device device;
-    vrtm_asset asset;
-    vrtm_tile tile;
+    scene made;
     vrtm_refinement refinement = {0}, small = {0};
     vrtm_refinement_desc desc = vrtm_refinement_desc_init();
-    sheet_desc d;
     sheet_make(&s);
-    sheet_describe(&s, &d);
-    const vrtm_image rigidity = sheet_rigidity(&s);
     const vrtm_array points = sheet_positions(pose);
-    succeeds("a device", vrtm_device_create(NULL, &device));
-    succeeds("an asset", vrtm_asset_create(device, &d.mesh, &asset));
-    succeeds("its tile", find_udim(asset, 1001, &tile));
-    succeeds("its map", vrtm_tile_set_rigidity(tile, &rigidity));
+    went_well("a scene", scene_make(&made, &s, NULL, 0));
+    const vrtm_asset asset = made.asset;
     fails("too early", vrtm_refinement_create(asset, NULL, &refinement), VRTM_ERROR_NOT_SOLVED, "solve first");
 
     /* Once: a topology for two frames. */
@@ -209,8 +202,7 @@ int main(void)
     wrong_arguments(asset, refinement);
 
     /* It goes on without the asset and the device. */
-    succeeds("the asset's end", vrtm_asset_destroy(asset));
-    succeeds("the device's end", vrtm_device_destroy(device));
+    went_well("the scene's end", scene_end(&made));
     refined last = read_all(refinement);
     check_that(memcmp(last.uvs, uvs, 2 * both.pattern.corner_count * sizeof *uvs) == 0, "has the last result", "");
     succeeds("extend it", vrtm_refinement_extend(refinement));

@@ -16,11 +16,6 @@ static float map[2 * MAP * MAP], corners[2 * CORNERS];
 static unsigned char saved[1 << 20];
 static uint64_t last_device, last_asset, last_tile;
 
-#define TRY(call)                 \
-    if ((call) != VRTM_OK) {      \
-        return vrtm_last_error(); \
-    }
-
 /* Handles only grow: none is given out again. */
 static int newer(uint64_t id, uint64_t *last)
 {
@@ -33,12 +28,10 @@ static const char *use(vrtm_asset asset, vrtm_tile tile, int round, int solves)
 {
     vrtm_array positions = sheet_positions(pose);
     vrtm_solve_options options = vrtm_solve_options_init();
-    vrtm_image_out image = vrtm_image_out_init();
+    const vrtm_image_out image = sheet_map(map);
     vrtm_image rigidity = sheet_rigidity(&s);
     vrtm_tile_report report = vrtm_tile_report_init();
     size_t size = 0;
-    image.data = map;
-    image.width = image.height = MAP;
     for (int k = 0; k < solves; ++k) {
         sheet_pose(&s, (round + k) % 7, pose);
         options.quality = (vrtm_quality)((round + k) % 2);

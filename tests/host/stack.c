@@ -18,10 +18,6 @@ static uint32_t threads;
 /* Returns null, or the name of the call that failed. */
 static const char *all_calls(void)
 {
-#define TRY(call)               \
-    if ((call) != VRTM_OK) {    \
-        return vrtm_last_error(); \
-    }
     sheet_desc d;
     vrtm_device_desc desc = vrtm_device_desc_init();
     vrtm_device device;

@@ -392,6 +392,32 @@ void logs()
     check_that(users == 2 && said.use_count() == 1, "the asset keeps the log alive, and lets it go", "");
 }
 
+/* A log function calls back into the library: it finds the asset busy for whose call it is, and makes a device. */
+void logs_that_call_back()
+{
+    /* The sheet is folded in UV: the solve that finds the overlap logs a warning. */
+    float folded[VERTICES][2];
+    for (int k = 0; k < VERTICES; ++k) {
+        folded[k][0] = std::fmin(s.uvs[k][0], 1 - s.uvs[k][0]);
+        folded[k][1] = s.uvs[k][1];
+    }
+    vrtm::Tile tile;
+    int calls = 0, refused = 0, made = 0;
+    vrtm::DeviceDesc desc;
+    desc.set(vrtm::Backend::cpu).set_log([&](const vrtm_log_entry &) {
+        calls += 1;
+        refused += tile && tile.info().code() == vrtm::Code::busy;
+        made += bool(vrtm::Device::create(vrtm::DeviceDesc().set(vrtm::Backend::cpu)));
+    });
+    const vrtm::Device device = *vrtm::Device::create(desc);
+    const vrtm::Asset asset = *vrtm::Asset::create(device, quads().uvs(vrtm::Array(folded, VERTICES)));
+    tile = *asset.find_tile(1001);
+    works("a map", tile.set_rigidity(rigidity()));
+    works("a solve that has something to say", asset.solve({s.points, VERTICES}));
+    check_that(calls > 0 && made == calls, "a log function may call back", "");
+    check_that(refused > 0 && tile.info()->overlap > 0, "and finds the asset busy, which it is no longer then", "");
+}
+
 /* The threads of a host that has one: loops run on the calling thread, jobs when the host comes to them. */
 struct Pool {
     std::atomic<int> loops{0}, queued{0};
@@ -849,6 +875,7 @@ int main()
     meshes(device);
     devices();
     logs();
+    logs_that_call_back();
     executors(expected);
     allocators(expected);
     tiles(device);

@@ -2,7 +2,7 @@
 
 use vrtm::{Asset, ImageLayout, ImageView, OpenBorders, PixelFormat, Seams, SolveOptions, TileSettings};
 
-use vrtm_testkit::features::Kind;
+use vrtm_testkit::features::{Kind, set_borders};
 use vrtm_testkit::table::{self, judge};
 use vrtm_testkit::{Model, bits, cpu, long, on_all_cores};
 
@@ -35,10 +35,7 @@ fn features_at_borders_are_kept_and_others_keep_their_shape() {
 
 fn with(model: &Model, seams: Seams) -> Asset {
     let mut asset = model.asset_on(&cpu(2), 256);
-    for tile in 0..asset.tile_count() {
-        let settings = TileSettings { seams, ..asset.settings(tile).unwrap() };
-        asset.set_settings(tile, &settings).unwrap();
-    }
+    set_borders(&mut asset, (seams, OpenBorders::Fixed));
     asset
 }
 

@@ -3,12 +3,10 @@
 
 use std::f64::consts::TAU;
 
-use vrtm::{
-    Asset, Device, DeviceSettings, OpenBorders, Quality, Seams, SolveOptions, Solver, Strided, TileSettings,
-};
+use vrtm::{Asset, Device, DeviceSettings, OpenBorders, Quality, Seams, SolveOptions, Solver, Strided};
 use vrtm_testkit::Lab as _;
 
-use vrtm_testkit::features::{Borders, Kind, STILL};
+use vrtm_testkit::features::{Borders, Kind, STILL, set_borders};
 use vrtm_testkit::table::{self, judge};
 use vrtm_testkit::{self, Maps, Model, bits, cpu, long, on_all_cores, options};
 
@@ -77,8 +75,7 @@ pub fn sheet(round: bool) -> Sheet {
 
 fn sliding(model: &Model, device: &Device, grid: u32) -> Asset {
     let mut asset = model.asset_on(device, grid);
-    let settings = TileSettings { open_borders: OpenBorders::Slide, ..asset.settings(0).unwrap() };
-    asset.set_settings(0, &settings).unwrap();
+    set_borders(&mut asset, SLIDE);
     asset
 }
 

@@ -3,9 +3,9 @@
 //! all scenes and assets, both backends, both qualities. `cargo test --test solver roughness:: -- --show-output` shows
 //! the table; `cargo bench -p vrtm-benches --bench roughness` measures larger grids.
 
-use vrtm::{Asset, Device, DeviceSettings, OpenBorders, Quality, Seams, TileSettings};
+use vrtm::{Device, DeviceSettings, OpenBorders, Quality, Seams};
 use vrtm_testkit::cases::{self, Case};
-use vrtm_testkit::features::{Borders, STILL};
+use vrtm_testkit::features::{Borders, STILL, set_borders};
 use vrtm_testkit::roughness::Roughness;
 use vrtm_testkit::{cpu, gpu, long, options};
 
@@ -56,13 +56,6 @@ fn bars(case: &Case, quality: Quality, borders: Borders) -> Bars {
     let missed =
         MISSED.iter().find(|missed| (missed.0, missed.1, missed.2) == (&case.name, case.grid, quality));
     missed.map_or(if quality == Quality::Draft { DRAFT } else { BARS }, |missed| missed.3)
-}
-
-fn set_borders(asset: &mut Asset, (seams, open_borders): Borders) {
-    for tile in 0..asset.tile_count() {
-        let settings = TileSettings { seams, open_borders, ..asset.settings(tile).unwrap() };
-        asset.set_settings(tile, &settings).unwrap();
-    }
 }
 
 fn check(backend: &str, grid: u32, qualities: &[Quality], borders: Borders, device: &Device) {

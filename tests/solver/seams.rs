@@ -8,7 +8,7 @@ use vrtm::{
 };
 use vrtm_testkit::Lab as _;
 
-use vrtm_testkit::features::{Kind, Summary};
+use vrtm_testkit::features::{Kind, Summary, set_borders};
 use vrtm_testkit::table::{self, judge};
 use vrtm_testkit::{self, Maps, Model, Warp, bits, cpu, long, on_all_cores, options};
 
@@ -123,10 +123,7 @@ pub fn places() -> [(&'static str, Place); 5] {
 
 fn with(model: &Model, device: &Device, grid: u32, seams: Seams) -> Asset {
     let mut asset = model.asset_on(device, grid);
-    for tile in 0..asset.tile_count() {
-        let settings = TileSettings { seams, ..asset.settings(tile).unwrap() };
-        asset.set_settings(tile, &settings).unwrap();
-    }
+    set_borders(&mut asset, (seams, OpenBorders::Fixed));
     asset
 }
 

@@ -1,6 +1,6 @@
 # The rest of the hosts, and what takes long. run.sh reads this file.
 
-host tests/host/mesh.c 50
+host tests/host/mesh.c 40
 host tests/host/layers.c 40
 host tests/host/maps.c 37
 host tests/host/refine.c 60
@@ -10,9 +10,7 @@ host tests/host/job_threads.c 35
 # ARM64 glibc gives no thread less than 128 KiB).
 rest() {
     host tests/host/stack.c 6
-    host tests/host/deformer.cpp 15
     host tests/host/farm.cpp 10
-    host tests/host/houdini_cook.cpp 32
     host tests/host/viewport.cpp 9
     host tests/host/wrapper.cpp 180
     options='-fno-exceptions -fno-rtti' as=wrapper_without_exceptions

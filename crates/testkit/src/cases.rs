@@ -3,9 +3,8 @@
 
 use vrtm::{Asset, Device, Strided};
 
-use crate::files::assets;
+use crate::features::models;
 use crate::model::{Model, set_grid, view};
-use crate::scenes;
 
 pub struct Case {
     pub name: String,
@@ -44,11 +43,7 @@ const CHOSEN: [(&str, usize, u32); 15] = [
 /// # Errors
 /// An unknown name, or the name of a missing asset.
 pub fn cases(wanted: &[String], grid: u32) -> Result<Vec<Case>, String> {
-    let mut models: Vec<Model> =
-        scenes::NAMES.iter().filter_map(|name| scenes::by_name(name)).map(Model::from).collect();
-    let crowded = Model::from(scenes::analytic::squash(0.4));
-    models.push(Model { name: "squash to 40 %".into(), ..crowded });
-    models.extend(assets());
+    let models = models();
     let known = |name: &String| models.iter().any(|model| model.name == *name);
     if let Some(name) = wanted.iter().find(|name| !known(name)) {
         return Err(format!("no scene or asset '{name}'"));

@@ -85,20 +85,24 @@ pub type Borders = (Seams, OpenBorders);
 /// Nothing moves there.
 pub const STILL: Borders = (Seams::Shut, OpenBorders::Fixed);
 
+pub fn set_borders(asset: &mut Asset, (seams, open_borders): Borders) {
+    for tile in 0..asset.tile_count() {
+        let settings = TileSettings { seams, open_borders, ..asset.settings(tile).unwrap() };
+        asset.set_settings(tile, &settings).unwrap();
+    }
+}
+
 /// An asset of a model, solved for a pose on a CPU.
 pub fn solve(
     model: &Model,
     pose: &[[f32; 3]],
     threads: u32,
     grid: u32,
-    (seams, open_borders): Borders,
+    borders: Borders,
     options: &SolveOptions,
 ) -> Asset {
     let mut asset = model.asset(threads, grid);
-    for tile in 0..asset.tile_count() {
-        let settings = TileSettings { seams, open_borders, ..asset.settings(tile).unwrap() };
-        asset.set_settings(tile, &settings).unwrap();
-    }
+    set_borders(&mut asset, borders);
     asset.solve(Strided::from_f32x3(pose), options).unwrap();
     asset
 }

@@ -10,19 +10,10 @@ use crate::model::Model;
 use crate::scenes::Scene;
 use crate::scenes::TileMaps as Maps;
 
-fn path() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets")
-}
-
-/// True if there is a folder of assets.
-pub fn are_there() -> bool {
-    path().is_dir()
-}
-
 /// The folder of the assets, if it exists. With VRTM_REQUIRE_ASSETS=1 it must exist.
 fn folder() -> Option<PathBuf> {
-    let folder = path();
-    if are_there() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/assets");
+    if folder.is_dir() {
         return Some(folder);
     }
     assert!(

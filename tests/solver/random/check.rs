@@ -2,24 +2,15 @@
 //! that.
 
 use vrtm::{
-    Asset, Backend, Device, DeviceSettings, ErrorKind, FetchKind, ImageLayout, ImageView, ImageViewMut,
-    OpenBorders, Origin, Overlap, PixelFormat, Seams, SolveOptions, TileSettings,
+    Asset, Backend, Device, ErrorKind, FetchKind, ImageLayout, ImageView, ImageViewMut, OpenBorders, Origin,
+    Overlap, PixelFormat, Seams, SolveOptions, TileSettings,
 };
 use vrtm_testkit::Lab as _;
 
 use super::borders::{borders, hold};
 use super::build::Model;
 use super::recipe::{Layer, Recipe, Refusal, Then};
-use vrtm_testkit::Warp;
-
-pub fn cpu(threads: u32) -> Device {
-    Device::new(&DeviceSettings {
-        backend: Backend::Cpu,
-        threads: std::num::NonZeroU32::new(threads),
-        ..DeviceSettings::default()
-    })
-    .unwrap()
-}
+use vrtm_testkit::{Warp, cpu};
 
 /// Events of a case, for counting the cases that test something.
 #[derive(Clone, Copy, Debug, Default)]
