@@ -235,8 +235,7 @@ impl App {
             Ask::Rest | Ask::Asset => self.open_path(path),
             Ask::Rigidity => self.open_rigidity(&pattern(&text)),
             Ask::Texture | Ask::Normal => self.open_picture(ask, &pattern(&text)),
-            Ask::Folder => self.saving.folder = text,
-            Ask::SaveRigidity | Ask::SavePicture => self.save_as(ask, &path),
+            Ask::Folder => self.folder = text,
             Ask::Poses => match self.open.as_ref().map(|open| open.model.files.clone()) {
                 Some(files) if has_poses_beside(&files) => self.open_files(&Files { pose: paths, ..files }),
                 _ => self.say(

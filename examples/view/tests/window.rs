@@ -336,10 +336,7 @@ fn the_brush_and_what_is_saved() {
     let undone = server.shot().cut(area).changes(&before).len();
     assert_eq!(undone, 0, "pixels differ after undoing");
 
-    view.click("save");
-    view.wait("layout", |event| event["widgets"]["animated PNG"].is_array());
-    view.click("animated PNG");
-    view.click("save clip");
+    save(&mut view, "save clip");
     view.wait("saved", |_| true);
     let file = std::fs::File::open(folder.join("rest_clip.png")).expect("a clip");
     let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("a PNG");
