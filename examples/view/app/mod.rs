@@ -129,9 +129,6 @@ impl App {
             notice: None,
         };
         app.open_with(&args.files, &args.choice(), args.texture.as_deref(), args.normal.as_deref());
-        if let Some(shape) = args.carried {
-            (app.look.carried, app.look.shape) = (true, shape);
-        }
         if let (Some(open), Some(frame)) = (&mut app.open, args.frame) {
             open.line.go(open.line.frame_of(frame));
         }
@@ -170,7 +167,7 @@ impl App {
                 "purpose": format!("{:?}", request.purpose).to_lowercase(),
                 "quality": format!("{:?}", request.quality).to_lowercase(), "solve_ms": answer.solve_ms,
                 "build_ms": answer.build_ms, "fetch_ms": answer.fetch_ms, "measure_ms": answer.measure_ms,
-                "carried": answer.carried.len(), "min_jacobian": answer.report.min_jacobian,
+                "min_jacobian": answer.report.min_jacobian,
                 "folds": answer.report.folds,
                 "strain": strain.map(|s| json!({ "edges": s.edges, "rms": s.rms, "p95": s.p95 })),
             }),
@@ -213,7 +210,7 @@ impl App {
             return;
         }
         let (frame, last, quality) = (open.line.frame, open.line.last, self.settings.quality);
-        let wanted = Wanted { frame, last, quality, moving, carried: self.look.carried };
+        let wanted = Wanted { frame, last, quality, moving };
         let shown = self.shown.as_ref().map(|answer| &answer.request);
         if let Some(request) = self.flow.next(&wanted, shown) {
             self.worker.inbox.ask(request);

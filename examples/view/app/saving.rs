@@ -128,7 +128,6 @@ impl App {
             last: clip.last,
             quality: self.settings.quality,
             purpose: Purpose::Clip,
-            carried: self.look.carried,
             edit: self.flow.edit,
         });
     }

@@ -225,7 +225,7 @@ impl Painter {
     }
 }
 
-pub fn ids_of(model: &Model, tile: usize, size: [u32; 2]) -> Ids {
+fn ids_of(model: &Model, tile: usize, size: [u32; 2]) -> Ids {
     let range = model.tiles[tile].range.clone();
     Ids::new(range.clone().zip(&model.triangles[range]), size)
 }
@@ -254,7 +254,7 @@ fn texture_box(maps: Option<&Maps>, part: &Part, size: [u32; 2]) -> [[f32; 2]; 2
 }
 
 /// The weights of a triangle's corners at a UV.
-pub fn weights([a, b, c]: [[f32; 2]; 3], uv: [f32; 2]) -> [f32; 3] {
+fn weights([a, b, c]: [[f32; 2]; 3], uv: [f32; 2]) -> [f32; 3] {
     let side = |p: [f32; 2], q: [f32; 2]| (q[0] - p[0]) * (uv[1] - p[1]) - (q[1] - p[1]) * (uv[0] - p[0]);
     let w = [side(b, c), side(c, a), side(a, b)];
     let sum: f32 = w.iter().sum();

@@ -118,7 +118,7 @@ pub fn show(
             *value ^= response.clicked();
         }
         let (button, _) = menu("view").ui(ui, |ui| {
-            if let Some(asked) = view::show(ui, look, z_up, &mut noted) {
+            if let Some(asked) = view::show(ui, z_up, &mut noted) {
                 wish = Some(asked);
                 ui.close();
             }
@@ -167,7 +167,6 @@ pub fn keys(ui: &Ui, look: &mut Look) -> Option<Wish> {
     }
     look.grid ^= pressed(Key::G);
     look.brush ^= pressed(Key::B);
-    look.carried ^= pressed(Key::C);
     if pressed(Key::N) {
         look.side = Some(!look.has_side(ui.ctx().content_rect().width()));
     }
