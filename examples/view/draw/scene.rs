@@ -8,6 +8,7 @@ use super::gpu::{COLOUR, Gpu, METRIC};
 use super::levels::Levels;
 use super::paint;
 use crate::brush::canvas::{Canvas, Rect};
+use crate::mesh::normals;
 use crate::model::Model;
 use crate::pictures::Pictures;
 use crate::solve::answer::{Answer, Maps};
@@ -72,7 +73,7 @@ impl Scene {
         let storage =
             |points: &[[f32; 3]]| gpu.buffer(bytemuck::cast_slice(points), wgpu::BufferUsages::STORAGE);
         let (positions, rest_buffer) = (storage(rest), storage(rest));
-        let normals = storage(&model.normals(rest));
+        let normals = storage(&normals(&model.triangles, rest));
         let mut scene =
             Scene { corners, positions, normals, rest: rest_buffer, tiles: Vec::new(), beyond, filled };
         let view = scene.view(gpu, &View { range: METRIC_SIDE as f32, ..View::default() });

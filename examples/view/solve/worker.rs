@@ -13,6 +13,7 @@ use vrtm::{
 use super::answer::{Answer, Maps, Solved};
 use super::inbox::{Edit, Inbox, Purpose, Request, Work};
 use crate::brush::canvas::Canvas;
+use crate::mesh::normals;
 use crate::model::{Model, Tile, mesh_source};
 use vrtm_testkit::scenes::path::Path;
 
@@ -224,7 +225,7 @@ impl Open {
         if options.measure {
             self.measure_ms = measure_ms;
         }
-        let normals = Arc::new(self.model.normals(&pose));
+        let normals = Arc::new(normals(&self.model.triangles, &pose));
         Ok(Answer {
             request,
             positions: Arc::new(pose),
