@@ -18,7 +18,7 @@ pub fn islands(triangles: &[Triangle]) -> Vec<u32> {
     (0..of.len() as u32).map(|k| root(&mut of, k)).collect()
 }
 
-pub fn root(of: &mut [u32], mut k: u32) -> u32 {
+fn root(of: &mut [u32], mut k: u32) -> u32 {
     while of[k as usize] != k {
         let next = of[of[k as usize] as usize];
         of[k as usize] = next;
@@ -27,7 +27,7 @@ pub fn root(of: &mut [u32], mut k: u32) -> u32 {
     k
 }
 
-pub fn join(of: &mut [u32], a: u32, b: u32) {
+fn join(of: &mut [u32], a: u32, b: u32) {
     let [a, b] = [root(of, a), root(of, b)];
     of[a.max(b) as usize] = a.min(b);
 }

@@ -143,6 +143,24 @@ impl Mesh {
     }
 }
 
+/// Normals of vertices in a pose, weighted with the areas around them.
+pub fn normals(triangles: &[Triangle], positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
+    let mut normals = vec![[0.0; 3]; positions.len()];
+    for triangle in triangles {
+        let [a, b, c] = triangle.vertices.map(|v| positions[v as usize].map(f64::from));
+        let area = cross(minus(b, a), minus(c, a));
+        for v in triangle.vertices {
+            let sum = &mut normals[v as usize];
+            *sum = [0, 1, 2].map(|k| sum[k] + area[k]);
+        }
+    }
+    let unit = |normal: [f64; 3]| {
+        let length = dot(normal, normal).sqrt();
+        if length > 0.0 { normal.map(|x| (x / length) as f32) } else { [0.0, 0.0, 1.0] }
+    };
+    normals.into_iter().map(unit).collect()
+}
+
 pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

@@ -19,11 +19,6 @@ impl Whole {
         Ok((Whole { path: path.into(), part, done: false }, BufWriter::new(file)))
     }
 
-    /// Its path until then.
-    pub fn part(&self) -> &Path {
-        &self.part
-    }
-
     /// Gives the file its name.
     pub fn finish(mut self) -> io::Result<()> {
         fs::rename(&self.part, &self.path)?;

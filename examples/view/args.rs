@@ -6,7 +6,6 @@ use clap::Parser;
 use vrtm::Backend;
 use vrtm_examples::options::{DEVICES, one_of};
 
-use crate::carry::Shape;
 use crate::gltf::Choice;
 use crate::panel::viewport::Panes;
 use crate::source::Files;
@@ -43,11 +42,6 @@ pub struct Args {
     /// --texture
     #[arg(long, value_name = "PATTERN")]
     pub normal: Option<String>,
-
-    /// Geometry on each feature, as it is bound to the skin without vrtm on the left, and as vrtm carries it on the
-    /// right [default: what the built-in scene has]
-    #[arg(long, value_parser = one_of(Shape::ALL))]
-    pub carried: Option<Shape>,
 
     /// Backend of solves; auto takes a hardware GPU if there is one, the CPU otherwise
     #[arg(long, default_value = "cpu", value_parser = one_of(DEVICES))]

@@ -2,13 +2,12 @@
 //!
 //! `cargo run --release -p vrtm-view` opens a built-in scene; README.md shows what the window can do. The way of the
 //! data: `source` (of `vrtm_examples`, for the example `bake`, too) and `gltf` read files into a `model`; `solve` turns
-//! a frame of the `timeline` into an answer, on a thread of its own; `draw` shows it; `brush` changes the maps; `carry`
-//! is what stands on features; `panel` is what the user sees of all that, and `save` writes files.
+//! a frame of the `timeline` into an answer, on a thread of its own; `draw` shows it; `brush` changes the maps; `panel`
+//! is what the user sees of all that, and `save` writes files.
 
 mod app;
 mod args;
 mod brush;
-mod carry;
 mod draw;
 mod gltf;
 mod model;

@@ -192,20 +192,6 @@ impl Model {
     pub fn tile_of(&self, triangle: usize) -> usize {
         self.tiles.partition_point(|tile| tile.range.end <= triangle)
     }
-
-    /// Normals of vertices in a pose, weighted with the areas around them.
-    pub fn normals(&self, positions: &[[f32; 3]]) -> Vec<[f32; 3]> {
-        let mut normals = vec![[0.0f32; 3]; positions.len()];
-        for triangle in &self.triangles {
-            let [a, b, c] = triangle.vertices.map(|v| positions[v as usize]);
-            let n = cross(minus(b, a), minus(c, a));
-            for v in triangle.vertices {
-                let sum = &mut normals[v as usize];
-                *sum = [0, 1, 2].map(|k| sum[k] + n[k]);
-            }
-        }
-        normals.into_iter().map(unit).collect()
-    }
 }
 
 /// A mesh as vrtm takes it.

@@ -12,9 +12,6 @@ pub struct View {
     pub z_up: bool,
     /// 1 = the mesh fills the picture; 3 = a third of the mesh fills it.
     pub zoom: f64,
-    /// Point in the picture's middle: the middle of the mesh, moved to the right and up by fractions of its size on the
-    /// screen.
-    pub middle: [f64; 2],
 }
 
 /// The camera in the layout of `view.wgsl`.
@@ -33,7 +30,7 @@ impl View {
         let bounds = [0, 1, 2].map(|c| bounds(positions.iter().map(|p| f64::from(p[c]))));
         let [x, y, z] = bounds.map(|[low, high]| high - low);
         let (yaw, pitch) = if z < 0.02 * x.max(y) { (0.0, 0.0) } else { (-25.0, 14.0) };
-        View { yaw, pitch, z_up: false, zoom: 1.0, middle: [0.0; 2] }
+        View { yaw, pitch, z_up: false, zoom: 1.0 }
     }
 
     /// Fits these positions into a picture of this size.
@@ -53,10 +50,7 @@ impl View {
         let half = 0.53 * size[1].max(size[0] / aspect) / self.zoom;
         // Depth has room for poses that reach farther than these positions.
         let scale = [1.0 / (half * aspect), 1.0 / half, -0.3 / size[2]];
-        let mut centre = bounds.map(|[low, high]| 0.5 * (low + high));
-        for (axis, moved) in self.middle.into_iter().enumerate() {
-            centre[axis] += moved * size[axis];
-        }
+        let centre = bounds.map(|[low, high]| 0.5 * (low + high));
         let mut clip = [[0.0; 4]; 4];
         for axis in 0..3 {
             for (column, part) in clip.iter_mut().zip(axes[axis]) {

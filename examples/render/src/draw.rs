@@ -122,16 +122,7 @@ impl<'a> Renderer<'a> {
         let absolute = self.gpu.upload("--map", &Layers { format, side, layers })?;
         drop(texels);
         let levels = tiles.map(|tile| solved.delta(tile, side)).collect::<Result<Vec<_>>>()?;
-        let bytes: Vec<Vec<Vec<[u16; 2]>>> = levels
-            .into_iter()
-            .map(|levels| {
-                levels
-                    .into_iter()
-                    .map(|l| l.into_iter().map(|uv| uv.map(|x| x.to_bits())).collect())
-                    .collect()
-            })
-            .collect();
-        let layers = bytes.iter().map(|levels| levels.iter().map(|l| bytemuck::cast_slice(l)).collect());
+        let layers = levels.iter().map(|levels| levels.iter().map(|l| bytemuck::cast_slice(l)).collect());
         let format = wgpu::TextureFormat::Rg16Float;
         let delta = self.gpu.upload("--map", &Layers { format, side, layers: layers.collect() })?;
         // Without anisotropy, which has no effect on a map without coarser levels.

@@ -5,14 +5,12 @@
 pub mod camera;
 pub mod difference;
 pub mod draw;
-pub mod film;
 pub mod gpu;
 #[cfg(target_os = "linux")]
 pub mod live;
 pub mod maps;
 pub mod mips;
 pub mod model;
-pub mod painted;
 pub mod pipelines;
 pub mod reference;
 #[cfg(target_os = "linux")]

@@ -4,6 +4,7 @@
 use std::time::Instant;
 
 use vrtm::{AdapterId, Backend, DeviceSettings};
+use vrtm_examples::mesh::Triangle;
 
 use super::Result;
 use super::camera::View;
@@ -43,7 +44,7 @@ impl Times {
 
 pub struct Live<'a> {
     gpu: &'a Gpu,
-    model: &'a Model,
+    triangles: Vec<Triangle>,
     solved: Solved,
     renderer: Renderer<'a>,
     camera: wgpu::BindGroup,
@@ -71,14 +72,15 @@ impl<'a> Live<'a> {
     /// Sizes that the GPU does not support.
     pub fn new(
         gpu: &'a Gpu,
-        model: &'a Model,
+        model: &Model,
         solved: Solved,
         colours: &[Levels],
         view: &View,
         size: [u32; 2],
         side: u32,
     ) -> Result<Live<'a>> {
-        let renderer = Renderer::new(gpu, &corners(model, &model.rest, &solved.udims), size)?;
+        let triangles = model.mesh.triangles();
+        let renderer = Renderer::new(gpu, &corners(&triangles, &model.rest, &solved.udims), size)?;
         // Where the mesh may be, so that nothing of it is cut off.
         let reach: Vec<_> = model.rest.iter().chain(model.frames.iter().flatten()).copied().collect();
         let layers = solved.udims.len() as u32;
@@ -99,7 +101,7 @@ impl<'a> Live<'a> {
             pipelines: renderer.pipelines(&Way::named("forward-delta"), false),
             map: renderer.map(&texture),
             gpu,
-            model,
+            triangles,
             solved,
             renderer,
             side,
@@ -141,7 +143,7 @@ impl<'a> Live<'a> {
             }
         }
         let mapped = Instant::now();
-        self.renderer.pose(&corners(self.model, positions, &self.solved.udims));
+        self.renderer.pose(&corners(&self.triangles, positions, &self.solved.udims));
         self.renderer.draw(commands, &self.shot())?;
         let drawn = Instant::now();
         let ms = |from: Instant, to: Instant| (to - from).as_secs_f64() * 1e3;

@@ -1,13 +1,12 @@
 //! Draws a mesh through its redirection map on a GPU, in several ways, and prints the cost of each way and its
 //! difference from a texture that was warped beforehand.
 //!
-//! `cargo run --release -p vrtm-render` draws a built-in scene into `out/`; `--help` lists the options. With `--film` it
-//! draws all frames, with the original UVs and redirected, side by side; with `--live` it solves, inverts and draws frame by
-//! frame with no map in the CPU's memory, and prints what each takes (`live.rs`, `shared.rs`).
+//! `cargo run --release -p vrtm-render` draws a built-in scene into `out/`; `--help` lists the options. With `--live` it
+//! solves, inverts and draws frame by frame with no map in the CPU's memory, and prints what each takes (`live.rs`,
+//! `shared.rs`).
 //! The shaders in `examples/render/` are short and meant to be copied: `map_filtered.wgsl` and `forward.wgsl` are all that a
 //! forward renderer needs; `deferred.wgsl` is for a deferred renderer.
 
-use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -15,7 +14,6 @@ use clap::Parser;
 use vrtm::DeviceSettings;
 use vrtm_render::camera::View;
 use vrtm_render::difference::{self, difference};
-use vrtm_render::film::Film;
 use vrtm_render::gpu::Gpu;
 #[cfg(target_os = "linux")]
 use vrtm_render::live::{self, Live, Times, Transport};
@@ -23,7 +21,7 @@ use vrtm_render::maps::Solved;
 use vrtm_render::model::Model;
 use vrtm_render::stage::{Stage, medians, shot};
 use vrtm_render::ways::{self, Way};
-use vrtm_render::{Result, painted, texture};
+use vrtm_render::{Result, texture};
 
 /// Draws a mesh through its redirection map, in several ways.
 #[derive(Parser)]
@@ -56,34 +54,19 @@ struct Args {
     /// Size of the mesh relative to the picture.
     #[arg(long, value_name = "X", default_value_t = 1.0)]
     zoom: f64,
-    /// Point in the picture's middle: the middle of the mesh, moved to the right and up by fractions of its size.
-    #[arg(long, value_name = "X,Y", allow_hyphen_values = true, value_parser = pair, default_value = "0,0")]
-    middle: [f64; 2],
     /// Z points up, not y.
     #[arg(long)]
     z_up: bool,
     /// Frames to time for each way, in nine rounds of which the median counts.
     #[arg(long, value_name = "N", default_value_t = 3)]
     frames: u32,
-    /// Draw these frames instead, as FIRST-LAST: with the original UVs on the left, redirected on the right.
-    #[arg(long, value_name = "A-B", value_parser = range)]
-    film: Option<(usize, usize)>,
     /// Solve, invert and draw so many frames one after the other, and print the time of each: with maps in memory that the
     /// library and this program share on the GPU, and then with maps that pass through the CPU. On Linux.
-    #[arg(long, value_name = "N", conflicts_with = "film")]
+    #[arg(long, value_name = "N")]
     live: Option<usize>,
     /// Cells on a side of each tile's grid [default: the library's choice].
     #[arg(long, value_name = "N", requires = "live")]
     grid: Option<u32>,
-    /// PNG file of the texture's colours, with <UDIM> for the tile's number; where its alpha is 0 the surface is metal.
-    #[arg(long, value_name = "PATTERN", requires = "film")]
-    colour: Option<String>,
-    /// PNG file of heights, grey, 8 or 16 bits.
-    #[arg(long, value_name = "PATTERN", requires = "colour")]
-    height: Option<String>,
-    /// Height of white above black, as a fraction of the tile's side.
-    #[arg(long, value_name = "X", default_value_t = 0.005)]
-    bump: f32,
     /// Number of the GPU; hardware comes first.
     #[arg(long, value_name = "N", default_value_t = 0)]
     adapter: usize,
@@ -100,11 +83,6 @@ fn size(text: &str) -> std::result::Result<[u32; 2], String> {
 fn pair(text: &str) -> std::result::Result<[f64; 2], String> {
     let pair = text.split_once(',').and_then(|(a, b)| Some([a.parse().ok()?, b.parse().ok()?]));
     pair.ok_or_else(|| "not as in -25,14".into())
-}
-
-fn range(text: &str) -> std::result::Result<(usize, usize), String> {
-    let pair = text.split_once('-').and_then(|(a, b)| Some((a.parse().ok()?, b.parse().ok()?)));
-    pair.filter(|(a, b)| a <= b).ok_or_else(|| "not as in 1-24".into())
 }
 
 fn main() -> ExitCode {
@@ -137,9 +115,6 @@ fn run(args: &Args) -> Result<()> {
         Some(folder) => Model::folder(folder)?,
         None => Model::scene(&args.scene)?,
     };
-    if let Some((first, last)) = args.film {
-        return film(args, &gpu, &model, first..=last);
-    }
     if let Some(count) = args.live {
         return live(args, &gpu, &model, count);
     }
@@ -194,38 +169,6 @@ fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Draws frames with the original UVs and redirected, side by side.
-fn film(args: &Args, gpu: &Gpu, model: &Model, frames: RangeInclusive<usize>) -> Result<()> {
-    let solved = Solved::open(model, &DeviceSettings::default())?;
-    let painted = |udim: &u32| model.tiles.iter().find(|tile| tile.udim == *udim);
-    let (colours, normals) = match &args.colour {
-        Some(colour) => {
-            let height = args.height.as_ref();
-            let normals = height.map(|file| painted::normals("--height", file, &solved.udims, args.bump));
-            (painted::colours("--colour", colour, &solved.udims)?, normals.transpose()?)
-        }
-        None => {
-            let side = args.texture as usize;
-            let tiles = || solved.udims.iter().map(painted);
-            let normals = args.normals.then(|| tiles().map(|tile| texture::normals(tile, side)).collect());
-            (tiles().map(|tile| texture::colours(tile, side)).collect(), normals)
-        }
-    };
-    create(&args.out)?;
-    let film = Film {
-        gpu,
-        model,
-        colours: &colours,
-        normals: normals.as_deref(),
-        view: view(args, &model.rest),
-        size: args.size,
-        map: args.map,
-    };
-    film.draw(solved, frames, &args.out)?;
-    println!("written to {}", args.out.display());
-    Ok(())
-}
-
 /// Solves, inverts and draws frames one after the other.
 #[cfg(target_os = "linux")]
 fn live(args: &Args, gpu: &Gpu, model: &Model, count: usize) -> Result<()> {
@@ -272,7 +215,7 @@ fn live(_: &Args, _: &Gpu, _: &Model, _: usize) -> Result<()> {
 
 /// The view that the options ask for.
 fn view(args: &Args, positions: &[[f32; 3]]) -> View {
-    let view = View { zoom: args.zoom, z_up: args.z_up, middle: args.middle, ..View::of(positions) };
+    let view = View { zoom: args.zoom, z_up: args.z_up, ..View::of(positions) };
     args.view.map_or(view, |[yaw, pitch]| View { yaw, pitch, ..view })
 }
 

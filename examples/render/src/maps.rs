@@ -3,7 +3,7 @@
 use half::f16;
 use vrtm::{
     Asset, Device, DeviceSettings, ExternalImage, FetchKind, ImageLayout, ImageView, ImageViewMut, MapDesc,
-    MapReport, MeshSource, Origin, PixelFormat, SolveOptions, Strided, TileSettings, UvSource,
+    MapReport, Origin, PixelFormat, SolveOptions, Strided, TileSettings,
 };
 
 use super::model::Model;
@@ -34,13 +34,7 @@ impl Solved {
     pub fn open(model: &Model, settings: &DeviceSettings) -> Result<Solved> {
         let said = |error: vrtm::Error| format!("{}: {error}", model.name);
         let device = Device::new(settings).map_err(said)?;
-        let source = MeshSource {
-            positions: Strided::from_f32x3(&model.rest),
-            face_counts: Some(&model.face_counts),
-            indices: &model.indices,
-            uvs: UvSource { u: Strided::from_f32x2(&model.uvs), v: None, indices: Some(&model.uv_indices) },
-            ..MeshSource::default()
-        };
+        let source = model.mesh.source(Strided::from_f32x3(&model.rest));
         let mut asset = Asset::new(&device, &source).map_err(said)?;
         for maps in &model.tiles {
             let Some(tile) = asset.find_tile(maps.udim) else { continue };
@@ -75,18 +69,28 @@ impl Solved {
         solved.map_err(|error| error.to_string())
     }
 
-    /// Fetches a tile's output with two f32 channels. The first row is v = 0, so that shaders use UVs as they are: with the
-    /// first row at the top, as in image files, they would read all textures at 1 - v.
+    /// Fetches a tile's output with two f32 channels.
     fn fetch(&self, tile: usize, kind: FetchKind, [width, height]: [u32; 2]) -> Result<Vec<[f32; 2]>> {
         let mut texels = vec![[0.0f32; 2]; width as usize * height as usize];
-        let layout =
-            ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(width, height, PixelFormat::F32) };
-        let bytes = bytemuck::cast_slice_mut(&mut texels);
+        self.read(tile, kind, bytemuck::cast_slice_mut(&mut texels), [width, height], PixelFormat::F32)?;
+        Ok(texels)
+    }
+
+    /// The first row is v = 0, so that shaders use UVs as they are: with the first row at the top, as in image files,
+    /// they would read all textures at 1 - v.
+    fn read(
+        &self,
+        tile: usize,
+        kind: FetchKind,
+        bytes: &mut [u8],
+        [width, height]: [u32; 2],
+        format: PixelFormat,
+    ) -> Result<()> {
+        let layout = ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(width, height, format) };
         let image = ImageViewMut::new("image", bytes, layout);
         image
             .and_then(|mut image| self.asset.fetch(tile, kind, &mut image))
-            .map_err(|error| format!("tile {}: {error}", self.udims[tile]))?;
-        Ok(texels)
+            .map_err(|error| format!("tile {}: {error}", self.udims[tile]))
     }
 
     /// The redirection within the tile, for a texture of rg32float.
@@ -97,17 +101,15 @@ impl Solved {
         self.fetch(tile, FetchKind::Redirection, [side; 2])
     }
 
-    /// The redirection minus the texel's own UV, for a texture of rg16float, with all mip levels. Only the way that
-    /// demonstrates why mip levels must not be read needs them.
+    /// The redirection minus the texel's own UV, as bits for a texture of rg16float, with all mip levels. Only the way
+    /// that demonstrates why mip levels must not be read needs them.
     ///
     /// # Errors
     /// The errors of vrtm.
-    pub fn delta(&self, tile: usize, side: u32) -> Result<Vec<Vec<[f16; 2]>>> {
+    pub fn delta(&self, tile: usize, side: u32) -> Result<Vec<Vec<[u16; 2]>>> {
         let levels = mips::levels(self.fetch(tile, FetchKind::RedirectionDelta, [side; 2])?, mips::mean_uv);
-        Ok(levels
-            .into_iter()
-            .map(|level| level.into_iter().map(|uv| uv.map(f16::from_f32)).collect())
-            .collect())
+        let bits = |uv: [f32; 2]| uv.map(|x| f16::from_f32(x).to_bits());
+        Ok(levels.into_iter().map(|level| level.into_iter().map(bits).collect()).collect())
     }
 
     /// The redirection minus the texel's own UV, in f16 as the library gives it: bytes of two numbers for each texel.
@@ -116,12 +118,7 @@ impl Solved {
     /// The errors of vrtm.
     pub fn half_delta(&self, tile: usize, side: u32) -> Result<Vec<u8>> {
         let mut bytes = vec![0; side as usize * side as usize * 4];
-        let layout =
-            ImageLayout { origin: Origin::Bottom, ..ImageLayout::packed(side, side, PixelFormat::F16) };
-        let image = ImageViewMut::new("image", &mut bytes, layout);
-        image
-            .and_then(|mut image| self.asset.fetch(tile, FetchKind::RedirectionDelta, &mut image))
-            .map_err(|error| format!("tile {}: {error}", self.udims[tile]))?;
+        self.read(tile, FetchKind::RedirectionDelta, &mut bytes, [side; 2], PixelFormat::F16)?;
         Ok(bytes)
     }
 

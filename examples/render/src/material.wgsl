@@ -29,23 +29,14 @@ fn mapped_normal(n: vec3f, uv: vec2f, by_x: vec2f, by_y: vec2f, layer: u32) -> v
     return normalize(tangents + n * m.z);
 }
 
-// What metal mirrors, in place of an image of the surroundings: a bright ceiling, a dark floor, and a lamp with a soft edge.
-fn studio(direction: vec3f, to_light: vec3f) -> f32 {
-    let up = dot(direction, -view.down.xyz);
-    let lamp = smoothstep(0.80, 0.97, dot(direction, to_light));
-    return 0.10 + 0.55 * smoothstep(-0.3, 0.9, up) + 1.5 * lamp;
-}
-
 // `by_x` and `by_y` are the derivatives of `uv` by x and y on the screen.
 fn lit(normal: vec3f, uv: vec2f, by_x: vec2f, by_y: vec2f, layer: u32) -> vec4f {
-    // Its alpha is 0 where the surface is metal.
-    var texel: vec4f;
+    var colour: vec3f;
     if EXPLICIT {
-        texel = textureSampleGrad(albedo, texture_sampler, uv, layer, by_x, by_y);
+        colour = textureSampleGrad(albedo, texture_sampler, uv, layer, by_x, by_y).rgb;
     } else {
-        texel = textureSample(albedo, texture_sampler, uv, layer);
+        colour = textureSample(albedo, texture_sampler, uv, layer).rgb;
     }
-    let colour = texel.rgb;
     // Both sides of the mesh are drawn.
     var n = normalize(normal);
     n = select(n, -n, dot(n, view.toward.xyz) < 0.0);
@@ -55,7 +46,5 @@ fn lit(normal: vec3f, uv: vec2f, by_x: vec2f, by_y: vec2f, layer: u32) -> vec4f 
     let to_light = normalize(view.toward.xyz - 0.6 * view.right.xyz - 0.7 * view.down.xyz);
     let diffuse = max(dot(n, to_light), 0.0);
     let shine = pow(max(dot(n, normalize(to_light + view.toward.xyz)), 0.0), 40.0);
-    let plain = colour * (0.18 + 0.82 * diffuse) + 0.12 * shine;
-    let metal = colour * studio(reflect(-view.toward.xyz, n), to_light);
-    return vec4f(mix(metal, plain, texel.a), 1.0);
+    return vec4f(colour * (0.18 + 0.82 * diffuse) + 0.12 * shine, 1.0);
 }

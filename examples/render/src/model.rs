@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use vrtm_examples::mesh::{Mesh, NO_UV};
+use vrtm_examples::mesh::Mesh;
 use vrtm_examples::source::{Files, Frame, Source};
 use vrtm_testkit::scenes::TileMaps;
 
@@ -11,11 +11,8 @@ use super::Result;
 /// A mesh at rest, its frames, and the rigidity of its tiles.
 pub struct Model {
     pub name: String,
+    pub mesh: Mesh,
     pub rest: Vec<[f32; 3]>,
-    pub face_counts: Vec<u32>,
-    pub indices: Vec<u32>,
-    pub uvs: Vec<[f32; 2]>,
-    pub uv_indices: Vec<u32>,
     pub frames: Vec<Vec<[f32; 3]>>,
     pub tiles: Vec<TileMaps>,
 }
@@ -38,11 +35,7 @@ impl Model {
     }
 
     fn load(files: &Files) -> Result<Model> {
-        let Source { name, origin, mesh, frames, maps, .. } =
-            Source::load(files).map_err(|failure| failure.0)?;
-        if mesh.uv_indices.contains(&NO_UV) {
-            return Err(format!("{origin}: a face corner has no UV"));
-        }
+        let Source { name, mesh, frames, maps, .. } = Source::load(files).map_err(|failure| failure.0)?;
         let tiles = maps.into_iter().filter_map(|(udim, maps)| {
             let map = maps.rigidity?;
             let rigidity = map.values().into_iter().map(|value| (255.0 * value).round() as u8).collect();
@@ -50,8 +43,7 @@ impl Model {
         });
         let near = |frame: Frame| frame.positions.around([0.0; 3]);
         let (frames, tiles) = (frames.into_iter().map(near).collect(), tiles.collect());
-        let Mesh { rest, face_counts, indices, uvs, uv_indices } = mesh;
-        Ok(Model { name, rest: rest.around([0.0; 3]), face_counts, indices, uvs, uv_indices, frames, tiles })
+        Ok(Model { name, rest: mesh.rest.around([0.0; 3]), mesh, frames, tiles })
     }
 
     /// Positions of a frame, numbered from 1.
@@ -63,14 +55,5 @@ impl Model {
         frame
             .map(Vec::as_slice)
             .ok_or_else(|| format!("--frame {number}: {} has frames 1 to {}", self.name, self.frames.len()))
-    }
-
-    /// The range of corners of each face.
-    pub fn faces(&self) -> impl Iterator<Item = std::ops::Range<usize>> {
-        let mut end = 0;
-        self.face_counts.iter().map(move |&count| {
-            end += count as usize;
-            end - count as usize..end
-        })
     }
 }

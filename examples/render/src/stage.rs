@@ -51,7 +51,7 @@ impl Stage {
             Some(_) => None,
             None => Some(colours.iter().enumerate().map(warp).collect::<Result<_>>()?),
         };
-        let corners = surface::corners(model, &positions, &solved.udims);
+        let corners = surface::corners(&model.mesh.triangles(), &positions, &solved.udims);
         Ok(Stage { positions, solved, corners, colours, normals, warped })
     }
 

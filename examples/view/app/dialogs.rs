@@ -1,6 +1,6 @@
 //! The desktop's dialogs for files. They run on a thread of their own, and the window goes on.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Mutex, PoisonError};
 
@@ -19,8 +19,6 @@ pub enum Ask {
     Asset,
     /// The folder to save to.
     Folder,
-    SaveRigidity,
-    SavePicture,
 }
 
 impl Ask {
@@ -33,8 +31,6 @@ impl Ask {
             Ask::Normal => "Open a normal map",
             Ask::Asset => "Open an asset folder",
             Ask::Folder => "Save to a folder",
-            Ask::SaveRigidity => "Save the rigidity map",
-            Ask::SavePicture => "Save a picture of the view",
         }
     }
 
@@ -43,7 +39,6 @@ impl Ask {
             Ask::Rest => ("meshes (OBJ, glTF)", &["obj", "gltf", "glb"]),
             Ask::Poses => ("poses (OBJ, f32)", &["obj", "f32"]),
             Ask::Rigidity | Ask::Texture | Ask::Normal => ("images (PNG)", &["png"]),
-            Ask::SaveRigidity | Ask::SavePicture => ("PNG", &["png"]),
             Ask::Asset | Ask::Folder => ("folders", &["*"]),
         }
     }
@@ -69,8 +64,8 @@ impl Dialogs {
         Dialogs { sender, told, is_open: false }
     }
 
-    /// Shows a dialog, one at a time; `start` is the folder or file to begin at.
-    pub fn open(&mut self, ask: Ask, start: (PathBuf, &str), frame: &eframe::Frame, ctx: &egui::Context) {
+    /// Shows a dialog, one at a time, which begins at a folder.
+    pub fn open(&mut self, ask: Ask, folder: &Path, frame: &eframe::Frame, ctx: &egui::Context) {
         if std::mem::replace(&mut self.is_open, true) {
             return;
         }
@@ -79,12 +74,8 @@ impl Dialogs {
         if !matches!(ask, Ask::Asset | Ask::Folder) {
             dialog = dialog.add_filter(name, endings);
         }
-        let (folder, file) = start;
         if folder.is_dir() {
             dialog = dialog.set_directory(folder);
-        }
-        if !file.is_empty() {
-            dialog = dialog.set_file_name(file);
         }
         let (sender, ctx) = (self.sender.clone(), ctx.clone());
         let tell = move |paths: Option<Vec<PathBuf>>| {
@@ -110,9 +101,6 @@ impl Dialogs {
                 wait(dialog.pick_file(), move |file| tell(one(file)));
             }
             Ask::Asset | Ask::Folder => wait(dialog.pick_folder(), move |file| tell(one(file))),
-            Ask::SaveRigidity | Ask::SavePicture => {
-                wait(dialog.save_file(), move |file| tell(one(file)));
-            }
         }
     }
 

@@ -9,7 +9,6 @@ use eframe::egui_wgpu::Renderer;
 use serde_json::json;
 
 use super::App;
-use crate::carry::Shape;
 use crate::draw::camera::View;
 use crate::draw::picture::Picture;
 use crate::panel::{style, viewport};
@@ -21,7 +20,6 @@ pub struct Screen {
     /// Content of the picture.
     views: Vec<View>,
     wipe: Option<f32>,
-    carried: Option<Shape>,
     fresh: bool,
     /// Duration.
     pub milliseconds: f64,
@@ -29,15 +27,7 @@ pub struct Screen {
 
 impl Screen {
     pub fn new(renderer: Arc<RwLock<Renderer>>) -> Screen {
-        Screen {
-            renderer,
-            picture: None,
-            views: Vec::new(),
-            wipe: None,
-            carried: None,
-            fresh: false,
-            milliseconds: 0.0,
-        }
+        Screen { renderer, picture: None, views: Vec::new(), wipe: None, fresh: false, milliseconds: 0.0 }
     }
 
     /// Tells that the mesh or its maps changed.
@@ -75,10 +65,6 @@ impl App {
         let aspect = pane.width() / pane.height();
         if open.framed.is_none_or(|(orbit, of)| orbit == open.orbit && of != aspect) {
             open.orbit.frame(open.model.sample().iter(), aspect);
-            if self.look.on_features() == Some(Shape::Spikes) {
-                // They stand out.
-                open.orbit.zoom *= 1.1;
-            }
             open.framed = Some((open.orbit, aspect));
         }
         let camera = open.orbit.camera(aspect);
@@ -128,12 +114,9 @@ impl App {
             screen.picture = Some((picture, id));
             screen.fresh = false;
         }
-        let (wipe, carried) = (self.look.line(), self.look.on_features());
-        if screen.fresh && screen.views == views && (screen.wipe, screen.carried) == (wipe, carried) {
+        let wipe = self.look.line();
+        if screen.fresh && screen.views == views && screen.wipe == wipe {
             return;
-        }
-        if let Some(open) = &mut self.open {
-            open.scene.carried = carried;
         }
         let start = Instant::now();
         let Some((picture, _)) = &screen.picture else { return };
@@ -141,7 +124,7 @@ impl App {
         // Waiting makes the time honest; a lost GPU is told by the window's own drawing.
         let _ = self.gpu.device.poll(wgpu::PollType::Wait { submission_index: None, timeout: None });
         screen.milliseconds = start.elapsed().as_secs_f64() * 1e3;
-        (screen.views, screen.wipe, screen.carried, screen.fresh) = (views, wipe, carried, true);
+        (screen.views, screen.wipe, screen.fresh) = (views, wipe, true);
         if let Some(answer) = &self.shown {
             let request = &answer.request;
             let facts = json!({

@@ -22,9 +22,7 @@ use crate::draw::gpu::Gpu;
 use crate::draw::scene::Scene;
 use crate::model::Model;
 use crate::panel::bar::{self, Wish};
-use crate::panel::brush::Brightness;
 use crate::panel::figures::{self, History};
-use crate::panel::save::Saving;
 use crate::panel::settings::{self, Settings};
 use crate::panel::side::section;
 use crate::panel::viewport::Look;
@@ -65,7 +63,6 @@ pub struct App {
     open: Option<Open>,
     look: Look,
     brush: Brush,
-    brightness: Brightness,
     settings: Settings,
     /// The settings that the thread has.
     told: Settings,
@@ -81,7 +78,8 @@ pub struct App {
     asked: Option<Ask>,
     /// The text of the field for paths.
     path: String,
-    saving: Saving,
+    /// The folder to save to.
+    folder: String,
     device: String,
     /// Frames per second.
     rate: u16,
@@ -113,7 +111,6 @@ impl App {
             open: None,
             look: Look { panes: args.view, ..Look::default() },
             brush: Brush::default(),
-            brightness: Brightness::default(),
             settings: Settings::default(),
             told: Settings::default(),
             flow: Flow::default(),
@@ -126,18 +123,12 @@ impl App {
             dialogs: Dialogs::new(),
             asked: None,
             path: String::new(),
-            saving: Saving {
-                folder: std::env::current_dir().map_or(".".into(), |folder| folder.display().to_string()),
-                ..Saving::default()
-            },
+            folder: std::env::current_dir().map_or(".".into(), |folder| folder.display().to_string()),
             device: String::new(),
             rate: args.fps,
             notice: None,
         };
         app.open_with(&args.files, &args.choice(), args.texture.as_deref(), args.normal.as_deref());
-        if let Some(shape) = args.carried {
-            (app.look.carried, app.look.shape) = (true, shape);
-        }
         if let (Some(open), Some(frame)) = (&mut app.open, args.frame) {
             open.line.go(open.line.frame_of(frame));
         }
@@ -176,7 +167,7 @@ impl App {
                 "purpose": format!("{:?}", request.purpose).to_lowercase(),
                 "quality": format!("{:?}", request.quality).to_lowercase(), "solve_ms": answer.solve_ms,
                 "build_ms": answer.build_ms, "fetch_ms": answer.fetch_ms, "measure_ms": answer.measure_ms,
-                "carried": answer.carried.len(), "min_jacobian": answer.report.min_jacobian,
+                "min_jacobian": answer.report.min_jacobian,
                 "folds": answer.report.folds,
                 "strain": strain.map(|s| json!({ "edges": s.edges, "rms": s.rms, "p95": s.p95 })),
             }),
@@ -219,7 +210,7 @@ impl App {
             return;
         }
         let (frame, last, quality) = (open.line.frame, open.line.last, self.settings.quality);
-        let wanted = Wanted { frame, last, quality, moving, carried: self.look.carried };
+        let wanted = Wanted { frame, last, quality, moving };
         let shown = self.shown.as_ref().map(|answer| &answer.request);
         if let Some(request) = self.flow.next(&wanted, shown) {
             self.worker.inbox.ask(request);
@@ -231,10 +222,10 @@ impl App {
             .open
             .as_ref()
             .map_or(("nothing open", false), |open| (open.model.name.as_str(), open.orbit.z_up));
-        let App { look, path, saving, trace, clip, .. } = self;
+        let App { look, path, folder, trace, clip, .. } = self;
         let progress = clip.as_ref().map(|clip| (clip.next.min(clip.last), clip.last));
         let mut wish = Panel::top("bar").frame(style::frame(0)).exact_size(42.0).show(ui, |ui| {
-            let fields = (&mut *look, path, saving);
+            let fields = (&mut *look, path, folder);
             bar::show(ui, (name, z_up), fields, progress, |name, rect| trace.widget(name, rect, scale))
         });
         if progress.is_none() && !ui.ctx().egui_wants_keyboard_input() {
@@ -262,7 +253,7 @@ impl App {
         if !self.look.has_side(width) {
             return false;
         }
-        let App { settings, brush, brightness, look, trace, open, history, shown, screen, clip, .. } = self;
+        let App { settings, brush, look, trace, open, history, shown, screen, clip, .. } = self;
         let mut noted = |name: &str, rect: egui::Rect| trace.widget(name, rect, scale);
         let (mut dragged, mut wish, mut choice) = (false, None, None);
         let frame = style::frame(10);
@@ -284,10 +275,8 @@ impl App {
                         if look.brush
                             && let Some(open) = open
                         {
-                            let textured = open.pictures.colours.iter().any(Option::is_some);
-                            let given = textured.then_some(brightness);
                             wish = section(ui, "Brush", true, |ui| {
-                                brush::show(ui, brush, given, &open.painter.steps, &mut noted)
+                                brush::show(ui, brush, &open.painter.steps, &mut noted)
                             })
                             .flatten();
                         }

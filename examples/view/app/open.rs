@@ -10,7 +10,6 @@ use super::dialogs::{Ask, Told};
 use super::{App, Open};
 use crate::brush::canvas::Canvas;
 use crate::brush::painter::Painter;
-use crate::carry::Shape;
 use crate::draw::beyond;
 use crate::draw::camera::Orbit;
 use crate::draw::scene::Scene;
@@ -48,9 +47,6 @@ impl App {
             let painter = std::mem::take(&mut open.painter).for_model(&model);
             (painter, std::mem::take(&mut open.pictures), open.inputs.clone())
         });
-        if kept.is_none() {
-            self.carry(files);
-        }
         let (painter, pictures, inputs) =
             kept.unwrap_or_else(|| (Painter::new(&model), model.pictures.clone(), Vec::new()));
         self.begin(Arc::new(model), painter, pictures);
@@ -83,15 +79,7 @@ impl App {
             Err(message) => return self.say(message),
         };
         let painter = Painter::new(&model);
-        self.carry(files);
         self.begin(Arc::new(model), painter, pictures);
-    }
-
-    /// Shows what a built-in scene has on its features.
-    fn carry(&mut self, files: &Files) {
-        let scene = files.scene.as_deref().and_then(Shape::of_scene);
-        self.look.carried = scene.is_some();
-        self.look.shape = scene.unwrap_or(self.look.shape);
     }
 
     fn begin(&mut self, model: Arc<Model>, painter: Painter, pictures: Pictures) {
@@ -235,8 +223,7 @@ impl App {
             Ask::Rest | Ask::Asset => self.open_path(path),
             Ask::Rigidity => self.open_rigidity(&pattern(&text)),
             Ask::Texture | Ask::Normal => self.open_picture(ask, &pattern(&text)),
-            Ask::Folder => self.saving.folder = text,
-            Ask::SaveRigidity | Ask::SavePicture => self.save_as(ask, &path),
+            Ask::Folder => self.folder = text,
             Ask::Poses => match self.open.as_ref().map(|open| open.model.files.clone()) {
                 Some(files) if has_poses_beside(&files) => self.open_files(&Files { pose: paths, ..files }),
                 _ => self.say(

@@ -5,11 +5,10 @@ use std::path::{Path, PathBuf};
 use eframe::egui::Ui;
 use serde_json::json;
 
-use super::dialogs::Ask;
 use super::{App, Notice};
 use crate::draw::picture::Picture;
 use crate::panel::save::{self, Job, Pressed};
-use crate::save::clip::{Clip, Format};
+use crate::save::clip::Clip;
 use crate::save::file::Existing;
 use crate::save::{encode, file, rigidity};
 use crate::solve::inbox::{Purpose, Request};
@@ -20,11 +19,6 @@ pub struct Question {
     files: Vec<Existing>,
 }
 
-/// A model's name as a part of a file's.
-fn plain(name: &str) -> String {
-    name.replace(|c: char| !c.is_alphanumeric() && c != '-', "_")
-}
-
 impl App {
     /// A button was pressed: saves to the folder.
     pub(super) fn press(&mut self, pressed: Pressed) {
@@ -32,8 +26,8 @@ impl App {
         if pressed != Pressed::Stop && self.clip.is_some() {
             return;
         }
-        let folder = Path::new(self.saving.folder.trim());
-        let name = plain(&open.model.name);
+        let folder = Path::new(self.folder.trim());
+        let name = open.model.name.replace(|c: char| !c.is_alphanumeric() && c != '-', "_");
         let job = match pressed {
             Pressed::Stop => return self.give_clip_up(),
             Pressed::Rigidity => {
@@ -42,33 +36,10 @@ impl App {
             Pressed::Picture => {
                 Job::Picture(folder.join(format!("{name}_{:04}.png", open.line.number(open.line.frame))))
             }
-            Pressed::Clip => {
-                let (format, line) = (self.saving.format, &open.line);
-                let numbers = (1..=line.last).map(|frame| line.number(frame));
-                Job::Clip(format, format.paths(folder, &name, numbers))
-            }
+            Pressed::Clip => Job::Clip(folder.join(format!("{name}_clip.png"))),
         };
-        self.save_unless(job, |_| true);
-    }
-
-    /// Saves under a name that was chosen in a dialog.
-    pub(super) fn save_as(&mut self, ask: Ask, path: &Path) {
-        let Some(open) = &self.open else { return };
-        let job = if ask == Ask::SaveRigidity {
-            let udims: Vec<u32> = open.model.pages.iter().map(|page| page.udim).collect();
-            Job::Rigidity(rigidity::paths_of(path, &udims))
-        } else {
-            Job::Picture(file::with_ending(path, "png"))
-        };
-        // The dialog has asked about the very file that was chosen.
-        self.save_unless(job, |found| found.read || found.path != path);
-    }
-
-    /// Saves, unless such files are there already; then the user decides.
-    fn save_unless(&mut self, job: Job, asks: impl Fn(&Existing) -> bool) {
-        let Some(open) = &self.open else { return };
-        let mut files = file::existing(job.paths(), &open.inputs);
-        files.retain(asks);
+        // If such files are there already, the user decides.
+        let files = file::existing(job.paths(), &open.inputs);
         if files.is_empty() {
             self.save(job);
         } else {
@@ -81,14 +52,9 @@ impl App {
         if let Some(told) = self.dialogs.told() {
             self.open_told(told);
         }
-        let Some(ask) = self.asked.take() else { return };
-        let name = self.open.as_ref().map_or(String::new(), |open| plain(&open.model.name));
-        let file = match (ask, &self.open) {
-            (Ask::SaveRigidity, _) => format!("{name}_rigidity.png"),
-            (Ask::SavePicture, Some(open)) => format!("{name}_{:04}.png", open.line.number(open.line.frame)),
-            _ => String::new(),
-        };
-        self.dialogs.open(ask, (self.saving.folder.trim().into(), &file), frame, ui.ctx());
+        if let Some(ask) = self.asked.take() {
+            self.dialogs.open(ask, Path::new(self.folder.trim()), frame, ui.ctx());
+        }
     }
 
     /// Shows the question, if there is one.
@@ -112,7 +78,7 @@ impl App {
                 None => Ok(()),
             },
             Job::Picture(path) => self.picture(path),
-            Job::Clip(format, paths) => return self.begin_clip(*format, paths.clone()),
+            Job::Clip(path) => return self.begin_clip(path.clone()),
         };
         match saved {
             Ok(()) => self.tell_saved(job.paths()),
@@ -141,10 +107,10 @@ impl App {
         vrtm_examples::whole::write(path, &bytes)
     }
 
-    fn begin_clip(&mut self, format: Format, paths: Vec<PathBuf>) {
+    fn begin_clip(&mut self, path: PathBuf) {
         let Some(open) = &mut self.open else { return };
         open.line.go(1);
-        match Clip::new(format, paths, self.screen.size(), (open.line.last, open.line.rate)) {
+        match Clip::new(path, self.screen.size(), (open.line.last, open.line.rate)) {
             Ok(clip) => {
                 self.clip = Some(clip);
                 self.ask_clip();
@@ -162,7 +128,6 @@ impl App {
             last: clip.last,
             quality: self.settings.quality,
             purpose: Purpose::Clip,
-            carried: self.look.carried,
             edit: self.flow.edit,
         });
     }
@@ -187,7 +152,7 @@ impl App {
         }
         self.flow.reset();
         match self.clip.take().map(Clip::finish) {
-            Some(Ok(paths)) => self.tell_saved(&paths),
+            Some(Ok(path)) => self.tell_saved(&[path]),
             Some(Err(message)) => self.say(message),
             None => {}
         }

@@ -8,7 +8,6 @@ use crate::brush::kind::Brush;
 use crate::brush::mirror;
 use crate::brush::pick::{Hit, Projected};
 use crate::brush::steps::Change;
-use crate::brush::whole;
 use crate::draw::camera::Camera;
 use crate::panel::brush::BrushWish;
 use crate::panel::viewport::Mouse;
@@ -134,22 +133,11 @@ impl App {
 
     /// Does what a button of the brush asks for.
     pub(super) fn brush_wish(&mut self, wish: BrushWish) {
-        let Some(Open { painter, model, pictures, .. }) = &mut self.open else { return };
-        let textures = &pictures.colours;
+        let Some(Open { painter, model, .. }) = &mut self.open else { return };
         let changes = match wish {
             BrushWish::Undo => painter.undo(),
             BrushWish::Redo => painter.redo(),
-            BrushWish::Use(tool) => {
-                painter.change(model, |_, canvas, charts| Some(whole::used(tool, canvas, charts)))
-            }
-            BrushWish::Brightness(given) => {
-                let images = textures.iter().flatten().map(|image| &**image);
-                let threshold = if given.threshold > 0.0 { given.threshold } else { whole::otsu(images) };
-                painter.change(model, |page, canvas, _| {
-                    let texture = textures[page].as_ref()?;
-                    Some(whole::of_brightness(texture, threshold, given.dark, canvas.size))
-                })
-            }
+            BrushWish::Use(tool) => painter.change(model, tool),
         };
         self.send(changes);
     }

@@ -8,6 +8,7 @@ use super::ids::Ids;
 use super::kind::Brush;
 use super::pick::Hit;
 use super::steps::{Change, Steps};
+use super::whole::{Tool, used};
 use crate::model::{Model, length, minus};
 use crate::solve::answer::{Maps, Solved};
 
@@ -160,18 +161,14 @@ impl Painter {
         self.set(vec![(page, texels)])
     }
 
-    /// Changes all maps: `change` gives a map's new texels from its page, the map and the charts of its texels, where
-    /// several lie over one another those of the first layer. Returns what changed.
-    pub fn change(
-        &mut self,
-        model: &Model,
-        change: impl Fn(usize, &Canvas, &[Option<u32>]) -> Option<Vec<u16>>,
-    ) -> Vec<Change> {
+    /// Uses a tool on all maps; where several charts lie over one another, on those of the first layer. Returns what
+    /// changed.
+    pub fn change(&mut self, model: &Model, tool: Tool) -> Vec<Change> {
         let mut all = Vec::new();
         for page in 0..self.canvases.len() {
             let tile = model.tiles.partition_point(|tile| tile.page < page);
             let charts = self.charts(model, tile);
-            all.extend(change(page, &self.canvases[page], &charts).map(|texels| (page, texels)));
+            all.push((page, used(tool, &self.canvases[page], &charts)));
         }
         self.set(all)
     }
@@ -228,7 +225,7 @@ impl Painter {
     }
 }
 
-pub fn ids_of(model: &Model, tile: usize, size: [u32; 2]) -> Ids {
+fn ids_of(model: &Model, tile: usize, size: [u32; 2]) -> Ids {
     let range = model.tiles[tile].range.clone();
     Ids::new(range.clone().zip(&model.triangles[range]), size)
 }
@@ -257,7 +254,7 @@ fn texture_box(maps: Option<&Maps>, part: &Part, size: [u32; 2]) -> [[f32; 2]; 2
 }
 
 /// The weights of a triangle's corners at a UV.
-pub fn weights([a, b, c]: [[f32; 2]; 3], uv: [f32; 2]) -> [f32; 3] {
+fn weights([a, b, c]: [[f32; 2]; 3], uv: [f32; 2]) -> [f32; 3] {
     let side = |p: [f32; 2], q: [f32; 2]| (q[0] - p[0]) * (uv[1] - p[1]) - (q[1] - p[1]) * (uv[0] - p[0]);
     let w = [side(b, c), side(c, a), side(a, b)];
     let sum: f32 = w.iter().sum();
@@ -267,7 +264,6 @@ pub fn weights([a, b, c]: [[f32; 2]; 3], uv: [f32; 2]) -> [f32; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::brush::whole::{Tool, used};
 
     /// A scene with empty maps, and a point on it.
     fn scene() -> (Model, Painter, Hit) {
@@ -351,7 +347,7 @@ mod tests {
             canvas.texels[canvas.index(canvas.texel(uv))]
         };
         assert_eq!([hit.triangle, beside].map(|k| value(&painter, k)), [65535, 0]);
-        painter.change(&model, |_, canvas, charts| Some(used(Tool::Invert, canvas, charts)));
+        painter.change(&model, Tool::Invert);
         assert_eq!([hit.triangle, beside].map(|k| value(&painter, k)), [0, 65535]);
         painter.undo();
         painter.undo();

@@ -1,6 +1,4 @@
-//! Tools that change all of a map: grow, shrink, invert, and rigidity from the brightness of a texture.
-
-use image::RgbaImage;
+//! Tools that change all of a map: grow, shrink, invert.
 
 use super::canvas::Canvas;
 
@@ -47,67 +45,6 @@ pub fn used(tool: Tool, canvas: &Canvas, charts: &[Option<u32>]) -> Vec<u16> {
     texels
 }
 
-/// Weights of red, green and blue in brightness (ITU-R BT.709).
-const WEIGHTS: [f32; 3] = [0.2126, 0.7152, 0.0722];
-
-fn brightness(pixel: &image::Rgba<u8>) -> f32 {
-    (0..3).map(|c| WEIGHTS[c] * f32::from(pixel.0[c])).sum::<f32>() / 255.0
-}
-
-/// The threshold that parts all pixels into dark and bright ones with the least variance within both (Otsu 1979), as
-/// `vrtm rigidity` finds it.
-pub fn otsu<'a>(textures: impl Iterator<Item = &'a RgbaImage>) -> f32 {
-    let mut counts = [0u64; 256];
-    for pixel in textures.flat_map(|texture| texture.pixels()) {
-        counts[(brightness(pixel) * 255.0).round() as usize] += 1;
-    }
-    let sum_of = |counts: &[u64], first: usize| -> (f64, f64) {
-        let weighted = |(k, &n): (usize, &u64)| (k + first) as f64 * n as f64;
-        (counts.iter().map(|&n| n as f64).sum(), counts.iter().enumerate().map(weighted).sum())
-    };
-    let between = |split: usize| {
-        let [(below, a), (above, b)] = [sum_of(&counts[..split], 0), sum_of(&counts[split..], split)];
-        if below > 0.0 && above > 0.0 { below * above * (a / below - b / above).powi(2) } else { 0.0 }
-    };
-    let all: Vec<f64> = (0..256).map(between).collect();
-    let most = all.iter().copied().fold(0.0, f64::max);
-    // Where nothing lies between both, in the middle of the gap.
-    let mut best = (0..256).filter(|&k| all[k] == most);
-    let first = best.next().unwrap_or(128);
-    ((first + best.next_back().unwrap_or(first)) as f32 / 2.0 - 0.5) / 255.0
-}
-
-/// Rigid where a texture is brighter than a threshold, or darker; borders are about a texel wide. The first row of the
-/// texture is at v = 0.
-pub fn of_brightness(texture: &RgbaImage, threshold: f32, dark: bool, size: [u32; 2]) -> Vec<u16> {
-    let [width, height] = size;
-    let pixels = |k: u32, side: u32, count: u32| {
-        let first = (u64::from(k) * u64::from(count) / u64::from(side)) as u32;
-        let end = (u64::from(k + 1) * u64::from(count)).div_ceil(u64::from(side)) as u32;
-        first..end.clamp(first + 1, count)
-    };
-    let mut inside = Vec::with_capacity((width * height) as usize);
-    for y in 0..height {
-        let rows = pixels(height - 1 - y, height, texture.height());
-        for x in 0..width {
-            let columns = pixels(x, width, texture.width());
-            let all = (rows.len() * columns.len()) as f32;
-            let over = |(x, y)| (brightness(texture.get_pixel(x, y)) > threshold) != dark;
-            let count =
-                rows.clone().flat_map(|y| columns.clone().map(move |x| (x, y))).filter(|&at| over(at));
-            inside.push(count.count() as f32 / all);
-        }
-    }
-    let [width, height] = size.map(|side| side as usize);
-    let at = |x: usize, y: usize| inside[y.min(height - 1) * width + x.min(width - 1)];
-    let blurred = |k: usize| {
-        let (x, y) = (k % width, k / width);
-        let columns = |y: usize| at(x.saturating_sub(1), y) + 2.0 * at(x, y) + at(x + 1, y);
-        (columns(y.saturating_sub(1)) + 2.0 * columns(y) + columns(y + 1)) / 16.0
-    };
-    (0..width * height).map(|k| (blurred(k) * 65535.0).round() as u16).collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -131,21 +68,5 @@ mod tests {
         assert_eq!((0..144).filter(|&k| canvas.texels[k] > 0).collect::<Vec<_>>(), [5 * 12 + 5]);
         canvas.texels = used(Tool::Invert, &canvas, &charts);
         assert_eq!(canvas.texels.iter().filter(|&&t| t == 0).count(), 1);
-    }
-
-    #[test]
-    fn bright_pixels_become_rigid_where_they_are() {
-        // Dark grey; bright where v is over a half and u under a quarter. The first row is at v = 0.
-        let texture = RgbaImage::from_fn(64, 64, |x, y| {
-            let grey = if y >= 32 && x < 16 { 200 } else { 60 };
-            image::Rgba([grey, grey, grey, 255])
-        });
-        let threshold = otsu([&texture].into_iter());
-        assert!((threshold - 130.0 / 255.0).abs() < 0.01, "{threshold}");
-        let texels = of_brightness(&texture, threshold, false, [16, 16]);
-        assert_eq!((texels[0], texels[16 * 15], texels[8]), (65535, 0, 0));
-        assert_eq!(texels.iter().filter(|&&t| t > 32768).count(), 4 * 8);
-        let dark = of_brightness(&texture, threshold, true, [16, 16]);
-        assert!(texels.iter().zip(&dark).all(|(a, b)| u32::from(*a) + u32::from(*b) >= 65534));
     }
 }

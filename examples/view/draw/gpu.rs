@@ -2,8 +2,6 @@
 
 use eframe::egui_wgpu::RenderState;
 
-use super::carried;
-
 /// Samples per pixel.
 pub const SAMPLES: u32 = 4;
 pub const COLOUR: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8UnormSrgb;
@@ -22,8 +20,6 @@ pub struct Gpu {
     pub map: wgpu::BindGroupLayout,
     pub surface: wgpu::RenderPipeline,
     pub metric: wgpu::RenderPipeline,
-    /// Geometry on the surface.
-    pub carried: wgpu::RenderPipeline,
     pub linear: wgpu::Sampler,
 }
 
@@ -64,7 +60,6 @@ impl Gpu {
             include_str!("../../render/src/map_filtered.wgsl"),
             include_str!("../../render/src/redirect.wgsl"),
             include_str!("surface.wgsl"),
-            include_str!("carried.wgsl"),
         ];
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor {
             label: Some("surface"),
@@ -80,7 +75,6 @@ impl Gpu {
         let surface =
             pipe.pipeline(["corner", "surface"], (&[&view, &tile, &map], corners), COLOUR, true, "DELTA");
         let metric = pipe.pipeline(["flat_corner", "rest_metric"], (&[&view], corners), METRIC, false, "");
-        let carried = carried::pipeline(&pipe, &view);
         let linear = device.create_sampler(&wgpu::SamplerDescriptor {
             mag_filter: wgpu::FilterMode::Linear,
             min_filter: wgpu::FilterMode::Linear,
@@ -96,7 +90,6 @@ impl Gpu {
             map,
             surface,
             metric,
-            carried,
             linear,
             device,
         }
@@ -168,14 +161,14 @@ impl Gpu {
 }
 
 /// Parts of pipelines.
-pub struct Pipe<'a> {
+struct Pipe<'a> {
     device: &'a wgpu::Device,
     module: &'a wgpu::ShaderModule,
 }
 
 impl Pipe<'_> {
     /// `on` is a constant of the fragment shader that is set; empty = none.
-    pub fn pipeline(
+    fn pipeline(
         &self,
         [vertex, fragment]: [&str; 2],
         (groups, buffers): (&[&wgpu::BindGroupLayout], &[Option<wgpu::VertexBufferLayout>]),

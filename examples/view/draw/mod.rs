@@ -2,7 +2,6 @@
 
 pub mod beyond;
 pub mod camera;
-pub mod carried;
 pub mod gpu;
 pub mod levels;
 pub mod paint;

@@ -4,12 +4,11 @@ use std::sync::Arc;
 
 use super::beyond::Beyond;
 use super::camera::View;
-use super::carried::Pieces;
 use super::gpu::{COLOUR, Gpu, METRIC};
 use super::levels::Levels;
 use super::paint;
 use crate::brush::canvas::{Canvas, Rect};
-use crate::carry::Shape;
+use crate::mesh::normals;
 use crate::model::Model;
 use crate::pictures::Pictures;
 use crate::solve::answer::{Answer, Maps};
@@ -27,9 +26,6 @@ pub struct Scene {
     /// The surface beyond seams that continue, and the maps that show it.
     beyond: Option<Beyond>,
     filled: Vec<Canvas>,
-    pieces: Pieces,
-    /// Geometry on the features.
-    pub carried: Option<Shape>,
 }
 
 /// A tile on the GPU.
@@ -77,19 +73,9 @@ impl Scene {
         let storage =
             |points: &[[f32; 3]]| gpu.buffer(bytemuck::cast_slice(points), wgpu::BufferUsages::STORAGE);
         let (positions, rest_buffer) = (storage(rest), storage(rest));
-        let normals = storage(&model.normals(rest));
-        let pieces = Pieces::new(gpu);
-        let mut scene = Scene {
-            corners,
-            positions,
-            normals,
-            rest: rest_buffer,
-            tiles: Vec::new(),
-            beyond,
-            filled,
-            pieces,
-            carried: None,
-        };
+        let normals = storage(&normals(&model.triangles, rest));
+        let mut scene =
+            Scene { corners, positions, normals, rest: rest_buffer, tiles: Vec::new(), beyond, filled };
         let view = scene.view(gpu, &View { range: METRIC_SIDE as f32, ..View::default() });
         // The layers of a page share what it shows.
         let textures = |page| -> vrtm::Result<_> {
@@ -184,7 +170,6 @@ impl Scene {
                 tile.shown = Some(solved.maps.clone());
             }
         }
-        self.pieces.place(gpu, &answer.carried);
     }
 
     /// Follows a stroke.
@@ -214,9 +199,6 @@ impl Scene {
             pass.set_bind_group(1, &tile.group, &[]);
             pass.set_bind_group(2, &tile.map, &[]);
             pass.draw(tile.range.clone(), 0..1);
-        }
-        if let Some(shape) = self.carried {
-            self.pieces.draw(gpu, pass, shape);
         }
     }
 }

@@ -6,7 +6,7 @@ use eframe::egui::containers::menu::{MenuButton, MenuConfig};
 use eframe::egui::{self, PopupCloseBehavior, Rect, RichText, Ui};
 
 use super::open;
-use super::save::{self, Pressed, Saving};
+use super::save::{self, Pressed};
 use super::side::words;
 use super::style;
 use super::view;
@@ -59,11 +59,12 @@ pub const SHOWN: [(Shown, &str, &str); 3] = [
     ),
 ];
 
-/// Shows the bar; `path` is the text of the field for paths, `clip` the frame that is being written and the last one.
+/// Shows the bar; `path` and `folder` are texts of the fields for what to open and where to save, `clip` the frame that
+/// is being written and the last one.
 pub fn show(
     ui: &mut Ui,
     (name, z_up): (&str, bool),
-    (look, path, saving): (&mut Look, &mut String, &mut Saving),
+    (look, path, folder): (&mut Look, &mut String, &mut String),
     clip: Option<(usize, usize)>,
     mut noted: impl FnMut(&str, Rect),
 ) -> Option<Wish> {
@@ -78,7 +79,7 @@ pub fn show(
         let (button, _) = menu("open").ui(ui, |ui| wish = open::show(ui, path, &mut noted));
         noted("open", button.rect);
         let (button, _) = menu("save").ui(ui, |ui| {
-            if let Some(asked) = save::show(ui, saving, &mut noted) {
+            if let Some(asked) = save::show(ui, folder, &mut noted) {
                 wish = Some(asked);
                 ui.close();
             }
@@ -117,7 +118,7 @@ pub fn show(
             *value ^= response.clicked();
         }
         let (button, _) = menu("view").ui(ui, |ui| {
-            if let Some(asked) = view::show(ui, look, z_up, &mut noted) {
+            if let Some(asked) = view::show(ui, z_up, &mut noted) {
                 wish = Some(asked);
                 ui.close();
             }
@@ -166,7 +167,6 @@ pub fn keys(ui: &Ui, look: &mut Look) -> Option<Wish> {
     }
     look.grid ^= pressed(Key::G);
     look.brush ^= pressed(Key::B);
-    look.carried ^= pressed(Key::C);
     if pressed(Key::N) {
         look.side = Some(!look.has_side(ui.ctx().content_rect().width()));
     }
@@ -192,7 +192,7 @@ mod tests {
             let mut output = ctx.run_ui(input.clone(), |ui| {
                 egui::Panel::top("bar").frame(style::frame(0)).exact_size(42.0).show(ui, |ui| {
                     let name = "a_character_with_a_long_name";
-                    let fields = (&mut *look, &mut String::new(), &mut Saving::default());
+                    let fields = (&mut *look, &mut String::new(), &mut String::new());
                     show(ui, (name, false), fields, None, |name, rect| places.push((name.into(), rect)));
                 });
             });

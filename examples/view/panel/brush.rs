@@ -13,24 +13,12 @@ pub enum BrushWish {
     Undo,
     Redo,
     Use(Tool),
-    /// Make what is bright in the colour texture rigid.
-    Brightness(Brightness),
 }
 
-/// Rule for the rigid pixels of a texture.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Brightness {
-    /// 0..1; 0 = what parts bright and dark pixels best.
-    pub threshold: f32,
-    /// True if the darker ones are rigid.
-    pub dark: bool,
-}
-
-/// Shows the settings of the brush; `brightness` where there is a colour texture.
+/// Shows the settings of the brush.
 pub fn show(
     ui: &mut Ui,
     brush: &mut Brush,
-    brightness: Option<&mut Brightness>,
     steps: &Steps,
     mut noted: impl FnMut(&str, egui::Rect),
 ) -> Option<BrushWish> {
@@ -93,21 +81,5 @@ pub fn show(
             button(ui, true, name, about, BrushWish::Use(tool));
         }
     });
-    if let Some(given) = brightness {
-        let about =
-            "How bright a pixel of the colour texture is rigid; auto = what parts bright and dark best.";
-        row(ui, "brighter than", about, |ui| {
-            let slider = Slider::new(&mut given.threshold, 0.0..=1.0).custom_formatter(|value, _| {
-                if value == 0.0 { "auto".into() } else { format!("{value:.2}") }
-            });
-            ui.add(slider)
-        });
-        ui.horizontal(|ui| {
-            ui.checkbox(&mut given.dark, "darker instead").on_hover_text("Rigid is what is darker.");
-            let about =
-                "Replace the map: rigid is what is bright in the colour texture, as `vrtm rigidity` does it.";
-            button(ui, true, "from brightness", about, BrushWish::Brightness(*given));
-        });
-    }
     wish
 }

@@ -7,7 +7,6 @@ use eframe::egui::{self, Rect, RichText, Ui};
 use super::bar::Wish;
 use super::style;
 use crate::app::dialogs::Ask;
-use crate::save::clip::Format;
 use crate::save::file::Existing;
 
 /// Content of a file to save.
@@ -15,23 +14,16 @@ use crate::save::file::Existing;
 pub enum Job {
     Rigidity(Vec<PathBuf>),
     Picture(PathBuf),
-    Clip(Format, Vec<PathBuf>),
+    Clip(PathBuf),
 }
 
 impl Job {
     pub fn paths(&self) -> &[PathBuf] {
         match self {
-            Job::Rigidity(paths) | Job::Clip(_, paths) => paths,
-            Job::Picture(path) => std::slice::from_ref(path),
+            Job::Rigidity(paths) => paths,
+            Job::Picture(path) | Job::Clip(path) => std::slice::from_ref(path),
         }
     }
-}
-
-/// Folder and format of files.
-#[derive(Default)]
-pub struct Saving {
-    pub folder: String,
-    pub format: Format,
 }
 
 /// The pressed button.
@@ -45,11 +37,11 @@ pub enum Pressed {
 }
 
 /// Shows the folder and what can be saved there.
-pub fn show(ui: &mut Ui, saving: &mut Saving, mut noted: impl FnMut(&str, Rect)) -> Option<Wish> {
+pub fn show(ui: &mut Ui, folder: &mut String, mut noted: impl FnMut(&str, Rect)) -> Option<Wish> {
     let mut wish = None;
     ui.label(RichText::new("to this folder").color(style::QUIET));
     ui.horizontal(|ui| {
-        ui.add(egui::TextEdit::singleline(&mut saving.folder).desired_width(260.0));
+        ui.add(egui::TextEdit::singleline(folder).desired_width(260.0));
         let choose = ui.button("...").on_hover_text("Choose the folder");
         noted("save to", choose.rect);
         if choose.clicked() {
@@ -62,44 +54,16 @@ pub fn show(ui: &mut Ui, saving: &mut Saving, mut noted: impl FnMut(&str, Rect))
         (
             Pressed::Clip,
             "clip",
-            "The timeline, each frame solved at the chosen quality, as one of the formats beside this: <name>_clip",
+            "The timeline, each frame solved at the chosen quality, as an animated PNG: <name>_clip.png",
         ),
     ] {
-        ui.horizontal(|ui| {
-            let response = ui.button(name).on_hover_text(about);
-            noted(&format!("save {name}"), response.rect);
-            if response.clicked() {
-                wish = Some(Wish::Save(which));
-            }
-            if which == Pressed::Clip {
-                formats(ui, &mut saving.format, &mut noted);
-            }
-        });
-    }
-    ui.separator();
-    ui.label(RichText::new("under a name of your own").color(style::QUIET));
-    for (ask, name) in [(Ask::SaveRigidity, "rigidity maps as..."), (Ask::SavePicture, "picture as...")] {
-        let response = ui.button(name);
+        let response = ui.button(name).on_hover_text(about);
         noted(&format!("save {name}"), response.rect);
         if response.clicked() {
-            wish = Some(Wish::Ask(ask));
+            wish = Some(Wish::Save(which));
         }
     }
     wish
-}
-
-fn formats(ui: &mut Ui, format: &mut Format, mut noted: impl FnMut(&str, Rect)) {
-    ui.spacing_mut().item_spacing.x = 2.0;
-    for of in Format::ALL {
-        let missing = of.missing();
-        let word = egui::Button::selectable(*format == of, of.name());
-        let response = ui.add_enabled(missing.is_none(), word).on_hover_text(of.about());
-        let response = response.on_disabled_hover_text(missing.unwrap_or_default());
-        noted(of.name(), response.rect);
-        if response.clicked() {
-            *format = of;
-        }
-    }
 }
 
 /// Shows how far a clip is. Returns whether the user gives it up.

@@ -1,15 +1,13 @@
-//! Where from and with what marks the mesh is looked at.
+//! Where from the mesh is looked at.
 
 use eframe::egui::{Rect, RichText, Ui};
 
 use super::bar::Wish;
 use super::style;
-use super::viewport::Look;
-use crate::carry::Shape;
 use crate::draw::camera::Side;
 
 /// Shows the menu's content.
-pub fn show(ui: &mut Ui, look: &mut Look, z_up: bool, mut noted: impl FnMut(&str, Rect)) -> Option<Wish> {
+pub fn show(ui: &mut Ui, z_up: bool, mut noted: impl FnMut(&str, Rect)) -> Option<Wish> {
     let mut wish = None;
     let quiet = |text: &str| RichText::new(text).color(style::QUIET);
     ui.label(quiet("see the whole mesh"));
@@ -32,20 +30,6 @@ pub fn show(ui: &mut Ui, look: &mut Look, z_up: bool, mut noted: impl FnMut(&str
         for (up, name) in [(false, "y"), (true, "z")] {
             if ui.selectable_label(z_up == up, name).clicked() {
                 wish = Some(Wish::Up(up));
-            }
-        }
-    });
-    ui.separator();
-    ui.horizontal(|ui| {
-        let about =
-            "Geometry on each feature: bound to the skin on the left, carried by vrtm on the right (C)";
-        let carried = ui.checkbox(&mut look.carried, "Carried").on_hover_text(about);
-        noted("Carried", carried.rect);
-        for (name, shape) in Shape::ALL {
-            let response = ui.selectable_label(look.shape == shape, name);
-            noted(name, response.rect);
-            if response.clicked() {
-                (look.shape, look.carried) = (shape, true);
             }
         }
     });

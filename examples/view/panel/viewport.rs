@@ -7,7 +7,6 @@ use eframe::egui::{
 
 use super::style;
 use crate::brush::pick::Hit;
-use crate::carry::Shape;
 use crate::draw::camera::{Camera, Orbit, View};
 use crate::model::plus;
 
@@ -40,9 +39,6 @@ pub struct Look {
     pub grid: bool,
     /// True if the left mouse button paints.
     pub brush: bool,
-    /// Geometry on the features, if any.
-    pub carried: bool,
-    pub shape: Shape,
     /// True if the panel at the side is there; `None` = if the window is wide enough.
     pub side: Option<bool>,
 }
@@ -55,8 +51,6 @@ impl Default for Look {
             shown: Shown::Texture,
             grid: false,
             brush: false,
-            carried: false,
-            shape: Shape::default(),
             side: None,
         }
     }
@@ -82,11 +76,6 @@ impl Look {
             Panes::Redirected => &[true],
             Panes::SideBySide | Panes::Wipe => &[false, true],
         }
-    }
-
-    /// Geometry on the features: it would hide the colours of strain and of rigidity.
-    pub fn on_features(&self) -> Option<Shape> {
-        (self.carried && self.shown == Shown::Texture).then_some(self.shape)
     }
 
     /// The line of the wipe, if there is one.

@@ -1,12 +1,6 @@
-//! The names of files to write, and those that exist.
+//! Files to write that exist already.
 
 use std::path::{Path, PathBuf};
-
-/// A path that ends as its format does.
-pub fn with_ending(path: &Path, ending: &str) -> PathBuf {
-    let ends = path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
-    if ends { path.into() } else { format!("{}.{ending}", path.display()).into() }
-}
 
 /// A file that would be replaced.
 pub struct Existing {

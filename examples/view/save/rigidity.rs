@@ -4,24 +4,12 @@ use std::path::{Path, PathBuf};
 
 use image::ExtendedColorType;
 
-use super::{encode, file};
+use super::encode;
 use crate::brush::canvas::Canvas;
 
 /// The file of each tile: `<name>_rigidity.<UDIM>.png`.
 pub fn paths(folder: &Path, name: &str, udims: impl Iterator<Item = u32>) -> Vec<PathBuf> {
     udims.map(|udim| folder.join(format!("{name}_rigidity.{udim}.png"))).collect()
-}
-
-/// The file of each tile under a chosen name: of several tiles, with the tile's number.
-pub fn paths_of(chosen: &Path, udims: &[u32]) -> Vec<PathBuf> {
-    let path = file::with_ending(chosen, "png");
-    let [_, _, ..] = udims else { return vec![path] };
-    let text = path.display().to_string();
-    let pattern = match pattern(&text) {
-        same if same == text => format!("{}.<UDIM>.png", text.strip_suffix(".png").unwrap_or(&text)),
-        pattern => pattern,
-    };
-    udims.iter().map(|udim| pattern.replace("<UDIM>", &udim.to_string()).into()).collect()
 }
 
 /// A path in which `<UDIM>` stands for the four digits of a tile's number, if its name has them.
@@ -67,14 +55,8 @@ mod tests {
     use crate::maps::Map;
 
     #[test]
-    fn a_chosen_name_holds_the_numbers_of_tiles() {
-        let names = |chosen: &str, udims: &[u32]| {
-            let paths = paths_of(Path::new(chosen), udims);
-            paths.iter().map(|path| path.display().to_string()).collect::<Vec<_>>()
-        };
-        assert_eq!(names("a/mine", &[1001]), ["a/mine.png"]);
-        assert_eq!(names("a/mine.png", &[1001, 1012]), ["a/mine.1001.png", "a/mine.1012.png"]);
-        assert_eq!(names("a/mine.1012.png", &[1001, 1012]), ["a/mine.1001.png", "a/mine.1012.png"]);
+    fn the_number_of_a_tile_is_that_in_a_name() {
+        assert_eq!(pattern("a/mine.1012.png"), "a/mine.<UDIM>.png");
         assert_eq!(pattern("maps.2020/r.png"), "maps.2020/r.png");
     }
 

@@ -5,7 +5,6 @@ use std::sync::Arc;
 use vrtm::{Asset, AssetReport, FetchKind, ImageViewMut, Origin, TileReport};
 
 use super::inbox::Request;
-use crate::carry::ride::Placed;
 
 /// Most texels per side of a map that is drawn with; a finer grid is solved all the same.
 const MOST: u32 = 1024;
@@ -18,8 +17,6 @@ pub struct Answer {
     pub normals: Arc<Vec<[f32; 3]>>,
     /// For each tile.
     pub tiles: Vec<Solved>,
-    /// Geometry on the features, if it was asked for.
-    pub carried: Arc<Vec<Placed>>,
     pub report: AssetReport,
     /// Milliseconds of the solve without building grids and measuring, of building grids, of measuring, and of the
     /// fetches.

@@ -28,21 +28,19 @@ pub struct Wanted {
     pub quality: Quality,
     /// True while the user drags, paints or plays.
     pub moving: bool,
-    /// True if there is geometry on the features.
-    pub carried: bool,
 }
 
 impl Flow {
     /// The next request, if any; `shown` is the picture on the screen.
     pub fn next(&mut self, wanted: &Wanted, shown: Option<&Request>) -> Option<Request> {
-        let &Wanted { frame, last, quality, moving, carried } = wanted;
+        let &Wanted { frame, last, quality, moving } = wanted;
         let took = self.known.filter(|(of, _)| *of == quality).map(|(_, took)| took);
         let stale = shown.is_none_or(|shown| (shown.frame, shown.edit) != (frame, self.edit));
         let previewed = moving || stale && shown.is_some() && took.is_some_and(|took| took > SLOW);
         let purpose = if previewed { Purpose::Preview } else { Purpose::Final };
         let drafted = previewed && took.is_none_or(|took| took > QUICK);
         let quality = if drafted { Quality::Draft } else { quality };
-        let request = Request { frame, last, quality, purpose, carried, edit: self.edit };
+        let request = Request { frame, last, quality, purpose, edit: self.edit };
         if self.asked.as_ref() == Some(&request) {
             return None;
         }
@@ -67,8 +65,7 @@ impl Flow {
 mod tests {
     use super::*;
 
-    const REST: Wanted =
-        Wanted { frame: 1, last: 9, quality: Quality::Normal, moving: false, carried: false };
+    const REST: Wanted = Wanted { frame: 1, last: 9, quality: Quality::Normal, moving: false };
 
     fn told(request: Option<Request>) -> Option<(usize, Quality, Purpose)> {
         request.map(|r| (r.frame, r.quality, r.purpose))
@@ -96,14 +93,7 @@ mod tests {
         let moving = Wanted { moving: true, ..REST };
         assert_eq!(told(flow.next(&moving, None)), Some((1, Quality::Normal, Purpose::Preview)));
         let mut flow = Flow { known: Some((Quality::Normal, 900.0)), ..Flow::default() };
-        let shown = Request {
-            frame: 5,
-            last: 9,
-            quality: Quality::Normal,
-            purpose: Purpose::Final,
-            carried: false,
-            edit: 0,
-        };
+        let shown = Request { frame: 5, last: 9, quality: Quality::Normal, purpose: Purpose::Final, edit: 0 };
         let draft = flow.next(&REST, Some(&shown));
         assert_eq!(told(draft.clone()), Some((1, Quality::Draft, Purpose::Preview)));
         assert_eq!(told(flow.next(&REST, draft.as_ref())), Some((1, Quality::Normal, Purpose::Final)));

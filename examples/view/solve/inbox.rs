@@ -29,8 +29,6 @@ pub struct Request {
     pub last: usize,
     pub quality: Quality,
     pub purpose: Purpose,
-    /// True if there is geometry on the features.
-    pub carried: bool,
     /// Counts edits: a result belongs to the maps and settings up to this one.
     pub edit: u64,
 }
@@ -143,7 +141,7 @@ mod tests {
     use super::*;
 
     fn request(frame: usize, purpose: Purpose) -> Request {
-        Request { frame, last: 100, quality: Quality::Normal, purpose, carried: false, edit: 0 }
+        Request { frame, last: 100, quality: Quality::Normal, purpose, edit: 0 }
     }
 
     fn paint(x: u32) -> Edit {

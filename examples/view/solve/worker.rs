@@ -13,7 +13,7 @@ use vrtm::{
 use super::answer::{Answer, Maps, Solved};
 use super::inbox::{Edit, Inbox, Purpose, Request, Work};
 use crate::brush::canvas::Canvas;
-use crate::carry::ride::Riders;
+use crate::mesh::normals;
 use crate::model::{Model, Tile, mesh_source};
 use vrtm_testkit::scenes::path::Path;
 
@@ -97,7 +97,6 @@ fn serve(device: &Device, inbox: &Inbox, told: &Told) {
                 }
                 Edit::Paint { page, rect, texels } => open.as_mut().map_or(Ok(()), |open| {
                     open.canvases[page].paste(rect, &texels);
-                    open.riders_are_old = true;
                     open.paint(page, Some(rect))
                 }),
             };
@@ -124,9 +123,6 @@ struct Open {
     tiles: Vec<Option<usize>>,
     canvases: Vec<Canvas>,
     maps: Vec<Arc<Maps>>,
-    /// Geometry on the features, and a flag if these were painted since.
-    riders: Option<Riders>,
-    riders_are_old: bool,
     /// Duration of the last measurement of strain.
     measure_ms: f64,
 }
@@ -146,16 +142,7 @@ impl Open {
         let place = |tile: &Tile| Some(asset.find_tile(model.pages[tile.page].udim)? + tile.layer as usize);
         let tiles = model.tiles.iter().map(place).collect();
         let maps = model.tiles.iter().map(|_| Arc::new(Maps::identity())).collect();
-        let mut open = Open {
-            model,
-            asset,
-            tiles,
-            canvases,
-            maps,
-            riders: None,
-            riders_are_old: false,
-            measure_ms: f64::MAX,
-        };
+        let mut open = Open { model, asset, tiles, canvases, maps, measure_ms: f64::MAX };
         for page in 0..open.model.pages.len() {
             open.paint(page, None)?;
             let mask = open.model.pages[page].mask.clone();
@@ -208,14 +195,6 @@ impl Open {
             measure: request.purpose != Purpose::Preview || self.measure_ms < CHEAP,
             ..SolveOptions::default()
         };
-        // While one paints, they stay on the features that were there.
-        let is_old = self.riders_are_old && request.purpose != Purpose::Preview;
-        if !request.carried {
-            self.riders = None;
-        } else if self.riders.is_none() || is_old {
-            self.riders = Some(Riders::new(&self.model, &self.asset, &self.canvases)?);
-            self.riders_are_old = false;
-        }
         let solve = SolveRequest {
             positions: Strided::from_f32x3(&pose),
             options,
@@ -240,20 +219,18 @@ impl Open {
             }
             tiles.push(Solved { maps: self.maps[k].clone(), report });
         }
-        let carried = self.riders.as_ref().map(|riders| riders.place(&self.model, &pose)).transpose()?;
         let fetch_ms = milliseconds(start);
         let solve_ms = f64::from(report.total_ms);
         let measure_ms = (all_ms - solve_ms).max(0.0);
         if options.measure {
             self.measure_ms = measure_ms;
         }
-        let normals = Arc::new(self.model.normals(&pose));
+        let normals = Arc::new(normals(&self.model.triangles, &pose));
         Ok(Answer {
             request,
             positions: Arc::new(pose),
             normals,
             tiles,
-            carried: Arc::new(carried.unwrap_or_default()),
             report,
             solve_ms,
             build_ms,
@@ -314,7 +291,7 @@ mod tests {
             worker.inbox.post(Edit::Open(model.clone(), vec![canvas]));
             let last = model.timeline.last;
             let (quality, purpose) = (Quality::Normal, Purpose::Final);
-            worker.inbox.ask(Request { frame: last, last, quality, purpose, carried: false, edit: 0 });
+            worker.inbox.ask(Request { frame: last, last, quality, purpose, edit: 0 });
             loop {
                 match worker.news.recv().expect("the thread lives") {
                     News::Solved(answer) => {

@@ -147,34 +147,16 @@ fn it_opens_side_by_side_in_the_pose_that_stretches_most() {
     view.quit();
 }
 
-/// Studs come with a solve of their own and are in saved pictures; seams continue, with textures that show what is
-/// beyond.
+/// Seams continue, with textures that show what is beyond.
 #[test]
-fn what_is_carried_and_seams_that_continue() {
-    let Some((server, folder)) = start("carried") else { return };
+fn seams_that_continue() {
+    let Some((server, folder)) = start("seams") else { return };
     let options = ["--scene", "mug_to_jug", "--size", SIZE, "--frame", "121", "--view", "redirected"];
     let mut view = Program::start(&server, &folder, &options);
     let solved = view.wait("solve", |event| is_final(event, 121));
-    assert_eq!(solved["carried"], 0);
     view.wait("drawn", |event| is_final(event, 121));
     let area = view.widget("view");
-    let bare = server.shot().cut(area);
-    view.click("view menu");
-    view.wait("layout", |event| event["widgets"]["Carried"].is_array());
-    view.click("Carried");
-    let solved = view.wait("solve", |event| is_final(event, 121));
-    assert!(solved["carried"].as_u64().is_some_and(|count| count > 100), "{solved}");
-    view.wait("drawn", |event| is_final(event, 121));
-    // The menu closes.
-    view.click("view menu");
-    let studded = server.shot().cut(area);
-    // The jug takes a sixth of the view, and studs a part of that.
-    assert!(studded.differing(&bare) > 0.005, "nothing stands on the features");
-    save(&mut view, "save picture");
-    view.wait("saved", |_| true);
-    let saved = Shot::open(&folder.join("mug_to_jug_0121.png"));
-    assert!(saved.without(LABEL).differing(&studded.without(LABEL)) < 1e-4);
-
+    let shut = server.shot().cut(area);
     view.click("Seams");
     view.wait("layout", |event| event["widgets"]["Seams Continue"].is_array());
     view.click("Seams Continue");
@@ -183,7 +165,7 @@ fn what_is_carried_and_seams_that_continue() {
     view.wait("drawn", |event| is_final(event, 121) && event["edit"] == continued["edit"]);
     view.move_away();
     // Most of the surface is far from any seam.
-    let share = server.shot().cut(area).differing(&studded);
+    let share = server.shot().cut(area).differing(&shut);
     assert!((1e-4..0.2).contains(&share), "{share} of the pixels differ");
     view.quit();
 }
@@ -336,10 +318,7 @@ fn the_brush_and_what_is_saved() {
     let undone = server.shot().cut(area).changes(&before).len();
     assert_eq!(undone, 0, "pixels differ after undoing");
 
-    view.click("save");
-    view.wait("layout", |event| event["widgets"]["animated PNG"].is_array());
-    view.click("animated PNG");
-    view.click("save clip");
+    save(&mut view, "save clip");
     view.wait("saved", |_| true);
     let file = std::fs::File::open(folder.join("rest_clip.png")).expect("a clip");
     let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("a PNG");

@@ -12,7 +12,7 @@ use vrtm_testkit::has_gpu;
 /// A scene twice, one above the other, each in a tile of its own; the second one's pose is half of the first one's.
 fn two_tiles(name: &str) -> Model {
     let mut model = Model::scene(name).unwrap();
-    let (vertices, uvs) = (model.rest.len() as u32, model.uvs.len() as u32);
+    let (vertices, uvs) = (model.rest.len() as u32, model.mesh.uvs.len() as u32);
     let width = model.rest.iter().map(|p| p[1]).fold(0.0f32, |a, y| a.max(y.abs()));
     let above = |p: &[f32; 3]| [p[0], p[1] + 2.5 * width, p[2]];
     let half: Vec<_> = model.frames[0]
@@ -23,10 +23,10 @@ fn two_tiles(name: &str) -> Model {
     model.frames.truncate(1);
     model.frames[0].extend(half.iter().map(above));
     model.rest.extend(model.rest.clone().iter().map(above));
-    model.uvs.extend(model.uvs.clone().iter().map(|uv| [uv[0] + 1.0, uv[1]]));
-    model.face_counts.extend(model.face_counts.clone());
-    model.indices.extend(model.indices.clone().iter().map(|i| i + vertices));
-    model.uv_indices.extend(model.uv_indices.clone().iter().map(|i| i + uvs));
+    model.mesh.uvs.extend(model.mesh.uvs.clone().iter().map(|uv| [uv[0] + 1.0, uv[1]]));
+    model.mesh.face_counts.extend(model.mesh.face_counts.clone());
+    model.mesh.indices.extend(model.mesh.indices.clone().iter().map(|i| i + vertices));
+    model.mesh.uv_indices.extend(model.mesh.uv_indices.clone().iter().map(|i| i + uvs));
     let mut tile = model.tiles[0].clone();
     tile.udim = 1002;
     model.tiles.push(tile);

@@ -19,7 +19,6 @@ mod together;
 mod draw;
 #[cfg(target_os = "linux")]
 mod external;
-mod film;
 #[cfg(target_os = "linux")]
 mod live;
 mod lock_step;
