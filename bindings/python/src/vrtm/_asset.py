@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import html
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -265,7 +264,3 @@ class Asset(Owned):
             return "<vrtm.Asset, closed>"
         info = self.info
         return f"<vrtm.Asset of {info.faces} faces, tiles {', '.join(tile._name for tile in self._tiles)}>"
-
-    def _repr_html_(self) -> str:
-        title = f"<p>{html.escape(repr(self))}</p>"
-        return title if self.closed else title + "".join(tile._repr_html_() for tile in self._tiles[:_NAMED])
