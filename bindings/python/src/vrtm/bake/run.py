@@ -264,7 +264,7 @@ def _stale(settings: Settings, tasks: list[Task], current: dict[Task, FrameResul
 def _solve(baking: _Bake, tasks: list[Task], split: tuple[int, int], results: list[FrameResult]) -> None:
     """Does tasks with so many jobs and threads. Raises Failure."""
     (jobs, threads), stop, work = split, baking.stop, baking.work
-    baking.say.begun(work, [mesh for mesh, _ in tasks], jobs, threads)
+    baking.say.begun(len(tasks), jobs, threads)
     with Jobs(work.settings, work, jobs, threads, stop) as running:
         waiting = running.submit(tasks)
         failure: Failure | None = None
