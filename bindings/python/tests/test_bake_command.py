@@ -16,7 +16,6 @@ from bake_scenes import (
     files,
     image,
     pixels,
-    real_scene,
     run,
     sheet,
     sheet_arguments,
@@ -24,7 +23,6 @@ from bake_scenes import (
     vrtm_command,
     written,
 )
-from conftest import real_mesh
 
 
 @pytest.fixture(scope="module")
@@ -314,18 +312,3 @@ def test_names_that_are_not_ascii(tmp_path: Path) -> None:
     shutil.copytree(scene.parent, other)
     ended = run(*sheet_arguments(Path(other) / scene.name, out), expect=2)
     assert len(ended.stderr.splitlines()) == 1 and "no UTF-8" in ended.stderr
-
-
-@pytest.mark.parametrize("name", ["mh_face", "ict_inner"])
-def test_real_meshes(name: str, tmp_path: Path) -> None:
-    scene, out = real_scene(name, tmp_path), tmp_path / "out"
-    maps = real_mesh(name) / "rigidity.<UDIM>.png"
-    arguments = ["bake", scene, "--rigidity", maps, "--device", "cpu", "--out", out, "--size", 128, "--frames", "1-2"]
-    run(*arguments)
-    before = files(out)
-    mesh = solved_alone(scene, 2, 128, maps)
-    assert len(before) == 2 * len(mesh.tiles)
-    for tile in mesh.tiles:
-        expected = tile.fetch("redirection", (128, 128), channels=3)
-        assert np.array_equal(pixels(out / f"redirect.0002.{tile.udim}.exr"), expected)
-    assert written(run(*arguments)) == (0, len(before)) and files(out) == before

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vrtm.bake.raster import cover, weights_at
-from vrtm.bake.scene.topology import connected
+from vrtm.borders import connected
 
 RIGID = 0.5
 """Segments count if both ends are more rigid than this."""
