@@ -11,10 +11,45 @@ from pathlib import Path
 
 import numpy as np
 import OpenImageIO as oiio
-from figure import arm, painted
 from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
 
 FRAMES = 24
+
+
+def arm(angle: float, rings: int = 97, sides: int = 97) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A half tube along x, bent by `angle` (radians) about its middle: positions (rings * sides, 3), quadrilaterals
+    (faces, 4) and UVs (rings * sides, 2). The seen side is the outside of the bend."""
+    u, v = np.meshgrid(np.linspace(0, 1, sides), np.linspace(0, 1, rings), indexing="ij")
+    along, around = 6 * (u - 0.5), np.pi * (v - 0.5)
+    y, z = np.sin(around), np.cos(around)
+    # The bone is straight, then an arc over which the bend is spread, then straight again.
+    half = 0.6
+    turned = np.clip(along, -half, half) / half * angle / 2
+    radius = 2 * half / angle if angle else np.inf
+    straight = along - np.clip(along, -half, half)
+    x0 = radius * np.sin(turned) if angle else np.clip(along, -half, half)
+    z0 = radius * (np.cos(turned) - 1) if angle else 0 * along
+    x = x0 + straight * np.cos(turned) + z * np.sin(turned)
+    z = z0 - straight * np.sin(turned) + z * np.cos(turned)
+    number = np.arange(u.size).reshape(u.shape)
+    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], -1)
+    return np.stack([x, y, z], -1).reshape(-1, 3), quads.reshape(-1, 4), np.stack([u, v], -1).reshape(-1, 2)
+
+
+def painted(size: int = 1024) -> tuple[np.ndarray, np.ndarray]:
+    """A skin with studs: its colour (size, size, 3) and its rigidity (size, size), rows from v = 1 down."""
+    v, u = (np.mgrid[:size, :size] + 0.5) / size
+    # The tube is 6 long and pi around: studs that are round on it.
+    x, y = 6 * u, np.pi * v
+    step = 0.75
+    row = np.round(y / (step * 0.866))
+    shift = (row % 2) * step / 2
+    radius = np.hypot((x - shift + step / 2) % step - step / 2, y - row * step * 0.866)
+    stud = np.clip((0.24 - radius) / 0.01, 0, 1)
+    grain = 0.04 * np.sin(40 * x + 3 * np.sin(17 * y)) * np.sin(37 * y + 2 * np.sin(23 * x))
+    skin = np.array([0.62, 0.42, 0.30]) + grain[..., None]
+    metal = np.array([0.86, 0.84, 0.78]) * (0.75 + 0.25 * np.cos(radius / 0.24 * 1.4))[..., None]
+    return skin + stud[..., None] * (metal - skin), np.clip((0.26 - radius) / 0.02, 0, 1).astype(np.float32)
 
 
 def write_image(path: Path, pixels: np.ndarray) -> None:

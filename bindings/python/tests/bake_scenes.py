@@ -1,4 +1,4 @@
-"""The console command in tests, and scenes for it: a small one with two tiles, and real meshes."""
+"""The console command in tests, and a small scene with two tiles for it."""
 
 import contextlib
 import os
@@ -16,7 +16,7 @@ from pxr import Usd, UsdGeom
 
 import scenes
 import vrtm
-from conftest import centres, grid, real_mesh
+from conftest import centres, grid
 from vrtm.bake import warped
 from vrtm.bake.scene import Scene, SceneOptions, Shape
 from vrtm.bake.scene.images import read_map
@@ -220,19 +220,3 @@ def written(ended: subprocess.CompletedProcess[str]) -> tuple[int, int]:
 def opened(scene: Path, options: SceneOptions | None = None, **settings: object) -> Work:
     """A bake of a scene on the CPU before its first solve, as the command opens it."""
     return Work(Settings(str(scene), options or SceneOptions(), device="cpu", **settings), 1)
-
-
-def real_scene(name: str, folder: Path) -> Path:
-    """A real mesh and its frames as a USD file."""
-    source = real_mesh(name)
-    with Scene(source / "rest.obj") as scene:
-        (shape,) = scene.shapes
-    poses = np.fromfile(source / "frames.f32", "<f4").reshape(-1, *shape.rest.shape)
-    stage = scenes.stage(folder / f"{name}.usdc", 1, len(poses), fps=None)
-    mesh = scenes.mesh(stage, f"/{name}", shape.rest, shape.uvs, "faceVarying", shape.uv_indices, pref=True)
-    mesh.GetFaceVertexCountsAttr().Set(shape.face_counts)
-    mesh.GetFaceVertexIndicesAttr().Set(shape.indices)
-    for frame, pose in enumerate(poses, 1):
-        mesh.GetPointsAttr().Set(pose, frame)
-    stage.SetDefaultPrim(mesh.GetPrim())
-    return Path(scenes.saved(stage))

@@ -89,16 +89,15 @@ def test_maps_are_data_of_16_bits(motion: Path) -> None:
 
 def test_what_is_up_to_date_stays_and_what_is_missing_is_written(motion: Path) -> None:
     """Of all kinds of files."""
-    arguments = ("--max-error", BOUND, "--held-out", 4, "--gltf", "--blend-shapes")
+    arguments = ("--max-error", BOUND, "--held-out", 4, "--gltf")
     bake(motion, *arguments, expect=None)
-    before, count = files(motion / "out"), 2 * document(motion)["maps"] + 3
+    before, count = files(motion / "out"), 2 * document(motion)["maps"] + 2
     assert f"0 files written, {12 + count} up to date" in bake(motion, *arguments, expect=None)
     assert files(motion / "out") == before
     (motion / "out" / "basis.0000.1002.exr").unlink()
     assert f"{count} files written, 12 up to date" in bake(motion, *arguments, expect=None)
-    for name in ("basis.glb", "basis.usdc"):
-        (motion / "out" / name).unlink()
-        bake(motion, *arguments, expect=None)
+    (motion / "out" / "basis.glb").unlink()
+    bake(motion, *arguments, expect=None)
     assert files(motion / "out") == before, "the same bytes"
 
 
@@ -137,18 +136,14 @@ def test_a_format_that_cannot_hold_the_bound_is_refused_by_name(tmp_path: Path) 
 def test_nothing_of_others_is_replaced_and_maps_that_are_left_over_go(tmp_path: Path) -> None:
     gentle(tmp_path, 3)
     painted = image(tmp_path / "strange.exr", np.ones((4, 4, 3), np.float32))
-    mine = Usd.Stage.CreateNew(str(tmp_path / "mine.usdc"))
-    mine.DefinePrim("/mine")
-    mine.Save()
     (tmp_path / "out").mkdir()
     for name, content in (
         ("basis.json", b'{"mine": 1}'),
         ("basis.0001.1001.exr", painted.read_bytes()),
         ("basis.glb", b"glTF" + bytes(16) + b'{"asset":{"generator":"other"'),
-        ("basis.usdc", (tmp_path / "mine.usdc").read_bytes()),
     ):
         (tmp_path / "out" / name).write_bytes(content)
-        said = bake(tmp_path, "--gltf", "--blend-shapes", expect=2)
+        said = bake(tmp_path, "--gltf", expect=2)
         assert f"{name} is there, and is no file that vrtm has written" in said
         assert files(tmp_path / "out") == {name: content}
         (tmp_path / "out" / name).unlink()
@@ -247,8 +242,7 @@ def test_held_out_frames_are_some_of_those_that_are_baked(tmp_path: Path) -> Non
         (("--controls", "a.csv"), "--controls needs --basis"),
         (("--held-out", 1), "--held-out needs --basis"),
         (("--basis-format", "unorm8"), "--basis-format needs --basis"),
-        (("--blend-shapes",), "--blend-shapes needs --basis"),
-        (("--basis", "--blend-shapes", "--subsets"), "--blend-shapes and --subsets exclude each other"),
+        (("--gltf",), "--gltf needs --basis"),
         (("--basis", "--gltf", "--subsets"), "--gltf and --subsets exclude each other"),
         (("--carry", "a.usda"), "--carry needs --carry-prims"),
         (("--carry-pieces", "connected"), "--carry-pieces needs --carry-prims"),

@@ -28,7 +28,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def all_kinds(scene: Path, folder: Path) -> list[object]:
     """A bake that writes each kind of file."""
     textures = [scene.parent / name for name in ("colour.<UDIM>.png", "painted.<UDIM>.tif")]
-    more = ("--texture", *textures, "--layer", folder / "over.usda", "--layer-mode", "both")
+    more = ("--texture", *textures, "--layer", folder / "over.usda", "--layer-mode", "primvar")
     return sheet_arguments(scene, folder / "out", *more, "--report", folder / "report.json")
 
 

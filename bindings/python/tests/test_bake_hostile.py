@@ -37,7 +37,6 @@ WRITERS: dict[str, Callable[[str], None]] = {
     **dict.fromkeys(("a.exr", "a.png", "a.tif"), an_image),
     **dict.fromkeys(("a.usda", "a.usdc", "a.usd"), a_layer),
     "a.json": lambda path: report.write(path, {}),
-    "a.yaml": lambda path: staging.write_bytes(path, b"a template"),
 }
 
 

@@ -16,7 +16,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return with_material(tmp_path_factory.mktemp("sheet"), preview_material, 5, 8)
 
 
-@pytest.mark.parametrize("mode", ["texture", "primvar", "both"])
+@pytest.mark.parametrize("mode", ["texture", "primvar"])
 def test_a_layer_goes_over_the_shot(scene: Path, tmp_path: Path, mode: str) -> None:
     layer = tmp_path / "shot" / "redirect.usda"
     layer.parent.mkdir()
@@ -65,7 +65,7 @@ def test_wrong_layers(scene: Path, tmp_path: Path) -> None:
     for arguments, words in [
         (sheet_arguments(scene, out, "--form", "tile", "--layer", tmp_path / "l.usda"), "udim"),
         (sheet_arguments(scene, out, "--form", "udim", "--layer", tmp_path / "l.txt"), ".usda"),
-        (sheet_arguments(scene, out, "--layer", "l.usda", "--layer-mode", "both", "--tiles", 1001), "--tiles"),
+        (sheet_arguments(scene, out, "--layer", "l.usda", "--layer-mode", "primvar", "--tiles", 1001), "--tiles"),
         (sheet_arguments(scene, out, "--only-layer"), "--layer"),
         (["bake", obj, *sheet_arguments(scene, out, "--layer", tmp_path / "l.usda")[2:]], "USD"),
     ]:

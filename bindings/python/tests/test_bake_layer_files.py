@@ -74,12 +74,14 @@ def test_a_frame_is_frozen_for_programs_that_ignore_time(tmp_path: Path) -> None
     assert not file.GetTimeSamples() and file.Get().path == file.Get(3).path == "./maps/redirect.0002.<UDIM>.exr"
     assert "--freeze 9: it is none of 1-3" in run(*arguments, "--freeze", 9, expect=2).stderr
     scene = with_material(tmp_path / "preview", preview_material)
-    copies = ("--texture", scene.parent / "colour.<UDIM>.png", "--layer-mode", "both")
-    layer, root = tmp_path / "both.usda", tmp_path / "final.usda"
-    run(*sheet_arguments(scene, tmp_path / "copies", "--layer", layer, "--root", root, "--freeze", 3, *copies))
-    stage = Usd.Stage.Open(str(root))
-    assert texture(bound(stage, MESH)).GetInput("file").Get().path == "./copies/colour.0003.<UDIM>.png"
-    primvar = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath(MESH)).GetPrimvar("st_redirected")
+    stages = []
+    for mode, more in (("texture", ("--texture", scene.parent / "colour.<UDIM>.png")), ("primvar", ())):
+        root = tmp_path / f"{mode}.root.usda"
+        given = ("--layer", tmp_path / f"{mode}.usda", "--root", root, "--freeze", 3, "--layer-mode", mode, *more)
+        run(*sheet_arguments(scene, tmp_path / "copies", *given, "--seams", "shut", "--open-borders", "fixed"))
+        stages.append(Usd.Stage.Open(str(root)))
+    assert texture(bound(stages[0], MESH)).GetInput("file").Get().path == "./copies/colour.0003.<UDIM>.png"
+    primvar = UsdGeom.PrimvarsAPI(stages[1].GetPrimAtPath(MESH)).GetPrimvar("st_redirected")
     alone = solved_alone(scene, 3).corner_uvs()
     assert all(np.array_equal(np.array(primvar.Get(frame)), alone) for frame in (1, 2, 3))
 

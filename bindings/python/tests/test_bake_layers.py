@@ -113,9 +113,8 @@ def test_messages_name_the_layer(baked: Path, tmp_path: Path) -> None:
 
 
 def test_the_first_face_moves_all(baked: Path, tmp_path: Path) -> None:
-    for name in ("first", "first_face"):
-        run(*arguments(baked, tmp_path / name, "--frames", 2, "--tiles", 1001, "--layer", "", "--overlap", name))
-    assert files(tmp_path / "first") == files(tmp_path / "first_face")
+    more = ("--frames", 2, "--tiles", 1001, "--layer", "", "--overlap", "first")
+    run(*arguments(baked, tmp_path / "first", *more))
     asset = solved_alone(baked, 2, SIZE, settings={"overlap": "first_face"})
     expected = asset.tile(1001).fetch("redirection_udim", SIZE, channels=3)
     assert np.array_equal(pixels(tmp_path / "first" / "redirect.0002.1001.exr"), expected)

@@ -72,7 +72,7 @@ def test_all_that_is_not_baked_is_in_one_list(tmp_path: Path, capfd: pytest.Capt
     assert rows[3] == where | {"why": "the scene has 1-3", "meant": False}
     assert (rows[4]["mesh"], rows[4]["tiles"]) == (MESH, [1002])
     # --strict: nothing is baked, and the report says why.
-    assert cli.main([*arguments, "--force", "--strict"]) == 2
+    assert cli.main([*arguments, "--strict"]) == 2
     assert f"vrtm: --strict: {wrong[0]} (and 2 more, named above)" in capfd.readouterr().err
     written = json.loads(report.read_text())
     assert (written["exit_code"], written["written"], len(written["not_baked"])) == (2, 0, 5)

@@ -7,7 +7,6 @@ from pxr import Gf, Sdf, Usd
 
 from bake_scenes import MESH, files, run, sheet, sheet_arguments, with_material
 from vrtm import cli
-from vrtm.bake import remarks
 
 
 def test_what_does_not_deform_is_left_out(tmp_path: Path) -> None:
@@ -172,12 +171,3 @@ def test_small_bakes_stay_in_one_process(scene: Path, tmp_path: Path, monkeypatc
         "1 frame, 1 at a time, on all threads each",
         "4 frames, 1 at a time, on all threads each",
     ]
-
-
-def test_lines_say_how_long_the_bake_goes_on(tmp_path: Path, monkeypatch, capsys) -> None:
-    monkeypatch.setattr(remarks, "_LEAST", 1e-9)
-    scene = sheet(tmp_path, frames=4, cells=2)
-    assert cli.main(list(map(str, sheet_arguments(scene, tmp_path / "out", "--size", 16, "--tiles", "1001")))) == 0
-    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("[")]
-    # The first frame is done by itself, and nothing is left after the last one.
-    assert [line.endswith("about 0 s left") for line in lines] == [False, True, True, False]

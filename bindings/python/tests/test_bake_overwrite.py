@@ -107,13 +107,13 @@ def test_files_of_others_are_replaced_on_request_only(shot: Path) -> None:
     out = folder / "out"
     out.mkdir()
     layer, report = folder / "vrtm.usda", folder / "report.json"
-    wanted = sheet_arguments(shot, out, "--layer", layer, "--layer-mode", "both", "--report", report)
+    wanted = sheet_arguments(shot, out, "--layer", layer, "--layer-mode", "primvar", "--report", report)
     wanted += ["--texture", folder / "colour.<UDIM>.png"]
     run(*wanted)
     before = files(folder)
     assert len(before) == 6 + 8 + 2 + 3
     # All of its own are replaced without a question.
-    run(*wanted, "--force")
+    run(*wanted, "--quality", "draft")
     (out / "redirect.0002.1001.exr").write_bytes(b"")
     run(*wanted)
     written = {name for name in before if name not in ("report.json",)}
@@ -151,13 +151,13 @@ def test_the_layer_of_an_earlier_bake_may_lie_below_the_shot(shot: Path) -> None
     stage.GetRootLayer().subLayerPaths = ["./vrtm.usda"]
     stage.Save()
     before = files(folder)
-    run(*wanted, "--force")
+    run(*wanted)
     assert files(folder) == before
     # By another way to the same file, too.
     os.symlink(folder, folder.parent / "way")
     text = layer.read_text()
     other = sheet_arguments(shot, folder / "out", "--layer", folder.parent / "way" / "vrtm.usda")
-    run(*other, "--texture", folder / "colour.<UDIM>.png", "--force")
+    run(*other, "--texture", folder / "colour.<UDIM>.png")
     again = layer.read_text()
     assert again.count("specializes") == text.count("specializes") and "redirected_sheet" not in again
     # What was flattened has the mark, and all that the shot is made of: it is an input.
@@ -203,18 +203,6 @@ def test_folders_are_made_for_maps_alone(shot: Path) -> None:
     out = shot.parent / "new" / "out"
     run(*sheet_arguments(shot, out, "--frames", 1, "--report", out / "notes" / "r.json"))
     assert json.loads((out / "notes" / "r.json").read_text())["exit_code"] == 0
-
-
-def test_a_template_replaces_its_own_kind_alone(tmp_path: Path) -> None:
-    path = tmp_path / "job.yaml"
-    run("farm-template", "--out", path)
-    run("farm-template", "--out", path, "--no-layer")
-    path.write_text("name: a job of another program\n")
-    ended = run("farm-template", "--out", path, expect=2)
-    assert "job.yaml" in ended.stderr and "--overwrite" in ended.stderr
-    assert path.read_text().startswith("name: a job")
-    run("farm-template", "--out", path, "--overwrite")
-    assert path.read_text().startswith("# vrtm farm-template")
 
 
 def test_marks(tmp_path: Path) -> None:

@@ -16,7 +16,6 @@ from vrtm.bake.console import Console
 from vrtm.bake.failure import BUG, DEVICE, INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.names import Pattern
-from vrtm.bake.remarks import TimeLeft
 from vrtm.bake.scene import SceneError
 
 
@@ -199,39 +198,8 @@ def test_a_full_stream_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     """A later flush must not fail for text that the stream could not take."""
     with open("/dev/full", "w") as full:
         monkeypatch.setattr(sys, "stdout", full)
-        console = Console(quiet=False, progress=True, openjd=False)
+        console = Console()
         console.info("x" * 100)
         full.flush()
         console.info("more")
         full.flush()
-
-
-def test_the_time_left_counts_meshes_apart() -> None:
-    seconds = {"city": 30.0, "shoe": 0.1, "hat": 0.5}
-    tasks = [(mesh, frame) for frame in range(20) for mesh in seconds]
-    # Three at a time; what a mesh may take is guessed badly at first.
-    left = TimeLeft((mesh for mesh, _ in tasks), {"city": 4000, "shoe": 100, "hat": 20})
-    total, elapsed = 20 * sum(seconds.values()) / 3, 0.0
-    for done, (mesh, _) in enumerate(tasks, 1):
-        left.done(mesh, seconds[mesh])
-        elapsed += seconds[mesh] / 3
-        # By the number of frames, 7 of 60, it would be 260 s after the first one of the third frame.
-        assert left.seconds(elapsed) == pytest.approx(total - elapsed, rel=0.05 if done < 3 else 1e-6, abs=1e-6)
-    assert left.text(elapsed) == ""
-
-
-@pytest.mark.parametrize(
-    ("frame", "left", "text"),
-    [
-        (1, 9, ""),
-        (1, 10, ", about 10 s left"),
-        (3, 29, ", about 85 s left"),
-        (10, 30, ", about 5 min left"),
-        (600, 12, ", about 2.0 h left"),
-    ],
-)
-def test_the_time_left_as_text(frame: float, left: int, text: str) -> None:
-    estimate = TimeLeft(["mesh"] * (left + 1), {"mesh": 1})
-    assert estimate.text(0.0) == ""
-    estimate.done("mesh", frame)
-    assert estimate.text(frame) == text

@@ -164,4 +164,4 @@ def test_validators_notice_a_missing_file_and_a_wrong_type(stage: Usd.Stage, tmp
 
 def test_wrong_plans(stage: Usd.Stage) -> None:
     with pytest.raises(LayerError, match="cannot serve one, whose tiles are"):
-        over(stage, form="tile", tiles={"one": (1001, 1002)})
+        over(stage, corners=False, form="tile", tiles={"one": (1001, 1002)})

@@ -63,7 +63,7 @@ def test_normal_maps_are_said_to_need_more_where_they_are_redirected(stage: Usd.
         normal = node(stage, f"{uv}/surface").CreateInput("normal", scenes.TYPES.Normal3f)
         normal.ConnectToSource(node(stage, f"{uv}/colour").GetOutput("rgb"))
         scenes.bind(stage.GetPrimAtPath(f"/world/{name}"), material)
-    _, warnings = over(stage, ("one", "two"), mode="primvar")
+    _, warnings = over(stage, ("one", "two"))
     assert [warning for warning in warnings if "does not turn" in warning] == [
         "/world/one: /world/looks/st_one_redirected/surface takes a normal map, which the layer looks up redirected, "
         "but does not turn"
@@ -103,14 +103,14 @@ def test_materialx_with_the_uvs_by_default(stage: Usd.Stage, tmp_path: Path) -> 
         surface = bound(final, "/world/one").ComputeSurfaceSource("mtlx")[0]
         return source(source(surface.GetInput("emission_color")).GetInput("texcoord"))
 
-    lookup = coordinate(form="tile")
+    lookup = coordinate(corners=False, form="tile")
     assert lookup.GetInput("file").Get(2).path == "./redirect.one.0002.1001.exr" and not lookup.GetInput("texcoord")
-    total = coordinate(form="delta")
+    total = coordinate(corners=False, form="delta")
     assert total.GetIdAttr().Get() == "ND_add_vector2"
     assert source(total.GetInput("in1")).GetIdAttr().Get() == "ND_texcoord_vector2"
     assert source(total.GetInput("in2")).GetInput("file").Get(1).path == "./redirect.one.0001.1001.exr"
     assert source(source(total.GetInput("in2")).GetInput("texcoord")).GetIdAttr().Get() == "ND_texcoord_vector2"
-    reader = coordinate(mode="primvar")
+    reader = coordinate()
     assert reader.GetIdAttr().Get() == "ND_geompropvalue_vector2"
     assert reader.GetInput("geomprop").Get() == "st_redirected"
 
@@ -128,7 +128,7 @@ def test_a_coordinate_that_comes_through_the_interface_of_a_graph(stage: Usd.Sta
     port.ConnectToSource(reader.CreateOutput("out", scenes.TYPES.Float2))
     node(stage, "mx/graph/colour").CreateInput("texcoord", scenes.TYPES.Float2).ConnectToSource(port)
     scenes.bind(stage.GetPrimAtPath("/world/one"), material)
-    final, warnings = over(stage)
+    final, warnings = over(stage, corners=False)
     assert warnings == [] and checked(tmp_path) == [], "nodes are plugged to nodes of the same graph alone"
     made = bound(final, "/world/one")
     lookup = source(UsdShade.Shader(made.GetPrim().GetChild("graph").GetChild("colour")).GetInput("texcoord"))
@@ -204,7 +204,7 @@ def test_a_texture_that_is_looked_up_by_transformed_uvs_keeps_its_file(stage: Us
     assert f"is looked up through /world/looks/skin/place ({kind})" in warnings[0]
     assert "neither a warped copy" not in "".join(warnings)
     # Redirected corner UVs go through the transform as the mesh's own do.
-    final, warnings = over(stage, warped_path=lambda *_: "./warped.png", mode="both", form="udim")
+    final, warnings = over(stage, warped_path=lambda *_: "./warped.png")
     assert warnings == [] and file_of(final) == "colour.<UDIM>.png"
     reader = source(source(texture(bound(final, "/world/one")).GetInput("st")).GetInput("in"))
     (name,) = UsdShade.Utils.GetValueProducingAttributes(reader.GetInput("varname"))
@@ -243,7 +243,7 @@ def test_other_lookups_that_no_copy_is_made_for(stage: Usd.Stage) -> None:
     assert file == "colour.png" and "is looked up at one place" in warnings[0]
 
 
-def test_textures_of_one_reader_are_redirected_in_one_way(stage: Usd.Stage) -> None:
+def test_a_texture_without_a_copy_stays_beside_one_that_has_it(stage: Usd.Stage) -> None:
     other = scenes.shader(stage, "/world/looks/skin/rough", "UsdUVTexture")
     other.CreateInput("file", scenes.TYPES.Asset).Set(Sdf.AssetPath("rough.png"))
     other.CreateInput("st", scenes.TYPES.Float2).ConnectToSource(node(stage, "skin/uv").GetOutput("result"))
@@ -253,10 +253,6 @@ def test_textures_of_one_reader_are_redirected_in_one_way(stage: Usd.Stage) -> N
     def warped(shape: str, frame: int, name: str) -> str | None:
         return "./warped.png" if "colour" in name else None
 
-    final, warnings = over(stage, mode="both", warped_path=warped)
-    # Else the warped copy would be looked up by redirected UVs.
-    assert varname(texture(bound(final, "/world/one"))) == "st_redirected" and file_of(final) == "colour.<UDIM>.png"
-    assert warnings == []
     final, warnings = over(stage, corners=False, warped_path=warped)
     assert file_of(final) == "./warped.png"
     assert len(warnings) == 1 and "rough has neither a warped copy" in warnings[0]

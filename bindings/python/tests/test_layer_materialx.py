@@ -56,7 +56,7 @@ def document(material: UsdShade.Material, library: mx.Document, time: float) -> 
 
 
 @pytest.mark.parametrize("plugged", [True, False])
-@pytest.mark.parametrize("how", [{}, {"form": "delta"}, {"mode": "primvar"}])
+@pytest.mark.parametrize("how", [{"corners": False}, {"corners": False, "form": "delta"}, {}])
 def test_networks_are_valid_and_become_shaders(tmp_path: Path, library: mx.Document, plugged: bool, how: dict) -> None:
     stage = shot(tmp_path)
     scenes.bind(stage.GetPrimAtPath("/world/one"), scenes.materialx_material(stage, "/world/looks/mx", plugged, False))
@@ -72,5 +72,5 @@ def test_networks_are_valid_and_become_shaders(tmp_path: Path, library: mx.Docum
     read = [line for line in code.splitlines() if "mx_image_color3(colour_file" in line]
     last = "scale_out" if plugged else {"delta": "vrtm_redirected_sum_out"}.get(how.get("form"), "vrtm_redirected_out")
     assert len(read) == 1 and last in read[0], read
-    if how.get("mode") != "primvar":
+    if "corners" in how:
         assert sum("mx_image_vector2(vrtm_redirected_file" in line for line in code.splitlines()) == 1

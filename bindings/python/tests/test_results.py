@@ -1,13 +1,11 @@
 """Reports, corner UVs and refinements against what they must be."""
 
-import base64
 import dataclasses
 
 import numpy as np
 import pytest
 
 import vrtm
-from bake_scenes import pixels
 from conftest import studded
 
 
@@ -120,24 +118,5 @@ def test_reports_are_tables(asset, model):
     assert lines[1].split() == ["tiles", "1"]
     tile = asset.tile(1001).report()
     assert dict(tile.rows())["before.rms"] == f"{tile.before.rms:.6g}"
-    assert f"<td>before.rms</td><td>{tile.before.rms:.6g}</td>" in tile._repr_html_()
     # Settings are written as they are made.
     assert eval(repr(asset.tile(1001).settings), vars(vrtm)) == asset.tile(1001).settings
-
-
-def test_notebooks_show_the_map(asset, model, tmp_path):
-    tile = asset.tile(1001)
-    assert "solve first" in tile._repr_html_() and "<img" not in tile._repr_html_()
-    asset.solve(model.pose)
-    page = tile._repr_html_()
-    assert page in asset._repr_html_() and len(page) < 100_000
-    data = base64.b64decode(page.split("base64,")[1].split('"')[0])
-    (tmp_path / "map.png").write_bytes(data)
-    picture = pixels(tmp_path / "map.png")
-    assert picture.shape[2] == 4 and picture.dtype == np.uint8
-    # Red where the texture is looked up the farthest away, grey where it stays.
-    shift = np.abs(tile.fetch("redirection_delta", picture.shape[1])).max(-1)
-    far, still = np.unravel_index(shift.argmax(), shift.shape), np.unravel_index(shift.argmin(), shift.shape)
-    assert picture[far][0] > 1.8 * picture[far][2] and np.ptp(picture[still][:3]) < 3
-    asset.close()
-    assert "closed" in asset._repr_html_()

@@ -136,21 +136,20 @@ def test_files_are_bound_at_the_time_code_of_their_pose(tmp_path: Path) -> None:
         for frame in scene.frames:
             uvs = np.full((len(shape.indices), 2), frame, np.float32)
             write_corner_uvs(tmp_path / f"corners.{frame}.usdc", shape, frame, uvs)
-        plan = LayerPlan(
-            scene.frames,
-            ("mesh",),
-            "both",
-            map_path=lambda shape, frame, udim: f"./map.{frame}.exr",
-            corner_path=lambda shape, frame: f"./corners.{frame}.usdc",
-            time_of=scene.clock.time,
-        )
-        write_layer(tmp_path / "over.usda", scene, plan)
-    layer = Sdf.Layer.FindOrOpen(str(tmp_path / "over.usda"))
-    layer.subLayerPaths = ["./a.usda"]
-    over = Usd.Stage.Open(layer)
-    assert over.GetTimeCodesPerSecond() == 1
-    found = next(prim for prim in over.Traverse() if prim.GetName() == "vrtm_redirected").GetAttribute("inputs:file")
-    corners = UsdGeom.PrimvarsAPI(over.GetPrimAtPath("/mesh")).GetPrimvar("st_redirected")
+        stages = []
+        for name, paths in (
+            ("maps", {"map_path": lambda shape, frame, udim: f"./map.{frame}.exr"}),
+            ("corners", {"corner_path": lambda shape, frame: f"./corners.{frame}.usdc"}),
+        ):
+            plan = LayerPlan(scene.frames, ("mesh",), time_of=scene.clock.time, **paths)
+            write_layer(tmp_path / f"{name}.usda", scene, plan)
+            layer = Sdf.Layer.FindOrOpen(str(tmp_path / f"{name}.usda"))
+            layer.subLayerPaths = ["./a.usda"]
+            stages.append(Usd.Stage.Open(layer))
+    assert [over.GetTimeCodesPerSecond() for over in stages] == [1, 1]
+    redirected = next(prim for prim in stages[0].Traverse() if prim.GetName() == "vrtm_redirected")
+    found = redirected.GetAttribute("inputs:file")
+    corners = UsdGeom.PrimvarsAPI(stages[1].GetPrimAtPath("/mesh")).GetPrimvar("st_redirected")
     for frame in (0, 1, 7, 24):
         assert found.Get(frame / 24).path == f"./map.{frame}.exr"
         assert corners.Get(frame / 24)[0] == (frame, frame)

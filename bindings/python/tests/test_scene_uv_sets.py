@@ -6,7 +6,6 @@ import pytest
 from pxr import Usd, UsdGeom
 
 import scenes
-from vrtm.bake.parsing import uv_names
 from vrtm.bake.scene import Scene, SceneError, SceneOptions
 
 BAKE = SceneOptions(skip_still=True)
@@ -49,11 +48,6 @@ def test_each_mesh_takes_the_first_uv_set_that_it_has(tmp_path: Path) -> None:
     stage.Save()
     assert chosen(path, "UVMap", "st") == {"/body": "st", "/jacket": "UVMap"}
     assert {shape.uv_name for shape in Scene(path, BAKE).shapes} == {"st"}
-
-
-def test_lists_of_uv_sets() -> None:
-    assert uv_names([]) is None
-    assert uv_names(["UVMap", "st"]) == uv_names(["UVMap,st"]) == ("UVMap", "st")
 
 
 def test_a_still_mesh_does_not_end_a_bake(tmp_path: Path) -> None:

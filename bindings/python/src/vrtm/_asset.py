@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import ctypes
-import html
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _abi, _mesh
-from ._arrays import Pinned, filled
+from . import _abi
+from ._arrays import Pinned, array_of, filled
 from ._call import interruptible
 from ._carrier import Carrier
 from ._device import Device
 from ._errors import InvalidArgumentError
 from ._fetch import CarrierFetch, Fetch
 from ._job import Job
-from ._library import Owned, check, library
-from ._names import natural, told
+from ._library import Owned, check, library, new
+from ._names import natural, told, value_of
 from ._options import SolveOptions, build
 from ._records import AssetInfo, AssetReport, Fit, Weld
 from ._refinement import Refinement
@@ -75,21 +74,34 @@ class Asset(Owned):
     ) -> None:
         if not isinstance(device, Device):
             raise TypeError(f"device: {device!r} is no vrtm.Device")
-        pinned = Pinned()
-        given = {
-            "face_counts": face_counts,
-            "face_offsets": face_offsets,
-            "uvs": uvs,
-            "uv_indices": uv_indices,
-            "uv_sets": uv_sets,
-            "seams": seams,
-            "textured_faces": textured_faces,
-            "weld": weld,
-            "weld_position_tolerance": weld_position_tolerance,
-            "weld_uv_tolerance": weld_uv_tolerance,
-            "max_layers": max_layers,
-        }
-        desc = _mesh.mesh(pinned, positions, indices, given)
+        pinned, desc = Pinned(), new(_abi.vrtm_mesh_desc)
+        desc.positions = ctypes.pointer(pinned.vectors("positions", positions, 3, more=1))
+        corners = array_of("indices", indices)
+        if corners.ndim == 2 and face_counts is None and face_offsets is None:
+            # One row per face.
+            face_counts = np.full(corners.shape[0], corners.shape[1], np.uint32)
+        _set_list(pinned, desc, "indices", corners, "index_count")
+        _set_list(pinned, desc, "face_counts", face_counts, "face_count")
+        _set_list(pinned, desc, "face_offsets", face_offsets, "face_offset_count")
+        _set_list(pinned, desc, "textured_faces", textured_faces, "textured_face_count")
+        if seams is not None:
+            pairs = array_of("seams", seams)
+            if pairs.size and (pairs.ndim != 2 or pairs.shape[1] != 2):
+                raise ValueError(f"seams: has the shape {pairs.shape}, not (count, 2)")
+            _set_list(pinned, desc, "seams", pairs, "seam_count")
+            desc.seam_count //= 2
+        _set_uvs(pinned, desc, "uvs", uvs, "uv_indices", uv_indices)
+        if further := list(uv_sets):
+            sets = pinned.keep((_abi.vrtm_uv_set * len(further))())
+            for k, (struct, given) in enumerate(zip(sets, further)):
+                # A pair (uvs, uv_indices), or the UVs alone, which may be a pair (u, v).
+                paired = isinstance(given, tuple) and len(given) == 2 and array_of(f"uv_sets[{k}]", given[0]).ndim == 2
+                values, at = given if paired else (given, None)
+                _set_uvs(pinned, struct, f"uv_sets[{k}]", values, f"uv_sets[{k}] indices", at)
+            desc.uv_sets, desc.uv_set_count = sets, len(further)
+        desc.weld = value_of("weld", weld)
+        desc.weld_position_tolerance, desc.weld_uv_tolerance = weld_position_tolerance, weld_uv_tolerance
+        desc.max_layers = natural("max_layers", max_layers, 64)
         handle = _abi.vrtm_asset()
         check(library.vrtm_asset_create(device._handle, ctypes.byref(desc), ctypes.byref(handle)))
         self._own(handle, library.vrtm_asset_destroy, device._log)
@@ -266,6 +278,23 @@ class Asset(Owned):
         info = self.info
         return f"<vrtm.Asset of {info.faces} faces, tiles {', '.join(tile._name for tile in self._tiles)}>"
 
-    def _repr_html_(self) -> str:
-        title = f"<p>{html.escape(repr(self))}</p>"
-        return title if self.closed else title + "".join(tile._repr_html_() for tile in self._tiles[:_NAMED])
+
+def _set_list(pinned: Pinned, struct: ctypes.Structure, name: str, value: Any, count: str) -> None:
+    if value is not None:
+        array = pinned.indices(name, value)
+        setattr(struct, name, array.ctypes.data)
+        setattr(struct, count, len(array))
+
+
+def _set_uvs(pinned: Pinned, struct: ctypes.Structure, name: str, uvs: Any, indices_name: str, indices: Any) -> None:
+    if uvs is None:
+        raise ValueError(f"{name}: a mesh without UVs has no texture")
+    if isinstance(uvs, tuple) and len(uvs) == 2 and array_of(name, uvs[0]).ndim == 1:
+        # u and v in separate arrays.
+        struct.u = ctypes.pointer(pinned.vectors(f"{name}[0]", uvs[0], 1))
+        struct.v = ctypes.pointer(pinned.vectors(f"{name}[1]", uvs[1], 1))
+    else:
+        struct.uvs = ctypes.pointer(pinned.vectors(name, uvs, 2))
+    if indices is not None:
+        array = pinned.indices(indices_name, indices, none=True)
+        struct.uv_indices, struct.uv_index_count = array.ctypes.data, len(array)

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-import html
 from collections.abc import Iterator
 from typing import Any
 
 
 class Table:
-    """A dataclass that shows its fields one below another, with those of records that it holds; in notebooks, too."""
+    """A dataclass that shows its fields one below another, with those of records that it holds."""
 
     def rows(self) -> list[tuple[str, str]]:
         """The name and the text of each figure, `before.rms` for one of a record within this."""
@@ -19,10 +18,6 @@ class Table:
         rows = self.rows()
         width = max(len(name) for name, _ in rows)
         return "\n".join([type(self).__name__, *(f"  {name:<{width}}  {value}" for name, value in rows)])
-
-    def _repr_html_(self) -> str:
-        rows = (f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>" for name, value in self.rows())
-        return f"<table><caption>{type(self).__name__}</caption>{''.join(rows)}</table>"
 
 
 def _rows(record: Any, prefix: str) -> Iterator[tuple[str, str]]:

@@ -11,20 +11,15 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _abi
 from ._arrays import Pinned, Pixels
-from ._errors import Error
 from ._images import PIXELS, Target, image, image_size, pixel_type
 from ._library import check, library, new
 from ._names import fill, natural, told, value_of
-from ._picture import figure, without_picture
 from ._records import FetchKind, MapInfo, Origin, TileEstimate, TileInfo, TileReport, TileSettings, TileSettingsFields
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
 
     from ._asset import Asset
-
-_SIDE = 256
-"""Texels of a tile's picture per side."""
 
 
 class Tile:
@@ -287,12 +282,6 @@ class Tile:
 
     def __repr__(self) -> str:
         return f"<vrtm.Tile {self._name} of UV set {self.uv_set}>"
-
-    def _repr_html_(self) -> str:
-        try:
-            return figure(repr(self), self.fetch(size=_SIDE, channels=4), self.report().min_jacobian)
-        except Error as error:
-            return without_picture(repr(self), error.message)
 
     @property
     def _name(self) -> str:

@@ -65,3 +65,16 @@ def open_border(vertices: np.ndarray, face_counts: np.ndarray, textured: np.ndar
     pairs = np.sort(np.stack([vertices, vertices[following]])[:, np.repeat(textured, counts)], axis=0)
     edges, number = np.unique(pairs[0] * (vertices.max(initial=0) + 1) + pairs[1], return_counts=True)
     return np.unique(np.concatenate(np.divmod(edges[number == 1], vertices.max(initial=0) + 1)))
+
+
+def connected(nodes: int, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """(nodes,): the least number among the nodes that links, from `one` to `other`, connect to each."""
+    root = np.arange(nodes)
+    while True:
+        a, b = root[one], root[other]
+        apart = a != b
+        if not apart.any():
+            return root
+        root[np.maximum(a, b)[apart]] = np.minimum(a, b)[apart]
+        while (root[root] != root).any():
+            root = root[root]

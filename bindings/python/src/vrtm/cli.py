@@ -58,11 +58,9 @@ def _run(given: list[str]) -> int:
     image_arguments.add_rigidity(commands)
     template = commands.add_parser(
         "farm-template",
-        help="write a job template for a render farm",
-        description="Writes an OpenJobDescription template.",
+        help="print a job template for a render farm",
+        description="Prints an OpenJobDescription template.",
     )
-    template.add_argument("--out", metavar="FILE", help="where to write (default: to stdout)")
-    template.add_argument("--overwrite", action="store_true", help="replace a file that vrtm has not written, too")
     template.add_argument("--no-layer", action="store_true", help="without the step that writes a USD layer")
     commands.add_parser("devices", help="list what can compute", description="Lists the CPU and all GPUs.")
     parsed = parser.parse_args(given)
@@ -72,7 +70,7 @@ def _run(given: list[str]) -> int:
         except ValueError as error:
             bake.error(f"--more: {error}")
     if parsed.command == "farm-template":
-        return _template(parsed.out, not parsed.no_layer, parsed.overwrite)
+        return _template(not parsed.no_layer)
     if parsed.command == "devices":
         return _devices()
     return _work(parsed, arguments.settings(bake, parsed) if parsed.command == "bake" else None)
@@ -89,8 +87,8 @@ def _work(parsed: argparse.Namespace, settings: Settings | None) -> int:
     with signals() as stop:
         try:
             if settings is not None:
-                console = Console(parsed.quiet, not parsed.no_progress, parsed.openjd)
-                console = Console(parsed.quiet, not parsed.no_progress, parsed.openjd, parsed.verbose, parsed.log)
+                console = Console(parsed.quiet, parsed.openjd)
+                console = Console(parsed.quiet, parsed.openjd, parsed.verbose, parsed.log)
                 from vrtm.bake.run import bake
 
                 return bake(settings, console, stop)
@@ -106,20 +104,15 @@ def _work(parsed: argparse.Namespace, settings: Settings | None) -> int:
             return failure.code
 
 
-def _template(path: str | None, layer: bool, replace: bool) -> int:
-    from vrtm.bake import overwrite, staging
+def _template(layer: bool) -> int:
     from vrtm.bake.console import Console
     from vrtm.bake.failure import describe
     from vrtm.farm import template
 
     try:
-        if path is None:
-            sys.stdout.write(template(layer))
-        else:
-            overwrite.check([(path, "--out")], (), replace)
-            staging.write_bytes(path, template(layer).encode())
-    except (OSError, overwrite.Conflict) as error:
-        failure = describe(error, path or "stdout")
+        print(template(layer), end="", flush=True)
+    except OSError as error:
+        failure = describe(error, "stdout")
         Console().error(failure.message)
         return failure.code
     return 0

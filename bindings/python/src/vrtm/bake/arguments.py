@@ -18,7 +18,6 @@ from vrtm.bake.parsing import (
     not_negative,
     option,
     positive,
-    uv_names,
     whole,
 )
 from vrtm.bake.scene import SceneOptions
@@ -163,7 +162,6 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "PATTERN",
     )
     add("--tiles", "Bake these tiles, such as 1001,1011-1013. All by default.", "LIST", type=listed(frames.parse_whole))
-    add("--force", "Also write files that are up to date.")
     add("--overwrite", "Also replace files that vrtm has not written, but never one that the bake reads.")
 
     add = group("content")
@@ -223,7 +221,6 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "move there (fixed); or all follow the chart of the first face (first).",
         choices=(EACH, "fixed", "first"),
         default=OVERLAP,
-        type=lambda text: "first" if text == "first_face" else text,
     )
     text = f"With --overlap each, the most layers of a tile ({Settings.max_layers} by default)."
     add("--max-layers", text, "N", type=whole(2, LARGEST))
@@ -246,10 +243,6 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         default=HALF,
     )
     add("--gltf", "Also write the mesh as glTF with UV morph targets, for engines and materials without a map.")
-    add(
-        "--blend-shapes",
-        "Also write the mesh as USD with blend shapes, and one with its UVs as points, for scripts that blend UVs.",
-    )
     add(
         "--controls",
         "The frames are poses of a rig, and this table (CSV) has the values of its controls: a first line 'frame' and "
@@ -291,9 +284,9 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add = group("USD layer")
     add(
         "--layer-mode",
-        "The layer redirects texture lookups of the materials (texture), authors the primvar st_redirected (primvar), "
-        "or does both.",
-        choices=("texture", "primvar", "both"),
+        "The layer redirects texture lookups of the materials (texture), or authors the primvar st_redirected for them "
+        "(primvar).",
+        choices=("texture", "primvar"),
         default="texture",
     )
     add("--only-layer", "Write nothing but the layer.")
@@ -342,7 +335,6 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
     add("--report", "Write all figures as JSON.", "FILE")
     add("--log", "Also add all messages to this file, with their times.", "FILE")
     add("--verbose", "Also print details, such as messages of the library.")
-    add("--no-progress", "Print no progress bar, and no line per frame.")
     add("--quiet", "Print nothing but warnings and errors.")
     add("--openjd", "Print progress and status lines of OpenJobDescription.")
     add("--more", "Further options in one argument, quoted as in a shell: --more='--half'.", "OPTIONS")
@@ -350,7 +342,7 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
 
 
 _NEEDED_BY = {
-    "--basis": ("--controls", "--gltf", "--basis-format", "--blend-shapes", "--held-out"),
+    "--basis": ("--controls", "--gltf", "--basis-format", "--held-out"),
     "--carry-prims": ("--carry", "--carry-farthest", "--carry-fit", "--carry-pieces"),
     "--layer": ("--root", "--freeze"),
 }
@@ -358,7 +350,6 @@ _EXCLUDES = {
     "--rigidity": ("--rigidity-primvar",),
     "--mask": ("--mask-primvar",),
     "--gltf": ("--subsets",),
-    "--blend-shapes": ("--subsets",),
     "--basis": ("--only-layer", "--texture-uv", "--tiles"),
     "--carry-prims": ("--only-layer", "--subsets", "--tiles"),
     "--texture-uv": ("--texture", "--normal-map", "--jacobian", "--filter-scale", "--subdivide"),
@@ -377,7 +368,7 @@ def settings(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Settings
         # The defaults are those of the settings.
         return {name: value for name, value in given.items() if value is not None}
 
-    further = {"uv": uv_names(a.uv), "variants": tuple(map(tuple, a.variants)), "skip_still": True}
+    further = {"uv": tuple(a.uv) or None, "variants": tuple(map(tuple, a.variants)), "skip_still": True}
     own = {
         "options": SceneOptions(**same(SceneOptions) | further),
         "measure": a.measure or a.max_strain is not None or a.max_error is not None,

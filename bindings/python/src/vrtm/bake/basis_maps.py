@@ -67,8 +67,7 @@ def write(work: Work, results: Sequence[FrameResult], stop: Callable[[], None]) 
             document, is_new = _MeshBasis(work, mesh, there, controls, stop).made()
             made.lines += _told(document, work.basis_file(name))
             made.failure = made.failure or _failure(document, name)
-            geometry = sum(kind in document for kind in ("gltf", "blend_shapes"))
-            count = 1 + sum(len(tile["maps"]) for tile in document["files"]) + geometry
+            count = 1 + sum(len(tile["maps"]) for tile in document["files"]) + ("gltf" in document)
             made.written, made.skipped = made.written + is_new * count, made.skipped + (not is_new) * count
     return made
 
@@ -103,7 +102,7 @@ class _MeshBasis:
                 inputs.text(image_file.told(file).get("vrtm:inputs"))
         if self.controls is not None:
             inputs.text(self.controls.names, self.controls.of(self.frames).tolist())
-        known = None if settings.force else self._known(path, inputs.hex())
+        known = self._known(path, inputs.hex())
         if known is not None:
             return known, False
         deltas, sizes = self._deltas(fitted)
@@ -121,7 +120,8 @@ class _MeshBasis:
         document = self._document(tiles, basis, deltas, fitted, held) | {"inputs": inputs.hex()}
         files = self._write(tiles, basis, inputs)
         document["files"] = files
-        document |= self._geometry(fitted, basis) if settings.gltf or settings.blend_shapes else {}
+        if settings.gltf:
+            document["gltf"] = self._write_gltf(fitted, basis)
         self._sweep(len(basis))
         ordered = {"program": {"name": "vrtm bake", "version": vrtm.version()}} | document
         staging.write_bytes(path, (json.dumps(ordered, indent=1) + "\n").encode())
@@ -139,9 +139,8 @@ class _MeshBasis:
                     target = self._target(tile, number, (0, 0), inputs, None)
                     if image_file.up_to_date(target, self.work.settings.overwrite) is None:
                         return None
-            for kind, path in self._geometry_files().items():
-                if document[kind]["bytes"] != os.path.getsize(path):
-                    return None
+            if self.work.settings.gltf and document["gltf"]["bytes"] != os.path.getsize(self._gltf_file):
+                return None
             return document
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
@@ -244,13 +243,11 @@ class _MeshBasis:
             files.append({"udim": maps.tile.udim, "layer": maps.tile.layer, "size": list(maps.size), "maps": names})
         return files
 
-    def _geometry_files(self) -> dict[str, str]:
-        """The files of the mesh with morph targets, by their kind."""
-        settings, name = self.work.settings, self.mesh.shape.name
-        asked = {"gltf": (settings.gltf, ".glb"), "blend_shapes": (settings.blend_shapes, ".usdc")}
-        return {kind: self.work.basis_file(name, ending) for kind, (wanted, ending) in asked.items() if wanted}
+    @property
+    def _gltf_file(self) -> str:
+        return self.work.basis_file(self.mesh.shape.name, ".glb")
 
-    def _geometry(self, fitted: list[Frame], basis: Basis) -> dict:
+    def _write_gltf(self, fitted: list[Frame], basis: Basis) -> dict:
         """Writes the mesh with morph targets, of the rig's controls and their products, or of the basis maps, and
         returns figures."""
         names, weights = [f"basis {k + 1}" for k in range(len(basis))], basis.weights
@@ -258,16 +255,10 @@ class _MeshBasis:
             driver = drive(self.controls.names, self.controls.of(fitted), weights)
             if driver.form == PRODUCTS:
                 names, weights = driver.term_names(), driver.terms(self.controls.of(fitted))
-        found = basis_morphs.morphed(self.work, self.mesh, fitted, names, weights, self.stop)
-        told = {}
-        for kind, path in self._geometry_files().items():
-            overwrite.check([(path, f"--{kind.replace('_', '-')}")], (), self.work.settings.overwrite)
-            if kind == "gltf":
-                staging.write_bytes(path, found.glb(self.work.settings.options.fps))
-            else:
-                basis_morphs.write_shapes(path, found, self.work.scene)
-            told[kind] = {"bytes": os.path.getsize(path)} | found.figures
-        return told
+        content, figures = basis_morphs.morphed(self.work, self.mesh, fitted, names, weights, self.stop)
+        overwrite.check([(self._gltf_file, "--gltf")], (), self.work.settings.overwrite)
+        staging.write_bytes(self._gltf_file, content)
+        return {"bytes": len(content)} | figures
 
     def _sweep(self, count: int) -> None:
         """Removes maps of an earlier basis that had more of them, or another format."""

@@ -68,7 +68,7 @@ class Carry:
         assert path is not None
         with self.work.scene.listening():
             inputs = self._inputs(stop)
-            known = self.scatter.known(path, inputs) if os.path.isfile(path) and not settings.force else None
+            known = self.scatter.known(path, inputs) if os.path.isfile(path) else None
             if known is not None:
                 return json.loads(known), False
             rows = self._solved(stop)

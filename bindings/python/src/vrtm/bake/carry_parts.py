@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from vrtm import borders
 from vrtm.bake.carry_prims import CarriedPrim, placed
-from vrtm.bake.scene import topology
+from vrtm.bake.scene.topology import next_corners
 
 _FOOT = 0.25
 """A part's foot is all that is at most this share of its radius farther from the surface than its nearest point."""
@@ -46,7 +47,7 @@ def connected(points: np.ndarray, counts: np.ndarray, indices: np.ndarray) -> np
     _, same = np.unique(points, axis=0, return_inverse=True)
     same = same.reshape(-1)
     indices = same[indices]
-    part = topology.connected(len(points), indices, indices[topology.next_corners(counts)])
+    part = borders.connected(len(points), indices, indices[next_corners(counts)])
     return np.unique(part[same], return_inverse=True)[1].reshape(-1)
 
 

@@ -74,19 +74,13 @@ def _open_log(path: str) -> TextIO:
 
 class Console:
     def __init__(
-        self,
-        quiet: bool = False,
-        progress: bool = False,
-        openjd: bool = False,
-        verbose: bool = False,
-        log: str | None = None,
+        self, quiet: bool = False, openjd: bool = False, verbose: bool = False, log: str | None = None
     ) -> None:
         """`log`: a file that all messages are added to. Raises Failure if that is none that vrtm has begun."""
         self.quiet = quiet
         self.openjd = openjd
         self._verbose = verbose
         self._log: TextIO | None = None if log is None else _open_log(log)
-        self._progress = progress and not quiet
         self._bar = None
         self._total = self._done = 0
 
@@ -94,12 +88,10 @@ class Console:
         """Begins to count tasks up to `total`."""
         self._total = total
         self.status(message)
-        if self._progress and not self.openjd and sys.stderr is not None and sys.stderr.isatty():
+        if not (self.quiet or self.openjd) and sys.stderr is not None and sys.stderr.isatty():
             from tqdm import tqdm
 
-            # Without tqdm's own estimate of the time left, which takes all frames for equal.
-            form = "{l_bar}{bar}| {n_fmt}/{total_fmt} [{elapsed}{postfix}]"
-            self._bar = tqdm(total=total, file=sys.stderr, dynamic_ncols=True, leave=False, bar_format=form)
+            self._bar = tqdm(total=total, file=sys.stderr, dynamic_ncols=True, leave=False)
         self._say_progress()
 
     def done(self, message: str) -> None:
@@ -108,7 +100,7 @@ class Console:
             with contextlib.suppress(OSError, ValueError):
                 self._bar.set_postfix_str(message, refresh=False)
                 self._bar.update()
-        elif self._progress:
+        elif not self.quiet:
             self._put(sys.stdout, f"[{self._done}/{self._total}] {message}")
         self._note("info", f"[{self._done}/{self._total}] {message}")
         self._say_progress()

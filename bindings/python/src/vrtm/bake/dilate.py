@@ -21,7 +21,6 @@ from vrtm.bake.console import Console
 from vrtm.bake.failure import INPUT, Failure, describe
 from vrtm.bake.fingerprint import Fingerprint
 from vrtm.bake.image_file import Target
-from vrtm.bake.parsing import uv_names
 from vrtm.bake.scene import Scene, SceneError, SceneOptions, Shape
 from vrtm.bake.scene.images import find_maps, white
 from vrtm.bake.stopping import Stop
@@ -45,7 +44,7 @@ class Mesh:
 def dilate(parsed: argparse.Namespace, console: Console, stop: Stop) -> None:
     """Runs the command, until it is to stop. Raises Failure, and what vrtm.bake.failure.describe knows."""
     # All meshes: texels in the charts of any of them stay as they are.
-    options = SceneOptions(uv=uv_names(parsed.uv), rest=parsed.rest)
+    options = SceneOptions(uv=tuple(parsed.uv) or None, rest=parsed.rest)
     with contextlib.ExitStack() as opened:
         with stop.at_once(console.error):
             scene = opened.enter_context(Scene(parsed.scene, options))

@@ -15,7 +15,8 @@ import numpy as np
 from vrtm.bake.frames import Frame
 from vrtm.bake.part import Part
 from vrtm.bake.scene import SceneError, Shape
-from vrtm.bake.scene.topology import connected, corner_starts
+from vrtm.bake.scene.topology import corner_starts
+from vrtm.borders import connected
 
 Group = tuple[str, int]
 """The name of a part, and one of its layers."""

@@ -176,7 +176,6 @@ def planned(work: Work, files: dict[str, list[str]]) -> LayerPlan:
     return LayerPlan(
         frames=work.frames,
         shapes=tuple(gaining),
-        mode=settings.layer_mode,
         tiles={name: mesh.all_udims for name, mesh in gaining.items()},
         face_layers=face_layers,
         parts=parts,

@@ -207,8 +207,6 @@ class MeshWork:
 
     def check(self, pieces: Sequence[Piece]) -> list[dict | None]:
         """The record of each file that is up to date; None for each that has to be written."""
-        if self.settings.force:
-            return [None] * len(pieces)
         found = [image_file.up_to_date(piece.target, self.settings.overwrite) for piece in pieces]
         wanted = {"fixed", "rigid", "texels_limited"} | ({"strain"} if self.settings.measure else set())
         return [
@@ -236,7 +234,7 @@ class MeshWork:
         stale = [piece for piece, figures in zip(pieces, records) if figures is None]
         figures: dict[TileWork, dict] = {}
         corners = self.corners(frame, pose, pattern) if self.settings.corner_uvs else None
-        whole = corners is not None and (self.settings.force or not corners.up_to_date())
+        whole = corners is not None and not corners.up_to_date()
         if (stale or whole) and not write:
             return None
         if write and (stale or whole or self.settings.warm):

@@ -14,9 +14,8 @@ _CRATE, _LAYER, _ARCHIVE = b"PXR-USDC", b"#usda ", b"Ogawa\xff"
 _IN_IMAGE = re.compile(rb"vrtm:(inputs|kind)[\0\"]")
 _IN_ARCHIVE = b"_ai_Application=vrtm;"
 """The program that wrote an Alembic archive."""
-# Beginnings of the texts that vrtm writes, less their white space.
+# The beginning of a report, less its white space.
 _REPORT = b'{"program":{"name":"vrtmbake"'
-_TEMPLATE = b"#vrtmfarm-template"
 _GLTF = b'{"asset":{"generator":"vrtm'
 """After 20 bytes of a binary glTF's headers."""
 _BEGINNING = 1 << 16
@@ -107,7 +106,7 @@ def is_ours(path: str) -> bool:
         return is_marked_file(path)
     if start.startswith(b"glTF"):
         return text[20:].startswith(_GLTF)
-    return b"".join(text[: 1 << 10].split()).startswith((_REPORT, _TEMPLATE))
+    return b"".join(text[: 1 << 10].split()).startswith(_REPORT)
 
 
 def _is_cut_short(path: str, size: int) -> bool:

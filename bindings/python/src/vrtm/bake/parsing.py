@@ -54,11 +54,6 @@ def normal_maps(add: Callable[..., None]) -> None:
     add("--normal-y", text, choices=("up", "down"), default="up")
 
 
-def uv_names(given: list[str]) -> tuple[str, ...] | None:
-    """The UV sets of `--uv`, in order of preference."""
-    return tuple(name for text in given for name in text.split(",") if name) or None
-
-
 def listed(parse: Callable[[str], Value]) -> Callable[[str], Value]:
     """The kind of values that a parser reads which raises ValueError."""
 

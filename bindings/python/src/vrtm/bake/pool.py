@@ -15,7 +15,6 @@ import signal
 import threading
 from collections.abc import Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 
 from vrtm.bake.failure import Failure, describe
@@ -31,12 +30,8 @@ _BYTES_PER_JOB = 300 << 20
 """Python and its modules, and the scene."""
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """The result of a job, or its failure."""
-
-    result: FrameResult | None = None
-    failure: Failure | None = None
+Outcome = FrameResult | Failure
+"""The result of a job, or its failure."""
 
 
 class Jobs(contextlib.AbstractContextManager):
@@ -59,7 +54,7 @@ class Jobs(contextlib.AbstractContextManager):
                 self._executor = ProcessPoolExecutor(jobs, context, _begin, (settings, threads, receiver, work.choices))
 
     def submit(self, tasks: list[tuple[str, Frame]]) -> dict[Future, tuple[str, Frame]]:
-        """Begins all tasks, each a mesh and a frame; a future each, whose result is an Outcome."""
+        """Begins all tasks, each a mesh and a frame; a future each of an Outcome."""
         if self._sender is None:
             begun = {self._executor.submit(_outcome, self._work, *task, self.stop): task for task in tasks}
         else:
@@ -100,9 +95,9 @@ def _blocked() -> Iterator[None]:
 def _outcome(work: Work, mesh: str, frame: Frame, stop: Stop) -> Outcome:
     try:
         stop.check()
-        return Outcome(result=work.bake(mesh, frame, stop.check))
+        return work.bake(mesh, frame, stop.check)
     except Exception as error:
-        return Outcome(failure=describe(error, f"{mesh}, frame {frame}"))
+        return describe(error, f"{mesh}, frame {frame}")
 
 
 class _Worker:
@@ -157,7 +152,7 @@ def _in_process(mesh: str, frame: Frame) -> Outcome:
             # The main process has said the same.
             worker.work.heard(), worker.work.told()
         except Exception as error:
-            return Outcome(failure=describe(error))
+            return describe(error)
     with worker.busy:
         return _outcome(worker.work, mesh, frame, worker.stop)
 

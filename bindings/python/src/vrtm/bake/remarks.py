@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import math
 import os
 import re
-import time
-from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 
 from vrtm.bake import carry, frames, layer_file, left_out, pool, report, rows
 from vrtm.bake.console import Console
@@ -23,8 +21,6 @@ from vrtm.bake.work import Work
 _NUMBER = re.compile(r"(?<!tile )(?<!layer )\b\d[\d.]*")
 _FRAMES_TOLD = 3
 """Frames for which a warning that names them is printed."""
-_LEAST = 10.0
-"""Least remaining seconds that are printed."""
 
 
 class Remarks:
@@ -35,8 +31,6 @@ class Remarks:
         self.warnings: list[str] = []
         self._tiles: set[tuple[str, str]] = set()
         self._kinds: Counter[str] = Counter()
-        self._left: TimeLeft | None = None
-        self._begun = 0.0
 
     def warn(self, *messages: str) -> None:
         for message in messages:
@@ -64,13 +58,10 @@ class Remarks:
             more = f" and {len(kept) - 1} others are" if len(kept) > 1 else " is"
             self.warn(f"{kept[0]}{more} left there, although nothing is gained: not as vrtm wrote it for the mesh")
 
-    def begun(self, work: Work, meshes: Sequence[str], jobs: int, threads: int) -> None:
-        """Frames of these meshes begin, in jobs of so many threads."""
-        sizes = {name: 1 + sum(math.prod(tile.cells) for tile in mesh.tiles) for name, mesh in work.meshes.items()}
-        self._left = TimeLeft(meshes, sizes)
-        self._begun = time.perf_counter()
+    def begun(self, frames: int, jobs: int, threads: int) -> None:
+        """So many frames begin, in jobs of so many threads."""
         each = counted(threads, "thread") if threads else "all threads"
-        self.console.verbose(f"{counted(len(meshes), 'frame')}, {jobs} at a time, on {each} each")
+        self.console.verbose(f"{counted(frames, 'frame')}, {jobs} at a time, on {each} each")
 
     def done(self, work: Work, result: FrameResult) -> None:
         """A frame is done."""
@@ -91,11 +82,7 @@ class Remarks:
         written, skipped = result.count("written"), result.count("skipped")
         done = f"{counted(skipped, 'file')} up to date" if result.tiles else "not baked"
         done = f"{counted(written, 'file')} in {result.milliseconds:.0f} ms" if written else done
-        left = ""
-        if self._left is not None:
-            self._left.done(result.mesh, result.milliseconds / 1e3)
-            left = self._left.text(time.perf_counter() - self._begun)
-        self.console.done(f"{result.mesh}, frame {result.frame}: {done}{left}")
+        self.console.done(f"{result.mesh}, frame {result.frame}: {done}")
         for file in result.every_file:
             self.console.verbose(f"{file['state']}: {os.path.join(work.settings.out, file['path'])}")
 
@@ -263,44 +250,3 @@ def _maps(part: Part, udim: int) -> Iterator[str]:
 
 def _mb(count: int) -> str:
     return f"{count / 1e6:.0f} MB"
-
-
-class TimeLeft:
-    """An estimate by mesh, since frames of one mesh take about as long, and those of another may take a hundredth."""
-
-    def __init__(self, meshes: Iterable[str], sizes: Mapping[str, float]) -> None:
-        """`meshes`: the mesh of each frame that is to be done. `sizes`: what a frame of a mesh is expected to take, to
-        any scale, until one is done."""
-        self._left = Counter(meshes)
-        self._sizes = sizes
-        self._done: Counter[str] = Counter()
-        self._spent: defaultdict[str, float] = defaultdict(float)
-
-    def done(self, mesh: str, seconds: float) -> None:
-        """A frame of a mesh is done, for which a job worked so long."""
-        self._left[mesh] -= 1
-        self._done[mesh] += 1
-        self._spent[mesh] += seconds
-
-    def seconds(self, elapsed: float) -> float:
-        """Seconds for the frames that are left, if the frames that are done took `elapsed` all together, side by side
-        as they were."""
-        worked = sum(self._spent.values())
-        if not worked:
-            return 0.0
-        scale = worked / sum(self._sizes[mesh] * count for mesh, count in self._done.items())
-
-        def expected(mesh: str) -> float:
-            return self._spent[mesh] / self._done[mesh] if self._done[mesh] else self._sizes[mesh] * scale
-
-        return elapsed / worked * sum(count * expected(mesh) for mesh, count in self._left.items() if count)
-
-    def text(self, elapsed: float) -> str:
-        """Return it as the end of a line; empty if it is not worth a word."""
-        seconds = self.seconds(elapsed)
-        if seconds < _LEAST:
-            return ""
-        if seconds < 90:
-            return f", about {5 * round(seconds / 5)} s left"
-        minutes = round(seconds / 60)
-        return f", about {minutes} min left" if minutes < 90 else f", about {seconds / 3600:.1f} h left"

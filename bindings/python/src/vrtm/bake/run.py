@@ -264,7 +264,7 @@ def _stale(settings: Settings, tasks: list[Task], current: dict[Task, FrameResul
 def _solve(baking: _Bake, tasks: list[Task], split: tuple[int, int], results: list[FrameResult]) -> None:
     """Does tasks with so many jobs and threads. Raises Failure."""
     (jobs, threads), stop, work = split, baking.stop, baking.work
-    baking.say.begun(work, [mesh for mesh, _ in tasks], jobs, threads)
+    baking.say.begun(len(tasks), jobs, threads)
     with Jobs(work.settings, work, jobs, threads, stop) as running:
         waiting = running.submit(tasks)
         failure: Failure | None = None
@@ -273,11 +273,11 @@ def _solve(baking: _Bake, tasks: list[Task], split: tuple[int, int], results: li
             ready, pending = wait(pending, _LOOK, FIRST_COMPLETED)
             for future in ready:
                 outcome = _outcome(future, waiting[future], stop)
-                if outcome.result is not None:
-                    results.append(outcome.result)
-                    baking.say.done(work, outcome.result)
-                elif outcome.failure is not None:
-                    failure = failure or outcome.failure
+                if isinstance(outcome, Failure):
+                    failure = failure or outcome
+                else:
+                    results.append(outcome)
+                    baking.say.done(work, outcome)
             if stop.event.is_set() or failure is not None:
                 # The failure is told, not the end of the others that it leads to.
                 asked = stop.signal != 0
@@ -288,12 +288,12 @@ def _solve(baking: _Bake, tasks: list[Task], split: tuple[int, int], results: li
 def _outcome(future: Future, task: Task, stop: Stop) -> Outcome:
     mesh, frame = task
     message = f"{mesh}, frame {frame}: a worker process was ended from outside; memory may be short: try fewer --jobs"
-    ended = Outcome(failure=Failure(DEVICE, message))
+    ended = Failure(DEVICE, message)
     try:
         outcome = future.result()
-        alone = outcome.failure is not None and outcome.failure.code == SIGNAL and not stop.event.is_set()
+        alone = isinstance(outcome, Failure) and outcome.code == SIGNAL and not stop.event.is_set()
         return ended if alone else outcome
     except BrokenProcessPool:
         return ended
     except Exception as error:
-        return Outcome(failure=describe(error))
+        return describe(error)

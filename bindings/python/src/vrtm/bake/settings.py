@@ -72,7 +72,6 @@ class Settings:
     jobs: int = 0
     threads: int = 0
     report: str | None = None
-    force: bool = False
     overwrite: bool = False
     strict: bool = False
     allow_units: bool = False
@@ -86,7 +85,6 @@ class Settings:
     basis: bool = False
     basis_format: str = "half"
     gltf: bool = False
-    blend_shapes: bool = False
     controls: str | None = None
     held_out: tuple[Frame, ...] | None = None
     texture_size: int = 4096
@@ -128,7 +126,7 @@ class Settings:
     @property
     def corner_uvs(self) -> bool:
         """True if the corner UVs of each frame are written, for the layer."""
-        return bool(self.layer) and self.layer_mode in ("primvar", "both")
+        return bool(self.layer) and self.layer_mode == "primvar"
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ def write(mesh: MeshWork, frame: Frame, positions: np.ndarray, file: str, stop: 
         inputs.text(warped.read(texture).inputs)
     facts: dict[str, str | int] = {"vrtm:kind": "sheet", "vrtm:mesh": mesh.shape.name, "vrtm:inputs": inputs.hex()}
     target = Target(file, 0, 0, ("R", "G", "B"), "uint8", facts, format="png")
-    if not settings.force and image_file.up_to_date(target, settings.overwrite) is not None:
+    if image_file.up_to_date(target, settings.overwrite) is not None:
         return False
     for part in mesh.parts:
         part.solve(frame, positions, part.tiles, True, mesh.releases, False, stop)

@@ -323,8 +323,8 @@ class Work(contextlib.AbstractContextManager):
                 yield from mesh.names(frame, self.pattern)
             if self.settings.basis and mesh.gains:
                 yield self.basis_file(mesh.shape.name)
-                geometry = {".glb": self.settings.gltf, ".usdc": self.settings.blend_shapes}
-                yield from (self.basis_file(mesh.shape.name, of) for of, has in geometry.items() if has)
+                if self.settings.gltf:
+                    yield self.basis_file(mesh.shape.name, ".glb")
                 # There may be as many basis maps as frames.
                 numbers = range(len(self.frames))
                 of = ending(self.settings.basis_format)
@@ -385,8 +385,6 @@ class Work(contextlib.AbstractContextManager):
     def is_current(self, mesh: str, frame: Frame) -> FrameResult | None:
         """The result of a frame all of whose files are up to date, else None."""
         work = self.meshes[mesh]
-        if self.settings.force:
-            return None
         # Missing files show without reading the pose.
         if not all(map(os.path.isfile, work.names(frame, self.pattern))):
             return None

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vrtm.bake.raster import cover, weights_at
+from vrtm.borders import connected
 
 RIGID = 0.5
 """Segments count if both ends are more rigid than this."""
@@ -118,13 +119,5 @@ def _on(positions: np.ndarray, vertices: np.ndarray, weights: np.ndarray) -> np.
 
 def _charts(triangles: np.ndarray) -> np.ndarray:
     """(triangles,): a number per set of triangles that hang together in UV."""
-    root = np.arange(triangles.max(initial=0) + 1)
-    one, other = triangles[:, [0, 1]].ravel(), triangles[:, [1, 2]].ravel()
-    while True:
-        a, b = root[one], root[other]
-        apart = a != b
-        if not apart.any():
-            return root[triangles[:, 0]]
-        np.minimum.at(root, np.maximum(a, b)[apart], np.minimum(a, b)[apart])
-        while (root[root] != root).any():
-            root = root[root]
+    ends = (triangles[:, sides].ravel() for sides in ([0, 1], [1, 2]))
+    return connected(triangles.max(initial=0) + 1, *ends)[triangles[:, 0]]

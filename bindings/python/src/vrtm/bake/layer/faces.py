@@ -40,7 +40,7 @@ def bound_parts(mesh: Usd.Prim, shape: Shape, plan: LayerPlan) -> list[Bound]:
         return "" if names is None else names.get(name)
 
     layers = face_layers(mesh, shape, plan)
-    if layers is None or plan.mode == "primvar":
+    if layers is None or plan.corner_path is not None:
         one = {0: np.empty(0)}
         prims = [subset.GetPrim() for subset in subsets]
         return [Bound(mesh, part_of(""), one), *(Bound(prim, part_of(prim.GetName()), one) for prim in prims)]

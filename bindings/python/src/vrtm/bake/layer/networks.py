@@ -114,31 +114,12 @@ class Redirector:
         return False
 
     def _choose_copies(self, textures: list[UsdShade.Shader]) -> None:
-        if self._plan.mode == "primvar" or self._plan.warped_path is None:
+        if self._plan.corner_path is not None or self._plan.warped_path is None:
             return
         for texture in textures:
             copy = self._copy(texture)
             if copy is not None:
                 self._copies[str(texture.GetPath())] = copy
-        if self._plan.corner_path is None:
-            return
-        # Textures that have no copy take the primvar by the readers that they share with others, which would then look
-        # copies up by redirected UVs.
-        taken = {str(texture.GetPath()): self._rewired(texture) for texture in textures}
-        while True:
-            by_primvar = set().union(*(names for path, names in taken.items() if path not in self._copies))
-            shared = [path for path in self._copies if taken[path] & by_primvar]
-            if not shared:
-                return
-            for path in shared:
-                del self._copies[path]
-
-    def _rewired(self, texture: UsdShade.Shader) -> set[str]:
-        """Attributes that name the shape's UVs, where a texture is looked up by them and the material names them
-        itself."""
-        values = [_producer(reader.GetInput("varname")) for reader in self._readers(texture.GetInput("st"))]
-        own = [value for value in values if value is not None and value.Get() in (self._uv_name, PRIMVAR)]
-        return {str(value.GetPath()) for value in own if self._inside(value.GetPrim())}
 
     def _copy(self, texture: UsdShade.Shader) -> tuple[Usd.Attribute, list[tuple[str, float | None]]] | None:
         """The attribute that names a texture's file, and the copies that it can take; None if there are none."""
@@ -209,7 +190,7 @@ class Redirector:
     # MaterialX
 
     def _materialx(self, image: UsdShade.Shader) -> bool:
-        if (self._plan.mode != "primvar" and self._plan.map_path is None) or not self._can_take_primvar():
+        if self._plan.map_path is None and self._plan.corner_path is None:
             self._warn(image, "has no redirection maps: it stays as it is")
             return False
         coordinates = [image.GetInput(name) for name in MTLX_COORDINATES if image.GetInput(name)]
@@ -225,9 +206,6 @@ class Redirector:
             return True
         self._warn(image, f"is not looked up by the UVs '{self._uv_name}': it stays as it is")
         return False
-
-    def _can_take_primvar(self) -> bool:
-        return self._plan.mode != "primvar" or self._plan.corner_path is not None
 
     def _rewire(self, plug: UsdShade.Input | UsdShade.Output) -> bool:
         """Puts the lookup of the map between the mesh's UVs and what they are first plugged into, so that transforms of
@@ -277,7 +255,7 @@ class Redirector:
             number = len(self._inserted)
             name = "vrtm_redirected" + (f"_{number}" if number else "")
             path = container.GetPath().AppendChild(name)
-            insert = self._insert_primvar if self._plan.mode == "primvar" else self._insert_map
+            insert = self._insert_map if self._plan.corner_path is None else self._insert_primvar
             self._inserted[key] = insert(container.GetStage(), path, uvs)
         return self._inserted[key]
 

@@ -32,9 +32,6 @@ class LayerPlan:
     """Frames that were baked."""
     shapes: tuple[str, ...]
     """Names of the shapes that were baked."""
-    mode: str = "texture"
-    """`texture`: networks look the redirection map up where they can, else they take warped textures, else the primvar.
-    `primvar`: all networks take the primvar. `both`: as `texture`, and the primvar is there in any case."""
     tiles: dict[str, tuple[int, ...]] = field(default_factory=dict)
     """UDIM numbers of the tiles of each shape."""
     face_layers: dict[str, np.ndarray] = field(default_factory=dict)
@@ -53,7 +50,8 @@ class LayerPlan:
     `subset` as above; in the path `<UDIM>` stands for the number if the texture's name has it. None: this texture was
     not warped."""
     corner_path: Callable[[str, Frame], str] | None = None
-    """The file that of corner UVs of (shape, frame). None: there are no corner UVs."""
+    """The file of corner UVs of (shape, frame), which all networks take then. None: networks look the redirection map
+    up where they can, else they take warped textures."""
     freeze: Frame | None = None
     """The frame whose files are named at all times; None: each frame has its own."""
     time_of: Callable[[Frame], float] = float
@@ -61,7 +59,7 @@ class LayerPlan:
 
     def check(self) -> None:
         """Raises LayerError for maps that cannot serve their materials."""
-        for name in self.shapes if self.mode != "primvar" and self.form == "tile" else ():
+        for name in self.shapes if self.corner_path is None and self.form == "tile" else ():
             if tuple(self.tiles.get(name, (1001,))) != (1001,):
                 raise LayerError(
                     f"maps of form 'tile' cannot serve {name}, whose tiles are {self.tiles[name]}: use 'udim'"

@@ -70,19 +70,6 @@ def fans(counts: np.ndarray) -> np.ndarray:
     return np.stack([first, first + step + 1, first + step + 2], -1)
 
 
-def connected(nodes: int, one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """(nodes,): the least number among the nodes that links, from `one` to `other`, connect to each."""
-    root = np.arange(nodes)
-    while True:
-        a, b = root[one], root[other]
-        apart = a != b
-        if not apart.any():
-            return root
-        root[np.maximum(a, b)[apart]] = np.minimum(a, b)[apart]
-        while (root[root] != root).any():
-            root = root[root]
-
-
 def check_mesh(where: str, counts: np.ndarray, indices: np.ndarray, points: int) -> None:
     """Raises SceneError for faces that no mesh of so many points can have."""
     if len(counts) == 0:
