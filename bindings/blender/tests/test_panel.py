@@ -77,7 +77,7 @@ class Panel(Case):
         for source in ("NONE", "IMAGE", "VERTEX_GROUP", "ATTRIBUTE"):
             settings.rigidity_source = settings.mask_source = source
             self.draw(obj)
-        for rest in ("MESH", "SHAPE_KEY", "FRAME", "CAPTURED"):
+        for rest in ("MESH", "SHAPE_KEY", "CAPTURED"):
             settings.rest_source = rest
             shown = self.draw(obj)
         self.assertIn("Capture Rest", shown)

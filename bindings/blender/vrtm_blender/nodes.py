@@ -288,7 +288,7 @@ def reach(
 
 def own_textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     """The artist's Image Texture nodes of a material's tree."""
-    return [node for node in _textures(tree) if not result_image.is_cache(node.image)]
+    return [node for node in _textures(tree) if not result_image.is_result(node.image)]
 
 
 def is_of_another(tree: bpy.types.NodeTree, obj: bpy.types.Object) -> bool:

@@ -46,9 +46,7 @@ class VRTM_PT_main(_Panel, bpy.types.Panel):
                 column.prop_search(settings, "rest_key", obj.data.shape_keys, "key_blocks")
             else:
                 column.label(text="The mesh has no shape keys", icon="ERROR")
-        elif settings.rest_source == "FRAME":
-            column.prop(settings, "rest_frame")
-        if settings.rest_source in {"FRAME", "CAPTURED"}:
+        elif settings.rest_source == "CAPTURED":
             column.operator("vrtm.capture_rest")
             kept = geometry.rest_keeper(obj)
             if geometry.REST_NAME in kept.attributes:
@@ -94,10 +92,10 @@ class VRTM_PT_quality(_Part, bpy.types.Panel):
         if settings.seams in ("auto", "continue") or settings.open_borders in ("auto", "slide"):
             layout.prop(settings, "seam_reach")
         column = layout.column(heading="Write")
-        for name in ("write_image", "write_uvs", "write_delta", "write_strain", "write_strain_image"):
+        for name in ("write_image", "write_uvs", "write_strain"):
             row = column.row()
             # A linked mesh takes nothing.
-            row.enabled = name.endswith("image") or not geometry.is_linked(context.object)
+            row.enabled = name == "write_image" or not geometry.is_linked(context.object)
             row.prop(settings, name)
         if settings.write_image and settings.image is not None:
             layout.prop(settings, "image")
@@ -176,8 +174,6 @@ class VRTM_PT_bake(_Part, bpy.types.Panel):
         given = settings if settings.use_custom_range else scene
         for name in ("frame_start", "frame_end", "frame_step"):
             column.prop(given, name, text=name.removeprefix("frame_").capitalize())
-        layout.prop(settings, "form")
-        layout.prop(settings, "strain")
         layout.prop(settings, "overwrite")
         layout.operator("vrtm.bake", icon="RENDER_ANIMATION")
         baked = context.object.vrtm.shows_baked

@@ -118,9 +118,6 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
         if result_image.is_result(image) and image.library is None and not any(o.vrtm.image == image for o in others):
             bpy.data.images.remove(image)
         layers.remove_unused()
-        image = settings.strain_image
-        if image is not None and image.library is None and not any(o.vrtm.strain_image == image for o in others):
-            bpy.data.images.remove(image)
         settings.strain = "NONE"
         overlay.remove(obj)
         sharing = [other for other in others if other.data == mesh and other.vrtm.is_set_up]
