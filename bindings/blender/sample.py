@@ -4,7 +4,6 @@ says where it is rigid, all packed. It is made for the add-on, and does not need
 
     blender --background --python sample.py -- arm.blend
     python sample.py arm.blend [--tiles 2]               # with Blender's Python module
-    python sample.py --pictures BEFORE.png AFTER.png     # the same frame before and after; takes the add-on
 
 The rigidity image is the same studs a little larger. With --tiles 2 the skin is two UDIM tiles.
 """
@@ -201,7 +200,7 @@ def material(obj: bpy.types.Object, colour: bpy.types.Image, height: bpy.types.I
     obj.data.materials.append(made)
 
 
-def stage(width: int, samples: int) -> None:
+def stage() -> None:
     """Camera, three lights and a floor."""
     from mathutils import Vector
 
@@ -230,21 +229,21 @@ def stage(width: int, samples: int) -> None:
     background = next(node for node in nodes_of(world).nodes if node.bl_idname == "ShaderNodeBackground")
     background.inputs["Color"].default_value = (0.045, 0.05, 0.06, 1)
     scene.render.engine = "CYCLES"
-    scene.cycles.device, scene.cycles.samples = "CPU", samples
+    scene.cycles.device, scene.cycles.samples = "CPU", 48
     scene.cycles.use_denoising = False
     scene.cycles.max_bounces = 3
-    scene.render.resolution_x, scene.render.resolution_y = width, width * 3 // 4
+    scene.render.resolution_x, scene.render.resolution_y = 900, 675
     scene.render.image_settings.file_format = "PNG"
 
 
-def make(folder: str, tiles: int, width: int, samples: int) -> bpy.types.Object:
+def make(folder: str, tiles: int) -> bpy.types.Object:
     """The scene, before the add-on is used."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     obj = skin(tiles)
     rig(obj)
     painted = paint(tiles)
     material(obj, image("colour", painted["colour"], folder), image("height", painted["height"], folder))
-    stage(width, samples)
+    stage()
     # Nothing uses it until the add-on does.
     image("rigidity", painted["rigidity"], folder).use_fake_user = True
     bpy.context.view_layer.objects.active = obj
@@ -253,11 +252,6 @@ def make(folder: str, tiles: int, width: int, samples: int) -> bpy.types.Object:
     for one in bpy.data.images:
         one.pack()
     return obj
-
-
-def render(path: str) -> None:
-    bpy.context.scene.render.filepath = path
-    bpy.ops.render.render(write_still=True)
 
 
 def save(path: str) -> None:
@@ -271,39 +265,14 @@ def save(path: str) -> None:
     bpy.ops.wm.save_as_mainfile(filepath=path, compress=True)
 
 
-def pictures(obj: bpy.types.Object, before: str, after: str) -> None:
-    """Renders the bent arm with its own UVs and redirected ones."""
-    settings = obj.vrtm
-    settings.rigidity_source, settings.rigidity_image = "IMAGE", bpy.data.images["rigidity"]
-    settings.device, settings.measure = "cpu", True
-    settings.grid = settings.render_grid = 512
-    bpy.context.scene.frame_set(20)
-    settings.in_renders = False
-    render(before)
-    settings.in_renders = True
-    bpy.ops.vrtm.set_up_material()
-    render(after)
-    bpy.ops.vrtm.update()
-
-
 def main(arguments: list[str]) -> None:
-    parser = argparse.ArgumentParser(description="Makes the sample file of the add-on, or pictures of it.")
-    parser.add_argument("file", nargs="?", help="the file to be written")
-    parser.add_argument("--pictures", nargs=2, metavar=("BEFORE", "AFTER"), help="pictures to be rendered")
+    parser = argparse.ArgumentParser(description="Makes the sample file of the add-on.")
+    parser.add_argument("file", help="the file to be written")
     parser.add_argument("--tiles", type=int, default=1, help="UDIM tiles of the skin (%(default)s)")
-    parser.add_argument("--samples", type=int, default=48, help="samples of the pictures (%(default)s)")
-    parser.add_argument("--width", type=int, default=900, help="width of the pictures (%(default)s)")
     given = parser.parse_args(arguments)
-    if not given.file and not given.pictures:
-        parser.error("name the file to be written, or --pictures")
     with tempfile.TemporaryDirectory() as folder:
-        obj = make(folder, given.tiles, given.width, given.samples)
-        if given.file:
-            save(os.path.abspath(given.file))
-        if given.pictures:
-            if not hasattr(obj, "vrtm"):
-                parser.error("--pictures: the add-on is not enabled")
-            pictures(obj, *map(os.path.abspath, given.pictures))
+        make(folder, given.tiles)
+        save(os.path.abspath(given.file))
 
 
 if __name__ == "__main__":

@@ -91,7 +91,7 @@ def pixels(image: bpy.types.Image) -> np.ndarray:
 def rendered(engine: str, name: str) -> Iterator[float]:
     """A render as F12 makes it: by a thread, while the window goes on. Returns the picture's pixels."""
     scene, path = window().scene, f"{OUT}/{name}.exr"
-    scene.render.engine, scene.render.filepath = engine, path
+    scene.render.engine, scene.render.filepath, scene.render.resolution_percentage = engine, path, 50
     scene.render.image_settings.file_format, scene.render.image_settings.color_depth = "OPEN_EXR", "32"
     if engine.startswith("BLENDER_EEVEE"):
         scene.eevee.taa_render_samples, scene.eevee.use_shadows = 4, False
