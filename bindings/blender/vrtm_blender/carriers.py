@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from . import strain
+from . import session
 
 if TYPE_CHECKING:
     import vrtm
@@ -72,7 +72,7 @@ class Carriers:
         # By uid: the places that are bound, (roots, 3): all of them, or one for each part.
         self._roots = {thing.uid: thing.places for thing in given.things}
         for thing in [thing for thing in given.things if thing.parts is not None]:
-            triangles = topology.corner_vertices[strain.triangles(topology.face_counts)]
+            triangles = topology.corner_vertices[session.topology().fans(topology.face_counts)]
             self._roots[thing.uid] = feet(thing.places, thing.parts, thing.farthest, rest, triangles)
         # By uid: how each place is bound, (places,) int32.
         self.states: dict[int, np.ndarray] = {}
@@ -160,17 +160,8 @@ def connected(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """The part of each vertex, (points,) from 0 on. Edges (n, 2) join vertices, and so does the same place."""
     _, same = np.unique(points, axis=0, return_inverse=True)
     same = same.reshape(-1)
-    ends = same[edges]
-    # Each place refers to another one of its part, with a lower number; in the end to the lowest.
-    found = np.arange(len(points))
-    while True:
-        one, other = found[ends].T
-        apart = one != other
-        if not apart.any():
-            return np.unique(found[same], return_inverse=True)[1].reshape(-1)
-        np.minimum.at(found, np.maximum(one, other)[apart], np.minimum(one, other)[apart])
-        while not np.array_equal(found, found[found]):
-            found = found[found]
+    found = session.topology().connected(len(points), *same[edges].T)
+    return np.unique(found[same], return_inverse=True)[1].reshape(-1)
 
 
 def feet(points: np.ndarray, parts: np.ndarray, farthest: float, skin: np.ndarray, triangles: np.ndarray) -> np.ndarray:

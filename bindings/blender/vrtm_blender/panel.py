@@ -260,19 +260,6 @@ class VRTM_MT_object(bpy.types.Menu):
         layout.operator("vrtm.remove_all")
 
 
-def paint_header(self, context: bpy.types.Context) -> None:
-    """In headers of 3D views, in Texture Paint mode."""
-    obj = context.object
-    if context.mode != "PAINT_TEXTURE" or not _Panel.poll(context):
-        return
-    image, paint = obj.vrtm.rigidity_image, context.scene.tool_settings.image_paint
-    if image is None or obj.vrtm.rigidity_source != "IMAGE":
-        self.layout.operator("vrtm.set_up", text="Paint Rigidity", icon="BRUSH_DATA").paint = True
-    else:
-        painted = paint.mode == "IMAGE" and paint.canvas == image
-        self.layout.operator("vrtm.paint", text="Paint Rigidity", icon="BRUSH_DATA", depress=painted)
-
-
 def draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draws the buttons for solves, and two rows on the last one."""
     obj, settings = context.object, context.object.vrtm
@@ -343,11 +330,9 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.VIEW3D_MT_object.append(object_menu)
-    bpy.types.VIEW3D_HT_header.append(paint_header)
 
 
 def unregister() -> None:
-    bpy.types.VIEW3D_HT_header.remove(paint_header)
     bpy.types.VIEW3D_MT_object.remove(object_menu)
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

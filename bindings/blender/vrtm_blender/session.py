@@ -42,6 +42,14 @@ def library():
     return vrtm
 
 
+def topology():
+    """The package's functions of faces, on arrays alone."""
+    library()
+    from vrtm.bake.scene import topology
+
+    return topology
+
+
 def uid_of(obj: bpy.types.Object) -> int:
     return obj.session_uid
 

@@ -363,27 +363,6 @@ def check_bake():
     assert 2 <= files[0] < 400, files
 
 
-def check_scripts():
-    """A script's call is an undo step: undoing a mesh edit that follows leaves it, and Blender lives on."""
-    sample_file()
-    yield 1
-    with at("VIEW_3D"):
-        bpy.ops.ed.undo_push(message="opened")
-        bpy.ops.vrtm.set_up()
-        yield from solved(bpy.data.objects["skin"])
-        for number in range(2):
-            bpy.data.objects["skin"].data.vertices[number].co.x += 0.1
-            bpy.ops.ed.undo_push(message="edit")
-    press("mousemove", "500", "500")
-    for left in (True, True, False):
-        press("key", "ctrl+z")
-        yield 1
-        assert bpy.data.objects["skin"].vrtm.live == left
-    press("key", "ctrl+shift+z")
-    yield 1
-    yield from solved(bpy.data.objects["skin"])
-
-
 def check_begin():
     """Set Up asks where nothing tells what is rigid; the sidebar has the panel, too."""
     obj = sample_file()
@@ -405,46 +384,6 @@ def check_begin():
     press("mousemove", "1307", "264", "click", "1")
     yield 2
     picture("sidebar")
-
-
-def check_carry():
-    """Carried things follow a scrub beside Blender's work, and Ctrl-Z puts them back."""
-    obj = yield from set_up()
-    scene = window().scene
-    scene.frame_set(1)
-    yield from solved(obj)
-    numbers, studs = (5000, 9000, 16000), []
-    for number in numbers:
-        stud = bpy.data.objects.new("stud", bpy.data.meshes.new("stud"))
-        stud.data.from_pydata([(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)], [], [(0, 1, 2)])
-        stud.location = obj.data.vertices[number].co
-        scene.collection.objects.link(stud)
-        stud.select_set(True)
-        studs.append(stud.name)
-    with at("VIEW_3D"):
-        bpy.ops.ed.undo_push(message="before")
-        bpy.ops.vrtm.carry()
-    yield from solved(obj)
-    away = []
-    for frame in (8, 20):
-        scene.frame_set(frame)
-        yield from solved(obj)
-        posed = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
-        places = [bpy.data.objects[name].location for name in studs]
-        away += [(posed.closest_point_on_mesh(place)[1] - place).length for place in places]
-    # A rigid feature lifts off a little.
-    assert max(away) < 0.04, away
-    moved = [bpy.data.objects[name].location.copy() for name in studs]
-    assert min((now - obj.data.vertices[n].co).length for now, n in zip(moved, numbers)) > 0.01, moved
-    picture("carry")
-    press("mousemove", "500", "500")
-    press("key", "ctrl+z")
-    yield 1
-    obj = bpy.data.objects["skin"]
-    yield from solved(obj)
-    found = [bpy.data.objects[name] for name in studs]
-    assert not any(stud.parent for stud in found), "the undo does not put back what was carried"
-    assert all((stud.location - obj.data.vertices[n].co).length < 1e-6 for stud, n in zip(found, numbers))
 
 
 def check_paint():
