@@ -15,7 +15,8 @@ class Bake(Case):
         return arm
 
     def settings(self, folder, start=2, end=4, step=2):
-        self.bakes_to(folder, start, end).frame_step = step
+        self.bakes_to(folder, start, end)
+        bpy.context.scene.frame_step = step
 
     def test_tiles_of_each_frame(self):
         arm = self.arm(2)
@@ -74,7 +75,6 @@ class Bake(Case):
             for changes, word in (
                 ({"folder": "//"}, "never saved"),
                 ({"folder": os.path.join(file, "under")}, "cannot be made"),
-                ({"folder": folder, "start": 5, "end": 4}, "no frame from 5 to 4"),
             ):
                 self.settings(**changes)
                 with self.assertRaisesRegex(RuntimeError, word):

@@ -4,7 +4,7 @@ import numpy as np
 
 import test_dilate
 import test_panel
-from support import Case, bpy, delta, part, rgba
+from support import Case, bpy, delta, mesh_object, part, rgba
 
 
 class Borders(Case):
@@ -102,10 +102,9 @@ class Borders(Case):
 
     def test_nothing_slides_where_another_mesh_begins(self):
         arm = self.arm(dilated=False)
-        mesh = bpy.data.meshes.new("hand")
-        mesh.from_pydata([tuple(vertex.co) for vertex in arm.mesh.vertices[-24:]], [], [])
-        hand = bpy.data.objects.new("hand", mesh)
-        bpy.context.collection.objects.link(hand)
+        hand = mesh_object("hand", arm.rest()[-24:])
+        hand.select_set(False)
+        bpy.context.view_layer.objects.active = arm.object
         hand.location = (0, 0, 1)
         bpy.context.view_layer.update()
         for apart in (True, False):

@@ -39,12 +39,7 @@ def folder_of(scene: bpy.types.Scene) -> Path:
 
 
 def frames_of(scene: bpy.types.Scene) -> range:
-    """The scene's range, or that of the bake's settings."""
-    given = scene.vrtm_bake if scene.vrtm_bake.use_custom_range else scene
-    frames = range(given.frame_start, given.frame_end + 1, given.frame_step)
-    if not frames:
-        raise Problem(f"there is no frame from {given.frame_start} to {given.frame_end}")
-    return frames
+    return range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
 
 
 def file_name(obj: bpy.types.Object, part: str, frame: int, kind: str = "redirect") -> str:

@@ -40,8 +40,8 @@ class Request:
 
 
 @dataclass(frozen=True)
-class Outputs:
-    """The written parts of a result; None for those that were not requested."""
+class Outcome:
+    """The parts of a solve's result that are written, None for those that were not requested, and what is told."""
 
     layout: Layout | None
     images: list[np.ndarray] | None  # of each layer, (height, width, 4) float32
@@ -50,10 +50,13 @@ class Outputs:
     surface: np.ndarray | None  # (vertices, 3) float32: stretch, squash, and 0
     strain: np.ndarray | None  # (vertices, 4) float32: colours
     carried: dict[int, Moved]  # by the uids of objects
+    figures: list[tuple[str, str]]
+    notes: list[str]
 
 
-def fetch(prepared: Prepared, request: Request) -> Outputs:
-    """Fetches the asset's last result. It may be called on any thread, while no solve is under way."""
+def fetch(prepared: Prepared, request: Request, told: list[str]) -> Outcome:
+    """Fetches the asset's last result, to the notes `told`. It may be called on any thread, while no solve is under
+    way."""
     asset = prepared.asset
     layout = images = None
     if request.write_image:
@@ -68,19 +71,12 @@ def fetch(prepared: Prepared, request: Request) -> Outputs:
     if request.strain != "NONE":
         colours = overlay.colours(prepared, request.positions, request.strain == "AFTER", request.rigid_only)
     carried = prepared.carriers.fetch()
-    return Outputs(layout, images, prepared.layers, uvs, surface, colours, carried)
+    shown = figures(prepared, request, uvs)
+    told = told + notes(prepared, request)
+    return Outcome(layout, images, prepared.layers, uvs, surface, colours, carried, shown, told)
 
 
-@dataclass(frozen=True)
-class Outcome:
-    """The parts of a solve's result that are written and told."""
-
-    outputs: Outputs
-    figures: list[tuple[str, str]]
-    notes: list[str]
-
-
-def figures(prepared: Prepared, request: Request, outputs: Outputs) -> list[tuple[str, str]]:
+def figures(prepared: Prepared, request: Request, uvs: np.ndarray | None) -> list[tuple[str, str]]:
     """Labels and values of the last solve, for the panel; the strain is for the material's source, image or UV map."""
     report = prepared.asset.report()
     tiles = [tile.report() for tile in prepared.asset.tiles]
@@ -105,8 +101,8 @@ def figures(prepared: Prepared, request: Request, outputs: Outputs) -> list[tupl
             ((sum(tile.segments * getattr(tile, side).rms ** 2 for tile in tiles) + fixed) / edges) ** 0.5
             for side in ("before", "after")
         )
-        if request.by_uv_map and outputs.uvs is not None:
-            after = prepared.strain_of(request.positions, outputs.uvs)
+        if request.by_uv_map and uvs is not None:
+            after = prepared.strain_of(request.positions, uvs)
         shown.append(("Strain", f"{before:.3f} before, {after:.3f} after"))
     return shown + prepared.carriers.figures()
 

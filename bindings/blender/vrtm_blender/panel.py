@@ -168,12 +168,9 @@ class VRTM_PT_bake(_Part, bpy.types.Panel):
         settings = scene.vrtm_bake
         layout.use_property_split, layout.use_property_decorate = True, False
         layout.prop(settings, "directory")
-        layout.prop(settings, "use_custom_range")
         column = layout.column(align=True)
-        column.active = settings.use_custom_range
-        given = settings if settings.use_custom_range else scene
         for name in ("frame_start", "frame_end", "frame_step"):
-            column.prop(given, name, text=name.removeprefix("frame_").capitalize())
+            column.prop(scene, name, text=name.removeprefix("frame_").capitalize())
         layout.prop(settings, "overwrite")
         layout.operator("vrtm.bake", icon="RENDER_ANIMATION")
         baked = context.object.vrtm.shows_baked

@@ -274,10 +274,6 @@ class VrtmSettings(bpy.types.PropertyGroup):
         return self.id_data.type == "MESH" and (self.is_set_up or self.strain != "NONE")
 
 
-def _range_changed(settings: VrtmBakeSettings, context: bpy.types.Context) -> None:
-    settings.use_custom_range = True
-
-
 class VrtmBakeSettings(bpy.types.PropertyGroup):
     """Scene.vrtm_bake"""
 
@@ -288,12 +284,6 @@ class VrtmBakeSettings(bpy.types.PropertyGroup):
         default="//vrtm/",
         **PATH_OPTIONS,
     )
-    use_custom_range: BoolProperty(
-        name="Custom Range", description="Other frames than the scene's range; it is switched on when one is set"
-    )
-    frame_start: IntProperty(name="Start", default=1, update=_range_changed)
-    frame_end: IntProperty(name="End", default=250, update=_range_changed)
-    frame_step: IntProperty(name="Step", default=1, min=1, update=_range_changed)
     overwrite: BoolProperty(
         name="Overwrite",
         description="Replace files of these names that are not from a bake, too. What this file reads, such as "

@@ -50,34 +50,33 @@ def is_written(obj: bpy.types.Object, output: str) -> bool:
 
 def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outcome) -> None:
     """Writes the outcome of a job."""
-    outputs = outcome.outputs
     # Updates until now are the artist's; those of the writes are not.
     _update()
     before, session.writing = session.writing, True
     try:
         if not geometry.is_linked(obj):
             own_name(obj)
-        if outputs.images is not None:
-            write_image(obj, outputs.layout, *outputs.images)
-            layers.write(obj, outputs.layers)
-        if outputs.uvs is not None:
-            write_uvs(obj, outputs.uvs)
-        if outputs.surface is not None:
-            geometry.write(obj.data, strain_name(obj.vrtm), "POINT", "FLOAT_VECTOR", outputs.surface)
+        if outcome.images is not None:
+            write_image(obj, outcome.layout, *outcome.images)
+            layers.write(obj, outcome.layers)
+        if outcome.uvs is not None:
+            write_uvs(obj, outcome.uvs)
+        if outcome.surface is not None:
+            geometry.write(obj.data, strain_name(obj.vrtm), "POINT", "FLOAT_VECTOR", outcome.surface)
             if not session.rendering:
                 obj.data.update_tag()
         if obj.vrtm.is_set_up:
             own_materials(obj)
-        if outputs.strain is not None:
-            overlay.write(obj, outputs.strain)
-        carry.place(obj, outputs.carried)
+        if outcome.strain is not None:
+            overlay.write(obj, outcome.strain)
+        carry.place(obj, outcome.carried)
         _update()
     finally:
         session.writing = before
-    state.shown, state.figures, state.uvs, state.rewrite = request.stamp, outcome.figures, outputs.uvs, False
+    state.shown, state.figures, state.uvs, state.rewrite = request.stamp, outcome.figures, outcome.uvs, False
     state.notes = list(outcome.notes) if obj.vrtm.is_set_up else []
     still_right(state, request)
-    if obj.vrtm.is_set_up and all(output is None for output in (outputs.images, outputs.uvs, outputs.surface)):
+    if obj.vrtm.is_set_up and all(output is None for output in (outcome.images, outcome.uvs, outcome.surface)):
         state.notes.append("No output is switched on: see Quality and Outputs")
     state.say("")
 

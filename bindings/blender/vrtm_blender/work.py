@@ -50,9 +50,7 @@ class Work:
         if self._tell(0.0):
             raise concurrent.futures.CancelledError
         prepared.asset.solve(request.positions, progress=self._tell, **request.options)
-        outputs = outcome.fetch(prepared, request)
-        told = prepared.notes(notes) + outcome.notes(prepared, request)
-        return Outcome(outputs, outcome.figures(prepared, request, outputs), told)
+        return outcome.fetch(prepared, request, prepared.notes(notes))
 
     def _tell(self, fraction: float) -> bool:
         """Takes the share of the solve that is done; True ends it."""
