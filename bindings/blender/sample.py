@@ -77,25 +77,38 @@ def skin(tiles: int, along: int = 240, around: int = 96) -> bpy.types.Object:
     return obj
 
 
-def rig(obj: bpy.types.Object) -> None:
-    """Two bones with soft weights, and a biceps that swells; frame 1 at rest, frame 20 bent."""
-    armature = bpy.data.armatures.new("rig")
-    holder = bpy.data.objects.new("rig", armature)
+def bones(
+    obj: bpy.types.Object, name: str, elbow: float, length: float, lower: np.ndarray, bends: dict[int, float]
+) -> bpy.types.Object:
+    """Two bones along x, with the weight of the lower one at each vertex; `bends` has its degrees by frames."""
+    armature = bpy.data.armatures.new(name)
+    holder = bpy.data.objects.new(name, armature)
     bpy.context.collection.objects.link(holder)
     bpy.context.view_layer.objects.active = holder
     bpy.ops.object.mode_set(mode="EDIT")
-    upper, lower = armature.edit_bones.new("upper"), armature.edit_bones.new("lower")
-    upper.head, upper.tail, lower.head, lower.tail = (0, 0, 0), (ELBOW, 0, 0), (ELBOW, 0, 0), (LENGTH, 0, 0)
-    lower.parent = upper
+    first, second = armature.edit_bones.new("upper"), armature.edit_bones.new("lower")
+    first.head, first.tail, second.head, second.tail = (0, 0, 0), (elbow, 0, 0), (elbow, 0, 0), (length, 0, 0)
+    second.parent = first
     bpy.ops.object.mode_set(mode="OBJECT")
-    rest = np.array([vertex.co[:] for vertex in obj.data.vertices])
-    t = np.clip((rest[:, 0] - ELBOW + 0.75) / 1.5, 0, 1)
-    weight = t * t * (3 - 2 * t)
-    for bone, weights in (("upper", 1 - weight), ("lower", weight)):
+    for bone, weights in (("upper", 1 - lower), ("lower", lower)):
         group = obj.vertex_groups.new(name=bone)
         for index, value in enumerate(weights.tolist()):
             group.add([index], value, "REPLACE")
     obj.modifiers.new("Armature", "ARMATURE").object = holder
+    bone = holder.pose.bones["lower"]
+    bone.rotation_mode = "XYZ"
+    for frame, degrees in bends.items():
+        # The bone's own z is across the bend.
+        bone.rotation_euler[2] = math.radians(degrees)
+        bone.keyframe_insert("rotation_euler", frame=frame)
+    return holder
+
+
+def rig(obj: bpy.types.Object) -> None:
+    """Bones with soft weights, and a biceps that swells; frame 1 at rest, frame 20 bent."""
+    rest = np.array([vertex.co[:] for vertex in obj.data.vertices])
+    t = np.clip((rest[:, 0] - ELBOW + 0.75) / 1.5, 0, 1)
+    bones(obj, "rig", ELBOW, LENGTH, t * t * (3 - 2 * t), {1: 0, 20: 88})
     obj.shape_key_add(name="Basis")
     key = obj.shape_key_add(name="biceps")
     # On the inner side of the bend, and smooth all around.
@@ -104,13 +117,7 @@ def rig(obj: bpy.types.Object) -> None:
     moved = rest.copy()
     moved[:, 1:] *= 1 + 0.7 * bulge[:, None]
     key.data.foreach_set("co", moved.astype(np.float32).ravel())
-    bone = holder.pose.bones["lower"]
-    bone.rotation_mode = "XYZ"
-    # The bone's own z is across the bend.
-    for frame, degrees, value in ((1, 0, 0), (20, 88, 1)):
-        bone.rotation_euler[0] = 0
-        bone.rotation_euler[2] = math.radians(degrees)
-        bone.keyframe_insert("rotation_euler", frame=frame)
+    for frame, value in ((1, 0), (20, 1)):
         key.value = value
         key.keyframe_insert("value", frame=frame)
 

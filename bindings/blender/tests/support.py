@@ -13,7 +13,7 @@ import pytest
 bpy = pytest.importorskip("bpy", reason="skipped: bpy cannot be imported", exc_type=ImportError)
 # The sample file's script lies beside this folder.
 sys.path.append(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-from sample import nodes_of, rgba  # noqa: E402
+from sample import bones, nodes_of, rgba  # noqa: E402
 
 EXTENSION = "bl_ext.user_default.vrtm"
 
@@ -109,7 +109,7 @@ class Arm:
         self.object = mesh_object(name, points, self.faces, self.uvs)
         self.mesh = self.object.data
         self.mesh.polygons.foreach_set("use_smooth", np.ones(len(faces), bool))
-        self.rig = self._rig(name)
+        self.rig = bones(self.object, f"{name} rig", 0.8, 2, np.clip((points[:, 0] - 0.55) / 0.5, 0, 1), {1: 0, 5: 80})
         swollen = points.copy()
         swollen[:, 1:] *= 1 + 0.4 * np.exp(-(((points[:, :1] - 1.4) / 0.25) ** 2))
         add_key(self.object, "swell", swollen)
@@ -126,31 +126,6 @@ class Arm:
         arm = cls(*given, **options)
         arm.paint_image()
         return arm
-
-    def _rig(self, name: str) -> bpy.types.Object:
-        armature = bpy.data.armatures.new(f"{name} rig")
-        rig = bpy.data.objects.new(f"{name} rig", armature)
-        bpy.context.collection.objects.link(rig)
-        bpy.context.view_layer.objects.active = rig
-        bpy.ops.object.mode_set(mode="EDIT")
-        upper, lower = armature.edit_bones.new("upper"), armature.edit_bones.new("lower")
-        upper.head, upper.tail, lower.head, lower.tail = (0, 0, 0), (0.8, 0, 0), (0.8, 0, 0), (2, 0, 0)
-        lower.parent = upper
-        bpy.ops.object.mode_set(mode="OBJECT")
-        x = np.array([vertex.co.x for vertex in self.mesh.vertices])
-        weight = np.clip((x - 0.55) / 0.5, 0, 1)
-        for bone, weights in (("upper", 1 - weight), ("lower", weight)):
-            group = self.object.vertex_groups.new(name=bone)
-            for index, value in enumerate(weights.tolist()):
-                group.add([index], value, "REPLACE")
-        modifier = self.object.modifiers.new("Armature", "ARMATURE")
-        modifier.object = rig
-        bone = rig.pose.bones["lower"]
-        bone.rotation_mode = "XYZ"
-        for frame, degrees in ((1, 0), (5, 80)):
-            bone.rotation_euler[2] = np.radians(degrees)
-            bone.keyframe_insert("rotation_euler", frame=frame)
-        return rig
 
     def paint_image(self, name: str = "rigidity") -> bpy.types.Image:
         """The studs as an image of one tile, painted in memory only."""

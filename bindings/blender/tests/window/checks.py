@@ -314,31 +314,6 @@ def check_large():
     obj.data.update_tag()
 
 
-def check_search():
-    """F3 finds the operators, and runs one; the modifier that reads poses is not offered as one of the artist's."""
-    obj = yield from set_up()
-    obj.modifiers.new("Subdivision", "SUBSURF")
-    with at("VIEW_3D"):
-        bpy.ops.vrtm.insert_tap()
-    area("PROPERTIES").spaces.active.context = "MODIFIER"
-    yield from solved(obj)
-    yield 0.5
-    picture("modifiers")
-    obj.modifiers["Subdivision"].show_viewport = False
-    obj.vrtm.live = False
-    window().scene.frame_set(10)
-    yield from says(obj, "Out of date")
-    for text in ("vrtm", "vrtm pose", "update now"):
-        search(text)
-        yield 0.5
-        picture(f"search_{text.replace(chr(32), chr(95))}")
-        if text != "update now":
-            press("key", "Escape")
-            yield 0.3
-    press("key", "Return")
-    yield from solved(obj)
-
-
 def check_bake():
     """Esc ends a bake between frames, and the window goes on meanwhile."""
     obj = yield from set_up()
@@ -364,12 +339,10 @@ def check_bake():
 
 
 def check_begin():
-    """Set Up asks where nothing tells what is rigid; the sidebar has the panel, too."""
+    """Set Up asks where nothing tells what is rigid."""
     obj = sample_file()
     yield 1
     bpy.data.images.remove(bpy.data.images["rigidity"])
-    view = area("VIEW_3D").spaces.active
-    view.show_region_ui = True
     press("mousemove", "500", "400")
     yield 1
     with at("VIEW_3D"):
@@ -381,9 +354,6 @@ def check_begin():
     press("key", "f")
     yield from until(lambda: obj.vrtm.is_set_up)
     yield from solved(obj)
-    press("mousemove", "1307", "264", "click", "1")
-    yield 2
-    picture("sidebar")
 
 
 def check_paint():
