@@ -160,8 +160,17 @@ def connected(points: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """The part of each vertex, (points,) from 0 on. Edges (n, 2) join vertices, and so does the same place."""
     _, same = np.unique(points, axis=0, return_inverse=True)
     same = same.reshape(-1)
-    found = session.topology().connected(len(points), *same[edges].T)
-    return np.unique(found[same], return_inverse=True)[1].reshape(-1)
+    ends = same[edges]
+    # Each place refers to another one of its part, with a lower number; in the end to the lowest.
+    found = np.arange(len(points))
+    while True:
+        one, other = found[ends].T
+        apart = one != other
+        if not apart.any():
+            return np.unique(found[same], return_inverse=True)[1].reshape(-1)
+        np.minimum.at(found, np.maximum(one, other)[apart], np.minimum(one, other)[apart])
+        while not np.array_equal(found, found[found]):
+            found = found[found]
 
 
 def feet(points: np.ndarray, parts: np.ndarray, farthest: float, skin: np.ndarray, triangles: np.ndarray) -> np.ndarray:
