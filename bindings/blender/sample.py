@@ -3,18 +3,16 @@
 says where it is rigid, all packed. It is made for the add-on, and does not need it.
 
     blender --background --python sample.py -- arm.blend
-    python sample.py arm.blend [--tiles 2]               # with Blender's Python module
+    python sample.py arm.blend                             # with Blender's Python module
 
-The rigidity image is the same studs a little larger. With --tiles 2 the skin is two UDIM tiles.
+The rigidity image is the same studs a little larger.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 import sys
-import tempfile
 
 import bpy
 import numpy as np
@@ -52,8 +50,8 @@ def radius_at(x: float) -> float:
     return float(np.interp(x, at, radius(at)))
 
 
-def skin(tiles: int, along: int = 240, around: int = 96) -> bpy.types.Object:
-    """The arm at rest, along x; u runs along it, over all tiles, and v around it, with the seam underneath."""
+def skin(along: int = 240, around: int = 96) -> bpy.types.Object:
+    """The arm at rest, along x; u runs along it, and v around it, with the seam underneath."""
     x = np.linspace(0, LENGTH, along + 1)
     angle = np.linspace(-np.pi, np.pi, around + 1)[:-1]
     r = radius(x)[:, None]
@@ -66,7 +64,7 @@ def skin(tiles: int, along: int = 240, around: int = 96) -> bpy.types.Object:
     after = (np.arange(along)[:, None] * around + (np.arange(around) + 1) % around).ravel()
     faces = np.stack([first, first + around, after + around, after], -1)
     i, j = np.divmod(np.arange(along * around), around)
-    u, v = np.stack([i, i + 1, i + 1, i], -1) / along * tiles, np.stack([j, j, j + 1, j + 1], -1) / around
+    u, v = np.stack([i, i + 1, i + 1, i], -1) / along, np.stack([j, j, j + 1, j + 1], -1) / around
     uvs = np.stack([u, 0.03 + 0.94 * v], -1)
     mesh = bpy.data.meshes.new("skin")
     mesh.from_pydata(points.reshape(-1, 3).tolist(), [], faces.tolist())
@@ -122,12 +120,10 @@ def rig(obj: bpy.types.Object) -> None:
         key.keyframe_insert("value", frame=frame)
 
 
-def paint(tiles: int) -> dict[str, dict[int, np.ndarray]]:
-    """Height, colour and rigidity of the skin, per UDIM number: rows of round studs, bottom row first."""
+def paint() -> dict[str, np.ndarray]:
+    """Height, colour and rigidity of the skin: rows of round studs, bottom row first."""
     # What is painted is round on the arm at rest: v is as wide as the arm is there.
     circumference = 2 * np.pi * 0.45
-    length_per_tile = LENGTH / tiles
-    made: dict[str, dict[int, np.ndarray]] = {"height": {}, "colour": {}, "rigidity": {}}
     rng = np.random.default_rng(3)
     rows, columns = 12, round(12 * LENGTH / circumference)
     jitter = rng.uniform(-0.1, 0.1, (columns + 2, rows, 2))
@@ -136,60 +132,48 @@ def paint(tiles: int) -> dict[str, dict[int, np.ndarray]]:
     grain = np.kron(grain, np.ones((4, 4)))
     for _ in range(6):
         grain = (grain + np.roll(grain, 3, 0) + np.roll(grain, 3, 1) + np.roll(grain, (-2, 2), (0, 1))) / 4
-    for tile in range(tiles):
-        at = (np.arange(SIZE) + 0.5) / SIZE
-        u, v = np.meshgrid((at + tile) * length_per_tile, (at - 0.03) / 0.94 * circumference)
-        nearest = np.full((SIZE, SIZE), 9.0)
-        for i in range(columns):
-            for j in range(rows):
-                centre = (
-                    (i + 0.5 + jitter[i, j, 0]) * LENGTH / columns,
-                    (j + 0.5 + 0.5 * (i % 2) + jitter[i, j, 1]) % rows * circumference / rows,
-                )
-                # A stud keeps away from the seam, where nothing can move.
-                if not 0.2 < centre[1] < circumference - 0.2:
-                    continue
-                near = slice(*np.clip(np.searchsorted(u[0], [centre[0] - 0.25, centre[0] + 0.25]), 0, SIZE))
-                across = slice(*np.clip(np.searchsorted(v[:, 0], [centre[1] - 0.3, centre[1] + 0.3]), 0, SIZE))
-                wide = radius_at(centre[0]) / 0.45
-                # Smaller where the arm is thin, or they would touch.
-                scale = size[i, j] * min(wide, 1.1)
-                distance = np.hypot(u[across, near] - centre[0], (v[across, near] - centre[1]) * wide) / scale
-                nearest[across, near] = np.minimum(nearest[across, near], distance)
-        inside = np.clip(1 - (nearest / 0.092) ** 2, 0, 1)
-        height = 0.5 * np.sqrt(inside) + 0.008 * grain
-        edge = np.clip((0.092 - nearest) * 90 + 0.5, 0, 1)
-        ring = np.exp(-(((nearest - 0.1) / 0.014) ** 2))
-        base, stud = np.array([0.16, 0.27, 0.17]), np.array([0.78, 0.62, 0.33])
-        stripes = 0.5 + 0.5 * np.sin(v * 2 * np.pi / circumference * 3 + np.sin(u * 2.4) * 0.6)
-        base = base[None, None] * (0.75 + 0.5 * stripes[..., None]) * (1 + 0.06 * grain[..., None])
-        colour = base * (1 - edge[..., None]) + stud * edge[..., None] * (0.8 + 0.3 * inside[..., None])
-        colour *= 1 - 0.55 * ring[..., None]
-        made["height"][1001 + tile] = rgba(np.clip(height + 0.2, 0, 1))
-        alpha = np.ones((SIZE, SIZE, 1))
-        made["colour"][1001 + tile] = np.concatenate([np.clip(colour, 0, 1), alpha], -1).astype(np.float32)
-        made["rigidity"][1001 + tile] = rgba(np.clip((0.104 - nearest) * 90 + 0.5, 0, 1))
+    at = (np.arange(SIZE) + 0.5) / SIZE
+    u, v = np.meshgrid(at * LENGTH, (at - 0.03) / 0.94 * circumference)
+    nearest = np.full((SIZE, SIZE), 9.0)
+    for i in range(columns):
+        for j in range(rows):
+            centre = (
+                (i + 0.5 + jitter[i, j, 0]) * LENGTH / columns,
+                (j + 0.5 + 0.5 * (i % 2) + jitter[i, j, 1]) % rows * circumference / rows,
+            )
+            # A stud keeps away from the seam, where nothing can move.
+            if not 0.2 < centre[1] < circumference - 0.2:
+                continue
+            near = slice(*np.clip(np.searchsorted(u[0], [centre[0] - 0.25, centre[0] + 0.25]), 0, SIZE))
+            across = slice(*np.clip(np.searchsorted(v[:, 0], [centre[1] - 0.3, centre[1] + 0.3]), 0, SIZE))
+            wide = radius_at(centre[0]) / 0.45
+            # Smaller where the arm is thin, or they would touch.
+            scale = size[i, j] * min(wide, 1.1)
+            distance = np.hypot(u[across, near] - centre[0], (v[across, near] - centre[1]) * wide) / scale
+            nearest[across, near] = np.minimum(nearest[across, near], distance)
+    inside = np.clip(1 - (nearest / 0.092) ** 2, 0, 1)
+    height = 0.5 * np.sqrt(inside) + 0.008 * grain
+    edge = np.clip((0.092 - nearest) * 90 + 0.5, 0, 1)
+    ring = np.exp(-(((nearest - 0.1) / 0.014) ** 2))
+    base, stud = np.array([0.16, 0.27, 0.17]), np.array([0.78, 0.62, 0.33])
+    stripes = 0.5 + 0.5 * np.sin(v * 2 * np.pi / circumference * 3 + np.sin(u * 2.4) * 0.6)
+    base = base[None, None] * (0.75 + 0.5 * stripes[..., None]) * (1 + 0.06 * grain[..., None])
+    colour = base * (1 - edge[..., None]) + stud * edge[..., None] * (0.8 + 0.3 * inside[..., None])
+    colour *= 1 - 0.55 * ring[..., None]
+    alpha = np.ones((SIZE, SIZE, 1))
+    return {
+        "height": rgba(np.clip(height + 0.2, 0, 1)),
+        "colour": np.concatenate([np.clip(colour, 0, 1), alpha], -1).astype(np.float32),
+        "rigidity": rgba(np.clip((0.104 - nearest) * 90 + 0.5, 0, 1)),
+    }
+
+
+def image(name: str, pixels: np.ndarray) -> bpy.types.Image:
+    """A packed image: heights as floats, since a bump map shows the steps of 8 bits."""
+    made = bpy.data.images.new(name, SIZE, SIZE, float_buffer=name == "height", is_data=name != "colour")
+    made.pixels.foreach_set(pixels.ravel())
+    made.pack()
     return made
-
-
-def image(name: str, tiles: dict[int, np.ndarray], folder: str) -> bpy.types.Image:
-    """A tiled image out of files, as an artist has it: heights as floats, since a bump map shows the steps of 8
-    bits."""
-    deep = name == "height"
-    suffix = "exr" if deep else "png"
-    for udim, pixels in tiles.items():
-        one = bpy.data.images.new(name, SIZE, SIZE, float_buffer=deep, is_data=deep)
-        one.pixels.foreach_set(pixels.ravel())
-        one.file_format = "OPEN_EXR" if deep else "PNG"
-        one.save(filepath=f"{folder}/{name}.{udim}.{suffix}")
-        bpy.data.images.remove(one)
-    found = bpy.data.images.load(f"{folder}/{name}.1001.{suffix}")
-    if len(tiles) > 1:
-        found.source, found.filepath = "TILED", f"{folder}/{name}.<UDIM>.{suffix}"
-    found.name = name
-    if name != "colour":
-        found.colorspace_settings.name = "Non-Color"
-    return found
 
 
 def material(obj: bpy.types.Object, colour: bpy.types.Image, height: bpy.types.Image) -> None:
@@ -243,21 +227,19 @@ def stage() -> None:
     scene.render.image_settings.file_format = "PNG"
 
 
-def make(folder: str, tiles: int) -> bpy.types.Object:
+def make() -> bpy.types.Object:
     """The scene, before the add-on is used."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    obj = skin(tiles)
+    obj = skin()
     rig(obj)
-    painted = paint(tiles)
-    material(obj, image("colour", painted["colour"], folder), image("height", painted["height"], folder))
+    painted = paint()
+    material(obj, image("colour", painted["colour"]), image("height", painted["height"]))
     stage()
     # Nothing uses it until the add-on does.
-    image("rigidity", painted["rigidity"], folder).use_fake_user = True
+    image("rigidity", painted["rigidity"]).use_fake_user = True
     bpy.context.view_layer.objects.active = obj
     obj.select_set(True)
     bpy.context.scene.frame_end = 20
-    for one in bpy.data.images:
-        one.pack()
     return obj
 
 
@@ -273,13 +255,10 @@ def save(path: str) -> None:
 
 
 def main(arguments: list[str]) -> None:
-    parser = argparse.ArgumentParser(description="Makes the sample file of the add-on.")
-    parser.add_argument("file", help="the file to be written")
-    parser.add_argument("--tiles", type=int, default=1, help="UDIM tiles of the skin (%(default)s)")
-    given = parser.parse_args(arguments)
-    with tempfile.TemporaryDirectory() as folder:
-        make(folder, given.tiles)
-        save(os.path.abspath(given.file))
+    if len(arguments) != 1:
+        sys.exit("sample.py: name the file to be written")
+    make()
+    save(os.path.abspath(arguments[0]))
 
 
 if __name__ == "__main__":

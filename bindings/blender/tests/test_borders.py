@@ -51,7 +51,8 @@ class Borders(Case):
     def test_features_on_seams_are_counted_and_continue(self):
         arm = self.arm(dilated=False)
         settings = arm.object.vrtm
-        settings.seams, said = "shut", "1 feature on seams, which do not continue: press Continue Seams"
+        settings.seams = "shut"
+        said = "1 feature on seams, which do not continue: set Seams to Auto, and press Dilate Textures"
         bpy.ops.vrtm.update()
         self.assertIn(said, self.draw(arm.object))
         # More of them, of which two touch the other side of the seam alone, and what is elsewhere.
@@ -61,9 +62,9 @@ class Borders(Case):
         image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
         bpy.ops.vrtm.update()
         self.assertIn(said.replace("1 feature", "4 features"), self.draw(arm.object))
-        bpy.ops.vrtm.clear_material()
-        self.assertEqual(bpy.ops.vrtm.continue_seams(), {"FINISHED"})
-        self.assertEqual((settings.seams, part("borders").chosen(arm.object).seams), ("auto", "continue"))
+        settings.seams = "auto"
+        self.assertEqual(bpy.ops.vrtm.dilate(), {"FINISHED"})
+        self.assertEqual(part("borders").chosen(arm.object).seams, "continue")
         self.assertFalse([text for text in self.draw(arm.object) if "on seams" in text])
         self.check_solved(arm, seams="continue", open_borders="slide")
 

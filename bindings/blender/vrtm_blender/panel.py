@@ -137,7 +137,6 @@ class VRTM_PT_material(_Part, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("vrtm.set_up_material", text="Set Up by Image").by = "image"
         row.operator("vrtm.set_up_material", text="By UV Map").by = "uv_map"
-        layout.operator("vrtm.continue_seams")
         layout.operator("vrtm.dilate")
         layout.operator("vrtm.clear_material")
 
@@ -191,7 +190,7 @@ class VRTM_PT_status(_Panel, bpy.types.Panel):
         if obj.vrtm.is_set_up and keep.unsaved_maps(obj):
             layout.operator("vrtm.pack_maps", icon="PACKAGE")
         if "On seams" in dict(status.figures(obj)):
-            layout.operator("vrtm.continue_seams")
+            layout.operator("vrtm.dilate")
         if not notes:
             layout.label(text="Nothing to be mended", icon="CHECKMARK")
         for label, value in status.figures(obj):
@@ -245,7 +244,7 @@ class VRTM_MT_object(bpy.types.Menu):
         layout.menu("VRTM_MT_rigidity")
         layout.separator()
         layout.operator("vrtm.set_up_material").by = "image"
-        for name in ("continue_seams", "dilate", "add_basis", "clear_material"):
+        for name in ("dilate", "add_basis", "clear_material"):
             layout.operator(f"vrtm.{name}")
         layout.separator()
         for name in ("carry", "wrap", "carry_bake", "carry_live", "carry_remove"):
