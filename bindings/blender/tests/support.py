@@ -137,14 +137,7 @@ class Arm:
 
     def paint_tiles(self, folder: str, name: str = "rigidity") -> bpy.types.Image:
         """The studs as a tiled image, from files."""
-        for udim, values in self.painted.items():
-            one = bpy.data.images.new(f"{name} {udim}", self.size, self.size, float_buffer=False)
-            one.pixels.foreach_set(rgba(values).ravel())
-            one.file_format = "PNG"
-            one.save(filepath=os.path.join(folder, f"{name}.{udim}.png"))
-            bpy.data.images.remove(one)
-        image = bpy.data.images.load(os.path.join(folder, f"{name}.1001.png"))
-        image.source, image.filepath = "TILED", os.path.join(folder, f"{name}.<UDIM>.png")
+        image = tiled(folder, name, {udim: rgba(values) for udim, values in self.painted.items()})
         image.colorspace_settings.name = "Non-Color"
         settings = self.object.vrtm
         settings.rigidity_source, settings.rigidity_image = "IMAGE", image
@@ -192,6 +185,19 @@ class Arm:
         return np.concatenate(
             [tile.fetch("redirection_delta", self.size, channels=2, origin="bottom") for tile in asset.tiles], 1
         )
+
+
+def tiled(folder: str, name: str, tiles: dict[int, np.ndarray]) -> bpy.types.Image:
+    """A tiled image of 8 bits, from files."""
+    for udim, values in tiles.items():
+        one = bpy.data.images.new(f"{name} {udim}", *values.shape[1::-1], float_buffer=False)
+        one.pixels.foreach_set(values.ravel())
+        one.file_format = "PNG"
+        one.save(filepath=os.path.join(folder, f"{name}.{udim}.png"))
+        bpy.data.images.remove(one)
+    image = bpy.data.images.load(os.path.join(folder, f"{name}.1001.png"))
+    image.source, image.filepath = "TILED", os.path.join(folder, f"{name}.<UDIM>.png")
+    return image
 
 
 def mesh_object(name: str, points, faces=(), uvs: np.ndarray | None = None) -> bpy.types.Object:

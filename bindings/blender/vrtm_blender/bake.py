@@ -78,7 +78,7 @@ class FrameBake:
     def __init__(self, scene: bpy.types.Scene, objects: list[bpy.types.Object]) -> None:
         self.frames, self.kept = frames_of(scene), scene.frame_current
         self.overwrite = scene.vrtm_bake.overwrite
-        self.uids = {obj.name: session.uid_of(obj) for obj in objects}
+        self.uids = {obj.name: obj.session_uid for obj in objects}
         # Mesh and maps are read once.
         for obj in objects:
             states.state_of(obj).read_again()
@@ -114,7 +114,7 @@ class FrameBake:
 
     def _find(self, name: str) -> bpy.types.Object | None:
         obj = bpy.data.objects.get(name)
-        return obj if obj is not None and session.uid_of(obj) == self.uids[name] else None
+        return obj if obj is not None and obj.session_uid == self.uids[name] else None
 
     def begin(self) -> None:
         """Checks, before anything is written, that nothing of others is replaced. Raises a Problem."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import carry, geometry, keep, status, tap
+from . import geometry, keep, status, tap
 from .operators.objects import PRESETS, preset_of
 
 
@@ -151,10 +151,6 @@ class VRTM_PT_carry(_Part, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("vrtm.carry")
         row.operator("vrtm.wrap")
-        for kind, text in (("OBJECT", "Whole objects"), ("POINTS", "By their points")):
-            row = layout.row()
-            row.label(text=text)
-            row.label(text=str(sum(other.vrtm_carry.kind == kind for other in carry.carried_by(obj))))
         layout.operator("vrtm.carry_live" if obj.vrtm.carried_baked else "vrtm.carry_bake")
         layout.operator("vrtm.carry_remove")
 

@@ -128,11 +128,11 @@ def resize(image: bpy.types.Image, size: tuple[int, int]) -> None:
 
 def owner_of_image(obj: bpy.types.Object) -> bpy.types.Object | None:
     """The object whose result the object's image is, if it is another: a duplicate begins with the original's."""
-    image, uid = obj.vrtm.image, session.uid_of(obj)
+    image, uid = obj.vrtm.image, obj.session_uid
     if not is_result(image):
         return None
-    others = [other for other in bpy.data.objects if other.vrtm.image == image and session.uid_of(other) < uid]
-    return min(others, key=session.uid_of, default=None)
+    others = [other for other in bpy.data.objects if other.vrtm.image == image and other.session_uid < uid]
+    return min(others, key=lambda one: one.session_uid, default=None)
 
 
 def separate(obj: bpy.types.Object) -> None:
@@ -209,10 +209,10 @@ def names_of(settings: bpy.types.PropertyGroup) -> set[str]:
 
 def own_name(obj: bpy.types.Object) -> None:
     """Gives the object a name of its own for its results in the mesh: objects that share a mesh have one each."""
-    mesh, settings, uid = obj.data, obj.vrtm, session.uid_of(obj)
+    mesh, settings, uid = obj.data, obj.vrtm, obj.session_uid
     before = settings.uv_name
     others = [other for other in bpy.data.objects if other != obj and other.data == mesh and other.vrtm.is_set_up]
-    if any(other.vrtm.uv_name == before and session.uid_of(other) < uid for other in others):
+    if any(other.vrtm.uv_name == before and other.session_uid < uid for other in others):
         settings.uv_name = f"vrtm {obj.name}"[:60]
         if settings.write_uvs:
             own_layer(obj)

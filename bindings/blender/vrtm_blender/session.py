@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import threading
-import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -50,10 +49,6 @@ def topology():
     return topology
 
 
-def uid_of(obj: bpy.types.Object) -> int:
-    return obj.session_uid
-
-
 def device(name: str) -> vrtm.Device:
     with _making:
         if name not in devices:
@@ -85,7 +80,3 @@ def _log(entry: vrtm.LogEntry) -> None:
 def synchronous() -> bool:
     """True if a frame is solved at once, and not beside Blender's work."""
     return rendering or baking or (bpy.app.background and not live_in_background)
-
-
-def now() -> float:
-    return time.monotonic()

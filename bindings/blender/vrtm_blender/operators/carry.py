@@ -5,7 +5,7 @@ from __future__ import annotations
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
-from .. import carry, carry_bake, live, session, solve, states
+from .. import carry, carry_bake, live, solve, states
 from ..carriers import BOUND, TOO_FAR, told
 from ..messages import Problem
 from .bake import BakesFrames
@@ -86,7 +86,7 @@ class _Carry(OnObject):
             raise
         number, places, lines, farthest = 0, 0, [], attached[0].vrtm_carry.farthest * carry.scale_of(skin)
         for obj in attached:
-            found = state.prepared.carriers.states[session.uid_of(obj)]
+            found = state.prepared.carriers.states[obj.session_uid]
             if (found == TOO_FAR).all():
                 whole = obj.vrtm_carry.kind == "OBJECT"
                 carry.release(obj)

@@ -16,7 +16,6 @@ from .. import (
     overlay,
     result_image,
     results,
-    session,
     states,
     tap,
 )
@@ -108,7 +107,7 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         settings, mesh = obj.vrtm, obj.data
         let_all_go(obj)
-        states.drop(session.uid_of(obj))
+        states.drop(obj.session_uid)
         painted = dilate.restore(obj)
         for material in {slot.material for slot in obj.material_slots if slot.material is not None}:
             if material.library is None:
@@ -140,7 +139,7 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
                 settings.property_unset(name)
         for one in maps:
             keep.keep_image(one)
-        states.drop(session.uid_of(obj))
+        states.drop(obj.session_uid)
         return f"{obj.name}: nothing of vrtm is left" + kept_text(painted)
 
 

@@ -22,7 +22,7 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         if not super().poll(context):
             return False
-        if session.uid_of(context.object) in cls._running:
+        if context.object.session_uid in cls._running:
             cls.poll_message_set("Its update is under way")
             return False
         return True
