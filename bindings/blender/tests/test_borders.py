@@ -65,8 +65,8 @@ class Borders(Case):
         settings.seams = "auto"
         self.assertEqual(bpy.ops.vrtm.dilate(), {"FINISHED"})
         self.assertEqual(part("borders").chosen(arm.object).seams, "continue")
-        self.assertFalse([text for text in self.draw(arm.object) if "on seams" in text])
         self.check_solved(arm, seams="continue", open_borders="slide")
+        self.assertFalse([text for text in self.draw(arm.object) if "on seams" in text])
 
     def test_what_is_set_by_hand_is_obeyed(self):
         for given, expected in (
