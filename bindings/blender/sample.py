@@ -3,19 +3,16 @@
 says where it is rigid, all packed. It is made for the add-on, and does not need it.
 
     blender --background --python sample.py -- arm.blend
-    python sample.py arm.blend [--tiles 2]               # with Blender's Python module
-    python sample.py --pictures BEFORE.png AFTER.png     # the same frame before and after; takes the add-on
+    python sample.py arm.blend                             # with Blender's Python module
 
-The rigidity image is the same studs a little larger. With --tiles 2 the skin is two UDIM tiles.
+The rigidity image is the same studs a little larger.
 """
 
 from __future__ import annotations
 
-import argparse
 import math
 import os
 import sys
-import tempfile
 
 import bpy
 import numpy as np
@@ -53,8 +50,8 @@ def radius_at(x: float) -> float:
     return float(np.interp(x, at, radius(at)))
 
 
-def skin(tiles: int, along: int = 240, around: int = 96) -> bpy.types.Object:
-    """The arm at rest, along x; u runs along it, over all tiles, and v around it, with the seam underneath."""
+def skin(along: int = 240, around: int = 96) -> bpy.types.Object:
+    """The arm at rest, along x; u runs along it, and v around it, with the seam underneath."""
     x = np.linspace(0, LENGTH, along + 1)
     angle = np.linspace(-np.pi, np.pi, around + 1)[:-1]
     r = radius(x)[:, None]
@@ -67,7 +64,7 @@ def skin(tiles: int, along: int = 240, around: int = 96) -> bpy.types.Object:
     after = (np.arange(along)[:, None] * around + (np.arange(around) + 1) % around).ravel()
     faces = np.stack([first, first + around, after + around, after], -1)
     i, j = np.divmod(np.arange(along * around), around)
-    u, v = np.stack([i, i + 1, i + 1, i], -1) / along * tiles, np.stack([j, j, j + 1, j + 1], -1) / around
+    u, v = np.stack([i, i + 1, i + 1, i], -1) / along, np.stack([j, j, j + 1, j + 1], -1) / around
     uvs = np.stack([u, 0.03 + 0.94 * v], -1)
     mesh = bpy.data.meshes.new("skin")
     mesh.from_pydata(points.reshape(-1, 3).tolist(), [], faces.tolist())
@@ -78,25 +75,38 @@ def skin(tiles: int, along: int = 240, around: int = 96) -> bpy.types.Object:
     return obj
 
 
-def rig(obj: bpy.types.Object) -> None:
-    """Two bones with soft weights, and a biceps that swells; frame 1 at rest, frame 20 bent."""
-    armature = bpy.data.armatures.new("rig")
-    holder = bpy.data.objects.new("rig", armature)
+def bones(
+    obj: bpy.types.Object, name: str, elbow: float, length: float, lower: np.ndarray, bends: dict[int, float]
+) -> bpy.types.Object:
+    """Two bones along x, with the weight of the lower one at each vertex; `bends` has its degrees by frames."""
+    armature = bpy.data.armatures.new(name)
+    holder = bpy.data.objects.new(name, armature)
     bpy.context.collection.objects.link(holder)
     bpy.context.view_layer.objects.active = holder
     bpy.ops.object.mode_set(mode="EDIT")
-    upper, lower = armature.edit_bones.new("upper"), armature.edit_bones.new("lower")
-    upper.head, upper.tail, lower.head, lower.tail = (0, 0, 0), (ELBOW, 0, 0), (ELBOW, 0, 0), (LENGTH, 0, 0)
-    lower.parent = upper
+    first, second = armature.edit_bones.new("upper"), armature.edit_bones.new("lower")
+    first.head, first.tail, second.head, second.tail = (0, 0, 0), (elbow, 0, 0), (elbow, 0, 0), (length, 0, 0)
+    second.parent = first
     bpy.ops.object.mode_set(mode="OBJECT")
-    rest = np.array([vertex.co[:] for vertex in obj.data.vertices])
-    t = np.clip((rest[:, 0] - ELBOW + 0.75) / 1.5, 0, 1)
-    weight = t * t * (3 - 2 * t)
-    for bone, weights in (("upper", 1 - weight), ("lower", weight)):
+    for bone, weights in (("upper", 1 - lower), ("lower", lower)):
         group = obj.vertex_groups.new(name=bone)
         for index, value in enumerate(weights.tolist()):
             group.add([index], value, "REPLACE")
     obj.modifiers.new("Armature", "ARMATURE").object = holder
+    bone = holder.pose.bones["lower"]
+    bone.rotation_mode = "XYZ"
+    for frame, degrees in bends.items():
+        # The bone's own z is across the bend.
+        bone.rotation_euler[2] = math.radians(degrees)
+        bone.keyframe_insert("rotation_euler", frame=frame)
+    return holder
+
+
+def rig(obj: bpy.types.Object) -> None:
+    """Bones with soft weights, and a biceps that swells; frame 1 at rest, frame 20 bent."""
+    rest = np.array([vertex.co[:] for vertex in obj.data.vertices])
+    t = np.clip((rest[:, 0] - ELBOW + 0.75) / 1.5, 0, 1)
+    bones(obj, "rig", ELBOW, LENGTH, t * t * (3 - 2 * t), {1: 0, 20: 88})
     obj.shape_key_add(name="Basis")
     key = obj.shape_key_add(name="biceps")
     # On the inner side of the bend, and smooth all around.
@@ -105,23 +115,15 @@ def rig(obj: bpy.types.Object) -> None:
     moved = rest.copy()
     moved[:, 1:] *= 1 + 0.7 * bulge[:, None]
     key.data.foreach_set("co", moved.astype(np.float32).ravel())
-    bone = holder.pose.bones["lower"]
-    bone.rotation_mode = "XYZ"
-    # The bone's own z is across the bend.
-    for frame, degrees, value in ((1, 0, 0), (20, 88, 1)):
-        bone.rotation_euler[0] = 0
-        bone.rotation_euler[2] = math.radians(degrees)
-        bone.keyframe_insert("rotation_euler", frame=frame)
+    for frame, value in ((1, 0), (20, 1)):
         key.value = value
         key.keyframe_insert("value", frame=frame)
 
 
-def paint(tiles: int) -> dict[str, dict[int, np.ndarray]]:
-    """Height, colour and rigidity of the skin, per UDIM number: rows of round studs, bottom row first."""
+def paint() -> dict[str, np.ndarray]:
+    """Height, colour and rigidity of the skin: rows of round studs, bottom row first."""
     # What is painted is round on the arm at rest: v is as wide as the arm is there.
     circumference = 2 * np.pi * 0.45
-    length_per_tile = LENGTH / tiles
-    made: dict[str, dict[int, np.ndarray]] = {"height": {}, "colour": {}, "rigidity": {}}
     rng = np.random.default_rng(3)
     rows, columns = 12, round(12 * LENGTH / circumference)
     jitter = rng.uniform(-0.1, 0.1, (columns + 2, rows, 2))
@@ -130,60 +132,48 @@ def paint(tiles: int) -> dict[str, dict[int, np.ndarray]]:
     grain = np.kron(grain, np.ones((4, 4)))
     for _ in range(6):
         grain = (grain + np.roll(grain, 3, 0) + np.roll(grain, 3, 1) + np.roll(grain, (-2, 2), (0, 1))) / 4
-    for tile in range(tiles):
-        at = (np.arange(SIZE) + 0.5) / SIZE
-        u, v = np.meshgrid((at + tile) * length_per_tile, (at - 0.03) / 0.94 * circumference)
-        nearest = np.full((SIZE, SIZE), 9.0)
-        for i in range(columns):
-            for j in range(rows):
-                centre = (
-                    (i + 0.5 + jitter[i, j, 0]) * LENGTH / columns,
-                    (j + 0.5 + 0.5 * (i % 2) + jitter[i, j, 1]) % rows * circumference / rows,
-                )
-                # A stud keeps away from the seam, where nothing can move.
-                if not 0.2 < centre[1] < circumference - 0.2:
-                    continue
-                near = slice(*np.clip(np.searchsorted(u[0], [centre[0] - 0.25, centre[0] + 0.25]), 0, SIZE))
-                across = slice(*np.clip(np.searchsorted(v[:, 0], [centre[1] - 0.3, centre[1] + 0.3]), 0, SIZE))
-                wide = radius_at(centre[0]) / 0.45
-                # Smaller where the arm is thin, or they would touch.
-                scale = size[i, j] * min(wide, 1.1)
-                distance = np.hypot(u[across, near] - centre[0], (v[across, near] - centre[1]) * wide) / scale
-                nearest[across, near] = np.minimum(nearest[across, near], distance)
-        inside = np.clip(1 - (nearest / 0.092) ** 2, 0, 1)
-        height = 0.5 * np.sqrt(inside) + 0.008 * grain
-        edge = np.clip((0.092 - nearest) * 90 + 0.5, 0, 1)
-        ring = np.exp(-(((nearest - 0.1) / 0.014) ** 2))
-        base, stud = np.array([0.16, 0.27, 0.17]), np.array([0.78, 0.62, 0.33])
-        stripes = 0.5 + 0.5 * np.sin(v * 2 * np.pi / circumference * 3 + np.sin(u * 2.4) * 0.6)
-        base = base[None, None] * (0.75 + 0.5 * stripes[..., None]) * (1 + 0.06 * grain[..., None])
-        colour = base * (1 - edge[..., None]) + stud * edge[..., None] * (0.8 + 0.3 * inside[..., None])
-        colour *= 1 - 0.55 * ring[..., None]
-        made["height"][1001 + tile] = rgba(np.clip(height + 0.2, 0, 1))
-        alpha = np.ones((SIZE, SIZE, 1))
-        made["colour"][1001 + tile] = np.concatenate([np.clip(colour, 0, 1), alpha], -1).astype(np.float32)
-        made["rigidity"][1001 + tile] = rgba(np.clip((0.104 - nearest) * 90 + 0.5, 0, 1))
+    at = (np.arange(SIZE) + 0.5) / SIZE
+    u, v = np.meshgrid(at * LENGTH, (at - 0.03) / 0.94 * circumference)
+    nearest = np.full((SIZE, SIZE), 9.0)
+    for i in range(columns):
+        for j in range(rows):
+            centre = (
+                (i + 0.5 + jitter[i, j, 0]) * LENGTH / columns,
+                (j + 0.5 + 0.5 * (i % 2) + jitter[i, j, 1]) % rows * circumference / rows,
+            )
+            # A stud keeps away from the seam, where nothing can move.
+            if not 0.2 < centre[1] < circumference - 0.2:
+                continue
+            near = slice(*np.clip(np.searchsorted(u[0], [centre[0] - 0.25, centre[0] + 0.25]), 0, SIZE))
+            across = slice(*np.clip(np.searchsorted(v[:, 0], [centre[1] - 0.3, centre[1] + 0.3]), 0, SIZE))
+            wide = radius_at(centre[0]) / 0.45
+            # Smaller where the arm is thin, or they would touch.
+            scale = size[i, j] * min(wide, 1.1)
+            distance = np.hypot(u[across, near] - centre[0], (v[across, near] - centre[1]) * wide) / scale
+            nearest[across, near] = np.minimum(nearest[across, near], distance)
+    inside = np.clip(1 - (nearest / 0.092) ** 2, 0, 1)
+    height = 0.5 * np.sqrt(inside) + 0.008 * grain
+    edge = np.clip((0.092 - nearest) * 90 + 0.5, 0, 1)
+    ring = np.exp(-(((nearest - 0.1) / 0.014) ** 2))
+    base, stud = np.array([0.16, 0.27, 0.17]), np.array([0.78, 0.62, 0.33])
+    stripes = 0.5 + 0.5 * np.sin(v * 2 * np.pi / circumference * 3 + np.sin(u * 2.4) * 0.6)
+    base = base[None, None] * (0.75 + 0.5 * stripes[..., None]) * (1 + 0.06 * grain[..., None])
+    colour = base * (1 - edge[..., None]) + stud * edge[..., None] * (0.8 + 0.3 * inside[..., None])
+    colour *= 1 - 0.55 * ring[..., None]
+    alpha = np.ones((SIZE, SIZE, 1))
+    return {
+        "height": rgba(np.clip(height + 0.2, 0, 1)),
+        "colour": np.concatenate([np.clip(colour, 0, 1), alpha], -1).astype(np.float32),
+        "rigidity": rgba(np.clip((0.104 - nearest) * 90 + 0.5, 0, 1)),
+    }
+
+
+def image(name: str, pixels: np.ndarray) -> bpy.types.Image:
+    """A packed image: heights as floats, since a bump map shows the steps of 8 bits."""
+    made = bpy.data.images.new(name, SIZE, SIZE, float_buffer=name == "height", is_data=name != "colour")
+    made.pixels.foreach_set(pixels.ravel())
+    made.pack()
     return made
-
-
-def image(name: str, tiles: dict[int, np.ndarray], folder: str) -> bpy.types.Image:
-    """A tiled image out of files, as an artist has it: heights as floats, since a bump map shows the steps of 8
-    bits."""
-    deep = name == "height"
-    suffix = "exr" if deep else "png"
-    for udim, pixels in tiles.items():
-        one = bpy.data.images.new(name, SIZE, SIZE, float_buffer=deep, is_data=deep)
-        one.pixels.foreach_set(pixels.ravel())
-        one.file_format = "OPEN_EXR" if deep else "PNG"
-        one.save(filepath=f"{folder}/{name}.{udim}.{suffix}")
-        bpy.data.images.remove(one)
-    found = bpy.data.images.load(f"{folder}/{name}.1001.{suffix}")
-    if len(tiles) > 1:
-        found.source, found.filepath = "TILED", f"{folder}/{name}.<UDIM>.{suffix}"
-    found.name = name
-    if name != "colour":
-        found.colorspace_settings.name = "Non-Color"
-    return found
 
 
 def material(obj: bpy.types.Object, colour: bpy.types.Image, height: bpy.types.Image) -> None:
@@ -201,7 +191,7 @@ def material(obj: bpy.types.Object, colour: bpy.types.Image, height: bpy.types.I
     obj.data.materials.append(made)
 
 
-def stage(width: int, samples: int) -> None:
+def stage() -> None:
     """Camera, three lights and a floor."""
     from mathutils import Vector
 
@@ -230,34 +220,27 @@ def stage(width: int, samples: int) -> None:
     background = next(node for node in nodes_of(world).nodes if node.bl_idname == "ShaderNodeBackground")
     background.inputs["Color"].default_value = (0.045, 0.05, 0.06, 1)
     scene.render.engine = "CYCLES"
-    scene.cycles.device, scene.cycles.samples = "CPU", samples
+    scene.cycles.device, scene.cycles.samples = "CPU", 48
     scene.cycles.use_denoising = False
     scene.cycles.max_bounces = 3
-    scene.render.resolution_x, scene.render.resolution_y = width, width * 3 // 4
+    scene.render.resolution_x, scene.render.resolution_y = 900, 675
     scene.render.image_settings.file_format = "PNG"
 
 
-def make(folder: str, tiles: int, width: int, samples: int) -> bpy.types.Object:
+def make() -> bpy.types.Object:
     """The scene, before the add-on is used."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    obj = skin(tiles)
+    obj = skin()
     rig(obj)
-    painted = paint(tiles)
-    material(obj, image("colour", painted["colour"], folder), image("height", painted["height"], folder))
-    stage(width, samples)
+    painted = paint()
+    material(obj, image("colour", painted["colour"]), image("height", painted["height"]))
+    stage()
     # Nothing uses it until the add-on does.
-    image("rigidity", painted["rigidity"], folder).use_fake_user = True
+    image("rigidity", painted["rigidity"]).use_fake_user = True
     bpy.context.view_layer.objects.active = obj
     obj.select_set(True)
     bpy.context.scene.frame_end = 20
-    for one in bpy.data.images:
-        one.pack()
     return obj
-
-
-def render(path: str) -> None:
-    bpy.context.scene.render.filepath = path
-    bpy.ops.render.render(write_still=True)
 
 
 def save(path: str) -> None:
@@ -271,39 +254,11 @@ def save(path: str) -> None:
     bpy.ops.wm.save_as_mainfile(filepath=path, compress=True)
 
 
-def pictures(obj: bpy.types.Object, before: str, after: str) -> None:
-    """Renders the bent arm with its own UVs and redirected ones."""
-    settings = obj.vrtm
-    settings.rigidity_source, settings.rigidity_image = "IMAGE", bpy.data.images["rigidity"]
-    settings.device, settings.measure = "cpu", True
-    settings.grid = settings.render_grid = 512
-    bpy.context.scene.frame_set(20)
-    settings.in_renders = False
-    render(before)
-    settings.in_renders = True
-    bpy.ops.vrtm.set_up_material()
-    render(after)
-    bpy.ops.vrtm.update()
-
-
 def main(arguments: list[str]) -> None:
-    parser = argparse.ArgumentParser(description="Makes the sample file of the add-on, or pictures of it.")
-    parser.add_argument("file", nargs="?", help="the file to be written")
-    parser.add_argument("--pictures", nargs=2, metavar=("BEFORE", "AFTER"), help="pictures to be rendered")
-    parser.add_argument("--tiles", type=int, default=1, help="UDIM tiles of the skin (%(default)s)")
-    parser.add_argument("--samples", type=int, default=48, help="samples of the pictures (%(default)s)")
-    parser.add_argument("--width", type=int, default=900, help="width of the pictures (%(default)s)")
-    given = parser.parse_args(arguments)
-    if not given.file and not given.pictures:
-        parser.error("name the file to be written, or --pictures")
-    with tempfile.TemporaryDirectory() as folder:
-        obj = make(folder, given.tiles, given.width, given.samples)
-        if given.file:
-            save(os.path.abspath(given.file))
-        if given.pictures:
-            if not hasattr(obj, "vrtm"):
-                parser.error("--pictures: the add-on is not enabled")
-            pictures(obj, *map(os.path.abspath, given.pictures))
+    if len(arguments) != 1:
+        sys.exit("sample.py: name the file to be written")
+    make()
+    save(os.path.abspath(arguments[0]))
 
 
 if __name__ == "__main__":

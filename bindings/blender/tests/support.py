@@ -13,7 +13,7 @@ import pytest
 bpy = pytest.importorskip("bpy", reason="skipped: bpy cannot be imported", exc_type=ImportError)
 # The sample file's script lies beside this folder.
 sys.path.append(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
-from sample import nodes_of, rgba  # noqa: E402
+from sample import bones, nodes_of, rgba  # noqa: E402
 
 EXTENSION = "bl_ext.user_default.vrtm"
 
@@ -73,9 +73,9 @@ class Case(unittest.TestCase):
 
     def bakes_to(self, folder: str, start: int, end: int) -> bpy.types.PropertyGroup:
         """The settings of bakes of these frames."""
-        settings = bpy.context.scene.vrtm_bake
-        settings.directory, settings.frame_start, settings.frame_end = folder, start, end
-        return settings
+        scene = bpy.context.scene
+        scene.vrtm_bake.directory, scene.frame_start, scene.frame_end = folder, start, end
+        return scene.vrtm_bake
 
     def assertSame(self, one: np.ndarray, other: np.ndarray) -> None:
         """The same bits."""
@@ -106,15 +106,13 @@ class Arm:
                 v, w = 0.04 + 0.92 * j / around, 0.04 + 0.92 * (j + 1) / around
                 uvs += [(low, v), (low, w), (high, w), (high, v)]
         self.faces, self.uvs = np.array(faces, np.uint32), np.array(uvs, np.float32)
-        mesh = bpy.data.meshes.new(name)
-        mesh.from_pydata(points.tolist(), [], self.faces.tolist())
-        mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", self.uvs.ravel())
-        mesh.polygons.foreach_set("use_smooth", np.ones(len(faces), bool))
-        self.mesh = mesh
-        self.object = bpy.data.objects.new(name, mesh)
-        bpy.context.collection.objects.link(self.object)
-        self.rig = self._rig(name)
-        self._keys(points)
+        self.object = mesh_object(name, points, self.faces, self.uvs)
+        self.mesh = self.object.data
+        self.mesh.polygons.foreach_set("use_smooth", np.ones(len(faces), bool))
+        self.rig = bones(self.object, f"{name} rig", 0.8, 2, np.clip((points[:, 0] - 0.55) / 0.5, 0, 1), {1: 0, 5: 80})
+        swollen = points.copy()
+        swollen[:, 1:] *= 1 + 0.4 * np.exp(-(((points[:, :1] - 1.4) / 0.25) ** 2))
+        add_key(self.object, "swell", swollen)
         bpy.context.view_layer.objects.active = self.object
         self.object.select_set(True)
         settings = self.object.vrtm
@@ -129,41 +127,6 @@ class Arm:
         arm.paint_image()
         return arm
 
-    def _rig(self, name: str) -> bpy.types.Object:
-        armature = bpy.data.armatures.new(f"{name} rig")
-        rig = bpy.data.objects.new(f"{name} rig", armature)
-        bpy.context.collection.objects.link(rig)
-        bpy.context.view_layer.objects.active = rig
-        bpy.ops.object.mode_set(mode="EDIT")
-        upper, lower = armature.edit_bones.new("upper"), armature.edit_bones.new("lower")
-        upper.head, upper.tail, lower.head, lower.tail = (0, 0, 0), (0.8, 0, 0), (0.8, 0, 0), (2, 0, 0)
-        lower.parent = upper
-        bpy.ops.object.mode_set(mode="OBJECT")
-        x = np.array([vertex.co.x for vertex in self.mesh.vertices])
-        weight = np.clip((x - 0.55) / 0.5, 0, 1)
-        for bone, weights in (("upper", 1 - weight), ("lower", weight)):
-            group = self.object.vertex_groups.new(name=bone)
-            for index, value in enumerate(weights.tolist()):
-                group.add([index], value, "REPLACE")
-        modifier = self.object.modifiers.new("Armature", "ARMATURE")
-        modifier.object = rig
-        bone = rig.pose.bones["lower"]
-        bone.rotation_mode = "XYZ"
-        for frame, degrees in ((1, 0), (5, 80)):
-            bone.rotation_euler[2] = np.radians(degrees)
-            bone.keyframe_insert("rotation_euler", frame=frame)
-        return rig
-
-    def _keys(self, points: np.ndarray) -> None:
-        self.object.shape_key_add(name="Basis")
-        swell = self.object.shape_key_add(name="swell")
-        moved = points.copy()
-        moved[:, 1:] *= 1 + 0.4 * np.exp(-(((points[:, :1] - 1.4) / 0.25) ** 2))
-        swell.data.foreach_set("co", moved.ravel())
-        for frame, value in ((1, 0.0), (5, 1.0)):
-            swell.value = value
-            swell.keyframe_insert("value", frame=frame)
-
     def paint_image(self, name: str = "rigidity") -> bpy.types.Image:
         """The studs as an image of one tile, painted in memory only."""
         image = bpy.data.images.new(name, self.size, self.size, float_buffer=False)
@@ -174,14 +137,7 @@ class Arm:
 
     def paint_tiles(self, folder: str, name: str = "rigidity") -> bpy.types.Image:
         """The studs as a tiled image, from files."""
-        for udim, values in self.painted.items():
-            one = bpy.data.images.new(f"{name} {udim}", self.size, self.size, float_buffer=False)
-            one.pixels.foreach_set(rgba(values).ravel())
-            one.file_format = "PNG"
-            one.save(filepath=os.path.join(folder, f"{name}.{udim}.png"))
-            bpy.data.images.remove(one)
-        image = bpy.data.images.load(os.path.join(folder, f"{name}.1001.png"))
-        image.source, image.filepath = "TILED", os.path.join(folder, f"{name}.<UDIM>.png")
+        image = tiled(folder, name, {udim: rgba(values) for udim, values in self.painted.items()})
         image.colorspace_settings.name = "Non-Color"
         settings = self.object.vrtm
         settings.rigidity_source, settings.rigidity_image = "IMAGE", image
@@ -231,6 +187,32 @@ class Arm:
         )
 
 
+def tiled(folder: str, name: str, tiles: dict[int, np.ndarray]) -> bpy.types.Image:
+    """A tiled image of 8 bits, from files."""
+    for udim, values in tiles.items():
+        one = bpy.data.images.new(f"{name} {udim}", *values.shape[1::-1], float_buffer=False)
+        one.pixels.foreach_set(values.ravel())
+        one.file_format = "PNG"
+        one.save(filepath=os.path.join(folder, f"{name}.{udim}.png"))
+        bpy.data.images.remove(one)
+    image = bpy.data.images.load(os.path.join(folder, f"{name}.1001.png"))
+    image.source, image.filepath = "TILED", os.path.join(folder, f"{name}.<UDIM>.png")
+    return image
+
+
+def mesh_object(name: str, points, faces=(), uvs: np.ndarray | None = None) -> bpy.types.Object:
+    """A mesh with the UVs of its corners, (corners, 2), in the scene; active, and selected."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(np.asarray(points).tolist(), [], np.asarray(faces).tolist())
+    if uvs is not None:
+        mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.ravel(uvs).astype(np.float32))
+    obj = bpy.data.objects.new(name, mesh)
+    bpy.context.collection.objects.link(obj)
+    bpy.context.view_layer.objects.active = obj
+    obj.select_set(True)
+    return obj
+
+
 def quads(side: int) -> np.ndarray:
     """The vertices of the faces of a square lattice with so many faces per side, (side * side, 4)."""
     first = np.add.outer(np.arange(side) * (side + 1), np.arange(side)).ravel()
@@ -241,19 +223,8 @@ def bending(
     name: str, rest: np.ndarray, faces: np.ndarray, uvs: np.ndarray, moved: np.ndarray, rigidity: np.ndarray
 ) -> bpy.types.Object:
     """A mesh with UVs (corners, 2) and a rigidity image, which a shape key moves from frame 1 to frame 5; active."""
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(rest.tolist(), [], faces.tolist())
-    mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", uvs.astype(np.float32).ravel())
-    obj = bpy.data.objects.new(name, mesh)
-    bpy.context.collection.objects.link(obj)
-    bpy.context.view_layer.objects.active = obj
-    obj.select_set(True)
-    obj.shape_key_add(name="Basis")
-    key = obj.shape_key_add(name="moved")
-    key.data.foreach_set("co", moved.astype(np.float32).ravel())
-    for frame, value in ((1, 0.0), (5, 1.0)):
-        key.value = value
-        key.keyframe_insert("value", frame=frame)
+    obj = mesh_object(name, rest, faces, uvs)
+    add_key(obj, "moved", moved)
     image = bpy.data.images.new("rigidity", *rigidity.shape)
     image.pixels.foreach_set(rgba(rigidity).ravel())
     image.pack()
@@ -261,6 +232,16 @@ def bending(
     settings.device, settings.grid, settings.render_grid = "cpu", len(rigidity), len(rigidity)
     settings.rigidity_source, settings.rigidity_image = "IMAGE", image
     return obj
+
+
+def add_key(obj: bpy.types.Object, name: str, moved: np.ndarray) -> None:
+    """A shape key, from 0 in frame 1 to 1 in frame 5."""
+    obj.shape_key_add(name="Basis")
+    key = obj.shape_key_add(name=name)
+    key.data.foreach_set("co", moved.astype(np.float32).ravel())
+    for frame, value in ((1, 0.0), (5, 1.0)):
+        key.value = value
+        key.keyframe_insert("value", frame=frame)
 
 
 def sampled(image: np.ndarray, at: np.ndarray) -> np.ndarray:

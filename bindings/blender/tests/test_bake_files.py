@@ -85,7 +85,7 @@ class Files(Case):
 
     def test_one_file_among_many_is_enough(self):
         self.arm()
-        bpy.context.scene.vrtm_bake.frame_end = 3
+        bpy.context.scene.frame_end = 3
         self.put("arm.redirect.1001.0003.exr")
         self.refused("arm.redirect.1001.0003.exr")
 

@@ -7,7 +7,7 @@ import tempfile
 
 import numpy as np
 
-from support import bpy, nodes_of, sampled
+from support import bpy, mesh_object, nodes_of, sampled
 from test_render import Scene, render
 
 SIDE, MAPS = 16, 3
@@ -98,14 +98,8 @@ class Basis(Scene):
 
     def plane(self, wide=1, keys=CONTROLS):
         """A rectangle with UVs as its places; and the socket of what it shows."""
-        mesh = bpy.data.meshes.new("plane")
-        corners = [(0, 0, 0), (wide, 0, 0), (wide, 1, 0), (0, 1, 0)]
-        mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
-        mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", [c for corner in corners for c in corner[:2]])
-        obj = bpy.data.objects.new("plane", mesh)
-        bpy.context.collection.objects.link(obj)
-        bpy.context.view_layer.objects.active = obj
-        obj.select_set(True)
+        corners = np.array([(0, 0, 0), (wide, 0, 0), (wide, 1, 0), (0, 1, 0)])
+        obj = mesh_object("plane", corners, [(0, 1, 2, 3)], corners[:, :2])
         for name in ("Basis", *keys):
             obj.shape_key_add(name=name)
         self.camera((wide / 2, 0.5), wide)

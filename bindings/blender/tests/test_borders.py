@@ -4,7 +4,7 @@ import numpy as np
 
 import test_dilate
 import test_panel
-from support import Case, bpy, delta, part, rgba
+from support import Case, bpy, delta, mesh_object, part, rgba
 
 
 class Borders(Case):
@@ -51,7 +51,8 @@ class Borders(Case):
     def test_features_on_seams_are_counted_and_continue(self):
         arm = self.arm(dilated=False)
         settings = arm.object.vrtm
-        settings.seams, said = "shut", "1 feature on seams, which do not continue: press Continue Seams"
+        settings.seams = "shut"
+        said = "1 feature on seams, which do not continue: set Seams to Auto, and press Dilate Textures"
         bpy.ops.vrtm.update()
         self.assertIn(said, self.draw(arm.object))
         # More of them, of which two touch the other side of the seam alone, and what is elsewhere.
@@ -61,11 +62,11 @@ class Borders(Case):
         image.pixels.foreach_set(rgba(arm.painted[1001]).ravel())
         bpy.ops.vrtm.update()
         self.assertIn(said.replace("1 feature", "4 features"), self.draw(arm.object))
-        bpy.ops.vrtm.clear_material()
-        self.assertEqual(bpy.ops.vrtm.continue_seams(), {"FINISHED"})
-        self.assertEqual((settings.seams, part("borders").chosen(arm.object).seams), ("auto", "continue"))
-        self.assertFalse([text for text in self.draw(arm.object) if "on seams" in text])
+        settings.seams = "auto"
+        self.assertEqual(bpy.ops.vrtm.dilate(), {"FINISHED"})
+        self.assertEqual(part("borders").chosen(arm.object).seams, "continue")
         self.check_solved(arm, seams="continue", open_borders="slide")
+        self.assertFalse([text for text in self.draw(arm.object) if "on seams" in text])
 
     def test_what_is_set_by_hand_is_obeyed(self):
         for given, expected in (
@@ -102,10 +103,9 @@ class Borders(Case):
 
     def test_nothing_slides_where_another_mesh_begins(self):
         arm = self.arm(dilated=False)
-        mesh = bpy.data.meshes.new("hand")
-        mesh.from_pydata([tuple(vertex.co) for vertex in arm.mesh.vertices[-24:]], [], [])
-        hand = bpy.data.objects.new("hand", mesh)
-        bpy.context.collection.objects.link(hand)
+        hand = mesh_object("hand", arm.rest()[-24:])
+        hand.select_set(False)
+        bpy.context.view_layer.objects.active = arm.object
         hand.location = (0, 0, 1)
         bpy.context.view_layer.update()
         for apart in (True, False):

@@ -1,12 +1,11 @@
 """Seams that go on: what is set of the library, and copies of textures with what lies beyond seams."""
 
-import os
 import tempfile
 
 import numpy as np
 
 import test_panel
-from support import Arm, Case, bpy, delta, part, pixels
+from support import Arm, Case, bpy, delta, part, pixels, tiled
 
 SIZE = 128
 
@@ -34,14 +33,7 @@ class Dilate(Case):
             image = bpy.data.images.new("skin", SIZE, SIZE, float_buffer=False)
             image.pixels.foreach_set(content(SIZE).ravel())
             return image
-        for udim in range(1001, 1001 + tiles):
-            one = bpy.data.images.new(f"{udim}", SIZE, SIZE, float_buffer=False)
-            one.pixels.foreach_set(content(SIZE).ravel())
-            one.file_format = "PNG"
-            one.save(filepath=os.path.join(folder, f"skin.{udim}.png"))
-            bpy.data.images.remove(one)
-        image = bpy.data.images.load(os.path.join(folder, "skin.1001.png"))
-        image.source, image.filepath = "TILED", os.path.join(folder, "skin.<UDIM>.png")
+        image = tiled(folder, "skin", dict.fromkeys(range(1001, 1001 + tiles), content(SIZE)))
         image.name = "skin"
         return image
 

@@ -43,13 +43,13 @@ class Life(Case):
         session.live_in_background = True
         arm.object.vrtm.live = True
         bpy.ops.ed.undo_push(message="solved")
-        uid = session.uid_of(arm.object)
+        uid = arm.object.session_uid
         bpy.data.objects.remove(arm.object)
         bpy.ops.ed.undo_push(message="deleted")
         bpy.ops.ed.undo()
         # The object is another one in memory, and the same one to Blender.
         obj = bpy.data.objects["arm"]
-        self.assertEqual(session.uid_of(obj), uid)
+        self.assertEqual(obj.session_uid, uid)
         arm.object, arm.mesh, arm.rig = obj, obj.data, bpy.data.objects["arm rig"]
         states = states.known
         self.idle()

@@ -112,7 +112,7 @@ class Objects(Case):
             "nodes": {n.name for n in obj.active_material.node_tree.nodes if n.bl_idname != "ShaderNodeUVMap"},
         }
         image = arm.paint_image()
-        obj.vrtm.write_delta = True
+        obj.vrtm.write_strain = True
         obj.vrtm.seams = "continue"
         obj.modifiers.new("it", "SUBSURF")
         bpy.ops.vrtm.insert_tap()
@@ -123,7 +123,7 @@ class Objects(Case):
         bpy.ops.vrtm.set_up_material()
         bpy.ops.vrtm.dilate()
         bpy.ops.vrtm.update()
-        self.assertIn("vrtm_delta", mesh.attributes)
+        self.assertIn("vrtm_strain", mesh.attributes)
         self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
         obj.modifiers.remove(obj.modifiers["it"])
         found = {
@@ -145,12 +145,12 @@ class Objects(Case):
         arm = self.arm()
         arm.paint_image()
         obj = arm.object
-        obj.vrtm.write_uvs, obj.vrtm.write_delta = False, True
+        obj.vrtm.write_uvs, obj.vrtm.write_strain = False, True
         bpy.context.scene.frame_set(5)
         bpy.ops.vrtm.update()
 
         def values(of):
-            return read(arm.mesh.attributes[part("results").delta_name(of.vrtm)].data, "vector", 3)
+            return read(arm.mesh.attributes[part("results").strain_name(of.vrtm)].data, "vector", 3)
 
         first = values(obj)
         bpy.ops.object.duplicate(linked=True)
@@ -163,19 +163,6 @@ class Objects(Case):
         self.assertEqual(bpy.ops.vrtm.remove_all(), {"FINISHED"})
         self.assertSame(values(obj), first)
         self.assertIsNone(part("results").missing(obj))
-
-    def test_the_attribute_is_what_is_added(self):
-        arm = self.arm()
-        arm.paint_image()
-        arm.object.vrtm.write_delta = True
-        bpy.context.scene.frame_set(5)
-        bpy.ops.vrtm.update()
-        values = read(arm.mesh.attributes["vrtm_delta"].data, "vector", 3)
-        asset = arm.asset()
-        asset.solve(arm.pose())
-        self.assertSame(np.ascontiguousarray(values[:, :2]), asset.corner_uvs() - arm.uvs)
-        # Blender would count an attribute of two numbers among its eight UV maps.
-        self.assertEqual([layer.name for layer in arm.mesh.uv_layers], ["UVMap", "vrtm"])
 
     def test_one_click_on_all_that_is_selected(self):
         arms = [self.arm("one"), self.arm("two")]

@@ -77,7 +77,7 @@ class Panel(Case):
         for source in ("NONE", "IMAGE", "VERTEX_GROUP", "ATTRIBUTE"):
             settings.rigidity_source = settings.mask_source = source
             self.draw(obj)
-        for rest in ("MESH", "SHAPE_KEY", "FRAME", "CAPTURED"):
+        for rest in ("MESH", "SHAPE_KEY", "CAPTURED"):
             settings.rest_source = rest
             shown = self.draw(obj)
         self.assertIn("Capture Rest", shown)
@@ -108,20 +108,6 @@ class Panel(Case):
         self.assertIn("it changes the topology", shown)
         self.assertIn("Read Pose", shown)
         self.assertTrue(any(text.startswith("Scaled unevenly, which vrtm does not see") for text in shown))
-
-    def test_a_button_while_textures_are_painted(self):
-        arm = Arm()
-
-        def header(mode):
-            shown = []
-            context = types.SimpleNamespace(object=arm.object, scene=bpy.context.scene, mode=mode)
-            part("panel").paint_header(types.SimpleNamespace(layout=Layout(shown)), context)
-            return shown
-
-        self.assertEqual((header("OBJECT"), header("PAINT_TEXTURE")), ([], ["Paint Rigidity"]))
-        arm.paint_image()
-        self.assertEqual(header("PAINT_TEXTURE"), ["Paint Rigidity"])
-        self.assertIn(part("panel").paint_header, bpy.types.VIEW3D_HT_header._dyn_ui_initialize())
 
     def test_only_meshes_have_it(self):
         arm = Arm()

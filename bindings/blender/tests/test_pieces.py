@@ -3,7 +3,7 @@ lips."""
 
 import numpy as np
 
-from support import Case, bending, bpy, part, quads
+from support import Case, bending, bpy, mesh_object, part, quads
 from test_carry import world
 
 SIDE, SIZE = 12, 64
@@ -52,12 +52,8 @@ class Pieces(Case):
         made = [stud(centre) for centre in self.CENTRES]
         points = np.concatenate([points for points, _ in made])
         faces = np.concatenate([faces + 20 * k for k, (_, faces) in enumerate(made)])
-        mesh = bpy.data.meshes.new("studs")
         matrix = world(lips.object)
-        mesh.from_pydata((points @ matrix[:3, :3].T + matrix[:3, 3]).tolist(), [], faces.tolist())
-        obj = bpy.data.objects.new("studs", mesh)
-        bpy.context.collection.objects.link(obj)
-        return obj, points
+        return mesh_object("studs", points @ matrix[:3, :3].T + matrix[:3, 3], faces), points
 
     def wrapped(self, lips, obj, **settings):
         """The points in the skin's space at frame 5."""

@@ -6,7 +6,7 @@ import tempfile
 
 import numpy as np
 
-from support import Arm, Case, bpy, load, nodes_of, part, rgba, sampled, studs
+from support import Arm, Case, bpy, load, mesh_object, nodes_of, part, rgba, sampled, studs
 
 
 def render(path=None, animation=False):
@@ -111,10 +111,7 @@ class Render(Scene):
                 arm = Arm.with_studs()
                 self.camera((1.0, 0.5), 2.2)
                 # A patch of the arm's own faces, as a detail mesh, and a cube.
-                mesh = bpy.data.meshes.new("patch")
-                mesh.from_pydata((arm.rest() * (1, 1.02, 1.02)).tolist(), [], arm.faces[400:700].tolist())
-                patch = bpy.data.objects.new("patch", mesh)
-                bpy.context.collection.objects.link(patch)
+                patch = mesh_object("patch", arm.rest() * (1, 1.02, 1.02), arm.faces[400:700])
                 bpy.ops.mesh.primitive_cube_add(size=0.1, location=(1.3, 0, 0.27))
                 cube = bpy.context.object
                 for obj in (patch, cube):
@@ -176,12 +173,8 @@ class Render(Scene):
                 self.setUp()
                 size = 8
                 low, high = np.array(first, float), np.array(first, float) + np.array([columns, rows], float)
-                mesh = bpy.data.meshes.new("plane")
-                corners = [low, (high[0], low[1]), high, (low[0], high[1])]
-                mesh.from_pydata([(*map(float, c), 0.0) for c in corners], [], [(0, 1, 2, 3)])
-                mesh.uv_layers.new(name="UVMap").uv.foreach_set("vector", np.ravel(corners).astype(np.float32))
-                obj = bpy.data.objects.new("plane", mesh)
-                bpy.context.collection.objects.link(obj)
+                corners = np.array([low, (high[0], low[1]), high, (low[0], high[1])])
+                obj = mesh_object("plane", np.pad(corners, ((0, 0), (0, 1))), [(0, 1, 2, 3)], corners)
                 layout = part("result_image").Layout.of(udims, size)
                 self.assertEqual(layout.numbers(), [*first, columns, rows, size])
                 values = np.zeros((layout.height, layout.width, 4), np.float32)

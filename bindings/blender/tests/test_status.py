@@ -163,7 +163,7 @@ class Status(Case):
 
     def test_baked_files(self):
         arm = Arm.with_studs()
-        scene, settings = bpy.context.scene, bpy.context.scene.vrtm_bake
+        scene = bpy.context.scene
         scene.frame_start, scene.frame_end = 2, 4
         with tempfile.TemporaryDirectory() as folder:
             bpy.ops.wm.save_as_mainfile(filepath=os.path.join(folder, "file.blend"))
@@ -191,11 +191,6 @@ class Status(Case):
             os.remove(os.path.join(folder, "vrtm", names[1]))
             self.assertEqual(self.headline(arm), "Frame is not baked: see Status")
             self.assertIn(f"{names[1]} is not there", self.notes(arm))
-            # Frames of its own, once one is set.
-            self.assertFalse(settings.use_custom_range)
-            settings.frame_end = 3
-            self.assertTrue(settings.use_custom_range)
-            self.assertEqual(part("bake").frames_of(scene), range(1, 4))
 
     def test_lines_are_as_wide_as_the_panel(self):
         context = types.SimpleNamespace(region=types.SimpleNamespace(width=300), preferences=bpy.context.preferences)

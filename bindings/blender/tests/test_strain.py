@@ -1,11 +1,8 @@
 """Strain as colours: closed forms, and what the solve itself measures."""
 
-import os
-import tempfile
-
 import numpy as np
 
-from support import Arm, Case, bpy, in_file, load, part, pixels, quads, read
+from support import Arm, Case, bpy, part, quads, read
 
 
 def sheet(n=8):
@@ -113,76 +110,6 @@ class Strain(Case):
         bpy.ops.vrtm.update()
         bpy.ops.vrtm.remove_all()
         self.assertNotIn("vrtm_strain", arm.mesh.attributes)
-
-    def test_values_in_an_image(self):
-        """Against a plain loop: of a triangle that leaves the image, of slivers, and of nothing."""
-        rng = np.random.default_rng(5)
-        points = np.concatenate([rng.uniform(-8, 40, (6, 3, 2)), [[[1, 1], [30, 1.2], [15, 1.1]], [[3, 3]] * 3]])
-        vertices, values = np.arange(24).reshape(8, 3), rng.normal(size=(24, 2)).astype(np.float32)
-        expected, covered = np.zeros((24, 32, 2)), np.zeros((24, 32), bool)
-        for corners, of in zip(points[:7], vertices):
-            a, b, c = corners
-            y, x = np.mgrid[:24, :32] + 0.5
-            weights = np.linalg.solve(np.stack([b - a, c - a], -1), np.stack([x - a[0], y - a[1]]).reshape(2, -1))
-            one, two = weights.reshape(2, 24, 32)
-            inside = (one >= 0) & (two >= 0) & (one + two <= 1)
-            mixed = np.stack([1 - one - two, one, two], -1) @ values[of]
-            expected[inside], covered = mixed[inside], covered | inside
-        found = part("raster").Raster(vertices, points, (24, 32)).image(values)
-        self.assertLess(np.abs(found[covered][:, :2] - expected[covered]).max(), 1e-4)
-        self.assertTrue((found[..., 3] == 1).all() and not found[..., 2].any())
-        # A few texels around have what is at the borders, the rest has nothing.
-        away = part("session").library().rigidity.grown(covered.astype(np.float32), 6) < 0.5
-        self.assertFalse(found[away][:, :2].any())
-        ring = ~covered & (np.roll(covered, 1, 0) & np.roll(covered, -1, 1))
-        self.assertTrue(found[ring][:, :2].any(-1).all())
-
-    def test_strain_as_an_image(self):
-        for tiles in (1, 2):
-            with self.subTest(tiles=tiles), tempfile.TemporaryDirectory() as folder:
-                self.setUp()
-                arm = Arm.with_studs(tiles=tiles)
-                bpy.context.scene.frame_set(1)
-                arm.rig.animation_data_clear()
-                node = arm.add_material()
-                settings = arm.object.vrtm
-                settings.write_strain_image = True
-                arm.rig.pose.bones["upper"].scale = 0.7, 1.2, 0.7
-                bpy.context.view_layer.update()
-                self.assertEqual(bpy.ops.vrtm.update(), {"FINISHED"})
-                image = settings.strain_image
-                self.assertEqual(tuple(image.size), (128 * tiles, 128))
-                # All of the mesh, whose islands leave a gutter of 5 texels.
-                rows = slice(6, -6)
-                self.assertLess(np.abs(pixels(image)[rows] - (0.2, 0.3, 0, 1)).max(), 2e-3)
-                self.assertNotIn("vrtm_strain", arm.mesh.attributes)
-                # It is no texture of the artist's: Set Up leaves it alone.
-                strained = node.id_data.nodes.new("ShaderNodeTexImage")
-                strained.image = image
-                self.assertEqual(bpy.ops.vrtm.set_up_material(), {"FINISHED"})
-                self.assertFalse(strained.inputs["Vector"].is_linked)
-                self.assertTrue(node.inputs["Vector"].is_linked)
-                # A bake has a file for each tile.
-                self.bakes_to(folder, 1, 1).strain = True
-                for _ in range(2):
-                    self.assertEqual(bpy.ops.vrtm.bake(), {"FINISHED"})
-                for tile in range(tiles):
-                    baked = load(os.path.join(folder, f"arm.strain.{1001 + tile}.0001.exr"))
-                    self.assertSame(baked, pixels(image)[:, 128 * tile : 128 * (tile + 1)])
-                # Saved, a duplicate's own, and gone with all else.
-                copy = arm.object.copy()
-                bpy.context.collection.objects.link(copy)
-                part("solve").run(copy, bpy.context.evaluated_depsgraph_get())
-                self.assertNotEqual(copy.vrtm.strain_image, image)
-                expected = pixels(image)
-                obj = self.reopened()
-                self.assertSame(pixels(obj.vrtm.strain_image), in_file(expected))
-                self.assertIsNone(part("results").missing(obj))
-                bpy.data.images.remove(obj.vrtm.strain_image)
-                self.assertIn("strain image is not there", part("results").missing(obj))
-                bpy.ops.vrtm.update()
-                bpy.ops.vrtm.remove_all()
-                self.assertNotIn("vrtm arm strain", bpy.data.images)
 
     def test_strain_before_takes_no_rigidity(self):
         arm = Arm()

@@ -13,7 +13,6 @@ import numpy as np
 
 from . import exr, geometry, layers, live, nodes, result_image, session, solve, states
 from .messages import Problem
-from .outcome import surface_strain
 
 if TYPE_CHECKING:
     import vrtm
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
 _NUMBER = re.compile(r"\d+(?=\D*$)")
 # Tokens for a tile in the path of an image with tiles.
 _TOKENS = {"<UDIM>": r"\d{4}", "<UVTILE>": r"u\d+_v\d+"}
-
-KINDS = {"delta": "redirection_delta", "udim": "redirection_udim", "tile": "redirection"}
 
 
 def folder_of(scene: bpy.types.Scene) -> Path:
@@ -42,12 +39,7 @@ def folder_of(scene: bpy.types.Scene) -> Path:
 
 
 def frames_of(scene: bpy.types.Scene) -> range:
-    """The scene's range, or that of the bake's settings."""
-    given = scene.vrtm_bake if scene.vrtm_bake.use_custom_range else scene
-    frames = range(given.frame_start, given.frame_end + 1, given.frame_step)
-    if not frames:
-        raise Problem(f"there is no frame from {given.frame_start} to {given.frame_end}")
-    return frames
+    return range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
 
 
 def file_name(obj: bpy.types.Object, part: str, frame: int, kind: str = "redirect") -> str:
@@ -64,8 +56,6 @@ def sequence(obj: bpy.types.Object, scene: bpy.types.Scene) -> tuple[list[str], 
     """The files of a bake with the scene's settings, for the node group: the first one of each layer, its frame, and
     the number of frames."""
     settings, frames = scene.vrtm_bake, frames_of(scene)
-    if settings.form != "delta":
-        raise Problem("the node group reads bakes of the form Delta")
     if frames.step != 1:
         raise Problem("Blender plays sequences without gaps only: bake with Step 1")
     image = obj.vrtm.image
@@ -88,7 +78,7 @@ class FrameBake:
     def __init__(self, scene: bpy.types.Scene, objects: list[bpy.types.Object]) -> None:
         self.frames, self.kept = frames_of(scene), scene.frame_current
         self.overwrite = scene.vrtm_bake.overwrite
-        self.uids = {obj.name: session.uid_of(obj) for obj in objects}
+        self.uids = {obj.name: obj.session_uid for obj in objects}
         # Mesh and maps are read once.
         for obj in objects:
             states.state_of(obj).read_again()
@@ -124,7 +114,7 @@ class FrameBake:
 
     def _find(self, name: str) -> bpy.types.Object | None:
         obj = bpy.data.objects.get(name)
-        return obj if obj is not None and session.uid_of(obj) == self.uids[name] else None
+        return obj if obj is not None and obj.session_uid == self.uids[name] else None
 
     def begin(self) -> None:
         """Checks, before anything is written, that nothing of others is replaced. Raises a Problem."""
@@ -145,7 +135,6 @@ class Bake(FrameBake):
 
     def __init__(self, scene: bpy.types.Scene, objects: list[bpy.types.Object]) -> None:
         self.folder = folder_of(scene)
-        self.form, self.strain = scene.vrtm_bake.form, scene.vrtm_bake.strain
         super().__init__(scene, objects)
 
     def _prepared(self, obj: bpy.types.Object) -> tuple[vrtm.Asset, result_image.Layout, list[tuple[int | str, int]]]:
@@ -156,7 +145,7 @@ class Bake(FrameBake):
         solve.prepare(obj, state)
         layout = result_image.layout_of(state.asset, obj.name, solve.level_of(obj)[2])
         parts: list[tuple[int | str, int]] = [(tile.udim, tile.layer) for tile in state.asset.tiles]
-        if self.form == "delta" and (layout.columns, layout.rows) != (1, 1):
+        if (layout.columns, layout.rows) != (1, 1):
             parts += [("tiles", layer) for layer in range(layers.number_of(state.asset))]
         return state.asset, layout, parts
 
@@ -168,12 +157,11 @@ class Bake(FrameBake):
                 if other != obj and other.library is None and other.vrtm.is_set_up:
                     if file_name(other, "", 0).casefold() == name:
                         raise Problem(f"{obj.name}: its files have the names of those of {other.name}: rename one")
-            asset, _, parts = self._prepared(obj)
-            kinds = [(part_of(*part), "redirect") for part in parts] + [(n, "strain") for n in self._strained(asset)]
+            parts = self._prepared(obj)[2]
             outputs += [
-                (str(self.folder / file_name(obj, part, frame, kind)), obj.name)
+                (str(self.folder / file_name(obj, part_of(*part), frame)), obj.name)
                 for frame in self.frames
-                for part, kind in kinds
+                for part in parts
             ]
         check_free(outputs, self.overwrite)
         self.planned = {path for path, _ in outputs}
@@ -189,40 +177,23 @@ class Bake(FrameBake):
         facts = {
             # The mark by which a file is known as one that may be replaced.
             "vrtm:kind": "redirect",
-            "vrtm:form": self.form,
+            "vrtm:form": "delta",
             "vrtm:mesh": obj.name,
             "vrtm:frame": frame,
             "vrtm:version": session.library().version(),
         }
+        images = [result_image.redirection(asset, layout, layer) for layer in range(layers.number_of(asset))]
         written = []
         for place, layer in parts:
             path = self._path(obj, part_of(place, layer), frame)
-            if place == "tiles":
-                pixels = result_image.redirection(asset, layout, layer)
-            else:
-                pixels = np.zeros((layout.size, layout.size, 4), np.float32)
-                pixels[..., 3] = 1
-                tile = asset.tile(place, layer=layer)
-                pixels[..., :2] = tile.fetch(KINDS[self.form], pixels.shape[:2], channels=2, origin="bottom")
+            pixels = images[layer] if place == "tiles" else images[layer][layout.place(place)]
             of = ({} if place == "tiles" else {"vrtm:udim": place}) | ({"vrtm:layer": layer} if layer else {})
             save(pixels, path, facts | of)
             written.append(path)
-        if self.strain:
-            prepared = states.state_of(obj).prepared
-            pixels = prepared.raster_of(layout).image(surface_strain(prepared, positions)[:, :2])
-            del facts["vrtm:form"]
-            for udim in self._strained(asset):
-                path = self._path(obj, udim, frame, "strain")
-                save(pixels[layout.place(udim)], path, facts | {"vrtm:kind": "strain", "vrtm:udim": udim})
-                written.append(path)
         return written
 
-    def _strained(self, asset: vrtm.Asset) -> list[int]:
-        """The tiles of which there are files of strain: one each, whatever their layers."""
-        return sorted({tile.udim for tile in asset.tiles}) if self.strain else []
-
-    def _path(self, obj: bpy.types.Object, part: int | str, frame: int, kind: str = "redirect") -> Path:
-        path = self.folder / file_name(obj, str(part), frame, kind)
+    def _path(self, obj: bpy.types.Object, part: str, frame: int) -> Path:
+        path = self.folder / file_name(obj, part, frame)
         if str(path) not in self.planned:
             raise Problem(f"{obj.name} has other tiles at frame {frame} than at first")
         return path

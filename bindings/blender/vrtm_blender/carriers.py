@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from mathutils.bvhtree import BVHTree
 
-from . import strain
+from . import session
 
 if TYPE_CHECKING:
     import vrtm
@@ -72,7 +72,7 @@ class Carriers:
         # By uid: the places that are bound, (roots, 3): all of them, or one for each part.
         self._roots = {thing.uid: thing.places for thing in given.things}
         for thing in [thing for thing in given.things if thing.parts is not None]:
-            triangles = topology.corner_vertices[strain.triangles(topology.face_counts)]
+            triangles = topology.corner_vertices[session.topology().fans(topology.face_counts)]
             self._roots[thing.uid] = feet(thing.places, thing.parts, thing.farthest, rest, triangles)
         # By uid: how each place is bound, (places,) int32.
         self.states: dict[int, np.ndarray] = {}

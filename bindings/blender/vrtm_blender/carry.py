@@ -8,7 +8,7 @@ import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, FloatVectorProperty, PointerProperty
 from mathutils import Matrix
 
-from . import carry_nodes, geometry, session
+from . import carry_nodes, geometry
 from .carriers import CarriedInput, Moved, Thing, connected
 from .messages import Problem
 
@@ -247,7 +247,7 @@ def read(skin: bpy.types.Object) -> CarriedInput:
         if not np.isfinite(places).all():
             raise Problem(f"{obj.name}: a point of it has no place (NaN): mend or delete it")
         if len(places):
-            uid, way = session.uid_of(obj), (own.farthest, own.fit, own.skirt)
+            uid, way = obj.session_uid, (own.farthest, own.fit, own.skirt)
             things.append(Thing(uid, obj.name, places, to_skin, whole, *way, parts))
     told = repr([(thing.uid, thing.name, thing.way) for thing in things]).encode()
     arrays = [of for thing in things for of in (thing.places, thing.to_skin, thing.parts) if of is not None]
@@ -259,7 +259,7 @@ def place(skin: bpy.types.Object, moved: dict[int, Moved]) -> None:
     if not moved or not carries_live(skin):
         return
     for obj in carried_by(skin):
-        own = moved.get(session.uid_of(obj))
+        own = moved.get(obj.session_uid)
         if own is None:
             continue
         if obj.vrtm_carry.kind == "OBJECT":

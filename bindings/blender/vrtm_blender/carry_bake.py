@@ -96,7 +96,7 @@ class Bake(FrameBake):
         state.asset.solve(geometry.pose(skin, depsgraph), **solve.options_of(skin))
         moved, written = state.prepared.carriers.fetch(), []
         for obj in self._things(skin):
-            own = moved.get(session.uid_of(obj))
+            own = moved.get(obj.session_uid)
             if own is None:
                 continue
             if obj.vrtm_carry.kind == "OBJECT":

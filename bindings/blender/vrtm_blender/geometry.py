@@ -132,8 +132,6 @@ def rest_positions(obj: bpy.types.Object) -> np.ndarray:
             raise Problem(f"{obj.name} has no shape key {settings.rest_key!r}: choose another as rest")
         return read(key.data, "co", 3)
     kept = rest_keeper(obj)
-    if settings.rest_source == "FRAME" and kept.get(REST_FRAME_NAME) != settings.rest_frame:
-        raise Problem(f"{obj.name}: the shape at frame {settings.rest_frame} is not captured yet: press Capture Rest")
     attribute = kept.attributes.get(REST_NAME)
     if attribute is None or attribute.domain != "POINT" or attribute.data_type != "FLOAT_VECTOR":
         raise Problem(f"{obj.name} has no captured rest shape: press Capture Rest")

@@ -108,7 +108,7 @@ def render_ends(scene: bpy.types.Scene, *_) -> None:
         obj.data.update_tag()
         # The viewport has its own settings again.
         look_again(obj)
-        if not session.synchronous() and session.uid_of(obj) in _shown:
+        if not session.synchronous() and obj.session_uid in _shown:
             # The viewport has its own frame again.
             live.want(obj)
 

@@ -11,7 +11,7 @@ def keep_results() -> None:
     """Packs the images of results, which exist in memory only, so that the opened file has them, with or without this
     add-on."""
     for image in bpy.data.images:
-        if not result_image.is_cache(image) or image.library is not None:
+        if not result_image.is_result(image) or image.library is not None:
             continue
         if image.is_dirty or image.packed_file is None:
             try:

@@ -5,6 +5,7 @@ for an older one is cancelled."""
 from __future__ import annotations
 
 import concurrent.futures
+import time
 
 import bpy
 
@@ -52,7 +53,7 @@ def is_live(obj: bpy.types.Object) -> bool:
 
 def want(obj: bpy.types.Object) -> None:
     """Has the object's pose collected by the timer."""
-    state, now = states.state_of(obj), session.now()
+    state, now = states.state_of(obj), time.monotonic()
     state.moves, state.wanted_at, state.wanted = now - state.wanted_at < REST, now, True
     state.is_draft = False
     _start_timer()
@@ -111,9 +112,9 @@ def step(state: State) -> None:
     try:
         if state.job is not None and state.job.done():
             take(obj, state)
-        if state.wanted and not (state.is_draft and session.now() - state.wanted_at < REST):
+        if state.wanted and not (state.is_draft and time.monotonic() - state.wanted_at < REST):
             collect(obj, state)
-        elif state.doubted and state.job is None and session.now() >= state.next_look:
+        elif state.doubted and state.job is None and time.monotonic() >= state.next_look:
             look(obj, state)
     except Exception as error:  # a timer that raises is never called again, and the artist has to be told.
         state.wanted = False
@@ -158,13 +159,13 @@ def collect(obj: bpy.types.Object, state: State) -> None:
         return
     solve.read(obj, state)
     request = full = solve.request(obj, state, bpy.context.evaluated_depsgraph_get())
-    if state.moves and state.seconds > FRAME and session.now() - state.wanted_at < REST:
+    if state.moves and state.seconds > FRAME and time.monotonic() - state.wanted_at < REST:
         request = solve.draft(full)
     state.doubted = state.is_draft = False
     if state.job is not None:
         if state.job.request.stamp in (request.stamp, full.stamp):
             state.wanted = False
-        elif session.now() - state.waiting_since < PATIENCE:
+        elif time.monotonic() - state.waiting_since < PATIENCE:
             # It ends within milliseconds; the pose, or a newer one, is submitted at the timer's next call.
             state.job.cancel()
         return
@@ -174,13 +175,13 @@ def collect(obj: bpy.types.Object, state: State) -> None:
         tell(state, "")
         return
     state.job = Work(state.prepared, state.inputs.take(), request)
-    state.waiting_since = state.waiting_since or session.now()
+    state.waiting_since = state.waiting_since or time.monotonic()
     tell(state, "")
 
 
 def look(obj: bpy.types.Object, state: State) -> None:
     """Finds out if the result of the present pose is shown. An object for which that takes long is looked at seldom."""
-    begun, before = session.now(), state.fresh
+    begun, before = time.monotonic(), state.fresh
     state.doubted = state.fresh = False
     layer = bpy.context.view_layer
     if obj.mode != "EDIT" and obj.vrtm.is_followed and layer is not None and obj.name in layer.objects:
@@ -196,7 +197,7 @@ def look(obj: bpy.types.Object, state: State) -> None:
         state.wanted = True
     if state.fresh != before:
         redraw()
-    state.next_look = session.now() + 10 * (session.now() - begun)
+    state.next_look = time.monotonic() + 10 * (time.monotonic() - begun)
 
 
 def tell(state: State, message: str, error: bool = False) -> None:

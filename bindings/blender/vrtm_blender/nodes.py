@@ -7,7 +7,7 @@ from functools import partial
 
 import bpy
 
-from . import layers, packed, result_image, session, trees
+from . import layers, packed, result_image, trees
 from .messages import Problem
 
 # The custom property that tells the kind of a node group of this add-on. No tree may hold a data-block in a custom
@@ -109,7 +109,7 @@ def _attributes_in(tree: bpy.types.NodeTree) -> set[str]:
 def _owner(tree: bpy.types.NodeTree) -> bpy.types.Object | None:
     """The object of a group without a result: the first that writes an image and has a material with it."""
     owners = [obj for obj in bpy.data.objects if obj.vrtm.is_set_up and obj.vrtm.write_image and tree in used_by(obj)]
-    return min(owners, key=session.uid_of, default=None)
+    return min(owners, key=lambda one: one.session_uid, default=None)
 
 
 def used_by(obj: bpy.types.Object) -> set[bpy.types.NodeTree]:
@@ -288,7 +288,7 @@ def reach(
 
 def own_textures(tree: bpy.types.NodeTree) -> list[bpy.types.Node]:
     """The artist's Image Texture nodes of a material's tree."""
-    return [node for node in _textures(tree) if not result_image.is_cache(node.image)]
+    return [node for node in _textures(tree) if not result_image.is_result(node.image)]
 
 
 def is_of_another(tree: bpy.types.NodeTree, obj: bpy.types.Object) -> bool:

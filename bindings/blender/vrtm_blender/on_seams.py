@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from . import session
+
 # Points along each edge at which the rigidity is looked at, its ends among them.
 POINTS = 9
 
@@ -18,9 +20,7 @@ def features(
 ) -> int:
     """The number of connected rigid parts of all seams, by the rigidity of UVs (n, 2): a feature on a seam has one, as
     a rule. A seam is an edge of two faces with different UVs."""
-    following = np.arange(1, len(corner_vertices) + 1)
-    ends = np.cumsum(face_counts.astype(np.int64))
-    following[ends - 1] = ends - face_counts
+    following = session.topology().next_corners(face_counts)
     # Each edge as both of its faces have it, with its ends in one order.
     corners = np.stack([np.arange(len(following)), following], -1)
     vertices = corner_vertices[corners].astype(np.int64)

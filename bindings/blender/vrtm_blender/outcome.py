@@ -29,9 +29,7 @@ class Request:
     map_size: int
     write_image: bool
     write_uvs: bool
-    write_delta: bool
     write_strain: bool
-    write_strain_image: bool
     strain: str  # "NONE", "BEFORE" or "AFTER"
     rigid_only: bool  # of that strain
     frame: int = 0
@@ -42,60 +40,43 @@ class Request:
 
 
 @dataclass(frozen=True)
-class Outputs:
-    """The written parts of a result; None for those that were not requested."""
+class Outcome:
+    """The parts of a solve's result that are written, None for those that were not requested, and what is told."""
 
     layout: Layout | None
     images: list[np.ndarray] | None  # of each layer, (height, width, 4) float32
     layers: np.ndarray | None  # (faces,) uint32; None also where there is one layer alone
     uvs: np.ndarray | None  # (corners, 2) float32
-    delta: np.ndarray | None  # (corners, 3) float32: what to add to u and v, and 0
     surface: np.ndarray | None  # (vertices, 3) float32: stretch, squash, and 0
-    stretch: np.ndarray | None  # the same as an image, (height, width, 4) float32
     strain: np.ndarray | None  # (vertices, 4) float32: colours
     carried: dict[int, Moved]  # by the uids of objects
-
-
-def fetch(prepared: Prepared, request: Request) -> Outputs:
-    """Fetches the asset's last result. It may be called on any thread, while no solve is under way."""
-    asset = prepared.asset
-    layout = images = stretch = None
-    if request.write_image or request.write_strain_image:
-        layout = layout_of(asset, request.name, request.map_size)
-    if request.write_image:
-        images = [redirection(asset, layout, layer) for layer in range(layers.number_of(asset))]
-    uvs = asset.corner_uvs() if request.write_uvs or request.write_delta else None
-    delta = surface = colours = None
-    if request.write_delta:
-        delta = np.pad(uvs - prepared.mesh.topology.uvs, ((0, 0), (0, 1)))
-    if request.write_strain or request.write_strain_image:
-        surface = surface_strain(prepared, request.positions)
-    if request.write_strain_image:
-        stretch = prepared.raster_of(layout).image(surface[:, :2])
-    if request.strain != "NONE":
-        colours = overlay.colours(prepared, request.positions, request.strain == "AFTER", request.rigid_only)
-    uvs = uvs if request.write_uvs else None
-    surface = surface if request.write_strain else None
-    carried = prepared.carriers.fetch()
-    return Outputs(layout, images, prepared.layers, uvs, delta, surface, stretch, colours, carried)
-
-
-def surface_strain(prepared: Prepared, positions: np.ndarray) -> np.ndarray:
-    """Stretch, squash and 0 of all vertices in a pose, (vertices, 3) float32."""
-    of = prepared.mesh
-    return strain.of_surface(of.topology.corner_vertices, of.topology.face_counts, of.rest, positions)
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """The parts of a solve's result that are written and told."""
-
-    outputs: Outputs
     figures: list[tuple[str, str]]
     notes: list[str]
 
 
-def figures(prepared: Prepared, request: Request, outputs: Outputs) -> list[tuple[str, str]]:
+def fetch(prepared: Prepared, request: Request, told: list[str]) -> Outcome:
+    """Fetches the asset's last result, to the notes `told`. It may be called on any thread, while no solve is under
+    way."""
+    asset = prepared.asset
+    layout = images = None
+    if request.write_image:
+        layout = layout_of(asset, request.name, request.map_size)
+        images = [redirection(asset, layout, layer) for layer in range(layers.number_of(asset))]
+    uvs = asset.corner_uvs() if request.write_uvs else None
+    surface = colours = None
+    if request.write_strain:
+        of = prepared.mesh
+        topology = of.topology
+        surface = strain.of_surface(topology.corner_vertices, topology.face_counts, of.rest, request.positions)
+    if request.strain != "NONE":
+        colours = overlay.colours(prepared, request.positions, request.strain == "AFTER", request.rigid_only)
+    carried = prepared.carriers.fetch()
+    shown = figures(prepared, request, uvs)
+    told = told + notes(prepared, request)
+    return Outcome(layout, images, prepared.layers, uvs, surface, colours, carried, shown, told)
+
+
+def figures(prepared: Prepared, request: Request, uvs: np.ndarray | None) -> list[tuple[str, str]]:
     """Labels and values of the last solve, for the panel; the strain is for the material's source, image or UV map."""
     report = prepared.asset.report()
     tiles = [tile.report() for tile in prepared.asset.tiles]
@@ -120,8 +101,8 @@ def figures(prepared: Prepared, request: Request, outputs: Outputs) -> list[tupl
             ((sum(tile.segments * getattr(tile, side).rms ** 2 for tile in tiles) + fixed) / edges) ** 0.5
             for side in ("before", "after")
         )
-        if request.by_uv_map and outputs.uvs is not None:
-            after = prepared.strain_of(request.positions, outputs.uvs)
+        if request.by_uv_map and uvs is not None:
+            after = prepared.strain_of(request.positions, uvs)
         shown.append(("Strain", f"{before:.3f} before, {after:.3f} after"))
     return shown + prepared.carriers.figures()
 

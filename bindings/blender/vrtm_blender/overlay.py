@@ -37,7 +37,7 @@ def _jacobians(prepared: Prepared, uvs: np.ndarray) -> np.ndarray:
     found = np.broadcast_to(np.eye(2), (len(uvs), 2, 2)).copy()
     tiles = np.floor(uvs).astype(int)
     udims = np.where((tiles[:, 0] >= 0) & (tiles[:, 0] < 10) & (tiles[:, 1] >= 0), 1001 + tiles @ [1, 10], 0)
-    # As strain.triangles makes them of faces.
+    # As the package makes them of faces.
     fans = np.maximum(prepared.mesh.topology.face_counts.astype(np.int64) - 2, 0)
     layers = 0 if prepared.layers is None else np.repeat(prepared.layers, fans)
     for tile in prepared.asset.tiles:

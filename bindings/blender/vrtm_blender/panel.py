@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import bpy
 
-from . import carry, geometry, keep, status, tap
+from . import geometry, keep, status, tap
 from .operators.objects import PRESETS, preset_of
 
 
@@ -46,9 +46,7 @@ class VRTM_PT_main(_Panel, bpy.types.Panel):
                 column.prop_search(settings, "rest_key", obj.data.shape_keys, "key_blocks")
             else:
                 column.label(text="The mesh has no shape keys", icon="ERROR")
-        elif settings.rest_source == "FRAME":
-            column.prop(settings, "rest_frame")
-        if settings.rest_source in {"FRAME", "CAPTURED"}:
+        elif settings.rest_source == "CAPTURED":
             column.operator("vrtm.capture_rest")
             kept = geometry.rest_keeper(obj)
             if geometry.REST_NAME in kept.attributes:
@@ -94,10 +92,10 @@ class VRTM_PT_quality(_Part, bpy.types.Panel):
         if settings.seams in ("auto", "continue") or settings.open_borders in ("auto", "slide"):
             layout.prop(settings, "seam_reach")
         column = layout.column(heading="Write")
-        for name in ("write_image", "write_uvs", "write_delta", "write_strain", "write_strain_image"):
+        for name in ("write_image", "write_uvs", "write_strain"):
             row = column.row()
             # A linked mesh takes nothing.
-            row.enabled = name.endswith("image") or not geometry.is_linked(context.object)
+            row.enabled = name == "write_image" or not geometry.is_linked(context.object)
             row.prop(settings, name)
         if settings.write_image and settings.image is not None:
             layout.prop(settings, "image")
@@ -139,7 +137,6 @@ class VRTM_PT_material(_Part, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("vrtm.set_up_material", text="Set Up by Image").by = "image"
         row.operator("vrtm.set_up_material", text="By UV Map").by = "uv_map"
-        layout.operator("vrtm.continue_seams")
         layout.operator("vrtm.dilate")
         layout.operator("vrtm.clear_material")
 
@@ -154,10 +151,6 @@ class VRTM_PT_carry(_Part, bpy.types.Panel):
         row = layout.row(align=True)
         row.operator("vrtm.carry")
         row.operator("vrtm.wrap")
-        for kind, text in (("OBJECT", "Whole objects"), ("POINTS", "By their points")):
-            row = layout.row()
-            row.label(text=text)
-            row.label(text=str(sum(other.vrtm_carry.kind == kind for other in carry.carried_by(obj))))
         layout.operator("vrtm.carry_live" if obj.vrtm.carried_baked else "vrtm.carry_bake")
         layout.operator("vrtm.carry_remove")
 
@@ -170,14 +163,9 @@ class VRTM_PT_bake(_Part, bpy.types.Panel):
         settings = scene.vrtm_bake
         layout.use_property_split, layout.use_property_decorate = True, False
         layout.prop(settings, "directory")
-        layout.prop(settings, "use_custom_range")
         column = layout.column(align=True)
-        column.active = settings.use_custom_range
-        given = settings if settings.use_custom_range else scene
         for name in ("frame_start", "frame_end", "frame_step"):
-            column.prop(given, name, text=name.removeprefix("frame_").capitalize())
-        layout.prop(settings, "form")
-        layout.prop(settings, "strain")
+            column.prop(scene, name, text=name.removeprefix("frame_").capitalize())
         layout.prop(settings, "overwrite")
         layout.operator("vrtm.bake", icon="RENDER_ANIMATION")
         baked = context.object.vrtm.shows_baked
@@ -198,7 +186,7 @@ class VRTM_PT_status(_Panel, bpy.types.Panel):
         if obj.vrtm.is_set_up and keep.unsaved_maps(obj):
             layout.operator("vrtm.pack_maps", icon="PACKAGE")
         if "On seams" in dict(status.figures(obj)):
-            layout.operator("vrtm.continue_seams")
+            layout.operator("vrtm.dilate")
         if not notes:
             layout.label(text="Nothing to be mended", icon="CHECKMARK")
         for label, value in status.figures(obj):
@@ -252,7 +240,7 @@ class VRTM_MT_object(bpy.types.Menu):
         layout.menu("VRTM_MT_rigidity")
         layout.separator()
         layout.operator("vrtm.set_up_material").by = "image"
-        for name in ("continue_seams", "dilate", "add_basis", "clear_material"):
+        for name in ("dilate", "add_basis", "clear_material"):
             layout.operator(f"vrtm.{name}")
         layout.separator()
         for name in ("carry", "wrap", "carry_bake", "carry_live", "carry_remove"):
@@ -262,19 +250,6 @@ class VRTM_MT_object(bpy.types.Menu):
             layout.operator(f"vrtm.{name}")
         layout.separator()
         layout.operator("vrtm.remove_all")
-
-
-def paint_header(self, context: bpy.types.Context) -> None:
-    """In headers of 3D views, in Texture Paint mode."""
-    obj = context.object
-    if context.mode != "PAINT_TEXTURE" or not _Panel.poll(context):
-        return
-    image, paint = obj.vrtm.rigidity_image, context.scene.tool_settings.image_paint
-    if image is None or obj.vrtm.rigidity_source != "IMAGE":
-        self.layout.operator("vrtm.set_up", text="Paint Rigidity", icon="BRUSH_DATA").paint = True
-    else:
-        painted = paint.mode == "IMAGE" and paint.canvas == image
-        self.layout.operator("vrtm.paint", text="Paint Rigidity", icon="BRUSH_DATA", depress=painted)
 
 
 def draw_solve(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -347,11 +322,9 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.VIEW3D_MT_object.append(object_menu)
-    bpy.types.VIEW3D_HT_header.append(paint_header)
 
 
 def unregister() -> None:
-    bpy.types.VIEW3D_HT_header.remove(paint_header)
     bpy.types.VIEW3D_MT_object.remove(object_menu)
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

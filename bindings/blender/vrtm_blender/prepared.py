@@ -12,8 +12,6 @@ from .carriers import CarriedInput, Carriers
 from .geometry import Topology
 from .layers import number_of
 from .maps import ORIGIN, Map
-from .raster import Raster
-from .result_image import Layout
 
 if TYPE_CHECKING:
     import vrtm
@@ -98,8 +96,6 @@ class Prepared:
     on_seams: int | None = None
     # Lasting warnings of the library, and the stamps of the inputs with which they end.
     told: dict[vrtm.LogEntry, dict[str, Any]] = field(default_factory=dict)
-    # The raster of the mesh in an image of this layout.
-    raster: tuple[Layout, Raster] | None = None
     # The layer of each face, (faces,) uint32; None where there is one layer alone.
     layers: np.ndarray | None = None
     carriers: Carriers | None = None
@@ -235,14 +231,6 @@ class Prepared:
         of = self.mesh.topology
         return strain.of_features(of.corner_vertices, of.face_counts, of.uvs, self.mesh.rest, pose, uvs, self._rigidity)
 
-    def raster_of(self, layout: Layout) -> Raster:
-        if self.raster is None or self.raster[0] != layout:
-            of = self.mesh.topology
-            corners = strain.triangles(of.face_counts)
-            places = (of.uvs[corners] - (layout.first_u, layout.first_v)) * layout.size
-            self.raster = layout, Raster(of.corner_vertices[corners], places, (layout.height, layout.width))
-        return self.raster[1]
-
     def _rigidity(self, uvs: np.ndarray, corners: np.ndarray, weights: np.ndarray) -> np.ndarray:
         if self.vertices is not None:
             return (self.vertices[self.mesh.topology.corner_vertices[corners]] * weights).sum(-1)
@@ -283,7 +271,7 @@ class Prepared:
         self.stamps.clear()
         self.told.clear()
         self.painted.clear()
-        self.mesh = self.vertices = self.rigid = self.whole = self.on_seams = self.layers = self.raster = None
+        self.mesh = self.vertices = self.rigid = self.whole = self.on_seams = self.layers = None
         if asset is not None:
             asset.close()
 

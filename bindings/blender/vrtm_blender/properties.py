@@ -111,13 +111,11 @@ class VrtmSettings(bpy.types.PropertyGroup):
         items=[
             ("MESH", "Mesh", "The mesh as it is in Edit Mode, without modifiers (the Basis of its shape keys)"),
             ("SHAPE_KEY", "Shape Key", "One of the mesh's shape keys, at its full value"),
-            ("FRAME", "Frame", "The evaluated shape at a frame; it is captured when Update Now or Capture is pressed"),
             ("CAPTURED", "Captured", "The evaluated shape at the moment when Capture was pressed"),
         ],
         update=_changed,
     )
     rest_key: StringProperty(name="Shape Key", description="The shape key that is the rest shape", update=_changed)
-    rest_frame: IntProperty(name="Frame", description="The frame whose shape is the rest shape", default=1)
     # The captured shape, where the object's mesh is linked and cannot keep it.
     rest_mesh: PointerProperty(name="Captured Rest", type=bpy.types.Mesh)
     # Two values each, as of Subdivision Surface: the viewport's, and that of renders and bakes.
@@ -231,24 +229,11 @@ class VrtmSettings(bpy.types.PropertyGroup):
         default=True,
         update=_changed,
     )
-    write_delta: BoolProperty(
-        name="Attribute",
-        description="Write what is added to each face corner's UV to a vector attribute, for Geometry Nodes: the UV "
-        "map's name with _delta",
-        default=False,
-        update=_changed,
-    )
     write_strain: BoolProperty(
         name="Strain",
         description="Write how much the surface is stretched and squashed to a vector attribute of the vertices, for "
         "wrinkles, redness or dirt in shaders: the UV map's name with _strain. X is 0.2 where it is a fifth longer "
         "than at rest, Y where it is a fifth shorter",
-        update=_changed,
-    )
-    write_strain_image: BoolProperty(
-        name="Strain Image",
-        description="Write the same to an image over the UV map, red and green, for an Image Texture with the mesh's "
-        "own UVs",
         update=_changed,
     )
     strain_rigid: BoolProperty(
@@ -272,7 +257,6 @@ class VrtmSettings(bpy.types.PropertyGroup):
     goes_on: BoolProperty()
     # The outputs. A pointer follows renaming, undo and saving; a UV map has no pointer, so its name is kept.
     image: PointerProperty(name="Redirection", type=bpy.types.Image)
-    strain_image: PointerProperty(name="Strain Image", type=bpy.types.Image)
     uv_name: StringProperty(name="Redirected UV Map", default="vrtm")
     # Set by the operators that switch between the result image and baked files.
     shows_baked: BoolProperty(name="Shows Baked Files")
@@ -290,10 +274,6 @@ class VrtmSettings(bpy.types.PropertyGroup):
         return self.id_data.type == "MESH" and (self.is_set_up or self.strain != "NONE")
 
 
-def _range_changed(settings: VrtmBakeSettings, context: bpy.types.Context) -> None:
-    settings.use_custom_range = True
-
-
 class VrtmBakeSettings(bpy.types.PropertyGroup):
     """Scene.vrtm_bake"""
 
@@ -303,26 +283,6 @@ class VrtmBakeSettings(bpy.types.PropertyGroup):
         subtype="DIR_PATH",
         default="//vrtm/",
         **PATH_OPTIONS,
-    )
-    use_custom_range: BoolProperty(
-        name="Custom Range", description="Other frames than the scene's range; it is switched on when one is set"
-    )
-    frame_start: IntProperty(name="Start", default=1, update=_range_changed)
-    frame_end: IntProperty(name="End", default=250, update=_range_changed)
-    frame_step: IntProperty(name="Step", default=1, min=1, update=_range_changed)
-    form: EnumProperty(
-        name="Form",
-        items=[
-            ("delta", "Delta", "The difference to add to the UV, for the node group"),
-            ("udim", "UDIM", "The UV among all tiles, for a lookup that goes straight into a texture's Vector"),
-            ("tile", "Tile", "The UV within the tile, for programs with one texture per tile"),
-        ],
-        default="delta",
-    )
-    strain: BoolProperty(
-        name="Strain",
-        description="Write how much the surface is stretched (red) and squashed (green), too, for an Image Texture "
-        "with the mesh's own UVs",
     )
     overwrite: BoolProperty(
         name="Overwrite",

@@ -14,8 +14,6 @@ from .messages import Problem
 if TYPE_CHECKING:
     import vrtm
 
-# The custom property of an image of the surface's strain: lookups of it are not redirected.
-STRAIN = "vrtm_strain"
 # The custom property of a result's image with its layout, for the node group and for bakes.
 LAYOUT = "vrtm_layout"
 
@@ -97,11 +95,6 @@ def is_result(image: bpy.types.Image | None) -> bool:
     """True if an image was made for a result. The artist may choose another one in the panel, which is not written
     to."""
     return image is not None and LAYOUT in image
-
-
-def is_cache(image: bpy.types.Image | None) -> bool:
-    """True if solves write the image: a redirection, or the surface's strain."""
-    return is_result(image) or (image is not None and STRAIN in image)
 
 
 def has_pixels(image: bpy.types.Image) -> bool:

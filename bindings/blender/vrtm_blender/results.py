@@ -8,11 +8,11 @@ import numpy as np
 from . import carry, geometry, layers, materials, nodes, overlay, session
 from .messages import Problem
 from .outcome import Outcome, Request
-from .result_image import LAYOUT, STRAIN, Layout, has_pixels, is_result
+from .result_image import LAYOUT, Layout, has_pixels, is_result
 from .states import State
 
 # As the settings name them.
-OUTPUTS = ("image", "uvs", "delta", "strain", "strain_image")
+OUTPUTS = ("image", "uvs", "strain")
 
 
 def missing(obj: bpy.types.Object) -> str | None:
@@ -37,53 +37,46 @@ def missing(obj: bpy.types.Object) -> str | None:
         return f"A material shows the redirection of another object ({tree.name!r})"
     if is_written(obj, "uvs") and settings.uv_name not in obj.data.uv_layers:
         return "The result UV map is not there"
-    for output, name in (("delta", delta_name(settings)), ("strain", strain_name(settings))):
-        if is_written(obj, output) and name not in obj.data.attributes:
-            return f"The result attribute {name!r} is not there"
-    if settings.write_strain_image and (settings.strain_image is None or not has_pixels(settings.strain_image)):
-        return "The strain image is not there"
+    name = strain_name(settings)
+    if is_written(obj, "strain") and name not in obj.data.attributes:
+        return f"The result attribute {name!r} is not there"
     return None
 
 
 def is_written(obj: bpy.types.Object, output: str) -> bool:
     """True if an output is switched on, and can be written: a linked mesh takes nothing."""
-    return getattr(obj.vrtm, f"write_{output}") and (output.endswith("image") or not geometry.is_linked(obj))
+    return getattr(obj.vrtm, f"write_{output}") and (output == "image" or not geometry.is_linked(obj))
 
 
 def publish(obj: bpy.types.Object, state: State, request: Request, outcome: Outcome) -> None:
     """Writes the outcome of a job."""
-    outputs = outcome.outputs
     # Updates until now are the artist's; those of the writes are not.
     _update()
     before, session.writing = session.writing, True
     try:
         if not geometry.is_linked(obj):
             own_name(obj)
-        if outputs.images is not None:
-            write_image(obj, outputs.layout, *outputs.images)
-            layers.write(obj, outputs.layers)
-        if outputs.uvs is not None:
-            write_uvs(obj, outputs.uvs)
-        if outputs.delta is not None:
-            write_attribute(obj, delta_name(obj.vrtm), "CORNER", outputs.delta)
-        if outputs.surface is not None:
-            write_attribute(obj, strain_name(obj.vrtm), "POINT", outputs.surface)
+        if outcome.images is not None:
+            write_image(obj, outcome.layout, *outcome.images)
+            layers.write(obj, outcome.layers)
+        if outcome.uvs is not None:
+            write_uvs(obj, outcome.uvs)
+        if outcome.surface is not None:
+            geometry.write(obj.data, strain_name(obj.vrtm), "POINT", "FLOAT_VECTOR", outcome.surface)
+            if not session.rendering:
+                obj.data.update_tag()
         if obj.vrtm.is_set_up:
             own_materials(obj)
-        if outputs.stretch is not None:
-            fill(own_strain_image(obj, outputs.layout), outputs.stretch)
-        if outputs.strain is not None:
-            overlay.write(obj, outputs.strain)
-        carry.place(obj, outputs.carried)
+        if outcome.strain is not None:
+            overlay.write(obj, outcome.strain)
+        carry.place(obj, outcome.carried)
         _update()
     finally:
         session.writing = before
-    state.shown, state.figures, state.uvs, state.rewrite = request.stamp, outcome.figures, outputs.uvs, False
+    state.shown, state.figures, state.uvs, state.rewrite = request.stamp, outcome.figures, outcome.uvs, False
     state.notes = list(outcome.notes) if obj.vrtm.is_set_up else []
     still_right(state, request)
-    if obj.vrtm.is_set_up and all(
-        output is None for output in (outputs.images, outputs.uvs, outputs.delta, outputs.surface, outputs.stretch)
-    ):
+    if obj.vrtm.is_set_up and all(output is None for output in (outcome.images, outcome.uvs, outcome.surface)):
         state.notes.append("No output is switched on: see Quality and Outputs")
     state.say("")
 
@@ -118,25 +111,10 @@ def was_taken_back(obj: bpy.types.Object, state: State) -> bool:
 def write_image(obj: bpy.types.Object, layout: Layout, *pixels: np.ndarray) -> None:
     """Writes the images of all layers."""
     for image, values in zip(own_images(obj, layout, len(pixels)), pixels):
-        fill(image, values)
-
-
-def fill(image: bpy.types.Image, values: np.ndarray) -> None:
-    image.pixels.foreach_set(values.ravel())
-    image.update()
-    # Tells viewport renders that the image has changed.
-    image.update_tag()
-
-
-def own_strain_image(obj: bpy.types.Object, layout: Layout) -> bpy.types.Image:
-    """The object's image of strain, in the layout's size."""
-    image, size = obj.vrtm.strain_image, (layout.width, layout.height)
-    shared = any(other != obj and other.vrtm.strain_image == image for other in bpy.data.objects)
-    if image is None or image.library is not None or shared:
-        image = obj.vrtm.strain_image = _new_image(obj, *size, name=f"vrtm {obj.name} strain")
-        image[STRAIN] = 1
-    resize(image, size)
-    return image
+        image.pixels.foreach_set(values.ravel())
+        image.update()
+        # Tells viewport renders that the image has changed.
+        image.update_tag()
 
 
 def resize(image: bpy.types.Image, size: tuple[int, int]) -> None:
@@ -150,11 +128,11 @@ def resize(image: bpy.types.Image, size: tuple[int, int]) -> None:
 
 def owner_of_image(obj: bpy.types.Object) -> bpy.types.Object | None:
     """The object whose result the object's image is, if it is another: a duplicate begins with the original's."""
-    image, uid = obj.vrtm.image, session.uid_of(obj)
+    image, uid = obj.vrtm.image, obj.session_uid
     if not is_result(image):
         return None
-    others = [other for other in bpy.data.objects if other.vrtm.image == image and session.uid_of(other) < uid]
-    return min(others, key=session.uid_of, default=None)
+    others = [other for other in bpy.data.objects if other.vrtm.image == image and other.session_uid < uid]
+    return min(others, key=lambda one: one.session_uid, default=None)
 
 
 def separate(obj: bpy.types.Object) -> None:
@@ -176,8 +154,8 @@ def own_materials(obj: bpy.types.Object) -> None:
             materials.separate(obj, others.__contains__, own)
 
 
-def _new_image(obj: bpy.types.Object, width: int, height: int, layer: int = 0, name: str = "") -> bpy.types.Image:
-    name = name or (f"vrtm {obj.name} layer {layer}" if layer else f"vrtm {obj.name}")
+def _new_image(obj: bpy.types.Object, width: int, height: int, layer: int = 0) -> bpy.types.Image:
+    name = f"vrtm {obj.name} layer {layer}" if layer else f"vrtm {obj.name}"
     image = bpy.data.images.new(name, width, height, alpha=True, float_buffer=True, is_data=True)
     image.alpha_mode = "CHANNEL_PACKED"
     image.file_format = "OPEN_EXR"
@@ -219,11 +197,6 @@ def write_uvs(obj: bpy.types.Object, uvs: np.ndarray) -> None:
     # over.
 
 
-def delta_name(settings: bpy.types.PropertyGroup) -> str:
-    """The attribute for Geometry Nodes. It has three components, since Blender takes two for a UV map."""
-    return f"{settings.uv_name}_delta"
-
-
 def strain_name(settings: bpy.types.PropertyGroup) -> str:
     """The attribute for shaders."""
     return f"{settings.uv_name}_strain"
@@ -231,21 +204,15 @@ def strain_name(settings: bpy.types.PropertyGroup) -> str:
 
 def names_of(settings: bpy.types.PropertyGroup) -> set[str]:
     """The names of all that an object's results write to the mesh."""
-    return {settings.uv_name, delta_name(settings), strain_name(settings), layers.attribute_name(settings)}
-
-
-def write_attribute(obj: bpy.types.Object, name: str, domain: str, values: np.ndarray) -> None:
-    geometry.write(obj.data, name, domain, "FLOAT_VECTOR", values)
-    if not session.rendering:
-        obj.data.update_tag()
+    return {settings.uv_name, strain_name(settings), layers.attribute_name(settings)}
 
 
 def own_name(obj: bpy.types.Object) -> None:
     """Gives the object a name of its own for its results in the mesh: objects that share a mesh have one each."""
-    mesh, settings, uid = obj.data, obj.vrtm, session.uid_of(obj)
+    mesh, settings, uid = obj.data, obj.vrtm, obj.session_uid
     before = settings.uv_name
     others = [other for other in bpy.data.objects if other != obj and other.data == mesh and other.vrtm.is_set_up]
-    if any(other.vrtm.uv_name == before and session.uid_of(other) < uid for other in others):
+    if any(other.vrtm.uv_name == before and other.session_uid < uid for other in others):
         settings.uv_name = f"vrtm {obj.name}"[:60]
         if settings.write_uvs:
             own_layer(obj)

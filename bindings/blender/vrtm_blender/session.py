@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import logging
 import threading
-import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -42,8 +41,12 @@ def library():
     return vrtm
 
 
-def uid_of(obj: bpy.types.Object) -> int:
-    return obj.session_uid
+def topology():
+    """The package's functions of faces, on arrays alone."""
+    library()
+    from vrtm.bake.scene import topology
+
+    return topology
 
 
 def device(name: str) -> vrtm.Device:
@@ -77,7 +80,3 @@ def _log(entry: vrtm.LogEntry) -> None:
 def synchronous() -> bool:
     """True if a frame is solved at once, and not beside Blender's work."""
     return rendering or baking or (bpy.app.background and not live_in_background)
-
-
-def now() -> float:
-    return time.monotonic()

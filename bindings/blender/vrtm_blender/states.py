@@ -107,7 +107,7 @@ known: dict[int, State] = {}
 
 
 def state_of(obj: bpy.types.Object) -> State:
-    uid = session.uid_of(obj)
+    uid = obj.session_uid
     state = known.get(uid)
     if state is None:
         state = known[uid] = State(uid, obj.name, Prepared(), Inputs())
@@ -117,15 +117,15 @@ def state_of(obj: bpy.types.Object) -> State:
 
 def find_state(obj: bpy.types.Object) -> State | None:
     """The object's state if it has one: for drawing, which must not change anything."""
-    return known.get(session.uid_of(obj))
+    return known.get(obj.session_uid)
 
 
 def object_of(state: State) -> bpy.types.Object | None:
     """The object as it is now, or None if it is gone."""
     obj = bpy.data.objects.get(state.name)
-    if obj is not None and session.uid_of(obj) == state.uid:
+    if obj is not None and obj.session_uid == state.uid:
         return obj
-    return next((obj for obj in bpy.data.objects if session.uid_of(obj) == state.uid), None)
+    return next((obj for obj in bpy.data.objects if obj.session_uid == state.uid), None)
 
 
 def drop(uid: int) -> None:
@@ -136,7 +136,7 @@ def drop(uid: int) -> None:
 
 def forget_gone() -> None:
     """Drops the states of objects that are gone."""
-    alive = {session.uid_of(obj) for obj in bpy.data.objects}
+    alive = {obj.session_uid for obj in bpy.data.objects}
     for uid in [uid for uid in known if uid not in alive]:
         drop(uid)
 

@@ -117,7 +117,8 @@ def notes(obj: bpy.types.Object, scene: bpy.types.Scene) -> list[Line]:
         text = f"{copying.name} makes copies in front of what deforms: they show the redirection of the mesh's own part"
         found.append(Line(text, "INFO"))
     if on_seams := dict(figures(obj)).get("On seams"):
-        found.append(Line(f"{on_seams} on seams, which do not continue: press Continue Seams", "INFO"))
+        text = f"{on_seams} on seams, which do not continue: set Seams to Auto, and press Dilate Textures"
+        found.append(Line(text, "INFO"))
     if settings.seams in ("continue", borders.AUTO) and dilate.left_of(obj):
         found.append(Line("Textures end at seams: press Dilate Textures", "INFO"))
     if geometry.is_linked(obj):

@@ -6,23 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
+from . import session
+
 # The logarithm of a length's ratio at which colours are full: a quarter longer, or a fifth shorter.
 FULL = np.log(1.25)
 
 _STRETCHED, _NOTHING, _SQUEEZED = np.array([[0.85, 0.10, 0.05], [0.80, 0.80, 0.80], [0.05, 0.25, 0.85]])
 
 Jacobians = Callable[[np.ndarray], np.ndarray]
-
-
-def triangles(face_counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Fans of all faces: the corners of each triangle, (triangles, 3)."""
-    counts = face_counts.astype(np.int64)
-    firsts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-    fans = np.maximum(counts - 2, 0)
-    face = np.repeat(np.arange(len(counts)), fans)
-    step = np.arange(len(face)) - np.repeat(np.concatenate([[0], np.cumsum(fans)[:-1]]), fans)
-    first = firsts[face]
-    return np.stack([first, first + step + 1, first + step + 2], -1)
 
 
 def edges(points: np.ndarray) -> np.ndarray:
@@ -59,7 +50,7 @@ def of_vertices(
     mesh's own UVs. With M the posed, R the resting and U the UV edges of a triangle and J the derivative, what is
     painted around a point is deformed by M U^-1 J^-1 U R^-1.
     """
-    corners = triangles(face_counts)
+    corners = session.topology().fans(face_counts)
     vertices, at_rest, posed, area, whole = _edges(corner_vertices[corners], rest, pose)
     if jacobians is None:
         middle = np.broadcast_to(np.eye(2), at_rest.shape)
@@ -80,7 +71,7 @@ def of_vertices(
 def of_surface(corner_vertices: np.ndarray, face_counts: np.ndarray, rest: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """Largest stretch and largest squash of the surface itself at each vertex, as shares of its length at rest; and 0:
     (vertices, 3) float32."""
-    vertices, at_rest, posed, area, whole = _edges(corner_vertices[triangles(face_counts)], rest, pose)
+    vertices, at_rest, posed, area, whole = _edges(corner_vertices[session.topology().fans(face_counts)], rest, pose)
     at_rest[~whole] = np.eye(2)
     largest, smallest = _logarithms(posed @ _inverse(at_rest))
     shares = (np.maximum(np.expm1(largest), 0), np.maximum(-np.expm1(smallest), 0))
@@ -102,7 +93,7 @@ Rigidity = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
 def whole_share(face_counts: np.ndarray, uvs: np.ndarray, rigidity: Rigidity) -> float:
     """The share of the rigid part of the UV map in triangles that are rigid as a whole; 1 without any."""
-    corners = triangles(face_counts)
+    corners = session.topology().fans(face_counts)
     rigid = _rigid(corners, uvs, rigidity)
     area = np.abs(_determinant(_sides(uvs[corners].astype(np.float64))))
     total = (area * rigid.mean(1)).sum()
@@ -120,7 +111,7 @@ def of_features(
 ) -> float:
     """The RMS strain of rigid parts along u and v, with the UVs `shown`, (corners, 2), which are linear on each
     triangle."""
-    corners = triangles(face_counts)
+    corners = session.topology().fans(face_counts)
     vertices = corner_vertices[corners].astype(np.int64)
     sides, moved = (_sides(of[corners].astype(np.float64)) for of in (uvs, shown))
     at_rest, posed = edges(rest[vertices].astype(np.float64)), edges(pose[vertices].astype(np.float64))

@@ -97,16 +97,12 @@ def enabled(sockets, name: str = "") -> bpy.types.NodeSocket:
     return next(socket for socket in sockets if socket.enabled and name in ("", socket.name))
 
 
-def input_of(modifier: bpy.types.Modifier, name: str) -> object:
-    return modifier.get(_identifier(modifier, name))
-
-
 def set_input(modifier: bpy.types.Modifier, name: str, value: object) -> None:
     modifier[_identifier(modifier, name)] = value
 
 
 def image_of(modifier: bpy.types.Modifier) -> bpy.types.Image | None:
-    found = input_of(modifier, "Image")
+    found = modifier.get(_identifier(modifier, "Image"))
     return found if isinstance(found, bpy.types.Image) else None
 
 

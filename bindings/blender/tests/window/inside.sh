@@ -18,5 +18,5 @@ Xvfb -displayfd 3 -screen 0 1600x1000x24 +extension GLX -nolisten tcp 3>/tmp/dis
 read -r number </tmp/display
 export DISPLAY=:$number
 openbox &
-run --background --python $here/sample.py -- /tmp/arm.blend --width 480 --samples 8 || exit
+run --background --python $here/sample.py -- /tmp/arm.blend || exit
 run --window-geometry 0 0 1600 1000 --python $here/tests/window/driver.py -- "$1"

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
-from .. import carry, carry_bake, live, session, solve, states
+from .. import carry, carry_bake, live, solve, states
 from ..carriers import BOUND, TOO_FAR, told
 from ..messages import Problem
 from .bake import BakesFrames
@@ -29,22 +29,6 @@ class _Carry(OnObject):
         min=0,
         subtype="DISTANCE",
     )
-    collection: StringProperty(
-        name="Collection", description="Carry all objects of this collection, in place of those that are selected"
-    )
-
-    def chosen(self, context: bpy.types.Context, skin: bpy.types.Object) -> list[bpy.types.Object]:
-        found = context.selected_objects
-        if self.collection:
-            collection = bpy.data.collections.get(self.collection)
-            if collection is None:
-                raise Problem(f"there is no collection {self.collection!r}")
-            found = collection.all_objects
-        others = [obj for obj in found if obj != skin]
-        if not others:
-            raise Problem(f"{skin.name}: select what it is to carry, and {skin.name} last")
-        return others
-
     # Each connected part of a mesh as one body.
     pieces = False
 
@@ -57,7 +41,9 @@ class _Carry(OnObject):
         if obj.mode == "EDIT":
             raise Problem(f"{obj.name} is in Edit Mode: leave it first")
         farthest = self.farthest or carry.default_distance(obj)
-        chosen = self.chosen(context, obj)
+        chosen = [other for other in context.selected_objects if other != obj]
+        if not chosen:
+            raise Problem(f"{obj.name}: select what it is to carry, and {obj.name} last")
         for other in [other for other in chosen if other.vrtm_carry.skin is not None]:
             # Anew, with other settings.
             carry.release(other)
@@ -100,7 +86,7 @@ class _Carry(OnObject):
             raise
         number, places, lines, farthest = 0, 0, [], attached[0].vrtm_carry.farthest * carry.scale_of(skin)
         for obj in attached:
-            found = state.prepared.carriers.states[session.uid_of(obj)]
+            found = state.prepared.carriers.states[obj.session_uid]
             if (found == TOO_FAR).all():
                 whole = obj.vrtm_carry.kind == "OBJECT"
                 carry.release(obj)
@@ -125,7 +111,6 @@ class _Carry(OnObject):
         layout.use_property_split, layout.use_property_decorate = True, False
         for name in ("farthest", "fit", "skirt"):
             layout.prop(self, name)
-        layout.prop_search(self, "collection", bpy.data, "collections")
 
 
 class VRTM_OT_carry(_Carry, bpy.types.Operator):

@@ -91,42 +91,18 @@ class VRTM_OT_dilate(OnObject, bpy.types.Operator):
     on_selected = makes_step = True
 
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        return dilate_textures(context, obj)
-
-
-def dilate_textures(context: bpy.types.Context, obj: bpy.types.Object) -> str:
-    state = states.state_of(obj)
-    state.end_job()
-    state.mesh_changed = state.maps_changed = True
-    solve.prepare(obj, state)
-    number, painted = dilate.dilate(obj, state.asset, obj.vrtm.seam_reach)
-    borders.leave_open(obj)
-    borders.find_ends(obj, context.scene)
-    state.maps_changed = True
-    # A job that was ended is to be done yet.
-    live.touch(obj)
-    told = f"{obj.name}: {number} textures have what lies beyond seams" + kept_text(painted)
-    return "; ".join(filter(None, [told, borders.chosen(obj).why]))
-
-
-class VRTM_OT_continue_seams(OnObject, bpy.types.Operator):
-    """Have features keep their shape across seams: redirects the materials if need be, dilates the textures, and sets
-    Seams and Open Borders to Auto"""
-
-    bl_idname = "vrtm.continue_seams"
-    bl_label = "Continue Seams"
-    on_selected = makes_step = True
-
-    def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
-        if not dilate.textures_of(obj):
-            set_up(context, obj)
-        text = dilate_textures(context, obj)
-        obj.vrtm.seams = obj.vrtm.open_borders = borders.AUTO
-        found = borders.chosen(obj)
-        if found.seams != "continue":
-            raise Problem(f"{obj.name}: {found.why}")
-        solve.run(obj, context.evaluated_depsgraph_get())
-        return text
+        state = states.state_of(obj)
+        state.end_job()
+        state.mesh_changed = state.maps_changed = True
+        solve.prepare(obj, state)
+        number, painted = dilate.dilate(obj, state.asset, obj.vrtm.seam_reach)
+        borders.leave_open(obj)
+        borders.find_ends(obj, context.scene)
+        state.maps_changed = True
+        # A job that was ended is to be done yet.
+        live.touch(obj)
+        told = f"{obj.name}: {number} textures have what lies beyond seams" + kept_text(painted)
+        return "; ".join(filter(None, [told, borders.chosen(obj).why]))
 
 
 class VRTM_OT_clear_material(OnObject, bpy.types.Operator):
@@ -178,7 +154,6 @@ class VRTM_OT_add_basis(OnObject, bpy.types.Operator):
 CLASSES = (
     VRTM_OT_set_up_material,
     VRTM_OT_dilate,
-    VRTM_OT_continue_seams,
     VRTM_OT_clear_material,
     VRTM_OT_add_basis,
 )

@@ -16,7 +16,6 @@ from .. import (
     overlay,
     result_image,
     results,
-    session,
     states,
     tap,
 )
@@ -108,7 +107,7 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         settings, mesh = obj.vrtm, obj.data
         let_all_go(obj)
-        states.drop(session.uid_of(obj))
+        states.drop(obj.session_uid)
         painted = dilate.restore(obj)
         for material in {slot.material for slot in obj.material_slots if slot.material is not None}:
             if material.library is None:
@@ -118,9 +117,6 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
         if result_image.is_result(image) and image.library is None and not any(o.vrtm.image == image for o in others):
             bpy.data.images.remove(image)
         layers.remove_unused()
-        image = settings.strain_image
-        if image is not None and image.library is None and not any(o.vrtm.strain_image == image for o in others):
-            bpy.data.images.remove(image)
         settings.strain = "NONE"
         overlay.remove(obj)
         sharing = [other for other in others if other.data == mesh and other.vrtm.is_set_up]
@@ -143,7 +139,7 @@ class VRTM_OT_remove_all(OnObject, bpy.types.Operator):
                 settings.property_unset(name)
         for one in maps:
             keep.keep_image(one)
-        states.drop(session.uid_of(obj))
+        states.drop(obj.session_uid)
         return f"{obj.name}: nothing of vrtm is left" + kept_text(painted)
 
 

@@ -22,7 +22,7 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
     def poll(cls, context: bpy.types.Context) -> bool:
         if not super().poll(context):
             return False
-        if session.uid_of(context.object) in cls._running:
+        if context.object.session_uid in cls._running:
             cls.poll_message_set("Its update is under way")
             return False
         return True
@@ -37,9 +37,6 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
     def begin(context: bpy.types.Context, obj: bpy.types.Object) -> states.State:
         if obj.mode == "EDIT":
             raise Problem(f"{obj.name} is in Edit Mode: leave it first")
-        settings, kept = obj.vrtm, geometry.rest_keeper(obj)
-        if settings.rest_source == "FRAME" and kept.get(geometry.REST_FRAME_NAME) != settings.rest_frame:
-            capture(context, obj, settings.rest_frame)
         state = states.state_of(obj)
         state.read_again()
         state.rewrite = True
@@ -107,8 +104,7 @@ class VRTM_OT_update(OnObject, bpy.types.Operator):
 
 
 class VRTM_OT_capture_rest(OnObject, bpy.types.Operator):
-    """Keep the evaluated shape as the rest shape: that of the chosen frame if the rest is a frame, and the present
-    one else. It is saved with the file"""
+    """Keep the present evaluated shape as the rest shape. It is saved with the file"""
 
     bl_idname = "vrtm.capture_rest"
     bl_label = "Capture Rest"
@@ -116,30 +112,12 @@ class VRTM_OT_capture_rest(OnObject, bpy.types.Operator):
     def work(self, context: bpy.types.Context, obj: bpy.types.Object) -> str:
         if obj.mode == "EDIT":
             raise Problem(f"{obj.name} is in Edit Mode: leave it first")
-        settings = obj.vrtm
-        frame = settings.rest_frame if settings.rest_source == "FRAME" else context.scene.frame_current
-        capture(context, obj, frame)
-        if settings.rest_source != "FRAME":
-            settings.rest_source = "CAPTURED"
+        frame = context.scene.frame_current
+        geometry.store_rest(obj, geometry.pose(obj, context.evaluated_depsgraph_get()), frame)
+        obj.data.update_tag()
+        obj.vrtm.rest_source = "CAPTURED"
+        live.touch(obj)
         return f"{obj.name}: the shape at frame {frame} is the rest shape"
-
-
-def capture(context: bpy.types.Context, obj: bpy.types.Object, frame: int) -> None:
-    """Stores the shape at a frame as the rest shape; the scene stays at its own frame."""
-    scene, kept = context.scene, context.scene.frame_current
-    before, session.baking = session.baking, True
-    try:
-        # Going to a frame takes poses back that have no key: only where another frame is asked for.
-        if frame != kept:
-            scene.frame_set(frame)
-        positions = geometry.pose(obj, context.evaluated_depsgraph_get())
-    finally:
-        if frame != kept:
-            scene.frame_set(kept)
-        session.baking = before
-    geometry.store_rest(obj, positions, frame)
-    obj.data.update_tag()
-    live.touch(obj)
 
 
 class VRTM_OT_insert_tap(OnObject, bpy.types.Operator):
