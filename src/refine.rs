@@ -27,8 +27,8 @@ pub struct RefinementSettings {
     /// Largest error of linear interpolation on a triangle, in UV of a tile, over 0 and at most 1; default 1/2048, half
     /// a texel of a texture of 1024. Halving it needs up to three times as many triangles.
     pub tolerance: f64,
-    /// Maximum number of triangles of the refined mesh, where a polygon of n corners counts as n - 2; `None` = a million
-    /// more than the mesh has. If the limit is reached, the largest errors are split first.
+    /// Maximum number of triangles of the refined mesh, where a polygon of n corners counts as n - 2; `None` = a
+    /// million more than the mesh has. If the limit is reached, the largest errors are split first.
     pub max_triangles: Option<u64>,
 }
 
