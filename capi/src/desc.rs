@@ -213,6 +213,16 @@ mod tests {
     }
 
     #[test]
+    fn a_newer_host_s_fields_must_be_zero() {
+        for c in [0, 1] {
+            let new = Newer { now: Now { struct_size: 16, a: 1, b: 2 }, c };
+            // SAFETY: a living struct of 16 bytes.
+            let found = unsafe { read(ptr::from_ref(&new).cast::<Now>(), "desc") };
+            assert_eq!(found.ok(), (c == 0).then_some(new.now));
+        }
+    }
+
+    #[test]
     fn outputs_fill_what_the_host_has() {
         let value = Now { struct_size: 0, a: 5, b: 6 };
         let mut old = Now { struct_size: 8, a: 0, b: 77 };

@@ -210,6 +210,13 @@ mod tests {
     use super::*;
 
     #[test]
+    fn only_handles_of_tiles_have_an_index() {
+        assert_eq!(unpack(Kind::Tile, pack(Kind::Tile, 7, 3)), Some((7, 3)));
+        assert_eq!(unpack(Kind::Asset, pack(Kind::Asset, 7, 3)), None);
+        assert_eq!(unpack(Kind::Asset, pack(Kind::Tile, 7, 0)), None);
+    }
+
+    #[test]
     fn handles_are_given_out_once_by_many_threads() {
         let table: Table<u32> = Table::new(Kind::Job, "job");
         let serials = std::thread::scope(|scope| {

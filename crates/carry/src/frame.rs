@@ -187,3 +187,27 @@ fn eigen(mut a: [[f64; 4]; 4]) -> ([f64; 4], [[f64; 4]; 4]) {
     }
     ([0, 1, 2, 3].map(|k| a[k][k]), [0, 1, 2, 3].map(|k| [0, 1, 2, 3].map(|l| v[l][k])))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rotations_are_blended_the_short_way() {
+        let (from, to) = (DQuat::IDENTITY, DQuat::from_rotation_z(1.0));
+        for to in [to, -to] {
+            assert!(blended(from, to, 0.5).dot(DQuat::from_rotation_z(0.5)).abs() > 1.0 - 1e-12);
+        }
+    }
+
+    #[test]
+    fn points_on_a_line_have_no_rotation() {
+        let turned = DQuat::from_rotation_y(0.7);
+        for (bend, is_found) in [(0.0, false), (0.1, true)] {
+            let points = (0..5).map(|k| DVec3::new(f64::from(k), bend * f64::from(k * k), 0.0));
+            let motion = Motion::fit(points.map(|p| (1.0, p, turned * p)));
+            assert_eq!(motion.is_some(), is_found);
+            assert!(motion.is_none_or(|motion| motion.rotation.dot(turned).abs() > 1.0 - 1e-12));
+        }
+    }
+}
