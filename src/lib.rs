@@ -105,7 +105,7 @@ pub use vrtm_core::log::{LogCode, LogEntry, LogFn, LogLevel};
 pub use vrtm_core::mesh::{MeshSource, UvSource, Weld, WeldBy};
 pub use vrtm_core::report::{
     AdapterInfo, AssetInfo, AssetReport, DeviceInfo, GpuKernel, GpuWork, StageTimes, Strain, StrainReport,
-    TileEstimate, TileInfo, TileReport,
+    TileEstimate, TileInfo, TileReport, WorstFeature,
 };
 pub use vrtm_core::settings::{
     AdapterId, Backend, DeviceSettings, MAX_GRID, OpenBorders, Overlap, PbdSettings, Quality, Seams,

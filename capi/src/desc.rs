@@ -27,10 +27,11 @@ pub(super) unsafe trait Sized32: Copy {
     }
 }
 
-/// Implements [`Sized32`], whose contract they keep, for structs that have not grown since their first version.
+/// Implements [`Sized32`], whose contract they keep, for structs, with the first size of those that have grown.
 macro_rules! sized {
-    ($($name:ident),+) => {
+    ($($name:ident $(= $first:literal)?),+) => {
         $(unsafe impl $crate::desc::Sized32 for $name {
+            $(const FIRST: usize = $first;)?
             const NAME: &'static str = stringify!($name);
         })+
     };

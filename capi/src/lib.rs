@@ -65,6 +65,7 @@ pub const MIRRORED: &[mirror::Struct] = &[
     refine::vrtm_refinement_desc::MIRROR,
     refine::vrtm_refinement_info::MIRROR,
     report::vrtm_strain::MIRROR,
+    report::vrtm_worst_feature::MIRROR,
     report::vrtm_tile_report::MIRROR,
     report::vrtm_asset_report::MIRROR,
     tile::vrtm_tile_info::MIRROR,

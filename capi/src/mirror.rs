@@ -136,15 +136,15 @@ macro_rules! choice {
 }
 pub(super) use choice;
 
-/// A struct that the library fills, `report`, or that a host fills, `settings`; `plain` values have no size. Fields of
-/// settings with a comment are those of C alone.
+/// A struct that the library fills, `report`, or that a host fills, `settings`; `plain` values have no size. One that
+/// has grown tells the size that it had at `first`. Fields of settings with a comment are those of C alone.
 macro_rules! mirror {
     (
-        report $name:ident of $rust:ident: $of:ident {
+        report $name:ident $(first $first:literal)? of $rust:ident: $of:ident {
             $($(#[doc = $doc:literal])* $field:ident: $type:ty $(= $from:expr)?,)*
         }
     ) => {
-        mirror!(@sized $name $rust $of
+        mirror!(@sized $name $($first)? $rust $of
             [$([$($doc)*] $field: $type = [$($from)?],)*]);
 
         impl From<$of> for $name {
@@ -156,12 +156,14 @@ macro_rules! mirror {
             }
         }
     };
-    (plain report $name:ident of $rust:ident: $of:ident { $($field:ident: $type:ty,)* }) => {
-        mirror!(@struct $name [] $rust $of [$([] $field: $type = [],)*]);
+    (
+        plain report $name:ident of $rust:ident: $of:ident { $($field:ident: $type:ty $(= $from:expr)?,)* }
+    ) => {
+        mirror!(@struct $name [] $rust $of [$([] $field: $type = [$($from)?],)*]);
 
         impl From<$of> for $name {
             fn from($rust: $of) -> $name {
-                $name { $($field: $rust.$field,)* }
+                $name { $($field: <$type>::from(mirror!(@from $rust $field [$($from)?])),)* }
             }
         }
     };
@@ -211,12 +213,12 @@ macro_rules! mirror {
     };
 
     (
-        @sized $name:ident $rust:ident $of:ident [$($fields:tt)*]
+        @sized $name:ident $($first:literal)? $rust:ident $of:ident [$($fields:tt)*]
     ) => {
         mirror!(@struct $name [struct_size] $rust $of [$($fields)*]);
 
         // SAFETY: repr(C), struct_size first, plain numbers and pointers.
-        $crate::desc::sized!($name);
+        $crate::desc::sized!($name $(= $first)?);
     };
     (
         @struct $name:ident [$($size:ident)?] $rust:ident $of:ident

@@ -1,11 +1,11 @@
 //! Reports of the last solve.
 
-use super::desc::Out;
+use super::desc::{self, Out, Place};
 use super::guard::guard;
 use super::handle::{self, vrtm_asset, vrtm_tile};
 use super::mirror::mirror;
 use super::status::vrtm_status;
-use vrtm_core::report::{AssetReport, Strain, TileReport};
+use vrtm_core::report::{AssetReport, Strain, TileReport, WorstFeature};
 
 mirror! {
     plain report vrtm_strain of s: Strain {
@@ -14,7 +14,13 @@ mirror! {
 }
 
 mirror! {
-    report vrtm_tile_report of r: TileReport {
+    plain report vrtm_worst_feature of f: WorstFeature {
+        u: f32 = f.uv[0], v: f32 = f.uv[1], area: f32, before: f32, after: f32, at_border: u32,
+    }
+}
+
+mirror! {
+    report vrtm_tile_report first 296 of r: TileReport {
         udim: u32, grid_width: u32 = r.grid[0], grid_height: u32 = r.grid[1],
         energy_before: f64, energy: f64, min_jacobian: f64, folds: u64, max_displacement: f32,
         truncated: u32, kept: u32, welds_torn: u32,
@@ -29,8 +35,10 @@ mirror! {
         ms_total: f32 = r.times.total,
         ms_invert: f32 = r.times.invert, texels_limited: u64, max_limit: f32,
         /// 1 if the solve measured strain; otherwise this and the fields below are 0. They describe segments between
-        /// neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `segments_fixed` cover the
-        /// segments that a border, an overlap or the mask fixes at both ends, and the other fields cover the rest.
+        /// neighbouring nodes whose rigidity is over half of the tile's largest at both ends: `strain_fixed` and
+        /// `segments_fixed` cover the segments that a border, an overlap or the mask fixes at both ends. A feature is a
+        /// connected set of such nodes of one chart with at least 12 segments, of both kinds; its error is the RMS strain
+        /// of these. All other fields cover the segments that are not fixed.
         measured: u32 = r.strain.is_some(),
         before: vrtm_strain = r.strain.unwrap_or_default().before,
         after: vrtm_strain = r.strain.unwrap_or_default().after,
@@ -38,6 +46,10 @@ mirror! {
         strain_fixed: f32 = r.strain.unwrap_or_default().fixed,
         segments: u64 = r.strain.unwrap_or_default().segments,
         segments_fixed: u64 = r.strain.unwrap_or_default().segments_fixed,
+        features: u32 = r.strain.unwrap_or_default().features,
+        features_worse: u32 = r.strain.unwrap_or_default().features_worse,
+        features_strained_before: u32 = r.strain.unwrap_or_default().features_strained_before,
+        features_strained_after: u32 = r.strain.unwrap_or_default().features_strained_after,
     }
 }
 
@@ -59,6 +71,33 @@ pub unsafe extern "C" fn vrtm_tile_get_report(tile: vrtm_tile, report: *mut vrtm
         let out = Out::new(report, "report")?;
         let (asset, tile) = handle::tile("tile", tile)?;
         out.write(asset.results.tile_report(tile)?.into());
+        Ok(())
+    })
+}
+
+/// Writes the painted features of a tile that are worse than without vrtm in its last solve, those whose error rose
+/// most first, to `features`, which has room for `capacity` of them. `count` gets their number: at most 16, and 0 if the
+/// solve did not measure. With `features` null and `capacity` 0 nothing else is written.
+///
+/// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
+/// `count` is null, or if `features` is null and `capacity` is not 0. On any error nothing is written. Never busy.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn vrtm_tile_get_worst_features(
+    tile: vrtm_tile,
+    features: *mut vrtm_worst_feature,
+    capacity: usize,
+    count: *mut u32,
+) -> vrtm_status {
+    guard("vrtm_tile_get_worst_features", || {
+        let out_count = Place::new(count, "count")?;
+        let (asset, tile) = handle::tile("tile", tile)?;
+        let strain = asset.results.tile_report(tile)?.strain.unwrap_or_default();
+        if !features.is_null() || capacity > 0 {
+            // SAFETY: the host vouches for `capacity` elements during the call.
+            let out = unsafe { desc::slice_mut(features, capacity, "features") }?;
+            out.iter_mut().zip(strain.worst()).for_each(|(out, worst)| *out = (*worst).into());
+        }
+        out_count.write(strain.worst().len() as u32);
         Ok(())
     })
 }

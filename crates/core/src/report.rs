@@ -227,9 +227,26 @@ pub struct Strain {
     pub free_rms: f32,
 }
 
-/// Strain on the mesh itself, of segments between neighbouring nodes whose rigidity is over 0.5 at both ends. `fixed`
-/// and `segments_fixed` cover the segments that a border, an overlap or the mask fixes at both ends, and the other
-/// fields the rest.
+/// A painted feature that is worse than without the warp: its error rose by more than 0.02.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[non_exhaustive]
+pub struct WorstFeature {
+    /// Centre in u and v, among all tiles: the mean over its nodes.
+    pub uv: [f32; 2],
+    /// Area in UV units: that of the tile is 1.
+    pub area: f32,
+    /// RMS strain of its segments with the mesh's own UVs.
+    pub before: f32,
+    /// RMS strain of its segments with the warp.
+    pub after: f32,
+    /// True if a chart's border, a seam or an open one, touches it.
+    pub at_border: bool,
+}
+
+/// Strain on the mesh itself, of segments between neighbouring nodes whose rigidity is over half of the tile's largest
+/// at both ends. `fixed` and `segments_fixed` cover the segments that a border, an overlap or the mask fixes at both
+/// ends. A feature is a connected set of such nodes of one chart with at least 12 segments, of both kinds; its error is
+/// the RMS strain of these. All other fields cover the segments that are not fixed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct StrainReport {
@@ -248,6 +265,23 @@ pub struct StrainReport {
     /// RMS strain of the segments that are fixed at both ends; the warp does not change it. The mean square over
     /// all rigid segments is that of both kinds, weighted by `segments` and `segments_fixed`.
     pub fixed: f32,
+    /// Painted features.
+    pub features: u32,
+    /// Painted features that are worse than without the warp: their error rose by more than 0.02.
+    pub features_worse: u32,
+    /// Painted features whose error is over 0.05 with the mesh's own UVs.
+    pub features_strained_before: u32,
+    /// Painted features whose error is over 0.05 with the warp.
+    pub features_strained_after: u32,
+    pub(crate) worst: [WorstFeature; 16],
+}
+
+impl StrainReport {
+    /// The features that are worse than without the warp, those whose error rose most first: at most 16.
+    #[must_use]
+    pub fn worst(&self) -> &[WorstFeature] {
+        &self.worst[..self.worst.len().min(self.features_worse as usize)]
+    }
 }
 
 /// A tile's last solve.

@@ -6,6 +6,7 @@
 //! triangles exactly.
 
 pub mod exact;
+mod features;
 
 use glam::{DVec2, DVec3};
 
@@ -15,9 +16,8 @@ use crate::grid::planes::EDGES;
 use crate::mesh::{Mesh, NONE, TileMesh};
 use crate::report::{Strain, StrainReport, report};
 use crate::strain::exact::{Locator, Surface};
+use crate::strain::features::Features;
 
-/// Edges count if both ends are more rigid than this.
-const RIGID: f32 = 0.5;
 /// Edges with an end this near to a chart's border (in cells, along the axis of the greater distance) count as border
 /// edges.
 const BORDER: usize = 10;
@@ -46,9 +46,10 @@ pub fn measure(
     let rest = Surface::new(tile, &locator, |v| mesh.rest[v]);
     let posed = Surface::new(tile, &locator, |v| pose[v]);
     let near_border = near_border(maps);
-    let rigid = |n: usize| maps.rigidity[n] > RIGID && maps.triangle[n] != NONE;
+    let rigid = features::rigid(maps);
+    let mut features = Features::new(rigid.len());
     let mut ends = vec![End::default(); width * (ny + 1)];
-    for (n, end) in ends.iter_mut().enumerate().filter(|(n, _)| rigid(*n)) {
+    for (n, end) in ends.iter_mut().enumerate().filter(|(n, _)| rigid[*n]) {
         let (i, j) = (n % width, n / width);
         let (at, home) = (DVec2::new(i as f64, j as f64), maps.triangle[n]);
         let warped = at + DVec2::from(u(i, j).map(f64::from));
@@ -59,23 +60,30 @@ pub fn measure(
         };
     }
     let mut edges = Edges::default();
-    for a in (0..ends.len()).filter(|&a| rigid(a)) {
+    for a in (0..ends.len()).filter(|&a| rigid[a]) {
         for (di, dj) in EDGES {
             let (i, j) = ((a % width) as i64 + di, (a / width) as i64 + dj);
             if i < 0 || i > nx as i64 || j > ny as i64 {
                 continue;
             }
             let b = j as usize * width + i as usize;
-            if !rigid(b) {
+            if !rigid[b] {
                 continue;
             }
+            let mut of_feature = |strain: [f64; 2]| {
+                if locator.chart(maps.triangle[a]) == locator.chart(maps.triangle[b]) {
+                    features.add([a, b], strain);
+                }
+            };
             if maps.chart[a] == NONE && maps.chart[b] == NONE {
                 // Follow the surface from a: the triangle under b may belong to another chart, or to another layer.
                 let at = DVec2::new(i as f64, j as f64);
                 let Some(under) = locator.walk(maps.triangle[a], at) else { continue };
                 let length = distance(ends[a].rest, rest.at(under, at).into());
                 if length > 0.0 {
-                    edges.add_fixed(strain(distance(ends[a].before, posed.at(under, at).into()), length));
+                    let strain = strain(distance(ends[a].before, posed.at(under, at).into()), length);
+                    edges.add_fixed(strain);
+                    of_feature([strain; 2]);
                 }
                 continue;
             }
@@ -96,10 +104,11 @@ pub fn measure(
                     free: maps.chart[a] != NONE && maps.chart[b] != NONE,
                 };
                 edges.add(before, after, place);
+                of_feature([before, after]);
             }
         }
     }
-    edges.report()
+    features.report(maps, tile.origin(), edges.report())
 }
 
 /// |Strain| of an edge from its lengths in the pose and at rest. NaN, from a pose near the limits of f64, also becomes

@@ -75,6 +75,11 @@ impl Locator {
         self.under[j * (self.nx + 1) + i]
     }
 
+    /// The chart of a triangle.
+    pub(super) fn chart(&self, triangle: u32) -> u32 {
+        self.chart_of[triangle as usize]
+    }
+
     /// The triangle under a point given in cells, in the chart of the triangle `home`. The walk starts at the triangle
     /// under the nearest node. The border of a non-convex chart may stop it; it then starts again at the corners of the
     /// point's cell and at `home`. Finally all triangles of the chart are searched for the one that contains the point

@@ -65,3 +65,49 @@ fn borders_are_ten_cells_wide() {
         }
     }
 }
+
+/// Five by five squares of 9 x 9 nodes of grey paint, at rest. The warp makes the k-th one narrower by k times `step`.
+fn narrowed(step: f32) -> StrainReport {
+    let mesh = sheet(4, flat);
+    let mut nodes = node_maps(&mesh.tiles[0], &maps(64, TileSettings::default(), |_, _| 1.0), [64, 64]);
+    // Nodes 2..=10, 14..=22, ... along both axes; at the tile's border six nodes, which have too few edges.
+    let within = |i: usize| i / 12 < 5 && (2..=10).contains(&(i % 12));
+    let small = |i: usize, j: usize| i <= 1 && (62..=64).contains(&j);
+    let place = |n: usize| (n % 65, n / 65);
+    let paint = |(i, j): (usize, usize)| if within(i) && within(j) || small(i, j) { 0.4 } else { 0.2 };
+    nodes.rigidity = (0..65 * 65).map(|n| paint(place(n))).collect();
+    let narrower = |i: usize, j: usize| {
+        let number = 5 * (j / 12) + i / 12;
+        let x = step * number as f32 * (6.0 - (i % 12) as f32);
+        [if within(i) && within(j) { x } else { 0.0 }, 0.0]
+    };
+    measure(&mesh, &mesh.tiles[0], &nodes, &posed(4, flat), &narrower)
+}
+
+#[test]
+fn features_that_are_worse_are_counted_and_the_worst_are_listed() {
+    // 72 edges along each axis and 128 diagonals: what is narrower by s has strain s, 0 and 1 - sqrt((1 + (1 - s)²) / 2).
+    let error = |number: f64| {
+        let strain = 0.01 * number;
+        let slanted = 1.0 - ((1.0 + (1.0 - strain).powi(2)) / 2.0).sqrt();
+        ((72.0 * strain * strain + 128.0 * slanted * slanted) / 272.0).sqrt()
+    };
+    let over = |least: f64| (0..25).filter(|&number| error(f64::from(number)) > least).count() as u32;
+    let report = narrowed(0.01);
+    assert_eq!((report.features, report.features_worse), (25, over(0.02)));
+    assert!(over(0.02) > 16 && over(0.05) > 0);
+    assert_eq!((report.features_strained_before, report.features_strained_after), (0, over(0.05)));
+    assert_eq!(report.worst().len(), 16);
+    for (worst, number) in report.worst().iter().zip((9..25).rev()) {
+        let centre = [number % 5, number / 5].map(|k| (12 * k + 6) as f32 / 64.0);
+        // Displacements are f32.
+        assert!((f64::from(worst.after) - error(f64::from(number))).abs() < 1e-6, "{worst:?} {number}");
+        assert_eq!((worst.uv, worst.area, worst.at_border), (centre, 81.0 / 4096.0, false));
+        assert!(worst.before < 1e-6);
+    }
+    let few = narrowed(0.002);
+    assert_eq!((few.features, few.features_worse as usize), (25, few.worst().len()));
+    assert!(few.worst().is_sorted_by(|a, b| a.after - a.before >= b.after - b.before));
+    let none = narrowed(0.0);
+    assert_eq!((none.features, none.features_worse, none.worst()), (25, 0, [].as_slice()));
+}
