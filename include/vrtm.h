@@ -803,7 +803,7 @@ typedef struct vrtm_solve_options {
     float temporal_weight;
     // CPU threads of this solve, at most 1024; 0 = the device's. The result is the same bit for bit.
     uint32_t threads;
-    // 1: also measure the strain on the mesh (in f64), for the tiles' reports. Slow.
+    // 1: also measure the strain on the mesh (in f64) and count painted features, for the tiles' reports. Slow.
     uint32_t measure;
     // Memory to release: a sum of VRTM_RELEASE_ flags; 0 (the default) = none, so that results can be read at any
     // time.
@@ -1599,6 +1599,23 @@ typedef struct vrtm_strain {
     float interior_rms;
 } vrtm_strain;
 
+// A painted feature that is worse than without the warp: its error rose by more than 0.02. A plain value that never
+// grows.
+typedef struct vrtm_worst_feature {
+    // Centre in u, among all tiles: the mean over its nodes.
+    float u;
+    // Centre in v, among all tiles: the mean over its nodes.
+    float v;
+    // Area in UV units: that of the tile is 1.
+    float area;
+    // RMS strain of its segments with the mesh's own UVs.
+    float before;
+    // RMS strain of its segments with the warp.
+    float after;
+    // 1 if a chart's border, a seam or an open one, touches it.
+    uint32_t at_border;
+} vrtm_worst_feature;
+
 // A tile's last solve. Start from vrtm_tile_report_init().
 typedef struct vrtm_tile_report {
     // sizeof(vrtm_tile_report); set by vrtm_tile_report_init().
@@ -1692,8 +1709,10 @@ typedef struct vrtm_tile_report {
     // By how much at most, in texels of that image.
     float max_limit;
     // 1 if the solve measured strain; otherwise this and the fields below are 0. They describe segments between
-    // neighbouring nodes whose rigidity is over 0.5 at both ends: `strain_fixed` and `segments_fixed` cover the
-    // segments that a border, an overlap or the mask fixes at both ends, and the other fields cover the rest.
+    // neighbouring nodes whose rigidity is over half of the tile's largest at both ends: `strain_fixed` and
+    // `segments_fixed` cover the segments that a border, an overlap or the mask fixes at both ends. A feature is a
+    // connected set of such nodes of one chart with at least 12 segments, of both kinds; its error is the RMS strain
+    // of these. All other fields cover the segments that are not fixed.
     uint32_t measured;
     // Strain with the mesh's own UVs.
     vrtm_strain before;
@@ -1710,6 +1729,14 @@ typedef struct vrtm_tile_report {
     uint64_t segments;
     // Segments that are fixed at both ends.
     uint64_t segments_fixed;
+    // Painted features.
+    uint32_t features;
+    // Painted features that are worse than without the warp: their error rose by more than 0.02.
+    uint32_t features_worse;
+    // Painted features whose error is over 0.05 with the mesh's own UVs.
+    uint32_t features_strained_before;
+    // Painted features whose error is over 0.05 with the warp.
+    uint32_t features_strained_after;
 } vrtm_tile_report;
 
 // An asset's last solve, over all tiles. Start from vrtm_asset_report_init().
@@ -1756,6 +1783,18 @@ typedef struct vrtm_asset_report {
 VRTM_API
 vrtm_status vrtm_tile_get_report(vrtm_tile tile,
                                  vrtm_tile_report *report);
+
+// Writes the painted features of a tile that are worse than without vrtm in its last solve, those whose error rose
+// most first, to `features`, which has room for `capacity` of them. `count` gets their number: at most 16, and 0 if the
+// solve did not measure. With `features` null and `capacity` 0 nothing else is written.
+//
+// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
+// `count` is null, or if `features` is null and `capacity` is not 0. On any error nothing is written. Never busy.
+VRTM_API
+vrtm_status vrtm_tile_get_worst_features(vrtm_tile tile,
+                                         vrtm_worst_feature *features,
+                                         size_t capacity,
+                                         uint32_t *count);
 
 // Reports on an asset's last solve, over all tiles.
 //

@@ -943,6 +943,20 @@ public:
         return {report, status};
     }
 
+    // The painted features that are worse than without vrtm, the worst first, of a solve that measured.
+    Result<std::vector<vrtm_worst_feature>> worst_features() const
+    {
+        std::uint32_t count = 0;
+        vrtm_status status = vrtm_tile_get_worst_features(handle_, nullptr, 0, &count);
+        std::vector<vrtm_worst_feature> features(count);
+        if (status == VRTM_OK) {
+            status = vrtm_tile_get_worst_features(handle_, features.data(), features.size(), &count);
+            // Another thread may have solved since.
+            features.resize(count < features.size() ? count : features.size());
+        }
+        return {std::move(features), status};
+    }
+
 private:
     vrtm_tile handle_{};
 };

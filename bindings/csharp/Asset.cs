@@ -164,6 +164,19 @@ namespace Vrtm
             return report;
         }
 
+        /// <summary>The painted features that are worse than without vrtm, the worst first, of a solve that measured.</summary>
+        public vrtm_worst_feature[] WorstFeatures(uint udim)
+        {
+            uint count;
+            var features = new vrtm_worst_feature[16];
+            fixed (vrtm_worst_feature* data = features)
+            {
+                Check(vrtm_tile_get_worst_features(Tile(udim), data, (UIntPtr)features.Length, &count));
+            }
+            Array.Resize(ref features, (int)count);
+            return features;
+        }
+
         /// <summary>Frees the memory; the asset cannot be used after that.</summary>
         public void Dispose()
         {

@@ -32,6 +32,7 @@ SCALARS = {name: f"c_{name.removesuffix('_t')}" for name in (*INTEGERS, "float",
 # The structs that become dataclasses, and their names.
 RECORDS = {
     "vrtm_strain": "Strain",
+    "vrtm_worst_feature": "WorstFeature",
     "vrtm_device_info": "DeviceInfo",
     "vrtm_adapter_info": "Adapter",
     "vrtm_asset_info": "AssetInfo",
@@ -61,7 +62,7 @@ KEYWORDS = {
 }
 
 # Integers that are true or false.
-FLAGS = {"software", "has_uuid", "has_luid", "truncated", "measured", "kept", "reached", "warm", "measure"}
+FLAGS = {"software", "has_uuid", "has_luid", "truncated", "measured", "kept", "reached", "warm", "measure", "at_border"}
 
 
 class Header:

@@ -431,6 +431,9 @@ static void solves_and_fetches(void)
     fails("a corner too few", vrtm_asset_fetch_corner_uvs(asset, 0, uvs, CORNERS - 1), BAD, "count is 575");
     fails("no place for corner uvs", vrtm_asset_fetch_corner_uvs(asset, 0, NULL, CORNERS), BAD, "uvs is null");
     fails("no place for the report", vrtm_tile_get_report(tile, NULL), BAD, "report is null");
+    uint32_t features;
+    fails("no place for a count", vrtm_tile_get_worst_features(tile, NULL, 0, NULL), BAD, "count is null");
+    fails("no place for features", vrtm_tile_get_worst_features(tile, NULL, 4, &features), BAD, "features is null");
     fails("no place for the asset's report", vrtm_asset_get_report(asset, NULL), BAD, "report is null");
 
     vrtm_asset second;

@@ -173,6 +173,18 @@ int main(void)
                "the report certifies the result", "");
     check_that(report.measured == 1 && report.segments > 0 && report.after.rms < report.before.rms,
                "strain was measured and fell", "");
+    vrtm_worst_feature worst[16];
+    uint32_t count = 99, no_room = 99;
+    succeeds("worst_features", vrtm_tile_get_worst_features(tile, worst, 16, &count));
+    succeeds("their number", vrtm_tile_get_worst_features(tile, NULL, 0, &no_room));
+    check_that(report.features > 0 && report.features_worse <= report.features && count == no_room &&
+                   count == (report.features_worse < 16 ? report.features_worse : 16) &&
+                   report.features_strained_after < report.features_strained_before,
+               "painted features are counted, and the worst listed", "");
+    report.struct_size = 296;
+    report.features = 99;
+    succeeds("tile_report of 0.1.0", vrtm_tile_get_report(tile, &report));
+    check_that(report.features == 99, "an older host's struct is not written beyond its end", "");
     vrtm_asset_report whole = vrtm_asset_report_init();
     succeeds("asset_report", vrtm_asset_get_report(asset, &whole));
     check_that(whole.tiles == 1 && whole.tiles_active == 1 && whole.bytes > 0, "the asset's report adds up", "");

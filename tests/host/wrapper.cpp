@@ -544,6 +544,7 @@ void tiles(const vrtm::Device &device)
 
     const Map expected = redirection(asset, {pose, VERTICES});
     check_that(tile.report()->udim == 1001 && tile.report()->folds == 0, "a report", "");
+    check_that(tile.worst_features() && tile.worst_features()->empty(), "no features without measure", "");
     const std::vector<std::uint8_t> fixed(MAP * MAP, 0);
     works("a mask", tile.set_mask({fixed.data(), MAP, MAP}));
     check_that(!same(redirection(asset, {pose, VERTICES}), expected), "holds all", "");

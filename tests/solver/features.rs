@@ -2,7 +2,9 @@
 
 use vrtm::{SolveOptions, Strided};
 
+use vrtm_testkit::features::dense::dense;
 use vrtm_testkit::features::{CASES, Feature, Kind, STILL, of_asset, solve};
+use vrtm_testkit::scenes::analytic;
 use vrtm_testkit::table::{self, judge};
 use vrtm_testkit::{Maps, Model, long, on_all_cores};
 
@@ -67,6 +69,52 @@ fn a_feature_over_a_seam_is_one_and_has_the_error_it_was_given() {
     let warped = of_asset(&model, &pose, &asset);
     let inner = warped.iter().find(|feature| feature.kind == Kind::Inner).unwrap();
     assert!(inner.after < 0.1 * inner.before, "{inner:?}");
+}
+
+#[test]
+fn reports_count_features_as_the_measure_of_the_tests_does() {
+    let options = SolveOptions { measure: true, ..SolveOptions::default() };
+    for scene in [analytic::bulge(), analytic::squash(0.4)] {
+        let mut model = dense(&Model::from(scene));
+        let pose = model.frames[0].clone();
+        let asset = solve(&model, &pose, 0, 128, STILL, &options);
+        let strain = asset.tile_report(0).unwrap().strain.unwrap();
+        let found = of_asset(&model, &pose, &asset);
+        // What a seam cuts in two would be two features here.
+        assert!(found.iter().all(|feature| feature.kind != Kind::Seam));
+        let over = |least: f64, of: &dyn Fn(&Feature) -> f64| {
+            found.iter().filter(|feature| of(feature) > least).count() as u32
+        };
+        let rise = |feature: &Feature| feature.after - feature.before;
+        let counts = [over(0.02, &rise), over(0.05, &|f| f.before), over(0.05, &|f| f.after)];
+        println!("{}: {} features, {counts:?}, {:?}", model.name, found.len(), strain.worst().first());
+        assert_eq!(strain.features as usize, found.len());
+        let [before, after] = [strain.features_strained_before, strain.features_strained_after];
+        assert_eq!([strain.features_worse, before, after], counts);
+        let mut worse: Vec<&Feature> = found.iter().filter(|feature| rise(feature) > 0.02).collect();
+        worse.sort_by(|a, b| rise(b).total_cmp(&rise(a)));
+        worse.truncate(16);
+        assert_eq!(strain.worst().len(), worse.len());
+        for (worst, feature) in strain.worst().iter().zip(worse) {
+            let [before, after] = [worst.before, worst.after].map(f64::from);
+            assert!((before - feature.before).abs() < 1e-5 && (after - feature.after).abs() < 1e-5);
+            assert_eq!(worst.at_border, feature.kind != Kind::Inner);
+        }
+        // Grey paint is paint.
+        for grey in [0.5, 0.4] {
+            model.maps[0]
+                .rigidity
+                .iter_mut()
+                .filter(|value| **value > 0)
+                .for_each(|value| *value = (grey * 255.0) as u8);
+            let grey = solve(&model, &pose, 0, 128, STILL, &options);
+            let grey = grey.tile_report(0).unwrap().strain.unwrap();
+            assert_eq!(
+                (grey.features, grey.segments, grey.before),
+                (strain.features, strain.segments, strain.before)
+            );
+        }
+    }
 }
 
 /// A scene, and of its features inside of charts, at open borders and at seams: how many may have an error over 0.05,

@@ -82,6 +82,7 @@ internal static unsafe class Program
             var report = asset.Report(1001);
             That(report.folds == 0 && report.min_jacobian > 0, "certified");
             That(report.after.rms < .02f && report.before.rms > .2f, $"strain {report.after.rms}");
+            That(report.features > 0 && report.features_worse == asset.WorstFeatures(1001).Length, "counted");
             var uvs = new float[2 * Size * Size];
             asset.FetchRedirection(1001, uvs, Size, Size);
             var halves = new ushort[2 * Size * Size];

@@ -83,6 +83,32 @@ export interface Strain {
   max: number;
 }
 
+/** A painted feature that is worse than without vrtm: its RMS strain rose by more than 0.02. */
+export interface WorstFeature {
+  /** Its centre, among all tiles. */
+  uv: [number, number];
+  /** Its area in UV units: that of the tile is 1. */
+  area: number;
+  /** Its RMS strain with the mesh's own UVs, and with the warp. */
+  before: number;
+  after: number;
+  /** A chart's border touches it. */
+  atBorder: boolean;
+}
+
+/** Strain with the mesh's own UVs and with the warp, and painted features: connected areas over half of the largest rigidity. */
+export interface Measured {
+  before: Strain;
+  after: Strain;
+  features: number;
+  featuresWorse: number;
+  /** Features with an RMS strain over 0.05. */
+  featuresStrainedBefore: number;
+  featuresStrainedAfter: number;
+  /** The features that are worse, the worst first: at most 16. */
+  worst: WorstFeature[];
+}
+
 /** Figures of a tile's last solve. */
 export interface Report {
   udim: number;
@@ -101,8 +127,8 @@ export interface Report {
   /** The time budget ended the solve. */
   truncated: boolean;
   milliseconds: number;
-  /** Strain with the mesh's own UVs and with the warp; `null` unless it was measured. */
-  strain: { before: Strain; after: Strain } | null;
+  /** `null` unless it was measured. */
+  strain: Measured | null;
 }
 
 let loading: Promise<unknown> | undefined;

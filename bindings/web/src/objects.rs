@@ -1,7 +1,7 @@
 //! Objects of JavaScript: what hosts give, field by field, and what they get.
 
 use js_sys::{Object, Reflect};
-use vrtm::{Error, Result, Strain, TileInfo, TileReport};
+use vrtm::{Error, Result, Strain, TileInfo, TileReport, WorstFeature};
 use wasm_bindgen::JsValue;
 
 use crate::arrays::Array;
@@ -112,8 +112,26 @@ pub fn report(report: &TileReport) -> Object {
         ])
         .into()
     };
+    let worst = |worst: &WorstFeature| {
+        object(&[
+            ("uv", js_sys::Array::of2(&worst.uv[0].into(), &worst.uv[1].into()).into()),
+            ("area", worst.area.into()),
+            ("before", worst.before.into()),
+            ("after", worst.after.into()),
+            ("atBorder", worst.at_border.into()),
+        ])
+    };
     let of_mesh = report.strain.map_or(JsValue::NULL, |of_mesh| {
-        object(&[("before", strain(&of_mesh.before)), ("after", strain(&of_mesh.after))]).into()
+        object(&[
+            ("before", strain(&of_mesh.before)),
+            ("after", strain(&of_mesh.after)),
+            ("features", of_mesh.features.into()),
+            ("featuresWorse", of_mesh.features_worse.into()),
+            ("featuresStrainedBefore", of_mesh.features_strained_before.into()),
+            ("featuresStrainedAfter", of_mesh.features_strained_after.into()),
+            ("worst", of_mesh.worst().iter().map(worst).collect::<js_sys::Array>().into()),
+        ])
+        .into()
     });
     object(&[
         ("udim", report.udim.into()),

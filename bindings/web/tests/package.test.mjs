@@ -87,6 +87,8 @@ test("a feature keeps its shape, and the report says so", () => {
   asset.solve(pose, { measure: true });
   const { strain, minJacobian, folds, truncated } = asset.report(0);
   assert.ok(strain.after.rms < 0.02 && strain.before.rms > 0.2, JSON.stringify(strain));
+  assert.ok(strain.features > 0 && strain.featuresStrainedBefore > 0 && strain.featuresStrainedAfter === 0);
+  assert.ok(strain.worst.length === strain.featuresWorse, JSON.stringify(strain));
   assert.ok(minJacobian > 0 && folds === 0 && !truncated);
   const delta = asset.fetch(0, "delta", 32, 32);
   const uv = asset.fetch(0, "uv", 32, 32);

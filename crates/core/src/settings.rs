@@ -333,7 +333,7 @@ settings! {
         /// frames to between three quarters and a fifth, and delays the warp of a steady motion by one to two frames.
         /// Without `warm` it has no effect.
         pub temporal_weight: f32 = 0.0, 0.0 to 1e6;
-        /// True: also measure the strain on the mesh (in f64), for the tiles' reports. Slow.
+        /// True: also measure the strain on the mesh (in f64) and count painted features, for the tiles' reports. Slow.
         pub measure: bool = false;
         /// Method by which the warp is found.
         pub solver: Solver = Solver::Descent;

@@ -64,6 +64,7 @@ from ._records import (
     TileReport,
     TileSettings,
     Weld,
+    WorstFeature,
 )
 from ._refinement import Pattern, Refinement
 from ._tile import Tile
@@ -119,6 +120,7 @@ __all__ = [
     "TimeoutError",
     "UnsupportedError",
     "Weld",
+    "WorstFeature",
     "adapters",
     "library_path",
     "rigidity",

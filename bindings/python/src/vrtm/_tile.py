@@ -13,8 +13,18 @@ from . import _abi
 from ._arrays import Pinned, Pixels
 from ._images import PIXELS, Target, image, image_size, pixel_type
 from ._library import check, library, new
-from ._names import fill, natural, told, value_of
-from ._records import FetchKind, MapInfo, Origin, TileEstimate, TileInfo, TileReport, TileSettings, TileSettingsFields
+from ._names import fill, natural, record, told, value_of
+from ._records import (
+    FetchKind,
+    MapInfo,
+    Origin,
+    TileEstimate,
+    TileInfo,
+    TileReport,
+    TileSettings,
+    TileSettingsFields,
+    WorstFeature,
+)
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -268,6 +278,13 @@ class Tile:
     def report(self) -> TileReport:
         """The report of the tile's last solve. Raises NotSolvedError before the first solve."""
         return told(TileReport, library.vrtm_tile_get_report, self._handle)
+
+    def worst_features(self) -> list[WorstFeature]:
+        """The painted features that are worse than without vrtm in the last solve, at most 16, those whose error rose
+        most first; none if it did not measure. Raises NotSolvedError before the first solve."""
+        found, count = (_abi.vrtm_worst_feature * 16)(), ctypes.c_uint32()
+        check(library.vrtm_tile_get_worst_features(self._handle, found, len(found), ctypes.byref(count)))
+        return [record(WorstFeature, feature) for feature in found[: count.value]]
 
     def _size(self, kind: FetchKind, size: tuple[int, int] | None, out: Any, *, next: bool = False) -> tuple[int, int]:
         """(width, height) of an output: as asked for, or that of `out`, or one texel per cell of the last result's

@@ -30,8 +30,8 @@ Bakes redirection maps. Per frame and tile, such a map says where to sample the 
 their shape while the mesh deforms. Files that are up to date are left alone, so an interrupted bake resumes."""
 
 EPILOG = """\
-exit codes: 0 done; 2 a file or an option cannot be used; 3 done, but --max-strain or --max-error was exceeded, or the
-layer redirects nothing; 4 the device is missing or lost, or memory is short; 128 + the signal's number if it was ended
+exit codes: 0 done; 2 a file or an option cannot be used; 3 done, but --max-strain, --max-error or --max-worse was
+exceeded, or the layer redirects nothing; 4 the device is missing or lost, or memory is short; 128 + the signal's number if it was ended
 (130 Ctrl-C, 143 SIGTERM); 1 an error of vrtm itself."""
 
 _NUMBERS = {
@@ -328,6 +328,12 @@ def add_to(commands: Any) -> argparse.ArgumentParser:
         "TEXELS",
         type=positive,
     )
+    add(
+        "--max-worse",
+        "End with exit code 3 if more painted features of a tile are worse than without vrtm.",
+        "N",
+        type=whole(0, 1 << 31),
+    )
     add("--strict", "End with exit code 2 if anything is not baked unintentionally.")
     add("--texture-size", "Texels of the texture per side, for errors.", "N", type=whole(1, 1 << 20), default=4096)
 
@@ -371,7 +377,7 @@ def settings(parser: argparse.ArgumentParser, a: argparse.Namespace) -> Settings
     further = {"uv": tuple(a.uv) or None, "variants": tuple(map(tuple, a.variants)), "skip_still": True}
     own = {
         "options": SceneOptions(**same(SceneOptions) | further),
-        "measure": a.measure or a.max_strain is not None or a.max_error is not None,
+        "measure": a.measure or any(most is not None for most in (a.max_strain, a.max_error, a.max_worse)),
         "form": a.form or ("udim" if a.layer or a.texture_uv is not None else "tile"),
         "numbers": {name: value for name in NUMBERS if (value := getattr(a, name)) is not None},
     }

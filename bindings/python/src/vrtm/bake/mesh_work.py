@@ -56,6 +56,8 @@ class FrameResult:
     """Details, for --verbose."""
     strain: rows.Strain | None = None
     """The strain of all tiles, if it was measured."""
+    features: list[dict] = field(default_factory=list)
+    """With it, the painted features of each tile."""
     left_out: list[LeftOut] = field(default_factory=list)
 
     @property
@@ -208,7 +210,7 @@ class MeshWork:
     def check(self, pieces: Sequence[Piece]) -> list[dict | None]:
         """The record of each file that is up to date; None for each that has to be written."""
         found = [image_file.up_to_date(piece.target, self.settings.overwrite) for piece in pieces]
-        wanted = {"fixed", "rigid", "texels_limited"} | ({"strain"} if self.settings.measure else set())
+        wanted = {"fixed", "rigid", "texels_limited"} | ({"strain", "features"} if self.settings.measure else set())
         return [
             None if figures is not None and piece.is_redirection and not wanted <= set(figures) else figures
             for piece, figures in zip(pieces, found)
@@ -263,10 +265,12 @@ class MeshWork:
             files = [rows.file(piece.target.path, record is None, self.settings) for piece, record in own]
             result.tiles.append(rows.row(tile, files, (kept or {}) | figures.get(tile, {}), self.settings))
         told = [tile["strain"] for tile in result.tiles]
+        counted = [tile["features"] for tile in result.tiles]
         if measure and all(tile in figures for tile in self.tiles):
             told = [rows.strain(tile.tile.report()) for tile in self.tiles]
+            counted = [rows.features(tile.tile) for tile in self.tiles]
         if told and all(told):
-            result.strain = rows.mean(map(rows.Strain.of, told))
+            result.strain, result.features = rows.mean(map(rows.Strain.of, told)), counted if all(counted) else []
         result.milliseconds = 1e3 * (time.perf_counter() - start)
         return result
 

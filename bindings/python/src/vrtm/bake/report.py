@@ -33,6 +33,8 @@ class Summary:
     frames: list[Frame] = field(default_factory=list)
     measured: dict[Frame, Strain] = field(default_factory=dict)
     """The frames whose strain is known."""
+    features: dict[Frame, list[dict]] = field(default_factory=dict)
+    """Of these frames, the painted features of each tile."""
     fixed: float = 0.0
     """Share of the rigid texels."""
     rigid: int = 0
@@ -48,6 +50,7 @@ class Summary:
         parts = [
             count,
             self._strain(),
+            self._worse(),
             f"{self.fixed:.1%} fixed" if self.rigid else "",
             done,
             f"{self.seconds:.1f} s",
@@ -55,11 +58,11 @@ class Summary:
         return f"{self.path}: {', '.join(filter(None, parts))}"
 
     def _strain(self) -> str:
-        if not self.rigid:
-            return gain.NOTHING
         if not self.measured:
             return "strain not measured (--measure)"
         total, worst = mean(self.measured.values()), self._worst
+        if not total.segments:
+            return gain.NOTHING
         if total.before < _NONE:
             return gain.RIGIDLY
         change = f"strain {total.before:.3g} -> {total.after:.3g} RMS"
@@ -73,6 +76,32 @@ class Summary:
     def _worst(self) -> Frame:
         return max(self.measured, key=lambda frame: (self.measured[frame].after, self.measured[frame].before))
 
+    def counted(self) -> dict | None:
+        """The frame in which most features are worse, and the worst feature of all frames; None if not measured."""
+        if not self.features:
+            return None
+        worse = {frame: sum(tile["worse"] for tile in tiles) for frame, tiles in self.features.items()}
+        frame = max(worse, key=lambda frame: worse[frame])
+        found = [
+            {"frame": frame} | feature
+            for frame, tiles in self.features.items()
+            for tile in tiles
+            for feature in tile["worst"]
+        ]
+        worst = max(found, key=lambda feature: feature["after"] - feature["before"], default=None)
+        count = sum(tile["count"] for tile in self.features[frame])
+        return {"count": count, "worse": worse[frame], "frame": frame, "worst": worst}
+
+    def _worse(self) -> str:
+        told = self.counted()
+        if not told or not told["worse"]:
+            return ""
+        worst, verb = told["worst"], "is" if told["worse"] == 1 else "are"
+        return (
+            f"{told['worse']} of {counted(told['count'], 'feature')} {verb} worse than without vrtm in frame "
+            f"{told['frame']}: {_place(worst)}, frame {worst['frame']}"
+        )
+
     def row(self) -> dict:
         strain = None
         if self.measured:
@@ -80,7 +109,12 @@ class Summary:
             worst = {"frame": self._worst, "before": at.before, "after": at.after}
             strain = {"frames": sorted(self.measured), "before": total.before, "after": total.after, "worst": worst}
         done = {"written": self.written, "skipped": self.skipped, "seconds": round(self.seconds, 3)}
-        return {"frames": len(self.frames), "strain": strain, "fixed": self.fixed, **done}
+        return {"frames": len(self.frames), "strain": strain, "features": self.counted(), "fixed": self.fixed, **done}
+
+
+def _place(worst: dict) -> str:
+    """The place and the errors of the worst feature."""
+    return f"the worst at UV {worst['u']:.4g}, {worst['v']:.4g}: {worst['before']:.3g} -> {worst['after']:.3g} RMS"
 
 
 def summaries(meshes: dict[str, MeshWork], results: Sequence[FrameResult]) -> Iterator[tuple[str, Summary]]:
@@ -95,6 +129,7 @@ def summaries(meshes: dict[str, MeshWork], results: Sequence[FrameResult]) -> It
             found.seconds += result.milliseconds / 1e3
             if result.strain is not None and math.isfinite(result.strain.before):
                 found.measured[result.frame] = result.strain
+                found.features |= {result.frame: result.features} if result.features else {}
             tiles |= {(tile["udim"], tile["layer"], tile.get("subset")): tile["rigid"] for tile in result.tiles}
         found.rigid = sum(tile["texels"] for tile in tiles.values())
         found.fixed = sum(tile["texels"] * tile["fixed"] for tile in tiles.values()) / max(found.rigid, 1)
@@ -221,13 +256,17 @@ def tolerance(work: Work, results: Sequence[FrameResult]) -> Failure | None:
     if settings.max_error is not None:
         found = [(t["map"]["error_texels"]["p99"], r, t) for r, t in rows if t["map"]]
         beyond.append(("--max-error", settings.max_error, "texels that 1 % of the map is off by:", found))
+    if settings.max_worse is not None:
+        found = [(t["features"]["worse"], r, t) for r, t in rows if t["features"]]
+        beyond.append(("--max-worse", settings.max_worse, "features that are worse than without vrtm:", found))
     for option, limit, name, found in beyond:
         over = [entry for entry in found if entry[0] > limit]
         if over:
             value, result, tile = max(over, key=lambda entry: entry[0])
             place = f"{result.mesh}, frame {result.frame}, tile {tile_name(tile)}"
+            more = f", {_place(tile['features']['worst'][0])}" if option == "--max-worse" else ""
             return Failure(
                 TOLERANCE,
-                f"{option} {limit:g} was exceeded in {len(over)} of {len(found)}: {place}: {name} {value:.4g}",
+                f"{option} {limit:g} was exceeded in {len(over)} of {len(found)}: {place}: {name} {value:.4g}{more}",
             )
     return None

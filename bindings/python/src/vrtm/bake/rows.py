@@ -60,6 +60,17 @@ def strain(report: vrtm.TileReport) -> dict:
     }
 
 
+def features(tile: vrtm.Tile) -> dict:
+    """The number of painted features, how many are worse than without the warp or much strained, and the worst."""
+    report = tile.report()
+    return {
+        "count": report.features,
+        "worse": report.features_worse,
+        "strained": {"before": report.features_strained_before, "after": report.features_strained_after},
+        "worst": [dataclasses.asdict(feature) for feature in tile.worst_features()],
+    }
+
+
 def figures(tile: TileWork, size: tuple[int, int], found: vrtm.MapInfo | None, settings: Settings) -> dict:
     """Figures of a solve that its file keeps: none that changes from run to run, such as times. `found`: facts about
     maps of the size."""
@@ -78,7 +89,7 @@ def figures(tile: TileWork, size: tuple[int, int], found: vrtm.MapInfo | None, s
         "movable": 1 - facts.fixed if facts.rigid_nodes else 0.0,
     }
     if settings.measure:
-        kept["strain"] = strain(report)
+        kept["strain"], kept["features"] = strain(report), features(tile.tile)
     if found is not None:
         kept["map"] = dataclasses.asdict(found) | {"size": list(size)}
     return kept
@@ -93,9 +104,9 @@ def place(tile: TileWork) -> dict:
 def row(tile: TileWork, files: list[dict], figures: dict, settings: Settings) -> dict:
     """A tile's row of the report; `files`: those of its files."""
     written = any(entry["state"] == "written" for entry in files)
-    found = {name: value for name, value in figures.items() if name not in ("strain", "map")}
+    found = {name: value for name, value in figures.items() if name not in ("strain", "features", "map")}
     line: dict = place(tile) | {"state": "written" if written else "skipped", "grid": list(tile.cells)} | found
-    line["strain"] = figures.get("strain")
+    line["strain"], line["features"] = figures.get("strain"), figures.get("features")
     line["map"] = None
     if "map" in figures:
         found = figures["map"]

@@ -82,6 +82,7 @@ class Settings:
     sheet: bool = False
     max_strain: float | None = None
     max_error: float | None = None
+    max_worse: int | None = None
     basis: bool = False
     basis_format: str = "half"
     gltf: bool = False

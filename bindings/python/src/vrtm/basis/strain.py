@@ -14,7 +14,7 @@ from vrtm.bake.raster import cover, weights_at
 from vrtm.borders import connected
 
 RIGID = 0.5
-"""Segments count if both ends are more rigid than this."""
+"""Segments count if both ends are more rigid than this share of the tile's largest rigidity."""
 _BESIDE = 1.0
 """Texels that a point may lie outside of the triangle that it is taken from."""
 _STEPS = ((0, 1), (1, 0), (1, 1), (1, -1))
@@ -58,7 +58,7 @@ class Ruler:
         self.across = np.sqrt(np.abs(ax * by - ay * bx))
         depth = np.zeros((*self.corners.shape[:2], 1))
         self.under, self.weights = cover(np.concatenate([self.corners, depth], -1), (self.width, self.height))
-        self.rigidity = rigidity
+        self.rigid = rigidity > RIGID * rigidity.max()
         self.charts = _charts(triangles)
 
     def _pixels(self, uvs: np.ndarray) -> np.ndarray:
@@ -92,7 +92,7 @@ class Ruler:
 
     def _rigid_at(self, at: np.ndarray) -> np.ndarray:
         x, y = (np.clip(at[:, k].astype(int), 0, n - 1) for k, n in ((0, self.width), (1, self.height)))
-        return self.rigidity[y, x] > RIGID
+        return self.rigid[y, x]
 
     def _located(self, at: np.ndarray, home: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The triangle of the same chart as `home` under each point, -1 for none, with the weights of its corners: of
