@@ -1785,8 +1785,8 @@ vrtm_status vrtm_tile_get_report(vrtm_tile tile,
                                  vrtm_tile_report *report);
 
 // Writes the painted features of a tile that are worse than without vrtm in its last solve, those whose error rose
-// most first, to `features`, which has room for `capacity` of them. `count` gets their number: at most 16, and 0 if the
-// solve did not measure. With `features` null and `capacity` 0 nothing else is written.
+// most first, to `features`, which has room for `capacity` of them. `count` gets their number: at most 16, and 0 if
+// the solve did not measure. With `features` null and `capacity` 0 nothing else is written.
 //
 // Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
 // `count` is null, or if `features` is null and `capacity` is not 0. On any error nothing is written. Never busy.

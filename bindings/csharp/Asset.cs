@@ -164,7 +164,7 @@ namespace Vrtm
             return report;
         }
 
-        /// <summary>The painted features that are worse than without vrtm, the worst first, of a solve that measured.</summary>
+        /// <summary>Features that are worse than without vrtm, the worst first, if the solve measured.</summary>
         public vrtm_worst_feature[] WorstFeatures(uint udim)
         {
             uint count;

@@ -37,8 +37,8 @@ mirror! {
         /// 1 if the solve measured strain; otherwise this and the fields below are 0. They describe segments between
         /// neighbouring nodes whose rigidity is over half of the tile's largest at both ends: `strain_fixed` and
         /// `segments_fixed` cover the segments that a border, an overlap or the mask fixes at both ends. A feature is a
-        /// connected set of such nodes of one chart with at least 12 segments, of both kinds; its error is the RMS strain
-        /// of these. All other fields cover the segments that are not fixed.
+        /// connected set of such nodes of one chart with at least 12 segments, of both kinds; its error is the RMS
+        /// strain of these. All other fields cover the segments that are not fixed.
         measured: u32 = r.strain.is_some(),
         before: vrtm_strain = r.strain.unwrap_or_default().before,
         after: vrtm_strain = r.strain.unwrap_or_default().after,
@@ -76,8 +76,8 @@ pub unsafe extern "C" fn vrtm_tile_get_report(tile: vrtm_tile, report: *mut vrtm
 }
 
 /// Writes the painted features of a tile that are worse than without vrtm in its last solve, those whose error rose
-/// most first, to `features`, which has room for `capacity` of them. `count` gets their number: at most 16, and 0 if the
-/// solve did not measure. With `features` null and `capacity` 0 nothing else is written.
+/// most first, to `features`, which has room for `capacity` of them. `count` gets their number: at most 16, and 0 if
+/// the solve did not measure. With `features` null and `capacity` 0 nothing else is written.
 ///
 /// Errors: VRTM_ERROR_INVALID_HANDLE; VRTM_ERROR_NOT_SOLVED before the first solve; VRTM_ERROR_INVALID_ARGUMENT if
 /// `count` is null, or if `features` is null and `capacity` is not 0. On any error nothing is written. Never busy.

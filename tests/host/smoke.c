@@ -174,7 +174,8 @@ int main(void)
     check_that(report.measured == 1 && report.segments > 0 && report.after.rms < report.before.rms,
                "strain was measured and fell", "");
     vrtm_worst_feature worst[16];
-    uint32_t count = 99, no_room = 99;
+    uint32_t no_room = 99;
+    count = 99;
     succeeds("worst_features", vrtm_tile_get_worst_features(tile, worst, 16, &count));
     succeeds("their number", vrtm_tile_get_worst_features(tile, NULL, 0, &no_room));
     check_that(report.features > 0 && report.features_worse <= report.features && count == no_room &&

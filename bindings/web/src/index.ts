@@ -96,7 +96,7 @@ export interface WorstFeature {
   atBorder: boolean;
 }
 
-/** Strain with the mesh's own UVs and with the warp, and painted features: connected areas over half of the largest rigidity. */
+/** Strain with the mesh's own UVs and with the warp, and painted features: connected areas that are rigid. */
 export interface Measured {
   before: Strain;
   after: Strain;

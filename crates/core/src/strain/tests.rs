@@ -86,7 +86,7 @@ fn narrowed(step: f32) -> StrainReport {
 
 #[test]
 fn features_that_are_worse_are_counted_and_the_worst_are_listed() {
-    // 72 edges along each axis and 128 diagonals: what is narrower by s has strain s, 0 and 1 - sqrt((1 + (1 - s)²) / 2).
+    // 72 edges along each axis and 128 diagonals: narrower by s, they have s, 0 and 1 - sqrt((1 + (1 - s)²) / 2).
     let error = |number: f64| {
         let strain = 0.01 * number;
         let slanted = 1.0 - ((1.0 + (1.0 - strain).powi(2)) / 2.0).sqrt();
