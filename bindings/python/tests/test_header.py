@@ -66,7 +66,7 @@ def test_records_have_all_fields():
     for cls, struct in _records.structs.items():
         fields = [n for n, *_ in getattr(_abi, struct)._fields_ if n != "struct_size"]
         assert list(cls.__annotations__) == fields
-    assert len(_records.structs) == 13
+    assert len(_records.structs) == 14
 
 
 def test_every_function_has_a_caller():
