@@ -138,13 +138,14 @@ def summaries(meshes: dict[str, MeshWork], results: Sequence[FrameResult]) -> It
 
 
 def shares(tile: dict) -> str:
-    """Shares of a tile's texels that are fixed and that may move, as a sentence."""
+    """Shares of a tile's texels that are fixed and that may move, as a sentence. Grey paint counts as none."""
     rigid = tile["rigid"]
-    return (
+    told = (
         f"{rigid['fixed']:.1%} of the rigid texels are fixed, {rigid['overlapped']:.1%} overlapped, "
-        f"{rigid['movable']:.1%} may move; {tile['overlap']:.1%} of the covered ones are overlapped, "
-        f"{tile['movable']:.1%} of the grid may move"
+        f"{rigid['movable']:.1%} may move; "
     )
+    covered = f"{tile['overlap']:.1%} of the covered ones are overlapped, {tile['movable']:.1%} of the grid may move"
+    return told + covered if rigid["texels"] else covered.replace("ones", "texels")
 
 
 def advice(settings: Settings, tile: dict) -> str:
