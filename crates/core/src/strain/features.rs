@@ -40,6 +40,7 @@ impl Sums {
 /// Sums over a feature.
 #[derive(Default)]
 struct Feature {
+    first: usize,
     sums: Sums,
     nodes: u32,
     places: DVec2,
@@ -89,9 +90,9 @@ impl Features {
                     continue;
                 }
                 numbers[n] = found.len();
-                found.push(Feature::default());
+                found.push(Feature { first: n, ..Feature::default() });
             }
-            let Feature { sums, nodes, places, at_border } = &mut found[numbers[root]];
+            let Feature { sums, nodes, places, at_border, .. } = &mut found[numbers[root]];
             sums.edges += own.edges;
             (0..2).for_each(|k| sums.squares[k] += own.squares[k]);
             *nodes += 1;
@@ -113,7 +114,7 @@ impl Features {
             features_strained_after: count(&|[_, after]| after > STRAINED),
         });
         // Of equals, the first one stays first.
-        found.sort_by(|a, b| rise(b).total_cmp(&rise(a)));
+        found.sort_unstable_by(|a, b| rise(b).total_cmp(&rise(a)).then(a.first.cmp(&b.first)));
         for (worst, feature) in report.worst.iter_mut().zip(&found).take(report.features_worse as usize) {
             let [before, after] = feature.sums.errors().map(|error| error as f32);
             let centre = origin + feature.places / f64::from(feature.nodes) / cells;
