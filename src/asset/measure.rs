@@ -15,7 +15,7 @@ use vrtm_core::view::Strided;
 
 /// Bytes of what a measurement holds per node of a grid, also where nothing moves: coverage, maps, displacements,
 /// positions at rest and in the pose, features.
-const BYTES_PER_NODE: u64 = 180;
+const BYTES_PER_NODE: u64 = 170;
 
 impl Asset {
     /// Fills in the strain of the reports of solved tiles.

@@ -82,17 +82,17 @@ impl Features {
         let cells = DVec2::new(maps.nx as f64, maps.ny as f64);
         let mut found: Vec<Feature> = Vec::new();
         // A feature's first node comes first, and names the feature to the others.
-        let mut numbers = vec![0; self.sums.len()];
+        let mut numbers = vec![0u32; self.sums.len()];
         for n in 0..self.sums.len() {
             let (root, own) = (self.root(n), self.sums[n]);
             if root == n {
                 if own.edges == 0 {
                     continue;
                 }
-                numbers[n] = found.len();
+                numbers[n] = found.len() as u32;
                 found.push(Feature { first: n, ..Feature::default() });
             }
-            let Feature { sums, nodes, places, at_border, .. } = &mut found[numbers[root]];
+            let Feature { sums, nodes, places, at_border, .. } = &mut found[numbers[root] as usize];
             sums.edges += own.edges;
             (0..2).for_each(|k| sums.squares[k] += own.squares[k]);
             *nodes += 1;
