@@ -240,7 +240,7 @@ class VRTM_MT_object(bpy.types.Menu):
         layout.menu("VRTM_MT_rigidity")
         layout.separator()
         layout.operator("vrtm.set_up_material").by = "image"
-        for name in ("dilate", "add_basis", "clear_material"):
+        for name in ("dilate", "clear_material"):
             layout.operator(f"vrtm.{name}")
         layout.separator()
         for name in ("carry", "wrap", "carry_bake", "carry_live", "carry_remove"):
